@@ -210,7 +210,7 @@ def _loaded(tables: dict[str, Any], folder: Path) -> Fdm:
             if not name or name in tables["declared"] or name.startswith("ft/"):
                 raise
             tables["declared"][name] = 0.0
-    raise Refusal(f"it refers to more than {MAX_DECLARED} properties that nobody has")
+    raise Refusal(f"it refers to more than {MAX_DECLARED} properties that are not defined")
 
 
 def _levers(tables: dict[str, Any], folder: Path) -> dict[str, float]:
@@ -361,7 +361,7 @@ def _surfaces(
     if past:
         moved_past, drift_past = _answers(tables | {"surfaces": past}, folder, level, h)
         if not drift_past:
-            notes.append(f"its flight control is passed by: {drift}")
+            notes.append(f"its flight control is bypassed: {drift}")
             moved, drift, surfaces = moved_past, "", past
     if not moved:
         raise Refusal(drift)
@@ -428,7 +428,7 @@ def _moved(fdm: Fdm, bench: Bench, level: AirframeState, name: str) -> _Moved:
     if largest < MIN_EFFECT or not (usable_low and usable_high):
         command = surface.command or f"fcs/{name}-cmd-norm"
         raise Refusal(
-            f"its {name} command ({command}) moves nothing that can be used: "
+            f"its {name} command ({command}) has no usable effect: "
             f"{largest:.2g} rad/s2 at full travel"
         )
     sense = math.copysign(1.0, sign * (effect_high - effect_low))
@@ -459,7 +459,7 @@ def _drift(fdm: Fdm, bench: Bench, level: AirframeState, moved: dict[str, _Moved
         if abs(later - earlier) > DRIFT * effect:
             return f"its flight control drifts while the {name} command is held"
         if abs(earlier - at_once) > 2.0 * DRIFT * effect:
-            return f"its flight control moves on after the {name} command"
+            return f"its flight control keeps moving after the {name} command"
     return ""
 
 

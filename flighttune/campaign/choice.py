@@ -335,7 +335,7 @@ def _status(
     if best.success.value < settings.least_success:
         return "too_few_succeed", (
             f"the gains must succeed on {settings.least_success:.1%} of the draws, the best of "
-            f"{candidates} candidates does on {best.success.value:.1%}"
+            f"{candidates} candidates succeeds on {best.success.value:.1%}"
         )
     return "chosen", ""
 

@@ -38,7 +38,7 @@ FLIGHT_COLUMNS = [
     *columns("plant duration_s V_a_mps rate_hz"),
     Column("start.chi", "course at the start", "deg", factor=1.0 / DEG),
     Column("start.gamma", "path angle at the start", "deg", factor=1.0 / DEG),
-    Column("within", "from within", "deg", factor=1.0 / DEG),
+    Column("within", "start within", "deg", factor=1.0 / DEG),
     Column("end.chi", "course of the reference at the end", "deg", factor=1.0 / DEG),
     Column("end.gamma", "path angle of the reference at the end", "deg", factor=1.0 / DEG),
 ]
@@ -128,7 +128,7 @@ def tube(
         )
     if largest_disturbance and (disturbance, conformance, out) != (None, None, None):
         raise InputError(
-            "`largest_disturbance` must stand without --disturbance, --conformance and --out."
+            "`largest_disturbance` must not be given with --disturbance, --conformance or --out."
         )
     began = time.perf_counter()
     problem = tube_problem(
@@ -173,7 +173,7 @@ def tube(
     if enclosure.status != "bounded":
         fail(f"{scenario}: gains {name}: {enclosure.reason}", NO)
     if not inside:
-        fail(f"{scenario}: gains {name}: a flight leaves the tube, so that no file is written.", NO)
+        fail(f"{scenario}: gains {name}: a flight leaves the tube, so no file is written.", NO)
 
 
 def _tried(tubes: "Sequence[Tube]", gains: str) -> None:

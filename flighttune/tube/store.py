@@ -182,7 +182,7 @@ def _tube(
 
     scenario, gains = scenario_from(dict(run.provenance.scenario)), run.provenance.gains
     if gains is None:
-        raise InputError("a law of one's own has no tube.")
+        raise InputError("there is no tube for a law of your own.")
     plant = scenario.plant_table(run.provenance.plant)
     counts = None if plant.aircraft is None else conformance
     # Where only the starts were drawn, the tube begins with all of them: it then holds the flights

@@ -125,7 +125,7 @@ def test_a_clipped_command_is_used_as_far_as_it_goes(tmp_path):
         ("J246", "lack a moment axis: ROLL, PITCH, YAW"),
         ("paraglider", "lift does not grow with alpha"),
         ("OV10", r"thrust is below its drag at every airspeed: at best 0\.9\d of the drag"),
-        ("wrightFlyer1903", "its rudder command .* moves nothing"),
+        ("wrightFlyer1903", "its rudder command .* has no usable effect"),
     ],
 )
 def test_what_is_no_case_is_refused_in_one_sentence(tmp_path, model, sentence):
@@ -152,7 +152,7 @@ def test_a_model_of_ones_own_has_its_engines_beside_it(tmp_path):
     assert found["status"] == "adopted"
     assert found["V_a_mps"] == pytest.approx(1.6 * stall, rel=0.02)
     # It has no flight control: its aerodynamics read positions that nothing else writes.
-    assert "its flight control is passed by" in found["notes"][0]
+    assert "its flight control is bypassed" in found["notes"][0]
     assert load_aircraft(tmp_path / "mine").model == "../models/aerosonde.xml"
 
 

@@ -215,7 +215,7 @@ def test_the_command_says_no_where_no_gains_succeed_often_enough(tmp_path, addre
     )  # fmt: skip
 
     assert "frontier-1" in shown
-    assert "must succeed on 50.0% of the draws, the best of 2 candidates does on 0.0%" in error
+    assert "must succeed on 50.0% of the draws, the best of 2 candidates succeeds on 0.0%" in error
     assert not out.exists()
 
 

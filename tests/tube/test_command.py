@@ -166,7 +166,11 @@ def test_the_largest_disturbance_that_is_bounded_is_found_to_two_digits(scenario
         (["--disturbance", "nan"], "", "`disturbance` must be positive"),
         (["--start-deg", "-2"], "", "`start` must lie in 0..45 deg, got -2 deg"),
         (["--plant", "jsbsim:x"], "", "`plant` must be one of kinematic"),
-        (["--largest-disturbance", "--disturbance", "1"], "", "`largest_disturbance` must stand"),
+        (
+            ["--largest-disturbance", "--disturbance", "1"],
+            "",
+            "`largest_disturbance` must not be given with",
+        ),
         (["--out", "proof.json"], "", "--out must end in .npz"),
         ([], "[wind]\nspeed_mps = 3.0\nfrom_deg = 0.0", "`wind` must not"),
         ([], "[sensors]\nchi_bias_deg = 1.0", "`sensors` must not"),
