@@ -10,10 +10,11 @@ PYTEST := $(PYTHON) -m pytest -n 2 --dist loadfile
 demo: $(STAMP)
 	$(VENV)/bin/flighttune fly scenarios/paper.toml --out runs/paper
 
+# With two workers on two cores, threads of BLAS would spend their time waiting for each other.
+check test soak: export OPENBLAS_NUM_THREADS = 1
+
 # The inner loop of whoever changes the code: style, types and the fast tests in under a minute.
-# Types are checked while the tests run. With two workers on two cores, threads of BLAS would spend
-# their time waiting for each other.
-check: export OPENBLAS_NUM_THREADS = 1
+# Types are checked while the tests run.
 check: $(STAMP)
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
