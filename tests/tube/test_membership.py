@@ -135,20 +135,24 @@ def distances_from_piece(pieces, values, err, states, before):
 def linear_program(G, off, slack, constraints):
     """The least t with ``|G xi - off| <= slack + t`` for symbols that keep the constraints."""
     at, Q, slack_of_q = constraints
-    solved = linprog(
-        np.append(np.zeros(G.shape[1]), 1.0),
-        A_ub=np.column_stack(
-            [np.concatenate([G, -G, Q, -Q]), np.repeat([-1.0, 0.0], [2 * len(G), 2 * len(Q)])]
-        ),
-        b_ub=np.concatenate(
-            [off + slack, slack - off, 1.0 + slack_of_q - at, 1.0 + slack_of_q + at]
-        ),
-        bounds=[(-1.0, 1.0)] * G.shape[1] + [(0.0, None)],
-        method="highs",
-    )
-    # A piece whose constraints cannot all hold has no flights.
-    assert solved.status in (0, 2), solved.message
-    return solved.fun if solved.status == 0 else np.inf
+    # Some of these programs HiGHS gives up on, unless it takes them as they are.
+    for presolve in (True, False):
+        solved = linprog(
+            np.append(np.zeros(G.shape[1]), 1.0),
+            A_ub=np.column_stack(
+                [np.concatenate([G, -G, Q, -Q]), np.repeat([-1.0, 0.0], [2 * len(G), 2 * len(Q)])]
+            ),
+            b_ub=np.concatenate(
+                [off + slack, slack - off, 1.0 + slack_of_q - at, 1.0 + slack_of_q + at]
+            ),
+            bounds=[(-1.0, 1.0)] * G.shape[1] + [(0.0, None)],
+            method="highs",
+            options={"presolve": presolve},
+        )
+        # A piece whose constraints cannot all hold has no flights.
+        if solved.status in (0, 2):
+            return solved.fun if solved.status == 0 else np.inf
+    raise AssertionError(solved.message)
 
 
 def with_law(plant, *, exact, **manoeuvre):
