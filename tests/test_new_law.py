@@ -79,12 +79,10 @@ CAMPAIGN = """
 
 @pytest.fixture(scope="module")
 def command(tmp_path_factory):
-    """Runs flighttune with the law in a copy of the package."""
+    """Runs flighttune with the law in a copy of the package, compiled kernel included."""
     folder = tmp_path_factory.mktemp("new_law")
     copy = folder / "src"
-    shutil.copytree(
-        ROOT / "flighttune", copy / "flighttune", ignore=shutil.ignore_patterns("__pycache__")
-    )
+    shutil.copytree(ROOT / "flighttune", copy / "flighttune")
     for name in ("scenarios", "aircraft"):
         (copy / name).symlink_to(ROOT / name)
     file = copy / "flighttune/control/laws/rectangles.py"
