@@ -219,7 +219,8 @@ def _each(flights: int, values: npt.ArrayLike) -> FloatArray:
     array = np.asarray(values, dtype=float)
     if len(array) not in (1, flights):
         raise ShapeError(f"{flights} flights must have 1 or {flights} of each, got {len(array)}.")
-    return np.ascontiguousarray(np.broadcast_to(array, (flights, *array.shape[1:])))
+    # A copy even where the rows are there: Numba compiles anew for an array that is read only.
+    return np.array(np.broadcast_to(array, (flights, *array.shape[1:])), order="C")
 
 
 def _sensor_errors(
