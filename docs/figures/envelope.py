@@ -42,9 +42,9 @@ def gain_sets() -> dict[str, PIGains]:
 
 
 if __name__ == "__main__":
-    curves = [
-        rate_curve(name, gains, ENVELOPE, TRIM, g=G, up_to=2.2)
+    curves = {
+        name: rate_curve(gains, ENVELOPE, TRIM, g=G, up_to=2.2)
         for name, gains in gain_sets().items()
-    ]
+    }
     chart = rate_chart(curves, ENVELOPE)
     Sheet(charts=[chart], columns=1).save(Path(__file__).parents[1] / "envelope.svg")

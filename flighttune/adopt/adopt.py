@@ -17,7 +17,6 @@ import tomlkit
 from flighttune.adopt.survey import SOURCE, Refusal, Survey, survey
 from flighttune.aircraft.aircraft import (
     GAINS_FILE,
-    AircraftConfig,
     aircraft_from,
     load_aircraft,
     save_gains,
@@ -25,9 +24,10 @@ from flighttune.aircraft.aircraft import (
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError, PlantError, TrimError
 from flighttune.flight.fly import FlownScenario, fly
-from flighttune.identify.design import Airframe, DesignedAircraft, airframe, design_aircraft
-from flighttune.identify.file import FILE_NAME, save_identified
+from flighttune.identify.design import Airframe, airframe, design_aircraft
+from flighttune.identify.file import FILE_NAME, rounded, save_identified
 from flighttune.identify.identify import AircraftIdentification, identify_aircraft
+from flighttune.identify.steps import StepResponse
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.model_files import model_hash, models_of_jsbsim
@@ -65,6 +65,8 @@ CALM_DEG = 0.5
 
 RECORD = "adoption.json"
 
+DIGITS = 5  # significant digits of the files written
+
 # Files that every try writes.
 WRITTEN = ("aircraft.toml", GAINS_FILE, FILE_NAME, TURN)
 
@@ -77,9 +79,8 @@ AIRSPEED_FACTOR = 1.25
 # No further try begins after this time, s.
 TIME_LEFT = 40.0
 
-# Bandwidths of roll and load factor, rad/s.
-MAX_ROLL_BANDWIDTH, MAX_LOAD_BANDWIDTH = 4.0, 8.0
-MIN_ROLL_BANDWIDTH, MIN_LOAD_BANDWIDTH = 0.5, 0.8
+# Smallest and largest bandwidth of roll and of load factor, rad/s.
+ROLL_BANDWIDTHS, LOAD_BANDWIDTHS = (0.5, 4.0), (0.8, 8.0)
 
 MAX_ROLL_RATE = 30.0 * DEG
 
@@ -118,7 +119,7 @@ class Adoption:
     notes: tuple[str, ...] = ()  # what was done to the model, a sentence each
     seconds: float = 0.0  # wall time of the adoption
     # Results of the stages, for the page; None where a stage was not reached
-    designed: DesignedAircraft | None = None
+    steps: Sequence[StepResponse] = ()
     identified: AircraftIdentification | None = None
     turn: FlownScenario | None = None
     trims: Sequence[Mapping[str, Any]] = ()
@@ -141,52 +142,33 @@ def adopt(
     is no such model, or that a file cannot be written.
     """
     began = time.monotonic()
-    _check_there(model)
-    if model.endswith(".xml"):
-        model = os.path.relpath(Path(model).resolve(), folder.resolve())
-    made_folder(folder)
-    _check_own(folder / "aircraft.toml")
-    surveyed = None
-    try:
-        surveyed = survey(model, folder, h=h, V_a=V_a, say=say)
-        best = _best(surveyed, folder, h, say, began)
-    except PlantError as error:
-        best = Adoption(
-            name=folder.name,
-            status="refused",
-            reason=_sentence(error),
-            V_a=surveyed.V_a if surveyed else math.nan,
-            engines=surveyed.tables["engines"]["count"] if surveyed else 0,
-        )
-    if best.folder is None:
-        with suppress(OSError):  # what is not ours in it stays
-            folder.rmdir()
-    return replace(best, notes=surveyed.notes if surveyed else (), seconds=time.monotonic() - began)
-
-
-def _check_there(model: str) -> None:
+    models = models_of_jsbsim()
     if model.endswith(".xml"):
         if not Path(model).is_file():
             raise InputError(f"{model}: must be the main file of a model, got no file.")
-        return
-    models = models_of_jsbsim()
-    if model not in models:
+        model = os.path.relpath(Path(model).resolve(), folder.resolve())
+    elif model not in models:
         raise InputError(
             f"{model}: must be a model of JSBSim's set, or the path of a main file (.xml)"
             f"{nearest_name(model, models)}"
         )
-
-
-def _check_own(file: Path) -> None:
-    """Refuse to write over an aircraft that was not adopted."""
+    file = made_folder(folder) / "aircraft.toml"
     if file.exists() and toml_tables(file).get("source") != SOURCE:
-        raise InputError(f"{file.parent}: must not hold an aircraft that `adopt` did not make.")
-
-
-def _sentence(error: PlantError) -> str:
-    """The reason alone: an error of the trim begins with file and condition."""
-    text = str(error).removesuffix(".")
-    return text.split(": ", 1)[-1] if isinstance(error, TrimError) else text
+        raise InputError(f"{folder}: must not hold an aircraft that `adopt` did not make.")
+    facts: dict[str, Any] = {}
+    try:
+        surveyed = survey(model, folder, h=h, V_a=V_a, say=say)
+        engines = surveyed.tables["engines"]["count"]
+        facts = {"V_a": surveyed.V_a, "engines": engines, "notes": surveyed.notes}
+        made = _best(surveyed, folder, h, say, began)
+    except PlantError as error:
+        reason = str(error).removesuffix(".")
+        if isinstance(error, TrimError):
+            reason = reason.split(": ", 1)[-1]  # file and condition stand before it
+        with suppress(OSError):  # what is not ours in it stays
+            folder.rmdir()
+        made = Adoption(name=folder.name, status="refused", reason=reason, **facts)
+    return replace(made, seconds=time.monotonic() - began)
 
 
 def _best(
@@ -194,9 +176,8 @@ def _best(
 ) -> Adoption:
     """The best of the tries; its files are left in the folder."""
     best, files, refused = None, {}, None
-    for share, V_a in [(share, surveyed.V_a) for share in BANDWIDTH_SHARES] + [
-        (1.0, AIRSPEED_FACTOR * surveyed.V_a)
-    ]:
+    tries = [(share, surveyed.V_a) for share in BANDWIDTH_SHARES]
+    for share, V_a in [*tries, (1.0, AIRSPEED_FACTOR * surveyed.V_a)]:
         if best is not None and time.monotonic() - began > TIME_LEFT:
             break
         say(f"trimming at {V_a:.0f} m/s" + (f", bandwidths times {share:g}" if best else ""))
@@ -219,15 +200,28 @@ def _best(
     speeds = np.linspace(0.85, 1.3, 4) * best.V_a
     config = load_aircraft(folder)
     trims = trim_table(config, V_a=speeds.tolist(), gamma=(-3.0 * DEG, 0.0, 3.0 * DEG), h=h)
-    best = replace(best, trims=trims)
-    write_text(folder / RECORD, json.dumps(_record(best, surveyed, config), indent=2) + "\n")
-    return best
+    # Criteria of the adoption, with the versions and the hash of the model it was made with.
+    record = {
+        "format": "flighttune adoption 2",
+        "status": best.status,
+        "reason": best.reason,
+        "model": model_hash(config),
+        "versions": {name: version(name) for name in ("flighttune", "jsbsim")},
+        "V_a_mps": best.V_a,
+        "stall_mps": surveyed.lift.V_s,
+        "spare_thrust": surveyed.spare_thrust,
+        "fit_percent": best.fit_percent,
+        "flown": best.flown,
+        "notes": best.notes,
+        "trims": trims,
+    }
+    write_text(folder / RECORD, json.dumps(record, indent=2) + "\n")
+    return replace(best, trims=trims)
 
 
-def _merit(tried: Adoption) -> tuple[int, float]:
+def _merit(tried: Adoption) -> tuple[bool, float]:
     """Order of the tries: by status, then by the worse of the two fits."""
-    fits = tried.fit_percent.values()
-    return ("refused", "flies", "adopted").index(tried.status), min(fits, default=0.0)
+    return tried.status == "adopted", min(tried.fit_percent.values())
 
 
 def _tried(
@@ -242,10 +236,9 @@ def _tried(
         (folder / stale).unlink(missing_ok=True)
     write_text(folder / "aircraft.toml", aircraft_text(tables, surveyed.notes))
     say("designing the inner loop")
-    designed = design_aircraft(load_aircraft(folder))
-    gains = designed.config.gains
-    assert gains is not None  # a design makes them
-    save_gains(gains, folder)
+    designed, steps = design_aircraft(load_aircraft(folder))
+    assert designed.gains is not None  # a design makes them
+    save_gains(designed.gains, folder)
     say("identifying roll and load factor")
     identified = identify_aircraft(folder, h=h)
     save_identified(identified.identified, folder / FILE_NAME)
@@ -258,17 +251,18 @@ def _tried(
         name: _measures(flown, name, f"jsbsim:{folder.name} / {gains}")
         for name, gains in (("tuned", TUNED), ("paper", PAPER))
     }
-    missed = "; ".join(_missed(fits, flights))
+    missed = "; ".join(_missed(fits, **flights))
     return Adoption(
         name=folder.name,
         status="flies" if missed else "adopted",
         reason=missed,
         folder=folder,
         V_a=surveyed.V_a,
-        engines=surveyed.tables["engines"]["count"],
+        engines=tables["engines"]["count"],
+        notes=surveyed.notes,
         fit_percent=fits,
         flown=flights,
-        designed=designed,
+        steps=steps,
         identified=identified,
         turn=flown,
     )
@@ -286,12 +280,13 @@ def _measures(flown: FlownScenario, gains: str, label: str) -> dict[str, Any]:
     }
 
 
-def _missed(fits: Mapping[str, float], flights: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
+def _missed(
+    fits: Mapping[str, float], tuned: Mapping[str, Any], paper: Mapping[str, Any]
+) -> Iterator[str]:
     """Criteria of an adoption that are not met, a sentence each."""
     for channel, fit in fits.items():
         if not fit >= GOOD_FIT:
             yield f"a lag explains {fit:.1f} % of {channel}, less than {GOOD_FIT:g} %"
-    tuned, paper = flights["tuned"], flights["paper"]
     if tuned["status"] != "completed":
         yield f"the turn ended early: {tuned['status'].replace('_', ' ')}"
         return
@@ -321,13 +316,9 @@ def final_tables(surveyed: Survey, at: Airframe, h: float, share: float) -> dict
     power = abs(at.of("p_dot", "aileron")) * min(map(abs, travel)) * DEG
     damping = max(-at.of("p_dot", "p"), 0.1)
     rate = min(MAX_ROLL_RATE, ROLL_RATE_USED * power / damping)
-    roll = share * float(
-        np.clip(AILERON_USED * power / rate - damping, MIN_ROLL_BANDWIDTH, MAX_ROLL_BANDWIDTH)
-    )
-    load = share * float(
-        np.clip(NON_MINIMUM_PHASE * elevator_zero(at), MIN_LOAD_BANDWIDTH, MAX_LOAD_BANDWIDTH)
-    )
-    load_rate = float(np.clip(0.12 * load, 0.3, 1.0))
+    roll = share * np.clip(AILERON_USED * power / rate - damping, *ROLL_BANDWIDTHS)
+    load = share * np.clip(NON_MINIMUM_PHASE * elevator_zero(at), *LOAD_BANDWIDTHS)
+    load_rate = np.clip(0.12 * load, 0.3, 1.0)
     return surveyed.tables | {
         "envelope": {
             "alpha_deg": [lift.negative_stall / DEG - 1.0, lift.stall / DEG],
@@ -347,7 +338,7 @@ def final_tables(surveyed: Survey, at: Airframe, h: float, share: float) -> dict
             "V_a_shown_mps": [surveyed.V_a],
             "roll_rad_s": roll,
             "n_z_rad_s": load,
-            "speed_rad_s": float(np.clip(15.0 / surveyed.V_a, 0.1, 0.5)),
+            "speed_rad_s": np.clip(15.0 / surveyed.V_a, 0.1, 0.5),
             "roll_t90_s": 30.0 * DEG / rate + 3.0 / roll,
             "roll_overshoot": 0.1,
             "n_z_t90_s": 0.5 / load_rate + 5.0 / load,
@@ -371,24 +362,6 @@ def elevator_zero(at: Airframe) -> float:
     return 0.5 * damping + math.sqrt(root) if root > 0.0 and stiffness > 0.0 else math.inf
 
 
-def _record(best: Adoption, surveyed: Survey, config: AircraftConfig) -> dict[str, Any]:
-    """Criteria of the adoption, with the versions and the hash of the model it was made with."""
-    return {
-        "format": "flighttune adoption 2",
-        "status": best.status,
-        "reason": best.reason,
-        "model": model_hash(config),
-        "versions": {name: version(name) for name in ("flighttune", "jsbsim")},
-        "V_a_mps": best.V_a,
-        "stall_mps": surveyed.lift.V_s,
-        "spare_thrust": surveyed.spare_thrust,
-        "fit_percent": best.fit_percent,
-        "flown": best.flown,
-        "notes": surveyed.notes,
-        "trims": best.trims,
-    }
-
-
 def aircraft_text(tables: Mapping[str, Any], notes: Sequence[str]) -> str:
     """The text of an ``aircraft.toml``, with what was done to the model as comments."""
     document = tomlkit.document()
@@ -399,7 +372,7 @@ def aircraft_text(tables: Mapping[str, Any], notes: Sequence[str]) -> str:
         if tables.get(name):
             table = tomlkit.table()
             table.comment(comment)
-            for key, value in _rounded(tables[name]).items():
+            for key, value in rounded(tables[name], DIGITS).items():
                 table[key] = tomlkit.inline_table() | value if isinstance(value, dict) else value
             document.add(tomlkit.nl())
             document[name] = table
@@ -426,13 +399,4 @@ def turn_text(aircraft: str, V_a: float, h: float, limits: Mapping[str, Any]) ->
         "tuning": {"model": "identified", "roll_rate": True},
         "plant": [{"kind": "jsbsim", "aircraft": f"../{aircraft}"}],
     }
-    return tomlkit.dumps(_rounded(scenario))
-
-
-def _rounded(value: Any) -> Any:
-    """Plain values of TOML, floats to five digits."""
-    if isinstance(value, Mapping):
-        return {key: _rounded(entry) for key, entry in value.items()}
-    if isinstance(value, Sequence) and not isinstance(value, str):
-        return [_rounded(entry) for entry in value]
-    return float(f"{value:.5g}") if isinstance(value, float) else value
+    return tomlkit.dumps(rounded(scenario, DIGITS))

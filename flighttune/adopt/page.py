@@ -39,23 +39,36 @@ CRITERION = (
 def write_adoption(adoption: Adoption) -> Path:
     """Write the page of an aircraft into its folder, and return it."""
     assert adoption.folder is not None
+    assert adoption.identified is not None
     assert adoption.turn is not None
     config = load_aircraft(adoption.folder)
     verdict = f"{adoption.status}: {adoption.reason}" if adoption.reason else adoption.status
-    names = (
-        "tuned on the identified aircraft",
-        "the paper's, scaled with airspeed",
-    )
+    names = ("tuned on the identified aircraft", "the paper's, scaled with airspeed")
     runs: dict[str, Run] = dict(zip(names, adoption.turn.runs, strict=True))
     # in the colours of these gains elsewhere, where those tuned on the law are the second of three
     pairs = [("", gains) for gains in ("paper", TUNED, TUNED_IDENTIFIED)]
     paper, _, identified = line_styles(pairs).values()
     styles: dict[str, LineStyle] = dict(zip(names, (identified, paper), strict=True))
+    inner_loop = Section(
+        id="inner_loop",
+        title="The inner loop",
+        note="Steps flown against what was asked for, and the manoeuvre that checks the fit.",
+        charts=[held_out(adoption.identified.conditions[0], i) for i in range(2)],
+        tables=(steps_table(adoption.steps), lags_table(adoption.identified.identified)),
+        legend=False,
+    )
+    trims = Section(
+        id="trims",
+        title="Where it flies",
+        note="Steady flight about the airspeed chosen.",
+        tables=[Table(title="Trims", columns=TRIM_COLUMNS, records=adoption.trims)],
+        legend=False,
+    )
     page = write_page(
         adoption.folder / PAGE,
         page_template("flighttune.adopt", "page.html.jinja"),
         summary=(f"{verdict[0].upper()}{verdict[1:]}.",),
-        sections=[_turn(adoption, runs, styles), _inner_loop(adoption), _trims(adoption)],
+        sections=[_turn(adoption, runs, styles), inner_loop, trims],
         title=f"{config.title} at {adoption.V_a:.0f} m/s",
         legend=list(styles.items()),
         styles=styles,
@@ -114,27 +127,4 @@ def _turn(adoption: Adoption, runs: dict[str, Run], styles: dict[str, LineStyle]
         tables=[flights_table(adoption)],
         columns=3,
         folded=False,
-    )
-
-
-def _inner_loop(adoption: Adoption) -> Section:
-    assert adoption.designed is not None
-    assert adoption.identified is not None
-    return Section(
-        id="inner_loop",
-        title="The inner loop",
-        note="Steps flown against what was asked for, and the manoeuvre that checks the fit.",
-        charts=[held_out(adoption.identified.conditions[0], i) for i in range(2)],
-        tables=(steps_table(adoption.designed.checks), lags_table(adoption.identified.identified)),
-        legend=False,
-    )
-
-
-def _trims(adoption: Adoption) -> Section:
-    return Section(
-        id="trims",
-        title="Where it flies",
-        note="Steady flight about the airspeed chosen.",
-        tables=[Table(title="Trims", columns=TRIM_COLUMNS, records=adoption.trims)],
-        legend=False,
     )

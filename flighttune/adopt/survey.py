@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -92,12 +93,12 @@ class Lift:
     negative_stall: float
     V_s: float  # m/s: airspeed at which the largest lift is the weight
 
-    def at(self, V_a: float) -> tuple[float, float, float]:
-        """Angle of attack (rad) and drag over weight in level flight, largest lift over weight."""
+    def at(self, V_a: float) -> tuple[float, float]:
+        """Angle of attack (rad) and drag over weight in level flight."""
         q = (V_a / self.V_s) ** 2
         inside = (self.alpha >= self.negative_stall) & (self.alpha <= self.stall)
         alpha = float(np.interp(1.0 / q, self.lift[inside], self.alpha[inside]))
-        return alpha, q * float(np.interp(alpha, self.alpha, self.drag)), q
+        return alpha, q * float(np.interp(alpha, self.alpha, self.drag))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -123,15 +124,19 @@ def survey(
 ) -> Survey:
     """Measure what a model, named as in an ``aircraft.toml``, can do at height h (m)."""
     tables = wide_tables(model)
+    load = partial(_loaded, folder=folder, h=h)
     say("reading the model")
     tables["engines"]["count"] = _check_parts(aircraft_from(tables, folder))
-    tables["settings"] |= _levers(tables, folder)
+    tables["settings"] |= _levers(tables, load(tables).fdm)
     say("sweeping lift")
-    lift = _lift(_loaded(tables, folder), h)
+    bench, V = load(tables), 60.0
+    for _ in range(3):  # each sweep is flown at a multiple of the stall speed of the last one
+        lift = _swept(bench, V)
+        V = SPEEDS[0] * lift.V_s
     say("starting the engines")
-    speed, spare = _engines(tables, folder, lift, h, V_a)
+    speed, spare = _engines(tables["engines"], load(tables), lift, V_a)
     say("moving the surfaces")
-    surfaces, notes = _surfaces(tables, folder, _level(speed, lift.at(speed)[0], 0.5), h)
+    surfaces, notes = _surfaces(tables, load, _level(speed, lift.at(speed)[0], 0.5))
     if tables["declared"]:
         names = ", ".join(tables["declared"])
         notes.append(f"properties of another simulator are 0: {names}")
@@ -199,11 +204,11 @@ def _part(root: Element, tag: str, folders: tuple[Path, ...]) -> Element:
     return read_xml(found_file(name, folders), name) if name else part
 
 
-def _loaded(tables: dict[str, Any], folder: Path) -> Fdm:
-    """The model, loaded; properties that it refers to but nothing defines are declared."""
+def _loaded(tables: dict[str, Any], folder: Path, h: float) -> Bench:
+    """The model on a bench; properties that it refers to but nothing defines are declared."""
     for _ in range(MAX_DECLARED):
         try:
-            return Fdm(aircraft_from(tables, folder))
+            return Bench(Fdm(aircraft_from(tables, folder)), h)
         except PlantError as error:
             missing = MISSING.search(str(error))
             name = missing[1].removeprefix("/fdm/jsbsim/") if missing else ""
@@ -213,9 +218,8 @@ def _loaded(tables: dict[str, Any], folder: Path) -> Fdm:
     raise Refusal(f"it refers to more than {MAX_DECLARED} properties that are not defined")
 
 
-def _levers(tables: dict[str, Any], folder: Path) -> dict[str, float]:
+def _levers(tables: dict[str, Any], fdm: Fdm) -> dict[str, float]:
     """Settings of fuel, gear, flaps, speed brake, mixture and propeller that the model has."""
-    fdm = _loaded(tables, folder)
     wanted = {"propulsion/fuel_freeze": 1.0, "gear/gear-cmd-norm": 0.0}
     wanted |= dict.fromkeys(("fcs/flap-cmd-norm", "fcs/speedbrake-cmd-norm"), 0.0)
     for i in range(tables["engines"]["count"]):
@@ -227,15 +231,9 @@ def _level(V_a: float, alpha: float, throttle: float = 0.0) -> AirframeState:
     return AirframeState(V_a=V_a, alpha=alpha, theta=alpha, throttle=throttle)
 
 
-def _lift(fdm: Fdm, h: float) -> Lift:
-    bench = Bench(fdm, h)
-    lift = _swept(fdm, bench, 60.0)
-    for _ in range(2):  # each sweep is flown at a multiple of the stall speed found by the last
-        lift = _swept(fdm, bench, SPEEDS[0] * lift.V_s)
-    return lift
-
-
-def _swept(fdm: Fdm, bench: Bench, V_a: float) -> Lift:
+def _swept(bench: Bench, V_a: float) -> Lift:
+    """Lift and drag over the angles of attack, flown at V_a (m/s)."""
+    fdm = bench.fdm
     ahead, down = (fdm.reader(f"forces/fb{axis}-aero-lbs") for axis in "xz")
     pressure, area = fdm.reader("aero/qbar-psf"), fdm.reader("metrics/Sw-sqft")()
     weight = fdm.reader("inertia/mass-slugs")() * G_0 / FT
@@ -282,40 +280,35 @@ def _end_of_lift(C_L: FloatArray, slope: float, sense: int) -> int:
 
 
 def _engines(
-    tables: dict[str, Any], folder: Path, lift: Lift, h: float, V_a: float | None
+    table: dict[str, Any], bench: Bench, lift: Lift, V_a: float | None
 ) -> tuple[float, float]:
-    """Airspeed to fly at and spare thrust there; the settling time is written into `tables`."""
-    fdm = _loaded(tables, folder)
-    bench = Bench(fdm, h)
-    count = tables["engines"]["count"]
+    """Airspeed to fly at and spare thrust there; the settling time is written into `table`."""
+    fdm, count = bench.fdm, table["count"]
     thrusts = [fdm.reader(f"propulsion/engine[{i}]/thrust-lbs") for i in range(count)]
-    running = [fdm.reader(f"propulsion/engine[{i}]/set-running") for i in range(count)]
     weight = fdm.reader("inertia/mass-slugs")() * G_0 / FT
 
-    def settled(V: float, throttle: float) -> FloatArray:
-        alpha = lift.at(V)[0]
-        bench.accelerations(_level(V, alpha, throttle))
+    def settled(V: float, throttle: float, wait: float) -> FloatArray:
+        bench.accelerations(_level(V, lift.at(V)[0], throttle))
         fdm.start_engines()
-        fdm.hold(MAX_SETTLING_S if propeller else 1.0)
+        fdm.hold(wait)
         return np.array([read() for read in thrusts])
 
     V = V_a or SPEEDS[0] * lift.V_s
-    propeller = True  # until the settling time is measured
-    at_once = settled(V, 0.5)
-    settle = _settling(fdm, bench, _level(V, lift.at(V)[0], 1.0), thrusts)
-    propeller = settle > 0.0
-    tables["engines"]["settle_s"] = settle
-    full = settled(V, 1.0)
-    idle = [i for i in range(count) if not full[i] > max(0.0, 0.2 * full.max())]
-    if idle:
-        does = "does not push" if running[idle[0]]() else "does not run"
-        raise Refusal(f"engine {idle[0] + 1} of {count} {does} at full throttle")
+    at_once = settled(V, 0.5, MAX_SETTLING_S)
+    table["settle_s"] = _settling(bench, _level(V, lift.at(V)[0], 1.0), thrusts)
+    wait = MAX_SETTLING_S if table["settle_s"] else 1.0
+    full = settled(V, 1.0, wait)
+    for i in range(count):
+        if not full[i] > max(0.0, 0.2 * full.max()):
+            runs = fdm.reader(f"propulsion/engine[{i}]/set-running")()
+            does = "does not push" if runs else "does not run"
+            raise Refusal(f"engine {i + 1} of {count} {does} at full throttle")
     if abs(full.sum() - at_once.sum()) < 1e-3 * abs(full.sum()):
         raise Refusal("its thrust does not follow the throttle")
     flown = []  # spare thrust, airspeed, thrust over drag
     for V in (V_a,) if V_a else [share * lift.V_s for share in SPEEDS]:
         drag = lift.at(V)[1]
-        thrust = float(settled(V, 1.0).sum()) / weight
+        thrust = float(settled(V, 1.0, wait).sum()) / weight
         if thrust - drag >= SPARE_THRUST:
             return V, thrust - drag
         flown.append((thrust - drag, V, thrust / drag if drag > 0.0 else math.inf))
@@ -324,78 +317,57 @@ def _engines(
         raise Refusal(
             f"its thrust is below its drag at every airspeed: at best {best:.2f} of the drag"
         )
-    spare, V, _ = max(flown, key=lambda place: place[0])
+    spare, V, _ = max(flown)
     return V, spare
 
 
-def _settling(
-    fdm: Fdm, bench: Bench, state: AirframeState, thrusts: list[Callable[[], float]]
-) -> float:
+def _settling(bench: Bench, state: AirframeState, thrusts: list[Callable[[], float]]) -> float:
     """Time the engines take from half to full throttle, s; 0 if they respond at once."""
     bench.accelerations(state)
     history = [sum(read() for read in thrusts)]
     for _ in range(int(MAX_SETTLING_S)):
-        fdm.hold(1.0)
+        bench.fdm.hold(1.0)
         history.append(sum(read() for read in thrusts))
     off = np.abs(np.array(history) - history[-1]) > SETTLED * abs(history[-1])
     last = int(np.flatnonzero(off)[-1]) + 1 if off.any() else 0
     return max(PROPELLER_SETTLES, float(last)) if last else 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class _Moved:
-    """Response of a surface to its command."""
-
-    effect: float  # rad/s^2: half the difference between the effects of full commands
-    position: tuple[float, float]  # rad: at commands -1 and +1
-    usable: tuple[float, float]  # 1: share of the travel to either side before it is clipped
-
-
 def _surfaces(
-    tables: dict[str, Any], folder: Path, level: AirframeState, h: float
+    tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench], level: AirframeState
 ) -> tuple[dict[str, Any], list[str]]:
     """Tables of the surfaces, commanded through the flight control or past it, and notes."""
-    surfaces, notes = tables["surfaces"], []
-    moved, drift = _answers(tables, folder, level, h)
-    past = _past_flight_control(tables, folder) if drift else {}
+    notes, bench = [], load(tables)
+    moved, fault = _answers(bench, level)
+    past = _past_flight_control(tables, bench.fdm.config) if fault else {}
     if past:
-        moved_past, drift_past = _answers(tables | {"surfaces": past}, folder, level, h)
-        if not drift_past:
-            notes.append(f"its flight control is bypassed: {drift}")
-            moved, drift, surfaces = moved_past, "", past
+        moved_past, fault_past = _answers(load(tables | {"surfaces": past}), level)
+        if not fault_past:
+            notes.append(f"its flight control is bypassed: {fault}")
+            return {name: past[name] | table for name, table in moved_past.items()}, notes
     if not moved:
-        raise Refusal(drift)
-    if drift:
-        notes.append(drift)
-    table = {}
-    for name, surface in moved.items():
-        low, high = surface.position
-        stops = sorted((surface.usable[0] * low, surface.usable[1] * high))
-        table[name] = surfaces[name] | {
-            "travel_deg": [round(math.degrees(stop), 2) for stop in stops],
-            "full_rad": [round(low, 5), round(high, 5)],
-        }
-    return table, notes
+        raise Refusal(fault)
+    if fault:
+        notes.append(fault)
+    return {name: tables["surfaces"][name] | table for name, table in moved.items()}, notes
 
 
-def _answers(
-    tables: dict[str, Any], folder: Path, level: AirframeState, h: float
-) -> tuple[dict[str, _Moved], str]:
-    """Response of each surface to its command, and the fault of the flight control, if any.
+def _answers(bench: Bench, level: AirframeState) -> tuple[dict[str, dict[str, Any]], str]:
+    """Travel of each surface by its command, and the fault of the flight control, if any.
 
-    There are no responses if a command moves nothing.
+    There are no surfaces if a command moves nothing.
     """
-    fdm = _loaded(tables, folder)
-    bench = Bench(fdm, h)
     try:
-        moved = {name: _moved(fdm, bench, level, name) for name in SURFACES}
+        answers = {name: _moved(bench, level, name) for name in SURFACES}
     except Refusal as error:
         return {}, str(error)
-    return moved, _drift(fdm, bench, level, moved)
+    drift = (_drift(bench, level, name, effect) for name, (effect, _) in answers.items())
+    return {name: table for name, (_, table) in answers.items()}, next(filter(None, drift), "")
 
 
-def _moved(fdm: Fdm, bench: Bench, level: AirframeState, name: str) -> _Moved:
-    what, sign = EFFECTS[name]
+def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[str, Any]]:
+    """Half the difference (rad/s^2) between the effects of full commands, and the travel."""
+    fdm, (what, sign) = bench.fdm, EFFECTS[name]
     surface = getattr(fdm.config.surfaces, name)
     positions = [fdm.reader(position) for position in POSITIONS[name] if fdm.has(position)]
 
@@ -435,38 +407,40 @@ def _moved(fdm: Fdm, bench: Bench, level: AirframeState, name: str) -> _Moved:
     if surface.replaces:
         travel_low = travel_high = USUAL_TRAVEL
     travels = [t if 0.01 < t < MAX_TRAVEL else USUAL_TRAVEL for t in (travel_low, travel_high)]
-    return _Moved(
-        effect=(effect_high - effect_low) / 2.0,
-        position=(-sense * travels[0], sense * travels[1]),
-        usable=(usable_low, usable_high),
-    )
+    low, high = -sense * travels[0], sense * travels[1]
+    stops = sorted((usable_low * low, usable_high * high))
+    return (effect_high - effect_low) / 2.0, {
+        "travel_deg": [round(math.degrees(stop), 2) for stop in stops],
+        "full_rad": [round(low, 5), round(high, 5)],
+    }
 
 
-def _drift(fdm: Fdm, bench: Bench, level: AirframeState, moved: dict[str, _Moved]) -> str:
+def _drift(bench: Bench, level: AirframeState, name: str, full_effect: float) -> str:
     """A sentence about the drift under a constant command; empty where there is none."""
-    for name, move in moved.items():
-        what, _ = EFFECTS[name]
-        command = 0.1 * (USUAL_TRAVEL if getattr(fdm.config.surfaces, name).replaces else 1.0)
-        read = fdm.reader(f"accelerations/{what[0]}dot-rad_sec2")
-        at_once = bench.accelerations(replace(level, **{name: command}))[what]
-        neutral = bench.accelerations(level)[what]
-        bench.accelerations(replace(level, **{name: command}))
-        fdm.hold(HOLD_TIMES[0])
-        earlier = read()
-        fdm.hold(HOLD_TIMES[1] - HOLD_TIMES[0])
-        later = read()
-        effect = max(abs(at_once - neutral), 0.1 * abs(move.effect))
-        if abs(later - earlier) > DRIFT * effect:
-            return f"its flight control drifts while the {name} command is held"
-        if abs(earlier - at_once) > 2.0 * DRIFT * effect:
-            return f"its flight control keeps moving after the {name} command"
+    fdm, (what, _) = bench.fdm, EFFECTS[name]
+    command = 0.1 * (USUAL_TRAVEL if getattr(fdm.config.surfaces, name).replaces else 1.0)
+    moved = replace(level, **{name: command})
+    read = fdm.reader(f"accelerations/{what[0]}dot-rad_sec2")
+    at_once = bench.accelerations(moved)[what]
+    neutral = bench.accelerations(level)[what]
+    bench.accelerations(moved)
+    fdm.hold(HOLD_TIMES[0])
+    earlier = read()
+    fdm.hold(HOLD_TIMES[1] - HOLD_TIMES[0])
+    effect = max(abs(at_once - neutral), 0.1 * abs(full_effect))
+    if abs(read() - earlier) > DRIFT * effect:
+        return f"its flight control drifts while the {name} command is held"
+    if abs(earlier - at_once) > 2.0 * DRIFT * effect:
+        return f"its flight control keeps moving after the {name} command"
     return ""
 
 
-def _past_flight_control(tables: dict[str, Any], folder: Path) -> dict[str, dict[str, Any]]:
+def _past_flight_control(
+    tables: dict[str, Any], config: AircraftConfig
+) -> dict[str, dict[str, Any]]:
     """Surfaces that the aerodynamics read past the flight control; none where that is unknown."""
     read = set()
-    for file in model_files(aircraft_from(tables, folder)):
+    for file in model_files(config):
         root = read_xml(file, str(file))
         parts = [root] if root.tag == "aerodynamics" else root.findall("aerodynamics")
         # JSBSim reads a minus before a property as its negative.

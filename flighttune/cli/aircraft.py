@@ -86,19 +86,22 @@ def design(
     from flighttune.identify.design import design_aircraft
     from flighttune.identify.steps import steps_table
 
-    designed = design_aircraft(load_aircraft(aircraft))
-    config, written, figure = designed.config, None, None
+    before = load_aircraft(aircraft)
+    config, steps = design_aircraft(before)
+    written, figure = None, None
     gains, place = config.gains, out or config.folder
+    missed = [step for step in steps if not step.met]
     assert gains is not None  # a design makes them
     if out is None and is_shipped(config.folder) and not dry_run:
         raise InputError(f"{aircraft}: --out must be given for an aircraft that is shipped.")
-    if not (dry_run or designed.missed):
+    if not (dry_run or missed):
         from flighttune.identify.steps import FIGURE, step_figure
 
         written, figure = save_gains(gains, place), place / FIGURE
-        step_figure(config, designed.checks).save(figure)
+        step_figure(config, steps).save(figure)
+    previous = before.gains.gains if before.gains else {}
     compared = [
-        {"gain": name, "designed": value, "before": designed.previous.get(name)}
+        {"gain": name, "designed": value, "before": previous.get(name)}
         for name, value in gains.gains.items()
     ]
     emit(
@@ -108,14 +111,14 @@ def design(
                 Table(
                     title=config.title, columns=columns("gain designed before"), records=compared
                 ),
-                steps_table(designed.checks),
+                steps_table(steps),
             ],
             verdict="" if written else "nothing is written",
             files={"written": written, "figure": figure},
         )
     )
-    if designed.missed:
-        first = designed.missed[0]
+    if missed:
+        first = missed[0]
         ended = f": {first.ended}" if first.ended else ""
         fail(
             f"{first.name}: t90 must be at most {first.t90_allowed:g} s and the overshoot "
@@ -156,15 +159,6 @@ def identify(
     place = f"{name} at {nominal.condition.V_a:g} m/s, {nominal.condition.gamma / DEG:g} deg"
     save_identified(made.identified, model)
     identification_figure(nominal, place).save(figure)
-    modes = [
-        {
-            "name": mode.name,
-            "eigenvalue_per_s": [mode.eigenvalue.real, mode.eigenvalue.imag],
-            "natural_frequency_rad_s": mode.natural_frequency,
-            "damping": mode.damping,
-        }
-        for mode in made.rigid_body.modes
-    ]
     conditions = identified_tables(made.identified)["conditions"]
     title = f"{place}: airframe without the inner loop"
     emit(
@@ -177,7 +171,7 @@ def identify(
             },
             tables=[
                 lags_table(made.identified),
-                Table(title=title, name="modes", columns=MODE_COLUMNS, records=modes),
+                Table(title=title, name="modes", columns=MODE_COLUMNS, records=made.modes),
             ],
             notes=[FIT_NOTE, *(f"left out: {reason}" for reason in made.skipped)],
             files={"model": model, "figure": figure},

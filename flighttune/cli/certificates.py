@@ -90,7 +90,7 @@ def certify(
         made = certify_scenario(loaded, chosen, envelope=envelope, L_d=L_d, law=law)
         scaling = tuning_scaling(loaded, law)
         if envelope and not (identified or law.same_everywhere):
-            largest = largest_certified(loaded, chosen).factor
+            largest = largest_certified(loaded, chosen)
     else:
         model, flown, made = _certified_own(loaded, name, chosen, L_d)
     loop = closed_loop(model, flown)
@@ -167,8 +167,8 @@ def _rate_over_envelope(scenario: "Scenario", name: str, gains: "PIGains") -> "l
     from flighttune.tuning.envelope import rate_chart, rate_curve
 
     trim, envelope = trim_and_envelope(scenario)
-    curve = rate_curve(name, gains, envelope, trim, g=scenario.flight.g_mps2)
-    return [rate_chart([curve], envelope)]
+    curve = rate_curve(gains, envelope, trim, g=scenario.flight.g_mps2)
+    return [rate_chart({name: curve}, envelope)]
 
 
 def verify(

@@ -1,6 +1,5 @@
 """Commands that find gains: the best ones, and the frontier of R_K against I_K."""
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -124,10 +123,9 @@ def _tune_at_trim(source: str, method: str | None) -> Answer:
     if result.status == "infeasible":
         nearest = diagnosis(tuning_problem(scenario))
         why = pick(nearest, "smallest_I_K largest_R_K common_factor binding limits")
-        limits = [asdict(limit) for limit in nearest.limits]
         tables = [
             Table(title="within the limits", columns=DIAGNOSIS_COLUMNS, records=[why]),
-            Table(title="limits", columns=LIMIT_COLUMNS, records=limits),
+            Table(title="limits", columns=LIMIT_COLUMNS, records=nearest.limits),
         ]
     values = {
         **pick(result, "status reason"),

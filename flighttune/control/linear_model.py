@@ -164,6 +164,13 @@ def closed_loops(model: LinearModel, K: npt.ArrayLike) -> FloatArray:
     return A_K
 
 
+def velocity_form(model: LinearModel) -> tuple[FloatArray, FloatArray]:
+    """A and B of ``s' = A s + B u'`` with s = (x', e), shapes (n + p, n + p) and (n + p, m)."""
+    n, m, p = model.shape
+    A = np.block([[model.A, np.zeros((n, p))], [model.C, np.zeros((p, p))]])
+    return A, np.vstack([model.B, np.zeros((p, m))])
+
+
 def disturbance_entry(model: LinearModel) -> FloatArray:
     """E of ``d_s = E d'``: where the derivative of a state disturbance enters s = (x', e).
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import with_input_lag
-from flighttune.control.linear_model import LinearModel, closed_loop
+from flighttune.control.linear_model import LinearModel, closed_loop, velocity_form
 
 GRID_PER_DECADE = 60
 RTOL = 1e-15  # of a root between two points of the grid
@@ -236,10 +236,7 @@ def _is_stable(A_K: FloatArray) -> bool:
 
 
 def _opened(model: LinearModel, gains: PIGains) -> Loop:
-    n, m, p = model.shape
-    A = np.block([[model.A, np.zeros((n, p))], [model.C, np.zeros((p, p))]])
-    B = np.vstack([model.B, np.zeros((p, m))])
-    return A, B, -np.hstack([gains.K_P @ model.C, gains.K_I])
+    return *velocity_form(model), -np.hstack([gains.K_P @ model.C, gains.K_I])
 
 
 def _response(loop: Loop, omega: float | FloatArray) -> npt.NDArray[np.complex128]:

@@ -17,7 +17,7 @@ from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, TuningModel
 from flighttune.shipped import nearest_name
 from flighttune.theory.common import CommonQ, common_Q
 from flighttune.theory.indicators import scaled
-from flighttune.tuning.envelope import LargestEnvelope, largest_envelope
+from flighttune.tuning.envelope import largest_factor
 from flighttune.tuning.problem import LARGEST_GAIN, TuningProblem, decoupled
 from flighttune.tuning.result import TuningResult
 from flighttune.tuning.robust import tune_worst_case
@@ -295,7 +295,7 @@ def _identified_everywhere(scenario: Scenario, law: Law) -> tuple[DesignModel, .
     return models
 
 
-def largest_certified(scenario: Scenario, gains: PIGains) -> LargestEnvelope:
-    """The scenario's envelope scaled about the trim by the largest factor still certified."""
+def largest_certified(scenario: Scenario, gains: PIGains) -> float:
+    """The largest factor by which the scenario's envelope, scaled about the trim, is certified."""
     trim, envelope = trim_and_envelope(scenario)
-    return largest_envelope(gains, envelope, trim, g=scenario.flight.g_mps2)
+    return largest_factor(gains, envelope, trim, g=scenario.flight.g_mps2)

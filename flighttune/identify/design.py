@@ -25,6 +25,12 @@ DIGITS = 4
 
 _MEASURED = ("p_dot", "q_dot", "r_dot", "u_dot", "n_z", "n_y")
 
+# Signs of the slopes that this inner loop needs.
+SIGNS = (
+    *((1, "p_dot", "aileron"), (1, "u_dot", "throttle"), (1, "n_z", "alpha")),
+    *((-1, "q_dot", "elevator"), (-1, "r_dot", "rudder"), (-1, "n_y", "beta")),
+)
+
 # Half-widths of the central differences: rad/s, rad and 1.
 _HALF_WIDTHS = dict.fromkeys(
     ("p", "q", "r", "alpha", "beta", "aileron", "elevator", "rudder"), 1e-3
@@ -90,32 +96,15 @@ def airframe(fdm: Fdm, condition: FlightCondition) -> Airframe:
         return np.array([measured[name] for name in _MEASURED])
 
     by = slopes(measure, at, _HALF_WIDTHS)
-    return Airframe(
-        V_a=condition.V_a,
-        alpha=at.alpha,
-        slopes={
-            what: {name: float(column[i]) for name, column in by.items()}
-            for i, what in enumerate(_MEASURED)
-        },
-    )
+    named = {
+        what: {name: float(column[i]) for name, column in by.items()}
+        for i, what in enumerate(_MEASURED)
+    }
+    return Airframe(V_a=condition.V_a, alpha=at.alpha, slopes=named)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DesignedAircraft:
-    """Result of a design."""
-
-    config: AircraftConfig  # the aircraft with its new gains
-    previous: dict[str, float]  # gains it had before; empty if none
-    checks: tuple[StepResponse, ...]  # its step responses against the goals
-
-    @property
-    def missed(self) -> tuple[StepResponse, ...]:
-        """Steps that are slower than asked, or overshoot more."""
-        return tuple(check for check in self.checks if not check.met)
-
-
-def design_aircraft(config: AircraftConfig) -> DesignedAircraft:
-    """Design the gains of an aircraft's inner loop and fly its step responses.
+def design_aircraft(config: AircraftConfig) -> tuple[AircraftConfig, tuple[StepResponse, ...]]:
+    """Design the gains of an aircraft's inner loop: the aircraft with them, and its step responses.
 
     The gains it has already do not matter: the same file gives the same design.
     """
@@ -127,11 +116,10 @@ def design_aircraft(config: AircraftConfig) -> DesignedAircraft:
         name: float(f"{value:.{DIGITS}g}") if abs(value) > NO_GAIN else 0.0
         for name, value in inner_loop_gains(trimmed, design).items()
     }
-    previous = dict(config.gains.gains) if config.gains else {}
     designed = config.with_gains(
         InnerLoopGains(made_for=model_hash(config), jsbsim=version("jsbsim"), gains=gains)
     )
-    return DesignedAircraft(config=designed, previous=previous, checks=check_steps(designed))
+    return designed, check_steps(designed)
 
 
 def inner_loop_gains(airframe: Airframe, design: Design) -> dict[str, float]:
@@ -145,39 +133,28 @@ def inner_loop_gains(airframe: Airframe, design: Design) -> dict[str, float]:
     ``r = g/V phi + alpha p``: the feed-forward of the rudder meets the yaw moment of p, of that r
     and of the aileron, and ``r' = g/V p``. Speed: a first-order loop on the slope of thrust.
     """
-    _check_effects(airframe)
-    return {
-        "V_a-design-mps": airframe.V_a,
-        **_roll(airframe, design),
-        **_pitch(airframe, design.n_z),
-        **_yaw(airframe),
-        **_speed(airframe, design.speed),
-    }
-
-
-def _check_effects(airframe: Airframe) -> None:
-    positive = ("p_dot", "aileron"), ("u_dot", "throttle"), ("n_z", "alpha")
-    negative = ("q_dot", "elevator"), ("r_dot", "rudder"), ("n_y", "beta")
-    for what, by in (*positive, *negative):
-        slope = airframe.of(what, by)
-        sign, word = (1.0, "positive") if (what, by) in positive else (-1.0, "negative")
-        if not sign * slope > 0.0:
+    of = airframe.of
+    for sign, what, by in SIGNS:
+        if not sign * of(what, by) > 0.0:
             raise PlantError(
-                f"the slope of {what} by {by} must be {word} for this inner loop, got {slope:g}."
+                f"the slope of {what} by {by} must be {'positive' if sign > 0 else 'negative'} "
+                f"for this inner loop, got {of(what, by):g}."
             )
-
-
-def _roll(airframe: Airframe, design: Design) -> dict[str, float]:
-    damping, effect = -airframe.of("p_dot", "p"), airframe.of("p_dot", "aileron")
-    bandwidth = design.roll
-    omega = design.roll_error or min(ROLL_STIFFNESS * bandwidth, 0.5 * ACTUATOR)
+    damping, effect, thrust = -of("p_dot", "p"), of("p_dot", "aileron"), of("u_dot", "throttle")
+    omega = design.roll_error or min(ROLL_STIFFNESS * design.roll, 0.5 * ACTUATOR)
     k_p = omega**2 / effect
     return {
-        "roll/model-rad_sec": bandwidth,
+        "V_a-design-mps": airframe.V_a,
+        "roll/model-rad_sec": design.roll,
         "roll/k_ff": damping / effect,
         "roll/k_p": k_p,
-        "roll/k_i": 0.1 * bandwidth * k_p,
+        "roll/k_i": 0.1 * design.roll * k_p,
         "roll/k_d": max(0.0, 2.0 * WELL_DAMPED * omega - damping) / effect,
+        **_pitch(airframe, design.n_z),
+        **_yaw(airframe, damping / effect),
+        "speed/k_gamma": G_0 / thrust,
+        "speed/k_p": design.speed / thrust,
+        "speed/k_i": 0.25 * design.speed**2 / thrust,
     }
 
 
@@ -242,7 +219,7 @@ def _n_z_step(
     return np.nan_to_num(response, nan=10.0, posinf=10.0, neginf=-10.0)
 
 
-def _yaw(airframe: Airframe) -> dict[str, float]:
+def _yaw(airframe: Airframe, roll_k_ff: float) -> dict[str, float]:
     of = airframe.of
     effect, weathercock = -of("r_dot", "rudder"), of("r_dot", "beta")
     side = of("n_y", "beta")
@@ -252,7 +229,6 @@ def _yaw(airframe: Airframe) -> dict[str, float]:
     stiffness = weathercock + lacking
     goal = 2.0 * DUTCH_ROLL_DAMPING * math.sqrt(stiffness)
     static = abs(side * effect / stiffness)
-    roll_k_ff = -of("p_dot", "p") / of("p_dot", "aileron")
     adverse = of("r_dot", "p") + of("r_dot", "aileron") * roll_k_ff
     k_r = max(0.0, goal - damping) / effect
     straight = adverse - G_0 / airframe.V_a + airframe.alpha * of("r_dot", "r")
@@ -280,18 +256,6 @@ def _yaw_is_stable(airframe: Airframe, k_r: float, k_p: float, k_i: float) -> bo
     A[rudder, [r, rudder, n_y, integral]] = np.array([k_r, -1.0, k_p, 1.0]) * ACTUATOR
     A[n_y, [beta, rudder, n_y]] = np.array([side, direct, -1.0]) / ACCELEROMETER
     A[integral, n_y] = k_i
-    for factor in (1.0, YAW_MARGIN):
-        scaled = A.copy()
-        scaled[rudder, [n_y, integral]] *= factor
-        if not np.linalg.eigvals(scaled).real.max() < 0.0:
-            return False
-    return True
-
-
-def _speed(airframe: Airframe, bandwidth: float) -> dict[str, float]:
-    thrust = airframe.of("u_dot", "throttle")
-    return {
-        "speed/k_gamma": G_0 / thrust,
-        "speed/k_p": bandwidth / thrust,
-        "speed/k_i": 0.25 * bandwidth**2 / thrust,
-    }
+    more = A.copy()
+    more[rudder, [n_y, integral]] *= YAW_MARGIN
+    return bool(np.linalg.eigvals([A, more]).real.max() < 0.0)

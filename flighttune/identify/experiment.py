@@ -2,15 +2,17 @@
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, read_only_matrix
+from flighttune.arrays import FloatArray
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError, PlantError
 from flighttune.plants.base import FlightCondition, Plant
+
+Lines: TypeAlias = tuple[npt.NDArray[np.int_], npt.NDArray[np.int_]]
 
 # Sample time of the commands, s.
 DT = 0.01
@@ -42,29 +44,16 @@ CHECK_DURATION = 12.0
 ATTEMPTS = 4
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Excitation:
-    """Commands that add to steady flight."""
-
-    commands: FloatArray  # (samples, 2), rad and 1: roll and load factor, every `DT` seconds
-    # Harmonics of `PERIOD` in roll and in load factor; empty where the command is not periodic
-    lines: tuple[npt.NDArray[np.int_], npt.NDArray[np.int_]]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "commands", read_only_matrix("commands", self.commands))
-
-    def scaled(self, factor: float) -> "Excitation":
-        """Return the same commands, `factor` times as large."""
-        return Excitation(commands=factor * self.commands, lines=self.lines)
-
-
-def multisines(limits: Limits, *, seed: int = 0) -> Excitation:
+def multisines(limits: Limits, *, seed: int = 0) -> tuple[FloatArray, Lines]:
     """Return one period of multisines inside the limits, no frequency in both channels.
 
     The seed draws many sets of phases; the set that lets the sines be largest is taken. R. Pintelon
     and J. Schoukens, *System Identification: A Frequency Domain Approach*, 2nd ed., Wiley 2012,
     chapter 5: random-phase multisines on a quasi-logarithmic grid, the channels on interleaved
     lines so that one experiment shows every path.
+
+    Returns the changes of roll (rad) and load factor (1) at every sample, shape (samples, 2), and
+    the harmonics of `PERIOD` in roll and in load factor.
     """
     base = 2.0 * math.pi / PERIOD
     wanted = np.geomspace(BAND[0], BAND[1], LINES) / base
@@ -76,10 +65,10 @@ def multisines(limits: Limits, *, seed: int = 0) -> Excitation:
         _multisine(lines[i], peaks[i], rates[i], np.random.default_rng(children[i]))
         for i in range(2)
     ]
-    return Excitation(commands=np.column_stack(columns), lines=lines)
+    return np.column_stack(columns), lines
 
 
-def check_manoeuvre(limits: Limits) -> Excitation:
+def check_manoeuvre(limits: Limits) -> FloatArray:
     """Return 3-2-1-1 steps of both channels, ramped as fast as the limits allow, for validation.
 
     The pulses of 3, 2, 1 and 1 units are the usual ones of flight test: R. V. Jategaonkar, *Flight
@@ -91,8 +80,7 @@ def check_manoeuvre(limits: Limits) -> Excitation:
         _ramped(_pulses(t, CHECK_START[i], CHECK_UNIT[i]) * 0.8 * peaks[i], rates[i])
         for i in range(2)
     ]
-    none = np.empty(0, dtype=int)
-    return Excitation(commands=np.column_stack(columns), lines=(none, none))
+    return np.column_stack(columns)
 
 
 def command_room(limits: Limits) -> tuple[FloatArray, FloatArray]:
@@ -141,47 +129,32 @@ def _ramped(wanted: FloatArray, rate: float) -> FloatArray:
     return ramped
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Response:
-    """Commands and measured response, every `DT` seconds."""
-
-    # (samples, 2), rad and 1: roll and load factor; `measured` is read when the command is given
-    commanded: FloatArray
-    measured: FloatArray
-    excitation: Excitation  # as applied, after any shrinking
-
-
 def respond(
-    plant_factory: Callable[[], Plant], condition: FlightCondition, excitation: Excitation
-) -> Response:
-    """Fly an excitation on fresh plants, at half the size where the flight ends early.
+    plant_factory: Callable[[], Plant], condition: FlightCondition, changes: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Fly changes of the commands on fresh plants, at half the size where the flight ends early.
 
-    The load-factor command is what steady flight at the present attitude needs, plus the
-    excitation, so that the path stays near the trim.
+    The load-factor command is what steady flight at the present attitude needs, plus the change, so
+    that the path stays near the trim. Returns commands, and the response read when each is given:
+    shapes (samples, 2), roll in rad and load factor in 1.
     """
     reason = ""
     for attempt in range(ATTEMPTS):
-        tried = excitation.scaled(0.5**attempt)
-        commanded, measured, reason = _flight(plant_factory(), condition, tried)
-        if not reason:
-            return Response(commanded=commanded, measured=measured, excitation=tried)
+        plant = plant_factory()
+        plant.start(condition)
+        commanded, measured = [], []
+        for phi_cmd, n_z_change in (0.5**attempt * changes).tolist():
+            _, gamma, phi, n_z = plant.observe()[:4]
+            n_z_cmd = math.cos(gamma) / math.cos(phi) + n_z_change
+            commanded.append((phi_cmd, n_z_cmd))
+            measured.append((phi, n_z))
+            stop = plant.advance(phi_cmd, n_z_cmd, DT)
+            if stop is not None:
+                reason = stop.reason
+                break
+        else:
+            return np.array(commanded), np.array(measured)
     raise PlantError(
         f"the excitation must be flown to its end, but even at {0.5 ** (ATTEMPTS - 1):g} of its "
         f"size: {reason}"
     )
-
-
-def _flight(
-    plant: Plant, condition: FlightCondition, excitation: Excitation
-) -> tuple[FloatArray, FloatArray, str]:
-    plant.start(condition)
-    commanded, measured = [], []
-    for phi_cmd, n_z_change in excitation.commands.tolist():
-        _, gamma, phi, n_z = plant.observe()[:4]
-        n_z_cmd = math.cos(gamma) / math.cos(phi) + n_z_change
-        commanded.append((phi_cmd, n_z_cmd))
-        measured.append((phi, n_z))
-        stop = plant.advance(phi_cmd, n_z_cmd, DT)
-        if stop is not None:
-            return np.empty(0), np.empty(0), stop.reason
-    return np.array(commanded), np.array(measured), ""

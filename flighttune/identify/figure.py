@@ -59,13 +59,11 @@ def held_out(identification: Identification, i: int) -> Chart:
     channel = list(identification.condition.channels.values())[i]
     title = f"Not used for the fit: {channel.fit_percent:.1f} % of the variance explained"
     chart = Chart(title=title, y=LABELS[i])
-    check = identification.check
-    t = DT * np.arange(len(check.measured))
-    chart.line(
-        t, check.commanded[:, i] / UNITS[i], NEUTRAL, dash=DASHED, width=1.0, name="commanded"
-    )
-    chart.line(t, check.measured[:, i] / UNITS[i], FLOWN, width=2.4, name="flown")
-    chart.line(t, identification.check_model[:, i] / UNITS[i], FIT, width=1.3, name="fit")
+    drawn = ("commanded", NEUTRAL, DASHED, 1.0), ("flown", FLOWN, "", 2.4), ("fit", FIT, "", 1.3)
+    for name, colour, dash, width in drawn:
+        values = identification.check[name][:, i] / UNITS[i]
+        t = DT * np.arange(len(values))
+        chart.line(t, values, colour, dash=dash, width=width, name=name)
     return chart
 
 

@@ -6,7 +6,7 @@ all.
 
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -263,7 +263,7 @@ def identified_tables(aircraft: IdentifiedAircraft) -> dict[str, Any]:
     tables = aircraft.model_dump()
     if not aircraft.gains:
         del tables["gains_sha256"]
-    return _rounded(tables)
+    return rounded(tables, DIGITS, EXACT)
 
 
 def save_identified(aircraft: IdentifiedAircraft, path: str | Path) -> None:
@@ -361,10 +361,13 @@ def _same(stated: Any, derived: Any) -> bool:
     return stated == derived
 
 
-def _rounded(value: Any) -> Any:
-    """Nested values with every number rounded to `DIGITS`, but for airspeed and height."""
-    if isinstance(value, dict):
-        return {key: item if key in EXACT else _rounded(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_rounded(item) for item in value]
-    return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+def rounded(value: Any, digits: int, exact: Sequence[str] = ()) -> Any:
+    """Plain nested values, floats to so many significant digits but for the `exact` keys."""
+    if isinstance(value, Mapping):
+        return {
+            key: item if key in exact else rounded(item, digits, exact)
+            for key, item in value.items()
+        }
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [rounded(item, digits, exact) for item in value]
+    return float(f"{value:.{digits}g}") if isinstance(value, float) else value

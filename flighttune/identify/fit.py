@@ -16,7 +16,7 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import NO_DELAY, InnerLag, Order
 from flighttune.errors import InputError
-from flighttune.identify.experiment import DT, PERIOD, Response
+from flighttune.identify.experiment import DT, PERIOD, Lines
 from flighttune.plants.lagged import rest, transition
 
 SAMPLES = round(PERIOD / DT)
@@ -76,20 +76,15 @@ class LagCandidate:
     bic: float  # 1: Bayesian information criterion; the lowest wins
 
 
-def frequency_responses(response: Response) -> tuple[FrequencyResponse, FrequencyResponse]:
+def frequency_responses(
+    flown: tuple[FloatArray, FloatArray], lines: Lines
+) -> tuple[FrequencyResponse, FrequencyResponse]:
     """Return the responses of roll and load factor from the last period of a multisine flight.
 
-    The flight needs two periods, so that the last one is in the steady state. The responses are
-    corrected for the sample-and-hold of the commands.
+    `flown` are commands and response of two periods at least, so that the last one is in the steady
+    state. The responses are corrected for the sample-and-hold of the commands.
     """
-    lines = response.excitation.lines
-    if len(response.measured) < 2 * SAMPLES or not all(len(line) for line in lines):
-        raise InputError(
-            f"`response` must be of two periods of {PERIOD:g} s of multisines, "
-            f"got {len(response.measured) * DT:g} s."
-        )
-    commanded = np.fft.rfft(response.commanded[-SAMPLES:], axis=0)
-    measured = np.fft.rfft(response.measured[-SAMPLES:], axis=0)
+    commanded, measured = (np.fft.rfft(signals[-SAMPLES:], axis=0) for signals in flown)
     omegas = [line.astype(np.float64) * (2.0 * math.pi / PERIOD) for line in lines]
     own = [measured[lines[i], i] / commanded[lines[i], i] for i in range(2)]
     responses = []

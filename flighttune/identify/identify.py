@@ -1,9 +1,10 @@
 """Identification of an inner loop: of a plant at one condition, of an aircraft at several."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -12,14 +13,7 @@ from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import Order
 from flighttune.control.limits import Limits
 from flighttune.errors import TrimError
-from flighttune.identify.experiment import (
-    DT,
-    Excitation,
-    Response,
-    check_manoeuvre,
-    multisines,
-    respond,
-)
+from flighttune.identify.experiment import DT, check_manoeuvre, multisines, respond
 from flighttune.identify.file import (
     IdentifiedAircraft,
     IdentifiedChannel,
@@ -36,7 +30,7 @@ from flighttune.identify.fit import (
     lag_response,
 )
 from flighttune.plants.base import FlightCondition, Plant
-from flighttune.plants.jsbsim.linearize import RigidBodyModel, linearize
+from flighttune.plants.jsbsim.linearize import linearize, modes
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 
 # Gain of the inner loop that holds the airspeed it was designed for.
@@ -54,8 +48,9 @@ class Identification:
     # Fits of every order, of roll and load factor, the chosen one first
     candidates: tuple[tuple[LagCandidate, ...], tuple[LagCandidate, ...]]
     frequency: tuple[FrequencyResponse, FrequencyResponse]  # measured, of roll and load factor
-    check: Response  # the validation manoeuvre, not used for the fit
-    check_model: FloatArray  # (samples, 2): response of the chosen lags to its commands
+    # The validation manoeuvre, not used for the fit, shape (samples, 2) each: ``commanded``,
+    # ``flown``, and ``fit``, the response of the chosen lags
+    check: Mapping[str, FloatArray]
 
 
 def identify(
@@ -66,12 +61,77 @@ def identify(
     seed: int = 0,
 ) -> Identification:
     """Identify the inner loop of a plant about a wings-level trim, inside the limits."""
-    sines = multisines(limits, seed=seed)
-    repeated = Excitation(commands=np.tile(sines.commands, (PERIODS, 1)), lines=sines.lines)
-    frequency = frequency_responses(respond(plant_factory, condition, repeated))
+    flight = _flown(plant_factory, condition, limits, seed)
+    return _of_one_order([flight])[0]
+
+
+# Condition, frequency responses and fits of both channels, commands and response of the check.
+Flight: TypeAlias = tuple[
+    FlightCondition,
+    tuple[FrequencyResponse, FrequencyResponse],
+    tuple[tuple[LagCandidate, ...], tuple[LagCandidate, ...]],
+    tuple[FloatArray, FloatArray],
+]
+
+
+def _flown(
+    plant_factory: Callable[[], Plant], condition: FlightCondition, limits: Limits, seed: int
+) -> Flight:
+    changes, lines = multisines(limits, seed=seed)
+    flown = respond(plant_factory, condition, np.tile(changes, (PERIODS, 1)))
+    frequency = frequency_responses(flown, lines)
     fitted = candidates(frequency[0]), candidates(frequency[1])
-    check = respond(plant_factory, condition, check_manoeuvre(limits))
-    return _identification(condition, frequency, fitted, check)
+    return condition, frequency, fitted, respond(plant_factory, condition, check_manoeuvre(limits))
+
+
+def _of_one_order(flights: Sequence[Flight]) -> tuple[Identification, ...]:
+    """Identify every condition by lags of one order a channel, the best over all of them.
+
+    Models of one structure can be mixed, and one Lyapunov function can cover them all.
+    """
+    orders = []
+    for channel in range(2):
+        total: dict[Order, float] = {}
+        for _, _, fitted, _ in flights:
+            for fit in fitted[channel]:
+                total[fit.lag.order] = total.get(fit.lag.order, 0.0) + fit.bic
+        orders.append(min(total, key=total.__getitem__))
+    return tuple(_identification(*flight, orders) for flight in flights)
+
+
+def _identification(
+    condition: FlightCondition,
+    frequency: tuple[FrequencyResponse, FrequencyResponse],
+    fitted: tuple[tuple[LagCandidate, ...], tuple[LagCandidate, ...]],
+    check: tuple[FloatArray, FloatArray],
+    orders: Sequence[Order],
+) -> Identification:
+    # The fits of the chosen order come first, the others stay in their order.
+    phi, n_z = (
+        tuple(sorted(fits, key=lambda fit: fit.lag.order != order))
+        for fits, order in zip(fitted, orders, strict=True)
+    )
+    commanded, flown = check
+    change, model, channels = commanded - commanded[0], np.empty_like(flown), {}
+    for i, (name, fits) in enumerate({"phi": phi, "n_z": n_z}.items()):
+        best, simpler = fits[0], next(fit.lag for fit in fits if fit.lag.order < 3)
+        model[:, i] = flown[0, i] + lag_response(best.lag, DT, change[:, i], 0.0)
+        # Not checked: rounding may put a lag beyond the range that it was fitted in.
+        channels[name] = IdentifiedChannel.model_construct(
+            **lag_table(best.lag),
+            fit_percent=fit_percent(flown[:, i], model[:, i]),
+            residual=best.residual,
+            cross=float(np.abs(frequency[i].other).max()),
+            simpler=LagTable.model_construct(**lag_table(simpler)),
+        )
+    return Identification(
+        condition=IdentifiedCondition.model_construct(
+            V_a=condition.V_a, gamma=condition.gamma, h=condition.h, channels=channels
+        ),
+        candidates=(phi, n_z),
+        frequency=frequency,
+        check={"commanded": commanded, "flown": flown, "fit": model},
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -81,7 +141,7 @@ class AircraftIdentification:
     identified: IdentifiedAircraft  # what the file holds
     conditions: tuple[Identification, ...]  # in the same order, with the flights
     skipped: tuple[str, ...]  # why a requested condition is missing: one sentence each
-    rigid_body: RigidBodyModel  # about the first condition
+    modes: Sequence[Mapping[str, Any]]  # records of the modes about the first condition
 
 
 def design_speed(config: AircraftConfig) -> float:
@@ -131,94 +191,24 @@ def identify_aircraft(
     """
     plant = JSBSimPlant(aircraft)
     speeds = tuple(V_a) or (design_speed(plant.config),)
-    identifications, trims, skipped = [], [], []
+    flights, skipped = [], []
     for condition in (FlightCondition(V_a=v, gamma=g, h=h) for v in speeds for g in gamma):
         try:
-            identifications.append(
-                identify(partial(JSBSimPlant, aircraft), condition, plant.limits, seed=seed)
-            )
+            flights.append(_flown(partial(JSBSimPlant, aircraft), condition, plant.limits, seed))
         except TrimError as error:
             skipped.append(str(error))
-        else:
-            trims.append(condition)
-    if not identifications:
+    if not flights:
         raise TrimError(skipped[0])
-    chosen = of_one_order(identifications)
+    identifications = _of_one_order(flights)
+    A, _ = linearize(plant.config, flights[0][0])
     return AircraftIdentification(
         identified=IdentifiedAircraft.model_construct(
             aircraft=plant.config.folder.name,
-            conditions=tuple(identification.condition for identification in chosen),
+            conditions=tuple(at.condition for at in identifications),
             seed=seed,
             gains=plant.config.gains.sha256 if plant.config.gains else "",
         ),
-        conditions=chosen,
+        conditions=identifications,
         skipped=tuple(skipped),
-        rigid_body=linearize(plant.config, trims[0]),
-    )
-
-
-def of_one_order(identifications: Sequence[Identification]) -> tuple[Identification, ...]:
-    """Return the same conditions with lags of one order a channel, the best over all of them.
-
-    Models of one structure can be mixed, and one Lyapunov function can cover them all.
-    """
-    orders = tuple(
-        _best_order([identification.candidates[i] for identification in identifications])
-        for i in range(2)
-    )
-    chosen = []
-    for identification in identifications:
-        # The fits of the chosen order come first, the others stay in their order.
-        phi, n_z = (
-            tuple(sorted(fits, key=lambda fit: fit.lag.order != order))
-            for fits, order in zip(identification.candidates, orders, strict=True)
-        )
-        at, check = identification.condition, identification.check
-        chosen.append(_identification(at, identification.frequency, (phi, n_z), check))
-    return tuple(chosen)
-
-
-def _best_order(candidates: Sequence[tuple[LagCandidate, ...]]) -> Order:
-    total: dict[Order, float] = {}
-    for fit in (fit for fits in candidates for fit in fits):
-        total[fit.lag.order] = total.get(fit.lag.order, 0.0) + fit.bic
-    return min(total, key=total.__getitem__)
-
-
-def _identification(
-    condition: FlightCondition | IdentifiedCondition,
-    frequency: tuple[FrequencyResponse, FrequencyResponse],
-    fitted: tuple[tuple[LagCandidate, ...], tuple[LagCandidate, ...]],
-    check: Response,
-) -> Identification:
-    change = check.commanded - check.commanded[0]
-    responses = [lag_response(fitted[i][0].lag, DT, change[:, i], 0.0) for i in range(2)]
-    model = check.measured[0] + np.column_stack(responses)
-    channels = {
-        name: _channel(frequency[i], fitted[i], fit_percent(check.measured[:, i], model[:, i]))
-        for i, name in enumerate(("phi", "n_z"))
-    }
-    return Identification(
-        # Not checked: rounding may put a lag beyond the range that it was fitted in.
-        condition=IdentifiedCondition.model_construct(
-            V_a=condition.V_a, gamma=condition.gamma, h=condition.h, channels=channels
-        ),
-        candidates=fitted,
-        frequency=frequency,
-        check=check,
-        check_model=model,
-    )
-
-
-def _channel(
-    response: FrequencyResponse, fitted: tuple[LagCandidate, ...], fit_percent: float
-) -> IdentifiedChannel:
-    best = fitted[0]
-    simpler = next(fit.lag for fit in fitted if fit.lag.order < 3)
-    return IdentifiedChannel.model_construct(
-        **lag_table(best.lag),
-        fit_percent=fit_percent,
-        residual=best.residual,
-        cross=float(np.abs(response.other).max()),
-        simpler=LagTable.model_construct(**lag_table(simpler)),
+        modes=modes(A),
     )

@@ -6,12 +6,12 @@ Their figure also shows a roll into a bank at each airspeed.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
 
 import numpy as np
 
 from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.arrays import FloatArray
+from flighttune.identify.file import Channel
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.present.chart import DASHED, Chart, Sheet
@@ -19,8 +19,6 @@ from flighttune.present.names import columns
 from flighttune.present.palette import HUES, INK
 from flighttune.present.tables import Column, Table
 from flighttune.units import DEG
-
-Channel: TypeAlias = Literal["phi", "n_z"]
 
 ROLL_STEP = 30.0 * DEG
 LOAD_STEP = 0.5
@@ -116,22 +114,18 @@ def check_steps(config: AircraftConfig) -> tuple[StepResponse, ...]:
     design = config.design
     if design is None:
         return ()
-    roll_time = max(ROLL_TIME, OVER_T90 * design.roll_t90)
-    load_time = max(LOAD_TIME, OVER_T90 * design.n_z_t90)
     goals: tuple[tuple[Channel, float, float, float, float], ...] = (
-        ("phi", ROLL_STEP, design.roll_t90, design.roll_overshoot, roll_time),
-        ("n_z", LOAD_STEP, design.n_z_t90, design.n_z_overshoot, load_time),
-        ("n_z", -LOAD_STEP, design.n_z_t90, design.n_z_overshoot, load_time),
+        ("phi", ROLL_STEP, ROLL_TIME, design.roll_t90, design.roll_overshoot),
+        ("n_z", LOAD_STEP, LOAD_TIME, design.n_z_t90, design.n_z_overshoot),
+        ("n_z", -LOAD_STEP, LOAD_TIME, design.n_z_t90, design.n_z_overshoot),
     )
-    return tuple(
-        replace(
-            fly_step(config, channel, size, V_a=V_a, h=design.h, duration=duration),
-            t90_allowed=t90,
-            overshoot_allowed=overshoot,
-        )
-        for V_a in design.V_a_shown
-        for channel, size, t90, overshoot, duration in goals
-    )
+    steps = []
+    for V_a in design.V_a_shown:
+        for channel, size, shortest, t90, overshoot in goals:
+            duration = max(shortest, OVER_T90 * t90)
+            step = fly_step(config, channel, size, V_a=V_a, h=design.h, duration=duration)
+            steps.append(replace(step, t90_allowed=t90, overshoot_allowed=overshoot))
+    return tuple(steps)
 
 
 STEP_COLUMNS = [
@@ -169,36 +163,27 @@ def step_figure(config: AircraftConfig, steps: Sequence[StepResponse]) -> Sheet:
     bank = Chart(title="Load factor on the way into a level 45° bank", y="n_z [1]")
     height = config.design.h if config.design else 1000.0
     speeds = sorted({step.V_a for step in steps})
+    rates = {"phi": config.limits.phi_rate, "n_z": config.limits.n_z_rate}
     for V_a, colour in zip(speeds, COLOURS, strict=False):
         name = f"{V_a:g} m/s"
-        for step in (s for s in steps if s.V_a == V_a):
-            signals = step.signals
+        for step in (step for step in steps if step.V_a == V_a):
+            signals, rate = step.signals, rates[step.channel]
+            # The command behind the rate limit of the inner loop, the same at every airspeed.
+            ramp = np.sign(step.size) * np.minimum(abs(step.size), rate * signals["t"])
             if step.channel == "phi":
-                roll.line(signals["t"], signals["phi"] / DEG, colour, name=name)
+                chart, unit, start, label = roll, DEG, 0.0, f"command, {rate / DEG:g}°/s"
                 lateral.line(signals["t"], signals["n_y"], colour, name=name)
             else:
-                upwards = name if step.size > 0.0 else ""
-                load.line(signals["t"], signals["n_z"], colour, name=upwards)
+                chart, unit, start, label = load, 1.0, 1.0, f"command, {rate:g} per s"
+            named = step.size > 0.0  # the step down has the same colour
+            response = signals[step.channel] / unit
+            chart.line(signals["t"], response, colour, name=name if named else "")
+            if step.V_a == steps[0].V_a:
+                command = (start + ramp) / unit
+                label = label if named else ""
+                chart.line(signals["t"], command, INK, dash=DASHED, width=1.0, name=label)
         banked = fly_step(config, "phi", BANK, V_a=V_a, h=height, duration=6.0).signals
         bank.line(banked["t"], banked["n_z"], colour, name=name)
-    _draw_commands(roll, load, steps, config)
     bank.level(1.0 / math.cos(BANK), INK, dash=DASHED)
     bank.legend.append(("1/cos 45°", INK, DASHED))
     return Sheet(charts=[roll, load, lateral, bank], title=config.title)
-
-
-def _draw_commands(
-    roll: Chart, load: Chart, steps: Sequence[StepResponse], config: AircraftConfig
-) -> None:
-    """Draw the commands behind the rate limits of the inner loop."""
-    rates = {"phi": config.limits.phi_rate, "n_z": config.limits.n_z_rate}
-    first = steps[0].V_a if steps else 0.0
-    for step in (s for s in steps if s.V_a == first):
-        t, rate = step.signals["t"], rates[step.channel]
-        ramp = np.sign(step.size) * np.minimum(abs(step.size), rate * t)
-        if step.channel == "phi":
-            name = f"command, {rate / DEG:g}°/s"
-            roll.line(t, ramp / DEG, INK, dash=DASHED, width=1.0, name=name)
-        else:
-            name = f"command, {rate:g} per s" if step.size > 0.0 else ""
-            load.line(t, 1.0 + ramp, INK, dash=DASHED, width=1.0, name=name)

@@ -1,8 +1,10 @@
 """Why a problem is infeasible, and what would have to give."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from operator import itemgetter
+from typing import Any
 
 import numpy as np
 
@@ -12,18 +14,6 @@ from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
 from flighttune.tuning.program import Program, stabilising_starts
 from flighttune.tuning.result import Assessment, assessment, is_feasible
 from flighttune.tuning.tune import STARTS, searches, smallest_radius
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LimitDiagnosis:
-    """Effect of one input limit, with both its sides, on a problem."""
-
-    name: str  # ``<input>`` or ``<input>_rate``
-    # Smallest factor on this limit alone that makes the problem feasible; inf if none does
-    factor_alone: float
-    # s^2: smallest I_K found without this limit: the lower, the more it is worth relaxing
-    smallest_I_K_without: float
-    use: float  # share of this limit that the gains at the common factor use; above 1 they break it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,7 +30,12 @@ class Diagnosis:
     common_factor: float
     gains: PIGains | None  # gains that are feasible at the common factor
     binding: tuple[str, ...]  # limits that bind there
-    limits: tuple[LimitDiagnosis, ...]  # one for each finite limit, the most worth relaxing first
+    # A record for each finite limit, the most worth relaxing first: ``name`` (``<input>`` or
+    # ``<input>_rate``, both its sides); ``factor_alone``, the smallest factor on this limit alone
+    # that makes the problem feasible, inf if none does; ``smallest_I_K_without`` (s^2), the
+    # smallest I_K found without it; ``use``, the share of it that the gains at the common factor
+    # use, above 1 where they break it.
+    limits: tuple[Mapping[str, Any], ...]
 
 
 def diagnosis(problem: TuningProblem, *, starts: int = STARTS) -> Diagnosis:
@@ -67,26 +62,24 @@ def diagnosis(problem: TuningProblem, *, starts: int = STARTS) -> Diagnosis:
         common_factor=factor,
         gains=problem.gains(at_factor.K) if at_factor else None,
         binding=tuple(name for name in at_factor.active if name != "I_K") if at_factor else (),
-        limits=tuple(
-            sorted(limits, key=lambda limit: (limit.smallest_I_K_without, limit.factor_alone))
-        ),
+        limits=tuple(sorted(limits, key=itemgetter("smallest_I_K_without", "factor_alone"))),
     )
 
 
 def _limit_diagnosis(
     problem: TuningProblem, name: str, k: FloatArray, use: float
-) -> LimitDiagnosis:
+) -> dict[str, Any]:
     without = smallest_radius(_relaxed(problem, (name,), math.inf), k)
     alone = math.inf
     if without is not None and without.I_K <= problem.I_star:
         free = search_space(problem).free
         alone, _ = _smallest_factor(problem, (name,), np.vstack([without.K[free], k]))
-    return LimitDiagnosis(
-        name=name,
-        factor_alone=alone,
-        smallest_I_K_without=without.I_K if without else math.inf,
-        use=use,
-    )
+    return {
+        "name": name,
+        "factor_alone": alone,
+        "smallest_I_K_without": without.I_K if without else math.inf,
+        "use": use,
+    }
 
 
 def _smallest_factor(

@@ -10,7 +10,7 @@ every program sees all vertices and all eigenvalues at once.
 import itertools
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -30,7 +30,6 @@ from flighttune.theory.lyapunov import lyapunov_solution
 from flighttune.tuning.problem import TuningProblem, search_space
 from flighttune.tuning.program import stabilising_starts
 from flighttune.tuning.tune import tune_by_gradient
-from flighttune.units import DEG
 
 FACTOR_TOLERANCE = 1e-3
 """Relative accuracy of the largest factor."""
@@ -215,16 +214,6 @@ class _Linearised:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class LargestEnvelope:
-    """Largest scaling of an envelope about the trim for which gains are certified."""
-
-    # Largest factor found; 0 if not even the trim is certified, at most `LARGEST_FACTOR`
-    factor: float
-    envelope: Envelope | None  # the envelope at that factor
-    R: float  # 1/s: rate over it
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class EnvelopeTuning:
     """Gains tuned for their rate over an envelope, or why none were found."""
 
@@ -251,107 +240,81 @@ def envelope_rate(gains: PIGains, envelope: Envelope, *, g: float) -> CommonQ:
     return common_Q(vertex_loops(envelope, gains, g=g))
 
 
-def largest_envelope(
-    gains: PIGains,
-    envelope: Envelope,
-    trim: Envelope,
-    *,
-    g: float,
-) -> LargestEnvelope:
+def largest_factor(gains: PIGains, envelope: Envelope, trim: Envelope, *, g: float) -> float:
     """The largest scaling of an envelope about the trim over which gains have a common Q.
 
     `g` (m/s^2). `envelope`: scaled by the factor; contains the trim. `trim`: a single condition,
     `Envelope.at`. The factor comes from bisection, to `FACTOR_TOLERANCE`; the scaled envelopes are
-    nested. Raises InputError if the trim is not inside the envelope.
+    nested. It is 0 if not even the trim is certified, and at most `LARGEST_FACTOR`. Raises
+    InputError if the trim is not inside the envelope.
     """
-    if not envelope.contains(trim):
-        raise InputError(f"`envelope` must contain the trim {trim}, got {envelope}.")
+    _check_contains(envelope, trim)
 
-    def rate(factor: float) -> float:
+    def certified(factor: float) -> bool:
         try:
             scaled = envelope.scaled(trim, factor)
         except InputError:  # beyond +-pi/2 or standstill: not an envelope any more
-            return 0.0
-        return envelope_rate(gains, scaled, g=g).R
+            return False
+        return envelope_rate(gains, scaled, g=g).R > 0.0
 
     inside, outside = 0.0, 1.0
-    while rate(outside) > 0.0:
+    while certified(outside):
         inside, outside = outside, 2.0 * outside
         if outside > LARGEST_FACTOR:
-            break
-    if inside == 0.0 and rate(0.0) <= 0.0:
-        return LargestEnvelope(factor=0.0, envelope=None, R=0.0)
-    while outside <= LARGEST_FACTOR and outside - inside > FACTOR_TOLERANCE * outside:
+            return inside
+    if inside == 0.0 and not certified(0.0):
+        return 0.0
+    while outside - inside > FACTOR_TOLERANCE * outside:
         middle = (inside + outside) / 2.0
-        inside, outside = (middle, outside) if rate(middle) > 0.0 else (inside, middle)
-    return LargestEnvelope(factor=inside, envelope=envelope.scaled(trim, inside), R=rate(inside))
+        inside, outside = (middle, outside) if certified(middle) else (inside, middle)
+    return inside
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RateCurve:
-    """The certified rate of one set of gains over an envelope scaled about the trim."""
-
-    name: str
-    # shape (k,): scaling of the envelope; ends where no common Q is found any more
-    factors: FloatArray
-    rates: FloatArray  # shape (k,), 1/s
-    ends: bool  # whether the last point is such an end, and not just where sampling stopped
+def _check_contains(envelope: Envelope, trim: Envelope) -> None:
+    if not envelope.contains(trim):
+        raise InputError(f"`envelope` must contain the trim {trim}, got {envelope}.")
 
 
 def rate_curve(
-    name: str,
-    gains: PIGains,
-    envelope: Envelope,
-    trim: Envelope,
-    *,
-    g: float,
-    up_to: float = 2.0,
-) -> RateCurve:
-    """The certified rate from the trim alone up to a multiple of an envelope.
+    gains: PIGains, envelope: Envelope, trim: Envelope, *, g: float, up_to: float = 2.0
+) -> tuple[FloatArray, FloatArray]:
+    """The certified rate (1/s) from the trim alone up to a multiple of an envelope.
 
     `g` (m/s^2). `envelope`, `trim`: the envelope at factor one, and the condition it is scaled
-    about. `up_to`: largest factor sampled, positive. Raises InputError if the trim is not inside
+    about. `up_to`: largest factor sampled, positive. Returns factors and rates, shape (k,); the
+    last rate is 0 where no common Q is found any more. Raises InputError if the trim is not inside
     the envelope or `up_to` is not positive.
     """
     check_positive(up_to=up_to)
-    largest = largest_envelope(gains, envelope, trim, g=g).factor
-    ends = largest < up_to
-    factors = np.linspace(0.0, END_SHOWN * largest if ends else up_to, SAMPLES)
+    end = largest_factor(gains, envelope, trim, g=g)
+    factors = np.linspace(0.0, END_SHOWN * end if end < up_to else up_to, SAMPLES)
     rates = [envelope_rate(gains, envelope.scaled(trim, factor), g=g).R for factor in factors]
-    if ends:
-        factors, rates = np.append(factors, largest), [*rates, 0.0]
-    return RateCurve(name=name, factors=factors, rates=np.array(rates), ends=ends)
+    if end < up_to:
+        factors, rates = np.append(factors, end), [*rates, 0.0]
+    return factors, np.array(rates)
 
 
-def rate_chart(curves: Sequence[RateCurve], envelope: Envelope) -> Chart:
-    """Draw certified rates against the size of the envelope.
+def rate_chart(curves: Mapping[str, tuple[FloatArray, FloatArray]], envelope: Envelope) -> Chart:
+    """Draw certified rates of gain sets, by name, against the size of the envelope.
 
-    `envelope` is the one at 100 %; the legend has its ranges. A cross marks where a set of gains
+    `curves` are of `rate_curve`; `envelope` is the one at 100 %. A cross marks where a set of gains
     has no common Q any more.
     """
     chart = Chart(
         title="Rate certified over an envelope",
         x="size of the envelope about the trim [%]",
         y="certified rate [1/s]",
-        x_range=(0.0, 100.0 * max(float(curve.factors[-1]) for curve in curves)),
+        x_range=(0.0, 100.0 * max(float(factors[-1]) for factors, _ in curves.values())),
     )
     chart.upright(100.0, dash=DASHED)
-    chart.legend.append((_ranges(envelope), NEUTRAL, DASHED))
-    for curve, ((colour, _), _) in zip(curves, itertools.cycle(HUES), strict=False):
-        chart.line(100.0 * curve.factors, curve.rates, colour, name=curve.name, width=2.0)
-        if curve.ends:
-            chart.points(100.0 * curve.factors[-1], 0.0, colour, shape="cross", size=5)
+    chart.legend.append((str(envelope), NEUTRAL, DASHED))
+    for (name, (factors, rates)), ((colour, _), _) in zip(
+        curves.items(), itertools.cycle(HUES), strict=False
+    ):
+        chart.line(100.0 * factors, rates, colour, name=name, width=2.0)
+        if not rates[-1]:
+            chart.points(100.0 * factors[-1], 0.0, colour, shape="cross", size=5)
     return chart
-
-
-def _ranges(envelope: Envelope) -> str:
-    def degrees(ends: tuple[float, float]) -> str:
-        return f"{ends[0] / DEG:.0f} to {ends[1] / DEG:.0f}°"
-
-    return (
-        f"V {envelope.V_a[0]:g} to {envelope.V_a[1]:g} m/s, γ {degrees(envelope.gamma)}, "
-        f"φ {degrees(envelope.phi)}, n_z {envelope.n_z[0]:g} to {envelope.n_z[1]:g}"
-    )
 
 
 def tune_over_envelope(
@@ -374,8 +337,7 @@ def tune_over_envelope(
     scaling.
     """
     began = time.perf_counter()
-    if not envelope.contains(trim):
-        raise InputError(f"`envelope` must contain the trim {trim}, got {envelope}.")
+    _check_contains(envelope, trim)
     if not np.all(np.asarray(problem.scaling) == 1.0):
         raise InputError("`scaling` must be all ones for a rate over an envelope.")
     space = search_space(problem)
@@ -420,8 +382,8 @@ def _grow(
     space = search_space(problem)
     reached: tuple[float, Point] | None = None
     for _ in range(GROWTHS):
-        part = largest_envelope(problem.gains(space.K(k)), envelope, trim, g=g)
-        factor = 1.0 if part.factor >= 1.0 else 0.95 * part.factor
+        part = largest_factor(problem.gains(space.K(k)), envelope, trim, g=g)
+        factor = 1.0 if part >= 1.0 else 0.95 * part
         if reached is not None and factor < 1.0 and factor <= reached[0] * 1.005:
             break
         models = jacobian_hull(envelope.scaled(trim, factor), g=g).models()

@@ -117,14 +117,6 @@ def frontier_chart(table: "pd.DataFrame", styles: Mapping[str, LineStyle]) -> Ch
 def _row(
     problem: TuningProblem, name: str, I_star: float, measured: Assessment
 ) -> dict[str, object]:
-    p = len(problem.model.errors)
-    gains = {
-        f"{'K_P' if j < p else 'K_I'}[{channel},{problem.model.errors[j % p]}]": float(
-            measured.K[i, j]
-        )
-        for i, channel in enumerate(problem.model.inputs)
-        for j in range(2 * p)
-    }
     return {
         "name": name,
         "I_star": I_star,
@@ -133,5 +125,5 @@ def _row(
         "spectral_abscissa": measured.spectral_abscissa,
         "within_limits": measured.within_limits,
         "active": " ".join(name for name in measured.active if name != "I_K"),
-        **gains,
+        **dict(zip(problem.gain_names.flat, measured.K.flat, strict=True)),
     }

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -96,6 +96,16 @@ class TuningProblem:
         K_min, K_max, K_fixed = map(np.asarray, (self.K_min, self.K_max, self.K_fixed))
         free = np.isnan(K_fixed)
         return np.where(free, K_min, K_fixed), np.where(free, K_max, K_fixed)
+
+    @property
+    def gain_names(self) -> npt.NDArray[Any]:
+        """Names of the stacked gains, such as ``K_P[phi,chi]``, shape (m, 2 p)."""
+        return np.array(
+            [
+                [f"{part}[{i},{e}]" for part in ("K_P", "K_I") for e in self.model.errors]
+                for i in self.model.inputs
+            ]
+        )
 
     def gains(self, K: FloatArray) -> PIGains:
         """The stacked gains (K_P, K_I), shape (m, 2 p), with the model's channel names."""

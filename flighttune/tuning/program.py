@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
-from flighttune.control.linear_model import LinearModel, closed_loops
+from flighttune.control.linear_model import LinearModel, closed_loops, velocity_form
 from flighttune.theory.indicators import indicators_batch, scaled
 from flighttune.theory.lyapunov import solution_of_checked
 from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
@@ -41,6 +41,11 @@ that the line search turns back."""
 
 SIGNS = np.array([[1.0], [-1.0], [-1.0]])
 """`top` is above its spectrum, `bottom` and `sigma_floor` are below theirs."""
+
+
+def _parts(z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Free gains, (top, bottom, sigma_floor) and the factor of variables z, shape (..., f + 4)."""
+    return z[..., :-4], z[..., -4:-1], z[..., -1]
 
 
 class Program:
@@ -119,8 +124,9 @@ class Program:
             return k, np.ones(len(k))
         limits = np.full(len(k), self._I_star) if I_star is None else I_star
         z = np.array([self._minimum(*start) for start in zip(k, limits, strict=True)])
+        ends, _, factor = _parts(z)
         # SLSQP may leave the bounds by rounding; gains must not.
-        return np.clip(z[:, :-4], self.space.k_min, self.space.k_max), z[:, -1]
+        return np.clip(ends, self.space.k_min, self.space.k_max), factor
 
     def _minimum(self, k: FloatArray, I_star: float) -> FloatArray:
         from scipy.optimize import minimize
@@ -153,23 +159,26 @@ class Program:
 
     def _goal(self, z: FloatArray) -> tuple[float, FloatArray]:
         """The objective and its slope."""
-        slope = np.array([*np.zeros(len(z) - 4), *COSTS[self._objective]])
+        k, _, _ = _parts(z)
         if self._objective != "trace":
+            slope = np.array([*np.zeros(len(k)), *COSTS[self._objective]])
             return float(slope @ z), slope
         # Its logarithm, which has the same minimum and a scale that SLSQP can work with.
-        logs, slopes = self._spectra(z[:-4])
+        logs, slopes = self._spectra(k)
         eigenvalues = np.exp(logs[0])
         # slopes are those of log(lambda_i): d(sum lambda) = sum lambda_i d(log lambda_i).
-        slope[:-4] = eigenvalues @ slopes[0] / eigenvalues.sum()
-        return math.log(eigenvalues.sum()), slope
+        in_k = eigenvalues @ slopes[0] / eigenvalues.sum()
+        return math.log(eigenvalues.sum()), np.append(in_k, COSTS["trace"])
 
     def room(self, z: FloatArray) -> FloatArray:
         """Slack of the bounds on the spectra, shape (3 n,)."""
-        return (SIGNS * (z[-4:-1, None] - self._spectra(z[:-4])[0])).ravel()
+        k, bounds, _ = _parts(z)
+        return (SIGNS * (bounds[:, None] - self._spectra(k)[0])).ravel()
 
     def room_slopes(self, z: FloatArray) -> FloatArray:
         """Jacobian of `room`, shape (3 n, f + 4)."""
-        slopes = -SIGNS[:, :, None] * self._spectra(z[:-4])[1]
+        k, _, _ = _parts(z)
+        slopes = -SIGNS[:, :, None] * self._spectra(k)[1]
         n = slopes.shape[1]
         # In (top, bottom, sigma_floor) each block of n rows has its own sign and nothing else.
         own = np.repeat(np.diag(SIGNS[:, 0]), n, axis=0)
@@ -279,11 +288,9 @@ def _regulators(model: LinearModel, rng: np.random.Generator) -> FloatArray:
     """Stacked gains of linear-quadratic regulators, shape (`REGULATORS`, m, 2 p)."""
     from scipy.linalg import solve_continuous_are
 
-    n, m, p = model.shape
-    A = np.zeros((n + p, n + p))
-    A[:n, :n], A[n:, :n] = model.A, model.C
-    B = np.vstack([model.B, np.zeros((p, m))])
-    Q, R = (10.0 ** rng.uniform(-1.5, 1.5, (REGULATORS, size)) for size in (n + p, m))
+    A, B = velocity_form(model)
+    n = len(model.states)
+    Q, R = (10.0 ** rng.uniform(-1.5, 1.5, (REGULATORS, size)) for size in B.shape)
     gains = []
     for q, r in zip(Q, R, strict=True):
         try:

@@ -102,7 +102,9 @@ def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:
     binding = abs(measured.I_K - problem.I_star) <= BINDING * problem.I_star < math.inf
     active = ["I_K"] if binding else []
     active += [name for name, low in zip(space.names, slack <= BINDING * size, strict=True) if low]
-    active += _active_bounds(problem, K, space.free)
+    for side, bound in zip(("min", "max"), problem.gain_bounds, strict=True):
+        touching = space.free & (np.abs(K - bound) <= BINDING * np.maximum(np.abs(bound), 1.0))
+        active += [f"{name}_{side}" for name in problem.gain_names[touching]]
     within = bool((slack >= -ROUNDING * size).all() and (lower <= K).all() and (K <= upper).all())
     return Assessment(
         K=K,
@@ -142,14 +144,3 @@ def why_infeasible(problem: TuningProblem, best: Assessment | None) -> str:
         f"`I_star` must be at least {best.I_K:.6g}, the smallest I_K reached{at}, "
         f"got {problem.I_star:g}."
     )
-
-
-def _active_bounds(problem: TuningProblem, K: FloatArray, free: np.ndarray) -> list[str]:
-    p = len(problem.model.errors)
-    names = []
-    for side, bound in zip(("min", "max"), problem.gain_bounds, strict=True):
-        touching = free & (np.abs(K - bound) <= BINDING * np.maximum(np.abs(bound), 1.0))
-        for i, j in np.argwhere(touching):
-            part = "K_P" if j < p else "K_I"
-            names.append(f"{part}[{problem.model.inputs[i]},{problem.model.errors[j % p]}]_{side}")
-    return names

@@ -5,7 +5,8 @@ With one model this is the plain problem, solved so that no channel is left unde
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -23,17 +24,12 @@ STARTS = 4
 AGREEMENT = 1e-4
 METHOD = "worst of models"
 
-Indices = npt.NDArray[np.intp]
+Indices: TypeAlias = npt.NDArray[np.intp]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Channel:
-    """Inputs, errors and states that act on each other and on nothing else."""
-
-    # `inputs` and `errors`: their places in the whole model
-    inputs: Indices
-    errors: Indices
-    problem: TuningProblem  # the problem of these alone
+# Inputs and errors, as their places in the whole model, that act on each other and on nothing else,
+# and the problem of these alone.
+Channel: TypeAlias = tuple[Indices, Indices, TuningProblem]
 
 
 def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) -> TuningResult:
@@ -49,10 +45,12 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
     not touch each other are 0. Raises InputError if the bounds on gains differ.
     """
     began = time.perf_counter()
-    _check(problems)
     whole = problems[0]
+    for problem in problems[1:]:
+        if not np.array_equal(problem.gain_bounds, whole.gain_bounds):
+            raise InputError("`problems` must share their bounds on gains.")
     split = [channels(problem) for problem in problems]
-    results = [_tuned([c.problem for c in same], starts) for same in zip(*split, strict=True)]
+    results = [_tuned([part for _, _, part in same], starts) for same in zip(*split, strict=True)]
     solved = [result for result in results if result is not None]
     tried = sum(searches for _, searches, _ in solved)
     if len(solved) < len(results):
@@ -64,7 +62,9 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
             wall_s=time.perf_counter() - began,
         )
     space = search_space(whole)
-    K = _assembled(split[0], [gains for gains, _, _ in solved], space.base.shape)
+    K, p = np.zeros(space.base.shape), len(whole.model.errors)
+    for (inputs, errors, _), (own, _, _) in zip(split[0], solved, strict=True):
+        K[inputs[:, None], np.concatenate([errors, p + errors])] = own
     loops = [
         indicators(closed_loops(problem.model, K), scaling=problem.scaling) for problem in problems
     ]
@@ -84,13 +84,6 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
         agreeing=min(agreeing for _, _, agreeing in solved),
         wall_s=time.perf_counter() - began,
     )
-
-
-def _check(problems: Sequence[TuningProblem]) -> None:
-    for problem in problems[1:]:
-        bounds = zip(problem.gain_bounds, problems[0].gain_bounds, strict=True)
-        if not all(np.array_equal(own, first) for own, first in bounds):
-            raise InputError("`problems` must share their bounds on gains.")
 
 
 def _tuned(problems: list[TuningProblem], starts: int) -> tuple[FloatArray, int, int] | None:
@@ -140,22 +133,11 @@ def channels(problem: TuningProblem) -> tuple[Channel, ...]:
     driven = list(dict.fromkeys(groups[1].tolist()))
     places = [[np.flatnonzero(group == k) for group in groups] for k in driven]
     if count > len(driven) or not all(len(states) and len(errors) for states, _, errors in places):
-        return (Channel(inputs=np.arange(m), errors=np.arange(p), problem=problem),)
+        return ((np.arange(m), np.arange(p), problem),)
     return tuple(
-        Channel(inputs=inputs, errors=errors, problem=_part(problem, states, inputs, errors))
+        (inputs, errors, _part(problem, states, inputs, errors))
         for states, inputs, errors in places
     )
-
-
-def _assembled(
-    parts: Sequence[Channel], gains: Sequence[FloatArray], shape: tuple[int, ...]
-) -> FloatArray:
-    """Stacked gains of the whole, shape (m, 2 p), from those of each channel."""
-    K = np.zeros(shape)
-    p = shape[1] // 2
-    for channel, own in zip(parts, gains, strict=True):
-        K[channel.inputs[:, None], np.concatenate([channel.errors, p + channel.errors])] = own
-    return K
 
 
 def _part(

@@ -15,9 +15,9 @@ from typing import get_args
 import numpy as np
 
 from flighttune.arrays import FloatArray, check_at_least
-from flighttune.control.linear_model import LinearModel, closed_loops
+from flighttune.control.linear_model import LinearModel, closed_loops, velocity_form
 from flighttune.errors import InputError
-from flighttune.theory.indicators import IndicatorArrays, indicators_batch
+from flighttune.theory.indicators import IndicatorArrays, indicators_batch, scaled
 from flighttune.theory.lmi import blocks, largest, solve, unknown
 from flighttune.tuning.problem import Method, TuningProblem, search_space
 from flighttune.tuning.program import Objective, Program, stabilising_starts
@@ -81,7 +81,8 @@ def tune(
     if method == "genetic":
         result = tune_by_evolution(problem)
     elif method == "convex":
-        result = tune_from_convex_start(problem)
+        first = convex_starts(problem)
+        result = replace(tune_by_gradient(problem, starts=0, first=first), method="convex")
     else:
         result = tune_by_gradient(problem, starts=starts)
     return replace(result, wall_s=time.perf_counter() - began)
@@ -174,22 +175,12 @@ def searches(
     return [assessment(problem, K) for K in task.space.K(task.descend(k)[0])]
 
 
-def tune_from_convex_start(problem: TuningProblem) -> TuningResult:
-    """Gains of the largest R_K, by the gradient method from gains of a convex problem.
-
-    `problem`: gains on states that its loop does not feed back are left out of the start; with lag
-    or delay it is then a guess, no longer an optimum. There is no random start, so that the seed
-    plays no part. The status is "failed" where no convex start stabilises the loop.
-    """
-    result = tune_by_gradient(problem, starts=0, first=convex_starts(problem))
-    return replace(result, method="convex")
-
-
 def convex_starts(problem: TuningProblem) -> FloatArray:
     """Stacked gains of the convex problem for each of `SIZES`, shape (at most 5, m, 2 p).
 
     `problem`: model, scaling and the bounds and fixed values of gains are used, the rest is not.
-    The result is empty where the solver found no answer at all.
+    Gains on states that its loop does not feed back are left out: with lag or delay the start is
+    then a guess, no longer an optimum. The result is empty where the solver found no answer at all.
     """
     solutions = [state_feedback(problem.model, problem.scaling, size) for size in SIZES]
     n = len(problem.model.states)
@@ -208,12 +199,10 @@ def state_feedback(
     e). `size`: bound on the gains in the norm of the optimal W. Returns None where the solver has
     no answer (shape (m, n + p)).
     """
-    n, m, p = model.shape
-    order = n + p
+    A, B = velocity_form(model)
+    order, m = B.shape
     scale = np.ones(order) if scaling is None else scaling
-    A, B = np.zeros((order, order)), np.vstack([model.B, np.zeros((p, m))])
-    A[:n, :n], A[n:, :n] = model.A, model.C
-    A, B = A * (scale / scale[:, None]), B / scale[:, None]
+    A, B = scaled(A, scale), B / scale[:, None]
     W, Y = unknown(order, order, symmetric=True), unknown(m, order)
     rate, eye = unknown(), np.eye(order)
     flow = A @ W + B @ Y

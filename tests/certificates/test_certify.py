@@ -24,7 +24,7 @@ from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.errors import InputError
 from flighttune.theory import common, lmi
 from flighttune.theory.indicators import indicators
-from flighttune.tuning.envelope import largest_envelope
+from flighttune.tuning.envelope import largest_factor
 from flighttune.value_file import tables_of, value_of
 
 G = 9.81
@@ -247,7 +247,7 @@ def test_unstable_gains_are_refused_with_the_eigenvalue():
 @pytest.mark.parametrize("gains", [PAPER_GAINS, TUNED])
 def test_the_largest_envelope_of_gains_can_be_proven_and_one_percent_more_cannot(gains):
     trim = Envelope.at(V_a=25.0, gamma=np.pi / 12)
-    factor = largest_envelope(gains, ENVELOPE, trim, g=G).factor
+    factor = largest_factor(gains, ENVELOPE, trim, g=G)
 
     largest, beyond = (ENVELOPE.scaled(trim, part * factor) for part in (1.0, 1.01))
 

@@ -36,12 +36,17 @@ def test_the_extremes_within_the_printed_limits_are_the_known_ones(printed_diagn
 def test_the_roll_rate_limit_is_the_one_worth_relaxing(printed, printed_diagnosis):
     worst = printed_diagnosis.limits[0]
 
-    assert worst.name == "phi_rate"
-    assert worst.use == pytest.approx(printed_diagnosis.common_factor, rel=1e-6)
+    assert worst["name"] == "phi_rate"
+    assert worst["use"] == pytest.approx(printed_diagnosis.common_factor, rel=1e-6)
     dropped = tune(printed.relaxed(1.0, np.array([np.inf, 1.0])))
-    assert dropped.smallest_I_K == pytest.approx(worst.smallest_I_K_without, rel=1e-6)
-    assert {one.name for one in printed_diagnosis.limits} == {"phi", "phi_rate", "n_z", "n_z_rate"}
-    assert all(one.factor_alone == np.inf for one in printed_diagnosis.limits)
+    assert dropped.smallest_I_K == pytest.approx(worst["smallest_I_K_without"], rel=1e-6)
+    assert {one["name"] for one in printed_diagnosis.limits} == {
+        "phi",
+        "phi_rate",
+        "n_z",
+        "n_z_rate",
+    }
+    assert all(limit["factor_alone"] == np.inf for limit in printed_diagnosis.limits)
 
 
 @pytest.mark.slow
@@ -51,10 +56,10 @@ def test_a_single_limit_in_the_way_has_a_factor_of_its_own(printed):
     found = diagnosis(generous)
 
     worst = found.limits[0]
-    assert worst.name == "phi_rate"
-    assert worst.factor_alone == pytest.approx(found.common_factor, rel=1e-6)
+    assert worst["name"] == "phi_rate"
+    assert worst["factor_alone"] == pytest.approx(found.common_factor, rel=1e-6)
     for factor, status in ((ABOVE, "optimal"), (BELOW, "infeasible")):
-        one = generous.relaxed(1.0, np.array([factor * worst.factor_alone, 1.0]))
+        one = generous.relaxed(1.0, np.array([factor * worst["factor_alone"], 1.0]))
         assert tune(one).status == status
 
 

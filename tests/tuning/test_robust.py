@@ -33,21 +33,21 @@ def rate(one, K):
 
 
 def test_the_law_behind_lags_falls_apart_into_course_and_climb():
-    roll, load = channels(problem())
+    (_, _, roll), (_, _, load) = channels(problem())
 
-    assert (roll.problem.model.inputs, roll.problem.model.errors) == (("phi",), ("chi",))
-    assert roll.problem.model.states == ("chi", "phi", "phi_lag_1", "phi_delay")
-    assert (load.problem.model.inputs, load.problem.model.errors) == (("n_z",), ("gamma",))
-    assert roll.problem.scaling == pytest.approx([1.0, *[25.0 / 9.81] * 3, 1.0])
+    assert (roll.model.inputs, roll.model.errors) == (("phi",), ("chi",))
+    assert roll.model.states == ("chi", "phi", "phi_lag_1", "phi_delay")
+    assert (load.model.inputs, load.model.errors) == (("n_z",), ("gamma",))
+    assert roll.scaling == pytest.approx([1.0, *[25.0 / 9.81] * 3, 1.0])
 
 
 def test_a_banked_law_stays_in_one_piece():
     law = kinematic_model(V_a=25.0, gamma=0.0, phi=0.5, g=9.81)
 
-    (whole,) = channels(TuningProblem(model=law))
+    ((_, _, whole),) = channels(TuningProblem(model=law))
 
-    assert whole.problem.model.inputs == law.inputs
-    assert np.array_equal(whole.problem.model.B, law.B)
+    assert whole.model.inputs == law.inputs
+    assert np.array_equal(whole.model.B, law.B)
 
 
 def test_one_model_gives_the_optimum_of_the_decoupled_problem():
@@ -63,13 +63,13 @@ def test_no_small_change_of_a_gain_improves_the_worst_rate_of_its_channel():
     found = tune_worst_case(several)
     for number in range(2):
         parts = [channels(one)[number] for one in several]
-        own = found.gains.K[np.ix_(parts[0].inputs, [number, 2 + number])]
-        best = min(rate(part.problem, own) for part in parts)
+        own = found.gains.K[np.ix_(parts[0][0], [number, 2 + number])]
+        best = min(rate(part, own) for _, _, part in parts)
         for column in range(2):
             for factor in (1.0 - STEP, 1.0 + STEP):
                 moved = own.copy()
                 moved[0, column] *= factor
-                assert min(rate(part.problem, moved) for part in parts) < best * (1.0 + SAME)
+                assert min(rate(part, moved) for _, _, part in parts) < best * (1.0 + SAME)
 
 
 def test_the_worst_of_several_models_is_better_than_that_of_gains_for_one():

@@ -56,7 +56,7 @@ class Bench:
     """
 
     def __init__(self, fdm: Fdm, h: float) -> None:
-        self._fdm = fdm
+        self.fdm = fdm
         self._evaluations = MAX_EVALUATIONS if fdm.own_flight_control else 1
         fdm.writer(properties.ENGAGED)(0.0)
         fdm.writer("ic/h-sl-ft")((h - fdm.ground) / FT)
@@ -89,12 +89,12 @@ class Bench:
         ):
             for write, value in zip(writers, values, strict=True):
                 write(value)
-        self._fdm.evaluate()
+        self.fdm.evaluate()
         # Settling takes seconds of engine time and depends on airspeed and throttle alone.
         if (state.V_a, state.throttle) != self._settled_for:
             self._settled_for = state.V_a, state.throttle
-            self._fdm.settle_engine()
-            self._fdm.evaluate()
+            self.fdm.settle_engine()
+            self.fdm.evaluate()
         self._settle_flight_control()
         F_x, F_y, F_z = (read() for read in self._forces)
         u_dot, v_dot, w_dot = (read() * FT for read in self._linear)
@@ -118,7 +118,7 @@ class Bench:
             if now == before:
                 return
             before = now
-            self._fdm.evaluate()
+            self.fdm.evaluate()
 
 
 def slopes(

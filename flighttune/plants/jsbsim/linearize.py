@@ -1,13 +1,12 @@
 """Rigid-body linearisation of a trimmed JSBSim aircraft, and its modes."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from flighttune.aircraft.aircraft import AircraftConfig
-from flighttune.arrays import FloatArray, read_only_matrix
+from flighttune.arrays import FloatArray
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.bench import CONTROLS, AirframeState, Bench, slopes
 from flighttune.plants.jsbsim.fdm import Fdm
@@ -28,46 +27,13 @@ _HALF_WIDTHS = {
 last, because the engine settles anew for them."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Mode:
-    """A natural motion of the aircraft, controls fixed."""
-
-    # ``short period``, ``phugoid``, ``dutch roll``, ``roll``, ``spiral``, or what fits best
-    name: str
-    eigenvalue: complex  # 1/s: of a pair the eigenvalue with positive imaginary part
-
-    @property
-    def natural_frequency(self) -> float:
-        """Size of the eigenvalue, rad/s."""
-        return abs(self.eigenvalue)
-
-    @property
-    def damping(self) -> float:
-        """Damping ratio; +-1 for a motion without oscillation, 0 for none at all."""
-        size = abs(self.eigenvalue)
-        return -self.eigenvalue.real / size if size else 0.0
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RigidBodyModel:
-    """``x' = A x + B u`` of the airframe about a trim, inner loop off, without actuator lags."""
-
-    # `A` and `B` (shapes (8, 8), (8, 4)): states `STATES`, inputs `CONTROLS`, SI and rad
-    A: FloatArray
-    B: FloatArray
-    modes: tuple[Mode, ...]  # longitudinal ones first, the fastest of each plane first
-
-    def __post_init__(self) -> None:
-        for name in ("A", "B"):
-            object.__setattr__(self, name, read_only_matrix(name, getattr(self, name)))
-
-
-def linearize(config: AircraftConfig, condition: FlightCondition) -> RigidBodyModel:
+def linearize(config: AircraftConfig, condition: FlightCondition) -> tuple[FloatArray, FloatArray]:
     """Linearise the airframe of an aircraft about steady flight at `condition`.
 
-    Central differences are taken on the bench, actuators and engine settled. Raises InputError if
-    `condition` lies outside the aircraft's envelope. Raises PlantError if the aircraft cannot be
-    built. Raises TrimError if there is no steady flight at `condition`.
+    Returns A and B of ``x' = A x + B u``, shapes (8, 8) and (8, 4): states `STATES`, inputs
+    `CONTROLS`, SI and rad, inner loop off and without actuator lags, by central differences on the
+    bench. Raises InputError if `condition` lies outside the aircraft's envelope. Raises PlantError
+    if the aircraft cannot be built. Raises TrimError if there is no steady flight at `condition`.
     """
     fdm = Fdm(config)
     at = trim(fdm, condition)
@@ -76,11 +42,7 @@ def linearize(config: AircraftConfig, condition: FlightCondition) -> RigidBodyMo
     # ends the process for an aircraft without engine. Where it works it agrees.
     by = slopes(lambda state: _state_rates(state, bench.accelerations(state)), at, _HALF_WIDTHS)
     A, B = (np.column_stack([by[name] for name in names]) for names in (STATES, CONTROLS))
-    modes = (
-        *longitudinal_modes(A[:4, :4]),
-        *lateral_modes(A[4:, 4:]),
-    )
-    return RigidBodyModel(A=A, B=B, modes=modes)
+    return A, B
 
 
 def _state_rates(state: AirframeState, measured: dict[str, float]) -> FloatArray:
@@ -106,38 +68,38 @@ def _state_rates(state: AirframeState, measured: dict[str, float]) -> FloatArray
     )
 
 
-def longitudinal_modes(A: FloatArray) -> tuple[Mode, ...]:
-    """Modes of speed, angle of attack, attitude and pitch rate, A of shape (4, 4).
+def modes(A: FloatArray) -> list[dict[str, Any]]:
+    """Natural motions of an airframe with its controls fixed, A of `linearize`, as records.
 
-    The two largest eigenvalues are the short period, the others the phugoid; either may be two
-    motions without oscillation.
+    Longitudinal motions come first, in each plane the fastest; an oscillation is listed once, by
+    its eigenvalue with positive imaginary part. The two largest longitudinal eigenvalues are the
+    short period, the others the phugoid; either may be two motions without oscillation. The faster
+    lateral pair is the dutch roll; the largest real eigenvalue is the roll mode, the smallest the
+    spiral.
     """
-    eigenvalues = sorted(np.linalg.eigvals(A).tolist(), key=abs, reverse=True)
-    names = ("short period", "short period", "phugoid", "phugoid")
-    return _once_a_pair(names, eigenvalues)
-
-
-def lateral_modes(A: FloatArray) -> tuple[Mode, ...]:
-    """Modes of sideslip, roll, roll rate and yaw rate, A of shape (4, 4).
-
-    The faster pair is the dutch roll; the largest real eigenvalue is the roll mode, the smallest
-    one the spiral.
-    """
-    eigenvalues = sorted(np.linalg.eigvals(A).tolist(), key=abs, reverse=True)
-    pairs = [value for value in eigenvalues if _oscillates(value)]
-    real = [value for value in eigenvalues if not _oscillates(value)]
-    pair_names = ("dutch roll", "dutch roll", "roll-spiral", "roll-spiral")
-    real_names = ("roll", *["lateral"] * (len(real) - 2), "spiral")
-    return (*_once_a_pair(pair_names, pairs), *_once_a_pair(real_names, real))
-
-
-def _once_a_pair(names: Sequence[str], eigenvalues: list[complex]) -> tuple[Mode, ...]:
-    return tuple(
-        Mode(name=name, eigenvalue=complex(value))
-        for name, value in zip(names, eigenvalues, strict=False)
-        if not (_oscillates(value) and value.imag < 0.0)
+    longitudinal, lateral = (
+        sorted(map(complex, np.linalg.eigvals(block)), key=abs, reverse=True)
+        for block in (A[:4, :4], A[4:, 4:])
     )
+    pairs = [value for value in lateral if _oscillates(value)]
+    real = [value for value in lateral if not _oscillates(value)]
+    named = [
+        *zip(["short period"] * 2 + ["phugoid"] * 2, longitudinal, strict=True),
+        *zip(["dutch roll"] * 2 + ["roll-spiral"] * 2, pairs, strict=False),
+        *zip(["roll", *["lateral"] * (len(real) - 2), "spiral"], real, strict=False),
+    ]
+    return [
+        {
+            "name": name,
+            "eigenvalue_per_s": [value.real, value.imag],
+            "natural_frequency_rad_s": abs(value),
+            # 1 or -1 for a motion without oscillation, 0 for none at all
+            "damping": -value.real / abs(value) if value else 0.0,
+        }
+        for name, value in named
+        if not (_oscillates(value) and value.imag < 0.0)
+    ]
 
 
 def _oscillates(eigenvalue: complex) -> bool:
-    return abs(complex(eigenvalue).imag) > OSCILLATES * abs(eigenvalue)
+    return abs(eigenvalue.imag) > OSCILLATES * abs(eigenvalue)
