@@ -15,13 +15,11 @@ from flighttune.control.envelope import Envelope, jacobian_hull, vertex_loops
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel, closed_loop, disturbance_entry
 from flighttune.errors import InputError
-from flighttune.theory.attractor import invariant_ellipsoid
+from flighttune.theory.attractor import Ellipsoid, invariant_ellipsoid
 from flighttune.theory.certificate import FACTORS, Verification, provable_rate
 from flighttune.theory.common import common_ellipsoid, common_Q
 from flighttune.theory.indicators import indicators
 from flighttune.theory.lmi import solver_versions
-
-Ellipsoid = tuple[FloatArray, float]
 
 # Airspeed (m/s) and flight-path angle (rad), and the model there.
 Condition = tuple[tuple[float, float], LinearModel]
@@ -102,7 +100,7 @@ def certify(
     certificate = Certificate(
         claim=Claim(
             rate=proven[1],
-            radius=None if ellipsoid is None else _radius(ellipsoid[0]),
+            radius=None if ellipsoid is None else _radius(ellipsoid.W),
             L_d=L_d,
             envelope=envelope,
             g=g,
@@ -111,8 +109,8 @@ def certify(
         model=model,
         gains=gains,
         Q=proven[0],
-        W=None if ellipsoid is None else ellipsoid[0],
-        multiplier=None if ellipsoid is None else ellipsoid[1],
+        W=None if ellipsoid is None else ellipsoid.W,
+        multiplier=None if ellipsoid is None else ellipsoid.multiplier,
         hull=polytope,
         models=models,
         made_with={"flighttune": version("flighttune"), **_solvers(len(loops) > 1)},
@@ -142,12 +140,8 @@ def _Q(loops: FloatArray) -> tuple[FloatArray | None, str]:
 
 def _ellipsoid(loops: FloatArray, E: FloatArray, L_d: float) -> tuple[Ellipsoid | None, str]:
     if len(loops) > 1:
-        common = common_ellipsoid(loops, E, L_d=L_d)
-        if common.W is None:
-            return None, common.reason
-        return ((common.W + common.W.T) / 2.0, common.multiplier), ""  # symmetric to the last bit
-    single = invariant_ellipsoid(loops[0], E, L_d=L_d, slack=1e-6)  # else rounding refutes it
-    return (single.W, single.multiplier), ""
+        return common_ellipsoid(loops, E, L_d=L_d)
+    return invariant_ellipsoid(loops[0], E, L_d=L_d, slack=1e-6), ""  # else rounding refutes it
 
 
 def _radius(W: FloatArray) -> float:

@@ -1,6 +1,7 @@
 """Gains by name or file, and how commands print them and their margins."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ from flighttune.present.tables import Column, Table
 
 if TYPE_CHECKING:
     from flighttune.control.gains import PIGains
-    from flighttune.control.margins import LoopMargins
+    from flighttune.control.margins import Margins
     from flighttune.scenario import Scenario
 
 GAINS_COLUMNS = (
@@ -62,29 +63,21 @@ def gains_table(title: str, gains: "PIGains | None") -> Table:
     return Table(title=title, columns=GAINS_COLUMNS, records=records)
 
 
-def margins_table(margins: "LoopMargins | None") -> Table:
+def margins_table(margins: "Sequence[Margins]") -> Table:
     """Stability margins: a row a channel, and one for all channels at once."""
-    records = []
-    if margins is not None:
-        records = [
-            {
-                "loop": loop.channel,
-                **pick(loop, "gain_decrease gain_increase"),
-                "phase_margin_deg": math.degrees(loop.phase_margin),
-                "delay_margin_s": loop.delay_margin,
-            }
-            for loop in margins.channels
-        ]
-        together = {
-            "loop": "all at once",
-            "gain_decrease": 1.0 / margins.disk_gain,
-            "gain_increase": margins.disk_gain,
-            "phase_margin_deg": math.degrees(margins.disk_phase),
-            "delay_margin_s": margins.delay_margin,
-            "lag_margin_s": margins.lag_margin,
-            "disk_margin": margins.disk_margin,
+    records = [
+        {
+            **pick(row, "loop gain_decrease gain_increase"),
+            "phase_margin_deg": math.degrees(row.phase_margin),
+            "delay_margin_s": row.delay_margin,
         }
-        records.append(together)
+        for row in margins
+    ]
+    if margins:
+        records[-1] |= {
+            "lag_margin_s": margins[-1].lag_margin,
+            "disk_margin": margins[-1].disk_margin,
+        }
     title = "stability margins"
     return Table(title=title, name="margins", columns=MARGIN_COLUMNS, records=records)
 

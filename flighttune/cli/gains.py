@@ -140,7 +140,7 @@ def _tune_at_trim(source: str, method: str | None) -> Answer:
         tables=[
             Table(title="tuning", columns=RESULT_COLUMNS, records=[values]),
             gains_table("gains", result.gains),
-            margins_table(None if stable is None else loop_margins(model, stable)),
+            margins_table(() if stable is None else loop_margins(model, stable)),
             *tables,
         ],
         notes=[
@@ -164,7 +164,7 @@ def _tune_over_envelope(source: str) -> Answer:
     result = tune_over_envelope(
         problem, envelope, trim, g=scenario.flight.g_mps2, starts=ENVELOPE_STARTS
     )
-    margins, at_trim = None, {"spectral_abscissa": None, "active": []}
+    margins, at_trim = (), {"spectral_abscissa": None, "active": []}
     if result.gains is not None:
         margins = loop_margins(scenario.linear_model(), result.gains)
         at_trim = pick(assessment(problem, result.gains.K), "spectral_abscissa active")

@@ -20,6 +20,7 @@ from flighttune.control.linear_model import LinearModel, closed_loop, entry_mode
 from flighttune.errors import InputError
 from flighttune.units import DEG
 
+RANGES = ("V_a", "gamma", "phi", "n_z")
 ENTRIES = ("a", "b1", "b2", "b3")
 
 # Relative widening of each range: some 50 times the rounding of the formulas.
@@ -48,7 +49,7 @@ class Envelope:
     n_z: Range
 
     def __post_init__(self) -> None:
-        for name in ("V_a", "gamma", "phi", "n_z"):
+        for name in RANGES:
             low, high = (float(end) for end in getattr(self, name))
             if not (math.isfinite(low) and math.isfinite(high) and low <= high):
                 raise InputError(
@@ -62,14 +63,16 @@ class Envelope:
                 raise InputError(f"`{name}` must lie inside +-pi/2, got {getattr(self, name)} rad.")
 
     def __str__(self) -> str:
-        angles = ((name, getattr(self, name)) for name in ("gamma", "phi"))
+        units = ((1.0, " m/s"), (DEG, " deg"), (DEG, " deg"), (1.0, ""))
         return ", ".join(
-            (
-                f"V_a {self.V_a[0]:g}..{self.V_a[1]:g} m/s",
-                *(f"{name} {ends[0] / DEG:g}..{ends[1] / DEG:g} deg" for name, ends in angles),
-                f"n_z {self.n_z[0]:g}..{self.n_z[1]:g}",
-            )
+            f"{name} {low / unit:g}..{high / unit:g}{symbol}"
+            for name, (low, high), (unit, symbol) in zip(RANGES, self.ranges, units, strict=True)
         )
+
+    @property
+    def ranges(self) -> FloatArray:
+        """Low and high end of each range, shape (4, 2)."""
+        return np.array([getattr(self, name) for name in RANGES])
 
     @classmethod
     def at(
@@ -89,21 +92,13 @@ class Envelope:
         """
         if not factor >= 0.0:
             raise InputError(f"`factor` must not be negative, got {factor}.")
-        ranges = {}
-        for name in ("V_a", "gamma", "phi", "n_z"):
-            ends, about = getattr(self, name), getattr(trim, name)
-            ranges[name] = tuple(
-                at + factor * (end - at) for end, at in zip(ends, about, strict=True)
-            )
-        return Envelope(**ranges)
+        ranges = trim.ranges + factor * (self.ranges - trim.ranges)
+        return Envelope(**dict(zip(RANGES, ranges.tolist(), strict=True)))
 
     def contains(self, other: "Envelope") -> bool:
         """Whether every range of `other` lies inside the same range here."""
-        return all(
-            getattr(self, name)[0] <= getattr(other, name)[0]
-            and getattr(other, name)[1] <= getattr(self, name)[1]
-            for name in ("V_a", "gamma", "phi", "n_z")
-        )
+        low, high = self.ranges.T
+        return bool((low <= other.ranges[:, 0]).all() and (other.ranges[:, 1] <= high).all())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

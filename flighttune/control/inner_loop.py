@@ -8,7 +8,13 @@ from typing import Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, check_at_least, read_only_vector
+from flighttune.arrays import (
+    FloatArray,
+    check_at_least,
+    check_not_negative,
+    check_positive,
+    read_only_vector,
+)
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ShapeError
 
@@ -147,12 +153,8 @@ class InnerLag:
     def __post_init__(self) -> None:
         if self.order not in (1, 2, 3):
             raise InputError(f"`order` must be 1, 2 or 3, got {self.order}.")
-        for name in ("natural_frequency", "damping", "lag"):
-            value = getattr(self, name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise InputError(f"`{name}` must be positive, got {value}.")
-        if not (math.isfinite(self.delay) and self.delay >= 0.0):
-            raise InputError(f"`delay` must not be negative, got {self.delay} s.")
+        check_positive(natural_frequency=self.natural_frequency, damping=self.damping, lag=self.lag)
+        check_not_negative("s", delay=self.delay)
 
     def response(self, omega: npt.ArrayLike) -> npt.NDArray[np.complex128]:
         """Frequency response at `omega` (rad/s), of the shape of `omega`."""

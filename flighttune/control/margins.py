@@ -38,6 +38,8 @@ DISK_ACCURACY = 1e-10
 # Iterations that balance three or more inputs; the first one balances two.
 SWEEPS = 10
 
+TOGETHER = "all at once"  # name of the margins of all inputs
+
 # A, B, C of a strictly proper loop L(s), from inputs to minus what the controller sends them.
 Loop: TypeAlias = tuple[FloatArray, FloatArray, FloatArray]
 
@@ -45,65 +47,49 @@ Interval: TypeAlias = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ChannelMargins:
-    """Margins of one input, the other loops closed.
+class Margins:
+    """Margins of one input with the other loops closed, or of all inputs at once.
 
     Attributes
     ----------
-    channel : str
-        The input at which the loop is cut.
-    gain_increase, gain_decrease : float, 1
-        Factors on the loop gain at which it becomes unstable: above 1 (inf if none) and below 1
-        (0 if none).
+    loop : str
+        The input at which the loop is cut, or `TOGETHER`: every input then changes by its own
+        amount, and all at once, up to these margins; delay and lag are common to all.
+    gain_decrease, gain_increase : float, 1
+        Factors on the loop gain at which it becomes unstable: below 1 (0 if none) and above 1 (inf
+        if none).
     phase_margin : float, rad
         Smallest additional phase lag that destabilises; inf if the gain never crosses 1.
     delay_margin : float, s
         Smallest additional delay that destabilises; inf if no delay does.
+    lag_margin : float or None, s
+        Smallest time constant of a first-order lag that destabilises; for all inputs only.
+    disk_margin : float or None, 1
+        Size of the largest disk of gain and phase changes that the loop survives: 2 would be
+        perfect, 0 is the verge of instability; for all inputs only.
     """
 
-    channel: str
-    gain_increase: float
+    loop: str
     gain_decrease: float
+    gain_increase: float
     phase_margin: float
     delay_margin: float
+    lag_margin: float | None = None
+    disk_margin: float | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LoopMargins:
-    """Margins of a whole loop at its inputs.
-
-    Attributes
-    ----------
-    channels : tuple of ChannelMargins
-        One input at a time.
-    disk_margin : float, 1
-        Size of the largest disk of gain and phase changes, each input its own and all at once,
-        that the loop survives: 2 would be perfect, 0 is the verge of instability.
-    disk_gain : float, 1
-        Every input's gain may change at once by any factor from 1/`disk_gain` to `disk_gain`.
-    disk_phase : float, rad
-        Every input's phase may change at once by up to this.
-    delay_margin : float, s
-        Smallest delay common to all inputs that destabilises.
-    lag_margin : float, s
-        Smallest time constant of a first-order lag common to all inputs that destabilises.
-    """
-
-    channels: tuple[ChannelMargins, ...]
-    disk_margin: float
-    disk_gain: float
-    disk_phase: float
-    delay_margin: float
-    lag_margin: float
-
-
-def loop_margins(model: LinearModel, gains: PIGains) -> LoopMargins | None:
-    """Margins of the loop that `gains` close on `model`, or None if it is not stable.
+def loop_margins(model: LinearModel, gains: PIGains) -> tuple[Margins, ...]:
+    """Margins of the loop that `gains` close on `model`; none if it is not stable.
 
     Parameters
     ----------
     gains : PIGains
         With the channels of `model`.
+
+    Returns
+    -------
+    tuple of Margins
+        Of each input, then of all at once.
 
     Raises
     ------
@@ -116,18 +102,21 @@ def loop_margins(model: LinearModel, gains: PIGains) -> LoopMargins | None:
     A. Packard and P. Gahinet, *An introduction to disk margins*, IEEE Control Systems 40(5), 2020.
     """
     if not _is_stable(closed_loop(model, gains)):
-        return None
+        return ()
     loop = _opened(model, gains)
     disk = _disk_margin(loop)
-    return LoopMargins(
-        channels=tuple(_channel_margins(loop, i, name) for i, name in enumerate(model.inputs)),
-        disk_margin=disk,
-        # the disk meets the real axis at 1/gain and gain, and the unit circle at +-phase
-        disk_gain=(2.0 + disk) / (2.0 - disk) if disk < 2.0 else math.inf,
-        disk_phase=2.0 * math.atan(disk / 2.0),
+    # the disk meets the real axis at 1/gain and gain, and the unit circle at +-phase
+    gain = (2.0 + disk) / (2.0 - disk) if disk < 2.0 else math.inf
+    together = Margins(
+        loop=TOGETHER,
+        gain_decrease=1.0 / gain,
+        gain_increase=gain,
+        phase_margin=2.0 * math.atan(disk / 2.0),
         delay_margin=delay_margin(model, gains),
         lag_margin=lag_margin(model, gains),
+        disk_margin=disk,
     )
+    return *(_channel_margins(loop, i, name) for i, name in enumerate(model.inputs)), together
 
 
 def channel_responses(
@@ -261,7 +250,7 @@ def _cut_at(i: int, A: FloatArray, B: FloatArray, C: FloatArray) -> Loop:
     return A - B[:, others] @ C[others], B[:, [i]], C[[i]]
 
 
-def _channel_margins(loop: Loop, i: int, name: str) -> ChannelMargins:
+def _channel_margins(loop: Loop, i: int, name: str) -> Margins:
     from scipy.linalg import block_diag
 
     A, B, C = _cut_at(i, *loop)
@@ -277,10 +266,10 @@ def _channel_margins(loop: Loop, i: int, name: str) -> ChannelMargins:
     values = _response((A, B, C), crossover)[:, 0, 0]
     on_circle = np.abs(np.abs(values) - 1.0) < ON_AXIS
     lag, crossover = _phase_lag(values[on_circle]), crossover[on_circle]
-    return ChannelMargins(
-        channel=name,
-        gain_increase=float(min(gain[gain > 1.0], default=math.inf)),
+    return Margins(
+        loop=name,
         gain_decrease=float(max(gain[(gain > NO_GAIN) & (gain < 1.0)], default=0.0)),
+        gain_increase=float(min(gain[gain > 1.0], default=math.inf)),
         phase_margin=float(min(lag, default=math.inf)),
         delay_margin=float(min(lag / crossover, default=math.inf)),
     )

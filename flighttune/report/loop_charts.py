@@ -1,13 +1,14 @@
 """Charts of a linear loop: Bode and Nyquist with margins marked, and eigenvalues."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel, closed_loop
-from flighttune.control.margins import LoopMargins, channel_responses
+from flighttune.control.margins import Margins, channel_responses
 from flighttune.present.chart import DASHED, DOTTED, Chart
 from flighttune.present.names import SYMBOLS
 from flighttune.present.palette import HUES, LIMIT, NEUTRAL
@@ -27,11 +28,11 @@ SQUARE = 340.0
 """Height of a chart of the plane, pixels."""
 
 
-def loop_charts(model: LinearModel, gains: PIGains, margins: LoopMargins | None) -> list[Chart]:
+def loop_charts(model: LinearModel, gains: PIGains, margins: Sequence[Margins]) -> list[Chart]:
     """Bode and Nyquist diagrams and the eigenvalues of the loop of gains on a linear model.
 
     The loop is cut at each input with the other closed. Gain and phase margin are marked, and the
-    disk that no response enters; `margins` is None where the loop is not stable.
+    disk that no response enters; `margins` is empty where the loop is not stable.
     """
     eigenvalues = np.asarray(np.linalg.eigvals(closed_loop(model, gains)), dtype=complex)
     speeds = np.abs(eigenvalues)
@@ -53,9 +54,9 @@ def loop_charts(model: LinearModel, gains: PIGains, margins: LoopMargins | None)
         phase.line(omega, angle / DEG, colour, name=name)
         nyquist.line(response.real, response.imag, colour, name=name)
         nyquist.line(response.real, -response.imag, colour, dash=DOTTED, width=1.0)
-        if margins is None:
+        if not margins:
             continue
-        own = margins.channels[i]
+        own = margins[i]
         if math.isfinite(own.phase_margin):
             on_circle = np.exp(1j * (own.phase_margin - math.pi))
             k = int(np.argmin(np.abs(response - on_circle)))
@@ -83,7 +84,7 @@ def _bode(title: str, unit: str) -> Chart:
     return Chart(title=title, x="frequency [rad/s]", y=unit, log="x")
 
 
-def _nyquist(margins: LoopMargins | None) -> Chart:
+def _nyquist(margins: Sequence[Margins]) -> Chart:
     chart = Chart(
         title="Nyquist; the loop is unstable where a curve moves across −1",
         x="real part",
@@ -96,9 +97,9 @@ def _nyquist(margins: LoopMargins | None) -> Chart:
     turn = np.linspace(0.0, 2.0 * math.pi, 200)
     chart.line(np.cos(turn), np.sin(turn), NEUTRAL, width=1.0)
     chart.points(-1.0, 0.0, LIMIT, shape="cross", size=6)
-    if margins is not None and math.isfinite(margins.disk_gain):
+    if margins and math.isfinite(margins[-1].gain_increase):
         # the disk meets the real axis at minus the gains that all loops survive at once
-        near, far = 1.0 / margins.disk_gain, margins.disk_gain
+        near, far = margins[-1].gain_decrease, margins[-1].gain_increase
         middle, radius = -(near + far) / 2.0, (far - near) / 2.0
         chart.line(
             middle + radius * np.cos(turn),
@@ -106,7 +107,7 @@ def _nyquist(margins: LoopMargins | None) -> Chart:
             LIMIT,
             dash=DASHED,
             width=1.2,
-            name=f"disk margin {margins.disk_margin:.2f}",
+            name=f"disk margin {margins[-1].disk_margin:.2f}",
         )
     return chart
 

@@ -4,6 +4,7 @@ A loop that wanders anywhere inside the convex hull of the vertices, as fast as 
 what the common matrix guarantees. Answers are checked by eigenvalues before they leave.
 """
 
+import math
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal, NamedTuple
@@ -13,6 +14,7 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, check_positive, read_only_matrix, square_matrices
 from flighttune.errors import ShapeError
+from flighttune.theory.attractor import Ellipsoid
 from flighttune.theory.lmi import largest, parameter, solve, unknown
 from flighttune.theory.lyapunov import lyapunov_solution
 
@@ -47,32 +49,9 @@ class CommonQ:
 
     status: Literal["optimal", "inaccurate", "none", "failed"]
     reason: str
-    Q: FloatArray | None
-    R: float
-    R_bound: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CommonEllipsoid:
-    """An ellipsoid ``s' W^-1 s <= 1`` that no vertex leaves, for disturbances of norm L_d.
-
-    Attributes
-    ----------
-    status : "found" or "none"
-    reason : str
-        Why no common Q was found; empty otherwise.
-    W : ndarray, shape (n, n), or None
-    multiplier : float, 1/s
-        The a of ``A W + W A' + a W + (L_d^2 / a) E E' <= 0``; states outside approach at rate a.
-    radius : float
-        ``sqrt(lambda_max(W))``; inf without one.
-    """
-
-    status: Literal["found", "none"]
-    reason: str
-    W: FloatArray | None
-    multiplier: float
-    radius: float
+    Q: FloatArray | None = None
+    R: float = 0.0
+    R_bound: float = math.inf
 
 
 def common_Q(vertices: npt.ArrayLike) -> CommonQ:
@@ -105,7 +84,7 @@ def common_Q(vertices: npt.ArrayLike) -> CommonQ:
     program.unit.value = _inverse_square(L)
     answer = solve(program.problem)
     if not answer.solved:
-        return _no_Q("failed", answer.reason, np.inf)
+        return CommonQ(status="failed", reason=answer.reason)
     # A multiplier goes back to the coordinates of A by the same congruence as its inequality.
     to_A = np.linalg.inv(L)
     duals = np.array([decay.dual_value for decay in program.decays])
@@ -113,7 +92,8 @@ def common_Q(vertices: npt.ArrayLike) -> CommonQ:
     Q = _from_coordinates(program.form.value, L)
     Q = _scaled_to_inequality(Q, A)
     if Q is None or 1.0 / np.linalg.eigvalsh(Q)[-1] < NO_RATE * speed:
-        return _no_Q("none", f"no common Q was found; its rate is at most {bound:.3g} 1/s", bound)
+        reason = f"no common Q was found; its rate is at most {bound:.3g} 1/s"
+        return CommonQ(status="none", reason=reason, R_bound=bound)
     R = float(1.0 / np.linalg.eigvalsh(Q)[-1])
     close = bound <= (1.0 + GAP) * R
     return CommonQ(
@@ -125,8 +105,10 @@ def common_Q(vertices: npt.ArrayLike) -> CommonQ:
     )
 
 
-def common_ellipsoid(vertices: npt.ArrayLike, E: npt.ArrayLike, *, L_d: float) -> CommonEllipsoid:
-    """The common invariant ellipsoid with the smallest radius.
+def common_ellipsoid(
+    vertices: npt.ArrayLike, E: npt.ArrayLike, *, L_d: float
+) -> tuple[Ellipsoid | None, str]:
+    """The ellipsoid with the smallest radius that no vertex leaves, for disturbances of norm L_d.
 
     Parameters
     ----------
@@ -138,7 +120,10 @@ def common_ellipsoid(vertices: npt.ArrayLike, E: npt.ArrayLike, *, L_d: float) -
 
     Returns
     -------
-    CommonEllipsoid
+    ellipsoid : Ellipsoid or None
+        Its multiplier is the a of ``A W + W A' + a W + (L_d^2 / a) E E' <= 0``.
+    reason : str
+        Why none was found; empty otherwise.
 
     Raises
     ------
@@ -157,7 +142,7 @@ def common_ellipsoid(vertices: npt.ArrayLike, E: npt.ArrayLike, *, L_d: float) -
     check_positive(L_d=L_d)
     fastest = -2.0 * np.linalg.eigvals(A).real.max()
     if not fastest > 0.0:
-        return _no_ellipsoid("a vertex is not stable")
+        return None, "a vertex is not stable"
     tried: dict[float, FloatArray] = {}
 
     def radius(fraction: float) -> float:
@@ -172,7 +157,7 @@ def common_ellipsoid(vertices: npt.ArrayLike, E: npt.ArrayLike, *, L_d: float) -
     for coarse in (0.05, 0.15, 0.3, 0.5):
         radius(coarse)
     if not tried:
-        return _no_ellipsoid("no common ellipsoid was found at any multiplier")
+        return None, "no common ellipsoid was found at any multiplier"
     start = min(tried, key=lambda fraction: np.linalg.eigvalsh(tried[fraction])[-1])
     minimize_scalar(
         radius,
@@ -182,13 +167,8 @@ def common_ellipsoid(vertices: npt.ArrayLike, E: npt.ArrayLike, *, L_d: float) -
     )
     best = min(tried, key=lambda fraction: np.linalg.eigvalsh(tried[fraction])[-1])
     W = L_d**2 * tried[best]
-    return CommonEllipsoid(
-        status="found",
-        reason="",
-        W=W,
-        multiplier=best * fastest,
-        radius=float(np.sqrt(np.linalg.eigvalsh(W)[-1])),
-    )
+    radius_of_best = float(np.sqrt(np.linalg.eigvalsh(W)[-1]))
+    return Ellipsoid(W=W, multiplier=best * fastest, radius=radius_of_best), ""
 
 
 def _ellipsoid(A: FloatArray, E: FloatArray, a: float) -> FloatArray | None:
@@ -318,11 +298,3 @@ def _vertex_matrices(vertices: npt.ArrayLike) -> FloatArray:
     if A.ndim != 3 or not len(A):
         raise ShapeError(f"`vertices` must have shape (k, n, n), got {A.shape}.")
     return A
-
-
-def _no_Q(status: Literal["none", "failed"], reason: str, bound: float) -> CommonQ:
-    return CommonQ(status=status, reason=reason, Q=None, R=0.0, R_bound=bound)
-
-
-def _no_ellipsoid(reason: str) -> CommonEllipsoid:
-    return CommonEllipsoid(status="none", reason=reason, W=None, multiplier=np.nan, radius=np.inf)

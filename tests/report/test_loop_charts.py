@@ -52,8 +52,8 @@ def test_the_phase_margin_drawn_is_that_of_the_closed_form(level):
 
 
 def test_no_channel_enters_the_disk_that_all_survive_together(climbing):
-    margins = loop_margins(climbing, PAPER_GAINS)
-    near, far = 1.0 / margins.disk_gain, margins.disk_gain
+    together = loop_margins(climbing, PAPER_GAINS)[-1]
+    near, far = together.gain_decrease, together.gain_increase
 
     distance = np.abs(channel_responses(climbing, PAPER_GAINS, OMEGA) + (near + far) / 2.0)
 
