@@ -129,10 +129,10 @@ def survey(
     tables["engines"]["count"] = _check_parts(aircraft_from(tables, folder))
     tables["settings"] |= _levers(tables, load(tables).fdm)
     say("sweeping lift")
-    bench, V = load(tables), 60.0
-    for _ in range(3):  # each sweep is flown at a multiple of the stall speed of the last one
-        lift = _swept(bench, V)
-        V = SPEEDS[0] * lift.V_s
+    bench = load(tables)
+    lift = _swept(bench, 60.0)
+    for _ in range(2):  # each sweep is flown at a multiple of the stall speed of the last one
+        lift = _swept(bench, SPEEDS[0] * lift.V_s)
     say("starting the engines")
     speed, spare = _engines(tables["engines"], load(tables), lift, V_a)
     say("moving the surfaces")

@@ -175,7 +175,7 @@ class PointMassPlant:
         chi, gamma, *position = self._state
         wind_signals: tuple[float, ...] = ()
         if self._windy:
-            w_n, w_e, w_d = wind = self._wind.piece(self._t).at(self._t)
+            w_n, w_e, w_d = wind = self._wind.at(self._t)
             v_n, v_e, v_d = velocity_along(self._V_a, chi, gamma)
             over_ground = v_n + w_n, v_e + w_e, v_d + w_d
             chi, gamma = course_of(over_ground)
@@ -235,13 +235,13 @@ class PointMassPlant:
     def _fly_to(self, end: float) -> None:
         # Without the 1e-9, rounding would add a step to a duration of whole steps.
         start, steps = self._t, math.ceil((end - self._t) / self._step - 1e-9)
-        wind = self._wind.piece(start)
+        _, _, rate = self._wind.piece(start)
         if steps:
             step = (end - start) / steps
             forcing = self._forcing(start, 0.5 * step, 2 * steps)
             for i in range(steps):
-                air = wind.at(start + (i + 0.5) * step) if self._windy else CALM
-                self._runge_kutta_step(step, forcing[2 * i : 2 * i + 3], wind.rate, air)
+                air = self._wind.at(start + (i + 0.5) * step) if self._windy else CALM
+                self._runge_kutta_step(step, forcing[2 * i : 2 * i + 3], rate, air)
         self._t = end
         for channel in self._channels:
             channel.move_to(end)

@@ -6,11 +6,9 @@ The tables of a scenario check the numbers of a `Weather`.
 import math
 from bisect import bisect_right
 from dataclasses import dataclass, field
-from operator import itemgetter
 from typing import Literal, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, read_only_vector
 from flighttune.errors import InputError, ShapeError
@@ -23,19 +21,8 @@ WIND = ("wind_north", "wind_east", "wind_down")
 """Signals of the wind that a plant met, m/s."""
 
 
-@dataclass(frozen=True, slots=True)
-class WindPiece:
-    """Wind that changes at a constant rate: ``w_0 + rate (t - t_0)``."""
-
-    t_0: float  # s
-    w_0: NED  # m/s: north, east and down at `t_0`
-    rate: NED  # m/s^2
-
-    def at(self, t: float) -> NED:
-        """Wind at time `t` (s), m/s, north, east and down."""
-        dt = t - self.t_0
-        (n, e, d), (n_dot, e_dot, d_dot) = self.w_0, self.rate
-        return n + n_dot * dt, e + e_dot * dt, d + d_dot * dt
+WindPiece: TypeAlias = tuple[float, NED, NED]
+"""Time (s), wind there (m/s) and its rate (m/s^2), constant until the next piece."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -68,13 +55,9 @@ class WindRecord:
         samples = np.column_stack([self.north, self.east, self.down])
         rates = np.zeros_like(samples)
         rates[:-1] = np.diff(samples, axis=0) / np.diff(self.t)[:, None]
-        pieces = [WindPiece(times[0], _triple(samples[0]), CALM)]
-        pieces += [
-            WindPiece(t, _triple(w), _triple(rate))
-            for t, w, rate in zip(times, samples, rates, strict=True)
-        ]
+        pieces = zip(times, map(tuple, samples.tolist()), map(tuple, rates.tolist()), strict=True)
         object.__setattr__(self, "_times", times)
-        object.__setattr__(self, "_pieces", tuple(pieces))
+        object.__setattr__(self, "_pieces", ((times[0], tuple(samples[0].tolist()), CALM), *pieces))
 
     @classmethod
     def steady(cls, *, north: float = 0.0, east: float = 0.0, down: float = 0.0) -> "WindRecord":
@@ -86,6 +69,12 @@ class WindRecord:
     def piece(self, t: float) -> WindPiece:
         """The linear piece in force from time `t` (s) on."""
         return self._pieces[bisect_right(self._times, t)]
+
+    def at(self, t: float) -> NED:
+        """Wind at time `t` (s), m/s, north, east and down."""
+        t_0, (n, e, d), (n_dot, e_dot, d_dot) = self.piece(t)
+        dt = t - t_0
+        return n + n_dot * dt, e + e_dot * dt, d + d_dot * dt
 
     def knots(self, start: float, end: float) -> list[float]:
         """Times of samples strictly between `start` and `end`, s."""
@@ -110,11 +99,6 @@ def velocity_along(V: float, chi: float, gamma: float) -> NED:
     return level * math.cos(chi), level * math.sin(chi), -V * math.sin(gamma)
 
 
-def _triple(values: npt.ArrayLike) -> NED:
-    north, east, down = np.asarray(values, dtype=float).tolist()
-    return north, east, down
-
-
 GustAxis: TypeAlias = Literal["ahead", "right", "down"]
 TurbulenceModel: TypeAlias = Literal["tustin", "milspec"]
 
@@ -136,12 +120,9 @@ class WindProfile:
         """Wind at height `h` (m above sea level), m/s, north, east and down."""
         if len(self.levels) == 1:
             return self.levels[0][1]
-        above = bisect_right(self.levels, h, key=itemgetter(0))
-        if above in (0, len(self.levels)):
-            return self.levels[max(above - 1, 0)][1]
-        (h_0, (n_0, e_0, d_0)), (h_1, (n_1, e_1, d_1)) = self.levels[above - 1 : above + 1]
-        share = (h - h_0) / (h_1 - h_0)
-        return n_0 + share * (n_1 - n_0), e_0 + share * (e_1 - e_0), d_0 + share * (d_1 - d_0)
+        heights, winds = zip(*self.levels, strict=True)
+        north, east, down = (np.interp(h, heights, parts) for parts in zip(*winds, strict=True))
+        return float(north), float(east), float(down)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

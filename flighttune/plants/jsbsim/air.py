@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.weather import NED, Gust, Turbulence, Weather
+from flighttune.plants.weather import CALM, NED, Gust, Turbulence, Weather
 from flighttune.units import FT
 
 _AXES = {"ahead": "X", "right": "Y", "down": "Z"}
@@ -22,12 +22,11 @@ def wind_writer(fdm: Fdm) -> Callable[[NED], None]:
     It goes into JSBSim's ``gust-*`` properties: ``wind-*`` is reset by every evaluation. Gust and
     turbulence add to it.
     """
-    north, east, down = (fdm.writer(f"atmosphere/gust-{axis}-fps") for axis in _NED)
+    writers = [fdm.writer(f"atmosphere/gust-{axis}-fps") for axis in _NED]
 
     def write(wind: NED) -> None:
-        north(wind[0] / FT)
-        east(wind[1] / FT)
-        down(wind[2] / FT)
+        for writer, component in zip(writers, wind, strict=True):
+            writer(component / FT)
 
     return write
 
@@ -105,31 +104,24 @@ def _changing(
 
     It is exact at instants `_REFRESH` steps apart, and linear in between.
     """
-    north, east, down = (fdm.writer(f"atmosphere/gust-{axis}-fps") for axis in _NED)
-    h_ft, wind_at, ground = fdm.reader("position/h-sl-ft"), weather.deterministic, fdm.ground
+    write, h_ft = wind_writer(fdm), fdm.reader("position/h-sl-ft")
+    wind_at, ground = weather.deterministic, fdm.ground
     k, left = 0, 0  # number of integration steps planned so far, and of those still to fly
-    n, e, d = (component / FT for component in wind_at(0.0, h_ft() * FT + ground))
-    n_step = e_step = d_step = 0.0  # change of the wind in one integration step, ft/s
     h_last = h_ft()
+    wind, change = wind_at(0.0, h_last * FT + ground), CALM  # m/s, and in one integration step
 
     def step() -> bool:
-        nonlocal k, left, n, e, d, n_step, e_step, d_step, h_last
+        nonlocal k, left, h_last, wind, change
         if not left:
             h = h_ft()
             # The wind is needed at the end of the next steps, whose height is extrapolated.
             h_ahead, h_last, left = 2.0 * h - h_last, h, _REFRESH
             k += _REFRESH
-            ahead = wind_at(k / rate, h_ahead * FT + ground)
-            n_step = (ahead[0] / FT - n) / _REFRESH
-            e_step = (ahead[1] / FT - e) / _REFRESH
-            d_step = (ahead[2] / FT - d) / _REFRESH
+            n, e, d = wind_at(k / rate, h_ahead * FT + ground)
+            change = (n - wind[0]) / _REFRESH, (e - wind[1]) / _REFRESH, (d - wind[2]) / _REFRESH
         left -= 1
-        n += n_step
-        e += e_step
-        d += d_step
-        north(n)
-        east(e)
-        down(d)
+        wind = wind[0] + change[0], wind[1] + change[1], wind[2] + change[2]
+        write(wind)
         return run()
 
     return step

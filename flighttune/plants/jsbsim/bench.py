@@ -12,6 +12,8 @@ from flighttune.units import FT, G_0
 MAX_EVALUATIONS = 8
 """Most evaluations of one state: the flight control of the model settles in them."""
 
+MEASURED = ("u_dot", "v_dot", "w_dot", "p_dot", "q_dot", "r_dot", "n_y", "n_z")
+
 CONTROLS = ("aileron", "elevator", "rudder", "throttle")
 
 
@@ -60,10 +62,13 @@ class Bench:
         self._evaluations = MAX_EVALUATIONS if fdm.own_flight_control else 1
         fdm.writer(properties.ENGAGED)(0.0)
         fdm.writer("ic/h-sl-ft")((h - fdm.ground) / FT)
-        self._velocity = [fdm.writer(f"ic/{axis}-fps") for axis in "uvw"]
-        self._attitude = [fdm.writer(f"ic/{name}-rad") for name in ("phi", "theta", "psi-true")]
-        self._rates = [fdm.writer(f"ic/{axis}-rad_sec") for axis in "pqr"]
-        self._controls = [fdm.writer(name) for name in properties.TRIMS]
+        # The velocity comes first: JSBSim keeps what was set last when attitudes follow.
+        self._state = [
+            *(fdm.writer(f"ic/{axis}-fps") for axis in "uvw"),
+            *(fdm.writer(f"ic/{name}-rad") for name in ("phi", "theta", "psi-true")),
+            *(fdm.writer(f"ic/{axis}-rad_sec") for axis in "pqr"),
+            *(fdm.writer(name) for name in properties.TRIMS),
+        ]
         self._linear = [fdm.reader(f"accelerations/{axis}dot-ft_sec2") for axis in "uvw"]
         self._angular = [fdm.reader(f"accelerations/{axis}dot-rad_sec2") for axis in "pqr"]
         self._forces = [fdm.reader(f"forces/fb{axis}-total-lbs") for axis in "xyz"]
@@ -77,18 +82,12 @@ class Bench:
         Returns ``u_dot``, ``v_dot``, ``w_dot`` (m/s^2), ``p_dot``, ``q_dot``, ``r_dot`` (rad/s^2),
         ``n_y`` and ``n_z`` (1): load factors along the right wing and the lift axis.
         """
+        u, v, w = (component / FT for component in state.velocity)
         # JSBSim takes headings from 0 to 2 pi only.
-        attitude = state.phi, state.theta, state.psi % math.tau
+        motion = state.phi, state.theta, state.psi % math.tau, state.p, state.q, state.r
         controls = state.aileron, state.elevator, state.rudder, state.throttle
-        # The velocity comes first: JSBSim keeps what was set last when attitudes follow.
-        for writers, values in (
-            (self._velocity, [component / FT for component in state.velocity]),
-            (self._attitude, attitude),
-            (self._rates, (state.p, state.q, state.r)),
-            (self._controls, controls),
-        ):
-            for write, value in zip(writers, values, strict=True):
-                write(value)
+        for write, value in zip(self._state, (u, v, w, *motion, *controls), strict=True):
+            write(value)
         self.fdm.evaluate()
         # Settling takes seconds of engine time and depends on airspeed and throttle alone.
         if (state.V_a, state.throttle) != self._settled_for:
@@ -97,18 +96,11 @@ class Bench:
             self.fdm.evaluate()
         self._settle_flight_control()
         F_x, F_y, F_z = (read() for read in self._forces)
-        u_dot, v_dot, w_dot = (read() * FT for read in self._linear)
-        p_dot, q_dot, r_dot = (read() for read in self._angular)
-        return {
-            "u_dot": u_dot,
-            "v_dot": v_dot,
-            "w_dot": w_dot,
-            "p_dot": p_dot,
-            "q_dot": q_dot,
-            "r_dot": r_dot,
-            "n_y": F_y / self._weight_lbf,
-            "n_z": (F_x * math.sin(state.alpha) - F_z * math.cos(state.alpha)) / self._weight_lbf,
-        }
+        linear = [read() * FT for read in self._linear]
+        angular = [read() for read in self._angular]
+        lift = F_x * math.sin(state.alpha) - F_z * math.cos(state.alpha)
+        load_factors = F_y / self._weight_lbf, lift / self._weight_lbf
+        return dict(zip(MEASURED, (*linear, *angular, *load_factors), strict=True))
 
     def _settle_flight_control(self) -> None:
         """Evaluate again until nothing changes: a flight control sees the evaluation before."""

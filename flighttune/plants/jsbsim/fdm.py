@@ -101,7 +101,6 @@ class Fdm:
                 raise PlantError(
                     f"{self._model}: must load in JSBSim, got: {log.text or 'no reason'}."
                 )
-            self.complaint = log.text  # JSBSim's complaints about files that it loaded all the same
             # After load_model, which resets it. JSBSim's own Earth turns and is round: a straight
             # flight would drift off its course by 0.006 deg/s.
             if not self._exec.load_planet(str(EARTH), False):
@@ -134,8 +133,7 @@ class Fdm:
 
     def has(self, name: str) -> bool:
         """Whether there is a property of that name that can be written."""
-        exists = _well_formed(name) and self._properties.hasNode(name)
-        node = self._properties.get_node(name) if exists else None
+        node = self._existing(name)
         return node is not None and bool(node.get_attribute(jsbsim.Attribute.WRITE))
 
     def start_engines(self) -> None:
@@ -209,7 +207,7 @@ class Fdm:
         thrust by a smaller share of it ends the wait.
         """
         # Whole samples of the inner loop, so that its next one falls on the start of the flight.
-        self._run_still(math.ceil(duration * rate / self.steps), rate, still)
+        self.run_still(math.ceil(duration * rate / self.steps), rate, still)
 
     def rest(self) -> None:
         """Hold the aircraft in the steps of its flight until the thrust is steady.
@@ -219,16 +217,16 @@ class Fdm:
         now = self._thrust()
         for _ in range(_MAX_SETTLINGS):
             before = now
-            self._run_still(math.ceil(self.engine_settles * self.config.inner_loop_rate), self.rate)
+            self.run_still(math.ceil(self.engine_settles * self.config.inner_loop_rate), self.rate)
             now = self._thrust()
             if abs(now - before) <= _STEADY * abs(now):
                 return
 
-    def sample_at_rest(self) -> None:
-        """Let one sample of the inner loop pass while the aircraft stays still."""
-        self._run_still(1, self.rate)
+    def run_still(self, samples: int, rate: float, still: float = 0.0) -> None:
+        """Let samples of the inner loop pass, at `rate` (1/s), while the aircraft stays still.
 
-    def _run_still(self, samples: int, rate: float, still: float = 0.0) -> None:
+        A sample that changes the thrust by a smaller share of it than `still` ends the wait.
+        """
         # Integrators of type 0 hold the aircraft still while time passes.
         kept = [(write, read()) for write, read in self.integrators.values()]
         for write, _ in kept:
@@ -270,10 +268,13 @@ class Fdm:
     def _model(self) -> Path:
         return source_folders(self.config).file
 
-    def _node(self, name: str) -> jsbsim.FGPropertyNode:
+    def _existing(self, name: str) -> jsbsim.FGPropertyNode | None:
         # JSBSim aborts the process on a malformed name, and invents a node for an unknown one.
         exists = _well_formed(name) and self._properties.hasNode(name)
-        node = self._properties.get_node(name) if exists else None
+        return self._properties.get_node(name) if exists else None
+
+    def _node(self, name: str) -> jsbsim.FGPropertyNode:
+        node = self._existing(name)
         if node is None:
             raise PlantError(f"{self._model}: must have the property `{name}`, got none.")
         return node

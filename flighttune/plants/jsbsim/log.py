@@ -16,7 +16,7 @@ class QuietLogger(jsbsim.FGLogger):
     """Logger that writes nowhere and keeps the errors of each thread."""
 
     def __init__(self) -> None:
-        self._thread = _ThreadRecords()
+        self._thread = threading.local()
 
     def set_level(self, level: Any) -> None:
         """Begin a record."""
@@ -41,19 +41,12 @@ class QuietLogger(jsbsim.FGLogger):
 
     def clear(self) -> None:
         """Forget this thread's records."""
-        self._thread.records.clear()
+        self._thread.level, self._thread.text, self._thread.records = 0, "", []
 
     @property
     def text(self) -> str:
         """This thread's errors in one line."""
         return one_line(" ".join(self._thread.records))
-
-
-class _ThreadRecords(threading.local):
-    def __init__(self) -> None:
-        self.level = 0
-        self.text = ""
-        self.records: list[str] = []
 
 
 def one_line(text: str) -> str:
@@ -70,8 +63,8 @@ _IMMORTAL = [_LOGGER] * 10_000
 
 def silence() -> None:
     """Silence JSBSim in this thread from now on."""
-    jsbsim.set_logger(_LOGGER)
     _LOGGER.clear()
+    jsbsim.set_logger(_LOGGER)
 
 
 @contextmanager

@@ -10,19 +10,13 @@ from typing import TYPE_CHECKING, NoReturn
 from flighttune.aircraft.aircraft import GAINS_FILE, AircraftConfig, load_aircraft
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError, PlantError
-from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Stop
+from flighttune.plants.base import FlightCondition, Stop, StopStatus
 from flighttune.plants.jsbsim import properties
 
 if TYPE_CHECKING:
     from flighttune.aircraft.off_nominal import OffNominal
     from flighttune.plants.jsbsim.fdm import Fdm
     from flighttune.plants.weather import Weather
-
-_AIRFRAME_SIGNALS = (
-    *("alpha", "beta", "theta", "psi", "p", "q", "r", "h", "V_g", "n_y"),
-    *("aileron", "elevator", "rudder", "throttle", "thrust"),
-    *("wind_north", "wind_east", "wind_down"),
-)
 
 _STEP_SHARE = 1e-6
 """Relative deviation of a duration from a whole number of integration steps: rounding."""
@@ -39,7 +33,7 @@ LARGEST_SEED = 2**31 - 1
 DEEPEST_GROUND, HIGHEST_GROUND = 500.0, 6000.0
 """Largest depth below and height above sea level of the ground, m."""
 
-_N_Z = COMMON_SIGNALS.index("n_z")
+_N_Z = properties.SIGNALS.index("n_z")
 
 
 class JSBSimPlant:
@@ -88,7 +82,7 @@ class JSBSimPlant:
     """
 
     kind: str = "jsbsim"
-    signals: tuple[str, ...] = COMMON_SIGNALS + _AIRFRAME_SIGNALS
+    signals: tuple[str, ...] = properties.SIGNALS
 
     def __init__(
         self,
@@ -144,9 +138,8 @@ class JSBSimPlant:
         """
         from flighttune.plants.jsbsim.air import carry_along, weather_step
         from flighttune.plants.jsbsim.fdm import Fdm
-        from flighttune.plants.jsbsim.guard import Guard
         from flighttune.plants.jsbsim.load_check import check_moves
-        from flighttune.plants.jsbsim.signal_reader import signal_reader
+        from flighttune.plants.jsbsim.signals import guard, signal_reader
         from flighttune.plants.jsbsim.trim import trim
 
         # A start that fails must not leave the plant of an earlier flight behind.
@@ -160,8 +153,8 @@ class JSBSimPlant:
             carry_along(fdm, self._weather.deterministic(0.0, condition.h))
         # After the wind is set: the signals take their origin and first angles from this instant.
         observe = signal_reader(fdm, condition.chi, point.psi)
-        self._guard = Guard(fdm)
-        self._inside, self._run = self._guard.inside, fdm.run
+        self._inside, self._diagnosis = guard(fdm)
+        self._time, self._run = fdm.reader("simulation/sim-time-sec"), fdm.run
         self._engage(fdm, condition, steady_n_z=observe()[_N_Z])
         # After the inner loop is engaged: turbulence and gusts would disturb its first output.
         if self._weather is not None:
@@ -207,7 +200,8 @@ class JSBSimPlant:
         self._write_phi_cmd(phi_cmd)
         self._write_n_z_cmd(n_z_cmd)
         if not (math.isfinite(phi_cmd) and math.isfinite(n_z_cmd)):
-            return self._end(self._guard.bad_command(phi_cmd, n_z_cmd))
+            got = f"phi_cmd {phi_cmd:g} rad, n_z_cmd {n_z_cmd:g}"
+            return self._end("diverged", f"commands must be finite, got {got}.")
         # `run` is false where JSBSim itself ends the run, as on the ground.
         run, inside = self._run, self._inside
         going = True
@@ -220,8 +214,13 @@ class JSBSimPlant:
             else:
                 return None
         except RuntimeError as error:
-            return self._end(self._guard.gave_up(error))
-        return self._end(self._guard.diagnosis())
+            from flighttune.plants.jsbsim.log import one_line
+
+            stop = self._end("diverged", f"JSBSim gave up: {one_line(str(error))}")
+            if self.fdm is not None:
+                self.fdm.abandon()
+            return stop
+        return self._end(*self._diagnosis())
 
     def _write_settings(self, fdm: Fdm, settings: dict[str, float]) -> None:
         fdm.writer("simulation/randomseed")(float(self._seed))
@@ -251,7 +250,7 @@ class JSBSimPlant:
             fdm.writer(trim_name)(trim_value - law)
         fdm.writer(properties.ENGAGED)(1.0)
         if fdm.engine_settles:
-            fdm.sample_at_rest()
+            fdm.run_still(1, fdm.rate)
         else:
             fdm.evaluate()
         self._write_phi_cmd = write_phi_cmd
@@ -269,9 +268,9 @@ class JSBSimPlant:
         chunks = (range(longest),) * whole + (range(rest),) * (rest > 0)
         return self._chunks.setdefault(duration, chunks)
 
-    def _end(self, stop: Stop) -> Stop:
+    def _end(self, status: StopStatus, reason: str) -> Stop:
         self._write_phi_cmd = _ended
-        return stop
+        return Stop(status, f"t = {self._time():.3f} s: {reason}")
 
 
 def inner_loop_settings(config: AircraftConfig) -> dict[str, float]:

@@ -1,6 +1,14 @@
-"""Properties by which the plant talks to the inner loop: names of our own, on any model."""
+"""Signals of the plant, and properties by which it talks to the inner loop, on any model."""
 
 from flighttune.aircraft.aircraft import SURFACES
+from flighttune.plants.base import COMMON_SIGNALS
+
+SIGNALS = (
+    *COMMON_SIGNALS,
+    *("alpha", "beta", "theta", "psi", "p", "q", "r", "h", "V_g", "n_y"),
+    *("aileron", "elevator", "rudder", "throttle", "thrust"),
+    *("wind_north", "wind_east", "wind_down"),
+)
 
 PHI_CMD, N_Z_CMD, V_A_CMD = "ft/phi-cmd-rad", "ft/n_z-cmd", "ft/V_a-cmd-mps"
 ENGAGED = "ft/engaged"

@@ -1,0 +1,128 @@
+"""What is read of a JSBSim flight: its signals in SI and radians, and whether it may go on."""
+
+from collections.abc import Callable
+from math import cos, isfinite, remainder, sin, tau
+
+from flighttune.aircraft.aircraft import SURFACES
+from flighttune.errors import PlantError
+from flighttune.plants.base import StopStatus
+from flighttune.plants.jsbsim import properties
+from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.units import DEG, FT, G_0, LBF
+
+_G_0_FPS2 = G_0 / FT
+
+# Signals that a property shows up to a factor.
+_READ = {
+    "gamma": ("flight-path/gamma-rad", 1.0),
+    "phi": ("attitude/phi-rad", 1.0),
+    "theta": ("attitude/theta-rad", 1.0),
+    "V_a": ("velocities/vt-fps", FT),
+    "V_g": ("velocities/vg-fps", FT),
+    "north": ("position/from-start-neu-n-ft", FT),
+    "east": ("position/from-start-neu-e-ft", FT),
+    "throttle": (properties.THROTTLE, 1.0),
+    **{name: (f"aero/{name}-rad", 1.0) for name in ("alpha", "beta")},
+    **{name: (f"velocities/{name}-rad_sec", 1.0) for name in "pqr"},
+    **{
+        f"wind_{axis}": (f"atmosphere/total-wind-{axis}-fps", FT)
+        for axis in ("north", "east", "down")
+    },
+    **{
+        name: (position, 1.0) for name, position in zip(SURFACES, properties.POSITIONS, strict=True)
+    },
+}
+
+
+def signal_reader(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[float, ...]]:
+    """Return a function that reads the signals of `JSBSimPlant` from `fdm`.
+
+    `fdm`: the aircraft, already at the start of its flight: its position becomes the origin.
+    `chi_0`, `psi_0` (rad): course and heading near which the continuous angles begin. Raises
+    PlantError if the aircraft lacks a property.
+    """
+    read = fdm.reader
+    plain = [(name, read(place), factor) for name, (place, factor) in _READ.items()]
+    chi, psi = read("flight-path/psi-gt-rad"), read("attitude/psi-rad")
+    # Not accelerations/N*: JSBSim computes those from the forces of the step before.
+    F_x, F_y, F_z = (read(f"forces/fb{axis}-total-lbs") for axis in "xyz")
+    mass_slug, h_ft = read("inertia/mass-slugs"), read("position/h-sl-ft")
+    engines = range(fdm.config.engines.count)
+    thrusts = [read(f"propulsion/engine[{i}]/thrust-lbs") for i in engines]
+    ground, h_0 = fdm.ground, h_ft() * FT
+    now = {"chi": chi_0, "psi": psi_0}
+
+    def observe() -> tuple[float, ...]:
+        for name, signal, factor in plain:
+            now[name] = signal() * factor
+        # JSBSim's angles jump at a whole turn; the nearest continuation does not.
+        now["chi"] += remainder(chi() - now["chi"], tau)
+        now["psi"] += remainder(psi() - now["psi"], tau)
+        h, alpha, weight = h_ft() * FT, now["alpha"], mass_slug() * _G_0_FPS2
+        now["h"], now["down"] = h + ground, h_0 - h
+        now["n_y"] = F_y() / weight
+        now["n_z"] = (F_x() * sin(alpha) - F_z() * cos(alpha)) / weight
+        now["thrust"] = sum(thrust() for thrust in thrusts) * LBF
+        return tuple([now[name] for name in properties.SIGNALS])
+
+    return observe
+
+
+def guard(fdm: Fdm) -> tuple[Callable[[], bool], Callable[[], tuple[StopStatus, str]]]:
+    """Return functions that say whether a flight may go on, and why not.
+
+    The envelope is that of the aircraft's configuration; the ground lies at JSBSim's sea level. The
+    first is false for anything that is not a number. The second raises PlantError if nothing is
+    wrong with the state: JSBSim ended the run by itself.
+    """
+    # Local names and JSBSim's units: the check runs every few steps of every flight.
+    read, envelope = fdm.reader, fdm.config.envelope
+    alpha, theta = read("aero/alpha-rad"), read("attitude/theta-rad")
+    V_a_fps, h_ft = read("velocities/vt-fps"), read("position/h-sl-ft")
+    F_x, F_z = read("forces/fbx-total-lbs"), read("forces/fbz-total-lbs")
+    throttle, weight_lbf = read(properties.THROTTLE), read("inertia/mass-slugs")() * _G_0_FPS2
+    alpha_low, alpha_high = envelope.alpha
+    theta_low, theta_high = envelope.theta
+    V_low, V_high = (speed / FT for speed in envelope.V_a)
+    lift_low, lift_high = (n_z * weight_lbf for n_z in envelope.n_z)
+
+    def inside() -> bool:
+        a = alpha()
+        # Two-sided comparisons are false for NaN, which therefore ends the flight.
+        return (
+            alpha_low < a < alpha_high
+            and V_low < V_a_fps() < V_high
+            and lift_low < F_x() * sin(a) - F_z() * cos(a) < lift_high
+            and theta_low < theta() < theta_high
+            and h_ft() > 0.0
+        )
+
+    def diagnosis() -> tuple[StopStatus, str]:
+        a, V_a, h = alpha(), V_a_fps() * FT, h_ft() * FT
+        n_z = (F_x() * sin(a) - F_z() * cos(a)) / weight_lbf
+        state = {"alpha": a, "V_a": V_a, "n_z": n_z, "theta": theta(), "h": h}
+        lost = [name for name, value in state.items() if not isfinite(value)]
+        if lost:
+            return "diverged", f"state must be finite, got nan for {', '.join(lost)}."
+        if h <= 0.0:
+            return "ground_contact", f"hit the ground at V_a = {V_a:.1f} m/s."
+        degrees, speed, ratio = (DEG, " deg"), (1.0, " m/s"), (1.0, "")
+        units = {"alpha": degrees, "V_a": speed, "n_z": ratio, "theta": degrees}
+        for name, (unit, symbol) in units.items():
+            low, high = getattr(envelope, name)
+            if not low < state[name] < high:
+                at_stop = _throttle_at_stop(throttle(), *fdm.config.engines.throttle)
+                return "left_envelope", (
+                    f"{name} must stay inside {low / unit:g} to {high / unit:g}{symbol}, "
+                    f"got {state[name] / unit:.2f}{symbol}{at_stop}."
+                )
+        raise PlantError("JSBSim ended the run by itself, its state inside the envelope.")
+
+    return inside, diagnosis
+
+
+def _throttle_at_stop(throttle: float, closed: float, full: float) -> str:
+    margin = 0.01 * (full - closed)
+    if throttle >= full - margin:
+        return ", at full throttle"
+    return ", with the throttle closed" if throttle <= closed + margin else ""
