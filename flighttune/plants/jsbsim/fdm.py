@@ -16,11 +16,11 @@ from flighttune.aircraft.model_xml import INERTIAS, Body, MassBalance
 from flighttune.errors import PlantError
 from flighttune.plants.jsbsim.log import one_line, quiet, silence
 from flighttune.plants.jsbsim.model_files import (
+    check_loads,
     has_flight_control,
     model_folders,
     source_folders,
 )
-from flighttune.plants.jsbsim.trial import check_loads
 
 LAPSE_RATE = 0.0065
 SEA_LEVEL_TEMPERATURE = 288.15

@@ -1,16 +1,19 @@
 """The main file of an aircraft that JSBSim loads: made in a private folder for every load.
 
 It is the model's, with the inner loop and the actuators in front of its systems and without its
-connections to files and sockets. The files it is made of are never written to.
+connections to files and sockets. The files it is made of are never written to. An aircraft's files
+are loaded in a process of its own first: some make JSBSim end the process.
 """
 
 import hashlib
+import subprocess
+import sys
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import TypeAlias
+from typing import NoReturn, TypeAlias
 from xml.etree.ElementTree import Element
 
 from flighttune.aircraft.aircraft import AircraftConfig
@@ -31,13 +34,34 @@ from flighttune.aircraft.model_xml import (
 from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.aircraft.systems import put_in_front
 from flighttune.errors import PlantError
+from flighttune.processes import crash_of
 from flighttune.scratch import scratch_folder, scratch_place
+from flighttune.shipped import is_trusted
 from flighttune.units import FT
 
 CONNECTIONS = ("output", "input")
 """Elements by which JSBSim opens files and sockets on its first evaluation."""
 
 _NOMINAL = OffNominal()
+
+TIME_LIMIT_S = 60.0
+"""Time that JSBSim may take to load an aircraft; it takes a tenth of a second."""
+
+# JSBSim evaluates an aircraft once more when it frees it, and may end the process then: `_exit`.
+_PROGRAM = """
+import os, sys
+import resource
+resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+import jsbsim
+try:
+    fdm = jsbsim.FGFDMExec(sys.argv[1])
+    fdm.set_debug_level(0)
+    if fdm.load_model_with_paths(*sys.argv[2:], False):
+        fdm.run_ic()
+except Exception:
+    pass
+os._exit(0)
+"""
 
 Weigh: TypeAlias = Callable[[AircraftConfig], MassBalance]
 """Weighs an aircraft in JSBSim: handed in, because loading an aircraft needs this module."""
@@ -68,18 +92,14 @@ class ModelFolders:
 
 def source_folders(config: AircraftConfig) -> ModelFolders:
     """Folders of an aircraft's model: in JSBSim's own set, or the user's."""
-    return _source_folders(config.folder, config.model)
-
-
-@lru_cache(maxsize=256)
-def _source_folders(folder: Path, name: str) -> ModelFolders:
     import jsbsim
 
     shipped = Path(jsbsim.get_default_root_dir())
+    name = config.model
     if not name.endswith(".xml"):  # a model of JSBSim's own set
         model = shipped / "aircraft" / name
         return ModelFolders(model, shipped / "engine", shipped / "systems", name)
-    file = (folder / name).resolve()
+    file = (config.folder / name).resolve()
     # In a folder laid out like JSBSim's own, parts that models share are two levels up.
     engines, systems = (
         shared if (shared := file.parent.parent.parent / kind).is_dir() else shipped / kind
@@ -207,26 +227,21 @@ def model_folders(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> Itera
     """
     folders = source_folders(config)
     text = main_file_text(config, weigh, steps)
-    with _private_folder(folders.file, text) as folder:
-        yield replace(folders, model=folder)
-
-
-@contextmanager
-def _private_folder(file: Path, text: str) -> Iterator[Path]:
-    """A folder that holds another main file; in memory, so that no flight waits for a disk."""
     with ExitStack() as stack:
         try:
+            # In memory, so that no flight waits for a disk.
             folder = Path(stack.enter_context(scratch_folder()))
             # A main file refers to parts beside it; only this file itself is another.
-            for beside in file.parent.iterdir():
-                if beside.name != file.name:
+            for beside in folders.model.iterdir():
+                if beside.name != folders.file.name:
                     (folder / beside.name).symlink_to(beside)
-            (folder / file.name).write_bytes(text.encode())
+            (folder / folders.file.name).write_bytes(text.encode())
         except OSError as error:
             raise PlantError(
-                f"{scratch_place()}: must take a folder for {file.name}, got {error.strerror}."
+                f"{scratch_place()}: must take a folder for {folders.file.name}, "
+                f"got {error.strerror}."
             ) from error
-        yield folder
+        yield replace(folders, model=folder)
 
 
 def not_xml(folder: str, names: list[str]) -> list[str]:
@@ -293,3 +308,45 @@ def _slow_computer(root: Element, steps: int, folders: ModelFolders) -> None:
             channel.set("execrate", str(steps * int(channel.attrib["execrate"])))
         if channels:  # a system in a file of its own is put in place of the reference to it
             root[i] = inline
+
+
+def check_loads(config: AircraftConfig) -> None:
+    """Refuse an aircraft whose files make JSBSim end the process.
+
+    Files that this process has not loaded yet are loaded by another one first, which takes about
+    0.3 s. Shipped aircraft are known to load.
+
+    Raises PlantError if JSBSim ends the process, or does not come to an end.
+    """
+    if is_trusted(config.folder) or not sys.executable:
+        return
+    how = _end_of_trial(Unchanged(config, stamps(file_tree(config))))
+    if how:
+        raise PlantError(f"{source_folders(config).file}: JSBSim must load it, but {how}.")
+
+
+@lru_cache(maxsize=256)
+def _end_of_trial(files: Unchanged) -> str:
+    """Reason why the process that loaded the files failed; empty if it did not."""
+    config = files.config.with_off_nominal(None)  # factors do not decide whether the files load
+    with model_folders(config, _unweighed) as folders:
+        paths = (config.folder, folders.name, folders.model, folders.engines, folders.systems)
+        try:
+            code = subprocess.run(
+                # -P: a `jsbsim.py` in the working directory must not be imported.
+                [sys.executable, "-P", "-c", _PROGRAM, *map(str, paths)],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                timeout=TIME_LIMIT_S,
+                check=False,
+            ).returncode
+        except subprocess.TimeoutExpired:
+            return f"it did not within {TIME_LIMIT_S:g} s"
+    if crash := crash_of(code):
+        return f"it ended the process that tried: {crash}"
+    return f"the process that tried ended with status {code}" if code else ""
+
+
+def _unweighed(config: AircraftConfig) -> NoReturn:
+    raise AssertionError(f"{config.file}: the nominal aircraft needs no weighing")

@@ -220,7 +220,13 @@ class JSBSimPlant:
             if self.fdm is not None:
                 self.fdm.abandon()
             return stop
-        return self._end(*self._diagnosis())
+        why = self._diagnosis()
+        if why is None:
+            at = f"t = {self._time():.3f} s"
+            raise PlantError(
+                f"{at}: JSBSim ended the run by itself, its state inside the envelope."
+            )
+        return self._end(*why)
 
     def _write_settings(self, fdm: Fdm, settings: dict[str, float]) -> None:
         fdm.writer("simulation/randomseed")(float(self._seed))

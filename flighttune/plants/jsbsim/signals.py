@@ -4,7 +4,6 @@ from collections.abc import Callable
 from math import cos, isfinite, remainder, sin, tau
 
 from flighttune.aircraft.aircraft import SURFACES
-from flighttune.errors import PlantError
 from flighttune.plants.base import StopStatus
 from flighttune.plants.jsbsim import properties
 from flighttune.plants.jsbsim.fdm import Fdm
@@ -68,12 +67,12 @@ def signal_reader(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[fl
     return observe
 
 
-def guard(fdm: Fdm) -> tuple[Callable[[], bool], Callable[[], tuple[StopStatus, str]]]:
+def guard(fdm: Fdm) -> tuple[Callable[[], bool], Callable[[], tuple[StopStatus, str] | None]]:
     """Return functions that say whether a flight may go on, and why not.
 
     The envelope is that of the aircraft's configuration; the ground lies at JSBSim's sea level. The
-    first is false for anything that is not a number. The second raises PlantError if nothing is
-    wrong with the state: JSBSim ended the run by itself.
+    first is false for anything that is not a number. The second returns None if nothing is wrong
+    with the state: JSBSim ended the run by itself.
     """
     # Local names and JSBSim's units: the check runs every few steps of every flight.
     read, envelope = fdm.reader, fdm.config.envelope
@@ -97,7 +96,7 @@ def guard(fdm: Fdm) -> tuple[Callable[[], bool], Callable[[], tuple[StopStatus, 
             and h_ft() > 0.0
         )
 
-    def diagnosis() -> tuple[StopStatus, str]:
+    def diagnosis() -> tuple[StopStatus, str] | None:
         a, V_a, h = alpha(), V_a_fps() * FT, h_ft() * FT
         n_z = (F_x() * sin(a) - F_z() * cos(a)) / weight_lbf
         state = {"alpha": a, "V_a": V_a, "n_z": n_z, "theta": theta(), "h": h}
@@ -116,7 +115,7 @@ def guard(fdm: Fdm) -> tuple[Callable[[], bool], Callable[[], tuple[StopStatus, 
                     f"{name} must stay inside {low / unit:g} to {high / unit:g}{symbol}, "
                     f"got {state[name] / unit:.2f}{symbol}{at_stop}."
                 )
-        raise PlantError("JSBSim ended the run by itself, its state inside the envelope.")
+        return None
 
     return inside, diagnosis
 

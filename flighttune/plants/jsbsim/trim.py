@@ -267,22 +267,12 @@ class _TrimProblem:
         if speeds_up:
             return closed
 
-        from scipy.optimize import least_squares
-
         def slopes(x: FloatArray) -> FloatArray:
             return slopes_within(self.residuals, x, self.residuals(x), self.widths, self.upper)
 
-        return least_squares(
-            self.residuals,
-            start,
-            jac=cast("Any", slopes),  # scipy's annotations only know the names of its own methods
-            bounds=(self.lower, self.upper),
-            x_scale=span,
-            max_nfev=_MAX_EVALUATIONS,
-            xtol=1e-14,
-            ftol=1e-14,
-            gtol=1e-14,
-        ).x
+        # SciPy's annotations only know the names of its own methods for `jac`.
+        tight = {"jac": cast("Any", slopes), "xtol": 1e-14, "ftol": 1e-14, "gtol": 1e-14}
+        return _least_squares(self.residuals, start, (self.lower, self.upper), **tight)
 
     def best_at(self, throttle: float, start: FloatArray) -> FloatArray:
         """Return the flight at a fixed throttle: balanced but for u_dot, else the least squares."""
@@ -299,12 +289,7 @@ class _TrimProblem:
             enough=self.enough,
         )
         if six is None:
-            from scipy.optimize import least_squares  # takes as long to import as all the rest
-
-            span = self.upper - self.lower
-            six = least_squares(
-                left_over, start[:-1], bounds=bounds, x_scale=span[:-1], max_nfev=_MAX_EVALUATIONS
-            ).x
+            six = _least_squares(left_over, start[:-1], bounds)
         return np.append(six, throttle)
 
     def obstacle(self, x: FloatArray) -> str:
@@ -322,6 +307,25 @@ class _TrimProblem:
             (low[4] or high[4], "the rudder is at its stop"),
         )
         return ", ".join(text for holds, text in reasons if holds) or "the search did not converge"
+
+
+def _least_squares(
+    residuals: Callable[[FloatArray], FloatArray],
+    start: FloatArray,
+    bounds: tuple[FloatArray, FloatArray],
+    **options: Any,
+) -> FloatArray:
+    from scipy.optimize import least_squares  # takes as long to import as all the rest
+
+    lower, upper = bounds
+    return least_squares(
+        residuals,
+        start,
+        bounds=bounds,
+        x_scale=upper - lower,
+        max_nfev=_MAX_EVALUATIONS,
+        **options,
+    ).x
 
 
 def pitch_attitude(gamma: float, phi: float, alpha: float, beta: float) -> float:

@@ -8,7 +8,7 @@ from commands import flighttune
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import PlantError
-from flighttune.plants.jsbsim import trial
+from flighttune.plants.jsbsim import model_files
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.shipped import TRUST_AIRCRAFT, aircraft_folder, aircraft_names
 
@@ -23,7 +23,7 @@ CRASHES = (
 @pytest.fixture(autouse=True)
 def nothing_is_trusted(monkeypatch):
     monkeypatch.delenv(TRUST_AIRCRAFT)
-    trial._end_of_trial.cache_clear()
+    model_files._end_of_trial.cache_clear()
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def trials(monkeypatch):
         seen.append(command)
         return subprocess.CompletedProcess(command, 0)
 
-    monkeypatch.setattr(trial.subprocess, "run", run)
+    monkeypatch.setattr(model_files.subprocess, "run", run)
     return seen
 
 
@@ -91,7 +91,7 @@ def test_a_model_that_never_loads_is_given_up(monkeypatch, changed_aircraft):
     def never(command, timeout, **_):
         raise subprocess.TimeoutExpired(command, timeout)
 
-    monkeypatch.setattr(trial.subprocess, "run", never)
+    monkeypatch.setattr(model_files.subprocess, "run", never)
 
     with pytest.raises(PlantError, match="within 60 s"):
         Fdm(load_aircraft(changed_aircraft("aerosonde.xml", "x", "x")))
