@@ -163,16 +163,6 @@ def test_the_wind_of_a_sinusoid_turns_the_path_through_the_air_at_its_rates(fly)
     assert gamma_air[1:-1] == pytest.approx(climbed[1:-1], abs=FIRST_ORDER)
 
 
-def test_such_a_wind_hardly_turns_the_path_over_ground(fly):
-    sinusoid = Sinusoid(chi_amplitude=0.02, chi_omega=0.3, gamma_amplitude=0.0, gamma_omega=0.0)
-
-    flight = fly(
-        (0.0, 1.0), duration=10.0, weather=Weather(oscillation=sinusoid.as_wind(25.0, 0.0, 0.0))
-    )
-
-    assert np.ptp(flight["chi"]) < 0.1 * np.ptp(0.02 / 0.3 * (1.0 - np.cos(0.3 * flight.t)))
-
-
 def test_in_a_climb_it_turns_the_path_over_ground_as_the_tilt_of_the_force_does(fly):
     # gamma' = g sin(gamma)/V (d_gamma + W), W the wind normal to the path over V: docs/weather.md.
     gamma, omega, depth = math.radians(15.0), 0.3, 0.02 / 0.3

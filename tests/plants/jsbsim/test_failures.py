@@ -12,7 +12,6 @@ from flighttune.errors import InputError, PlantError, ScenarioError, TrimError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.plant import JSBSimPlant
-from flighttune.shipped import aircraft_folder
 
 DEG = math.pi / 180.0
 LEVEL = FlightCondition(V_a=25.0)
@@ -204,12 +203,9 @@ def test_an_aircraft_opens_no_files_and_sockets(changed_aircraft, tmp_path, monk
             "_dps = -30.0",
             r"`limits\.phi_rate_dps` must .* than 0, got -30",
         ),
-        ("_dps   = 30.0", "_dps = nan", r"`limits\.phi_rate_dps` must .*, got nan"),
         ("_dps   = 30.0", '_dps = "fast"', r"`limits\.phi_rate_dps` must .*number.*, got 'fast'"),
         (r"\[-3.0, 4.0\]", "[4.0, -3.0]", r"`envelope\.n_z` must be \[lower, upper\] with .*"),
         (r"\[15.0, 45.0\]", "[0.5, 45.0]", r"`envelope\.V_a_mps\.0` must .* equal to 1, got 0\.5"),
-        ("_dps   = 30.0", "_dps = true", r"`limits\.phi_rate_dps` must .*number, got True"),
-        (r"\[-45.0, 45.0\]", "[-45.0, 1e308]", r"`limits\.phi_deg\.1` must be less .* 180, got 1e"),
         (
             r"25\.0, 25\.0\], command",
             "25.0, 250.0], command",
@@ -225,11 +221,6 @@ def test_aircraft_file_errors_name_file_and_key(changed_aircraft, pattern, repla
     with pytest.raises(ScenarioError, match=rf"copy/aircraft\.toml: {message}") as error:
         JSBSimPlant(folder)
     assert "\n" not in str(error.value)
-
-
-def test_a_start_as_steep_as_there_is_one_has_no_steady_flight():
-    with pytest.raises(TrimError, match="gamma 89 deg"):
-        JSBSimPlant("aerosonde").start(FlightCondition(V_a=25.0, gamma=math.radians(89.0)))
 
 
 @pytest.mark.parametrize(
@@ -252,9 +243,3 @@ def test_an_aircraft_that_is_not_there_is_named(tmp_path):
         JSBSimPlant("concorde")
     with pytest.raises(InputError, match=r"aircraft\.toml: .*readable"):
         JSBSimPlant(tmp_path)
-
-
-def test_an_aircraft_can_be_given_by_its_folder():
-    by_name, by_path = started("aerosonde"), started(aircraft_folder("aerosonde"))
-
-    assert by_name.observe() == by_path.observe()

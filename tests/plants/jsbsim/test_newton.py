@@ -50,22 +50,3 @@ def test_equations_without_slope_are_none():
         return np.array([1.0, x[0]])
 
     assert interior_root(flat, np.full(2, 0.2), box(0.0, 0.5), widths=WIDTHS) is None
-
-
-def test_it_ends_where_that_is_enough():
-    counts = []
-    for enough in (0.0, 1e-3):
-        looked = []
-
-        def watched(x, looked=looked):
-            looked.append(x)
-            return circle_and_line(x)
-
-        found = interior_root(
-            watched, np.full(2, 0.5), box(-1.0, 1.0), widths=WIDTHS, enough=enough
-        )
-        counts.append(len(looked))
-        assert found is not None
-        assert np.abs(circle_and_line(found)).max() <= max(enough, ROUNDING)
-
-    assert counts[1] < counts[0]

@@ -138,10 +138,6 @@ def signals_of_a_turn(aircraft="aerosonde"):
     return rows
 
 
-def test_two_flights_are_equal_to_the_bit():
-    assert signals_of_a_turn() == signals_of_a_turn()
-
-
 def test_a_plant_can_be_started_again():
     plant = JSBSimPlant()
     starts = []
@@ -151,17 +147,6 @@ def test_a_plant_can_be_started_again():
         plant.advance(0.5, 1.5, 1.0)
 
     assert starts[0] == starts[1]
-
-
-def test_flights_in_turns_do_not_touch_each_other():
-    alone, plants = signals_of_a_turn(), [JSBSimPlant(), JSBSimPlant()]
-    for plant in plants:
-        plant.start(FlightCondition(V_a=25.0, chi=1.0, gamma=0.5))
-    for _ in range(100):
-        plants[0].advance(0.4, 1.3, 0.02)
-        plants[1].advance(-0.7, 0.5, 0.02)
-
-    assert plants[0].observe() == alone[-1]
 
 
 def test_flights_in_threads_equal_those_in_the_main_thread():

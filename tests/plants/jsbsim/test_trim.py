@@ -7,7 +7,6 @@ import pytest
 from flighttune.errors import InputError, TrimError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant
-from flighttune.units import G_0
 
 DEG = math.pi / 180.0
 
@@ -24,15 +23,6 @@ def test_a_banked_start_is_a_steady_coordinated_turn(fly, phi_deg, gamma_deg):
     assert start["phi"] == pytest.approx(phi, abs=0.05 * DEG)
     assert start["n_y"] == pytest.approx(0.0, abs=1e-3)
     assert start["V_a"] == pytest.approx(25.0, abs=1e-2)
-
-
-def test_level_turn_rate_is_g_tan_phi_over_V(fly):
-    phi = 45.0 * DEG
-
-    turn = fly((phi, 1.0 / math.cos(phi)), phi=phi, duration=2.0)
-
-    turn_rate = (turn["chi"][-1] - turn["chi"][0]) / 2.0
-    assert turn_rate == pytest.approx(G_0 * math.tan(phi) / 25.0, rel=5e-3)
 
 
 @pytest.mark.parametrize(

@@ -1,19 +1,14 @@
 """Aircraft of JSBSim's own set inside our inner loop: flown as shipped, at 50 and at 200 m/s."""
 
 import math
-import re
-import shutil
-from contextlib import suppress
 
-import numpy as np
 import pytest
 
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.errors import PlantError, TrimError
+from flighttune.errors import TrimError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.plant import JSBSimPlant
-from flighttune.shipped import aircraft_folder
 from flighttune.units import G_0
 
 DEG = math.pi / 180.0
@@ -59,44 +54,6 @@ def test_the_clock_starts_at_zero_after_the_engine_has_settled():
     fdm.settle_engine()
 
     assert fdm.reader("simulation/sim-time-sec")() == 0.0
-
-
-def test_two_flights_of_a_propeller_aircraft_are_equal_to_the_bit(fly):
-    first, second = (fly((0.3, 1.1), aircraft="c172p", V_a=50.0, duration=1.0) for _ in range(2))
-
-    for name in first.signals:
-        assert np.array_equal(first[name], second[name]), name
-
-
-@pytest.fixture
-def changed_copy(tmp_path, of_this_model):
-    """Return a copy of the c172p, a text in its toml replaced."""
-
-    def changed(pattern, replacement):
-        shutil.copytree(aircraft_folder("c172p"), tmp_path / "c172p")
-        file = tmp_path / "c172p/aircraft.toml"
-        text, count = re.subn(pattern, replacement, file.read_text(), count=1)
-        assert count == 1
-        file.write_text(text)
-        with suppress(PlantError):  # of a model that is not there
-            of_this_model(tmp_path / "c172p")
-        return tmp_path / "c172p"
-
-    return changed
-
-
-@pytest.mark.parametrize(
-    ("pattern", "replacement", "message"),
-    [
-        ('"c172p"', '"concorde9"', r"`model` must be shipped with jsbsim: .*concorde9"),
-        ('"fcs/mixture-cmd-norm"', '"fcs/mixture-cmd"', "must have the property `fcs/mixture-cmd`"),
-    ],
-)
-def test_what_is_wrong_with_a_wrapping_is_named(changed_copy, pattern, replacement, message):
-    folder = changed_copy(pattern, replacement)
-
-    with pytest.raises(PlantError, match=message):
-        JSBSimPlant(folder).start(FlightCondition(V_a=50.0))
 
 
 @pytest.mark.parametrize(
