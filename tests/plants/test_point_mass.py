@@ -184,7 +184,7 @@ def by_dop853(lags, wind, commands, dt):
         commanded = [v[np.searchsorted(s, middle) - 1] for s, v in zip(starts, values, strict=True)]
         if lags is None:
             x[5], x[8] = commanded
-        w_dot = np.array(wind.piece(middle).rate)
+        w_dot = np.array(wind.piece(middle)[2])
         solved = solve_ivp(
             lambda t, x, u=commanded, w_dot=w_dot: point_with_lag(t, x, u, w_dot, wind, lags),
             (begin, end), x, method="DOP853", rtol=1e-12, atol=1e-13,
@@ -202,7 +202,7 @@ def point_with_lag(t, x, u, w_dot, wind, lags):
     acceleration = lift + np.array([0.0, 0.0, G]) - w_dot
     chi_dot = acceleration @ right / (25.0 * math.cos(gamma))
     gamma_dot = acceleration @ up / 25.0
-    position = 25.0 * along + wind.piece(t).at(t)
+    position = 25.0 * along + wind.at(t)
     channels = [
         channel_rates(*one) for one in zip(lags or (None, None), (x[5:8], x[8:]), u, strict=True)
     ]
