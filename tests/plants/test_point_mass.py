@@ -161,7 +161,7 @@ def test_twenty_seconds_agree_with_another_integrator(lags):
     end = fly(plant, start, commands, dt)
 
     state = by_dop853(lags, wind, commands, dt)
-    velocity = np.array(velocity_along(25.0, *state[:2])) + wind.piece(20.0).at(20.0)
+    velocity = np.array(velocity_along(25.0, *state[:2])) + wind.at(20.0)
     chi, gamma = course_of(tuple(velocity))
     assert math.remainder(end["chi"] - chi, math.tau) == pytest.approx(0.0, abs=INTEGRATION)
     assert end["gamma"] == pytest.approx(gamma, abs=INTEGRATION)
