@@ -80,6 +80,6 @@ def test_the_gap_is_explained_through_the_same_sensors_on_every_rung(short):
     gap = explain_gap(scenario_from(short), PAPER_GAINS)
 
     assert gap.status == "explained"
-    assert gap.ladder.residual < 1e-9
+    assert gap.residual < 1e-9
     for run in gap.runs[1:]:
         assert errors_seen(run) == pytest.approx(errors_seen(gap.runs[0]), abs=1e-12)

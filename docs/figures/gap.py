@@ -33,7 +33,7 @@ def paper_gap() -> Gap:
 
 def rows(gap: Gap) -> list[tuple[str, list[float]]]:
     """Name and numbers of each row of the table."""
-    if gap.ladder is None:
+    if gap.whole is None:
         raise SystemExit(gap.reason)
     metrics = gap.flown().metrics
 
@@ -52,9 +52,9 @@ def rows(gap: Gap) -> list[tuple[str, list[float]]]:
 
     first, last = gap.runs[0], gap.runs[-1]
     found = [(f"`{first.provenance.plant}`", numbers(metrics.loc[first.label], [0.0, 0.0]))]
-    for step in gap.ladder.steps:
+    for step in gap.steps:
         found.append((f"+ {step.adds}", numbers(step.metrics, [rms(step.chi), rms(step.gamma)])))
-    whole = gap.ladder.whole
+    whole = gap.whole
     top = numbers(metrics.loc[last.label], [rms(whole.chi), rms(whole.gamma)])
     return [*found, (f"= `{last.provenance.plant}`", top)]
 
@@ -73,16 +73,16 @@ def table(gap: Gap) -> str:
 
 def reading(gap: Gap) -> str:
     """The sentences with numbers below the table."""
-    if not (gap.mismatch and gap.ladder):
+    if gap.mismatch is None:
         raise SystemExit(gap.reason)
+    phi, n_z = (gap.lags[name].fit_percent for name in ("phi", "n_z"))
     waits = [f"{first_turn(run):.1f} s on `{run.provenance.plant}`" for run in gap.runs]
-    loop = gap.ladder.inner_loop
     return "\n".join(
         [
             f"Δ is the difference in χ and γ. The first {TURNED * DEG_PER_RAD:.0f} deg of turn "
-            f"take {', '.join(waits)}. The {loop.source} lag accounts for "
-            f"{loop.phi.fit_percent:.1f} % of the variance of φ in this flight and for "
-            f"{loop.n_z.fit_percent:.1f} % of that of n_z.",
+            f"take {', '.join(waits)}. The {gap.lag_source} lag accounts for "
+            f"{phi:.1f} % of the variance of φ in this flight and for "
+            f"{n_z:.1f} % of that of n_z.",
             "",
             f"The mismatch reaches {gap.mismatch.bound:.2f} rad/s, its derivative "
             f"L_d = {gap.mismatch.L_d:.2f} rad/s².",

@@ -72,7 +72,7 @@ def gap(
     values = gap_values(explained, files.signals)
     tables = gap_tables(explained, values)
     figure = page = None
-    if explained.ladder is not None:
+    if explained.steps:
         figure, page = folder / "gap.svg", folder / "gap.html"
         gap_sheet(explained).save(figure)
         write_gap_page(explained, tables, page)
@@ -93,7 +93,7 @@ def gap(
 
 
 def _failed(gap: "Gap") -> list[str]:
-    if gap.ladder is None or not gap.ladder.failed:
+    if not (gap.steps and gap.failed):
         return []
-    why = "; ".join(f"{plant} {reason}" for plant, reason in gap.ladder.failed.items())
+    why = "; ".join(f"{plant} {reason}" for plant, reason in gap.failed.items())
     return [f"No metrics of, from or to a rung that failed: {why}"]

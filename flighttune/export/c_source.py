@@ -7,8 +7,7 @@ from string import Template
 from flighttune import __version__
 from flighttune.control.gains import PIGains
 from flighttune.control.mimo_pi import MimoPI
-from flighttune.flight.fly import law_setup, plant_of
-from flighttune.flight.ladder import aircraft_table
+from flighttune.flight.fly import aircraft_table, law_setup, plant_of
 from flighttune.scenario.schema import Scenario
 from flighttune.whole_file import write_text
 

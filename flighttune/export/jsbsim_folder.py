@@ -20,8 +20,7 @@ from flighttune.control.controller import LawSetup
 from flighttune.control.gains import PIGains
 from flighttune.control.law import OuterLoop
 from flighttune.errors import InputError, OutputError
-from flighttune.flight.fly import law_setup, plant_of
-from flighttune.flight.ladder import aircraft_table
+from flighttune.flight.fly import aircraft_table, law_setup, plant_of
 from flighttune.plants.jsbsim import properties
 from flighttune.plants.jsbsim.fdm import EARTH, weigh
 from flighttune.plants.jsbsim.model_files import ModelFolders, model_folders, not_xml

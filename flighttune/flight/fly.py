@@ -17,7 +17,7 @@ from flighttune.control.gains import PIGains
 from flighttune.control.guarded import LawError
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loop
-from flighttune.errors import TrimError
+from flighttune.errors import InputError, TrimError
 from flighttune.flight.expectations import ClaimCheck, check_claim
 from flighttune.flight.outer_loop import gain_sets
 from flighttune.flight.own import LawMaker, PlantMaker, with_own
@@ -196,6 +196,18 @@ def law_setup(scenario: Scenario, gains: PIGains, limits: Limits) -> LawSetup:
     )
 
 
+def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
+    """An aircraft of a scenario by its label, by default the first."""
+    aircraft = {table.label: table for table in scenario.plant if table.aircraft is not None}
+    label = plant or next(iter(aircraft), None)
+    if label not in aircraft:
+        raise InputError(
+            f"`plant` must be an aircraft (jsbsim), of which {scenario.title!r} has "
+            f"{', '.join(aircraft) or 'none'}, got {label}."
+        )
+    return aircraft[label]
+
+
 def plant_of(
     table: PlantTable,
     scenario: Scenario,
@@ -227,7 +239,7 @@ def plant_of(
         weather=scenario.weather(),
         ground=scenario.flight.ground_m,
         throttle_max=table.throttle_max,
-        off_nominal=None if table.airframe is None else table.airframe.off_nominal(),
+        off_nominal=table.airframe,
     )
     return steered(aircraft, scenario)
 
@@ -278,8 +290,7 @@ def fly_alone(
 def wind_met(run: Run) -> WindRecord:
     """The wind that an aircraft recorded, for other plants to fly in."""
     north, east, down = (run.signals[name].to_numpy() for name in WIND)
-    t = run.t
-    return WindRecord(t=t, north=north, east=east, down=down)
+    return WindRecord(t=run.t, north=north, east=east, down=down)
 
 
 def fly_once(
@@ -362,14 +373,13 @@ def _run(
 
 def library_versions() -> dict[str, str]:
     """Version of every library that shapes the numbers of a flight."""
-    return dict(_installed())
+    return {"python": platform.python_version(), **_installed()}
 
 
 @cache
-def _installed() -> tuple[tuple[str, str], ...]:
-    """Names and versions, looked up once: it takes as long as a tenth of a flight."""
-    versions = [("python", platform.python_version())]
-    versions += [(name, version(name)) for name in VERSIONED]
+def _installed() -> dict[str, str]:
+    """Versions looked up once: it takes as long as a tenth of a flight."""
+    versions = {name: version(name) for name in VERSIONED}
     with suppress(PackageNotFoundError):  # it need not be there; rows of a batch are its own
-        versions.append(("numba", version("numba")))
-    return tuple(versions)
+        versions["numba"] = version("numba")
+    return versions

@@ -3,8 +3,7 @@
 import numpy as np
 
 from flighttune.errors import InputError
-from flighttune.flight.gap import Gap
-from flighttune.flight.ladder import rung_metrics
+from flighttune.flight.gap import Gap, rung_metrics
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS
 from flighttune.present.palette import INK, LIMIT, NEUTRAL
@@ -25,7 +24,7 @@ def gap_charts(gap: Gap) -> list[Chart]:
 
     Without a ladder, because the aircraft did not fly, there is an InputError.
     """
-    if gap.ladder is None:
+    if not gap.steps:
         raise InputError(f"`gap` must have a ladder to be drawn, got none: {gap.reason}")
     kinds = (itae_chart, _rungs, steps_chart, _mismatch, bound_chart)
     return [kind(gap, channel) for kind in kinds for channel in CHANNEL_SYMBOLS]
@@ -38,17 +37,16 @@ def gap_sheet(gap: Gap) -> Sheet:
 
 def itae_chart(gap: Gap, channel: str) -> Chart:
     """A bar for the paper's law, one for what each step adds, one for the aircraft."""
-    assert gap.ladder is not None
     title = f"{gap.name}: {CHANNEL_NAMES[channel]}, ITAE from law to aircraft"
     places = [(float(i), name) for i, name in enumerate(BAR_NAMES)]
     chart = Chart(title=title, x="", y="ITAE [rad s²]", x_ticks=places)
-    if gap.ladder.failed:
+    if gap.failed:
         chart.x_range, chart.y_range, chart.x_ticks, chart.y_ticks = (0, 1), (0, 1), (), ()
-        why = [f"{plant} {reason}" for plant, reason in gap.ladder.failed.items()]
+        why = [f"{plant} {reason}" for plant, reason in gap.failed.items()]
         for i, line in enumerate(["none:", *why]):
             chart.text(0.5, 0.6, line, anchor="middle", shift=(0.0, 14.0 * i))
         return chart
-    steps = [float(np.asarray(s.metrics.at[channel, "ITAE"])) for s in gap.ladder.steps]
+    steps = [float(np.asarray(s.metrics.at[channel, "ITAE"])) for s in gap.steps]
     first, last = (
         float(np.asarray(rung_metrics(run).at[channel, "ITAE"]))
         for run in (gap.runs[0], gap.runs[-1])
@@ -69,13 +67,13 @@ def itae_chart(gap: Gap, channel: str) -> Chart:
 
 def steps_chart(gap: Gap, channel: str) -> Chart:
     """Contribution of each step over time, and their sum."""
-    assert gap.ladder is not None
+    assert gap.whole is not None
     t = gap.runs[0].t
     title = f"{gap.name}: {CHANNEL_NAMES[channel]}, what each step adds"
     chart = _over_time(gap, title, f"Δ{CHANNEL_SYMBOLS[channel]} [deg]")
-    for step, colour in zip(gap.ladder.steps, colours(gap)[1:], strict=True):
+    for step, colour in zip(gap.steps, colours(gap)[1:], strict=True):
         chart.line(t, getattr(step, channel) * DEG_PER_RAD, colour, name=step.adds)
-    whole = getattr(gap.ladder.whole, channel) * DEG_PER_RAD
+    whole = getattr(gap.whole, channel) * DEG_PER_RAD
     chart.line(t, whole, INK, dash=DASHED, width=1.1, name="sum")
     return chart
 

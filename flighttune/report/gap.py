@@ -6,9 +6,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flighttune.flight.gap import Gap
+from flighttune.flight.gap import Gap, Step
 from flighttune.flight.gap_charts import gap_charts
-from flighttune.flight.ladder import Step
 from flighttune.identify.file import lag_table
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
@@ -44,7 +43,7 @@ MISMATCH_COLUMNS = [Column("bound", "largest |d|", "rad/s"), *columns("L_d")]
 
 def gap_values(gap: Gap, signals: Mapping[str, Path]) -> dict[str, Any]:
     """A gap as ``--json`` has it; `signals` are the files of the rungs by label."""
-    flown, ladder = gap.flown(), gap.ladder
+    flown = gap.flown()
     values: dict[str, Any] = {
         "status": gap.status,
         "reason": gap.reason,
@@ -62,15 +61,14 @@ def gap_values(gap: Gap, signals: Mapping[str, Path]) -> dict[str, Any]:
         ],
         "inner_loop": None,
         "contributions": [_step(step) for step in gap.steps],
-        "whole": None if ladder is None else _step(ladder.whole),
-        "largest_residual": None if ladder is None else ladder.residual,
+        "whole": None if gap.whole is None else _step(gap.whole),
+        "largest_residual": gap.residual if gap.steps else None,
         "mismatch": None,
     }
-    if ladder is not None:
-        loop = ladder.inner_loop
-        values["inner_loop"] = {"source": loop.source} | {
+    if gap.lags:
+        values["inner_loop"] = {"source": gap.lag_source} | {
             name: {**lag_table(fitted.lag), "fit_percent": fitted.fit_percent}
-            for name, fitted in (("phi", loop.phi), ("n_z", loop.n_z))
+            for name, fitted in gap.lags.items()
         }
     if gap.mismatch is not None:
         values["mismatch"] = {"L_d": gap.mismatch.L_d, "bound": gap.mismatch.bound}
@@ -79,7 +77,7 @@ def gap_values(gap: Gap, signals: Mapping[str, Path]) -> dict[str, Any]:
 
 def gap_tables(gap: Gap, values: Mapping[str, Any]) -> list[Table]:
     """Tables of a gap from its values: rungs, steps, inner loop and mismatch."""
-    if gap.ladder is None:
+    if not gap.steps:
         return []
     loop = values["inner_loop"]
     lags = [{"channel": name, **loop[name]} for name in ("phi", "n_z")]
@@ -105,8 +103,8 @@ def step_table(gaps: Sequence[Gap]) -> Table:
     records = [
         {"gains": gap.name, **_step(step)}
         for gap in gaps
-        if gap.ladder is not None
-        for step in (*gap.ladder.steps, gap.ladder.whole)
+        if gap.whole is not None
+        for step in (*gap.steps, gap.whole)
     ]
     shown = STEP_COLUMNS if len(gaps) > 1 else STEP_COLUMNS[1:]
     return Table(title="steps", columns=shown, records=records)

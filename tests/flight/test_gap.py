@@ -11,9 +11,8 @@ import pytest
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.errors import InputError
 from flighttune.flight.fly import fly
-from flighttune.flight.gap import explain_gap
+from flighttune.flight.gap import explain_gap, rung_metrics
 from flighttune.flight.gap_charts import gap_charts, gap_sheet, itae_chart
-from flighttune.flight.ladder import rung_metrics
 from flighttune.metrics import METRICS, channel_metrics
 from flighttune.present.palette import line_styles
 from flighttune.recording.derived import with_derived
@@ -61,14 +60,14 @@ def test_the_steps_add_up_to_the_whole(gap_name, request):
     first, last = gap.runs[0], gap.runs[-1]
 
     for channel in ("chi", "gamma"):
-        added = sum(getattr(step, channel) for step in gap.ladder.steps)
+        added = sum(getattr(step, channel) for step in gap.steps)
         apart = (last.signals[channel] - first.signals[channel]).to_numpy()
         assert added == pytest.approx(apart, abs=ROUNDING)
     for metric in METRICS:
-        added = sum(step.metrics[metric].to_numpy() for step in gap.ladder.steps)
+        added = sum(step.metrics[metric].to_numpy() for step in gap.steps)
         apart = (channel_metrics(last) - channel_metrics(first))[metric].to_numpy()
         assert added == pytest.approx(apart, abs=ROUNDING, nan_ok=True)
-    assert gap.ladder.residual < ROUNDING
+    assert gap.residual < ROUNDING
 
 
 def test_every_step_tells_more_of_the_aircraft_than_the_last(paper_gap):
@@ -92,11 +91,11 @@ def test_without_lift_the_course_waits_and_the_papers_law_does_not(paper_gap):
 def test_the_lag_comes_from_the_model_file_or_from_the_flight(paper_gap):
     fitted = explain_gap(paper_gap.scenario, PAPER_GAINS, name="paper", lag="fitted")
 
-    assert paper_gap.ladder.inner_loop.source == "identified"
-    assert fitted.ladder.inner_loop.source == "fitted"
+    assert paper_gap.lag_source == "identified"
+    assert fitted.lag_source == "fitted"
     for channel in ("phi", "n_z"):
-        identified = getattr(paper_gap.ladder.inner_loop, channel).fit_percent
-        assert 99.0 < identified <= getattr(fitted.ladder.inner_loop, channel).fit_percent
+        identified = paper_gap.lags[channel].fit_percent
+        assert 99.0 < identified <= fitted.lags[channel].fit_percent
 
 
 def test_all_rungs_fly_in_the_air_that_the_aircraft_met(windy_gap):
@@ -133,7 +132,7 @@ def test_a_flight_that_ends_early_is_explained_as_far_as_it_went():
     assert gap.status == "cut_short"
     assert gap.reason
     assert len({len(run.signals) for run in gap.runs}) == 1
-    assert gap.ladder.residual < ROUNDING
+    assert gap.residual < ROUNDING
     assert gap.indicators.status == "unstable"
     assert len(gap_charts(gap)) == 10
 
@@ -141,30 +140,30 @@ def test_a_flight_that_ends_early_is_explained_as_far_as_it_went():
 def test_a_rung_that_failed_has_no_metrics_and_gives_none_to_its_steps(paper_gap):
     wild = PIGains(K_P=-PAPER_GAINS.K_P, K_I=-PAPER_GAINS.K_I)
 
-    ladder = explain_gap(load_scenario("paper"), wild, name="wild").ladder
+    gap = explain_gap(load_scenario("paper"), wild, name="wild")
 
-    assert paper_gap.ladder.failed == {}
-    assert ladder.failed["point_mass"] == "ended early (left envelope)"
-    assert "kinematic" not in ladder.failed  # in still air the paper's law has no pole
-    for run in ladder.runs:
+    assert paper_gap.failed == {}
+    assert gap.failed["point_mass"] == "ended early (left envelope)"
+    assert "kinematic" not in gap.failed  # in still air the paper's law has no pole
+    for run in gap.runs:
         known = rung_metrics(run)["ITAE"].notna().all()
-        assert known == (run.provenance.plant not in ladder.failed)
-    for step in (*ladder.steps, ladder.whole):
-        failed = {step.lower, step.upper} & ladder.failed.keys()
+        assert known == (run.provenance.plant not in gap.failed)
+    for step in (*gap.steps, gap.whole):
+        failed = {step.lower, step.upper} & gap.failed.keys()
         assert step.metrics.isna().all(axis=None) == bool(failed)
         assert np.isfinite(step.chi).all()
 
 
 def test_a_course_error_that_goes_around_is_no_overshoot(paper_gap):
-    run = paper_gap.ladder.runs[0]
+    run = paper_gap.runs[0]
     around = np.linspace(0.0, 2.0 * math.pi, len(run.signals))
     wrapped = (around + math.pi) % (2.0 * math.pi) - math.pi
     spun = replace(run, signals=run.signals.assign(chi_err=wrapped))
     hand = replace(run, status="interrupted", reason="stopped")
 
-    ladder = replace(paper_gap.ladder, runs=(spun, hand, *paper_gap.ladder.runs[2:]))
+    gap = replace(paper_gap, runs=(spun, hand, *paper_gap.runs[2:]))
 
-    assert ladder.failed == {"kinematic": "diverged (course error past 180 deg)"}
+    assert gap.failed == {"kinematic": "diverged (course error past 180 deg)"}
 
 
 def test_an_aircraft_that_cannot_begin_is_not_flown_and_says_why():
@@ -174,7 +173,7 @@ def test_an_aircraft_that_cannot_begin_is_not_flown_and_says_why():
 
     assert gap.status == "not_flown"
     assert gap.reason.startswith("jsbsim:aerosonde / gains: ")
-    assert gap.ladder is None
+    assert gap.steps == ()
     with pytest.raises(InputError, match="`gap` must have a ladder"):
         gap_charts(gap)
 
@@ -190,7 +189,7 @@ def test_a_pull_up_without_roll_is_explained_too():
     for lag in ("identified", "fitted"):
         gap = explain_gap(straight, PAPER_GAINS, lag=lag)
         assert gap.status == "explained"
-        assert gap.ladder.residual < ROUNDING
+        assert gap.residual < ROUNDING
 
 
 @pytest.mark.slow
@@ -202,7 +201,7 @@ def test_without_a_model_file_the_lag_is_fitted_to_the_flight(tmp_path):
 
     gap = explain_gap(changed("paper", plant=plant, expect=[]), PAPER_GAINS)
 
-    assert gap.ladder.inner_loop.source == "fitted"
+    assert gap.lag_source == "fitted"
 
 
 def test_a_scenario_without_aircraft_has_no_gap():
