@@ -18,7 +18,7 @@ NOMINAL = OffNominal()
 
 def accelerations(V_a, alpha, beta, rates, surfaces, throttle, off=NOMINAL):
     """Body accelerations without gravity (m/s2) and angular accelerations (rad/s2)."""
-    f = {name.rpartition("/")[2]: factor for name, factor in off.coefficients}
+    f = {name.rpartition("/")[2]: factor for name, factor in off.coefficient_factors.items()}
 
     def c(name, value):
         return f.get(name, 1.0) * value
@@ -37,26 +37,28 @@ def accelerations(V_a, alpha, beta, rates, surfaces, throttle, off=NOMINAL):
     C_n = c("Cn_beta", 0.073 * beta) + c("Cn_p", -0.069 * p_hat) + c("Cn_r", -0.095 * r_hat)
     C_n = C_n + c("Cn_da", -0.011 * aileron) + c("Cn_dr", -0.069 * rudder)
     pressure_area = 0.5 * RHO_1000_M * V_a**2 * S
-    along_wind = np.array([-off.drag * C_D, off.side_force * C_Y, -off.lift * C_L])
+    along_wind = np.array(
+        [-off.drag_factor * C_D, off.side_force_factor * C_Y, -off.lift_factor * C_L]
+    )
     ca, sa, cb, sb = math.cos(alpha), math.sin(alpha), math.cos(beta), math.sin(beta)
     wind_to_body = np.array([[ca * cb, -ca * sb, -sa], [sb, cb, 0.0], [sa * cb, -sa * sb, ca]])
     aerodynamic = pressure_area * wind_to_body @ along_wind
-    pull = np.array([off.thrust * MOTOR * throttle, 0.0, 0.0])
+    pull = np.array([off.thrust_factor * MOTOR * throttle, 0.0, 0.0])
     aft, right, down = off.cg_shift
     motor = np.array([aft, -right, -down])  # from the centre of gravity, body axes
     moment = pressure_area * np.array(
         [
-            SPAN * off.roll_moment * C_l,
-            CHORD * off.pitch_moment * C_m,
-            SPAN * off.yaw_moment * C_n,
+            SPAN * off.roll_moment_factor * C_l,
+            CHORD * off.pitch_moment_factor * C_m,
+            SPAN * off.yaw_moment_factor * C_n,
         ]
     )
     moment += np.cross(motor + np.array([CG_AFT, 0.0, 0.0]), aerodynamic) + np.cross(motor, pull)
-    xx, yy, zz, xz = (getattr(off, name) * value for name, value in J.items())
+    xx, yy, zz, xz = (getattr(off, f"{name}_factor") * value for name, value in J.items())
     tensor = np.array([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
     rates = np.array(rates)
     angular = np.linalg.solve(tensor, moment - np.cross(rates, tensor @ rates))
-    return (aerodynamic + pull) / (off.mass * MASS), angular
+    return (aerodynamic + pull) / (off.mass_factor * MASS), angular
 
 
 def evaluated(fdm, V_a, alpha, beta, rates, surfaces, throttle):

@@ -53,17 +53,17 @@ def filled(template: str, values: Mapping[str, float]) -> str:
     return _PLACEHOLDER.sub(lambda match: repr(values[match[1]] * float(match[2])), template)
 
 
+# JSBSim's axis for each factor on aerodynamics as a whole.
 AXES = dict(zip(OffNominal.AXES, ["LIFT", "DRAG", "SIDE", "ROLL", "PITCH", "YAW"], strict=True))
-"""JSBSim's axis for each factor on aerodynamics as a whole."""
 
+# Names of the actuators of the surfaces.
 SURFACE_ACTUATORS = tuple(f"ft/{name}-rad" for name in SURFACES)
-"""Names of the actuators of the surfaces."""
 
+# Beginning of the placeholder of a factor on a single function.
 COEFFICIENT = "coefficient "
-"""Beginning of the placeholder of a factor on a single function."""
 
+# Numbers proportional to the thrust of engines that push without a propeller.
 _THRUST_OF = {"electric_engine": ("power",), "turbine_engine": ("milthrust", "maxthrust")}
-"""Numbers proportional to the thrust of engines that push without a propeller."""
 
 _NOT_OPERATIONS = ("description", "documentation")
 
@@ -200,13 +200,8 @@ INERTIAS = {
     "ixz": (0, 2),
     "iyz": (1, 2),
 }
-_SIGN = {"ixx": 1.0, "iyy": 1.0, "izz": 1.0, "ixy": 1.0, "ixz": -1.0, "iyz": 1.0}
-"""Entry of the tensor over the number in the file with negated_crossproduct_inertia="false"; by
-default JSBSim turns the signs of all three products.
-"""
-
+# Share of the largest inertia by which rounding may break the triangle inequality.
 _TRIANGLE = 1e-9
-"""Share of the largest inertia by which rounding may break the triangle inequality."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -237,16 +232,15 @@ class MassBalance:
         the placeholders of `open_mass_balance`; units are lbf, in and slug ft^2. Raises InputError
         if load and fuel alone weigh as much, or no body has such inertias.
         """
-        weight = off.mass * self.whole.weight
+        weight = off.mass_factor * self.whole.weight
         empty_weight = self.empty.weight + weight - self.whole.weight
         if not empty_weight > 0.0:
             lowest = 1.0 - self.empty.weight / self.whole.weight
             raise InputError(
                 f"`mass_factor` must be above {lowest:.3g}, what load and fuel weigh, "
-                f"got {off.mass:g}."
+                f"got {off.mass_factor:g}."
             )
         cg = self.whole.cg + np.array([1.0, 1.0, -1.0]) * off.cg_shift / FT
-        inertia = self._inertia(off)
         # About one point (the nominal centre of gravity) moments and inertias add up: those of load
         # and fuel stay as they are, and the empty aircraft makes up for the rest.
         nominal, empty = self.whole.cg, self.empty
@@ -256,11 +250,12 @@ class MassBalance:
         empty_cg = (weight * cg - load_moment) / empty_weight
         inertia = self._inertia(off) + self._offset(weight, cg - nominal) - load_inertia
         inertia = inertia - self._offset(empty_weight, empty_cg - nominal)
-        placeholders = {name: _SIGN[name] * float(inertia[at]) for name, at in INERTIAS.items()}
-        placeholders |= dict(
-            zip(("cg_x", "cg_y", "cg_z"), (empty_cg * _INCHES).tolist(), strict=True)
-        )
-        return placeholders | {"emptywt": empty_weight}
+        x, y, z = (empty_cg * _INCHES).tolist()
+        # By default JSBSim turns the signs of all three products; with the attribute that
+        # `open_mass_balance` sets only that of xz.
+        inertias = {name: float(inertia[at]) for name, at in INERTIAS.items()}
+        inertias["ixz"] = -inertias["ixz"]
+        return {**inertias, "cg_x": x, "cg_y": y, "cg_z": z, "emptywt": empty_weight}
 
     def _offset(self, weight: float, distance: FloatArray) -> FloatArray:
         """Inertia of a point at `distance` (ft: aft, right, up), body axes."""
@@ -269,20 +264,20 @@ class MassBalance:
 
     def _inertia(self, off: OffNominal) -> FloatArray:
         """Inertia of the whole aircraft; refuses what no body has."""
-        scaled = self.whole.inertia.copy()
-        for name in OffNominal.INERTIAS:
+        scaled, factors = self.whole.inertia.copy(), off.inertia_factors
+        for name, factor in factors.items():
             i, j = INERTIAS[name]
-            scaled[i, j] = scaled[j, i] = getattr(off, name) * self.whole.inertia[i, j]
-        changed = [f"`{name}_factor`" for name in OffNominal.INERTIAS if getattr(off, name) != 1.0]
+            scaled[i, j] = scaled[j, i] = factor * self.whole.inertia[i, j]
         least, middle, largest = np.linalg.eigvalsh(scaled)
         a, b, c = np.linalg.eigvalsh(self.whole.inertia)
         sum_needed = min(1.0, (a + b) / c)  # some aircraft break the inequality as they are
         possible = least > 0.0 and least + middle >= (sum_needed - _TRIANGLE) * largest
-        if changed and not possible:
+        if factors and not possible:
             got = ", ".join(f"{value * _KG_M2:.4g}" for value in (least, middle, largest))
             raise InputError(
-                f"{' and '.join(changed)} must leave principal inertias of which none is larger "
-                f"than the two others together, got {got} kg m2."
+                f"{' and '.join(f'`{name}_factor`' for name in factors)} must leave principal "
+                "inertias of which none is larger than the two others together, got "
+                f"{got} kg m2."
             )
         return scaled
 

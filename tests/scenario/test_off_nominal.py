@@ -5,7 +5,6 @@ import pickle
 
 import pytest
 
-from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.errors import ScenarioError
 from flighttune.flight.fly import fly
 from flighttune.plants.sensors import Sensors
@@ -13,10 +12,6 @@ from flighttune.scenario import load_scenario, scenario_from
 from flighttune.shipped import scenario_files
 
 DEG = math.pi / 180.0
-FACTORS = (
-    "mass", "ixx", "iyy", "izz", "ixz", "lift", "drag", "side_force", "roll_moment",
-    "pitch_moment", "yaw_moment", "thrust", "actuator_lag",
-)  # fmt: skip
 
 
 def tables(airframe=None, sensors=None, **plant):
@@ -30,27 +25,6 @@ def tables(airframe=None, sensors=None, **plant):
         "plant": [plant | ({} if airframe is None else {"airframe": airframe})],
         **({} if sensors is None else {"sensors": sensors}),
     }
-
-
-@pytest.mark.parametrize("name", FACTORS)
-def test_each_factor_is_that_of_its_key(name):
-    scenario = scenario_from(tables({f"{name}_factor": 1.25}))
-
-    assert scenario.plant[0].airframe.off_nominal() == OffNominal(**{name: 1.25})
-
-
-def test_shift_and_coefficients_are_those_of_their_keys():
-    keys = {"cg_aft_m": 0.01, "cg_right_m": 0.02, "cg_down_m": -0.03}
-    scenario = scenario_from(tables({**keys, "coefficient_factors": {"Cm_alpha": 0.9}}))
-
-    assert scenario.plant[0].airframe.off_nominal() == OffNominal(
-        cg_shift=(0.01, 0.02, -0.03), coefficients=(("Cm_alpha", 0.9),)
-    )
-
-
-@pytest.mark.parametrize("airframe", [{}, {"mass_factor": 1.0, "coefficient_factors": {}}])
-def test_a_table_without_change_is_the_nominal_aircraft(airframe):
-    assert scenario_from(tables(airframe)).plant[0].airframe.off_nominal() is None
 
 
 def test_sensors_are_in_radians_and_draw_from_the_seed_of_the_scenario():

@@ -256,11 +256,11 @@ def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str:
     """
     off = config.off_nominal or _NOMINAL
     # Values are filled in behind the cache: dispersed flights share one template.
-    factors = (off.loaded, *off.scaled, *off.scaled_coefficients)
+    factors = (off.loaded, *off.scaled, *off.coefficient_factors)
     key = (config.model, config.fingerprint, factors, stamps(file_tree(config)))
     template, balance = _template(Unchanged(config, key), weigh, steps)
-    coefficients = {f"{COEFFICIENT}{name}": by for name, by in off.scaled_coefficients.items()}
-    values = coefficients | off.scaled | {"actuator_rate": 1.0 / off.actuator_lag}
+    coefficients = {f"{COEFFICIENT}{name}": by for name, by in off.coefficient_factors.items()}
+    values = coefficients | off.scaled | {"actuator_rate": 1.0 / off.actuator_lag_factor}
     return filled(template, values | balance.values(off) if balance else values)
 
 
@@ -281,7 +281,7 @@ def _template(what: Unchanged, weigh: Weigh, steps: int) -> tuple[str, MassBalan
         # Factors and shifts are relative to the nominal aircraft, load and fuel included.
         balance = weigh(config.with_off_nominal(None))
         open_mass_balance(root)
-    for name in off.scaled_coefficients:
+    for name in off.coefficient_factors:
         scale_coefficient(root, name, file)
     for name in off.scaled:
         if name in AXES:

@@ -62,8 +62,14 @@ ALL = {
 }  # fmt: skip
 
 
+def off_nominal(cg_shift=(0.0, 0.0, 0.0), coefficients=(), **factors):
+    shift = dict(zip(("cg_aft_m", "cg_right_m", "cg_down_m"), cg_shift, strict=True))
+    factors = {f"{name}_factor": factor for name, factor in factors.items()}
+    return OffNominal(**shift, coefficient_factors=dict(coefficients), **factors)
+
+
 def aircraft(name, **off):
-    return Fdm(load_aircraft(name).with_off_nominal(OffNominal(**off)))
+    return Fdm(load_aircraft(name).with_off_nominal(off_nominal(**off)))
 
 
 @pytest.mark.parametrize("off", [*ALONE, ALL], ids=str)
@@ -71,7 +77,7 @@ def test_accelerations_are_those_of_the_published_coefficients_with_the_factors(
     state = 27.0, 5 * DEG, 3 * DEG, (0.8, 0.3, -0.5), (-0.15, -0.1, 0.12), 0.5
 
     fdm = evaluated(aircraft("aerosonde", **off), *state)
-    expected, expected_angular = accelerations(*state, OffNominal(**off))
+    expected, expected_angular = accelerations(*state, off_nominal(**off))
 
     mass = fdm.reader("inertia/mass-slugs")() * SLUG
     body = [fdm.reader(f"forces/fb{axis}-total-lbs")() * LBF / mass for axis in "xyz"]
@@ -96,7 +102,7 @@ def test_trim_is_that_of_the_aircraft_off_the_nominal(off, gamma):
 
     surfaces = point.aileron, point.elevator, point.rudder
     body, angular = accelerations(
-        25.0, point.alpha, point.beta, (0.0, 0.0, 0.0), surfaces, point.throttle, OffNominal(**off)
+        25.0, point.alpha, point.beta, (0.0, 0.0, 0.0), surfaces, point.throttle, off_nominal(**off)
     )
     weight = G_0 * np.array([-math.sin(point.theta), 0.0, math.cos(point.theta)])
     assert body + weight == pytest.approx(0.0, abs=0.02)
@@ -192,10 +198,10 @@ def flown(**plant):
 
 
 def test_a_nominal_aircraft_flies_to_the_same_bits_with_factors_of_one():
-    ones = OffNominal(coefficients=(("Cm_alpha", 1.0),))
+    ones = off_nominal(coefficients=(("Cm_alpha", 1.0),))
 
-    assert flown() == flown(off_nominal=OffNominal()) == flown(off_nominal=ones)
-    assert flown() != flown(off_nominal=OffNominal(ixx=1.001))
+    assert flown() == flown(off_nominal=off_nominal()) == flown(off_nominal=ones)
+    assert flown() != flown(off_nominal=off_nominal(ixx=1.001))
 
 
 def digest(folder):
@@ -233,16 +239,13 @@ def test_a_file_that_was_changed_is_read_anew(changed_aircraft):
     points = []
     for pattern, text in (("-2.70 ", "-2.70 "), ("-2.70 ", "-1.90 ")):
         folder = changed_aircraft("aerosonde.xml", pattern, text)
-        config = load_aircraft(folder).with_off_nominal(OffNominal(mass=1.1))
+        config = load_aircraft(folder).with_off_nominal(off_nominal(mass=1.1))
         points.append(trim(Fdm(config), FlightCondition(V_a=25.0)))
 
     assert points[0].elevator < points[1].elevator - 0.01
 
 
 REFUSED = [
-    ({"mass": 0.0}, "aerosonde", r"`mass_factor` must be positive, got 0"),
-    ({"drag": math.nan}, "aerosonde", r"`drag_factor` must be positive, got nan"),
-    ({"cg_shift": (math.inf, 0.0, 0.0)}, "aerosonde", r"`cg_shift` must be three finite numbers"),
     ({"mass": 0.1}, "c172p", r"`mass_factor` must be above 0\.202, what load and fuel weigh"),
     ({"izz": 1.4}, "aerosonde", r"`izz_factor` must leave principal inertias .*, got 0\.815.* kg"),
     ({"iyy": 1.01}, "a4", r"`iyy_factor` must leave principal inertias"),
@@ -257,7 +260,7 @@ REFUSED = [
 @pytest.mark.parametrize(("off", "name", "message"), REFUSED, ids=[str(one[0]) for one in REFUSED])
 def test_what_cannot_be_is_refused_by_the_name_of_its_key(off, name, message):
     with pytest.raises(InputError, match=message) as caught:
-        JSBSimPlant(name, off_nominal=OffNominal(**off))
+        JSBSimPlant(name, off_nominal=off_nominal(**off))
 
     assert "\n" not in str(caught.value)
 
@@ -273,7 +276,7 @@ def test_what_an_aircraft_lacks_is_refused(changed_aircraft, file, pattern, text
     folder = changed_aircraft(file, pattern, text)
 
     with pytest.raises(InputError, match=message):
-        JSBSimPlant(folder, off_nominal=OffNominal(**off))
+        JSBSimPlant(folder, off_nominal=off_nominal(**off))
 
 
 def test_an_engine_of_another_kind_cannot_be_scaled(changed_aircraft):
@@ -282,7 +285,7 @@ def test_an_engine_of_another_kind_cannot_be_scaled(changed_aircraft):
         folder = changed_aircraft("Engines/aerosonde_motor.xml", pattern, text)
 
     with pytest.raises(InputError, match=r"`thrust_factor` .* <rocket_engine>"):
-        JSBSimPlant(folder, off_nominal=OffNominal(thrust=0.9))
+        JSBSimPlant(folder, off_nominal=off_nominal(thrust=0.9))
 
 
 def test_the_page_names_every_coefficient_of_the_aerosonde():
