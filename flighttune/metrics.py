@@ -6,15 +6,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.simulate.measures import error_measures
+from flighttune.simulate.measures import METRICS, error_measures
 from flighttune.simulate.run import Run
 
 if TYPE_CHECKING:
     import pandas as pd
 
+# Controlled quantity and the command that mostly moves it.
 CHANNELS = {"chi": "phi", "gamma": "n_z"}
-"""Controlled quantity and the command that mostly moves it."""
 
+# Signals that the measures use.
 MEASURED = (
     *(f"{channel}_err" for channel in CHANNELS),
     *(f"{command}_{kind}" for command in CHANNELS.values() for kind in ("cmd", "limited")),
@@ -23,24 +24,9 @@ MEASURED = (
     "n_z",
     "alpha",
 )
-"""Signals that the measures use."""
 
-METRICS: dict[str, str] = {
-    "ITAE": "rad s^2",
-    "ITAE_mean": "rad s",
-    "PT_s": "s",
-    "MO_rad": "rad",
-    "MS_rad": "rad",
-    "ST_rad": "rad",
-    "rise_s": "s",
-    "settling_s": "s",
-    "effort_rms": "rad (chi), 1 (gamma)",
-    "saturation_s": "s",
-}
-"""Columns of `channel_metrics`, the fields of `ErrorMeasures`, and their units."""
-
+# Names of `flight_metrics` and their units.
 FLIGHT_METRICS = {"V_a_dev_mps": "m/s", "n_z_min": "1", "n_z_max": "1", "alpha_max_rad": "rad"}
-"""Names of `flight_metrics` and their units."""
 
 
 def unit_of(subject: str, name: str) -> str:
@@ -112,11 +98,11 @@ def channel_metrics(run: Run) -> "pd.DataFrame":
 
     ITAE, PT, MO, MS and ST are those of arXiv 2411.13140, section 5.2, which names them in words.
     """
-    t, columns = run.t, signal_arrays(run, MEASURED)
-    rows = [list(_channel_measures(t, columns, channel).values()) for channel in CHANNELS]
     import pandas as pd
 
-    return pd.DataFrame(np.array(rows, dtype=float), index=list(CHANNELS), columns=list(METRICS))
+    columns = signal_arrays(run, MEASURED)
+    rows = {channel: _channel_measures(run.t, columns, channel) for channel in CHANNELS}
+    return pd.DataFrame.from_dict(rows, orient="index", dtype=float)
 
 
 def measures(run: Run) -> dict[str, dict[str, float]]:
@@ -127,11 +113,13 @@ def measures(run: Run) -> dict[str, dict[str, float]]:
     """
     if len(run.signals) < 2:
         return {}
-    t, columns = run.t, signal_arrays(run, MEASURED)
-    tables = {channel: _channel_measures(t, columns, channel) for channel in CHANNELS}
-    for channel, of_channel in tables.items():
-        of_channel["peak_rad"] = float(np.max(np.abs(columns[f"{channel}_err"])))
-    return {**tables, "flight": _flight_measures(columns)}
+    columns = signal_arrays(run, MEASURED)
+    channels = {
+        channel: _channel_measures(run.t, columns, channel)
+        | {"peak_rad": float(np.max(np.abs(columns[f"{channel}_err"])))}
+        for channel in CHANNELS
+    }
+    return {**channels, "flight": _flight_measures(columns)}
 
 
 def signal_arrays(run: Run, names: Sequence[str]) -> dict[str, FloatArray]:

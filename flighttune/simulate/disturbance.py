@@ -92,12 +92,10 @@ class Sinusoid:
         derivatives are a quarter period apart), else the norm of both products. A square wave, or
         a disturbance that switches, has none: it is infinite.
         """
-        if (self.chi_amplitude and self.chi_switches) or (
-            self.gamma_amplitude and self.gamma_switches
-        ):
-            return math.inf
-        products = self.chi_amplitude * self.chi_omega, self.gamma_amplitude * self.gamma_omega
-        if self.square and any(products):
+        chi, gamma = self.chi_amplitude, self.gamma_amplitude
+        products = chi * self.chi_omega, gamma * self.gamma_omega
+        switches = (chi and self.chi_switches) or (gamma and self.gamma_switches)
+        if switches or (self.square and any(products)):
             return math.inf
         if abs(self.chi_omega) == abs(self.gamma_omega) and self.chi_phase == self.gamma_phase:
             return max(map(abs, products))

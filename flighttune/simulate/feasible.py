@@ -8,6 +8,7 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import FlightCondition
+from flighttune.control.gains import COMMANDS
 from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import InputError
 from flighttune.plants.point_mass import PointMassPlant, turn_rates
@@ -51,15 +52,13 @@ class Manoeuvre:
     # rad: Course and flight-path angle; the shorter way round is flown
     start: tuple[float, float]
     end: tuple[float, float]
-    # rad and 1: Roll and load factor at the start; at the end flight is steady, wings level
-    phi_0: float
-    n_z_0: float
+    u_0: tuple[float, float]  # rad and 1: Roll and load factor at the start
     # rad and 1: Range of the commands
-    phi: tuple[float, float]
-    n_z: tuple[float, float]
+    lower: tuple[float, float]
+    upper: tuple[float, float]
     # rad/s and 1/s: Range of their rates, which holds zero
-    phi_rate: tuple[float, float]
-    n_z_rate: tuple[float, float]
+    rate_lower: tuple[float, float]
+    rate_upper: tuple[float, float]
     # Lags of roll and load factor; None where both follow at once
     lags: tuple[InnerLag, InnerLag] | None
     dt: float  # s: Sample time of the controller, over which commands are held
@@ -69,6 +68,11 @@ class Manoeuvre:
         """Change of course (the shorter way round) and of path angle, rad."""
         turn = math.remainder(self.end[0] - self.start[0], math.tau)
         return turn, self.end[1] - self.start[1]
+
+    @property
+    def u_end(self) -> tuple[float, float]:
+        """Roll and load factor at the end: flight is steady, wings level."""
+        return 0.0, math.cos(self.end[1])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -146,17 +150,15 @@ def feasible_reference(manoeuvre: Manoeuvre) -> FeasibleReference:
 
 
 def _check(manoeuvre: Manoeuvre) -> None:
-    for name, end, value in (
-        ("phi", "begin", manoeuvre.phi_0),
-        ("n_z", "begin", manoeuvre.n_z_0),
-        ("n_z", "end", math.cos(manoeuvre.end[1])),
-    ):
-        low, high = getattr(manoeuvre, name)
-        if not low <= value <= high:
-            raise InputError(
-                f"`{name}` of a feasible reference must {end} in {low:.4g} to {high:.4g} (the "
-                f"limits without the margin), got {value:.4g}."
-            )
+    for end, commands in (("begin", manoeuvre.u_0), ("end", manoeuvre.u_end)):
+        for name, low, value, high in zip(
+            COMMANDS, manoeuvre.lower, commands, manoeuvre.upper, strict=True
+        ):
+            if not low <= value <= high:
+                raise InputError(
+                    f"`{name}` of a feasible reference must {end} in {low:.4g} to {high:.4g} (the "
+                    f"limits without the margin), got {value:.4g}."
+                )
 
 
 # A plan is a vector x of `2 KNOTS - 1` numbers: roll at the inner knots, load factor there, and the
@@ -167,10 +169,10 @@ def _first_plan(manoeuvre: Manoeuvre) -> FloatArray:
     """A roll to one side and back, the load factor of the start led to that of the end."""
     share = np.arange(1, KNOTS) / KNOTS
     turn, climb = manoeuvre.change
-    largest = 0.5 * (manoeuvre.phi[1] if turn > 0.0 else -manoeuvre.phi[0])
+    largest = 0.5 * (manoeuvre.upper[0] if turn > 0.0 else -manoeuvre.lower[0])
     rate = manoeuvre.g / manoeuvre.V_a
     duration = 2.0 + abs(turn) / (rate * math.tan(largest)) + abs(climb) / rate
-    n_z = manoeuvre.n_z_0 + (math.cos(manoeuvre.end[1]) - manoeuvre.n_z_0) * share
+    n_z = manoeuvre.u_0[1] + (manoeuvre.u_end[1] - manoeuvre.u_0[1]) * share
     phi = math.copysign(largest, turn) * np.sin(math.pi * share)
     return np.concatenate([phi, n_z, [duration]])
 
@@ -179,12 +181,10 @@ def _fastest(manoeuvre: Manoeuvre, x: FloatArray, radius: float) -> FloatArray:
     """The plan of the shortest duration near `x`; `radius` is that of the trust region."""
     from scipy.optimize import linprog
 
-    size, inner = 2 * KNOTS - 1, KNOTS - 1
+    size = 2 * KNOTS - 1
     rows, bounds = _rate_rows(manoeuvre)
-    low, high = (
-        np.concatenate([np.full(inner, manoeuvre.phi[i]), np.full(inner, manoeuvre.n_z[i]), [edge]])
-        for i, edge in enumerate((0.2, np.inf))
-    )
+    low = np.append(np.repeat(manoeuvre.lower, KNOTS - 1), 0.2)
+    high = np.append(np.repeat(manoeuvre.upper, KNOTS - 1), np.inf)
     scale = np.concatenate([high[:-1] - low[:-1], x[-1:]])
     # Slack of the two ends, both ways, and one of all rates: each at the price of the penalty.
     cost = np.concatenate([np.zeros(size - 1), [1.0], np.full(5, PENALTY)])
@@ -206,14 +206,12 @@ def _fastest(manoeuvre: Manoeuvre, x: FloatArray, radius: float) -> FloatArray:
             b_ub=bounds - rows @ x,
             A_eq=np.hstack([slopes.T, slack]),
             b_eq=-near[0],
-            bounds=[
-                *zip(
-                    np.minimum(np.maximum(low - x, -reach), 0.0),
-                    np.minimum(high - x, reach),
-                    strict=True,
-                ),
-                *[(0.0, None)] * 5,
-            ],
+            bounds=np.column_stack(
+                [
+                    np.append(np.minimum(np.maximum(low - x, -reach), 0.0), np.zeros(5)),
+                    np.append(np.minimum(high - x, reach), np.full(5, np.inf)),
+                ]
+            ),
         )
         if program.x is None:
             break
@@ -231,46 +229,43 @@ def _fastest(manoeuvre: Manoeuvre, x: FloatArray, radius: float) -> FloatArray:
 
 def _rate_rows(manoeuvre: Manoeuvre) -> tuple[FloatArray, FloatArray]:
     """Rows and bounds of ``rows @ x <= bounds``: no command moves faster than its rate."""
-    size, inner = 2 * KNOTS - 1, KNOTS - 1
-    ends = (
-        (manoeuvre.phi_0, 0.0, manoeuvre.phi_rate),
-        (manoeuvre.n_z_0, math.cos(manoeuvre.end[1]), manoeuvre.n_z_rate),
-    )
+    difference, inner = np.diff(np.eye(KNOTS + 1), axis=0), KNOTS - 1
     rows, bounds = [], []
-    for i, (first, last, rates) in enumerate(ends):
-        change = np.zeros((KNOTS, size))
-        change[:inner, i * inner : (i + 1) * inner] += np.eye(inner)
-        change[1:, i * inner : (i + 1) * inner] -= np.eye(inner)
-        outer = np.zeros(KNOTS)
-        outer[0], outer[-1] = -first, last
-        for sign, rate in zip((-1.0, 1.0), rates, strict=True):
+    for i in range(2):
+        change = np.zeros((KNOTS, 2 * inner + 1))
+        change[:, i * inner : (i + 1) * inner] = difference[:, 1:-1]
+        outer = manoeuvre.u_0[i] * difference[:, 0] + manoeuvre.u_end[i] * difference[:, -1]
+        for sign, rates in ((-1.0, manoeuvre.rate_lower), (1.0, manoeuvre.rate_upper)):
             row = sign * change
-            row[:, -1] = -abs(rate) / KNOTS
+            row[:, -1] = -abs(rates[i]) / KNOTS
             rows.append(row)
             bounds.append(-sign * outer)
     return np.vstack(rows), np.concatenate(bounds)
 
 
+def _at_knots(manoeuvre: Manoeuvre, x: FloatArray) -> FloatArray:
+    """Roll and load factor of plans `x` (N, size) at all knots, (N, 2, KNOTS + 1)."""
+    inner = x[:, :-1].reshape(-1, 2, KNOTS - 1)
+    first, last = (
+        np.broadcast_to(np.reshape(ends, (2, 1)), (len(x), 2, 1))
+        for ends in (manoeuvre.u_0, manoeuvre.u_end)
+    )
+    return np.concatenate([first, inner, last], axis=2)
+
+
 def _missed(manoeuvre: Manoeuvre, x: FloatArray) -> FloatArray:
     """Course and path angle at the end of plans `x` (N, size) less those wanted, (N, 2) rad."""
-    inner = KNOTS - 1
-    column = np.ones((len(x), 1))
-    phi = np.hstack([manoeuvre.phi_0 * column, x[:, :inner], 0.0 * column])
-    n_z = np.hstack([manoeuvre.n_z_0 * column, x[:, inner:-1], math.cos(manoeuvre.end[1]) * column])
+    commands = _at_knots(manoeuvre, x)
     step = np.maximum(x[:, -1], DIFFERENCE) / (KNOTS * SUBSTEPS)
     at = np.arange(2 * KNOTS * SUBSTEPS + 1) / (2 * SUBSTEPS)
     before = np.minimum(at.astype(np.intp), KNOTS - 1)
     share = at - before
-    fine_phi, fine_n_z = (
-        (1.0 - share) * command[:, before] + share * command[:, before + 1]
-        for command in (phi, n_z)
-    )
+    fine = (1.0 - share) * commands[..., before] + share * commands[..., before + 1]
     turned, gamma = np.zeros(len(x)), np.full(len(x), manoeuvre.start[1])
 
     def rates(i: int, gamma: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return turn_rates(
-            manoeuvre.V_a, gamma, fine_phi[:, i], fine_n_z[:, i], turn="exact", g=manoeuvre.g
-        )
+        phi, n_z = fine[:, 0, i], fine[:, 1, i]
+        return turn_rates(manoeuvre.V_a, gamma, phi, n_z, turn="exact", g=manoeuvre.g)
 
     for i in range(0, 2 * KNOTS * SUBSTEPS, 2):
         k1 = rates(i, gamma)
@@ -293,20 +288,11 @@ def _flown(manoeuvre: Manoeuvre, x: FloatArray) -> FeasibleReference:
     samples = math.ceil((duration + rest) / dt) + 1
     # The middle of each sample: held commands are half a sample late on average.
     middles = (np.arange(samples) + 0.5) * dt
-    ends = (manoeuvre.phi_0, 0.0), (manoeuvre.n_z_0, math.cos(manoeuvre.end[1]))
-    planned = np.column_stack(
-        [
-            np.interp(middles, knots, np.concatenate([[first], inner, [last]]))
-            for (first, last), inner in zip(ends, np.split(x[:-1], 2), strict=True)
-        ]
-    )
+    (commands,) = _at_knots(manoeuvre, x[None])
+    planned = np.column_stack([np.interp(middles, knots, command) for command in commands])
     plant = PointMassPlant(manoeuvre.lags, g=manoeuvre.g)
-    chi, gamma = manoeuvre.start
-    plant.start(
-        FlightCondition(
-            V_a=manoeuvre.V_a, chi=chi, gamma=gamma, phi=manoeuvre.phi_0, n_z=manoeuvre.n_z_0
-        )
-    )
+    (chi, gamma), (phi, n_z) = manoeuvre.start, manoeuvre.u_0
+    plant.start(FlightCondition(V_a=manoeuvre.V_a, chi=chi, gamma=gamma, phi=phi, n_z=n_z))
     path = [plant.observe()[:2]]
     for phi, n_z in planned[:-1].tolist():
         plant.advance(phi, n_z, dt)

@@ -5,7 +5,7 @@ flight by this very function, compiled.
 """
 
 import math
-from typing import NamedTuple
+from collections import namedtuple
 
 import numpy as np
 
@@ -23,19 +23,22 @@ SETTLING_BAND = 0.05
 STEADY_FROM = 0.75
 
 
-class ErrorMeasures(NamedTuple):
-    """Error measures of one channel, from `error_measures`; NaN where a measure has no value."""
+# Measures of one channel and their units.
+METRICS = {
+    "ITAE": "rad s^2",
+    "ITAE_mean": "rad s",
+    "PT_s": "s",
+    "MO_rad": "rad",
+    "MS_rad": "rad",
+    "ST_rad": "rad",
+    "rise_s": "s",
+    "settling_s": "s",
+    "effort_rms": "rad (chi), 1 (gamma)",
+    "saturation_s": "s",
+}
 
-    ITAE: float
-    ITAE_mean: float
-    PT_s: float
-    MO_rad: float
-    MS_rad: float
-    ST_rad: float
-    rise_s: float
-    settling_s: float
-    effort_rms: float
-    saturation_s: float
+# Values of `METRICS`, from `error_measures`; NaN where a measure has no value.
+ErrorMeasures = namedtuple("ErrorMeasures", METRICS)
 
 
 def error_measures(

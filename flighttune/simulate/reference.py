@@ -43,22 +43,6 @@ class Segment:
         return slope
 
 
-def step(*, start: float, change: float) -> Segment:
-    """A jump by `change` at `start` (s)."""
-    return Segment(start, (0.0,), jumps=(change,))
-
-
-def ramp(*, start: float, duration: float, rate: float) -> Segment:
-    """A change at `rate` per second from `start` for `duration` (s), kept afterwards."""
-    return Segment(start, (0.0, duration), rates=(rate,))
-
-
-def doublet(*, start: float, width: float, amplitude: float) -> Segment:
-    """`amplitude` for `width` seconds from `start`, its opposite for as long, then nothing."""
-    jumps = (amplitude, -2.0 * amplitude, amplitude)
-    return Segment(start, (0.0, width, 2.0 * width), jumps=jumps)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reference:
     """Course and flight-path angle over time: a start value and the segments that add to it.

@@ -89,14 +89,10 @@ class Provenance:
         InputError
             If it is of a kind that there is none of.
         """
-        listed = self.scenario.get("law") or ()
-        listed = [listed] if isinstance(listed, str) else listed
-        tables = [{"name": law, "kind": law} if isinstance(law, str) else law for law in listed]
-        by_name = {str(table.get("name")): table for table in tables}
-        name, gains = law_name(self.gains_name, by_name), self.gains
-        table = by_name.get(name) or {"kind": name if name in plain_laws() else "python"}
-        options = {key: table[key] for key in table if key not in ("name", "kind")}
-        law = made_law(str(table.get("kind")), name, **options)
+        tables = {table["name"]: table for table in self.scenario.get("law") or ()}
+        name, gains = law_name(self.gains_name, tables), self.gains
+        table = tables.get(name) or {"kind": name if name in plain_laws() else "python"}
+        law = made_law(**{**table, "name": name})
         if gains is not None and law.by_gains and gains.inputs != law.inputs:
             return made_law(gains.law)
         return law

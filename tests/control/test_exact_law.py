@@ -22,7 +22,7 @@ from flighttune.control.linear_model import closed_loop, kinematic_model
 from flighttune.errors import InputError, ShapeError
 from flighttune.plants.point_mass import PointMassPlant, turn_rates
 from flighttune.simulate.loop import simulate
-from flighttune.simulate.reference import Reference, ramp
+from flighttune.simulate.reference import Reference, Segment
 
 G = 9.81
 ROUNDING = 1e-12
@@ -94,7 +94,7 @@ def test_errors_are_those_of_one_linear_loop_at_every_condition(V_a, gamma):
 
 def test_a_ramp_is_followed_without_error():
     reference = Reference(
-        chi=0.0, gamma=0.0, chi_segments=(ramp(start=0.0, duration=9.0, rate=0.15),)
+        chi=0.0, gamma=0.0, chi_segments=(Segment(0.0, (0.0, 9.0), rates=(0.15,)),)
     )
     signals, _ = simulate(
         PointMassPlant(),

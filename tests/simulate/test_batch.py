@@ -17,7 +17,7 @@ from flighttune.simulate.batch import SIGNALS, fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.loop import simulate
 from flighttune.simulate.measures import ErrorMeasures
-from flighttune.simulate.reference import Reference, doublet, ramp, step
+from flighttune.simulate.reference import Reference, Segment
 from flighttune.simulate.run import Provenance, Run
 
 SAME = 1e-12
@@ -42,8 +42,8 @@ def paper(dt=0.01, limits=PRINTED, gains=(PAPER_GAINS,), **settings):
 MANOEUVRE = Reference(
     chi=3.0,
     gamma=0.1,
-    chi_segments=(step(start=2.0, change=2.5), ramp(start=4.0, duration=3.0, rate=-0.3)),
-    gamma_segments=(doublet(start=1.0, width=2.0, amplitude=0.2),),
+    chi_segments=(Segment(2.0, (0.0,), jumps=(2.5,)), Segment(4.0, (0.0, 3.0), rates=(-0.3,))),
+    gamma_segments=(Segment(1.0, (0.0, 2.0, 4.0), jumps=(0.2, -0.4, 0.2)),),
 )
 
 

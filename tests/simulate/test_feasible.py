@@ -27,12 +27,11 @@ PAPER = Manoeuvre(
     g=9.81,
     start=(60.0 * DEG, 45.0 * DEG),
     end=(0.0, 15.0 * DEG),
-    phi_0=0.0,
-    n_z_0=math.cos(45.0 * DEG),
-    phi=(-36.0 * DEG, 36.0 * DEG),
-    n_z=(-1.48, 1.88),
-    phi_rate=(-24.0 * DEG, 24.0 * DEG),
-    n_z_rate=(-0.8, 0.8),
+    u_0=(0.0, math.cos(45.0 * DEG)),
+    lower=(-36.0 * DEG, -1.48),
+    upper=(36.0 * DEG, 1.88),
+    rate_lower=(-24.0 * DEG, -0.8),
+    rate_upper=(24.0 * DEG, 0.8),
     lags=LAGS,
     dt=0.02,
 )
@@ -58,18 +57,19 @@ def test_commands_keep_every_limit(found):
     commands = found.commands(np.arange(0.0, 12.0, PAPER.dt))
     rates = np.diff(commands, axis=0) / PAPER.dt
 
-    for i, (value, rate) in enumerate(((PAPER.phi, PAPER.phi_rate), (PAPER.n_z, PAPER.n_z_rate))):
-        # The penalty of the plan is exact up to its tolerance.
-        assert value[0] - 1e-6 <= commands[:, i].min() <= commands[:, i].max() <= value[1] + 1e-6
-        assert rate[0] - 1e-4 <= rates[:, i].min() <= rates[:, i].max() <= rate[1] + 1e-4
+    # The penalty of the plan is exact up to its tolerance.
+    assert (commands >= np.array(PAPER.lower) - 1e-6).all()
+    assert (commands <= np.array(PAPER.upper) + 1e-6).all()
+    assert (rates >= np.array(PAPER.rate_lower) - 1e-4).all()
+    assert (rates <= np.array(PAPER.rate_upper) + 1e-4).all()
 
 
 def test_some_limit_is_met_nearly_all_the_time(found):
     """A plan that meets no limit for a while could be faster."""
     commands = found.commands(np.arange(0.0, found.duration, PAPER.dt))
     rates = np.abs(np.diff(commands, axis=0)) / PAPER.dt
-    at_rate = rates > [0.98 * PAPER.phi_rate[1], 0.98 * PAPER.n_z_rate[1]]
-    at_stop = np.abs(commands[1:, 0]) > 0.98 * PAPER.phi[1]
+    at_rate = rates > 0.98 * np.array(PAPER.rate_upper)
+    at_stop = np.abs(commands[1:, 0]) > 0.98 * PAPER.upper[0]
 
     assert np.mean(at_rate.any(axis=1) | at_stop) > 0.9
 
@@ -79,7 +79,7 @@ def test_a_change_of_path_angle_takes_as_long_as_the_rate_of_load_factor_says(ch
     """Level enough for cos(gamma) = 1, the load factor is a triangle of slope r:
     ``change = (g/V) r (T/2)^2``."""
     half = 0.5 * change_deg * DEG
-    pull = replace(PAPER, start=(0.0, -half), end=(0.0, half), n_z_0=math.cos(half), lags=None)
+    pull = replace(PAPER, start=(0.0, -half), end=(0.0, half), u_0=(0.0, math.cos(half)), lags=None)
 
     triangle = 2.0 * math.sqrt(abs(change_deg) * DEG * 25.0 / (9.81 * 0.8))
     assert feasible_reference(pull).duration == pytest.approx(triangle, rel=0.01)
@@ -100,7 +100,7 @@ def test_the_point_mass_behind_the_lag_flies_it_without_the_help_of_feedback(fou
 
 
 def test_the_shorter_way_round_is_flown():
-    turn = replace(PAPER, start=(170.0 * DEG, 0.0), end=(-170.0 * DEG, 0.0), n_z_0=1.0)
+    turn = replace(PAPER, start=(170.0 * DEG, 0.0), end=(-170.0 * DEG, 0.0), u_0=(0.0, 1.0))
 
     chi, _ = feasible_reference(turn).sampled(np.array([0.0, 60.0]))
 

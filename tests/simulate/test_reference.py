@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from flighttune.simulate.disturbance import Sinusoid
-from flighttune.simulate.reference import Reference, doublet, ramp, step
+from flighttune.simulate.reference import Reference, Segment
 
 
 def test_segments_add_to_the_start_value():
     reference = Reference(
         chi=1.0,
         gamma=0.0,
-        chi_segments=(step(start=1.0, change=0.5), ramp(start=2.0, duration=2.0, rate=0.25)),
-        gamma_segments=(doublet(start=1.0, width=1.0, amplitude=0.1),),
+        chi_segments=(Segment(1.0, (0.0,), jumps=(0.5,)), Segment(2.0, (0.0, 2.0), rates=(0.25,))),
+        gamma_segments=(Segment(1.0, (0.0, 1.0, 2.0), jumps=(0.1, -0.2, 0.1)),),
     )
 
     chi, gamma = reference.sampled(np.array([0.0, 0.99, 1.0, 2.0, 3.0, 4.0, 9.0]))

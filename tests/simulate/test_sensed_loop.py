@@ -12,12 +12,12 @@ from flighttune.plants.point_mass import PointMassPlant
 from flighttune.plants.sensors import MEASURED, SENSED, Sensors
 from flighttune.simulate.batch import SIGNALS, fly_sampled
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
-from flighttune.simulate.reference import Reference, ramp
+from flighttune.simulate.reference import Reference, Segment
 from flighttune.units import wrap_angle
 
 DT, DURATION = 0.02, 8.0
 START = FlightCondition(V_a=25.0, chi=2.5)
-TURN = Reference(chi=2.5, gamma=0.1, chi_segments=(ramp(start=1.0, duration=4.0, rate=0.3),))
+TURN = Reference(chi=2.5, gamma=0.1, chi_segments=(Segment(1.0, (0.0, 4.0), rates=(0.3,)),))
 LIMITS = Limits(
     lower=[-0.8, -2.0], upper=[0.8, 2.0], rate_lower=[-0.5, -1.0], rate_upper=[0.5, 1.0]
 )
