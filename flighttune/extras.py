@@ -4,13 +4,13 @@ from importlib.util import find_spec
 
 from flighttune.errors import InputError
 
+# Extra by module, as in pyproject.toml.
 EXTRAS = {
     "dask": "cluster",
     "distributed": "cluster",
     "numba": "fast",
     "rerun_notebook": "notebook",
 }
-"""Extra by module, as in pyproject.toml."""
 
 
 def need(what: str, *modules: str) -> None:

@@ -4,15 +4,20 @@ import difflib
 import re
 from collections.abc import Iterable
 from reprlib import Repr
+from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-MAX_LISTED = 5
-"""Mistakes listed in one line; the rest is counted."""
+from flighttune.errors import ScenarioError
 
+# Mistakes listed in one line; the rest is counted.
+MAX_LISTED = 5
+
+# Characters of a key or a value that a message repeats.
 MAX_CHARACTERS = 80
-"""Characters of a key or a value that a message repeats."""
+
+Model = TypeVar("Model", bound=BaseModel)
 
 _ABRIDGED = Repr()
 _ABRIDGED.maxstring = _ABRIDGED.maxother = MAX_CHARACTERS
@@ -39,113 +44,84 @@ def joined(faults: Iterable[str]) -> str:
     return " ".join(line.split()) + ("" if line.endswith("?") else ".")
 
 
-def mistakes(error: ValidationError, model: type[BaseModel], tables: object) -> str:
-    """All mistakes in `tables`, read as `model`, as one line; the most informative first."""
-    problems = sorted(error.errors(include_url=False), key=_informative, reverse=True)
-    # A value of a union has a problem for every member that was tried: one of them is enough.
-    by_place: dict[tuple[int | str, ...], str] = {}
-    for problem in problems:
-        keys, place = _keys_and_place(problem, tables)
-        by_place.setdefault(place, _sentence(problem, keys, model))
-    return joined(by_place.values())
+def mistakes(error: ValidationError, tables: object, model: type[BaseModel] | None = None) -> str:
+    """All mistakes in `tables` as one line, the deepest first.
 
-
-def first_mistake(error: ValidationError) -> str:
-    """The first mistake in a file of ours: dotted key, what its value must be and what it is."""
-    problem = error.errors(include_url=False)[0]
-    key = ".".join(map(str, problem["loc"]))
-    # A class that checks itself named the field; the table that it stands in comes in front.
-    by_class = re.fullmatch(r"Value error, `([^`]*)`(.*?)\.?", problem["msg"], re.DOTALL)
-    if by_class:
-        return f"`{shown(f'{key}.{by_class[1]}'.removeprefix('.'))}`{by_class[2]}."
-    return f"`{shown(key)}` {_requirement(problem)}."
-
-
-def _keys_and_place(
-    problem: ErrorDetails, tables: object
-) -> tuple[list[str], tuple[int | str, ...]]:
-    """Keys down to the value that is wrong, and its place in front of any member of a union.
-
-    Pydantic puts the member of a union that it tried among the keys; it is none of the tables'.
+    The tables of a TOML file have a `model` with their keys, and are named in brackets. The keys of
+    a JSON file are joined by dots.
     """
-    keys: list[str] = []
-    place: list[int | str] = []
-    value, in_member = tables, False
-    last = len(problem["loc"]) - 1
-    for i, part in enumerate(problem["loc"]):
-        is_missing = i == last and problem["type"] == "missing"
-        if (isinstance(value, dict) and part in value) or is_missing:
-            value = value.get(part) if isinstance(value, dict) else None
-            keys.append(str(part))
-        elif isinstance(value, list) and isinstance(part, int) and part < len(value):
-            value = value[part]
-        else:
-            in_member = True
-        if not in_member:
-            place.append(part)
-    return keys, tuple(place)
-
-
-def _informative(problem: ErrorDetails) -> tuple[int, bool, bool]:
-    """Sorts a problem: the member of a union that fits best fails deepest, and an unknown key that
-    is a typing error explains the key that is missing.
-    """
-    a_list = isinstance(problem.get("input"), list)
-    return (
-        len(problem["loc"]),
-        problem["type"] == "extra_forbidden",
-        a_list and problem["type"] != "float_type",
+    # An unknown key comes before the key that is missing in its place, and the fault of a range
+    # before the remark that a range is no number.
+    problems = sorted(
+        error.errors(include_url=False),
+        key=lambda problem: (len(problem["loc"]), problem["type"] not in ("missing", "float_type")),
+        reverse=True,
     )
+    sentences: dict[tuple[int | str, ...], str] = {}
+    for problem in problems:
+        place = _place(problem, tables)
+        # A value of a union has a problem for each member: the member that fits best fails deepest.
+        if not any(deeper[: len(place)] == place for deeper in sentences):
+            sentences[place] = _sentence(problem, place, model)
+    return joined(sentences.values())
 
 
-def _sentence(problem: ErrorDetails, keys: list[str], model: type[BaseModel]) -> str:
-    key = shown(keys[-1]) if keys else ""
-    table = f"[{shown('.'.join(keys[:-1]))}] " if len(keys) > 1 else ""
-    kind, message = problem["type"], problem["msg"]
-    if kind == "extra_forbidden":
-        names = _known_keys(model, keys[:-1])
-        close = difflib.get_close_matches(key, names, n=1, cutoff=0.5)
-        hint = f"did you mean `{close[0]}`?" if close else f"known are {', '.join(names)}."
-        return f"{table}`{key}` is not a known key; {hint}"
-    if kind == "value_error" and message.startswith("Value error, ["):
-        return f"{message.removeprefix('Value error, ')}."  # a validator named table and key
-    if kind == "value_error" and message.startswith("Value error, `"):
-        inside = f"[{shown('.'.join(keys))}] " if keys else ""
-        return f"{inside}{message.removeprefix('Value error, ')}."  # ... the key in its own table
-    return f"{table}`{key}` {_requirement(problem)}."
+def validated(model: type[Model], tables: Any, source: object) -> Model:
+    """Tables read as `model`.
+
+    A ScenarioError names `source`, the file, and each key that is unknown, missing or impossible.
+    """
+    try:
+        return model.model_validate(tables)
+    except ValidationError as error:
+        named = None if str(source).endswith(".json") else model
+        raise ScenarioError(f"{source}: {mistakes(error, tables, named)}") from None
 
 
-def _requirement(problem: ErrorDetails) -> str:
-    """The requirement that a value misses, and the value."""
-    plain = {
-        "missing": "must be given",
-        "extra_forbidden": "must not be there: the key is unknown",
-        "unexpected_keyword_argument": "must not be there: the key is unknown",
-    }
-    if problem["type"] in plain:
-        return plain[problem["type"]]
-    # "List should have at least 1 item after validation, ..." becomes "must have at least 1 item".
-    message = re.sub(r"^(Value error,|Input|List|Tuple|String) ", "", problem["msg"])
-    message = message.split(" after validation")[0].replace("should", "must")
-    if problem["type"] in ("model_type", "dict_type", "dataclass_type"):
+def _place(problem: ErrorDetails, tables: Any) -> tuple[int | str, ...]:
+    """Keys and indices down to the wrong value, without the members of unions in between."""
+    place = []
+    for part in problem["loc"]:
+        inside = part in tables if isinstance(tables, dict) else isinstance(tables, list)
+        if inside and isinstance(part, str if isinstance(tables, dict) else int):
+            tables = tables[part]
+            place.append(part)
+    if problem["type"] == "missing":
+        place.append(problem["loc"][-1])
+    return tuple(place)
+
+
+def _sentence(
+    problem: ErrorDetails, place: tuple[int | str, ...], model: type[BaseModel] | None
+) -> str:
+    kind, message = problem["type"], problem["msg"].removeprefix("Value error, ")
+    if message.startswith("["):  # a validator named table and key
+        return message
+    keys = [str(part) for part in place if model is None or isinstance(part, str)]
+    if message.startswith("`"):  # a table that checks itself named the key in it
+        inside, fault = message[1:].split("`", 1)
+        return f"{_named([*keys, inside], model)}{fault}"
+    key, where = keys[-1] if keys else "", _named(keys, model)
+    if kind == "missing":
+        return f"{where} must be given"
+    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
+        close = difflib.get_close_matches(key, _known_keys(model) if model else (), n=1)
+        hint = f"; did you mean `{close[0]}`?" if close else ""
+        return f"{where} is not a known key{hint}"
+    if kind in ("model_type", "dict_type", "dataclass_type"):
         message = "must be a table"
-    return f"{message}, got {abridged(problem.get('input'))}"
+    message = re.sub(r"^(Input|List|Tuple|String) ", "", message).replace("should", "must", 1)
+    return f"{where} {message}, got {abridged(problem.get('input'))}"
 
 
-def _known_keys(model: type[BaseModel], keys: Iterable[str]) -> list[str]:
-    for key in keys:
-        for candidate in _tables_of(model, key):
-            model = candidate
-    return list(model.model_fields)
+def _named(keys: list[str], model: type[BaseModel] | None) -> str:
+    if model is None or len(keys) < 2:
+        return f"`{shown('.'.join(keys))}`"
+    return f"[{shown('.'.join(keys[:-1]))}] `{shown(keys[-1])}`"
 
 
-def _tables_of(model: type[BaseModel], key: str) -> list[type[BaseModel]]:
-    field = model.model_fields.get(key)
-    tables: list[type[BaseModel]] = []
-    pending = [field.annotation] if field else []
-    while pending:
-        kind = pending.pop()
-        if isinstance(kind, type) and issubclass(kind, BaseModel):
-            tables.append(kind)
-        pending.extend(getattr(kind, "__args__", ()))
-    return tables
+def _known_keys(model: type[BaseModel]) -> set[str]:
+    """Keys of a model and of all tables in it."""
+    schema = model.model_json_schema()
+    tables = schema, *schema.get("$defs", {}).values()
+    return {key for table in tables for key in table.get("properties", ())}

@@ -6,90 +6,87 @@ take hours to fly.
 
 from typing import Annotated, TypeAlias
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field
 
 Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
 Positive: TypeAlias = Annotated[Finite, Field(gt=0.0)]
 NotNegative: TypeAlias = Annotated[Finite, Field(ge=0.0)]
 
-Airspeed: TypeAlias = Annotated[Finite, Field(ge=1.0, le=1000.0)]
-"""m/s."""
+Airspeed: TypeAlias = Annotated[Finite, Field(ge=1.0, le=1000.0)]  # m/s
 
 FASTEST_WIND = 200.0
+# m/s, or a deviation of airspeed; the fastest wind measured was 113 m/s.
 Wind: TypeAlias = Annotated[Finite, Field(ge=-FASTEST_WIND, le=FASTEST_WIND)]
-"""m/s, or a deviation of airspeed; the fastest wind measured was 113 m/s."""
 
+# m/s, where the sign is that of another key.
 WindSpeed: TypeAlias = Annotated[Finite, Field(ge=0.0, le=FASTEST_WIND)]
-"""m/s, where the sign is that of another key."""
 
-Height: TypeAlias = Annotated[Finite, Field(ge=-500.0, le=30_000.0)]
-"""m above sea level."""
+Height: TypeAlias = Annotated[Finite, Field(ge=-500.0, le=30_000.0)]  # m above sea level
 
-Duration: TypeAlias = Annotated[Positive, Field(le=1e6)]
-"""s: twelve days."""
+Duration: TypeAlias = Annotated[Positive, Field(le=1e6)]  # s: twelve days
 
-Instant: TypeAlias = Annotated[NotNegative, Field(le=1e6)]
-"""s."""
+Instant: TypeAlias = Annotated[NotNegative, Field(le=1e6)]  # s
 
+# deg, or a change of course or of path angle: ten turns either way.
 Course: TypeAlias = Annotated[Finite, Field(ge=-3600.0, le=3600.0)]
-"""deg, or a change of course or of path angle: ten turns either way."""
 
 STEEPEST_DEG = 89.0
+# deg of path angle or bank: there is no course straight up, and no lift to hold the bank of 90.
 Inclination: TypeAlias = Annotated[Finite, Field(ge=-STEEPEST_DEG, le=STEEPEST_DEG)]
-"""deg of path angle or bank: there is no course straight up, and no lift to hold the bank of 90."""
 
-Angle: TypeAlias = Annotated[Finite, Field(ge=-180.0, le=180.0)]
-"""deg."""
+Angle: TypeAlias = Annotated[Finite, Field(ge=-180.0, le=180.0)]  # deg
 
-AngularSpread: TypeAlias = Annotated[NotNegative, Field(le=180.0)]
-"""deg: standard deviation."""
+AngularSpread: TypeAlias = Annotated[NotNegative, Field(le=180.0)]  # deg: standard deviation
 
-AngularRate: TypeAlias = Annotated[Finite, Field(ge=-1e4, le=1e4)]
-"""deg/s, or 1/s of load factor."""
+AngularRate: TypeAlias = Annotated[Finite, Field(ge=-1e4, le=1e4)]  # deg/s, or 1/s of load factor
 
+# deg/s, or 1/s of load factor: a limit both ways.
 PositiveRate: TypeAlias = Annotated[Positive, Field(le=1e4)]
-"""deg/s, or 1/s of load factor: a limit both ways."""
 
 LoadFactor: TypeAlias = Annotated[Finite, Field(ge=-50.0, le=50.0)]
 
-Gravity: TypeAlias = Annotated[Finite, Field(ge=0.1, le=100.0)]
-"""m/s^2."""
+Gravity: TypeAlias = Annotated[Finite, Field(ge=0.1, le=100.0)]  # m/s^2
 
+# rad/s of a lag; a faster one is none, and takes hundreds of steps a sample.
 Bandwidth: TypeAlias = Annotated[Finite, Field(ge=0.05, le=200.0)]
-"""rad/s of a lag; a faster one is none, and takes hundreds of steps a sample."""
 
 Damping: TypeAlias = Annotated[Finite, Field(ge=0.05, le=5.0)]
-TimeConstant: TypeAlias = Annotated[Finite, Field(ge=1e-3, le=1e4)]
-"""s."""
+TimeConstant: TypeAlias = Annotated[Finite, Field(ge=1e-3, le=1e4)]  # s
 
-Delay: TypeAlias = Annotated[NotNegative, Field(le=2.0)]
-"""s."""
+Delay: TypeAlias = Annotated[NotNegative, Field(le=2.0)]  # s
 
-Oscillation: TypeAlias = Annotated[NotNegative, Field(le=1000.0)]
-"""rad/s."""
+Oscillation: TypeAlias = Annotated[NotNegative, Field(le=1000.0)]  # rad/s
 
+# rad/s: amplitude of a disturbance of course or path-angle rate.
 OscillationRate: TypeAlias = Annotated[Finite, Field(ge=-1e4, le=1e4)]
-"""rad/s: amplitude of a disturbance of course or path-angle rate."""
 
-Factor: TypeAlias = Annotated[Finite, Field(ge=0.01, le=100.0)]
-"""On a property of an aircraft."""
+Factor: TypeAlias = Annotated[Finite, Field(ge=0.01, le=100.0)]  # on a property of an aircraft
 
-Shift: TypeAlias = Annotated[Finite, Field(ge=-10.0, le=10.0)]
-"""m of a centre of gravity."""
+Shift: TypeAlias = Annotated[Finite, Field(ge=-10.0, le=10.0)]  # m of a centre of gravity
 
-Length: TypeAlias = Annotated[Finite, Field(ge=0.1, le=1e5)]
-"""m."""
+Length: TypeAlias = Annotated[Finite, Field(ge=0.1, le=1e5)]  # m
 
 Gain: TypeAlias = Annotated[Finite, Field(ge=-1e6, le=1e6)]
 PositiveGain: TypeAlias = Annotated[Positive, Field(le=1e6)]
-Scale: TypeAlias = Annotated[Finite, Field(ge=1e-6, le=1e6)]
-"""Size of the unit of a state."""
+Scale: TypeAlias = Annotated[Finite, Field(ge=1e-6, le=1e6)]  # size of the unit of a state
 
 
-def _rectangular(rows: list[list[float]]) -> list[list[float]]:
-    if not rows or not rows[0] or len({len(row) for row in rows}) > 1:
-        raise ValueError("must have rows of one length, and at least one number")
-    return rows
+def _pair(value: object) -> object:
+    if not (isinstance(value, list | tuple) and len(value) == 2):
+        raise ValueError("must be a range [low, high]")
+    return value
 
 
-GainMatrix: TypeAlias = Annotated[list[list[Gain]], AfterValidator(_rectangular)]
+def _rising(ends: tuple[float, float]) -> tuple[float, float]:
+    if not ends[0] < ends[1]:
+        raise ValueError("must be a range [low, high] with low below high")
+    return ends
+
+
+# An array of a file is a list.
+Rising = Field(strict=False), BeforeValidator(_pair), AfterValidator(_rising)
+Airspeeds: TypeAlias = Annotated[tuple[Airspeed, Airspeed], *Rising]
+Inclinations: TypeAlias = Annotated[tuple[Inclination, Inclination], *Rising]
+Angles: TypeAlias = Annotated[tuple[Angle, Angle], *Rising]
+AngularRates: TypeAlias = Annotated[tuple[AngularRate, AngularRate], *Rising]
+LoadFactors: TypeAlias = Annotated[tuple[LoadFactor, LoadFactor], *Rising]

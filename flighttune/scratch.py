@@ -4,8 +4,7 @@ import os
 from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
 
-MEMORY = Path("/dev/shm")
-"""A folder in memory, ten times as fast as a disk."""
+MEMORY = Path("/dev/shm")  # A folder in memory, ten times as fast as a disk
 
 
 def scratch_folder() -> "TemporaryDirectory[str]":

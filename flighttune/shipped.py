@@ -8,11 +8,10 @@ from flighttune.errors import InputError
 
 _PACKAGE = Path(__file__).resolve().parent
 
-OWN_AIRCRAFT = "FLIGHTTUNE_AIRCRAFT"
-"""Names the folder of the user's aircraft in the environment."""
+OWN_AIRCRAFT = "FLIGHTTUNE_AIRCRAFT"  # Names the folder of the user's aircraft in the environment
 
+# Set in the environment of a process that may be ended by an aircraft's files.
 TRUST_AIRCRAFT = "FLIGHTTUNE_TRUST_AIRCRAFT"
-"""Set in the environment of a process that may be ended by an aircraft's files."""
 
 
 def aircraft_names() -> tuple[str, ...]:

@@ -9,16 +9,16 @@ from typing import Any
 from flighttune.errors import ScenarioError
 from flighttune.mistakes import shown
 
+# Largest file that is read: a certificate at a thousand conditions has a tenth of it.
 MAX_BYTES = 16_000_000
-"""Largest file that is read: a certificate at a thousand conditions has a tenth of it."""
 
 
 def stamp(file: Path) -> tuple[int, ...]:
-    """When a file was last written to, which one it is, and its size.
-
-    Raises OSError if there is none.
-    """
-    status = file.stat()
+    """When a file was last written to, which one it is, and its size; empty without a file."""
+    try:
+        status = file.stat()
+    except OSError:
+        return ()
     return status.st_mtime_ns, status.st_ctime_ns, status.st_ino, status.st_size
 
 

@@ -2,26 +2,20 @@
 
 import math
 
-G_0 = 9.80665
-"""Standard gravity, m/s^2."""
+G_0 = 9.80665  # standard gravity, m/s^2
 
+# Acceleration of gravity in Table 1 of arXiv 2411.13140, m/s^2.
 G_PAPER = 9.81
-"""Acceleration of gravity in Table 1 of arXiv 2411.13140, m/s^2."""
 
-FT = 0.3048
-"""One foot, m."""
+FT = 0.3048  # one foot, m
 
-LBF = 4.4482216152605
-"""One pound-force, N."""
+LBF = 4.4482216152605  # one pound-force, N
 
-SLUG = 14.593902937206
-"""One slug, kg."""
+SLUG = 14.593902937206  # one slug, kg
 
-DEG = math.pi / 180.0
-"""One degree, rad."""
+DEG = math.pi / 180.0  # one degree, rad
 
-DEG_PER_RAD = 180.0 / math.pi
-"""One radian, deg: the factor of what is shown in degrees."""
+DEG_PER_RAD = 180.0 / math.pi  # one radian, deg: the factor of what is shown in degrees
 
 
 def wrap_angle(angle: float) -> float:

@@ -15,7 +15,7 @@ from typing import Any, ClassVar, Protocol, TypeVar
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from flighttune.errors import InputError, ScenarioError
-from flighttune.mistakes import abridged, first_mistake
+from flighttune.mistakes import abridged, mistakes
 from flighttune.table_file import json_tables
 from flighttune.whole_file import write_text
 
@@ -65,7 +65,7 @@ def value_of(tables: Mapping[str, Any], kind: type[V]) -> V:
         # From text: in pydantic's strict mode only there is an array a tuple.
         return _adapter(kind).validate_json(json.dumps(fields))
     except ValidationError as error:
-        raise InputError(first_mistake(error)) from error
+        raise InputError(mistakes(error, fields)) from error
 
 
 @cache

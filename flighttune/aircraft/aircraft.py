@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import (
@@ -15,37 +15,22 @@ from pydantic import (
     ConfigDict,
     Field,
     PrivateAttr,
-    ValidationError,
 )
 
+from flighttune import quantities as q
 from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.control.controller import FlightCondition
 from flighttune.control.limits import Limits
-from flighttune.errors import InputError, ScenarioError
-from flighttune.mistakes import first_mistake
-from flighttune.quantities import (
-    Airspeed,
-    Angle,
-    Bandwidth,
-    Finite,
-    Gain,
-    Height,
-    LoadFactor,
-    NotNegative,
-    Positive,
-    PositiveRate,
-    TimeConstant,
-)
+from flighttune.errors import InputError
+from flighttune.mistakes import validated
 from flighttune.shipped import aircraft_folder
 from flighttune.table_file import json_tables, stamp, toml_tables
 from flighttune.units import DEG
 from flighttune.whole_file import write_text
 
-Model = TypeVar("Model", bound=BaseModel)
-
 _LEVEL = r"[A-Za-z_][A-Za-z0-9_.-]*(\[\d+\])?"
+# Names JSBSim takes; it ends the process over any other.
 PROPERTY_NAME = rf"^{_LEVEL}(/{_LEVEL})*$"
-"""Names JSBSim takes; it ends the process over any other."""
 
 
 def _through_zero(ends: tuple[float, float]) -> tuple[float, float]:
@@ -54,21 +39,13 @@ def _through_zero(ends: tuple[float, float]) -> tuple[float, float]:
     return ends
 
 
-def _rising(interval: tuple[float, float]) -> tuple[float, float]:
-    if not interval[0] < interval[1]:
-        raise ValueError("must be [lower, upper] with lower < upper")
-    return interval
-
-
-SurfaceAngle = Annotated[Finite, Field(gt=-math.pi, lt=math.pi)]
-FromDegrees = Annotated[Angle, AfterValidator(math.radians)]
-Settling = Annotated[NotNegative, Field(le=60.0)]
-Throttle = Annotated[Finite, Field(ge=0.0, le=1.0)]
-Rising = Field(strict=False), AfterValidator(_rising)  # an array of a file is no tuple
-Airspeeds = Annotated[tuple[Airspeed, Airspeed], *Rising]
-LoadFactors = Annotated[tuple[LoadFactor, LoadFactor], *Rising]
-Throttles = Annotated[tuple[Throttle, Throttle], *Rising]
-Angles = Annotated[tuple[FromDegrees, FromDegrees], *Rising]
+SurfaceAngle = Annotated[q.Finite, Field(gt=-math.pi, lt=math.pi)]
+SurfaceAngles = Annotated[
+    tuple[SurfaceAngle, SurfaceAngle], Field(strict=False), AfterValidator(_through_zero)
+]
+FromDegrees = Annotated[q.Angle, AfterValidator(math.radians)]
+Throttle = Annotated[q.Finite, Field(ge=0.0, le=1.0)]
+Angles = Annotated[tuple[FromDegrees, FromDegrees], *q.Rising]
 PropertyName = Annotated[str, Field(pattern=PROPERTY_NAME)]
 DeclaredName = Annotated[str, Field(pattern=PROPERTY_NAME.replace("^", "^/?", 1))]
 
@@ -85,8 +62,8 @@ class FlightEnvelope(AircraftTable):
     # `alpha` and `theta` (rad): angle of attack; pitch attitude
     alpha: Angles = Field(alias="alpha_deg")
     theta: Angles = Field(alias="theta_deg")
-    V_a: Airspeeds = Field(alias="V_a_mps")  # m/s: airspeed
-    n_z: LoadFactors  # load factor
+    V_a: q.Airspeeds = Field(alias="V_a_mps")  # m/s: airspeed
+    n_z: q.LoadFactors  # load factor
 
 
 class CommandLimits(AircraftTable):
@@ -94,20 +71,15 @@ class CommandLimits(AircraftTable):
 
     phi: Angles = Field(alias="phi_deg")  # rad: roll command
     # rad/s: rate of the roll command
-    phi_rate: Annotated[PositiveRate, AfterValidator(math.radians)] = Field(alias="phi_rate_dps")
-    n_z: LoadFactors  # load-factor command
-    n_z_rate: PositiveRate = Field(alias="n_z_rate_per_s")  # 1/s: rate of the load-factor command
+    phi_rate: Annotated[q.PositiveRate, AfterValidator(math.radians)] = Field(alias="phi_rate_dps")
+    n_z: q.LoadFactors  # load-factor command
+    n_z_rate: q.PositiveRate = Field(alias="n_z_rate_per_s")  # 1/s: rate of the load-factor command
 
     def limits(self) -> Limits:
         """Return the limits of (phi, n_z) for the controller."""
-        (phi_min, phi_max), (n_z_min, n_z_max) = self.phi, self.n_z
+        lower, upper = np.transpose([self.phi, self.n_z])
         rate = np.array([self.phi_rate, self.n_z_rate])
-        return Limits(
-            lower=np.array([phi_min, n_z_min]),
-            upper=np.array([phi_max, n_z_max]),
-            rate_lower=-rate,
-            rate_upper=rate,
-        )
+        return Limits(lower=lower, upper=upper, rate_lower=-rate, rate_upper=rate)
 
 
 class Surface(AircraftTable):
@@ -121,12 +93,7 @@ class Surface(AircraftTable):
     command: PropertyName | None = None
     # rad: positions at the commands -1 and +1, by default `travel`; the first is larger if the
     # command has the opposite sense.
-    full: (
-        Annotated[
-            tuple[SurfaceAngle, SurfaceAngle], Field(strict=False), AfterValidator(_through_zero)
-        ]
-        | None
-    ) = Field(alias="full_rad", default=None)
+    full: SurfaceAngles | None = Field(alias="full_rad", default=None)
     # Properties of the model's own flight control that its aerodynamics read, and instead of which
     # they get the position: this goes past a flight control that would change the position.
     replaces: Annotated[tuple[PropertyName, ...], Field(strict=False, max_length=20)] = ()
@@ -153,8 +120,11 @@ class Engines(AircraftTable):
     # Engines of the model, every one of which must push
     count: Annotated[int, Field(ge=1, le=32)] = 1
     # s: time they take from any state to a steady one; 0 where JSBSim knows the steady state
-    settle: Settling = Field(alias="settle_s", default=0.0)
-    throttle: Throttles = (0.0, 1.0)  # lowest and highest throttle
+    settle: q.NotNegative = Field(alias="settle_s", default=0.0, le=60.0)
+    throttle: Annotated[tuple[Throttle, Throttle], *q.Rising] = (
+        0.0,
+        1.0,
+    )  # lowest and highest throttle
     # Property of the model that takes the throttle of the first engine; the others are indices
     command: PropertyName = "fcs/throttle-cmd-norm"
 
@@ -163,24 +133,24 @@ class Design(AircraftTable):
     """Goals of ``flighttune design`` for the inner loop."""
 
     # `V_a` and `h` (m/s and m): steady level flight that the airframe is linearised about
-    V_a: Airspeed = Field(alias="V_a_mps")
-    h: Height = Field(alias="h_m")
-    V_a_shown: tuple[Airspeed, ...] = Field(
+    V_a: q.Airspeed = Field(alias="V_a_mps")
+    h: q.Height = Field(alias="h_m")
+    V_a_shown: tuple[q.Airspeed, ...] = Field(
         strict=False, alias="V_a_shown_mps", min_length=1, max_length=20
     )  # m/s: airspeeds of the step responses
     # `roll`, `n_z` and `speed` (rad/s): bandwidth of roll, of load factor and of airspeed
-    roll: Bandwidth = Field(alias="roll_rad_s")
-    n_z: Bandwidth = Field(alias="n_z_rad_s")
-    speed: Bandwidth = Field(alias="speed_rad_s")
+    roll: q.Bandwidth = Field(alias="roll_rad_s")
+    n_z: q.Bandwidth = Field(alias="n_z_rad_s")
+    speed: q.Bandwidth = Field(alias="speed_rad_s")
     # rad/s: natural frequency of the roll error; by default 2.3 times the bandwidth of roll, at
     # most half that of the actuator.
-    roll_error: Bandwidth | None = Field(alias="roll_error_rad_s", default=None)
+    roll_error: q.Bandwidth | None = Field(alias="roll_error_rad_s", default=None)
     # `roll_t90` and `n_z_t90` (s): longest time to 90 % of the step
-    roll_t90: TimeConstant = Field(alias="roll_t90_s")
-    n_z_t90: TimeConstant = Field(alias="n_z_t90_s")
+    roll_t90: q.TimeConstant = Field(alias="roll_t90_s")
+    n_z_t90: q.TimeConstant = Field(alias="n_z_t90_s")
     # `roll_overshoot` and `n_z_overshoot`: largest overshoot as a share of the step
-    roll_overshoot: Positive
-    n_z_overshoot: Positive
+    roll_overshoot: q.Positive
+    n_z_overshoot: q.Positive
 
 
 GAINS_FILE = "gains.json"
@@ -193,7 +163,7 @@ class InnerLoopGains(AircraftTable):
     made_for: str  # hash of the model's files and of the aircraft's surfaces, engines and settings
     jsbsim: str  # version that computed them
     # Gains by their names behind ``ft/gains/``; surfaces in rad, rates in rad/s, throttle in 1
-    gains: dict[PropertyName, Gain]
+    gains: dict[PropertyName, q.Gain]
 
     @property
     def sha256(self) -> str:
@@ -213,17 +183,17 @@ class AircraftConfig(AircraftTable):
     model: Annotated[str, Field(pattern=r"^[^\x00-\x1f{}]+$", max_length=500)]
     # 1/s: samples of the computer that runs the inner loop. JSBSim's steps are this or a whole
     # fraction.
-    inner_loop_rate: Annotated[Finite, Field(ge=20.0, le=2000.0)] = Field(
+    inner_loop_rate: Annotated[q.Finite, Field(ge=20.0, le=2000.0)] = Field(
         alias="inner_loop_rate_hz", default=200.0
     )
     # `surfaces`, `engines`, `envelope`, `limits` and `design`: tables of the file
     surfaces: Surfaces
     engines: Engines = Engines()
     # Values of JSBSim properties for the whole flight, in JSBSim's units
-    settings: dict[PropertyName, Finite] = Field(default_factory=dict)
+    settings: dict[PropertyName, q.Finite] = Field(default_factory=dict)
     # Values of properties of another simulator: the model refers to them, and neither it nor JSBSim
     # has them.
-    declared: dict[DeclaredName, Finite] = Field(default_factory=dict)
+    declared: dict[DeclaredName, q.Finite] = Field(default_factory=dict)
     envelope: FlightEnvelope
     limits: CommandLimits
     design: Design | None = None
@@ -249,12 +219,8 @@ class AircraftConfig(AircraftTable):
     @property
     def fingerprint(self) -> str:
         """Hash of what the file says about surfaces, engines and settings."""
-        kept = {
-            "surfaces": True,
-            "settings": True,
-            "declared": True,
-            "engines": {"count", "command"},
-        }
+        engines = {"count", "command"}
+        kept = {"surfaces": True, "settings": True, "declared": True, "engines": engines}
         tables = self.model_dump_json(include=kept, exclude_defaults=True)
         return hashlib.sha256(tables.encode()).hexdigest()
 
@@ -300,28 +266,16 @@ def load_aircraft(aircraft: str | Path) -> AircraftConfig:
         folder = aircraft_folder(aircraft)
     else:
         folder = Path(aircraft).resolve()
-    return _read(folder, tuple(_stamp(folder / name) for name in ("aircraft.toml", GAINS_FILE)))
-
-
-def _stamp(file: Path) -> tuple[int, ...]:
-    """The stamp of a file; nothing where there are no gains."""
-    try:
-        return stamp(file)
-    except OSError as error:
-        if file.name == GAINS_FILE:
-            return ()
-        raise InputError(f"{file}: must be a readable file, got {error.strerror}.") from error
+    return _read(folder, stamp(folder / "aircraft.toml"), stamp(folder / GAINS_FILE))
 
 
 @lru_cache(maxsize=32)
-def _read(folder: Path, stamps: tuple[tuple[int, ...], ...]) -> AircraftConfig:
+def _read(folder: Path, _stamp: tuple[int, ...], gains_stamp: tuple[int, ...]) -> AircraftConfig:
     """The aircraft of a folder, read anew when a file was written to."""
-    file = folder / "aircraft.toml"
-    config = aircraft_from(toml_tables(file), folder)
-    if stamps[1]:
-        config._gains = _checked(
-            InnerLoopGains, json_tables(folder / GAINS_FILE), folder / GAINS_FILE
-        )
+    config = aircraft_from(toml_tables(folder / "aircraft.toml"), folder)
+    if gains_stamp:
+        gains = folder / GAINS_FILE
+        config._gains = validated(InnerLoopGains, json_tables(gains), gains)
     return config
 
 
@@ -330,7 +284,7 @@ def aircraft_from(tables: dict[str, Any], folder: Path) -> AircraftConfig:
 
     Raises ScenarioError if they cannot be used; the message names file and key.
     """
-    config = _checked(AircraftConfig, tables, folder / "aircraft.toml")
+    config = validated(AircraftConfig, tables, folder / "aircraft.toml")
     config._folder = folder
     return config
 
@@ -340,17 +294,8 @@ def save_gains(gains: InnerLoopGains, folder: Path) -> Path:
 
     Raises OutputError if the file cannot be written.
     """
-    file = folder / GAINS_FILE
     text = json.dumps(gains.model_dump(), indent=2, allow_nan=False) + "\n"
-    write_text(file, text)
-    return file
-
-
-def _checked(model: type[Model], tables: dict[str, Any], file: Path) -> Model:
-    try:
-        return model.model_validate(tables)
-    except ValidationError as error:
-        raise ScenarioError(f"{file}: {first_mistake(error)}") from error
+    return write_text(folder / GAINS_FILE, text)
 
 
 def start_faults(

@@ -8,8 +8,7 @@ from flighttune.aircraft.aircraft import AircraftConfig, Surface
 
 INNER_LOOP = Path(__file__).with_name("inner_loop.xml")
 
-SURFACE_LAG, THROTTLE_LAG = 25.0, 5.0
-"""Bandwidth of the actuators, rad/s."""
+SURFACE_LAG, THROTTLE_LAG = 25.0, 5.0  # Bandwidth of the actuators, rad/s
 
 
 def put_in_front(root: Element, config: AircraftConfig) -> None:

@@ -24,8 +24,7 @@ from filelock import FileLock, Timeout
 
 from flighttune.campaign.planning.plan import Plan, plan_from
 from flighttune.errors import InputError, OutputError, RecordingError, ScenarioError
-from flighttune.mistakes import abridged
-from flighttune.scenario.load import validated
+from flighttune.mistakes import abridged, validated
 from flighttune.scenario.tables import Table
 from flighttune.table_file import json_tables
 from flighttune.whole_file import reason_of

@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, create_model, model_validator
 from flighttune.comparison.compare import BETTER_IF, Comparison, better
 from flighttune.errors import InputError
 from flighttune.metrics import CHANNELS, FLIGHT_METRICS, METRICS
-from flighttune.scenario.load import validated
+from flighttune.mistakes import validated
 from flighttune.table_file import toml_tables
 
 DISTANCE = "max_distance_m"

@@ -9,14 +9,12 @@ from flighttune.certificates import Certification, certify
 from flighttune.control.envelope import Envelope
 from flighttune.control.gains import COMMANDS, LAW_OF_INPUTS, PAPER_GAINS, PIGains, paper_family
 from flighttune.control.law import Law
-from flighttune.control.linear_model import LinearModel, closed_loop
+from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ScenarioError
 from flighttune.identify.file import DesignModel
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, TuningModel
 from flighttune.shipped import nearest_name
-from flighttune.theory.common import CommonQ, common_Q
-from flighttune.theory.indicators import scaled
 from flighttune.tuning.envelope import largest_factor
 from flighttune.tuning.problem import LARGEST_GAIN, TuningProblem, decoupled
 from flighttune.tuning.result import TuningResult
@@ -260,7 +258,13 @@ def certify_scenario(
     identified = envelope and scenario.tuning.model == "identified"
     varies = envelope and not (identified or law.same_everywhere)
     ranges = trim_and_envelope(scenario)[1] if varies else None
-    everywhere = _identified_everywhere(scenario, law) if identified else ()
+    everywhere = scenario.identified_models(law, everywhere=True) if identified else ()
+    orders = sorted({len(design.model.states) for design in everywhere})
+    if len(orders) > 1:
+        raise InputError(
+            f"`identified` must have lags of one order at every condition for a common Q, got "
+            f"models of {' and '.join(map(str, orders))} states."
+        )
     return certify(
         scenario.linear_model(law),
         gains,
@@ -270,29 +274,6 @@ def certify_scenario(
         conditions=[((design.V_a, design.gamma), design.model) for design in everywhere],
         scenario_sha256=scenario.sha256,
     )
-
-
-def identified_rate(scenario: Scenario, gains: PIGains) -> CommonQ:
-    """The rate that one Q proves at every identified condition, and for every mixture of them.
-
-    The rate is in the units of state of `identified_problems`, and 0 where there is no common Q. A
-    certificate (`certify_scenario` with ``envelope``) is in plain units.
-    """
-    models = _identified_everywhere(scenario, scenario.law_for(gains))
-    loops = [scaled(closed_loop(model.model, gains), model.scaling) for model in models]
-    return common_Q(np.array(loops))
-
-
-def _identified_everywhere(scenario: Scenario, law: Law) -> tuple[DesignModel, ...]:
-    """The identified models of every condition of the file, all of one order."""
-    models = scenario.identified_models(law, everywhere=True)
-    orders = sorted({len(model.model.states) for model in models})
-    if len(orders) > 1:
-        raise InputError(
-            f"`identified` must have lags of one order at every condition for a common Q, got "
-            f"models of {' and '.join(map(str, orders))} states."
-        )
-    return models
 
 
 def largest_certified(scenario: Scenario, gains: PIGains) -> float:

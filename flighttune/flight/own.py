@@ -3,7 +3,6 @@
 import inspect
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from hashlib import sha256
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
@@ -13,6 +12,7 @@ from flighttune.control.controller import Controller
 from flighttune.control.guarded import FAILURES, failure
 from flighttune.errors import ScenarioError
 from flighttune.plants.base import Plant
+from flighttune.scenario.load import file_sha256
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import LawTable, PlantTable
 
@@ -109,8 +109,3 @@ def _module(path: str, digest: str) -> ModuleType:
     module = module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
-
-
-def file_sha256(path: Path) -> str:
-    """Hash of a file's contents."""
-    return sha256(path.read_bytes()).hexdigest()

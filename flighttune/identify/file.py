@@ -18,7 +18,6 @@ from pydantic import (
     ConfigDict,
     Field,
     PlainSerializer,
-    ValidationError,
     computed_field,
 )
 
@@ -28,7 +27,7 @@ from flighttune.control.inner_loop import InnerLag, Order, with_inner_loop
 from flighttune.control.law import Law, Trim, made_law
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import ScenarioError
-from flighttune.mistakes import abridged, first_mistake, shown
+from flighttune.mistakes import abridged, shown, validated
 from flighttune.present.names import columns
 from flighttune.present.tables import Table
 from flighttune.quantities import (
@@ -317,10 +316,7 @@ def load_identified(source: str | Path) -> IdentifiedAircraft:
 def _read(path: Path, _stamp: tuple[int, ...]) -> IdentifiedAircraft:
     """The identified aircraft of a file, read anew when it was written to."""
     tables = json_tables(path)
-    try:
-        aircraft = IdentifiedAircraft.model_validate(tables)
-    except ValidationError as error:
-        raise ScenarioError(f"{path}: {first_mistake(error)}") from error
+    aircraft = validated(IdentifiedAircraft, tables, path)
     for fault in _contradictions(tables, identified_tables(aircraft)):
         raise ScenarioError(f"{path}: {fault}.")
     return aircraft

@@ -1,17 +1,16 @@
 """Files to values, and what is wrong with them in one line that names file and key."""
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
-from typing import Any, TypeVar
-
-from pydantic import BaseModel, ValidationError
+from typing import Any
 
 from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft, start_faults
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
 from flighttune.identify.file import load_identified
-from flighttune.mistakes import abridged, joined, mistakes
+from flighttune.mistakes import abridged, joined, validated
 from flighttune.plants.jsbsim.plant import check_off_nominal
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import PlantTable
@@ -19,13 +18,8 @@ from flighttune.shipped import nearest_name, scenario_files
 from flighttune.table_file import json_tables, toml_tables
 from flighttune.units import DEG
 
-# Characters of an aircraft's name or path; files have none longer.
-LONGEST_NAME = 200
-
 # Key of [flight] for each attribute of a condition that an aircraft bounds.
 FLIGHT_KEYS = {"V_a": "V_a_mps", "h": "h_m", "phi": "phi_deg", "n_z": "n_z"}
-
-Model = TypeVar("Model", bound=BaseModel)
 
 
 def load_scenario(path: str | Path) -> Scenario:
@@ -48,49 +42,44 @@ def load_scenario(path: str | Path) -> Scenario:
         exist or cannot start where it shall, or a model named in [tuning] cannot be read.
     """
     path = existing_file(path, "scenario", scenario_files(), ["scenarios"])
-    tables = _with_aircraft(_with_modules(toml_tables(path), path), path)
+    tables = _with_files(toml_tables(path), path)
     scenario = validated(Scenario, tables, str(path))
     check_aircraft(scenario, str(path))
     check_identified(scenario, str(path))
     return scenario
 
 
-def _with_modules(tables: dict[str, Any], path: Path) -> dict[str, Any]:
-    """Tables whose `module` files are found beside the scenario, with the hash of each."""
-    for key in ("law", "plant"):
-        for table in tables[key] if isinstance(tables.get(key), list) else ():
-            module = table.get("module") if isinstance(table, dict) else None
-            if not isinstance(module, str):
-                continue
-            file = path.parent / module
-            digest = _digest_of(file)
-            if digest is None:
-                raise ScenarioError(
-                    f"{path}: [[{key}]] `module` must be a file, got {abridged(module)}."
-                )
-            table["module"] = str(file)
-            table.setdefault("sha256", digest)
+def _with_files(tables: dict[str, Any], path: Path) -> dict[str, Any]:
+    """Tables whose modules and aircraft are those beside the scenario; modules have their hash."""
+    listed = {
+        key: [table for table in tables[key] if isinstance(table, dict)]
+        for key in ("law", "plant")
+        if isinstance(tables.get(key), list)
+    }
+    for key, entries in listed.items():
+        for table in entries:
+            module = table.get("module")
+            if isinstance(module, str):
+                file = path.parent / module
+                if not os.path.isfile(file):  # False for what can be no name of a file
+                    raise ScenarioError(
+                        f"{path}: [[{key}]] `module` must be a file, got {abridged(module)}."
+                    )
+                table["module"] = str(file)
+                table.setdefault("sha256", file_sha256(file))
+    named = [(table, "aircraft") for table in listed.get("plant", ())]
+    if isinstance(tables.get("tuning"), dict):
+        named.append((tables["tuning"], "identified"))
+    for table, key in named:
+        name = table.get(key)
+        if isinstance(name, str) and os.path.isfile(path.parent / name / "aircraft.toml"):
+            table[key] = str(path.parent / name)
     return tables
 
 
-def _with_aircraft(tables: dict[str, Any], path: Path) -> dict[str, Any]:
-    """Tables whose aircraft are those beside the scenario, where there are such."""
-    plants = tables.get("plant")
-    named = [(table, "aircraft") for table in plants] if isinstance(plants, list) else []
-    for table, key in (*named, (tables.get("tuning"), "identified")):
-        name = table.get(key) if isinstance(table, dict) else None
-        if isinstance(table, dict) and isinstance(name, str) and len(name) < LONGEST_NAME:
-            folder = path.parent / name
-            if "\0" not in name and (folder / "aircraft.toml").is_file():
-                table[key] = str(folder)
-    return tables
-
-
-def _digest_of(file: Path) -> str | None:
-    try:
-        return sha256(file.read_bytes()).hexdigest() if file.is_file() else None
-    except (OSError, ValueError):  # of a name that is too long, or has a zero in it
-        return None
+def file_sha256(path: Path) -> str:
+    """Hash of a file's contents."""
+    return sha256(path.read_bytes()).hexdigest()
 
 
 def scenario_from(tables: dict[str, Any]) -> Scenario:
@@ -159,17 +148,6 @@ def leaves(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, An
             yield f"{above}{name}", value
 
 
-def validated(model: type[Model], tables: Any, source: str) -> Model:
-    """Tables read as `model`.
-
-    A ScenarioError names `source`, the file, and each key that is unknown, missing or impossible.
-    """
-    try:
-        return model.model_validate(tables)
-    except ValidationError as error:
-        raise ScenarioError(f"{source}: {mistakes(error, model, tables)}") from None
-
-
 def check_aircraft(scenario: Scenario, source: str) -> None:
     """Refuse a scenario that one of its aircraft cannot start.
 
@@ -217,7 +195,7 @@ def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:
             yield f"[plant] {error}"
     if plant.airframe is not None:
         try:
-            check_off_nominal(config.with_off_nominal(plant.airframe.off_nominal()))
+            check_off_nominal(config.with_off_nominal(plant.airframe))
         except InputError as error:
             yield f"[plant.airframe] {error}"
     ground = scenario.flight.ground_m

@@ -11,7 +11,7 @@ from pydantic import Field, model_validator
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.control.gains import COMMANDS, PIGains, paper_family
-from flighttune.control.inner_loop import InnerLag, with_input_delay, with_input_lag
+from flighttune.control.inner_loop import with_input_delay, with_input_lag
 from flighttune.control.law import DEFAULT, Law, Trim, law_name, made_law, split_name
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel
@@ -20,30 +20,8 @@ from flighttune.identify.file import DesignModel, design_model, load_identified
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.weather import Weather, WindProfile
 from flighttune.quantities import FASTEST_WIND, STEEPEST_DEG
-from flighttune.scenario.tables import (
-    LAWS,
-    TUNED,
-    TUNED_IDENTIFIED,
-    ControllerTable,
-    DisturbanceTable,
-    EnvelopeTable,
-    ExpectTable,
-    FlightTable,
-    GainsTable,
-    GustTable,
-    Laws,
-    LawTable,
-    LimitsTable,
-    PlantTable,
-    ReferenceTable,
-    Seed,
-    SensorsTable,
-    Table,
-    TuningTable,
-    TurbulenceTable,
-    WindTable,
-    law_named,
-)
+from flighttune.scenario import tables
+from flighttune.scenario.tables import LAWS, TUNED, TUNED_IDENTIFIED, GainsTable, law_named
 from flighttune.simulate.feasible import FeasibleReference, Manoeuvre, feasible_reference
 from flighttune.simulate.reference import Reference
 from flighttune.units import DEG
@@ -59,64 +37,60 @@ ROUNDING = 1e-9
 MARGIN = 0.2
 
 
-class Scenario(Table):
+class Scenario(tables.Table):
     """One manoeuvre: every gain set flies on every plant."""
 
     title: Annotated[str, Field(min_length=1)]
     verifies: str = ""
     source: str = ""
-    seed: Seed = 0
-    law: Laws | None = None
+    seed: tables.Seed = 0
+    law: tables.Laws | None = None
     gains: list[str | GainsTable] = Field(default_factory=lambda: ["paper", TUNED], min_length=1)
-    flight: FlightTable
-    reference: ReferenceTable
-    limits: LimitsTable = LimitsTable()
-    controller: ControllerTable = ControllerTable()
-    tuning: TuningTable = TuningTable()
-    disturbance: DisturbanceTable | None = None
-    wind: WindTable | None = None
-    gust: GustTable | None = None
-    turbulence: TurbulenceTable | None = None
-    sensors: SensorsTable | None = None
-    envelope: EnvelopeTable | None = None
-    expect: list[ExpectTable] = Field(default_factory=list)
-    plant: Annotated[list[PlantTable], Field(min_length=1)]
-
-    @model_validator(mode="after")
-    def _laws_fit(self) -> "Scenario":
-        laws = [law.name for law in self.laws]
-        if len(set(laws)) < len(laws):
-            raise ValueError(f"`law` must not name anything twice, got {', '.join(laws)}")
-        for law in self.laws if self.tuning.input_limits else ():
-            if law.inputs != COMMANDS:
-                raise ValueError(
-                    f"`input_limits` of [tuning] must be absent with the {law.kind} law: its gains "
-                    "act on rates, not on roll and load factor"
-                )
-        return self
+    flight: tables.FlightTable
+    reference: tables.ReferenceTable
+    limits: tables.LimitsTable = tables.LimitsTable()
+    controller: tables.ControllerTable = tables.ControllerTable()
+    tuning: tables.TuningTable = tables.TuningTable()
+    disturbance: tables.DisturbanceTable | None = None
+    wind: tables.WindTable | None = None
+    gust: tables.GustTable | None = None
+    turbulence: tables.TurbulenceTable | None = None
+    sensors: tables.SensorsTable | None = None
+    envelope: tables.EnvelopeTable | None = None
+    expect: list[tables.ExpectTable] = Field(default_factory=list)
+    plant: Annotated[list[tables.PlantTable], Field(min_length=1)]
 
     @model_validator(mode="after")
     def _consistent(self) -> "Scenario":
-        names = self.gain_names
         available = [TUNED, *paper_family(), TUNED_IDENTIFIED]
         for entry in self.gains:
             if isinstance(entry, str) and entry not in available:
                 raise ValueError(
                     f"`gains` must name {', '.join(available)} or give K_P and K_I, got {entry!r}"
                 )
+        for law in self.laws:
+            if self.tuning.input_limits and law.inputs != COMMANDS:
+                raise ValueError(
+                    f"`input_limits` of [tuning] must be absent with the {law.kind} law: its gains "
+                    "act on rates, not on roll and load factor"
+                )
         if TUNED_IDENTIFIED in self.gains or self.tuning.model == "identified":
             self._identified()
-        for key, labels in (("gains", names), ("plant", [p.label for p in self.plant])):
+        plants = [plant.label for plant in self.plant]
+        laws = [law.name for law in self.laws]
+        for key, labels in (("law", laws), ("gains", self.gain_names), ("plant", plants)):
             if len(set(labels)) < len(labels):
                 hint = "; a `name` of its own distinguishes a plant" if key == "plant" else ""
                 raise ValueError(
                     f"`{key}` must not name anything twice, got {', '.join(labels)}{hint}"
                 )
-            kinds = [p.kind for p in self.plant] if key == "plant" else []
-            for name in (getattr(table, key) for table in self.expect):
-                if name not in (None, *labels, *kinds):
+        kinds = [plant.kind for plant in self.plant]
+        for table in self.expect:
+            for key, labels in (("gains", self.gain_names), ("plant", [*plants, *kinds])):
+                if getattr(table, key) not in (None, *labels):
                     raise ValueError(
-                        f"`{key}` of [[expect]] must be one of {', '.join(labels)}, got {name!r}"
+                        f"`{key}` of [[expect]] must be one of {', '.join(labels)}, "
+                        f"got {getattr(table, key)!r}"
                     )
         return self
 
@@ -128,18 +102,16 @@ class Scenario(Table):
                 "`duration_s` of [flight] must be at least two samples of the controller and at "
                 f"most {MAX_SAMPLES}, got {duration:g} s at {rate:g} Hz"
             )
-        gust = [("gust", self.gust.start_s)] if self.gust else []
-        for table, start_s in [*self.reference.starts(), *gust]:
-            if start_s >= duration:
+        times = list(self.reference.starts())
+        if self.gust:
+            times.append(("[gust] `start_s`", self.gust.start_s))
+        if self.disturbance:
+            times += self.disturbance.last_switches()
+        for key, time in times:
+            if time >= duration:
                 raise ValueError(
-                    f"[{table}] `start_s` must lie before the end of the flight "
-                    f"(`duration_s` of [flight], {duration:g} s), got {start_s:g} s"
-                )
-        for key, last in self.disturbance.last_switches() if self.disturbance else ():
-            if last >= duration:
-                raise ValueError(
-                    f"[disturbance] `{key}` must lie before the end of the flight "
-                    f"(`duration_s` of [flight], {duration:g} s), got {last:g} s"
+                    f"{key} must lie before the end of the flight "
+                    f"(`duration_s` of [flight], {duration:g} s), got {time:g} s"
                 )
         t, gamma_deg = self.reference.steepest(self.flight.gamma_deg, duration)
         if abs(gamma_deg) > STEEPEST_DEG + ROUNDING:
@@ -184,13 +156,12 @@ class Scenario(Table):
 
     @model_validator(mode="after")
     def _scaling_fits(self) -> "Scenario":
-        scaling = self.tuning.state_scaling
-        if scaling is not None:
+        if self.tuning.state_scaling is not None:
             n, _, p = self.linear_model().shape
-            if len(scaling) != n + p:
+            if len(self.tuning.state_scaling) != n + p:
                 raise ValueError(
                     f"`state_scaling` of [tuning] must be {n + p} numbers, one a state and one an "
-                    f"error, got {len(scaling)}"
+                    f"error, got {len(self.tuning.state_scaling)}"
                 )
         return self
 
@@ -207,7 +178,7 @@ class Scenario(Table):
         )
 
     @property
-    def law_tables(self) -> tuple[LawTable, ...]:
+    def law_tables(self) -> tuple[tables.LawTable, ...]:
         """The tables of the laws flown, in order; the paper's by default."""
         return tuple(self.law or (law_named(DEFAULT),))
 
@@ -217,25 +188,21 @@ class Scenario(Table):
         return tuple(table.law() for table in self.law_tables)
 
     @property
-    def own_gain_names(self) -> tuple[str, ...]:
-        """Names of the gain sets as ``gains`` lists them, in order."""
-        return tuple(entry if isinstance(entry, str) else entry.name for entry in self.gains)
-
-    @property
     def gain_names(self) -> tuple[str, ...]:
         """Names of the gain sets flown, law by law: as listed with the paper's, else LAW:GAINS."""
-        return tuple(name for law in self.laws for name in law.names_of(self.own_gain_names))
+        listed = tuple(entry if isinstance(entry, str) else entry.name for entry in self.gains)
+        return tuple(name for law in self.laws for name in law.names_of(listed))
 
-    def law_table(self, name: str) -> LawTable:
+    def law_table(self, name: str) -> tables.LawTable:
         """The table of the law that flies a gain set; `name` as for `law_of`."""
-        tables = {table.name: table for table in self.law_tables}
-        law = law_name(name, tables)
-        if law not in tables and law not in LAWS:
+        listed = {table.name: table for table in self.law_tables}
+        law = law_name(name, listed)
+        if law not in listed and law not in LAWS:
             raise InputError(
-                f"`gains` must name a law of {', '.join({**tables, **dict.fromkeys(LAWS)})} before "
+                f"`gains` must name a law of {', '.join(dict.fromkeys([*listed, *LAWS]))} before "
                 f"the colon, got {name!r}."
             )
-        return tables.get(law) or law_named(law)
+        return listed.get(law) or law_named(law)
 
     def law_of(self, name: str, gains: PIGains | None = None) -> tuple[Law, str]:
         """The law that flies a gain set, and the gain set as ``gains`` lists it.
@@ -255,13 +222,12 @@ class Scenario(Table):
         fitting = (law for law in self.laws if law.by_gains and law.inputs == gains.inputs)
         return next(fitting, None) or made_law(gains.law)
 
-    def plant_table(self, label: str) -> PlantTable:
+    def plant_table(self, label: str) -> tables.PlantTable:
         """The table of one of its plants."""
-        for table in self.plant:
-            if table.label == label:
-                return table
-        labels = ", ".join(table.label for table in self.plant)
-        raise InputError(f"`plant` must be one of {labels}, got {label}.")
+        plants = {table.label: table for table in self.plant}
+        if label not in plants:
+            raise InputError(f"`plant` must be one of {', '.join(plants)}, got {label}.")
+        return plants[label]
 
     @property
     def windy(self) -> bool:
@@ -269,7 +235,7 @@ class Scenario(Table):
         return any((self.wind, self.gust, self.turbulence))
 
     @property
-    def wind_source(self) -> PlantTable | None:
+    def wind_source(self) -> tables.PlantTable | None:
         """The plant whose wind those replay that have no weather: the first aircraft in wind."""
         aircraft = (plant for plant in self.plant if plant.aircraft is not None)
         return next(aircraft, None) if self.windy else None
@@ -332,36 +298,27 @@ class Scenario(Table):
                 "`phi_deg`, `n_z`, `phi_rate_dps` and `n_z_rate_per_s` of [limits] must all be "
                 "given with a reference of shape feasible."
             )
-        (phi_low, n_z_low), (phi_high, n_z_high), slower, faster = bounds.tolist()
-        chi, gamma = (
-            DEG * (flown if start is None else start)
-            for flown, start in (
-                (f.chi_deg, reference.chi_from_deg),
-                (f.gamma_deg, reference.gamma_from_deg),
-            )
-        )
-        end = self.reference.reference(chi_deg=f.chi_deg, gamma_deg=f.gamma_deg)
-        phi, n_z = self.condition.phi, self.condition.n_z
+        lower, upper, rate_lower, rate_upper = map(tuple, bounds.tolist())
+        chi_from, gamma_from = reference.chi_from_deg, reference.gamma_from_deg
+        chi = DEG * (f.chi_deg if chi_from is None else chi_from)
+        gamma = DEG * (f.gamma_deg if gamma_from is None else gamma_from)
+        end = reference.reference(chi_deg=f.chi_deg, gamma_deg=f.gamma_deg)
+        phi, n_z, first = self.condition.phi, self.condition.n_z, self.plant[0]
         return Manoeuvre(
             V_a=f.V_a_mps,
             g=f.g_mps2,
             start=(chi, gamma),
             end=(end.chi, end.gamma),
-            phi_0=phi,
-            n_z_0=math.cos(gamma) / math.cos(phi) if n_z is None else n_z,
-            phi=(phi_low, phi_high),
-            n_z=(n_z_low, n_z_high),
-            phi_rate=(slower[0], faster[0]),
-            n_z_rate=(slower[1], faster[1]),
-            lags=self._lags_of_first_plant(gamma),
+            u_0=(phi, math.cos(gamma) / math.cos(phi) if n_z is None else n_z),
+            lower=lower,
+            upper=upper,
+            rate_lower=rate_lower,
+            rate_upper=rate_upper,
+            lags=first.lags()
+            if first.aircraft is None
+            else load_identified(first.aircraft).nearest(f.V_a_mps, gamma).lags,
             dt=1.0 / self.controller.rate_hz,
         )
-
-    def _lags_of_first_plant(self, gamma: float) -> tuple[InnerLag, InnerLag] | None:
-        first = self.plant[0]
-        if first.aircraft is None:
-            return first.lags()
-        return load_identified(first.aircraft).nearest(self.flight.V_a_mps, gamma).lags
 
     def _identified(self) -> str:
         """Aircraft or file the identified model comes from."""

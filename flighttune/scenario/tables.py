@@ -14,10 +14,10 @@ from pydantic import (
     ConfigDict,
     Field,
     PrivateAttr,
-    field_validator,
     model_validator,
 )
 
+from flighttune import quantities as q
 from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import AntiWindup
@@ -33,37 +33,8 @@ from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, HIGHEST_GROUND, LARGE
 from flighttune.plants.label import goes_by, plant_label
 from flighttune.plants.sensors import Sensors
 from flighttune.plants.weather import NED, Gust, Turbulence, TurbulenceModel, WindProfile
-from flighttune.quantities import (
-    Airspeed,
-    Angle,
-    AngularRate,
-    AngularSpread,
-    Bandwidth,
-    Course,
-    Damping,
-    Delay,
-    Duration,
-    Factor,
-    Finite,
-    GainMatrix,
-    Gravity,
-    Height,
-    Inclination,
-    Instant,
-    Length,
-    LoadFactor,
-    Oscillation,
-    OscillationRate,
-    PositiveGain,
-    PositiveRate,
-    Scale,
-    Shift,
-    TimeConstant,
-    Wind,
-    WindSpeed,
-)
 from flighttune.simulate.disturbance import Sinusoid
-from flighttune.simulate.reference import Reference, Segment, doublet, ramp, step
+from flighttune.simulate.reference import Reference, Segment
 from flighttune.simulate.run import RunStatus
 from flighttune.tuning.problem import Method
 from flighttune.units import DEG, G_PAPER
@@ -94,26 +65,6 @@ Name: TypeAlias = Annotated[
 PathName: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(_short)]
 
 
-def _pair(value: object) -> object:
-    if not (isinstance(value, list) and len(value) == 2):
-        raise ValueError("must be a range [low, high]")
-    return value
-
-
-def _rising(value: list[float]) -> list[float]:
-    if not value[0] < value[1]:
-        raise ValueError("must be a range [low, high] with low below high")
-    return value
-
-
-RisingPair = BeforeValidator(_pair), AfterValidator(_rising)
-LoadFactors: TypeAlias = Annotated[list[LoadFactor], *RisingPair]
-Rolls: TypeAlias = Annotated[list[Angle], *RisingPair]
-Rates: TypeAlias = Annotated[list[AngularRate], *RisingPair]
-Airspeeds: TypeAlias = Annotated[list[Airspeed], *RisingPair]
-Inclinations: TypeAlias = Annotated[list[Inclination], *RisingPair]
-
-
 class Table(BaseModel):
     """A table of the file: unknown keys are refused, and it does not change."""
 
@@ -125,15 +76,24 @@ class Table(BaseModel):
 class FlightTable(Table):
     """``[flight]``: start and length of the manoeuvre, and gravity of the kinematic law."""
 
-    V_a_mps: Airspeed
-    h_m: Height = 1000.0
-    chi_deg: Course = 0.0
-    gamma_deg: Inclination = 0.0
-    phi_deg: Inclination = 0.0
-    n_z: LoadFactor | None = None
-    duration_s: Duration = 20.0
+    V_a_mps: q.Airspeed
+    h_m: q.Height = 1000.0
+    chi_deg: q.Course = 0.0
+    gamma_deg: q.Inclination = 0.0
+    phi_deg: q.Inclination = 0.0
+    n_z: q.LoadFactor | None = None
+    duration_s: q.Duration = 20.0
     ground_m: Ground = 0.0
-    g_mps2: Gravity = G_PAPER
+    g_mps2: q.Gravity = G_PAPER
+
+
+def _with_zero(rates: tuple[float, float]) -> tuple[float, float]:
+    if not rates[0] <= 0.0 <= rates[1]:
+        raise ValueError("must be a range of rates that includes zero")
+    return rates
+
+
+Rates: TypeAlias = q.PositiveRate | Annotated[q.AngularRates, AfterValidator(_with_zero)]
 
 
 class LimitsTable(Table):
@@ -142,34 +102,23 @@ class LimitsTable(Table):
     A rate is one number (both ways) or a range.
     """
 
-    phi_deg: Rolls | None = None
-    phi_rate_dps: PositiveRate | Rates | None = None
-    n_z: LoadFactors | None = None
-    n_z_rate_per_s: PositiveRate | Rates | None = None
-
-    @field_validator("phi_rate_dps", "n_z_rate_per_s")
-    @classmethod
-    def _includes_zero(cls, value: float | list[float] | None) -> float | list[float] | None:
-        if isinstance(value, list) and not value[0] <= 0.0 <= value[1]:
-            raise ValueError("must be a range of rates that includes zero")
-        return value
+    phi_deg: q.Angles | None = None
+    phi_rate_dps: Rates | None = None
+    n_z: q.LoadFactors | None = None
+    n_z_rate_per_s: Rates | None = None
 
     def limits(self) -> Limits:
         """The limits in rad, 1 and seconds; infinite where the file gives none."""
-        lower, upper = _bounds(self.phi_deg, self.n_z)
-        rate_lower, rate_upper = _bounds(self.phi_rate_dps, self.n_z_rate_per_s)
+        lower, upper = _ends(self.phi_deg, self.n_z)
+        rate_lower, rate_upper = _ends(self.phi_rate_dps, self.n_z_rate_per_s)
         return Limits(lower=lower, upper=upper, rate_lower=rate_lower, rate_upper=rate_upper)
 
 
-def _bounds(*limits: float | list[float] | None) -> FloatArray:
-    """Lower and upper bounds of (phi in deg, n_z) as rows, in rad and 1."""
-    ranges = []
-    for limit in limits:
-        if limit is None:
-            ranges.append([-np.inf, np.inf])
-        else:
-            ranges.append(limit if isinstance(limit, list) else [-limit, limit])
-    return np.array(ranges).T * [DEG, 1.0]
+def _ends(*limits: float | tuple[float, float] | None) -> FloatArray:
+    """Lower and upper ends of (phi in deg, n_z) as rows, in rad and 1."""
+    ranges = [math.inf if limit is None else limit for limit in limits]
+    pairs = [limit if isinstance(limit, tuple) else (-limit, limit) for limit in ranges]
+    return np.transpose(pairs) * [DEG, 1.0]
 
 
 class ControllerTable(Table):
@@ -177,7 +126,7 @@ class ControllerTable(Table):
 
     rate_hz: Annotated[float, Field(ge=1.0, le=1000.0)] = 50.0
     anti_windup: AntiWindup = "conditional"
-    tracking_time_s: TimeConstant | None = None
+    tracking_time_s: q.TimeConstant | None = None
     feed_forward: bool = False
     schedule: bool = False
 
@@ -185,57 +134,55 @@ class ControllerTable(Table):
 class EnvelopeTable(Table):
     """``[envelope]``: ranges of flight over which ``certify --envelope`` looks for one proof."""
 
-    V_a_mps: Airspeeds
-    gamma_deg: Inclinations
-    phi_deg: Inclinations
-    n_z: LoadFactors
+    V_a_mps: q.Airspeeds
+    gamma_deg: q.Inclinations
+    phi_deg: q.Inclinations
+    n_z: q.LoadFactors
 
     def envelope(self) -> Envelope:
         """The ranges in m/s, rad and 1."""
-        return Envelope(
-            V_a=(self.V_a_mps[0], self.V_a_mps[1]),
-            gamma=(self.gamma_deg[0] * DEG, self.gamma_deg[1] * DEG),
-            phi=(self.phi_deg[0] * DEG, self.phi_deg[1] * DEG),
-            n_z=(self.n_z[0], self.n_z[1]),
-        )
+        gamma, phi = ((low * DEG, high * DEG) for low, high in (self.gamma_deg, self.phi_deg))
+        return Envelope(V_a=self.V_a_mps, gamma=gamma, phi=phi, n_z=self.n_z)
 
 
 class StepTable(Table):
     """A jump of a reference."""
 
     shape: Literal["step"]
-    start_s: Instant = 0.0
-    change_deg: Course
+    start_s: q.Instant = 0.0
+    change_deg: q.Course
 
     def segment(self) -> Segment:
         """The segment in s and rad."""
-        return step(start=self.start_s, change=self.change_deg * DEG)
+        return Segment(self.start_s, (0.0,), jumps=(self.change_deg * DEG,))
 
 
 class RampTable(Table):
     """A steady change of a reference, kept afterwards."""
 
     shape: Literal["ramp"]
-    start_s: Instant = 0.0
-    duration_s: Duration
-    rate_dps: AngularRate
+    start_s: q.Instant = 0.0
+    duration_s: q.Duration
+    rate_dps: q.AngularRate
 
     def segment(self) -> Segment:
         """The segment in s and rad."""
-        return ramp(start=self.start_s, duration=self.duration_s, rate=self.rate_dps * DEG)
+        return Segment(self.start_s, (0.0, self.duration_s), rates=(self.rate_dps * DEG,))
 
 
 class DoubletTable(Table):
     """A pulse up and its opposite, each `width_s` long."""
 
     shape: Literal["doublet"]
-    start_s: Instant = 0.0
-    width_s: Duration
-    amplitude_deg: Course
+    start_s: q.Instant = 0.0
+    width_s: q.Duration
+    amplitude_deg: q.Course
 
     def segment(self) -> Segment:
         """The segment in s and rad."""
-        return doublet(start=self.start_s, width=self.width_s, amplitude=self.amplitude_deg * DEG)
+        width, amplitude = self.width_s, self.amplitude_deg * DEG
+        jumps = (amplitude, -2.0 * amplitude, amplitude)
+        return Segment(self.start_s, (0.0, width, 2.0 * width), jumps=jumps)
 
 
 SegmentTable: TypeAlias = Annotated[
@@ -251,12 +198,12 @@ class ReferenceTable(Table):
     where the flight does.
     """
 
-    chi_deg: Course | list[SegmentTable]
-    gamma_deg: Inclination | list[SegmentTable]
+    chi_deg: q.Course | list[SegmentTable]
+    gamma_deg: q.Inclination | list[SegmentTable]
     shape: Literal["feasible"] | None = None
     margin: Annotated[float, Field(ge=0.0, le=0.9)] | None = None
-    chi_from_deg: Course | None = None
-    gamma_from_deg: Inclination | None = None
+    chi_from_deg: q.Course | None = None
+    gamma_from_deg: q.Inclination | None = None
 
     @model_validator(mode="after")
     def _of_one_shape(self) -> "ReferenceTable":
@@ -269,10 +216,10 @@ class ReferenceTable(Table):
         return self
 
     def starts(self) -> Iterator[tuple[str, float]]:
-        """Table and start (s) of each segment."""
+        """Key and start (s) of each segment."""
         for key, segments in (("chi_deg", self.chi_deg), ("gamma_deg", self.gamma_deg)):
             for segment in segments if isinstance(segments, list) else ():
-                yield f"reference.{key}", segment.start_s
+                yield f"[reference.{key}] `start_s`", segment.start_s
 
     def steepest(self, start_deg: float, duration: float) -> tuple[float, float]:
         """Time (s) and value (deg) of the steepest path angle asked for, up or down.
@@ -291,48 +238,20 @@ class ReferenceTable(Table):
 
     def reference(self, *, chi_deg: float, gamma_deg: float) -> Reference:
         """The reference in s and rad, for a flight that starts at `chi_deg` and `gamma_deg`."""
-        (chi, chi_segments), (gamma, gamma_segments) = (
-            (start * DEG, tuple(table.segment() for table in value))
-            if isinstance(value, list)
-            else (value * DEG, ())
-            for value, start in ((self.chi_deg, chi_deg), (self.gamma_deg, gamma_deg))
-        )
+        chi, chi_segments = _channel(self.chi_deg, chi_deg)
+        gamma, gamma_segments = _channel(self.gamma_deg, gamma_deg)
         return Reference(
             chi=chi, gamma=gamma, chi_segments=chi_segments, gamma_segments=gamma_segments
         )
 
 
-class AirframeTable(Table):
-    """``[plant.airframe]``: factors on an aircraft of jsbsim, and the shift of its CG."""
-
-    mass_factor: Factor = 1.0
-    cg_aft_m: Shift = 0.0
-    cg_right_m: Shift = 0.0
-    cg_down_m: Shift = 0.0
-    ixx_factor: Factor = 1.0
-    iyy_factor: Factor = 1.0
-    izz_factor: Factor = 1.0
-    ixz_factor: Factor = 1.0
-    lift_factor: Factor = 1.0
-    drag_factor: Factor = 1.0
-    side_force_factor: Factor = 1.0
-    roll_moment_factor: Factor = 1.0
-    pitch_moment_factor: Factor = 1.0
-    yaw_moment_factor: Factor = 1.0
-    coefficient_factors: dict[Annotated[str, Field(min_length=1)], Factor] = Field(
-        default_factory=dict
-    )
-    thrust_factor: Factor = 1.0
-    actuator_lag_factor: Factor = 1.0
-
-    def off_nominal(self) -> OffNominal | None:
-        """The same as a value; None where nothing is off the nominal."""
-        value = OffNominal(
-            **{name: getattr(self, f"{name}_factor") for name in OffNominal.SCALED},
-            cg_shift=(self.cg_aft_m, self.cg_right_m, self.cg_down_m),
-            coefficients=tuple(self.coefficient_factors.items()),
-        )
-        return None if value.is_nominal else value
+def _channel(
+    value: float | list[SegmentTable], start_deg: float
+) -> tuple[float, tuple[Segment, ...]]:
+    """Value of a reference before any segment, rad, and its segments."""
+    if isinstance(value, list):
+        return start_deg * DEG, tuple(table.segment() for table in value)
+    return value * DEG, ()
 
 
 class OwnTable(Table):
@@ -393,13 +312,13 @@ class PlantTable(OwnTable):
     aircraft: PathName | None = None
     name: Name | None = None
     throttle_max: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
-    airframe: AirframeTable | None = None
-    roll_lag_rad_s: Bandwidth | None = None
-    roll_damping: Damping | None = None
-    roll_delay_s: Delay | None = None
-    n_z_lag_rad_s: Bandwidth | None = None
-    n_z_damping: Damping | None = None
-    n_z_delay_s: Delay | None = None
+    airframe: OffNominal | None = None
+    roll_lag_rad_s: q.Bandwidth | None = None
+    roll_damping: q.Damping | None = None
+    roll_delay_s: q.Delay | None = None
+    n_z_lag_rad_s: q.Bandwidth | None = None
+    n_z_damping: q.Damping | None = None
+    n_z_delay_s: q.Delay | None = None
 
     @model_validator(mode="after")
     def _keys_of_the_kind(self) -> Self:
@@ -496,13 +415,13 @@ Laws: TypeAlias = Annotated[list[LawTable], Field(min_length=1), BeforeValidator
 class SensorsTable(Table):
     """``[sensors]``: bias and noise of course, flight-path angle and airspeed."""
 
-    chi_bias_deg: Angle = 0.0
-    chi_noise_sd_deg: AngularSpread = 0.0
-    gamma_bias_deg: Angle = 0.0
-    gamma_noise_sd_deg: AngularSpread = 0.0
-    V_a_bias_mps: Wind = 0.0
-    V_a_noise_sd_mps: WindSpeed = 0.0
-    noise_time_constant_s: TimeConstant | None = None
+    chi_bias_deg: q.Angle = 0.0
+    chi_noise_sd_deg: q.AngularSpread = 0.0
+    gamma_bias_deg: q.Angle = 0.0
+    gamma_noise_sd_deg: q.AngularSpread = 0.0
+    V_a_bias_mps: q.Wind = 0.0
+    V_a_noise_sd_mps: q.WindSpeed = 0.0
+    noise_time_constant_s: q.TimeConstant | None = None
 
     def sensors(self, seed: int) -> Sensors:
         """The errors in rad and m/s, their noise drawn from the scenario's `seed`."""
@@ -525,33 +444,33 @@ INTENSITIES = {"light": (3, 7.7), "moderate": (4, 15.4), "severe": (6, 23.1)}
 class WindLevelTable(Table):
     """``[[wind.level]]``: the wind at one height above sea level."""
 
-    h_m: Height
-    speed_mps: WindSpeed
-    from_deg: Course
-    down_mps: Wind = 0.0
+    h_m: q.Height
+    speed_mps: q.WindSpeed
+    from_deg: q.Course
+    down_mps: q.Wind = 0.0
 
 
 class WindTable(Table):
     """``[wind]``: steady wind, the same at all heights or given at levels."""
 
-    speed_mps: WindSpeed | None = None
-    from_deg: Course | None = None
-    down_mps: Wind = 0.0
+    speed_mps: q.WindSpeed | None = None
+    from_deg: q.Course | None = None
+    down_mps: q.Wind = 0.0
     level: Annotated[list[WindLevelTable], Field(min_length=1)] | None = None
 
     @model_validator(mode="after")
     def _one_or_levels(self) -> "WindTable":
-        fields = {name: field.default for name, field in type(self).model_fields.items()}
-        constant = {name for name, default in fields.items() if getattr(self, name) != default}
-        constant -= {"level"}
-        if self.level is not None:
-            if constant:
-                raise ValueError(f"`{min(constant)}` must be absent where there are levels")
-            heights = [level.h_m for level in self.level]
-            if any(a >= b for a, b in pairwise(heights)):
-                raise ValueError(f"`level` must rise in h_m, got {heights}")
-        elif self.speed_mps is None or self.from_deg is None:
-            raise ValueError("`speed_mps` and `from_deg` must be given, or levels")
+        if self.level is None:
+            if self.speed_mps is None or self.from_deg is None:
+                raise ValueError("`speed_mps` and `from_deg` must be given, or levels")
+            return self
+        constant = {"down_mps": self.down_mps or None, "from_deg": self.from_deg}
+        for key, value in {**constant, "speed_mps": self.speed_mps}.items():
+            if value is not None:
+                raise ValueError(f"`{key}` must be absent where there are levels")
+        heights = [level.h_m for level in self.level]
+        if any(a >= b for a, b in pairwise(heights)):
+            raise ValueError(f"`level` must rise in h_m, got {heights}")
         return self
 
     def profile(self) -> WindProfile:
@@ -568,10 +487,10 @@ class GustTable(Table):
     """``[gust]``: one 1-cosine gust, its length flown through at the airspeed of the start."""
 
     axis: Literal["ahead", "right", "down"]
-    peak_mps: Wind
-    start_s: Instant
-    length_m: Length
-    hold_s: Instant = 0.0
+    peak_mps: q.Wind
+    start_s: q.Instant
+    length_m: q.Length
+    hold_s: q.Instant = 0.0
 
     def gust(self, V_a: float) -> Gust:
         """The gust in seconds at the airspeed `V_a` (m/s)."""
@@ -589,7 +508,7 @@ class TurbulenceTable(Table):
 
     intensity: Literal["light", "moderate", "severe"] | None = None
     severity: Annotated[int, Field(ge=1, le=7)] | None = None
-    wind_20ft_mps: WindSpeed | None = None
+    wind_20ft_mps: q.WindSpeed | None = None
     model: TurbulenceModel = "tustin"
 
     @model_validator(mode="after")
@@ -617,17 +536,17 @@ class DisturbanceTable(Table):
     of times the amplitude is constant, and changes its sign at each of them.
     """
 
-    chi_amplitude: OscillationRate = 0.0
-    chi_omega_rad_s: Oscillation = 0.0
-    gamma_amplitude: OscillationRate = 0.0
-    gamma_omega_rad_s: Oscillation = 0.0
+    chi_amplitude: q.OscillationRate = 0.0
+    chi_omega_rad_s: q.Oscillation = 0.0
+    gamma_amplitude: q.OscillationRate = 0.0
+    gamma_omega_rad_s: q.Oscillation = 0.0
     wave: Literal["square"] | None = None
-    chi_phase_deg: Angle | None = None
-    gamma_phase_deg: Angle | None = None
+    chi_phase_deg: q.Angle | None = None
+    gamma_phase_deg: q.Angle | None = None
     as_wind: bool = False
     path: Literal["ground", "air"] = "ground"
-    chi_switch_s: list[Instant] | None = None
-    gamma_switch_s: list[Instant] | None = None
+    chi_switch_s: list[q.Instant] | None = None
+    gamma_switch_s: list[q.Instant] | None = None
 
     @model_validator(mode="after")
     def _switches_alone(self) -> "DisturbanceTable":
@@ -682,7 +601,7 @@ class DisturbanceTable(Table):
         """Key and last time (s) of each list of switching times."""
         for key in ("chi_switch_s", "gamma_switch_s"):
             if times := getattr(self, key):
-                yield key, times[-1]
+                yield f"[disturbance] `{key}`", times[-1]
 
 
 def _blowing(speed: float, from_deg: float, down: float) -> NED:
@@ -695,8 +614,6 @@ TUNED = "tuned"
 
 # Gains tuned on the identified model, whichever ``[tuning]`` names.
 TUNED_IDENTIFIED = "tuned_identified"
-
-INPUTS = 2
 
 TuningModel: TypeAlias = Literal["kinematic", "identified"]
 
@@ -719,13 +636,13 @@ class TuningTable(Table):
     model: TuningModel = "kinematic"
     identified: PathName | None = None
     robust: bool = False
-    lag_rad_s: Annotated[list[Bandwidth], Field(min_length=INPUTS, max_length=INPUTS)] | None = None
+    lag_rad_s: Annotated[list[q.Bandwidth], Field(min_length=2, max_length=2)] | None = None
     sample_delay: bool = False
     input_limits: bool = False
     structure: Literal["full", "decoupled"] = "full"
-    gain_max: PositiveGain | None = None
+    gain_max: q.PositiveGain | None = None
     roll_rate: bool = False
-    state_scaling: list[Scale] | None = None
+    state_scaling: list[q.Scale] | None = None
     method: Method = "gradient"
     starts: Annotated[int, Field(ge=1, le=1000)] = 12
 
@@ -742,6 +659,15 @@ class TuningTable(Table):
         return self
 
 
+def _two_by_two(rows: list[list[float]]) -> list[list[float]]:
+    if [len(row) for row in rows] != [2, 2]:
+        raise ValueError("must have 2 rows (phi, n_z) of 2 numbers (chi, gamma)")
+    return rows
+
+
+GainMatrix: TypeAlias = Annotated[list[list[q.Gain]], AfterValidator(_two_by_two)]
+
+
 class GainsTable(Table):
     """Gains given as numbers: rows phi, n_z (or their rates); columns chi, gamma.
 
@@ -754,20 +680,13 @@ class GainsTable(Table):
     K_I: GainMatrix
     law: Literal["paper", "exact"] | None = None
 
-    @field_validator("K_P", "K_I")
-    @classmethod
-    def _two_by_two(cls, value: list[list[float]]) -> list[list[float]]:
-        if [len(row) for row in value] != [INPUTS] * INPUTS:
-            raise ValueError("must have 2 rows (phi, n_z) of 2 numbers (chi, gamma)")
-        return value
-
     def gains(self, law: str = DEFAULT) -> PIGains:
         """The gains as a value; `law` is whose they are where the table does not say."""
         return PIGains.from_lists(self.K_P, self.K_I, self.law or law)
 
 
 Subject: TypeAlias = Literal["chi", "gamma", "flight"]
-Bounds: TypeAlias = dict[Subject, dict[str, Finite]]
+Bounds: TypeAlias = dict[Subject, dict[str, q.Finite]]
 
 CHANNEL_MEASURES = (*METRICS, "peak_rad")
 

@@ -19,7 +19,7 @@ from flighttune.conformance.file import CountedProbability
 from flighttune.control.gains import PIGains
 from flighttune.errors import FlightTuneError, InputError
 from flighttune.guarantee.bounds import Bounds, with_columns
-from flighttune.mistakes import first_mistake
+from flighttune.mistakes import mistakes
 from flighttune.present.numbers import degrees
 from flighttune.scenario.load import scenario_from
 from flighttune.seal import BLANK, seal, seal_of, sealed_bytes
@@ -340,7 +340,9 @@ def read_sealed(path: Path, kind: type[A]) -> tuple[A, dict[str, FloatArray]]:
         columns = {name: table[name].to_numpy().astype(float) for name in table.column_names}
         t = columns["t"]
     except ValidationError as error:
-        raise InputError(f"{path}: {first_mistake(error)}") from error
+        raise InputError(
+            f"{path}: {mistakes(error, json.loads(table.schema.metadata[ABOUT]))}"
+        ) from error
     except (pa.ArrowException, OSError, KeyError, TypeError, ValueError) as error:
         got = " ".join(str(error).split())
         raise InputError(f"{path}: must be a {KIND}, got: {got}.") from error

@@ -7,8 +7,15 @@ from flighttune.campaign.flying.columns import OUTCOME
 from flighttune.campaign.flying.kinematic_batch import NOT_IN_BATCH, batchable
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.schema import MEASURES
-from flighttune.scenario.schema import ControllerTable, FlightTable, LimitsTable, Scenario
-from flighttune.scenario.tables import DisturbanceTable, SensorsTable, WindTable
+from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import (
+    ControllerTable,
+    DisturbanceTable,
+    FlightTable,
+    LimitsTable,
+    SensorsTable,
+    WindTable,
+)
 
 pytestmark = pytest.mark.slow
 

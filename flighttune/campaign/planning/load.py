@@ -20,6 +20,7 @@ from flighttune.campaign.planning.schema import (
     Uniform,
 )
 from flighttune.errors import InputError, ScenarioError
+from flighttune.mistakes import validated
 from flighttune.plants.label import goes_by
 from flighttune.scenario.load import (
     check_aircraft,
@@ -27,7 +28,6 @@ from flighttune.scenario.load import (
     existing_file,
     leaves,
     load_scenario,
-    validated,
 )
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable

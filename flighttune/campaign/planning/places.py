@@ -193,7 +193,7 @@ def _of_plants(
         try:
             PlantTable.model_validate(changed)
         except ValidationError as error:
-            refusals.append(mistakes(error, PlantTable, changed))
+            refusals.append(mistakes(error, changed, PlantTable))
         else:
             flyable.append(("plant", i, *place))
     if not flyable:

@@ -22,9 +22,9 @@ from flighttune.campaign.planning.schema import Campaign, CampaignTable
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.outer_loop import gain_sets
-from flighttune.mistakes import abridged
+from flighttune.mistakes import abridged, validated
 from flighttune.plants.label import goes_by
-from flighttune.scenario.load import check_aircraft, validated
+from flighttune.scenario.load import check_aircraft
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, Table
 

@@ -196,22 +196,26 @@ def test_an_aircraft_opens_no_files_and_sockets(changed_aircraft, tmp_path, monk
 @pytest.mark.parametrize(
     ("pattern", "replacement", "message"),
     [
-        ("alpha_deg = ", "alfa_deg = ", r"`envelope\.alpha_deg` must be given"),
-        (r"\[limits\]", "[limits]\nv = 3", r"`limits\.v` must not be there"),
+        ("alpha_deg = ", "alfa_deg = ", r"\[envelope\] `alfa_deg` .*mean `alpha_deg`"),
+        (r"\[limits\]", "[limits]\nv = 3", r"\[limits\] `v` is not a known key"),
         (
             "_dps   = 30.0",
             "_dps = -30.0",
-            r"`limits\.phi_rate_dps` must .* than 0, got -30",
+            r"\[limits\] `phi_rate_dps` must .* than 0, got -30",
         ),
-        ("_dps   = 30.0", '_dps = "fast"', r"`limits\.phi_rate_dps` must .*number.*, got 'fast'"),
-        (r"\[-3.0, 4.0\]", "[4.0, -3.0]", r"`envelope\.n_z` must be \[lower, upper\] with .*"),
-        (r"\[15.0, 45.0\]", "[0.5, 45.0]", r"`envelope\.V_a_mps\.0` must .* equal to 1, got 0\.5"),
+        (
+            "_dps   = 30.0",
+            '_dps = "fast"',
+            r"\[limits\] `phi_rate_dps` must .*number.*, got 'fast'",
+        ),
+        (r"\[-3.0, 4.0\]", "[4.0, -3.0]", r"\[envelope\] `n_z` must be .*low"),
+        (r"\[15.0, 45.0\]", "[0.5, 45.0]", r"\[envelope\] `V_a_mps` must .* equal to 1, got 0\.5"),
         (
             r"25\.0, 25\.0\], command",
             "25.0, 250.0], command",
-            r"`surfaces\.aileron\.travel_deg\.1` must be less .* 180,",
+            r"\[surfaces\.aileron\] `travel_deg` must be less .* 180,",
         ),
-        ('"fcs/throttle-pos', '"fcs throttle', r"`engines\.command` must match pattern.*"),
+        ('"fcs/throttle-pos', '"fcs throttle', r"\[engines\] `command` must match pattern.*"),
         ('title  = "', 'title = "\n', "the file must be valid TOML: "),
     ],
 )
@@ -234,7 +238,7 @@ def test_what_our_own_copy_of_a_file_cannot_hold_is_refused(changed_aircraft, te
     folder = changed_aircraft("aerosonde.xml", "<aerodynamics>", f"<aerodynamics>{text}")
 
     with pytest.raises(PlantError, match=rf"aerosonde\.xml {message}") as error:
-        JSBSimPlant(folder, off_nominal=OffNominal(lift=1.1))
+        JSBSimPlant(folder, off_nominal=OffNominal(lift_factor=1.1))
     assert "\n" not in str(error.value)
 
 
