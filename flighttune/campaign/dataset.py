@@ -24,8 +24,7 @@ from filelock import FileLock, Timeout
 
 from flighttune.campaign.planning.plan import Plan, plan_from
 from flighttune.errors import InputError, OutputError, RecordingError, ScenarioError
-from flighttune.mistakes import abridged, validated
-from flighttune.scenario.tables import Table
+from flighttune.mistakes import abridged
 from flighttune.table_file import json_tables
 from flighttune.whole_file import reason_of
 
@@ -141,14 +140,9 @@ class Dataset:
         # a thread of Arrow that releases our bytes while Python exits would crash the process
         return pq.ParquetFile(pa.BufferReader(data)).read(wanted, use_threads=False)
 
-    def tables(self, columns: Sequence[str] | None = None) -> Iterator[pa.Table]:
-        """The rows, file by file in order of `run`."""
-        for part in self.parts:
-            yield self.read_part(part, columns)
-
     def rows(self, columns: Sequence[str] | None = None) -> pa.Table:
         """All rows that are there, in order of `run`."""
-        tables = list(self.tables(columns))
+        tables = [self.read_part(part, columns) for part in self.parts]
         if not tables:
             raise RecordingError(f"{self.folder}: no run has been flown yet.")
         return pa.concat_tables(tables)
@@ -219,13 +213,6 @@ def parquet_bytes(rows: pa.Table) -> bytes:
     return sink.getvalue().to_pybytes()
 
 
-class _CampaignFile(Table):
-    format: int
-    versions: dict[str, str]
-    plan: dict[str, Any]
-    sha256: str
-
-
 def open_dataset(folder: str | Path) -> Dataset:
     """The campaign in a folder.
 
@@ -241,13 +228,12 @@ def open_dataset(folder: str | Path) -> Dataset:
                 f"{path}: `format` must be {FORMAT}, got {abridged(tables.get('format'))}: fly the "
                 "campaign again with this version."
             )
-        file = validated(_CampaignFile, tables, str(path))
-        if tables.pop("sha256") != _digest_of(tables):
+        if tables.pop("sha256", None) != _digest_of(tables):
             raise RecordingError(
                 f"{path}: the file must be as it was written, but its hash differs: fly the "
                 "campaign again."
             )
-        return Dataset(folder, plan_from(file.plan, str(path)), file.versions)
+        return Dataset(folder, plan_from(tables["plan"], str(path)), tables["versions"])
     except ScenarioError as error:
         raise RecordingError(str(error)) from error
 
@@ -298,20 +284,19 @@ def locked(folder: Path) -> Iterator[None]:
     The folder is made where it does not exist. InputError if another process has locked it,
     OutputError if it cannot be written or its file system has no locks.
     """
-    path, owner = folder / LOCK, ""
+    path = folder / LOCK
     lock = FileLock(path, timeout=0.0)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock.acquire()
     except Timeout as error:
-        with suppress(OSError, UnicodeDecodeError):
-            owner = path.read_text(encoding="utf-8")
+        owner = path.read_text(errors="replace")
         raise InputError(f"{folder}: a campaign is being flown into it{owner}.") from error
     except OSError as error:
         got = reason_of(error)
         raise OutputError(f"{path}: must be writable and locked, got {got}.") from error
     with suppress(OSError):  # the owner is only for the message; the lock works without it
-        path.write_bytes(f" by process {os.getpid()} on {socket.gethostname()}".encode())
+        path.write_text(f" by process {os.getpid()} on {socket.gethostname()}")
     try:
         yield
     finally:

@@ -105,15 +105,15 @@ def report(
     if out is None and Path(folder).is_dir():
         out = Path(folder) / "report.html"
     page = None if out is None else write_campaign_report(made, out).path
-    values = tables.findings_values(made)
+    groups = made.values["groups"]
     emit(
         Answer(
-            values={**values, "sha256": dataset_hash(folder)},
+            values={**made.values, "sha256": dataset_hash(folder)},
             tables=[
-                tables.success_table(made, values["groups"]),
-                tables.reasons_table(values["groups"]),
-                tables.certified_table(values["groups"]),
-                tables.paired_table(made, values["paired"]),
+                tables.success_table(made, groups),
+                tables.reasons_table(groups),
+                tables.certified_table(groups),
+                tables.paired_table(made),
             ],
             notes=[*summary(made), *notes(made)],
             files={"page": page},

@@ -93,11 +93,3 @@ def test_a_kick_out_of_the_set_breaks_it_unless_the_reference_moved_then():
     assert claim.outcome(replace(run, signals=moved)) == "held"
     assert claim.outcome(replace(run, status="diverged")) is None
     assert claim.outcome(replace(run, signals=run.signals.iloc[:3])) is None
-
-
-def test_who_replays_wind_has_the_bound_of_its_own_undispersed_flight():
-    made = plan((KINEMATIC, AEROSONDE), {"from_s": 1.0}, wind=WIND)
-
-    for group, run in nominal_flights(made).items():
-        if run.provenance.aircraft is None:
-            assert claims(made)[group].L_d == flight_check(run).claim(1.0)[0].L_d

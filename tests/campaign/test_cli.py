@@ -4,7 +4,6 @@ import json
 import os
 import pty
 import signal
-import socket
 import subprocess
 import sys
 
@@ -186,17 +185,6 @@ def test_what_is_no_address_is_one_line_and_leaves_no_folder(tmp_path, file, add
     assert said == ""
     assert error == f"flighttune: `scheduler` must be tcp://HOST:PORT, got '{address}'.\n"
     assert not out.exists()
-
-
-def test_an_encrypted_address_takes_certificates(tmp_path, file):
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        address = f"tls://127.0.0.1:{server.getsockname()[1]}"
-
-        _, error = flighttune(
-            "campaign", "run", file, "--out", tmp_path, "--scheduler", address, status=2
-        )
-
-    assert f"{address}: no scheduler answers there: TLS" in error
 
 
 def test_nobody_at_the_address_is_one_line(tmp_path, file):

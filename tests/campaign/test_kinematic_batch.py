@@ -1,7 +1,7 @@
 """Batches of kinematic draws have the bits of flights alone, whatever is dispersed."""
 
 import pytest
-from dispersed import AEROSONDE, KINEMATIC, WIND, one_of, plan_of, tables_of, uniform
+from dispersed import WIND, one_of, plan_of, tables_of, uniform
 
 from flighttune.campaign.flying.columns import OUTCOME
 from flighttune.campaign.flying.kinematic_batch import NOT_IN_BATCH, batchable
@@ -245,21 +245,3 @@ def test_no_key_of_a_scenario_is_left_out_of_these_tests():
     tops = {key.split(".")[0] for key in KEYS}
     assert tops == set(Scenario.model_fields) - OF_OTHERS[Scenario]
     assert {key.split(".")[0] for key in NOT_IN_BATCH} <= set(Scenario.model_fields)
-
-
-@pytest.mark.parametrize(
-    ("change", "together"),
-    [
-        ({}, True),
-        ({"disturbance": WAVE}, True),
-        ({"sensors": {"chi_bias_deg": 0.1}}, True),
-        ({"wind": WIND}, False),
-        ({"plants": ({"kind": "point_mass"},)}, False),
-        ({"plants": (AEROSONDE,)}, False),
-    ],
-)
-def test_what_the_batch_does_not_know_is_flown_alone(change, together):
-    plants = change.pop("plants", (KINEMATIC,))
-    scenario = plan_of(tables_of(plants, **change)).scenario
-
-    assert batchable(scenario, scenario.plant[0], scenario.laws[0]) == together

@@ -50,7 +50,7 @@ def test_a_key_is_found_where_it_stands(key, value, places):
         ("reference.chi_deg.rate_dps", r"must say which of `reference.chi_deg` is meant: "),
         ("flight.V_a_mps.x", "must be a key of a table, but `flight.V_a_mps` is 25.0"),
         ("plant", "must be a key of a plant, got the plants themselves"),
-        ("plant[b747].throttle_max", "must name a plant, kinematic or .*, got 'b747'"),
+        ("plant[b747].throttle_max", r"position of `plant`, 0 to 3, kinematic, .* got \[b747\]"),
         ("plant.wings", "must be a key of a plant that flies: `wings` is not a known key"),
     ],
 )

@@ -75,8 +75,6 @@ def test_the_example_of_the_page_is_a_campaign(load):
             "`scenario` must be a file beside the campaign or one of .*paper.*, got 'nope'.",
         ),
         ('title = "t"\nscenario = "paper"\n', "`runs` must be given: only `design`"),
-        (HEAD + "rusn = 1\n", "`rusn` is not a known key; did you mean `runs`?"),
-        (HEAD + 'design = "sobl"\n' + SPEED, "`design` must be .*'sobol'.*, got 'sobl'."),
         (HEAD + 'design = "grid"\n' + SPEED, "`design` must not be 'grid' where no"),
         (
             HEAD + 'design = "saltelli"\n' + GRID,
@@ -93,10 +91,8 @@ def test_the_example_of_the_page_is_a_campaign(load):
             HEAD + 'overrides.tuning.identified = "b747"\n',
             r"\[tuning\] `identified` must be .*b747",
         ),
-        (HEAD + "overrides.reference.x.y = 1.0\n", r"`x` is not a known key"),
         (HEAD + '[overrides]\n"limits.phi_deg[2]" = 1.0\n', r"\[overrides\] `limits.phi_deg\[2\]`"),
         (HEAD + '[keep]\nworst_by = "ITAE"\n', r"\[keep\] `worst_by` must be one of chi.ITAE, "),
-        (HEAD + "[[success]]\nat_most.chi.ITEA = 3.0\n", "`chi.ITEA` must be one of ITAE,"),
         (HEAD + '[[success]]\ngains = "K1"\nat_most.chi.ITAE = 3.0\n', "`gains` of .* got 'K1'."),
         (HEAD + '[[disperse]]\ndistribution = "uniform"\n', "`key` must be given."),
     ],
@@ -112,8 +108,6 @@ def test_a_wrong_file_is_refused_in_one_line(load, tmp_path, text, says):
     ("tables", "says"),
     [
         (disperse("flight.V_a"), "`V_a` is not a known key; did you mean `V_a_mps`?"),
-        (disperse("fligth.V_a_mps"), "`fligth` is not a known key; did you mean `flight`?"),
-        (disperse("flight"), "`flight` must be a table"),
         (disperse("flight.V_a_mps"), r"must lie in 15 to 45 m/s .*got 1.5 m/s."),
         (disperse("controller.anti_windup"), "'conditional' .* got 1.5"),
         (disperse("plant[kinematic].airframe.mass_factor"), "`airframe` must be given with kind"),
@@ -146,15 +140,13 @@ def test_a_median_that_the_scenario_refuses_is_one_line(load, tmp_path, tables, 
          "`mean` must lie within 8 `sd`"),
         (disperse("flight.h_m", "gauss", mean=1.0, sd=1.0), "flight.h_m", "`distribution` must be"),
         (disperse("flight.h_m", lower=2.0), "flight.h_m", "`lower` must be below `upper`, got 2"),
-        (disperse("flight.h_m", sd=1.0), "flight.h_m", "`sd` is not a known key"),
         (disperse("flight.h_m", "choice", values=[1.0, "a"]), "flight.h_m", "must be all numbers"),
         (disperse("flight.h_m", "choice", values=["a"], acts="adds"), "flight.h_m",
          "`values` must be numbers with `acts` 'adds'"),
         (disperse("flight.h_m", "choice", values=[1.0], weights=[1.0, 2.0]), "flight.h_m",
          "`weights` must be as many numbers as `values`, 1, "),
         (disperse("flight.h_m", "grid", lower=1.0, upper=2.0), "flight.h_m", "`values` must be"),
-        (disperse("flight.h_m", "grid", values=[1.0], count=3), "flight.h_m", "must be absent"),
-        (disperse("flight.h_m", acts="multiply"), "flight.h_m", "`acts` must be 'sets', 'adds'"),
+        (disperse("flight.h_m", "grid", values=[1.0], count=3), "flight.h_m", "in their place"),
     ],
 )  # fmt: skip
 def test_a_wrong_dispersion_is_refused_in_one_line_that_names_its_key(
@@ -177,7 +169,7 @@ def test_a_wrong_dispersion_is_refused_in_one_line_that_names_its_key(
          "flight.h_m"), "got 'flight.h_m' with grid"),
         (disperse("flight.h_m", lower=400.0, upper=500.0)
          + correlation("flight.V_a_mps", "flight.h_m")
-         + correlation("flight.h_m", "flight.V_a_mps", rank=0.2), "must be given once"),
+         + correlation("flight.h_m", "flight.V_a_mps", rank=0.2), "each pair given once"),
         (correlation("flight.V_a_mps", "flight.h_m", rank=1.0), "`rank` must be less than 1"),
     ],
 )  # fmt: skip
@@ -227,9 +219,3 @@ def test_no_such_campaign_is_answered_with_those_there_are(tmp_path):
         load_campaign("nowhere")
     with pytest.raises(ScenarioError, match="must be a file or"):
         load_campaign(tmp_path)
-
-
-def test_a_poison_among_the_choices_is_let_in(load):
-    campaign = load(HEAD + disperse("flight.V_a_mps", "choice", values=[float("nan"), 25.0]))
-
-    assert campaign.central.flight.V_a_mps == 25.0

@@ -1,12 +1,10 @@
 """What is said of groups, on rows whose truth is known."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from made_up_campaign import made_up_plan, made_up_rows
 from scipy import stats
 
-from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.findings import findings
 from flighttune.campaign.statistics.flights import flights_of, worst_first
 from flighttune.campaign.statistics.intervals import (
@@ -16,7 +14,7 @@ from flighttune.campaign.statistics.intervals import (
     share,
 )
 from flighttune.campaign.statistics.paired import paired
-from flighttune.campaign.statistics.summary import reasons, summaries
+from flighttune.campaign.statistics.summary import prefixes, reasons
 
 ROUNDING = 1e-9
 CRAFT = "jsbsim:aerosonde"
@@ -33,54 +31,59 @@ def flown(plan):
 
 
 @pytest.fixture(scope="module")
-def by_group(flown):
-    return {one.group: one for one in summaries(flown)}
+def told(flown):
+    return findings(flown)
+
+
+@pytest.fixture(scope="module")
+def by_group(told):
+    return {group["group"]: group for group in told.values["groups"]}
+
+
+def own_rows(flown, group):
+    rows = flown.rows
+    return rows[(rows["plant"] == group["plant"]) & (rows["gains"] == group["gains"])]
 
 
 def test_the_success_rate_of_a_group_is_that_of_its_rows(flown, by_group, plan):
-    assert list(by_group) == list(plan.groups)
-    for group, one in by_group.items():
-        rows = flown.rows[
-            (flown.rows["plant"] == group.plant) & (flown.rows["gains"] == group.gains)
-        ]
+    assert list(by_group) == [group.label for group in plan.groups]
+    for group in by_group.values():
+        rows = own_rows(flown, group)
         expected = stats.binomtest(int(rows["success"].sum()), len(rows))
         interval = expected.proportion_ci(method="wilson")
-        assert one.n == len(rows) == 200
-        assert one.success.value == pytest.approx(rows["success"].mean())
-        assert one.success.lo == pytest.approx(interval.low, abs=ROUNDING)
-        assert one.success.hi == pytest.approx(interval.high, abs=ROUNDING)
+        assert group["n"] == len(rows) == 200
+        assert group["success"] == pytest.approx(rows["success"].mean())
+        assert group["lo"] == pytest.approx(interval.low, abs=ROUNDING)
+        assert group["hi"] == pytest.approx(interval.high, abs=ROUNDING)
 
 
 def test_a_measure_is_that_of_completed_flights_and_keeps_its_percentiles(by_group, flown):
     """ITAE is 1.5 + 0.375 (V - 23)^2 with V uniform from 23 to 26.9 m/s."""
-    found = by_group[Group(plant=CRAFT, gains="paper")].measures["chi.ITAE"]
+    group = by_group[f"{CRAFT} / paper"]
+    spread = group["metrics"]["chi.ITAE"]
 
-    assert found.n == int(np.sum(flown.rows["plant"].eq(CRAFT) & flown.rows["gains"].eq("paper")
-                                 & flown.rows["status"].eq("completed")))  # fmt: skip
+    assert spread["n"] == own_rows(flown, group)["status"].eq("completed").sum()
     for name, q in (("p05", 0.05), ("p50", 0.5), ("p95", 0.95)):
-        truth = 1.5 + 0.375 * (3.9 * q) ** 2
-        assert found.percentiles[name].lo <= truth <= found.percentiles[name].hi
+        low, high = spread[f"{name}_interval"]
+        assert low <= 1.5 + 0.375 * (3.9 * q) ** 2 <= high
 
 
 def test_statuses_and_their_reasons_are_counted(by_group):
-    one = by_group[Group(plant=CRAFT, gains="paper")]
+    group = by_group[f"{CRAFT} / paper"]
 
-    assert [status.status for status in one.statuses] == ["completed", "diverged"]
-    assert sum(status.count for status in one.statuses) == one.n
-    (why,) = one.statuses[1].reasons
-    assert why.count == one.statuses[1].count > 1
-    assert why.text == "the course error passed 180 deg at t = … s"
-    (missed,) = one.missed
-    assert missed.text == "chi.ITAE must be at most 4"
-    assert missed.count == one.n - one.successes - one.statuses[1].count
+    assert list(group["statuses"]) == ["completed", "diverged"]
+    assert sum(group["statuses"].values()) == group["n"]
+    (why,), (missed,) = group["reasons"], group["missed"]
+    assert why["count"] == group["statuses"]["diverged"] > 1
+    assert why["reason"] == "the course error passed 180 deg at t = … s"
+    assert missed["reason"] == "chi.ITAE must be at most 4"
+    assert missed["count"] == group["n"] - group["successes"] - why["count"]
 
 
 def test_sentences_are_put_together_where_only_their_numbers_differ():
     texts = ["alpha 12.5 deg at 3 s", "", "alpha -1e-3 deg at 14 s", "n_z of paper2 is nan", "K3"]
 
-    found = reasons(texts, [7, 8, 9, 10, 11])
-
-    assert [(one.text, one.count, one.run) for one in found] == [
+    assert [tuple(reason.values()) for reason in reasons(texts, [7, 8, 9, 10, 11])] == [
         ("alpha … deg at … s", 2, 7),
         ("n_z of paper2 is nan", 1, 10),
         ("K3", 1, 11),
@@ -89,20 +92,18 @@ def test_sentences_are_put_together_where_only_their_numbers_differ():
 
 def test_the_certified_set_holds_as_often_as_it_was_made_to(by_group):
     """V below 25 m/s of 23 to 27, roll to the right: one half of one half."""
-    for one in by_group.values():
-        found = one.certified
-        assert found.held + found.broken + found.not_entered + found.lost == one.n
-        assert found.of_all.n == one.n
-        assert found.lost == sum(s.count for s in one.statuses if s.status != "completed")
-        assert found.of_all.lo <= 0.25 <= found.of_all.hi
-        assert found.of_entered.lo <= 0.5 <= found.of_entered.hi
-        assert found.of_entered.n == found.held + found.broken
+    for group in by_group.values():
+        counts = group["certified"]
+        assert sum(counts[key] for key in ("held", "broken", "not_entered", "lost")) == group["n"]
+        assert counts["lost"] == group["n"] - group["statuses"]["completed"]
+        for key, truth in (("interval", 0.25), ("interval_of_entered", 0.5)):
+            assert counts[key][0] <= truth <= counts[key][1]
 
 
 def test_nothing_is_said_of_a_certificate_where_none_was_claimed(flown, plan):
-    found = summaries(flights_of(flown.rows.assign(certified=None), plan))
+    told = findings(flights_of(flown.rows.assign(certified=None), plan))
 
-    assert all(one.certified is None for one in found)
+    assert all(group["certified"] is None for group in told.values["groups"])
 
 
 def test_the_worst_flights_come_first(flown):
@@ -116,35 +117,31 @@ def test_gain_sets_are_compared_on_the_same_draws(flown):
     """With `paper` every ITAE is twice that with K3, and flights that diverged are lost."""
     on_law, on_craft = paired(flown.rows, "chi.ITAE")
 
-    rows = flown.rows.set_index(["plant", "draw", "gains"])["chi.ITAE"].unstack()
-    law = rows.loc["kinematic"]
-    assert (on_law.a, on_law.b, on_law.n) == ("paper", "K3", 200)
-    assert on_law.win_rate == 0.0
-    assert on_law.hi == pytest.approx(stats.binomtest(0, 200).proportion_ci(method="wilson").high)
+    law = flown.rows.set_index(["plant", "draw", "gains"])["chi.ITAE"].unstack().loc["kinematic"]
+    assert (on_law["a"], on_law["b"], on_law["n"]) == ("paper", "K3", 200)
+    assert on_law["win_rate"] == 0.0
+    expected = stats.binomtest(0, 200).proportion_ci(method="wilson").high
+    assert on_law["hi"] == pytest.approx(expected)
     ordered = np.sort(law["paper"] - law["K3"])
-    assert on_law.median == pytest.approx(ordered[99])
-    assert on_law.median_lo <= np.median(ordered) <= on_law.median_hi
-    assert on_craft.wins_b == 200
-    assert on_craft.only_a == 0
-    expected = stats.binomtest(on_craft.only_b, on_craft.only_b, 0.5).pvalue
-    assert on_craft.p_success == pytest.approx(expected)
+    assert on_law["median"] == pytest.approx(ordered[99])
+    assert on_law["median_lo"] <= np.median(ordered) <= on_law["median_hi"]
+    assert (on_craft["wins_b"], on_craft["only_a"]) == (200, 0)
+    expected = stats.binomtest(on_craft["only_b"], on_craft["only_b"], 0.5).pvalue
+    assert on_craft["p_success"] == pytest.approx(expected)
 
 
 def test_draws_that_only_one_gain_set_flew_are_not_compared(flown):
     part = flown.rows.iloc[:-1]
 
-    assert [one.n for one in paired(part, "chi.ITAE")] == [200, 199]
+    assert [pair["n"] for pair in paired(part, "chi.ITAE")] == [200, 199]
     alone = flown.rows[flown.rows["gains"] == "paper"]
-    assert paired(alone, "chi.ITAE") == ()
+    assert paired(alone, "chi.ITAE") == []
 
 
 def test_two_flights_that_were_both_lost_are_tied(flown):
-    rows = flown.rows.assign(status="diverged")
-
-    for one in paired(rows, "chi.ITAE"):
-        assert one.wins_a == one.wins_b == 0
-        assert (one.win_rate, one.lo, one.hi) == (0.5, 0.0, 1.0)
-        assert one.median == 0.0
+    for pair in paired(flown.rows.assign(status="diverged"), "chi.ITAE"):
+        assert pair["wins_a"] == pair["wins_b"] == 0
+        assert (pair["win_rate"], pair["lo"], pair["hi"], pair["median"]) == (0.5, 0.0, 1.0, 0.0)
 
 
 def test_values_in_clusters_count_for_less():
@@ -188,38 +185,35 @@ def test_the_last_bits_of_equal_values_do_not_move_an_interval():
         assert of_rounded.hi == pytest.approx(of_exact.hi, rel=ROUNDING)
 
 
-def test_the_findings_name_what_rows_were_made_of(flown):
-    found = findings(flown)
-
-    for group, _ in flown.groups():
-        first = found.influences[group, "chi.ITAE"][0]
-        assert first.parameter == "flight.V_a_mps"
-        assert first.rho == pytest.approx(1.0)
-        assert not any(one.apart for one in found.influences[group, "chi.ITAE"][1:])
-    assert [split.parameter for split in found.splits] == ["flight.V_a_mps"] * len(found.splits)
-    assert {split.group.gains for split in found.splits} == {"paper"}
-    assert found.splits[-1].success[0].value == 1.0
-    assert found.splits[-1].success[-1].value == 0.0
-    assert found.splits[-1].centres == tuple(sorted(found.splits[-1].centres))
+def test_the_findings_name_what_rows_were_made_of(told):
+    for group in told.values["groups"]:
+        first, *others = group["sensitivity"]["chi.ITAE"]["ranks"]
+        assert first["parameter"] == "flight.V_a_mps"
+        assert first["rho"] == pytest.approx(1.0)
+        assert not any(rank["apart"] for rank in others)
+    assert {split["parameter"] for split in told.splits} == {"flight.V_a_mps"}
+    assert all(split["group"].endswith("/ paper") for split in told.splits)
+    last = told.splits[-1]
+    assert (last["success"][0].value, last["success"][-1].value) == (1.0, 0.0)
+    assert last["centres"] == sorted(last["centres"])
 
 
 @pytest.mark.slow
 def test_a_saltelli_design_gives_indices_and_wider_intervals(tmp_path):
     """Variance of ITAE comes from airspeed alone."""
     plan = made_up_plan(tmp_path, design="saltelli", runs=4 * 5 * 256)
-    flown = flights_of(made_up_rows(plan), plan)
 
-    found = findings(flown)
+    group = findings(flights_of(made_up_rows(plan), plan)).values["groups"][0]
 
-    law = Group(plant="kinematic", gains="paper")
-    indices = found.sobol[law, "chi.ITAE"]
-    assert indices.n == 256
-    assert indices.first[0] == pytest.approx([1.0, 0.0, 0.0], abs=0.05)
-    assert indices.total[0] == pytest.approx([1.0, 0.0, 0.0], abs=0.05)
-    assert found.influences[law, "chi.ITAE"][0].n == 512
-    success = found.groups[0].success
-    plain = rate_interval(found.groups[0].successes, found.groups[0].n)
-    assert success.hi - success.lo > 1.5 * (plain[1] - plain[0])
+    sensitivity = group["sensitivity"]["chi.ITAE"]
+    assert list(sensitivity["sobol"]) == list(plan.factors)
+    for truth, indices in zip((1.0, 0.0, 0.0), sensitivity["sobol"].values(), strict=True):
+        assert indices["blocks"] == 256
+        assert indices["first"][0] == pytest.approx(truth, abs=0.05)
+        assert indices["total"][0] == pytest.approx(truth, abs=0.05)
+    assert sensitivity["ranks"][0]["n"] == 512
+    plain = rate_interval(group["successes"], group["n"])
+    assert group["hi"] - group["lo"] > 1.5 * (plain[1] - plain[0])
 
 
 @pytest.mark.slow
@@ -228,11 +222,10 @@ def test_indices_come_from_the_cycles_that_have_flown(tmp_path):
     rows = made_up_rows(plan)
     half = rows[(rows["run"] < 4 * 5 * 32 - 3) | (rows["run"] >= 4 * 5 * 40)]
 
-    found = findings(flights_of(half, plan))
+    groups = findings(flights_of(half, plan)).values["groups"]
 
-    law = Group(plant="kinematic", gains="paper")
-    assert found.sobol[law, "chi.ITAE"].n == 32 + 24
-    assert found.sobol[Group(plant=CRAFT, gains="K3"), "chi.ITAE"].n == 31 + 24
+    sobol = [group["sensitivity"]["chi.ITAE"]["sobol"]["flight.V_a_mps"] for group in groups]
+    assert (sobol[0]["blocks"], sobol[-1]["blocks"]) == (32 + 24, 31 + 24)
 
 
 def test_rows_without_any_measure_still_tell_who_failed(plan):
@@ -240,19 +233,17 @@ def test_rows_without_any_measure_still_tell_who_failed(plan):
     rows[["chi.ITAE", "gamma.ITAE", "chi.settling_s"]] = np.nan
     rows["success"], rows["certified"] = False, None
 
-    found = findings(flights_of(rows, plan))
+    told = findings(flights_of(rows, plan))
 
-    assert found.measure is None
-    assert all(one.successes == 0 and one.measures == {} for one in found.groups)
-    assert found.paired == found.convergence == ()
+    assert told.measure is None
+    assert all((group["successes"], group["metrics"]) == (0, {}) for group in told.values["groups"])
+    assert told.values["paired"] == told.convergence == []
 
 
-def test_columns_with_nulls_as_arrow_reads_them_are_understood(flown, plan):
-    read = pd.DataFrame(
-        {name: made_up_rows(plan)[name].convert_dtypes() for name in made_up_rows(plan)}
-    )
+def test_columns_with_nulls_as_arrow_reads_them_are_understood(told, plan):
+    read = flights_of(made_up_rows(plan).convert_dtypes(), plan)
 
-    assert summaries(flights_of(read, plan)) == summaries(flown)
+    assert str(findings(read).values) == str(told.values)
 
 
 def test_a_flight_that_misses_two_bounds_counts_for_both(plan):
@@ -267,10 +258,33 @@ def test_a_flight_that_misses_two_bounds_counts_for_both(plan):
         "chi.MO_deg must be at most 5, got nan (there is no value)",
     ]
 
-    (one,) = summaries(flights_of(rows, plan))
+    (group,) = findings(flights_of(rows, plan)).values["groups"]
 
-    assert [(why.text, why.count) for why in one.missed] == [
+    assert [(why["reason"], why["count"]) for why in group["missed"]] == [
         ("chi.MO_deg must be at most 5", 2),
         ("gamma.ITAE must be at most 1, got 2 (missed by 1)", 1),
         ("chi.MO_deg must be at most 5, got nan (there is no value)", 1),
     ]
+
+
+@pytest.mark.parametrize("n", [40, 200, 100_000])
+def test_prefixes_rise_to_all_flights_in_equal_factors(n):
+    counts = prefixes(n)
+
+    assert (counts[0], counts[-1]) == (10, n)
+    assert counts == sorted(set(counts))
+    assert len(counts) <= 25
+    if n > 10_000:
+        assert np.ptp(np.diff(np.log(counts))) < 0.1
+
+
+def test_each_point_of_a_convergence_curve_is_what_the_first_flights_tell(told, flown):
+    for curve, (group, rows) in zip(told.convergence, flown.groups(), strict=True):
+        assert curve["group"] == group.label
+        for n, success, p95 in zip(curve["n"], curve["success"], curve["p95"], strict=True):
+            first = rows.head(n)
+            expected = stats.binomtest(int(first["success"].sum()), n)
+            assert success.lo == pytest.approx(expected.proportion_ci(method="wilson").low)
+            completed = first[first["status"] == "completed"]["chi.ITAE"]
+            assert p95.value == pytest.approx(np.quantile(completed, 0.95))
+            assert p95.n == len(completed)

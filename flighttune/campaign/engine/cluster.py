@@ -1,12 +1,10 @@
 """Workers of a dask cluster elsewhere: the only importer of dask."""
 
-import logging
 import math
 import pickle
 import socket
 import threading
 import time
-from collections.abc import Callable
 from concurrent.futures import CancelledError, Future
 from contextlib import suppress
 from typing import Any
@@ -16,7 +14,7 @@ from flighttune.campaign.engine.flyer import failure
 from flighttune.errors import CampaignError, InputError
 from flighttune.extras import need
 
-QUIET = ("distributed", "tornado.application", "asyncio")
+QUIET = ("distributed", "distributed.client", "tornado.application", "asyncio")
 """Loggers that report what is an outcome here: lost workers and closed connections."""
 
 CONNECT_S = 10.0
@@ -46,17 +44,12 @@ class ClusterWorkers:
 
     def __init__(self, scheduler: str) -> None:
         import dask.config
+
+        # before distributed is imported, which sets the levels of its loggers from this
+        dask.config.set(logging=dict.fromkeys(QUIET, "critical"))
         from distributed import Client
 
         self._scheduler = scheduler
-        loggers = [
-            logging.getLogger(name)
-            for name in list(logging.root.manager.loggerDict)
-            if name.startswith(QUIET)
-        ]
-        self._levels = [(logger, logger.level) for logger in loggers]
-        for logger in loggers:
-            logger.setLevel(logging.CRITICAL + 1)
         try:
             # This fails at once if no process listens; dask would retry until its timeout.
             socket.create_connection(check_scheduler(scheduler), CONNECT_S).close()
@@ -79,11 +72,10 @@ class ClusterWorkers:
             self._counted = time.monotonic()
         return self._threads
 
-    def submit(self, function: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        """Hand out a call of a function of a module."""
-        where = function.__module__, function.__name__
+    def submit(self, *task: Any) -> Future[Any]:
+        """Hand out the arguments of `flighttune.campaign.engine.flyer.fly`."""
         # as bytes: a scheduler unpickles arguments, and needs no flighttune
-        return self._executor.submit(_call, *where, pickle.dumps(arguments))
+        return self._executor.submit(_fly, pickle.dumps(task))
 
     def failure(self, error: BaseException) -> CampaignError:
         """Error of the campaign for a task that failed or was cancelled."""
@@ -105,20 +97,18 @@ class ClusterWorkers:
         thread = threading.Thread(target=leave, daemon=True)
         thread.start()
         thread.join(STOP_S)
-        for logger, level in self._levels:
-            logger.setLevel(level)
 
     def _gone(self) -> CampaignError:
         return CampaignError(f"{self._scheduler}: the connection to the scheduler is lost")
 
 
-def _call(module: str, name: str, arguments: bytes) -> Any:
-    from importlib import import_module
+def _fly(task: bytes) -> Any:
     from pickle import loads
 
-    function = getattr(import_module(module), name)  # first, so that what is missing is named
-    return function(*loads(arguments))
+    from flighttune.campaign.engine.flyer import fly  # first, so that what is missing is named
+
+    return fly(*loads(task))
 
 
 # Sent as code and not by name: a worker that cannot import what it is sent never answers.
-_call.__module__ = "__main__"
+_fly.__module__ = "__main__"

@@ -2,14 +2,14 @@
 
 import math
 import time
-from collections.abc import Callable, Iterator
-from dataclasses import asdict
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 
+from flighttune.arrays import check_between
 from flighttune.campaign.dataset import (
     CAMPAIGN,
     RUNS,
@@ -23,7 +23,7 @@ from flighttune.campaign.dataset import (
     signals_path,
 )
 from flighttune.campaign.engine.pool import WorkerPool, worker_pool
-from flighttune.campaign.engine.progress import CampaignObserver, CampaignOutcome, Tally
+from flighttune.campaign.engine.progress import CampaignObserver, CampaignOutcome
 from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.statistics.intervals import rate_interval
 from flighttune.errors import InputError, RecordingError
@@ -87,34 +87,38 @@ def run_campaign(
         If the cluster is gone. Files already written are complete.
     """
     began = time.perf_counter()
-    observer = observer or CampaignObserver()
     interim = list(interim_analyses(plan, until_halfwidth))
     halfwidth, done = None, True
     with worker_pool(workers, scheduler, observer) as pool, locked(Path(out)):
         dataset = _dataset(out, plan, resume=resume)
         dataset.clean()
-        tally = _counted(dataset, observer.hear)
+        _count(dataset, pool)
         plan = dataset.plan
         for runs in interim:
             gaps = missing((part.span for part in dataset.parts), runs)
-            done = pool.fly_rows(plan, gaps, dataset.write_part, tally=tally)
+            done = pool.fly_rows(plan, gaps, dataset.write_part)
             if not done or until_halfwidth is None:
                 break
             halfwidth = _widest(dataset, runs)
             if halfwidth <= until_halfwidth:
                 break
         if done:
-            done = _keep_signals(dataset, pool, tally)
+            done = _keep_signals(dataset, pool)
         dataset.clean()
-    wall = time.perf_counter() - began
+    wall, progress = time.perf_counter() - began, pool.progress
     return CampaignOutcome(
         dataset=str(out),
         planned=plan.runs,
-        **tally.counts(),
-        flown=pool.flown,
+        runs=progress.done,
+        completed=progress.completed,
+        failed=progress.failed,
+        crashed=progress.crashed,
+        succeeded=progress.succeeded,
+        statuses=dict(sorted(progress.statuses.items())),
+        flown=progress.flown,
         kept=len(dataset.kept),
         wall_s=wall,
-        rate_per_s=pool.flown / wall,
+        rate_per_s=progress.flown / wall,
         halfwidth=halfwidth,
         interrupted=not done,
     )
@@ -129,8 +133,7 @@ def interim_analyses(plan: Plan, halfwidth: float | None) -> Iterator[int]:
     if halfwidth is None:
         yield plan.runs
         return
-    if not 0.0 < halfwidth < 0.5:
-        raise InputError(f"`until_halfwidth` must lie between 0 and 0.5, got {halfwidth}.")
+    check_between(0.0, 0.5, until_halfwidth=halfwidth)
     cycle = plan.cycle * len(plan.groups)
     at = FIRST_DRAWS * len(plan.groups)
     while (whole := math.ceil(at / cycle) * cycle) < plan.runs:
@@ -148,14 +151,12 @@ def _widest(dataset: Dataset, runs: int) -> float:
     return float(np.max(high - low) / 2.0)
 
 
-def _keep_signals(dataset: Dataset, pool: WorkerPool, tally: Tally) -> bool:
+def _keep_signals(dataset: Dataset, pool: WorkerPool) -> bool:
     """Keep the signals of `runs_to_keep` and no others; return False if the observer stopped it."""
     wanted, present = set(runs_to_keep(dataset)), set(dataset.kept)
     for run in present - wanted:
         dataset.remove(signals_path(run))
-    return pool.fly_signals(
-        dataset.plan, sorted(wanted - present), dataset.write_signals, tally=tally
-    )
+    return pool.fly_signals(dataset.plan, sorted(wanted - present), dataset.write_signals)
 
 
 def campaign_cost(plan: Plan, workers: int) -> dict[str, Any]:
@@ -177,16 +178,12 @@ def campaign_cost(plan: Plan, workers: int) -> dict[str, Any]:
             if size == plan.runs or spent > ENOUGH_S:
                 break
             size = min(size * MORE, plan.runs)
-        pool.fly_signals(plan, [0], lambda _, data: sizes.append(len(data)), tally=Tally())
-    rows, keep = pa.concat_tables(tables), plan.campaign.keep
-    by_group = rows.group_by(["plant", "gains"]).aggregate([("wall_s", "mean")]).to_pylist()
-    run_s = {(row["plant"], row["gains"]): row["wall_s_mean"] for row in by_group}
+        pool.fly_signals(plan, [0], lambda _, data: sizes.append(len(data)))
+    rows, keep = pa.concat_tables(tables).sort_by("run"), plan.campaign.keep
+    run_s = rows.to_pandas().groupby(["plant", "gains"], sort=False)["wall_s"].mean()
     core_s = spent / size * plan.runs
     return {
-        "groups": [
-            {**asdict(group), "run_s": run_s.get((group.plant, group.gains))}
-            for group in plan.groups
-        ],
+        "groups": run_s.rename("run_s").reset_index().to_dict("records"),
         "timed_runs": size,
         "core_s": core_s,  # of all runs on one core
         "workers": workers,
@@ -217,32 +214,25 @@ def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
         raise InputError(f"{out}: holds another campaign: {'; '.join(changed)}.")
     if other := changed_versions(dict.fromkeys(versions, "absent") | dataset.versions):
         changes = [f"{name}: was {then}, is {now}" for name, (then, now) in other.items()]
-        raise InputError(
-            f"{out}: was flown with other libraries, rows of these would not be the same: "
-            f"{'; '.join(changes)}."
+        raise InputError(f"{out}: was flown with other libraries: {'; '.join(changes)}.")
+    if now < was or (now > was and not plan.extendable):
+        may = (
+            "can only grow" if plan.extendable else f"must stay, with {plan.campaign.design} draws"
         )
-    if now < was:
-        raise InputError(f"{out}: `runs` of a campaign can only grow, was {was}, is {now}.")
-    if now > was and not plan.extendable:
-        raise InputError(
-            f"{out}: `runs` must stay {was}, got {now}: the draws of a "
-            f"{plan.campaign.design} design depend on their number."
-        )
+        raise InputError(f"{out}: `runs` of a campaign {may}, was {was}, is {now}.")
     if now > was:
         dataset = Dataset(out, plan, versions)
         dataset.write_plan()
     return dataset
 
 
-def _counted(dataset: Dataset, hear: Callable[[str], None]) -> Tally:
+def _count(dataset: Dataset, pool: WorkerPool) -> None:
     """Count the rows on disk; a damaged file is removed, so that its runs are flown again."""
-    tally = Tally()
     for part in dataset.parts:
         try:
             rows = dataset.read_part(part, ["status", "success"])
         except RecordingError as error:
-            hear(str(error))
+            pool.observer.hear(str(error))
             dataset.remove(part.path)
         else:
-            tally.add(rows.column("status").to_pylist(), rows.column("success").to_pylist())
-    return tally
+            pool.progress.add(*(rows.column(name).to_pylist() for name in ("status", "success")))

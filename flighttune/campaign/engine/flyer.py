@@ -1,7 +1,7 @@
 """The work of a worker, here or on a cluster: each draw is flown by a process of its own.
 
-A crash inside JSBSim therefore costs a row and not the campaign. A draw whose process crashes or is
-stopped at the time limit is flown again run by run, so that only the run to blame loses its row.
+A crash inside JSBSim therefore costs a row and not the campaign. The process answers run by run:
+where it ends, the run that it was flying is to blame, and the runs after it go to a new process.
 """
 
 import os
@@ -10,8 +10,9 @@ import signal
 import subprocess
 import sys
 import threading
+from dataclasses import replace
 from multiprocessing import Pipe
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, TypeAlias
 
 from flighttune.errors import CampaignError, PlantError
 from flighttune.processes import crash_of
@@ -20,7 +21,7 @@ from flighttune.shipped import TRUST_AIRCRAFT
 from flighttune.whole_file import reason_of
 
 if TYPE_CHECKING:
-    from flighttune.campaign.flying.rows import Draw, Drawn, Probes, Row
+    from flighttune.campaign.flying.rows import Draw, Probes, Row
     from flighttune.campaign.planning.plan import Plan
 
 SERVER = "flighttune.campaign.engine.server"
@@ -28,14 +29,10 @@ SERVER = "flighttune.campaign.engine.server"
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Set to 1 in each process: one flight uses one core, and BLAS gives the same bits everywhere."""
 
+Answer: TypeAlias = "Row | bytes | tuple[str, str]"
+"""Row of a run or its recorded signals, or else the status and reason of a run without a row."""
 
-class Lost(NamedTuple):
-    """A run without a row: it ended its process (``crashed``) or was ``timed_out``."""
-
-    run: int
-    drawn: "Drawn"
-    status: str
-    reason: str
+OF_THREAD = threading.local()
 
 
 class Flyer:
@@ -45,33 +42,44 @@ class Flyer:
         self._process: subprocess.Popen[bytes] | None = None
         self._closed = False
 
-    def ask(self, work: bytes, draw: "Draw", limit: float, *, signals: bool = False) -> Any:
-        """Rows of a draw, or the signals of its run, or `Lost`; `work` is what `work_of` makes.
+    def fly(self, work: bytes, draw: "Draw", limit: float, signals: bool) -> list[Answer]:
+        """An answer for each run of a draw; `work` is what `work_of` makes.
 
         `limit` (s) is the longest time of each flight. PlantError if the process cannot start, or
         cannot fly this plan.
         """
-        code, preparing = 0, True
-        for _ in range(2):  # somebody else may have killed a process that waited
+        answers: list[Answer] = []
+        ends = 0  # of processes that worked on the run that is next
+        while len(answers) < len(draw.runs):
+            left = draw._replace(runs=draw.runs[len(answers) :])
+            ready = False
             self.start()
             try:
-                self._pipe.send((work, draw, limit, signals))
+                self._pipe.send((work, left, limit, signals))
                 if refusal := self._pipe.recv():
                     raise PlantError(refusal)
-                preparing = False
-                return self._pipe.recv()
+                ready = True
+                for _ in left.runs:
+                    answers.append(self._pipe.recv())
+                    ends = 0
+                    if isinstance(answers[-1], tuple):
+                        break  # the process did not go on with the runs after it
             except (EOFError, OSError):
-                code = self.end()
-            if not preparing:
-                break
-        if preparing:
-            raise PlantError(f"the undispersed flights cannot be flown: {_how(code)}")
-        if code == -signal.SIGALRM:
-            status, reason = "timed_out", f"the flight must end within {limit:g} s of wall time"
-        else:
-            status = "crashed"
-            reason = f"the flight ended the process that flew it: {_how(code)}"
-        return Lost(draw.runs[0], draw.drawn, status, reason)
+                code, ends = self.end(), ends + 1
+                if ready and code == -signal.SIGALRM:
+                    reason = f"the flight must end within {limit:g} s of wall time"
+                    answers.append(("timed_out", reason))
+                    ends = 0
+                elif ends == 2:  # an operator, or the system out of memory, may have ended one
+                    how = crash_of(code) or f"exit status {code}"
+                    if not ready:
+                        raise PlantError(
+                            f"the undispersed flights cannot be flown: {how}"
+                        ) from None
+                    reason = f"the flight ended the process that flew it: {how}"
+                    answers.append(("crashed", reason))
+                    ends = 0
+        return answers
 
     def close(self) -> None:
         """End the process for good, from any thread; the flight in progress is lost."""
@@ -120,47 +128,20 @@ class Flyer:
         return code
 
 
-def _how(code: int) -> str:
-    return crash_of(code) or f"exit status {code}"
-
-
-_OF_THREAD = threading.local()
-
-
-def fly_by(flyer: Flyer) -> None:
-    """Let this thread fly by a flyer."""
-    _OF_THREAD.flyer = flyer
-
-
-def _flyer() -> Flyer:
-    if not hasattr(_OF_THREAD, "flyer"):  # on a worker of a cluster
-        _OF_THREAD.flyer = Flyer()
-    return _OF_THREAD.flyer
-
-
-def fly_rows(work: bytes, draw: "Draw", limit: float) -> "list[Row | Lost]":
-    """Rows of a draw; PlantError where its flights cannot be flown here."""
-    answer = _flyer().ask(work, draw, limit)
-    if isinstance(answer, Lost) and len(draw.runs) > 1:
-        alone = [fly_rows(work, draw._replace(runs=(run,)), limit) for run in draw.runs]
-        return [row for rows in alone for row in rows]
-    if isinstance(answer, Lost) and answer.status == "crashed":
-        # only a second crash counts: an operator, or the system out of memory, may have killed it
-        answer = _flyer().ask(work, draw, limit)
-    return [answer] if isinstance(answer, Lost) else answer
-
-
-def fly_signals(work: bytes, draw: "Draw", limit: float) -> tuple[int, bytes]:
-    """A run of a draw, and its recording; no bytes where the flight is lost."""
-    answer = _flyer().ask(work, draw, limit, signals=True)
-    return draw.runs[0], b"" if isinstance(answer, Lost) else answer
+def fly(work: bytes, draw: "Draw", limit: float, signals: bool) -> list[Answer]:
+    """`Flyer.fly` by the process of this thread."""
+    if not hasattr(OF_THREAD, "flyer"):  # on a worker of a cluster
+        OF_THREAD.flyer = Flyer()
+    return OF_THREAD.flyer.fly(work, draw, limit, signals)
 
 
 def work_of(plan: "Plan", probes: "Probes") -> bytes:
     """A plan and probes as processes get them, with the libraries that rows must come from."""
     from flighttune.flight.fly import library_versions
 
-    return pickle.dumps((library_versions(), plan.as_dict(), probes))
+    # The versions are compared before the rest is read, which other versions may not be able to.
+    # A replaced plan is one without the draws that it has made so far.
+    return pickle.dumps((library_versions(), pickle.dumps((replace(plan), probes))))
 
 
 def failure(error: BaseException) -> CampaignError:

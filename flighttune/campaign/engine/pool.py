@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from functools import cache
-from itertools import chain, groupby
+from itertools import chain, groupby, takewhile
 from typing import Any
 
 import pyarrow as pa
@@ -13,16 +13,8 @@ import pyarrow as pa
 from flighttune.arrays import check_at_least
 from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.cluster import ClusterWorkers, check_scheduler
-from flighttune.campaign.engine.flyer import (
-    Flyer,
-    Lost,
-    failure,
-    fly_by,
-    fly_rows,
-    fly_signals,
-    work_of,
-)
-from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress, Tally
+from flighttune.campaign.engine.flyer import OF_THREAD, Answer, Flyer, failure, fly, work_of
+from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress
 from flighttune.campaign.flying.claim import claims
 from flighttune.campaign.flying.rows import (
     Draw,
@@ -49,21 +41,23 @@ KEEP_S, KEEP_SHARE, KEEP_MAX_S = 0.25, 0.05, 10.0
 """Rows are written after a further twentieth of the time so far, but at least 0.25 s and at most
 10 s apart: a killed campaign loses little, and a long one has few files."""
 
-Task = tuple[Any, ...] | None
-"""A function for a worker with its arguments; None after a batch that this process flew."""
-
 
 class Threads:
     """Threads of this process, each with a process that flies; used like `ClusterWorkers`."""
 
     def __init__(self, count: int) -> None:
         self._count, self._flyers = count, [Flyer() for _ in range(count)]
-        waiting = list(self._flyers)
         for flyer in self._flyers:
             flyer.start()  # all at once: each takes a second to import what it needs
-        self._executor = ThreadPoolExecutor(count, "flights", lambda: fly_by(waiting.pop()))
-        self.submit = self._executor.submit
+        flyers = iter(self._flyers)
+        self._executor = ThreadPoolExecutor(
+            count, initializer=lambda: setattr(OF_THREAD, "flyer", next(flyers))
+        )
         self.failure = failure
+
+    def submit(self, *task: Any) -> Future[list[Answer]]:
+        """Hand out the arguments of `fly`."""
+        return self._executor.submit(fly, *task)
 
     def threads(self) -> int:
         """Number of tasks that can run at a time."""
@@ -109,19 +103,22 @@ def worker_pool(
 
 
 class WorkerPool:
-    """Flies runs with the workers of a campaign; `flown` counts the rows so far.
+    """Flies runs with the workers of a campaign, for an observer that may stop it.
 
-    `start` returns the workers and is called only when there is something to fly. The observer
-    receives the progress and may stop the flights.
+    `start` returns the workers and is called only when there is something to fly.
     """
 
     def __init__(
         self, start: Callable[[], Workers], observer: CampaignObserver | None = None
     ) -> None:
         self._start = start
-        self._observer = observer or CampaignObserver()
-        self._flying_since: float | None = None
-        self.flown = 0
+        self.observer = observer or CampaignObserver()
+        self.progress = CampaignProgress()
+
+    @property
+    def flown(self) -> int:
+        """Number of rows so far."""
+        return self.progress.flown
 
     def fly_rows(
         self,
@@ -129,7 +126,6 @@ class WorkerPool:
         gaps: Iterable[Span],
         keep: Callable[[pa.Table], None],
         *,
-        tally: Tally | None = None,
         doing: str = "flying",
         probes: Probes | None = None,
         draws: Sequence[Drawn] | None = None,
@@ -137,128 +133,115 @@ class WorkerPool:
         """Fly runs of a plan; return False if the observer stopped them.
 
         `keep` gets tables of consecutive runs, each in order of `run`; the order of the tables is
-        arbitrary. `tally` starts with the rows that exist already and counts the new ones. `probes`
-        and `draws` are those of `flighttune.campaign.flying.rows.fly_runs`.
+        arbitrary. `probes` and `draws` are those of `flighttune.campaign.flying.rows.fly_runs`.
         """
-        tally, gaps, probes = tally or Tally(), list(gaps), probes or {}
+        gaps, probes, progress = list(gaps), probes or {}, self.progress
         if not gaps:
             return True
         buffer = _Buffer(gaps, lambda rows: keep(table_of(plan, rows, probes)))
 
-        def done(flown: Iterable[Row | Lost]) -> None:
-            rows = [crashed_row(plan, *row) if isinstance(row, Lost) else row for row in flown]
+        def add(rows: list[Row]) -> None:
             buffer.add(rows)
-            tally.add([row["status"] for row in rows], [row["success"] for row in rows])
-            self.flown += len(rows)
+            progress.add((row["status"] for row in rows), (row["success"] for row in rows))
+            progress.flown += len(rows)
 
-        def tasks() -> Iterator[Task]:
+        def done(draw: Draw, answers: Sequence[Any]) -> None:
+            add(
+                [
+                    crashed_row(plan, run, draw.drawn, *answer)
+                    if isinstance(answer, tuple)
+                    else answer
+                    for run, answer in zip(draw.runs, answers, strict=True)
+                ]
+            )
+
+        def flown_alone() -> Iterator[Draw | None]:
+            """Draws for the workers; None after a batch that this process flew."""
             in_batch = batched_groups(plan, probes, draws)
             if len(in_batch) < len(plan.groups):
                 self._start()  # the processes get ready while the first batch is flown
             claim_of = claims(plan, in_batch)  # kinematic groups only: no JSBSim in this process
-            work, limit = work_of(plan, probes), plan.campaign.time_limit_s
             runs = chain.from_iterable(range(*gap) for gap in gaps)
             for together, alone in blocks(plan, runs, in_batch, draws):
                 if together:
-                    done(fly_together(plan, together, claim_of))
+                    add(fly_together(plan, together, claim_of))
                     yield None
-                for draw in alone:
-                    yield fly_rows, work, draw, limit
+                yield from alone
 
+        progress.runs = progress.done + sum(gap.runs for gap in gaps)
         try:
-            total = tally.runs + sum(gap.runs for gap in gaps)
-            return self._hand_out(tasks(), done, doing, tally, total)
+            return self._hand_out(doing, plan, flown_alone(), done, probes=probes)
         finally:
             # After a stop or an error, rows may be left behind a run that never came back.
             buffer.write(sorted(buffer.rows))
 
     def fly_signals(
-        self,
-        plan: Plan,
-        runs: Sequence[int],
-        keep: Callable[[int, bytes], None],
-        *,
-        tally: Tally,
+        self, plan: Plan, runs: Sequence[int], keep: Callable[[int, bytes], None]
     ) -> bool:
         """Fly runs of a plan once more for their signals; return False if the observer stopped it.
 
-        `keep` gets each run and the bytes of its recording. `tally` holds the counts of the rows,
-        which the progress shows.
+        `keep` gets each run and the bytes of its recording.
         """
         if not runs:
             return True
-        work, limit = work_of(plan, {}), plan.campaign.time_limit_s
 
-        def done(signals: tuple[int, bytes]) -> None:
-            run, data = signals
-            if data:
-                keep(run, data)
+        def done(draw: Draw, answers: Sequence[Any]) -> None:
+            (run,), (signals,) = draw.runs, answers
+            if isinstance(signals, bytes):
+                keep(run, signals)
             else:
-                self._observer.hear(f"run {run}: did not end when it was flown for its signals.")
+                self.observer.hear(f"run {run}: did not end when it was flown for its signals.")
 
-        tasks = ((fly_signals, work, Draw((run,), {}), limit) for run in runs)
-        return self._hand_out(tasks, done, "keeping signals", tally, tally.runs)
+        draws = (Draw((run,), {}) for run in runs)
+        return self._hand_out("keeping signals", plan, draws, done, signals=True)
 
     def _hand_out(
         self,
-        tasks: Iterator[Task],
-        done: Callable[[Any], None],
         doing: str,
-        tally: Tally,
-        runs: int,
+        plan: Plan,
+        draws: Iterator[Draw | None],
+        done: Callable[[Draw, Sequence[Any]], None],
+        *,
+        probes: Probes | None = None,
+        signals: bool = False,
     ) -> bool:
-        """Hand all tasks to the workers; return False if the observer stopped it.
+        """Hand draws to the workers; return False if the observer stopped it.
 
-        `done` gets what each task returns, in any order.
+        `done` gets each draw with its answers, in any order.
         """
-        observer = self._observer
-        if self._flying_since is None:
-            observer.see(CampaignProgress(doing="starting", done=tally.runs, runs=runs))
-        since = self._flying_since = self._flying_since or time.perf_counter()
-        pending: set[Future[Any]] = set()
-        threads, more = 1, True  # this process flies until there are workers
-        while not observer.stopped:
-            rate = self.flown / (time.perf_counter() - since) if self.flown else 0.0
-            observer.see(
-                CampaignProgress(
-                    doing=doing,
-                    done=tally.runs,
-                    runs=runs,
-                    failed=tally.failed,
-                    crashed=tally.crashed,
-                    waiting=len(pending),
-                    workers=threads,
-                    rate_per_s=rate,
-                    left_s=(runs - tally.runs) / rate if rate else None,
-                )
-            )
-            # `<=` hands out a task even with no worker: some schedulers start workers for it
-            if more and len(pending) <= TASKS_PER_WORKER * threads:
-                try:
-                    task = next(tasks)
-                except StopIteration:
-                    more = False
-                    continue
-                if task is not None:
-                    pending.add(self._start().submit(*task))
-            elif not pending:
-                return True
-            else:
-                over, pending = wait(pending, POLL_S, FIRST_COMPLETED)
-                for future in over:
-                    done(self._result(future))
-            if pending:
-                threads = self._start().threads()
-        # results that were ready when the observer stopped the flights are not lost
-        for future in wait(pending, 0.0).done:
-            done(self._result(future))
-        return False
+        observer, progress, limit = self.observer, self.progress, plan.campaign.time_limit_s
+        observer.see(progress)
+        progress.doing = doing
+        work = work_of(plan, probes or {})
+        pending: dict[Future[Any], Draw] = {}
 
-    def _result(self, future: Future[Any]) -> Any:
-        try:
-            return future.result()
-        except Exception as error:
-            raise self._start().failure(error) from error
+        def take(futures: Iterable[Future[Any]]) -> None:
+            for future in futures:
+                try:
+                    answers = future.result()
+                except Exception as error:
+                    raise self._start().failure(error) from error
+                done(pending.pop(future), answers)
+
+        def come_down_to(per_thread: int) -> bool:
+            """Wait until this many tasks are pending for each thread; False if stopped."""
+            while not observer.stopped:
+                progress.waiting = len(pending)
+                observer.see(progress)
+                if len(pending) <= per_thread * progress.workers:
+                    return True
+                take(wait(pending, POLL_S, FIRST_COMPLETED).done)
+                progress.workers = self._start().threads()
+            return False
+
+        # One task is handed out even with no worker: some schedulers start workers for it.
+        for draw in takewhile(lambda _: come_down_to(TASKS_PER_WORKER), draws):
+            if draw is not None:
+                pending[self._start().submit(work, draw, limit, signals)] = draw
+        finished = come_down_to(0)
+        # results that were ready when the observer stopped the flights are not lost
+        take(wait(pending, 0.0).done)
+        return finished
 
 
 class _Buffer:

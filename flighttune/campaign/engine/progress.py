@@ -1,26 +1,32 @@
 """Progress and outcome of a campaign, and the observer that is informed of them."""
 
+import time
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any
 
 
-@dataclass(slots=True)
-class Tally:
-    """Statuses and successes of the runs that are there, counted."""
+@dataclass(slots=True, kw_only=True)
+class CampaignProgress:
+    """Progress of a campaign or a search, which the pool that flies it keeps up to date."""
 
-    statuses: Counter[str] = field(default_factory=Counter)
-    succeeded: int = 0
+    doing: str = "starting"  # flying, keeping signals, ...
+    runs: int = 0  # runs that are wanted
+    statuses: Counter[str] = field(default_factory=Counter)  # of the runs that are there
+    succeeded: int = 0  # of the runs that are there
+    flown: int = 0  # rows that were flown since the pool was made
+    waiting: int = 0  # tasks handed out and not over
+    workers: int = 1  # tasks that can run at a time; 0 while there is no worker
+    began: float = field(default_factory=time.perf_counter)
 
     def add(self, statuses: Iterable[str], successes: Iterable[bool]) -> None:
-        """Count rows by these columns of theirs."""
+        """Count runs by these columns of their rows."""
         self.statuses.update(statuses)
         self.succeeded += sum(successes)
 
     @property
-    def runs(self) -> int:
-        """All that are there."""
+    def done(self) -> int:
+        """Runs that are there: completed, crashed and failed ones."""
         return self.statuses.total()
 
     @property
@@ -36,28 +42,17 @@ class Tally:
     @property
     def failed(self) -> int:
         """All others: they ended early, never began, or took too long."""
-        return self.runs - self.completed - self.crashed
+        return self.done - self.completed - self.crashed
 
-    def counts(self) -> dict[str, Any]:
-        """All counts by name, as `CampaignOutcome` has them."""
-        names = ("runs", "completed", "failed", "crashed", "succeeded")
-        counts = {name: getattr(self, name) for name in names}
-        return {**counts, "statuses": dict(sorted(self.statuses.items()))}
+    @property
+    def rate_per_s(self) -> float:
+        """Rows flown a second."""
+        return self.flown / (time.perf_counter() - self.began)
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CampaignProgress:
-    """Progress of a campaign."""
-
-    doing: str  # starting, flying, keeping signals, ...
-    done: int  # runs that are there
-    runs: int  # runs that are wanted
-    failed: int = 0  # of those there, as in `CampaignOutcome`
-    crashed: int = 0
-    waiting: int = 0  # tasks handed out and not over
-    workers: int = 0  # tasks that can run at a time; 0 while there is no worker
-    rate_per_s: float = 0.0  # runs a second; 0 before the first
-    left_s: float | None = None  # s at this rate; None before the first run
+    @property
+    def left_s(self) -> float | None:
+        """Time left at this rate, s; None before the first row."""
+        return (self.runs - self.done) / self.rate_per_s if self.flown else None
 
 
 class CampaignObserver:

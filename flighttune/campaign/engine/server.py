@@ -7,15 +7,16 @@ import shutil
 import signal
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import suppress
 from functools import lru_cache
 from multiprocessing.connection import Connection
 
 from flighttune.aircraft.aircraft import files_hash
-from flighttune.campaign.engine.flyer import Lost
 from flighttune.campaign.flying.claim import Claims, claims
-from flighttune.campaign.flying.refly import fly_run
-from flighttune.campaign.flying.rows import Draw, Probes, Row, fly_draw, warm_up
-from flighttune.campaign.planning.plan import Plan, plan_from
+from flighttune.campaign.flying.refly import fly_again
+from flighttune.campaign.flying.rows import Probes, Row, fly_draw, warm_up
+from flighttune.campaign.planning.plan import Plan
 from flighttune.errors import FlightTuneError, PlantError
 from flighttune.flight.fly import library_versions
 from flighttune.flight.own import with_own
@@ -25,66 +26,56 @@ from flighttune.recording.parquet import parquet_bytes
 PREPARE_S = 120.0
 """Time to load a plan and to fly its undispersed flights."""
 
-Prepared = tuple[Plan, Claims, Probes]
-
 
 def serve(pipe: Connection, scratch: str) -> None:
     """Fly what the pipe asks for until its other end is closed."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # no image of a crash in the working folder
     tempfile.tempdir = os.environ["TMPDIR"] = scratch
-    try:
+    with suppress(EOFError, OSError):  # the parent is gone, maybe without a word
         while True:
             work, draw, limit, signals = pipe.recv()
             try:
                 _end_after(PREPARE_S)
-                prepared = _prepared(work)
+                plan, claim_of, probes = _prepared(work)
             except Exception as error:
                 pipe.send(str(error) if isinstance(error, FlightTuneError) else repr(error))
                 continue
             finally:
                 _end_after(0.0)
             pipe.send("")  # from here on a crash is that of the flight
-            pipe.send(_answer(prepared, draw, limit, signals=signals))
-    except (EOFError, OSError):  # the parent is gone, maybe without a word
-        shutil.rmtree(scratch, ignore_errors=True)
+            flights: Iterator[Row | bytes] = (
+                (parquet_bytes(fly_again(plan, n)[plan.group_of(n).label]) for n in draw.runs)
+                if signals
+                else fly_draw(plan, draw, claim_of, probes)
+            )
+            try:
+                _end_after(limit)
+                for answer in flights:
+                    pipe.send(answer)
+                    _end_after(limit)  # of the next flight
+            except Exception as error:  # whatever a run does, it is the outcome of that run
+                pipe.send(("crashed", f"{type(error).__name__}: {error}"))
+            finally:
+                _end_after(0.0)
+    shutil.rmtree(scratch, ignore_errors=True)
 
 
 @lru_cache(maxsize=2)
-def _prepared(work: bytes) -> Prepared:
+def _prepared(work: bytes) -> tuple[Plan, Claims, Probes]:
     """A plan, its claims and the probes; FlightTuneError if rows would be others than elsewhere."""
-    wanted, tables, probes = pickle.loads(work)
+    wanted, content = pickle.loads(work)
     other = changed_versions(dict.fromkeys(library_versions(), "absent") | wanted)
     if other:
         raise PlantError(
             "; ".join(f"{name} must be {a}, got {b}" for name, (a, b) in other.items())
         )
-    plan = plan_from(tables)
+    plan, probes = pickle.loads(content)
     for name, was in plan.aircraft.items():
         if files_hash(name) != was:
             raise PlantError(f"the files of aircraft {name} must be those it was planned with")
     with_own(plan.scenario)
     warm_up(plan)
     return plan, claims(plan), probes
-
-
-def _answer(
-    prepared: Prepared, draw: Draw, limit: float, *, signals: bool
-) -> list[Row] | bytes | Lost:
-    plan, claim_of, probes = prepared
-    rows: list[Row] = []
-    try:
-        _end_after(limit)
-        if signals:
-            return parquet_bytes(fly_run(plan, draw.runs[0]))
-        for row in fly_draw(plan, draw, claim_of, probes):
-            rows.append(row)
-            _end_after(limit)  # of the next flight
-    except Exception as error:  # whatever a run does, it is the outcome of that run
-        return Lost(draw.runs[0], draw.drawn, "crashed", f"{type(error).__name__}: {error}")
-    else:
-        return rows
-    finally:
-        _end_after(0.0)
 
 
 def _end_after(seconds: float) -> None:

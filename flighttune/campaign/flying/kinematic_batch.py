@@ -19,9 +19,6 @@ from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.batch import SIGNALS, BatchResult, fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 
-FLOWN_TOGETHER = 64
-"""Flights whose signals are in memory at once: as many as stay in the processor's cache."""
-
 ROLLED = 1
 """`BatchResult.ends` of a flight that ended at 90 deg of roll."""
 
@@ -92,12 +89,9 @@ def fly_batch(
         alike.setdefault(common, []).append(i)
     results: list[FlightResult | None] = [None] * len(scenarios)
     for members in alike.values():
-        for start in range(0, len(members), FLOWN_TOGETHER):
-            together = members[start : start + FLOWN_TOGETHER]
-            for i, result in zip(
-                together, _fly([scenarios[i] for i in together], law, gains, claim), strict=True
-            ):
-                results[i] = result
+        flown = _fly([scenarios[i] for i in members], law, gains, claim)
+        for i, result in zip(members, flown, strict=True):
+            results[i] = result
     return results
 
 
@@ -131,21 +125,22 @@ def _fly(
         g=np.array([scenario.flight.g_mps2 for scenario in scenarios]),
         threads=1,
     )
-    columns = {name: values.tolist() for name, values in _measured(conditions, batch).items()}
-    certified = _certified(ref, batch, claim)
+    measures, certified = _measured(conditions, batch), _certified(ref, batch, claim)
     for i in range(len(scenarios)):
         if batch.ends[i] > ROLLED:
             yield None
             continue
-        measured: dict[str, dict[str, float]] = {}
-        for name, values in columns.items() if batch.samples[i] > 1 else ():
-            subject, measure = name.split(".")
-            measured.setdefault(subject, {})[measure] = values[i]
+        measured = {
+            subject: {name: float(values[i]) for name, values in columns.items()}
+            for subject, columns in (measures.items() if batch.samples[i] > 1 else ())
+        }
         yield FlightResult(*_status(batch, i), measured, certified[i])
 
 
-def _measured(conditions: Sequence[FlightCondition], batch: BatchResult) -> dict[str, FloatArray]:
-    """Measures of each flight, by column, shape (N,)."""
+def _measured(
+    conditions: Sequence[FlightCondition], batch: BatchResult
+) -> dict[str, dict[str, FloatArray]]:
+    """Measures of each flight, shape (N,) each, as `flighttune.metrics.measures` names them."""
     N = len(conditions)
     n_z_cmd = batch.signal("n_z_cmd").copy()
     n_z_cmd[np.arange(N), batch.samples - 1] = np.nan  # not flown any more
@@ -154,13 +149,16 @@ def _measured(conditions: Sequence[FlightCondition], batch: BatchResult) -> dict
     both["peak_rad"] = np.column_stack(
         [np.fmax.reduce(np.abs(batch.signal(name)), axis=1) for name in ("chi_err", "gamma_err")]
     )
-    return {
-        **{f"chi.{name}": values[:, 0] for name, values in both.items()},
-        **{f"gamma.{name}": values[:, 1] for name, values in both.items()},
-        "flight.V_a_dev_mps": np.zeros(N),
-        "flight.n_z_min": np.fmin.reduce(n_z, axis=1),
-        "flight.n_z_max": np.fmax.reduce(n_z, axis=1),
+    flight = {
+        "V_a_dev_mps": np.zeros(N),
+        "n_z_min": np.fmin.reduce(n_z, axis=1),
+        "n_z_max": np.fmax.reduce(n_z, axis=1),
     }
+    channels = {
+        channel: {name: values[:, i] for name, values in both.items()}
+        for i, channel in enumerate(("chi", "gamma"))
+    }
+    return {**channels, "flight": flight}
 
 
 def _certified(ref: FloatArray, batch: BatchResult, claim: UltimateSet | None) -> list[str | None]:

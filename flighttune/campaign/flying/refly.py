@@ -4,16 +4,15 @@ from collections.abc import Mapping
 from typing import Any
 
 from flighttune.campaign.dataset import NOT_REPRODUCIBLE
-from flighttune.campaign.flying.alone import fly_group, wind_source
+from flighttune.campaign.flying.alone import wind_source
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.campaign.planning.plan import Group, Plan
+from flighttune.campaign.planning.plan import Plan
 from flighttune.control.law import split_name
 from flighttune.errors import InputError
 from flighttune.flight.fly import FlownScenario, Progress, fly
 from flighttune.flight.refly import Difference
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
-from flighttune.simulate.run import Run
 
 
 def scenario_of_run(plan: Plan, run: int, drawn: Mapping[str, Any] | None = None) -> Scenario:
@@ -34,8 +33,13 @@ def scenario_of_run(plan: Plan, run: int, drawn: Mapping[str, Any] | None = None
     tables["plant"] = [tables["plant"][labels.index(table.plant)] for table in flying]
     if scenario.law is not None:
         tables["law"] = [scenario.law_table(group.gains).model_dump(exclude_none=True)]
-    _, own = split_name(group.gains)
-    tables["gains"] = [_as_numbers(plan, group, own)]
+    gains = plan.gain_sets[group.gains]
+    if gains is None:
+        raise InputError(
+            f"`gains` must have been found to fly, got none for {group.gains}: its tuning problem "
+            "is infeasible."
+        )
+    tables["gains"] = [{"name": split_name(group.gains)[1], **gains.as_lists()}]
     tables["title"] = f"{scenario.title}, run {run}"
     tables["expect"] = [
         table
@@ -53,14 +57,6 @@ def fly_again(plan: Plan, run: int, *, progress: Progress | None = None) -> Flow
     return fly(scenario_of_run(plan, run), progress=progress)
 
 
-def fly_run(plan: Plan, run: int) -> Run:
-    """Fly one run of a plan for its signals; its provenance has a scenario of this flight alone."""
-    group = plan.group_of(run)
-    if plan.gain_sets[group.gains] is None:
-        return fly_group(plan, plan.scenario_of(plan.draw_of(run)), group)
-    return fly_again(plan, run)[group.label]
-
-
 def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Difference, ...]:
     """Every column in which a run that is flown again differs from its row, to the bit.
 
@@ -70,22 +66,6 @@ def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Diffe
     return tuple(
         Difference(name, None, row[name], value)
         for name, value in again.items()
-        if name not in NOT_REPRODUCIBLE and not _same(row[name], value)
+        # as text: zeros of either sign are two numbers, and NaN equals itself
+        if name not in NOT_REPRODUCIBLE and repr(row[name]) != repr(value)
     )
-
-
-def _same(a: Any, b: Any) -> bool:
-    """Equal to the bit: zeros of either sign are two numbers."""
-    if isinstance(a, float) and isinstance(b, float):
-        return a.hex() == b.hex()
-    return bool(a == b)
-
-
-def _as_numbers(plan: Plan, group: Group, own: str) -> dict[str, Any]:
-    gains = plan.gain_sets[group.gains]
-    if gains is None:
-        raise InputError(
-            f"`gains` must have been found to fly, got none for {group.gains}: its tuning problem "
-            "is infeasible."
-        )
-    return {"name": own, **gains.as_lists()}

@@ -13,14 +13,13 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from flighttune.arrays import FloatArray
 from flighttune.campaign.flying.alone import fly_group
 from flighttune.campaign.flying.claim import Claims, claims
 from flighttune.campaign.flying.columns import row_schema
 from flighttune.campaign.flying.kinematic_batch import FlightResult, batchable, fly_batch
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
-from flighttune.control.linear_model import LinearModel, closed_loop
+from flighttune.control.linear_model import closed_loop
 from flighttune.errors import FlightTuneError, InputError
 from flighttune.flight.expectations import missed
 from flighttune.guarantee.ultimate_set import UltimateSet
@@ -30,7 +29,8 @@ from flighttune.simulate.run import Run
 from flighttune.theory.indicators import indicators_batch
 
 BLOCK = 64
-"""Draws whose kinematic flights are flown together; nothing else is done here meanwhile."""
+"""Draws whose kinematic flights are flown together: their signals stay in the processor's cache,
+and nothing else is done here meanwhile."""
 
 SAMPLES = 4
 """Length, in samples, of the flights of `warm_up`."""
@@ -267,20 +267,9 @@ def _indicators(plan: Plan, group: Group, scenarios: Sequence[Scenario]) -> list
     law, _ = plan.scenario.law_of(group.gains, gains)
     if gains is None or not law.by_gains:
         return [(None, None)] * len(scenarios)
-    loops: dict[tuple[float | str, ...], FloatArray] = {}
-    keys: list[tuple[float | str, ...]] = []
-    for scenario in scenarios:
-        flight, controller = scenario.flight, scenario.controller
-        _, gamma = scenario.followed().initial
-        # what the linear model of a draw depends on: often it is not dispersed
-        key = (flight.V_a_mps, gamma, flight.g_mps2, controller.rate_hz, controller.schedule)
-        keys.append(key)
-        if key not in loops:
-            model: LinearModel = scenario.linear_model(law)
-            loops[key] = closed_loop(model, gains)
-    both = indicators_batch(np.array(list(loops.values())))
-    numbers = {
-        key: (_number(R_K), _number(I_K))
-        for key, R_K, I_K in zip(loops, both.R_K.tolist(), both.I_K.tolist(), strict=True)
-    }
-    return [numbers[key] for key in keys]
+    loops = [closed_loop(scenario.linear_model(law), gains) for scenario in scenarios]
+    both = indicators_batch(np.array(loops))
+    return [
+        (_number(R_K), _number(I_K))
+        for R_K, I_K in zip(both.R_K.tolist(), both.I_K.tolist(), strict=True)
+    ]

@@ -11,14 +11,7 @@ from flighttune.campaign.planning.places import (
     with_drawn,
     with_values,
 )
-from flighttune.campaign.planning.schema import (
-    DISTRIBUTIONS,
-    Campaign,
-    CampaignTable,
-    LogNormal,
-    Normal,
-    Uniform,
-)
+from flighttune.campaign.planning.schema import DISTRIBUTIONS, Campaign, CampaignTable
 from flighttune.errors import InputError, ScenarioError
 from flighttune.mistakes import validated
 from flighttune.plants.label import goes_by
@@ -65,7 +58,10 @@ def load_campaign(path: str | Path) -> Campaign:
 
 def campaign_on(table: CampaignTable, nominal: Scenario, source: str) -> Campaign:
     """The campaign of tables about a scenario that has the gains, plants and overrides already."""
-    _check_correlations(table, source)
+    try:
+        copula_factor(table.correlation)
+    except InputError as error:
+        raise ScenarioError(f"{source}: {error}.") from None
     return Campaign.of(table, nominal=nominal, central=_central(table, nominal, source))
 
 
@@ -134,29 +130,6 @@ def _check_disperse(tables: Any, source: str) -> None:
             kinds = ", ".join(DISTRIBUTIONS)
             raise ScenarioError(f"{where} `distribution` must be one of {kinds}, got {kind!r}.")
         validated(DISTRIBUTIONS[kind], table, where)
-
-
-def _check_correlations(table: CampaignTable, source: str) -> None:
-    by_key = {dispersion.key: dispersion for dispersion in table.disperse}
-    seen: set[frozenset[str]] = set()
-    for correlation in table.correlation:
-        for key in correlation.keys:
-            if not isinstance(by_key.get(key), (Normal, LogNormal, Uniform)):
-                got = by_key[key].distribution if key in by_key else "none"
-                raise ScenarioError(
-                    f"{source}: [[correlation]] `keys` must be dispersed with normal, log_normal "
-                    f"or uniform, got {key!r} with {got}."
-                )
-        if frozenset(correlation.keys) in seen:
-            raise ScenarioError(
-                f"{source}: [[correlation]] `keys` must be given once, "
-                f"got {correlation.keys} twice."
-            )
-        seen.add(frozenset(correlation.keys))
-    try:
-        copula_factor(table.correlation)
-    except InputError as error:
-        raise ScenarioError(f"{source}: {error}.") from None
 
 
 def _central(table: CampaignTable, nominal: Scenario, source: str) -> Scenario:

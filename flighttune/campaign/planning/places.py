@@ -152,32 +152,25 @@ def _walked(steps: tuple[str, ...], tables: Mapping[str, Any]) -> Place:
     place: list[str | int] = []
     at: Any = tables
     for step in steps:
-        name = step.strip("[]")
+        name, where = step.strip("[]"), spelled(place)
         if isinstance(at, list):
-            position = _position(step, name, at, place)
+            if not step.startswith("["):
+                raise InputError(f"must say which of `{where}` is meant, by its position: [0], ...")
+            labels = [PlantTable.model_validate(each).label for each in at if where == "plant"]
+            position = labels.index(name) if name in labels else int(name) if name.isdigit() else -1
+            if not 0 <= position < len(at):
+                names = ", ".join(["", *labels])
+                raise InputError(
+                    f"must be at a position of `{where}`, 0 to {len(at) - 1}{names}, got {step}"
+                )
             place.append(position)
             at = at[position]
         elif isinstance(at, Mapping) or at is None:
             place.append(name)
-            at = at.get(name) if isinstance(at, Mapping) else None
+            at = at.get(name) if at else None
         else:
-            raise InputError(f"must be a key of a table, but `{spelled(place)}` is {at!r}")
+            raise InputError(f"must be a key of a table, but `{where}` is {at!r}")
     return tuple(place)
-
-
-def _position(step: str, name: str, array: list[Any], place: list[str | int]) -> int:
-    where = spelled(place)
-    if not step.startswith("["):
-        positions = " to ".join(dict.fromkeys((f"`{where}[0]`", f"`{where}[{len(array) - 1}]`")))
-        raise InputError(f"must say which of `{where}` is meant: {positions}")
-    if place == ["plant"] and not name.isdigit():
-        labels = [PlantTable.model_validate(table).label for table in array]
-        if name not in labels:
-            raise InputError(f"must name a plant, {' or '.join(labels)}, got {name!r}")
-        return labels.index(name)
-    if not name.isdigit() or int(name) >= len(array):
-        raise InputError(f"must be at a position of `{where}`, 0 to {len(array) - 1}, got {step}")
-    return int(name)
 
 
 def _of_plants(

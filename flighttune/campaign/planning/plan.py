@@ -2,10 +2,10 @@
 
 import hashlib
 import json
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -24,9 +24,9 @@ from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.outer_loop import gain_sets
 from flighttune.mistakes import abridged, validated
 from flighttune.plants.label import goes_by
-from flighttune.scenario.load import check_aircraft
-from flighttune.scenario.schema import GainsTable, Scenario
-from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, Table
+from flighttune.scenario.load import check_aircraft, leaves
+from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
 
 VERSION = 1
 """Version of the plain values of a plan; other versions are refused."""
@@ -198,16 +198,15 @@ class Plan:
         """Drawn values of one draw by dispersed key, and its ``seed``, as plain values."""
         if not 0 <= draw < self.draws:
             raise InputError(f"`draw` must be 0 to {self.draws - 1}, got {draw}.")
-        first, at = divmod(draw, BLOCK)
+        first = draw - draw % BLOCK
         if first not in self._blocks:
-            end = min((first + 1) * BLOCK, self.draws)
-            block = self.parameters(first * BLOCK, end)
             self._blocks.clear()
-            self._blocks[first] = {name: column.tolist() for name, column in block.items()}
-        return {name: column[at] for name, column in self._blocks[first].items()}
+            block = self.parameters(first, min(first + BLOCK, self.draws))
+            self._blocks[first] = block.to_dict("records")
+        return dict(self._blocks[first][draw - first])
 
     @cached_property
-    def _blocks(self) -> dict[int, dict[Any, list[Any]]]:
+    def _blocks(self) -> dict[int, list[dict[Any, Any]]]:
         return {}
 
     @cached_property
@@ -261,10 +260,12 @@ class Plan:
     def differences(self, other: "Plan") -> tuple[str, ...]:
         """Changes from this plan to a later one, as ``key: was X, is Y``; empty if equal."""
         was, now = _leaves(self), _leaves(other)
+        pairs = {key: (was.get(key), now.get(key)) for key in was | now}
         return tuple(
-            f"{key}: was {_said(was.get(key))}, is {_said(now.get(key))}"
-            for key in dict.fromkeys([*was, *now])
-            if repr(was.get(key)) != repr(now.get(key))
+            f"{key}: was {abridged(then) if key in was else 'not given'}, "
+            f"is {abridged(later) if key in now else 'not given'}"
+            for key, (then, later) in pairs.items()
+            if repr(then) != repr(later)
         )
 
 
@@ -318,44 +319,26 @@ def _groups(campaign: Campaign) -> tuple[Group, ...]:
     return tuple(Group(plant.label, name) for plant in plants for name in scenario.gain_names)
 
 
-class _MatricesTable(GainsTable):
-    name: str = "gains"
-
-
-class _PlanTables(Table):
-    """Form of a plan as `Plan.as_dict` writes it."""
-
-    version: int
-    runs: int
-    groups: list[dict[Literal["plant", "gains"], str]]
-    gains: dict[str, _MatricesTable | None]
-    aircraft: dict[str, str]
-    campaign: CampaignTable
-    nominal: Scenario
-    central: Scenario
-
-
 def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
-    """The plan that `Plan.as_dict` wrote, with the same bits; `source` names its file in errors."""
+    """The plan that `Plan.as_dict` wrote, with the same bits; `source` names its file in errors.
+
+    A ScenarioError refuses a plan of another version. That nothing else was edited is for the hash
+    of its file to tell.
+    """
     if tables.get("version") != VERSION:
         got = abridged(tables.get("version"))
         raise ScenarioError(f"{source}: `version` of a plan must be {VERSION}, got {got}.")
-    read = validated(_PlanTables, tables, source)
-    campaign = Campaign.of(read.campaign, nominal=read.nominal, central=read.central)
-    groups = tuple(Group(**group) for group in read.groups)
-    if not groups or not {*groups} <= {*_groups(campaign)}:
-        raise ScenarioError(f"{source}: `groups` of a plan must be some of its scenario's.")
-    if not {group.gains for group in groups} <= {*read.gains}:
-        raise ScenarioError(f"{source}: `gains` of a plan must hold those of its groups.")
+    nominal, central = (validated(Scenario, tables[key], source) for key in ("nominal", "central"))
+    table = validated(CampaignTable, tables["campaign"], source)
     return Plan(
-        campaign=campaign,
+        campaign=Campaign.of(table, nominal=nominal, central=central),
         gain_sets={
-            name: None if gain_set is None else gain_set.gains()
-            for name, gain_set in read.gains.items()
+            name: None if lists is None else PIGains.from_lists(**lists)
+            for name, lists in tables["gains"].items()
         },
-        groups=groups,
-        runs=read.runs,
-        aircraft=read.aircraft,
+        groups=tuple(Group(**group) for group in tables["groups"]),
+        runs=tables["runs"],
+        aircraft=tables["aircraft"],
     )
 
 
@@ -373,24 +356,8 @@ def _leaves(plan: Plan) -> dict[str, Any]:
         scenario.pop(name, None)
     return {
         "runs": plan.runs,
-        **dict(_walk(campaign, "")),
-        **dict(_walk(scenario, "scenario.")),
-        **dict(_walk(tables["gains"], "gains as numbers, ")),
-        **dict(_walk(plan.aircraft, "files of aircraft ")),
+        **dict(leaves(campaign)),
+        **dict(leaves(scenario, "scenario.")),
+        **dict(leaves(tables["gains"], "gains as numbers, ")),
+        **dict(leaves(plan.aircraft, "files of aircraft ")),
     }
-
-
-def _walk(value: Any, above: str) -> Iterator[tuple[str, Any]]:
-    """Names and values of everything that is neither a table nor an array of tables."""
-    if isinstance(value, Mapping):
-        for name, item in value.items():
-            yield from _walk(item, f"{above}{name}.")
-    elif isinstance(value, list) and any(isinstance(item, Mapping) for item in value):
-        for i, item in enumerate(value):
-            yield from _walk(item, f"{above.removesuffix('.')}[{i}].")
-    else:
-        yield above.removesuffix("."), value
-
-
-def _said(value: Any) -> str:
-    return "not given" if value is None else abridged(value)

@@ -175,14 +175,12 @@ class Grid(DisperseTable):
 
     @model_validator(mode="after")
     def _values_or_range(self) -> "Grid":
-        range_keys = [key is not None for key in (self.lower, self.upper, self.count)]
-        if all(range_keys) == (self.values is not None):
+        range_keys = {key is not None for key in (self.lower, self.upper, self.count)}
+        if range_keys != {self.values is None}:
             raise ValueError(
                 "`values` must be given with distribution grid, or `lower`, `upper` and `count` in "
                 "their place"
             )
-        if self.values is not None and any(range_keys):
-            raise ValueError("`lower`, `upper` and `count` must be absent where `values` are given")
         _check_kind(self.levels, self.acts)
         if self.lower is not None and self.upper is not None:
             _check_rising(self.lower, self.upper)
@@ -193,8 +191,8 @@ class Grid(DisperseTable):
         """The values."""
         if self.values is not None:
             return self.values
-        assert self.lower is not None and self.upper is not None and self.count is not None  # noqa: PT018
-        return list(np.linspace(self.lower, self.upper, self.count).tolist())
+        # all three are given; `or` is for the type checker
+        return np.linspace(self.lower or 0.0, self.upper or 0.0, self.count or 0).tolist()
 
     @property
     def central(self) -> Value:
@@ -217,12 +215,6 @@ class CorrelationTable(Table):
 
     keys: Annotated[list[Key], Field(min_length=2, max_length=2)]
     rank: Annotated[float, Field(gt=-1.0, lt=1.0)]
-
-    @model_validator(mode="after")
-    def _of_two_keys(self) -> "CorrelationTable":
-        if self.keys[0] == self.keys[1]:
-            raise ValueError(f"[[correlation]] `keys` must be two, got {self.keys[0]!r} twice")
-        return self
 
 
 class CertificateTable(Table):
@@ -288,6 +280,20 @@ class CampaignTable(Table):
             raise ValueError("[[disperse]] must be given with `design` 'saltelli'")
         if self.runs is None and self.design != "grid":
             raise ValueError("`runs` must be given: only `design` 'grid' can do without")
+        return self
+
+    @model_validator(mode="after")
+    def _correlations_fit(self) -> "CampaignTable":
+        distributions = {table.key: table.distribution for table in self.disperse}
+        for key in (key for table in self.correlation for key in table.keys):
+            if distributions.get(key) not in ("normal", "log_normal", "uniform"):
+                raise ValueError(
+                    "[[correlation]] `keys` must be dispersed with normal, log_normal or uniform, "
+                    f"got {key!r} with {distributions.get(key, 'none')}"
+                )
+        pairs = [frozenset(table.keys) for table in self.correlation]
+        if any(len(pair) < 2 for pair in pairs) or len(set(pairs)) < len(pairs):
+            raise ValueError("[[correlation]] `keys` must be two keys, and each pair given once")
         return self
 
     @property

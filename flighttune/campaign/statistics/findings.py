@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -11,40 +12,22 @@ from flighttune.arrays import FloatArray
 from flighttune.campaign.flying.claim import claims
 from flighttune.campaign.planning.draws import SEED
 from flighttune.campaign.planning.plan import Group
-from flighttune.campaign.statistics.flights import Flights, is_number
-from flighttune.campaign.statistics.intervals import CONFIDENCE, Estimate, Method
-from flighttune.campaign.statistics.paired import Paired, paired, scores
-from flighttune.campaign.statistics.sensitivity import (
-    Influence,
-    SobolIndices,
-    classes_of,
-    influences,
-    sobol_indices,
-)
-from flighttune.campaign.statistics.summary import (
-    ConvergenceCurve,
-    GroupSummary,
-    convergence,
-    summaries,
-)
+from flighttune.campaign.statistics.flights import Flights, is_number, worst_first
+from flighttune.campaign.statistics.intervals import CONFIDENCE, Method
+from flighttune.campaign.statistics.paired import paired, scores
+from flighttune.campaign.statistics.sensitivity import classes_of, influences, sobol_indices
+from flighttune.campaign.statistics.summary import convergence, summary
 from flighttune.errors import FlightTuneError
 from flighttune.guarantee.ultimate_set import UltimateSet
+from flighttune.units import DEG
 
 SUCCESS = "success"
+
 SPLIT_INTO = 5
 """Classes of the most important parameter for which a success rate is given."""
 
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Split:
-    """Success rate over the classes of one parameter."""
-
-    group: Group
-    parameter: str
-    labels: tuple[str, ...]  # value or range of each class
-    # median of the parameter in each class; the position of a class that is no number
-    centres: tuple[float, ...]
-    success: tuple[Estimate, ...]
+WORST = 5
+"""Worst flights that are listed of a group."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -53,18 +36,12 @@ class Findings:
 
     flights: Flights
     measure: str | None  # measure that orders and compares flights; None where no flight has it
-    groups: tuple[GroupSummary, ...]
-    paired: tuple[Paired, ...]
-    # of success and the measure, by group; empty where nothing can be said
-    influences: Mapping[tuple[Group, str], tuple[Influence, ...]]
-    # by the same keys, where the design of the campaign allows
-    sobol: Mapping[tuple[Group, str], SobolIndices]
-    # of groups that both succeeded and failed, by the parameter that matters most
-    splits: tuple[Split, ...]
-    convergence: tuple[ConvergenceCurve, ...]
-    # Certified set of each group; empty where no flight was compared with one, or the undispersed
-    # flights that it is measured on cannot be flown here.
-    claims: Mapping[Group, UltimateSet]
+    # as ``--json`` has them: shares between 0 and 1, units as in the columns
+    values: dict[str, Any]
+    # Success over the classes of the parameter that matters most, of groups in which both successes
+    # and failures occur: group, parameter, label and centre of each class, and estimates
+    splits: list[dict[str, Any]]
+    convergence: list[dict[str, Any]]  # of each group, see `convergence`
 
 
 def findings(
@@ -72,46 +49,57 @@ def findings(
 ) -> Findings:
     """Evaluate the flights of a campaign, finished or not, with all intervals by one method."""
     flights = replace(flights, method=method, confidence=confidence)
-    measure = _measure(flights)
-    looked_at = [SUCCESS] + ([measure] if measure else [])
-    by_parameter, sobol, splits = {}, {}, []
+    measures = flights.measures
+    measure = flights.worst_by if flights.worst_by in measures else next(iter(measures), None)
+    groups, splits = [], []
     for group, rows in flights.groups():
-        independent = flights.independent(rows)
-        for name in looked_at:
-            by_parameter[group, name] = influences(
-                independent.loc[:, flights.keys],
-                values_of(independent, name),
-                confidence=confidence,
-            )
-            indices = _sobol(flights, rows, name)
-            if indices is not None:
-                sobol[group, name] = indices
-        split = _split(flights, group, rows, by_parameter[group, SUCCESS])
-        splits += [split] if split is not None else []
-    groups = summaries(flights)
-    pairs, curves = (), ()
-    if measure is not None:
-        pairs = paired(flights.rows, measure, confidence=confidence)
-        curves = convergence(flights, measure)
+        sensitivity = {
+            name: _sensitivity(flights, rows, name) for name in (SUCCESS, measure) if name
+        }
+        worst = _worst(flights, rows, measure) if measure else []
+        groups.append({**summary(flights, group, rows), "worst": worst, "sensitivity": sensitivity})
+        apart = [rank["parameter"] for rank in sensitivity[SUCCESS]["ranks"] if rank["apart"]]
+        splits += [_split(flights, group, rows, key) for key in apart if key != SEED][:1]
+    stated = _claims(flights) if any(group["certified"] for group in groups) else {}
+    for group in groups:
+        claim = stated.get(group["group"])
+        if group["certified"] and claim:
+            group["certified"] = {
+                "L_d_rad_s2": claim.L_d,
+                "from_s": claim.t_from,
+                "tube_deg": [width / DEG for width in claim.tube],
+                "says_nothing": claim.vacuous,
+                **group["certified"],
+            }
     return Findings(
         flights=flights,
         measure=measure,
-        groups=groups,
-        paired=pairs,
-        influences=by_parameter,
-        sobol=sobol,
-        splits=tuple(splits),
-        convergence=curves,
-        claims=_claims(flights) if any(summary.certified for summary in groups) else {},
+        values={
+            "dataset": flights.url,
+            "title": flights.plan.campaign.title,
+            "runs": len(flights.rows),
+            "planned": flights.plan.runs,
+            "design": flights.plan.campaign.design,
+            "interval": method,
+            "confidence": confidence,
+            "worst_by": measure,
+            "groups": groups,
+            "paired": paired(flights.rows, measure, confidence=confidence) if measure else [],
+        },
+        splits=splits,
+        convergence=convergence(flights, measure) if measure else [],
     )
 
 
-def _claims(flights: Flights) -> dict[Group, UltimateSet]:
+def _claims(flights: Flights) -> Mapping[str, UltimateSet | None]:
+    """Certified set of each group by its label.
+
+    Empty where the undispersed flights that it is measured on cannot be flown here.
+    """
     try:
-        stated = claims(flights.plan)
+        return {group.label: claim for group, claim in claims(flights.plan).items()}
     except FlightTuneError:
         return {}
-    return {group: claim for group, claim in stated.items() if claim is not None}
 
 
 def values_of(rows: pd.DataFrame, name: str) -> FloatArray:
@@ -122,63 +110,71 @@ def values_of(rows: pd.DataFrame, name: str) -> FloatArray:
     return np.where(np.isinf(values), np.nan, values)
 
 
-def _measure(flights: Flights) -> str | None:
-    """Measure by which the campaign keeps its worst flights, or else the first measure."""
-    measures = flights.measures
-    return flights.worst_by if flights.worst_by in measures else next(iter(measures), None)
+def _worst(flights: Flights, rows: pd.DataFrame, measure: str) -> list[dict[str, Any]]:
+    """The worst completed flights, with all that was drawn."""
+    return [
+        {key: flight[key] for key in ("run", "draw", measure, SUCCESS)}
+        | {"parameters": {key: flight[key] for key in flights.keys}}
+        for flight in worst_first(rows, measure, WORST).to_dict("records")
+    ]
 
 
-def _sobol(flights: Flights, rows: pd.DataFrame, name: str) -> SobolIndices | None:
-    """Indices over the whole cycles of a Saltelli design that have flown."""
-    factors, cycle = flights.plan.factors, flights.plan.cycle
-    if not factors:
-        return None
+def _sensitivity(flights: Flights, rows: pd.DataFrame, name: str) -> dict[str, Any]:
+    """Influence of each parameter by ranks; Sobol indices of the whole cycles that have flown."""
+    independent, plan = flights.independent(rows), flights.plan
+    ranks = influences(
+        independent.loc[:, flights.keys],
+        values_of(independent, name),
+        confidence=flights.confidence,
+    )
+    if not plan.factors:
+        return {"ranks": ranks, "sobol": None}
     draws = rows["draw"].to_numpy()
-    values = np.full((int(draws.max()) // cycle + 1, cycle), np.nan)
-    values[draws // cycle, draws % cycle] = values_of(rows, name)
-    return sobol_indices(
+    values = np.full((int(draws.max()) // plan.cycle + 1, plan.cycle), np.nan)
+    values[draws // plan.cycle, draws % plan.cycle] = values_of(rows, name)
+    indices = sobol_indices(
         values[:, 0],
         values[:, 1],
         values[:, 2:].T,
         confidence=flights.confidence,
-        seed=flights.plan.campaign.seed,
+        seed=plan.campaign.seed,
     )
+    if indices is None:
+        return {"ranks": ranks, "sobol": None}
+    blocks, first, total = indices
+    sobol = {
+        factor: {"first": first[:, i].tolist(), "total": total[:, i].tolist(), "blocks": blocks}
+        for i, factor in enumerate(plan.factors)
+    }
+    return {"ranks": ranks, "sobol": sobol}
 
 
-def _split(
-    flights: Flights, group: Group, rows: pd.DataFrame, influences_on_success: tuple[Influence, ...]
-) -> Split | None:
-    """Success over the parameter that matters most, if any does."""
-    apart = [
-        influence.parameter
-        for influence in influences_on_success
-        if influence.apart and influence.parameter != SEED
-    ]
-    if not apart:
-        return None
-    rows = rows.loc[rows[apart[0]].notna().to_numpy()]
-    column = pd.Series(rows[apart[0]])
+def _split(flights: Flights, group: Group, rows: pd.DataFrame, parameter: str) -> dict[str, Any]:
+    """Success rate over the classes of a parameter."""
+    rows = rows.loc[rows[parameter].notna().to_numpy()]
+    column = pd.Series(rows[parameter])
     codes, clusters = classes_of(column, SPLIT_INTO), flights.clusters(rows)
     success = rows[SUCCESS].to_numpy(dtype=bool)
     classes = range(int(codes.max()) + 1)
     values = [column.to_numpy()[codes == label] for label in classes]
     numeric = is_number(column)
-    return Split(
-        group=group,
-        parameter=apart[0],
-        labels=_ranges(values) if numeric else tuple(str(of_class[0]) for of_class in values),
-        centres=tuple(
+    return {
+        "group": group.label,
+        "parameter": parameter,
+        "labels": _ranges(values) if numeric else [str(of_class[0]) for of_class in values],
+        # median of the parameter in each class; the position of a class that is no number
+        "centres": [
             float(np.median(of_class.astype(float))) if numeric else float(place)
             for place, of_class in enumerate(values)
-        ),
-        success=tuple(flights.share(success[codes == i], clusters[codes == i]) for i in classes),
-    )
+        ],
+        "success": [flights.share(success[codes == i], clusters[codes == i]) for i in classes],
+    }
 
 
-def _ranges(values: list[np.ndarray]) -> tuple[str, ...]:
+def _ranges(values: list[np.ndarray]) -> list[str]:
     """Ranges of neighbouring classes, each ending where the next begins."""
     if all(of_class.min() == of_class.max() for of_class in values):
-        return tuple(f"{of_class[0]:.4g}" for of_class in values)
+        return [f"{of_class[0]:.4g}" for of_class in values]
     edges = [values[0].min(), *(0.5 * (a.max() + b.min()) for a, b in pairwise(values))]
     edges.append(values[-1].max())
-    return tuple(f"{low:.4g} to {high:.4g}" for low, high in pairwise(edges))
+    return [f"{low:.4g} to {high:.4g}" for low, high in pairwise(edges)]

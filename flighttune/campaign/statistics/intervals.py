@@ -190,12 +190,6 @@ class Estimate:
     hi: float
     n: int  # number of flights behind it
 
-    def scaled(self, factor: float) -> "Estimate":
-        """Number and interval times a positive factor."""
-        return Estimate(
-            value=factor * self.value, lo=factor * self.lo, hi=factor * self.hi, n=self.n
-        )
-
 
 def share(
     flags: npt.NDArray[np.bool_],

@@ -2,8 +2,8 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -13,39 +13,16 @@ from flighttune.arrays import FloatArray
 from flighttune.campaign.statistics.intervals import CONFIDENCE, quantile_interval, rate_interval
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Paired:
-    """Two gain sets on the draws that both flew on one plant."""
-
-    plant: str
-    a: str
-    b: str
-    measure: str  # to be minimised
-    n: int  # draws that both flew
-    wins_a: int  # draws on which a has the smaller measure
-    wins_b: int
-    win_rate: float  # 1; share of the draws without a tie on which a has the smaller measure
-    lo: float  # interval of the win rate
-    hi: float
-    median: float  # median over the draws of the measure with a less that with b
-    median_lo: float
-    median_hi: float
-    only_a: int  # draws on which only a succeeded
-    only_b: int
-    # Exact McNemar test: probability of counts as different as these if both succeeded equally
-    # often; 1 if both always succeeded together.
-    p_success: float
-
-
 def paired(
     rows: pd.DataFrame, measure: str, *, confidence: float = CONFIDENCE
-) -> tuple[Paired, ...]:
+) -> list[dict[str, Any]]:
     """Compare every two gain sets on every plant, draw by draw, by a measure to be minimised.
 
     A flight that was not completed, or has no value, counts as worse than any other; two such are
-    tied. Pairs that have no draw in common are left out.
+    tied. Pairs that have no draw in common are left out. The win rate is that of the draws without
+    a tie, the median that of the measure with `a` less that with `b`.
     """
-    return tuple(_pairs(rows.assign(**{measure: scores(rows, measure)}), measure, confidence))
+    return list(_pairs(rows.assign(**{measure: scores(rows, measure)}), measure, confidence))
 
 
 def scores(rows: pd.DataFrame, measure: str) -> FloatArray:
@@ -68,7 +45,7 @@ def difference(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.where(tied, 0.0, np.where(tied, 0.0, a) - np.where(tied, 0.0, b))
 
 
-def _pairs(rows: pd.DataFrame, measure: str, confidence: float) -> Iterator[Paired]:
+def _pairs(rows: pd.DataFrame, measure: str, confidence: float) -> Iterator[dict[str, Any]]:
     for plant, on_plant in rows.groupby("plant", sort=False):
         values = on_plant.pivot(index="draw", columns="gains", values=measure)
         success = on_plant.pivot(index="draw", columns="gains", values="success")
@@ -84,22 +61,22 @@ def _pairs(rows: pd.DataFrame, measure: str, confidence: float) -> Iterator[Pair
             apart = difference(x, y)
             median_lo, median_hi = quantile_interval(apart, 0.5, confidence)
             only_a, only_b = int(np.sum(ok_a & ~ok_b)), int(np.sum(ok_b & ~ok_a))
-            yield Paired(
-                plant=str(plant),
-                a=a,
-                b=b,
-                measure=measure,
-                n=len(x),
-                wins_a=wins_a,
-                wins_b=wins_b,
-                win_rate=wins_a / (wins_a + wins_b) if wins_a + wins_b else 0.5,
-                lo=float(lo),
-                hi=float(hi),
-                median=float(ordered_quantile(apart, 0.5)),
-                median_lo=median_lo,
-                median_hi=median_hi,
-                only_a=only_a,
-                only_b=only_b,
+            yield {
+                "plant": str(plant),
+                "a": a,
+                "b": b,
+                "measure": measure,
+                "n": len(x),
+                "wins_a": wins_a,
+                "wins_b": wins_b,
+                "win_rate": wins_a / (wins_a + wins_b) if wins_a + wins_b else 0.5,
+                "lo": float(lo),
+                "hi": float(hi),
+                "median": float(ordered_quantile(apart, 0.5)),
+                "median_lo": median_lo,
+                "median_hi": median_hi,
+                "only_a": only_a,
+                "only_b": only_b,
                 # exact McNemar test: both sides of the binomial distribution
-                p_success=min(1.0, 2.0 * float(bdtr(min(only_a, only_b), only_a + only_b, 0.5))),
-            )
+                "p_success": min(1.0, 2.0 * float(bdtr(min(only_a, only_b), only_a + only_b, 0.5))),
+            }

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -37,47 +36,9 @@ MAX_RESAMPLED = 4_000_000
 """Weights of blocks that are in memory at a time."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Influence:
-    """Influence of one parameter on one measure."""
-
-    parameter: str
-    n: int  # flights it comes from
-    # 1; Spearman's rank correlation with its interval, NaN where the parameter is no number
-    rho: float
-    lo: float
-    hi: float
-    partial: float  # 1; the same with the ranks of all other parameters fixed, NaN if collinear
-    share: float  # 1; share of the variance of the measure's ranks explained, 0 by chance
-    p_rho: float  # 1; probability of such a rho without any influence, corrected for the tests
-    p_share: float  # 1; the same of the share
-    apart: bool  # chance is refused as the explanation of rho or of the share
-
-    @property
-    def strength(self) -> float:
-        """The larger of `share` and the square of `rho`, 0 to 1, by which influences are ordered.
-
-        To nine digits: two parameters that are drawn together have the same share but for rounding,
-        and then stay in the order of the campaign.
-        """
-        strengths = [strength for strength in (self.share, self.rho**2) if math.isfinite(strength)]
-        return round(max(strengths, default=0.0), 9)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SobolIndices:
-    """Indices of d parameters, with percentile intervals."""
-
-    n: int  # blocks of flights they come from
-    # (3, d); share of the variance explained by each parameter alone, and its interval
-    first: FloatArray
-    # (3, d); share that would vanish if the parameter were fixed, interactions included
-    total: FloatArray
-
-
 def influences(
     parameters: pd.DataFrame, measure: npt.ArrayLike, *, confidence: float = CONFIDENCE
-) -> tuple[Influence, ...]:
+) -> list[dict[str, Any]]:
     """Influence of every parameter on a measure, the strongest first.
 
     Parameters
@@ -88,13 +49,18 @@ def influences(
         Flights without a value, or without one of a parameter, are left out; infinite ones count
         by their rank.
     confidence : float, 1
-        Confidence of intervals and of `Influence.apart`.
+        Confidence of intervals, and of what is `apart` from chance.
 
     Returns
     -------
-    tuple of Influence
-        Parameters that do not vary are left out. Empty where there are fewer than 10 flights or the
-        measure does not vary.
+    list of dict
+        Empty where there are fewer than 10 flights or the measure does not vary. Parameters that do
+        not vary are left out. Of every other `parameter`: number `n` of flights; Spearman's rank
+        correlation `rho` from `lo` to `hi`, NaN where the parameter is no number; `partial`, the
+        same with the ranks of all other parameters fixed, NaN if they are collinear; `share` of the
+        variance of the measure's ranks explained, 0 by chance; `p_rho` and `p_share`, corrected
+        probabilities of such values without any influence; and whether it is `apart`: chance is
+        refused as the explanation of one of them.
 
     Notes
     -----
@@ -121,31 +87,40 @@ def influences(
     table = {name: column for name, column in table.items() if column.nunique() > 1}
     n = len(ranks)
     if n < MIN_FLIGHTS or ranks.min() == ranks.max() or not table:
-        return ()
+        return []
     correlations = [_spearman(column, ranks) for column in table.values()]
     shares = [_share(column, ranks) for column in table.values()]
     partial = _partial(table, ranks)
     p = holm([p for _, p in (*correlations, *shares)])
     tested = []
     for i, name in enumerate(table):
-        p_rho, p_share = p[i], p[len(table) + i]
-        rho = correlations[i][0]
+        rho, p_rho, p_share = correlations[i][0], p[i], p[len(table) + i]
         lo, hi = _interval(rho, n, confidence)
         tested.append(
-            Influence(
-                parameter=name,
-                n=n,
-                rho=rho,
-                lo=lo,
-                hi=hi,
-                partial=partial[name],
-                share=shares[i][0],
-                p_rho=p_rho,
-                p_share=p_share,
-                apart=min(p_rho, p_share) < 1.0 - confidence,
-            )
+            {
+                "parameter": name,
+                "n": n,
+                "rho": rho,
+                "lo": lo,
+                "hi": hi,
+                "partial": partial[name],
+                "share": shares[i][0],
+                "p_rho": p_rho,
+                "p_share": p_share,
+                "apart": min(p_rho, p_share) < 1.0 - confidence,
+            }
         )
-    return tuple(sorted(tested, key=lambda influence: -influence.strength))
+    return sorted(tested, key=strength, reverse=True)
+
+
+def strength(influence: Mapping[str, Any]) -> float:
+    """The larger of `share` and the square of `rho`, 0 to 1, by which influences are ordered.
+
+    To nine digits: two parameters that are drawn together have the same share but for rounding,
+    and then stay in the order of the campaign.
+    """
+    strengths = [influence["share"], influence["rho"] ** 2]
+    return round(max((each for each in strengths if math.isfinite(each)), default=0.0), 9)
 
 
 def sobol_indices(
@@ -156,7 +131,7 @@ def sobol_indices(
     confidence: float = CONFIDENCE,
     resamples: int = RESAMPLES,
     seed: int = 0,
-) -> SobolIndices | None:
+) -> tuple[int, FloatArray, FloatArray] | None:
     r"""First and total indices of a measure flown on Saltelli's design.
 
     Parameters
@@ -174,9 +149,11 @@ def sobol_indices(
 
     Returns
     -------
-    SobolIndices or None
-        From the blocks in which every flight has a value; None where those are fewer than 8, or
-        their measure does not vary.
+    tuple of int and two ndarrays, shape (3, d), 1; or None
+        Number of blocks in which every flight has a value; first indices, the share of the variance
+        explained by each parameter alone, with its interval; total indices, the share that would
+        vanish if the parameter were fixed, interactions included. None where there are fewer than 8
+        blocks, or their measure does not vary.
 
     Raises
     ------
@@ -211,7 +188,7 @@ def sobol_indices(
     resampled = np.vstack(list(_resampled(terms, resamples, seed)))
     ends = np.nanquantile(_indices(resampled, d), [tail, 1.0 - tail], axis=0)
     both = np.vstack([estimate, ends])
-    return SobolIndices(n=n, first=both[:, :d], total=both[:, d:])
+    return n, both[:, :d], both[:, d:]
 
 
 def holm(p: Sequence[float]) -> list[float]:

@@ -8,7 +8,6 @@ import numpy as np
 
 from flighttune.campaign.dataset import dataset_hash
 from flighttune.campaign.planning.draws import SEED
-from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.findings import SUCCESS, Findings
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.numbers import MISSING
@@ -38,13 +37,12 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
     """
     flown, campaign = findings.flights, findings.flights.plan.campaign
     styles = styles_of(findings)
-    values = tables.findings_values(findings)
     shipped = campaign.scenario.removesuffix(".toml") in scenario_files()
     return write_page(
         Path(path),
         page_template("flighttune.report.campaign", "page.html.jinja"),
         summary=summary(findings),
-        sections=_sections(findings, values),
+        sections=_sections(findings),
         title=campaign.title,
         claim=campaign.verifies,
         legend=list(styles.items()),
@@ -63,27 +61,25 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
 
 def summary(findings: Findings) -> tuple[str, ...]:
     """Two sentences: the number of flights that succeed, and the parameters that matter most."""
-    n = sum(group.n for group in findings.groups)
-    successes = sum(group.successes for group in findings.groups)
+    groups = findings.values["groups"]
+    n, successes = (sum(group[key] for group in groups) for key in ("n", "successes"))
     strongest = Counter(
         name
-        for group in findings.groups
-        for measure in (SUCCESS, findings.measure)
-        if measure is not None and (name := _strongest(findings, group.group, measure))
+        for group in groups
+        for sensitivity in group["sensitivity"].values()
+        if (name := _strongest(**sensitivity))
     )
     names = [name for name, count in strongest.items() if count == max(strongest.values())]
     matters = ", ".join(names) if names else "no parameter significantly"
     return f"{successes} of {n} flights succeed.", f"What matters most: {matters}."
 
 
-def _strongest(findings: Findings, group: Group, measure: str) -> str:
+def _strongest(ranks: list[dict[str, Any]], sobol: dict[str, Any] | None) -> str:
     """The strongest factor by its total Sobol index, else by ranks; empty if none matters."""
-    indices = findings.sobol.get((group, measure))
-    if indices is not None:
-        factor = findings.flights.plan.factors[int(np.argmax(indices.total[0]))]
+    if sobol is not None:
+        factor = max(sobol, key=lambda factor: sobol[factor]["total"][0])
         return CHANCE if factor == SEED else factor
-    influences = findings.influences.get((group, measure), ())
-    return next((influence.parameter for influence in influences if influence.apart), "")
+    return next((rank["parameter"] for rank in ranks if rank["apart"]), "")
 
 
 def notes(findings: Findings) -> tuple[str, ...]:
@@ -112,8 +108,8 @@ def notes(findings: Findings) -> tuple[str, ...]:
     return tuple(lines)
 
 
-def _sections(findings: Findings, values: dict[str, Any]) -> list[Section]:
-    groups = values["groups"]
+def _sections(findings: Findings) -> list[Section]:
+    groups = findings.values["groups"]
     flown = findings.flights
     influences = [
         tables.influence_table(groups, name) for name in (findings.measure, SUCCESS) if name
@@ -166,7 +162,7 @@ def _sections(findings: Findings, values: dict[str, Any]) -> list[Section]:
             title="Gains on the same draws",
             note="Every gain set flies every draw, so that only gains differ. A flight that was "
             "not completed counts as the worst.",
-            tables=[tables.paired_table(findings, values["paired"])],
+            tables=[tables.paired_table(findings)],
             legend=False,
         ),
         Section(

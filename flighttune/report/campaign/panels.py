@@ -11,7 +11,6 @@ from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.findings import Findings, values_of
 from flighttune.campaign.statistics.intervals import Estimate
 from flighttune.campaign.statistics.paired import scores
-from flighttune.campaign.statistics.summary import ConvergenceCurve
 from flighttune.present.chart import HEAD_AND_FOOT, Chart
 from flighttune.present.names import metric_label
 from flighttune.present.palette import LIMIT, LineStyle, line_styles
@@ -52,12 +51,12 @@ def flight_tips(rows: "pd.DataFrame", url: str) -> list[str]:
 
 def rates(findings: Findings) -> list[Chart]:
     """Success rate of every group, and how often the certified set held."""
-    styles = styles_of(findings)
-    charts = [
-        _shares("Flights that succeed", {g.group.label: g.success for g in findings.groups}, styles)
-    ]
-    kept = {g.group.label: g.certified.of_all for g in findings.groups if g.certified is not None}
-    if kept:
+    groups, styles = findings.values["groups"], styles_of(findings)
+    success = {group["group"]: (group["success"], group["lo"], group["hi"]) for group in groups}
+    charts = [_shares("Flights that succeed", success, styles)]
+    counts = {group["group"]: group["certified"] for group in groups if group["certified"]}
+    if counts:
+        kept = {label: (count["rate"], *count["interval"]) for label, count in counts.items()}
         charts.append(_shares("Flights in which the certified set held", kept, styles))
     return charts
 
@@ -71,9 +70,9 @@ def distributions(findings: Findings) -> list[Chart]:
 
 def convergence(findings: Findings) -> list[Chart]:
     """Success rate and the 95th percentile of the measure from the first flights on."""
-    if not findings.convergence:
+    if findings.measure is None:
         return []
-    how = metric_label(findings.convergence[0].measure)
+    how = metric_label(findings.measure)
     title = f"95th percentile of {how.name}"
     return [
         _convergence(findings, "Success rate", "flights that succeed [%]", "success", 100.0),
@@ -84,8 +83,8 @@ def convergence(findings: Findings) -> list[Chart]:
 def split_panels(findings: Findings) -> list[Chart]:
     """Success rate over the values of the most influential parameter."""
     styles, charts = styles_of(findings), []
-    for parameter in dict.fromkeys(split.parameter for split in findings.splits):
-        own = [split for split in findings.splits if split.parameter == parameter]
+    for parameter in dict.fromkeys(split["parameter"] for split in findings.splits):
+        own = [split for split in findings.splits if split["parameter"] == parameter]
         chart = Chart(
             title=f"Success over {parameter}",
             x=_axis(parameter),
@@ -93,9 +92,8 @@ def split_panels(findings: Findings) -> list[Chart]:
             y_range=(-3.0, 103.0),
         )
         for split in own:
-            label = split.group.label
-            centres = np.asarray(split.centres, dtype=float)
-            rate, lo, hi = arrays_of(split.success, 100.0)
+            label, centres = split["group"], np.asarray(split["centres"], dtype=float)
+            rate, lo, hi = arrays_of(split["success"], 100.0)
             # each interval a line of its own: NaN between them
             across = np.column_stack([centres, centres, np.full(len(centres), np.nan)]).ravel()
             up = np.column_stack([lo, hi, np.full(len(centres), np.nan)]).ravel()
@@ -103,8 +101,9 @@ def split_panels(findings: Findings) -> list[Chart]:
             chart.run_line(centres, rate, styles[label], label, width=1.4)
             chart.points(centres, rate, styles[label].colour, run=label)
         if not findings.flights.is_number(parameter):
-            chart.x_ticks = list(zip(own[0].centres, own[0].labels, strict=True))
-            chart.x_range = (min(own[0].centres) - 0.5, max(own[0].centres) + 0.5)
+            centres = own[0]["centres"]
+            chart.x_ticks = list(zip(centres, own[0]["labels"], strict=True))
+            chart.x_range = (min(centres) - 0.5, max(centres) + 0.5)
         charts.append(chart)
     return charts
 
@@ -133,7 +132,9 @@ def scatter_panels(findings: Findings) -> list[Chart]:
     return charts
 
 
-def _shares(title: str, of: dict[str, Estimate], styles: dict[str, LineStyle]) -> Chart:
+def _shares(
+    title: str, of: dict[str, tuple[float, float, float]], styles: dict[str, LineStyle]
+) -> Chart:
     """A row a group, from the top: its name, and below it the share with its interval."""
     chart = Chart(
         title=title,
@@ -143,14 +144,14 @@ def _shares(title: str, of: dict[str, Estimate], styles: dict[str, LineStyle]) -
         y_ticks=(),
         downwards=True,
     )
-    for place, (label, share) in enumerate(of.items()):
-        at, colour = share.scaled(100.0), styles[label].colour
-        tip = f"{label}: {at.value:.3g} [{at.lo:.3g}, {at.hi:.3g}]"
+    for place, (label, shares) in enumerate(of.items()):
+        (value, lo, hi), colour = (100.0 * share for share in shares), styles[label].colour
+        tip = f"{label}: {value:.3g} [{lo:.3g}, {hi:.3g}]"
         y = place + 0.77
         chart.name_row(place + 0.48, label)
-        chart.line([at.lo, at.hi], [y, y], colour, run=label, hover=False)
-        chart.points(at.value, y, colour, run=label, size=4.0, tips=[tip])
-    low, high = min(share.lo for share in of.values()), max(share.hi for share in of.values())
+        chart.line([lo, hi], [y, y], colour, run=label, hover=False)
+        chart.points(value, y, colour, run=label, size=4.0, tips=[tip])
+    low, high = min(lo for _, lo, _ in of.values()), max(hi for _, _, hi in of.values())
     room = 6.0 * max(high - low, 0.01)
     chart.x_range = max(-2.0, 100.0 * low - room), min(102.0, 100.0 * high + 2.5 * room)
     return chart
@@ -183,18 +184,13 @@ def _convergence(findings: Findings, title: str, y: str, name: str, factor: floa
     styles = styles_of(findings)
     chart = Chart(title=title, x="flights of a group", y=y, log="x")
     for curve in findings.convergence:
-        label = curve.group.label
-        n = np.array(curve.n, dtype=float)
-        value, lo, hi = arrays_of(_estimates(curve, name), factor)
+        label, n = curve["group"], np.array(curve["n"], dtype=float)
+        value, lo, hi = arrays_of(curve[name], factor)
         bounded = np.isfinite(lo) & np.isfinite(hi)
         low, high = (np.where(bounded, side, np.nan) for side in (lo, hi))
         chart.band(n, low, high, styles[label].colour, run=label)
         chart.run_line(n, value, styles[label], label)
     return chart
-
-
-def _estimates(curve: ConvergenceCurve, name: str) -> Sequence[Estimate]:
-    return {"success": curve.success, "p95": curve.p95}[name]
 
 
 def _scale(values: FloatArray) -> tuple[tuple[float, float], bool]:

@@ -1,18 +1,13 @@
-"""The findings of a campaign as plain values, for ``--json``, and their tables."""
+"""Tables of the findings of a campaign."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
-from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.findings import SUCCESS, Findings
-from flighttune.campaign.statistics.flights import worst_first
-from flighttune.campaign.statistics.summary import CertifiedCount, GroupSummary, Reason, Spread
-from flighttune.guarantee.ultimate_set import UltimateSet
+from flighttune.campaign.statistics.sensitivity import strength
 from flighttune.present.names import columns, metric_label
 from flighttune.present.numbers import figures, percent
 from flighttune.present.tables import Column, Table
-from flighttune.units import DEG
 
 
 def metric_name(metric: str) -> str:
@@ -77,114 +72,6 @@ SOBOL_COLUMNS = [
     Column("first.0", "first index", digits=".2f", ends=("first.1", "first.2")),
     Column("total.0", "total index", digits=".2f", ends=("total.1", "total.2")),
 ]
-
-
-WORST = 5
-"""Worst flights of a group."""
-
-
-def findings_values(findings: Findings) -> dict[str, Any]:
-    """Findings as plain values, shares between 0 and 1, units as in the columns."""
-    flown = findings.flights
-    return {
-        "dataset": flown.url,
-        "title": flown.plan.campaign.title,
-        "runs": len(flown.rows),
-        "planned": flown.plan.runs,
-        "design": flown.plan.campaign.design,
-        "interval": flown.method,
-        "confidence": flown.confidence,
-        "worst_by": findings.measure,
-        "groups": [_group(findings, summary) for summary in findings.groups],
-        "paired": [asdict(pair) for pair in findings.paired],
-    }
-
-
-def _group(findings: Findings, summary: GroupSummary) -> dict[str, Any]:
-    def reason(why: Reason) -> dict[str, Any]:
-        return {"reason": why.text, "count": why.count, "run": why.run}
-
-    return {
-        "group": summary.group.label,
-        "gains": summary.group.gains,
-        "plant": summary.group.plant,
-        "n": summary.n,
-        "success": summary.success.value,
-        "lo": summary.success.lo,
-        "hi": summary.success.hi,
-        "successes": summary.successes,
-        "statuses": {status.status: status.count for status in summary.statuses},
-        "reasons": [
-            {"status": status.status, **reason(why)}
-            for status in summary.statuses
-            for why in status.reasons
-        ],
-        "missed": [reason(why) for why in summary.missed],
-        "certified": _certified(summary.certified, findings.claims.get(summary.group)),
-        "metrics": {name: _spread(spread) for name, spread in summary.measures.items()},
-        "worst": _worst(findings, summary.group),
-        "sensitivity": {
-            name: _sensitivity(findings, summary.group, name)
-            for name in (SUCCESS, findings.measure)
-            if name is not None
-        },
-    }
-
-
-def _worst(findings: Findings, group: Group) -> list[dict[str, Any]]:
-    """The worst completed flights, with all that was drawn."""
-    measure = findings.measure
-    if measure is None:
-        return []
-    rows = dict(findings.flights.groups())[group]
-    return [
-        {key: flight[key] for key in ("run", "draw", measure, "success")}
-        | {"parameters": {key: flight[key] for key in findings.flights.keys}}
-        for flight in worst_first(rows, measure, WORST).to_dict("records")
-    ]
-
-
-def _sensitivity(findings: Findings, group: Group, name: str) -> dict[str, Any]:
-    indices, sobol = findings.sobol.get((group, name)), None
-    if indices is not None:
-        sobol = {
-            factor: {
-                "first": indices.first[:, i].tolist(),
-                "total": indices.total[:, i].tolist(),
-                "blocks": indices.n,
-            }
-            for i, factor in enumerate(findings.flights.plan.factors)
-        }
-    ranks = [asdict(influence) for influence in findings.influences[group, name]]
-    return {"ranks": ranks, "sobol": sobol}
-
-
-def _spread(spread: Spread) -> dict[str, Any]:
-    values: dict[str, Any] = {"mean": spread.mean, "n": spread.n}
-    for name, estimate in spread.percentiles.items():
-        values |= {name: estimate.value, f"{name}_interval": [estimate.lo, estimate.hi]}
-    return values
-
-
-def _certified(count: CertifiedCount | None, claim: UltimateSet | None) -> dict[str, Any] | None:
-    if count is None:
-        return None
-    bound: dict[str, Any] = {}
-    if claim is not None:
-        bound = {
-            "L_d_rad_s2": claim.L_d,
-            "from_s": claim.t_from,
-            "tube_deg": [width / DEG for width in claim.tube],
-            "says_nothing": claim.vacuous,
-        }
-    return {
-        **bound,
-        **{key: getattr(count, key) for key in ("held", "broken", "not_entered", "lost")},
-        "rate": count.of_all.value,
-        "interval": [count.of_all.lo, count.of_all.hi],
-        "rate_of_entered": count.of_entered.value,
-        "interval_of_entered": [count.of_entered.lo, count.of_entered.hi],
-    }
 
 
 def success_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
@@ -283,10 +170,11 @@ def sobol_table(groups: Sequence[Mapping[str, Any]]) -> Table:
     return _by_group("Sobol indices", SOBOL_COLUMNS, records)
 
 
-def paired_table(findings: Findings, paired: Sequence[Mapping[str, Any]]) -> Table:
+def paired_table(findings: Findings) -> Table:
     """Gain sets compared draw by draw."""
     records = [
-        {**pair, "pair": f"{pair['a']} against {pair['b']}, {pair['plant']}"} for pair in paired
+        {**pair, "pair": f"{pair['a']} against {pair['b']}, {pair['plant']}"}
+        for pair in findings.values["paired"]
     ]
     label = metric_label(findings.measure or "chi.ITAE")
     shown = [
@@ -310,12 +198,13 @@ def paired_table(findings: Findings, paired: Sequence[Mapping[str, Any]]) -> Tab
 
 def influential_parameters(findings: Findings) -> list[str]:
     """The most influential parameters of any group, the strongest first."""
-    strength: dict[str, float] = {}
-    for influences in findings.influences.values():
-        for influence in influences:
-            key = influence.parameter
-            strength[key] = max(influence.strength, strength.get(key, 0.0))
-    ordered = sorted(findings.flights.keys, key=lambda key: -strength.get(key, 0.0))
+    strongest: dict[str, float] = {}
+    for group in findings.values["groups"]:
+        for sensitivity in group["sensitivity"].values():
+            for rank in sensitivity["ranks"]:
+                key = rank["parameter"]
+                strongest[key] = max(strength(rank), strongest.get(key, 0.0))
+    ordered = sorted(findings.flights.keys, key=lambda key: -strongest.get(key, 0.0))
     return ordered[:PARAMETERS]
 
 
