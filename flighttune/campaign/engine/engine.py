@@ -216,9 +216,7 @@ def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
         changes = [f"{name}: was {then}, is {now}" for name, (then, now) in other.items()]
         raise InputError(f"{out}: was flown with other libraries: {'; '.join(changes)}.")
     if now < was or (now > was and not plan.extendable):
-        may = (
-            "can only grow" if plan.extendable else f"must stay, with {plan.campaign.design} draws"
-        )
+        may = "can only grow" if plan.extendable else f"must stay with {plan.campaign.design} draws"
         raise InputError(f"{out}: `runs` of a campaign {may}, was {was}, is {now}.")
     if now > was:
         dataset = Dataset(out, plan, versions)

@@ -15,20 +15,11 @@ from flighttune.scenario.tables import PlantTable
 Place: TypeAlias = tuple[str | int, ...]
 """Names of tables and positions in arrays from the top of a scenario to a value."""
 
-NOT_DISPERSED = {
-    "plant.kind": "give each plant in a [[plant]]",
-    "plant.aircraft": "give each aircraft in a [[plant]]",
-    "plant.name": "it is what a plant is called",
-    "seed": "every draw has a seed of its own",
-    "gains": "give each gain set in `gains`",
-    "tuning": "gains are tuned once, on the undispersed scenario",
-    "envelope": "it is the range of a claim, and not flown",
-    "expect": "requirements are the same for every run",
-    "title": "it is for the reader",
-    "verifies": "it is for the reader",
-    "source": "it is for the reader",
-}
-"""Tables and keys of a scenario that are the same for all draws, and why."""
+NOT_DISPERSED = (
+    *("plant.kind", "plant.aircraft", "plant.name", "gains", "tuning", "envelope", "expect"),
+    *("seed", "title", "verifies", "source"),
+)
+"""Tables and keys of a scenario that are the same for all draws; each draw has its own seed."""
 
 SEGMENT = r"[\w/+-]+(?:\[[^\[\]]+\])*"
 PATH = re.compile(rf"{SEGMENT}(?:\.{SEGMENT})*")
@@ -95,15 +86,16 @@ def dispersed_places(
     for table in disperse:
         where = f"{source}: [[disperse]] `{table.key}`"
         named = re.sub(r"\[[^\]]*\]", "", table.key)
-        for fixed in {named, named.split(".")[0]} & set(NOT_DISPERSED):
-            raise ScenarioError(f"{where} must not be dispersed: {NOT_DISPERSED[fixed]}.")
+        if {named, named.split(".")[0]} & {*NOT_DISPERSED}:
+            raise ScenarioError(f"{where} must not be dispersed: it is the same for all draws.")
+        # a value by which to see which plants have the key
+        tried = {"sets": table.central, "adds": 0.0, "multiplies": 1.0}[table.acts]
         try:
-            places = places_of(table.key, values, _probe(table))
+            places = places_of(table.key, values, tried)
         except InputError as error:
-            stop = "" if str(error).endswith("?") else "."
-            raise ScenarioError(f"{where} {error}{stop}") from None
+            raise ScenarioError(f"{where} {error}.") from None
         for other, theirs in places_by_key.items():
-            if any(_overlap(mine, their) for mine in places for their in theirs):
+            if any(a[: len(b)] == b[: len(a)] for a in places for b in theirs):
                 raise ScenarioError(f"{where} must be dispersed once, but `{other}` means it too.")
         for place in places if table.acts != "sets" else ():
             own = value_at(values, place)
@@ -133,19 +125,6 @@ def with_drawn(
                 value = value_at(tables, place) * value
             values.append((place, value))
     return with_values(tables, values)
-
-
-def _probe(table: Dispersion) -> Any:
-    """A value by which to see which plants have a key."""
-    central = table.central
-    if table.acts == "sets" or not isinstance(central, (int, float)):
-        return central
-    return 1.0 if table.acts == "multiplies" else 0.0
-
-
-def _overlap(a: Place, b: Place) -> bool:
-    shorter = min(len(a), len(b))
-    return a[:shorter] == b[:shorter]
 
 
 def _walked(steps: tuple[str, ...], tables: Mapping[str, Any]) -> Place:
@@ -190,7 +169,7 @@ def _of_plants(
         else:
             flyable.append(("plant", i, *place))
     if not flyable:
-        raise InputError(f"must be a key of a plant that flies: {refusals[-1].rstrip('.')}")
+        raise InputError(f"must be a key of a plant that flies: {refusals[-1].rstrip('.?')}")
     return tuple(flyable)
 
 
