@@ -89,7 +89,7 @@ def loop_margins(model: LinearModel, gains: PIGains) -> tuple[Margins, ...]:
     Returns
     -------
     tuple of Margins
-        Of each input, then of all at once.
+        One for each input, then that of all at once.
 
     Raises
     ------

@@ -9,6 +9,7 @@ from flighttune.control.inner_loop import (
     InnerLag,
     inner_loop_scaling,
     with_inner_loop,
+    with_input_delay,
     with_input_lag,
 )
 from flighttune.control.linear_model import closed_loops, kinematic_model
@@ -45,6 +46,18 @@ def test_first_order_without_delay_is_the_plain_input_lag():
     assert found.B == pytest.approx(plain.B)
     assert found.C == pytest.approx(plain.C)
     assert found.states == plain.states
+
+
+@pytest.mark.parametrize("sections", [1, 2, 4])
+def test_a_delay_is_all_pass_and_its_phase_error_falls_with_the_sections(sections):
+    omega, delay = 2.0, np.array([0.1, 0.3])
+    delayed = with_input_delay(MODEL, delay, sections=sections)
+
+    ratio = np.diag(response(delayed, 1j * omega)) / np.diag(response(MODEL, 1j * omega))
+
+    assert delayed.shape == (2 + 2 * sections, 2, 2)
+    assert np.abs(ratio) == pytest.approx(1.0, rel=ROUNDING)
+    assert -np.angle(ratio) == pytest.approx(omega * delay, rel=0.04 / sections**2)
 
 
 def test_the_response_is_exact_in_the_delay():
@@ -97,7 +110,11 @@ def test_a_lag_counts_by_the_turn_it_causes():
         (lambda: InnerLag(order=4, natural_frequency=1.0), InputError, "`order` must be 1, 2 or 3"),
         (lambda: InnerLag(order=1, natural_frequency=0.0), InputError, "`natural_frequency` must"),
         (lambda: SLOW.delayed(-1.0), InputError, "`delay` must not be negative, got -1"),
-        (lambda: with_inner_loop(MODEL, (SLOW,)), ShapeError, "`lags` must be 2, one an input"),
+        (lambda: with_inner_loop(MODEL, (SLOW,)), ShapeError, "`lags` must be 2"),
+        (lambda: with_input_lag(MODEL, [4.0, 0.0]), InputError, "`bandwidths` must be positive"),
+        (lambda: with_input_lag(MODEL, [4.0] * 3), ShapeError, "`bandwidths` must have shape"),
+        (lambda: with_input_delay(MODEL, -0.1), InputError, "`delay` must be positive"),
+        (lambda: with_input_delay(MODEL, 0.1, sections=0), InputError, "`sections` must be at"),
     ],
 )
 def test_impossible_lags_are_refused(call, error, message):

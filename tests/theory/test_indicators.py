@@ -50,16 +50,6 @@ def test_a_loop_of_decoupled_lags_has_the_indicators_known_on_paper():
     assert found.spectral_abscissa == pytest.approx(-slow, rel=ROUNDING)
 
 
-@pytest.mark.parametrize("unit", [0.01, 1.0, 57.3])
-def test_the_unit_common_to_all_states_changes_nothing(unit):
-    A_K = closed_loop(MODEL, PAPER_GAINS)
-
-    found = indicators(A_K, scaling=np.full(4, unit))
-
-    assert found.R_K == pytest.approx(indicators(A_K).R_K, rel=ROUNDING)
-    assert found.I_K == pytest.approx(indicators(A_K).I_K, rel=ROUNDING)
-
-
 def test_state_scaling_is_a_change_of_variables():
     A_K, scale = closed_loop(MODEL, PAPER_GAINS), np.array([0.5, 0.5, 1.0, 2.0])
 

@@ -91,14 +91,6 @@ def test_a_stack_equals_its_members_and_broadcasts_the_right_hand_side(n):
     assert np.abs(residual).max() < ROUNDING * n * np.abs(S).max()
 
 
-def test_the_integral_of_the_energy_is_the_solution():
-    rate, weight = 0.7, 3.0
-
-    Q = lyapunov_solution([[-rate]], [[weight]])
-
-    assert Q[0, 0] == pytest.approx(weight / (2.0 * rate), rel=ROUNDING)
-
-
 def test_a_pair_of_opposite_eigenvalues_is_refused():
     with pytest.raises(InputError, match="`A`"):
         lyapunov_solution(np.diag([1.0, -1.0]))

