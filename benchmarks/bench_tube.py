@@ -99,7 +99,7 @@ def flown(found, d, starts):
     integral, before = np.zeros((2, count)), None
     errors = np.empty((len(found.bounds.t), 2, count))
     for k in range(len(found.bounds.t)):
-        error = np.array([loop.chi_ref[k], loop.gamma_ref[k]])[:, np.newaxis] - x
+        error = loop.reference[k, :2, np.newaxis] - x
         errors[k] = error
         increment = 0.0 if before is None else K_I_half @ (error + before)
         before = error
@@ -273,7 +273,8 @@ def flown_by_model(problem, count, rng):
         hold = HOLDS[i % len(HOLDS)]
         signs = np.repeat(rng.choice([-1.0, 1.0], (k // hold + 2, 2)), hold, axis=0)
         d = middle + radius * signs[rng.integers(0, hold) :][:k]
-        roll = np.zeros((k, 4)) if problem.roll is None else problem.roll
+        boxes = problem.loop.boxes
+        roll = boxes[:, 2:].reshape(k, 4) if problem.loop.sees_roll else np.zeros((k, 4))
         plant = SeenOtherwise(
             problem.lags,
             lambda t, d=d: tuple(d[min(int(t / dt + 1e-6), k - 1)].tolist()),

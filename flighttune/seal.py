@@ -40,11 +40,6 @@ def sealed_bytes(path: Path, kind: str, remedy: str = "fly it again") -> bytes:
     return data
 
 
-def seal_of(data: bytes) -> str:
-    """The SHA-256 in the bytes that `seal` or `sealed_bytes` returned."""
-    return data.rpartition(MARK)[2][:DIGITS].decode()
-
-
 def file_bytes(path: Path, kind: str) -> bytes:
     """Bytes of a file that is not empty, or one line that says why there are none."""
     if not path.is_file():

@@ -4,7 +4,7 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -176,7 +176,7 @@ def recount(
         confidence=conformance.confidence,
         attempts=conformance.planned,
         gains=conformance.gains_name,
-        air=conformance.air,
+        air=conformance.distribution.air,
         over=conformance.boxes.windows.over,
         window=conformance.boxes.windows.length,
         seed=conformance.seed,
@@ -291,7 +291,12 @@ def _conformance(
 
 def _hash_of(plan: Plan, residuals: ResidualSummary) -> str:
     """Hash of the flights that are counted, and of what is counted of them."""
-    tables = {**plan.as_dict(), "residuals": residuals.as_dict()}
+    (phi, n_z), model = map(asdict, residuals.model.lags), residuals.model
+    counted = {
+        "model": {"V_a_mps": model.V_a, "g_mps2": model.g, "phi": phi, "n_z": n_z},
+        "windows": asdict(residuals.windows),
+    }
+    tables = {**plan.as_dict(), "residuals": counted}
     return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
 
 

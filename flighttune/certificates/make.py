@@ -88,19 +88,24 @@ def certify(
         polytope = jacobian_hull(envelope, g=g)
         loops = vertex_loops(envelope, gains, g=g)
     vertices = vertex_matrices(model, gains, polytope, models)
-    Q, reason = _Q(loops)
-    proven = None if Q is None else provable_rate(vertices, Q)
+    alone = len(loops) == 1
+    figures = indicators(loops[0]) if alone else common_Q(loops)
+    proven = None if figures.Q is None else provable_rate(vertices, figures.Q)
     if proven is None:
-        return _refused(reason or "no inflation of Q could be proven to satisfy its inequality.")
-    ellipsoid = None
+        why = figures.reason or "no inflation of Q could be proven to satisfy its inequality."
+        return _refused(why)
+    ellipsoid = radius = None
     if L_d is not None:
         ellipsoid, reason = _ellipsoid(loops, disturbance_entry(model), L_d)
         if ellipsoid is None:
             return _refused(reason)
+        radius = math.sqrt(float(np.linalg.eigvalsh(ellipsoid.W)[-1])) * FACTORS[0]
+    lyapunov = {"Lyapunov equation": f"numpy {np.__version__}"}
+    solvers = lyapunov if alone else {"solver": "Clarabel", **solver_versions()}
     certificate = Certificate(
         claim=Claim(
             rate=proven[1],
-            radius=None if ellipsoid is None else _radius(ellipsoid.W),
+            radius=radius,
             L_d=L_d,
             envelope=envelope,
             g=g,
@@ -113,7 +118,7 @@ def certify(
         multiplier=None if ellipsoid is None else ellipsoid.multiplier,
         hull=polytope,
         models=models,
-        made_with={"flighttune": version("flighttune"), **_solvers(len(loops) > 1)},
+        made_with={"flighttune": version("flighttune"), **solvers},
         scenario_sha256=scenario_sha256,
     )
     verification = verify(certificate)
@@ -130,27 +135,10 @@ def _distinct(loops: Sequence[FloatArray]) -> FloatArray:
     return np.array(loops)[np.sort(first)]
 
 
-def _Q(loops: FloatArray) -> tuple[FloatArray | None, str]:
-    if len(loops) == 1:
-        figures = indicators(loops[0])
-        return figures.Q, figures.reason
-    common = common_Q(loops)
-    return common.Q, common.reason
-
-
 def _ellipsoid(loops: FloatArray, E: FloatArray, L_d: float) -> tuple[Ellipsoid | None, str]:
     if len(loops) > 1:
         return common_ellipsoid(loops, E, L_d=L_d)
     return invariant_ellipsoid(loops[0], E, L_d=L_d, slack=1e-6), ""  # else rounding refutes it
-
-
-def _radius(W: FloatArray) -> float:
-    return math.sqrt(float(np.linalg.eigvalsh(W)[-1])) * FACTORS[0]
-
-
-def _solvers(asked: bool) -> dict[str, str]:
-    lyapunov = {"Lyapunov equation": f"numpy {np.__version__}"}
-    return {"solver": "Clarabel", **solver_versions()} if asked else lyapunov
 
 
 def _refused(reason: str) -> Certification:

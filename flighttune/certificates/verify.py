@@ -67,21 +67,15 @@ def coverage_checks(
     g : float, m/s^2
     """
     slowest, fastest = (Fraction(V) for V in envelope.V_a)
-    rates = (Fraction(g) / fastest, Fraction(g) / slowest)
-    sine_phi = (sine(envelope.phi[0])[0], sine(envelope.phi[1])[1])
-    n_z = (Fraction(envelope.n_z[0]), Fraction(envelope.n_z[1]))
-    cosines = [cosine(angle) for angle in envelope.phi]
-    level = envelope.phi[0] <= 0.0 <= envelope.phi[1]
-    cosine_phi = (
-        min(low for low, _ in cosines),
-        Fraction(1) if level else max(high for _, high in cosines),
+    rates = Fraction(g) / fastest, Fraction(g) / slowest
+    sine_gamma, sine_phi = (
+        (sine(low)[0], sine(high)[1]) for low, high in (envelope.gamma, envelope.phi)
     )
-    boxes: list[Interval] = [
-        (sine(envelope.gamma[0])[0], sine(envelope.gamma[1])[1]),
-        (1 / cosine_phi[1] ** 2, 1 / cosine_phi[0] ** 2),
-        product(n_z, sine_phi),
-        cosine_phi,
-    ]
+    n_z = Fraction(envelope.n_z[0]), Fraction(envelope.n_z[1])
+    lowest, highest = zip(*map(cosine, envelope.phi), strict=True)
+    level = envelope.phi[0] <= 0.0 <= envelope.phi[1]
+    low, high = min(lowest), Fraction(1) if level else max(highest)
+    boxes = [sine_gamma, (1 / high**2, 1 / low**2), product(n_z, sine_phi), (low, high)]
     checks = [_inside("g/V of the envelope", rates, hull.factor)]
     for name, box, ends in zip(ENTRIES, boxes, _ends(hull), strict=True):
         checks.append(_inside(f"{name} of the envelope", box, ends))
@@ -161,26 +155,14 @@ def verify(certificate: Certificate | str | Path) -> Verification:
     """
     if not isinstance(certificate, Certificate):
         certificate = load_certificate(certificate)
-    claim = certificate.claim
+    claim, model, hull = certificate.claim, certificate.model, certificate.hull
     checks: list[Check] = []
-    if claim.envelope is not None and certificate.hull is not None and claim.g is not None:
-        checks += coverage_checks(certificate.model, claim.envelope, certificate.hull, g=claim.g)
-    vertices = vertex_matrices(
-        certificate.model, certificate.gains, certificate.hull, certificate.models
-    )
+    if claim.envelope is not None and hull is not None and claim.g is not None:
+        checks += coverage_checks(model, claim.envelope, hull, g=claim.g)
+    vertices = vertex_matrices(model, certificate.gains, hull, certificate.models)
     checks += rate_checks(vertices, certificate.Q, rate=claim.rate)
-    if (
-        claim.radius is not None
-        and claim.L_d is not None
-        and certificate.W is not None
-        and certificate.multiplier is not None
-    ):
-        checks += radius_checks(
-            vertices,
-            disturbance_entry(certificate.model),
-            certificate.W,
-            multiplier=certificate.multiplier,
-            radius=claim.radius,
-            L_d=claim.L_d,
-        )
+    W, multiplier, L_d = certificate.W, certificate.multiplier, claim.L_d
+    if claim.radius is not None and not (W is None or multiplier is None or L_d is None):
+        sizes = {"multiplier": multiplier, "radius": claim.radius, "L_d": L_d}
+        checks += radius_checks(vertices, disturbance_entry(model), W, **sizes)
     return Verification.of(checks)

@@ -176,7 +176,7 @@ def _answer(conformance: "Conformance", out: Path) -> Answer:
         values={
             **conformance_tables(conformance),
             "status": "counted" if conformance.holds else "flights_outside",
-            "air": conformance.air,
+            "air": conformance.distribution.air,
         },
         tables=[
             Table(

@@ -310,13 +310,14 @@ def run_tubes_values(tubes: "RunTubes") -> dict[str, Any]:
     return {
         label: {
             **pick(
-                tube.about, "status reason model start_deg handed_over_s counted_from_s probability"
+                tube.about,
+                "status reason model start_deg handed_over_s counted_from_s probability worst",
             ),
             "half_width_deg": {
                 channel: {key: width / DEG for key, width in widths.items()}
                 for channel, widths in tube.half_widths.items()
             },
-            **pick(tube, "inside computed worst file"),
+            **pick(tube, "inside computed file"),
         }
         for label, tube in tubes.tubes.items()
     }
@@ -343,7 +344,7 @@ def _note(label: str, tube: "RunTube") -> str:
         lost += f"{about.reason}."
     chance = f" {about.probability.sentence}." if about.probability else ""
     worst = ""
-    if tube.worst is None:
+    if about.worst is None:
         worst = f" flighttune worst SCENARIO|CAMPAIGN --tube {tube.file} searches its worst flight."
     return f"{label}: a tube of {about.model}.{lost}{chance}{worst}"
 

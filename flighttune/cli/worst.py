@@ -106,7 +106,7 @@ def worst(
     from flighttune.tube.store import read_bounds, write_worst
     from flighttune.whole_file import write_text
 
-    bounds = None if tube is None else read_bounds(tube)[1]
+    bounds = None if tube is None else read_bounds(tube)
     settings = WorstSettings(
         budget=budget,
         metric=metric,

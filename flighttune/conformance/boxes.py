@@ -1,13 +1,13 @@
 """Windows of a flight, and boxes that hold its residuals and errors inside each of them."""
 
 import math
-from dataclasses import asdict, dataclass
-from typing import Any, Literal, TypeAlias
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray
+from flighttune.arrays import FloatArray, read_only_matrix
 from flighttune.conformance.residual import COUNTED, RESIDUALS, ConformantModel, residuals_of
 from flighttune.errors import InputError
 from flighttune.guarantee.bounds import Bounds
@@ -133,10 +133,6 @@ class ResidualSummary:
         low, high = (np.hstack(ends) for ends in zip(residual, error, strict=True))
         return low, high
 
-    def as_dict(self) -> dict[str, Any]:
-        """The summary as plain values, for its hash."""
-        return {"model": self.model.as_dict(), "windows": asdict(self.windows)}
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RateBoxes:
@@ -148,33 +144,21 @@ class RateBoxes:
     high: FloatArray
 
     def __post_init__(self) -> None:
+        shape = self.windows.count, len(COUNTED)
         for name in ("low", "high"):
-            value = np.array(getattr(self, name), dtype=float)
-            value.flags.writeable = False
+            value = read_only_matrix(name, getattr(self, name), shape)
             object.__setattr__(self, name, value)
-        shape = (self.windows.count, len(COUNTED))
-        if self.low.shape != shape or self.high.shape != shape:
-            raise InputError(f"`low` and `high` must have shape {shape}, got {self.low.shape}.")
-        if not (np.isfinite(self.low) & np.isfinite(self.high) & (self.low <= self.high)).all():
-            raise InputError("`low` must be finite and not above `high`.")
-
-    @property
-    def centre(self) -> FloatArray:
-        """Middle of each box, shape (count, 6), rad/s and rad."""
-        return 0.5 * (self.low + self.high)
-
-    @property
-    def half_width(self) -> FloatArray:
-        """Half width of each box, shape (count, 6), rad/s and rad."""
-        return 0.5 * (self.high - self.low)
+        if not (self.low <= self.high).all():
+            raise InputError("`low` must not be above `high`.")
 
     def over(self, t: FloatArray, chi_ref: FloatArray, gamma_ref: FloatArray) -> Bounds:
-        """Bounds on a flight from each sample to the next: the box of each but the last.
+        """Bounds on a flight from each sample to the next; those of the last are never used.
 
         `t` (shape (n,), s). `chi_ref`, `gamma_ref` (shape (n,), rad): the reference of the flight.
         """
         window = self.windows.of_samples(t, chi_ref, gamma_ref)
-        return Bounds(t[:-1], self.low[window], self.high[window], COUNTED)
+        window = np.append(window, window[-1])
+        return Bounds(t, self.low[window], self.high[window], COUNTED)
 
     def hold(self, low: FloatArray, high: FloatArray) -> npt.NDArray[np.bool_]:
         """Whether flights stay in the boxes from start to end.

@@ -243,11 +243,6 @@ class Conformance:
         return self.attempts[-1].outside == 0
 
     @property
-    def air(self) -> str:
-        """``calm``, ``wind``, or the intensity of the turbulence."""
-        return self.distribution.air
-
-    @property
     def sentence(self) -> str:
         """The claim, or why there is none, with the distribution it is about."""
         last, tries = self.attempts[-1], len(self.attempts)

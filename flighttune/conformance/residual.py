@@ -1,9 +1,8 @@
 """Residuals: the part of a flight's course and path-angle rates and roll that the model misses."""
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
@@ -39,11 +38,6 @@ class ConformantModel:
 
     def __post_init__(self) -> None:
         check_positive(V_a=self.V_a, g=self.g)
-
-    def as_dict(self) -> dict[str, Any]:
-        """The model as plain values, which are hashed."""
-        phi, n_z = map(asdict, self.lags)
-        return {"V_a_mps": self.V_a, "g_mps2": self.g, "phi": phi, "n_z": n_z}
 
 
 def residual_rates(

@@ -61,7 +61,9 @@ class Bounds:
 
     def around(self, run: Run) -> Run:
         """The run with the bounds as signals; NaN where they do not last."""
-        return with_columns(run, {name: self.columns[name] for name in self.columns if name != "t"})
+        columns = self.columns
+        del columns["t"]
+        return with_columns(run, columns)
 
     def distances(self, run: Run) -> FloatArray:
         """Distance of the signals of a flight from the middle of the bounds, shape (samples, m)."""
@@ -99,9 +101,10 @@ class Bounds:
 
 def with_columns(run: Run, columns: Mapping[str, FloatArray]) -> Run:
     """The run with more signals, which are cut to its length or end with NaN."""
-    samples = len(run.signals)
-    longer = {
-        name: np.append(values, np.full(max(samples - len(values), 0), np.nan))[:samples]
-        for name, values in columns.items()
-    }
+    longer = {name: cut_to(len(run.signals), values) for name, values in columns.items()}
     return replace(run, signals=run.signals.assign(**longer))
+
+
+def cut_to(samples: int, values: FloatArray) -> FloatArray:
+    """The first of `values`, followed by NaN where there are fewer than `samples`."""
+    return np.append(values, np.full(max(samples - len(values), 0), np.nan))[:samples]

@@ -16,7 +16,6 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
 from flighttune.guarantee.bounds import Bounds
-from flighttune.guarantee.error_states import error_states
 from flighttune.guarantee.mismatch import (
     LEAST_SAMPLES,
     Mismatch,
@@ -31,8 +30,10 @@ from flighttune.guarantee.ultimate_set import (
     Outcome,
     UltimateSet,
     certified_loop,
+    error_states,
     largest_command,
     outcomes,
+    quadratic_form,
 )
 from flighttune.simulate.run import Run
 
@@ -51,9 +52,7 @@ class FlightCheck:
     # most ``L_d^2``
     level: FloatArray
     strength: FloatArray  # (n - 1,), rad/s^2: Norm of the derivative of the mismatch
-    # (n,): Where the reference changes its slope, and where a command is at a limit
-    moved: npt.NDArray[np.bool_]
-    limited: npt.NDArray[np.bool_]
+    moved: npt.NDArray[np.bool_]  # (n,): Where the reference changes its slope
     # (n,): Upper bound of `size`; NaN where there is no claim, because the reference moves or a
     # command is at a limit
     bound: FloatArray
@@ -67,11 +66,6 @@ class FlightCheck:
     def size(self) -> FloatArray:
         """``||s||``, shape (n,)."""
         return np.linalg.norm(self.states, axis=1)
-
-    @property
-    def errors(self) -> FloatArray:
-        """Errors of course and path angle, shape (n, 2), rad."""
-        return self.states[:, 2:]
 
     @property
     def broken(self) -> npt.NDArray[np.bool_]:
@@ -157,18 +151,14 @@ def check_against(run: Run, loop: CertifiedLoop, mismatch: Mismatch) -> FlightCh
     signals = run.signals
     references = signals["chi_ref"].to_numpy(), signals["gamma_ref"].to_numpy()
     errors = signals["chi_err"].to_numpy(), signals["gamma_err"].to_numpy()
-    t = run.t
     turning = mismatch.rates[:, 0], mismatch.rates[:, 1]
-    flown = error_states(t, errors=errors, references=references, rates=turning)
-    limited = np.zeros(len(t) - 1, dtype=bool)
-    for name in LIMITED:
-        if name in signals:
-            limited |= signals[name].to_numpy()[:-1] != 0.0
+    states, moved = error_states(run.t, errors=errors, references=references, rates=turning)
+    limited = (signals.filter(items=LIMITED).to_numpy()[:-1] != 0.0).any(axis=1)
     strength = np.linalg.norm(mismatch.d_dot, axis=1)
-    middle, Q = mismatch.t + 0.5 * np.diff(t), loop.indicators.Q
+    middle, Q = mismatch.t + 0.5 * np.diff(run.t), loop.indicators.Q
     assert Q is not None  # of a stable loop
-    claimed = ~(flown.moved | limited)
-    free = _free_response(middle, flown.level(Q), claimed, loop.indicators.R_K)
+    claimed = ~(moved | limited)
+    free = _free_response(middle, quadratic_form(states, Q), claimed, loop.indicators.R_K)
     forced = _forced_response(np.diff(middle), strength, claimed, loop.unit.multiplier)
     smallest = float(np.linalg.eigvalsh(Q)[0])
     free_widths = np.sqrt(np.diag(np.linalg.inv(Q))[2:])
@@ -177,15 +167,14 @@ def check_against(run: Run, loop: CertifiedLoop, mismatch: Mismatch) -> FlightCh
     return FlightCheck(
         loop=loop,
         t=middle,
-        states=np.column_stack(flown.states),
-        level=flown.level(loop.shape),
+        states=states.T,
+        level=quadratic_form(states, loop.shape),
         strength=strength,
-        moved=flown.moved,
-        limited=limited,
+        moved=moved,
         bound=np.sqrt(free / smallest) + loop.unit.radius * np.sqrt(forced),
         error_bounds=Bounds(middle, -widths, widths),
         commanded=largest_command(*references, (errors[0][0], errors[1][0])),
-        duration=float(t[-1]),
+        duration=run.duration,
         of_the_law=flies_the_law(run),
     )
 

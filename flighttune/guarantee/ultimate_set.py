@@ -1,6 +1,7 @@
 """The claim that errors end in a set and stay there, and what became of it in flights."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, TypeAlias
 
@@ -10,7 +11,6 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel, closed_loop, disturbance_entry
-from flighttune.guarantee.error_states import error_states
 from flighttune.guarantee.mismatch import LEAST_SAMPLES
 from flighttune.metrics import signal_arrays
 from flighttune.simulate.run import Run
@@ -29,6 +29,12 @@ LOOSE = 0.5
 NEVER_LOOSE = math.radians(5.0)
 """A bound below this is useful in any flight, also in one without a change of reference."""
 
+REFERENCE_MOVED = 1e-9
+"""Change of slope of the reference, rad a sample, beyond which it counts as moved.
+
+A step of the reference is a jump of s that no bound of the mismatch covers: a claim starts anew.
+"""
+
 Outcome: TypeAlias = Literal["held", "broken", "not entered"]
 
 
@@ -36,8 +42,6 @@ Outcome: TypeAlias = Literal["held", "broken", "not entered"]
 class CertifiedLoop:
     """A stable linear loop of the kinematic law in velocity form, ``s' = A_K s + E v``."""
 
-    A_K: FloatArray  # (4, 4), 1/s
-    E: FloatArray  # (4, 2): Where v, minus the derivative of the mismatch, enters
     indicators: Indicators  # With R_K and the Q that proves it
     unit: Ellipsoid  # Invariant ellipsoid for ``|v| <= 1``
     # (4, 4): Inverse of its W: s is in the ellipsoid for L_d where ``s' shape s <= L_d^2``
@@ -52,13 +56,14 @@ def certified_loop(model: LinearModel, gains: PIGains) -> CertifiedLoop | None:
     model : LinearModel
         `kinematic_model`, as the mismatch is measured against the kinematic law.
     """
-    A_K, E = closed_loop(model, gains), disturbance_entry(model)
+    A_K = closed_loop(model, gains)
     values = indicators(A_K)
     if values.status != "stable":
         return None
-    unit = invariant_ellipsoid(A_K, E, L_d=1.0)
-    shape = np.asarray(np.linalg.inv(unit.W), dtype=np.float64)
-    return CertifiedLoop(A_K=A_K, E=E, indicators=values, unit=unit, shape=shape)
+    unit = invariant_ellipsoid(A_K, disturbance_entry(model), L_d=1.0)
+    return CertifiedLoop(
+        indicators=values, unit=unit, shape=np.asarray(np.linalg.inv(unit.W), dtype=float)
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -121,9 +126,9 @@ class UltimateSet:
         self,
         t: FloatArray,
         *,
-        errors: tuple[FloatArray, FloatArray],
-        references: tuple[FloatArray, FloatArray],
-        angles: tuple[FloatArray, FloatArray],
+        errors: Sequence[FloatArray],
+        references: Sequence[FloatArray],
+        angles: Sequence[FloatArray],
     ) -> npt.NDArray[np.str_]:
         """Outcomes of the claim in completed flights.
 
@@ -142,15 +147,14 @@ class UltimateSet:
         first = int(np.searchsorted(t[:-1] + 0.5 * np.diff(t), self.t_from))
         before = max(first - 1, 0)  # one interval more: whether the reference moved at the first
         dt = np.diff(t[before:])
-        states = error_states(
-            t[before:],
-            errors=(errors[0][..., before:], errors[1][..., before:]),
-            references=(references[0][..., before:], references[1][..., before:]),
-            rates=(np.diff(angles[0][..., before:]) / dt, np.diff(angles[1][..., before:]) / dt),
+        errors, references, angles = (
+            tuple(signal[..., before:] for signal in pair) for pair in (errors, references, angles)
         )
-        inside = self.contains(states.level(self.loop.shape))
+        rates = [np.diff(angle) / dt for angle in angles]
+        states, moved = error_states(t[before:], errors=errors, references=references, rates=rates)
+        inside = self.contains(quadratic_form(states, self.loop.shape))
         late = slice(first - before, None)
-        return outcomes(inside[..., late], states.moved[..., late])
+        return outcomes(inside[..., late], moved[..., late])
 
 
 def largest_command(chi_ref: FloatArray, gamma_ref: FloatArray, e_0: tuple[float, float]) -> float:
@@ -177,3 +181,66 @@ def outcomes(inside: npt.NDArray[np.bool_], moved: npt.NDArray[np.bool_]) -> npt
     left = (within[..., :-1] & ~inside[..., 1:] & ~moved[..., 1:]).any(axis=-1)
     ends_in = within[..., -1:].any(axis=-1)
     return np.where(left, "broken", np.where(ends_in, "held", "not entered"))
+
+
+def error_states(
+    t: FloatArray,
+    *,
+    errors: Sequence[FloatArray],
+    references: Sequence[FloatArray],
+    rates: Sequence[FloatArray],
+) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """The states s = (e', e) of flights, errors and their rates, and where the reference moves.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n + 1,), s
+        Times of the samples.
+    errors, references : tuple of ndarray, shape (..., n + 1), rad
+        Of course and of flight-path angle: the error as the controller has it (wrapped), and the
+        reference.
+    rates : tuple of ndarray, shape (..., n), rad/s
+        Mean rates flown in each interval.
+
+    Returns
+    -------
+    states : ndarray, shape (4, ..., n), rad/s and rad
+        Rates of the errors of course and flight-path angle, and the errors, in the middle of each
+        interval.
+    moved : ndarray of bool, shape (..., n)
+        Where the reference changes its slope.
+
+    Notes
+    -----
+    No derivative of a sampled signal is estimated: the mean rate of an angle over an interval is
+    its increment over the sample time, exactly. It is the rate in the middle of the interval to
+    second order in the sample time, and the error there is that at its start plus half the change.
+    """
+    dt = np.diff(t)
+    slopes: list[FloatArray] = []
+    middles: list[FloatArray] = []
+    moved = np.zeros(1, dtype=bool)
+    for error, reference, rate_flown in zip(errors, references, rates, strict=True):
+        step = np.diff(reference)
+        slopes.append(step / dt - rate_flown)
+        middles.append(error[..., :-1] + 0.5 * dt * slopes[-1])
+        moved = moved | (np.abs(np.diff(step, prepend=step[..., :1])) > REFERENCE_MOVED)
+    return np.stack([*slopes, *middles]), np.broadcast_to(moved, slopes[0].shape)
+
+
+def quadratic_form(states: FloatArray, shape: npt.ArrayLike) -> FloatArray:
+    """``s' shape s`` of states, shape (4, ..., n), in each interval.
+
+    Notes
+    -----
+    The sums are written out: einsum and @ add in an order that depends on the size of the
+    arrays, and a flight among many must have the bits of a flight alone.
+    """
+    total = np.zeros_like(states[0])
+    for row, s_i in zip(np.asarray(shape).tolist(), states, strict=True):
+        product = row[0] * states[0]
+        for entry, s_j in zip(row[1:], states[1:], strict=True):
+            product += entry * s_j
+        product *= s_i
+        total += product
+    return total

@@ -10,7 +10,7 @@ what its coefficients differ by.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -45,6 +45,13 @@ class Form:
         return Form(
             self.coefficients, (self.err + radius) * UP + TINY, (self.size + radius) * UP + TINY
         )
+
+
+class Quantity(NamedTuple):
+    """A form together with an interval that contains all its values."""
+
+    form: Form
+    values: Interval
 
 
 Term: TypeAlias = tuple[Floats, Form]

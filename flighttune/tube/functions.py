@@ -6,56 +6,58 @@ The slopes are free: any slope gives an enclosure, a good one a narrow enclosure
 import numpy as np
 
 from flighttune.arrays import FloatArray, Floats
-from flighttune.tube.forms import Form, combined, shifted
-from flighttune.tube.interval import Interval, cosine, sine_and_cosine, within
+from flighttune.tube.forms import Form, Quantity, combined, shifted
+from flighttune.tube.interval import Interval, cosine, one_over, sine_and_cosine, within
 
 
-def tangent(form: Form, angle: Interval) -> Form:
-    """``tan F``, F inside `angle` (rad); ``tan'' = 2 sin/cos^3``."""
-    s, c = sine_and_cosine(Interval.point(angle.middle))
-    slope = Interval.point(np.ones_like(angle.low)) / (c * c)
-    steep, level = sine_and_cosine(angle)
-    return _taylor(form, angle, s / c, slope, steep * 2.0 / (level * level * level))
+def tangent(angle: Quantity) -> Form:
+    """``tan F`` of an angle, rad; ``tan'' = 2 sin/cos^3``."""
+    s, c = sine_and_cosine(Interval.point(angle.values.middle))
+    steep, level = sine_and_cosine(angle.values)
+    return _taylor(angle, s / c, one_over(c * c), steep * 2.0 / (level * level * level))
 
 
-def cosine_of(form: Form, angle: Interval) -> Form:
-    """``cos F``, F inside `angle` (rad)."""
-    s, c = sine_and_cosine(Interval.point(angle.middle))
-    return _taylor(form, angle, c, -s, -cosine(angle))
+def cosine_of(angle: Quantity) -> Quantity:
+    """``cos F`` of an angle, rad."""
+    s, c = sine_and_cosine(Interval.point(angle.values.middle))
+    values = cosine(angle.values)
+    return Quantity(_taylor(angle, c, -s, -values), values)
 
 
-def secant(form: Form, angle: Interval) -> Form:
-    """``1/cos F``, F inside `angle` (rad)."""
-    at = Interval.point(angle.middle)
-    value = Interval.point(np.ones_like(angle.low)) / cosine(at)
-    return _taylor(form, angle, value, _secant_slope(at), _secant_curvature(angle))
+def secant(angle: Quantity) -> Quantity:
+    """``1/cos F`` of an angle, rad."""
+    at = Interval.point(angle.values.middle)
+    curvature = _secant_curvature(angle.values)
+    form = _taylor(angle, one_over(cosine(at)), _secant_slope(at), curvature)
+    return Quantity(form, one_over(cosine(angle.values)))
 
 
-def secant_change(form: Form, angle: Interval, change: Form, by: Interval) -> Form:
-    """``1/cos F - 1/cos(F + D)`` for a change D inside `by`, by the mean-value theorem in F and D.
+def secant_change(angle: Quantity, change: Quantity) -> Form:
+    """``1/cos F - 1/cos(F + D)`` for a change D, by the mean-value theorem in F and D.
 
     Its slope in D is ``-sec'(F + D)``, in F it is ``sec'(F) - sec'(F + D)``: minus D times
     ``sec''`` in between.
     """
-    after = angle + by
-    across = angle.hull(after)
-    in_form, in_change = -(_secant_curvature(across) * by), -_secant_slope(after)
-    at, moved = angle.middle, by.middle
-    unity = Interval.point(np.ones_like(at))
-    value = unity / cosine(Interval.point(at)) - unity / cosine(Interval.point(at) + moved)
-    a, b = in_form.middle, in_change.middle
+    before, by = angle.values, change.values
+    after = before + by
+    across = before.hull(after)
+    in_angle, in_change = -(_secant_curvature(across) * by), -_secant_slope(after)
+    at, moved = before.middle, by.middle
+    value = one_over(cosine(Interval.point(at))) - one_over(cosine(Interval.point(at) + moved))
+    a, b = in_angle.middle, in_change.middle
     rest = (
         value
         - Interval.point(a) * at
         - Interval.point(b) * moved
-        + (in_form - a) * within((angle - at).largest)
+        + (in_angle - a) * within((before - at).largest)
         + (in_change - b) * within((by - moved).largest)
     )
-    return combined((a, form), (b, change), shift=rest.middle).widened(rest.radius)
+    return combined((a, angle.form), (b, change.form), shift=rest.middle).widened(rest.radius)
 
 
-def arctangent(form: Form, a: Interval, other: Form, b: Interval) -> Form:
-    """``atan(F/G)``, F inside `a` and G inside `b`, which is positive."""
+def arctangent(first: Quantity, second: Quantity) -> Form:
+    """``atan(F/G)``, G positive."""
+    a, b = first.values, second.values
     at, over = Interval.point(a.middle), Interval.point(b.middle)
     square = _square(at) + _square(over)
     number = np.arctan2(at.low, over.low)
@@ -78,7 +80,7 @@ def arctangent(form: Form, a: Interval, other: Form, b: Interval) -> Form:
         + bend * _up_to_square(db)
         + (_square(a) - _square(b)) / (across * across) * within(da) * within(db)
     )
-    terms = (in_a.middle, form), (in_b.middle, other)
+    terms = (in_a.middle, first.form), (in_b.middle, second.form)
     return combined(*terms, shift=rest.middle).widened(rest.radius)
 
 
@@ -92,33 +94,32 @@ def _square(values: Interval) -> Interval:
     return Interval(np.where(across, 0.0, np.maximum(product.low, 0.0)), product.high)
 
 
-def product(first: Form, a: Interval, second: Form, b: Interval) -> Form:
-    """``F G``, F inside `a` and G inside `b`: ``(F - f)(G - g)`` is the error."""
+def product(first: Quantity, second: Quantity) -> Form:
+    """``F G``: ``(F - f)(G - g)`` about their middles is the error."""
+    a, b = first.values, second.values
     f, g = a.middle, b.middle
     rest = within((a - f).largest) * within((b - g).largest) - Interval.point(f) * g
-    return combined((g, first), (f, second), shift=rest.middle).widened(rest.radius)
+    return combined((g, first.form), (f, second.form), shift=rest.middle).widened(rest.radius)
 
 
-def positive_part(form: Form, values: Interval, slope: Floats) -> Form:
-    """``max(F, 0)``, F inside `values`: the error has its extremes at the ends and at 0."""
-    rest = _hull(
-        [
-            _clipped(point, 0.0, np.inf) - Interval.point(point) * slope
-            for point in (values.low, values.high, np.clip(0.0, values.low, values.high))
-        ]
-    )
-    return shifted(slope, form, rest)
+def positive_part(quantity: Quantity, slope: Floats) -> Form:
+    """``max(F, 0)``: the error has its extremes at the ends of the values and at 0."""
+    low, high = quantity.values.low, quantity.values.high
+    errors = [
+        Interval.point(np.maximum(point, 0.0)) - Interval.point(point) * slope
+        for point in (low, high, np.clip(0.0, low, high))
+    ]
+    rest = errors[0].hull(errors[1]).hull(errors[2])
+    return shifted(slope, quantity.form, rest)
 
 
-def _taylor(
-    form: Form, angle: Interval, value: Interval, slope: Interval, curvature: Interval
-) -> Form:
-    """``f(m) + f'(m) (F - m) + f''(...) (F - m)^2 / 2`` about the middle m of `angle`."""
-    at, s = angle.middle, slope.middle
-    radius = (angle - at).largest
+def _taylor(angle: Quantity, value: Interval, slope: Interval, curvature: Interval) -> Form:
+    """``f(m) + f'(m) (F - m) + f''(...) (F - m)^2 / 2`` about the middle m of the values."""
+    at, s = angle.values.middle, slope.middle
+    radius = (angle.values - at).largest
     square = Interval(np.zeros_like(radius), np.nextafter(0.5 * radius * radius, np.inf))
     rest = value - Interval.point(s) * at + (slope - s) * within(radius) + curvature * square
-    return shifted(s, form, rest)
+    return shifted(s, angle.form, rest)
 
 
 def _secant_slope(angle: Interval) -> Interval:
@@ -140,14 +141,3 @@ def _secant_curvature(angle: Interval) -> Interval:
 
 def _of_cosine(c: FloatArray) -> Interval:
     return Interval.point(c) * c * c
-
-
-def _clipped(point: FloatArray, low: float, high: float) -> Interval:
-    return Interval.point(np.clip(point, low, high))
-
-
-def _hull(intervals: list[Interval]) -> Interval:
-    return Interval(
-        np.minimum.reduce([interval.low for interval in intervals]),
-        np.maximum.reduce([interval.high for interval in intervals]),
-    )

@@ -16,11 +16,7 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.forms import MORE_ROUNDINGS, TINY, ULP, UP, Pieces, absolute_sum
-from flighttune.tube.sample import (
-    Plan,
-    SampledLoop,
-    Unbounded,
-)
+from flighttune.tube.sample import RATES, Plan, SampledLoop, Unbounded
 
 SYMBOLS = 300
 """Most symbols of the set while it is mapped through the samples."""
@@ -45,40 +41,22 @@ class HandOver:
 
 
 def settled(loop: SampledLoop, samples: int) -> SampledLoop:
-    """The loop after its last sample: references and disturbance bounds stay as they are there."""
-
-    def last(values: FloatArray) -> FloatArray:
-        return np.repeat(values[-1:], samples + 1, axis=0)
-
-    names = ("planned", "chi_ref", "gamma_ref", "d_low", "d_high")
-    inversion = loop.inversion
-    if inversion is not None:
-        inversion = inversion._replace(rates=last(inversion.rates))
-    roll = None if loop.roll is None else last(loop.roll)
-    still = {name: last(getattr(loop, name)) for name in names}
-    return replace(loop, inversion=inversion, roll=roll, **still)
+    """The loop after its last sample: references and boxes stay as they are there."""
+    reference, boxes = (
+        np.repeat(values[-1:], samples + 1, axis=0) for values in (loop.reference, loop.boxes)
+    )
+    return replace(loop, reference=reference, boxes=boxes)
 
 
 def settled_from(loop: SampledLoop) -> int:
-    """First sample from which the reference is constant and disturbances stay in the last bounds.
+    """First sample from which the reference is constant and boxes are within the last ones.
 
     The number of samples if the reference still moves at the end.
     """
-    still = np.all(
-        [
-            loop.chi_ref == loop.chi_ref[-1],
-            loop.gamma_ref == loop.gamma_ref[-1],
-            (loop.planned == loop.planned[-1]).all(axis=1),
-            (loop.d_low >= loop.d_low[-1]).all(axis=1),
-            (loop.d_high <= loop.d_high[-1]).all(axis=1),
-        ],
-        axis=0,
-    )
-    if loop.inversion is not None:
-        still &= (loop.inversion.rates == 0.0).all(axis=1)
-    if loop.roll is not None:
-        still &= (loop.roll[:, ::2] >= loop.roll[-1, ::2]).all(axis=1)
-        still &= (loop.roll[:, 1::2] <= loop.roll[-1, 1::2]).all(axis=1)
+    still = (loop.reference == loop.reference[-1]).all(axis=1)
+    still &= (loop.reference[:, RATES] == 0.0).all(axis=1)
+    still &= (loop.boxes[..., 0] >= loop.boxes[-1, :, 0]).all(axis=1)
+    still &= (loop.boxes[..., 1] <= loop.boxes[-1, :, 1]).all(axis=1)
     changing = np.flatnonzero(~still)
     first = int(changing[-1]) + 1 if len(changing) else 0
     return first if first + 1 < len(still) else len(still)

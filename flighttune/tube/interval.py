@@ -93,6 +93,11 @@ def within(radius: Floats) -> Interval:
     return Interval(-radius, radius)
 
 
+def one_over(values: Interval) -> Interval:
+    """The reciprocals; `values` must be positive."""
+    return Interval.point(np.ones_like(values.low)) / values
+
+
 def sine(angle: Interval) -> Interval:
     """Contains the sines of angles inside +-`LARGEST_ANGLE`."""
     return sine_and_cosine(angle)[0]

@@ -14,15 +14,8 @@ from typing import NamedTuple
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.tube.forms import UP, Form, combined
+from flighttune.tube.forms import UP, Form, Quantity, combined
 from flighttune.tube.interval import Interval, sine_and_cosine, within
-
-
-class Moved(NamedTuple):
-    """A quantity over a sample: its mean as a form, and all its values."""
-
-    mean: Form
-    values: Interval
 
 
 class Point(NamedTuple):
@@ -60,9 +53,9 @@ def _points(*states: tuple[Interval, Interval, Interval]) -> list[Point]:
 
 def point_mass_sample(
     chi: Form,
-    gamma: Form,
-    climb: Interval,
-    flown: tuple[Moved, Moved],
+    gamma: Quantity,
+    phi: Quantity,
+    n_z: Quantity,
     d: Interval,
     *,
     h: float,
@@ -72,11 +65,10 @@ def point_mass_sample(
 
     Parameters
     ----------
-    chi, gamma : Form, rad
-    climb : Interval, rad
-        Values of gamma.
-    flown : tuple of Moved, rad and 1
-        Roll and load factor.
+    chi : Form, rad
+    gamma : Quantity, rad
+    phi, n_z : Quantity, rad and 1
+        The form of the mean over the sample, and all values in it.
     d : Interval, shape (2,), rad/s
         The disturbances.
     h : float, s
@@ -88,24 +80,19 @@ def point_mass_sample(
     spread : ndarray, shape (2,), rad/s
         Largest difference of a rate within the sample.
     """
-    phi, n_z = flown
     d_chi, d_gamma = (Interval(d.low[j], d.high[j]) for j in (0, 1))
-    (start,) = _points((phi.values, n_z.values, climb))
+    (start,) = _points((phi.values, n_z.values, gamma.values))
     start_rate = _climb_rate(start) * g_over_v + d_gamma
     # The rate grows with gamma by at most g/V: by less than 2 h g/V of itself in a sample.
-    path = climb + within(h * start_rate.largest * (1.0 + 2.0 * h * g_over_v) * UP)
+    path = gamma.values + within(h * start_rate.largest * (1.0 + 2.0 * h * g_over_v) * UP)
     ranges = phi.values, n_z.values, path
     middle, mid_load, mid_path = (Interval.point(values.middle) for values in ranges)
     values, at = _points(ranges, (middle, mid_load, mid_path))
     rate = _climb_rate(values) * g_over_v + d_gamma
     apart = h * 0.5 * rate.radius * UP
-    means = phi.mean, n_z.mean, gamma
-    turning, turn_bend = _mean_rate(
-        (_turn_rate, _turn_slopes, _turn_rest), (at, values), means, g_over_v
-    )
-    climbing, bend = _mean_rate(
-        (_climb_rate, _climb_slopes, _climb_rest), (at, values), means, g_over_v
-    )
+    means = phi.form, n_z.form, gamma.form
+    turning, turn_bend = _mean_rate(TURN, (at, values), means, g_over_v)
+    climbing, bend = _mean_rate(CLIMB, (at, values), means, g_over_v)
     climbing = combined((1.0, climbing), shift=d_gamma.middle).widened(
         d_gamma.radius + np.abs(bend) * apart * UP
     )
@@ -115,7 +102,7 @@ def point_mass_sample(
     )
     turn = _turn_rate(values) * g_over_v + d_chi
     spread = 2.0 * np.array([turn.radius.max(), rate.radius.max()])
-    return combined((1.0, chi), (h, turning)), combined((1.0, gamma), (h, climbing)), spread
+    return combined((1.0, chi), (h, turning)), combined((1.0, gamma.form), (h, climbing)), spread
 
 
 def _mean_rate(
@@ -183,3 +170,7 @@ def _climb_rest(at: Point, radii: list[FloatArray]) -> Interval:
 
 def _half_square(radius: FloatArray) -> Interval:
     return Interval(np.zeros_like(radius), 0.5 * radius * radius * UP)
+
+
+TURN = _turn_rate, _turn_slopes, _turn_rest
+CLIMB = _climb_rate, _climb_slopes, _climb_rest

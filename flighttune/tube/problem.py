@@ -12,7 +12,7 @@ from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray
 from flighttune.conformance import Conformance
 from flighttune.conformance.file import conformance_tables
-from flighttune.conformance.residual import COUNTED
+from flighttune.conformance.residual import RESIDUALS
 from flighttune.control.controller import Controller
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
@@ -27,7 +27,7 @@ from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.feasible import FeasibleReference
 from flighttune.tube.lag import SampledLag
-from flighttune.tube.sample import Inversion, SampledLoop
+from flighttune.tube.sample import PLANNED, RATES, REFERENCE, SampledLoop
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,51 +40,15 @@ class AircraftBoxes:
     bounds: Bounds
     lags: tuple[InnerLag, ...]  # of roll and load factor, in the model whose rates were subtracted
     start_known: bool  # whether the path over ground begins where the scenario says
-    conformance_sha256: str  # hash of the conformance that the boxes come from
-    # Source of the boxes; None if they come from the file of a tube and were not compared
-    conformance: Conformance | None = None
-
-    @classmethod
-    def of(
-        cls,
-        conformance: Conformance,
-        scenario: Scenario,
-        plant: PlantTable,
-        gains: PIGains,
-        start: float,
-        reference: FloatArray,
-    ) -> "AircraftBoxes":
-        """The boxes of a conformance for one scenario.
-
-        Raises InputError if the conformance does not cover these flights, or claims nothing.
-        """
-        conformance.check(scenario, plant, gains, start)
-        if not conformance.holds:
-            raise InputError(f"conformance: must hold, got: {conformance.sentence}.")
-        t = sample_times(scenario)
-        boxes = conformance.boxes.over(t, reference[:, 0], reference[:, 1])
-        # The boxes of the last sample are never used; the arrays are as long as the others.
-        low, high = (np.concatenate([ends, ends[-1:]]) for ends in (boxes.low, boxes.high))
-        return cls(
-            bounds=Bounds(t, low, high, COUNTED),
-            lags=conformance.model.lags,
-            start_known=scenario.wind is not None or not conformance.distribution.windy,
-            conformance_sha256=conformance_sha256(conformance),
-            conformance=conformance,
-        )
+    # Hash of all values of the conformance, the same however its file is laid out
+    conformance_sha256: str
 
     def difference(self, other: "AircraftBoxes") -> str | None:
-        """Name of the first part that differs, `conformance` aside; None if none does."""
+        """Name of the first part that differs; None if none does."""
         if not np.array_equal(self.bounds.pairs, other.bounds.pairs):
             return "boxes"
         names = ("lags", "start_known", "conformance_sha256")
         return next((x for x in names if getattr(self, x) != getattr(other, x)), None)
-
-
-def conformance_sha256(conformance: Conformance) -> str:
-    """Hash of all values of a conformance, the same however its file is laid out."""
-    values = json.dumps(conformance_tables(conformance), sort_keys=True)
-    return hashlib.sha256(values.encode()).hexdigest()
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -96,15 +60,67 @@ class TubeProblem:
     plant: str  # label of the plant
     start: float  # rad: course and flight-path angle start within this of the scenario's
     disturbance: float | None  # rad/s: see `tube_problem`
-    boxes: AircraftBoxes | None  # None unless the plant is an aircraft
+    conformance: Conformance | None  # source of the boxes of an aircraft
     law: Law  # law that flies the gains
     # shape (k, 6), rad, rad, rad, 1, rad/s, rad/s: course and flight-path angle to follow, the
     # commands planned for them (zeros where none are), and their rates, as `reference_of` makes
     # them.
     reference: FloatArray
+    # Boxes from the file of a tube: compared to those of the conformance, or believed without one
+    stored: AircraftBoxes | None = None
 
     def __post_init__(self) -> None:
-        _check_enclosed(self.scenario, self.table, self.gains, self.law)
+        self._check_law()
+        self._check_start()
+        if (self.boxes is None) != (self.table.aircraft is None):
+            raise InputError(
+                f"`conformance` must be given for the tube of an aircraft, got {self.plant} "
+                "without: `flighttune conform` makes one."
+                if self.boxes is None
+                else f"`boxes` must be of an aircraft, got {self.plant}."
+            )
+        if self.disturbance is None:
+            return
+        if self.boxes is not None:
+            raise InputError("`disturbance` must not be given with a conformance: its boxes are.")
+        if not (math.isfinite(self.disturbance) and self.disturbance > 0.0):
+            raise InputError(f"`disturbance` must be positive, got {self.disturbance:g} rad/s.")
+        if self.disturbance < (flown := max(self._swing)):
+            raise InputError(
+                "`disturbance` must be at least that of the scenario's [disturbance], "
+                f"{flown:g} rad/s, got {self.disturbance:g} rad/s."
+            )
+
+    def _check_law(self) -> None:
+        """Refuse a loop that the sets cannot follow."""
+        scenario, aircraft = self.scenario, self.table.aircraft is not None
+        # Wind and turbulence of an aircraft are in its residual rates, whose boxes were counted
+        # there.
+        moving = scenario.windy and not aircraft
+        swings = scenario.disturbance is not None and scenario.disturbance.as_wind
+        for key, stated in (("sensors", scenario.sensors), ("wind", moving or swings)):
+            if stated:
+                raise InputError(
+                    f"`{key}` must not be in the scenario of a tube: it is not enclosed."
+                )
+        if scenario.controller.anti_windup == "back_calculation":
+            raise InputError(
+                "`anti_windup` of [controller] must be conditional or none for a tube, got "
+                "back_calculation."
+            )
+        # Both follow the measured airspeed, which varies on an aircraft; no box of it was counted.
+        if self.sampled.inverts is not None and aircraft:
+            raise InputError(
+                f"`gains` must be of the paper's law for the tube of an aircraft: the "
+                f"{self.law.name} law sees the airspeed, for which no box is known."
+            )
+        if scenario.controller.schedule and aircraft:
+            raise InputError(
+                "`schedule` of [controller] must be false for the tube of an aircraft, got true: "
+                "the gains then follow the airspeed, for which no box is known."
+            )
+
+    def _check_start(self) -> None:
         if not (math.isfinite(self.start) and 0.0 <= self.start < math.pi / 4):
             raise InputError(
                 f"`start` must lie in 0..45 deg, got {math.degrees(self.start):g} deg."
@@ -114,29 +130,11 @@ class TubeProblem:
                 f"`start` must be 0 in wind, got {math.degrees(self.start):g} deg: the path over "
                 "ground begins elsewhere than that through the air."
             )
-        if (self.boxes is None) != (self.table.aircraft is None):
-            raise InputError(
-                f"`conformance` must be given for the tube of an aircraft, got {self.plant} "
-                "without: `flighttune conform` makes one."
-                if self.boxes is None
-                else f"`boxes` must be of an aircraft, got {self.plant}."
-            )
-        if self.boxes is None:
-            _check_disturbance(self.scenario, self.disturbance)
-        else:
-            if self.disturbance is not None:
-                raise InputError(
-                    "`disturbance` must not be given with a conformance: its boxes are."
-                )
         condition, limits = self.scenario.condition, self.limits
         ends = [replace(condition, gamma=condition.gamma + x) for x in (-self.start, self.start)]
-        for name, lower, upper, starts in zip(
-            ("phi_deg", "n_z"),
-            limits.lower,
-            limits.upper,
-            ([condition.phi], [condition.n_z_start, *(end.n_z_start for end in ends)]),
-            strict=True,
-        ):
+        n_z = [end.n_z_start for end in (condition, *ends)]
+        for i, (name, starts) in enumerate((("phi_deg", [condition.phi]), ("n_z", n_z))):
+            lower, upper = limits.lower[i], limits.upper[i]
             if not lower <= min(starts) <= max(starts) <= upper:
                 raise InputError(
                     f"`{name}` of [flight] must start inside its range, got {min(starts):g} to "
@@ -154,10 +152,29 @@ class TubeProblem:
         kind = self.table.family.enclosed or ""
         return kind if self.conformance is None else f"{kind}; {self.conformance.sentence}"
 
-    @property
-    def conformance(self) -> Conformance | None:
-        """Conformance from which the boxes of an aircraft were rebuilt."""
-        return None if self.boxes is None else self.boxes.conformance
+    @cached_property
+    def boxes(self) -> AircraftBoxes | None:
+        """Boxes counted for the flights of an aircraft; None for another plant.
+
+        Raises InputError if the conformance does not cover these flights, claims nothing, or is not
+        the one of the boxes stored.
+        """
+        conformance, scenario = self.conformance, self.scenario
+        if conformance is None:
+            return self.stored
+        conformance.check(scenario, self.table, self.gains, self.start)
+        if not conformance.holds:
+            raise InputError(f"conformance: must hold, got: {conformance.sentence}.")
+        values = json.dumps(conformance_tables(conformance), sort_keys=True)
+        boxes = AircraftBoxes(
+            bounds=conformance.boxes.over(self.t, *self.reference[:, REFERENCE].T),
+            lags=conformance.model.lags,
+            start_known=scenario.wind is not None or not conformance.distribution.windy,
+            conformance_sha256=hashlib.sha256(values.encode()).hexdigest(),
+        )
+        if self.stored is not None and (differs := boxes.difference(self.stored)):
+            raise InputError(f"`{differs}` must be that of the conformance, got another.")
+        return boxes
 
     @property
     def aircraft_checked(self) -> bool | None:
@@ -165,31 +182,29 @@ class TubeProblem:
         return None if self.boxes is None else self.conformance is not None
 
     @property
+    def _swing(self) -> tuple[float, float]:
+        """Amplitudes of the scenario's [disturbance], rad/s."""
+        table = self.scenario.disturbance
+        return (
+            (0.0, 0.0) if table is None else (abs(table.chi_amplitude), abs(table.gamma_amplitude))
+        )
+
+    @property
     def disturbances(self) -> tuple[FloatArray, FloatArray]:
         """Lower and upper bounds on the disturbances of the two rates, shape (k, 2), rad/s."""
         if self.boxes is not None:
             return self.boxes.bounds.low[:, :2], self.boxes.bounds.high[:, :2]
-        swing = self.scenario.disturbance
-        flown = (0.0, 0.0) if swing is None else (swing.chi_amplitude, swing.gamma_amplitude)
-        within = np.abs(flown) if self.disturbance is None else np.full(2, self.disturbance)
+        within = self._swing if self.disturbance is None else (self.disturbance, self.disturbance)
         high = np.tile(within, (len(self.t), 1))
         return -high, high
-
-    @property
-    def roll(self) -> FloatArray | None:
-        """See `SampledLoop.roll`; None unless the feed-forward of an aircraft sees the roll."""
-        sees_roll = self.scenario.controller.feed_forward and not self.reference[:, 2:4].any()
-        if self.boxes is None or not sees_roll:
-            return None
-        return self.boxes.bounds.pairs[:, 2:4].reshape(-1, 4)
 
     @property
     def limits(self) -> Limits:
         """Limits of the commands: of the scenario and, for an aircraft, of its folder."""
         limits, aircraft = self.scenario.limits.limits(), self.table.aircraft
-        return (
-            limits if aircraft is None else limits.within(load_aircraft(aircraft).limits.limits())
-        )
+        if aircraft is None:
+            return limits
+        return limits.within(load_aircraft(aircraft).limits.limits())
 
     @property
     def lags(self) -> tuple[InnerLag, ...]:
@@ -217,34 +232,43 @@ class TubeProblem:
         return self.law.controller(law_setup(self.scenario, self.gains, self.limits))
 
     @cached_property
+    def sampled(self) -> SampledController:
+        """The law as the sets follow it; InputError if no tube knows the law or its gains."""
+        if self.law.inputs != self.gains.inputs:
+            raise InputError(
+                f"`law` must take gains on {' and '.join(self.gains.inputs)}, got "
+                f"{self.law.name}, which acts on {' and '.join(self.law.inputs)}."
+            )
+        controller = self.law.sampled(law_setup(self.scenario, self.gains, self.limits))
+        if controller is None:
+            raise self.law.refusal("sampled", "enclosed")
+        return controller
+
+    @cached_property
     def loop(self) -> SampledLoop:
         """The loop that flies, with the numbers of its controller and its plant."""
-        flight, condition = self.scenario.flight, self.scenario.condition
-        controller = sampled(self.scenario, self.gains, self.limits, self.law)
+        flight, condition, controller = self.scenario.flight, self.scenario.condition, self.sampled
+        reference = self.reference.copy()
+        # A law that inverts follows the rates of the reference, the other the commands planned.
+        reference[:, PLANNED if controller.inverts else RATES] = 0.0
+        feed_forward = controller.feed_forward and not reference[:, PLANNED].any()
+        boxes = np.stack(self.disturbances, axis=2)
+        if self.boxes is not None and feed_forward:
+            boxes = self.boxes.bounds.pairs[:, : len(RESIDUALS)]
         dt = 1.0 / self.scenario.controller.rate_hz
-        chi, gamma = self.path_at_start
-        d_low, d_high = self.disturbances
-        planned, inversion = self.reference[:, 2:4], None
-        if (law := controller.inverts) is not None:
-            speed = flight.V_a_mps * law.per_g
-            inversion = Inversion(self.reference[:, 4:], speed, law.lift_floor, law.brake)
-            planned = np.zeros_like(planned)
         return SampledLoop(
             channels=controller.channels,
             conditional=controller.conditional,
-            feed_forward=controller.feed_forward and not planned.any(),
-            planned=planned,
+            feed_forward=feed_forward,
+            inverts=controller.inverts,
+            reference=reference,
+            boxes=boxes,
             dt=dt,
-            g_over_v=flight.g_mps2 / flight.V_a_mps,
-            chi_ref=self.reference[:, 0],
-            gamma_ref=self.reference[:, 1],
-            d_low=d_low,
-            d_high=d_high,
-            start=(chi, gamma, condition.phi, condition.n_z),
+            V_a=flight.V_a_mps,
+            g=flight.g_mps2,
+            start=(*self.path_at_start, condition.phi, condition.n_z),
             exact=self.table.family.turn == "exact",
             lags=tuple(SampledLag.of(lag, dt) for lag in self.lags),
-            inversion=inversion,
-            roll=self.roll,
         )
 
 
@@ -268,21 +292,15 @@ def tube_problem(
     first of the scenario that takes the gains. Raises InputError if a value cannot be used, or the
     tube does not know the law.
     """
-    table = _chosen(scenario, plant, aircraft=conformance is not None)
-    law = law or scenario.law_for(gains)
-    _check_enclosed(scenario, table, gains, law)
-    reference, boxes = reference_of(scenario), None
-    if conformance is not None:
-        boxes = AircraftBoxes.of(conformance, scenario, table, gains, start, reference)
     return TubeProblem(
         scenario=scenario,
         gains=gains,
-        plant=table.label,
+        plant=_chosen(scenario, plant, aircraft=conformance is not None).label,
         start=start,
         disturbance=disturbance,
-        boxes=boxes,
-        law=law,
-        reference=reference,
+        conformance=conformance,
+        law=law or scenario.law_for(gains),
+        reference=reference_of(scenario),
     )
 
 
@@ -290,10 +308,10 @@ def reference_of(scenario: Scenario) -> FloatArray:
     """Reference of a scenario at its samples, as `TubeProblem.reference`."""
     t, reference = sample_times(scenario), scenario.followed()
     followed = np.zeros((len(t), 6))
-    followed[:, :2] = np.stack(reference.sampled(t), axis=1)
-    followed[:, 4:] = np.stack(reference.rates(t), axis=1)
+    followed[:, REFERENCE] = np.stack(reference.sampled(t), axis=1)
+    followed[:, RATES] = np.stack(reference.rates(t), axis=1)
     if isinstance(reference, FeasibleReference) and scenario.controller.feed_forward:
-        followed[:, 2:4] = reference.commands(t)
+        followed[:, PLANNED] = reference.commands(t)
     followed.flags.writeable = False
     return followed
 
@@ -322,61 +340,3 @@ def _chosen(scenario: Scenario, plant: str | None, *, aircraft: bool) -> PlantTa
             return table
     labels = ", ".join(table.label for table in tables)
     raise InputError(f"`plant` must be of kind {' or '.join(kinds)} for this tube, got {labels}.")
-
-
-def sampled(scenario: Scenario, gains: PIGains, limits: Limits, law: Law) -> SampledController:
-    """The law as the sets follow it.
-
-    Raises InputError if no tube knows the law, or it takes other gains.
-    """
-    if law.inputs != gains.inputs:
-        raise InputError(
-            f"`law` must take gains on {' and '.join(gains.inputs)}, got {law.name}, which acts on "
-            f"{' and '.join(law.inputs)}."
-        )
-    controller = law.sampled(law_setup(scenario, gains, limits))
-    if controller is None:
-        raise law.refusal("sampled", "enclosed")
-    return controller
-
-
-def _check_disturbance(scenario: Scenario, disturbance: float | None) -> None:
-    """Refuse a bound that is not positive, or that the scenario's own disturbance exceeds."""
-    if disturbance is None:
-        return
-    if not (math.isfinite(disturbance) and disturbance > 0.0):
-        raise InputError(f"`disturbance` must be positive, got {disturbance:g} rad/s.")
-    table = scenario.disturbance
-    flown = 0.0 if table is None else max(abs(table.chi_amplitude), abs(table.gamma_amplitude))
-    if disturbance < flown:
-        raise InputError(
-            "`disturbance` must be at least that of the scenario's [disturbance], "
-            f"{flown:g} rad/s, got {disturbance:g} rad/s."
-        )
-
-
-def _check_enclosed(scenario: Scenario, table: PlantTable, gains: PIGains, law: Law) -> None:
-    """Refuse a loop that the sets cannot follow."""
-    # Wind and turbulence of an aircraft are in its residual rates, whose boxes were counted there.
-    moving = table.aircraft is None and scenario.windy
-    swings = scenario.disturbance is not None and scenario.disturbance.as_wind
-    for key, stated in (("sensors", scenario.sensors), ("wind", moving or swings)):
-        if stated:
-            raise InputError(f"`{key}` must not be in the scenario of a tube: it is not enclosed.")
-    if scenario.controller.anti_windup == "back_calculation":
-        raise InputError(
-            "`anti_windup` of [controller] must be conditional or none for a tube, got "
-            "back_calculation."
-        )
-    controller = sampled(scenario, gains, scenario.limits.limits(), law)
-    # Both follow the measured airspeed, which varies on an aircraft, and no box of it was counted.
-    if table.aircraft is not None and controller.inverts is not None:
-        raise InputError(
-            f"`gains` must be of the paper's law for the tube of an aircraft: the {law.name} law "
-            "sees the airspeed, for which no box is known."
-        )
-    if table.aircraft is not None and scenario.controller.schedule:
-        raise InputError(
-            "`schedule` of [controller] must be false for the tube of an aircraft, got true: the "
-            "gains then follow the airspeed, for which no box is known."
-        )

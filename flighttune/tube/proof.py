@@ -1,13 +1,11 @@
 """A tube as a file, and its check: every inclusion again, without the search that found it."""
 
 import json
-import tokenize
 import zipfile
-import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -42,10 +40,9 @@ from flighttune.tube.result import (
     Tube,
     bounds_of,
     counted_bounds,
-    first_set,
     tightest,
 )
-from flighttune.tube.sample import Channel, Cut, SampledLoop, Unbounded
+from flighttune.tube.sample import Channel, Cut, SampledLoop, Unbounded, start_set
 from flighttune.value_file import STRICT, tables_of, value_of
 from flighttune.whole_file import whole_file
 
@@ -71,21 +68,10 @@ them."""
 
 FLOAT, SINGLE, BOOL, TEXT = np.dtype("<f8"), np.dtype("<f4"), np.dtype(bool), np.dtype("<U")
 ALWAYS = {"claim": TEXT, "bounds": FLOAT, "held": BOOL, "chosen": SINGLE}
-EVER = {
-    **{f"ever_{name}": FLOAT for name in ("W", "centre", "size", "bounds")},
-    "ever_chosen": SINGLE,
-}
-MEMBERS = ALWAYS | {"reference": FLOAT, "boxes": FLOAT} | EVER
-"""Arrays that a file may have, and their types; all but `ALWAYS` only where they are needed."""
-
-LIMITLESS = np.array([[-np.inf, np.inf]] * len(QUANTITIES))
-"""Bounds where nothing is enclosed."""
-
-DAMAGE = (
-    *(zipfile.BadZipFile, zlib.error, EOFError, tokenize.TokenError, SyntaxError),
-    *(ValueError, TypeError, MemoryError, OverflowError, RuntimeError),
-)
-"""Exceptions of NumPy and `zipfile` on a damaged file."""
+EVER = {"W": FLOAT, "centre": FLOAT, "size": FLOAT, "bounds": FLOAT, "chosen": SINGLE}
+MEMBERS = {**ALWAYS, "reference": FLOAT, "boxes": FLOAT} | {f"ever_{x}": EVER[x] for x in EVER}
+"""Arrays that a file may have, and their types; all but `ALWAYS` only where they are needed, those
+of `EVER` with a set that is kept."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -152,7 +138,7 @@ def save_tube(tube: Tube, path: str | Path) -> None:
     if boxes is not None:
         arrays["boxes"] = boxes.bounds.pairs
     if ever is not None:
-        arrays |= {name: getattr(ever, name.removeprefix("ever_")) for name in EVER}
+        arrays |= {f"ever_{name}": getattr(ever, name) for name in EVER}
         arrays["ever_bounds"] = ever.bounds + looser
     with whole_file(Path(path)) as part, part.open("wb") as file:
         np.savez_compressed(file, **arrays)
@@ -183,54 +169,53 @@ def load_tube(path: str | Path, conformance: Conformance | None = None) -> Tube:
         raise InputError(f"{path}: {error}") from error
 
 
-def _members(path: Path) -> dict[str, npt.NDArray[Any]]:
+Arrays: TypeAlias = dict[str, npt.NDArray[Any]]
+
+
+def _members(path: Path) -> Arrays:
     """The arrays of a file; their sizes and names are checked before any of them is unpacked."""
     if path.stat().st_size > MAX_COMPRESSED:
         raise InputError(f"the file must have at most {MAX_COMPRESSED} bytes, got more.")
     try:
         with zipfile.ZipFile(path) as archive:
             entries = archive.infolist()
-            for i, entry in enumerate(entries):
-                name = entry.filename
+            names = [entry.filename for entry in entries]
+            for name in names:
                 if name.removesuffix(".npy") not in MEMBERS or not name.endswith(".npy"):
                     raise InputError(f"`{shown(name)}` must not be in the file of a tube.")
-                if any(name == other.filename for other in entries[:i]):
+                if names.count(name) > 1:
                     raise InputError(f"`{name}` must be in the file once, got it twice.")
-                if entry.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
-                    raise InputError(f"`{name}` must be stored or deflated.")
-                # No more than this is ever unpacked: `zipfile` reads up to the size stated.
-                if sum(earlier.file_size for earlier in entries[: i + 1]) > MAX_BYTES:
-                    raise InputError(
-                        f"`{name}` must fit into the {MAX_BYTES} bytes of a tube, got "
-                        f"{entry.file_size} bytes."
-                    )
-            arrays = {
-                entry.filename.removesuffix(".npy"): _array(archive, entry) for entry in entries
-            }
+            # No more than the sizes stated is ever unpacked of what is stored or deflated.
+            packed = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
+            size = sum(entry.file_size for entry in entries)
+            if size > MAX_BYTES or not {entry.compress_type for entry in entries} <= packed:
+                raise InputError(
+                    f"the arrays of a tube must be stored or deflated, and fit into {MAX_BYTES} "
+                    f"bytes, got {size} bytes."
+                )
+            arrays = {name.removesuffix(".npy"): _array(archive, name) for name in names}
     except (InputError, OSError):
         raise
-    except DAMAGE as error:
+    except Exception as error:  # NumPy and `zipfile` raise a dozen kinds on a damaged file
         raise InputError(f"the file must be a tube of flighttune: {error}.") from error
     if "claim" not in arrays:
         raise InputError("`claim.npy` must be in the file of a tube.")
     return arrays
 
 
-def _array(archive: zipfile.ZipFile, entry: zipfile.ZipInfo) -> npt.NDArray[Any]:
+def _array(archive: zipfile.ZipFile, name: str) -> npt.NDArray[Any]:
     """One array, of the type that its name asks for, with finite numbers."""
-    kind = MEMBERS[entry.filename.removesuffix(".npy")]
-    with archive.open(entry) as member:
+    kind = MEMBERS[name.removesuffix(".npy")]
+    with archive.open(name) as member:
         array = np.lib.format.read_array(member, allow_pickle=False)
     if array.dtype != kind and not (kind == TEXT and array.dtype.kind == "U" and array.ndim == 0):
-        raise InputError(f"`{entry.filename}` must be of type {kind.name}, got {array.dtype}.")
+        raise InputError(f"`{name}` must be of type {kind.name}, got {array.dtype}.")
     if kind in (FLOAT, SINGLE) and not np.isfinite(array).all():
-        raise InputError(f"`{entry.filename}` must be finite.")
+        raise InputError(f"`{name}` must be finite.")
     return array
 
 
-def _tube_from(
-    claim: Claim, arrays: Mapping[str, npt.NDArray[Any]], conformance: Conformance | None
-) -> Tube:
+def _tube_from(claim: Claim, arrays: Arrays, conformance: Conformance | None) -> Tube:
     scenario = scenario_from(claim.scenario)
     # Before anything as long as the scenario is made: a file may state a duration of years.
     k = sample_count(scenario)
@@ -244,7 +229,7 @@ def _tube_from(
     if claim.conformance_sha256 is not None:
         shapes["boxes"] = k, len(COUNTED), 2
     if claim.hand_over is not None:
-        shapes |= dict.fromkeys(EVER)
+        shapes |= dict.fromkeys(f"ever_{name}" for name in EVER)
     for name in arrays.keys() - shapes.keys():
         raise InputError(f"`{name}.npy` must not be in the file of this tube.")
     _check_shapes(arrays, shapes)
@@ -267,13 +252,10 @@ def _tube_from(
 
 
 def _problem(
-    claim: Claim,
-    scenario: Scenario,
-    arrays: Mapping[str, npt.NDArray[Any]],
-    conformance: Conformance | None,
+    claim: Claim, scenario: Scenario, arrays: Arrays, conformance: Conformance | None
 ) -> TubeProblem:
     """The problem of the scenario; only boxes may come from the file, and a feasible reference."""
-    gains, plant = claim.gains, scenario.plant_table(claim.plant)
+    gains = claim.gains
     if gains.K.shape != (2, 4):
         raise InputError(f"`gains` must have 2 rows and columns, got {gains.K_P.shape}.")
     # Files of gains on roll and load factor may name the law of rates that the scenario had.
@@ -287,38 +269,31 @@ def _problem(
                 f"got one that is off by {off:.3g}."
             )
         reference = read_only_matrix("reference", arrays["reference"])
-    boxes = None
+    stored = None
     if claim.conformance_sha256 is not None:
         low, high = np.moveaxis(arrays["boxes"], 2, 0)
         if len(claim.lags) != 2 or not (low <= high).all():
             raise InputError("`boxes` must be lower and upper bounds, with two `lags`.")
-        boxes = AircraftBoxes(
+        stored = AircraftBoxes(
             bounds=Bounds(sample_times(scenario), low, high, COUNTED),
             lags=claim.lags,
             start_known=claim.start_known,
             conformance_sha256=claim.conformance_sha256,
         )
-    if conformance is not None:
-        rebuilt = AircraftBoxes.of(conformance, scenario, plant, gains, claim.start_rad, reference)
-        differs = "aircraft" if boxes is None else rebuilt.difference(boxes)
-        if differs is not None:
-            raise InputError(f"`{differs}` must be that of the conformance, got another.")
-        boxes = rebuilt
     return TubeProblem(
         scenario=scenario,
         gains=gains,
-        plant=plant.label,
+        plant=scenario.plant_table(claim.plant).label,
         start=claim.start_rad,
         disturbance=claim.disturbance_rad_s,
-        boxes=boxes,
+        conformance=conformance,
         law=law,
         reference=reference,
+        stored=stored,
     )
 
 
-def _check_shapes(
-    arrays: Mapping[str, npt.NDArray[Any]], shapes: Mapping[str, tuple[int, ...] | None]
-) -> None:
+def _check_shapes(arrays: Arrays, shapes: Mapping[str, tuple[int, ...] | None]) -> None:
     """Refuse arrays that are missing or of another shape; of any shape where it is None."""
     for name, shape in shapes.items():
         if name not in arrays:
@@ -327,26 +302,20 @@ def _check_shapes(
             raise InputError(f"`{name}` must have shape {shape}, got {arrays[name].shape}.")
 
 
-def _hand_over(
-    claim: Claim, arrays: Mapping[str, npt.NDArray[Any]], problem: TubeProblem
-) -> HandOver | None:
+def _hand_over(claim: Claim, arrays: Arrays, problem: TubeProblem) -> HandOver | None:
     if claim.hand_over is None:
         return None
     sample, samples = claim.hand_over
     n, last = problem.loop.rows, len(problem.t)
-    shapes = {"W": (n, n), "centre": (n,), "size": (n,), "bounds": (len(QUANTITIES), 2)}
-    _check_shapes(arrays, {f"ever_{name}": shape for name, shape in shapes.items()})
+    shapes = {"ever_W": (n, n), "ever_centre": (n,), "ever_size": (n,), "ever_bounds": (4, 2)}
+    _check_shapes(arrays, shapes)
     if not settled_from(problem.loop) < sample < last:
         raise InputError(
             f"`hand_over` must be after the last change and before sample {last}, got sample "
             f"{sample}."
         )
-    return HandOver(
-        sample=sample,
-        samples=samples,
-        chosen=arrays["ever_chosen"].ravel(),
-        **{name: arrays[f"ever_{name}"] for name in shapes},
-    )
+    ever = {name: arrays[f"ever_{name}"] for name in EVER}
+    return HandOver(sample=sample, samples=samples, **ever)
 
 
 class Replay:
@@ -409,47 +378,47 @@ def verify_tube(
     """
     if not isinstance(tube, Tube):
         tube = load_tube(tube, conformance)
-    problem = tube.problem
-    enclosure = enclosure_of(problem.loop, first_set(problem, tube.settings), Replay(tube.chosen))
-    margins, ever = np.full(len(QUANTITIES), np.inf), tube.hand_over
-    counted = None if tube.lost is None else counted_bounds(problem)
-    claimed = tube.bounds.pairs
+    problem, settings, ever = tube.problem, tube.settings, tube.hand_over
+    starts = start_set(problem.loop, problem.start, settings.sides, settings.symbols)
+    enclosure = enclosure_of(problem.loop, starts, Replay(tube.chosen))
+    margins, claimed = np.full(len(QUANTITIES), np.inf), tube.bounds.pairs
+    # Errors counted hold at every sample; where the set is lost nothing else does.
+    lost, counted = len(claimed), np.broadcast_to([-np.inf, np.inf], claimed.shape)
+    if tube.lost is not None:
+        lost, counted = tube.lost, counted_bounds(problem)
     for k, t in enumerate(problem.t):
-        ranges, limited = LIMITLESS, np.ones(2, dtype=bool)
-        if tube.lost is None or k < tube.lost:
+        at = f"sample {k} ({t:.2f} s)"
+        ranges, limited = counted[k], np.ones(2, dtype=bool)
+        if k < lost:
             try:
-                ranges, limited = enclosure.sample(k)
+                proven, limited = enclosure.sample(k)
             except (Unbounded, IndexError, InputError) as error:
-                return _refused(f"sample {k} ({t:.2f} s): {error}")
-        # Errors counted hold at every sample; where the set is lost nothing else does.
-        if counted is not None:
-            ranges = tightest(ranges, counted[k])
+                return _refused(f"{at}: {error}")
+            ranges = tightest(proven, counted[k])
         broken = _broken(ranges, claimed[k])
         if broken:
-            return _refused(f"sample {k} ({t:.2f} s): {broken}")
-        if (limited & ~tube.held[k]).any():
-            name = ("phi_cmd", "n_z_cmd")[int(np.argmax(limited & ~tube.held[k]))]
-            return _refused(f"sample {k} ({t:.2f} s): that no limit holds {name} is not proven")
+            return _refused(f"{at}: {broken}")
+        unproven = np.flatnonzero(limited & ~tube.held[k])
+        if len(unproven):
+            name = QUANTITIES[2:][unproven[0]]
+            return _refused(f"{at}: that no limit holds {name} is not proven")
         room = (ranges - claimed[k]) * [1.0, -1.0]
         margins = np.minimum(margins, room.min(axis=1))
-        if ever is not None and k + 1 == ever.sample and not _reached(enclosure.pieces, ever):
-            return _refused(f"sample {k + 1}: the set that is kept is not proven to be reached")
+        if ever is not None and k + 1 == ever.sample:
+            reached = hull(enclosure.pieces, ever.W)
+            if k >= lost or not inside(reached, ever.centre, ever.size):
+                return _refused(f"sample {k + 1}: the set that is kept is not proven to be reached")
         if progress is not None and k % 50 == 0:
             progress(k / len(problem.t))
     if ever is not None and (broken := _not_kept(problem.loop, ever)):
         return _refused(f"after {ever.samples} samples from sample {ever.sample} on: {broken}")
+    held = f"inside its bounds at {len(problem.t)} samples"
     return Verification.of(
         [
-            Check(
-                name=f"{name} inside its bounds at {len(problem.t)} samples", margin=m, exact=True
-            )
-            for name, m in zip(QUANTITIES, margins, strict=True)
+            Check(name=f"{name} {held}", margin=margin, exact=True)
+            for name, margin in zip(QUANTITIES, margins, strict=True)
         ]
     )
-
-
-def _reached(pieces: Pieces, ever: HandOver) -> bool:
-    return inside(hull(pieces, ever.W), ever.centre, ever.size)
 
 
 def _not_kept(loop: SampledLoop, ever: HandOver) -> str:
@@ -461,10 +430,10 @@ def _not_kept(loop: SampledLoop, ever: HandOver) -> str:
     if mapped is None:
         return "that no limit holds a command is not proven"
     after, passed = mapped
-    bounds = for_ever(passed, len(loop.chi_ref) - ever.sample)
-    return _broken(bounds, ever.bounds) or (
-        "" if inside(after, ever.centre, ever.size) else "the set is not proven to be kept"
-    )
+    if broken := _broken(for_ever(passed, len(loop.reference) - ever.sample), ever.bounds):
+        return broken
+    kept = inside(after, ever.centre, ever.size)
+    return "" if kept else "the set is not proven to be kept"
 
 
 def _broken(proven: FloatArray, claimed: FloatArray) -> str:

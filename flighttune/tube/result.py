@@ -10,10 +10,8 @@ from pydantic import Field
 from flighttune.arrays import FloatArray
 from flighttune.conformance.file import CountedProbability
 from flighttune.guarantee.bounds import Bounds
-from flighttune.tube.forms import Pieces
 from flighttune.tube.hand_over import HandOver
 from flighttune.tube.problem import TubeProblem
-from flighttune.tube.sample import CONSTRAINTS, start_set
 
 QUANTITIES = ("chi_err", "gamma_err", "phi_cmd", "n_z_cmd")
 """Quantities that a tube bounds: errors in rad, commands in rad and 1."""
@@ -114,8 +112,3 @@ def tightest(*bounds: FloatArray) -> FloatArray:
     low = np.max([limits[..., 0] for limits in bounds], axis=0)
     high = np.min([limits[..., 1] for limits in bounds], axis=0)
     return np.stack([low, high], axis=-1)
-
-
-def first_set(problem: TubeProblem, settings: Settings) -> Pieces:
-    """The starts of a problem, in the pieces of the settings."""
-    return start_set(problem.loop, problem.start, settings.sides, CONSTRAINTS, settings.symbols)

@@ -22,13 +22,23 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
+from flighttune.control.exact_law import RateLaw
 from flighttune.control.mimo_pi import ChannelLaw
-from flighttune.tube.forms import UP, Flags, Form, Indices, Pieces, combined, transformed
+from flighttune.tube.forms import (
+    UP,
+    Flags,
+    Form,
+    Indices,
+    Pieces,
+    Quantity,
+    combined,
+    transformed,
+)
 from flighttune.tube.functions import (
     cosine_of,
     positive_part,
@@ -37,9 +47,9 @@ from flighttune.tube.functions import (
     secant_change,
     tangent,
 )
-from flighttune.tube.interval import LARGEST_ANGLE, Interval, cosine, sine
+from flighttune.tube.interval import LARGEST_ANGLE, Interval, cosine, one_over, sine
 from flighttune.tube.lag import SampledLag
-from flighttune.tube.point_mass import Moved, point_mass_sample
+from flighttune.tube.point_mass import point_mass_sample
 
 CHI, GAMMA, PHI, EXTRA_LIFT, PHI_INTEGRAL, N_Z_INTEGRAL, CHI_ERR, GAMMA_ERR = range(8)
 """Rows of the state; the errors are those of the sample before. `EXTRA_LIFT` is the load-factor
@@ -78,13 +88,12 @@ COMPUTED = 1e-11
 """Bound, rad and 1, on the error of a computed flight in a sample: that of the classical
 Runge-Kutta rule over 0.02 s, and some rounding."""
 
+REFERENCE, PLANNED, RATES = slice(0, 2), slice(2, 4), slice(4, 6)
+"""Columns of the reference of a loop: angles to follow, commands planned for them, their rates."""
 
-RATE, RANGE = "rate limit", "range"
-
-COMMANDS = ("roll", "the load factor")
-
-SIDES = (("to the right", "to the left"), ("upwards", "downwards"))
-"""Names of the limits above and below the two commands."""
+D, ROLL, ROLL_CHANGE = slice(0, 2), 2, 3
+"""Rows of the boxes of a loop: disturbances of the two rates, roll seen beyond that behind the lag,
+and its change to the next sample."""
 
 CLIMB = "the flight-path angle"
 
@@ -105,82 +114,51 @@ class SampledLoop:
     channels: tuple[ChannelLaw, ...]  # length 2: the numbers of the controller itself
     conditional: bool  # whether anti-windup is conditional; it is none otherwise
     feed_forward: bool  # whether ``cos(gamma_ref)/cos(phi)`` is added to the load-factor command
-    # shape (k, 2), rad and 1: further feed-forward of both commands at every sample: that of a
-    # feasible reference, or zeros.
-    planned: FloatArray
+    inverts: RateLaw | None  # None for the paper's law
+    # shape (k, 6), rad, rad, rad, 1, rad/s, rad/s, in the columns `REFERENCE`, `PLANNED` and
+    # `RATES`: zeros where a law follows no plan, or no rates.
+    reference: FloatArray
+    # shape (k, 2 or 4, 2), rad/s and rad: lowest and highest values from a sample to the next, in
+    # the rows `D`, and `ROLL` and `ROLL_CHANGE` where the controller sees more roll than the lag's.
+    boxes: FloatArray
     dt: float  # s
-    g_over_v: float  # 1/s
-    # `chi_ref` and `gamma_ref` (shape (k,), rad): reference at every sample
-    chi_ref: FloatArray
-    gamma_ref: FloatArray
-    # `d_low` and `d_high` (shape (k, 2), rad/s): bounds on the disturbance of the two rates from a
-    # sample to the next.
-    d_low: FloatArray
-    d_high: FloatArray
+    V_a: float  # m/s
+    g: float  # m/s^2
     # length 4: course, flight-path angle, roll and load factor in the middle of the starts; without
     # a load factor it is that of steady flight at the path angle of each start.
     start: tuple[float, float, float, float | None]
-    exact: bool = False  # whether the point mass turns by its lift, instead of by the paper's law
-    # Length 0 or 2: lags of roll and load factor; the exact point mass alone has them
-    lags: tuple[SampledLag, ...] = ()
-    inversion: "Inversion | None" = None  # None for the paper's law
-    # shape (k, 4), rad: roll seen by the feed-forward minus that behind the lag: lowest and highest
-    # at every sample, and lowest and highest change to the next. None where they are the same.
-    roll: FloatArray | None = None
+    exact: bool  # whether the point mass turns by its lift, instead of by the paper's law
+    lags: tuple[SampledLag, ...]  # of roll and load factor; the exact point mass alone has them
+
+    @property
+    def g_over_v(self) -> float:
+        """Gravity over airspeed, 1/s."""
+        return self.g / self.V_a
+
+    @property
+    def sees_roll(self) -> bool:
+        """Whether the controller sees more roll than that behind the lag."""
+        return self.boxes.shape[1] > ROLL
 
     @property
     def rows(self) -> int:
-        """Rows of the state: `STATES`, then the lags, then the commands still to take effect."""
-        rows = STATES + sum(lag.order + lag.older + 1 for lag in self.lags)
-        return rows + (self.roll is not None)
+        """Rows of the state: `STATES`, the lags, the commands on their way, the roll beyond."""
+        return STATES + sum(lag.order + lag.older + 1 for lag in self.lags) + self.sees_roll
 
     @property
-    def layout(self) -> "Layout":
-        """Rows of the lags and of the commands on their way."""
+    def layout(self) -> tuple[list[slice], list[slice]]:
+        """Rows of each lag, and of the commands on their way into it, the newest first."""
         counts = [lag.order for lag in self.lags] + [lag.older + 1 for lag in self.lags]
-        ends = list(accumulate(counts, initial=STATES))
-        rows = [slice(*ends) for ends in pairwise(ends)]
-        return Layout(rows[: len(self.lags)], rows[len(self.lags) :])
-
-    @property
-    def seen(self) -> int:
-        """Row of the roll that the controller sees, without what `roll` adds."""
-        return STATES if self.lags else PHI
+        rows = [slice(*ends) for ends in pairwise(accumulate(counts, initial=STATES))]
+        return rows[: len(self.lags)], rows[len(self.lags) :]
 
     def lift(self, k: int) -> float:
         """``cos(gamma_ref)`` of the feed-forward at sample k; 0 without one."""
-        return math.cos(self.gamma_ref[max(k, 0)]) if self.feed_forward else 0.0
-
-
-class Layout(NamedTuple):
-    """Rows of the state behind the first `STATES`; the last row of all is that of `roll`."""
-
-    lags: list[slice]  # states of each lag
-    queues: list[slice]  # commands of each channel that have yet to take effect, the newest first
-
-
-class Inversion(NamedTuple):
-    """Numbers with which the exact law turns rates into commands."""
-
-    rates: FloatArray  # shape (k, 2), rad/s: rates of the reference at every sample
-    speed: float  # s: airspeed over the acceleration of gravity
-    lift_floor: float  # in weights
-    brake: float  # 1/s: see `RateLaw`
-
-
-class Excess(NamedTuple):
-    """Excess of a command over one of its limits: the form Y and its values.
-
-    `limit` says which limits these can be, in words.
-    """
-
-    form: Form
-    values: Interval
-    limit: str
+        return math.cos(self.reference[max(k, 0), GAMMA]) if self.feed_forward else 0.0
 
 
 class Channel(NamedTuple):
-    """One command before its limits: x, the increment with its values, and the two excesses.
+    """One command before its limits: x, the increment with its values, and the two excesses Y.
 
     `above` and `below` are None where there is no limit.
     """
@@ -188,14 +166,20 @@ class Channel(NamedTuple):
     x: Form
     increment: Form
     by: Interval
-    above: Excess | None
-    below: Excess | None
+    above: Quantity | None
+    below: Quantity | None
+
+    @property
+    def excesses(self) -> list[tuple[float, Quantity]]:
+        """The excesses over limits that there are, with 1 for above and -1 for below."""
+        sides = (1.0, self.above), (-1.0, self.below)
+        return [(side, excess) for side, excess in sides if excess is not None]
 
 
 class Cut(NamedTuple):
     """A split of the pieces `which` by an excess, at its values `at`, into constraint row `row`."""
 
-    excess: Excess
+    excess: Quantity
     which: Flags
     at: FloatArray
     row: Indices
@@ -221,47 +205,63 @@ class Plan(Protocol):
         ...
 
 
-def start_set(
-    loop: SampledLoop, within_start: float, pieces: int, constraints: int, capacity: int
-) -> Pieces:
-    """All starts within `within_start` (rad) of course and flight-path angle, `pieces` squared."""
+class Controlled(NamedTuple):
+    """The controller's part of a sample."""
+
+    state: list[Form]  # rows before the sample
+    errors: list[Form]
+    roll: Quantity  # rad: roll that the controller sees
+    phi: Form  # rad: roll command
+    extra: Form  # load-factor command, as in the row `EXTRA_LIFT`
+    lift: float  # ``cos(gamma_ref)`` of the feed-forward; 0 without one
+    integrals: list[Form]
+    limited: Sequence[bool]  # whether a limit can hold the command
+
+
+Flown: TypeAlias = tuple[list[Form], list[Interval], FloatArray]
+"""Course, flight-path angle, the row `EXTRA_LIFT` and those of the lags one sample later; the
+values of the two commands in between; and how far apart the rates of a flight can be within the
+sample, shape (2,), rad/s."""
+
+
+def start_set(loop: SampledLoop, within_start: float, sides: int, symbols: int) -> Pieces:
+    """All starts within `within_start` (rad) of course and flight-path angle.
+
+    They are in `sides` squared pieces of at most as many `symbols`.
+    """
     chi, gamma, phi, n_z = loop.start
-    edges = np.linspace(-within_start, within_start, pieces + 1)
+    edges = np.linspace(-within_start, within_start, sides + 1)
     # Midpoints and half width of the pieces along one axis.
-    middles, radius = 0.5 * (edges[1:] + edges[:-1]), within_start / pieces * UP
-    centres = np.zeros((pieces * pieces, loop.rows))
-    centres[:, CHI] = chi + np.repeat(middles, pieces)
-    centres[:, GAMMA] = gamma + np.tile(middles, pieces)
+    middles, radius = 0.5 * (edges[1:] + edges[:-1]), within_start / sides * UP
+    centres = np.zeros((sides * sides, loop.rows))
+    centres[:, CHI] = chi + np.repeat(middles, sides)
+    centres[:, GAMMA] = gamma + np.tile(middles, sides)
     centres[:, PHI] = phi
-    made = Pieces(centres, constraints, capacity)
+    made = Pieces(centres, CONSTRAINTS, symbols)
     state = made.forms()
     # Two symbols span the starts of a piece; everything else follows from them.
     for row in (CHI, GAMMA):
         state[row] = made.fresh(state[row].widened(radius + COMPUTED), row)
-    at = Interval.point(np.full(len(centres), phi))
+    level = cosine(Interval.point(np.full(len(centres), phi)))
     if n_z is None:
-        steady = Interval.point(np.ones(len(centres))) / cosine(at)
-        level = cosine_of(state[GAMMA], made.plain_range(state[GAMMA]))
-        load = combined((steady.middle, level)).widened(steady.radius + COMPUTED)
+        steady = one_over(level)
+        climb = Quantity(state[GAMMA], made.plain_range(state[GAMMA]))
+        load = combined((steady.middle, cosine_of(climb).form))
+        load = load.widened(steady.radius + COMPUTED)
     else:
         load = combined((0.0, state[GAMMA]), shift=n_z).widened(COMPUTED)
-    feed_forward = Interval.point(np.full(len(centres), loop.lift(0))) / cosine(at)
-    state[EXTRA_LIFT] = combined((1.0, load), shift=-feed_forward.middle).widened(
-        feed_forward.radius
-    )
-    # The row of the exact law is the load factor times the cosine of roll.
-    if loop.inversion:
-        level = cosine(at)
-        state[EXTRA_LIFT] = combined((level.middle, load)).widened(
-            level.radius * load.size + COMPUTED
-        )
-    at_rest, layout = (state[PHI], load), loop.layout
-    for rows, lag, value in zip(layout.lags, loop.lags, at_rest, strict=False):
-        state[rows] = [combined((share, value)).widened(COMPUTED) for share in lag.rest]
-    for rows, value in zip(layout.queues, at_rest, strict=False):
-        state[rows] = [value] * (rows.stop - rows.start)
-    if loop.roll is not None:
-        box = _interval(*loop.roll[0, :2])
+    if loop.inverts:
+        doubt = level.radius * load.size + COMPUTED
+        state[EXTRA_LIFT] = combined((level.middle, load)).widened(doubt)
+    else:
+        feed_forward = Interval.point(np.full(len(centres), loop.lift(0))) / level
+        extra = combined((1.0, load), shift=-feed_forward.middle)
+        state[EXTRA_LIFT] = extra.widened(feed_forward.radius)
+    for own, queue, lag, value in zip(*loop.layout, loop.lags, (state[PHI], load), strict=False):
+        state[own] = [combined((share, value)).widened(COMPUTED) for share in lag.rest]
+        state[queue] = [value] * (queue.stop - queue.start)
+    if loop.sees_roll:
+        box = _interval(*loop.boxes[0, ROLL])
         beyond = combined((0.0, state[PHI]), shift=box.middle).widened(box.radius)
         state[-1] = made.fresh(beyond, ROLL_BEYOND)
     made.put(state)
@@ -280,16 +280,12 @@ class Enclosure:
     ----------
     overlap : float
         Overlap of the halves of a piece.
-    limits : dict of str to (str, int)
-        By command and side, which of its limits could act in the last sample, and the sample since
-        which some did without a break.
     """
 
     overlap = 0.0
 
     def __init__(self, loop: SampledLoop, pieces: Pieces, plan: Plan) -> None:
         self.loop, self.pieces, self.plan = loop, pieces, plan
-        self.limits: dict[str, tuple[str, int]] = {}
         self._margin = np.zeros(2)
 
     def sample(self, k: int) -> tuple[FloatArray, Flags]:
@@ -315,32 +311,34 @@ class Enclosure:
         pieces.make_room(FRESH_SYMBOLS)
         at = self._controlled(k)
         # Ranges of the errors of this sample, before its rows are overwritten by the next one's.
-        error_ranges = [*map(self._range, at.errors)]
-        flown = (self._point_mass if loop.exact else self._paper_law)(k, at)
-        pieces.put(
-            [flown.chi, flown.gamma, at.phi, flown.extra, *at.integrals, *at.errors, *flown.lags]
-        )
-        ranges = [*map(ordered, (*error_ranges, *flown.commands))]
+        errors = [*map(self._range, at.errors)]
+        fly = self._point_mass if loop.exact else self._paper_law
+        (chi, gamma, extra, *lags), commands, spread = fly(k, at)
+        pieces.put([chi, gamma, at.phi, extra, *at.integrals, *at.errors, *lags])
+        ranges = [*map(ordered, (*errors, *commands))]
         bounds = np.array([(values.low.min(), values.high.max()) for values in ranges])
         # Between samples a flight leaves the straight line by at most a quarter of the sample time
         # times how far apart its rate can be. The line between the bounds needs that at both of its
         # ends, so a sample takes the larger margin of the interval before it and of the one after.
-        after = 0.25 * loop.dt * flown.spread * UP
+        after = 0.25 * loop.dt * spread * UP
         margin, self._margin = np.maximum(self._margin, after), after
         bounds[:2, 0] -= margin
         bounds[:2, 1] += margin
         return bounds, np.array(at.limited)
 
-    def _controlled(self, k: int) -> "Controlled":
+    def _controlled(self, k: int) -> Controlled:
         """The commands of sample k, in as many pieces as that takes."""
-        pieces = self.pieces
+        pieces, lift = self.pieces, self.loop.lift(k)
         # A split changes the pieces and their constraints, so every form is made anew after it. No
         # symbol is added before the last pass: constraints may only speak of symbols that stay.
         while True:
             state = pieces.forms()
             errors = self._errors(k, state)
-            roll = self._angle(self._seen(state), "roll")
-            extra = self._extra_lift(k, state, roll)
+            roll = self._seen(state)
+            # The row was kept relative to the reference of the sample before.
+            extra, moved = state[EXTRA_LIFT], lift - self.loop.lift(k - 1)
+            if moved != 0.0:
+                extra = combined((1.0, extra), (-moved, secant(roll).form))
             channels = self._channels(k, state, errors, roll, extra)
             if not self._fewer_or_more(channels):
                 break
@@ -348,25 +346,10 @@ class Enclosure:
             *(self._limited(i, c, state[PHI_INTEGRAL + i]) for i, c in enumerate(channels)),
             strict=True,
         )
-        self._note_limits(k, channels)
         phi = combined((1.0, state[PHI]), (1.0, moves[0])).widened(COMPUTED)
         phi = pieces.fresh(phi, PHI)
         extra = combined((1.0, extra), (1.0, moves[1])).widened(COMPUTED)
-        lift = self.loop.lift(k)
         return Controlled(state, errors, roll, phi, extra, lift, self._kept(integrals), limited)
-
-    def _note_limits(self, k: int, channels: Sequence[Channel]) -> None:
-        """Write down which limits can act, so that a set that is lost has a cause."""
-        sides = {
-            f"{command} {side}": excess
-            for command, sides, channel in zip(COMMANDS, SIDES, channels, strict=True)
-            for side, excess in zip(sides, (channel.above, channel.below), strict=True)
-        }
-        self.limits = {
-            side: (excess.limit, self.limits[side][1] if side in self.limits else k)
-            for side, excess in sides.items()
-            if excess is not None and (excess.values.high > 0.0).any()
-        }
 
     def _kept(self, integrals: Sequence[Form]) -> list[Form]:
         """Integrals with a symbol each for their errors."""
@@ -377,7 +360,9 @@ class Enclosure:
 
     def _fewer_or_more(self, channels: Sequence[Channel]) -> bool:
         """Drop pieces without flights, or split; whether there are other pieces now."""
-        empty = self._empty(channels)
+        ranges = [channel.by for channel in channels]
+        ranges += [excess.values for channel in channels for _, excess in channel.excesses]
+        empty = np.any([values.low > values.high for values in ranges], axis=0)
         if empty.any():
             self._keep(~empty)
             return True
@@ -387,6 +372,7 @@ class Enclosure:
         return cut is not None
 
     def _range(self, form: Form) -> Interval:
+        """The values of a form; low is above high in a piece without flights."""
         values, pieces = self.pieces.plain_range(form), self.pieces
         if pieces.constrained.any():
             other = pieces.constrained_range(form, self.plan.multipliers(pieces, form))
@@ -395,107 +381,84 @@ class Enclosure:
             )
         return values
 
-    def _angle(self, form: Form, name: str) -> Interval:
-        values = ordered(self._range(form))
-        if not (values.largest < LARGEST_ANGLE).all():
+    def _ranged(self, form: Form) -> Quantity:
+        return Quantity(form, ordered(self._range(form)))
+
+    def _angle(self, form: Form, name: str) -> Quantity:
+        angle = self._ranged(form)
+        if not (angle.values.largest < LARGEST_ANGLE).all():
             raise Unbounded(f"{name} cannot be kept inside {math.degrees(LARGEST_ANGLE):.1f} deg")
-        return values
+        return angle
 
     def _errors(self, k: int, state: Sequence[Form]) -> list[Form]:
+        chi_ref, gamma_ref = self.loop.reference[k, REFERENCE]
         # The controller wraps the course error; all flights of a piece must wrap alike.
-        chi_err = combined((-1.0, state[CHI]), shift=self.loop.chi_ref[k])
+        chi_err = combined((-1.0, state[CHI]), shift=chi_ref)
         turns = np.round(chi_err.coefficients[:, 0] / math.tau)
         chi_err = combined((1.0, chi_err), shift=-turns * math.tau)
         if not (self._range(chi_err).largest < math.pi).all():
             raise Unbounded("the course error can pass half a turn")
-        return [chi_err, combined((-1.0, state[GAMMA]), shift=self.loop.gamma_ref[k])]
+        return [chi_err, combined((-1.0, state[GAMMA]), shift=gamma_ref)]
 
-    def _seen(self, state: Sequence[Form]) -> Form:
+    def _seen(self, state: Sequence[Form]) -> Quantity:
         """The roll that the controller sees."""
-        seen = state[self.loop.seen]
-        return seen if self.loop.roll is None else combined((1.0, seen), (1.0, state[-1]))
-
-    def _extra_lift(self, k: int, state: Sequence[Form], roll: Interval) -> Form:
-        """The load-factor command beyond the feed-forward of this sample's reference."""
-        # The row was kept relative to the reference of the sample before.
-        moved = self.loop.lift(k) - self.loop.lift(k - 1)
-        if moved == 0.0:
-            return state[EXTRA_LIFT]
-        return combined((1.0, state[EXTRA_LIFT]), (-moved, secant(self._seen(state), roll)))
+        seen = state[STATES if self.loop.lags else PHI]
+        if self.loop.sees_roll:
+            seen = combined((1.0, seen), (1.0, state[-1]))
+        return self._angle(seen, "roll")
 
     def _channels(
-        self,
-        k: int,
-        state: Sequence[Form],
-        errors: Sequence[Form],
-        roll: Interval,
-        extra: Form,
+        self, k: int, state: Sequence[Form], errors: Sequence[Form], roll: Quantity, extra: Form
     ) -> list[Channel]:
-        made = []
-        before = state[CHI_ERR], state[GAMMA_ERR]
+        made, lift = [], self.loop.lift(k)
         for i, law in enumerate(self.loop.channels):
-            sums = (
-                []
-                if k == 0
-                else [*zip((*law.K_I_half, *law.K_I_half), (*errors, *before), strict=True)]
-            )
-            # The controller's trapezoid begins with the second sample: there is no time before the
-            # first.
-            increment = combined(*sums) if sums else combined((0.0, errors[0]))
+            # The trapezoid begins with the second sample: there is no time before the first.
+            increment = combined((0.0, errors[0]))
+            if k > 0:
+                both = *errors, state[CHI_ERR], state[GAMMA_ERR]
+                increment = combined(*zip((*law.K_I_half, *law.K_I_half), both, strict=True))
             force = extra if i else state[PHI]
             x = combined(
                 *zip(law.K_P, errors, strict=True),
                 (1.0, state[PHI_INTEGRAL + i]),
                 (1.0, increment),
                 (-1.0, force),
-                shift=self.loop.planned[k, i],
+                shift=self.loop.reference[k, PLANNED][i],
             )
-            lift = self.loop.lift(k) if i else 0.0
-            command, values = self._command(force, lift, self._seen(state), roll)
-            above = self._excess(x, command, values, 1.0, law.upper, law.step_up)
-            below = self._excess(x, command, values, -1.0, -law.lower, -law.step_down)
+            command = Quantity(force, self._range(force))
+            if i and lift:
+                steep = secant(roll)
+                whole = combined((1.0, force), (lift, steep.form))
+                command = Quantity(whole, command.values + steep.values * lift)
+            above, below = self._excesses(x, command, law)
             made.append(Channel(x, increment, self._range(increment), above, below))
         return made
 
-    def _command(
-        self, force: Form, lift: float, seen: Form, roll: Interval
-    ) -> tuple[Form, Interval]:
-        """The command in force and its values."""
-        if lift == 0.0:
-            return force, self._range(force)
-        unity = Interval.point(np.ones_like(roll.low))
-        values = self._range(force) + unity / cosine(roll) * lift
-        return combined((1.0, force), (lift, secant(seen, roll))), values
+    def _excesses(self, x: Form, command: Quantity, law: ChannelLaw) -> list[Quantity | None]:
+        """Excesses over the limits above and below, with the command in force."""
+        sides = (1.0, law.upper, law.step_up), (-1.0, -law.lower, -law.step_down)
+        return [self._excess(x, command, *side) for side in sides]
 
     def _excess(
-        self, x: Form, command: Form, values: Interval, side: float, limit: float, step: float
-    ) -> Excess | None:
+        self, x: Form, command: Quantity, side: float, limit: float, step: float
+    ) -> Quantity | None:
         if math.isinf(limit) and math.isinf(step):
             return None
         if math.isinf(step):
-            form = combined((side, x), (side, command), shift=-limit)
-            return Excess(form, self._range(form), RANGE)
-        terms, name = [(side, x)], RATE
+            form = combined((side, x), (side, command.form), shift=-limit)
+            return Quantity(form, self._range(form))
+        terms = [(side, x)]
         if not math.isinf(limit):
             # What the range leaves of the step: all of it, unless the command is near its end.
-            near = values * side + (step - limit)
+            near = command.values * side + (step - limit)
             if (near.high > 0.0).any():
-                name = RANGE if (near.low >= 0.0).all() else f"{RATE} or the {RANGE}"
-                close = combined((side, command), shift=step - limit)
+                close = combined((side, command.form), shift=step - limit)
                 # A command is never beyond its range.
                 near = ordered(Interval(near.low, np.minimum(near.high, step)))
-                terms.append((1.0, positive_part(close, near, self.plan.slope(near))))
+                part = positive_part(Quantity(close, near), self.plan.slope(near))
+                terms.append((1.0, part))
         form = combined(*terms, shift=-step)
-        return Excess(form, self._range(form), name)
-
-    def _empty(self, channels: Sequence[Channel]) -> Flags:
-        empty = np.zeros(len(self.pieces), dtype=bool)
-        for channel in channels:
-            for excess in (channel.above, channel.below):
-                if excess is not None:
-                    empty |= excess.values.low > excess.values.high
-            empty |= channel.by.low > channel.by.high
-        return empty
+        return Quantity(form, self._range(form))
 
     def _keep(self, which: Flags) -> None:
         """Drop all pieces but these."""
@@ -505,7 +468,7 @@ class Enclosure:
         """Below and above `cut.at`: a flight is in one of the two."""
         # The lower halves stay in place, the upper ones are appended.
         which, pieces = np.flatnonzero(cut.which), self.pieces
-        form, values, _ = cut.excess
+        form, values = cut.excess
         count = len(pieces)
         pieces.split(which)
         both = [
@@ -525,19 +488,20 @@ class Enclosure:
         """How the command moves, its integral after the sample, and whether a limit can hold it."""
         moves, kept = [(1.0, channel.x)], [(1.0, integral), (1.0, channel.increment)]
         left, between = [], Interval.point(np.zeros(len(self.pieces)))
-        for side, excess in ((1.0, channel.above), (-1.0, channel.below)):
-            if excess is None or not (excess.values.high > 0.0).any():
+        for side, excess in channel.excesses:
+            if not (excess.values.high > 0.0).any():
                 continue
-            excess_part = self._positive_part(excess.form, excess.values, KINDS[i])
+            excess_part = self._positive_part(excess, KINDS[i])
             rest, values, by = excess_part, excess.values, ordered(channel.by * side)
             if self.loop.conditional and (by.high > 0.0).any():
                 outwards = combined((side, channel.increment))
-                refused = self._positive_part(outwards, by, PHI_INTEGRAL + i)
+                refused = self._positive_part(Quantity(outwards, by), PHI_INTEGRAL + i)
                 beyond = combined((1.0, excess.form), (-1.0, refused))
                 values = self._range(beyond)
                 # The increment refused is not negative.
                 values = Interval(values.low, np.minimum(values.high, excess.values.high))
-                rest = self._positive_part(beyond, ordered(values), PHI_INTEGRAL + i)
+                rest = Quantity(beyond, ordered(values))
+                rest = self._positive_part(rest, PHI_INTEGRAL + i)
                 kept += [(-side, excess_part), (side, rest)]
             moves.append((-side, excess_part))
             left.append((side, rest))
@@ -547,26 +511,27 @@ class Enclosure:
             self._remember(i, channel, combined(*left), between)
         return combined(*moves), combined(*kept), bool(left)
 
-    def _positive_part(self, form: Form, values: Interval, kind: int) -> Form:
+    def _positive_part(self, quantity: Quantity, kind: int) -> Form:
         """``max(F, 0)``, with a symbol for its error where there is one."""
-        part = positive_part(form, ordered(values), self.plan.slope(values))
+        form, values = quantity
+        part = positive_part(Quantity(form, ordered(values)), self.plan.slope(values))
         # Where all flights are on one side of the kink, the line is exact and needs no symbol.
         kinked = (values.low < 0.0) & (values.high > 0.0)
         return self.pieces.fresh(part, kind) if kinked.any() else part
 
     def _remember(self, i: int, channel: Channel, left: Form, between: Interval) -> None:
         """Constrain the part of the command that limits hold back beyond the increment refused."""
-        sides = [excess.values for excess in (channel.above, channel.below) if excess is not None]
+        sides = [excess.values for _, excess in channel.excesses]
         kinked = np.any([(values.low < 0.0) & (values.high > 0.0) for values in sides], axis=0)
         which = np.flatnonzero(kinked & (between.radius > NARROWEST))
         if len(which) and len(self.pieces.constrained):
             self.pieces.constrain(which, np.full(len(which), SPLITS + i), left, between)
 
-    def _relative(self, at: "Controlled", seen: Form, after: Form) -> Form:
+    def _relative(self, at: Controlled, after: Form) -> Form:
         """The load-factor command beyond the feed-forward of the roll seen next, `after`."""
         extra = at.extra
         if at.lift:
-            change = combined((1.0, after), (-1.0, seen))
+            change = combined((1.0, after), (-1.0, at.roll.form))
             by = self._range(change)
             # Without a lag the roll seen next is the command, which its rate limit holds.
             if not self.loop.lags:
@@ -575,25 +540,32 @@ class Enclosure:
                     np.maximum(by.low, law.step_down - COMPUTED),
                     np.minimum(by.high, law.step_up + COMPUTED),
                 )
-            by = ordered(by)
-            if not ((at.roll + by).largest < LARGEST_ANGLE).all():
-                raise Unbounded(ROLL_UNBOUNDED)
-            extra = combined((1.0, extra), (at.lift, secant_change(seen, at.roll, change, by)))
+            less_steep = self._secant_change(at.roll, Quantity(change, ordered(by)))
+            extra = combined((1.0, extra), (at.lift, less_steep))
         return self.pieces.fresh(extra, EXTRA_LIFT)
 
-    def _load(self, at: "Controlled") -> Form:
+    def _secant_change(self, roll: Quantity, change: Quantity) -> Form:
+        """``1/cos(phi) - 1/cos(phi + change)``.
+
+        Two secants enclosed one by one would be as wide as both.
+        """
+        if not ((roll.values + change.values).largest < LARGEST_ANGLE).all():
+            raise Unbounded(ROLL_UNBOUNDED)
+        return secant_change(roll, change)
+
+    def _load(self, at: Controlled) -> Form:
         """The load-factor command."""
         if at.lift == 0.0:
             return at.extra
-        return combined((1.0, at.extra), (at.lift, secant(self._seen(at.state), at.roll)))
+        return combined((1.0, at.extra), (at.lift, secant(at.roll).form))
 
-    def _lift_and_load(self, at: "Controlled") -> tuple[Form, Interval]:
+    def _lift_and_load(self, at: Controlled) -> tuple[Form, Interval]:
         """The row `EXTRA_LIFT` times the cosine of roll, and the values of the command."""
-        values, cos_phi = ordered(self._range(at.extra)), cosine(at.roll)
-        lifted = product(at.extra, values, cosine_of(at.phi, at.roll), cos_phi)
-        return lifted, values + Interval.point(np.full_like(at.roll.low, at.lift)) / cos_phi
+        extra, level = self._ranged(at.extra), cosine_of(at.roll)
+        lift = Interval.point(np.full_like(level.values.low, at.lift))
+        return product(extra, level), extra.values + lift / level.values
 
-    def _paper_law(self, k: int, at: "Controlled") -> "Flown":
+    def _paper_law(self, k: int, at: Controlled) -> Flown:
         r"""The paper's law over a sample; docs/tube.md derives the remainder.
 
         With y = gamma(t) - gamma and ``f = (g/V)(n_z cos(phi) - cos(gamma)) + d``, d the middle of
@@ -601,18 +573,18 @@ class Enclosure:
         ``(g/V)(h^2/2)((g/V)Y + (g/V)Y^2/2 + D) + (g/V)h Y^2/2 + h D`` for ``|y| <= Y``.
         """
         pieces, loop, h, rate = self.pieces, self.loop, self.loop.dt, self.loop.g_over_v
-        state, phi = at.state, at.phi
-        extra = self._relative(at, state[PHI], phi)
-        roll, climb = self._angle(phi, "roll"), self._angle(state[GAMMA], CLIMB)
-        d = Interval(loop.d_low[k], loop.d_high[k])
+        state = at.state
+        extra = self._relative(at, at.phi)
+        roll, climb = self._angle(at.phi, "roll"), self._angle(state[GAMMA], CLIMB)
+        d = Interval(*loop.boxes[k, D].T)
         d_middle, d_radius = d.middle, d.radius
-        chi = combined(
-            (1.0, state[CHI]), (h * rate, tangent(phi, roll)), shift=h * d_middle[0]
-        ).widened(h * d_radius[0] * UP + COMPUTED)
+        chi = combined((1.0, state[CHI]), (h * rate, tangent(roll)), shift=h * d_middle[0]).widened(
+            h * d_radius[0] * UP + COMPUTED
+        )
         lifted, load = self._lift_and_load(at._replace(extra=extra, roll=roll))
         f = combined(
             (rate, lifted),
-            (-rate, cosine_of(state[GAMMA], climb)),
+            (-rate, cosine_of(climb).form),
             shift=rate * at.lift + d_middle[1],
         )
         f_range = ordered(self._range(f))
@@ -620,7 +592,7 @@ class Enclosure:
         # Gronwall: f grows with y by at most g/V.
         farthest = h * fastest * math.exp(rate * h) * UP
         # d(cos gamma) = -sin(gamma) d gamma: the slope of f in gamma, taken at its middle.
-        slope = sine(climb)
+        slope = sine(climb.values)
         bend = 0.5 * h * h * rate
         rest = (
             bend * (rate * farthest * (1.0 + 0.5 * farthest) + d_radius[1])
@@ -632,47 +604,36 @@ class Enclosure:
             rest * UP + COMPUTED
         )
         spread = 2.0 * np.array([d_radius[0], d_radius[1] + rate * float(farthest.max())])
-        return Flown(
-            chi=pieces.fresh(chi, CHI),
-            gamma=pieces.fresh(gamma, GAMMA),
-            extra=extra,
-            lags=[],
-            commands=[roll, load],
-            spread=spread,
-        )
+        rows = [pieces.fresh(chi, CHI), pieces.fresh(gamma, GAMMA), extra]
+        return rows, [roll.values, load], spread
 
-    def _point_mass(self, k: int, at: "Controlled") -> "Flown":
+    def _point_mass(self, k: int, at: Controlled) -> Flown:
         """The exact point mass, behind lags if there are any."""
-        pieces, loop, state, phi = self.pieces, self.loop, at.state, at.phi
-        n_z = self._load(at)
+        pieces, loop, state = self.pieces, self.loop, at.state
         # A symbol of its own: behind a lag the same error comes back in later samples.
-        n_z = pieces.fresh(n_z.widened(COMPUTED), N_Z)
-        commands = [ordered(self._range(command)) for command in (phi, n_z)]
-        rolled, loaded = (Moved(*pair) for pair in zip((phi, n_z), commands, strict=True))
-        lags: list[Form] = []
+        n_z = pieces.fresh(self._load(at).widened(COMPUTED), N_Z)
+        commands = [self._ranged(command) for command in (at.phi, n_z)]
+        (rolled, loaded), lags = commands, []
         if loop.lags:
-            (rolled, loaded), lags = self._behind_lags(state, (phi, n_z))
+            (rolled, loaded), lags = self._behind_lags(state, (at.phi, n_z))
         if not (rolled.values.largest < LARGEST_ANGLE).all():
             raise Unbounded(ROLL_UNBOUNDED)
         climb = self._angle(state[GAMMA], CLIMB)
-        if not (climb.largest < STEEPEST).all():
+        if not (climb.values.largest < STEEPEST).all():
             raise Unbounded(f"{CLIMB} cannot be kept inside {math.degrees(STEEPEST):.0f} deg")
-        d = Interval(loop.d_low[k], loop.d_high[k])
+        d = Interval(*loop.boxes[k, D].T)
         chi, gamma, spread = point_mass_sample(
-            state[CHI], state[GAMMA], climb, (rolled, loaded), d, h=loop.dt, g_over_v=loop.g_over_v
+            state[CHI], climb, rolled, loaded, d, h=loop.dt, g_over_v=loop.g_over_v
         )
-        after = lags[0] if lags else phi
-        if loop.roll is not None:
+        after = lags[0] if lags else at.phi
+        if loop.sees_roll:
             lags.append(self._roll_beyond(k, state[-1]))
             after = combined((1.0, after), (1.0, lags[-1]))
-        return Flown(
-            chi=pieces.fresh(chi.widened(COMPUTED), CHI),
-            gamma=pieces.fresh(gamma.widened(COMPUTED), GAMMA),
-            extra=self._relative(at, self._seen(state), after),
-            lags=lags,
-            commands=commands,
-            spread=spread,
+        chi, gamma = (
+            pieces.fresh(form.widened(COMPUTED), row) for form, row in ((chi, CHI), (gamma, GAMMA))
         )
+        rows = [chi, gamma, self._relative(at, after), *lags]
+        return rows, [command.values for command in commands], spread
 
     def _roll_beyond(self, k: int, now: Form) -> Form:
         """Difference of the roll seen from that behind the lag, a sample later.
@@ -680,15 +641,14 @@ class Enclosure:
         It is a e + w of the e now, w in ``(1 - a)`` times the box of e plus that of its change: so
         the changes stay small, and the sum of all w does not grow with time.
         """
-        assert self.loop.roll is not None
-        low, high, slowest, fastest = self.loop.roll[k]
-        w = _interval(low, high) * (1.0 - ROLL_KEPT) + _interval(slowest, fastest)
+        boxes = self.loop.boxes[k]
+        w = _interval(*boxes[ROLL]) * (1.0 - ROLL_KEPT) + _interval(*boxes[ROLL_CHANGE])
         later = combined((ROLL_KEPT, now), shift=w.middle).widened(w.radius)
         return self.pieces.fresh(later, ROLL_BEYOND)
 
     def _behind_lags(
         self, state: Sequence[Form], commands: Sequence[Form]
-    ) -> tuple[list[Moved], list[Form]]:
+    ) -> tuple[list[Quantity], list[Form]]:
         """Roll and load factor flown, and the rows of the lags and of the commands under way."""
         flown, after, under_way = [], [], []
         for lag, own, queue, command in zip(
@@ -705,37 +665,10 @@ class Enclosure:
             values = lag.values_within(ranges[: lag.order], ranges[-1], in_force, self.loop.dt)
             if values is None:
                 raise Unbounded("a lag moves too far in a sample to be enclosed")
-            flown.append(Moved(mean, values))
+            flown.append(Quantity(mean, values))
             after += moved
             under_way += newest_first[:-1]
         return flown, [*after, *under_way]
-
-
-class Controlled(NamedTuple):
-    """The controller's part of a sample."""
-
-    state: list[Form]  # rows before the sample
-    errors: list[Form]
-    roll: Interval  # rad: values of the roll that the controller sees
-    phi: Form  # rad: roll command
-    extra: Form  # load-factor command, as in the row `EXTRA_LIFT`
-    lift: float  # ``cos(gamma_ref)`` of the feed-forward; 0 without one
-    integrals: list[Form]
-    limited: Sequence[bool]  # whether a limit can hold the command
-
-
-class Flown(NamedTuple):
-    """A set one sample later, and the values of the two commands in between.
-
-    `spread` is how far apart the rates of a flight can be within the sample, rad/s.
-    """
-
-    chi: Form
-    gamma: Form
-    extra: Form
-    lags: list[Form]
-    commands: list[Interval]
-    spread: FloatArray
 
 
 def _interval(low: float, high: float) -> Interval:

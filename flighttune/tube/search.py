@@ -71,9 +71,7 @@ class Search:
         """Split at the first limit that some flights of a piece clearly meet, some clearly not."""
         if len(pieces) < self._most:
             for i, channel in enumerate(channels):
-                for side, excess in ((1.0, channel.above), (-1.0, channel.below)):
-                    if excess is None:
-                        continue
+                for side, excess in channel.excesses:
                     # Beyond the limit by more than the increment, the integral stands still too.
                     at = np.maximum((channel.by * side).high, 0.0)
                     values = excess.values

@@ -16,6 +16,7 @@ from flighttune.tube.sample import (
     GAMMA,
     N_Z_INTEGRAL,
     PHI,
+    ROLL,
     SampledLoop,
     Unbounded,
 )
@@ -91,15 +92,15 @@ def _contracting(A: FloatArray, *, slow: bool) -> FloatArray:
 def _steady(loop: SampledLoop) -> FloatArray:
     """Steady flight on the last reference."""
     at = np.zeros(loop.rows)
-    lift, (phi, n_z) = loop.lift(len(loop.gamma_ref) - 1), loop.planned[-1]
-    n_z = n_z or np.cos(loop.gamma_ref[-1])
-    at[CHI], at[GAMMA], at[PHI] = loop.chi_ref[-1], loop.gamma_ref[-1], phi
-    at[EXTRA_LIFT] = n_z - lift
-    at[N_Z_INTEGRAL] = 0.0 if loop.inversion else n_z - lift - loop.planned[-1, 1]
+    chi, gamma, phi, planned = loop.reference[-1, :4]
+    n_z = planned or np.cos(gamma)
+    extra = n_z - loop.lift(len(loop.reference) - 1)
+    at[[CHI, GAMMA, PHI, EXTRA_LIFT]] = chi, gamma, phi, extra
+    at[N_Z_INTEGRAL] = 0.0 if loop.inverts else extra - planned
     for own, queue, lag, value in zip(*loop.layout, loop.lags, (phi, n_z), strict=False):
         at[own], at[queue] = lag.rest * value, value
-    if loop.roll is not None:
-        at[-1] = loop.roll[-1, :2].mean()
+    if loop.sees_roll:
+        at[-1] = loop.boxes[-1, ROLL].mean()
     return at
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pyarrow as pa
@@ -18,11 +18,11 @@ from flighttune.arrays import FloatArray
 from flighttune.conformance.file import CountedProbability
 from flighttune.control.gains import PIGains
 from flighttune.errors import FlightTuneError, InputError
-from flighttune.guarantee.bounds import Bounds, with_columns
+from flighttune.guarantee.bounds import Bounds, cut_to, with_columns
 from flighttune.mistakes import mistakes
 from flighttune.present.numbers import degrees
 from flighttune.scenario.load import scenario_from
-from flighttune.seal import BLANK, seal, seal_of, sealed_bytes
+from flighttune.seal import BLANK, seal, sealed_bytes
 from flighttune.simulate.run import WORST_SIGNALS, Run
 from flighttune.value_file import STRICT
 from flighttune.whole_file import whole_file
@@ -33,9 +33,6 @@ if TYPE_CHECKING:
 
 FOLDER = "tubes"
 """Subfolder with the tubes of the runs in a folder."""
-
-WORST = "-worst"
-"""Suffix to the name of a tube's file, for that of the worst flight found in the tube."""
 
 NOT_OF_FLIGHT = ("title", "verifies", "source", "seed", "gains", "expect", "tuning", "envelope")
 """Tables of a scenario that a tube does not depend on."""
@@ -63,17 +60,9 @@ class AboutTube:
     handed_over_s: float | None
     counted_from_s: float | None
     probability: CountedProbability | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AboutWorst:
-    """Description in the file of the worst flight in a tube, beside its errors."""
-
-    __pydantic_config__ = STRICT
-
-    tube: str  # SHA-256 in the file of its tube
-    chi: float  # width of the tube over the width that this flight needs
-    gamma: float
+    # Width of the tube over the width that the worst flight found in it needs, for ``chi`` and
+    # ``gamma``; its errors are in the columns `WORST_SIGNALS`. None unless one was searched.
+    worst: dict[str, float] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,7 +74,6 @@ class RunTube:
     file: Path
     computed: bool  # whether this call computed it; a tube that is read is not proven again
     inside: bool  # whether the run stays inside
-    worst: AboutWorst | None  # None unless `flighttune worst` was run
 
     @property
     def half_widths(self) -> dict[str, dict[str, float]]:
@@ -109,15 +97,17 @@ class RunTubes:
     @property
     def at_a_glance(self) -> tuple[str, ...]:
         """Largest error of each aircraft and its probability, a sentence each."""
-        aircraft = [run.label for run in self.runs if run.provenance.aircraft is not None]
-        return tuple(_glance(label, self.tubes[label]) for label in aircraft if label in self.tubes)
-
-
-def _glance(label: str, tube: RunTube) -> str:
-    about = tube.about
-    chi, gamma = (degrees(widths["max"]) for widths in tube.half_widths.values())
-    chance = f"; {about.probability.sentence}" if about.probability else ""
-    return f"{label}: the tube is ±{chi} of course and ±{gamma} of path angle wide{chance}."
+        sentences = []
+        for run in self.runs:
+            tube = self.tubes.get(run.label)
+            if tube is None or run.provenance.aircraft is None:
+                continue
+            chi, gamma = (degrees(widths["max"]) for widths in tube.half_widths.values())
+            counted = tube.about.probability
+            chance = f"; {counted.sentence}" if counted else ""
+            width = f"±{chi} of course and ±{gamma} of path angle wide"
+            sentences.append(f"{run.label}: the tube is {width}{chance}.")
+        return tuple(sentences)
 
 
 def tubes_of(
@@ -140,32 +130,24 @@ def tubes_of(
     drawn: list[Run] = []
     for run in runs:
         drawn.append(run)
-        if len(run.signals) < 2:
+        sha256 = run_sha256(run)
+        computed = make and sha256 not in files
+        if len(run.signals) < 2 or not (computed or sha256 in files):
             continue
-        sha256, computed = run_sha256(run), False
         try:
-            if sha256 not in files and make:
+            if computed:
                 made = _tube(run, conformance, progress)
                 if not made.bounds.contain(run.signals):
                     # A tube that its own flight leaves is wrong: no later command may read it.
                     outside.append(run.label)
                     raise InputError("the flight leaves the tube made for it, which is not kept")
-                path = folder / FOLDER / f"{sha256[:16]}.parquet"
-                write_signals(made, path)
-                why_not.pop(str(path), None)  # a damaged file is replaced
-                files[sha256], computed = path, True
-            if sha256 not in files:
-                continue
-            tube = replace(read_tube(files[sha256], run), computed=computed)
-            drawn[-1] = tube.bounds.around(run)
-            worst = _read_worst(tube.file)
+                files[sha256] = folder / FOLDER / f"{sha256[:16]}.parquet"
+                write_signals(made, files[sha256])
+                why_not.pop(str(files[sha256]), None)  # a damaged file is replaced
+            tube, drawn[-1] = _read_tube(files[sha256], run, computed=computed)
         except FlightTuneError as error:
             why_not[run.label] = str(error)
             continue
-        if worst is not None:
-            about, errors = worst
-            tube = replace(tube, worst=about)
-            drawn[-1] = with_columns(drawn[-1], dict(zip(WORST_SIGNALS, errors.T, strict=True)))
         tubes[run.label] = tube
         if not tube.inside:
             outside.append(run.label)
@@ -217,38 +199,24 @@ def _tube_files(folder: Path) -> tuple[dict[str, Path], dict[str, str]]:
     """Files of tubes by the hash of their flight, and why the other files are not read."""
     files, refused = {}, {}
     for path in sorted(folder.glob("[!.]*.parquet")):
-        if path.stem.endswith(WORST):
-            continue
         try:
-            files[read_sealed(path, AboutTube)[0].run] = path
+            files[read_sealed(path)[0].run] = path
         except InputError as error:
             refused[str(path)] = str(error).removeprefix(f"{path}: ")
     return files, refused
 
 
-def read_bounds(path: str | Path) -> tuple[AboutTube, Bounds]:
-    """Read the file of a tube: its description and its bounds on the errors.
-
-    Raises InputError if the file is of another kind or is not as it was written.
-    """
-    about, columns = read_sealed(Path(path), AboutTube)
-    try:
-        bounds = Bounds.of(columns)
-    except KeyError as error:
-        raise InputError(f"{path}: must be a {KIND}, got no column {error}.") from error
-    if not (len(bounds.t) and (bounds.low <= bounds.high).all()):
-        raise InputError(f"{path}: must have rows, and lower bounds not above upper ones.")
-    return about, bounds
+def read_bounds(path: str | Path) -> Bounds:
+    """Read the bounds on the errors from the file of a tube; InputError as `read_sealed`."""
+    return Bounds.of(read_sealed(Path(path))[1])
 
 
-def read_tube(path: Path, run: Run) -> RunTube:
-    """Read the tube of a run from its file.
-
-    Raises InputError as `read_bounds` does, and if its times are not those of the samples.
-    """
+def _read_tube(path: Path, run: Run, *, computed: bool) -> tuple[RunTube, Run]:
+    """The tube of a run from its file, and the run with its bounds and its worst flight."""
     from flighttune.tube.problem import sample_times
 
-    about, bounds = read_bounds(path)
+    about, columns = read_sealed(path)
+    bounds = Bounds.of(columns)
     t, samples = bounds.t, sample_times(scenario_from(dict(run.provenance.scenario)))
     # The bounds of a tube that was lost end early.
     least = len(samples) if about.status == "bounded" else 1
@@ -257,8 +225,10 @@ def read_tube(path: Path, run: Run) -> RunTube:
             f"{path}: `t` must be the {len(samples)} samples of the flight, got {len(t)} rows"
             + (f": {about.reason}." if about.reason else ".")
         )
-    inside = bounds.contain(run.signals)
-    return RunTube(bounds=bounds, about=about, file=path, computed=False, inside=inside, worst=None)
+    inside, drawn = bounds.contain(run.signals), bounds.around(run)
+    if about.worst is not None:
+        drawn = with_columns(drawn, {name: columns[name] for name in WORST_SIGNALS})
+    return RunTube(bounds=bounds, about=about, file=path, computed=computed, inside=inside), drawn
 
 
 def write_signals(tube: "Tube", path: Path) -> None:
@@ -281,39 +251,18 @@ def write_signals(tube: "Tube", path: Path) -> None:
     write_sealed(tube.bounds.columns, about, path)
 
 
-def write_worst(tube: Path, run: Run, ratio: Mapping[str, float]) -> Path:
-    """Write the errors of the worst flight found next to the file of its tube; return the file.
+def write_worst(path: Path, run: Run, ratio: dict[str, float]) -> None:
+    """Add the errors of the worst flight found to the file of a tube, as far as the tube lasts.
 
     `ratio`: width of the tube over the width that this flight needs, for ``chi`` and ``gamma``.
     """
-    path = _worst_file(tube)
+    about, columns = read_sealed(path)
     errors = {name: run.signals[name.removesuffix("_worst")].to_numpy() for name in WORST_SIGNALS}
-    about = AboutWorst(tube=seal_of(tube.read_bytes()), chi=ratio["chi"], gamma=ratio["gamma"])
-    write_sealed({"t": run.t, **errors}, about, path)
-    return path
+    lasting = {name: cut_to(len(columns["t"]), values) for name, values in errors.items()}
+    write_sealed(columns | lasting, replace(about, worst=ratio), path)
 
 
-def _worst_file(tube: Path) -> Path:
-    return tube.with_name(f"{tube.stem}{WORST}.parquet")
-
-
-def _read_worst(tube: Path) -> tuple[AboutWorst, FloatArray] | None:
-    """The worst flight found in a tube and its errors, rad; None if there is none."""
-    path = _worst_file(tube)
-    if not path.exists():
-        return None
-    about, columns = read_sealed(path, AboutWorst)
-    if about.tube != seal_of(tube.read_bytes()):  # the tube has been replaced since
-        return None
-    return about, np.column_stack([columns[name] for name in WORST_SIGNALS])
-
-
-A = TypeVar("A", AboutTube, AboutWorst)
-
-
-def write_sealed(
-    columns: Mapping[str, FloatArray], about: AboutTube | AboutWorst, path: Path
-) -> None:
+def write_sealed(columns: Mapping[str, FloatArray], about: AboutTube, path: Path) -> None:
     """Write signals over time with their description; the file is written whole or not at all."""
     fields = [
         pa.field(name, pa.float64(), metadata={"unit": UNITS.get(name, "rad")}) for name in columns
@@ -327,18 +276,18 @@ def write_sealed(
         part.write_bytes(data)
 
 
-def read_sealed(path: Path, kind: type[A]) -> tuple[A, dict[str, FloatArray]]:
+def read_sealed(path: Path) -> tuple[AboutTube, dict[str, FloatArray]]:
     """Read a file of `write_sealed`: its description and its signals.
 
     Raises InputError if the file is of another kind or is not as it was written, if time does not
-    rise, or if a value is not finite.
+    rise, or if a bound is not finite or above the upper one.
     """
     data = sealed_bytes(path, KIND, REMEDY)
     try:
         table = pq.read_table(pa.BufferReader(data))
-        about = TypeAdapter(kind).validate_json(table.schema.metadata[ABOUT])
+        about = TypeAdapter(AboutTube).validate_json(table.schema.metadata[ABOUT])
         columns = {name: table[name].to_numpy().astype(float) for name in table.column_names}
-        t = columns["t"]
+        t, bounds = columns["t"], Bounds.of(columns)
     except ValidationError as error:
         raise InputError(
             f"{path}: {mistakes(error, json.loads(table.schema.metadata[ABOUT]))}"
@@ -346,7 +295,8 @@ def read_sealed(path: Path, kind: type[A]) -> tuple[A, dict[str, FloatArray]]:
     except (pa.ArrowException, OSError, KeyError, TypeError, ValueError) as error:
         got = " ".join(str(error).split())
         raise InputError(f"{path}: must be a {KIND}, got: {got}.") from error
-    finite = all(np.isfinite(values).all() for values in columns.values())
-    if not (finite and (np.diff(t) > 0.0).all()):
-        raise InputError(f"{path}: `t` must rise and every value must be finite; {REMEDY}.")
+    if not (len(t) and np.isfinite(bounds.pairs).all() and (np.diff(t) > 0.0).all()):
+        raise InputError(f"{path}: `t` must rise and every bound must be finite; {REMEDY}.")
+    if not (bounds.low <= bounds.high).all():
+        raise InputError(f"{path}: lower bounds must not be above upper ones.")
     return about, columns

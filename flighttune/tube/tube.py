@@ -1,11 +1,10 @@
 """The set of all errors that the flights of a scenario can have."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
 
 import numpy as np
-import pandas as pd
 
 from flighttune.arrays import FloatArray
 from flighttune.flight.fly import plant_of
@@ -13,8 +12,8 @@ from flighttune.simulate.loop import simulate
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.hand_over import hull, settled_from
 from flighttune.tube.problem import TubeProblem
-from flighttune.tube.result import QUANTITIES, Settings, Tube, bounds_of, first_set, within_counted
-from flighttune.tube.sample import Unbounded
+from flighttune.tube.result import QUANTITIES, Settings, Tube, bounds_of, within_counted
+from flighttune.tube.sample import Unbounded, start_set
 from flighttune.tube.search import Search
 from flighttune.tube.settling import coordinates, hand_over
 
@@ -94,26 +93,18 @@ def enclosed(
     `attempts`: tried one after the other until the set is bounded; by default two. `for_ever`: look
     for a set that holds the flights after the time of the scenario too. `progress`: see `tube_of`.
     """
-    best: Tube | None = None
+    tried = []
     for settings in attempts or _attempts(problem):
-        result = _attempt(problem, settings, progress, for_ever=for_ever)
-        if result.status == "bounded":
-            return result
-        if best is None or len(result.bounds.t) > len(best.bounds.t):
-            best = result
-    assert best is not None
-    return best
+        tried.append(_attempt(problem, settings, progress, for_ever=for_ever))
+        if tried[-1].status == "bounded":
+            return tried[-1]
+    return max(tried, key=lambda tube: len(tube.bounds.t))
 
 
-def _why_lost(
-    stop: str, t: FloatArray, ranges: Sequence[FloatArray], limits: dict[str, tuple[str, int]]
-) -> str:
-    """Time at which the set is lost, limits that could act before, and growth of its width."""
+def _why_lost(stop: str, t: FloatArray, ranges: Sequence[FloatArray]) -> str:
+    """Time at which the set is lost, and growth of its width."""
     lost = len(ranges)
     reason = f"{stop} from t = {t[lost]:.2f} s on"
-    acting = [f"the {limit} of {side} from {t[k]:.2f} s on" for side, (limit, k) in limits.items()]
-    if acting:
-        reason += f"; commands can be held by {', '.join(acting)}"
     span = round(DOUBLING / (t[1] - t[0]))
     if lost <= span:
         return reason
@@ -146,14 +137,15 @@ def _attempt(
     loop, t = problem.loop, problem.t
     rows, still, hulls = coordinates(loop) if for_ever else None, settled_from(loop), {}
     search = Search(loop, tolerance=settings.tolerance, most=settings.most)
-    enclosure = enclosure_of(loop, first_set(problem, settings), search)
+    starts = start_set(loop, problem.start, settings.sides, settings.symbols)
+    enclosure = enclosure_of(loop, starts, search)
     start_known = problem.boxes is None or problem.boxes.start_known
     ranges, held, reason = [], [], "" if start_known else UNKNOWN_START
     for k in range(len(t) if start_known else 0):
         try:
             both, limited = enclosure.sample(k)
         except Unbounded as stop:
-            reason = _why_lost(str(stop), t, ranges, enclosure.limits)
+            reason = _why_lost(str(stop), t, ranges)
             break
         ranges.append(both)
         held.append(limited)
@@ -178,20 +170,17 @@ def flights_inside(enclosure: Tube) -> bool:
 
     A tube that is not bounded is compared as far as it goes.
     """
-    return all(map(enclosure.bounds.contain, _flights(enclosure)))
-
-
-def _flights(enclosure: Tube) -> Iterator[pd.DataFrame]:
     problem = enclosure.problem
     scenario, condition = problem.scenario, problem.scenario.condition
     corners = {(0.0, 0.0), *product((-problem.start, problem.start), repeat=2)}
     for chi, gamma in sorted(corners):
-        start = replace(condition, chi=condition.chi + chi, gamma=condition.gamma + gamma)
         signals, _ = simulate(
             plant_of(problem.table, scenario),
             problem.controller(),
             scenario.followed(),
-            condition=start,
+            condition=replace(condition, chi=condition.chi + chi, gamma=condition.gamma + gamma),
             duration=scenario.flight.duration_s,
         )
-        yield signals
+        if not enclosure.bounds.contain(signals):
+            return False
+    return True

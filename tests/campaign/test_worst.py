@@ -207,7 +207,7 @@ def tube_around(signals, path, below=0.03, above=0.01):
         probability=None,
     )
     write_sealed({name: tube[name].to_numpy() for name in tube}, about, path)
-    return read_bounds(path)[1]
+    return read_bounds(path)
 
 
 def test_a_flight_beside_the_middle_of_a_tube(tmp_path):

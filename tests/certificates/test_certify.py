@@ -1,7 +1,6 @@
 """Certificates: valid ones are proofs, changed ones refused with the inequality that fails."""
 
 import json
-import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -22,7 +21,6 @@ from flighttune.control.envelope import Envelope
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.errors import InputError
-from flighttune.theory import common, lmi
 from flighttune.theory.indicators import indicators
 from flighttune.tuning.envelope import largest_factor
 from flighttune.value_file import tables_of, value_of
@@ -101,31 +99,6 @@ def test_a_file_reads_back_to_the_same_bits_and_verifies(over_envelope, tmp_path
     assert again.scenario_sha256 == "0" * 64
     assert {"flighttune", "solver", "clarabel"} <= set(again.made_with)
     assert [file.name for file in tmp_path.iterdir()] == ["gains.json"]
-
-
-def test_a_write_that_fails_leaves_the_old_file_and_no_other(at_trim, tmp_path, monkeypatch):
-    path = tmp_path / "gains.json"
-    path.write_text("old")
-
-    def full_disk(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(os, "replace", full_disk)
-    with pytest.raises(InputError, match="no space left"):
-        save_certificate(at_trim, path)
-
-    assert path.read_text() == "old"
-    assert [file.name for file in tmp_path.iterdir()] == ["gains.json"]
-
-
-def test_verification_asks_no_solver(over_envelope, monkeypatch):
-    def solver(*_, **__):
-        raise AssertionError
-
-    for module in (lmi, common):
-        monkeypatch.setattr(module, "solve", solver)
-
-    assert verify(over_envelope).valid
 
 
 @pytest.mark.slow
@@ -226,21 +199,23 @@ def test_a_model_that_is_not_the_laws_cannot_hide_behind_an_envelope(over_envelo
     assert "trim model inside the polytope" in verification.reason
 
 
-def test_a_trim_outside_the_envelope_is_refused():
-    low = Envelope(V_a=(15.0, 20.0), gamma=(0.0, 0.5), phi=(0.0, 0.1), n_z=(0.9, 1.1))
-
-    refused = certify(MODEL, TUNED, envelope=low, g=G)
-
-    assert refused.status == "refused"
-    assert refused.certificate is None
-    assert "trim model inside the polytope" in refused.reason
+LOW = Envelope(V_a=(15.0, 20.0), gamma=(0.0, 0.5), phi=(0.0, 0.1), n_z=(0.9, 1.1))
+WIDE = Envelope(V_a=(15.0, 40.0), gamma=(-0.8, 0.8), phi=(-1.0, 1.0), n_z=(-1.0, 3.0))
 
 
-def test_unstable_gains_are_refused_with_the_eigenvalue():
-    refused = certify(MODEL, PIGains(K_P=-np.eye(2), K_I=np.eye(2)))
+@pytest.mark.parametrize(
+    ("gains", "envelope", "why"),
+    [
+        (TUNED, LOW, "trim model inside the polytope"),
+        (PAPER_GAINS, WIDE, "no common Q"),
+        (PIGains(K_P=-np.eye(2), K_I=np.eye(2)), None, "left half plane"),
+    ],
+)
+def test_what_cannot_be_proven_is_refused_with_a_reason(gains, envelope, why):
+    refused = certify(MODEL, gains, envelope=envelope, g=G if envelope else None)
 
-    assert refused.status == "refused"
-    assert "is not in the open left half plane" in refused.reason
+    assert (refused.status, refused.certificate) == ("refused", None)
+    assert why in refused.reason
 
 
 @pytest.mark.slow
@@ -253,15 +228,6 @@ def test_the_largest_envelope_of_gains_can_be_proven_and_one_percent_more_cannot
 
     assert certify(MODEL, gains, envelope=largest, g=G).status == "certified"
     assert certify(MODEL, gains, envelope=beyond, g=G).status == "refused"
-
-
-def test_an_envelope_too_wide_is_refused_with_a_reason():
-    wide = Envelope(V_a=(15.0, 40.0), gamma=(-0.8, 0.8), phi=(-1.0, 1.0), n_z=(-1.0, 3.0))
-
-    refused = certify(MODEL, PAPER_GAINS, envelope=wide, g=G)
-
-    assert refused.status == "refused"
-    assert "no common Q was found" in refused.reason
 
 
 def test_a_model_with_lag_states_is_certified_at_its_trim():
@@ -344,8 +310,3 @@ def test_a_file_that_is_no_certificate_is_named_with_what_is_wrong(tmp_path, tex
 def test_values_of_the_wrong_kind_are_refused_in_one_line(over_envelope, path, value, message):
     with pytest.raises(InputError, match=message):
         changed(over_envelope, path, lambda _: value)
-
-
-def test_a_missing_file_is_an_input_error(tmp_path):
-    with pytest.raises(InputError, match=r"none\.json.*readable"):
-        verify(tmp_path / "none.json")

@@ -55,13 +55,8 @@ def flight(V_a, e_0, d, duration):
 
 
 def stays_inside(s, u):
-    inside = [
-        (low <= value.min() and value.max() <= high)
-        for value, (low, high) in (
-            (GAMMA - s[3], ENVELOPE.gamma), (u[0], ENVELOPE.phi), (u[1], ENVELOPE.n_z),
-        )
-    ]  # fmt: skip
-    return all(inside)
+    ranges = (GAMMA - s[3], ENVELOPE.gamma), (u[0], ENVELOPE.phi), (u[1], ENVELOPE.n_z)
+    return all(low <= x.min() and x.max() <= high for x, (low, high) in ranges)
 
 
 @pytest.mark.parametrize("V_a", [22.0, 24.3, 28.0])

@@ -10,14 +10,15 @@ from flighttune.errors import InputError
 ROUNDING = 1e-12
 
 
-def test_windows_by_time_last_half_a_second():
+@pytest.mark.parametrize(("duration", "count"), [(2.0, 4), (1.0, 2)])
+def test_windows_by_time_last_half_a_second_and_the_last_one_to_the_end(duration, count):
     t = 0.1 * np.arange(21)
-    still = np.zeros(21)
 
-    windows = Windows.covering("time", 2.0)
+    windows = Windows.covering("time", duration)
 
-    assert windows.count == 4
-    assert windows.of_samples(t, still, still).tolist() == [i // 5 for i in range(20)]
+    assert windows.count == count
+    expected = [min(i // 5, count - 1) for i in range(20)]
+    assert windows.of_samples(t, 0.0 * t, 0.0 * t).tolist() == expected
 
 
 def test_windows_by_phase_count_from_where_the_reference_stops():
@@ -30,12 +31,6 @@ def test_windows_by_phase_count_from_where_the_reference_stops():
     assert window[5:12].tolist() == [0] * 7
     assert window[12:17].tolist() == [1] * 5
     assert window[17:22].tolist() == [2] * 5
-
-
-def test_later_samples_than_the_windows_reach_are_in_the_last_one():
-    t = 0.1 * np.arange(31)
-
-    assert Windows.covering("time", 1.0).of_samples(t, 0.0 * t, 0.0 * t).max() == 1
 
 
 def test_boxes_hold_what_they_were_fitted_to_with_a_margin():
@@ -51,8 +46,9 @@ def test_boxes_hold_what_they_were_fitted_to_with_a_margin():
     high = residual.reshape(20, 3, 10, 6).max(axis=(0, 2))
     # Errors are those of a second before and after: here of all three windows.
     low[:, 4:], high[:, 4:] = low[:, 4:].min(axis=0), high[:, 4:].max(axis=0)
-    assert boxes.centre == pytest.approx(0.5 * (low + high), abs=ROUNDING)
-    assert boxes.half_width == pytest.approx(MARGIN * 0.5 * (high - low), abs=ROUNDING)
+    centre, half = 0.5 * (low + high), MARGIN * 0.5 * (high - low)
+    assert boxes.low == pytest.approx(centre - half, abs=ROUNDING)
+    assert boxes.high == pytest.approx(centre + half, abs=ROUNDING)
     assert boxes.hold(lows, highs).all()
 
 
@@ -78,8 +74,12 @@ def test_a_window_that_no_flight_was_in_is_as_wide_as_all():
 
     boxes, _ = fitted_boxes(windows, low[None], high[None], 100)
 
-    assert boxes.centre[2] == pytest.approx([0.5, 1.5, 0.5, 4.25, 1.5, 4.0])
-    assert boxes.half_width[2] == pytest.approx(MARGIN * np.array([1.5, 1.5, 0.5, 0.25, 0.5, 2.0]))
+    centre, half = (
+        [0.5, 1.5, 0.5, 4.25, 1.5, 4.0],
+        MARGIN * np.array([1.5, 1.5, 0.5, 0.25, 0.5, 2.0]),
+    )
+    assert boxes.low[2] == pytest.approx(centre - half)
+    assert boxes.high[2] == pytest.approx(centre + half)
 
 
 # The tail of normal residuals is lighter than the fitted one.
@@ -126,17 +126,11 @@ def test_each_quantity_is_widened_by_what_it_needs_itself():
     assert widening(both, both, 797)[1] < 1.15 < 1.25 < widening(both, both, 797)[0]
 
 
-def test_no_flight_is_refused():
-    with pytest.raises(InputError, match="at least one flight"):
-        fitted_boxes(Windows(over="time", count=2), np.empty((0, 2, 6)), np.empty((0, 2, 6)), 1)
-
-
-def test_windows_may_be_shorter():
-    windows = Windows.covering("time", 1.0, 0.1)
+def test_windows_may_be_shorter_but_not_shorter_than_a_sample():
     t = np.arange(51) * 0.02
 
-    assert windows.count == 10
-    found = windows.of_samples(t, np.zeros(51), np.zeros(51))
+    found = Windows.covering("time", 1.0, 0.1).of_samples(t, np.zeros(51), np.zeros(51))
+
     assert found.tolist() == [k // 5 for k in range(50)]
     with pytest.raises(InputError, match=r"`window`.*0\.02 s.* 0 s"):
         Windows.covering("time", 1.0, 0.0)

@@ -1,7 +1,5 @@
 """Report, recording and campaign state one bound and one verdict about the same flight."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -31,40 +29,23 @@ def disturbed():
     return scenario_from({**whole, "flight": flight, "expect": [], **plant})
 
 
-@pytest.fixture(scope="module")
-def outputs(tmp_path_factory):
-    """The check of a report and of a flight, and the claim of a campaign."""
+def test_report_recording_and_campaign_state_one_bound_and_one_verdict(tmp_path, monkeypatch):
     scenario = disturbed()
     flown = fly(scenario)
-    files = record(flown, tmp_path_factory.mktemp("flown"), name="flown")
+    files = record(flown, tmp_path, name="flown")
     (recorded,) = load_recording(files.recording.parent).runs
     plan = plan_of(scenario.as_dict(), uniform("flight.chi_deg", 10.0, 30.0), runs=12)
+
     ((group, claim),) = claims(plan).items()
-    with pytest.MonkeyPatch.context() as patched:  # the frontier takes most of a report's time
-        patched.setattr("flighttune.report.facts.frontier", lambda *_, **__: pd.DataFrame())
-        (check,) = facts_of(Source(name="flown", runs=(recorded,))).checks.values()
-    return SimpleNamespace(
-        check=check,
-        claim=claim,
-        outcome=claim.outcome(nominal_flights(plan)[group]),
-        flown=flight_check(flown.runs[0]),
-    )
+    # the frontier takes most of a report's time
+    monkeypatch.setattr("flighttune.report.facts.frontier", lambda *_, **__: pd.DataFrame())
+    (check,) = facts_of(Source(name="flown", runs=(recorded,))).checks.values()
+    before = flight_check(flown.runs[0])
 
-
-def test_bound_and_L_d_of_the_second_half_are_the_same(outputs):
-    check, claim = outputs.check.settled[0], outputs.claim
-
-    assert claim.L_d == pytest.approx(check.L_d, rel=SAME)
-    assert claim.tube == pytest.approx(check.tube, rel=SAME)
-    assert claim.commanded == pytest.approx(check.commanded, rel=SAME)
-
-
-def test_outcome_and_vacuity_are_the_same(outputs):
-    assert outputs.outcome == outputs.check.settled[1]
-    assert outputs.claim.vacuous == outputs.check.settled[0].vacuous
-
-
-def test_the_bound_on_the_way_is_that_of_the_flight_before_it_was_recorded(outputs):
-    assert np.array_equal(outputs.flown.bound, outputs.check.bound, equal_nan=True)
-    assert np.isfinite(outputs.flown.bound).any()
-    assert outputs.flown.t_broken == outputs.check.t_broken
+    settled, outcome = check.settled
+    for name in ("L_d", "tube", "commanded", "vacuous"):
+        assert getattr(claim, name) == pytest.approx(getattr(settled, name), rel=SAME)
+    assert claim.outcome(nominal_flights(plan)[group]) == outcome
+    assert np.array_equal(before.bound, check.bound, equal_nan=True)
+    assert np.isfinite(before.bound).any()
+    assert before.t_broken == check.t_broken

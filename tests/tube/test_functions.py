@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from flighttune.tube import functions
-from flighttune.tube.forms import Pieces, combined
+from flighttune.tube.forms import Pieces, Quantity, combined
 from flighttune.tube.interval import Interval
 
 ROUNDING = 1e-12
@@ -39,29 +39,36 @@ def symbols(pieces):
     return rng.choice([-1.0, 1.0], (pieces.capacity, MEMBERS)) * rng.choice([1.0, 0.3], MEMBERS)
 
 
+def ranged(pieces, form):
+    return Quantity(form, pieces.plain_range(form))
+
+
 @pytest.mark.parametrize(
     ("enclosure", "function"),
     [
-        (functions.tangent, np.tan),
+        (lambda angle: (functions.tangent(angle), None), np.tan),
         (functions.cosine_of, np.cos),
         (functions.secant, lambda x: 1.0 / np.cos(x)),
     ],
 )
 def test_a_function_of_an_angle_is_enclosed(pieces, symbols, enclosure, function):
     angle = pieces.forms()[0]
+    exactly = function(members(angle, symbols))
 
-    found = enclosure(angle, pieces.plain_range(angle))
+    form, values = enclosure(ranged(pieces, angle))
 
-    assert inside(found, symbols, function(members(angle, symbols)))
+    assert inside(form, symbols, exactly)
+    if values is not None:
+        assert (values.low <= exactly.min(axis=1) + ROUNDING).all()
+        assert (values.high >= exactly.max(axis=1) - ROUNDING).all()
 
 
 def test_product_and_change_of_secant_are_enclosed(pieces, symbols):
-    a, b, _ = pieces.forms()
-    x, y = members(a, symbols), members(b, symbols)
-    of_a, of_b = pieces.plain_range(a), pieces.plain_range(b)
+    a, b = (ranged(pieces, form) for form in pieces.forms()[:2])
+    x, y = (members(quantity.form, symbols) for quantity in (a, b))
 
-    assert inside(functions.product(a, of_a, b, of_b), symbols, x * y)
-    change = functions.secant_change(a, of_a, b, of_b)
+    assert inside(functions.product(a, b), symbols, x * y)
+    change = functions.secant_change(a, b)
     assert inside(change, symbols, 1.0 / np.cos(x) - 1.0 / np.cos(x + y))
 
 
@@ -70,7 +77,7 @@ def test_arctangent_of_a_quotient_is_enclosed(pieces, symbols, scale):
     a, c, _ = pieces.forms()
     a, b = combined((scale, a)), combined((1.0, c), shift=1.0)
 
-    found = functions.arctangent(a, pieces.plain_range(a), b, pieces.plain_range(b))
+    found = functions.arctangent(ranged(pieces, a), ranged(pieces, b))
 
     assert inside(found, symbols, np.arctan2(members(a, symbols), members(b, symbols)))
 
@@ -79,7 +86,7 @@ def test_arctangent_of_a_quotient_is_enclosed(pieces, symbols, scale):
 def test_a_kink_is_enclosed_whatever_the_slope(pieces, symbols, slope):
     form = pieces.forms()[0]
 
-    found = functions.positive_part(form, pieces.plain_range(form), slope)
+    found = functions.positive_part(ranged(pieces, form), slope)
 
     assert inside(found, symbols, np.maximum(members(form, symbols), 0.0))
 

@@ -21,8 +21,7 @@ from flighttune.scenario import scenario_from
 from flighttune.simulate.loop import simulate
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.problem import tube_problem
-from flighttune.tube.result import Settings, first_set
-from flighttune.tube.sample import SPLITS, Cut
+from flighttune.tube.sample import SPLITS, Cut, start_set
 from flighttune.tube.search import Search
 from flighttune.units import DEG
 from tests.tube.test_soundness import made_up
@@ -57,7 +56,7 @@ class Contrary(Search):
     def cut(self, pieces, channels):
         met = []
         for name, channel in zip(("phi", "n_z"), channels, strict=False):
-            for excess in filter(None, (channel.above, channel.below)):
+            for _, excess in channel.excesses:
                 which = (excess.values.low < -1e-6) & (excess.values.high > 1e-6)
                 if which.any():
                     met.append((name, excess, which))
@@ -90,7 +89,7 @@ def whole_state(problem, signals, start, k):
     phi, n_z = np.array(signals["phi_cmd"]), np.array(signals["n_z_cmd"])
     commands = [(start.phi, phi), (start.n_z_start, n_z)]
     in_force = [one[k - 1] if k else first for first, one in commands]
-    if loop.inversion is None:
+    if loop.inverts is None:
         extra = in_force[1] - loop.lift(k - 1) / math.cos(row["phi"])
         names = "phi_integral", "n_z_integral"
     else:
@@ -196,8 +195,8 @@ def distances_at(case, plan_of, *, count, at, disturbance=0.0, start_deg=0.5, se
     rng = np.random.default_rng(seed)
     flown = flights(problem, count, disturbance, rng)
     plan = plan_of(problem.loop, rng)
-    one_piece = Settings(sides=1, symbols=120, tolerance=1.0, most=0)
-    enclosure = enclosure_of(problem.loop, first_set(problem, one_piece), plan)
+    one_piece = start_set(problem.loop, problem.start, sides=1, symbols=120)
+    enclosure = enclosure_of(problem.loop, one_piece, plan)
     found = []
     for k in range(max(at) + 1):
         if k in at:
@@ -223,8 +222,7 @@ class Relinearised(Search):
         self._for_roll = len(channels) == 1
         if self._for_roll:
             return None
-        lifting = channels[1]
-        for excess in (lifting.above, lifting.below):
+        for _, excess in channels[1].excesses:
             values = excess.values
             which = (values.low < 0.0) & (values.high > 0.0)
             if self._sample == 1 and not self.splits and which.any():

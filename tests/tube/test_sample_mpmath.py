@@ -13,8 +13,7 @@ from flighttune.tube import sample as sample_module
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.forms import Pieces
 from flighttune.tube.problem import tube_problem
-from flighttune.tube.result import CONSTRAINTS
-from flighttune.tube.sample import STATES
+from flighttune.tube.sample import CONSTRAINTS, STATES
 from flighttune.tube.search import Search
 from tests.tube.test_membership import KINEMATIC, POINT, with_law
 
@@ -46,7 +45,7 @@ def limited(wanted, before, law):
 
 def by_the_paper_s_law(loop, x, e):
     """Commands, integrals and the lift kept; conditional anti-windup."""
-    ahead = mp.cos(mpf(float(loop.gamma_ref[1])))
+    ahead = mp.cos(mpf(float(loop.reference[1, 1])))
     in_force = x[2], x[3] + ahead / mp.cos(x[2])
     commands, integrals = [], []
     for i, law in enumerate(loop.channels):
@@ -64,7 +63,7 @@ def by_the_paper_s_law(loop, x, e):
 
 def by_the_exact_law(loop, x, e):
     roll_law, load_law = loop.channels
-    speed, level = mpf(loop.inversion.speed), mp.cos(x[1])
+    speed, level = mpf(loop.V_a * loop.inverts.per_g), mp.cos(x[1])
     turn, climb = (dot(law.K_P, e) + x[4 + i] for i, law in enumerate(loop.channels))
     a, b = speed * level * turn, speed * climb + level
     wanted = mp.atan2(a, b)
@@ -80,8 +79,8 @@ def by_the_exact_law(loop, x, e):
 
 def flown(loop, x, d):
     """The whole state a sample later."""
-    e = [mpf(float(loop.chi_ref[1])) - x[0], mpf(float(loop.gamma_ref[1])) - x[1]]
-    law = by_the_exact_law if loop.inversion else by_the_paper_s_law
+    e = [mpf(float(loop.reference[1, 0])) - x[0], mpf(float(loop.reference[1, 1])) - x[1]]
+    law = by_the_exact_law if loop.inverts else by_the_paper_s_law
     (phi, n_z), integrals, extra = law(loop, x, e)
     h, rate = mpf(loop.dt), mpf(loop.g_over_v)
     # With T = tan(gamma/2) the climb is T' = p + q T^2, which has a closed form.
@@ -143,7 +142,7 @@ def check_a_sample(exact, plant, *, boxes, points):
     rng, outside, met = np.random.default_rng(5), [], np.zeros(2, dtype=bool)
     for _ in range(boxes):
         phi, error = rng.uniform(-0.5, 0.5), rng.uniform(-0.03, 0.03, 2)
-        chi, gamma = -error[0], loop.gamma_ref[1] - error[1]
+        chi, gamma = -error[0], loop.reference[1, 1] - error[1]
         lift = rng.uniform(-0.05, 0.05) + (np.cos(gamma) if exact else 0.0)
         # Near the commands wanted: some flights of a box are limited and some are not.
         integral = np.array([loop.g_over_v * np.tan(phi), 0.0]) if exact else np.array([phi, 0.0])

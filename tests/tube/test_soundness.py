@@ -15,7 +15,8 @@ from flighttune.simulate.batch import fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.problem import tube_problem
-from flighttune.tube.result import QUANTITIES, Settings, first_set
+from flighttune.tube.result import QUANTITIES, Settings
+from flighttune.tube.sample import start_set
 from flighttune.tube.search import Search
 from flighttune.tube.tube import enclosed, tube_of
 from flighttune.units import DEG
@@ -171,10 +172,9 @@ def test_the_margin_between_samples_is_at_both_ends_of_an_interval():
     D, h, k = 0.02, 0.02, 5
     level = made_up(chi_err_deg=0.0, gamma_deg=0.0, gamma_ref_deg=0.0)
     problem = tube_problem(level, PAPER_GAINS, disturbance=D)
-    only_k = (np.arange(len(problem.t)) == k)[:, np.newaxis]
-    low, high = (ends * only_k for ends in problem.disturbances)
-    loop = replace(problem.loop, d_low=low, d_high=high)
-    starts = first_set(problem, Settings(sides=1, symbols=660, tolerance=0.5, most=60))
+    only_k = (np.arange(len(problem.t)) == k)[:, np.newaxis, np.newaxis]
+    loop = replace(problem.loop, boxes=problem.loop.boxes * only_k)
+    starts = start_set(loop, 0.0, sides=1, symbols=660)
     enclosure = enclosure_of(loop, starts, Search(loop, tolerance=0.5, most=60))
 
     ranges = np.array([enclosure.sample(i)[0] for i in range(k + 3)])

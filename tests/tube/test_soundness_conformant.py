@@ -89,7 +89,7 @@ def check_conformant(case, seed):
     rng, dt, condition = np.random.default_rng(seed), problem.controller().dt, scenario.condition
     t = problem.t
     boxes = known.boxes.over(t, *scenario.followed().sampled(t))
-    low, high = boxes.low[:, :2], boxes.high[:, :2]
+    low, high = boxes.low[:-1, :2], boxes.high[:-1, :2]
     for _ in range(FLIGHTS):
         share = rng.random(low.shape) if rng.random() < 0.5 else rng.choice([0.0, 1.0], low.shape)
         rates = low + share * (high - low)
