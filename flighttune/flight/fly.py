@@ -289,8 +289,7 @@ def fly_alone(
 
 def wind_met(run: Run) -> WindRecord:
     """The wind that an aircraft recorded, for other plants to fly in."""
-    north, east, down = (run.signals[name].to_numpy() for name in WIND)
-    return WindRecord(t=run.t, north=north, east=east, down=down)
+    return WindRecord(t=run.t, wind=run.signals[list(WIND)].to_numpy())
 
 
 def fly_once(

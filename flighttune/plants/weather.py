@@ -10,8 +10,8 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from flighttune.arrays import FloatArray, read_only_vector
-from flighttune.errors import InputError, ShapeError
+from flighttune.arrays import FloatArray, read_only_matrix, read_only_vector
+from flighttune.errors import InputError
 
 NED: TypeAlias = tuple[float, float, float]
 
@@ -33,38 +33,28 @@ class WindRecord:
     """
 
     t: FloatArray  # shape (n,), s: times of the samples, rising
-    # `north`, `east` and `down` (shape (n,), m/s)
-    north: FloatArray
-    east: FloatArray
-    down: FloatArray
+    wind: FloatArray  # shape (n, 3), m/s
     _times: list[float] = field(init=False, repr=False)
     _pieces: tuple[WindPiece, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        for name in ("t", "north", "east", "down"):
-            values = read_only_vector(name, getattr(self, name))
-            if not 0 < len(values) == len(self.t):
-                raise ShapeError(
-                    f"`{name}` must have as many values as `t`, at least 1, "
-                    f"got {len(values)} and {len(self.t)}."
-                )
-            object.__setattr__(self, name, values)
-        if not (np.diff(self.t) > 0.0).all():
+        t = read_only_vector("t", self.t)
+        wind = read_only_matrix("wind", self.wind, (len(t), len(WIND)))
+        if not (len(t) and (np.diff(t) > 0.0).all()):
             raise InputError("`t` of a wind record must rise from sample to sample.")
-        times = self.t.tolist()
-        samples = np.column_stack([self.north, self.east, self.down])
-        rates = np.zeros_like(samples)
-        rates[:-1] = np.diff(samples, axis=0) / np.diff(self.t)[:, None]
-        pieces = zip(times, map(tuple, samples.tolist()), map(tuple, rates.tolist()), strict=True)
+        times, rates = t.tolist(), np.zeros_like(wind)
+        rates[:-1] = np.diff(wind, axis=0) / np.diff(t)[:, None]
+        pieces = zip(times, map(tuple, wind.tolist()), map(tuple, rates.tolist()), strict=True)
+        first = (times[0], tuple(wind[0].tolist()), CALM)
+        object.__setattr__(self, "t", t)
+        object.__setattr__(self, "wind", wind)
         object.__setattr__(self, "_times", times)
-        object.__setattr__(self, "_pieces", ((times[0], tuple(samples[0].tolist()), CALM), *pieces))
+        object.__setattr__(self, "_pieces", (first, *pieces))
 
     @classmethod
     def steady(cls, *, north: float = 0.0, east: float = 0.0, down: float = 0.0) -> "WindRecord":
         """The same wind throughout, m/s."""
-        return cls(
-            t=np.zeros(1), north=np.array([north]), east=np.array([east]), down=np.array([down])
-        )
+        return cls(t=np.zeros(1), wind=np.array([[north, east, down]]))
 
     def piece(self, t: float) -> WindPiece:
         """The linear piece in force from time `t` (s) on."""

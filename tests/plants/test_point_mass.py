@@ -132,9 +132,7 @@ def test_a_turn_in_steady_wind_is_a_circle_that_drifts():
 
 def test_a_crosswind_that_rises_turns_the_nose_and_not_the_path_over_ground():
     V_a, w = 25.0, 5.0
-    gust = WindRecord(
-        t=np.array([1.0, 1.5]), north=np.zeros(2), east=np.array([0.0, w]), down=np.zeros(2)
-    )
+    gust = WindRecord(t=np.array([1.0, 1.5]), wind=np.array([[0.0, 0.0, 0.0], [0.0, w, 0.0]]))
 
     end = fly(PointMassPlant(wind=gust), FlightCondition(V_a=V_a), [(0.0, 1.0)] * 20, 0.1)
 
@@ -148,12 +146,10 @@ def test_a_crosswind_that_rises_turns_the_nose_and_not_the_path_over_ground():
     ids=["no lag", "first and second order", "second and third order"],
 )
 @pytest.mark.slow
-def test_twenty_seconds_agree_with_another_integrator(lags):
-    dt, count = 0.02, 1000
-    t = np.linspace(0.0, 20.0, 41)
-    rng = np.random.default_rng(5)
-    north, east, down = rng.normal(scale=2.0, size=(3, len(t)))
-    wind = WindRecord(t=t, north=north, east=east, down=down)
+def test_eight_seconds_agree_with_another_integrator(lags):
+    dt, count = 0.02, 400
+    t = np.linspace(0.0, 8.0, 17)
+    wind = WindRecord(t=t, wind=np.random.default_rng(5).normal(scale=2.0, size=(len(t), 3)))
     commands = weaving(count, dt)
     start = FlightCondition(V_a=25.0, chi=0.4, gamma=0.1, phi=0.1, n_z=1.0)
 
@@ -161,7 +157,7 @@ def test_twenty_seconds_agree_with_another_integrator(lags):
     end = fly(plant, start, commands, dt)
 
     state = by_dop853(lags, wind, commands, dt)
-    velocity = np.array(velocity_along(25.0, *state[:2])) + wind.at(20.0)
+    velocity = np.array(velocity_along(25.0, *state[:2])) + wind.at(8.0)
     chi, gamma = course_of(tuple(velocity))
     assert math.remainder(end["chi"] - chi, math.tau) == pytest.approx(0.0, abs=INTEGRATION)
     assert end["gamma"] == pytest.approx(gamma, abs=INTEGRATION)
@@ -254,30 +250,13 @@ def test_straight_up_ends_the_flight_with_a_reason():
     assert "straight up or down" in stop.reason
 
 
-def test_what_cannot_be_flown_says_so():
-    plant = PointMassPlant(turn="paper")
-    plant.start(FlightCondition(V_a=25.0))
-
-    assert plant.advance(math.pi / 2, 1.0, 0.02).status == "diverged"
-    assert PointMassPlant().kind == "point_mass"
-    assert PointMassPlant((FIRST_ORDER, FIRST_ORDER)).kind == "point_mass_lag"
-
-
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
         (lambda: PointMassPlant(g=0.0), InputError, "`g` must be positive"),
         (lambda: PointMassPlant(turn="other"), InputError, "`turn`"),
-        (
-            lambda: WindRecord(t=[0.0, 0.0], north=[0.0] * 2, east=[0.0] * 2, down=[0.0] * 2),
-            InputError,
-            "`t` of a wind record must rise",
-        ),
-        (
-            lambda: WindRecord(t=[0.0, 1.0], north=[0.0], east=[0.0] * 2, down=[0.0] * 2),
-            ShapeError,
-            "`north` must have as many values as `t`",
-        ),
+        (lambda: WindRecord(t=[0.0, 0.0], wind=np.zeros((2, 3))), InputError, "`t` of a wind"),
+        (lambda: WindRecord(t=[0.0, 1.0], wind=np.zeros((1, 3))), ShapeError, "`wind` must have"),
         (
             lambda: turn_rates([25.0, math.nan], gamma=0.0, phi=0.0, n_z=1.0, turn="exact"),
             InputError,

@@ -3,8 +3,7 @@
 import ctypes
 import math
 import re
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
 
@@ -14,8 +13,9 @@ import numpy as np
 from flighttune.aircraft.aircraft import PROPERTY_NAME, AircraftConfig
 from flighttune.aircraft.model_xml import INERTIAS, Body, MassBalance
 from flighttune.errors import PlantError
-from flighttune.plants.jsbsim.log import one_line, quiet, silence
+from flighttune.plants.jsbsim.log import QuietLogger, one_line, quiet, silence
 from flighttune.plants.jsbsim.model_files import (
+    ModelFolders,
     check_loads,
     has_flight_control,
     model_folders,
@@ -83,28 +83,14 @@ class Fdm:
         self.rate = config.inner_loop_rate * steps  # integration steps a second
         with quiet():
             self._exec = jsbsim.FGFDMExec(str(config.folder))
-        with (
-            self._translated("cannot be loaded"),
-            model_folders(config, weigh, steps) as folders,
-            quiet() as log,
-        ):
-            self._exec.set_debug_level(0)
-            self._exec.set_dt(1.0 / self.rate)
-            loaded = self._exec.load_model_with_paths(
-                folders.name,
-                str(folders.model),
-                str(folders.engines),
-                str(folders.systems),
-                False,
-            )
-            if not loaded:
-                raise PlantError(
-                    f"{self._model}: must load in JSBSim, got: {log.text or 'no reason'}."
-                )
-            # After load_model, which resets it. JSBSim's own Earth turns and is round: a straight
-            # flight would drift off its course by 0.006 deg/s.
-            if not self._exec.load_planet(str(EARTH), False):
-                raise PlantError(f"{EARTH}: cannot be loaded: {log.text}.")
+        try:
+            with model_folders(config, weigh, steps) as folders, quiet() as log:
+                self._load(folders, log)
+        except PlantError:
+            self.abandon()
+            raise
+        except jsbsim.BaseError as error:
+            raise self._translation("cannot be loaded", error) from error
         self._properties = self._exec.get_property_manager()
         self.run: Callable[[], bool] = self._exec.run
         self.integrators = {name: (self.writer(name), self.reader(name)) for name in MOTIONS}
@@ -119,6 +105,17 @@ class Fdm:
         for name, value in self.settings.items():
             self.writer(name)(value)
         self.evaluate()
+
+    def _load(self, folders: ModelFolders, log: QuietLogger) -> None:
+        self._exec.set_debug_level(0)
+        self._exec.set_dt(1.0 / self.rate)
+        paths = (folders.model, folders.engines, folders.systems)
+        if not self._exec.load_model_with_paths(folders.name, *map(str, paths), False):
+            raise PlantError(f"{self._model}: must load in JSBSim, got: {log.text or 'no reason'}.")
+        # After load_model, which resets it. JSBSim's own Earth turns and is round: a straight
+        # flight would drift off its course by 0.006 deg/s.
+        if not self._exec.load_planet(str(EARTH), False):
+            raise PlantError(f"{EARTH}: cannot be loaded: {log.text}.")
 
     @property
     def engine_settles(self) -> float:
@@ -278,16 +275,6 @@ class Fdm:
         if node is None:
             raise PlantError(f"{self._model}: must have the property `{name}`, got none.")
         return node
-
-    @contextmanager
-    def _translated(self, what: str) -> Iterator[None]:
-        try:
-            yield
-        except PlantError:
-            self.abandon()
-            raise
-        except jsbsim.BaseError as error:
-            raise self._translation(what, error) from error
 
     def _translation(self, what: str, error: jsbsim.BaseError) -> PlantError:
         self.abandon()
