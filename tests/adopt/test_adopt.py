@@ -7,7 +7,6 @@ import shutil
 from pathlib import Path
 
 import jsbsim
-import numpy as np
 import pytest
 from commands import answer, flighttune
 
@@ -215,15 +214,3 @@ def test_the_table_of_the_docs_names_every_model_of_the_wheel():
     for name in ("737", "A320", "c182", "DHC6", "J3Cub", "T38", "B747"):
         assert status[name] == "adopted", name
     assert status["f16"] in ("adopted", "flies")
-
-
-ADOPTED = sorted(one.name for one in (Path(__file__).parents[1] / "adopted").iterdir())
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ADOPTED)
-def test_an_adopted_aircraft_can_be_loaded_and_has_gains(name):
-    config = load_aircraft(Path(__file__).parents[1] / "adopted" / name)
-
-    assert config.gains is not None
-    assert np.isfinite(list(config.gains.gains.values())).all()

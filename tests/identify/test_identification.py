@@ -19,7 +19,6 @@ from flighttune.identify.file import load_identified, save_identified
 from flighttune.identify.fit import fit_percent, lag_response
 from flighttune.identify.identify import identify, identify_aircraft
 from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Stop
-from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.scenario import load_scenario
 from flighttune.shipped import aircraft_folder
 
@@ -108,6 +107,8 @@ def test_recovers_a_first_and_a_second_order_lag():
     assert load.natural_frequency == pytest.approx(8.0, rel=RECOVERED)
     assert load.damping == pytest.approx(0.6, rel=RECOVERED)
     assert load.delay == pytest.approx(0.12, abs=DELAY_RECOVERED)
+    # The manoeuvre that was not used for the fit is explained.
+    assert min(channel.fit_percent for channel in found.channels.values()) > 99.9
 
 
 @pytest.mark.slow
@@ -123,16 +124,6 @@ def test_recovers_a_third_order_lag():
         (9.0, 0.5, 0.3), rel=RECOVERED
     )
     assert lag.delay == pytest.approx(0.02, abs=DELAY_RECOVERED)
-
-
-@pytest.mark.slow
-def test_a_fit_explains_the_manoeuvre_that_was_not_used():
-    plant = partial(SyntheticPlant, first_order(4.0, 0.05), second_order(8.0, 0.6, 0.12))
-
-    found = identify(plant, LEVEL, LIMITS).condition
-
-    assert found.channels["phi"].fit_percent > 99.9
-    assert found.channels["n_z"].fit_percent > 99.9
 
 
 @pytest.mark.slow
@@ -349,16 +340,6 @@ def test_a_file_that_holds_something_else_is_refused_by_name(tmp_path, change, m
 def test_a_missing_file_says_what_writes_one(tmp_path):
     with pytest.raises(ScenarioError, match="`flighttune identify` writes one"):
         load_identified(tmp_path / "gone.json")
-
-
-@pytest.mark.slow
-def test_the_aircraft_is_left_as_it_was():
-    plant = JSBSimPlant()
-    plant.start(LEVEL)
-    before = plant.observe()
-    identify_aircraft("aerosonde")
-
-    assert plant.observe() == before
 
 
 def test_the_table_of_the_page_is_what_the_shipped_files_say():
