@@ -17,7 +17,7 @@ from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.statistics.findings import findings
 from flighttune.campaign.statistics.flights import flights_of, load_flights
 from flighttune.errors import RecordingError
-from flighttune.report.campaign.page import notes, summary, write_campaign_report
+from flighttune.report.campaign.page import notes, write_campaign_report
 
 pytestmark = pytest.mark.slow
 
@@ -159,19 +159,6 @@ def test_the_tables_have_the_numbers_of_the_groups(made_up, page):
     assert any("the course error passed 180 deg" in record["reason"] for record in reasons)
     for pair in records_of(page, "Gains on the same draws"):
         assert (pair["a"], pair["win_rate"]) == ("paper", 0.0)
-
-
-def test_the_summary_names_all_that_matter_alike(tmp_path):
-    """Roll alone moves the course with one gain set, airspeed alone with the other."""
-    made = made_up_plan(tmp_path, runs=160)
-    rows = made_up_rows(made).assign(status="completed", success=True, missed=None, reason=None)
-    roll = (rows["gains"] == "paper").to_numpy()
-    rows.loc[roll, "chi.ITAE"] = rows["flight.phi_deg"] + 20.0
-
-    all_succeed, matters = summary(findings(flights_of(rows, made)))
-
-    assert all_succeed == "160 of 160 flights succeed."
-    assert matters == "What matters most: flight.phi_deg, flight.V_a_mps."
 
 
 def test_every_part_is_on_the_page_and_nothing_points_outside(page):

@@ -105,18 +105,6 @@ def test_what_bends_is_found_by_its_share_and_not_by_its_correlation(flown):
     assert not of(found, "nothing")["apart"]
 
 
-@pytest.mark.slow
-@pytest.mark.soak
-def test_of_twenty_parameters_that_do_nothing_none_is_named_in_nineteen_of_twenty_cases():
-    rng = np.random.default_rng(3)
-    named = 0
-    for _ in range(200):
-        table = pd.DataFrame(rng.normal(size=(120, 20))).rename(columns=str)
-        named += any(one["apart"] for one in influences(table, rng.normal(size=120)))
-
-    assert named / 200 <= 0.05 + 2.0 * math.sqrt(0.05 * 0.95 / 200)
-
-
 def test_the_interval_of_a_rank_correlation_covers():
     pearson = 0.6
     truth = 6.0 / np.pi * np.arcsin(pearson / 2.0)  # of two jointly normal numbers
@@ -203,16 +191,6 @@ def saltelli(n, seed, f=ishigami, d=3):
         ab[i] = b[i]
         mixed.append(f(ab))
     return f(a), f(b), np.array(mixed)
-
-
-def test_indices_of_the_ishigami_function_are_its_closed_form():
-    first, total = ishigami_truth()
-    assert first == pytest.approx([0.3139, 0.4424, 0.0], abs=1e-4)
-
-    _, of_first, of_total = sobol_indices(*saltelli(50_000, 1), resamples=200)
-
-    assert of_first[0] == pytest.approx(first, abs=0.02)
-    assert of_total[0] == pytest.approx(total, abs=0.02)
 
 
 def test_intervals_of_the_indices_cover_the_closed_form():

@@ -6,7 +6,7 @@ from made_up_campaign import made_up_plan, made_up_rows
 from scipy import stats
 
 from flighttune.campaign.statistics.findings import findings
-from flighttune.campaign.statistics.flights import flights_of, worst_first
+from flighttune.campaign.statistics.flights import flights_of
 from flighttune.campaign.statistics.intervals import (
     effective_size,
     percentile,
@@ -98,19 +98,6 @@ def test_the_certified_set_holds_as_often_as_it_was_made_to(by_group):
         assert counts["lost"] == group["n"] - group["statuses"]["completed"]
         for key, truth in (("interval", 0.25), ("interval_of_entered", 0.5)):
             assert counts[key][0] <= truth <= counts[key][1]
-
-
-def test_nothing_is_said_of_a_certificate_where_none_was_claimed(flown, plan):
-    told = findings(flights_of(flown.rows.assign(certified=None), plan))
-
-    assert all(group["certified"] is None for group in told.values["groups"])
-
-
-def test_the_worst_flights_come_first(flown):
-    worst = worst_first(flown.rows, "chi.ITAE", 5)
-
-    completed = flown.rows[flown.rows["status"] == "completed"]
-    assert worst["chi.ITAE"].tolist() == sorted(completed["chi.ITAE"])[:-6:-1]
 
 
 def test_gain_sets_are_compared_on_the_same_draws(flown):

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import ExitStack, contextmanager
 from functools import cache
-from itertools import chain, groupby, takewhile
+from itertools import chain, groupby
 from typing import Any
 
 import pyarrow as pa
@@ -145,18 +145,8 @@ class WorkerPool:
             progress.add((row["status"] for row in rows), (row["success"] for row in rows))
             progress.flown += len(rows)
 
-        def done(draw: Draw, answers: Sequence[Any]) -> None:
-            add(
-                [
-                    crashed_row(plan, run, draw.drawn, *answer)
-                    if isinstance(answer, tuple)
-                    else answer
-                    for run, answer in zip(draw.runs, answers, strict=True)
-                ]
-            )
-
-        def flown_alone() -> Iterator[Draw | None]:
-            """Draws for the workers; None after a batch that this process flew."""
+        def flown_alone() -> Iterator[Draw]:
+            """Draws for the workers; one without runs after a batch that this process flew."""
             in_batch = batched_groups(plan, probes, draws)
             if len(in_batch) < len(plan.groups):
                 self._start()  # the processes get ready while the first batch is flown
@@ -165,83 +155,77 @@ class WorkerPool:
             for together, alone in blocks(plan, runs, in_batch, draws):
                 if together:
                     add(fly_together(plan, together, claim_of))
-                    yield None
+                    yield Draw((), {})
                 yield from alone
 
         progress.runs = progress.done + sum(gap.runs for gap in gaps)
         try:
-            return self._hand_out(doing, plan, flown_alone(), done, probes=probes)
+            for (runs, drawn), answers in self._flown(doing, plan, flown_alone(), probes=probes):
+                add(
+                    [
+                        crashed_row(plan, run, drawn, *row) if isinstance(row, tuple) else row
+                        for run, row in zip(runs, answers, strict=True)
+                    ]
+                )
         finally:
             # After a stop or an error, rows may be left behind a run that never came back.
             buffer.write(sorted(buffer.rows))
+        return not self.observer.stopped
 
     def fly_signals(
-        self, plan: Plan, runs: Sequence[int], keep: Callable[[int, bytes], None]
+        self, plan: Plan, runs: Iterable[int], keep: Callable[[int, bytes], None]
     ) -> bool:
         """Fly runs of a plan once more for their signals; return False if the observer stopped it.
 
         `keep` gets each run and the bytes of its recording.
         """
-        if not runs:
-            return True
-
-        def done(draw: Draw, answers: Sequence[Any]) -> None:
-            (run,), (signals,) = draw.runs, answers
+        draws = (Draw((run,), {}) for run in runs)
+        flown = self._flown("keeping signals", plan, draws, signals=True)
+        for ((run,), _), (signals,) in flown:
             if isinstance(signals, bytes):
                 keep(run, signals)
             else:
                 self.observer.hear(f"run {run}: did not end when it was flown for its signals.")
+        return not self.observer.stopped
 
-        draws = (Draw((run,), {}) for run in runs)
-        return self._hand_out("keeping signals", plan, draws, done, signals=True)
-
-    def _hand_out(
+    def _flown(
         self,
         doing: str,
         plan: Plan,
-        draws: Iterator[Draw | None],
-        done: Callable[[Draw, Sequence[Any]], None],
+        draws: Iterator[Draw],
         *,
         probes: Probes | None = None,
         signals: bool = False,
-    ) -> bool:
-        """Hand draws to the workers; return False if the observer stopped it.
-
-        `done` gets each draw with its answers, in any order.
-        """
-        observer, progress, limit = self.observer, self.progress, plan.campaign.time_limit_s
+    ) -> Iterator[tuple[Draw, list[Any]]]:
+        """Draws with the answers of the workers, in any order, until the observer stops them."""
+        observer, progress, more = self.observer, self.progress, True
         observer.see(progress)
         progress.doing = doing
         work = work_of(plan, probes or {})
         pending: dict[Future[Any], Draw] = {}
-
-        def take(futures: Iterable[Future[Any]]) -> None:
-            for future in futures:
+        while more or pending:
+            progress.waiting = len(pending)
+            observer.see(progress)
+            # `<=` hands out a task even with no worker: some schedulers start workers for it
+            room = len(pending) <= TASKS_PER_WORKER * progress.workers
+            if more and room and not observer.stopped:
+                draw = next(draws, None)
+                more = draw is not None
+                if draw and draw.runs:
+                    task = work, draw, plan.campaign.time_limit_s, signals
+                    pending[self._start().submit(*task)] = draw
+                continue
+            # results that are ready when the observer stops the flights are not lost
+            over = wait(pending, 0.0 if observer.stopped else POLL_S, FIRST_COMPLETED).done
+            for future in over:
                 try:
                     answers = future.result()
                 except Exception as error:
                     raise self._start().failure(error) from error
-                done(pending.pop(future), answers)
-
-        def come_down_to(per_thread: int) -> bool:
-            """Wait until this many tasks are pending for each thread; False if stopped."""
-            while not observer.stopped:
-                progress.waiting = len(pending)
-                observer.see(progress)
-                if len(pending) <= per_thread * progress.workers:
-                    return True
-                take(wait(pending, POLL_S, FIRST_COMPLETED).done)
-                progress.workers = self._start().threads()
-            return False
-
-        # One task is handed out even with no worker: some schedulers start workers for it.
-        for draw in takewhile(lambda _: come_down_to(TASKS_PER_WORKER), draws):
-            if draw is not None:
-                pending[self._start().submit(work, draw, limit, signals)] = draw
-        finished = come_down_to(0)
-        # results that were ready when the observer stopped the flights are not lost
-        take(wait(pending, 0.0).done)
-        return finished
+                yield pending.pop(future), answers
+            if observer.stopped:
+                return
+            progress.workers = self._start().threads()
 
 
 class _Buffer:
