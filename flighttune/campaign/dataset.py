@@ -290,13 +290,13 @@ def locked(folder: Path) -> Iterator[None]:
         folder.mkdir(parents=True, exist_ok=True)
         lock.acquire()
     except Timeout as error:
-        owner = path.read_text(errors="replace")
+        owner = path.read_text(encoding="utf-8", errors="replace")
         raise InputError(f"{folder}: a campaign is being flown into it{owner}.") from error
     except OSError as error:
         got = reason_of(error)
         raise OutputError(f"{path}: must be writable and locked, got {got}.") from error
     with suppress(OSError):  # the owner is only for the message; the lock works without it
-        path.write_text(f" by process {os.getpid()} on {socket.gethostname()}")
+        path.write_bytes(f" by process {os.getpid()} on {socket.gethostname()}".encode())
     try:
         yield
     finally:
