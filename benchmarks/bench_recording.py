@@ -17,9 +17,8 @@ import rerun as rr
 
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.recording.entities import TIMELINE
-from flighttune.recording.load import load_recording
-from flighttune.recording.parquet import write_run
-from flighttune.recording.rrd import write_recording
+from flighttune.recording.parquet import load_recording, write_run
+from flighttune.recording.record import write_recording
 from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run
 
 DT = 0.02

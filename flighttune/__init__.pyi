@@ -50,13 +50,13 @@ from flighttune.plants.jsbsim.plant import JSBSimPlant as JSBSimPlant
 from flighttune.plants.lagged import LaggedPlant as LaggedPlant
 from flighttune.plants.point_mass import PointMassPlant as PointMassPlant
 from flighttune.plants.sensors import Sensors as Sensors
-from flighttune.recording.load import Recording as Recording
-from flighttune.recording.load import load_recording as load_recording
-from flighttune.recording.notebook import plot as plot
-from flighttune.recording.notebook import show as show
+from flighttune.recording.parquet import Recording as Recording
+from flighttune.recording.parquet import load_recording as load_recording
 from flighttune.recording.record import record as record
+from flighttune.recording.record import show as show
 from flighttune.report.page import Report as Report
 from flighttune.report.page import write_report as write_report
+from flighttune.report.panels import plot as plot
 from flighttune.scenario import Scenario as Scenario
 from flighttune.scenario import load_gains as load_gains
 from flighttune.scenario import load_scenario as load_scenario

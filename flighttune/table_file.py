@@ -1,8 +1,8 @@
-"""TOML and JSON files, read whole and strictly."""
+"""TOML and JSON files, read whole and strictly, and tables as TOML."""
 
 import json
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -85,3 +85,18 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         twice = next(key for key in keys if keys.count(key) > 1)
         raise ValueError(f"`{shown(twice)}` is given twice")
     return table
+
+
+def toml_text(tables: Mapping[str, Any]) -> str:
+    """TOML of nested plain values, such as a recorded scenario; None is left out."""
+    import tomlkit
+
+    return tomlkit.dumps(_without_none(tables))
+
+
+def _without_none(value: Any) -> Any:
+    if isinstance(value, Mapping):
+        return {key: _without_none(item) for key, item in value.items() if item is not None}
+    if isinstance(value, (list, tuple)):
+        return [_without_none(item) for item in value]
+    return value

@@ -18,9 +18,9 @@ from flighttune.flight.refly import refly
 from flighttune.plants.label import aircraft_of, label_of, plant_label
 from flighttune.present.palette import HUES, line_styles
 from flighttune.recording.entities import runs_to_draw
-from flighttune.recording.geometry import span_of
-from flighttune.recording.load import load_recording
+from flighttune.recording.parquet import load_recording
 from flighttune.recording.record import record
+from flighttune.recording.scene import span_of
 from flighttune.scenario import load_scenario, scenario_from
 
 NOMINAL, HEAVY = "jsbsim:aerosonde", "jsbsim:aerosonde:heavy_aft"

@@ -11,7 +11,7 @@ from flighttune.flight.fly import fly
 from flighttune.flight.gap import explain_gap
 from flighttune.flight.refly import refly
 from flighttune.plants.sensors import MEASURED, SENSED
-from flighttune.recording.load import load_recording
+from flighttune.recording.parquet import load_recording
 from flighttune.recording.record import record
 from flighttune.scenario import load_scenario, scenario_from
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.recording.geometry import MODEL_SPAN
+from flighttune.recording.scene import MODEL_SPAN
 
 MODEL = Path(__file__).parents[2] / "flighttune" / "recording" / "aircraft.glb"
 SHADES = {True: 1.0, False: 0.45}

@@ -18,7 +18,7 @@ from packaging.version import Version
 
 from flighttune.errors import RecordingError
 from flighttune.recording.entities import TIMELINE
-from flighttune.recording.load import check_recording
+from flighttune.recording.parquet import check_recording
 from flighttune.recording.viewer import ViewerProcess, free_port, stream_url
 from flighttune.whole_file import whole_file
 

@@ -44,9 +44,9 @@ def compare(
     files: dict[str, Path | None] = {"recording": None, "page": None}
     if out is not None and comparison.comparable:
         if out.suffix.lower() == ".html":
-            from flighttune.report.compare_page import write_comparison_page as write
+            from flighttune.report.page import write_comparison_page as write
         else:
-            from flighttune.comparison.overlay import write_overlay as write
+            from flighttune.comparison.compare import write_overlay as write
         write(comparison, out)
         files["page" if out.suffix.lower() == ".html" else "recording"] = out
     differs = {

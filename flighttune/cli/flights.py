@@ -98,7 +98,7 @@ def refly(
     Exit status 1 if a bit differs; the first difference is shown.
     """
     from flighttune.flight.refly import refly as fly_again
-    from flighttune.recording.load import load_recording
+    from flighttune.recording.parquet import load_recording
 
     source = load_recording(recording)
     try:
@@ -199,7 +199,7 @@ def _heading(path: Path) -> dict[str, str]:
 
 
 def _open(path: Path, *, port: int | None = None) -> None:
-    from flighttune.recording.load import recording_in
+    from flighttune.recording.parquet import recording_in
     from flighttune.recording.viewer import view as open_viewer
 
     recording = recording_in(path) if path.is_dir() else path

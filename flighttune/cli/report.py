@@ -9,7 +9,7 @@ from typer import Argument, Option
 
 from flighttune.cli.options import ConformanceOption, TubeOption, check_ending
 from flighttune.cli.progress import progress_bar
-from flighttune.cli.show import emit
+from flighttune.cli.show import emit, pick
 from flighttune.cli.tube import (
     fail_if_outside,
     run_tubes,
@@ -94,14 +94,23 @@ def reproduce(
     with progress_bar() as progress:
         made = reproduce_items(items or (), out, progress=progress)
 
-    values = made.as_dict()
+    findings = [
+        pick(finding, "id text where verdict expected computed") for finding in made.findings
+    ]
     counts = Counter(finding.verdict for finding in made.findings)
     verdicts = ", ".join(f"{counts[verdict]} {verdict}" for verdict in VERDICTS)
     # the claims of one item alone are few of many: the page lists them
-    claims = [] if items else values["claims"]
+    claims = [] if items else findings
     emit(
         Answer(
-            values=values,
+            values={
+                "items": [
+                    {"name": item.name, "files": files, "values": made_item.values}
+                    for item, made_item, files in made.items
+                ],
+                "claims": findings,
+                **pick(made, "page errata recording"),
+            },
             tables=[
                 Table(
                     title="claims of the paper", columns=columns("id verdict text"), records=claims

@@ -102,7 +102,7 @@ def worst(
     check_ending(out, ".toml")
     from flighttune.campaign.worst import RareMiss, WorstSettings, find_worst, rare_miss
     from flighttune.flight.fly import fly
-    from flighttune.report.toml_text import toml_text
+    from flighttune.table_file import toml_text
     from flighttune.tube.store import read_bounds, write_worst
     from flighttune.whole_file import write_text
 

@@ -1,8 +1,9 @@
 """The comparison: pairs of runs with their metrics, differences and distances."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -275,20 +276,20 @@ def _paired(a: Sequence[Run], b: Sequence[Run]) -> list[tuple[Run, Run]]:
     if len(a) == len(b) == 1:
         return [(a[0], b[0])]
 
-    def by(key: Callable[[Run], str]) -> list[tuple[Run, Run]]:
-        partners = {key(run): run for run in b}
-        return [(run, partners[key(run)]) for run in a if key(run) in partners]
+    def by(*keys: str) -> list[tuple[Run, Run]]:
+        name = attrgetter(*(f"provenance.{key}" for key in keys))
+        partners = {name(run): run for run in b}
+        return [(run, partners[name(run)]) for run in a if name(run) in partners]
 
-    def plant(run: Run) -> str:
-        return run.provenance.plant
-
-    def gains(run: Run) -> str:
-        return run.provenance.gains_name
-
-    pairs = by(lambda run: run.label)
-    for key, single in ((plant, gains), (gains, plant)):
-        if not pairs and all(len(set(map(single, side))) == 1 for side in (a, b)):
-            pairs = by(key)
+    plants, gain_sets = (
+        max(len({getattr(run.provenance, key) for run in side}) for side in (a, b))
+        for key in ("plant", "gains_name")
+    )
+    pairs = by("plant", "gains_name")
+    if not pairs and gain_sets == 1:
+        pairs = by("plant")
+    if not pairs and plants == 1:
+        pairs = by("gains_name")
     return pairs
 
 
@@ -367,3 +368,46 @@ def _metric_rows(a: Run, b: Run) -> list[dict[str, Any]]:
         for name, value in own.items()
         if name in BETTER_IF and name in second[channel]
     ]
+
+
+def write_overlay(comparison: Comparison, path: str | Path) -> None:
+    """Write all runs of a comparison to one recording, aligned at the start of the flight.
+
+    `comparison`: comparable; time 0 of every run is the start of its flight. `path`: a ``.rrd``
+    file to write or replace. Raises RecordingError if the file cannot be written.
+    """
+    from flighttune.recording.page import scenario_page
+    from flighttune.recording.record import write_recording
+
+    runs = overlaid(comparison)
+    scenario = runs[0].provenance.scenario
+    title = f"{scenario.get('title', 'Flight')}: comparison"
+    page = scenario_page(runs, scenario=scenario)
+    compared = comparison_table("Compared", comparison.metrics).markdown()
+    write_recording(runs, Path(path), page=f"{page}\n## Compared\n\n{compared}\n", title=title)
+
+
+def sources_of(comparison: Comparison) -> list[str]:
+    """Names of the sources, the first one before all others."""
+    firsts = [pair.source_a for pair in comparison.pairs]
+    return list(dict.fromkeys([*firsts, *(pair.source_b for pair in comparison.pairs)]))
+
+
+def overlaid(comparison: Comparison) -> list[Run]:
+    """Every run of a comparison once, with a letter for the source if runs share a label.
+
+    The first source is A, the next one B and so on.
+    """
+    letters = {name: chr(ord("A") + i) for i, name in enumerate(sources_of(comparison))}
+    runs: dict[tuple[str, str], Run] = {}
+    for pair in comparison.pairs:
+        for source, run in ((pair.source_a, pair.a), (pair.source_b, pair.b)):
+            earlier = runs.get((source, run.label))
+            if earlier is None or earlier.duration < run.duration:
+                runs[source, run.label] = run
+    labels = [label for _, label in runs]
+    for (source, label), run in runs.items():
+        if labels.count(label) > 1:
+            name = f"{run.provenance.gains_name} ({letters[source]})"
+            runs[source, label] = replace(run, provenance=replace(run.provenance, gains_name=name))
+    return list(runs.values())

@@ -6,7 +6,7 @@ from pathlib import Path
 from flighttune.control.law import split_name
 from flighttune.errors import InputError, RecordingError
 from flighttune.flight.fly import fly
-from flighttune.recording.load import load_recording
+from flighttune.recording.parquet import load_recording
 from flighttune.scenario.load import load_gains, load_scenario
 from flighttune.scenario.schema import GainsTable
 from flighttune.simulate.run import Run

@@ -117,17 +117,15 @@ class Finding:
         agreeing = {check.holds for check in self.checks}
         return "partly" if len(agreeing) > 1 else "reproduced" if True in agreeing else VERDICTS[2]
 
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values, as ``--json`` prints them."""
-        computed = {check.what: check.computed for check in self.checks}
-        return {
-            "id": self.id,
-            "text": self.text,
-            "where": self.where,
-            "verdict": self.verdict,
-            "expected": {check.what: check.expected for check in self.checks},
-            "computed": computed or {"missing": self.missing},
-        }
+    @property
+    def expected(self) -> dict[str, str | float]:
+        """What the paper says, by what is compared."""
+        return {check.what: check.expected for check in self.checks}
+
+    @property
+    def computed(self) -> dict[str, str | float]:
+        """What comes out, or what is missing."""
+        return {check.what: check.computed for check in self.checks} or {"missing": self.missing}
 
 
 def judge(name: str, study: Study) -> Finding:
@@ -243,7 +241,8 @@ def duffing_attractor(study: Study) -> Checks:
     """The claim that |f(x)| is inside S(0) in the last quarter."""
     for name, case in _disturbed(study).items():
         late = case.norm_f[case.t >= 0.75 * case.t[-1]].max()
-        yield _compare(f"largest |f| in the last quarter, {name}", late, "≤", case.theorem.radius)
+        _, I_f = case.theorem
+        yield _compare(f"largest |f| in the last quarter, {name}", late, "≤", I_f)
 
 
 def duffing_rate(study: Study) -> Checks:
@@ -251,7 +250,8 @@ def duffing_rate(study: Study) -> Checks:
     case = study.duffing.undisturbed
     late = case.t >= 5.0  # the cubic stiffness has died away
     rate = decay_rate(case.t[late], case.norm_f[late, 0])
-    yield _compare("decay of |f| in (a) [1/s]", rate, "≥", case.theorem.rate, "R(f)")
+    R_f, _ = case.theorem
+    yield _compare("decay of |f| in (a) [1/s]", rate, "≥", R_f, "R(f)")
     slowest = study.duffing.slowest_decay
     yield _compare("smallest decay over R(f), 30 oscillators [1]", slowest, "≥", 1.0)
 

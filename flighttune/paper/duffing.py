@@ -78,44 +78,26 @@ class Duffing:
         a = (p + math.hypot(p, q)) / q**2
         return math.sqrt(a / (3.0 * self.beta)) if self.beta else math.inf
 
+    def bound(self, L_d: float, *, half_width: float = 0.0) -> tuple[float, float]:
+        """Rate (1/s) and ultimate bound on |f| of Theorem 1 for disturbances up to `L_d`.
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Bound:
-    """Result of Theorem 1 with the Jacobian taken over a strip ``|x1| <= c``."""
+        The Jacobian is taken over the strip ``|x1| <= half_width``. A strip of no width is the
+        paper's choice, the Jacobian at the origin, and says nothing about any other point. Where
+        the condition does not hold in the strip, the rate is 0 and the bound inf.
 
-    rate: float  # 1/s: ``R(f) = epsilon / lambda_max(P)``; the norm of f decays at half of it
-    # ``I(f) = 2 L_d L_f lambda_max(P)^2 / (epsilon lambda_min(P))``: ultimate bound on |f|
-    radius: float
-    # s: extreme eigenvalues of P
-    P_max: float
-    P_min: float
-
-    def norm_over_time(self, t: FloatArray, V_0: float) -> FloatArray:
-        """Upper bound on |f| over time from ``V_0 = f' P f`` at the start (Lemma 5).
-
-        ``sqrt(V) <= b + (sqrt(V_0) - b) exp(-rate t / 2)`` with b the ultimate value.
+        Notes
+        -----
+        ``R(f) = epsilon / lambda_max(P)``: the norm of f decays at half of it.
+        ``I(f) = 2 L_d L_f lambda_max(P)^2 / (epsilon lambda_min(P))``.
         """
-        ultimate = self.radius * math.sqrt(self.P_min)
-        decaying = (math.sqrt(V_0) - ultimate) * np.exp(-0.5 * self.rate * t)
-        return (ultimate + decaying) / math.sqrt(self.P_min)
-
-
-def bound(model: Duffing, L_d: float, *, half_width: float = 0.0) -> Bound:
-    """Theorem 1 for disturbances up to `L_d` in the strip ``|x1| <= half_width``.
-
-    A strip of no width is the paper's choice, the Jacobian at the origin, and says nothing about
-    any other point. Where the condition does not hold in the strip, the rate is 0 and the radius
-    inf.
-    """
-    edges = np.array([0.0, half_width])
-    epsilon = float(np.min(model.margin(edges)))
-    J = model.jacobian(np.stack([edges, np.zeros(2)], axis=-1))
-    L_f = float(np.max(np.linalg.norm(J, 2, axis=(-2, -1))))
-    P_min, P_max = np.linalg.eigvalsh(model.P).tolist()
-    if epsilon <= 0.0:
-        return Bound(rate=0.0, radius=math.inf, P_max=P_max, P_min=P_min)
-    radius = 2.0 * L_d * L_f * P_max**2 / (epsilon * P_min)
-    return Bound(rate=epsilon / P_max, radius=radius, P_max=P_max, P_min=P_min)
+        edges = np.array([0.0, half_width])
+        epsilon = float(np.min(self.margin(edges)))
+        if epsilon <= 0.0:
+            return 0.0, math.inf
+        J = self.jacobian(np.stack([edges, np.zeros(2)], axis=-1))
+        L_f = float(np.max(np.linalg.norm(J, 2, axis=(-2, -1))))
+        P_min, P_max = np.linalg.eigvalsh(self.P).tolist()
+        return epsilon / P_max, 2.0 * L_d * L_f * P_max**2 / (epsilon * P_min)
 
 
 def paths(model: Duffing, x_0: npt.ArrayLike, d: npt.ArrayLike, *, hold: float) -> FloatArray:
@@ -141,39 +123,48 @@ def paths(model: Duffing, x_0: npt.ArrayLike, d: npt.ArrayLike, *, hold: float) 
     return states
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class DuffingCase:
-    """One oscillator under the noise of all runs."""
+    """One oscillator under disturbances of several runs, from the assumed start."""
 
     model: Duffing
-    theorem: Bound  # Theorem 1 with the Jacobian at the origin, as the paper takes it
-    t: FloatArray  # (k,), s
-    x: FloatArray  # (k, runs, 2)
-    norm_f: FloatArray  # (k, runs): |f(x)| over time
+    d: FloatArray  # (intervals, runs)
+
+    @cached_property
+    def x(self) -> FloatArray:
+        """States over time, shape (k, runs, 2)."""
+        return paths(self.model, printed.DUFFING_X_0, self.d, hold=printed.DUFFING_HOLD)
+
+    @cached_property
+    def t(self) -> FloatArray:
+        """Time, shape (k,), s."""
+        return np.linspace(0.0, len(self.d) * printed.DUFFING_HOLD, len(self.x))
+
+    @cached_property
+    def norm_f(self) -> FloatArray:
+        """|f(x)| over time, shape (k, runs)."""
+        return np.linalg.norm(self.model.rates(self.x), axis=-1)
+
+    @cached_property
+    def theorem(self) -> tuple[float, float]:
+        """Rate and bound of Theorem 1 with the Jacobian at the origin, as the paper takes it."""
+        return self.model.bound(printed.DUFFING_L_D)
 
     @property
     def bound_over_time(self) -> FloatArray:
-        """Upper bound of Theorem 1 on |f| over time, shape (k,)."""
-        f_0 = self.model.rates(self.x[0, 0])
-        return self.theorem.norm_over_time(self.t, float(f_0 @ self.model.P @ f_0))
+        """Upper bound of Theorem 1 on |f| over time (Lemma 5), shape (k,).
+
+        With ``V = f' P f``: ``sqrt(V) <= b + (sqrt(V_0) - b) exp(-rate t / 2)``, b its last value.
+        """
+        f_0, (rate, radius) = self.model.rates(self.x[0, 0]), self.theorem
+        least = math.sqrt(np.linalg.eigvalsh(self.model.P)[0])
+        start = math.sqrt(float(f_0 @ self.model.P @ f_0)) / least
+        return radius + (start - radius) * np.exp(-0.5 * rate * self.t)
 
     @property
     def farthest(self) -> float:
         """Largest |x1| of any run."""
         return float(np.max(np.abs(self.x[..., 0])))
-
-
-def simulated(model: Duffing, d: FloatArray) -> DuffingCase:
-    """The oscillator under disturbances `d`, shape (intervals, runs), from the assumed start."""
-    x = paths(model, printed.DUFFING_X_0, d, hold=printed.DUFFING_HOLD)
-    t = np.linspace(0.0, len(d) * printed.DUFFING_HOLD, len(x))
-    return DuffingCase(
-        model=model,
-        theorem=bound(model, printed.DUFFING_L_D),
-        t=t,
-        x=x,
-        norm_f=np.linalg.norm(model.rates(x), axis=-1),
-    )
 
 
 def along_the_motion(model: Duffing) -> FloatArray:
@@ -204,27 +195,27 @@ class DuffingCases:
     @cached_property
     def noisy(self) -> DuffingCase:
         """Figure 3 (a) under the assumed noise."""
-        return simulated(self.model, self.noise)
+        return DuffingCase(self.model, self.noise)
 
     @cached_property
     def hard(self) -> dict[str, DuffingCase]:
         """Figure 3 (a) under the hard end of what the bound allows, by name."""
         return {
-            "constant L_d": simulated(self.model, np.full((INTERVALS, 1), printed.DUFFING_L_D)),
-            "along the motion": simulated(self.model, along_the_motion(self.model)),
+            "constant L_d": DuffingCase(self.model, np.full((INTERVALS, 1), printed.DUFFING_L_D)),
+            "along the motion": DuffingCase(self.model, along_the_motion(self.model)),
         }
 
     @cached_property
     def undisturbed(self) -> DuffingCase:
         """Figure 3 (a) without disturbance."""
-        return simulated(self.model, np.zeros((INTERVALS, 1)))
+        return DuffingCase(self.model, np.zeros((INTERVALS, 1)))
 
     @cached_property
     def family(self) -> dict[float, DuffingCase]:
         """Figure 3 (b) to (d): the oscillators of the assumed set, by alpha."""
         delta = printed.DUFFING_A["delta"]
         return {
-            alpha: simulated(Duffing(alpha=alpha, beta=alpha / 2.0, delta=delta), self.noise)
+            alpha: DuffingCase(Duffing(alpha=alpha, beta=alpha / 2.0, delta=delta), self.noise)
             for alpha in printed.DUFFING_ALPHAS
         }
 
@@ -236,8 +227,7 @@ class DuffingCases:
                 alpha: {
                     "beta": case.model.beta,
                     "delta": case.model.delta,
-                    "R_f": case.theorem.rate,
-                    "I_f": case.theorem.radius,
+                    **dict(zip(("R_f", "I_f"), case.theorem, strict=True)),
                     "mean": float(np.mean(case.norm_f)),
                     "std": float(np.mean(np.std(case.norm_f, axis=0))),
                     "region": case.model.region,
@@ -255,5 +245,5 @@ class DuffingCases:
             for delta in (0.2, 0.5, 1.0, 1.5, 3.0):
                 model = Duffing(alpha=alpha, beta=0.0, delta=delta)
                 abscissa = float(np.linalg.eigvals(model.jacobian(np.zeros(2))).real.max())
-                ratios.append(-abscissa / bound(model, 1.0).rate)
+                ratios.append(-abscissa / model.bound(1.0)[0])
         return min(ratios)

@@ -13,7 +13,10 @@ from flighttune.paper import parameters as printed
 from flighttune.paper.flight import initial_commands, largest_share
 from flighttune.paper.parameters import STAR
 from flighttune.paper.study import Study
+from flighttune.present.tables import Column, Table
 from flighttune.theory.attractor import invariant_ellipsoid, paper_balls
+
+COLUMNS = {"where": "where", "printed": "printed", "holds": "what holds"}
 
 TEXT = Path(__file__).with_name("errata.toml")
 
@@ -25,17 +28,19 @@ printed parameters.
 """
 
 
-def errata(study: Study) -> dict[str, list[dict[str, str]]]:
+def errata(study: Study) -> list[Table]:
     """All errata by part, in the order of ``errata.toml``: where, what is printed, what holds."""
     named = numbers(study)
-    return {
-        part: [
-            {key: entry[key].format(**named) for key in ("where", "printed", "holds")}
+    tables = []
+    for part, entries in tomllib.loads(TEXT.read_text(encoding="utf-8")).items():
+        records = [
+            {key: entry[key].format(**named) for key in COLUMNS}
             for entry in entries
             if named.get(entry.get("only_if"), True)
         ]
-        for part, entries in tomllib.loads(TEXT.read_text(encoding="utf-8")).items()
-    }
+        shown = [Column(key, heading) for key, heading in COLUMNS.items()]
+        tables.append(Table(title=part, columns=shown, records=records))
+    return tables
 
 
 def numbers(study: Study) -> dict[str, Any]:
@@ -73,15 +78,3 @@ def numbers(study: Study) -> dict[str, Any]:
             A_K, disturbance_entry(study.model), L_d=rate_bound
         )
     return named
-
-
-def errata_text(parts: dict[str, list[dict[str, str]]]) -> str:
-    """The errata as Markdown."""
-    lines = [HEAD]
-    for title, entries in parts.items():
-        lines += [f"## {title}", "", "| where | printed | what holds |", "| --- | --- | --- |"]
-        for entry in entries:
-            cells = " | ".join(cell.replace("|", "\\|") for cell in entry.values())
-            lines.append(f"| {cells} |")
-        lines.append("")
-    return "\n".join(lines).rstrip() + "\n"

@@ -52,7 +52,7 @@ def family_runs(study: Study) -> list[Run]:
 def write_families(study: Study, folder: Path) -> Path:
     """Write the recording of the families; return its file."""
     from flighttune.recording.page import scenario_page
-    from flighttune.recording.rrd import write_recording
+    from flighttune.recording.record import write_recording
 
     runs = family_runs(study)
     page = scenario_page(

@@ -3,10 +3,9 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from flighttune.paper.claims import CLAIMS, VERDICTS, Finding, judge, text_of
-from flighttune.paper.errata import errata, errata_text
+from flighttune.paper.errata import HEAD, errata
 from flighttune.paper.items import Item, chosen
 from flighttune.paper.items.base import Made
 from flighttune.paper.record import write_families
@@ -39,19 +38,6 @@ class Reproduction:
     errata: Path
     recording: Path | None  # none where no family was among the items
 
-    def as_dict(self) -> dict[str, Any]:
-        """Plain values, as ``--json`` prints them."""
-        return {
-            "items": [
-                {"name": item.name, "files": [str(path) for path in files], "values": made.values}
-                for item, made, files in self.items
-            ],
-            "claims": [finding.as_dict() for finding in self.findings],
-            "page": str(self.page),
-            "errata": str(self.errata),
-            "recording": None if self.recording is None else str(self.recording),
-        }
-
 
 def reproduce(
     names: Sequence[str] = (),
@@ -80,6 +66,7 @@ def reproduce(
         recording = write_families(study, folder)
         tell("recording", 1.0)
     parts = errata(study)
+    text = [HEAD.rstrip(), *(f"## {part.title}\n\n{part.markdown()}" for part in parts)]
     page = page_text(
         page_template("flighttune.paper", "page.html.jinja"),
         title=TITLE,
@@ -93,7 +80,7 @@ def reproduce(
         items=items,
         findings=findings,
         page=write_text(folder / "index.html", page),
-        errata=write_text(folder / "errata.md", errata_text(parts)),
+        errata=write_text(folder / "errata.md", "\n\n".join(text) + "\n"),
         recording=recording,
     )
 

@@ -9,9 +9,8 @@ from rerun.blueprint.archetypes import TextLogColumns
 from rerun.blueprint.components import LinkAxis
 from rerun.blueprint.encodings import TextLogColumnKind
 
-from flighttune.recording import entities, geometry
+from flighttune.recording import entities, scene
 from flighttune.recording.entities import DrawnRun
-from flighttune.recording.geometry import Eye
 from flighttune.recording.plots import COMMANDS_TAB, Plot, value_range
 
 PAGE_TAB = "Scenario and metrics"
@@ -48,13 +47,11 @@ def blueprint(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) ->
 
 
 def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) -> rrb.Container:
-    factor, followed = geometry.drawn_scale(drawn), leader(drawn)
-    room = factor * geometry.widest(drawn) / 2.0
-    eye = geometry.overview_eye(geometry.all_to_see(drawn), margin=room)
-    whole = scene_view("Paths and aircraft", eye, f"/{entities.WORLD}/**")
+    followed = leader(drawn)
+    whole = scene_view("Paths and aircraft", scene.overview(drawn), f"/{entities.WORLD}/**")
     chase = scene_view(
         f"Behind {followed.number} {followed.run.provenance.gains_name}",
-        geometry.chase_eye(factor * geometry.span_of(followed.run)),
+        scene.chase_eye(scene.drawn_scale(drawn) * scene.span_of(followed.run)),
         f"/{entities.AIRCRAFT}/**",
         f"/{entities.GROUND}/**",
         origin=f"{entities.AIRCRAFT}/{followed.key}",
@@ -65,17 +62,17 @@ def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) ->
     beside = [by_signal[name] for name in signals if name in by_signal]
     table = min(TABLE + TABLE_ROW * (2 + len(runs)), LONGEST_TABLE)
     lanes = LANES + LANE * len(drawn)
-    scene: rrb.Container | rrb.View = whole
+    paths: rrb.Container | rrb.View = whole
     right: rrb.Container | rrb.View = _lanes(drawn)
     if lanes > MOST_LANES:  # the lanes of so many runs need the whole height
-        scene = rrb.Horizontal(whole, chase, column_shares=[3, 2])
+        paths = rrb.Horizontal(whole, chase, column_shares=[3, 2])
     else:
         # The view from behind is square or a little wider than high, like the aircraft in it.
         lanes = max(lanes, 0.5)
         right = rrb.Vertical(chase, right, row_shares=[1.0 - lanes, lanes])
     now = rrb.TextDocumentView(origin=entities.NOW, name="Now")
     views = rrb.Horizontal(
-        rrb.Vertical(scene, now, row_shares=[1.0 - table, table]),
+        rrb.Vertical(paths, now, row_shares=[1.0 - table, table]),
         rrb.Vertical(*(_plot(plot, drawn, 1.0 / len(beside)) for plot in beside)),
         right,
         column_shares=[1.0 - MIDDLE - SIDE, MIDDLE, SIDE],
@@ -87,10 +84,10 @@ def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) ->
 
 def leader(drawn: Sequence[DrawnRun]) -> DrawnRun:
     """The run that the view follows: the first that ended early, else the last of the longest."""
-    early = [drawn_run for drawn_run in drawn if drawn_run.run.status != "completed"]
-    longest = max(drawn_run.run.duration for drawn_run in drawn)
-    longest_runs = (run for run in reversed(drawn) if run.run.duration == longest)
-    return next(iter(early), None) or next(longest_runs)
+    for drawn_run in drawn:
+        if drawn_run.run.status != "completed":
+            return drawn_run
+    return max(reversed(drawn), key=lambda drawn_run: drawn_run.run.duration)
 
 
 def _tab(name: str, plots: Sequence[Plot], drawn: Sequence[DrawnRun]) -> rrb.Container:
@@ -153,7 +150,7 @@ def time_view(
 
 
 def scene_view(
-    name: str, eye: Eye, *contents: str, origin: str = entities.WORLD
+    name: str, eye: scene.Eye, *contents: str, origin: str = entities.WORLD
 ) -> rrb.Spatial3DView:
     """A 3D view of entities from a camera, in the axes of `origin`."""
     return rrb.Spatial3DView(

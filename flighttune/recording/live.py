@@ -17,12 +17,17 @@ from flighttune.present.palette import LineStyle, line_styles
 from flighttune.present.thinning import evenly
 from flighttune.recording import entities
 from flighttune.recording.blueprint import layout, scene_view, time_view
-from flighttune.recording.derived import positions
 from flighttune.recording.entities import application, on_screen, plain_name, times
-from flighttune.recording.geometry import attitudes, chase_eye, grid_lines, headings
-from flighttune.recording.plots import Plot, displayed
-from flighttune.recording.rrd import reference_style, run_style
-from flighttune.recording.scene import aircraft_model, log_ground
+from flighttune.recording.plots import Plot, displayed, positions
+from flighttune.recording.record import reference_style, run_style
+from flighttune.recording.scene import (
+    aircraft_model,
+    attitudes,
+    chase_eye,
+    grid_lines,
+    headings,
+    log_ground,
+)
 from flighttune.scenario.schema import Scenario
 
 SESSION = "session_time"  # flown since the first run began: the runs one after another

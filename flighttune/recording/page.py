@@ -14,10 +14,11 @@ from flighttune.present.numbers import matrix, number
 from flighttune.present.palette import hue_tells_gains
 from flighttune.present.tables import markdown
 from flighttune.present.thinning import evenly
-from flighttune.recording import geometry
 from flighttune.recording.entities import NOW, READING, DrawnRun, times
 from flighttune.recording.plots import displayed, unit_of
+from flighttune.recording.scene import all_positions, drawn_scale, ground_grid
 from flighttune.simulate.run import TUBE_SIGNALS, Run, run_styles
+from flighttune.table_file import toml_text
 
 ABOUT = {"verifies": "Verifies", "source": "Source"}
 
@@ -67,7 +68,7 @@ def scenario_page(
         labels = [f"{run}, {SYMBOLS.get(channel, channel)}" for run, channel in metrics.index]
         parts += ["## Tracking", _metrics("run, channel", labels, metrics)]
         parts += ["## Aircraft", _metrics("run", list(map(str, flight.index)), flight)]
-    parts += ["## Scenario", _scenario(scenario), *_made_with(runs)]
+    parts += ["## Scenario", f"```toml\n{toml_text(scenario)}```", *_made_with(runs)]
     parts += ["## How to read it", HOW_TO_READ]
     return "\n\n".join(parts) + "\n"
 
@@ -104,22 +105,6 @@ def _metrics(heading: str, labels: Sequence[str], metrics: pd.DataFrame) -> str:
     columns = [metrics[name].map(METRIC_LABELS[name].written) for name in names]
     headings = [METRIC_LABELS[name].heading for name in names]
     return markdown([heading, *headings], [list(row) for row in zip(labels, *columns, strict=True)])
-
-
-def _scenario(scenario: Mapping[str, Any]) -> str:
-    rest = {key: value for key, value in scenario.items() if key not in ABOUT and key != "title"}
-    return "\n".join(f"- **{key}**: {_plain(value)}" for key, value in rest.items() if value)
-
-
-def _plain(value: Any) -> str:
-    """A value of a scenario in one line, without quotes."""
-    if isinstance(value, Mapping):
-        return ", ".join(f"{key} {_plain(v)}" for key, v in value.items() if v is not None)
-    if isinstance(value, (list, tuple)):
-        if any(isinstance(item, Mapping) for item in value):
-            return "; ".join(map(_plain, value))
-        return f"[{', '.join(map(_plain, value))}]"
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _made_with(runs: Sequence[Run]) -> list[str]:
@@ -179,8 +164,8 @@ def reading_line(drawn: Sequence[DrawnRun]) -> str:
         parts = ["**Hue:** gains"]
     if any(made.aircraft is None for made in made_by):
         parts.append("**dashed, outline:** a law")
-    factor = geometry.drawn_scale(drawn)
-    spacing = geometry.ground_grid(geometry.all_positions(drawn))[1]
+    factor = drawn_scale(drawn)
+    spacing = ground_grid(all_positions(drawn))[1]
     parts += [
         f"**aircraft:** {factor:g} times their size",
         "**arrow:** velocity",

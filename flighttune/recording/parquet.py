@@ -1,12 +1,11 @@
-"""One Parquet file per run: the record, exact to the bit."""
+"""One Parquet file per run, the record, exact to the bit; and the runs of a folder."""
 
 import hashlib
 import json
 import re
 import textwrap
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import asdict
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -19,12 +18,13 @@ from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.errors import RecordingError
 from flighttune.present.names import distinct
-from flighttune.seal import BLANK, seal, sealed_bytes
+from flighttune.seal import BLANK, file_bytes, seal, sealed_bytes
 from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run
 from flighttune.whole_file import whole_file
 
+PARQUET, RECORDING = ".parquet", ".rrd"
+PARQUET_FILE, RECORDING_FILE = "Parquet file", "recording (.rrd)"
 FORMAT = 2  # version of the layout; a file with a higher one is from a newer flighttune
-PARQUET_FILE = "Parquet file"
 LONGEST_REASON = 160  # characters of a library's error message that are repeated
 
 # Keys in the metadata of the schema, in the order of the file: the seal must be the last one.
@@ -32,6 +32,8 @@ DESCRIPTION = b"flighttune.run"
 RUN_SHA256 = b"flighttune.run.sha256"
 FLIGHT = b"flighttune.flight"  # JSON: the SHA-256 of all runs flown with this one, in order
 SEAL = b"flighttune.file"
+
+ORIGIN = "record"  # the property of a recording that says which runs it shows
 
 # A run as its file holds it: a description (JSON: format, status, reason, provenance, name and unit
 # of each column), time in s and signals as the columns of an array, and the SHA-256 of both.
@@ -50,10 +52,8 @@ def write_run(run: Run, path: str | Path) -> None:
 
     The signals may be empty. An existing file is replaced, and parent folders are made.
     """
-    path = Path(path)
-    with naming(path):
-        data = parquet_bytes(run)
-    with whole_file(path) as part:
+    data = parquet_bytes(run)
+    with whole_file(Path(path)) as part:
         part.write_bytes(data)
 
 
@@ -119,15 +119,26 @@ def read_run(path: str | Path) -> Run:
     A RecordingError says in one line if there is no such file, it is not as flighttune wrote it
     (damaged, edited, of another program or of flighttune 0.1.0), or it has a newer layout.
     """
-    path = Path(path)
+    return _read(Path(path))[0]
+
+
+def _read(path: Path) -> tuple[Run, str, tuple[str, ...]]:
+    """The run in a Parquet file, its SHA-256, and those of all runs of its flight.
+
+    The latter are empty if the file was written on its own.
+    """
     data = sealed_bytes(path, PARQUET_FILE)
-    with _arrow_errors(path):
+    try:
         table = pq.ParquetFile(pa.BufferReader(data)).read()
         stated = table.schema.metadata
         rows = np.column_stack([column.to_numpy() for column in table.columns])
         parts = stated[DESCRIPTION].decode(), rows, stated[RUN_SHA256].decode()
-    with naming(path):
-        return run_of(parts)
+        return run_of(parts), parts[2], tuple(json.loads(stated.get(FLIGHT, b"[]")))
+    except RecordingError as error:
+        raise RecordingError(f"{path}: {error}") from error
+    except (pa.ArrowException, LookupError, TypeError, ValueError, AttributeError) as error:
+        got = f"{type(error).__name__}: {_first_line(error)}"
+        raise RecordingError(f"{path}: must be a {PARQUET_FILE} of a run, got {got}.") from error
 
 
 def run_of(parts: Parts) -> Run:
@@ -138,68 +149,181 @@ def run_of(parts: Parts) -> Run:
             "description and signals must have the SHA-256 that was recorded, got another one; "
             "fly it again."
         )
-    try:
-        entry = json.loads(description)
-        if entry["format"] > FORMAT:
-            raise RecordingError(
-                f"layout must be {FORMAT} or older, got {entry['format']}; "
-                "read it with a newer flighttune."
-            )
-        columns, provenance = entry["columns"], entry["provenance"]
-        for name, unit in columns.items():
-            if unit != SIGNAL_UNITS.get(name, unit):
-                raise RecordingError(f"`{name}` must be in {SIGNAL_UNITS[name]}, got {unit}.")
-        gains = provenance.pop("gains")
-        if gains is not None:
-            gains |= {key: tuple(gains[key]) for key in ("inputs", "errors")}
-            gains = PIGains(**gains)
-        _, *names = columns
-        index = pd.Index(rows[:, 0], name="t", dtype=np.float64)
-        own = set(names) - set(SIGNAL_UNITS)
-        return Run(
-            signals=pd.DataFrame(dict(zip(names, rows[:, 1:].T, strict=True)), index=index),
-            status=entry["status"],
-            reason=entry["reason"],
-            provenance=Provenance(**provenance, gains=gains),
-            units={name: columns[name] for name in names if name in own and columns[name]},
+    entry = json.loads(description)
+    if entry["format"] > FORMAT:
+        raise RecordingError(
+            f"layout must be {FORMAT} or older, got {entry['format']}; "
+            "read it with a newer flighttune."
         )
-    except (KeyError, TypeError, ValueError, AttributeError) as error:
-        if isinstance(error, RecordingError):
-            raise
-        got = f"{type(error).__name__}: {first_line(error)}"
-        raise RecordingError(f"must describe a complete run, got {got}.") from error
+    columns, provenance = entry["columns"], entry["provenance"]
+    for name, unit in columns.items():
+        if unit != SIGNAL_UNITS.get(name, unit):
+            raise RecordingError(f"`{name}` must be in {SIGNAL_UNITS[name]}, got {unit}.")
+    gains = provenance.pop("gains")
+    if gains is not None:
+        gains |= {key: tuple(gains[key]) for key in ("inputs", "errors")}
+        gains = PIGains(**gains)
+    _, *names = columns
+    index = pd.Index(rows[:, 0], name="t", dtype=np.float64)
+    return Run(
+        signals=pd.DataFrame(dict(zip(names, rows[:, 1:].T, strict=True)), index=index),
+        status=entry["status"],
+        reason=entry["reason"],
+        provenance=Provenance(**provenance, gains=gains),
+        units={name: columns[name] for name in names if name not in SIGNAL_UNITS and columns[name]},
+    )
 
 
-def recorded_flight(path: Path) -> tuple[str, tuple[str, ...]]:
-    """The SHA-256 of the run in a Parquet file, and those of all runs of its flight.
-
-    The latter are empty if the file was written on its own. Errors are those of `read_run`.
-    """
-    data = sealed_bytes(path, PARQUET_FILE)
-    with _arrow_errors(path):
-        stated = pq.read_schema(pa.BufferReader(data)).metadata
-        return stated[RUN_SHA256].decode(), tuple(json.loads(stated.get(FLIGHT, b"[]")))
-
-
-@contextmanager
-def _arrow_errors(path: Path) -> Iterator[None]:
-    try:
-        yield
-    except (pa.ArrowException, OSError, TypeError, ValueError, KeyError) as error:
-        got = first_line(error)
-        raise RecordingError(f"{path}: must be a {PARQUET_FILE} of a run, got: {got}.") from error
-
-
-@contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Put the name of the file before the message of a RecordingError in the block."""
-    try:
-        yield
-    except RecordingError as error:
-        raise RecordingError(f"{path}: {error}") from error
-
-
-def first_line(text: object) -> str:
+def _first_line(text: object) -> str:
     """The first line of a library's message, cut to a readable length."""
     line = next(iter(str(text).splitlines()), "no reason")
     return textwrap.shorten(line, LONGEST_REASON, placeholder=" ...").rstrip(".")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recording:
+    """Runs read back, and the parts of their folder that were not read.
+
+    Attributes
+    ----------
+    path : Path
+        The file or folder.
+    runs : tuple of Run
+        In the order in which they were recorded. Signals are equal to the bit to those written.
+    missing : tuple of str
+        Runs of the flight whose files are not there, and files of other flights in the folder.
+    """
+
+    path: Path
+    runs: tuple[Run, ...]
+    missing: tuple[str, ...] = ()
+
+    def __getitem__(self, label: str) -> Run:
+        """The run of that label, ``plant / gains``; the message of a KeyError lists the labels."""
+        for run in self.runs:
+            if run.label == label:
+                return run
+        raise KeyError(f"{label!r} is not one of {', '.join(run.label for run in self.runs)}")
+
+
+def load_recording(path: str | Path) -> Recording:
+    """Read the runs of a run folder or of a Parquet file.
+
+    Parameters
+    ----------
+    path : path-like
+        Output of ``flighttune fly`` or `record`: a folder, or one of its ``.parquet`` files. A
+        ``.rrd`` file stands for the Parquet files beside it from which it was drawn.
+
+    Returns
+    -------
+    Recording
+        For a folder the runs of one flight: if there are files of several, those of a complete
+        one, and of complete ones those of the newest. Files that were written on their own belong
+        together. Files whose names begin with a dot are left over from a killed command and not
+        read.
+
+    Raises
+    ------
+    RecordingError
+        If there is nothing to read, a ``.rrd`` file is without its Parquet files, or a file is
+        not as flighttune wrote it: cut off, damaged, edited, of another program or of flighttune
+        0.1.0.
+
+    Examples
+    --------
+    >>> recording = load_recording("runs/paper")  # doctest: +SKIP
+    >>> recording["kinematic / paper"].signals["chi"]  # doctest: +SKIP
+    """
+    path = Path(path)
+    if path.is_dir():
+        return _in_folder(path)
+    if path.suffix.lower() == PARQUET:
+        return Recording(path=path, runs=(read_run(path),))
+    return _drawn_in(path)
+
+
+def recording_in(folder: Path) -> Path | None:
+    """The recording (.rrd) in a run folder, if there is one; several are an error."""
+    recordings = _files(folder, RECORDING)
+    if len(recordings) > 1:
+        names = ", ".join(path.name for path in recordings)
+        raise RecordingError(f"{folder}: the folder must hold one recording, got {names}.")
+    return recordings[0] if recordings else None
+
+
+def _files(folder: Path, ending: str) -> list[Path]:
+    # A name with a dot in front is that of a file which was not finished.
+    return sorted(folder.glob(f"[!.]*{ending}"))
+
+
+def _by_flight(files: Iterable[Path]) -> dict[tuple[str, ...], dict[str, tuple[Path, Run]]]:
+    """Files and their runs by the SHA-256 of the run, for each flight among them."""
+    flights: dict[tuple[str, ...], dict[str, tuple[Path, Run]]] = {}
+    for file in files:
+        run, sha256, flight = _read(file)
+        flights.setdefault(flight, {})[sha256] = file, run
+    return flights
+
+
+def _in_folder(folder: Path) -> Recording:
+    files = _files(folder, PARQUET)
+    if not files:
+        raise RecordingError(f"{folder}: the folder must hold Parquet files of runs, got none.")
+    flights = _by_flight(files)
+
+    def rank(flight: tuple[str, ...]) -> tuple[bool, float]:
+        there = flights[flight]
+        newest = max(file.stat().st_mtime for file, _ in there.values())
+        return set(flight) <= set(there), newest
+
+    flight = max(flights, key=rank)
+    there = flights[flight]
+    order = flight or tuple(there)
+    runs = tuple(there[sha256][1] for sha256 in order if sha256 in there)
+    lost, taken = len(order) - len(runs), [file for file, _ in there.values()]
+    missing = [f"{folder}: {lost} of the {len(order)} runs are not there"] if lost else []
+    missing += [f"{file}: of another flight" for file in files if file not in taken]
+    return Recording(path=folder, runs=runs, missing=tuple(missing))
+
+
+def _drawn_in(path: Path) -> Recording:
+    """The runs that a ``.rrd`` file was drawn from, if their Parquet files are beside it."""
+    check_recording(path)
+    origin = _origin(path)
+    if origin is None:
+        raise RecordingError(
+            f"{path}: the runs must be loaded from Parquet files, got a recording (.rrd) that was "
+            "written without any, which only shows the runs."
+        )
+    folder, flight = origin
+    there = _by_flight(_files(path.parent, PARQUET)).get(flight, {})
+    if not set(flight) <= set(there):
+        raise RecordingError(
+            f"{path}: the runs must be loaded from the Parquet files of the folder {folder}, got a "
+            "recording (.rrd) alone, which only shows the runs."
+        )
+    return Recording(path=path, runs=tuple(there[sha256][1] for sha256 in flight))
+
+
+def check_recording(path: str | Path) -> None:
+    """Refuse a file that is no Rerun recording; the viewer reports faults inside one."""
+    if not file_bytes(Path(path), RECORDING_FILE).startswith(b"RRF"):
+        raise RecordingError(f"{path}: must be a {RECORDING_FILE}, got another file.")
+
+
+def _origin(path: Path) -> tuple[str, tuple[str, ...]] | None:
+    """Folder and SHA-256 of the runs in a recording; None if they were not recorded with it."""
+    from rerun.chunk import RrdReader
+
+    try:
+        reader = RrdReader(path)
+        store = reader.store(store=reader.recordings()[0])
+        for chunk in store.stream().filter(content=f"/__properties/{ORIGIN}").to_chunks():
+            stated = chunk.to_record_batch()
+            (folder,), sha256 = (stated.column(key)[0].as_py() for key in ("folder", "sha256"))
+            return folder, tuple(sha256)
+    except (RuntimeError, ValueError, KeyError, IndexError, pa.ArrowException) as error:
+        got = _first_line(error)
+        raise RecordingError(f"{path}: must be a {RECORDING_FILE}, got: {got}.") from error
+    return None

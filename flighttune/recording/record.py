@@ -1,15 +1,36 @@
 """Writing a flown scenario to a folder: one Parquet file per run, and one recording of all."""
 
-from collections.abc import Mapping
-from contextlib import ExitStack
-from dataclasses import dataclass
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+import rerun_bindings
+from rerun.error_utils import strict_mode
+
+from flighttune.extras import need
 from flighttune.flight.fly import FlownScenario
-from flighttune.recording.page import scenario_page
-from flighttune.recording.parquet import naming, parts_of, record_bytes, signal_files
-from flighttune.recording.rrd import recording_bytes
+from flighttune.guarantee.flight_check import flight_check
+from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle, rgb
+from flighttune.present.thinning import peaks
+from flighttune.recording import entities
+from flighttune.recording.blueprint import blueprint
+from flighttune.recording.entities import DrawnRun, application, log_lines, runs_to_draw, times
+from flighttune.recording.events import log_events, log_lanes
+from flighttune.recording.page import log_readout, scenario_page
+from flighttune.recording.parquet import ORIGIN, parts_of, record_bytes, signal_files
+from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots, with_derived
+from flighttune.recording.scene import log_scene
+from flighttune.simulate.run import Run
 from flighttune.whole_file import whole_file
+
+FAINT = 150  # opacity of thin lines, of 255
+FAINTEST = 110  # opacity of measured signals
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,8 +68,7 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
     folder = Path(folder)
     recording = folder / f"{name}.rrd"
     paths = signal_files(flown.runs, folder)
-    with naming(recording):
-        runs = [parts_of(run) for run in flown.runs]
+    runs = [parts_of(run) for run in flown.runs]
     flight = [sha256 for _, _, sha256 in runs]
     drawn = recording_bytes(
         flown.runs,
@@ -73,3 +93,169 @@ def page_of(flown: FlownScenario) -> str:
         scenario=flown.scenario.as_dict(),
         indicators={name: (values.R_K, values.I_K) for name, values in flown.indicators.items()},
     )
+
+
+def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: str) -> None:
+    """Write all runs of a scenario to one recording that opens by itself in Rerun.
+
+    Angles are shown in degrees. A signal that a run does not have is not drawn, and a run with
+    fewer than two samples appears on the page only.
+    """
+    data = recording_bytes(runs, page=page, title=title)
+    with whole_file(Path(path)) as part:
+        part.write_bytes(data)
+
+
+def recording_bytes(
+    runs: Sequence[Run], *, page: str, title: str, origin: Mapping[str, Any] | None = None
+) -> bytes:
+    """The file that `write_recording` writes; `origin` has folder and SHA-256 of the runs."""
+    try:
+        return _bytes(runs, page, title, origin)
+    finally:
+        # Rerun keeps every stream in a list, and with it two threads and what was logged: of the
+        # recording and of its blueprint. This is its own way to drop those that nobody uses.
+        rerun_bindings.flush_and_cleanup_orphaned_recordings()  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def _bytes(runs: Sequence[Run], page: str, title: str, origin: Mapping[str, Any] | None) -> bytes:
+    # In memory: Rerun raises nothing where the disk is full, but logs it, or never returns.
+    # A new id each time: of two files with one id the viewer would keep one.
+    stream = rr.RecordingStream(application(title), recording_id=uuid.uuid4())
+    with strict():
+        try:
+            memory = stream.memory_recording()
+            if origin is not None:
+                stream.send_property(ORIGIN, rr.AnyValues(**origin))
+            log_recording(stream, runs, page=page, title=title)
+            return memory.drain_as_bytes()
+        finally:
+            stream.disconnect()
+
+
+def log_recording(
+    stream: rr.RecordingStream, runs: Sequence[Run], *, page: str, title: str
+) -> None:
+    """Log all runs of a scenario, their page and the layout; see `write_recording`."""
+    flown = [
+        replace(drawn_run, claim=flight_check(drawn_run.run)) for drawn_run in runs_to_draw(runs)
+    ]
+    drawn = with_derived(flown)
+    plots = shown_plots([drawn_run.run for drawn_run in drawn])
+    _send_layout(stream, blueprint(drawn, plots))
+    stream.send_recording_name(title)
+    stream.log(entities.PAGE, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
+    if drawn:
+        log_scene(stream, flown)
+        log_lanes(stream, drawn)
+        log_readout(stream, drawn)
+        log_events(stream, drawn)
+    for plot in dict.fromkeys(plot for tab in plots.values() for plot in tab):
+        _log_plot(stream, plot, drawn)
+
+
+def _send_layout(stream: rr.RecordingStream, layout: rrb.Blueprint) -> None:
+    """Do as ``stream.send_blueprint`` does, which keeps the stream of the layout for ever."""
+    native = rerun_bindings.new_blueprint(
+        application_id=str(stream.get_application_id()),
+        make_default=False,
+        make_thread_default=False,
+        default_enabled=True,
+    )
+    of_layout = rr.RecordingStream._from_native(native)
+    of_layout.set_time("blueprint", sequence=0)
+    layout._log_to_stream(of_layout)
+    storage = of_layout.memory_recording().storage
+    rerun_bindings.send_blueprint(storage, False, True, recording=stream.to_native())
+    of_layout.disconnect()  # the sink holds the stream, and the stream the sink
+
+
+@contextmanager
+def strict() -> Iterator[None]:
+    """Let Rerun raise on wrong data instead of dropping it with a warning."""
+    before = strict_mode()
+    rr.set_strict_mode(True)
+    try:
+        yield
+    finally:
+        rr.set_strict_mode(before)
+
+
+def run_style(style: LineStyle, label: str, names: Sequence[str]) -> rr.SeriesLines:
+    """Lines of signals of a run: the first one strong, the others thin."""
+    thin = len(names) - 1
+    return rr.SeriesLines(
+        colors=[(*style.rgb, 255), *[(*style.rgb, FAINT)] * thin],
+        widths=[style.width, *[1.0] * thin],
+        names=[label, *(f"{label}, {name}" for name in names[1:])],
+    )
+
+
+def reference_style() -> rr.SeriesLines:
+    """The line of a reference that all runs have in common."""
+    return rr.SeriesLines(colors=[rgb(NEUTRAL)], widths=[2.0], names=["reference"])
+
+
+def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun]) -> None:
+    folder = f"{entities.PLOTS}/{plot.signal}"
+    # The time axis reaches a little beyond the longest flight, in all plots alike.
+    end = entities.END * max(drawn_run.run.duration for drawn_run in drawn)
+    nothing = rr.Scalars.columns(scalars=[np.nan, np.nan])
+    stream.send_columns(f"{folder}/{entities.AXIS}", [times([0.0, end])], nothing)
+    having = [drawn_run for drawn_run in drawn if plot.signal in drawn_run.run.signals]
+    for drawn_run in having:
+        run, key = drawn_run.run, drawn_run.key
+        names = [name for name in plot.signals if name in run.signals]
+        style = run_style(drawn_run.style, run.label, names)
+        _log_signals(stream, f"{folder}/{key}", style, run, names)
+        for path, others, opacity in (
+            (f"{folder}/{entities.MEASURED}/{key}", [plot.measured or ""], FAINTEST),
+            (f"{folder}/{key}_tube", plot.band, FAINT),
+        ):
+            names = [name for name in others if name in run.signals]
+            if names:
+                style = rr.SeriesLines(
+                    colors=[(*drawn_run.style.rgb, opacity)] * len(names),
+                    widths=[1.0] * len(names),
+                    names=[f"{run.label}, {name}" for name in names],
+                )
+                _log_signals(stream, path, style, run, names)
+    longest = max((drawn_run.run for drawn_run in having), key=lambda run: run.duration)
+    if plot.common is not None and plot.common in longest.signals:
+        path = f"{folder}/{entities.REFERENCE}"
+        _log_signals(stream, path, reference_style(), longest, [plot.common])
+    bounds = limits_of(longest.provenance.scenario, plot.limit) if plot.limit else None
+    if bounds is not None:
+        names = ["lower limit", "upper limit"]
+        style = rr.SeriesLines(colors=[rgb(LIMIT)] * 2, widths=[2.0] * 2, names=names)
+        ends = longest.signals.index[[0, -1]]
+        log_lines(stream, f"{folder}/{entities.LIMITS}", style, ends, np.array([bounds, bounds]))
+
+
+def _log_signals(
+    stream: rr.RecordingStream, path: str, style: rr.SeriesLines, run: Run, names: Sequence[str]
+) -> None:
+    values = np.column_stack([displayed(run.signals, name) for name in names])
+    kept = peaks(values)
+    log_lines(stream, path, style, run.signals.index[kept], values[kept])
+
+
+def show(flown: FlownScenario, *, width: int = 1280, height: int = 720) -> None:
+    """Show the recording of flights in the output of a notebook's cell.
+
+    Parameters
+    ----------
+    flown : FlownScenario
+        Result of `flighttune.fly`.
+    width, height : int, pixels
+
+    Raises
+    ------
+    InputError
+        If the viewer for notebooks is not installed.
+    """
+    need("`show`", "rerun_notebook")
+    title = flown.scenario.title
+    with rr.RecordingStream(application(title), recording_id=uuid.uuid4()) as stream, strict():
+        log_recording(stream, flown.runs, page=page_of(flown), title=title)
+        stream.notebook_show(width=width, height=height)

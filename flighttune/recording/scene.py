@@ -2,23 +2,44 @@
 
 import math
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
 import rerun as rr
+from scipy.spatial.transform import Rotation
 
+from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray
+from flighttune.errors import FlightTuneError
 from flighttune.plants.air_path import OVER_GROUND
+from flighttune.plants.jsbsim.model_files import wing_span
 from flighttune.plants.weather import WIND
 from flighttune.present.palette import NEUTRAL, rgb
 from flighttune.present.thinning import evenly
-from flighttune.recording import entities, geometry
-from flighttune.recording.derived import positions
+from flighttune.recording import entities
 from flighttune.recording.entities import DrawnRun, on_screen, times
+from flighttune.recording.plots import positions
+from flighttune.simulate.run import Run
 
 # Made by ``docs/figures/aircraft_glb.py``; body axes, m.
 MODEL = Path(__file__).with_name("aircraft.glb")
+MODEL_SPAN = 2.9  # m, of the aircraft in ``aircraft.glb``
+
+FIELD_OF_VIEW = math.radians(52.0)  # vertical, that the flight should fill; the viewer's is 55 deg
+ASPECT = 1.25  # width over height of the view, or less
+VIEWED_FROM = math.radians(-120.0)  # azimuth of the camera, clockwise from the direction of flight
+ELEVATION = math.radians(22.0)  # of the camera
+
+SHARE_OF_FLIGHT = 1.0 / 10.0  # width of a drawn aircraft over the size of the flight
+ROUND = (1.0, 2.0, 5.0)
+FINELY_ROUND = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)
+AXES = 2.0  # length of the arrows that name the axes, in spacings of the grid
+GROUND_LINES = 12  # approximate number along the longer side of the ground grid
+
+Eye: TypeAlias = tuple[FloatArray, FloatArray]  # of a camera: where it is and where it looks, m
 
 PATH_POINTS = 4000  # maximum number of points of a path; longer flights are thinned
 INSTANTS = 500  # maximum number of instants at which arrows are drawn
@@ -32,16 +53,138 @@ GROUND_COLOUR = (88, 88, 88)
 WIND_COLOUR = rgb(NEUTRAL)
 
 
+def all_positions(drawn: Sequence[DrawnRun]) -> FloatArray:
+    """All finite positions of all runs, shape (n, 3), m."""
+    points = np.vstack([positions(drawn_run.run.signals) for drawn_run in drawn])
+    return points[np.isfinite(points).all(axis=1)]
+
+
+def headings(signals: pd.DataFrame) -> FloatArray:
+    """Rotation to NED from level axes that turn with the course, shape (n, 4): x, y, z, w."""
+    return Rotation.from_euler("z", signals[["chi"]].to_numpy(dtype=float)).as_quat()
+
+
+def attitudes(signals: pd.DataFrame) -> FloatArray:
+    """Rotation from body axes to the axes of `headings`, shape (n, 4): x, y, z, w.
+
+    A plant without pitch and heading is drawn along its path.
+    """
+    pitch = signals["theta" if "theta" in signals else "gamma"]
+    crab = signals["psi"] - signals["chi"] if "psi" in signals else 0.0 * pitch
+    angles = np.column_stack([crab, pitch, signals["phi"]]).astype(float)
+    return Rotation.from_euler("ZYX", angles).as_quat()  # yaw, pitch, roll about the turned axes
+
+
+def span_of(run: Run) -> float:
+    """Wing span of the run's aircraft, m; `MODEL_SPAN` if there is none.
+
+    A plant without an aircraft is drawn as the first aircraft of its scenario.
+    """
+    tables = run.provenance.scenario.get("plant") or []
+    names = [run.provenance.aircraft, *(table.get("aircraft") for table in tables)]
+    return next((_span(name) for name in names if name), MODEL_SPAN)
+
+
+@cache
+def _span(aircraft: str) -> float:
+    try:
+        return wing_span(load_aircraft(aircraft)) or MODEL_SPAN
+    except FlightTuneError:  # the aircraft of an old recording may be gone
+        return MODEL_SPAN
+
+
+def drawn_scale(drawn: Sequence[DrawnRun]) -> float:
+    """Factor by which all aircraft are drawn larger than they are."""
+    return enlargement(all_positions(drawn), max(span_of(flown.run) for flown in drawn))
+
+
+def enlargement(points: FloatArray, span: float) -> float:
+    """Factor by which aircraft are drawn larger than they are: a round number, at least 1.
+
+    `points` are all positions, and `span` is that of the widest aircraft, m.
+    """
+    factor = float(np.linalg.norm(np.ptp(points, axis=0))) * SHARE_OF_FLIGHT / span
+    return max(1.0, _round_below(factor, FINELY_ROUND))
+
+
+def ground_grid(points: FloatArray) -> tuple[list[FloatArray], float]:
+    """Lines of a level grid half a spacing below the flight and as wide as it, and their spacing.
+
+    Each line is its two ends, shape (2, 3), m; the spacing is 1, 2 or 5 times a power of ten.
+    """
+    longest = float(np.ptp(points[:, :2], axis=0).max())
+    spacing = _round_below(max(longest, 1.0) * 2.0 / GROUND_LINES)
+    low = np.floor(points[:, :2].min(axis=0) / spacing) * spacing
+    high = np.ceil(points[:, :2].max(axis=0) / spacing) * spacing
+    high = np.maximum(high, low + AXES * spacing)
+    return grid_lines(low, high, spacing, float(points[:, 2].max()) + spacing / 2.0), spacing
+
+
+def grid_lines(low: FloatArray, high: FloatArray, spacing: float, down: float) -> list[FloatArray]:
+    """Lines of a level grid from corner `low` to corner `high` (north, east), ends as rows, m."""
+    norths, easts = (
+        np.arange(a, b + spacing / 2.0, spacing) for a, b in zip(low, high, strict=True)
+    )
+    lines = [np.array([[north, low[1], down], [north, high[1], down]]) for north in norths]
+    return lines + [np.array([[low[0], east, down], [high[0], east, down]]) for east in easts]
+
+
+def _round_below(value: float, steps: tuple[float, ...] = ROUND) -> float:
+    """Largest of `steps` times a power of ten that is not above `value`."""
+    decade = 10.0 ** math.floor(math.log10(value)) if value > 0.0 else 1.0
+    return decade * max(factor for factor in steps if factor * decade <= value or factor == 1.0)
+
+
+def overview(drawn: Sequence[DrawnRun]) -> Eye:
+    """Camera that sees all runs, the ground below them and its axes."""
+    points = all_positions(drawn)
+    lines, spacing = ground_grid(points)
+    axes = lines[0][0] + AXES * spacing * np.eye(3)[:2]
+    width = drawn_scale(drawn) * max(span_of(flown.run) for flown in drawn)
+    return overview_eye(np.vstack([points, axes, *lines]), margin=width / 2.0)
+
+
+def overview_eye(points: FloatArray, *, margin: float) -> Eye:
+    """Camera that sees the whole flight from its left, a little from behind and above.
+
+    The picture holds `points`, shape (n, 3), m, and `margin` (m) around them: half the width of an
+    aircraft as drawn.
+    """
+    low, high = points.min(axis=0), points.max(axis=0)
+    # The direction of flight is that diagonal of the box around it which it takes.
+    moved = (low + high) / 2.0 - points[0]
+    north, east = (high - low)[:2] * np.where(moved[:2] < 0.0, -1.0, 1.0)
+    azimuth = math.atan2(east, north) + VIEWED_FROM
+    level = math.cos(ELEVATION)
+    back = np.array([level * math.cos(azimuth), level * math.sin(azimuth), -math.sin(ELEVATION)])
+    right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
+    up = np.cross(right, back)
+    # A point is in the picture if its distance from the axis is at most that of the edge there.
+    centre = (low + high) / 2.0
+    depth, seen = (points - centre) @ back, (points - centre) @ np.column_stack([right, up])
+    slopes = math.tan(FIELD_OF_VIEW / 2.0) * np.array([ASPECT, 1.0])
+    distance = float(np.max((np.abs(seen) + margin) / slopes + depth[:, None]))
+    return centre + distance * back, centre
+
+
+def chase_eye(width: float) -> Eye:
+    """Camera behind and above an aircraft `width` m wide, in axes that turn with its course.
+
+    The aircraft takes two fifths of the width of a square view.
+    """
+    return width * np.array([-2.0, -0.9, -1.0]), width * np.array([0.3, 0.0, 0.0])
+
+
 def log_scene(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
     """Log world axes (x north, y east, z down), paths and moving aircraft of all runs."""
-    points = geometry.all_positions(drawn)
-    factor = geometry.drawn_scale(drawn)
-    lines, spacing = geometry.ground_grid(points)
+    points = all_positions(drawn)
+    factor = drawn_scale(drawn)
+    lines, spacing = ground_grid(points)
     log_ground(stream, lines)
     corner = lines[0][0]
     arrows = rr.Arrows3D(
         origins=[corner, corner],
-        vectors=geometry.AXES * spacing * np.eye(3)[:2],
+        vectors=AXES * spacing * np.eye(3)[:2],
         labels=["north", "east"],
         colors=[rgb(NEUTRAL)],
         radii=on_screen(1.5),
@@ -51,7 +194,7 @@ def log_scene(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
         # In a plot a NaN is only a gap, but it breaks the camera of a 3D view.
         signals = drawn_run.run.signals
         signals = signals.loc[np.isfinite(positions(signals)).all(axis=1)]
-        width = factor * geometry.span_of(drawn_run.run)
+        width = factor * span_of(drawn_run.run)
         _log_path(stream, drawn_run, signals, floor=float(corner[2]))
         _log_aircraft(stream, drawn_run, signals, width=width)
         _log_arrows(stream, drawn_run, signals, width=width)
@@ -72,7 +215,7 @@ def aircraft_model(
     # The scale is set on the instance, because the transform of the entity holds the attitude.
     return (
         rr.Asset3D(path=MODEL, albedo_factor=colour),
-        rr.InstancePoses3D(scales=[[width / geometry.MODEL_SPAN] * 3]),
+        rr.InstancePoses3D(scales=[[width / MODEL_SPAN] * 3]),
     )
 
 
@@ -104,11 +247,9 @@ def _log_aircraft(
 ) -> None:
     signals = signals.iloc[evenly(len(signals))]
     frame, time = f"{entities.AIRCRAFT}/{drawn_run.key}", times(signals.index)
-    carried = rr.Transform3D.columns(
-        translation=positions(signals), quaternion=geometry.headings(signals)
-    )
+    carried = rr.Transform3D.columns(translation=positions(signals), quaternion=headings(signals))
     stream.send_columns(frame, [time], carried)
-    turned = rr.Transform3D.columns(quaternion=geometry.attitudes(signals))
+    turned = rr.Transform3D.columns(quaternion=attitudes(signals))
     stream.send_columns(f"{frame}/{entities.BODY}", [time], turned)
     if _is_aircraft(drawn_run):
         shape = aircraft_model(drawn_run.style.rgb, width)

@@ -12,7 +12,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from flighttune.errors import InputError, RecordingError
-from flighttune.recording.load import check_recording
+from flighttune.recording.parquet import check_recording
 from flighttune.whole_file import reason_of
 
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")

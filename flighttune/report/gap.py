@@ -13,8 +13,8 @@ from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.present.tables import Column, Table
 from flighttune.report.tables import provenance_table
-from flighttune.report.toml_text import toml_text
 from flighttune.simulate.run import run_styles
+from flighttune.table_file import toml_text
 from flighttune.units import DEG_PER_RAD
 
 TUBE_NOTE = (

@@ -1,19 +1,25 @@
-"""The report on the runs of a scenario, one self-contained HTML file."""
+"""Reports as self-contained HTML files: on the runs of a scenario, and on a comparison of runs."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from flighttune.comparison import Source, load_source
+from flighttune.comparison import Comparison, Source, load_source
+from flighttune.comparison.compare import comparison_table, overlaid, pairs_table, sources_of
+from flighttune.errors import FlightTuneError, RecordingError
+from flighttune.flight.expectations import check_claim
+from flighttune.flight.gap import Gap, explain_flight
 from flighttune.flight.gap_charts import bound_chart, itae_chart, steps_chart
+from flighttune.flight.outer_loop import tuning_problem
+from flighttune.guarantee.flight_check import flight_check
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.present.tables import Table
-from flighttune.report.facts import CONVERGED_AT_LEAST, CONVERGED_PART, Facts, facts_of
 from flighttune.report.gap import step_table
-from flighttune.report.guarantee_panels import certificate_panels, frontier_panel
-from flighttune.report.panels import commands, errors, paths, tracking
+from flighttune.report.panels import Drawn, certificate_panels, commands, errors, paths, tracking
 from flighttune.report.tables import (
+    CONVERGED_AT_LEAST,
+    CONVERGED_PART,
     certificates_table,
     convergence_table,
     gains_table,
@@ -23,16 +29,33 @@ from flighttune.report.tables import (
     runs_table,
     tracking_table,
 )
-from flighttune.report.toml_text import toml_text
+from flighttune.scenario.load import scenario_from
+from flighttune.scenario.schema import Scenario
+from flighttune.simulate.run import Run, run_styles
+from flighttune.table_file import toml_text
+from flighttune.tuning.frontier import frontier, frontier_chart
 from flighttune.units import DEG_PER_RAD
 
 MAX_GAPS = 3
 """Gain sets whose gap is drawn; the table has all of them."""
 
+FRONTIER_POINTS = 9
+LONGEST_LADDER = 6_000
+"""Longest aircraft run for which the ladder is flown: beyond it a report would take minutes."""
+
 CONVERGES = (
     "A run converges if it was completed and over the last quarter of the flight both errors stay "
     f"within {100.0 * CONVERGED_PART:.0f} % of their largest, or within "
     f"{CONVERGED_AT_LEAST * DEG_PER_RAD:.1f}°."
+)
+ERRORS = (
+    "Errors are reference minus actual, the course error wrapped to ±180°. A band is the tube "
+    "of a run: every flight of its model is in it."
+)
+GAP = (
+    "The same gains under the same limits in the same air, on the paper's law, the exact point "
+    "mass, the point mass behind the inner loop and the aircraft. Red: the tube of the aircraft, "
+    "where there is one; flighttune fly SCENARIO --tube makes it."
 )
 BOUND = (
     "The proof is about the linear law. s stacks error rates and errors. Dashed: the guaranteed "
@@ -83,91 +106,176 @@ def write_report(
         If the recorded scenario is not valid any more.
     """
     source = source if isinstance(source, Source) else load_source(source)
-    facts = facts_of(source)
-    made = facts.runs[0].provenance
-    converged = sum(late["converges"] for late in facts.convergence.values())
+    runs = [run for run in source.runs if len(run.signals) > 1]
+    scenario = _scenario(source, runs)
+    styles = run_styles(source.runs)
+    drawn = [(run, styles[run.label]) for run in runs]
+    claim = check_claim(scenario, source.runs)
+    convergence = convergence_table(source.runs)
+    converged = sum(record["converges"] for record in convergence.records)
+    gaps, without_gap = _gaps(scenario, runs)
+    certificate = _certificate_section(scenario, drawn)
+    made = runs[0].provenance
     return write_page(
         Path(path),
         page_template("flighttune.report", "page.html.jinja"),
         summary=(
-            f"{facts.claim.short}.",
+            f"{claim.short}.",
             f"{converged} of {len(source.runs)} runs converge.",
             *at_a_glance,
         ),
-        claim_sentence=f"{facts.claim.sentence}.",
+        claim_sentence=f"{claim.sentence}.",
         criterion=CONVERGES,
-        sections=_sections(facts, tubes, [tube_table] if tube_table else []),
-        title=facts.scenario.title,
-        claim=facts.scenario.verifies,
-        legend=[(run.label, facts.styles[run.label]) for run in facts.runs],
-        styles=facts.styles,
-        without_gap=facts.without_gap,
-        missing=facts.missing,
-        provenance=provenance_table(facts.name, facts.scenario, facts.runs),
+        sections=[
+            Section(
+                id="runs", title="", charts=tracking(drawn), tables=[convergence], folded=False
+            ),
+            Section(
+                id="tracking",
+                title="Errors and metrics",
+                note=" ".join([ERRORS, *tubes]),
+                charts=errors(drawn),
+                tables=[
+                    tracking_table(runs),
+                    runs_table(source.runs),
+                    *([tube_table] if tube_table else []),
+                ],
+            ),
+            _commands_section(drawn, "Commands after magnitude and rate limits."),
+            *([_gap_section(gaps, runs)] if gaps else []),
+            certificate,
+        ],
+        title=scenario.title,
+        claim=scenario.verifies,
+        legend=[(run.label, style) for run, style in drawn],
+        styles=styles,
+        without_gap=without_gap,
+        missing=source.missing,
+        provenance=provenance_table(source.name, scenario, runs),
         scenario_text=toml_text(made.scenario),
-        first_gains=facts.gains[0].name if facts.gains else None,
+        first_gains=next((run.provenance.gains_name for run in runs if run.provenance.gains), None),
         version=made.versions.get("flighttune", ""),
     )
 
 
-def _sections(facts: Facts, tubes: Sequence[str], widths: list[Table]) -> list[Section]:
-    errors_note = (
-        "Errors are reference minus actual, the course error wrapped to ±180°. A band is the tube "
-        "of a run: every flight of its model is in it."
+def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
+    """Write one self-contained page about comparable runs; parent folders are made.
+
+    Raises OutputError if the file cannot be written.
+    """
+    runs = overlaid(comparison)
+    styles = run_styles(runs)
+    drawn = [(run, styles[run.label]) for run in runs]
+    scenario = runs[0].provenance.scenario
+    sources = sources_of(comparison)
+    return write_page(
+        Path(path),
+        page_template("flighttune.report", "commands.html.jinja"),
+        sections=[
+            Section(
+                id="runs",
+                title="",
+                charts=tracking(drawn),
+                tables=[pairs_table(comparison)],
+                folded=False,
+            ),
+            Section(
+                id="metrics",
+                title="Errors and metrics",
+                charts=errors(drawn),
+                tables=[comparison_table("metrics", comparison.metrics)],
+            ),
+            _commands_section(drawn),
+        ],
+        title=f"{scenario.get('title', 'Flight')}: comparison",
+        legend=list(styles.items()),
+        styles=styles,
+        provenance=provenance_table(", ".join(sources), scenario_from(dict(scenario)), runs),
+        commands=f"flighttune compare {' '.join(sources)}",
+        scenario_text=toml_text(scenario),
     )
-    sections = [
-        Section(
-            id="runs",
-            title="",
-            charts=tracking(facts.drawn),
-            tables=[convergence_table(facts)],
-            folded=False,
-        ),
-        Section(
-            id="tracking",
-            title="Errors and metrics",
-            note=" ".join([errors_note, *tubes]),
-            charts=errors(facts.drawn),
-            tables=[tracking_table(facts), runs_table(facts), *widths],
-        ),
-        Section(
-            id="commands",
-            title="Commands and path",
-            note="Commands after magnitude and rate limits.",
-            charts=[*commands(facts.drawn), *paths(facts.drawn)],
-        ),
-    ]
-    if facts.gaps:
-        sections.append(_gap_section(facts))
-    curve = frontier_panel(facts)
-    notes = [BOUND, SENSED if facts.scenario.sensors else "", "" if curve else NO_CURVE]
-    certificate = Section(
-        id="certificate",
-        title="Certificate",
-        note=" ".join(filter(None, notes)),
-        charts=[*certificate_panels(facts), *curve],
-        tables=[gains_table(facts), certificates_table(facts), kept_table(facts)],
-    )
-    return [*sections, certificate]
 
 
-def _gap_section(facts: Facts) -> Section:
-    drawn = facts.gaps[:MAX_GAPS]
-    more = len(facts.gaps) - len(drawn)
-    unseen = f" The tables have {more} more." if more else ""
+def _scenario(source: Source, runs: Sequence[Run]) -> Scenario:
+    """The one scenario of all runs, whatever their gains."""
+    if not runs:
+        raise RecordingError(f"{source.name}: a run must have flown, got none.")
+    first, *others = ({**run.provenance.scenario, "gains": None} for run in runs)
+    for run, other in zip(runs[1:], others, strict=True):
+        if other != first:
+            raise RecordingError(
+                f"{source.name}: the runs must be of one scenario, got another one for "
+                f"{run.label} than for {runs[0].label}; use compare for those."
+            )
+    return scenario_from(dict(runs[0].provenance.scenario))
+
+
+def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[list[Gap], list[str]]:
+    """Gaps of the first aircraft, nominal and off-nominal; reasons for the missing ones."""
+    gaps, without = [], []
+    aircraft = [table for table in scenario.plant if table.aircraft is not None]
+    plants = {table.label for table in aircraft if table.aircraft == aircraft[0].aircraft}
+    for run in runs:
+        if run.provenance.plant not in plants:
+            continue
+        if len(run.signals) > LONGEST_LADDER:
+            without.append(
+                f"{run.label}: {len(run.signals)} samples are more than {LONGEST_LADDER}; "
+                "flighttune gap flies the ladder of a flight of any length."
+            )
+            continue
+        try:
+            gaps.append(explain_flight(scenario, run))
+        except FlightTuneError as error:
+            without.append(f"{run.label}: {error}")
+    return gaps, without
+
+
+def _commands_section(drawn: Drawn, note: str = "") -> Section:
+    charts = [*commands(drawn), *paths(drawn)]
+    return Section(id="commands", title="Commands and path", note=note, charts=charts)
+
+
+def _gap_section(gaps: Sequence[Gap], runs: Sequence[Run]) -> Section:
+    more = len(gaps) - MAX_GAPS
     return Section(
         id="gap",
         title="From the law to the aircraft",
-        note="The same gains under the same limits in the same air, on the paper's law, the exact "
-        "point mass, the point mass behind the inner loop and the aircraft. Red: the tube of the "
-        f"aircraft, where there is one; flighttune fly SCENARIO --tube makes it.{unseen}",
+        note=GAP + (f" The tables have {more} more." if more > 0 else ""),
         charts=[
             kind(gap, channel)
-            for gap in drawn
+            for gap in gaps[:MAX_GAPS]
             for channel in CHANNEL_SYMBOLS
             for kind in (itae_chart, steps_chart, bound_chart)
         ],
         columns=3,
-        tables=[replace(step_table(facts.gaps), name="gap"), paths_table(facts)],
+        tables=[replace(step_table(gaps), name="gap"), paths_table(runs)],
         legend=False,
+    )
+
+
+def _certificate_section(scenario: Scenario, drawn: Drawn) -> Section:
+    """Certificates of the gains that flew, kept or not, and the frontier with the gains marked."""
+    sets = {run.provenance.gains_name: run.provenance.gains for run, _ in drawn}
+    gains = {name: gain_set for name, gain_set in sets.items() if gain_set is not None}
+    checks = {run.label: check for run, _ in drawn if (check := flight_check(run)) is not None}
+    curve = frontier(
+        tuning_problem(scenario),
+        points=FRONTIER_POINTS,
+        marked=gains,
+        starts=0,  # drawn gains find the same curve in twice the time
+    )
+    # A gain set has the style of its run on the last plant, the strongest.
+    marks = {run.provenance.gains_name: style for run, style in drawn}
+    charts = certificate_panels(drawn, checks)
+    stable = "frontier" in set(curve["name"])
+    if stable:
+        charts.append(frontier_chart(curve, marks))
+    notes = [BOUND, SENSED if scenario.sensors else "", "" if stable else NO_CURVE]
+    return Section(
+        id="certificate",
+        title="Certificate",
+        note=" ".join(filter(None, notes)),
+        charts=charts,
+        tables=[gains_table(gains, curve), certificates_table(scenario, gains), kept_table(checks)],
     )

@@ -1,16 +1,19 @@
-"""Charts over time and of the path: tracking, commands with limits, paths."""
+"""Charts over time and of the path: tracking, commands with limits, paths, certificates."""
 
-from collections.abc import Sequence
-from typing import TypeAlias
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.present.chart import DASHED, Chart
-from flighttune.present.palette import NEUTRAL, LineStyle
+from flighttune.errors import InputError
+from flighttune.flight.fly import FlownScenario
+from flighttune.guarantee.flight_check import FlightCheck
+from flighttune.present.chart import DASHED, DOTTED, Chart, Sheet, dashes
+from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle
 from flighttune.present.thinning import MAX_DRAWN
 from flighttune.recording.plots import displayed, limits_of
-from flighttune.simulate.run import Run
+from flighttune.simulate.run import Run, run_styles
 from flighttune.units import DEG_PER_RAD
 
 ANGLES = (
@@ -22,10 +25,16 @@ COMMANDS = (
     ("phi", "Roll command; limits dashed, bars: limited", "φ_cmd [deg]"),
     ("n_z", "Load-factor command; limits dashed, bars: limited", "n_z,cmd [1]"),
 )
+FLOWN = (("phi", "Roll", "φ [deg]"), ("n_z", "Load factor", "n_z [1]"))
 LANE = 0.035
 """Height of the bar of one run as a part of the panel."""
 
 FEW_RUNS = 4
+
+FLOOR = 1e-4
+"""Lower end of the logarithmic axis of ``||s||``."""
+
+TINY = 1e-9
 
 FINEST = 300
 """Bars that fit next to each other in a flight."""
@@ -96,6 +105,75 @@ def paths(drawn: Drawn) -> list[Chart]:
         down = run.signals["down"].to_numpy()
         height.run_line(run.t, -down, style, run.label, most=most_points(len(drawn)))
     return [_from_above(drawn), height]
+
+
+def plot(flown: FlownScenario | Run | Iterable[Run]) -> Sheet:
+    """Draw both errors, roll and load factor of flights over time, with their limits.
+
+    Parameters
+    ----------
+    flown : FlownScenario, Run or iterable of Run
+
+    Returns
+    -------
+    Sheet
+        Angles in degrees; a notebook shows it, ``save`` writes an SVG file.
+
+    Raises
+    ------
+    InputError
+        If no run has flown.
+    """
+    runs = flown.runs if isinstance(flown, FlownScenario) else flown
+    runs = (runs,) if isinstance(runs, Run) else tuple(runs)
+    styles = run_styles(runs)
+    drawn = [(run, styles[run.label]) for run in runs if len(run.signals) > 1]
+    if not drawn:
+        raise InputError("`flown` must have a run that flew, got none.")
+    charts = errors(drawn)
+    for name, title, unit in FLOWN:
+        chart = over_time(drawn, title, unit)
+        for limit in limits_of(runs[0].provenance.scenario, name) or ():
+            chart.level(limit)
+        having = [(run, style) for run, style in drawn if name in run.signals]
+        charts.append(_with_runs(chart, having, name))
+    for chart in charts:
+        chart.legend = [(run.label, style.colour, dashes(style)) for run, style in drawn]
+    return Sheet(charts=charts)
+
+
+def certificate_panels(drawn: Drawn, checks: Mapping[str, FlightCheck]) -> list[Chart]:
+    """The norm of s against its guaranteed bound, a chart per gain set."""
+    charts = []
+    for name in dict.fromkeys(run.provenance.gains_name for run, _ in drawn):
+        own = [
+            (run, style, checks[run.label])
+            for run, style in drawn
+            if run.provenance.gains_name == name and run.label in checks
+        ]
+        if not own:
+            continue
+        chart = Chart(
+            title=f"{name}: ‖s‖, with its guaranteed bound dashed",
+            y="‖(e′, e)‖ [rad/s, rad]",
+            x_range=(0.0, max(run.duration for run, *_ in own)),
+            log="y",
+            linked=True,
+        )
+        look: dict[str, Any] = {"most": most_points(len(drawn))}
+        for run, style, check in own:
+            label = run.label
+            chart.run_line(check.t, np.maximum(check.size, TINY), style, label, dash="", **look)
+            chart.run_line(check.t, check.bound, style, label, dash=DASHED, width=1.2, **look)
+            if check.settled is not None:
+                chart.level(check.settled[0].radius, style.colour, dash=DOTTED, run=label)
+            if check.t_broken is not None:
+                at = float(np.interp(check.t_broken, check.t, check.size))
+                chart.points(check.t_broken, at, LIMIT, shape="cross", size=5, run=label)
+        low, high = chart.y_ends()
+        chart.y_range = max(low, FLOOR), high
+        charts.append(chart)
+    return charts
 
 
 def over_time(drawn: Drawn, title: str, unit: str) -> Chart:

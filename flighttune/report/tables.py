@@ -1,20 +1,33 @@
 """Tables of a report."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flighttune.comparison.compare import largest_distance
-from flighttune.metrics import channel_metrics, flight_metrics
+from flighttune.control.gains import PIGains
+from flighttune.flight.outer_loop import certify_scenario
+from flighttune.guarantee.flight_check import FlightCheck
+from flighttune.metrics import CHANNELS, channel_metrics, flight_metrics
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.present.numbers import MISSING, matrix
 from flighttune.present.tables import Column, Table, facts_table
 from flighttune.report.certified import certification_values
-from flighttune.report.facts import Facts, GainFacts
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 from flighttune.units import DEG_PER_RAD
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+CONVERGED_PART = 0.05
+CONVERGED_AT_LEAST = np.deg2rad(0.5)
+"""An error has converged where, over the last quarter of the flight, it stays within 5 % of its
+largest or within 0.5 deg."""
+
+LATE = 0.75
+"""Part of the flight after which its last quarter begins."""
 
 TRACKING = "ITAE_mean MO_rad PT_s rise_s MS_rad ST_rad effort_rms saturation_s"
 FLIGHT = "V_a_dev_mps n_z_min n_z_max alpha_max_rad"
@@ -46,32 +59,46 @@ KEPT_COLUMNS = [
 ]
 
 
-def tracking_table(facts: Facts) -> Table:
+def tracking_table(runs: Sequence[Run]) -> Table:
     """Tracking of the reference by each run, a row per channel."""
     records = [
         {"run": run.label, "channel": CHANNEL_SYMBOLS[str(channel)], **metrics}
-        for run in facts.runs
+        for run in runs
         for channel, metrics in channel_metrics(run).to_dict(orient="index").items()
     ]
     return _by_run("tracking", "Tracking", columns(f"run channel {TRACKING}"), records)
 
 
-def convergence_table(facts: Facts) -> Table:
+def convergence_table(runs: Sequence[Run]) -> Table:
     """Whether each run converges: largest errors over its last quarter, their limits, and ITAE."""
     records = [
         {
             "run": run.label,
-            **facts.convergence[run.label],
+            **final_errors(run),
             **channel_metrics(run)[["ITAE", "settling_s"]].to_dict(orient="index"),
         }
-        for run in facts.runs
+        for run in runs
+        if len(run.signals) > 1
     ]
-    records += [{"run": run.label, "converges": False} for run in facts.grounded]
+    records += [{"run": run.label, "converges": False} for run in runs if len(run.signals) <= 1]
     return _by_run("convergence", "", CONVERGENCE_COLUMNS, records)
 
 
-def runs_table(facts: Facts) -> Table:
-    """End of each run, and metrics of the whole flight."""
+def final_errors(run: Run) -> dict[str, Any]:
+    """Whether a run converges: its largest errors over the last quarter and their limits, rad."""
+    t = run.t
+    errors = np.abs(run.signals[[f"{channel}_err" for channel in CHANNELS]].to_numpy())
+    residual = errors[t >= LATE * t[-1]].max(axis=0)
+    allowed = np.maximum(CONVERGED_PART * errors.max(axis=0), CONVERGED_AT_LEAST)
+    return {
+        "converges": run.status == "completed" and bool((residual <= allowed).all()),
+        "residual": dict(zip(CHANNELS, residual.tolist(), strict=True)),
+        "allowed": dict(zip(CHANNELS, allowed.tolist(), strict=True)),
+    }
+
+
+def runs_table(runs: Sequence[Run]) -> Table:
+    """End of each run, those that did not fly last, and metrics of the whole flight."""
     records = [
         {
             "run": run.label,
@@ -79,53 +106,53 @@ def runs_table(facts: Facts) -> Table:
             **(flight_metrics(run) if len(run.signals) > 1 else {}),
             "outcome": run.outcome,
         }
-        for run in (*facts.runs, *facts.grounded)
+        for run in sorted(runs, key=lambda run: len(run.signals) <= 1)
     ]
     return _by_run("runs", "Runs", columns(f"run flown_s {FLIGHT} outcome"), records)
 
 
-def gains_table(facts: Facts) -> Table:
-    """Gains with their indicators."""
-    marks = facts.frontier.set_index("name")
+def gains_table(gains: Mapping[str, PIGains], curve: "pd.DataFrame") -> Table:
+    """Gains with their indicators, which `curve` (from `frontier`) has."""
+    marks = curve.set_index("name")
     records = [
         {
-            "gains": gain_set.name,
-            "R_K": float(marks.at[gain_set.name, "R_K"]),
-            "I_K": float(marks.at[gain_set.name, "I_K"]),
-            "K_P": matrix(gain_set.gains.K_P),
-            "K_I": matrix(gain_set.gains.K_I),
+            "gains": name,
+            "R_K": float(marks.at[name, "R_K"]),
+            "I_K": float(marks.at[name, "I_K"]),
+            "K_P": matrix(own.K_P),
+            "K_I": matrix(own.K_I),
         }
-        for gain_set in facts.gains
+        for name, own in gains.items()
     ]
     return Table(title="Gains", name="gains", columns=GAIN_COLUMNS, records=records)
 
 
-def certificates_table(facts: Facts) -> Table:
+def certificates_table(scenario: Scenario, gains: Mapping[str, PIGains]) -> Table:
     """The proven claim of each gain set: ``‖s‖`` decays at half the rate, after its growth."""
-
-    def record(gain_set: GainFacts) -> dict[str, Any]:
-        trim, envelope = gain_set.trim, gain_set.envelope
-        own = certification_values(trim)
-        reasons = [made.reason for made in (trim, envelope) if made and made.reason]
+    records = []
+    for name, own in gains.items():
+        trim, envelope = certify_scenario(scenario, own), None
+        if scenario.envelope and scenario.tuning.model == "kinematic":  # the law's ranges
+            envelope = certify_scenario(scenario, own, envelope=True)
+        claim = certification_values(trim)
         proven = envelope.certificate if envelope else None
-        return {
-            "gains": gain_set.name,
-            **{key: own[key] for key in ("rate", "growth", "radius", "L_d")},
-            "checks": len(own["checks"]),
-            "envelope_rate": proven.claim.rate if proven else None,
-            "reason": "; ".join(reasons),
-        }
-
+        reasons = [made.reason for made in (trim, envelope) if made and made.reason]
+        records.append(
+            {
+                "gains": name,
+                **{key: claim[key] for key in ("rate", "growth", "radius", "L_d")},
+                "checks": len(claim["checks"]),
+                "envelope_rate": proven.claim.rate if proven else None,
+                "reason": "; ".join(reasons),
+            }
+        )
     return Table(
-        title="Certificates",
-        name="certificates",
-        columns=CERTIFICATE_COLUMNS,
-        records=[record(gain_set) for gain_set in facts.gains],
+        title="Certificates", name="certificates", columns=CERTIFICATE_COLUMNS, records=records
     )
 
 
-def kept_table(facts: Facts) -> Table:
-    """Whether ``‖s‖`` stayed below its guaranteed bound in flight."""
+def kept_table(checks: Mapping[str, FlightCheck]) -> Table:
+    """Whether ``‖s‖`` stayed below its guaranteed bound in flight, by label of the run."""
     records = [
         {
             "run": label,
@@ -133,21 +160,21 @@ def kept_table(facts: Facts) -> Table:
             "kept": check.t_broken is None if np.isfinite(check.bound).any() else None,
             "t_broken": check.t_broken,
         }
-        for label, check in facts.checks.items()
+        for label, check in checks.items()
     ]
     return _by_run("kept", "Certificates in flight", KEPT_COLUMNS, records)
 
 
-def paths_table(facts: Facts) -> Table:
+def paths_table(runs: Sequence[Run]) -> Table:
     """Largest distance of each aircraft from the first plant that is none, with the same gains."""
-    laws = [run for run in facts.runs if run.provenance.aircraft is None]
+    laws = [run for run in runs if run.provenance.aircraft is None]
     first = {
         run.provenance.gains_name: run
         for run in laws
         if run.provenance.plant == laws[0].provenance.plant
     }
     records = []
-    for run in facts.runs:
+    for run in runs:
         law = first.get(run.provenance.gains_name)
         if law is None or run.provenance.aircraft is None:
             continue

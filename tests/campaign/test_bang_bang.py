@@ -13,8 +13,8 @@ from flighttune.errors import ScenarioError
 from flighttune.flight.fly import fly
 from flighttune.flight.outer_loop import gain_set
 from flighttune.metrics import measures
-from flighttune.report.toml_text import toml_text
 from flighttune.scenario import load_scenario, scenario_from
+from flighttune.table_file import toml_text
 from flighttune.tube.problem import tube_problem
 from flighttune.units import DEG
 

@@ -14,7 +14,7 @@ from flighttune.campaign.flying.rows import fly_runs
 from flighttune.flight.fly import library_versions
 from flighttune.flight.refly import refly
 from flighttune.metrics import channel_metrics
-from flighttune.recording.load import load_recording
+from flighttune.recording.parquet import load_recording
 
 CHANGED, REFUSED = 3, 8
 

@@ -7,7 +7,7 @@ import re
 import pytest
 from commands import flighttune
 
-from flighttune.recording.load import check_recording
+from flighttune.recording.parquet import check_recording
 
 ANSWER = {"comparable", "reason", "metrics", "max_distance_m"}
 ROW = {"name", "channel", "a", "b", "diff", "better"}

@@ -12,7 +12,7 @@ import pytest
 from flighttune.cli.live import pace_of
 from flighttune.errors import InputError
 from flighttune.flight.refly import refly
-from flighttune.recording.load import load_recording
+from flighttune.recording.parquet import load_recording
 from flighttune.recording.viewer import tied
 
 ENVIRONMENT_WITHOUT_SCREEN = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")

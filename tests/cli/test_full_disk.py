@@ -12,10 +12,10 @@ import pytest
 
 from flighttune.cli import main
 from flighttune.flight.fly import fly
-from flighttune.recording.load import load_recording
+from flighttune.recording.parquet import load_recording
 from flighttune.recording.record import record
-from flighttune.report.toml_text import toml_text
 from flighttune.scenario import load_scenario, scenario_from
+from flighttune.table_file import toml_text
 
 pytestmark = pytest.mark.slow
 

@@ -9,8 +9,7 @@ from commands import answer, flighttune
 
 from flighttune.flight.fly import fly
 from flighttune.flight.refly import first_difference, refly
-from flighttune.recording.load import load_recording
-from flighttune.recording.parquet import write_run
+from flighttune.recording.parquet import load_recording, write_run
 from flighttune.recording.record import record
 from flighttune.scenario import load_scenario, scenario_from
 

@@ -9,12 +9,10 @@ import pandas as pd
 import pytest
 
 from flighttune.comparison import Source, compare, load_source
-from flighttune.comparison.compare import better
-from flighttune.comparison.overlay import overlaid, write_overlay
+from flighttune.comparison.compare import better, overlaid, write_overlay
 from flighttune.errors import InputError, RecordingError, ScenarioError
 from flighttune.flight.fly import fly
-from flighttune.recording.load import check_recording
-from flighttune.recording.parquet import write_run
+from flighttune.recording.parquet import check_recording, write_run
 from flighttune.recording.record import record
 from flighttune.scenario import load_scenario, scenario_from
 

@@ -15,9 +15,8 @@ from flighttune.flight.gap import explain_gap, rung_metrics
 from flighttune.flight.gap_charts import gap_charts, gap_sheet, itae_chart
 from flighttune.metrics import METRICS, channel_metrics
 from flighttune.present.palette import line_styles
-from flighttune.recording.derived import with_derived
 from flighttune.recording.entities import runs_to_draw
-from flighttune.recording.plots import shown_plots
+from flighttune.recording.plots import shown_plots, with_derived
 from flighttune.recording.record import record
 from flighttune.scenario import load_scenario, scenario_from
 from flighttune.shipped import aircraft_folder

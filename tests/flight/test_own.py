@@ -17,7 +17,7 @@ from flighttune.flight.fly import fly
 from flighttune.flight.own import with_own
 from flighttune.flight.refly import refly
 from flighttune.guarantee.flight_check import flight_check
-from flighttune.recording.load import load_recording
+from flighttune.recording.parquet import load_recording
 from flighttune.recording.plots import LAW_TAB, displayed, shown_plots
 from flighttune.scenario import load_scenario, scenario_from
 

@@ -1,18 +1,15 @@
 """Report, recording and campaign state one bound and one verdict about the same flight."""
 
 import numpy as np
-import pandas as pd
 import pytest
 from dispersed import plan_of, uniform
 
 from flighttune.campaign.flying.alone import nominal_flights
 from flighttune.campaign.flying.claim import claims
-from flighttune.comparison import Source
 from flighttune.flight.fly import fly
 from flighttune.guarantee.flight_check import flight_check
-from flighttune.recording.load import load_recording
+from flighttune.recording.parquet import load_recording
 from flighttune.recording.record import record
-from flighttune.report.facts import facts_of
 from flighttune.scenario import load_scenario, scenario_from
 
 pytestmark = pytest.mark.slow
@@ -29,7 +26,7 @@ def disturbed():
     return scenario_from({**whole, "flight": flight, "expect": [], **plant})
 
 
-def test_report_recording_and_campaign_state_one_bound_and_one_verdict(tmp_path, monkeypatch):
+def test_report_recording_and_campaign_state_one_bound_and_one_verdict(tmp_path):
     scenario = disturbed()
     flown = fly(scenario)
     files = record(flown, tmp_path, name="flown")
@@ -37,10 +34,7 @@ def test_report_recording_and_campaign_state_one_bound_and_one_verdict(tmp_path,
     plan = plan_of(scenario.as_dict(), uniform("flight.chi_deg", 10.0, 30.0), runs=12)
 
     ((group, claim),) = claims(plan).items()
-    # the frontier takes most of a report's time
-    monkeypatch.setattr("flighttune.report.facts.frontier", lambda *_, **__: pd.DataFrame())
-    (check,) = facts_of(Source(name="flown", runs=(recorded,))).checks.values()
-    before = flight_check(flown.runs[0])
+    check, before = flight_check(recorded), flight_check(flown.runs[0])
 
     settled, outcome = check.settled
     for name in ("L_d", "tube", "commanded", "vacuous"):

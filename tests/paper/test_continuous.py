@@ -9,8 +9,7 @@ from scipy.integrate import solve_ivp
 from flighttune.control.gains import PAPER_GAINS, PIGains, paper_family
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.paper import parameters as printed
-from flighttune.paper.continuous import ContinuousLoop, integrate
-from flighttune.paper.flight import fly
+from flighttune.paper.flight import ContinuousLoop, fly, integrate
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.simulate.loop import simulate

@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flighttune.errors import InputError
-from flighttune.paper.duffing import STEPS, Duffing, bound, paths, simulated
+from flighttune.paper.duffing import STEPS, Duffing, DuffingCase, paths
 from flighttune.paper.parameters import DUFFING_A, DUFFING_L_D, DUFFING_X_0
 
 ROUNDING = 1e-12
@@ -24,13 +24,11 @@ def test_P_of_the_printed_oscillator_is_that_solved_by_hand():
 
 
 def test_rate_and_bound_of_the_printed_oscillator_follow_from_the_golden_ratio():
-    theorem = bound(PRINTED, DUFFING_L_D)
+    rate, radius = PRINTED.bound(DUFFING_L_D)
     norm_J = math.sqrt((3.5 + math.sqrt(3.5**2 - 4.0 * 0.25)) / 2.0)
 
-    assert theorem.rate == pytest.approx(GOLDEN**-2, rel=ROUNDING)
-    assert theorem.radius == pytest.approx(
-        2.0 * DUFFING_L_D * norm_J * GOLDEN**4 / GOLDEN**-2, rel=1e-9
-    )
+    assert rate == pytest.approx(GOLDEN**-2, rel=ROUNDING)
+    assert radius == pytest.approx(2.0 * DUFFING_L_D * norm_J * GOLDEN**4 / GOLDEN**-2, rel=1e-9)
 
 
 @pytest.mark.parametrize("alpha", [0.2, 0.5, 1.5])
@@ -64,7 +62,7 @@ def test_the_condition_of_the_theorem_ends_where_the_quadratic_says():
     assert PRINTED.region == pytest.approx(edge, rel=ROUNDING)
     assert PRINTED.margin(0.0) == pytest.approx(1.0, abs=ROUNDING)
     assert PRINTED.margin(0.999 * edge) > 0.0 > PRINTED.margin(1.001 * edge)
-    assert bound(PRINTED, 1.0, half_width=1.001 * edge).radius == math.inf
+    assert PRINTED.bound(1.0, half_width=1.001 * edge) == (0.0, math.inf)
     assert Duffing(alpha=1.0, beta=0.0, delta=1.0).region == math.inf
 
 
@@ -86,14 +84,14 @@ def test_paths_are_those_of_an_independent_integrator():
 
 
 def test_inside_a_strip_V_decays_at_the_rate_of_the_theorem_for_that_strip():
-    case = simulated(PRINTED, np.zeros((200, 1)))
+    case = DuffingCase(PRINTED, np.zeros((200, 1)))
     f = PRINTED.rates(case.x[:, 0])
     V = np.einsum("ki,ij,kj->k", f, PRINTED.P, f)
-    strip = bound(PRINTED, 0.0, half_width=case.farthest)
+    rate, _ = PRINTED.bound(0.0, half_width=case.farthest)
 
     assert case.farthest < PRINTED.region
-    assert strip.rate > 0.0
-    assert (V <= V[0] * np.exp(-strip.rate * case.t) * (1.0 + 1e-6)).all()
+    assert rate > 0.0
+    assert (V <= V[0] * np.exp(-rate * case.t) * (1.0 + 1e-6)).all()
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,6 @@ from PIL import Image
 from printed import LAST_DIGIT_I, LAST_DIGIT_R, TABLE_2
 
 from flighttune.paper.claims import CLAIMS
-from flighttune.paper.errata import errata, errata_text
 from flighttune.paper.items import ITEMS
 from flighttune.paper.reproduce import reproduce
 
@@ -52,7 +51,8 @@ def charts_of(reproduction):
 
 
 def values(reproduction, name):
-    return reproduction[0].as_dict()["items"][ORDER.index(name)]["values"]
+    _, made, _ = reproduction[0].items[ORDER.index(name)]
+    return made.values
 
 
 def test_every_item_of_the_paper_is_listed_once():
@@ -129,8 +129,8 @@ def test_the_recording_holds_both_families(reproduction):
 
 
 @pytest.mark.slow
-def test_the_committed_errata_are_those_computed_now(study):
-    now, committed = errata_text(errata(study)), ERRATA.read_text(encoding="utf-8")
+def test_the_committed_errata_are_those_computed_now(reproduction):
+    now, committed = (path.read_text(encoding="utf-8") for path in (reproduction[0].errata, ERRATA))
 
     assert NUMBER.sub("#", now) == NUMBER.sub("#", committed)
     new, old = (np.array(NUMBER.findall(text), dtype=float) for text in (now, committed))

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from flighttune.control.gains import PAPER_GAINS, PIGains
-from flighttune.recording.rrd import write_recording
+from flighttune.recording.record import write_recording
 from flighttune.simulate.run import Provenance, Run
 from flighttune.units import G_0
 

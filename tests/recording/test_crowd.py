@@ -14,7 +14,7 @@ from PIL import Image
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.present.palette import line_styles
 from flighttune.recording.page import scenario_page
-from flighttune.recording.rrd import write_recording
+from flighttune.recording.record import write_recording
 
 from .conftest import SCENARIO, fly
 from .test_viewer import SIZES, assert_fits

@@ -7,9 +7,8 @@ import pytest
 
 from flighttune.guarantee.flight_check import flight_check
 from flighttune.recording.events import MAX_HOLDS, events
-from flighttune.recording.geometry import MODEL_SPAN, span_of
-from flighttune.recording.rrd import write_recording
-from flighttune.recording.scene import INSTANTS, REACH, WIND_TIMES
+from flighttune.recording.record import write_recording
+from flighttune.recording.scene import INSTANTS, MODEL_SPAN, REACH, WIND_TIMES, span_of
 
 from .test_rrd import Contents
 

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from figures.aircraft_glb import MODEL, aircraft_mesh, write_glb
 
-from flighttune.recording.geometry import (
+from flighttune.recording.scene import (
     ASPECT,
     MODEL_SPAN,
     attitudes,

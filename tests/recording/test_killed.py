@@ -6,7 +6,7 @@ import pytest
 
 from flighttune.errors import OutputError, RecordingError
 from flighttune.flight.fly import fly
-from flighttune.recording.load import load_recording
+from flighttune.recording.parquet import load_recording
 from flighttune.recording.record import record
 from flighttune.scenario import load_scenario, scenario_from
 

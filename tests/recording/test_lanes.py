@@ -7,9 +7,9 @@ import pytest
 
 from flighttune.guarantee.flight_check import flight_check
 from flighttune.guarantee.mismatch import mismatch
-from flighttune.recording.derived import PARTS, with_derived
 from flighttune.recording.entities import runs_to_draw
 from flighttune.recording.events import SHORTEST, lane
+from flighttune.recording.plots import PARTS, with_derived
 
 from .conftest import DT
 

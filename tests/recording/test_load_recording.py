@@ -11,8 +11,7 @@ import rerun as rr
 import flighttune
 from flighttune.errors import RecordingError
 from flighttune.flight.fly import fly as fly_scenario
-from flighttune.recording.load import load_recording
-from flighttune.recording.parquet import write_run
+from flighttune.recording.parquet import load_recording, write_run
 from flighttune.recording.record import record
 from flighttune.scenario import load_scenario, scenario_from
 

@@ -8,7 +8,7 @@ import pytest
 
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.present.thinning import MOST
-from flighttune.recording.rrd import write_recording
+from flighttune.recording.record import write_recording
 from flighttune.simulate.run import SIGNAL_UNITS
 
 from .conftest import fly

@@ -10,11 +10,10 @@ from rerun.error_utils import strict_mode
 
 from flighttune.guarantee.flight_check import flight_check
 from flighttune.present.palette import line_styles
-from flighttune.recording.derived import with_derived
 from flighttune.recording.entities import TIMELINE, runs_to_draw
-from flighttune.recording.load import check_recording
-from flighttune.recording.plots import TABS, shown_plots
-from flighttune.recording.rrd import write_recording
+from flighttune.recording.parquet import check_recording
+from flighttune.recording.plots import TABS, shown_plots, with_derived
+from flighttune.recording.record import write_recording
 
 FLOAT32_POSITION = 1e-4
 """Positions are float32 in Rerun: 0.03 mm at 500 m, m."""

@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from flighttune.errors import RecordingError
-from flighttune.recording.load import load_recording
-from flighttune.recording.parquet import parts_of, run_of, write_run
+from flighttune.recording.parquet import load_recording, parts_of, run_of, write_run
 from flighttune.recording.viewer import view
 
 SEED = 12

@@ -13,8 +13,7 @@ from flighttune.flight.gap import explain_gap
 from flighttune.present.palette import LIMIT, NEUTRAL, line_styles, rgb
 from flighttune.recording.blueprint import leader
 from flighttune.recording.entities import runs_to_draw
-from flighttune.recording.record import record
-from flighttune.recording.rrd import write_recording
+from flighttune.recording.record import record, write_recording
 from flighttune.scenario import load_scenario
 
 pytestmark = pytest.mark.slow

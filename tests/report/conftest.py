@@ -6,7 +6,6 @@ from browser import headless_chromium
 from flighttune.comparison import Source, load_source
 from flighttune.flight.fly import fly
 from flighttune.recording.record import record
-from flighttune.report.facts import facts_of
 from flighttune.report.page import write_report
 from flighttune.scenario import load_scenario
 
@@ -47,12 +46,6 @@ def printed_source():
 def paper_source(flown_paper):
     """The flown manoeuvre as a source."""
     return Source(name="paper", runs=flown_paper.runs)
-
-
-@pytest.fixture(scope="session")
-def paper_facts(paper_source):
-    """What its report shows."""
-    return facts_of(paper_source)
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from flighttune.control.gains import PAPER_GAINS
-from flighttune.report.facts import final_errors
+from flighttune.report.tables import final_errors
 from flighttune.simulate.run import Provenance, Run
 
 

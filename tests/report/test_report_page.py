@@ -13,9 +13,9 @@ import pytest
 from flighttune.comparison import Source, load_source
 from flighttune.errors import RecordingError
 from flighttune.flight.outer_loop import tuning_problem
+from flighttune.guarantee.flight_check import flight_check
 from flighttune.metrics import channel_metrics
-from flighttune.report.facts import LONGEST_LADDER, facts_of
-from flighttune.report.page import CONVERGES, write_report
+from flighttune.report.page import CONVERGES, LONGEST_LADDER, write_report
 from flighttune.scenario import load_scenario
 from flighttune.tuning.frontier import frontier
 
@@ -141,22 +141,20 @@ def test_a_flight_that_does_not_converge_has_its_late_errors_and_limits(written,
         assert record["residual"][channel] == pytest.approx(error.loc[0.75 * run.duration :].max())
 
 
-def test_every_flight_is_held_against_its_certificate(written, paper_source, paper_facts):
-    laws = [run.label for run in paper_source.runs if run.provenance.aircraft is None]
-    assert list(paper_facts.checks) == laws
+def test_every_flight_of_a_law_is_held_against_its_certificate(written, paper_source):
+    laws = {run.label: run for run in paper_source.runs if run.provenance.aircraft is None}
     records = records_of(written, "kept")
-    for label, check in paper_facts.checks.items():
-        assert records[label]["kept"] == (check.t_broken is None)
+    assert list(records) == list(laws)
+    for label, run in laws.items():
+        assert records[label]["kept"] == (flight_check(run).t_broken is None)
 
 
 @pytest.mark.parametrize("name", ["level_turn", "paper_as_printed"])
 def test_the_law_itself_never_breaks_its_certificate(name):
     runs = load_source(f"{name}@K2").runs
-    law = tuple(run for run in runs if run.provenance.plant == "kinematic")
+    (law,) = (run for run in runs if run.provenance.plant == "kinematic")
 
-    bounds = facts_of(Source(name=name, runs=law)).checks
-
-    assert [bound.t_broken for bound in bounds.values()] == [None]
+    assert flight_check(law).t_broken is None
 
 
 def test_a_flight_that_limits_hold_to_the_end_is_said_to_prove_nothing(tmp_path):
@@ -227,7 +225,7 @@ def test_without_a_frontier_the_page_says_why(paper_source, monkeypatch, tmp_pat
         return frontier(tuning_problem(paper), points=2, marked=marked).query("name != 'frontier'")
 
     paper = load_scenario("paper")
-    monkeypatch.setattr("flighttune.report.facts.frontier", marks_alone)
+    monkeypatch.setattr("flighttune.report.page.frontier", marks_alone)
 
     written = write_report(paper_source, tmp_path / "without.html")
 
@@ -245,13 +243,12 @@ def test_bounds_that_leave_out_sensor_errors_say_so(page, tmp_path):
 
 @pytest.mark.slow
 def test_an_aircraft_beside_its_nominal_self_has_a_gap_of_its_own(tmp_path):
-    source = load_source("heavy_and_aft@paper")
+    written = write_report("heavy_and_aft@paper", tmp_path / "both.html")
 
-    facts = facts_of(source)
-    written = write_report(source, tmp_path / "both.html")
-
-    assert [gap.name for gap in facts.gaps] == ["paper", "paper (heavy_aft)"]
-    nominal, heavy = facts.gaps
-    assert nominal.aircraft.signals["chi"].iloc[-1] != heavy.aircraft.signals["chi"].iloc[-1]
     (table,) = (table for table in written.tables if table.name == "gap")
-    assert {record["gains"] for record in table.records} == {gap.name for gap in facts.gaps}
+    nominal, heavy = (
+        [record["metrics"] for record in table.records if record["gains"] == name]
+        for name in ("paper", "paper (heavy_aft)")
+    )
+    assert {record["gains"] for record in table.records} == {"paper", "paper (heavy_aft)"}
+    assert nominal != heavy

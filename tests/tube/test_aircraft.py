@@ -20,8 +20,8 @@ from flighttune.conformance.file import Attempt, Distribution, flown_values
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.errors import InputError
 from flighttune.identify.file import load_identified
-from flighttune.report.toml_text import toml_text
 from flighttune.scenario import scenario_from
+from flighttune.table_file import toml_text
 from flighttune.tube.hand_over import HandOver
 from flighttune.tube.proof import load_tube, save_tube, verify_tube
 from flighttune.tube.tube import flights_inside

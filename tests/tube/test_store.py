@@ -21,12 +21,12 @@ from flighttune.control.gains import PAPER_GAINS
 from flighttune.flight.fly import fly
 from flighttune.flight.gap import explain_flight
 from flighttune.flight.gap_charts import bound_chart
-from flighttune.recording.load import load_recording
+from flighttune.recording.parquet import load_recording
 from flighttune.recording.plots import shown_plots, value_range
 from flighttune.report.page import write_report
-from flighttune.report.toml_text import toml_text
 from flighttune.scenario import load_scenario, scenario_from
 from flighttune.simulate.run import TUBE_SIGNALS
+from flighttune.table_file import toml_text
 from flighttune.tube.store import run_sha256, tubes_of, write_sealed, write_worst
 from tests.tube.test_aircraft import ERROR, conformance, flight
 from tests.tube.test_soundness import tube

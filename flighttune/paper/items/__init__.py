@@ -7,7 +7,7 @@ from pathlib import Path
 
 from flighttune.errors import InputError
 from flighttune.paper import parameters as printed
-from flighttune.paper.items import gains, histories, oscillator, trends
+from flighttune.paper.items import flights, gains, oscillator
 from flighttune.paper.items.base import Made
 from flighttune.paper.study import Study
 from flighttune.shipped import nearest_name
@@ -17,15 +17,15 @@ MAKERS = {
     "fig3": oscillator.fig3,
     "gains": gains.gains,
     "fig6": gains.fig6,
-    "fig5": histories.fig5,
-    "fig12": histories.fig12,
+    "fig5": flights.fig5,
+    "fig12": flights.fig12,
     "table2": gains.table2,
-    "fig8": histories.fig8,
-    "fig7": trends.fig7,
-    "fig13": trends.fig13,
-    "fig9": trends.fig9,
-    "fig11": histories.fig11,
-    "fig10": trends.fig10,
+    "fig8": flights.fig8,
+    "fig7": flights.fig7,
+    "fig13": flights.fig13,
+    "fig9": flights.fig9,
+    "fig11": flights.fig11,
+    "fig10": flights.fig10,
 }
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 from flighttune.paper import parameters as printed
-from flighttune.paper.duffing import DuffingCases, bound
+from flighttune.paper.duffing import Duffing, DuffingCases
 from flighttune.paper.items.base import CHI, GAMMA, GREEN, STRONG, Made, marked_line, sheet
 from flighttune.paper.study import Study
 from flighttune.present.chart import DASHED, Chart, Sheet
@@ -20,13 +20,12 @@ def fig3(study: Study) -> Made:
     """Draw panels (a) to (d) and the region."""
     duffing = study.duffing
     case, hard = duffing.noisy, duffing.hard
-    cases, strips = duffing.table.reset_index(), _strips(duffing)
+    cases, strips = duffing.table.reset_index(), _strips(duffing.model)
     return Made(
         figures={"fig3": _panels(duffing), "fig3_region": _region(duffing, strips)},
         tables={"fig3": _time_histories(duffing), "fig3_cd": cases, "fig3_region": strips},
         values={
-            "R_f": case.theorem.rate,
-            "I_f": case.theorem.radius,
+            **dict(zip(("R_f", "I_f"), case.theorem, strict=True)),
             "region_half_width": case.model.region,
             "largest_x1": {
                 "noise": case.farthest,
@@ -39,18 +38,14 @@ def fig3(study: Study) -> Made:
     )
 
 
-def _strips(duffing: DuffingCases) -> pd.DataFrame:
+def _strips(model: Duffing) -> pd.DataFrame:
     """Rate and bound of Theorem 1 when it is to hold in ``|x1| <= c``."""
-    widths = np.linspace(0.0, 1.0, 200) * WIDEST_STRIP * duffing.model.region
-    bounds = [bound(duffing.model, printed.DUFFING_L_D, half_width=c) for c in widths.tolist()]
-    return pd.DataFrame(
-        {
-            "c": widths,
-            "epsilon": [theorem.rate * theorem.P_max for theorem in bounds],
-            "R_f_1_per_s": [theorem.rate for theorem in bounds],
-            "I_f": [theorem.radius for theorem in bounds],
-        }
-    )
+    widths = np.linspace(0.0, 1.0, 200) * WIDEST_STRIP * model.region
+    bounds = [model.bound(printed.DUFFING_L_D, half_width=c) for c in widths.tolist()]
+    table = pd.DataFrame(bounds, columns=pd.Index(["R_f_1_per_s", "I_f"]))
+    table.insert(0, "epsilon", model.margin(widths))
+    table.insert(0, "c", widths)
+    return table
 
 
 def _time_histories(duffing: DuffingCases) -> pd.DataFrame:

@@ -21,8 +21,8 @@ from flighttune.report.campaign.panels import (
     split_panels,
     styles_of,
 )
-from flighttune.report.toml_text import toml_text
 from flighttune.shipped import scenario_files
+from flighttune.table_file import toml_text
 
 CHANCE = "noise and turbulence"
 """Effects of the seed of a flight."""

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flighttune.report.toml_text import toml_text
 from flighttune.scenario import load_scenario
 from flighttune.shipped import scenario_files
+from flighttune.table_file import toml_text
 
 TEXT = st.text(st.characters(exclude_categories=("Cs",)), max_size=12)
 SCALARS = st.one_of(
