@@ -1,7 +1,7 @@
 """Commands that fly a scenario, fly a recording again, open one, and list what ships."""
 
 import tomllib
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -45,21 +45,12 @@ if TYPE_CHECKING:
 
 def fly(
     scenario: ScenarioArgument,
-    out: Annotated[Path | None, out_folder("runs/NAME, with --live runs/NAME-live")] = None,
+    out: Annotated[Path | None, out_folder("runs/NAME")] = None,
     view: Annotated[bool, Option("--view", help="Open the recording in the viewer.")] = False,
-    live: Annotated[
-        bool,
-        Option(
-            "--live",
-            help="Show the flights in the viewer as they fly; Ctrl-C ends and records them.",
-        ),
-    ] = False,
-    pace: Annotated[str, Option(help="With --live: simulated seconds per second, or max.")] = "1",
     tube: TubeOption = False,
     conformance: ConformanceOption = None,
 ) -> None:
     """Fly every gain set of SCENARIO on each of its plants and record it."""
-    from flighttune.cli.live import live_viewer, pace_of
     from flighttune.flight.fly import fly as fly_scenario
     from flighttune.recording.record import record
     from flighttune.scenario import load_scenario
@@ -68,15 +59,13 @@ def fly(
     for note in loaded.notes:
         tell(f"{scenario}: {note}")
     name = Path(scenario).stem
-    folder = out or Path("runs") / (f"{name}-live" if live else name)
-    viewer = live_viewer(loaded, pace=pace_of(pace)) if live else nullcontext()
-    with viewer as observer:
-        with progress_bar() as progress:
-            flown = fly_scenario(loaded, progress=progress, observer=observer)
-        tubes = run_tubes(flown.runs, folder, make=tube, conformance=conformance)
-        flown = replace(flown, runs=tubes.runs)
-        files = record(flown, folder, name=name)
-        emit(_flown(flown, files, tubes, scenario))
+    folder = out or Path("runs") / name
+    with progress_bar() as progress:
+        flown = fly_scenario(loaded, progress=progress)
+    tubes = run_tubes(flown.runs, folder, make=tube, conformance=conformance)
+    flown = replace(flown, runs=tubes.runs)
+    files = record(flown, folder, name=name)
+    emit(_flown(flown, files, tubes, scenario))
     if view:
         _open(files.recording)
     fail_if_outside(tubes)

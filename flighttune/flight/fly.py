@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from importlib.metadata import PackageNotFoundError, version
 from types import MappingProxyType
-from typing import Protocol
 
 import pandas as pd
 
@@ -90,26 +89,12 @@ class FlownScenario:
         return {**channels, "flight": self.flight.loc[run.label].to_dict()}
 
 
-class Observer(Protocol):
-    """Sees the flights of a scenario while they are flown, and may end them."""
-
-    @property
-    def stopped(self) -> bool:
-        """True once no further run may begin."""
-        ...
-
-    def watch(self, plant: Plant, label: str) -> Plant:
-        """Wrap the plant of a run, so that the observer sees its signals."""
-        ...
-
-
 def fly(
     scenario: Scenario,
     *,
     laws: Mapping[str, LawMaker] | None = None,
     plants: Mapping[str, PlantMaker] | None = None,
     progress: Progress | None = None,
-    observer: Observer | None = None,
 ) -> FlownScenario:
     """Fly every gain set of a scenario by each of its laws on each of its plants.
 
@@ -124,7 +109,6 @@ def fly(
         Plants of your own by label: each is called for every flight and returns a `Plant`.
     progress : callable, optional
         Called with how far each run is.
-    observer : Observer, optional
 
     Returns
     -------
@@ -156,13 +140,7 @@ def fly(
         for name, gains in sets.items():
             wind_run = runs[replays.label, name] if replays else None
             runs[table.label, name] = fly_alone(
-                scenario,
-                table,
-                gains,
-                name,
-                wind_run=wind_run,
-                progress=progress,
-                observer=observer,
+                scenario, table, gains, name, wind_run=wind_run, progress=progress
             )
     flown = tuple(runs[table.label, name] for table in scenario.plant for name in sets)
     return FlownScenario(scenario, flown, MappingProxyType(indicators_of), tuning)
@@ -258,7 +236,6 @@ def fly_alone(
     *,
     wind_run: Run | None = None,
     progress: Progress | None = None,
-    observer: Observer | None = None,
 ) -> Run:
     """Fly one gain set of a scenario on one of its plants.
 
@@ -266,9 +243,6 @@ def fly_alone(
     `wind_run`, a flight of the same gains; without one it flies in the steady wind of the scenario.
     """
     scenario, label = with_own(scenario), table.label
-    if observer is not None and observer.stopped and gains is not None:
-        reason = "the flights were stopped before this one began"
-        return _run(scenario, label, gains_name, gains, "interrupted", reason)
     wind, weather = None, scenario.weather()
     if wind_run is not None and len(wind_run.signals):
         wind = wind_met(wind_run)
@@ -280,8 +254,6 @@ def fly_alone(
         north, east, down = weather.deterministic(0.0, scenario.flight.h_m)
         wind = WindRecord.steady(north=north, east=east, down=down)
     plant = plant_of(scenario.plant_table(label), scenario, wind)
-    if observer is not None:
-        plant = observer.watch(plant, f"{label} / {gains_name}")
     return fly_once(
         scenario, plant, gains, plant_label=label, gains_name=gains_name, progress=progress
     )

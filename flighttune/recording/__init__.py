@@ -1,5 +1,5 @@
 """Runs to Parquet and Rerun, and back.
 
-``parquet`` is the record and ``rrd`` a view of it; ``view`` opens it, ``live`` shows flights while
-they are flown.
+``parquet`` is the record, ``record`` writes it with the Rerun recording drawn from it, and
+``viewer`` opens that.
 """

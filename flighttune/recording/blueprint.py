@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Literal
 
 import rerun.blueprint as rrb
 from rerun.blueprint.archetypes import TextLogColumns
@@ -32,10 +31,10 @@ def blueprint(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) ->
     """Lay out the runs that flew, with the plots of each tab; without runs only the page."""
     page = rrb.TextDocumentView(origin=entities.PAGE, name=PAGE_TAB)
     if not drawn:
-        return layout([page])
+        return _layout([page])
     tabs = {name: _tab(name, shown, drawn) for name, shown in plots.items()}
     beside = {**tabs, PAGE_TAB: page}
-    return layout(
+    return _layout(
         [
             _overview(drawn, plots),
             *(
@@ -48,8 +47,8 @@ def blueprint(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) ->
 
 def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) -> rrb.Container:
     followed = leader(drawn)
-    whole = scene_view("Paths and aircraft", scene.overview(drawn), f"/{entities.WORLD}/**")
-    chase = scene_view(
+    whole = _scene_view("Paths and aircraft", scene.overview(drawn), f"/{entities.WORLD}/**")
+    chase = _scene_view(
         f"Behind {followed.number} {followed.run.provenance.gains_name}",
         scene.chase_eye(scene.drawn_scale(drawn) * scene.span_of(followed.run)),
         f"/{entities.AIRCRAFT}/**",
@@ -115,41 +114,30 @@ def _lanes(drawn: Sequence[DrawnRun]) -> rrb.StateTimelineView:
 
 def _plot(plot: Plot, drawn: Sequence[DrawnRun], share: float) -> rrb.TimeSeriesView:
     span = value_range(plot, [drawn_run.run for drawn_run in drawn], share=share)
-    return time_view(f"{entities.PLOTS}/{plot.signal}", plot.heading, span)
-
-
-def layout(
-    tabs: Sequence[rrb.Container | rrb.View],
-    *,
-    timeline: str = entities.TIMELINE,
-    play_state: Literal["paused", "following"] = "paused",
-) -> rrb.Blueprint:
-    """Tabs, with the panels of the viewer closed and nothing added by the viewer itself."""
-    return rrb.Blueprint(
-        rrb.Tabs(*tabs, active_tab=0),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=timeline, play_state=play_state),
-        auto_views=False,
-        auto_layout=False,
-    )
-
-
-def time_view(
-    origin: str, name: str, span: tuple[float, float] | None = None
-) -> rrb.TimeSeriesView:
-    """A plot over time with the values in `span`; the viewer chooses the range if it is None."""
     return rrb.TimeSeriesView(
-        origin=origin,
-        name=name,
+        origin=f"{entities.PLOTS}/{plot.signal}",
+        name=plot.heading,
         axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
+        # Without a span the viewer chooses the range.
         axis_y=None if span is None else rrb.ScalarAxis(range=span),
         # A legend would cover small plots; the lanes name the runs.
         plot_legend=rrb.PlotLegend(visible=False),
     )
 
 
-def scene_view(
+def _layout(tabs: Sequence[rrb.Container | rrb.View]) -> rrb.Blueprint:
+    """Tabs, with the panels of the viewer closed and nothing added by the viewer itself."""
+    return rrb.Blueprint(
+        rrb.Tabs(*tabs, active_tab=0),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=entities.TIMELINE, play_state="paused"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def _scene_view(
     name: str, eye: scene.Eye, *contents: str, origin: str = entities.WORLD
 ) -> rrb.Spatial3DView:
     """A 3D view of entities from a camera, in the axes of `origin`."""

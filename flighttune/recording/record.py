@@ -16,7 +16,7 @@ from rerun.error_utils import strict_mode
 from flighttune.extras import need
 from flighttune.flight.fly import FlownScenario
 from flighttune.guarantee.flight_check import flight_check
-from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle, rgb
+from flighttune.present.palette import LIMIT, NEUTRAL, rgb
 from flighttune.present.thinning import peaks
 from flighttune.recording import entities
 from flighttune.recording.blueprint import blueprint
@@ -181,21 +181,6 @@ def strict() -> Iterator[None]:
         rr.set_strict_mode(before)
 
 
-def run_style(style: LineStyle, label: str, names: Sequence[str]) -> rr.SeriesLines:
-    """Lines of signals of a run: the first one strong, the others thin."""
-    thin = len(names) - 1
-    return rr.SeriesLines(
-        colors=[(*style.rgb, 255), *[(*style.rgb, FAINT)] * thin],
-        widths=[style.width, *[1.0] * thin],
-        names=[label, *(f"{label}, {name}" for name in names[1:])],
-    )
-
-
-def reference_style() -> rr.SeriesLines:
-    """The line of a reference that all runs have in common."""
-    return rr.SeriesLines(colors=[rgb(NEUTRAL)], widths=[2.0], names=["reference"])
-
-
 def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun]) -> None:
     folder = f"{entities.PLOTS}/{plot.signal}"
     # The time axis reaches a little beyond the longest flight, in all plots alike.
@@ -205,25 +190,27 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun])
     having = [drawn_run for drawn_run in drawn if plot.signal in drawn_run.run.signals]
     for drawn_run in having:
         run, key = drawn_run.run, drawn_run.key
-        names = [name for name in plot.signals if name in run.signals]
-        style = run_style(drawn_run.style, run.label, names)
-        _log_signals(stream, f"{folder}/{key}", style, run, names)
-        for path, others, opacity in (
+        strong = f"{folder}/{key}"  # its first line is
+        for path, signals, opacity in (
+            (strong, plot.signals, FAINT),
             (f"{folder}/{entities.MEASURED}/{key}", [plot.measured or ""], FAINTEST),
             (f"{folder}/{key}_tube", plot.band, FAINT),
         ):
-            names = [name for name in others if name in run.signals]
-            if names:
-                style = rr.SeriesLines(
-                    colors=[(*drawn_run.style.rgb, opacity)] * len(names),
-                    widths=[1.0] * len(names),
-                    names=[f"{run.label}, {name}" for name in names],
-                )
-                _log_signals(stream, path, style, run, names)
+            names = [name for name in signals if name in run.signals]
+            if not names:
+                continue
+            labels = [f"{run.label}, {name}" for name in names]
+            colours = [(*drawn_run.style.rgb, opacity)] * len(names)
+            widths = [1.0] * len(names)
+            if path == strong:
+                labels[0], widths[0] = run.label, drawn_run.style.width
+                colours[0] = (*drawn_run.style.rgb, 255)
+            style = rr.SeriesLines(colors=colours, widths=widths, names=labels)
+            _log_signals(stream, path, style, run, names)
     longest = max((drawn_run.run for drawn_run in having), key=lambda run: run.duration)
     if plot.common is not None and plot.common in longest.signals:
-        path = f"{folder}/{entities.REFERENCE}"
-        _log_signals(stream, path, reference_style(), longest, [plot.common])
+        style = rr.SeriesLines(colors=[rgb(NEUTRAL)], widths=[2.0], names=["reference"])
+        _log_signals(stream, f"{folder}/{entities.REFERENCE}", style, longest, [plot.common])
     bounds = limits_of(longest.provenance.scenario, plot.limit) if plot.limit else None
     if bounds is not None:
         names = ["lower limit", "upper limit"]

@@ -117,16 +117,13 @@ def ground_grid(points: FloatArray) -> tuple[list[FloatArray], float]:
     low = np.floor(points[:, :2].min(axis=0) / spacing) * spacing
     high = np.ceil(points[:, :2].max(axis=0) / spacing) * spacing
     high = np.maximum(high, low + AXES * spacing)
-    return grid_lines(low, high, spacing, float(points[:, 2].max()) + spacing / 2.0), spacing
-
-
-def grid_lines(low: FloatArray, high: FloatArray, spacing: float, down: float) -> list[FloatArray]:
-    """Lines of a level grid from corner `low` to corner `high` (north, east), ends as rows, m."""
+    down = float(points[:, 2].max()) + spacing / 2.0
     norths, easts = (
         np.arange(a, b + spacing / 2.0, spacing) for a, b in zip(low, high, strict=True)
     )
     lines = [np.array([[north, low[1], down], [north, high[1], down]]) for north in norths]
-    return lines + [np.array([[low[0], east, down], [high[0], east, down]]) for east in easts]
+    lines += [np.array([[low[0], east, down], [high[0], east, down]]) for east in easts]
+    return lines, spacing
 
 
 def _round_below(value: float, steps: tuple[float, ...] = ROUND) -> float:
@@ -180,7 +177,10 @@ def log_scene(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
     points = all_positions(drawn)
     factor = drawn_scale(drawn)
     lines, spacing = ground_grid(points)
-    log_ground(stream, lines)
+    # x forward, y right, z down: north, east, down. Rerun's RIGHT_HAND_Z_DOWN is another frame.
+    stream.log(entities.WORLD, rr.ViewCoordinates.FRD, static=True)
+    grid = rr.LineStrips3D(lines, radii=on_screen(0.5), colors=[GROUND_COLOUR])
+    stream.log(entities.GROUND, grid, static=True)
     corner = lines[0][0]
     arrows = rr.Arrows3D(
         origins=[corner, corner],
@@ -198,25 +198,6 @@ def log_scene(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
         _log_path(stream, drawn_run, signals, floor=float(corner[2]))
         _log_aircraft(stream, drawn_run, signals, width=width)
         _log_arrows(stream, drawn_run, signals, width=width)
-
-
-def log_ground(stream: rr.RecordingStream, lines: Sequence[FloatArray]) -> None:
-    """Log world axes and a level grid."""
-    # x forward, y right, z down: north, east, down. Rerun's RIGHT_HAND_Z_DOWN is another frame.
-    stream.log(entities.WORLD, rr.ViewCoordinates.FRD, static=True)
-    grid = rr.LineStrips3D(lines, radii=on_screen(0.5), colors=[GROUND_COLOUR])
-    stream.log(entities.GROUND, grid, static=True)
-
-
-def aircraft_model(
-    colour: tuple[int, int, int], width: float
-) -> tuple[rr.Asset3D, rr.InstancePoses3D]:
-    """The aircraft in the colour of its run, `width` m wide."""
-    # The scale is set on the instance, because the transform of the entity holds the attitude.
-    return (
-        rr.Asset3D(path=MODEL, albedo_factor=colour),
-        rr.InstancePoses3D(scales=[[width / MODEL_SPAN] * 3]),
-    )
 
 
 def _log_path(
@@ -251,12 +232,13 @@ def _log_aircraft(
     stream.send_columns(frame, [time], carried)
     turned = rr.Transform3D.columns(quaternion=attitudes(signals))
     stream.send_columns(f"{frame}/{entities.BODY}", [time], turned)
+    colour = drawn_run.style.rgb
     if _is_aircraft(drawn_run):
-        shape = aircraft_model(drawn_run.style.rgb, width)
+        # The scale is set on the instance, because the transform of the entity holds the attitude.
+        size = rr.InstancePoses3D(scales=[[width / MODEL_SPAN] * 3])
+        shape = rr.Asset3D(path=MODEL, albedo_factor=colour), size
     else:
-        shape = (
-            rr.LineStrips3D(_ghost(width), radii=on_screen(1.0), colors=[drawn_run.style.rgb]),
-        )
+        shape = (rr.LineStrips3D(_ghost(width), radii=on_screen(1.0), colors=[colour]),)
     stream.log(f"{frame}/{entities.BODY}", *shape, static=True)
 
 

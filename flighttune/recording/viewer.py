@@ -1,4 +1,4 @@
-"""The Rerun viewer with a recording or a live flight: in a window, or served to a browser."""
+"""The Rerun viewer with a recording: in a window, or served to a browser."""
 
 import os
 import shutil
@@ -169,28 +169,19 @@ def view(path: str | Path, *, web: bool | None = None, port: int | None = None) 
     is no screen. With `port` it is served at this port, and its data at the next one.
     """
     check_recording(path)
-    if port is not None:
-        _check_free(port, port + 1)
-        return _viewer(str(Path(path).resolve()), web=True, ports=(port, port + 1))
+    argument = str(Path(path).resolve())
     if web is False and not has_screen():
         names = ", ".join(DISPLAYS)
         raise RecordingError(
             f"{path}: a window must have a screen, got none of {names}; serve it to a browser."
         )
-    return _viewer(str(Path(path).resolve()), web=web)
-
-
-def waiting_viewer(*, web: bool | None = None) -> ViewerProcess:
-    """Start a viewer for a live session, which connects to the `stream_url` of its port."""
-    return _viewer("--hide-welcome-screen", web=web)
-
-
-def _viewer(
-    argument: str, *, web: bool | None, ports: tuple[int, int] | None = None
-) -> ViewerProcess:
-    web_port, port = ports or (free_port(), free_port())
-    if web is False or (web is None and has_screen()):
-        return ViewerProcess([argument], port=port)
+    if port is None and (web is False or (web is None and has_screen())):
+        return ViewerProcess([argument], port=free_port())
+    if port is None:
+        web_port, port = free_port(), free_port()
+    else:
+        web_port, port = port, port + 1
+        _check_free(web_port, port)
     return ViewerProcess(
         ["--serve-web", "--web-viewer-port", str(web_port), argument],
         port=port,
