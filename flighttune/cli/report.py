@@ -109,7 +109,7 @@ def reproduce(
                     for item, made_item, files in made.items
                 ],
                 "claims": findings,
-                **pick(made, "page errata recording"),
+                **pick(made, "page errata"),
             },
             tables=[
                 Table(
@@ -117,6 +117,6 @@ def reproduce(
                 )
             ],
             verdict=f"claims: {verdicts}",
-            files={"page": made.page, "recording": made.recording},
+            files={"page": made.page},
         )
     )

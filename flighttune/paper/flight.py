@@ -48,7 +48,6 @@ class PaperFlight:
     unlimited: FloatArray
     integral: FloatArray
     reason: str  # why the flight diverged, in a sentence; empty if it did not
-    disturbance: Sinusoid | None
 
     @property
     def status(self) -> Literal["completed", "diverged"]:
@@ -123,9 +122,7 @@ def fly(
     t = np.arange(round(duration / SAMPLE) + 1, dtype=np.float64) * SAMPLE
     signals, reason = integrate(loop, t)
     # `integrate` has the signals in the order of the fields.
-    return PaperFlight(
-        t[: len(signals)], *signals.transpose(1, 0, 2), reason=reason, disturbance=disturbance
-    )
+    return PaperFlight(t[: len(signals)], *signals.transpose(1, 0, 2), reason=reason)
 
 
 def oscillations(x: FloatArray) -> int:

@@ -1,4 +1,4 @@
-"""The paper reproduced in a folder: figures, tables, texts, page, errata and recording."""
+"""The paper reproduced in a folder: figures, tables, texts, page and errata."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,7 +8,6 @@ from flighttune.paper.claims import CLAIMS, VERDICTS, Finding, judge, text_of
 from flighttune.paper.errata import HEAD, errata
 from flighttune.paper.items import Item, chosen
 from flighttune.paper.items.base import Made
-from flighttune.paper.record import write_families
 from flighttune.paper.study import Study
 from flighttune.present.frame import page_template, page_text
 from flighttune.whole_file import write_text
@@ -17,9 +16,6 @@ TITLE = (
     "Robust Convergency Indicator using MIMO-PI Controller in the presence of disturbances, "
     "computed again"
 )
-
-# Items with which the families are recorded.
-RECORDED = {"fig8", "fig11"}
 
 # Verdicts in the order in which the page lists its claims.
 READ_FIRST = ("not reproduced", "partly", "reproduced", "not checkable")
@@ -36,7 +32,6 @@ class Reproduction:
     findings: list[Finding]  # every claim with its verdict
     page: Path
     errata: Path
-    recording: Path | None  # none where no family was among the items
 
 
 def reproduce(
@@ -60,11 +55,6 @@ def reproduce(
         tell("claims", k / len(CLAIMS))
         findings.append(judge(name, study))
     tell("claims", 1.0)
-    recording = None
-    if RECORDED & {item.name for item in chosen_items}:
-        tell("recording", 0.0)
-        recording = write_families(study, folder)
-        tell("recording", 1.0)
     parts = errata(study)
     text = [HEAD.rstrip(), *(f"## {part.title}\n\n{part.markdown()}" for part in parts)]
     page = page_text(
@@ -81,7 +71,6 @@ def reproduce(
         findings=findings,
         page=write_text(folder / "index.html", page),
         errata=write_text(folder / "errata.md", "\n\n".join(text) + "\n"),
-        recording=recording,
     )
 
 

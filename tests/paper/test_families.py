@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.integrate import solve_ivp
 
@@ -11,10 +12,9 @@ from flighttune.paper.flight import (
     decay_rate,
     initial_commands,
     largest_share,
-    measures,
     oscillations,
 )
-from flighttune.paper.record import family_runs
+from flighttune.simulate.run import Provenance, Run
 
 SAME_PATH = 1e-6
 SAME_MEASURE = 1e-9
@@ -86,14 +86,21 @@ def test_the_rates_of_error_are_the_derivatives_of_the_errors(study):
 
 @pytest.mark.slow
 def test_measures_of_the_errors_are_those_of_every_other_run(study):
-    run = next(run for run in family_runs(study) if run.provenance.gains_name == "K2")
-    t = run.signals.index.to_numpy()
-    ours = measures(t, {c: run.signals[f"{c}_err"].to_numpy() for c in ("chi", "gamma")})
+    flight = study.flights["K2"]
+    columns = {f"{c}_err": flight.channels[c] for c in ("chi", "gamma")}
+    columns |= {"chi_ref": 0.0, "gamma_ref": np.pi / 12.0}
+    for i, name in enumerate(("phi", "n_z")):
+        columns |= {f"{name}_cmd": flight.u[:, i], f"{name}_limited": 0.0}
+    made = Provenance(
+        scenario={}, plant="kinematic", gains_name="K2", gains=None, seed=0, versions={}, wall_s=0.0
+    )
+    signals = pd.DataFrame(columns, index=pd.Index(flight.t, name="t"))
 
-    theirs = channel_metrics(run)
+    theirs = channel_metrics(Run(signals=signals, status="completed", reason="", provenance=made))
 
     for key in ("ITAE", "MO_rad", "PT_s", "MS_rad", "ST_rad"):
-        assert ours[key].to_numpy() == pytest.approx(theirs[key].to_numpy(), rel=SAME_MEASURE)
+        ours = flight.measures.loc[["chi", "gamma"], key].to_numpy()
+        assert ours == pytest.approx(theirs[key].to_numpy(), rel=SAME_MEASURE)
 
 
 def test_the_first_commands_of_the_printed_gains_are_those_worked_out_by_hand(study):
