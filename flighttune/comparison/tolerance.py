@@ -119,23 +119,12 @@ def violations(comparison: Comparison, tolerances: Mapping[str, Tolerance]) -> l
         if limit is not None and not limit.allows(name, a, b):
             values = {key: row[key] for key in ("run_a", "run_b", "channel", "name", "a", "b")}
             broken.append(Violation(**values, allowed=limit.largest_change(a)))
+    apart = tolerances.get(DISTANCE)
     for pair in comparison.pairs:
-        limits = []
+        flight = {"run_a": pair.a.label, "run_b": pair.b.label, "channel": "flight"}
         if pair.a.status == "completed" != pair.b.status:
-            limits.append(("duration_s", *pair.durations, 0.0))
-        apart = tolerances.get(DISTANCE)
-        if apart is not None and pair.max_distance > apart.absolute:
-            limits.append((DISTANCE, 0.0, pair.max_distance, apart.absolute))
-        broken += [
-            Violation(
-                run_a=pair.a.label,
-                run_b=pair.b.label,
-                channel="flight",
-                name=name,
-                a=a,
-                b=b,
-                allowed=allowed,
-            )
-            for name, a, b, allowed in limits
-        ]
+            a, b = pair.durations
+            broken.append(Violation(**flight, name="duration_s", a=a, b=b, allowed=0.0))
+        if apart is not None and (b := pair.max_distance) > apart.absolute:
+            broken.append(Violation(**flight, name=DISTANCE, a=0.0, b=b, allowed=apart.absolute))
     return broken

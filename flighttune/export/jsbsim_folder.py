@@ -6,7 +6,6 @@ import shutil
 import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -22,7 +21,7 @@ from flighttune.control.law import OuterLoop
 from flighttune.errors import InputError, OutputError
 from flighttune.flight.fly import aircraft_table, law_setup, plant_of
 from flighttune.plants.jsbsim import properties
-from flighttune.plants.jsbsim.fdm import EARTH, weigh
+from flighttune.plants.jsbsim.fdm import EARTH, Fdm, weigh
 from flighttune.plants.jsbsim.model_files import ModelFolders, model_folders, not_xml
 from flighttune.plants.jsbsim.plant import JSBSimPlant, inner_loop_settings
 from flighttune.scenario.schema import Scenario
@@ -93,37 +92,18 @@ def export_jsbsim(
     if loop is None:
         raise law.refusal("outer_loop", "exported")
     flown.start(scenario.condition)
-    folder = folder.absolute()
-    flight = _Flight(scenario, setup, loop, flown)
+    fdm, folder = flown.fdm, folder.absolute()
+    assert fdm is not None
+    frames = round(fdm.rate * setup.dt)
+    # Whole samples of both computers, so that both have one at the start.
+    whole = frames * fdm.steps
+    still = AT_REST + 3.0 * fdm.engine_settles
+    t_0 = math.ceil(still * fdm.rate / whole) * whole / fdm.rate
+    sampled = _sampled(scenario, setup, loop)
+    values = _values(scenario, setup, loop, fdm)
+    if "ft/outer/plan/n_z" in sampled:
+        values["ft/outer/planned"] = 1.0
     try:
-        flight.write(folder)
-    except OSError as error:
-        raise OutputError(f"{folder}: must be writable, got {reason_of(error)}.") from error
-    rate = f"--simulation-rate={flight.rate!r}"  # the command takes no step from a script
-    console = shutil.which("jsbsim", path=Path(sys.executable).parent) or "jsbsim"
-    command = [console, f"--root={folder}", rate, f"--outputpath={folder}", f"--script={SCRIPT}"]
-    return JSBSimFolder(folder, folder / SCRIPT, folder / CSV, shlex.join(command), flight.t_0)
-
-
-class _Flight:
-    """One flight: the aircraft at its start, the law, and the samples of what it follows."""
-
-    def __init__(
-        self, scenario: Scenario, setup: LawSetup, loop: OuterLoop, plant: JSBSimPlant
-    ) -> None:
-        assert plant.fdm is not None
-        self._scenario, self._fdm = scenario, plant.fdm
-        self._setup, self._loop = setup, loop
-        self.rate = self._fdm.rate
-        self._frames = round(self.rate * setup.dt)
-        # Whole samples of both computers, so that both have one at the start.
-        whole = self._frames * self._fdm.steps
-        rest = AT_REST + 3.0 * self._fdm.engine_settles
-        self.t_0 = math.ceil(rest * self.rate / whole) * whole / self.rate
-
-    def write(self, folder: Path) -> None:
-        """Write the files of the aircraft, its systems, its start and the script."""
-        fdm, values = self._fdm, self._values()
         systems = folder / "systems"
         systems.mkdir(parents=True, exist_ok=True)
         with model_folders(fdm.config, weigh, fdm.steps) as folders:
@@ -134,141 +114,154 @@ class _Flight:
         root.insert(0, _parsed(EARTH))
         last = max(i for i, element in enumerate(root) if element.tag == "system")
         root.insert(last + 1, Element("system", file=OUTER_LOOP))
-        outer = self._outer_loop()
-        declared = set()
-        for tree, file in ((root, aircraft / folders.file.name), (outer, systems / OUTER_LOOP)):
+        declared: set[str] = set()
+        for tree, file in (
+            (root, aircraft / folders.file.name),
+            (_outer_loop(loop, frames), systems / OUTER_LOOP),
+        ):
             declared |= _declare(tree, values)
             ElementTree.indent(tree)
             ElementTree.ElementTree(tree).write(
                 file.with_suffix(".xml"), "utf-8", xml_declaration=True
             )
-        write_text(aircraft / f"{START}.xml", self._start())
+        write_text(aircraft / f"{START}.xml", _start(fdm))
         rest = {name: value for name, value in values.items() if name not in declared}
-        write_text(folder / SCRIPT, self._script(folders.name, rest))
+        script = _script(scenario, setup, fdm, folders.name, t_0, rest, sampled)
+        write_text(folder / SCRIPT, script)
+    except OSError as error:
+        raise OutputError(f"{folder}: must be writable, got {reason_of(error)}.") from error
+    rate = f"--simulation-rate={fdm.rate!r}"  # the command takes no step from a script
+    console = shutil.which("jsbsim", path=Path(sys.executable).parent) or "jsbsim"
+    command = [console, f"--root={folder}", rate, f"--outputpath={folder}", f"--script={SCRIPT}"]
+    return JSBSimFolder(folder, folder / SCRIPT, folder / CSV, shlex.join(command), t_0)
 
-    def _outer_loop(self) -> Element:
-        """The law as a system: the paper's, or another one behind the same measurements."""
-        outer = _parsed(_OUTER_LOOP)
-        (channel,) = outer.iterfind("channel")
-        channel.set("execrate", str(self._frames))
-        if self._loop.components is not None:
-            for component in channel.findall("fcs_function"):
-                if component.get("name") not in _MEASURED:
-                    channel.remove(component)
-            own = _parsed(_OUTER_LOOP.with_name(self._loop.components))
-            channel.extend(own.iterfind("channel/fcs_function"))
-            outer[0:0] = own.iterfind("property")
-        return outer
 
-    def _values(self) -> dict[str, float]:
-        """Properties of the aircraft at rest before the flight, and those of the law."""
-        setup, condition, fdm = self._setup, self._scenario.condition, self._fdm
-        values = {**fdm.settings, **inner_loop_settings(fdm.config)}
-        for trim_name, law_name in zip(properties.TRIMS, properties.LAWS, strict=True):
-            values[trim_name] = fdm.reader(trim_name)() + fdm.reader(law_name)()
-        values |= self._read((properties.PHI_CMD, properties.N_Z_CMD, properties.V_A_CMD))
-        values |= {
-            "ft/outer/dt-s": setup.dt,
-            "ft/outer/phi/start": condition.phi,
-            "ft/outer/n_z/start": condition.n_z_start,
-            **self._loop.values,
-        }
-        if "ft/outer/plan/n_z" in self._sampled():
-            values["ft/outer/planned"] = 1.0
-        limits, gains = setup.limits, setup.gains
-        assert gains is not None
-        bounds = (limits.lower, limits.upper, limits.rate_lower, limits.rate_upper)
-        for i, command in enumerate(("phi", "n_z")):
-            for j, error in enumerate(("chi", "gamma")):
-                entry = f"{self._loop.rows[i]}-{error}"
-                values[f"ft/outer/K_P/{entry}"] = float(gains.K_P[i, j])
-                values[f"ft/outer/K_I/{entry}"] = float(gains.K_I[i, j])
-            for bound, limit in zip(("min", "max", "rate-min", "rate-max"), bounds, strict=True):
-                values[f"ft/outer/{command}/{bound}"] = float(limit[i])
-        return values
+def _outer_loop(loop: OuterLoop, frames: int) -> Element:
+    """The law as a system: the paper's, or another one behind the same measurements."""
+    outer = _parsed(_OUTER_LOOP)
+    (channel,) = outer.iterfind("channel")
+    channel.set("execrate", str(frames))
+    if loop.components is not None:
+        for component in channel.findall("fcs_function"):
+            if component.get("name") not in _MEASURED:
+                channel.remove(component)
+        own = _parsed(_OUTER_LOOP.with_name(loop.components))
+        channel.extend(own.iterfind("channel/fcs_function"))
+        outer[0:0] = own.iterfind("property")
+    return outer
 
-    def _read(self, names: Iterable[str]) -> dict[str, float]:
-        """Properties of the aircraft at its start."""
-        return {name: self._fdm.reader(name)() for name in names}
 
-    def _sampled(self) -> dict[str, FloatArray]:
-        """Inputs of the law at every sample that are not measured, by property."""
-        t, followed = self._t, self._scenario.followed()
-        chi, gamma = followed.sampled(t)
-        sampled = {"ft/outer/chi-ref-rad": chi, "ft/outer/gamma-ref-rad": gamma}
-        if self._loop.takes_rates:
-            rates = followed.rates(t)
-            for name, rate in zip(("chi", "gamma"), rates, strict=True):
-                sampled[f"ft/outer/{name}-ref-rate-rad_sec"] = rate
-        if self._loop.takes_plan and isinstance(followed, FeasibleReference):
-            sampled["ft/outer/plan/phi-rad"], sampled["ft/outer/plan/n_z"] = followed.commands(t).T
-        if self._scenario.sensors is not None:
-            errors = self._scenario.sensors.sensors(self._scenario.seed).errors(
-                len(t), self._setup.dt
-            )
-            for name, error in zip(("chi-rad", "gamma-rad", "V_a-mps"), errors.T, strict=True):
-                sampled[f"ft/outer/sensor/{name}"] = error
-        return sampled
+def _values(scenario: Scenario, setup: LawSetup, loop: OuterLoop, fdm: Fdm) -> dict[str, float]:
+    """Properties of the aircraft at rest before the flight, and those of the law."""
+    condition, limits, gains = scenario.condition, setup.limits, setup.gains
+    assert gains is not None
+    values = {**fdm.settings, **inner_loop_settings(fdm.config)}
+    for trim_name, law_name in zip(properties.TRIMS, properties.LAWS, strict=True):
+        values[trim_name] = fdm.reader(trim_name)() + fdm.reader(law_name)()
+    values |= _read(fdm, (properties.PHI_CMD, properties.N_Z_CMD, properties.V_A_CMD))
+    values |= {
+        "ft/outer/dt-s": setup.dt,
+        "ft/outer/phi/start": condition.phi,
+        "ft/outer/n_z/start": condition.n_z_start,
+        **loop.values,
+    }
+    bounds = (limits.lower, limits.upper, limits.rate_lower, limits.rate_upper)
+    for i, command in enumerate(("phi", "n_z")):
+        for j, error in enumerate(("chi", "gamma")):
+            entry = f"{loop.rows[i]}-{error}"
+            values[f"ft/outer/K_P/{entry}"] = float(gains.K_P[i, j])
+            values[f"ft/outer/K_I/{entry}"] = float(gains.K_I[i, j])
+        for bound, limit in zip(("min", "max", "rate-min", "rate-max"), bounds, strict=True):
+            values[f"ft/outer/{command}/{bound}"] = float(limit[i])
+    return values
 
-    @cached_property
-    def _t(self) -> FloatArray:
-        samples = round(self._scenario.flight.duration_s / self._setup.dt)
-        return np.arange(samples + 1, dtype=np.float64) * self._setup.dt
 
-    def _start(self) -> str:
-        read = self._fdm.reader
-        lines = (
-            f'  <{tag} unit="{unit}"> {read(f"ic/{name}")()!r} </{tag}>'
-            for tag, unit, name in (
-                ("altitudeMSL", "FT", "h-sl-ft"),
-                *((f"{axis}body", "FT/SEC", f"{axis}-fps") for axis in "uvw"),
-                ("phi", "RAD", "phi-rad"),
-                ("theta", "RAD", "theta-rad"),
-                ("psi", "RAD", "psi-true-rad"),
-            )
+def _read(fdm: Fdm, names: Iterable[str]) -> dict[str, float]:
+    """Properties of the aircraft at its start."""
+    return {name: fdm.reader(name)() for name in names}
+
+
+def _times(scenario: Scenario, setup: LawSetup) -> FloatArray:
+    return np.arange(round(scenario.flight.duration_s / setup.dt) + 1, dtype=float) * setup.dt
+
+
+def _sampled(scenario: Scenario, setup: LawSetup, loop: OuterLoop) -> dict[str, FloatArray]:
+    """Inputs of the law at every sample that are not measured, by property."""
+    t, followed = _times(scenario, setup), scenario.followed()
+    chi, gamma = followed.sampled(t)
+    sampled = {"ft/outer/chi-ref-rad": chi, "ft/outer/gamma-ref-rad": gamma}
+    if loop.takes_rates:
+        rates = followed.rates(t)
+        for name, rate in zip(("chi", "gamma"), rates, strict=True):
+            sampled[f"ft/outer/{name}-ref-rate-rad_sec"] = rate
+    if loop.takes_plan and isinstance(followed, FeasibleReference):
+        sampled["ft/outer/plan/phi-rad"], sampled["ft/outer/plan/n_z"] = followed.commands(t).T
+    if scenario.sensors is not None:
+        errors = scenario.sensors.sensors(scenario.seed).errors(len(t), setup.dt)
+        for name, error in zip(("chi-rad", "gamma-rad", "V_a-mps"), errors.T, strict=True):
+            sampled[f"ft/outer/sensor/{name}"] = error
+    return sampled
+
+
+def _start(fdm: Fdm) -> str:
+    lines = (
+        f'  <{tag} unit="{unit}"> {fdm.reader(f"ic/{name}")()!r} </{tag}>'
+        for tag, unit, name in (
+            ("altitudeMSL", "FT", "h-sl-ft"),
+            *((f"{axis}body", "FT/SEC", f"{axis}-fps") for axis in "uvw"),
+            ("phi", "RAD", "phi-rad"),
+            ("theta", "RAD", "theta-rad"),
+            ("psi", "RAD", "psi-true-rad"),
         )
-        head = '<?xml version="1.0"?>', f'<initialize name="{START}">'
-        return "\n".join([*head, *lines, "</initialize>\n"])
+    )
+    head = '<?xml version="1.0"?>', f'<initialize name="{START}">'
+    return "\n".join([*head, *lines, "</initialize>\n"])
 
-    def _script(self, model: str, values: Mapping[str, float]) -> str:
-        fdm, t_0 = self._fdm, self.t_0
-        half, end = 0.5 / self.rate, t_0 + float(self._t[-1])
-        rates = [f"ic/{axis}-rad_sec" for axis in "pqr"]
-        moving = {name: read() for name, (_, read) in fdm.integrators.items()}
-        tanks = [name for name in fdm.names("propulsion/tank") if name.endswith("/contents-lbs")]
-        at_start = {
-            **self._read(properties.TRIMS),
-            properties.ENGAGED: 1.0,
-            "ft/outer/engaged": 1.0,
-            "simulation/output/log_rate_hz": 1.0 / self._setup.dt,
-        }
-        at_rest = {**values, **self._read(rates), **dict.fromkeys(moving, 0.0)}
-        return _SCRIPT.read_text(encoding="utf-8").format(
-            title=escape(self._scenario.title, {'"': "&quot;"}),
-            model=escape(model),
-            start=START,
-            end=end,
-            rate=self.rate,
-            dt=1.0 / self.rate,
-            shorter=0.999 / self.rate,
-            longer=1.001 / self.rate,
-            csv=CSV,
-            at_rest="\n".join(
-                f'<property value="{value!r}"> {name} </property>'
-                for name, value in at_rest.items()
-            ),
-            t_0=t_0,
-            before=t_0 - half,
-            after=t_0 + half,
-            sample=self._setup.dt,
-            tanks=_sets(self._read(tanks)),
-            at_start=_sets(at_start),
-            moving=_sets(moving),
-            references="\n".join(
-                _reference(name, self._t, values) for name, values in self._sampled().items()
-            ),
-            g=G_0 / FT,
-        )
+
+def _script(
+    scenario: Scenario,
+    setup: LawSetup,
+    fdm: Fdm,
+    model: str,
+    t_0: float,
+    values: Mapping[str, float],
+    sampled: Mapping[str, FloatArray],
+) -> str:
+    """The script: the aircraft at rest with `values` until `t_0`, then the flight."""
+    t, half = _times(scenario, setup), 0.5 / fdm.rate
+    moving = {name: read() for name, (_, read) in fdm.integrators.items()}
+    tanks = [name for name in fdm.names("propulsion/tank") if name.endswith("/contents-lbs")]
+    at_start = {
+        **_read(fdm, properties.TRIMS),
+        properties.ENGAGED: 1.0,
+        "ft/outer/engaged": 1.0,
+        "simulation/output/log_rate_hz": 1.0 / setup.dt,
+    }
+    rates = _read(fdm, [f"ic/{axis}-rad_sec" for axis in "pqr"])
+    at_rest = {**values, **rates, **dict.fromkeys(moving, 0.0)}
+    return _SCRIPT.read_text(encoding="utf-8").format(
+        title=escape(scenario.title, {'"': "&quot;"}),
+        model=escape(model),
+        start=START,
+        end=t_0 + float(t[-1]),
+        rate=fdm.rate,
+        dt=1.0 / fdm.rate,
+        shorter=0.999 / fdm.rate,
+        longer=1.001 / fdm.rate,
+        csv=CSV,
+        at_rest="\n".join(
+            f'<property value="{value!r}"> {name} </property>' for name, value in at_rest.items()
+        ),
+        t_0=t_0,
+        before=t_0 - half,
+        after=t_0 + half,
+        sample=setup.dt,
+        tanks=_sets(_read(fdm, tanks)),
+        at_start=_sets(at_start),
+        moving=_sets(moving),
+        references="\n".join(_reference(name, t, values) for name, values in sampled.items()),
+        g=G_0 / FT,
+    )
 
 
 def _reference(name: str, t: FloatArray, values: FloatArray) -> str:

@@ -315,12 +315,11 @@ class Chart:
         )
 
     def _drawn(self, a: "_Axes") -> str:
-        x_ticks = (
-            self.x_ticks if self.x_ticks is not None else ticks(a.x, a.width / GAPS[0], a.log_x)
-        )
-        y_ticks = (
-            self.y_ticks if self.y_ticks is not None else ticks(a.y, a.height / GAPS[1], a.log_y)
-        )
+        x_ticks, y_ticks = self.x_ticks, self.y_ticks
+        if x_ticks is None:
+            x_ticks = ticks(a.x, a.width / GAPS[0], a.log_x)
+        if y_ticks is None:
+            y_ticks = ticks(a.y, a.height / GAPS[1], a.log_y)
         lines, labels = [], []
         for value, label in y_ticks:
             up = float(a.sy(value))
@@ -383,14 +382,17 @@ class Sheet:
         width = self.columns * WIDTH
         parts, top = [], 26.0 if self.title else 0.0
         if self.legend:
-            parts.append(_legend(self.legend, width, top + 12.0))
-            top += LEGEND_ROW * len(_legend_rows(self.legend, width)) + 10.0
+            names, height = _legend(self.legend, width, top + 12.0)
+            parts.append(names)
+            top += height + 10.0
         for i in range(0, len(self.charts), self.columns):
             row = self.charts[i : i + self.columns]
-            above = max(_head_height(chart) for chart in row)
-            for column, chart in enumerate(row):
+            legends = [_legend(chart.legend, WIDTH, 24.0) for chart in row]
+            above = 18.0 + max(height for _, height in legends)
+            for column, (chart, (names, _)) in enumerate(zip(row, legends, strict=True)):
                 left = column * WIDTH
-                parts.append(f'<g transform="translate({left:g} {top:.1f})">{_head(chart)}</g>')
+                head = _text(8.0, 13.0, chart.title, ' class="title"') + names
+                parts.append(f'<g transform="translate({left:g} {top:.1f})">{head}</g>')
                 at = f'x="{left:g}" y="{top + above:.1f}"'
                 size = f'width="{WIDTH:g}" height="{chart.height:g}"'
                 parts.append(chart.svg().replace("<svg ", f"<svg {at} {size} ", 1))
@@ -413,20 +415,21 @@ def ticks(ends: Range, wanted: float, log: bool = False) -> list[tuple[float, st
     """Round values along an axis with their labels, at least two of them and about `wanted`."""
     low, high = sorted(ends)
     if log:
-        ticks = _log_ticks(low, high, wanted)
-        if len(ticks) > 1:
-            return ticks
+        values = _log_ticks(low, high, wanted)
+        if len(values) > 1:
+            return values
     raw = (high - low) / max(2.0, wanted)
-    power = 10.0 ** math.floor(math.log10(raw))
-    step = min(
-        (m * power for m in (1.0, 2.0, 5.0, 10.0)),
-        key=lambda candidate: abs(math.log(candidate / raw)),
-    )
+    steps = 10.0 ** math.floor(math.log10(raw)) * np.array([0.5, 1.0, 2.0, 5.0, 10.0])
+    nearest = int(np.argmin(np.abs(np.log(steps / raw))))
+    step = float(steps[nearest])
     if math.floor(high / step) - math.ceil(low / step) < 1:
-        step /= 2.0 if step / power in (1.0, 2.0, 10.0) else 5.0 / 2.0
+        step = float(steps[nearest - 1])
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     decimals = max(0, -math.floor(math.log10(step) + 1e-9))
-    return [(i * step, _label(i * step, decimals)) for i in range(first, last + 1)]
+    return [
+        (i * step, f"{i * step + 0.0:.{decimals}f}".replace("-", "−"))
+        for i in range(first, last + 1)
+    ]
 
 
 def _log_ticks(low: float, high: float, wanted: float) -> list[tuple[float, str]]:
@@ -446,10 +449,6 @@ def _power(value: float) -> str:
     superscript = str(exponent).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
     digit = round(value / 10.0**exponent)
     return f"10{superscript}" if digit == 1 else f"{digit}·10{superscript}"
-
-
-def _label(value: float, decimals: int) -> str:
-    return f"{value + 0.0:.{decimals}f}".replace("-", "−")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -579,37 +578,18 @@ LEGEND_ROW = 15.0
 SIGN, NEXT_SIGN = 28.0, 42.0
 
 
-def _legend_rows(legend: Sequence[LegendEntry], width: float) -> list[list[LegendEntry]]:
-    """The names in rows that fit a width."""
-    rows: list[list[LegendEntry]] = []
-    used = width
-    for entry in legend:
-        needed = NEXT_SIGN + LETTER * len(entry[0])
-        if used + needed > width - 8.0:
-            rows.append([])
-            used = 8.0
-        rows[-1].append(entry)
-        used += needed
-    return rows
-
-
-def _legend(legend: Sequence[LegendEntry], width: float, top: float) -> str:
-    parts = []
-    for place, row in enumerate(_legend_rows(legend, width)):
-        left, up = 8.0, top + LEGEND_ROW * place
-        for name, colour, dash in row:
-            parts.append(f'<g transform="translate({left:.1f} {up:.1f})">{key(colour, dash)}</g>')
-            parts.append(_text(left + SIGN, up + 4.0, name))
-            left += NEXT_SIGN + LETTER * len(name)
-    return "".join(parts)
-
-
-def _head_height(chart: Chart) -> float:
-    return 18.0 + LEGEND_ROW * len(_legend_rows(chart.legend, WIDTH))
-
-
-def _head(chart: Chart) -> str:
-    return _text(8.0, 13.0, chart.title, ' class="title"') + _legend(chart.legend, WIDTH, 24.0)
+def _legend(legend: Sequence[LegendEntry], width: float, top: float) -> tuple[str, float]:
+    """The names in rows that fit a width, and the height of the rows."""
+    parts, left, height = [], width, 0.0
+    for name, colour, dash in legend:
+        needed = NEXT_SIGN + LETTER * len(name)
+        if left + needed > width - 8.0:
+            left, height = 8.0, height + LEGEND_ROW
+        up = top + height - LEGEND_ROW
+        parts.append(f'<g transform="translate({left:.1f} {up:.1f})">{key(colour, dash)}</g>')
+        parts.append(_text(left + SIGN, up + 4.0, name))
+        left += needed
+    return "".join(parts), height
 
 
 def key(colour: str, dash: str = "", width: float = 2.0) -> str:

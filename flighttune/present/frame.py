@@ -15,8 +15,6 @@ from flighttune.whole_file import write_text
 if TYPE_CHECKING:
     from jinja2 import Template
 
-FRAME_PACKAGE = "flighttune.present"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Section:
@@ -81,23 +79,18 @@ def write_page(
 def page_text(template: "Template", **values: Any) -> str:
     """A page with the style and the script of all pages."""
     empty = {"claim": "", "summary": (), "sections": (), "legend": ()}
+    look, script = (
+        Path(__file__).with_name(name).read_text(encoding="utf-8")
+        for name in ("page.css", "page.js")
+    )
+    # The content security policy of the page allows this script alone.
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     return template.render(
         **{**empty, **values},
-        style=f"{style()}\n{_file('page.css')}",
-        script=_file("page.js"),
-        script_hash=_sha256(_file("page.js")),
+        style=f"{style()}\n{look}",
+        script=script,
+        script_hash=f"sha256-{digest}",
     )
-
-
-@cache
-def _file(name: str) -> str:
-    return Path(__file__).with_name(name).read_text(encoding="utf-8")
-
-
-def _sha256(script: str) -> str:
-    """The hash of a script as a content security policy allows it."""
-    digest = hashlib.sha256(script.encode()).digest()
-    return f"sha256-{base64.b64encode(digest).decode()}"
 
 
 @cache
@@ -107,7 +100,7 @@ def page_template(package: str, name: str) -> "Template":
     from markupsafe import Markup
 
     environment = Environment(
-        loader=ChoiceLoader([PackageLoader(folder, ".") for folder in (package, FRAME_PACKAGE)]),
+        loader=ChoiceLoader([PackageLoader(folder, ".") for folder in (package, __package__)]),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
