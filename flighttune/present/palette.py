@@ -129,21 +129,20 @@ def visible(colour: str, ground: str) -> str:
 
     On a light ground the hue stays; on a dark one it fades towards white.
     """
-    below, channels = rgb(ground), tuple(map(float, rgb(colour)))
-    dark = _luminance(below) < 0.2
-    while contrast(channels, below) < (ON_DARK if dark else MIN_CONTRAST):
-        channels = tuple(c + 0.03 * (255.0 - c) if dark else 0.97 * c for c in channels)
+    below, channels = _luminance(rgb(ground)), tuple(map(float, rgb(colour)))
+    # Contrast of WCAG 2: (lighter + 0.05) / (darker + 0.05).
+    if below < 0.2:
+        while _luminance(channels) + 0.05 < ON_DARK * (below + 0.05):
+            channels = tuple(c + 0.03 * (255.0 - c) for c in channels)
+    else:
+        while below + 0.05 < MIN_CONTRAST * (_luminance(channels) + 0.05):
+            channels = tuple(0.97 * c for c in channels)
     red, green, blue = (round(value) for value in channels)
     return f"#{red:02X}{green:02X}{blue:02X}"
 
 
-def contrast(colour: Iterable[float], other: Iterable[float]) -> float:
-    """Contrast ratio of WCAG 2 between two colours (red, green and blue, 0 to 255), 1 to 21."""
-    dark, light = sorted((_luminance(colour), _luminance(other)))
-    return (light + 0.05) / (dark + 0.05)
-
-
 def _luminance(channels: Iterable[float]) -> float:
+    """Relative luminance of WCAG 2 (red, green and blue, 0 to 255), 0 to 1."""
     parts = (value / 255.0 for value in channels)
     linear = (p / 12.92 if p <= 0.04045 else ((p + 0.055) / 1.055) ** 2.4 for p in parts)
     return sum(w * p for w, p in zip((0.2126, 0.7152, 0.0722), linear, strict=True))

@@ -6,34 +6,13 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from flighttune.present.chart import (
-    HEAD_AND_FOOT,
-    Chart,
-    Sheet,
-    marked_up,
-    ticks,
-)
-from flighttune.present.palette import (
-    DARK,
-    HUES,
-    LIGHT,
-    MIN_CONTRAST,
-    MORE,
-    ON_DARK,
-    contrast,
-    rgb,
-    visible,
-)
+from flighttune.present.chart import HEAD_AND_FOOT, Chart, Sheet, marked_up, ticks
+from flighttune.present.palette import HUES
 
 BLUE, RUST = (strong for (strong, _), _ in HUES[:2])
-SHADES = [shade for hue in HUES for shade, _ in hue] + [shade for shade, _ in MORE]
 TENTH = 0.051
 """Coordinates are written in tenths of a pixel."""
 
-ONE_STEP = 1.5
-"""Of 255, by rounding."""
-
-TWO_DIGITS = 5e-3
 SVG = "{http://www.w3.org/2000/svg}"
 
 
@@ -198,22 +177,3 @@ def test_bars_stand_where_they_are_asked_for_and_reach_their_values():
     assert [x0 + m / width * (x1 - x0) for m in middles] == pytest.approx([1.0, 4.0], abs=0.01)
     assert float(first.get("height")) == pytest.approx(height / 2.0, abs=TENTH)
     assert float(second.get("height")) == pytest.approx(height, abs=TENTH)
-
-
-@pytest.mark.parametrize(
-    ("colour", "ratio"),
-    [("#000000", 21.0), ("#FFFFFF", 1.0), ("#777777", 4.48), ("#FF0000", 4.00), ("#767676", 4.54)],
-)
-def test_contrast_is_that_of_the_w3c(colour, ratio):
-    assert contrast(rgb(colour), rgb("#FFFFFF")) == pytest.approx(ratio, abs=TWO_DIGITS)
-
-
-@pytest.mark.parametrize("colour", SHADES)
-def test_every_colour_can_be_seen_on_light_and_dark_and_keeps_its_hue(colour):
-    on_light, on_dark = (visible(colour, ground["paper"]) for ground in (LIGHT, DARK))
-
-    assert contrast(rgb(on_light), rgb(LIGHT["paper"])) > 0.99 * MIN_CONTRAST
-    assert contrast(rgb(on_dark), rgb(DARK["paper"])) > 0.99 * ON_DARK
-    original, channels = np.array(rgb(colour), float), np.array(rgb(on_light), float)
-    along = channels @ original / (original @ original)
-    assert channels == pytest.approx(along * original, abs=ONE_STEP)

@@ -5,13 +5,29 @@ import itertools
 import numpy as np
 import pytest
 
-from flighttune.present.palette import HUES, LIMIT, MORE, NEUTRAL, PLANTS, line_styles, rgb
+from flighttune.present.palette import (
+    DARK,
+    HUES,
+    LIGHT,
+    LIMIT,
+    MIN_CONTRAST,
+    MORE,
+    NEUTRAL,
+    ON_DARK,
+    PLANTS,
+    line_styles,
+    rgb,
+    visible,
+)
 
 SMALLEST_DIFFERENCE = 17.0
 """CIE 1976 colour difference; 2.3 is just noticeable."""
 
 OF_MANY = 12.0
 """The same where there are more than twelve runs."""
+
+ONE_STEP = 1.5
+"""Of 255, by rounding."""
 
 GROUNDS = {"#0D0D0D": 3.0, "#FFFFFF": 2.5}
 """Grounds of the viewer in its two themes, and the lowest contrast (WCAG 2.1) on each."""
@@ -72,12 +88,22 @@ def test_colours_can_be_told_apart_and_from_references_and_limits(sight):
     assert smallest(itertools.product(seen[12:], marks)) >= OF_MANY
 
 
-@pytest.mark.parametrize("ground", GROUNDS)
-@pytest.mark.parametrize("colour", [*EIGHTEEN, *(colour for colour, _ in PLANTS)])
-def test_every_colour_stands_out_from_both_grounds_of_the_viewer(colour, ground):
+def contrast(colour, ground):
     light, dark = (XYZ_OF_RGB[1] @ linear(one) + 0.05 for one in (colour, ground))
+    return max(light, dark) / min(light, dark)
 
-    assert max(light, dark) / min(light, dark) >= GROUNDS[ground]
+
+@pytest.mark.parametrize("colour", [*EIGHTEEN, *(colour for colour, _ in PLANTS)])
+def test_every_colour_stands_out_from_the_viewer_and_from_both_pages_with_its_hue(colour):
+    on_light, on_dark = (visible(colour, ground["paper"]) for ground in (LIGHT, DARK))
+
+    for ground, least in GROUNDS.items():
+        assert contrast(colour, ground) >= least
+    assert contrast(on_light, LIGHT["paper"]) > 0.99 * MIN_CONTRAST
+    assert contrast(on_dark, DARK["paper"]) > 0.99 * ON_DARK
+    original, channels = np.array(rgb(colour), float), np.array(rgb(on_light), float)
+    along = channels @ original / (original @ original)
+    assert channels == pytest.approx(along * original, abs=ONE_STEP)
 
 
 def test_rungs_of_one_gain_set_have_no_colour_of_a_gain_set():

@@ -1,5 +1,8 @@
 """The page has what was asked for and what came of it, in tables that stay tables."""
 
+import re
+import tomllib
+
 import pytest
 
 from flighttune.metrics import channel_metrics
@@ -68,10 +71,10 @@ def test_metrics_are_shown_in_degrees_with_their_units(page, four_runs):
     assert of_aircraft["jsbsim:aerosonde / paper"][-1] != "–"
 
 
-def test_the_scenario_is_there_without_brackets_of_python(page):
-    assert "- **flight**: V_a_mps 25, h_m 1000, chi_deg 0" in page
-    assert "- **plant**: kind kinematic; kind jsbsim, aircraft aerosonde" in page
-    assert not {"{", "'"} & set(page)
+def test_the_scenario_is_there_as_toml_that_flies_again(page, four_runs):
+    (text,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
+
+    assert tomllib.loads(text) == four_runs[0].provenance.scenario
 
 
 def test_with_nothing_flown_the_page_says_why(without_gains):

@@ -47,19 +47,6 @@ def test_a_screen_is_found_by_platform_and_environment(environment, platform, sc
 
 
 @pytest.mark.usefixtures("without_screen")
-def test_without_a_screen_a_browser_is_served_on_this_machine(recording):
-    with view(recording) as viewer:
-        assert viewer.url.startswith("http://127.0.0.1:")
-        with urllib.request.urlopen(viewer.url, timeout=10.0) as answer:
-            page = answer.read()
-        port = viewer.port
-
-    assert b"<html" in page.lower()
-    with socket.socket() as probe:
-        assert probe.connect_ex(("127.0.0.1", port)) != 0
-
-
-@pytest.mark.usefixtures("without_screen")
 def test_what_cannot_be_opened_gives_one_line(recording, tmp_path):
     with pytest.raises(RecordingError, match="got none of DISPLAY"):
         view(recording, web=False)
@@ -87,8 +74,9 @@ def ports_printed(process):
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGTERM to catch")
 @pytest.mark.usefixtures("without_screen")
-@pytest.mark.parametrize("number", ["SIGTERM", "SIGINT", "SIGHUP"])
-@pytest.mark.parametrize("shell", [[], BACKGROUND], ids=["", "background"])
+@pytest.mark.parametrize(
+    ("number", "shell"), [("SIGTERM", []), ("SIGHUP", []), ("SIGINT", []), ("SIGINT", BACKGROUND)]
+)
 def test_a_command_that_is_ended_leaves_no_viewer_behind(recording, number, shell):
     # Tied, so that no viewer stays where the tests themselves are ended.
     command = tied([sys.executable, "-u", "-m", "flighttune", "view", str(recording)])
@@ -183,12 +171,15 @@ def sockets_of(pid):
 
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="sockets are listed on Linux only")
 @pytest.mark.usefixtures("without_screen")
-def test_the_viewer_talks_to_this_machine_only(recording):
+def test_without_a_screen_a_browser_is_served_on_this_machine_only(recording):
     with view(recording) as viewer:
+        assert viewer.url.startswith("http://127.0.0.1:")
         with urllib.request.urlopen(viewer.url, timeout=10.0) as answer:
-            answer.read()
-        found = sockets_of(viewer.pid)
+            page = answer.read()
+        found, port = sockets_of(viewer.pid), viewer.port
 
+    assert b"<html" in page.lower()
+    assert not listening(port)
     assert len(found) >= 2
     for local, remote in found:
         assert local in LOOPBACK

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from figures.screenshot import HeadlessViewer, screenshot
+from figures.screenshot import HeadlessViewer
 from pictures import FLAT, opened_recording, pixels
-from PIL import Image
 
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import RecordingError
@@ -23,9 +22,6 @@ SAME_COLOUR = 14
 
 FEWEST_PIXELS = 25
 """Pixels of its own colour that a line which is not hidden has at least."""
-
-LARGEST_PICTURE = 400_000
-"""Bytes of a picture for the README."""
 
 ERRORS = (
     "Course error, certified bounds thin [deg]",
@@ -302,15 +298,6 @@ def test_a_single_run_and_a_page_alone_can_be_looked_at(four_runs, without_gains
 
             assert len(opened.views(shown)) == count
             assert opened.complaints() == []
-
-
-@pytest.mark.usefixtures("viewer")
-def test_a_picture_for_the_readme_is_small(recording, tmp_path):
-    screenshot(recording, tmp_path / "flight.png", at=4.4, size=(1200, 800))
-
-    with Image.open(tmp_path / "flight.png") as picture:
-        assert picture.width == 1200
-    assert (tmp_path / "flight.png").stat().st_size < LARGEST_PICTURE
 
 
 @pytest.mark.usefixtures("viewer")

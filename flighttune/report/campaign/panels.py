@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-import pandas as pd
 
 from flighttune.arrays import FloatArray
 from flighttune.campaign.flying.columns import unit_of_key
@@ -42,11 +41,6 @@ def styles_of(findings: Findings) -> dict[str, LineStyle]:
 def arrays_of(estimates: Sequence[Estimate], factor: float) -> FloatArray:
     """Values, lower and upper ends of estimates times a factor, shape (3, n)."""
     return factor * np.array([(e.value, e.lo, e.hi) for e in estimates]).T
-
-
-def flight_tips(rows: "pd.DataFrame", url: str) -> list[str]:
-    """Commands that fly each row again, as tips under the pointer."""
-    return [f"run {run}: flighttune campaign fly {url} --run {run}" for run in rows["run"]]
 
 
 def rates(findings: Findings) -> list[Chart]:
@@ -122,7 +116,10 @@ def scatter_panels(findings: Findings) -> list[Chart]:
             label, some = group.label, rows.iloc[:: len(rows) // DOTS + 1]
             x = some[key].to_numpy(dtype=float)
             y = how.factor * values_of(some, findings.measure)
-            tips, flown = np.array(flight_tips(some, findings.flights.url)), np.isfinite(y)
+            # commands that fly each row again, as tips under the pointer
+            again = f"flighttune campaign fly {findings.flights.url} --run"
+            tips = np.array([f"run {run}: {again} {run}" for run in some["run"]])
+            flown = np.isfinite(y)
             dots = {"size": 2.6, "opacity": 0.6, "tips": tips[flown].tolist()}
             chart.points(x[flown], y[flown], styles[label].colour, run=label, **dots)
             # flights that ended early have no value: they stand as high as the worst one
