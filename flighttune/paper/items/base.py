@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy.typing as npt
 import pandas as pd
 
 from flighttune.paper.flight import PaperFlight
-from flighttune.paper.parameters import DURATION, STAR, TABLE_2, TABLE_3
+from flighttune.paper.parameters import DURATION, STAR, TABLE_2
 from flighttune.present.chart import DASHED, DOTTED, Chart, LegendEntry, Sheet
 from flighttune.present.palette import HUES, INK
 
@@ -34,6 +34,9 @@ INDICATOR_LABELS = {"R_K": "R_K [1/s]", "I_K": "I_K [s²]"}
 COMMAND_LABELS = {"roll": "φ [rad]", "load factor": "n_z [1]"}
 
 
+Look: TypeAlias = tuple[str, str]  # colour and dashes of a line
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Made:
     """An item as computed."""
@@ -46,6 +49,11 @@ class Made:
     numbers: Mapping[str, Any] = field(default_factory=dict)
 
 
+def named(looks: Mapping[str, Look]) -> list[LegendEntry]:
+    """A legend of lines by their names."""
+    return [(name, *look) for name, look in looks.items()]
+
+
 def sheet(charts: Sequence[Chart], *, legend: Sequence[LegendEntry] = ()) -> Sheet:
     """Charts as one figure, lettered like the panels of the paper where there are several."""
     if len(charts) > 1:
@@ -56,17 +64,18 @@ def sheet(charts: Sequence[Chart], *, legend: Sequence[LegendEntry] = ()) -> She
 
 def over_time(
     flights: Mapping[str, PaperFlight],
-    looks: Mapping[str, Mapping[str, Any]],
+    looks: Mapping[str, Look],
     channel: str,
     *,
     x_range: tuple[float, float] = (0.0, DURATION),
     y_range: tuple[float, float] | None = None,
 ) -> Chart:
-    """A channel of each flight over time, in the colour and dashes of `looks`."""
+    """A channel of each flight over time, in the look of its name."""
     name, symbol, unit = CHANNEL_LABELS[channel]
     chart = Chart(title=name, y=f"{symbol} [{unit}]", x_range=x_range, y_range=y_range)
     for label, flight in flights.items():
-        chart.line(flight.t, flight.channels[channel], run=label, **looks[label])
+        colour, dash = looks[label]
+        chart.line(flight.t, flight.channels[channel], colour, dash=dash, run=label)
     return chart
 
 
@@ -83,11 +92,3 @@ def marked_line(
     """Draw a line with a dot at each of its points, hollow on a dashed line."""
     chart.line(x, y, colour, dash=dash, name=name, run=run)
     chart.points(x, y, colour, filled=not dash)
-
-
-def disturbance_looks() -> dict[str, dict[str, str]]:
-    """Lines of d1 to d9: the hue tells the amplitude L_d, the dashes the frequency omega_d."""
-    return {
-        name: {"colour": AMPLITUDE_COLOURS[L_d], "dash": OMEGA_DASHES[omega_d]}
-        for name, (L_d, omega_d) in TABLE_3.items()
-    }

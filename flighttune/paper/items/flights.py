@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
+from flighttune.arrays import FloatArray
 from flighttune.paper import parameters as printed
 from flighttune.paper.flight import PaperFlight
 from flighttune.paper.items.base import (
@@ -16,9 +17,11 @@ from flighttune.paper.items.base import (
     GAMMA,
     GREEN,
     INDICATOR_LABELS,
+    OMEGA_DASHES,
+    Look,
     Made,
-    disturbance_looks,
     marked_line,
+    named,
     over_time,
     sheet,
 )
@@ -33,11 +36,12 @@ PROFILES = ("chi", "gamma", "chi_dot", "gamma_dot")
 MEASURES = ["ITAE", "MO_rad", "PT_s", "MS_rad", "ST_rad", "mean", "std"]
 
 # Readings of the limits that are drawn; without any limit the loop diverges off the page.
-READING_COLOURS = {
-    "ranges only": INK,
-    "ranges and rate limits": GAMMA,
-    "with rate limits and anti-windup": GREEN,
+READING_LOOKS = {
+    "ranges only": (INK, ""),
+    "ranges and rate limits": (GAMMA, ""),
+    "with rate limits and anti-windup": (GREEN, ""),
 }
+PRINTED_RANGE = ("printed range", LIMIT, LONG)
 
 # Columns of a flight in a file: errors, their rates, commands after and before the limits.
 COLUMNS = (
@@ -99,39 +103,44 @@ def at_ends(from_high_to_low: pd.Series) -> dict[str, float]:
 
 def fig5(study: Study) -> Made:
     """Draw errors and rates with K*, and the peaks against what the text says of them."""
-    flight = study.flights[STAR]
-    figure = sheet(
-        [over_time({STAR: flight}, {STAR: {"colour": INK}}, channel) for channel in PROFILES]
-    )
+    flight, looks, peaks = study.flights[STAR], {STAR: (INK, "")}, []
+    for channel, overshoot in printed.LARGEST_OVERSHOOT.items():
+        chart = over_time({STAR: flight}, looks, channel)
+        chart.level(overshoot, name="stated: overshoot and peak time below")
+        chart.upright(printed.LARGEST_PEAK_TIME, LIMIT, dash=DASHED)
+        height, when = flight.peak(channel)
+        chart.points(when, height, CHI, size=4.5, name=f"peak {height:.3f} rad at {when:.2f} s")
+        peaks.append(chart)
+    profiles = [over_time({STAR: flight}, looks, channel) for channel in PROFILES]
     return Made(
-        figures={"fig5": figure, "fig5_peak_time": _peaks(flight)},
+        figures={"fig5": sheet(profiles), "fig5_peak_time": sheet(peaks)},
         tables={"fig5": history_table({"": flight})},
         values=flight.measures.loc[list(PROFILES), MEASURES].to_dict("index"),
     )
 
 
-def _peaks(flight: PaperFlight) -> Sheet:
-    charts = []
-    for channel, overshoot in printed.LARGEST_OVERSHOOT.items():
-        chart = over_time({STAR: flight}, {STAR: {"colour": INK}}, channel)
-        chart.level(overshoot, name="stated: overshoot and peak time below")
-        chart.upright(printed.LARGEST_PEAK_TIME, LIMIT, dash=DASHED)
-        height, when = flight.peak(channel)
-        chart.points(when, height, CHI, size=4.5, name=f"peak {height:.3f} rad at {when:.2f} s")
-        charts.append(chart)
-    return sheet(charts)
-
-
 def fig12(study: Study) -> Made:
     """Draw the commands with K*, and what the printed rate limits do to the manoeuvre."""
     flight = study.flights[STAR]
-    flights = {name: study.readings[name] for name in READING_COLOURS}
+    flights = {name: study.readings[name] for name in READING_LOOKS}
     rates = np.max(np.abs(flight.command_rates), axis=0)
     largest = np.max(np.abs(flight.u), axis=0)
     rate_limited = flights["ranges and rate limits"]
     anti_windup = flights["with rate limits and anti-windup"]
+    looks = {"after limits": (INK, ""), "before limits": (NEUTRAL, "")}
+    commands = {"before limits": flight.unlimited, "after limits": flight.u}
+    read = [over_time(flights, READING_LOOKS, channel) for channel in ("chi", "gamma")]
+    read += _command_charts(
+        flight.t, {name: reading.u for name, reading in flights.items()}, READING_LOOKS
+    )
     return Made(
-        figures={"fig12": _commands(flight), "fig12_rate_limits": _readings(flights)},
+        figures={
+            "fig12": sheet(
+                _command_charts(flight.t, commands, looks),
+                legend=[*named(looks), PRINTED_RANGE],
+            ),
+            "fig12_rate_limits": sheet(read, legend=[*named(READING_LOOKS), PRINTED_RANGE]),
+        },
         tables={
             "fig12": history_table({"": flight}),
             "fig12_rate_limits": history_table(
@@ -143,7 +152,17 @@ def fig12(study: Study) -> Made:
             "largest_n_z": float(largest[1]),
             "largest_phi_rate_radps": float(rates[0]),
             "largest_n_z_rate_1_per_s": float(rates[1]),
-            "readings": {name: _peak_values(flight) for name, flight in study.readings.items()},
+            "readings": {
+                name: {
+                    "status": reading.status,
+                    "converged": reading.converged,
+                    **{
+                        channel: dict(zip(("MO_rad", "PT_s"), reading.peak(channel), strict=True))
+                        for channel in ("chi", "gamma")
+                    },
+                }
+                for name, reading in study.readings.items()
+            },
         },
         numbers={
             "rate_limits": printed_limits().rate_upper,
@@ -153,58 +172,26 @@ def fig12(study: Study) -> Made:
     )
 
 
-def _peak_values(flight: PaperFlight) -> dict[str, object]:
-    peaks = {channel: flight.peak(channel) for channel in ("chi", "gamma")}
-    return {
-        "status": flight.status,
-        "converged": flight.converged,
-        **{channel: {"MO_rad": height, "PT_s": t} for channel, (height, t) in peaks.items()},
-    }
-
-
 def _command_charts(
-    flights: Mapping[str, PaperFlight],
-    colours: Mapping[str, str],
-    *,
-    before: PaperFlight | None = None,
+    t: FloatArray, commands: Mapping[str, FloatArray], looks: Mapping[str, Look]
 ) -> list[Chart]:
-    """Both commands of each flight after the limits with their printed ranges; in grey `before`."""
+    """Roll and load factor of each of some commands, shape (k, 2), with their printed ranges."""
     limits, charts = printed_limits(), []
     for i, (name, label) in enumerate(COMMAND_LABELS.items()):
         chart = Chart(title=f"commanded {name}", y=label, x_range=(0.0, DURATION))
-        if before is not None:
-            chart.line(before.t, before.unlimited[:, i], NEUTRAL, run="before limits")
-        for run, flight in flights.items():
-            chart.line(flight.t, flight.u[:, i], colours[run], run=run)
+        for run, command in commands.items():
+            chart.line(t, command[:, i], looks[run][0], run=run)
         for end in (limits.lower[i], limits.upper[i]):
             chart.level(float(end))
         charts.append(chart)
     return charts
 
 
-def _commands(flight: PaperFlight) -> Sheet:
-    charts = _command_charts({"after limits": flight}, {"after limits": INK}, before=flight)
-    legend = [
-        ("after limits", INK, ""),
-        ("before limits", NEUTRAL, ""),
-        ("printed range", LIMIT, LONG),
-    ]
-    return sheet(charts, legend=legend)
-
-
-def _readings(flights: Mapping[str, PaperFlight]) -> Sheet:
-    looks = {name: {"colour": colour} for name, colour in READING_COLOURS.items()}
-    errors = [over_time(flights, looks, channel) for channel in ("chi", "gamma")]
-    commands = _command_charts(flights, READING_COLOURS)
-    legend = [(name, colour, "") for name, colour in READING_COLOURS.items()]
-    return sheet([*errors, *commands], legend=[*legend, ("printed range", LIMIT, LONG)])
-
-
 def fig8(study: Study) -> Made:
     """Draw errors and rates with K1 to K6 and K*."""
-    looks = {name: {"colour": GAIN_COLOURS[name]} for name in study.flights}
+    looks = {name: (GAIN_COLOURS[name], "") for name in study.flights}
     legend = [
-        (f"{name}: R_K {row.R_K:.3f}, I_K {row.I_K:.2f}", GAIN_COLOURS[name], "")
+        (f"{name}: R_K {row.R_K:.3f}, I_K {row.I_K:.2f}", *looks[name])
         for name, row in study.indicators.items()
     ]
     charts = [over_time(study.flights, looks, channel) for channel in PROFILES]
@@ -222,9 +209,13 @@ def fig8(study: Study) -> Made:
 def fig11(study: Study) -> Made:
     """Draw errors and rates with K* under d1 to d9, and the errors after 20 s enlarged."""
     flights = study.disturbed
-    looks = disturbance_looks()
+    # The hue tells the amplitude L_d, the dashes the frequency omega_d.
+    looks = {
+        name: (AMPLITUDE_COLOURS[L_d], OMEGA_DASHES[omega_d])
+        for name, (L_d, omega_d) in printed.TABLE_3.items()
+    }
     legend = [
-        (f"{name}: L_d {L_d:g}, ω_d {omega_d:g}", looks[name]["colour"], looks[name]["dash"])
+        (f"{name}: L_d {L_d:g}, ω_d {omega_d:g}", *looks[name])
         for name, (L_d, omega_d) in printed.TABLE_3.items()
     ]
     whole = [over_time(flights, looks, name, x_range=(0.0, AFTERWARDS)) for name in PROFILES]
