@@ -25,10 +25,7 @@ _ABRIDGED.maxstring = _ABRIDGED.maxother = MAX_CHARACTERS
 
 def shown(key: str) -> str:
     """A key as a message repeats it: the middle of a long one is left out."""
-    if len(key) <= MAX_CHARACTERS:
-        return key
-    half = MAX_CHARACTERS // 2
-    return f"{key[:half]}...{key[-half:]}"
+    return abridged(key)[1:-1]
 
 
 def abridged(value: object) -> str:

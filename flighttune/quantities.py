@@ -1,12 +1,19 @@
-"""Ranges of the numbers in files, by quantity.
+"""The tables of files, and the ranges of their numbers by quantity.
 
-They are wide: a number outside is a slip of the unit or of the keyboard, would overflow, or would
-take hours to fly.
+The ranges are wide: a number outside is a slip of the unit or of the keyboard, would overflow, or
+would take hours to fly.
 """
 
 from typing import Annotated, TypeAlias
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+
+
+class Table(BaseModel):
+    """A table of a file: unknown keys and other types are refused, and it does not change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
 
 Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]
 Positive: TypeAlias = Annotated[Finite, Field(gt=0.0)]

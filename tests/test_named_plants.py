@@ -16,11 +16,9 @@ from flighttune.flight.fly import fly
 from flighttune.flight.gap import explain_gap
 from flighttune.flight.refly import refly
 from flighttune.plants.label import aircraft_of, label_of, plant_label
-from flighttune.present.palette import HUES, line_styles
 from flighttune.recording.entities import runs_to_draw
 from flighttune.recording.parquet import load_recording
 from flighttune.recording.record import record
-from flighttune.recording.scene import span_of
 from flighttune.scenario import load_scenario, scenario_from
 
 NOMINAL, HEAVY = "jsbsim:aerosonde", "jsbsim:aerosonde:heavy_aft"
@@ -65,11 +63,6 @@ def test_a_label_is_kind_aircraft_and_name(parts, label):
 
     assert plant_label(*parts) == label_of(table) == label
     assert aircraft_of(label, [{"kind": "point_mass"}, table]) == table.get("aircraft")
-
-
-def test_a_label_of_another_scenario_has_its_aircraft_behind_the_kind():
-    assert aircraft_of("jsbsim:c172p", [{"kind": "kinematic"}]) == "c172p"
-    assert aircraft_of("point_mass_lag:slow", []) is None
 
 
 def test_both_fly_their_own_flight_and_the_nominal_one_to_the_same_bits(tables, flown):
@@ -134,14 +127,6 @@ def test_names_that_letters_do_not_tell_apart_have_files_of_their_own(tables, tm
 
     assert len({*files.signals.values()}) == len(list(tmp_path.glob("*.parquet"))) == 2
     assert [run.label for run in load_recording(files.recording).runs] == [*files.signals]
-
-
-def test_hue_tells_gains_and_shade_the_aircraft(flown):
-    found = line_styles((run.provenance.plant, run.provenance.gains_name) for run in flown.runs)
-
-    assert found[NOMINAL, "paper"].colour == HUES[0][1][0]
-    assert found[HEAVY, "paper"].colour == HUES[0][0][0]
-    assert [span_of(run) for run in flown.runs] == [SPAN] * 4
 
 
 def test_one_is_compared_with_the_other(folder):

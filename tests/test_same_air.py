@@ -59,23 +59,6 @@ def test_every_plant_meets_the_wind_of_the_aircraft():
     assert np.max(np.abs(met[0] - met[1])) > 0.0, "each gain set meets its own turbulence"
 
 
-def test_the_law_in_wind_holds_the_course_over_ground():
-    flown = fly(
-        scenario(
-            [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}],
-            duration=40.0,
-            wind={"speed_mps": 8.0, "from_deg": 270.0},
-        )
-    )
-
-    for run in flown.runs:
-        if run.provenance.gains_name == "K5":
-            end = run.signals.iloc[-1]
-            drift = math.asin(8.0 / 25.0)
-            assert end["chi"] == pytest.approx(0.0, abs=STILL_TURNING), run.label
-            assert end["V_g"] == pytest.approx(25.0 * math.cos(drift), abs=0.2), run.label
-
-
 def test_steady_wind_needs_no_aircraft():
     flown = fly(scenario([{"kind": "kinematic"}], wind={"speed_mps": 5.0, "from_deg": 90.0}))
 

@@ -71,10 +71,16 @@ def contents(wheel):
         return {name: archive.read(name) for name in archive.namelist()}
 
 
+@pytest.fixture(scope="module")
+def dist(tmp_path_factory):
+    """Wheel and sdist of a copy of the sources."""
+    folder = tmp_path_factory.mktemp("dist")
+    return built(copied_sources(folder / "source"), folder / "out", "wheel", "sdist")
+
+
 @pytest.mark.slow
-def test_the_sdist_builds_the_wheel_of_the_checkout(tmp_path):
-    source = copied_sources(tmp_path / "source")
-    wheel, sdist = built(source, tmp_path / "out", "wheel", "sdist")
+def test_the_sdist_builds_the_wheel_of_the_checkout(dist, tmp_path):
+    wheel, sdist = dist
     with tarfile.open(sdist) as archive:
         archive.extraction_filter = getattr(tarfile, "data_filter", None)  # from 3.11.4 on
         archive.extractall(tmp_path / "unpacked")
@@ -88,8 +94,8 @@ def test_the_sdist_builds_the_wheel_of_the_checkout(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_wheel_says_what_a_package_index_shows(tmp_path):
-    (wheel,) = built(copied_sources(tmp_path / "source"), tmp_path / "out", "wheel")
+def test_the_wheel_says_what_a_package_index_shows(dist):
+    wheel, _ = dist
     (text,) = (data for name, data in contents(wheel).items() if name.endswith("/METADATA"))
     said = email.message_from_bytes(text)
 
@@ -106,10 +112,9 @@ def test_the_wheel_says_what_a_package_index_shows(tmp_path):
 
 
 @pytest.mark.slow
-def test_the_wheel_holds_the_aircraft_and_flies_it(tmp_path):
+def test_the_wheel_holds_the_aircraft_and_flies_it(dist, tmp_path):
     """Built from a copy of the sources, unpacked away from the checkout."""
-    site = tmp_path / "site"
-    (wheel,) = built(copied_sources(tmp_path / "source"), tmp_path / "out", "wheel")
+    site, (wheel, _) = tmp_path / "site", dist
     with zipfile.ZipFile(wheel) as archive:
         archive.extractall(site)
 

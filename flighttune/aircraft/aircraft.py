@@ -9,13 +9,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    PrivateAttr,
-)
+from pydantic import AfterValidator, Field, PrivateAttr
 
 from flighttune import quantities as q
 from flighttune.aircraft.off_nominal import OffNominal
@@ -50,13 +44,7 @@ PropertyName = Annotated[str, Field(pattern=PROPERTY_NAME)]
 DeclaredName = Annotated[str, Field(pattern=PROPERTY_NAME.replace("^", "^/?", 1))]
 
 
-class AircraftTable(BaseModel):
-    """A table of the file: unknown keys are refused, and it does not change."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
-
-
-class FlightEnvelope(AircraftTable):
+class FlightEnvelope(q.Table):
     """Range in which the model is valid: leaving it ends a flight."""
 
     # `alpha` and `theta` (rad): angle of attack; pitch attitude
@@ -66,7 +54,7 @@ class FlightEnvelope(AircraftTable):
     n_z: q.LoadFactors  # load factor
 
 
-class CommandLimits(AircraftTable):
+class CommandLimits(q.Table):
     """Limits of the inner loop on its commands."""
 
     phi: Angles = Field(alias="phi_deg")  # rad: roll command
@@ -82,7 +70,7 @@ class CommandLimits(AircraftTable):
         return Limits(lower=lower, upper=upper, rate_lower=-rate, rate_upper=rate)
 
 
-class Surface(AircraftTable):
+class Surface(q.Table):
     """A control surface: how far it is moved, and by which property of the model."""
 
     # rad: stops, positive where the aileron rolls right, the elevator is trailing edge down and the
@@ -102,7 +90,7 @@ class Surface(AircraftTable):
 SURFACES = ("aileron", "elevator", "rudder")
 
 
-class Surfaces(AircraftTable):
+class Surfaces(q.Table):
     """The control surfaces."""
 
     aileron: Surface
@@ -114,7 +102,7 @@ class Surfaces(AircraftTable):
         return ((name, getattr(self, name)) for name in SURFACES)
 
 
-class Engines(AircraftTable):
+class Engines(q.Table):
     """The engines, which get one throttle command."""
 
     # Engines of the model, every one of which must push
@@ -129,7 +117,7 @@ class Engines(AircraftTable):
     command: PropertyName = "fcs/throttle-cmd-norm"
 
 
-class Design(AircraftTable):
+class Design(q.Table):
     """Goals of ``flighttune design`` for the inner loop."""
 
     # `V_a` and `h` (m/s and m): steady level flight that the airframe is linearised about
@@ -156,7 +144,7 @@ class Design(AircraftTable):
 GAINS_FILE = "gains.json"
 
 
-class InnerLoopGains(AircraftTable):
+class InnerLoopGains(q.Table):
     """Gains of the inner loop, as ``flighttune design`` writes them beside ``aircraft.toml``."""
 
     format: Literal["flighttune inner-loop gains 1"] = "flighttune inner-loop gains 1"
@@ -172,7 +160,7 @@ class InnerLoopGains(AircraftTable):
         return hashlib.sha256(values.encode()).hexdigest()
 
 
-class AircraftConfig(AircraftTable):
+class AircraftConfig(q.Table):
     """One aircraft as its ``aircraft.toml`` describes it, in SI and radians."""
 
     # Description of the aircraft, and source of its numbers

@@ -2,15 +2,13 @@
 
 from typing import Annotated, ClassVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import Field
 
-from flighttune.quantities import Factor, Shift
+from flighttune.quantities import Factor, Shift, Table
 
 
-class OffNominal(BaseModel):
+class OffNominal(Table):
     """``[plant.airframe]``: differences of an aircraft from its files."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 
     AXES: ClassVar[tuple[str, ...]] = (
         *("lift", "drag", "side_force"),

@@ -59,19 +59,15 @@ class FlownScenario:
     indicators: Mapping[str, Indicators]
     tuning: TuningResult | None = None
 
-    @property
+    @cached_property
     def metrics(self) -> pd.DataFrame:
         """`channel_metrics` of every run flown; index (run, channel)."""
-        return self._tables[0]
-
-    @property
-    def flight(self) -> pd.DataFrame:
-        """`flight_metrics` of every run flown; index run."""
-        return self._tables[1]
+        return metric_tables(self.runs)[0]
 
     @cached_property
-    def _tables(self) -> tuple[pd.DataFrame, pd.DataFrame]:
-        return metric_tables(self.runs)
+    def flight(self) -> pd.DataFrame:
+        """`flight_metrics` of every run flown; index run."""
+        return metric_tables(self.runs)[1]
 
     def __getitem__(self, label: str) -> Run:
         return next(run for run in self.runs if run.label == label)
@@ -186,11 +182,7 @@ def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
     return aircraft[label]
 
 
-def plant_of(
-    table: PlantTable,
-    scenario: Scenario,
-    wind: WindRecord | None = None,
-) -> Plant:
+def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = None) -> Plant:
     """A fresh plant of a scenario, ready to start.
 
     A plant that is no aircraft flies in `wind`, by default in still air. An InputError names

@@ -257,11 +257,6 @@ def explain_flight(
     )
 
 
-def rung_metrics(run: Run) -> pd.DataFrame:
-    """`channel_metrics` of a rung, all NaN if it failed."""
-    return channel_metrics(run) * (math.nan if _failure(run) else 1.0)
-
-
 def _check_length(run: Run) -> None:
     if len(run.signals) < LEAST_SAMPLES:
         raise InputError(

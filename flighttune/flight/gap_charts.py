@@ -3,7 +3,8 @@
 import numpy as np
 
 from flighttune.errors import InputError
-from flighttune.flight.gap import Gap, rung_metrics
+from flighttune.flight.gap import Gap
+from flighttune.metrics import channel_metrics
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS
 from flighttune.present.palette import INK, LIMIT, NEUTRAL
@@ -48,7 +49,7 @@ def itae_chart(gap: Gap, channel: str) -> Chart:
         return chart
     steps = [float(np.asarray(s.metrics.at[channel, "ITAE"])) for s in gap.steps]
     first, last = (
-        float(np.asarray(rung_metrics(run).at[channel, "ITAE"]))
+        float(np.asarray(channel_metrics(run).at[channel, "ITAE"]))
         for run in (gap.runs[0], gap.runs[-1])
     )
     ends = np.cumsum([first, *steps])

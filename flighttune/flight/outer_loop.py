@@ -39,7 +39,8 @@ def tuning_problem(scenario: Scenario, law: Law | None = None) -> TuningProblem:
     -------
     TuningProblem
         Maximise R_K of the loop about the first reference under ``I_K <= I_star`` (on the kinematic
-        law) and, where the scenario asks, the input limits at the first error.
+        law) and, where the scenario asks, the input limits at the first error. With ``robust`` in
+        [tuning] it is the problem of the first condition.
 
     Notes
     -----

@@ -45,7 +45,6 @@ def load_scenario(path: str | Path) -> Scenario:
     tables = _with_files(toml_tables(path), path)
     scenario = validated(Scenario, tables, str(path))
     check_aircraft(scenario, str(path))
-    check_identified(scenario, str(path))
     return scenario
 
 
@@ -149,12 +148,18 @@ def leaves(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, An
 
 
 def check_aircraft(scenario: Scenario, source: str) -> None:
-    """Refuse a scenario that one of its aircraft cannot start.
+    """Refuse a scenario that one of its aircraft cannot start, or without its identified model.
 
     Steady flight at the start is not required here: without it a run ends with a status. The
     ScenarioError names `source`, the file of the scenario, and every key.
     """
     faults = dict.fromkeys(fault for plant in scenario.plant for fault in _faults(scenario, plant))
+    if scenario.tuning.identified is not None:
+        try:
+            load_identified(scenario.tuning.identified)
+        except InputError as error:
+            reason = f"[tuning] `identified` must be an aircraft or a model file: {error}"
+            faults[reason] = None
     if faults:
         raise ScenarioError(f"{source}: {joined(faults)}")
     if scenario.reference.shape is None:
@@ -163,18 +168,6 @@ def check_aircraft(scenario: Scenario, source: str) -> None:
         scenario.followed()
     except InputError as error:
         raise ScenarioError(f"{source}: {error}") from error
-
-
-def check_identified(scenario: Scenario, source: str) -> None:
-    """Refuse a scenario whose identified model cannot be read, naming `source` and key."""
-    if scenario.tuning.identified is None:
-        return
-    try:
-        load_identified(scenario.tuning.identified)
-    except InputError as error:
-        raise ScenarioError(
-            f"{source}: [tuning] `identified` must be an aircraft or a model file: {error}"
-        ) from error
 
 
 def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:

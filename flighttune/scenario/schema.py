@@ -19,7 +19,7 @@ from flighttune.errors import InputError
 from flighttune.identify.file import DesignModel, design_model, load_identified
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.weather import Weather, WindProfile
-from flighttune.quantities import FASTEST_WIND, STEEPEST_DEG
+from flighttune.quantities import FASTEST_WIND, STEEPEST_DEG, Table
 from flighttune.scenario import tables
 from flighttune.scenario.tables import LAWS, TUNED, TUNED_IDENTIFIED, GainsTable, law_named
 from flighttune.simulate.feasible import FeasibleReference, Manoeuvre, feasible_reference
@@ -37,7 +37,7 @@ ROUNDING = 1e-9
 MARGIN = 0.2
 
 
-class Scenario(tables.Table):
+class Scenario(Table):
     """One manoeuvre: every gain set flies on every plant."""
 
     title: Annotated[str, Field(min_length=1)]

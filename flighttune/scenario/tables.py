@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
 import numpy as np
 from pydantic import (
     AfterValidator,
-    BaseModel,
     BeforeValidator,
     ConfigDict,
     Field,
@@ -65,15 +64,7 @@ Name: TypeAlias = Annotated[
 PathName: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(_short)]
 
 
-class Table(BaseModel):
-    """A table of the file: unknown keys are refused, and it does not change."""
-
-    model_config = ConfigDict(
-        extra="forbid", frozen=True, strict=True, validate_by_name=True, serialize_by_alias=True
-    )
-
-
-class FlightTable(Table):
+class FlightTable(q.Table):
     """``[flight]``: start and length of the manoeuvre, and gravity of the kinematic law."""
 
     V_a_mps: q.Airspeed
@@ -96,7 +87,7 @@ def _with_zero(rates: tuple[float, float]) -> tuple[float, float]:
 Rates: TypeAlias = q.PositiveRate | Annotated[q.AngularRates, AfterValidator(_with_zero)]
 
 
-class LimitsTable(Table):
+class LimitsTable(q.Table):
     """``[limits]`` of the commands; what is absent is not limited.
 
     A rate is one number (both ways) or a range.
@@ -121,7 +112,7 @@ def _ends(*limits: float | tuple[float, float] | None) -> FloatArray:
     return np.transpose(pairs) * [DEG, 1.0]
 
 
-class ControllerTable(Table):
+class ControllerTable(q.Table):
     """``[controller]``: sample rate and options of the discrete MIMO-PI."""
 
     rate_hz: Annotated[float, Field(ge=1.0, le=1000.0)] = 50.0
@@ -131,7 +122,7 @@ class ControllerTable(Table):
     schedule: bool = False
 
 
-class EnvelopeTable(Table):
+class EnvelopeTable(q.Table):
     """``[envelope]``: ranges of flight over which ``certify --envelope`` looks for one proof."""
 
     V_a_mps: q.Airspeeds
@@ -145,7 +136,7 @@ class EnvelopeTable(Table):
         return Envelope(V_a=self.V_a_mps, gamma=gamma, phi=phi, n_z=self.n_z)
 
 
-class StepTable(Table):
+class StepTable(q.Table):
     """A jump of a reference."""
 
     shape: Literal["step"]
@@ -157,7 +148,7 @@ class StepTable(Table):
         return Segment(self.start_s, (0.0,), jumps=(self.change_deg * DEG,))
 
 
-class RampTable(Table):
+class RampTable(q.Table):
     """A steady change of a reference, kept afterwards."""
 
     shape: Literal["ramp"]
@@ -170,7 +161,7 @@ class RampTable(Table):
         return Segment(self.start_s, (0.0, self.duration_s), rates=(self.rate_dps * DEG,))
 
 
-class DoubletTable(Table):
+class DoubletTable(q.Table):
     """A pulse up and its opposite, each `width_s` long."""
 
     shape: Literal["doublet"]
@@ -190,7 +181,7 @@ SegmentTable: TypeAlias = Annotated[
 ]
 
 
-class ReferenceTable(Table):
+class ReferenceTable(q.Table):
     """``[reference]``: a constant a channel, or segments that add to the value of ``[flight]``.
 
     With the shape ``feasible`` the constants are the end of the fastest change that keeps `margin`
@@ -254,8 +245,10 @@ def _channel(
     return value * DEG, ()
 
 
-class OwnTable(Table):
+class OwnTable(q.Table):
     """A law or plant, which may be a class of the user's: the class itself is in no file."""
+
+    model_config = ConfigDict(serialize_by_alias=True)
 
     module: Annotated[str, Field(min_length=1)] | None = None
     class_: Annotated[str, Field(min_length=1)] | None = Field(default=None, alias="class")
@@ -285,7 +278,7 @@ class OwnTable(Table):
         return table
 
 
-def _check_keys(table: Table, kind: str, kinds: Mapping[str, PlantKind | type[Law]]) -> None:
+def _check_keys(table: q.Table, kind: str, kinds: Mapping[str, PlantKind | type[Law]]) -> None:
     """Refuse keys of other kinds, and that a key is missing that a kind cannot do without."""
     for key in sorted(table.model_fields_set - kinds[kind].keys):
         others = " or ".join(name for name, other in kinds.items() if key in other.keys)
@@ -412,7 +405,7 @@ def _law_tables(value: object) -> object:
 Laws: TypeAlias = Annotated[list[LawTable], Field(min_length=1), BeforeValidator(_law_tables)]
 
 
-class SensorsTable(Table):
+class SensorsTable(q.Table):
     """``[sensors]``: bias and noise of course, flight-path angle and airspeed."""
 
     chi_bias_deg: q.Angle = 0.0
@@ -441,7 +434,7 @@ class SensorsTable(Table):
 INTENSITIES = {"light": (3, 7.7), "moderate": (4, 15.4), "severe": (6, 23.1)}
 
 
-class WindLevelTable(Table):
+class WindLevelTable(q.Table):
     """``[[wind.level]]``: the wind at one height above sea level."""
 
     h_m: q.Height
@@ -450,7 +443,7 @@ class WindLevelTable(Table):
     down_mps: q.Wind = 0.0
 
 
-class WindTable(Table):
+class WindTable(q.Table):
     """``[wind]``: steady wind, the same at all heights or given at levels."""
 
     speed_mps: q.WindSpeed | None = None
@@ -475,15 +468,15 @@ class WindTable(Table):
 
     def profile(self) -> WindProfile:
         """The wind over height in m/s, north, east and down."""
-        if self.level is not None:
-            return WindProfile(
-                tuple((x.h_m, _blowing(x.speed_mps, x.from_deg, x.down_mps)) for x in self.level)
-            )
-        wind = _blowing(self.speed_mps or 0.0, self.from_deg or 0.0, self.down_mps)
-        return WindProfile(((0.0, wind),))
+        if self.level is None:
+            wind = _blowing(self.speed_mps or 0.0, self.from_deg or 0.0, self.down_mps)
+            return WindProfile(((0.0, wind),))
+        return WindProfile(
+            tuple((x.h_m, _blowing(x.speed_mps, x.from_deg, x.down_mps)) for x in self.level)
+        )
 
 
-class GustTable(Table):
+class GustTable(q.Table):
     """``[gust]``: one 1-cosine gust, its length flown through at the airspeed of the start."""
 
     axis: Literal["ahead", "right", "down"]
@@ -503,7 +496,7 @@ class GustTable(Table):
         )
 
 
-class TurbulenceTable(Table):
+class TurbulenceTable(q.Table):
     """``[turbulence]``: Dryden turbulence by a word, or by the two numbers behind it."""
 
     intensity: Literal["light", "moderate", "severe"] | None = None
@@ -529,7 +522,7 @@ class TurbulenceTable(Table):
         return Turbulence(severity=severity, wind_20ft=wind, model=self.model)
 
 
-class DisturbanceTable(Table):
+class DisturbanceTable(q.Table):
     """``[disturbance]``: the paper's sinusoid on the kinematic law, amplitudes in rad/s.
 
     A square wave switches between the amplitudes where the sinusoid changes its sign; with a list
@@ -618,7 +611,7 @@ TUNED_IDENTIFIED = "tuned_identified"
 TuningModel: TypeAlias = Literal["kinematic", "identified"]
 
 
-class TuningTable(Table):
+class TuningTable(q.Table):
     """``[tuning]``: what the gains named ``tuned`` maximise R_K under, and on which model.
 
     On the kinematic law ``lag_rad_s`` puts a first-order lag of (phi, n_z) between command and
@@ -668,7 +661,7 @@ def _two_by_two(rows: list[list[float]]) -> list[list[float]]:
 GainMatrix: TypeAlias = Annotated[list[list[q.Gain]], AfterValidator(_two_by_two)]
 
 
-class GainsTable(Table):
+class GainsTable(q.Table):
     """Gains given as numbers: rows phi, n_z (or their rates); columns chi, gamma.
 
     ``law`` says whose they are: the paper's, or the exact law's in 1/s and 1/s^2. By default the
@@ -691,7 +684,7 @@ Bounds: TypeAlias = dict[Subject, dict[str, q.Finite]]
 CHANNEL_MEASURES = (*METRICS, "peak_rad")
 
 
-class ExpectTable(Table):
+class ExpectTable(q.Table):
     """Requirements for the runs of one plant, of one gain set, of both, or for all runs.
 
     Bounds are grouped by ``chi``, ``gamma`` (measures of the channel, and ``peak_rad``, the largest

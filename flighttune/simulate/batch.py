@@ -236,9 +236,6 @@ def _in_blocks(fly: Callable[[int, int], Any], flights: int, threads: int | None
     """Fly all flights in blocks that the threads take one after the other."""
     threads = cores() if threads is None else threads
     check_at_least(1, threads=threads)
-    if threads == 1:
-        fly(0, flights)
-        return
     edges = np.linspace(0, flights, min(flights, threads * BLOCKS_PER_THREAD) + 1).astype(int)
     fly(0, 0)  # compiles before the threads start: each of them would
     with ThreadPoolExecutor(threads) as pool:

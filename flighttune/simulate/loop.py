@@ -10,15 +10,8 @@ from operator import itemgetter
 import numpy as np
 import pandas as pd
 
-from flighttune.control.controller import (
-    Controller,
-    FlightCondition,
-    Measured,
-    ReferenceSample,
-    SelfLimiting,
-)
-from flighttune.control.guarded import GuardedLaw, LawError
-from flighttune.control.limits import Limits
+from flighttune.control.controller import FlightCondition, Measured, ReferenceSample, SelfLimiting
+from flighttune.control.guarded import LawError
 from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, Plant, Stop
 from flighttune.plants.sensors import MEASURED, SensedPlant, Sensors
@@ -44,12 +37,11 @@ PROGRESS_EVERY = 50
 
 def simulate(
     plant: Plant,
-    controller: Controller,
+    controller: SelfLimiting,
     reference: Reference | FeasibleReference,
     *,
     condition: FlightCondition,
     duration: float,
-    limits: Limits | None = None,
     sensors: Sensors | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[pd.DataFrame, Stop | None]:
@@ -59,18 +51,15 @@ def simulate(
     ----------
     plant : Plant
         A plant that was not flown before.
-    controller : Controller
-        From (chi, gamma) to (phi, n_z); its sample time is the step of the loop. It is started
-        from the roll and load factor of `condition`.
+    controller : SelfLimiting
+        From (chi, gamma) to (phi, n_z) within limits; its sample time is the step of the loop. It
+        is started from the roll and load factor of `condition`.
     reference : Reference or FeasibleReference
         Course and flight-path angle to follow.
     condition : FlightCondition
         Start of the flight.
     duration : float, s
         Time to fly, positive; rounded to whole samples.
-    limits : Limits, optional
-        Limits that the loop puts on the commands; none by default. A controller that limits its own
-        commands takes no others.
     sensors : Sensors, optional
         Sensors through which the controller sees course, climb and airspeed; by default it sees the
         true values. With sensors the signals also hold `MEASURED`; the errors are the true ones.
@@ -97,31 +86,25 @@ def simulate(
     dt = controller.dt
     if not (math.isfinite(duration) and duration >= dt):
         raise InputError(f"`duration` must be at least one sample ({dt} s), got {duration} s.")
-    if not isinstance(controller, SelfLimiting):
-        law = GuardedLaw(controller, Limits.none(2) if limits is None else limits)
-    elif limits is not None:
-        raise InputError("`limits` must be given to the controller, which applies them itself.")
-    else:
-        law = controller
     count = round(duration / dt)
     t = np.arange(count + 1, dtype=np.float64) * dt
     sensed = None if sensors is None else len(plant.signals)
     measured_of = _measured(plant.signals, condition.h, sensed)
     if sensors is not None:
         plant = SensedPlant(plant, sensors.errors(count + 1, dt))
-    wrapped = getattr(law, "wrapped", (True,))[0]
-    columns = _columns(plant.signals, tuple(law.signals))
+    wrapped = getattr(controller, "wrapped", (True,))[0]
+    columns = _columns(plant.signals, tuple(controller.signals))
     row = struct.Struct(f"{len(columns)}d")
     samples = zip(t.tolist(), _references(reference, t), strict=True)
     plant.start(condition)
     try:
-        law.start(condition)
+        controller.start(condition)
     except LawError as error:
         return _table(bytearray(), columns, t, wrapped), Stop("law_failed", str(error))
-    limiter = law.limiter
+    limiter = controller.limiter
     u_unsat, limited = limiter.u_unsat, limiter.limited
     rows, stop = bytearray(), None
-    observe, advance, step, pack = plant.observe, plant.advance, law.step, row.pack
+    observe, advance, step, pack = plant.observe, plant.advance, controller.step, row.pack
     for k, (now, ref) in enumerate(samples):
         seen = observe()
         try:

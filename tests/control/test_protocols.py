@@ -7,6 +7,7 @@ import pytest
 from plain_members import Glider, Proportional
 
 from flighttune import CommandLimiter, FlightCondition, Limits, PointMassPlant, Reference
+from flighttune.control.guarded import GuardedLaw
 from flighttune.simulate.loop import simulate
 
 START = FlightCondition(V_a=25.0, h=800.0, chi=0.4, gamma=0.1)
@@ -19,9 +20,9 @@ NARROW = Limits(
 )
 
 
-def flown(law, plant=None, **more):
-    more = {"condition": START, "duration": 4.0} | more
-    return simulate(plant or PointMassPlant(), law, LEVEL, **more)
+def flown(law, plant=None, limits=None):
+    law = GuardedLaw(law, limits or Limits.none(2))
+    return simulate(plant or PointMassPlant(), law, LEVEL, condition=START, duration=4.0)
 
 
 def test_a_plain_law_flies_a_plain_plant():

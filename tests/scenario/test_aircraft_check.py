@@ -75,12 +75,3 @@ def test_a_scenario_made_in_python_is_refused_by_its_title_when_it_is_flown():
         ScenarioError, match=r"^Too fast: \[flight\] `V_a_mps` must lie in 15 to 45"
     ):
         fly(scenario)
-
-
-def test_no_steady_flight_is_a_status_and_no_mistake_of_the_file(tmp_path):
-    path = tmp_path / "dive.toml"
-    path.write_text(text(flight=", gamma_deg = -30.0"))
-
-    (run,) = fly(load_scenario(path)).runs
-
-    assert run.status == "no_trim"

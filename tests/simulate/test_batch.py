@@ -9,14 +9,13 @@ from flighttune.control.gains import PAPER_GAINS, PIGains, paper_family
 from flighttune.control.limits import Limits
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import InputError, ShapeError
-from flighttune.metrics import METRICS, channel_metrics
+from flighttune.metrics import channel_metrics
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.plants.sensors import Sensors
 from flighttune.simulate.batch import SIGNALS, fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.loop import simulate
-from flighttune.simulate.measures import ErrorMeasures
 from flighttune.simulate.reference import Reference, Segment
 from flighttune.simulate.run import Provenance, Run
 
@@ -139,10 +138,6 @@ def test_random_cases_meet_every_kind_of_limit_and_divergence():
 
     assert {0.0, 1.0, 2.0} <= set(batch.signal("phi_limited")[batch.ends == 0].ravel())
     assert {0, 1} <= set(batch.ends.tolist())
-
-
-def test_the_measures_have_the_names_and_the_order_of_the_single_runs():
-    assert ErrorMeasures._fields == tuple(METRICS)
 
 
 def test_metrics_alone_are_the_metrics_of_the_trajectories():

@@ -10,16 +10,9 @@ from scipy.special import log_ndtr, logsumexp, ndtr, ndtri, ndtri_exp
 
 from flighttune.arrays import FloatArray
 from flighttune.metrics import FLIGHT_METRICS
-from flighttune.quantities import Finite, NotNegative, Positive
+from flighttune.quantities import Finite, NotNegative, Positive, Table
 from flighttune.scenario.schema import GainsTable, Scenario
-from flighttune.scenario.tables import (
-    CHANNEL_MEASURES,
-    ExpectTable,
-    PathName,
-    PlantTable,
-    Seed,
-    Table,
-)
+from flighttune.scenario.tables import CHANNEL_MEASURES, ExpectTable, PathName, PlantTable, Seed
 
 Value: TypeAlias = bool | int | float | str
 """Values of a key of a scenario."""
