@@ -62,6 +62,11 @@ def check_between(low: float, high: float, **values: float) -> None:
     _check(lambda value: low < value < high, f"be between {low:g} and {high:g}", values)
 
 
+def check_upright(**angles: float) -> None:
+    """Refuse the first of `angles` (rad) that is not inside +-pi/2."""
+    _check(lambda angle: abs(angle) < math.pi / 2, "lie inside +-pi/2", angles, "rad")
+
+
 def check_finite(unit: str = "", **values: npt.ArrayLike) -> None:
     """Refuse the first of `values`, numbers or tuples of them, that is not finite."""
     _check(lambda value: bool(np.isfinite(value).all()), "be finite", values, unit)

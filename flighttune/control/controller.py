@@ -1,14 +1,13 @@
 """Interface of a control law: start at a flight condition, turn measurements into commands."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
-from flighttune.arrays import check_finite, check_positive
+from flighttune.arrays import check_finite, check_positive, check_upright
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import Limits
-from flighttune.errors import InputError
 from flighttune.units import G_PAPER
 
 AntiWindup: TypeAlias = Literal["none", "conditional", "back_calculation"]
@@ -40,9 +39,7 @@ class FlightCondition:
     def __post_init__(self) -> None:
         check_positive("m/s", V_a=self.V_a)
         check_finite(h=self.h, chi=self.chi, gamma=self.gamma, phi=self.phi)
-        for name in ("gamma", "phi"):
-            if not abs(getattr(self, name)) < math.pi / 2:
-                raise InputError(f"`{name}` must lie inside +-pi/2, got {getattr(self, name)} rad.")
+        check_upright(gamma=self.gamma, phi=self.phi)
         if self.n_z is not None:
             check_finite(n_z=self.n_z)
 
@@ -147,20 +144,6 @@ class Controller(Protocol):
         ...
 
 
-class Limiter(Protocol):
-    """Record of the limits: the same lists at every sample."""
-
-    @property
-    def u_unsat(self) -> Iterable[float]:
-        """Commands before the limits."""
-        ...
-
-    @property
-    def limited(self) -> Iterable[float]:
-        """0 free, 1 held by a magnitude limit, 2 held by a rate limit."""
-        ...
-
-
 class SelfLimiting:
     """Base of controllers that apply the limits of their flight themselves.
 
@@ -169,8 +152,12 @@ class SelfLimiting:
     """
 
     @property
-    def limiter(self) -> Limiter:
-        """Commands before the limits, and which limit holds."""
+    def limiter(self) -> Any:
+        """Record of the limits, the same lists at every sample.
+
+        ``u_unsat`` has the commands before the limits; ``limited`` is 0 for a command that is free,
+        1 for one at a magnitude limit, 2 at a rate limit.
+        """
         raise NotImplementedError
 
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flighttune.arrays import FloatArray, check_positive, read_only_vector
+from flighttune.arrays import FloatArray, check_positive, check_upright, read_only_vector
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel, closed_loop, entry_model
 from flighttune.errors import InputError
@@ -58,9 +58,8 @@ class Envelope:
             object.__setattr__(self, name, (low, high))
         if not self.V_a[0] > 0.0:
             raise InputError(f"`V_a` must be positive, got {self.V_a[0]:g} m/s.")
-        for name in ("gamma", "phi"):
-            if not max(map(abs, getattr(self, name))) < math.pi / 2:
-                raise InputError(f"`{name}` must lie inside +-pi/2, got {getattr(self, name)} rad.")
+        for ends in zip(self.gamma, self.phi, strict=True):
+            check_upright(gamma=ends[0], phi=ends[1])
 
     def __str__(self) -> str:
         units = ((1.0, " m/s"), (DEG, " deg"), (DEG, " deg"), (1.0, ""))

@@ -51,17 +51,14 @@ class PIGains:
             object.__setattr__(self, name, read_only_matrix(name, getattr(self, name), shape))
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, PIGains):
-            return NotImplemented
-        return (
-            (self.inputs, self.errors) == (other.inputs, other.errors)
-            and np.array_equal(self.K_P, other.K_P)
-            and np.array_equal(self.K_I, other.K_I)
-        )
+        return isinstance(other, PIGains) and self._key == other._key
 
     def __hash__(self) -> int:
-        numbers = (*self.K_P.ravel().tolist(), *self.K_I.ravel().tolist())
-        return hash((self.inputs, self.errors, numbers))
+        return hash(self._key)
+
+    @property
+    def _key(self) -> tuple[object, ...]:
+        return self.inputs, self.errors, tuple(self.K.ravel().tolist())
 
     @property
     def K(self) -> FloatArray:

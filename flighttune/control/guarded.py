@@ -5,11 +5,11 @@ import textwrap
 import time
 import traceback
 from collections.abc import Sequence
+from typing import Any
 
 from flighttune.control.controller import (
     Controller,
     FlightCondition,
-    Limiter,
     Measured,
     ReferenceSample,
     SelfLimiting,
@@ -66,11 +66,11 @@ class GuardedLaw(SelfLimiting):
         self.dt: float = law.dt
         self.signals = {str(name): str(unit) for name, unit in law.signals.items()}
         self._limits = CommandLimiter(limits, self.dt)
-        self._recorded: Limiter = self._limits
+        self._recorded: Any = self._limits
         self._spent = 0.0
 
     @property
-    def limiter(self) -> Limiter:
+    def limiter(self) -> Any:
         """Commands before the limits, and which limit holds: as the law itself says, if it does."""
         return self._recorded
 

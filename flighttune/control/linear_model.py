@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, check_positive, read_only_matrix
+from flighttune.arrays import FloatArray, check_positive, check_upright, read_only_matrix
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ShapeError
 
@@ -108,9 +108,7 @@ def kinematic_model(
     the equilibrium; its own model gives cos(gamma_c)/cos(phi). With phi = 0 the value drops out.
     """
     check_positive(V_a=V_a, g=g)
-    for name, value in (("gamma", gamma), ("phi", phi)):
-        if not abs(value) < math.pi / 2:
-            raise InputError(f"`{name}` must lie inside +-pi/2, got {value} rad.")
+    check_upright(gamma=gamma, phi=phi)
     if n_z is None:
         n_z = math.cos(gamma) / math.cos(phi)
     entries = math.sin(gamma), 1.0 / math.cos(phi) ** 2, n_z * math.sin(phi), math.cos(phi)

@@ -14,6 +14,7 @@ from worst_reach import largest_reach, worst_disturbance
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.linear_model import closed_loop, disturbance_entry, kinematic_model
 from flighttune.errors import InputError
+from flighttune.theory import reachable as tabulated
 from flighttune.theory.attractor import invariant_ellipsoid, paper_balls
 from flighttune.theory.indicators import indicators
 from flighttune.theory.reachable import ReachableSet
@@ -168,7 +169,7 @@ def test_a_stiff_loop_is_tabulated_on_few_panels():
     assert stiff.reach([1.0, 0.0]) == pytest.approx(1e2, rel=QUADRATURE)
 
 
-@pytest.mark.slow
-def test_a_loop_that_hardly_decays_in_many_oscillations_is_refused():
+def test_a_loop_that_hardly_decays_in_many_oscillations_is_refused(monkeypatch):
+    monkeypatch.setattr(tabulated, "MAX_PANELS", 500)
     with pytest.raises(InputError, match="`A`"):
         ReachableSet.of([[-1e-6, 1.0], [-1.0, -1e-6]], np.eye(2), L_d=1.0)
