@@ -109,8 +109,8 @@ class Fdm:
     def _load(self, folders: ModelFolders, log: QuietLogger) -> None:
         self._exec.set_debug_level(0)
         self._exec.set_dt(1.0 / self.rate)
-        paths = (folders.model, folders.engines, folders.systems)
-        if not self._exec.load_model_with_paths(folders.name, *map(str, paths), False):
+        model, engines, systems = map(str, (folders.model, folders.engines, folders.systems))
+        if not self._exec.load_model_with_paths(folders.name, model, engines, systems, False):
             raise PlantError(f"{self._model}: must load in JSBSim, got: {log.text or 'no reason'}.")
         # After load_model, which resets it. JSBSim's own Earth turns and is round: a straight
         # flight would drift off its course by 0.006 deg/s.
