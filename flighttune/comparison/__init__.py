@@ -1,7 +1,6 @@
 """Runs side by side: what differs, which is better, and whether it is within tolerance."""
 
-from flighttune.comparison.compare import Comparison, Pair, compare
-from flighttune.comparison.source import Source, load_source
+from flighttune.comparison.compare import Comparison, Pair, Source, compare, load_source
 from flighttune.comparison.tolerance import Tolerance, Violation, load_tolerances, violations
 
 __all__ = [

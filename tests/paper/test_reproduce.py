@@ -12,7 +12,6 @@ import pandas as pd
 import pytest
 from browser import DESK, NARROW, PHONE, told_at_widths
 from commands import answer, flighttune
-from PIL import Image
 from printed import LAST_DIGIT_I, LAST_DIGIT_R, TABLE_2
 
 from flighttune.paper.claims import CLAIMS
@@ -30,19 +29,6 @@ ORDER = (
 ERRATA = Path(__file__).parents[2] / "docs" / "errata.md"
 SVG = "{http://www.w3.org/2000/svg}"
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
-
-
-SIZE = 1200, 2600
-SAME_COLOUR = 2
-"""Levels (of 255) by which the colour of a pixel may differ."""
-
-VERDICT_GROUNDS = {
-    "reproduced": (0xD9, 0xF2, 0xE4),
-    "partly": (0xFD, 0xEC, 0xCB),
-    "not reproduced": (0xFB, 0xDA, 0xDD),
-    "not checkable": (0xE6, 0xE9, 0xEC),
-}
-"""Colours of the four verdicts on the page."""
 
 
 def charts_of(reproduction):
@@ -85,23 +71,6 @@ def test_table_2_comes_out_as_printed(reproduction, name):
     _, R_K, I_K = TABLE_2[name]
     assert row["R_K"] == pytest.approx(R_K, abs=LAST_DIGIT_R)
     assert row["I_K"] == pytest.approx(I_K, abs=LAST_DIGIT_I)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("item", "names"),
-    [
-        ("fig8", ["K1", "K2", "K3", "K4", "K5", "K6", "K*"]),
-        ("fig11", [f"d{k}" for k in range(1, 10)]),
-    ],
-)
-def test_families_have_the_papers_measures_by_name_and_channel(reproduction, item, names):
-    found = values(reproduction, item)
-
-    assert set(found) == set(names)
-    for name in names:
-        for channel in ("chi", "gamma"):
-            assert {"MO_rad", "PT_s", "ITAE", "MS_rad", "ST_rad"} <= found[name][channel].keys()
 
 
 @pytest.mark.slow
@@ -184,22 +153,6 @@ def test_the_page_needs_nothing_but_itself_and_has_claims_first_and_every_figure
     assert places == sorted(places)
     assert all(f'id="claim-{name}"' in html for name in CLAIMS)
     assert html.count('<svg class="chart"') == len(charts_of(reproduction))
-
-
-@pytest.mark.slow
-def test_a_browser_shows_the_claims_with_their_verdicts_in_colour(chromium, reproduction, tmp_path):
-    picture, (width, height) = tmp_path / "page.png", SIZE
-
-    chromium(f"--window-size={width},{height}", f"--screenshot={picture}", reproduction[0].page)
-
-    seen = np.asarray(Image.open(picture).convert("RGB")).astype(int)
-    assert seen.shape[:2] == SIZE[::-1]
-    for verdict, colour in VERDICT_GROUNDS.items():
-        near = np.abs(seen - colour).max(axis=-1) <= SAME_COLOUR
-        assert near.sum() > 500, verdict
-    ink = seen.sum(axis=-1) < 300
-    assert ink[:, : width // 2].any(axis=1).mean() > 0.2
-    assert ink[:, width // 2 :].any(axis=1).mean() > 0.2
 
 
 @pytest.mark.slow
