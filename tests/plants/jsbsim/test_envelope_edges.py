@@ -94,13 +94,6 @@ def test_commanded_load_factor_is_clipped_to_what_the_aircraft_may(fly):
     assert np.max(flight["n_z"]) == pytest.approx(2.1, abs=0.1)
 
 
-def test_a_roll_command_beyond_the_inverted_stays_a_bank_of_45_deg(fly):
-    flight = fly((math.pi, 1.3), duration=4.0)
-
-    assert flight.stop is None
-    assert np.max(flight["phi"]) == pytest.approx(45.0 * DEG, abs=2.0 * DEG)
-
-
 def test_a_gust_beyond_the_envelope_ends_the_flight_with_its_number(fly):
     gust = Gust(axis="down", peak=-9.0, start=1.0, rise=0.1, hold=1.0)
 
