@@ -28,7 +28,7 @@ from flighttune.flight.fly import (
 )
 from flighttune.guarantee.mismatch import CHANNELS, Mismatch, mismatch
 from flighttune.identify.file import FILE_NAME, load_identified
-from flighttune.identify.fit import FittedLag, assessed_lag, fitted_lag
+from flighttune.identify.fit import FittedLag, fitted_lag
 from flighttune.metrics import channel_metrics, flight_metrics
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.scenario.schema import Scenario
@@ -284,12 +284,13 @@ def _inner_loop(
     if wanted is None:
         file = load_aircraft(aircraft).folder / FILE_NAME
         wanted = "identified" if file.exists() else "fitted"
-    if wanted == "fitted":
-        return wanted, {name: fitted_lag(run.t, *signals) for name, signals in flown.items()}
-    _, gamma = scenario.followed().initial
-    lags = load_identified(aircraft).nearest(scenario.flight.V_a_mps, gamma).lags
+    lags = None, None
+    if wanted == "identified":
+        _, gamma = scenario.followed().initial
+        lags = load_identified(aircraft).nearest(scenario.flight.V_a_mps, gamma).lags
     return wanted, {
-        name: assessed_lag(lag, run.t, *flown[name]) for name, lag in zip(flown, lags, strict=True)
+        name: fitted_lag(run.t, *signals, lag=lag)
+        for (name, signals), lag in zip(flown.items(), lags, strict=True)
     }
 
 

@@ -117,39 +117,32 @@ class FittedLag:
     fit_percent: float
 
 
-def fitted_lag(t: FloatArray, commanded: FloatArray, measured: FloatArray) -> FittedLag:
+def fitted_lag(
+    t: FloatArray, commanded: FloatArray, measured: FloatArray, *, lag: InnerLag | None = None
+) -> FittedLag:
     """Return the lag whose response to `commanded` is nearest to `measured` in the least squares.
 
     The samples are evenly spaced; commands are held from each to the next, and the first measured
     value is taken as at rest. The lag is of second order where that is worth it, and `UNEXCITED`
-    where nothing was commanded.
+    where nothing was commanded; a `lag` from elsewhere is not fitted, only its fit is computed.
     """
     if not len(t) > 10:
         raise InputError(f"`t` must have more than 10 samples, got {len(t)}.")
     if np.ptp(commanded) <= SILENT:
-        return FittedLag(lag=UNEXCITED, fit_percent=math.nan)
+        return FittedLag(lag=lag or UNEXCITED, fit_percent=math.nan)
     dt = float(t[-1] - t[0]) / (len(t) - 1)
 
-    def error(lag: InnerLag) -> FloatArray:
-        return lag_response(lag, dt, commanded, float(measured[0])) - measured
+    def response(lag: InnerLag) -> FloatArray:
+        return lag_response(lag, dt, commanded, float(measured[0]))
 
-    starts = [(math.log(w), 0.5 * dt, 0.0, 0.0) for w in START_FREQUENCIES]
-    (first, first_rss), (second, second_rss) = (
-        _best_lag(error, order, starts, _TIME_BOUNDS) for order in (1, 2)
-    )
-    lag = second if second_rss < SECOND_ORDER_GAIN * first_rss else first
-    return assessed_lag(lag, t, commanded, measured)
-
-
-def assessed_lag(
-    lag: InnerLag, t: FloatArray, commanded: FloatArray, measured: FloatArray
-) -> FittedLag:
-    """Return a lag from elsewhere with its fit to a flight; arguments as of `fitted_lag`."""
-    if np.ptp(commanded) <= SILENT:
-        return FittedLag(lag=lag, fit_percent=math.nan)
-    dt = float(t[-1] - t[0]) / (len(t) - 1)
-    model = lag_response(lag, dt, commanded, float(measured[0]))
-    return FittedLag(lag=lag, fit_percent=fit_percent(measured, model))
+    if lag is None:
+        starts = [(math.log(w), 0.5 * dt, 0.0, 0.0) for w in START_FREQUENCIES]
+        (first, first_rss), (second, second_rss) = (
+            _best_lag(lambda lag: response(lag) - measured, order, starts, _TIME_BOUNDS)
+            for order in (1, 2)
+        )
+        lag = second if second_rss < SECOND_ORDER_GAIN * first_rss else first
+    return FittedLag(lag=lag, fit_percent=fit_percent(measured, response(lag)))
 
 
 def fit_percent(measured: FloatArray, model: FloatArray) -> float:

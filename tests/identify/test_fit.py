@@ -7,7 +7,7 @@ import pytest
 
 from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import InputError
-from flighttune.identify.fit import assessed_lag, fitted_lag, lag_response
+from flighttune.identify.fit import fitted_lag, lag_response
 
 DT = 0.02
 T = np.arange(600) * DT
@@ -67,7 +67,7 @@ def test_noise_is_not_told_by_a_lag():
     clean = lag_response(lag, DT, commanded, commanded[0])
     noise = np.random.default_rng(3).normal(scale=0.5 * np.std(clean), size=len(T))
 
-    found = assessed_lag(lag, T, commanded, clean + noise - noise[0])
+    found = fitted_lag(T, commanded, clean + noise - noise[0], lag=lag)
 
     told = 100.0 * (1.0 - np.mean((noise - noise[0]) ** 2) / np.var(clean + noise))
     assert found.fit_percent == pytest.approx(told, abs=5.0)
@@ -79,7 +79,7 @@ def test_a_channel_that_was_not_commanded_shows_no_lag():
     found = fitted_lag(T, still, still)
 
     assert math.isnan(found.fit_percent)
-    assert math.isnan(assessed_lag(found.lag, T, still, still).fit_percent)
+    assert math.isnan(fitted_lag(T, still, still, lag=found.lag).fit_percent)
 
 
 def test_too_few_samples_are_refused():
