@@ -241,7 +241,7 @@ def fly_alone(
     elif wind_run is not None and gains is not None:
         source = wind_run.provenance.plant
         reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
-        return _run(scenario, label, gains_name, gains, wind_run.status, reason)
+        return _not_flown(scenario, label, gains_name, gains, wind_run.status, reason)
     elif weather is not None and scenario.windy:
         north, east, down = weather.deterministic(0.0, scenario.flight.h_m)
         wind = WindRecord.steady(north=north, east=east, down=down)
@@ -276,7 +276,7 @@ def fly_once(
     scenario = with_own(scenario)
     if gains is None:
         reason = "tuning found no gains that meet the constraints"
-        return _run(scenario, plant_label, gains_name, None, "no_gains", reason)
+        return _not_flown(scenario, plant_label, gains_name, None, "no_gains", reason)
     started = time.perf_counter()
     duration = scenario.flight.duration_s
     if limits is None:
@@ -297,31 +297,29 @@ def fly_once(
             progress=None if progress is None else (lambda t: progress(label, t / duration)),
         )
     except LawError as error:
-        return _run(*of_run, "law_failed", str(error))
+        return _not_flown(*of_run, "law_failed", str(error))
     except TrimError as error:
-        return _run(*of_run, "no_trim", str(error))
+        return _not_flown(*of_run, "no_trim", str(error))
     if progress is not None:
         progress(label, 1.0)
     status, reason = ("completed", "") if stop is None else (stop.status, stop.reason)
-    flown = _run(*of_run, status, reason, signals, time.perf_counter() - started)
+    run = _not_flown(*of_run, status, reason)
+    made_by = replace(run.provenance, wall_s=time.perf_counter() - started)
     units = {name: unit for name, unit in controller.signals.items() if name not in SIGNAL_UNITS}
-    return replace(flown, units=units)
+    return replace(run, signals=signals, provenance=made_by, units=units)
 
 
-def _run(
+def _not_flown(
     scenario: Scenario,
     plant_label: str,
     gains_name: str,
     gains: PIGains | None,
     status: RunStatus,
     reason: str,
-    signals: pd.DataFrame | None = None,
-    wall_s: float = 0.0,
 ) -> Run:
-    """A run of a scenario; without samples where the flight could not begin."""
-    if signals is None:
-        index = pd.Index([], name="t")
-        signals = pd.DataFrame(columns=pd.Index(LOOP_SIGNALS), index=index, dtype=float)
+    """A run of a scenario without samples."""
+    no_samples = pd.Index([], name="t")
+    signals = pd.DataFrame(columns=pd.Index(LOOP_SIGNALS), index=no_samples, dtype=float)
     made_by = Provenance(
         scenario=scenario.as_dict(),
         plant=plant_label,
@@ -329,7 +327,7 @@ def _run(
         gains=gains,
         seed=scenario.seed,
         versions=library_versions(),
-        wall_s=wall_s,
+        wall_s=0.0,
     )
     return Run(signals=signals, status=status, reason=reason, provenance=made_by)
 

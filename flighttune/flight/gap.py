@@ -314,10 +314,9 @@ def _failure(run: Run) -> str:
     """Why the metrics of a run are meaningless; empty if they are valid.
 
     A course error that jumps by more than half a turn while the reference does not has wrapped: the
-    flight went around, and its overshoot is an artefact of the wrapping. A flight that the user
-    interrupted is still valid.
+    flight went around, and its overshoot is an artefact of the wrapping.
     """
-    if run.status not in ("completed", "interrupted"):
+    if run.status != "completed":
         return f"ended early ({run.status.replace('_', ' ')})"
     jumps, moved = (
         np.abs(np.diff(run.signals[f"chi_{part}"].to_numpy())) for part in ("err", "ref")

@@ -36,17 +36,22 @@ class Difference:
         return f"{self.what} differs{when}: {recorded} recorded, {reflown} flown again"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False)
 class Reflight:
     """A recorded run and the same flight flown again."""
 
     recorded: Run
     reflown: Run
-    # The first one; None where gains, outcome and every sample are equal to the bit. Of a run
-    # that was stopped by hand only the samples it has are compared.
-    difference: Difference | None
-    # Libraries whose version is not the recorded one: then and now
-    versions: Mapping[str, tuple[str, str]]
+
+    @property
+    def difference(self) -> Difference | None:
+        """The first one; None where gains, outcome and every sample are equal to the bit."""
+        return next(_differences(self.recorded, self.reflown), None)
+
+    @property
+    def versions(self) -> Mapping[str, tuple[str, str]]:
+        """Libraries whose version is not the recorded one: then and now."""
+        return changed_versions(self.recorded.provenance.versions)
 
 
 def refly(
@@ -93,15 +98,7 @@ def refly(
                 "to be flown again."
             )
     again = fly(scenario, laws=laws, plants=plants, progress=progress)
-    return tuple(
-        Reflight(
-            recorded=run,
-            reflown=again[run.label],
-            difference=first_difference(run, again[run.label]),
-            versions=changed_versions(run.provenance.versions),
-        )
-        for run in runs
-    )
+    return tuple(Reflight(run, again[run.label]) for run in runs)
 
 
 def changed_versions(then: Mapping[str, str]) -> dict[str, tuple[str, str]]:
@@ -114,19 +111,10 @@ def changed_versions(then: Mapping[str, str]) -> dict[str, tuple[str, str]]:
     }
 
 
-def first_difference(recorded: Run, reflown: Run) -> Difference | None:
-    """The first difference of two runs to the bit: gains, then signals in time, then outcome.
-
-    Length and outcome are not compared if the recorded run has the status ``interrupted``.
-    """
-    return next(_differences(recorded, reflown), None)
-
-
 def _differences(recorded: Run, reflown: Run) -> Iterator[Difference]:
+    """Differences to the bit: of gains, then of signals in time, then of the outcome."""
     yield from _in_gains(recorded.provenance.gains, reflown.provenance.gains)
     yield from _in_signals(recorded, reflown)
-    if recorded.status == "interrupted":
-        return
     for what, then, now in (
         ("samples", len(recorded.signals), len(reflown.signals)),
         ("status", recorded.status, reflown.status),

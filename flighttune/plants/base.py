@@ -14,7 +14,7 @@ from flighttune.errors import FlightTuneError, InputError, ScenarioError, TrimEr
 TurnLaw: TypeAlias = Literal["paper", "exact"]
 
 StopStatus: TypeAlias = Literal[
-    "diverged", "ground_contact", "left_envelope", "interrupted", "law_failed", "plant_failed"
+    "diverged", "ground_contact", "left_envelope", "law_failed", "plant_failed"
 ]
 
 COMMON_SIGNALS = ("chi", "gamma", "phi", "n_z", "V_a", "north", "east", "down")

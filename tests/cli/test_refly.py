@@ -8,7 +8,7 @@ import pytest
 from commands import answer, flighttune
 
 from flighttune.flight.fly import fly
-from flighttune.flight.refly import first_difference, refly
+from flighttune.flight.refly import Reflight, refly
 from flighttune.recording.parquet import load_recording, write_run
 from flighttune.recording.record import record
 from flighttune.scenario import load_scenario, scenario_from
@@ -100,13 +100,11 @@ def test_another_version_is_said_and_no_failure(folder, tmp_path):
     assert "numpy: 1.0 then, " in flighttune("refly", path)[0]
 
 
-def test_of_an_interrupted_run_only_its_samples_are_compared(folder):
+def test_a_run_of_fewer_samples_differs_in_their_number(folder):
     run = load_recording(folder).runs[0]
-    part = replace(run, signals=run.signals.iloc[:40], status="interrupted")
+    shorter = replace(run, signals=run.signals.iloc[:40])
 
-    assert first_difference(part, run) is None
-    shorter = replace(part, status="completed")
-    assert first_difference(shorter, run).what == "samples"
+    assert Reflight(shorter, run).difference.what == "samples"
 
 
 def test_a_run_that_is_not_of_its_scenario_cannot_fly_again(folder, tmp_path):

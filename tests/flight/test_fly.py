@@ -37,9 +37,15 @@ def test_where_there_is_no_steady_flight_the_run_says_why_and_the_others_fly():
     assert len(aircraft.signals) == 0
 
 
-def test_a_run_knows_what_made_it():
-    (run, _) = fly(scenario(seed=7)).runs
+def test_a_run_knows_what_made_it_and_tells_its_progress():
+    told = {}
 
+    (run, _) = fly(
+        scenario(seed=7), progress=lambda label, part: told.setdefault(label, []).append(part)
+    ).runs
+
+    assert list(told) == ["kinematic / paper", "jsbsim:aerosonde / paper"]
+    assert all(parts == sorted(parts) and parts[-1] == 1.0 for parts in told.values())
     assert run.provenance.seed == 7
     assert run.provenance.scenario["flight"]["V_a_mps"] == 25.0
     assert {"flighttune", "numpy", "jsbsim", "python"} <= run.provenance.versions.keys()
@@ -54,13 +60,3 @@ def test_any_controller_rate_flies_on_the_full_aircraft(rate_hz):
 
     assert run.status == "completed"
     assert len(run.signals) == round(2.0 * rate_hz) + 1
-
-
-def test_progress_is_told_for_every_run_up_to_its_end():
-    told = {}
-    fly(scenario(), progress=lambda label, part: told.setdefault(label, []).append(part))
-
-    assert list(told) == ["kinematic / paper", "jsbsim:aerosonde / paper"]
-    for parts in told.values():
-        assert parts == sorted(parts)
-        assert parts[-1] == 1.0

@@ -71,7 +71,5 @@ def test_a_scenario_made_in_python_is_refused_by_its_title_when_it_is_flown():
         }
     )
 
-    with pytest.raises(
-        ScenarioError, match=r"^Too fast: \[flight\] `V_a_mps` must lie in 15 to 45"
-    ):
+    with pytest.raises(ScenarioError, match=r"^Too fast: .*`V_a_mps`.*15 to 45"):
         fly(scenario)
