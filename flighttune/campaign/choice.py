@@ -3,20 +3,18 @@
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 import pandas as pd
-import pyarrow as pa
 
 from flighttune.arrays import FloatArray, check_at_least, check_between
-from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.planning.plan import on_plants, plan_campaign
 from flighttune.campaign.planning.schema import MEASURES, Campaign, CertificateTable
+from flighttune.campaign.stated_set import flown
 from flighttune.campaign.statistics.intervals import (
-    Estimate,
     effective_size,
     not_above,
     quantile_interval,
@@ -33,13 +31,12 @@ from flighttune.tuning.frontier import frontier
 from flighttune.tuning.result import assessment
 from flighttune.units import DEG
 
-Status: TypeAlias = Literal[
-    "chosen", "infeasible", "too_many_lost", "too_few_succeed", "interrupted"
-]
+OF_BEST = (
+    *("name", "K_P", "K_I", "R_K", "I_K"),
+    *("value", "interval", "success", "success_interval", "p_best"),
+)
+"""Values of the chosen candidate that stand at the top of the answer."""
 
-CANDIDATES = 12
-PERCENTILE = 95.0
-METRICS = ("chi.ITAE",)
 RESAMPLES = 1000
 
 MAX_RESAMPLED = 2_000_000
@@ -56,65 +53,135 @@ class Candidate:
     I_K: float  # s^2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CandidateResult:
-    """Score and success of a gain set, with intervals of 95 %."""
-
-    candidate: Candidate
-    percentile: Estimate  # percentile of the score; infinite where flights were lost
-    success: Estimate  # share of the draws on which the set succeeds on every plant
-    p_best: float  # 1; share of resamples won, NaN for a baseline
-    behind: Estimate  # percentile less that of the chosen set, median over the resamples
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RobustChoice:
-    """Result of choosing gains by flying them."""
-
-    status: Status  # infeasible: no frontier; too_many_lost: no finite percentile
-    reason: str  # a sentence unless the status is chosen
-    best: CandidateResult | None = None  # the best candidate, even if it is not good enough
-    loss: float = float("nan")  # mean over the resamples of its percentile less that of the winner
-    candidates: tuple[CandidateResult, ...] = ()  # the whole frontier, I_K rising
-    baselines: tuple[CandidateResult, ...] = ()  # the campaign's own gain sets
-    draws: int = 0  # draws flown
-    flights: int = 0  # flights of all candidates and baselines
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RobustSettings:
-    """Settings of the choice of gains."""
-
-    # Columns of the rows, or with _deg in place of _rad. Their sum is the score to minimise; a
-    # flight that was not completed, or has no value, is worse than any other.
-    metrics: tuple[str, ...] = METRICS
-    percentile: float = PERCENTILE  # %, percentile of the score to minimise
-    # 1; minimum success rate: among candidates below it, the one with the higher rate wins
-    least_success: float = 0.0
-    candidates: int = CANDIDATES  # points of the frontier
-    draws: int | None = None  # None for all draws of the campaign
-    # labels of the plants to fly, empty for all; the worst plant scores a draw
-    plants: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        for name in self.metrics or ("nothing",):
-            if in_rad(name) not in MEASURES:
-                raise InputError(
-                    f"`metric` must be one of {', '.join(MEASURES)} (or _deg in place of _rad), "
-                    f"got {name!r}."
-                )
-        check_between(0.0, 100.0, percentile=self.percentile)
-        if not 0.0 <= self.least_success <= 1.0:
-            raise InputError(f"`min_success` must be 0 to 1, got {self.least_success:g}.")
-        check_at_least(1, draws=self.draws)
-
-
-def tune_robust(campaign: Campaign, settings: RobustSettings, pool: WorkerPool) -> RobustChoice:
+def tune_robust(
+    campaign: Campaign,
+    pool: WorkerPool,
+    *,
+    metrics: Sequence[str] = ("chi.ITAE",),
+    percentile: float = 95.0,
+    least_success: float = 0.0,
+    candidates: int = 12,
+    draws: int | None = None,
+    plants: Sequence[str] = (),
+) -> tuple[dict[str, Any], PIGains | None]:
     """Choose gains of the frontier by flying them on the draws of a campaign.
 
-    The campaign's own gain sets are flown as baselines. The choice does not depend on the number
-    of workers.
+    Parameters
+    ----------
+    campaign : Campaign
+        Its own gain sets are flown as baselines.
+    pool : WorkerPool
+        The choice does not depend on the number of workers.
+    metrics : sequence of str
+        Columns of the rows, or with ``_deg`` in place of ``_rad``. Their sum is the score to
+        minimise; a flight that was not completed, or has no value, is worse than any other.
+    percentile : float, %
+        Percentile of the score to minimise.
+    least_success : float, 1
+        Minimum success rate: among candidates below it, the one with the higher rate wins.
+    candidates : int
+        Points of the frontier.
+    draws : int, optional
+        Number of draws; by default all of the campaign.
+    plants : sequence of str
+        Labels of the plants to fly, empty for all; the worst plant scores a draw.
+
+    Returns
+    -------
+    values : dict
+        The answer. Its ``status`` is ``chosen``, ``infeasible`` (there is no frontier),
+        ``too_many_lost`` (no percentile is finite) or ``too_few_succeed``; ``candidates`` are the
+        whole frontier, I_K rising, and ``beside`` the baselines; ``loss`` is the mean over the
+        resamples of the percentile of the best less that of the winner.
+    gains : PIGains or None
+        The best candidate, even if it is not good enough.
+
+    Raises
+    ------
+    InputError
+        If an argument is out of its range, or the campaign has several laws or one without gains.
+    StoppedError
+        If the observer of the pool stopped the flights.
     """
+    for name in metrics or ("nothing",):
+        if in_rad(name) not in MEASURES:
+            raise InputError(
+                f"`metric` must be one of {', '.join(MEASURES)} (or _deg in place of _rad), "
+                f"got {name!r}."
+            )
+    check_between(0.0, 100.0, percentile=percentile)
+    if not 0.0 <= least_success <= 1.0:
+        raise InputError(f"`min_success` must be 0 to 1, got {least_success:g}.")
+    check_at_least(1, draws=draws)
+    campaign = _on_plants(campaign, plants)
+    frontier_sets = frontier_candidates(campaign.nominal, candidates)
+    answer: dict[str, Any] = {
+        "status": "infeasible",
+        "reason": "no stable gains lie within the limits of the scenario's tuning; "
+        "`flighttune tune` says what they would have to be",
+        **dict.fromkeys((*OF_BEST, "loss")),
+        "metrics": metrics,
+        "percentile": percentile,
+        **dict.fromkeys(("draws", "flights"), 0),
+        **dict.fromkeys(("candidates", "beside"), ()),
+    }
+    if not frontier_sets:
+        return answer, None
+    planned = plan_campaign(campaign)
+    sets = (*frontier_sets, *own_candidates(campaign.nominal, planned.gain_sets))
+    plan = plan_campaign(with_gains(campaign, {each.name: each.gains for each in sets}))
+    draws = planned.draws if draws is None else draws
+    doing = f"flying {len(sets)} gain sets on {draws} draws"
+    rows = flown(pool, plan.with_runs(len(plan.groups) * draws), doing).to_pandas()
+    rows["gains"] = [split_name(name)[1] for name in rows["gains"]]
+    q = percentile / 100.0
+    values, good = scored(rows, [each.name for each in sets], metrics)
+    compared = resampled(
+        values,
+        good,
+        len(frontier_sets),
+        q=q,
+        least=least_success,
+        cycle=planned.cycle,
+        seed=campaign.seed,
+    )
+    wins = [*compared.wins.tolist(), *[np.nan] * (len(sets) - len(frontier_sets))]
+    results = [
+        _result(*each, q, planned.cycle)
+        for each in zip(sets, values, good, wins, compared.behind, strict=True)
+    ]
+    best = results[compared.best]
+    status, reason = "chosen", ""
+    if not np.isfinite(best["value"]):
+        early = rows.loc[rows["status"] != "completed", ["status", "reason"]]
+        ends = Counter(": ".join(ending) for ending in early.to_numpy().tolist())
+        most = f", most of them {ends.most_common(1)[0][0]}" if ends else ""
+        status = "too_many_lost"
+        reason = (
+            f"flights must be completed on {percentile:g} % of the draws for that percentile, got "
+            f"fewer with every candidate: {len(early)} of {len(rows)} flights were not completed"
+            f"{most}"
+        )
+    elif best["success"] < least_success:
+        status = "too_few_succeed"
+        reason = (
+            f"the gains must succeed on {least_success:.1%} of the draws, the best of "
+            f"{len(frontier_sets)} candidates succeeds on {best['success']:.1%}"
+        )
+    return answer | {
+        **{key: best[key] for key in OF_BEST},
+        "status": status,
+        "reason": reason,
+        "loss": compared.loss,
+        "draws": draws,
+        "flights": len(rows),
+        "candidates": results[: len(frontier_sets)],
+        "beside": results[len(frontier_sets) :],
+    }, sets[compared.best].gains
+
+
+def _on_plants(campaign: Campaign, plants: Sequence[str]) -> Campaign:
+    """The campaign with some of its plants; refuses one whose gains cannot be chosen."""
     laws = campaign.nominal.laws
     if len(laws) > 1 or not all(law.by_gains for law in laws):
         raise InputError(
@@ -122,63 +189,15 @@ def tune_robust(campaign: Campaign, settings: RobustSettings, pool: WorkerPool) 
             f"choose gains, got {', '.join(law.name for law in laws)}."
         )
     labels = [plant.label for plant in campaign.nominal.plant]
-    for plant in settings.plants:
+    for plant in plants:
         if plant not in labels:
             raise InputError(f"`plant` must be one of {', '.join(labels)}, got {plant!r}.")
-    if settings.plants:
-        nominal, central = (
-            on_plants(scenario, settings.plants)
-            for scenario in (campaign.nominal, campaign.central)
-        )
-        changed = {"plant": None, "nominal": nominal, "central": central}
-        campaign = campaign.model_copy(update=changed)
-    candidates = frontier_candidates(campaign.nominal, settings.candidates)
-    if not candidates:
-        return RobustChoice(
-            status="infeasible",
-            reason="no stable gains lie within the limits of the scenario's tuning; "
-            "`flighttune tune` says what they would have to be",
-        )
-    planned = plan_campaign(campaign)
-    sets = (*candidates, *own_candidates(campaign.nominal, planned.gain_sets))
-    names = [candidate.name for candidate in sets]
-    draws = planned.draws if settings.draws is None else settings.draws
-    plan = plan_campaign(with_gains(campaign, {each.name: each.gains for each in sets}))
-    plan = plan.with_runs(len(plan.groups) * draws)
-    tables: list[pa.Table] = []
-    doing = f"flying {len(names)} gain sets on {draws} draws"
-    if not pool.fly_rows(plan, [Span(0, plan.runs)], tables.append, doing=doing):
-        return RobustChoice(status="interrupted", reason="it was stopped before all draws")
-    rows = pa.concat_tables(tables).sort_by("run").to_pandas()
-    rows["gains"] = [split_name(name)[1] for name in rows["gains"]]
-    q = settings.percentile / 100.0
-    values, good = scored(rows, names, settings.metrics)
-    compared = resampled(
-        values,
-        good,
-        len(candidates),
-        q=q,
-        least=settings.least_success,
-        cycle=planned.cycle,
-        seed=campaign.seed,
+    if not plants:
+        return campaign
+    nominal, central = (
+        on_plants(scenario, plants) for scenario in (campaign.nominal, campaign.central)
     )
-    wins = [*compared.wins.tolist(), *[np.nan] * (len(sets) - len(candidates))]
-    results = tuple(
-        _result(*each, q, planned.cycle)
-        for each in zip(sets, values, good, wins, compared.behind, strict=True)
-    )
-    best = results[compared.best]
-    status, reason = _status(rows, best, settings, len(candidates))
-    return RobustChoice(
-        status=status,
-        reason=reason,
-        best=best,
-        loss=compared.loss,
-        candidates=results[: len(candidates)],
-        baselines=results[len(candidates) :],
-        draws=draws,
-        flights=pool.flown,
-    )
+    return campaign.model_copy(update={"plant": None, "nominal": nominal, "central": central})
 
 
 class Resampled(NamedTuple):
@@ -319,27 +338,6 @@ def scored(
     return worst, all_good
 
 
-def _status(
-    rows: pd.DataFrame, best: CandidateResult, settings: RobustSettings, candidates: int
-) -> tuple[Status, str]:
-    """Status of the choice, and the reason where nothing is chosen."""
-    if not np.isfinite(best.percentile.value):
-        early = rows.loc[rows["status"] != "completed", ["status", "reason"]]
-        ends = Counter(": ".join(ending) for ending in early.to_numpy().tolist())
-        most = f", most of them {ends.most_common(1)[0][0]}" if ends else ""
-        return "too_many_lost", (
-            f"flights must be completed on {settings.percentile:g} % of the draws for that "
-            f"percentile, got fewer with every candidate: {len(early)} of {len(rows)} flights "
-            f"were not completed{most}"
-        )
-    if best.success.value < settings.least_success:
-        return "too_few_succeed", (
-            f"the gains must succeed on {settings.least_success:.1%} of the draws, the best of "
-            f"{candidates} candidates succeeds on {best.success.value:.1%}"
-        )
-    return "chosen", ""
-
-
 def _result(
     candidate: Candidate,
     values: FloatArray,
@@ -348,18 +346,27 @@ def _result(
     behind: FloatArray,
     q: float,
     cycle: int,
-) -> CandidateResult:
-    """The results of a candidate or baseline, with intervals."""
-    n, clusters = len(values), np.arange(len(values)) // cycle
+) -> dict[str, Any]:
+    """Score and success of a gain set, with intervals of 95 %; `p_best` is NaN for a baseline.
+
+    ``behind`` is the percentile less that of the chosen set, the median over the resamples.
+    """
+    clusters = np.arange(len(values)) // cycle
     value = float(ordered_quantile(values, q))
-    lo, hi = quantile_interval(
-        values, q, effective=effective_size(not_above(values, value), clusters)
-    )
+    effective = effective_size(not_above(values, value), clusters)
+    success = share(good, clusters)
     median, low, high = (float(ordered_quantile(behind, p)) for p in (0.5, 0.025, 0.975))
-    return CandidateResult(
-        candidate=candidate,
-        percentile=Estimate(value=value, lo=lo, hi=hi, n=n),
-        success=share(good, clusters),
-        p_best=p_best,
-        behind=Estimate(value=median, lo=low, hi=high, n=n),
-    )
+    return {
+        "name": candidate.name,
+        **candidate.gains.as_lists(),
+        "R_K": candidate.R_K,
+        "I_K": candidate.I_K,
+        "draws": len(values),
+        "value": value,
+        "interval": quantile_interval(values, q, effective=effective),
+        "success": success.value,
+        "success_interval": (success.lo, success.hi),
+        "p_best": p_best,
+        "behind": median,
+        "behind_interval": (low, high),
+    }

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray, check_at_least, check_between
@@ -28,7 +27,7 @@ from flighttune.campaign.planning.schema import (
     Grid,
     Uniform,
 )
-from flighttune.campaign.stated_set import planned
+from flighttune.campaign.stated_set import flown, planned
 from flighttune.conformance.boxes import (
     WINDOW_S,
     Over,
@@ -101,12 +100,10 @@ class ConformSettings:
 
     def __post_init__(self) -> None:
         check_between(0.0, 1.0, epsilon=self.epsilon, confidence=self.confidence)
-        if not 0.0 <= self.start_deg < math.inf:
-            raise InputError(f"`start_deg` must not be negative, got {self.start_deg:g}.")
         check_at_least(1, attempts=self.attempts)
 
 
-def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conformance | None:
+def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conformance:
     """Learn boxes of the residual rates of an aircraft, and count fresh flights against them.
 
     Parameters
@@ -116,18 +113,19 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
         of a shipped one; or an aircraft (name or folder), which flies a random campaign of its own.
     settings : ConformSettings
     pool : WorkerPool
-        Flies; its observer may stop it.
+        Flies.
 
     Returns
     -------
-    Conformance or None
-        None where the observer stopped it. Its attempts end with the first without a flight
-        outside.
+    Conformance
+        Its attempts end with the first without a flight outside.
 
     Raises
     ------
     InputError, ScenarioError
         If source, gains, plant or air are not there, or the aircraft has no identified model.
+    StoppedError
+        If the observer of the pool stopped the flights.
 
     Notes
     -----
@@ -138,34 +136,53 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
     ``1 - confidence`` (Bonferroni). Fresh flights are those of ``design = "random"``, whatever the
     design of those learned from. A count ends early once a flight is outside: it has failed.
     """
-    learned, fresh, residuals = _plans(source, settings)
+    learned, fresh, summary = _plans(source, settings)
     first, each = learned.runs, settings.flights
     attempts: list[Attempt] = []
-    training = _flown(pool, learned, residuals, Span(0, first), "learning")
-    while training is not None:
+    training = _extremes(pool, learned, summary, Span(0, first), "learning")
+    while True:
         completed = training[:, ~np.isnan(training[0]).any(axis=(1, 2))]
         if not completed.size:
-            raise InputError("`flights` must be flown to their end to be learned from, none was.")
-        boxes, widened = fitted_boxes(residuals.windows, *completed, each)
-        counted = _counted(pool, fresh, residuals, Span(first, first + each), boxes)
-        if counted is None:
-            break
+            raise InputError(
+                "`flights` must reach their end to be learned from, got none that did."
+            )
+        boxes, widened = fitted_boxes(summary.windows, *completed, each)
+        counted = _counted(pool, fresh, summary, Span(first, first + each), boxes)
         outside, end = int(np.sum(~boxes.hold(*counted))), first + counted.shape[1]
         attempts.append(Attempt((0, first), (first, end), outside, widened))
         if not outside or len(attempts) == settings.attempts:
-            return _conformance(fresh, residuals, settings, boxes, attempts)
+            break
         first = end
         training = np.concatenate([training, counted], axis=1)
-    return None
+    (group,) = fresh.groups
+    gains = fresh.gain_sets[group.gains]
+    assert gains is not None  # of the group that was chosen
+    ((aircraft, files),) = fresh.aircraft.items()
+    return Conformance(
+        aircraft=aircraft,
+        gains_name=group.gains,
+        gains=gains,
+        model=summary.model,
+        boxes=boxes,
+        epsilon=settings.epsilon,
+        confidence=settings.confidence,
+        planned=settings.attempts,
+        attempts=tuple(attempts),
+        seed=fresh.campaign.seed,
+        distribution=distribution_of(fresh, group.plant),
+        aircraft_sha256=files,
+        identified_sha256=_hash_of(identified_tables(load_identified(aircraft))),
+        campaign_sha256=_campaign_hash(fresh, summary),
+    )
 
 
 def recount(
     source: str, conformance: Conformance, settings: ConformSettings, pool: WorkerPool
-) -> Attempt | None:
+) -> Attempt:
     """Fly as many flights again as were counted, of the same distribution with another seed.
 
     The claim, gains, air and windows of the conformance replace those of the settings; the seed is
-    by default the next one. The result is None where the observer stopped it.
+    by default the next one.
     """
     seed = conformance.seed + 1 if settings.seed is None else settings.seed
     if seed == conformance.seed:
@@ -181,22 +198,20 @@ def recount(
         window=conformance.boxes.windows.length,
         seed=conformance.seed,
     )
-    _, counted, residuals = _plans(source, settings)
+    _, counted, summary = _plans(source, settings)
     # The last digits of tuned gains depend on the machine, and the hash depends on them.
     counted = counted.with_tuned_gains_of(
         replace(counted, gain_sets={conformance.gains_name: conformance.gains})
     )
-    if _hash_of(counted, residuals) != conformance.campaign_sha256:
+    if _campaign_hash(counted, summary) != conformance.campaign_sha256:
         raise InputError(
-            f"{source}: must be what the conformance was made of, with its aircraft and the same "
-            "--start-deg and --plant, got another hash."
+            f"{source}: must be the source of the conformance, with the same aircraft, --start-deg "
+            "and --plant, got another hash."
         )
     again = replace(counted, campaign=counted.campaign.model_copy(update={"seed": seed}))
     learned, last = conformance.attempts[-1].learned, conformance.attempts[-1].counted
-    flown = _flown(pool, again, residuals, Span(*last), "counting again")
-    if flown is None:
-        return None
-    outside = int(np.sum(~conformance.boxes.hold(*flown)))
+    extremes = _extremes(pool, again, summary, Span(*last), "counting again")
+    outside = int(np.sum(~conformance.boxes.hold(*extremes)))
     return Attempt(learned, last, outside, conformance.attempts[-1].widened)
 
 
@@ -205,7 +220,11 @@ def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan, Residual
 
     All are of one aircraft and one gain set.
     """
-    plan = _planned(source, settings)
+    if source in aircraft_folders() or (Path(source) / "aircraft.toml").is_file():
+        plan = plan_campaign(own_campaign(source))
+    else:
+        chosen = {"plant": settings.plant, "start_deg": settings.start_deg}
+        plan = planned(source, kind="jsbsim", draws=OWN_FLIGHTS, **chosen)
     group = plan.chosen_group(settings.plant, settings.gains, kind="jsbsim")
     campaign = in_air(plan.campaign, settings.air or air_of(plan.campaign.central))
     if settings.seed is not None:
@@ -214,10 +233,10 @@ def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan, Residual
     if not (drawn or campaign.nominal.turbulence or campaign.nominal.sensors):
         raise InputError(
             f"{source}: `start_deg` must be given for a scenario in which nothing is random: all "
-            "flights are the same one."
+            "its flights are the same."
         )
     in_this_air = replace(plan, campaign=campaign)
-    residuals = ResidualSummary(
+    summary = ResidualSummary(
         model=conformant_model(campaign.nominal, group.plant),
         windows=Windows.covering(
             settings.over or _over(in_this_air), campaign.nominal.flight.duration_s, settings.window
@@ -231,7 +250,7 @@ def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan, Residual
     )
     # Fresh draws are numbered after the training draws, whose seeds they must not share.
     runs = plan.draws + settings.attempts * settings.flights
-    return learned, replace(learned, campaign=at_random(campaign), runs=runs), residuals
+    return learned, replace(learned, campaign=at_random(campaign), runs=runs), summary
 
 
 def _is_degenerate(table: Dispersion) -> bool:
@@ -243,100 +262,51 @@ def _is_degenerate(table: Dispersion) -> bool:
 
 
 def _counted(
-    pool: WorkerPool, plan: Plan, residuals: ResidualSummary, span: Span, boxes: RateBoxes
-) -> FloatArray | None:
-    """`_flown` of fresh flights, `PART` at a time, until one is outside."""
+    pool: WorkerPool, plan: Plan, summary: ResidualSummary, span: Span, boxes: RateBoxes
+) -> FloatArray:
+    """`_extremes` of fresh flights, `PART` at a time, until one is outside."""
     parts: list[FloatArray] = []
     firsts = range(span.first, span.end, PART)
     for i, first in enumerate(firsts, 1):
         doing = "counting" if len(firsts) == 1 else f"counting, part {i} of {len(firsts)}"
-        part = _flown(pool, plan, residuals, Span(first, min(first + PART, span.end)), doing)
-        if part is None:
-            return None
-        parts.append(part)
-        if not boxes.hold(*part).all():
+        part = Span(first, min(first + PART, span.end))
+        parts.append(_extremes(pool, plan, summary, part, doing))
+        if not boxes.hold(*parts[-1]).all():
             break
     return np.concatenate(parts, axis=1)
 
 
-def _conformance(
-    plan: Plan,
-    residuals: ResidualSummary,
-    settings: ConformSettings,
-    boxes: RateBoxes,
-    attempts: list[Attempt],
-) -> Conformance:
-    (group,) = plan.groups
-    gains = plan.gain_sets[group.gains]
-    assert gains is not None
-    ((aircraft, files),) = plan.aircraft.items()
-    identified = json.dumps(identified_tables(load_identified(aircraft)), sort_keys=True)
-    return Conformance(
-        aircraft=aircraft,
-        gains_name=group.gains,
-        gains=gains,
-        model=residuals.model,
-        boxes=boxes,
-        epsilon=settings.epsilon,
-        confidence=settings.confidence,
-        planned=settings.attempts,
-        attempts=tuple(attempts),
-        seed=plan.campaign.seed,
-        distribution=distribution_of(plan, group.plant),
-        aircraft_sha256=files,
-        identified_sha256=hashlib.sha256(identified.encode()).hexdigest(),
-        campaign_sha256=_hash_of(plan, residuals),
-    )
-
-
-def _hash_of(plan: Plan, residuals: ResidualSummary) -> str:
-    """Hash of the flights that are counted, and of what is counted of them."""
-    (phi, n_z), model = map(asdict, residuals.model.lags), residuals.model
-    counted = {
-        "model": {"V_a_mps": model.V_a, "g_mps2": model.g, "phi": phi, "n_z": n_z},
-        "windows": asdict(residuals.windows),
-    }
-    tables = {**plan.as_dict(), "residuals": counted}
-    return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
-
-
-def _flown(
-    pool: WorkerPool, plan: Plan, residuals: ResidualSummary, span: Span, doing: str
-) -> FloatArray | None:
+def _extremes(
+    pool: WorkerPool, plan: Plan, summary: ResidualSummary, span: Span, doing: str
+) -> FloatArray:
     """Lowest and highest residuals of the runs of a span, shape (2, runs, windows, 6).
 
-    NaN for a flight that was not completed; None where the observer stopped.
+    NaN for a flight that was not completed.
     """
-    shape = (2, residuals.windows.count, len(COUNTED))
-    extremes = np.full((span.runs, *shape), np.nan)
-
-    def keep(rows: pa.Table) -> None:
-        for run, values in zip(rows["run"].to_pylist(), rows[RESIDUALS].to_pylist(), strict=True):
-            if values is not None:
-                extremes[run - span.first] = np.reshape(values, shape)
-
-    probes = {RESIDUALS: partial(_residuals_of, residuals)}
-    if not pool.fly_rows(plan, [span], keep, doing=doing, probes=probes):
-        return None
-    return np.moveaxis(extremes, 1, 0)
+    rows = flown(pool, plan, doing, span=span, probes={RESIDUALS: partial(_residuals_of, summary)})
+    shape = 2, summary.windows.count, len(COUNTED)
+    lost = np.full(shape, np.nan)
+    values = rows[RESIDUALS].to_pylist()
+    return np.stack([lost if own is None else np.reshape(own, shape) for own in values], axis=1)
 
 
-def _residuals_of(residuals: ResidualSummary, run: Run, scenario: Scenario) -> list[float]:
+def _residuals_of(summary: ResidualSummary, run: Run, scenario: Scenario) -> list[float]:
     """The extremes of the residual rates of a flight, lowest first."""
-    return np.ravel(residuals.of_flight(run, scenario.condition)).tolist()
+    return np.ravel(summary.of_flight(run, scenario.condition)).tolist()
 
 
-def _planned(source: str, settings: ConformSettings) -> Plan:
-    """The plan of an aircraft, or of a campaign or scenario."""
-    if source in aircraft_folders() or (Path(source) / "aircraft.toml").is_file():
-        return plan_campaign(own_campaign(source))
-    return planned(
-        source,
-        plant=settings.plant,
-        kind="jsbsim",
-        start_deg=settings.start_deg,
-        draws=OWN_FLIGHTS,
-    )
+def _campaign_hash(plan: Plan, summary: ResidualSummary) -> str:
+    """Hash of the flights that are counted, and of what is counted of them."""
+    model, (phi, n_z) = summary.model, map(asdict, summary.model.lags)
+    counted = {
+        "model": {"V_a_mps": model.V_a, "g_mps2": model.g, "phi": phi, "n_z": n_z},
+        "windows": asdict(summary.windows),
+    }
+    return _hash_of({**plan.as_dict(), "residuals": counted})
+
+
+def _hash_of(tables: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
 
 
 def conformant_model(scenario: Scenario, plant: str) -> ConformantModel:

@@ -1,8 +1,13 @@
 """The flights that a campaign states, or starts and disturbances about a scenario."""
 
 from pathlib import Path
+from typing import Any
 
-from flighttune.campaign.dataset import CAMPAIGN, open_dataset
+import pyarrow as pa
+
+from flighttune.arrays import check_not_negative
+from flighttune.campaign.dataset import CAMPAIGN, Span, open_dataset
+from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.planning.load import campaign_on, load_campaign
 from flighttune.campaign.planning.plan import Plan, on_plants, plan_campaign
 from flighttune.campaign.planning.schema import Campaign, CampaignTable
@@ -14,6 +19,24 @@ from flighttune.table_file import toml_tables
 
 FREQUENCIES = (0.05, 6.0)
 """Angular frequencies of a disturbance without a stated one, rad/s."""
+
+
+class StoppedError(Exception):
+    """The observer of a worker pool stopped its flights."""
+
+
+def flown(
+    pool: WorkerPool, plan: Plan, doing: str, *, span: Span | None = None, **more: Any
+) -> pa.Table:
+    """Rows of a span of runs, by default of all, in order of ``run``.
+
+    `more` are probes and draws for `WorkerPool.fly_rows`. Raises StoppedError if the observer
+    stopped the flights.
+    """
+    tables: list[pa.Table] = []
+    if not pool.fly_rows(plan, [span or Span(0, plan.runs)], tables.append, doing=doing, **more):
+        raise StoppedError
+    return pa.concat_tables(tables).sort_by("run")
 
 
 def planned(
@@ -31,6 +54,7 @@ def planned(
     likely; square waves of up to `disturbance` (rad/s) disturb the two rates, and each group has
     `draws` flights. Its plant is by default the first one, or the first one of a `kind`.
     """
+    check_not_negative(start_deg=start_deg, disturbance=disturbance)
     if _is_scenario(source):
         scenario = load_scenario(source)
         labels = [table.label for table in scenario.plant if kind in (None, table.kind)]

@@ -1,12 +1,16 @@
-"""Commands about an aircraft itself: trims, and design and identification of its inner loop."""
+"""Commands about an aircraft: adopt one, trim it, design and identify its inner loop."""
 
+import json
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 from typer import Argument, Option
 
 from flighttune.cli.options import aircraft_names, check_ending, out_folder
-from flighttune.cli.show import NO, emit, fail
+from flighttune.cli.progress import on_interrupt
+from flighttune.cli.show import INTERRUPTED, fail, pick, quiet, tell
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
@@ -57,7 +61,7 @@ def trim(
     gamma: Annotated[list[float] | None, _path_angles("-10 to 45")] = None,
     phi: Annotated[float, Option("--phi", help="Bank angle in deg.")] = 0.0,
     h: HeightOption = 1000.0,
-) -> None:
+) -> Answer:
     """Trim AIRCRAFT over its envelope; where no trim exists, say why."""
     from flighttune.aircraft.aircraft import load_aircraft
     from flighttune.plants.jsbsim.trim import trim_table
@@ -65,11 +69,12 @@ def trim(
     config = load_aircraft(aircraft)
     angles = [angle * DEG for angle in gamma] if gamma else None
     records = trim_table(config, V_a=V_a or None, gamma=angles, phi=phi * DEG, h=h)
-    title = f"{config.title}: steady flight"
-    trims = Table(title=title, name="trims", columns=TRIM_COLUMNS, records=records)
-    emit(Answer(values={"aircraft": aircraft}, tables=[trims]))
-    if not any(record["trim"] for record in records):
-        fail(f"{aircraft}: no steady flight among {len(records)}: {records[0]['reason']}", NO)
+    none = f"{aircraft}: no steady flight among {len(records)}: {records[0]['reason']}"
+    return Answer(
+        values={"aircraft": aircraft},
+        tables=[Table(TRIM_COLUMNS, records, f"{config.title}: steady flight", name="trims")],
+        failure="" if any(record["trim"] for record in records) else none,
+    )
 
 
 def design(
@@ -80,7 +85,7 @@ def design(
     dry_run: Annotated[
         bool, Option("--dry-run", help="Print the gains; write no file and no figure.")
     ] = False,
-) -> None:
+) -> Answer:
     """Design the gains of AIRCRAFT's inner loop, check its step responses and write the gains."""
     from flighttune.aircraft.aircraft import load_aircraft, save_gains
     from flighttune.identify.design import design_aircraft
@@ -104,28 +109,25 @@ def design(
         {"gain": name, "designed": value, "before": previous.get(name)}
         for name, value in gains.gains.items()
     ]
-    emit(
-        Answer(
-            values={"gains": gains.gains},
-            tables=[
-                Table(
-                    title=config.title, columns=columns("gain designed before"), records=compared
-                ),
-                steps_table(steps),
-            ],
-            verdict="" if written else "nothing is written",
-            files={"written": written, "figure": figure},
-        )
-    )
+    failure = ""
     if missed:
         first = missed[0]
         ended = f": {first.ended}" if first.ended else ""
-        fail(
+        failure = (
             f"{first.name}: t90 must be at most {first.t90_allowed:g} s and the overshoot "
             f"{100.0 * first.overshoot_allowed:g} %, got {first.t90:.2f} s and "
-            f"{100.0 * first.overshoot:.1f} %{ended}; nothing is written",
-            NO,
+            f"{100.0 * first.overshoot:.1f} %{ended}; nothing is written"
         )
+    return Answer(
+        values={"gains": gains.gains},
+        tables=[
+            Table(columns("gain designed before"), compared, config.title),
+            steps_table(steps),
+        ],
+        verdict="" if written else "nothing is written",
+        files={"written": written, "figure": figure},
+        failure=failure,
+    )
 
 
 def identify(
@@ -141,7 +143,7 @@ def identify(
             "the aircraft's folder; for a shipped one runs/identified/AIRCRAFT.json]."
         ),
     ] = None,
-) -> None:
+) -> Answer:
     """Identify AIRCRAFT's roll and load-factor response in flight; write a model to tune on."""
     from flighttune.aircraft.aircraft import load_aircraft
     from flighttune.identify.figure import identification_figure
@@ -160,28 +162,120 @@ def identify(
     save_identified(made.identified, model)
     identification_figure(nominal, place).save(figure)
     conditions = identified_tables(made.identified)["conditions"]
-    title = f"{place}: airframe without the inner loop"
-    emit(
-        Answer(
-            values={
-                "aircraft": name,
-                "channels": conditions[0]["channels"],
-                "conditions": conditions,
-                "skipped": made.skipped,
-            },
-            tables=[
-                lags_table(made.identified),
-                Table(title=title, name="modes", columns=MODE_COLUMNS, records=made.modes),
-            ],
-            notes=[FIT_NOTE, *(f"left out: {reason}" for reason in made.skipped)],
-            files={"model": model, "figure": figure},
-        )
-    )
     poor = [
         f"{channel} at {c.V_a:g} m/s, {c.gamma / DEG:g} deg: {fitted.fit_percent:.1f} %"
         for c in made.identified.conditions
         for channel, fitted in c.channels.items()
         if fitted.fit_percent < GOOD_FIT
     ]
-    if poor:
-        fail(f"{aircraft}: a lag explains less than {GOOD_FIT:g} % of {'; '.join(poor)}", NO)
+    less = f"{aircraft}: a lag explains less than {GOOD_FIT:g} % of {'; '.join(poor)}"
+    return Answer(
+        values={
+            "aircraft": name,
+            "channels": conditions[0]["channels"],
+            "conditions": conditions,
+            "skipped": made.skipped,
+        },
+        tables=[
+            lags_table(made.identified),
+            Table(
+                MODE_COLUMNS, made.modes, f"{place}: airframe without the inner loop", name="modes"
+            ),
+        ],
+        notes=[FIT_NOTE, *(f"left out: {reason}" for reason in made.skipped)],
+        files={"model": model, "figure": figure},
+        failure=less if poor else "",
+    )
+
+
+def adopt(
+    model: Annotated[
+        str | None,
+        Argument(
+            metavar="[MODEL|FILE.xml]",
+            help="A model that comes with JSBSim, or the main file of another.",
+            show_default=False,
+        ),
+    ] = None,
+    V_a: Annotated[
+        float | None, Option("--V-a", help="Airspeed in m/s [default: chosen by the model].")
+    ] = None,
+    h: Annotated[float, Option("--h", help="Height above sea level in m.")] = 1000.0,
+    all_models: Annotated[
+        bool, Option("--all", help="Adopt all models that come with JSBSim; write one table.")
+    ] = False,
+    out: Annotated[
+        Path | None,
+        Option(
+            "--out", help="Folder to write to [default: aircraft/MODEL; runs/hangar with --all]."
+        ),
+    ] = None,
+) -> Answer:
+    """Make an aircraft from a JSBSim model: find its surfaces and engines, tune it and fly it.
+
+    Surfaces, engines and airspeed are found by experiment; the inner loop is designed, flown and
+    identified, the outer loop is tuned on the identified model and flown in a turn, compared with
+    the paper's gains scaled with airspeed.
+    """
+    if (model is None) == (not all_models):
+        raise InputError("adopt takes a model, or --all.")
+    try:
+        with on_interrupt():
+            if model is None:
+                return _adopt_all(out or Path("runs") / "hangar", h)
+            return _adopt_one(out or Path("aircraft") / Path(model).stem, h, model, V_a, _progress)
+    except KeyboardInterrupt:
+        fail("interrupted; what is written is whole", INTERRUPTED)
+
+
+def _adopt_one(
+    folder: Path,
+    h: float,
+    model: str,
+    V_a: float | None = None,
+    say: Callable[[str], object] = lambda _: None,
+) -> Answer:
+    from flighttune.adopt.adopt import adopt as adopt_model
+    from flighttune.adopt.page import flights_table, write_adoption
+
+    adoption = adopt_model(model, folder, V_a=V_a, h=h, say=say)
+    failure = f"{model}: {adoption.status}: {adoption.reason}"
+    return Answer(
+        values={
+            **pick(adoption, "status reason engines seconds"),
+            "V_a_mps": adoption.V_a,
+            **pick(adoption, "fit_percent flown"),
+        },
+        tables=[flights_table(adoption)],
+        notes=adoption.notes,
+        verdict=f"{adoption.status} in {adoption.seconds:.0f} s",
+        files={
+            "folder": adoption.folder,
+            "page": write_adoption(adoption) if adoption.folder else None,
+        },
+        failure="" if adoption.status == "adopted" else failure,
+    )
+
+
+def _adopt_all(out: Path, h: float) -> Answer:
+    from flighttune.adopt.hangar import TABLE, adopt_all, counts, hangar_text
+    from flighttune.plants.jsbsim.model_files import models_of_jsbsim
+    from flighttune.whole_file import made_folder, write_text
+
+    def show(adopted: dict[str, Any]) -> None:
+        reason = f": {adopted['reason']}" if adopted["reason"] else ""
+        _progress(f"{adopted['model']}: {adopted['status']}{reason}")
+
+    answers = adopt_all(models_of_jsbsim(), partial(_adopted, made_folder(out), h), show)
+    write_text(out / TABLE, hangar_text(answers))
+    return Answer(values={"models": answers}, verdict=counts(answers), files={"table": out / TABLE})
+
+
+def _adopted(out: Path, h: float, model: str) -> dict[str, Any]:
+    """The answer for one of all models, which is adopted in a process of its own."""
+    return json.loads(_adopt_one(out / model, h, model).json())
+
+
+def _progress(line: str) -> None:
+    if not quiet():
+        tell(line)

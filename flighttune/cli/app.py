@@ -1,31 +1,53 @@
 """The commands, and how errors end them."""
 
+import inspect
 import io
-import os
 import sys
+from collections.abc import Callable
+from functools import wraps
 from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from flighttune import __version__
-from flighttune.cli.adopt import adopt
-from flighttune.cli.aircraft import design, identify, trim
-from flighttune.cli.campaign import campaign
+from flighttune.cli import campaign
+from flighttune.cli.aircraft import adopt, design, identify, trim
 from flighttune.cli.certificates import certify, verify
-from flighttune.cli.command import Grouped, add_command
-from flighttune.cli.compare import compare
-from flighttune.cli.conform import conform
-from flighttune.cli.export import export
 from flighttune.cli.flights import fly, list_shipped, refly, view
 from flighttune.cli.gains import frontier, tune
-from flighttune.cli.gap import gap
-from flighttune.cli.report import report, reproduce
-from flighttune.cli.show import COULD_NOT_RUN, fail
+from flighttune.cli.pages import compare, export, gap, report, reproduce
+from flighttune.cli.searches import conform, tune_by_flying, worst
+from flighttune.cli.show import COULD_NOT_RUN, emit, fail, output, working
 from flighttune.cli.tube import tube
-from flighttune.cli.worst import worst
 from flighttune.errors import FlightTuneError
 from flighttune.extras import missing_extra
+from flighttune.present.answer import Answer
 from flighttune.whole_file import reason_of
+
+JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
+QuietOption = Annotated[
+    bool, typer.Option("--quiet", "-q", help="Print only failures, and the object of --json.")
+]
+
+LONGEST_SENTENCE = 200
+"""Characters of the first sentence of a command's help."""
+
+
+class Grouped(TyperGroup):
+    """A group of commands whose help lists them under headings, in the order they were added."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
+        """Write the commands, each group of them under its heading."""
+        panels: dict[str, list[tuple[str, str]]] = {}
+        for name, command in self.commands.items():
+            panel = getattr(command, "rich_help_panel", None)
+            rows = panels.setdefault(panel if isinstance(panel, str) else "Commands", [])
+            rows.append((name, command.get_short_help_str(LONGEST_SENTENCE)))
+        for panel, rows in panels.items():
+            with formatter.section(panel):
+                formatter.write_dl(rows)
+
 
 app = typer.Typer(
     name="flighttune",
@@ -39,51 +61,90 @@ app = typer.Typer(
     epilog="Begin with: flighttune fly paper. Exit status: 0 fine, 1 the answer is no, 2 could not "
     "run.",
 )
+campaigns = typer.Typer(
+    name="campaign",
+    no_args_is_help=True,
+    help="Fly a scenario thousands of times, dispersed, on one machine or a cluster.",
+)
 COMMANDS = {
     "Tune": [
-        (tune, "tuning", "flighttune tune paper --out gains.json"),
-        (frontier, "tuning", "flighttune frontier paper"),
-        (certify, "certifying", "flighttune certify paper --gains tuned --out certificate.json"),
-        (verify, "verifying", "flighttune verify certificate.json"),
-        (trim, "trimming", "flighttune trim aerosonde --V-a 25 --gamma 0"),
-        (design, "designing", "flighttune design aerosonde --dry-run"),
-        (adopt, "adopting", "flighttune adopt 737"),
-        (identify, "identifying", "flighttune identify aerosonde --V-a 25"),
+        (tune, "tuning", "tune paper --out gains.json"),
+        (frontier, "tuning", "frontier paper"),
+        (certify, "certifying", "certify paper --gains tuned --out certificate.json"),
+        (verify, "verifying", "verify certificate.json"),
+        (trim, "trimming", "trim aerosonde --V-a 25 --gamma 0"),
+        (design, "designing", "design aerosonde --dry-run"),
+        (adopt, "adopting", "adopt 737"),
+        (identify, "identifying", "identify aerosonde --V-a 25"),
     ],
     "Fly": [
-        (fly, "flying", "flighttune fly paper"),
-        (refly, "flying", "flighttune refly runs/paper"),
-        (view, "opening", "flighttune view runs/paper"),
-        (list_shipped, "listing", "flighttune list"),
+        (fly, "flying", "fly paper"),
+        (refly, "flying", "refly runs/paper"),
+        (view, "opening", "view runs/paper"),
+        (list_shipped, "listing", "list"),
     ],
     "Explain": [
-        (gap, "flying", "flighttune gap paper"),
-        (compare, "comparing", "flighttune compare paper@paper paper@tuned"),
-        (worst, "searching", "flighttune worst first_campaign --budget 40"),
-        (tube, "enclosing", "flighttune tube paper --gains paper"),
-        (conform, "learning", "flighttune conform aerosonde --out conformance.json"),
+        (gap, "flying", "gap paper"),
+        (compare, "comparing", "compare paper@paper paper@tuned"),
+        (worst, "searching", "worst first_campaign --budget 40"),
+        (tube, "enclosing", "tube paper --gains paper"),
+        (conform, "learning", "conform aerosonde --out conformance.json"),
     ],
     "Publish": [
-        (report, "reporting", "flighttune report runs/paper"),
-        (reproduce, "reproducing", "flighttune reproduce gains"),
-        (export, "exporting", "flighttune export paper --gains paper"),
+        (report, "reporting", "report runs/paper"),
+        (reproduce, "reproducing", "reproduce gains"),
+        (export, "exporting", "export paper --gains paper"),
     ],
 }
 """Commands by their heading in the help: function, status on a terminal, and an example."""
 
+CAMPAIGN_COMMANDS = [
+    (campaign.run, "planning", "campaign run first_campaign"),
+    (campaign.report, "reporting", "campaign report runs/first_campaign"),
+    (campaign.fly, "flying", "campaign fly runs/first_campaign --run 6"),
+    (tune_by_flying, "tuning", "campaign tune first_campaign --candidates 4 --draws 10"),
+]
+
+
+def _add_command(
+    group: typer.Typer,
+    function: Callable[..., Answer | None],
+    doing: str,
+    example: str,
+    panel: str | None = None,
+) -> None:
+    """Add a command with --json and -q that prints the answer of a function, or fails with it."""
+    options = {} if function is view else {"as_json": JsonOption}
+    options["quiet"] = QuietOption
+
+    @wraps(function)
+    def command(*args: Any, quiet: bool = False, as_json: bool = False, **kwargs: Any) -> None:
+        with working(doing, quiet=quiet, as_json=as_json):
+            answer = function(*args, **kwargs)
+            if answer is not None:
+                emit(answer)
+
+    signature = inspect.signature(function)
+    added = [
+        inspect.Parameter(key, inspect.Parameter.KEYWORD_ONLY, default=False, annotation=option)
+        for key, option in options.items()
+    ]
+    command.__signature__ = signature.replace(  # type: ignore[attr-defined]
+        parameters=[*signature.parameters.values(), *added]
+    )
+    command.__annotations__ = function.__annotations__ | options
+    name = example.removeprefix("campaign ").split()[0]
+    epilog = f"Example: flighttune {example}"
+    group.command(name, rich_help_panel=panel, epilog=epilog)(command)
+
+
+for campaign_command in CAMPAIGN_COMMANDS:
+    _add_command(campaigns, *campaign_command)
 for panel, commands in COMMANDS.items():
-    for command, doing, example in commands:
-        add_command(
-            app,
-            command,
-            doing=doing,
-            example=example,
-            name="list" if command is list_shipped else None,
-            panel=panel,
-            answers=command is not view,
-        )
+    for command in commands:
+        _add_command(app, *command, panel)
     if panel == "Fly":
-        app.add_typer(campaign, rich_help_panel=panel)
+        app.add_typer(campaigns, rich_help_panel=panel)
 
 
 def _show_version(asked: bool) -> None:
@@ -107,58 +168,21 @@ def _options(
 
 def main() -> None:
     """Run the command line; errors become one line on stderr and exit status 2."""
-    sys.stdout, sys.stderr = map(_writable, ("stdout", "stderr"))
-    try:
-        _run()
-    finally:
-        _flush()
-
-
-class _Descriptor(io.FileIO):
-    """A descriptor for which it is no failure that nobody reads it any more."""
-
-    def write(self, data: Any, /) -> int | None:
-        try:
-            return super().write(data)
-        except BrokenPipeError:
-            return len(data)
-
-
-def _writable(name: str) -> Any:
-    """A standard stream that takes all characters; a closed one discards them."""
-    stream = getattr(sys, name)
-    if stream is None:
-        return open(os.devnull, "w")
-    if not isinstance(stream, io.TextIOWrapper):
-        return stream  # of a test or a notebook
-    stream.reconfigure(errors="replace")  # an encoding may lack Greek letters
-    if stream is not getattr(sys, f"__{name}__"):
-        return stream
-    return io.TextIOWrapper(
-        io.BufferedWriter(_Descriptor(stream.fileno(), "wb", closefd=False)),
-        encoding=stream.encoding,
-        errors="replace",
-        line_buffering=stream.line_buffering or name == "stderr",
-    )
-
-
-def _flush() -> None:
-    """Write what is left of standard output."""
-    try:
-        sys.stdout.flush()
-    except OSError as error:
-        # what is left cannot be written: Python would complain about it once more
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        fail(f"standard output must be writable, got {reason_of(error)}.", COULD_NOT_RUN)
-
-
-def _run() -> None:
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:  # closed by the caller
+            setattr(sys, name, io.StringIO())
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # an encoding may lack Greek letters
     try:
         app(prog_name="flighttune")
     except Exception as error:
         if "--debug" in sys.argv:
             raise
         fail(_reason(error), COULD_NOT_RUN)
+    finally:
+        with output():
+            pass  # what help and completion left in the buffer
 
 
 def _reason(error: Exception) -> str:

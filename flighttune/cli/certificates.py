@@ -1,6 +1,6 @@
 """Commands that certify gains, and check certificates."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -8,7 +8,8 @@ from typer import Argument, Option
 
 from flighttune.cli.gain_sets import chosen_gains, gains_table, gains_values, margins_table
 from flighttune.cli.options import GainsOption, ScenarioArgument, check_ending
-from flighttune.cli.show import NO, emit, fail, pick
+from flighttune.cli.show import NO, fail, pick
+from flighttune.cli.tube import enclosed
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
@@ -33,7 +34,7 @@ CERTIFICATE_COLUMNS = [
 CHECK_COLUMNS = [Column("name", "check"), *columns("margin exact")]
 
 if TYPE_CHECKING:
-    from flighttune.certificates import Certificate, Certification
+    from flighttune.certificates import Certification, Verification
     from flighttune.control.gains import PIGains
     from flighttune.control.linear_model import LinearModel
     from flighttune.present.chart import Chart
@@ -67,7 +68,7 @@ def certify(
             "--envelope also the certified rate over the size of the envelope."
         ),
     ] = None,
-) -> None:
+) -> Answer:
     """Compute R_K, I_K and margins of gains on the linear model of SCENARIO, and certify them.
 
     Exit status 1 if the loop is unstable or no certificate can be proven.
@@ -76,12 +77,10 @@ def certify(
     from flighttune.control.margins import loop_margins
     from flighttune.flight.outer_loop import certify_scenario, largest_certified, tuning_scaling
     from flighttune.report.certified import certification_values
-    from flighttune.scenario import load_scenario
     from flighttune.theory.indicators import indicators
 
     check_ending(figure, ".svg", option="--figure")
-    loaded = load_scenario(scenario)
-    name, chosen = chosen_gains(loaded, gains)
+    loaded, name, chosen = chosen_gains(scenario, gains)
     law, _ = loaded.law_of(name, chosen)
     identified = law.by_gains and loaded.tuning.model == "identified"
     scaling = largest = None
@@ -114,38 +113,38 @@ def certify(
         robust = identified and loaded.tuning.robust
         place = ", at the nominal condition" if robust else ""
         units.append({"units": f"scaled by [tuning]{place}", **scaled})
-    over = {"R_K": certificate["rate"], "largest_factor": largest} if envelope else None
     poles = [{"real": pole.real, "imaginary": pole.imag} for pole in decay.eigenvalues]
-    claimed = [{**certificate, "largest_factor": largest}]
-    emit(
-        Answer(
-            values={
-                **pick(decay, "status reason"),
-                **plain,
-                **pick(decay, "eigenvalues Q"),
-                "scaled": scaled,
-                "gains": name,
-                **gains_values(chosen),
-                "certificate": certificate,
-                "envelope": over,
-            },
-            tables=[
-                Table(title=f"{name}: {decay.status}", columns=INDICATOR_COLUMNS, records=units),
-                Table(title="eigenvalues", columns=EIGENVALUE_COLUMNS, records=poles),
-                margins_table(margins),
-                Table(title="certificate", columns=CERTIFICATE_COLUMNS, records=claimed),
-            ],
-            notes=[ANY_ENVELOPE] if envelope and law.same_everywhere and not identified else [],
-            verdict=f"proven {certificate['holds']}: s'Qs falls at the rate of the certificate"
-            if made.certificate
-            else f"no certificate: {made.reason}",
-            files={"proof": out if made.certificate else None, "figure": figure},
-        )
-    )
+    failure = ""
     if decay.status != "stable":
-        fail(f"{scenario}: gains {name}: {decay.reason}", NO)
-    if made.status != "certified" and (envelope or out is not None or not law.by_gains):
-        fail(f"{scenario}: gains {name}: {made.reason}", NO)
+        failure = f"{scenario}: gains {name}: {decay.reason}"
+    elif made.status != "certified" and (envelope or out is not None or not law.by_gains):
+        failure = f"{scenario}: gains {name}: {made.reason}"
+    return Answer(
+        values={
+            **pick(decay, "status reason"),
+            **plain,
+            **pick(decay, "eigenvalues Q"),
+            "scaled": scaled,
+            "gains": name,
+            **gains_values(chosen),
+            "certificate": certificate,
+            "envelope": {"R_K": certificate["rate"], "largest_factor": largest}
+            if envelope
+            else None,
+        },
+        tables=[
+            Table(INDICATOR_COLUMNS, units, f"{name}: {decay.status}"),
+            Table(EIGENVALUE_COLUMNS, poles, "eigenvalues"),
+            margins_table(margins),
+            Table(CERTIFICATE_COLUMNS, [{**certificate, "largest_factor": largest}], "certificate"),
+        ],
+        notes=[ANY_ENVELOPE] if envelope and law.same_everywhere and not identified else [],
+        verdict=f"proven {certificate['holds']}: s'Qs falls at the rate of the certificate"
+        if made.certificate
+        else f"no certificate: {made.reason}",
+        files={"proof": out if made.certificate else None, "figure": figure},
+        failure=failure,
+    )
 
 
 def _certified_own(
@@ -180,89 +179,69 @@ def verify(
             "rebuilt [default: they are believed, and the answer says so]."
         ),
     ] = None,
-) -> None:
+) -> Answer:
     """Check a certificate without any solver, or a tube without the search that found it.
 
     Exit status 1 if it does not prove what it claims.
     """
     from flighttune.tube.proof import is_tube_file
 
-    if is_tube_file(certificate):
-        _verify_tube(certificate, conformance)
-        return
-    if conformance is not None:
+    of_tube = is_tube_file(certificate)
+    if conformance is not None and not of_tube:
         raise InputError("`--conformance` must be given for the tube of an aircraft only.")
-    from flighttune.certificates import load_certificate
-    from flighttune.certificates import verify as verify_certificate
+    verification, claim = _tube(certificate, conformance) if of_tube else _claim(certificate)
+    valid, what = verification.valid, "inclusion" if of_tube else "inequality"
+    title = f"{certificate}: {f'valid: every {what} is proven' if valid else 'not valid'}"
+    checks = [asdict(check) for check in verification.checks]
+    shown = CHECK_COLUMNS[:2] if of_tube else CHECK_COLUMNS  # all inclusions are exact
+    return replace(
+        claim,
+        values={**pick(verification, "valid reason"), **claim.values},
+        tables=[Table(shown, checks, title, name="checks"), *claim.tables],
+        verdict=f"{'proven' if valid else 'claimed, not proven'} {claim.verdict}".rstrip(),
+        failure="" if valid else f"{certificate}: {verification.reason}",
+    )
+
+
+def _claim(file: Path) -> "tuple[Verification, Answer]":
+    """The check of a certificate, and what it claims."""
+    from flighttune.certificates import load_certificate, verify
     from flighttune.report.certified import claim_values
 
-    loaded = load_certificate(certificate)
-    verification = verify_certificate(loaded)
-    verdict = "valid: every inequality is proven" if verification.valid else "not valid"
-    checks = [asdict(check) for check in verification.checks]
-    claim = {
-        **claim_values(loaded.claim),
-        "envelope": loaded.claim.envelope,
-        "g": loaded.claim.g,
+    loaded = load_certificate(file)
+    claim, states = loaded.claim, ", ".join(loaded.model.states)
+    if claim.envelope is not None:
+        where = f"{claim.place}, g {claim.g:g} m/s²: for every flight of the law that stays in it"
+    elif claim.conditions:
+        where = f"for the models in the file (states {states}), given as those {claim.place}"
+    else:
+        where = f"for the linear model in the file (states {states})"
+    values = {
+        **claim_values(claim),
+        **pick(claim, "envelope g"),
         "gains": pick(loaded.gains, "inputs errors K_P K_I"),
         "model": pick(loaded.model, "states inputs errors A B C"),
     }
-    title = f"{certificate}: {verdict}"
-    emit(
-        Answer(
-            values={**pick(verification, "valid reason"), "claim": claim},
-            tables=[
-                Table(title=title, name="checks", columns=CHECK_COLUMNS, records=checks),
-                Table(title="claim", columns=columns("rate radius L_d"), records=[claim]),
-                gains_table("gains", loaded.gains),
-            ],
-            verdict=_where(loaded)
-            if verification.valid
-            else f"claimed, not proven: {_where(loaded)}",
-        )
+    return verify(loaded), Answer(
+        values={"claim": values},
+        tables=[
+            Table(columns("rate radius L_d"), [values], "claim"),
+            gains_table("gains", loaded.gains),
+        ],
+        verdict=where,
     )
-    if not verification.valid:
-        fail(f"{certificate}: {verification.reason}", NO)
 
 
-def _verify_tube(file: Path, conformance: Path | None) -> None:
-    from flighttune.cli.tube import NOT_CHECKED, bounds_after, problem_tables, tube_values
+def _tube(file: Path, conformance: Path | None) -> "tuple[Verification, Answer]":
+    """The check of the proof of a tube, and what it claims."""
     from flighttune.conformance import load_conformance
     from flighttune.tube.proof import load_tube, verify_tube
 
     loaded = load_tube(file, None if conformance is None else load_conformance(conformance))
-    verification, checked = verify_tube(loaded), loaded.problem.aircraft_checked
-    verdict = "valid: every inclusion is proven" if verification.valid else "not valid"
-    basis = "proven" if loaded.lost is None else "proven, within the errors that were counted"
+    checked, claim = loaded.problem.aircraft_checked, enclosed(loaded, "of the file")
+    basis = "" if loaded.lost is None else "within the errors that were counted"
     if checked is False:
-        basis = f"proven {NOT_CHECKED}"
-    values = tube_values(loaded)
-    checks = [asdict(check) for check in verification.checks]
-    title = f"{file}: {verdict}"
-    emit(
-        Answer(
-            values={
-                **pick(verification, "valid reason"),
-                "aircraft_checked": checked,
-                "claim": {**values, "scenario": loaded.problem.scenario.as_dict()},
-            },
-            tables=[
-                Table(title=title, name="checks", columns=CHECK_COLUMNS[:2], records=checks),
-                *problem_tables(loaded, values, "of the file"),
-            ],
-            notes=bounds_after(loaded),
-            verdict=basis if verification.valid else "claimed, not proven",
-        )
-    )
-    if not verification.valid:
-        fail(f"{file}: {verification.reason}", NO)
-
-
-def _where(certificate: "Certificate") -> str:
-    """The flights or models for which the claim of a certificate holds, in words."""
-    claim, states = certificate.claim, ", ".join(certificate.model.states)
-    if claim.envelope is not None:
-        return f"{claim.place}, g {claim.g:g} m/s²: for every flight of the law that stays in it"
-    if claim.conditions:
-        return f"for the models in the file (states {states}), given as those {claim.place}"
-    return f"for the linear model in the file (states {states})"
+        basis = "for the boxes in the file; that an aircraft keeps them is not checked here"
+    scenario = loaded.problem.scenario.as_dict()
+    values = {"aircraft_checked": checked, "claim": {**claim.values, "scenario": scenario}}
+    return verify_tube(loaded), replace(claim, values=values, verdict=basis)

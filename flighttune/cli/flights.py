@@ -14,19 +14,17 @@ from flighttune.cli.options import (
     TubeOption,
     out_folder,
 )
-from flighttune.cli.progress import progress_bar, raise_on_interrupt
-from flighttune.cli.show import NO, emit, fail, pick, say, tell
-from flighttune.cli.tube import (
-    fail_if_outside,
-    run_tubes,
-    run_tubes_notes,
-    run_tubes_table,
-    run_tubes_values,
-)
+from flighttune.cli.progress import on_interrupt, progress_bar
+from flighttune.cli.show import fail, pick, say, show, tell
+from flighttune.cli.tube import tubes_around
 from flighttune.errors import RecordingError, ScenarioError
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Table
+
+if TYPE_CHECKING:
+    from flighttune.flight.fly import FlownScenario
+    from flighttune.recording.record import RecordedFiles
 
 RUN_COLUMNS = columns(
     "plant gains status metrics.chi.ITAE metrics.gamma.ITAE metrics.chi.MO_rad "
@@ -36,11 +34,6 @@ RUN_COLUMNS = columns(
 
 EQUAL = "equal to the bit"
 REFLOWN_COLUMNS = columns("run status samples result")
-
-if TYPE_CHECKING:
-    from flighttune.flight.fly import FlownScenario
-    from flighttune.recording.record import RecordedFiles
-    from flighttune.tube.store import RunTubes
 
 
 def fly(
@@ -62,15 +55,16 @@ def fly(
     folder = out or Path("runs") / name
     with progress_bar() as progress:
         flown = fly_scenario(loaded, progress=progress)
-    tubes = run_tubes(flown.runs, folder, make=tube, conformance=conformance)
+    how = f"flighttune fly {scenario} --tube"
+    tubes, around = tubes_around(flown.runs, folder, how, make=tube, conformance=conformance)
     flown = replace(flown, runs=tubes.runs)
     files = record(flown, folder, name=name)
-    emit(_flown(flown, files, tubes, scenario))
+    answer = _flown(flown, files, around, scenario)
+    show(answer)
     if view:
         _open(files.recording)
-    fail_if_outside(tubes)
-    if missed := flown.claim.missed:
-        fail(f"{missed[0]} ({len(missed) - 1} more)" if missed[1:] else missed[0], NO)
+    if answer.failure:
+        fail(answer.failure, answer.status)
 
 
 def refly(
@@ -81,7 +75,7 @@ def refly(
             help="A recording, the folder of one, or a Parquet file of one run.",
         ),
     ],
-) -> None:
+) -> Answer:
     """Fly RECORDING again from the scenario and seed in it, and compare it bit by bit.
 
     Exit status 1 if a bit differs; the first difference is shown.
@@ -112,32 +106,28 @@ def refly(
             }
         )
     different = [f"{run['run']}: {run['result']}" for run in runs if not run["equal"]]
-    title = f"{recording}, flown again"
-    emit(
-        Answer(
-            values={
-                "equal": not different,
-                "missing": source.missing,
-                "versions": {
-                    name: {"recorded": then, "now": now} for name, (then, now) in versions.items()
-                },
+    return Answer(
+        values={
+            "equal": not different,
+            "missing": source.missing,
+            "versions": {
+                name: {"recorded": then, "now": now} for name, (then, now) in versions.items()
             },
-            tables=[Table(title=title, name="runs", columns=REFLOWN_COLUMNS, records=runs)],
-            notes=[
-                *(f"missing: {line}" for line in source.missing),
-                *(f"{name}: {then} then, {now} now" for name, (then, now) in versions.items()),
-            ],
-        )
+        },
+        tables=[Table(REFLOWN_COLUMNS, runs, f"{recording}, flown again", name="runs")],
+        notes=[
+            *(f"missing: {line}" for line in source.missing),
+            *(f"{name}: {then} then, {now} now" for name, (then, now) in versions.items()),
+        ],
+        failure=f"{recording}: {different[0]}" if different else "",
     )
-    if different:
-        fail(f"{recording}: {different[0]}", NO)
 
 
 def list_shipped(
     verbose: Annotated[
         bool, Option("--verbose", "-v", help="Show what each scenario verifies.")
     ] = False,
-) -> None:
+) -> Answer:
     """List the scenarios and campaigns that come with the package, and all aircraft found."""
     from flighttune import shipped
 
@@ -147,20 +137,14 @@ def list_shipped(
         name if shipped.is_shipped(folder) else f"{name} ({folder})"
         for name, folder in folders.items()
     ]
-    emit(
-        Answer(
-            values={"aircraft": list(folders)},
-            tables=[
-                Table(
-                    title=kind,
-                    name=kind,
-                    columns=columns("name title verifies" if verbose else "name title"),
-                    records=[_heading(path) for path in files.values()],
-                )
-                for kind, files in listed.items()
-            ],
-            notes=[f"aircraft: {', '.join(places)}"],
-        )
+    shown = columns("name title verifies" if verbose else "name title")
+    return Answer(
+        values={"aircraft": list(folders)},
+        tables=[
+            Table(shown, [_heading(path) for path in files.values()], kind, name=kind)
+            for kind, files in listed.items()
+        ],
+        notes=[f"aircraft: {', '.join(places)}"],
     )
 
 
@@ -195,7 +179,7 @@ def _open(path: Path, *, port: int | None = None) -> None:
     if recording is None:
         raise RecordingError(f"{path}: the folder must hold a recording, got none.")
     with (
-        raise_on_interrupt(),
+        on_interrupt(),
         open_viewer(recording, port=port) as viewer,
         suppress(KeyboardInterrupt),
     ):
@@ -207,9 +191,7 @@ def _open(path: Path, *, port: int | None = None) -> None:
         viewer.wait()
 
 
-def _flown(
-    flown: "FlownScenario", files: "RecordedFiles", tubes: "RunTubes", source: str
-) -> Answer:
+def _flown(flown: "FlownScenario", files: "RecordedFiles", tubes: Answer, source: str) -> Answer:
     unknown = {"R_K": None, "I_K": None}
     indicators = {name: pick(own, "R_K I_K") for name, own in flown.indicators.items()}
     runs = [
@@ -226,12 +208,13 @@ def _flown(
     ]
     gain_sets = [{"gains": name, **own} for name, own in indicators.items()]
     notes = [f"{run.label}: {run.outcome}" for run in flown.runs if run.status != "completed"]
-    notes += run_tubes_notes(tubes, f"flighttune fly {source} --tube")
+    notes += tubes.notes
     if any(run.provenance.aircraft for run in flown.runs):
         notes.append(f"Why aircraft and law differ: flighttune gap {source}")
     notes.append(f"A page to send: flighttune report {files.recording.parent}")
-    claim, title = flown.claim, flown.scenario.title
+    claim, missed = flown.claim, flown.claim.missed
     bounds = [pick(bound, "run subject measure sense bound value met") for bound in claim.bounds]
+    more = f" ({len(missed) - 1} more)" if missed[1:] else ""
     return Answer(
         values={
             "runs": runs,
@@ -240,17 +223,16 @@ def _flown(
                 **pick(claim, "verdict sentence"),
                 "bounds": bounds,
             },
-            "missed": claim.missed,
-            "tubes": run_tubes_values(tubes),
+            "missed": missed,
+            **tubes.values,
         },
         tables=[
-            Table(title=title, columns=RUN_COLUMNS, records=runs, grouped=True),
-            Table(
-                title="on the kinematic law", columns=columns("gains R_K I_K"), records=gain_sets
-            ),
-            run_tubes_table(tubes),
+            Table(RUN_COLUMNS, runs, flown.scenario.title, grouped=True),
+            Table(columns("gains R_K I_K"), gain_sets, "on the kinematic law"),
+            *tubes.tables,
         ],
         notes=notes,
         verdict=claim.sentence,
         files={"recording": files.recording},
+        failure=tubes.failure or (f"{missed[0]}{more}" if missed else ""),
     )

@@ -30,19 +30,19 @@ MARGIN_COLUMNS = [
 ]
 
 
-def chosen_gains(scenario: "Scenario", wanted: str | None) -> tuple[str, "PIGains"]:
-    """Name and gains selected by ``--gains``; exits with status 1 where tuning finds none."""
+def chosen_gains(source: str, wanted: str | None) -> "tuple[Scenario, str, PIGains]":
+    """A scenario, and name and gains of ``--gains``; exits with 1 where tuning finds none."""
     from flighttune.flight.outer_loop import gain_set
-    from flighttune.scenario import load_gains
+    from flighttune.scenario import load_gains, load_scenario
 
-    if wanted is None:
-        wanted = scenario.gain_names[0]
-    if Path(wanted).suffix.lower() in (".json", ".toml"):
-        return wanted, load_gains(wanted)
-    gains = gain_set(scenario, wanted)
+    scenario = load_scenario(source)
+    name = wanted or scenario.gain_names[0]
+    if Path(name).suffix.lower() in (".json", ".toml"):
+        return scenario, name, load_gains(name)
+    gains = gain_set(scenario, name)
     if gains is None:
-        fail(f"--gains: `{wanted}` must be feasible: tuning found no such gains.", NO)
-    return wanted, gains
+        fail(f"--gains: `{name}` must be feasible: tuning found no such gains.", NO)
+    return scenario, name, gains
 
 
 def gains_values(gains: "PIGains | None") -> dict[str, Any]:
@@ -52,15 +52,15 @@ def gains_values(gains: "PIGains | None") -> dict[str, Any]:
 
 def gains_table(title: str, gains: "PIGains | None") -> Table:
     """Gains as a table, a row a command; no rows where there are no gains."""
-    records = []
-    if gains is not None:
-        records = [
-            {"command": command, "P": proportional, "I": integral}
-            for command, proportional, integral in zip(
-                gains.labels, gains.K_P.tolist(), gains.K_I.tolist(), strict=True
-            )
+    records = (
+        []
+        if gains is None
+        else [
+            {"command": command, "P": gains.K_P[i].tolist(), "I": gains.K_I[i].tolist()}
+            for i, command in enumerate(gains.labels)
         ]
-    return Table(title=title, columns=GAINS_COLUMNS, records=records)
+    )
+    return Table(GAINS_COLUMNS, records, title)
 
 
 def margins_table(margins: "Sequence[Margins]") -> Table:
@@ -78,8 +78,7 @@ def margins_table(margins: "Sequence[Margins]") -> Table:
             "lag_margin_s": margins[-1].lag_margin,
             "disk_margin": margins[-1].disk_margin,
         }
-    title = "stability margins"
-    return Table(title=title, name="margins", columns=MARGIN_COLUMNS, records=records)
+    return Table(MARGIN_COLUMNS, records, "stability margins", name="margins")
 
 
 def save_answer(path: Path, answer: Answer) -> None:

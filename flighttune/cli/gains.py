@@ -1,17 +1,22 @@
 """Commands that find gains: the best ones, and the frontier of R_K against I_K."""
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from typer import Option
 
 from flighttune.cli.gain_sets import gains_table, gains_values, margins_table, save_answer
 from flighttune.cli.options import GainsFileOption, ScenarioArgument, check_ending, out_folder
-from flighttune.cli.show import NO, emit, fail, pick
+from flighttune.cli.show import pick
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table
+
+if TYPE_CHECKING:
+    from flighttune.control.gains import PIGains
+    from flighttune.scenario import Scenario
 
 ENVELOPE_STARTS = 2
 """Searches over an envelope, besides the one from the gains tuned at the trim."""
@@ -44,24 +49,38 @@ def tune(
         bool, Option("--envelope", help="Maximise the rate over the scenario's envelope.")
     ] = False,
     out: GainsFileOption = None,
-) -> None:
+) -> Answer:
     """Find the gains with the largest R_K under the constraints of SCENARIO."""
+    from flighttune.control.margins import loop_margins
+    from flighttune.scenario import load_scenario
+
     check_ending(out, ".json")
     if envelope and method is not None:
         raise InputError("--method: must be absent with --envelope, which has a method of its own.")
-    answer = _tune_over_envelope(scenario) if envelope else _tune_at_trim(scenario, method)
+    loaded = load_scenario(scenario)
+    if method is not None:
+        changed = loaded.tuning.model_copy(update={"method": method})
+        loaded = loaded.model_copy(update={"tuning": changed})
+    gains, search = _over_envelope(loaded) if envelope else _at_trim(loaded)
+    tuned = search.values["status"] in ("optimal", "found")
+    margins = loop_margins(loaded.linear_model(), gains) if tuned and gains else ()
+    first, *others = search.tables
+    answer = replace(
+        search,
+        values={**search.values, **gains_values(gains)},
+        tables=[first, gains_table("gains", gains), margins_table(margins), *others],
+        failure="" if tuned else f"{scenario}: {search.values['reason']}",
+    )
     if out is not None:
         save_answer(out, answer)
-    emit(answer)
-    if answer.values["status"] not in ("optimal", "found"):
-        fail(f"{scenario}: {answer.values['reason']}", NO)
+    return answer
 
 
 def frontier(
     scenario: ScenarioArgument,
     out: Annotated[Path | None, out_folder("runs/NAME")] = None,
     points: Annotated[int, Option(min=2, max=1000, help="Points of the frontier.")] = 25,
-) -> None:
+) -> Answer:
     """Tabulate and draw the largest R_K for each I_K, with the paper's and the scenario's gains."""
     from flighttune.control.gains import paper_family
     from flighttune.flight.outer_loop import gain_set, tuning_problem
@@ -90,99 +109,60 @@ def frontier(
     Sheet(charts=[chart], columns=1).save(svg)
     shown = columns("name I_K R_K spectral_abscissa")
     rows = table[[column.key for column in shown]].to_dict(orient="records")
-    emit(
-        Answer(
-            values={
-                "points": [row for row in rows if row["name"] == "frontier"],
-                "marked": {row["name"]: row for row in rows if row["name"] != "frontier"},
-            },
-            tables=[Table(title=loaded.title, columns=shown, records=rows)],
-            files={"csv": csv, "figure": svg},
-        )
+    return Answer(
+        values={
+            "points": [row for row in rows if row["name"] == "frontier"],
+            "marked": {row["name"]: row for row in rows if row["name"] != "frontier"},
+        },
+        tables=[Table(shown, rows, loaded.title)],
+        files={"csv": csv, "figure": svg},
     )
 
 
-def _tune_at_trim(source: str, method: str | None) -> Answer:
-    from flighttune.control.margins import loop_margins
+def _at_trim(scenario: "Scenario") -> "tuple[PIGains | None, Answer]":
     from flighttune.flight.outer_loop import tune_scenario, tuning_problem, tuning_scaling
-    from flighttune.scenario import load_scenario
     from flighttune.tuning.diagnosis import diagnosis
 
-    scenario = load_scenario(source)
-    if method is not None:
-        changed = scenario.tuning.model_copy(update={"method": method})
-        scenario = scenario.model_copy(update={"tuning": changed})
-    result, model, scaling = (
-        tune_scenario(scenario),
-        scenario.linear_model(),
-        tuning_scaling(scenario),
-    )
-    stable = result.gains if result.status == "optimal" else None
-    n, _, p = model.shape
+    result, scaling = tune_scenario(scenario), tuning_scaling(scenario)
+    n, _, p = scenario.linear_model().shape
     why, tables = None, []
     if result.status == "infeasible":
         nearest = diagnosis(tuning_problem(scenario))
         why = pick(nearest, "smallest_I_K largest_R_K common_factor binding limits")
         tables = [
-            Table(title="within the limits", columns=DIAGNOSIS_COLUMNS, records=[why]),
-            Table(title="limits", columns=LIMIT_COLUMNS, records=nearest.limits),
+            Table(DIAGNOSIS_COLUMNS, [why], "within the limits"),
+            Table(LIMIT_COLUMNS, nearest.limits, "limits"),
         ]
     values = {
-        **pick(result, "status reason"),
-        **gains_values(result.gains),
-        **pick(result, "R_K I_K"),
+        **pick(result, "status reason R_K I_K spectral_abscissa active starts wall_s method"),
         "scaling": [1.0] * (n + p) if scaling is None else scaling,
-        **pick(result, "spectral_abscissa active starts wall_s method"),
         "diagnosis": why,
     }
-    return Answer(
+    note = "units of state: scaled by [tuning]; `certify` gives R_K in plain ones too"
+    return result.gains, Answer(
         values=values,
-        tables=[
-            Table(title="tuning", columns=RESULT_COLUMNS, records=[values]),
-            gains_table("gains", result.gains),
-            margins_table(() if stable is None else loop_margins(model, stable)),
-            *tables,
-        ],
-        notes=[
-            "units of state: plain, as in `certify`"
-            if scaling is None
-            else "units of state: scaled by [tuning]; `certify` gives R_K in plain ones too"
-        ],
+        tables=[Table(RESULT_COLUMNS, [values], "tuning"), *tables],
+        notes=["units of state: plain, as in `certify`" if scaling is None else note],
     )
 
 
-def _tune_over_envelope(source: str) -> Answer:
-    from flighttune.control.margins import loop_margins
+def _over_envelope(scenario: "Scenario") -> "tuple[PIGains | None, Answer]":
     from flighttune.flight.outer_loop import trim_and_envelope, tuning_problem
-    from flighttune.scenario import load_scenario
     from flighttune.tuning.envelope import tune_over_envelope
     from flighttune.tuning.result import assessment
 
-    scenario = load_scenario(source)
     trim, envelope = trim_and_envelope(scenario)
-    problem = tuning_problem(scenario)
-    result = tune_over_envelope(
-        problem, envelope, trim, g=scenario.flight.g_mps2, starts=ENVELOPE_STARTS
-    )
-    margins, at_trim = (), {"spectral_abscissa": None, "active": []}
+    problem, g = tuning_problem(scenario), scenario.flight.g_mps2
+    result = tune_over_envelope(problem, envelope, trim, g=g, starts=ENVELOPE_STARTS)
+    at_trim = {"spectral_abscissa": None, "active": []}
     if result.gains is not None:
-        margins = loop_margins(scenario.linear_model(), result.gains)
         at_trim = pick(assessment(problem, result.gains.K), "spectral_abscissa active")
     values = {
-        **pick(result, "status reason"),
-        **gains_values(result.gains),
-        **pick(result, "R_K I_K"),
+        **pick(result, "status reason R_K I_K factor wall_s"),
         **at_trim,
         "starts": ENVELOPE_STARTS,
         "R_envelope": result.R,
         "R_envelope_bound": result.R_bound,
-        **pick(result, "factor wall_s"),
     }
-    return Answer(
-        values=values,
-        tables=[
-            Table(title="tuning over the envelope", columns=ENVELOPE_COLUMNS, records=[values]),
-            gains_table("gains", result.gains),
-            margins_table(margins),
-        ],
-    )
+    table = Table(ENVELOPE_COLUMNS, [values], "tuning over the envelope")
+    return result.gains, Answer(values=values, tables=[table])

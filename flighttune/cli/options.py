@@ -39,15 +39,39 @@ GainsOption = Annotated[
         "K_I [default: the first of the scenario]."
     ),
 ]
-AircraftPlantOption = Annotated[
-    str | None,
-    Option(
-        "--plant", help="Label of the aircraft as `fly` prints it [default: the first aircraft]."
+CampaignArgument = Annotated[
+    str,
+    Argument(
+        metavar="CAMPAIGN",
+        help="A campaign file, or the name of a shipped one.",
+        autocompletion=campaign_names,
     ),
+]
+WorkersOption = Annotated[
+    int | None, Option(help="Processes on this machine [default: one per core].", min=1)
+]
+SchedulerOption = Annotated[
+    str | None,
+    Option(metavar="ADDRESS", help="Fly on the workers of a dask scheduler, tcp://HOST:PORT."),
+]
+StartOption = Annotated[
+    float,
+    Option(help="Largest deviation from a scenario's start, course and path angle, deg."),
+]
+CampaignGainsOption = Annotated[
+    str | None, Option("--gains", help="Gain set [default: tuned_identified, else the first].")
 ]
 GainsFileOption = Annotated[
     Path | None, Option("--out", help="JSON file to write; `--gains` of other commands reads it.")
 ]
+
+
+def plant_label(default: str) -> Any:
+    """The option ``--plant`` of a command about one plant."""
+    return Option("--plant", help=f"Label of the plant as `fly` prints it [default: {default}].")
+
+
+AircraftPlantOption = Annotated[str | None, plant_label("the first aircraft")]
 
 
 def out_folder(default: str) -> Any:

@@ -2,13 +2,13 @@
 
 import signal
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress
-from flighttune.cli.show import clear, quiet, tell, watched
+from flighttune.cli.show import INTERRUPTED, clear, fail, quiet, tell, watched
 
 if TYPE_CHECKING:
     from flighttune.campaign.engine.pool import WorkerPool
@@ -55,7 +55,15 @@ class CampaignDisplay(CampaignObserver):
         if progress.doing == "flying" and not progress.workers and not self._warned:
             self._warned = True
             self.hear("no worker is there yet; waiting for one")
-        now, new, text = time.monotonic(), progress.doing != self._doing, _text(progress)
+        parts = [f"{progress.doing}: {progress.done} of {progress.runs} runs"]
+        if progress.rate_per_s:
+            parts.append(f"{rate(progress.rate_per_s)} a second")
+        if progress.left_s is not None and progress.doing == "flying":
+            parts.append(f"{duration(progress.left_s)} left")
+        for count, what in ((progress.failed, "failed"), (progress.crashed, "crashed")):
+            if count:
+                parts.append(f"{count} {what}")
+        now, new, text = time.monotonic(), progress.doing != self._doing, ", ".join(parts)
         self._doing = progress.doing
         if self._bar is not None:
             ends = {"completed": progress.done, "total": progress.runs}
@@ -89,7 +97,7 @@ def campaign_display() -> Iterator[CampaignDisplay]:
         bar = Progress(*columns, console=Console(stderr=True), transient=True)
         clear()
     display = CampaignDisplay(bar)
-    with stop_on_interrupt(display.stop), bar or nullcontext():
+    with on_interrupt(display.stop), bar or nullcontext():
         yield display
 
 
@@ -97,21 +105,13 @@ def campaign_display() -> Iterator[CampaignDisplay]:
 def campaign_pool(workers: int | None, scheduler: str | None) -> "Iterator[WorkerPool]":
     """Workers for the block that show how far they are; Ctrl-C or SIGTERM stops them."""
     from flighttune.campaign.engine.pool import worker_pool
+    from flighttune.campaign.stated_set import StoppedError
 
     with campaign_display() as observer, worker_pool(workers, scheduler, observer) as pool:
-        yield pool
-
-
-def _text(progress: CampaignProgress) -> str:
-    parts = [f"{progress.doing}: {progress.done} of {progress.runs} runs"]
-    if progress.rate_per_s:
-        parts.append(f"{rate(progress.rate_per_s)} a second")
-    if progress.left_s is not None and progress.doing == "flying":
-        parts.append(f"{duration(progress.left_s)} left")
-    for count, what in ((progress.failed, "failed"), (progress.crashed, "crashed")):
-        if count:
-            parts.append(f"{count} {what}")
-    return ", ".join(parts)
+        try:
+            yield pool
+        except StoppedError:
+            fail("interrupted, nothing is written", INTERRUPTED)
 
 
 def rate(per_s: float) -> str:
@@ -126,43 +126,31 @@ def duration(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.1f} h"
 
 
-def stop_on_interrupt(stop: Callable[[], object]) -> AbstractContextManager[None]:
-    """Call `stop` at the first of `SIGNALS` in the block; a second one ends the command.
-
-    `stop` is called from the signal handler: it only asks for the end, and returns at once.
-    """
-
-    def stopping(before: Mapping[signal.Signals, Any]) -> Any:
-        def handle(_number: int, _frame: FrameType | None) -> None:
-            _install(before)
-            stop()
-
-        return handle
-
-    return _handled(stopping)
-
-
-def raise_on_interrupt() -> AbstractContextManager[None]:
-    """Raise KeyboardInterrupt at each of `SIGNALS`, so that what the block opened is closed.
-
-    Shells start commands in the background with SIGINT ignored; in the block it is not.
-    """
-    return _handled(lambda _: signal.default_int_handler)
-
-
 @contextmanager
-def _handled(handler: Callable[[Mapping[signal.Signals, Any]], Any]) -> Iterator[None]:
-    """Handle the signals in the block with what `handler` makes of those that handled them."""
+def on_interrupt(stop: Callable[[], object] | None = None) -> Iterator[None]:
+    """Call `stop` at the first of `SIGNALS` in the block; without it, raise KeyboardInterrupt.
+
+    After the first one the signals are handled as before the block. `stop` is called from the
+    signal handler: it only asks for the end, and returns at once. Shells start commands in the
+    background with SIGINT ignored; in the block it is not.
+    """
     before = {number: signal.getsignal(number) for number in SIGNALS}
     if before[signal.SIGHUP] == signal.SIG_IGN:  # nohup wants it to be ignored
         del before[signal.SIGHUP]
-    _install(dict.fromkeys(before, handler(before)))
+
+    def restore() -> None:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+    def handle(number: int, frame: FrameType | None) -> None:
+        if stop is None:
+            signal.default_int_handler(number, frame)
+        restore()
+        stop()
+
+    for number in before:
+        signal.signal(number, handle)
     try:
         yield
     finally:
-        _install(before)
-
-
-def _install(handlers: Mapping[signal.Signals, Any]) -> None:
-    for number, handler in handlers.items():
-        signal.signal(number, handler)
+        restore()

@@ -8,6 +8,7 @@ from contextvars import ContextVar
 from typing import Any, NoReturn
 
 from flighttune.present.answer import Answer
+from flighttune.whole_file import reason_of
 
 FINE, NO, COULD_NOT_RUN, INTERRUPTED = 0, 1, 2, 130
 
@@ -49,11 +50,6 @@ def quiet() -> bool:
     return _QUIET.get()
 
 
-def as_json() -> bool:
-    """Whether the command has --json: stdout then takes a single object."""
-    return _JSON.get()
-
-
 def clear() -> None:
     """Clear the status from the terminal before something else is printed."""
     if doing := _DOING.get():
@@ -62,14 +58,35 @@ def clear() -> None:
 
 
 def emit(answer: Answer) -> None:
+    """Print an answer, and exit if it has a failure."""
+    show(answer)
+    if answer.failure:
+        fail(answer.failure, answer.status)
+
+
+def show(answer: Answer) -> None:
     """Print an answer: one JSON object with ``--json``, else its text."""
-    if as_json():
-        clear()
-        print(answer.json())
-    elif not quiet():
-        for part in answer.text(_width()):
-            clear()  # the text may take its time
-            print(part)
+    with output():
+        if _JSON.get():
+            clear()
+            print(answer.json())
+        elif not quiet():
+            for part in answer.text(_width()):
+                clear()  # the text may take its time
+                print(part)
+
+
+@contextmanager
+def output() -> Iterator[None]:
+    """Write what the block prints on stdout; it is no failure if nobody reads it any more."""
+    try:
+        yield
+        sys.stdout.flush()
+    except OSError as error:
+        # what is left cannot be written: Python would complain about it once more
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if not isinstance(error, BrokenPipeError):
+            fail(f"standard output must be writable, got {reason_of(error)}.", COULD_NOT_RUN)
 
 
 def _width() -> int:
@@ -89,9 +106,9 @@ def pick(value: object, names: str) -> dict[str, Any]:
 
 
 def say(line: str) -> None:
-    """Print one line on stdout while a command still runs: a pipe gets it at once."""
+    """Print one line while a command still runs, with ``--json`` on stderr."""
     clear()
-    print(line, flush=True)
+    print(line, file=sys.stderr if _JSON.get() else sys.stdout, flush=True)  # pipes get it at once
 
 
 def tell(line: str) -> None:

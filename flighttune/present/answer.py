@@ -24,7 +24,7 @@ class Answer:
     """The result of a command. Its tables show numbers of its values, or have records of their own.
 
     The text has tables, notes, verdict and files; the JSON object has the values, the records of
-    tables with a name, notes, verdict, and each file under its key.
+    tables with a name, notes, verdict, and each file under its key. The failure goes to stderr.
     """
 
     values: Mapping[str, Any] = field(default_factory=dict)
@@ -32,6 +32,8 @@ class Answer:
     notes: Sequence[str] = ()
     verdict: str = ""
     files: Mapping[str, Path | str | None] = field(default_factory=dict)
+    failure: str = ""  # reason for an exit status other than 0
+    status: int = 1  # exit status of a failure: 1 where the answer is no
 
     def json(self) -> str:
         """One JSON object; numbers that JSON has no word for become null."""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import KW_ONLY, dataclass, replace
 from html import escape
 from itertools import zip_longest
 from textwrap import wrap
@@ -60,13 +60,14 @@ class Column:
         return self.digits(value) if callable(self.digits) else number(value, self.digits)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Table:
     """Records and the columns that are shown of them."""
 
     columns: Sequence[Column]
     records: Sequence[Mapping[str, Any]]
     title: str = ""
+    _: KW_ONLY
     name: str = ""  # key of the records in a JSON object; empty where its values have them
     label: str = ""  # key of the run whose colour a row has on a page
     grouped: bool = False  # the first column repeats: it heads a table each where room is short

@@ -3,7 +3,6 @@
 import io
 import json
 import math
-import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -18,6 +17,7 @@ from printed import LAST_DIGIT_I, LAST_DIGIT_R, TABLE_2
 
 from flighttune.cli import main
 from flighttune.cli.app import app
+from flighttune.errors import ScenarioError
 from flighttune.recording.parquet import read_run
 from flighttune.shipped import campaign_files, scenario_files
 
@@ -51,15 +51,6 @@ def test_the_signals_of_a_run_are_where_fly_says(paper):
         itae = np.sum(np.diff(t) * 0.5 * ((t * abs(error))[1:] + (t * abs(error))[:-1]))
         assert run["metrics"]["chi"]["ITAE"] == pytest.approx(itae, rel=1e-9)
         assert f"{stored.provenance.plant} / {stored.provenance.gains_name}" == stored.label
-
-
-def test_fly_shows_a_table_and_names_the_recording(tmp_path):
-    out, err = flighttune("fly", "paper_as_printed", "--out", tmp_path)
-
-    assert "kinematic" in out
-    assert "ITAE χ" in out
-    assert str(tmp_path / "paper_as_printed.rrd") in out
-    assert err == ""
 
 
 def test_tune_finds_the_optimum_of_the_unlimited_problem():
@@ -150,7 +141,6 @@ def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
     ("arguments", "message"),
     [
         (("fly", "nowhere.toml"), "nowhere.toml: the scenario must be a file or one of"),
-        (("certify", "paper", "--gains", "K9"), "must be one of tuned, paper"),
         (("certify", "paper", "--gains", "gone.json"), "gone.json: the file must be readable"),
         (("view", "gone.rrd"), "gone.rrd"),
     ],
@@ -164,25 +154,16 @@ def test_what_cannot_run_gets_one_line_and_exit_status_two(arguments, message):
     assert "Traceback" not in err
 
 
-@pytest.mark.slow
 def test_debug_shows_the_traceback():
-    done = subprocess.run(
-        [sys.executable, "-m", "flighttune", "--debug", "fly", "nowhere.toml"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert "Traceback" in done.stderr
+    argv = ["flighttune", "--debug", "fly", "nowhere.toml"]
+    with mock.patch.object(sys, "argv", argv), pytest.raises(ScenarioError, match="nowhere"):
+        main()
 
 
 def test_the_version_is_that_of_the_project():
     project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
 
     assert flighttune("--version")[0] == f"flighttune {project['version']}\n"
-
-
-def test_help_has_a_short_name():
-    assert flighttune("campaign", "run", "-h") == flighttune("campaign", "run", "--help")
 
 
 def test_list_shows_what_ships():
@@ -192,17 +173,16 @@ def test_list_shows_what_ships():
     assert {"paper", "paper_as_printed", "level_turn"} <= {s["name"] for s in found["scenarios"]}
     assert {"first_campaign", "kinematic_sweep"} <= {c["name"] for c in found["campaigns"]}
     for kind, files in (("scenarios", scenario_files()), ("campaigns", campaign_files())):
-        for one in found[kind]:
-            whole = tomllib.loads(files[one["name"]].read_text())
+        for row in found[kind]:
+            whole = tomllib.loads(files[row["name"]].read_text())
             said = {"title": whole["title"], "verifies": whole.get("verifies", "")}
-            assert one == {"name": one["name"], **said}
+            assert row == {"name": row["name"], **said}
 
 
 @pytest.mark.parametrize(
     ("command", "name", "meant"),
     [
         (("campaign", "run", "first_campain"), "first_campain", "first_campaign"),
-        (("certify", "paper", "--gains", "tunde"), "tunde", "tuned"),
         (("reproduce", "gain"), "gain", "gains"),
     ],
 )
@@ -215,17 +195,14 @@ def test_a_name_that_is_mistyped_gets_the_one_that_is_meant(command, name, meant
     assert err.endswith(f"; did you mean {meant}?\n")
 
 
-@pytest.mark.slow
-def test_quiet_prints_failures_only(tmp_path):
-    assert flighttune("tune", "paper", "-q") == ("", "")
-    assert flighttune("--help")[0]
-    assert answer("tune", "paper", "-q") | {"wall_s": 0} == answer("tune", "paper") | {"wall_s": 0}
+def test_quiet_prints_failures_only():
+    assert flighttune("list", "-q") == ("", "")
+    assert answer("list", "-q") == answer("list")
     out, err = flighttune("fly", "nowhere", "-q", status=2)
     assert out == ""
     assert "nowhere" in err
 
 
-@pytest.mark.slow
 def test_a_terminal_sees_at_once_what_a_command_does(monkeypatch):
     class Terminal(io.StringIO):
         def isatty(self):
@@ -239,11 +216,11 @@ def test_a_terminal_sees_at_once_what_a_command_does(monkeypatch):
                 main()
         return seen.getvalue()
 
-    shown = on_a_terminal("tune", "paper")
+    shown = on_a_terminal("list")
 
-    assert shown.startswith("tuning ...")
-    assert shown.endswith(f"\r{' ' * len('tuning ...')}\r")  # and it is gone again
-    assert on_a_terminal("tune", "paper", "-q") == ""
+    assert shown.startswith("listing ...")
+    assert shown.endswith(f"\r{' ' * len('listing ...')}\r")  # and it is gone again
+    assert on_a_terminal("list", "-q") == ""
 
 
 def commands_of(group, above=()):

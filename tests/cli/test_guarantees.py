@@ -111,25 +111,6 @@ def test_verify_refuses_a_changed_digit_and_names_the_inequality(certificate, tm
     assert err.count("\n") == 1
 
 
-def test_verify_cannot_run_on_what_is_no_certificate(tmp_path):
-    path = tmp_path / "other.json"
-    path.write_text('{"hello": 1}')
-
-    _, err = flighttune("verify", path, status=2)
-
-    assert str(path) in err
-    assert err.count("\n") == 1
-
-
-@pytest.mark.slow
-def test_over_the_envelope_the_printed_gains_reach_less_far_than_the_tuned():
-    printed = answer("certify", "paper", "--envelope")["envelope"]
-    tuned = answer("certify", "paper", "--envelope", "--gains", "tuned")["envelope"]
-
-    assert 0.0 < printed["R_K"] < 0.5 * tuned["R_K"]
-    assert printed["largest_factor"] < tuned["largest_factor"]
-
-
 @pytest.mark.slow
 def test_a_radius_over_the_envelope_is_larger_than_at_the_trim(certificate):
     over = answer("certify", "paper_as_printed", "--envelope")["certificate"]
@@ -139,31 +120,24 @@ def test_a_radius_over_the_envelope_is_larger_than_at_the_trim(certificate):
     assert all(check["exact"] is True for check in over["checks"])
 
 
-def test_a_certificate_in_other_units_or_with_words_for_numbers_is_refused(certificate, tmp_path):
-    for key, change in (("units", "1/min"), ("claim", "0.1")):
-        tables = json.loads(certificate[1].read_text())
-        tables[key]["rate"] = change
-        path = tmp_path / f"{key}.json"
-        path.write_text(json.dumps(tables))
+@pytest.mark.parametrize(("key", "change"), [("units", "1/min"), ("claim", "0.1"), ("format", 0)])
+def test_what_is_no_certificate_is_refused_by_key(certificate, tmp_path, key, change):
+    tables = json.loads(certificate[1].read_text())
+    tables[key] = change if key == "format" else {**tables[key], "rate": change}
+    path = tmp_path / "other.json"
+    path.write_text(json.dumps(tables))
 
-        _, err = flighttune("verify", path, status=2)
+    _, err = flighttune("verify", path, status=2)
 
-        assert key in err
-
-
-def test_an_envelope_has_a_method_of_its_own():
-    _, err = flighttune("tune", "paper", "--envelope", "--method", "genetic", status=2)
-
-    assert "--method" in err
+    assert str(path) in err
+    assert key in err
+    assert err.count("\n") == 1
 
 
 def test_an_envelope_must_stand_in_the_scenario():
     _, err = flighttune("certify", "level_turn", "--envelope", status=2)
 
     assert "`envelope` must be given" in err
-    assert "add a table [envelope]" in err
-    assert "`paper`" in err
-    assert flighttune("certify", "paper", "--envelope", "--json", status=0)
 
 
 @pytest.fixture(scope="module")
@@ -211,19 +185,21 @@ def test_certify_shows_the_lag_at_which_the_printed_gains_lose_stability():
 @pytest.mark.slow
 def test_tune_over_the_envelope_is_no_worse_there_than_tuning_at_the_trim():
     found = answer("tune", "paper", "--envelope")
+    printed = answer("certify", "paper", "--envelope")["envelope"]
     at_trim = answer("certify", "paper", "--envelope", "--gains", "tuned")["envelope"]
 
+    assert 0.0 < printed["R_K"] < 0.5 * at_trim["R_K"]
+    assert printed["largest_factor"] < at_trim["largest_factor"]
     assert found["status"] == "found"
     assert {"spectral_abscissa", "active", "starts", "margins"} <= found.keys()
     assert found["R_envelope"] >= at_trim["R_K"] - 1e-5
     assert found["I_K"] <= 5.0 + 1e-6
 
 
-@pytest.mark.parametrize("method", [pytest.param("genetic", marks=pytest.mark.slow), "convex"])
-def test_other_methods_find_the_same_optimum(method):
-    found = answer("tune", "paper", "--method", method)
+def test_another_method_finds_the_same_optimum():
+    found = answer("tune", "paper", "--method", "convex")
 
-    assert found["method"] == method
+    assert found["method"] == "convex"
     assert found["R_K"] == pytest.approx(0.53976, abs=1e-4)
 
 
@@ -254,7 +230,6 @@ def test_the_frontier_is_written_as_table_and_figure(tmp_path):
         assert f">{name}</text>" in figure
 
 
-@pytest.mark.slow
 @pytest.mark.slow
 def test_certify_draws_the_margins_that_it_prints_and_the_rate_over_the_envelope(tmp_path):
     found = answer(

@@ -29,11 +29,7 @@ def test_identify_answers_for_each_channel(aerosonde):
         assert 5.0 < fitted["bandwidth_rad_s"] < 30.0
         assert 0.0 <= fitted["delay_s"] < 0.2
     assert found["model"] == str(out)
-
-
-def test_the_airframes_modes_stand_beside_it(aerosonde):
-    names = [mode["name"] for mode in aerosonde[0]["modes"]]
-
+    names = [mode["name"] for mode in found["modes"]]
     assert names == ["short period", "phugoid", "dutch roll", "roll", "spiral"]
 
 
@@ -75,9 +71,7 @@ def test_without_json_there_are_tables_and_the_default_place(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("nosuch",), "`aircraft` must be one of "),
         (("aerosonde", "--gamma", "-30"), "no steady flight at V_a 25 m/s"),
-        (("aerosonde", "--V-a", "5"), "`V_a` must lie in"),
         (("aerosonde", "--out", "model.txt"), "model.txt: --out must end in .json"),
     ],
 )

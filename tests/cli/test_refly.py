@@ -8,7 +8,7 @@ import pytest
 from commands import answer, flighttune
 
 from flighttune.flight.fly import fly
-from flighttune.flight.refly import Reflight, refly
+from flighttune.flight.refly import Reflight
 from flighttune.recording.parquet import load_recording, write_run
 from flighttune.recording.record import record
 from flighttune.scenario import load_scenario, scenario_from
@@ -53,12 +53,6 @@ def test_a_recording_flies_again_to_the_same_bits(folder):
     assert again["versions"] == {}
     assert len(again["runs"]) == 4
     assert {run["samples"] for run in again["runs"]} == {151}
-
-
-def test_a_single_parquet_file_flies_again(folder):
-    (again,) = refly(load_recording(folder / "kinematic-tuned.parquet").runs)
-
-    assert again.difference is None
 
 
 def test_the_last_bit_of_one_sample_is_found(folder, tmp_path):

@@ -5,7 +5,7 @@ import re
 import numpy as np
 import pytest
 
-from flighttune.cli.tube import tube_values
+from flighttune.cli.tube import enclosed
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError
 from flighttune.plants.point_mass import PointMassPlant
@@ -72,7 +72,7 @@ def test_flights_ten_times_as_long_stay_inside(scenario, found, omega):
 def test_its_width_is_in_the_answer_of_the_command(found):
     low, high = found.hand_over.bounds[0]
 
-    width = tube_values(found)["half_width_deg"]["chi"]["ever"]
+    width = enclosed(found, "").values["half_width_deg"]["chi"]["ever"]
 
     assert np.deg2rad(width) == pytest.approx(0.5 * (high - low))
 

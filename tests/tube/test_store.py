@@ -15,7 +15,7 @@ from flighttune import record
 from flighttune.campaign import conform as conform_module
 from flighttune.campaign.conform import ConformSettings, conform
 from flighttune.campaign.stated_set import planned
-from flighttune.cli.tube import run_tubes_notes
+from flighttune.cli.tube import tubes_answer
 from flighttune.comparison import Source
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.flight.fly import fly
@@ -74,7 +74,7 @@ def test_where_only_errors_that_were_counted_are_left_it_says_so(flown, tmp_path
     found = tubes_of([aircraft], tmp_path, make=True, conformance=boxes(flown, half_width=1.0))
 
     assert found.outside == ()
-    (note,) = run_tubes_notes(found, "")
+    (note,) = tubes_answer(found, "").notes
     assert "It is lost, and the bounds are those counted: roll cannot" in note
     widths = found.tubes[aircraft.label].half_widths
     assert [widths[name]["end"] for name in ("chi", "gamma")] == pytest.approx(ERROR)
@@ -139,7 +139,7 @@ def test_the_worst_flight_found_is_drawn_beside_its_tube(flown, tubes, folder, t
     label = flown.runs[0].label
     path = copied / "tubes" / tubes.tubes[label].file.name
     command = f"flighttune worst SCENARIO|CAMPAIGN --tube {tubes.tubes[label].file}"
-    assert any(command in note for note in run_tubes_notes(tubes, ""))
+    assert any(command in note for note in tubes_answer(tubes, "").notes)
 
     write_worst(path, flown.runs[1], {"chi": 1.5, "gamma": 2.25})
 

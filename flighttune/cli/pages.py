@@ -1,0 +1,278 @@
+"""Commands that compare and publish: the gap to the aircraft, runs, pages, exports."""
+
+from collections import Counter
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Literal
+
+from typer import Argument, Option
+
+from flighttune.cli.gain_sets import chosen_gains
+from flighttune.cli.options import (
+    AircraftPlantOption,
+    ConformanceOption,
+    GainsOption,
+    ScenarioArgument,
+    TubeOption,
+    check_ending,
+    out_folder,
+)
+from flighttune.cli.progress import progress_bar
+from flighttune.cli.show import COULD_NOT_RUN, NO, pick, tell
+from flighttune.cli.tube import tubes_around
+from flighttune.present.answer import Answer
+from flighttune.present.names import columns
+from flighttune.present.tables import Table
+
+PRINTED = ("convergence", "certificates", "aircraft")
+"""Tables of the page that are printed too; ``--json`` has the records of all."""
+
+
+def gap(
+    scenario: ScenarioArgument,
+    gains: GainsOption = None,
+    plant: AircraftPlantOption = None,
+    out: Annotated[Path | None, out_folder("runs/NAME-gap")] = None,
+    lag: Annotated[
+        Literal["identified", "fitted"] | None,
+        Option(
+            help="Inner-loop lag of the third plant: from the aircraft's model file, or fitted to "
+            "this flight [default: the model file, if there is one]."
+        ),
+    ] = None,
+    tube: TubeOption = False,
+    conformance: ConformanceOption = None,
+) -> Answer:
+    """Fly gains on plants from the paper's law to the aircraft; show what each step adds.
+
+    Exit status 1 if a flight ends early, or the aircraft leaves its tube.
+    """
+    from flighttune.flight.gap import explain_gap
+    from flighttune.flight.gap_charts import gap_sheet
+    from flighttune.recording.record import record
+    from flighttune.report.gap import gap_tables, gap_values, write_gap_page
+
+    loaded, name, chosen = chosen_gains(scenario, gains)
+    for note in loaded.notes:
+        tell(f"{scenario}: {note}")
+    stem = f"{Path(scenario).stem}-gap"
+    folder = out or Path("runs") / stem
+    with progress_bar() as progress:
+        explained = explain_gap(
+            loaded, chosen, name=Path(name).stem, plant=plant, lag=lag, progress=progress
+        )
+    how, top = f"flighttune gap {scenario} --tube --conformance FILE", explained.runs[-1:]
+    tubes, around = tubes_around(top, folder, how, make=tube, conformance=conformance)
+    explained = replace(explained, runs=(*explained.runs[:-1], *tubes.runs))
+    files = record(explained.flown(), folder, name=stem)
+    values = gap_values(explained, files.signals)
+    tables, notes = gap_tables(explained, values), [*around.notes]
+    figure = page = None
+    if explained.steps:
+        figure, page = folder / "gap.svg", folder / "gap.html"
+        gap_sheet(explained).save(figure)
+        write_gap_page(explained, tables, page)
+        if failed := explained.failed:
+            why = "; ".join(f"{plant} {reason}" for plant, reason in failed.items())
+            notes.insert(0, f"No metrics of, from or to a rung that failed: {why}")
+    early = "" if explained.status == "explained" else f"{scenario}: {explained.reason}"
+    return Answer(
+        values={**values, **around.values},
+        tables=[*tables, *around.tables],
+        notes=notes,
+        files={"recording": files.recording, "figure": figure, "page": page},
+        failure=around.failure or early,
+    )
+
+
+def compare(
+    first: Annotated[
+        str,
+        Argument(
+            metavar="A",
+            help="A run folder, a Parquet file, a recording or SCENARIO@GAINS, which is flown. "
+            "Append @ and a gain set, a plant or a run to choose among the runs of a folder.",
+        ),
+    ],
+    others: Annotated[list[str], Argument(metavar="B...", help="What to compare A with.")],
+    tolerance: Annotated[
+        Path | None,
+        Option(help="TOML file of allowed changes; exit status 1 if one is exceeded."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        Option(help="Recording (.rrd) or page (.html) to write, with all runs overlaid."),
+    ] = None,
+) -> Answer:
+    """Compare runs: metrics, which is better, and how far apart the paths are.
+
+    Exit status 2 if manoeuvre or aircraft differ.
+    """
+    from flighttune.comparison import compare as compare_sources
+    from flighttune.comparison import load_tolerances, violations
+    from flighttune.comparison.compare import comparison_table, pairs_table
+
+    check_ending(out, ".rrd", ".html")
+    allowed = None if tolerance is None else load_tolerances(tolerance)
+    comparison = compare_sources(first, *others)
+    broken = violations(comparison, allowed) if allowed else []
+    files: dict[str, Path | None] = {"recording": None, "page": None}
+    if out is not None and comparison.comparable:
+        if out.suffix.lower() == ".html":
+            from flighttune.report.page import write_comparison_page as write
+        else:
+            from flighttune.comparison.compare import write_overlay as write
+        write(comparison, out)
+        files["page" if out.suffix.lower() == ".html" else "recording"] = out
+    differs = {
+        f"not the same: {key}: {first} and {second}"
+        for pair in comparison.pairs
+        for key, (first, second) in pair.differs.items()
+    }
+    failure, status = "", COULD_NOT_RUN
+    if not comparison.comparable:
+        failure = comparison.reason
+    elif allowed and comparison.unpaired:
+        alone = ", ".join(comparison.unpaired)
+        failure = f"{tolerance}: every run must have a partner to be checked, got none for {alone}."
+    elif broken:
+        more = f" ({len(broken) - 1} more)" if len(broken) > 1 else ""
+        failure, status = f"{tolerance}: {broken[0].sentence}{more}", NO
+    return Answer(
+        values={
+            **pick(comparison, "comparable reason"),
+            "metrics": comparison.metrics.to_dict(orient="records"),
+            "max_distance_m": comparison.max_distance,
+            **pick(comparison, "unpaired missing"),
+            "violations": broken,
+        },
+        tables=[pairs_table(comparison), comparison_table("metrics", comparison.metrics)],
+        notes=[
+            *sorted(differs),
+            *(f"missing: {line}" for line in comparison.missing),
+            *(f"no partner: {line}" for line in comparison.unpaired),
+            *(f"out of tolerance: {violation.sentence}" for violation in broken),
+        ],
+        files=files,
+        failure=failure,
+        status=status,
+    )
+
+
+def report(
+    path: Annotated[
+        str,
+        Argument(
+            metavar="PATH",
+            help="A run folder, a recording or a Parquet file; or SCENARIO@GAINS, which is flown.",
+        ),
+    ],
+    out: Annotated[Path, Option("--out", "-o", help="HTML file to write.")] = Path("report.html"),
+    tube: TubeOption = False,
+    conformance: ConformanceOption = None,
+) -> Answer:
+    """Write one page about runs: headline, figures, tables and how to fly them again.
+
+    The page is one file and needs no network.
+    """
+    from flighttune.comparison import load_source
+    from flighttune.report.page import write_report
+
+    check_ending(out, ".html", ".htm")
+    source = load_source(path)
+    folder = Path(path)
+    if not folder.is_dir():
+        folder = folder.parent if folder.exists() else out.parent
+    how = f"flighttune report {path} --tube"
+    tubes, around = tubes_around(source.runs, folder, how, make=tube, conformance=conformance)
+    page = write_report(
+        replace(source, runs=tubes.runs),
+        out,
+        tubes=around.notes,
+        at_a_glance=tubes.at_a_glance,
+        tube_table=around.tables[0],
+    )
+    named = [table for table in page.tables if table.name]
+    return Answer(
+        values={
+            "bytes": page.path.stat().st_size,
+            "summary": page.summary,
+            "sections": page.sections,
+            "tables": {table.name: table.records for table in named},
+            **around.values,
+        },
+        tables=[
+            *(replace(table, name="") for table in named if table.name in PRINTED),
+            *around.tables,
+        ],
+        notes=[*page.summary, *around.notes],
+        files={"report": page.path},
+        failure=around.failure,
+    )
+
+
+def reproduce(
+    items: Annotated[
+        list[str] | None,
+        Argument(metavar="[ITEM ...]", help="Figures and tables by name [default: all]."),
+    ] = None,
+    out: Annotated[Path, Option(help="Folder for figures, tables and page.")] = Path(
+        "runs/reproduce"
+    ),
+) -> Answer:
+    """Reproduce the figures and tables of arXiv 2411.13140 and judge its claims."""
+    from flighttune.paper.claims import VERDICTS
+    from flighttune.paper.reproduce import reproduce as reproduce_items
+
+    with progress_bar() as progress:
+        made = reproduce_items(items or (), out, progress=progress)
+
+    keys = "id text where verdict expected computed"
+    findings = [pick(finding, keys) for finding in made.findings]
+    counts = Counter(finding.verdict for finding in made.findings)
+    # the claims of one item alone are few of many: the page lists them
+    claims = [] if items else findings
+    return Answer(
+        values={
+            "items": [
+                {"name": item.name, "files": files, "values": made_item.values}
+                for item, made_item, files in made.items
+            ],
+            "claims": findings,
+            **pick(made, "page errata"),
+        },
+        tables=[Table(columns("id verdict text"), claims, "claims of the paper")],
+        verdict=f"claims: {', '.join(f'{counts[verdict]} {verdict}' for verdict in VERDICTS)}",
+        files={"page": made.page},
+    )
+
+
+def export(
+    scenario: ScenarioArgument,
+    gains: GainsOption = None,
+    plant: AircraftPlantOption = None,
+    form: Annotated[
+        Literal["jsbsim", "c"],
+        Option("--format", help="A folder that JSBSim flies by itself, or one C99 file."),
+    ] = "jsbsim",
+    out: Annotated[Path | None, out_folder("runs/NAME-export")] = None,
+) -> Answer:
+    """Write one flight of SCENARIO for JSBSim alone, or its outer loop in C."""
+    from flighttune.export import export_c, export_jsbsim
+
+    loaded, name, chosen = chosen_gains(scenario, gains)
+    if Path(name).suffix.lower() in (".json", ".toml"):
+        name = Path(name).stem  # of a file; a colon in its folder names no law
+    folder = out or Path("runs") / f"{Path(scenario).stem}-export"
+    if form == "c":
+        source = export_c(loaded, name, chosen, folder, plant=plant)
+        return Answer(files={"folder": folder, "source": source})
+    exported = export_jsbsim(loaded, name, chosen, folder, plant=plant)
+    return Answer(
+        values={"command": exported.command, "start_s": exported.t_0},
+        notes=[
+            f"{exported.command} flies it and writes the table, which has the flight from "
+            f"Time = {exported.t_0:g} s on."
+        ],
+        files={"folder": exported.folder, "script": exported.script, "csv": exported.csv},
+    )

@@ -1,0 +1,367 @@
+"""Commands that decide by many flights: the worst one, counted boxes, gains tuned by flying."""
+
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from typer import Argument, Option
+
+from flighttune.cli.gain_sets import gains_table, save_answer
+from flighttune.cli.options import (
+    AircraftPlantOption,
+    CampaignArgument,
+    CampaignGainsOption,
+    GainsFileOption,
+    SchedulerOption,
+    StartOption,
+    WorkersOption,
+    aircraft_names,
+    campaign_names,
+    check_ending,
+    plant_label,
+    scenario_names,
+)
+from flighttune.cli.progress import campaign_pool
+from flighttune.cli.show import pick
+from flighttune.errors import InputError
+from flighttune.present.answer import Answer
+from flighttune.present.names import CHANNEL_SYMBOLS, columns
+from flighttune.present.numbers import number, percent
+from flighttune.present.tables import Column, Table
+from flighttune.units import DEG
+
+WORST_COLUMNS = [
+    *columns("plant gains value"),
+    Column("first", "worst of the first generation, drawn from the distribution"),
+    Column("distance", "standard deviations from the median"),
+    Column("radius", "of those that have 99.9 % of the distribution"),
+    *columns("status"),
+    Column("ratio.chi", "tube over flight χ"),
+    Column("ratio.gamma", "tube over flight γ"),
+    Column("ratio_of_search.chi", "over the widest flight of the search χ"),
+    Column("ratio_of_search.gamma", "over the widest flight of the search γ"),
+    Column("family", "disturbance"),
+]
+RARE_COLUMNS = [
+    Column("probability", "probability", ends=("low", "high")),
+    *columns("flights levels"),
+]
+RATE_COLUMNS = columns(
+    "channel low_rad_s high_rad_s widest_rad_s narrowest_rad_s last_error_low_deg "
+    "last_error_high_deg"
+)
+COUNT_COLUMNS = columns("learned counted widened flights outside")
+CANDIDATE_COLUMNS = [
+    *columns("name I_K R_K draws"),
+    Column("success", "succeed", "%", percent, ends=("success_interval.0", "success_interval.1")),
+    Column("value", "percentile", ends=("interval.0", "interval.1")),
+    Column("behind", "behind", ends=("behind_interval.0", "behind_interval.1")),
+    Column("p_best", "probability to be the best"),
+]
+
+
+def worst(
+    source: Annotated[
+        str,
+        Argument(
+            metavar="SCENARIO|CAMPAIGN",
+            help="A campaign (file, shipped name or folder), whose dispersions are searched, or a "
+            "scenario with --start-deg or --disturbance.",
+            autocompletion=lambda: scenario_names() + campaign_names(),
+        ),
+    ],
+    budget: Annotated[int, Option(help="Maximum number of flights.")] = 2000,
+    metric: Annotated[
+        str | None,
+        Option(
+            help="Metric to maximise: a column of a campaign's rows, such as chi.ITAE, or margin, "
+            "the largest excess over a requirement relative to its bound [default: margin if there "
+            "are requirements]."
+        ),
+    ] = None,
+    gains: CampaignGainsOption = None,
+    plant: Annotated[str | None, plant_label("the first")] = None,
+    completed: Annotated[
+        bool, Option("--completed", help="Consider only completed flights.")
+    ] = False,
+    start_deg: StartOption = 0.0,
+    disturbance: Annotated[
+        float,
+        Option(
+            help="Largest disturbance of a scenario's two rates, rad/s: switched where the "
+            "sensitivity of an error changes its sign, or a square wave."
+        ),
+    ] = 0.0,
+    rare: Annotated[bool, Option("--rare", help="Estimate the probability of a miss.")] = False,
+    threshold: Annotated[float, Option(help="Metric at which --rare counts a miss.")] = 0.0,
+    seed: Annotated[int, Option(help="Seed of the search.", min=0)] = 1,
+    tube: Annotated[
+        Path | None,
+        Option(
+            help="Signals of a tube (Parquet): search for the flight that comes closest to its "
+            "bounds, and print how many times wider the tube is."
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, Option(help="Scenario to write [default: runs/NAME-worst.toml].")
+    ] = None,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+) -> Answer:
+    """Search dispersions and disturbances for the flight with the smallest margin.
+
+    Writes that flight as a scenario for `flighttune fly`.
+    """
+    check_ending(out, ".toml")
+    from flighttune.campaign.worst import StatedSet, find_worst, rare_miss
+    from flighttune.flight.fly import fly
+    from flighttune.table_file import toml_text
+    from flighttune.tube.store import read_bounds, write_worst
+    from flighttune.whole_file import write_text
+
+    bounds = None if tube is None else read_bounds(tube)
+    with campaign_pool(workers, scheduler) as pool:
+        searched = StatedSet(
+            source,
+            pool,
+            metric=metric,
+            tube=bounds,
+            gains=gains,
+            plant=plant,
+            completed=completed,
+            start_deg=start_deg,
+            disturbance=disturbance,
+        )
+        if rare:
+            return _rare(rare_miss(searched, threshold=threshold, budget=budget, seed=seed))
+        values, flight = find_worst(searched, budget=budget, seed=seed)
+    written = out or Path("runs") / f"{Path(source).stem}-worst.toml"
+    write_text(written, toml_text(flight.as_dict()))
+    values |= {"ratio": None, "ratio_of_search": None}
+    if tube is not None and bounds is not None:
+        run = fly(flight).runs[0]
+        values["ratio"] = bounds.ratios(run)
+        write_worst(tube, run, values["ratio"])
+        values["ratio_of_search"] = {
+            channel: 1.0 / share if share else math.inf  # no flight came to its end
+            for channel, share in zip(CHANNEL_SYMBOLS, searched.reach.tolist(), strict=True)
+        }
+    drawn = [
+        # A seed is no quantity: all its digits are needed to fly it again.
+        {"key": key, "value": value if isinstance(value, float) else str(value)}
+        for key, value in values["drawn"].items()
+    ]
+    title = f"worst {values['metric']} in {values['flights']} flights"
+    return Answer(
+        values=values,
+        tables=[
+            Table(WORST_COLUMNS, [values], title),
+            Table(columns("key value"), drawn, "drawn"),
+        ],
+        verdict=values["missed"] or "no requirement is missed",
+        files={"scenario": written},
+    )
+
+
+def _rare(miss: dict[str, Any]) -> Answer:
+    event = f"P({miss['metric']} >= {number(miss['threshold'])})"
+    ceiling = (
+        f"{event} is below the end of its interval: the levels reached {number(miss['levels'][-1])}"
+        "; give more --budget"
+    )
+    return Answer(
+        values=miss,
+        tables=[Table(RARE_COLUMNS, [miss], event)],
+        verdict="" if miss["probability"] else ceiling,
+    )
+
+
+def conform(
+    source: Annotated[
+        str,
+        Argument(
+            metavar="CAMPAIGN|SCENARIO|AIRCRAFT",
+            help="Folder of a campaign, a campaign file or the name of a shipped one; a scenario "
+            "with --start-deg; or an aircraft, which is flown from random starts on random "
+            "references.",
+            autocompletion=lambda: campaign_names() + scenario_names() + aircraft_names(),
+        ),
+    ],
+    out: Annotated[Path | None, Option("--out", help="JSON file to write.")] = None,
+    epsilon: Annotated[float, Option(help="Accepted probability of leaving the boxes.")] = 0.01,
+    confidence: Annotated[float, Option(help="Confidence of the claim, 0 to 1.")] = 0.999,
+    attempts: Annotated[
+        int, Option(help="Maximum number of counts; the confidence is split between them.", min=1)
+    ] = 3,
+    gains: CampaignGainsOption = None,
+    plant: AircraftPlantOption = None,
+    air: Annotated[
+        str | None,
+        Option(
+            help="Air to fly in: calm, wind, light, moderate or severe [default: the campaign's "
+            "likeliest]."
+        ),
+    ] = None,
+    boxes: Annotated[
+        Literal["time", "phase"] | None,
+        Option(
+            help="One box per window of time, or per window of the time since the reference last "
+            "moved [default: time if all flights follow the same reference]."
+        ),
+    ] = None,
+    window: Annotated[
+        float, Option(help="Length of the windows of the boxes, s; shorter ones are narrower.")
+    ] = 0.5,
+    start_deg: StartOption = 0.0,
+    seed: Annotated[
+        int | None, Option(help="Seed of the draws [default: the campaign's].", min=0)
+    ] = None,
+    recount: Annotated[
+        Path | None,
+        Option(
+            help="Conformance file made of the same source: fly as many new flights with another "
+            "seed [default: the next one] and count those that leave its boxes."
+        ),
+    ] = None,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+) -> Answer:
+    """Learn bounds (boxes) on the part of an aircraft's rates that its identified model misses.
+
+    The model is the exact point mass behind the identified lag. The boxes are fitted to the
+    campaign's flights and tested on new random ones. Exit status 1 if flights leave them in every
+    attempt, or any flight in a recount.
+    """
+    if (out is None) == (recount is None):
+        raise InputError("`--out` must be given, or `--recount` in its place.")
+    check_ending(out, ".json")
+    from flighttune.campaign import conform as conformant
+    from flighttune.conformance import load_conformance, save_conformance
+    from flighttune.conformance.file import conformance_tables
+
+    settings = conformant.ConformSettings(
+        epsilon=epsilon,
+        confidence=confidence,
+        attempts=attempts,
+        gains=gains,
+        plant=plant,
+        air=air,
+        over=boxes,
+        window=window,
+        start_deg=start_deg,
+        seed=seed,
+    )
+    with campaign_pool(workers, scheduler) as pool:
+        if recount is not None:
+            again = conformant.recount(source, load_conformance(recount), settings, pool)
+            left = f"{recount}: {again.outside} of {again.flights} new flights left the boxes"
+            status = "flights_outside" if again.outside else "counted"
+            return Answer(
+                values={"status": status, **pick(again, "flights outside")},
+                verdict=left,
+                failure=left if again.outside else "",
+            )
+        counted = conformant.conform(source, settings, pool)
+    if counted.holds:
+        save_conformance(counted, out or "")
+    low, high = counted.boxes.low, counted.boxes.high
+    rates = [
+        {
+            "channel": name,
+            "low_rad_s": float(low[:, i].min()),
+            "high_rad_s": float(high[:, i].max()),
+            "widest_rad_s": float((high - low)[:, i].max()),
+            "narrowest_rad_s": float((high - low)[:, i].min()),
+            # the last two columns of the boxes are the errors
+            "last_error_low_deg": float(low[-1, i - 2]) / DEG,
+            "last_error_high_deg": float(high[-1, i - 2]) / DEG,
+        }
+        for i, name in enumerate(CHANNEL_SYMBOLS)
+    ]
+    counts = [asdict(attempt) | {"flights": attempt.flights} for attempt in counted.attempts]
+    title = f"{counted.aircraft}, {counted.gains_name}: residual rates"
+    return Answer(
+        values={
+            **conformance_tables(counted),
+            "status": "counted" if counted.holds else "flights_outside",
+            "air": counted.distribution.air,
+        },
+        tables=[
+            Table(RATE_COLUMNS, rates, title),
+            Table(COUNT_COLUMNS, counts, "counts of new flights"),
+        ],
+        verdict=counted.sentence if counted.holds else "",
+        files={"out": out if counted.holds else None},
+        failure="" if counted.holds else f"{source}: {counted.sentence}; nothing is written",
+    )
+
+
+def tune_by_flying(
+    file: CampaignArgument,
+    metric: Annotated[
+        list[str] | None,
+        Option(
+            help="Column of a campaign's rows to minimise; several are added up "
+            "[default: chi.ITAE]."
+        ),
+    ] = None,
+    percentile: Annotated[float, Option(help="Percentile of the metric to minimise.")] = 95.0,
+    min_success: Annotated[
+        float, Option(help="Share of the draws, 0 to 1, on which the gains must succeed.")
+    ] = 0.0,
+    candidates: Annotated[int, Option(min=2, max=200, help="Points of the frontier.")] = 12,
+    draws: Annotated[
+        int | None, Option(min=1, help="Draws to decide on [default: all of the campaign].")
+    ] = None,
+    plant: Annotated[
+        list[str] | None,
+        Option(help="Plant to fly [default: all]; the worst plant of a draw counts."),
+    ] = None,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
+    out: GainsFileOption = None,
+) -> Answer:
+    """Choose gains on the frontier of CAMPAIGN's scenario by flying them on its draws.
+
+    The gains with the lowest percentile of a metric are chosen; their probability of being the
+    best of the candidates is given.
+    """
+    from flighttune.campaign.choice import tune_robust
+    from flighttune.campaign.planning.load import load_campaign
+
+    check_ending(out, ".json")
+    loaded, metrics = load_campaign(file), metric or ["chi.ITAE"]
+    with campaign_pool(workers, scheduler) as pool:
+        choice, gains = tune_robust(
+            loaded,
+            pool,
+            metrics=metrics,
+            percentile=percentile,
+            least_success=min_success,
+            candidates=candidates,
+            draws=draws,
+            plants=plant or (),
+        )
+    chosen, verdict = choice["status"] == "chosen", ""
+    if gains is not None:
+        verdict = (
+            f"{choice['name']} is the best of {len(choice['candidates'])} candidates with "
+            f"probability {choice['p_best']:.2f}; the expected loss to the true best is "
+            f"{choice['loss']:.2g}."
+        )
+    flown = [*choice["candidates"], *choice["beside"]]
+    heading = f"{loaded.title}: {percentile:g}th percentile of {' + '.join(metrics)}"
+    answer = Answer(
+        values={**choice, "campaign": file},
+        tables=[
+            Table(CANDIDATE_COLUMNS, flown, heading),
+            gains_table(f"{choice['status']}: {choice['name']}", gains),
+        ],
+        verdict=verdict,
+        files={"out": out if chosen else None},
+        failure="" if chosen else f"{file}: {choice['reason']}",
+    )
+    if out is not None and chosen:
+        save_answer(out, answer)
+    return answer
