@@ -138,11 +138,11 @@ def _add_command(
     group.command(name, rich_help_panel=panel, epilog=epilog)(command)
 
 
-for campaign_command in CAMPAIGN_COMMANDS:
-    _add_command(campaigns, *campaign_command)
+for function, doing, example in CAMPAIGN_COMMANDS:
+    _add_command(campaigns, function, doing, example)
 for panel, commands in COMMANDS.items():
-    for command in commands:
-        _add_command(app, *command, panel)
+    for function, doing, example in commands:
+        _add_command(app, function, doing, example, panel)
     if panel == "Fly":
         app.add_typer(campaigns, rich_help_panel=panel)
 

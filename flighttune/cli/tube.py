@@ -135,19 +135,19 @@ def tube(
         enclosure = tube_module.tube_of(problem, progress=follow)
     inside = tube_module.flights_inside(enclosure)
     answer = enclosed(enclosure, name)
-    files, notes, failure = {"signals": None, "proof": None}, [*answer.notes], ""
+    signals = proof = None
+    notes, failure = [*answer.notes], ""
     # A tube that its own flight leaves is wrong: neither bounds nor a proof of them are written.
     if not inside:
         failure = f"{place}: a flight leaves the tube, so no file is written."
     else:
-        stem = out or Path("runs") / f"{Path(scenario).stem}-tube"
-        files["signals"] = stem.with_suffix(".parquet")
-        write_signals(enclosure, files["signals"])
+        signals = (out or Path("runs") / f"{Path(scenario).stem}-tube.npz").with_suffix(".parquet")
+        write_signals(enclosure, signals)
     if enclosure.status != "bounded":
         failure = f"{place}: {enclosure.reason}"
     elif inside and out is not None:
-        files["proof"] = out
         save_tube(enclosure, out)
+        proof = out
         if problem.boxes is not None:
             notes.append(f"Check the boxes too: flighttune verify {out} --conformance FILE")
     return Answer(
@@ -157,7 +157,7 @@ def tube(
         verdict="The flights flown with it are inside."
         if inside
         else "A flight flown with it leaves the tube.",
-        files=files,
+        files={"signals": signals, "proof": proof},
         failure=failure,
     )
 
