@@ -121,11 +121,8 @@ class ResidualSummary:
         An error belongs both to the window of its own sample and to that of the sample before.
         """
         signals = run.signals
-        window = self.windows.of_samples(
-            signals.index.to_numpy(dtype=float),
-            signals["chi_ref"].to_numpy(),
-            signals["gamma_ref"].to_numpy(),
-        )
+        references = (signals[name].to_numpy() for name in ("chi_ref", "gamma_ref"))
+        window = self.windows.of_samples(run.t, *references)
         residual = self.windows.extremes(residuals_of(self.model, run, start), window)
         errors = signals[["chi_err", "gamma_err"]].to_numpy()
         at_both = np.concatenate([errors[:-1], errors[1:]])

@@ -16,13 +16,7 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
 from flighttune.guarantee.bounds import Bounds
-from flighttune.guarantee.mismatch import (
-    LEAST_SAMPLES,
-    Mismatch,
-    flies_the_law,
-    mismatch,
-    trim_of,
-)
+from flighttune.guarantee.mismatch import LEAST_SAMPLES, Mismatch, flies_the_law, mismatch, trim_of
 from flighttune.guarantee.ultimate_set import (
     ROUNDING,
     SETTLED_FROM,

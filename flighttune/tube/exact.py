@@ -15,7 +15,7 @@ import numpy as np
 from flighttune.control.exact_law import RateLaw
 from flighttune.tube.forms import UP, Flags, Form, Pieces, Quantity, combined
 from flighttune.tube.functions import arctangent, cosine_of, positive_part, product, secant
-from flighttune.tube.interval import Interval, cosine, one_over
+from flighttune.tube.interval import Interval, Unbounded, cosine, one_over
 from flighttune.tube.sample import (
     CLIMB,
     COMPUTED,
@@ -31,7 +31,6 @@ from flighttune.tube.sample import (
     Enclosure,
     Plan,
     SampledLoop,
-    Unbounded,
     ordered,
 )
 
@@ -103,17 +102,16 @@ class ExactEnclosure(Enclosure):
             lifting = self._lifting(state, errors, phi, b.form)
             if not self._fewer_or_more([turning, lifting]):
                 break
-        channels = turning, lifting
         extra = self._vertical(lifting, phi, b.form)
-        limited = [self._held(i, channel) for i, channel in enumerate(channels)]
-        integrals = self._kept(
-            [
-                self._integrated(channel, state[PHI_INTEGRAL + i], *limited[i])
-                for i, channel in enumerate(channels)
-            ]
+        integrals, limited = zip(
+            *(
+                self._integrated(i, channel, state[PHI_INTEGRAL + i])
+                for i, channel in enumerate((turning, lifting))
+            ),
+            strict=True,
         )
-        can_limit = [bool((~free).any()) for free, _ in limited]
-        return Controlled(state, errors, self._seen(state), phi, extra, 0.0, integrals, can_limit)
+        integrals = self._kept(integrals)
+        return Controlled(state, errors, self._seen(state), phi, extra, 0.0, integrals, limited)
 
     def _lifts(
         self, k: int, state: Sequence[Form], errors: Sequence[Form]
@@ -229,27 +227,23 @@ class ExactEnclosure(Enclosure):
             doubt += np.where(known, OVERLAP * (1.0 + np.abs(slope)) * UP, 0.0)
         return combined(*moves).widened(doubt) if moves else None
 
-    def _held(self, i: int, channel: Channel) -> tuple[Flags, Flags]:
-        """Pieces in which no limit holds the command, and those in which one does."""
+    def _integrated(self, i: int, channel: Channel, integral: Form) -> tuple[Form, bool]:
+        """The integral after the sample, and whether a limit can hold the command."""
         # Beyond a limit by less than OVERLAP counts as open, unless a split has said which side.
-        free, limited = np.ones((2, len(self.pieces)), dtype=bool)
-        limited = ~limited
+        free, limited = np.array([[True], [False]]).repeat(len(self.pieces), axis=1)
         for side, excess in channel.excesses:
             sides = self._sides[i, side]
             free &= (sides == FREE) | ((sides == OPEN) & (excess.values.high < -OVERLAP))
             limited |= (sides == LIMITED) | ((sides == OPEN) & (excess.values.low > OVERLAP))
-        return free, limited
-
-    def _integrated(self, channel: Channel, integral: Form, free: Flags, limited: Flags) -> Form:
-        """The integral after the sample: it stands where a limit holds the command."""
+        can_limit = bool((~free).any())
         if not self.loop.conditional:  # without anti-windup the integrator never stops
-            return combined((1.0, integral), (1.0, channel.increment))
-        # Where the side is open, the integral takes half the increment, and an error of the other
-        # half: that covers both sides.
+            return combined((1.0, integral), (1.0, channel.increment)), can_limit
+        # It stands where a limit holds the command. Where the side is open, the integral takes half
+        # the increment, and an error of the other half: that covers both sides.
         share = np.where(free, 1.0, np.where(limited, 0.0, 0.5))
         size = 0.5 * ordered(self._range(channel.increment)).largest * UP
         doubt = np.where(free | limited, 0.0, size)
-        return combined((1.0, integral), (share, channel.increment)).widened(doubt)
+        return combined((1.0, integral), (share, channel.increment)).widened(doubt), can_limit
 
     def _keep(self, which: Flags) -> None:
         super()._keep(which)

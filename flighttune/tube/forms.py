@@ -40,6 +40,10 @@ class Form:
     # shape (P,): at least the sum of the absolute values of coefficients and of `err`
     size: FloatArray
 
+    def part(self, which: "Indices") -> "Form":
+        """The form in some of the pieces."""
+        return Form(self.coefficients[which], self.err[which], self.size[which])
+
     def widened(self, radius: Floats) -> "Form":
         """The form plus a number of absolute value up to `radius`."""
         return Form(
@@ -191,11 +195,13 @@ class Pieces:
         return outward(rest[:, 0] - radius, rest[:, 0] + radius)
 
     def constrain(self, which: Indices, row: Indices, form: Form, to: Interval) -> None:
-        """Take up that `form` is inside `to` in the pieces `which`, in constraint row `row`."""
+        """Take up in the pieces `which` that `form` is inside `to`, in constraint row `row`.
+
+        Form and interval are those of the pieces `which` alone.
+        """
         self.constrained[row] = True
-        scale = 1.0 / to.radius[which]
-        part = Form(form.coefficients[which], form.err[which], form.size[which])
-        q = combined((scale, part), shift=-to.middle[which] * scale)
+        scale = 1.0 / to.radius
+        q = combined((scale, form), shift=-to.middle * scale)
         self.values[which, self.rows + row] = q.coefficients
         self.err[which, self.rows + row] = q.err + 4.0 * ULP
 

@@ -15,8 +15,9 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.tube.exact import enclosure_of
-from flighttune.tube.forms import MORE_ROUNDINGS, TINY, ULP, UP, Pieces, absolute_sum
-from flighttune.tube.sample import RATES, Plan, SampledLoop, Unbounded
+from flighttune.tube.forms import MORE_ROUNDINGS, TINY, ULP, UP, Pieces, transformed
+from flighttune.tube.interval import Unbounded
+from flighttune.tube.sample import RATES, Plan, SampledLoop
 
 SYMBOLS = 300
 """Most symbols of the set while it is mapped through the samples."""
@@ -64,19 +65,8 @@ def settled_from(loop: SampledLoop) -> int:
 
 def hull(pieces: Pieces, W: FloatArray) -> FloatArray:
     """Ranges of ``W z`` over all flights of a set, shape (n, 2)."""
-    n = pieces.rows
-    weights = np.abs(W)
-    values, err = pieces.values[:, :n], pieces.err[:, :n]
-    size = (np.abs(values[:, :, 0]) + absolute_sum(values[:, :, 1:]) + err) * UP
-    rows = W @ values
-    radius = (
-        absolute_sum(rows[:, :, 1:])
-        + err @ weights.T
-        + (n + MORE_ROUNDINGS) * ULP * (size @ weights.T)
-    ) * UP + TINY
-    low, high = rows[:, :, 0] - radius, rows[:, :, 0] + radius
-    ends = np.nextafter(low.min(axis=0), -np.inf), np.nextafter(high.max(axis=0), np.inf)
-    return np.stack(ends, axis=1)
+    ranges = [pieces.plain_range(form) for form in transformed(W, pieces.forms())]
+    return np.array([(values.low.min(), values.high.max()) for values in ranges])
 
 
 def inside(ranges: FloatArray, centre: FloatArray, size: FloatArray) -> bool:
@@ -108,14 +98,9 @@ def parallelotope(W: FloatArray, centre: FloatArray, size: FloatArray) -> Pieces
 
 
 def return_map(
-    loop: SampledLoop,
-    W: FloatArray,
-    centre: FloatArray,
-    size: FloatArray,
-    samples: int,
-    plan: Plan,
-) -> tuple[FloatArray, FloatArray] | None:
-    """Propagate the set through 2 N samples; None if a limit may act on a command.
+    loop: SampledLoop, W: FloatArray, centre: FloatArray, size: FloatArray, samples: int, plan: Plan
+) -> tuple[FloatArray, FloatArray]:
+    """Propagate the set through 2 N samples.
 
     Returns the ranges of ``W z`` after the first round, and of errors and commands at every sample.
     There is no second round if the first does not end inside the set.
@@ -133,7 +118,7 @@ def return_map(
     Raises
     ------
     Unbounded
-        If it cannot be enclosed.
+        If it cannot be enclosed, or a limit may act on a command.
     """
     still = settled(loop, 2 * samples)
     enclosure = enclosure_of(still, parallelotope(W, centre, size), plan)
@@ -141,7 +126,7 @@ def return_map(
     for k in range(1, 2 * samples + 1):
         ranges, limited = enclosure.sample(k)
         if limited.any():
-            return None
+            raise Unbounded("that no limit holds a command is not proven")
         passed.append(ranges)
         if k == samples:
             after = hull(enclosure.pieces, W)

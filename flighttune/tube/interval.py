@@ -20,6 +20,10 @@ LEAST, MOST = np.array(-np.inf), np.array(np.inf)
 """Directions for `np.nextafter`, as arrays: it would convert a float at every call."""
 
 
+class Unbounded(Exception):
+    """The set can no longer be enclosed; the message says why."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Interval:
     """All numbers from `low` to `high`, entry by entry.

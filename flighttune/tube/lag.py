@@ -10,7 +10,7 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag
 from flighttune.theory.exact import Rationals, exact, identity
-from flighttune.tube.interval import Interval
+from flighttune.tube.interval import Interval, Unbounded
 
 LEAST_TERMS = 12
 PICARD = 30
@@ -72,11 +72,7 @@ class SampledLag:
         middle[n, n + 1] = Fraction(1)
         whole = second @ middle
         return cls(
-            A=A,
-            B=B,
-            transition=_floats(whole[:n]),
-            mean=_floats(whole[n + 1] / h),
-            older=older,
+            A=A, B=B, transition=_floats(whole[:n]), mean=_floats(whole[n + 1] / h), older=older
         )
 
     @property
@@ -86,8 +82,8 @@ class SampledLag:
 
     def values_within(
         self, state: list[Interval], end: Interval, command: Interval, h: float
-    ) -> Interval | None:
-        """All values of the response over a sample; None if they cannot be told.
+    ) -> Interval:
+        """All values of the response over a sample; Unbounded if they cannot be enclosed.
 
         Parameters
         ----------
@@ -116,24 +112,22 @@ class SampledLag:
         t = h / steps * (1.0 + ROUNDING)
         slowest, fastest = (np.full(box.shape[1], end) for end in (np.inf, -np.inf))
         for _ in range(steps):
-            next_box = self._box(box, pushed, t)
-            if next_box is None:
-                return None
-            box = next_box
+            box = self._box(box, pushed, t)
             rates = self._rates(box, pushed)
             slowest, fastest = np.minimum(slowest, rates[0]), np.maximum(fastest, rates[n])
         margin = 0.25 * h * (fastest - slowest) * (1.0 + ROUNDING)
         both = state[0].hull(end)
         return both + Interval(-margin, margin)
 
-    def _box(self, start: FloatArray, pushed: FloatArray, t: float) -> FloatArray | None:
+    def _box(self, start: FloatArray, pushed: FloatArray, t: float) -> FloatArray:
         """A box of all states up to `t` (s) from a box of them: lower ends, then upper ones."""
-        n, outwards = self.order, self._outwards
+        n, sizes = self.order, np.abs(self.A)
+        outwards = np.repeat([-1.0, 1.0], n)[:, np.newaxis]
         # The first box: the rates at the start, the rates these cause, and a geometric bound on the
         # rest. Mostly it holds at once.
         by = t * self._rates(start, pushed)
-        further = t * (self._sizes @ np.maximum(np.abs(by[:n]), np.abs(by[n:])))
-        further += FURTHER * t * (self._sizes @ further) + SLACK
+        further = t * (sizes @ np.maximum(np.abs(by[:n]), np.abs(by[n:])))
+        further += FURTHER * t * (sizes @ further) + SLACK
         box = start + outwards * (np.maximum(outwards * by, 0.0) + np.tile(further, (2, 1)))
         for _ in range(PICARD):
             by = t * self._rates(box, pushed)
@@ -144,25 +138,17 @@ class SampledLag:
                 return moved
             margin = WIDER * (moved[n:] - moved[:n]) + SLACK
             box = box + outwards * (np.maximum(beyond, 0.0) + np.concatenate([margin, margin]))
-        return None
+        raise Unbounded("a lag moves too far in a sample to be enclosed")
 
     def _rates(self, box: FloatArray, pushed: FloatArray) -> FloatArray:
         """Values of ``A Y + B u``, as those of Y: lower ends, then upper ones."""
         n = self.order
         sizes = np.abs(box)
-        rounding = ROUNDING * (self._sizes @ np.maximum(sizes[:n], sizes[n:]))
+        rounding = ROUNDING * (np.abs(self.A) @ np.maximum(sizes[:n], sizes[n:]))
         rates = self._signed @ box + pushed
         rates[:n] -= rounding
         rates[n:] += rounding
         return rates
-
-    @cached_property
-    def _sizes(self) -> FloatArray:
-        return np.abs(self.A)
-
-    @cached_property
-    def _outwards(self) -> FloatArray:
-        return np.repeat([-1.0, 1.0], self.order)[:, np.newaxis]
 
     @cached_property
     def _signed(self) -> FloatArray:

@@ -33,22 +33,8 @@ class Point(NamedTuple):
     level: Interval
 
 
-def _points(*states: tuple[Interval, Interval, Interval]) -> list[Point]:
-    """Points at (roll, load factor, path angle), their sines and cosines all at once."""
-    angles = [angle for phi, _, gamma in states for angle in (phi, gamma)]
-    sines, cosines = sine_and_cosine(
-        Interval(
-            np.array([angle.low for angle in angles]), np.array([angle.high for angle in angles])
-        )
-    )
-    s, c = (
-        [Interval(*ends) for ends in zip(interval.low, interval.high, strict=True)]
-        for interval in (sines, cosines)
-    )
-    return [
-        Point(*state, s[i], c[i], s[i + 1], c[i + 1])
-        for state, i in zip(states, range(0, len(angles), 2), strict=True)
-    ]
+def _point(phi: Interval, n_z: Interval, gamma: Interval) -> Point:
+    return Point(phi, n_z, gamma, *sine_and_cosine(phi), *sine_and_cosine(gamma))
 
 
 def point_mass_sample(
@@ -81,13 +67,12 @@ def point_mass_sample(
         Largest difference of a rate within the sample.
     """
     d_chi, d_gamma = (Interval(d.low[j], d.high[j]) for j in (0, 1))
-    (start,) = _points((phi.values, n_z.values, gamma.values))
+    start = _point(phi.values, n_z.values, gamma.values)
     start_rate = _climb_rate(start) * g_over_v + d_gamma
     # The rate grows with gamma by at most g/V: by less than 2 h g/V of itself in a sample.
     path = gamma.values + within(h * start_rate.largest * (1.0 + 2.0 * h * g_over_v) * UP)
     ranges = phi.values, n_z.values, path
-    middle, mid_load, mid_path = (Interval.point(values.middle) for values in ranges)
-    values, at = _points(ranges, (middle, mid_load, mid_path))
+    values, at = _point(*ranges), _point(*(Interval.point(each.middle) for each in ranges))
     rate = _climb_rate(values) * g_over_v + d_gamma
     apart = h * 0.5 * rate.radius * UP
     means = phi.form, n_z.form, gamma.form

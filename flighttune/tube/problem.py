@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.arrays import FloatArray
+from flighttune.arrays import FloatArray, check_positive
 from flighttune.conformance import Conformance
 from flighttune.conformance.file import conformance_tables
 from flighttune.conformance.residual import RESIDUALS
@@ -83,8 +83,7 @@ class TubeProblem:
             return
         if self.boxes is not None:
             raise InputError("`disturbance` must not be given with a conformance: its boxes are.")
-        if not (math.isfinite(self.disturbance) and self.disturbance > 0.0):
-            raise InputError(f"`disturbance` must be positive, got {self.disturbance:g} rad/s.")
+        check_positive("rad/s", disturbance=self.disturbance)
         if self.disturbance < (flown := max(self._swing)):
             raise InputError(
                 "`disturbance` must be at least that of the scenario's [disturbance], "

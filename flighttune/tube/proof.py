@@ -26,7 +26,7 @@ from flighttune.theory.certificate import Check, Verification
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.forms import Form, Indices, Pieces
 from flighttune.tube.hand_over import HandOver, for_ever, hull, inside, return_map, settled_from
-from flighttune.tube.interval import Interval
+from flighttune.tube.interval import Interval, Unbounded
 from flighttune.tube.problem import (
     AircraftBoxes,
     TubeProblem,
@@ -34,15 +34,8 @@ from flighttune.tube.problem import (
     sample_count,
     sample_times,
 )
-from flighttune.tube.result import (
-    QUANTITIES,
-    Settings,
-    Tube,
-    bounds_of,
-    counted_bounds,
-    tightest,
-)
-from flighttune.tube.sample import Channel, Cut, SampledLoop, Unbounded, start_set
+from flighttune.tube.result import QUANTITIES, Settings, Tube, bounds_of, counted_bounds, tightest
+from flighttune.tube.sample import Channel, Cut, SampledLoop, start_set
 from flighttune.value_file import STRICT, tables_of, value_of
 from flighttune.whole_file import whole_file
 
@@ -424,12 +417,10 @@ def verify_tube(
 def _not_kept(loop: SampledLoop, ever: HandOver) -> str:
     """Reason why flights may leave the set of a hand-over; empty if they never do."""
     try:
-        mapped = return_map(loop, ever.W, ever.centre, ever.size, ever.samples, Replay(ever.chosen))
+        plan = Replay(ever.chosen)
+        after, passed = return_map(loop, ever.W, ever.centre, ever.size, ever.samples, plan)
     except (Unbounded, IndexError, InputError, np.linalg.LinAlgError) as error:
         return str(error)
-    if mapped is None:
-        return "that no limit holds a command is not proven"
-    after, passed = mapped
     if broken := _broken(for_ever(passed, len(loop.reference) - ever.sample), ever.bounds):
         return broken
     kept = inside(after, ever.centre, ever.size)

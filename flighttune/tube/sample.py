@@ -29,16 +29,7 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.control.exact_law import RateLaw
 from flighttune.control.mimo_pi import ChannelLaw
-from flighttune.tube.forms import (
-    UP,
-    Flags,
-    Form,
-    Indices,
-    Pieces,
-    Quantity,
-    combined,
-    transformed,
-)
+from flighttune.tube.forms import UP, Flags, Form, Indices, Pieces, Quantity, combined, transformed
 from flighttune.tube.functions import (
     cosine_of,
     positive_part,
@@ -47,7 +38,7 @@ from flighttune.tube.functions import (
     secant_change,
     tangent,
 )
-from flighttune.tube.interval import LARGEST_ANGLE, Interval, cosine, one_over, sine
+from flighttune.tube.interval import LARGEST_ANGLE, Interval, Unbounded, cosine, one_over, sine
 from flighttune.tube.lag import SampledLag
 from flighttune.tube.point_mass import point_mass_sample
 
@@ -101,10 +92,6 @@ STEEPEST = math.radians(85.0)
 """Largest flight-path angle of the exact point mass, which has no course at 90 deg."""
 
 ROLL_UNBOUNDED = f"roll cannot be kept inside {math.degrees(LARGEST_ANGLE):.1f} deg"
-
-
-class Unbounded(Exception):
-    """The set can no longer be enclosed; the message says why."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -469,20 +456,13 @@ class Enclosure:
         # The lower halves stay in place, the upper ones are appended.
         which, pieces = np.flatnonzero(cut.which), self.pieces
         form, values = cut.excess
-        count = len(pieces)
+        part, at, row = form.part(which), cut.at[which], cut.row[which]
+        lower = Interval(values.low[which], at + self.overlap)
+        upper = Interval(at - self.overlap, values.high[which])
+        appended = len(pieces) + np.arange(len(which))
         pieces.split(which)
-        both = [
-            np.concatenate([array, array[which]])
-            for array in (form.coefficients, form.err, form.size)
-        ]
-        at = np.where(cut.which, cut.at, values.high)
-        to = Interval(
-            np.concatenate([values.low, at[which] - self.overlap]),
-            np.concatenate([at + self.overlap, values.high[which]]),
-        )
-        parts = np.concatenate([which, count + np.arange(len(which))])
-        rows = np.concatenate([cut.row, cut.row[which]])
-        pieces.constrain(parts, rows[parts], Form(*both), to)
+        pieces.constrain(which, row, part, lower)
+        pieces.constrain(appended, row, part, upper)
 
     def _limited(self, i: int, channel: Channel, integral: Form) -> tuple[Form, Form, bool]:
         """How the command moves, its integral after the sample, and whether a limit can hold it."""
@@ -525,7 +505,8 @@ class Enclosure:
         kinked = np.any([(values.low < 0.0) & (values.high > 0.0) for values in sides], axis=0)
         which = np.flatnonzero(kinked & (between.radius > NARROWEST))
         if len(which) and len(self.pieces.constrained):
-            self.pieces.constrain(which, np.full(len(which), SPLITS + i), left, between)
+            to = Interval(between.low[which], between.high[which])
+            self.pieces.constrain(which, np.full(len(which), SPLITS + i), left.part(which), to)
 
     def _relative(self, at: Controlled, after: Form) -> Form:
         """The load-factor command beyond the feed-forward of the roll seen next, `after`."""
@@ -583,9 +564,7 @@ class Enclosure:
         )
         lifted, load = self._lift_and_load(at._replace(extra=extra, roll=roll))
         f = combined(
-            (rate, lifted),
-            (-rate, cosine_of(climb).form),
-            shift=rate * at.lift + d_middle[1],
+            (rate, lifted), (-rate, cosine_of(climb).form), shift=rate * at.lift + d_middle[1]
         )
         f_range = ordered(self._range(f))
         fastest = f_range.largest + d_radius[1]
@@ -663,8 +642,6 @@ class Enclosure:
             # Within the sample either of the two commands may be in force.
             in_force = ranges[lag.order].hull(ranges[lag.order + 1])
             values = lag.values_within(ranges[: lag.order], ranges[-1], in_force, self.loop.dt)
-            if values is None:
-                raise Unbounded("a lag moves too far in a sample to be enclosed")
             flown.append(Quantity(mean, values))
             after += moved
             under_way += newest_first[:-1]

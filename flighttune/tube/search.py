@@ -8,15 +8,7 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.tube.forms import Form, Indices, Pieces
 from flighttune.tube.interval import Interval
-from flighttune.tube.sample import (
-    CHI_ERR,
-    EXTRA_LIFT,
-    GAMMA_ERR,
-    SPLITS,
-    Channel,
-    Cut,
-    SampledLoop,
-)
+from flighttune.tube.sample import CHI_ERR, EXTRA_LIFT, GAMMA_ERR, SPLITS, Channel, Cut, SampledLoop
 
 REMOVED_AT_ONCE = 70
 """Symbols removed at a time."""

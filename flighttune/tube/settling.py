@@ -10,6 +10,7 @@ from flighttune.arrays import FloatArray
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.forms import Pieces
 from flighttune.tube.hand_over import SYMBOLS, HandOver, for_ever, inside, return_map, settled
+from flighttune.tube.interval import Unbounded
 from flighttune.tube.sample import (
     CHI,
     EXTRA_LIFT,
@@ -18,7 +19,6 @@ from flighttune.tube.sample import (
     PHI,
     ROLL,
     SampledLoop,
-    Unbounded,
 )
 from flighttune.tube.search import Search
 
@@ -110,10 +110,7 @@ def new_search(loop: SampledLoop) -> Search:
 
 
 def hand_over(
-    loop: SampledLoop,
-    W: FloatArray,
-    samples: int,
-    hulls: Mapping[int, FloatArray],
+    loop: SampledLoop, W: FloatArray, samples: int, hulls: Mapping[int, FloatArray]
 ) -> HandOver | None:
     """Look for a set that holds the flights of the last samples for ever.
 
@@ -128,12 +125,9 @@ def hand_over(
     for _ in range(ROUNDS):
         plan, tight = new_search(loop), (1.0 - SLACK) * size
         try:
-            mapped = return_map(loop, W, centre, size, samples, plan)
+            after, passed = return_map(loop, W, centre, size, samples, plan)
         except Unbounded:
             return None
-        if mapped is None:
-            return None
-        after, passed = mapped
         if inside(after, centre, tight):
             # Bounds of the first sample in the set lack the margin of the interval that leads to
             # it: that sample must still have the tube's own.

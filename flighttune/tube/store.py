@@ -20,7 +20,6 @@ from flighttune.control.gains import PIGains
 from flighttune.errors import FlightTuneError, InputError
 from flighttune.guarantee.bounds import Bounds, cut_to, with_columns
 from flighttune.mistakes import mistakes
-from flighttune.present.numbers import degrees
 from flighttune.scenario.load import scenario_from
 from flighttune.seal import BLANK, seal, sealed_bytes
 from flighttune.simulate.run import WORST_SIGNALS, Run
@@ -96,18 +95,9 @@ class RunTubes:
 
     @property
     def at_a_glance(self) -> tuple[str, ...]:
-        """Largest error of each aircraft and its probability, a sentence each."""
-        sentences = []
-        for run in self.runs:
-            tube = self.tubes.get(run.label)
-            if tube is None or run.provenance.aircraft is None:
-                continue
-            chi, gamma = (degrees(widths["max"]) for widths in tube.half_widths.values())
-            counted = tube.about.probability
-            chance = f"; {counted.sentence}" if counted else ""
-            width = f"±{chi} of course and ±{gamma} of path angle wide"
-            sentences.append(f"{run.label}: the tube is {width}{chance}.")
-        return tuple(sentences)
+        """Probability counted for the tube of each aircraft, a sentence each."""
+        counted = {label: tube.about.probability for label, tube in self.tubes.items()}
+        return tuple(f"{label}: {chance.sentence}." for label, chance in counted.items() if chance)
 
 
 def tubes_of(
@@ -155,9 +145,7 @@ def tubes_of(
 
 
 def _tube(
-    run: Run,
-    conformance: "Conformance | None",
-    progress: Callable[[str, float], None] | None,
+    run: Run, conformance: "Conformance | None", progress: Callable[[str, float], None] | None
 ) -> "Tube":
     from flighttune.tube.problem import tube_problem
     from flighttune.tube.tube import tube_of

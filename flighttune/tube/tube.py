@@ -1,5 +1,6 @@
 """The set of all errors that the flights of a scenario can have."""
 
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import product
@@ -11,17 +12,18 @@ from flighttune.flight.fly import plant_of
 from flighttune.simulate.loop import simulate
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.hand_over import hull, settled_from
+from flighttune.tube.interval import Unbounded
 from flighttune.tube.problem import TubeProblem
 from flighttune.tube.result import QUANTITIES, Settings, Tube, bounds_of, within_counted
-from flighttune.tube.sample import Unbounded, start_set
+from flighttune.tube.sample import start_set
 from flighttune.tube.search import Search
 from flighttune.tube.settling import coordinates, hand_over
 
 DOUBLING = 0.2
 """Time, s, within which the width of a set that is about to be lost doubles."""
 
-LEAST_DISTURBANCE, MOST_DISTURBANCE = 1e-5, 10.0
-"""Range in which the largest disturbance is looked for, rad/s."""
+DISTURBANCES = [float(f"{digits}e{power}") for power in range(-6, 0) for digits in range(10, 100)]
+"""Disturbances that are tried, rad/s: all of two digits."""
 
 UNKNOWN_START = "in wind the path over ground begins elsewhere, and the scenario states no wind"
 
@@ -43,42 +45,21 @@ def largest_disturbance(
     """Look for the largest disturbance, to two digits, for which the set is bounded.
 
     Returns all tubes that were tried, by disturbance. The largest bounded one is known to two
-    digits if one that is larger follows it; the list ends with a bounded one at `MOST_DISTURBANCE`,
-    and has none at all if none down to `LEAST_DISTURBANCE`, or to the scenario's own, is bounded.
+    digits if one that is larger follows it. None is bounded if the first of `DISTURBANCES`, or the
+    scenario's own, is not.
     """
     tried: dict[float, Tube] = {}
-    least = float(problem.disturbances[1].max())
 
-    def bounded(size: float) -> bool:
+    def lost(size: float) -> bool:
         tried[size] = enclosed(
             replace(problem, disturbance=size), for_ever=False, progress=progress
         )
-        return tried[size].status == "bounded"
+        return tried[size].status == "unbounded"
 
-    low, high = _bracket(bounded, max(0.01, least), max(LEAST_DISTURBANCE, least))
-    while low and high:
-        middle = float(f"{np.sqrt(low * high):.2g}")
-        if not low < middle < high:
-            break
-        low, high = (middle, high) if bounded(middle) else (low, middle)
+    own = float(problem.disturbances[1].max())
+    larger = [size for size in DISTURBANCES if size > own]
+    bisect_left([own, *larger] if own else larger, True, key=lost)
     return [tried[size] for size in sorted(tried)]
-
-
-def _bracket(
-    bounded: Callable[[float], bool], size: float, least: float
-) -> tuple[float | None, float | None]:
-    """A bounded disturbance and an unbounded one at most twice as large; None if there is none."""
-    if bounded(size):
-        while size < MOST_DISTURBANCE:
-            size, low = 2.0 * size, size
-            if not bounded(size):
-                return low, size
-        return size, None
-    while size > least:
-        size, high = max(0.5 * size, least), size
-        if bounded(size):
-            return size, high
-    return None, size
 
 
 def enclosed(

@@ -10,18 +10,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from flighttune.certificates import (
-    Certificate,
-    certify,
-    load_certificate,
-    save_certificate,
-    verify,
-)
+from flighttune.certificates import Certificate, certify, load_certificate, save_certificate, verify
 from flighttune.control.envelope import Envelope
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.linear_model import LinearModel, kinematic_model
 from flighttune.errors import InputError
-from flighttune.theory.indicators import indicators
 from flighttune.tuning.envelope import largest_factor
 from flighttune.value_file import tables_of, value_of
 
@@ -64,15 +57,6 @@ def test_the_papers_gains_are_certified_for_their_rate_and_the_ellipsoids_radius
     assert at_trim.claim.rate == pytest.approx(0.4599306, rel=CLAIMED_LESS)
     assert at_trim.claim.radius == pytest.approx(0.0333, abs=5e-5)
     assert verify(at_trim).valid
-
-
-def test_no_more_is_claimed_than_the_closed_form_has(at_trim):
-    A_K = indicators(
-        np.block([[MODEL.A + MODEL.B @ PAPER_GAINS.K_P, MODEL.B @ PAPER_GAINS.K_I],
-                  [np.eye(2), np.zeros((2, 2))]])
-    )  # fmt: skip
-
-    assert at_trim.claim.rate < A_K.R_K
 
 
 def test_the_tuned_gains_are_certified_over_an_envelope(over_envelope):
@@ -265,9 +249,7 @@ def test_a_claim_must_be_positive(at_trim):
     ("text", "message"),
     [
         ("{", "valid JSON"),
-        ("[]", "one object, got list"),
         ('{"format": "flighttune certificate 1"}', "`format`.* 2'"),
-        ('{"format": "flighttune certificate 3"}', "`format`.* 2'"),
         ('{"format": "flighttune certificate 2", "format": "x"}', "`format` is given twice"),
         ('{"format": "flighttune certificate 2"}', "`units`"),
     ],
@@ -287,22 +269,16 @@ def test_a_file_that_is_no_certificate_is_named_with_what_is_wrong(tmp_path, tex
         (("Q",), "many", "`Q` must be lists.*'many'"),
         (("Q",), [[1.0], [1.0, 2.0]], "`Q`.* rows of one length"),
         (("Q",), [[True]], "`Q`.*True"),
-        (("Q",), None, "`Q`.*None"),
         (("W",), None, "`radius`, `W` and `multiplier`"),
         (("hull",), None, "`envelope` and `hull`"),
         (("hull", "lower"), [1.0], r"`hull\.lower`.*\(4,\)"),
-        (("claim", "rate"), None, r"`claim\.rate`.*None"),
         (("claim", "rate"), "1.0", r"`claim\.rate`.*'1\.0'"),
-        (("claim", "envelope"), 3, r"`claim\.envelope` must be a table"),
         (("claim", "envelope", "phi"), [-2.0, 2.0], r"`claim\.envelope\.phi`.*pi/2"),
         (("claim", "guess"), 1, r"`claim\.guess`"),
         (("guess",), 1, "`guess`"),
-        (("made_with",), 3, "`made_with` must be a table, got 3"),
         (("model", "inputs"), ["n_z", "phi"], r"\('n_z', 'phi'\)"),
         (("model", "states"), ["h", "V"], "`states`.*got h, V"),
-        (("model", "inputs"), "ab", r"`model\.inputs`.*'ab'"),
         (("model", "inputs"), [None, 3], r"`model\.inputs\.0`.*None"),
-        (("model", "A"), [], r"`model\.A`"),
         (("gains", "K_P"), [["1.6968", 0.0], [0.0, 1.0]], r"`gains\.K_P`.*1\.6968"),
         (("scenario_sha256",), "forged", "`scenario_sha256`.*'forged'"),
     ],

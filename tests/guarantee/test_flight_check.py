@@ -87,18 +87,6 @@ def test_a_loop_slower_than_its_gains_breaks_it():
     assert np.all(found.size[found.broken] > found.bound[found.broken])
 
 
-def test_nothing_is_claimed_while_a_limit_holds_and_the_claim_begins_anew():
-    run = fly("kinematic", "paper", PAPER_GAINS)
-    held = (run.signals[["phi_limited", "n_z_limited"]].to_numpy() != 0.0).any(axis=1)[:-1]
-
-    found = flight_check(run)
-
-    assert held.any()
-    assert np.array_equal(np.isnan(found.bound), held)
-    begins = np.flatnonzero(~held & np.concatenate([[True], held[:-1]]))
-    assert np.all(found.size[begins] <= found.bound[begins])
-
-
 def test_a_flight_without_gains_or_numbers_of_its_law_has_no_guarantee():
     run = fly("kinematic", "paper", PAPER_GAINS, seconds=2.0)
     bare = {key: value for key, value in SCENARIO.items() if key != "flight"}

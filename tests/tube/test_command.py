@@ -138,7 +138,7 @@ def test_the_largest_disturbance_that_is_bounded_is_found_to_two_digits(scenario
 @pytest.mark.parametrize(
     ("arguments", "more", "what"),
     [
-        (["--disturbance", "-1"], "", "`disturbance` must be positive, got -1 rad/s"),
+        (["--disturbance", "-1"], "", "`disturbance` must be positive, got -1"),
         (["--disturbance", "nan"], "", "`disturbance` must be positive"),
         (["--start-deg", "-2"], "", "`start` must lie in 0..45 deg, got -2 deg"),
         (["--plant", "jsbsim:x"], "", "`plant` must be one of kinematic"),

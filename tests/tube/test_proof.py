@@ -166,16 +166,16 @@ def test_a_feasible_reference_in_the_file_must_be_that_of_the_scenario(tmp_path)
     tables["reference"]["shape"] = "feasible"
     tables["flight"]["duration_s"] = 2.0
     path = tmp_path / "tube.npz"
-    save_tube(tube(scenario_from(tables), PAPER_GAINS), path)
-    reference = load_tube(path).problem.reference
+    found = tube(scenario_from(tables), PAPER_GAINS)
+    save_tube(found, path)
+    near, far = (found.problem.reference + by for by in (1e-9, 1e-5))
 
-    rewritten(path, {"reference": reference + 1e-9}, tmp_path / "near.npz")
-    rewritten(path, {"reference": reference + 1e-5}, tmp_path / "far.npz")
+    again = load_tube(rewritten(path, {"reference": near}, tmp_path / "near.npz"))
 
+    assert (again.problem.reference == near).all()
     assert verify_tube(path).valid
-    assert (load_tube(tmp_path / "near.npz").problem.reference == reference + 1e-9).all()
     with pytest.raises(InputError, match=r"far\.npz: `reference`.*1e-05"):
-        load_tube(tmp_path / "far.npz")
+        load_tube(rewritten(path, {"reference": far}, tmp_path / "far.npz"))
 
 
 @pytest.mark.parametrize(
@@ -238,14 +238,6 @@ def test_an_array_that_is_there_twice_is_refused(proven, tmp_path):
         archive.writestr("bounds.npy", archive.read("bounds.npy"))
 
     with pytest.raises(InputError, match=r"`bounds\.npy`.*once"):
-        load_tube(path)
-
-
-def test_a_key_of_the_claim_that_is_there_twice_is_refused(proven, tmp_path):
-    text = json.dumps(claim_of(proven[1])).replace('"law":', '"start_rad": 0.0, "law":')
-    path = rewritten(proven[1], {"claim": np.array(text)}, tmp_path / "changed.npz")
-
-    with pytest.raises(InputError, match=r"`claim`.*`start_rad`.*twice"):
         load_tube(path)
 
 

@@ -93,9 +93,7 @@ def flown(scenario, gains, start, disturbance, seed):
         [law],
         [
             FlightCondition(
-                V_a=condition.V_a,
-                chi=condition.chi + start * a,
-                gamma=condition.gamma + start * b,
+                V_a=condition.V_a, chi=condition.chi + start * a, gamma=condition.gamma + start * b
             )
             for a, b in corners
         ],

@@ -16,19 +16,17 @@ from flighttune.campaign import conform as conform_module
 from flighttune.campaign.conform import ConformSettings, conform
 from flighttune.campaign.stated_set import planned
 from flighttune.cli.tube import tubes_answer
-from flighttune.comparison import Source
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.flight.fly import fly
 from flighttune.flight.gap import explain_flight
 from flighttune.flight.gap_charts import bound_chart
 from flighttune.recording.parquet import load_recording
 from flighttune.recording.plots import shown_plots, value_range
-from flighttune.report.page import write_report
 from flighttune.scenario import load_scenario, scenario_from
 from flighttune.simulate.run import TUBE_SIGNALS
 from flighttune.table_file import toml_text
 from flighttune.tube.store import run_sha256, tubes_of, write_sealed, write_worst
-from tests.tube.test_aircraft import ERROR, conformance, flight
+from tests.tube.test_aircraft import conformance, flight
 from tests.tube.test_soundness import tube
 
 pytestmark = pytest.mark.slow
@@ -66,31 +64,6 @@ def test_every_run_is_inside_its_tube_and_carries_it(flown, tubes):
         low, high = (run.signals[name] for name in TUBE_SIGNALS[:2])
         assert (low < high).all()
         assert run.signals["chi_err"].between(low, high).all()
-
-
-def test_where_only_errors_that_were_counted_are_left_it_says_so(flown, tmp_path):
-    aircraft = flown.runs[1]
-
-    found = tubes_of([aircraft], tmp_path, make=True, conformance=boxes(flown, half_width=1.0))
-
-    assert found.outside == ()
-    (note,) = tubes_answer(found, "").notes
-    assert "It is lost, and the bounds are those counted: roll cannot" in note
-    widths = found.tubes[aircraft.label].half_widths
-    assert [widths[name]["end"] for name in ("chi", "gamma")] == pytest.approx(ERROR)
-
-
-def test_at_the_top_stand_the_width_and_the_probability_of_aircraft(tubes, tmp_path):
-    known, (glance,) = conformance(flight()), tubes.at_a_glance
-    page = tmp_path / "report.html"
-
-    write_report(Source(name="runs", runs=tubes.runs), page, at_a_glance=tubes.at_a_glance)
-
-    assert glance.startswith("jsbsim:aerosonde / ")
-    # Nothing is drawn in this distribution: the start of all its flights is that of the tube.
-    assert "a flight of the distribution counted leaves the tube" in glance
-    assert f"at most {known.epsilon:g}, confidence {known.confidence:g}." in glance
-    assert f'<p class="summary">{glance}</p>' in page.read_text()
 
 
 def test_they_are_found_again_by_hash_and_not_for_other_gains(flown, tubes, folder):
@@ -215,8 +188,6 @@ def test_flights_drawn_as_counted_are_inside_the_tube_that_says_they_are(tmp_pat
     tubes = tubes_of([run], tmp_path, make=True, conformance=counts)
 
     (glance,) = tubes.at_a_glance
-    assert "leaves" in glance
-    assert "a flight" in glance
     bounds = tubes.runs[0].signals[list(TUBE_SIGNALS)].to_numpy()
     fresh = plan.with_runs(1050)  # draws from 1000 on: none was learned from or counted
 
