@@ -16,9 +16,8 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from flighttune.errors import CampaignError, PlantError
 from flighttune.processes import crash_of
-from flighttune.scratch import scratch_folder
 from flighttune.shipped import TRUST_AIRCRAFT
-from flighttune.whole_file import reason_of
+from flighttune.whole_file import reason_of, scratch_folder
 
 if TYPE_CHECKING:
     from flighttune.campaign.flying.rows import Draw, Probes, Row

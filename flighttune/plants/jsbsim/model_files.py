@@ -35,9 +35,9 @@ from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.aircraft.systems import put_in_front
 from flighttune.errors import PlantError
 from flighttune.processes import crash_of
-from flighttune.scratch import scratch_folder, scratch_place
 from flighttune.shipped import is_trusted
 from flighttune.units import FT
+from flighttune.whole_file import scratch_folder, scratch_place
 
 CONNECTIONS = ("output", "input")
 """Elements by which JSBSim opens files and sockets on its first evaluation."""
