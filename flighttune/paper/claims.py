@@ -119,12 +119,12 @@ class Finding:
 
     @property
     def expected(self) -> dict[str, str | float]:
-        """What the paper says, by what is compared."""
+        """Value of the paper for each comparison."""
         return {check.what: check.expected for check in self.checks}
 
     @property
     def computed(self) -> dict[str, str | float]:
-        """What comes out, or what is missing."""
+        """Computed value for each comparison; without any the missing piece."""
         return {check.what: check.computed for check in self.checks} or {"missing": self.missing}
 
 

@@ -18,7 +18,7 @@ from flighttune.paper.items import Item, chosen
 from flighttune.paper.items.base import Made
 from flighttune.paper.parameters import STAR
 from flighttune.paper.study import Study
-from flighttune.present.frame import page_template, page_text
+from flighttune.present.frame import page_template, write_page
 from flighttune.present.tables import Column, Table
 from flighttune.theory.attractor import invariant_ellipsoid, paper_balls
 from flighttune.whole_file import write_text
@@ -79,7 +79,8 @@ def reproduce(
     tell("claims", 1.0)
     parts = errata(study)
     text = [HEAD.rstrip(), *(f"## {part.title}\n\n{part.markdown()}" for part in parts)]
-    page = page_text(
+    page = write_page(
+        folder / "index.html",
         page_template("flighttune.paper", "page.html.jinja"),
         title=TITLE,
         items=items,
@@ -91,7 +92,7 @@ def reproduce(
     return Reproduction(
         items=items,
         findings=findings,
-        page=write_text(folder / "index.html", page),
+        page=page.path,
         errata=write_text(folder / "errata.md", "\n\n".join(text) + "\n"),
     )
 

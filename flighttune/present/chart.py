@@ -256,14 +256,14 @@ class Chart:
 
         more = f' class="named"{_owner(run)}'
         self._marks.append(
-            lambda a: _text(
+            lambda a: _label(
                 float(a.sx(x)) + shift[0], float(a.sy(y)) + shift[1], text, more, anchor=anchor
             )
         )
 
     def name_row(self, y: float, name: str) -> None:
         """Write the name of a row at the left edge, at a height of the y axis."""
-        self._marks.append(lambda a: _text(2.0, float(a.sy(y)), name, ' class="named"'))
+        self._marks.append(lambda a: _label(2.0, float(a.sy(y)), name, ' class="named"'))
 
     def label_points(self, points: Sequence[tuple[float, float, str]]) -> None:
         """Name points (x, y, name), each where its name covers neither a point nor another name."""
@@ -288,7 +288,7 @@ class Chart:
                     parts.append(
                         f'<path class="axis" d="M{x:.1f},{y:.1f}L{near:.1f},{box[1] + 6.0:.1f}"/>'
                     )
-                parts.append(_text(box[0], box[1] + 10.0, name, ' class="named"'))
+                parts.append(_label(box[0], box[1] + 10.0, name, ' class="named"'))
             return "".join(parts)
 
         self._marks.append(drawn)
@@ -324,20 +324,20 @@ class Chart:
         for value, label in y_ticks:
             up = float(a.sy(value))
             lines.append(f"M0,{up:.1f}H{a.width:.1f}")
-            labels.append(_text(LEFT - 6.0, TOP + up + 4.0, label, anchor="end"))
+            labels.append(_label(LEFT - 6.0, TOP + up + 4.0, label, anchor="end"))
         for value, label in x_ticks:
             across = float(a.sx(value))
             lines.append(f"M{across:.1f},0V{a.height:.1f}")
             for row, part in enumerate(label.split("\n")):
                 down = TOP + a.height + 15.0 + 12.0 * row
-                labels.append(_text(LEFT + across, down, part, anchor="middle"))
+                labels.append(_label(LEFT + across, down, part, anchor="middle"))
         middle = TOP + a.height / 2.0
         if self.y:
             labels.append(
                 f'<text transform="translate(12 {middle:.1f}) rotate(-90)" '
                 f'text-anchor="middle">{marked_up(self.y)}</text>'
             )
-        labels.append(_text(LEFT + a.width / 2.0, self.height - 4.0, self.x, anchor="middle"))
+        labels.append(_label(LEFT + a.width / 2.0, self.height - 4.0, self.x, anchor="middle"))
         size = f'x="{LEFT:g}" y="{TOP:g}" width="{a.width:g}" height="{a.height:g}"'
         marks = "".join(mark(a) for mark in self._marks)
         axis = f"M0,0V{a.height:g}H{a.width:g}" if y_ticks else f"M0,{a.height:g}H{a.width:g}"
@@ -391,13 +391,13 @@ class Sheet:
             above = 18.0 + max(height for _, height in legends)
             for column, (chart, (names, _)) in enumerate(zip(row, legends, strict=True)):
                 left = column * WIDTH
-                head = _text(8.0, 13.0, chart.title, ' class="title"') + names
+                head = _label(8.0, 13.0, chart.title, ' class="title"') + names
                 parts.append(f'<g transform="translate({left:g} {top:.1f})">{head}</g>')
                 at = f'x="{left:g}" y="{top + above:.1f}"'
                 size = f'width="{WIDTH:g}" height="{chart.height:g}"'
                 parts.append(chart.svg().replace("<svg ", f"<svg {at} {size} ", 1))
             top += above + max(chart.height for chart in row) + 8.0
-        title = _text(8.0, 17.0, self.title, ' class="title"')
+        title = _label(8.0, 17.0, self.title, ' class="title"')
         # its colours are its own: a notebook puts it into a page with other ones
         own = style().replace(":root", "svg.sheet")
         return (
@@ -529,7 +529,7 @@ def _cross(x: float, y: float, size: float, shape: Shape) -> str:
     )
 
 
-def _text(x: float, y: float, text: str, more: str = "", *, anchor: str = "start") -> str:
+def _label(x: float, y: float, text: str, more: str = "", *, anchor: str = "start") -> str:
     at = f'x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"'
     return f"<text {at}{more}>{marked_up(text)}</text>"
 
@@ -587,7 +587,7 @@ def _legend(legend: Sequence[LegendEntry], width: float, top: float) -> tuple[st
             left, height = 8.0, height + LEGEND_ROW
         up = top + height - LEGEND_ROW
         parts.append(f'<g transform="translate({left:.1f} {up:.1f})">{key(colour, dash)}</g>')
-        parts.append(_text(left + SIGN, up + 4.0, name))
+        parts.append(_label(left + SIGN, up + 4.0, name))
         left += needed
     return "".join(parts), height
 

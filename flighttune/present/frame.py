@@ -70,27 +70,24 @@ def write_page(
         for section in sections
     )
     sections = [section for section in filled if section.charts or section.tables]
-    write_text(path, page_text(template, summary=summary, sections=sections, **more))
-    titles = tuple(section.title for section in sections if section.title)
-    tables = tuple(table for section in sections for table in section.tables)
-    return Report(path=path, summary=summary, sections=titles, tables=tables)
-
-
-def page_text(template: "Template", **values: Any) -> str:
-    """A page with the style and the script of all pages."""
-    empty = {"claim": "", "summary": (), "sections": (), "legend": ()}
     look, script = (
         Path(__file__).with_name(name).read_text(encoding="utf-8")
         for name in ("page.css", "page.js")
     )
     # The content security policy of the page allows this script alone.
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
-    return template.render(
-        **{**empty, **values},
+    page = template.render(
+        **{"claim": "", "legend": (), **more},
+        summary=summary,
+        sections=sections,
         style=f"{style()}\n{look}",
         script=script,
         script_hash=f"sha256-{digest}",
     )
+    write_text(path, page)
+    titles = tuple(section.title for section in sections if section.title)
+    tables = tuple(table for section in sections for table in section.tables)
+    return Report(path=path, summary=summary, sections=titles, tables=tables)
 
 
 @cache

@@ -211,8 +211,10 @@ def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
 
 
 def _markdown(head: Sequence[str], rule: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    cells = [[" ".join(cell.split()).replace("|", "\\|") for cell in row] for row in rows]
-    return "\n".join(f"| {' | '.join(line)} |" for line in [head, rule, *cells])
+    top, *cells = (
+        [" ".join(cell.split()).replace("|", "\\|") for cell in row] for row in (head, *rows)
+    )
+    return "\n".join(f"| {' | '.join(line)} |" for line in [top, rule, *cells])
 
 
 def _value(record: Any, key: str) -> Any:

@@ -124,9 +124,9 @@ def test_a_table_in_a_notebook_is_escaped_and_names_its_rows():
 
 
 def test_a_cell_does_not_break_a_table_in_markdown():
-    text = markdown(("a", "b"), [("x | y", "two\nlines")])
+    text = markdown(("a", "|b|"), [("x | y", "two\nlines")])
 
-    assert text.splitlines() == ["| a | b |", "| --- | ---: |", "| x \\| y | two lines |"]
+    assert text.splitlines() == ["| a | \\|b\\| |", "| --- | ---: |", "| x \\| y | two lines |"]
 
 
 def test_an_answer_has_the_same_records_in_text_and_json(tmp_path):
