@@ -68,8 +68,8 @@ def scenario_page(
         labels = [f"{run}, {SYMBOLS.get(channel, channel)}" for run, channel in metrics.index]
         parts += ["## Tracking", _metrics("run, channel", labels, metrics)]
         parts += ["## Aircraft", _metrics("run", list(map(str, flight.index)), flight)]
-    parts += ["## Scenario", f"```toml\n{toml_text(scenario)}```", *_made_with(runs)]
     parts += ["## How to read it", HOW_TO_READ]
+    parts += ["## Scenario", f"```toml\n{toml_text(scenario)}```", *_made_with(runs)]
     return "\n\n".join(parts) + "\n"
 
 

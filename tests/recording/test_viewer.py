@@ -301,6 +301,7 @@ def test_a_single_run_and_a_page_alone_can_be_looked_at(four_runs, without_gains
 
 
 @pytest.mark.usefixtures("viewer")
+@pytest.mark.soak
 def test_a_viewer_that_breaks_off_gives_one_line(four_runs, tmp_path):
     path = tmp_path / "flight.rrd"
     write_recording(four_runs[:1], path, page="# \U0001f7e6\n", title="No such glyph")
