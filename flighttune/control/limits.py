@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, ShapeError
@@ -32,7 +31,13 @@ class Limits:
 
     def __post_init__(self) -> None:
         for name in ("lower", "upper", "rate_lower", "rate_upper"):
-            object.__setattr__(self, name, _read_only_bounds(name, getattr(self, name)))
+            bounds = np.array(getattr(self, name), dtype=float)
+            if bounds.ndim != 1:
+                raise ShapeError(f"`{name}` must have 1 axis, got shape {bounds.shape}.")
+            if np.isnan(bounds).any():
+                raise InputError(f"`{name}` must not be NaN, got {bounds.tolist()}.")
+            bounds.flags.writeable = False
+            object.__setattr__(self, name, bounds)
         if len({getattr(self, name).shape for name in self.__slots__}) != 1:
             raise ShapeError("`lower`, `upper` and the rates must have one length.")
         for low, high in (("lower", "upper"), ("rate_lower", "rate_upper")):
@@ -151,13 +156,3 @@ class CommandLimiter:
     def excess(self) -> tuple[float, ...]:
         """Command before the limits minus command after them: which way the limits hold."""
         return tuple(a - b for a, b in zip(self.u_unsat, self.u, strict=True))
-
-
-def _read_only_bounds(name: str, value: npt.ArrayLike) -> FloatArray:
-    bounds = np.array(value, dtype=float)
-    if bounds.ndim != 1:
-        raise ShapeError(f"`{name}` must have 1 axis, got shape {bounds.shape}.")
-    if np.isnan(bounds).any():
-        raise InputError(f"`{name}` must not be NaN, got {bounds.tolist()}.")
-    bounds.flags.writeable = False
-    return bounds

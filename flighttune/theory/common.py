@@ -88,7 +88,7 @@ def common_Q(vertices: npt.ArrayLike) -> CommonQ:
     # A multiplier goes back to the coordinates of A by the same congruence as its inequality.
     to_A = np.linalg.inv(L)
     duals = np.array([decay.dual_value for decay in program.decays])
-    bound = _rate_bound(A, _normalised(to_A.T @ duals @ to_A))
+    bound = _rate_bound(A, to_A.T @ duals @ to_A)
     Q = _from_coordinates(program.form.value, L)
     Q = _scaled_to_inequality(Q, A)
     if Q is None or 1.0 / np.linalg.eigvalsh(Q)[-1] < NO_RATE * speed:
@@ -172,7 +172,7 @@ def common_ellipsoid(
 
 
 def _ellipsoid(A: FloatArray, E: FloatArray, a: float) -> FloatArray | None:
-    """W of the smallest radius at one multiplier for L_d = 1, or None."""
+    """W of the smallest radius at one multiplier for L_d = 1; None unless it is invariant."""
     n = A.shape[-1]
     shifted = A + a / 2.0 * np.eye(n)
     # W is to the transposed loops what Q is to the loops.
@@ -187,7 +187,9 @@ def _ellipsoid(A: FloatArray, E: FloatArray, a: float) -> FloatArray | None:
     program.unit.value, program.load.value = _inverse_square(L), inside / scale
     if not solve(program.problem).solved:
         return None
-    return _invariant(scale * _from_coordinates(program.form.value, L), shifted, load)
+    W = scale * _from_coordinates(program.form.value, L)
+    flow = np.linalg.eigvalsh(shifted @ W + W @ shifted.mT + load)
+    return W if flow[:, -1].max() < 0.0 < np.linalg.eigvalsh(W)[0] else None
 
 
 class _Program(NamedTuple):
@@ -242,12 +244,6 @@ def _inverse_square(L: FloatArray) -> FloatArray:
     return _from_coordinates(np.eye(len(L)), np.asarray(np.linalg.inv(L), dtype=float))
 
 
-def _invariant(W: FloatArray, shifted: FloatArray, load: FloatArray) -> FloatArray | None:
-    """W if it is positive and invariant at every vertex."""
-    flow = np.linalg.eigvalsh(shifted @ W + W @ shifted.mT + load)
-    return W if flow[:, -1].max() < 0.0 < np.linalg.eigvalsh(W)[0] else None
-
-
 def _scaled_to_inequality(Q: FloatArray, vertices: FloatArray) -> FloatArray | None:
     """The multiple of Q that just satisfies ``A' Q + Q A + I <= 0`` for every matrix, or None.
 
@@ -282,14 +278,12 @@ def _coordinates(A: FloatArray) -> tuple[FloatArray, float]:
     return np.eye(n), float(np.linalg.norm(mean, 2)) or 1.0
 
 
-def _normalised(multipliers: FloatArray) -> FloatArray:
-    values, vectors = np.linalg.eigh(multipliers)
-    positive = vectors * np.maximum(values, 0.0)[:, None, :] @ vectors.mT
-    return positive / max(float(np.trace(positive, axis1=1, axis2=2).sum()), 1e-300)
-
-
 def _rate_bound(A: FloatArray, multipliers: FloatArray) -> float:
-    flow = -(A @ multipliers).sum(axis=0)
+    """Bound of `common_Q` from multipliers, made positive with traces that add up to one."""
+    values, vectors = np.linalg.eigh(multipliers)
+    X = vectors * np.maximum(values, 0.0)[:, None, :] @ vectors.mT
+    X = X / max(float(np.trace(X, axis1=1, axis2=2).sum()), 1e-300)
+    flow = -(A @ X).sum(axis=0)
     return float(np.maximum(np.linalg.eigvalsh(flow + flow.T), 0.0).sum())
 
 

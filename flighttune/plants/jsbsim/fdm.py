@@ -4,7 +4,6 @@ import ctypes
 import math
 import re
 from collections.abc import Callable
-from functools import lru_cache
 from pathlib import Path
 
 import jsbsim
@@ -57,11 +56,6 @@ EARTH = Path(__file__).with_name("earth.xml")
 _BOTH_MAGNETOS = 3.0
 _STARTING = 8.0
 """Time that the starter turns a piston engine, s."""
-
-
-@lru_cache(maxsize=1024)
-def _well_formed(name: str) -> bool:
-    return re.fullmatch(PROPERTY_NAME, name) is not None
 
 
 class Fdm:
@@ -248,12 +242,6 @@ class Fdm:
             inertia[i, j] = inertia[j, i] = self.reader(f"inertia/{name}-slugs_ft2")()
         return Body(self.reader("inertia/weight-lbs")(), np.array(cg), inertia)
 
-    def _unload(self) -> None:
-        for name in self.names(""):
-            if _LOAD.search(name):
-                self.writer(name)(0.0)
-        self.evaluate()  # JSBSim computes mass and inertia here
-
     def abandon(self) -> None:
         """Keep the broken aircraft until the process ends.
 
@@ -267,7 +255,7 @@ class Fdm:
 
     def _existing(self, name: str) -> jsbsim.FGPropertyNode | None:
         # JSBSim aborts the process on a malformed name, and invents a node for an unknown one.
-        exists = _well_formed(name) and self._properties.hasNode(name)
+        exists = re.fullmatch(PROPERTY_NAME, name) and self._properties.hasNode(name)
         return self._properties.get_node(name) if exists else None
 
     def _node(self, name: str) -> jsbsim.FGPropertyNode:
@@ -297,5 +285,8 @@ def weigh(config: AircraftConfig) -> MassBalance:
     fdm = Fdm(config)
     whole = fdm._body()
     pounds_per_slug = whole.weight / fdm.reader("inertia/mass-slugs")()
-    fdm._unload()
+    for name in fdm.names(""):
+        if _LOAD.search(name):
+            fdm.writer(name)(0.0)
+    fdm.evaluate()  # JSBSim computes mass and inertia here
     return MassBalance(whole=whole, empty=fdm._body(), pounds_per_slug=pounds_per_slug)
