@@ -21,8 +21,7 @@ from flighttune.flight.expectations import ClaimCheck, check_claim
 from flighttune.flight.outer_loop import gain_sets
 from flighttune.flight.own import LawMaker, PlantMaker, with_own
 from flighttune.metrics import metric_tables
-from flighttune.plants.air_path import AirPathPlant
-from flighttune.plants.base import GuardedPlant, Plant
+from flighttune.plants.base import AirPathPlant, GuardedPlant, Plant
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.plants.weather import WIND, WindRecord
 from flighttune.scenario.load import check_aircraft

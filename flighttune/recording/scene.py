@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray
 from flighttune.errors import FlightTuneError
-from flighttune.plants.air_path import OVER_GROUND
+from flighttune.plants.base import OVER_GROUND
 from flighttune.plants.jsbsim.model_files import wing_span
 from flighttune.plants.weather import WIND
 from flighttune.present.palette import NEUTRAL, rgb

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from flighttune.plants.air_path import AirPathPlant
-from flighttune.plants.base import FlightCondition
+from flighttune.plants.base import AirPathPlant, FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.weather import Weather, WindProfile
 
