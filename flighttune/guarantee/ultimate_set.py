@@ -150,8 +150,8 @@ class UltimateSet:
         errors, references, angles = (
             tuple(signal[..., before:] for signal in pair) for pair in (errors, references, angles)
         )
-        rates = [np.diff(angle) / dt for angle in angles]
-        states, moved = error_states(t[before:], errors=errors, references=references, rates=rates)
+        flown = [np.diff(angle) / dt for angle in angles]
+        states, moved = error_states(t[before:], errors=errors, references=references, rates=flown)
         inside = self.contains(quadratic_form(states, self.loop.shape))
         late = slice(first - before, None)
         return outcomes(inside[..., late], moved[..., late])

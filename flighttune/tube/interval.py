@@ -54,21 +54,11 @@ class Interval:
 
     def __mul__(self, other: "Interval | Floats") -> "Interval":
         other = _interval(other)
-        return _hull_of(
-            self.low * other.low,
-            self.low * other.high,
-            self.high * other.low,
-            self.high * other.high,
-        )
+        return _hull_of(*(a * b for a in (self.low, self.high) for b in (other.low, other.high)))
 
     def __truediv__(self, other: "Interval") -> "Interval":
         """The quotients; `other` must be positive."""
-        return _hull_of(
-            self.low / other.low,
-            self.low / other.high,
-            self.high / other.low,
-            self.high / other.high,
-        )
+        return _hull_of(*(a / b for a in (self.low, self.high) for b in (other.low, other.high)))
 
     def hull(self, other: "Interval") -> "Interval":
         """The smallest interval that contains both."""

@@ -405,10 +405,10 @@ def verify_tube(
             progress(k / len(problem.t))
     if ever is not None and (broken := _not_kept(problem.loop, ever)):
         return _refused(f"after {ever.samples} samples from sample {ever.sample} on: {broken}")
-    held = f"inside its bounds at {len(problem.t)} samples"
+    inside_bounds = f"inside its bounds at {len(problem.t)} samples"
     return Verification.of(
         [
-            Check(name=f"{name} {held}", margin=margin, exact=True)
+            Check(name=f"{name} {inside_bounds}", margin=margin, exact=True)
             for name, margin in zip(QUANTITIES, margins, strict=True)
         ]
     )

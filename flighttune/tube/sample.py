@@ -91,8 +91,6 @@ CLIMB = "the flight-path angle"
 STEEPEST = math.radians(85.0)
 """Largest flight-path angle of the exact point mass, which has no course at 90 deg."""
 
-ROLL_UNBOUNDED = f"roll cannot be kept inside {math.degrees(LARGEST_ANGLE):.1f} deg"
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class SampledLoop:
@@ -373,8 +371,7 @@ class Enclosure:
 
     def _angle(self, form: Form, name: str) -> Quantity:
         angle = self._ranged(form)
-        if not (angle.values.largest < LARGEST_ANGLE).all():
-            raise Unbounded(f"{name} cannot be kept inside {math.degrees(LARGEST_ANGLE):.1f} deg")
+        _check_inside(angle.values, name)
         return angle
 
     def _errors(self, k: int, state: Sequence[Form]) -> list[Form]:
@@ -530,8 +527,7 @@ class Enclosure:
 
         Two secants enclosed one by one would be as wide as both.
         """
-        if not ((roll.values + change.values).largest < LARGEST_ANGLE).all():
-            raise Unbounded(ROLL_UNBOUNDED)
+        _check_inside(roll.values + change.values, "roll")
         return secant_change(roll, change)
 
     def _load(self, at: Controlled) -> Form:
@@ -595,11 +591,9 @@ class Enclosure:
         (rolled, loaded), lags = commands, []
         if loop.lags:
             (rolled, loaded), lags = self._behind_lags(state, (at.phi, n_z))
-        if not (rolled.values.largest < LARGEST_ANGLE).all():
-            raise Unbounded(ROLL_UNBOUNDED)
+        _check_inside(rolled.values, "roll")
         climb = self._angle(state[GAMMA], CLIMB)
-        if not (climb.values.largest < STEEPEST).all():
-            raise Unbounded(f"{CLIMB} cannot be kept inside {math.degrees(STEEPEST):.0f} deg")
+        _check_inside(climb.values, CLIMB, STEEPEST)
         d = Interval(*loop.boxes[k, D].T)
         chi, gamma, spread = point_mass_sample(
             state[CHI], climb, rolled, loaded, d, h=loop.dt, g_over_v=loop.g_over_v
@@ -646,6 +640,11 @@ class Enclosure:
             after += moved
             under_way += newest_first[:-1]
         return flown, [*after, *under_way]
+
+
+def _check_inside(angle: Interval, name: str, largest: float = LARGEST_ANGLE) -> None:
+    if not (angle.largest < largest).all():
+        raise Unbounded(f"{name} cannot be kept inside {math.degrees(largest):.3g} deg")
 
 
 def _interval(low: float, high: float) -> Interval:

@@ -121,7 +121,7 @@ def _attempt(
     starts = start_set(loop, problem.start, settings.sides, settings.symbols)
     enclosure = enclosure_of(loop, starts, search)
     start_known = problem.boxes is None or problem.boxes.start_known
-    ranges, held, reason = [], [], "" if start_known else UNKNOWN_START
+    ranges, limits_at, reason = [], [], "" if start_known else UNKNOWN_START
     for k in range(len(t) if start_known else 0):
         try:
             both, limited = enclosure.sample(k)
@@ -129,7 +129,7 @@ def _attempt(
             reason = _why_lost(str(stop), t, ranges)
             break
         ranges.append(both)
-        held.append(limited)
+        limits_at.append(limited)
         if rows is not None and k >= still:
             hulls[k + 1] = hull(enclosure.pieces, rows[0])
         if progress is not None and k % 50 == 0:
@@ -139,7 +139,7 @@ def _attempt(
         status="unbounded" if reason else "bounded",
         reason=reason,
         bounds=bounds_of(t[: len(ranges)], np.reshape(ranges, (-1, len(QUANTITIES), 2))),
-        held=np.array(held, dtype=bool).reshape(-1, 2),
+        held=np.array(limits_at, dtype=bool).reshape(-1, 2),
         settings=settings,
         chosen=search.choices,
         hand_over=None if reason or rows is None else hand_over(loop, *rows, hulls),

@@ -5,7 +5,6 @@ import re
 import numpy as np
 import pytest
 
-from flighttune.cli.tube import enclosed
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError
 from flighttune.plants.point_mass import PointMassPlant
@@ -67,14 +66,6 @@ def test_flights_ten_times_as_long_stay_inside(scenario, found, omega):
     for name, (low, high) in zip(QUANTITIES, found.hand_over.bounds, strict=True):
         assert after[name].between(low, high).all()
     assert not after[["phi_limited", "n_z_limited"]].to_numpy().any()
-
-
-def test_its_width_is_in_the_answer_of_the_command(found):
-    low, high = found.hand_over.bounds[0]
-
-    width = enclosed(found, "").values["half_width_deg"]["chi"]["ever"]
-
-    assert np.deg2rad(width) == pytest.approx(0.5 * (high - low))
 
 
 def test_it_is_in_the_file_and_proven_again(found, path):

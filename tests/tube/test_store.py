@@ -181,7 +181,7 @@ def test_flights_drawn_as_counted_are_inside_the_tube_that_says_they_are(tmp_pat
     file.write_text(toml_text({**scenario.as_dict(), "gains": ["paper"], "expect": []}))
     plan = planned(str(file), kind="jsbsim", start_deg=0.5, draws=60)
     settings = ConformSettings(epsilon=0.1, confidence=0.9, attempts=3)
-    with flown_here(conform_module, "_planned", plan) as pool:
+    with flown_here(conform_module, "planned", plan) as pool:
         counts = conform("turn", settings, pool)
     (run,) = fly(load_scenario(file)).runs
 
@@ -213,10 +213,10 @@ def test_commands_make_them_and_say_how_where_there_are_none(tmp_path):
 
     out = tmp_path / "runs"
     shown, _ = flighttune("fly", scenario, "--out", out)
-    assert "--tube makes it" in shown
+    assert "--tube" in shown
     page = tmp_path / "report.html"
     assert answer("report", out, "--out", page)["tubes"] == {}
-    assert f"flighttune report {out} --tube makes it" in page.read_text()
+    assert f"flighttune report {out} --tube" in page.read_text()
 
     made = answer("report", out, "--out", page, "--tube")["tubes"]
     assert made["kinematic / paper"]["inside"] is True
