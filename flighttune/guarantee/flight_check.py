@@ -20,7 +20,6 @@ from flighttune.guarantee.mismatch import LEAST_SAMPLES, Mismatch, flies_the_law
 from flighttune.guarantee.ultimate_set import (
     ROUNDING,
     SETTLED_FROM,
-    CertifiedLoop,
     Outcome,
     UltimateSet,
     certified_loop,
@@ -30,6 +29,8 @@ from flighttune.guarantee.ultimate_set import (
     quadratic_form,
 )
 from flighttune.simulate.run import Run
+from flighttune.theory.attractor import Ellipsoid
+from flighttune.theory.indicators import Indicators
 
 NEEDED = ("chi", "gamma", "chi_ref", "gamma_ref", "chi_err", "gamma_err", "phi_cmd", "n_z_cmd")
 LIMITED = ("phi_limited", "n_z_limited")
@@ -39,7 +40,7 @@ LIMITED = ("phi_limited", "n_z_limited")
 class FlightCheck:
     """A flight in the velocity form of its loop, and the bound its gains guarantee."""
 
-    loop: CertifiedLoop
+    unit: Ellipsoid  # invariant ellipsoid of the loop for L_d = 1
     t: FloatArray  # (n,), s: Middle of each sample interval
     states: FloatArray  # (n, 4), rad/s and rad: s = (e', e) there
     # (n,): ``s' W^-1 s`` for L_d = 1: the flight is in the ultimate set of L_d where it is at
@@ -81,7 +82,7 @@ class FlightCheck:
         """Ultimate set of the mismatch from `t_from` (s) on, and whether it holds from there."""
         first = int(np.searchsorted(self.t, t_from))
         L_d = float(self.strength[min(first, len(self.strength) - 1) :].max())
-        claim = UltimateSet(loop=self.loop, L_d=L_d, t_from=t_from, commanded=self.commanded)
+        claim = UltimateSet(unit=self.unit, L_d=L_d, t_from=t_from, commanded=self.commanded)
         outcome: Any = outcomes(claim.contains(self.level[first:]), self.moved[first:]).item()
         return claim, outcome
 
@@ -117,16 +118,18 @@ def flight_check(run: Run) -> FlightCheck | None:
         measured = mismatch(run)
     except InputError:  # a first reference at the vertical, gains of other channels
         return None
-    return None if loop is None else check_against(run, loop, measured)
+    return None if loop is None else check_against(run, *loop, measured)
 
 
-def check_against(run: Run, loop: CertifiedLoop, mismatch: Mismatch) -> FlightCheck:
+def check_against(
+    run: Run, figures: Indicators, unit: Ellipsoid, mismatch: Mismatch
+) -> FlightCheck:
     """Hold a run against a loop, given its mismatch.
 
     Parameters
     ----------
-    loop : CertifiedLoop
-        The certified loop of the run's gains.
+    figures, unit : Indicators and Ellipsoid
+        Those of `certified_loop` for the run's gains.
     mismatch : Mismatch
         Mismatch of the run.
 
@@ -149,23 +152,23 @@ def check_against(run: Run, loop: CertifiedLoop, mismatch: Mismatch) -> FlightCh
     states, moved = error_states(run.t, errors=errors, references=references, rates=turning)
     limited = (signals.filter(items=LIMITED).to_numpy()[:-1] != 0.0).any(axis=1)
     strength = np.linalg.norm(mismatch.d_dot, axis=1)
-    middle, Q = mismatch.t + 0.5 * np.diff(run.t), loop.indicators.Q
+    middle, Q = mismatch.t + 0.5 * np.diff(run.t), figures.Q
     assert Q is not None  # of a stable loop
     claimed = ~(moved | limited)
-    free = _free_response(middle, quadratic_form(states, Q), claimed, loop.indicators.R_K)
-    forced = _forced_response(np.diff(middle), strength, claimed, loop.unit.multiplier)
+    free = _free_response(middle, quadratic_form(states, Q), claimed, figures.R_K)
+    forced = _forced_response(np.diff(middle), strength, claimed, unit.multiplier)
     smallest = float(np.linalg.eigvalsh(Q)[0])
     free_widths = np.sqrt(np.diag(np.linalg.inv(Q))[2:])
-    forced_widths = np.sqrt(np.diag(loop.unit.W)[2:])
+    forced_widths = np.sqrt(np.diag(unit.W)[2:])
     widths = np.sqrt(free)[:, None] * free_widths + np.sqrt(forced)[:, None] * forced_widths
     return FlightCheck(
-        loop=loop,
+        unit=unit,
         t=middle,
         states=states.T,
-        level=quadratic_form(states, loop.shape),
+        level=quadratic_form(states, np.linalg.inv(unit.W)),
         strength=strength,
         moved=moved,
-        bound=np.sqrt(free / smallest) + loop.unit.radius * np.sqrt(forced),
+        bound=np.sqrt(free / smallest) + unit.radius * np.sqrt(forced),
         error_bounds=Bounds(middle, -widths, widths),
         commanded=largest_command(*references, (errors[0][0], errors[1][0])),
         duration=run.duration,

@@ -38,18 +38,10 @@ A step of the reference is a jump of s that no bound of the mismatch covers: a c
 Outcome: TypeAlias = Literal["held", "broken", "not entered"]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CertifiedLoop:
-    """A stable linear loop of the kinematic law in velocity form, ``s' = A_K s + E v``."""
+def certified_loop(model: LinearModel, gains: PIGains) -> tuple[Indicators, Ellipsoid] | None:
+    """R_K and the Q that proves it, and the invariant ellipsoid for ``|v| <= 1``, of a loop.
 
-    indicators: Indicators  # With R_K and the Q that proves it
-    unit: Ellipsoid  # Invariant ellipsoid for ``|v| <= 1``
-    # (4, 4): Inverse of its W: s is in the ellipsoid for L_d where ``s' shape s <= L_d^2``
-    shape: FloatArray
-
-
-def certified_loop(model: LinearModel, gains: PIGains) -> CertifiedLoop | None:
-    """The loop of gains on a linear model of the law; None where it is not stable.
+    None where the loop in velocity form, ``s' = A_K s + E v``, is not stable.
 
     Parameters
     ----------
@@ -60,10 +52,7 @@ def certified_loop(model: LinearModel, gains: PIGains) -> CertifiedLoop | None:
     values = indicators(A_K)
     if values.status != "stable":
         return None
-    unit = invariant_ellipsoid(A_K, disturbance_entry(model), L_d=1.0)
-    return CertifiedLoop(
-        indicators=values, unit=unit, shape=np.asarray(np.linalg.inv(unit.W), dtype=float)
-    )
+    return values, invariant_ellipsoid(A_K, disturbance_entry(model), L_d=1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -76,7 +65,7 @@ class UltimateSet:
     ``V' <= a (|d'|^2 - V)``: once below L_d^2 it stays there.
     """
 
-    loop: CertifiedLoop
+    unit: Ellipsoid  # invariant ellipsoid of the loop for L_d = 1
     L_d: float  # rad/s^2: Bound of the norm of the mismatch's derivative
     t_from: float  # s: Time from which the claim is made
     # rad: Largest change of course or of flight-path angle commanded in the flight: from where it
@@ -86,12 +75,12 @@ class UltimateSet:
     @property
     def radius(self) -> float:
         """Largest norm of s = (e', e) in the set, in rad/s and rad."""
-        return self.loop.unit.radius * self.L_d
+        return self.unit.radius * self.L_d
 
     @property
     def tube(self) -> tuple[float, float]:
         """Largest errors of course and of flight-path angle in the set, rad."""
-        chi, gamma = (np.sqrt(np.diag(self.loop.unit.W))[2:] * self.L_d).tolist()
+        chi, gamma = (np.sqrt(np.diag(self.unit.W))[2:] * self.L_d).tolist()
         return chi, gamma
 
     @property
@@ -106,7 +95,7 @@ class UltimateSet:
         return anywhere or max(chi, gamma) > max(LOOSE * self.commanded, NEVER_LOOSE)
 
     def contains(self, level: FloatArray) -> npt.NDArray[np.bool_]:
-        """Whether states are in the set, from their ``s' shape s``."""
+        """Whether states are in the set, from their ``s' W^-1 s`` for L_d = 1."""
         return level <= (self.L_d * (1.0 + ROUNDING)) ** 2
 
     def outcome(self, run: Run) -> str | None:
@@ -152,7 +141,7 @@ class UltimateSet:
         )
         flown = [np.diff(angle) / dt for angle in angles]
         states, moved = error_states(t[before:], errors=errors, references=references, rates=flown)
-        inside = self.contains(quadratic_form(states, self.loop.shape))
+        inside = self.contains(quadratic_form(states, np.linalg.inv(self.unit.W)))
         late = slice(first - before, None)
         return outcomes(inside[..., late], moved[..., late])
 

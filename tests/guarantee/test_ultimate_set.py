@@ -16,7 +16,7 @@ from flighttune.guarantee.ultimate_set import certified_loop
 from flighttune.theory.attractor import invariant_ellipsoid
 
 MODEL = kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
-LOOP = certified_loop(MODEL, PAPER_GAINS)
+FIGURES, UNIT = certified_loop(MODEL, PAPER_GAINS)
 A_K, E = closed_loop(MODEL, PAPER_GAINS), disturbance_entry(MODEL)
 DT, L_D = 0.01, 0.015
 FIRST_SAMPLES = 0.02
@@ -52,9 +52,8 @@ def linear_flight(v, s_0, *, moved_at=None, by=(0.0, 0.0), limited_until=0.0):
     middle = 0.5 * (v[1:] + v[:-1])
     found = Mismatch(t=t[:-1], rates=rates, d=np.zeros_like(rates), d_dot=-middle)
     made_by = SimpleNamespace(scenario={}, plant="linear")
-    return check_against(
-        SimpleNamespace(signals=signals, t=t, duration=t[-1], provenance=made_by), LOOP, found
-    )
+    run = SimpleNamespace(signals=signals, t=t, duration=t[-1], provenance=made_by)
+    return check_against(run, FIGURES, UNIT, found)
 
 
 def worst(direction, seconds):
@@ -106,10 +105,10 @@ def test_the_bound_holds_on_the_way_in_from_far_outside():
 
 def test_the_bound_is_never_above_the_exponential_plus_the_radius_of_the_largest_mismatch():
     check = linear_flight(random_pushes(), [0.3, -0.2, -1.0, 0.5])
-    Q, s_0 = LOOP.indicators.Q, check.states[0]
+    Q, s_0 = FIGURES.Q, check.states[0]
 
     start = np.sqrt(s_0 @ Q @ s_0 / np.linalg.eigvalsh(Q)[0])
-    exponential = start * np.exp(-0.5 * LOOP.indicators.R_K * (check.t - check.t[0]))
+    exponential = start * np.exp(-0.5 * FIGURES.R_K * (check.t - check.t[0]))
     assert (check.bound <= (exponential + check.claim(0.0)[0].radius) * (1.0 + 1e-12)).all()
     assert check.bound[0] == pytest.approx(start)
 
@@ -120,7 +119,7 @@ def test_there_is_no_claim_while_a_limit_holds_a_command_and_it_starts_anew_behi
 
     assert np.isnan(check.bound[:first]).all()
     assert np.isfinite(check.bound[first:]).all()
-    Q, s = LOOP.indicators.Q, check.states[first]
+    Q, s = FIGURES.Q, check.states[first]
     assert check.bound[first] == pytest.approx(np.sqrt(s @ Q @ s / np.linalg.eigvalsh(Q)[0]))
 
 

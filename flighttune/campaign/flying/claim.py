@@ -53,7 +53,7 @@ def _claim(plan: Plan, group: Group, L_d: float | None, t_from: float) -> Ultima
     loop = certified_loop(scenario.kinematic_model(law), gains)
     if loop is None:
         return None
-    return UltimateSet(loop=loop, L_d=L_d, t_from=t_from, commanded=_commanded(scenario))
+    return UltimateSet(unit=loop[1], L_d=L_d, t_from=t_from, commanded=_commanded(scenario))
 
 
 def _commanded(scenario: Scenario) -> float:
