@@ -252,12 +252,13 @@ class ExactEnclosure(Enclosure):
     def _split(self, cut: Cut) -> None:
         super()._split(cut)
         # The upper halves are appended behind the pieces, in the order of `which`.
-        which = np.flatnonzero(cut.which)
+        excess, chosen, at, _ = cut
+        which = np.flatnonzero(chosen)
         for limit, sides in self._sides.items():
             upper = sides[which]
             # Only a split at the limit itself says on which side of it a flight is. That is about
             # the command of the flight, not about a symbol, so later passes may use it.
-            if self._excess_over.get(limit) is cut.excess:
-                at_limit = cut.at[which] == 0.0
+            if self._excess_over.get(limit) is excess:
+                at_limit = at[which] == 0.0
                 sides[which[at_limit]], upper[at_limit] = FREE, LIMITED
             self._sides[limit] = np.concatenate([sides, upper])

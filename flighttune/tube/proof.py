@@ -340,7 +340,7 @@ class Replay:
         which, at, row = (self._next(len(pieces)) for _ in range(3))
         if excess is None or not ((row >= 0) & (row < len(pieces.constrained))).all():
             raise IndexError("a split names a limit or a constraint that is not there")
-        return Cut(excess, which > 0.0, at, row.astype(np.intp))
+        return excess, which > 0.0, at, row.astype(np.intp)
 
     def pairs(self, pieces: Pieces) -> Indices:  # noqa: ARG002
         """The choice of the search."""

@@ -161,13 +161,8 @@ class Channel(NamedTuple):
         return [(side, excess) for side, excess in sides if excess is not None]
 
 
-class Cut(NamedTuple):
-    """A split of the pieces `which` by an excess, at its values `at`, into constraint row `row`."""
-
-    excess: Quantity
-    which: Flags
-    at: FloatArray
-    row: Indices
+Cut: TypeAlias = tuple[Quantity, Flags, FloatArray, Indices]
+"""A split by an excess: of which pieces, at which of its values, and into which constraint row."""
 
 
 class Plan(Protocol):
@@ -449,11 +444,11 @@ class Enclosure:
         self.pieces.keep(which)
 
     def _split(self, cut: Cut) -> None:
-        """Below and above `cut.at`: a flight is in one of the two."""
+        """Below and above a value of an excess: a flight is in one of the two."""
         # The lower halves stay in place, the upper ones are appended.
-        which, pieces = np.flatnonzero(cut.which), self.pieces
-        form, values = cut.excess
-        part, at, row = form.part(which), cut.at[which], cut.row[which]
+        (form, values), chosen, at, row = cut
+        which, pieces = np.flatnonzero(chosen), self.pieces
+        part, at, row = form.part(which), at[which], row[which]
         lower = Interval(values.low[which], at + self.overlap)
         upper = Interval(at - self.overlap, values.high[which])
         appended = len(pieces) + np.arange(len(which))

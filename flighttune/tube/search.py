@@ -75,7 +75,7 @@ class Search:
                         self._record(which)
                         at = self._record(at)
                         self._record(row)
-                        return Cut(excess, which, at, row)
+                        return excess, which, at, row
         self._record(np.zeros(3))
         return None
 

@@ -21,7 +21,7 @@ from flighttune.scenario import scenario_from
 from flighttune.simulate.loop import simulate
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.problem import tube_problem
-from flighttune.tube.sample import SPLITS, Cut, start_set
+from flighttune.tube.sample import SPLITS, start_set
 from flighttune.tube.search import Search
 from flighttune.units import DEG
 from tests.tube.test_soundness import made_up
@@ -66,7 +66,7 @@ class Contrary(Search):
         name, excess, which = met[self._rng.integers(len(met))]
         self.limits.add(name)
         rows = self._rng.integers(0, SPLITS, len(pieces))
-        return Cut(excess, which, np.zeros(len(pieces)), rows)
+        return excess, which, np.zeros(len(pieces)), rows
 
 
 def lag_states(lag, commands, start, dt, k):
@@ -227,7 +227,7 @@ class Relinearised(Search):
             which = (values.low < 0.0) & (values.high > 0.0)
             if self._sample == 1 and not self.splits and which.any():
                 self.splits += 1
-                return Cut(excess, which, np.zeros(len(pieces)), np.zeros(len(pieces), dtype=int))
+                return excess, which, np.zeros(len(pieces)), np.zeros(len(pieces), dtype=int)
         self._sample += 1
         return None
 
