@@ -134,7 +134,7 @@ class Law(ABC):
     def make(self, setup: LawSetup, /) -> Controller:
         """Make the controller of a flight."""
 
-    def controller(self, setup: LawSetup, /) -> Controller:
+    def controller(self, setup: LawSetup, /) -> SelfLimiting:
         """Make a controller that applies the limits of the flight, or one that is guarded.
 
         Raises

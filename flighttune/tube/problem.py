@@ -13,7 +13,7 @@ from flighttune.arrays import FloatArray, check_positive
 from flighttune.conformance import Conformance
 from flighttune.conformance.file import conformance_tables
 from flighttune.conformance.residual import RESIDUALS
-from flighttune.control.controller import Controller
+from flighttune.control.controller import SelfLimiting
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import Law, SampledController
@@ -226,7 +226,7 @@ class TubeProblem:
         chi, gamma = course_of((north + w_north, east + w_east, down + w_down))
         return condition.chi + math.remainder(chi - condition.chi, math.tau), gamma
 
-    def controller(self) -> Controller:
+    def controller(self) -> SelfLimiting:
         """A controller in its initial state."""
         return self.law.controller(law_setup(self.scenario, self.gains, self.limits))
 

@@ -273,16 +273,16 @@ def read_sealed(path: Path) -> tuple[AboutTube, dict[str, FloatArray]]:
     data = sealed_bytes(path, KIND, REMEDY)
     try:
         table = pq.read_table(pa.BufferReader(data))
-        about = TypeAdapter(AboutTube).validate_json(table.schema.metadata[ABOUT])
+        stated = table.schema.metadata[ABOUT]
         columns = {name: table[name].to_numpy().astype(float) for name in table.column_names}
         t, bounds = columns["t"], Bounds.of(columns)
-    except ValidationError as error:
-        raise InputError(
-            f"{path}: {mistakes(error, json.loads(table.schema.metadata[ABOUT]))}"
-        ) from error
     except (pa.ArrowException, OSError, KeyError, TypeError, ValueError) as error:
         got = " ".join(str(error).split())
         raise InputError(f"{path}: must be a {KIND}, got: {got}.") from error
+    try:
+        about = TypeAdapter(AboutTube).validate_json(stated)
+    except ValidationError as error:
+        raise InputError(f"{path}: {mistakes(error, json.loads(stated))}") from error
     if not (len(t) and np.isfinite(bounds.pairs).all() and (np.diff(t) > 0.0).all()):
         raise InputError(f"{path}: `t` must rise and every bound must be finite; {REMEDY}.")
     if not (bounds.low <= bounds.high).all():
