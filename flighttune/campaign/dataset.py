@@ -193,17 +193,14 @@ def runs_to_keep(dataset: Dataset) -> tuple[int, ...]:
     """
     campaign = dataset.plan.campaign
     keep = campaign.keep
-    rows = dataset.rows(["success", "status", keep.worst_by])
-    flew = ~np.isin(rows.column("status").to_numpy(), NO_SIGNALS)
-    run = rows.column("run").to_numpy()[flew]
-    success = rows.column("success").fill_null(False).to_numpy()[flew]
-    measure = rows.column(keep.worst_by).to_numpy()[flew]
-    measured = np.flatnonzero(~np.isnan(measure))
-    worst = measured[np.argsort(-measure[measured], kind="stable")]
-    random = np.random.default_rng(np.random.SeedSequence((campaign.seed, len(run))))
-    sample = random.choice(run, min(keep.sample, len(run)), replace=False)
-    chosen = {*run[~success][: keep.failures], *run[worst][: keep.worst], *sample}
-    return tuple(sorted(int(run) for run in chosen))
+    rows = dataset.rows(["success", "status", keep.worst_by]).to_pandas()
+    rows = rows.loc[~rows["status"].isin(NO_SIGNALS)]
+    failures = rows.loc[~rows["success"], "run"].head(keep.failures)
+    measured = rows.dropna(subset=keep.worst_by)
+    worst = measured.sort_values(keep.worst_by, ascending=False, kind="stable")["run"]
+    random = np.random.default_rng(np.random.SeedSequence((campaign.seed, len(rows))))
+    sample = random.choice(rows["run"].to_numpy(), min(keep.sample, len(rows)), replace=False)
+    return tuple(sorted({*failures.tolist(), *worst.head(keep.worst).tolist(), *sample.tolist()}))
 
 
 def parquet_bytes(rows: pa.Table) -> bytes:

@@ -14,7 +14,7 @@ from scipy.special import chdtri, ndtr
 from flighttune.arrays import FloatArray, check_at_least
 from flighttune.campaign.bang_bang import search_bang_bang
 from flighttune.campaign.engine.pool import WorkerPool
-from flighttune.campaign.flying.refly import scenario_of_run
+from flighttune.campaign.flying.alone import scenario_of_run
 from flighttune.campaign.flying.rows import Drawn, Probes
 from flighttune.campaign.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
 from flighttune.campaign.planning.plan import Plan

@@ -93,7 +93,8 @@ def fly(
     Exit status 1 if they are not equal to the bit; every difference is listed.
     """
     from flighttune.campaign.dataset import open_dataset
-    from flighttune.campaign.flying.refly import fly_again, row_differences
+    from flighttune.campaign.flying.alone import fly_again
+    from flighttune.campaign.flying.rows import row_differences
     from flighttune.flight.refly import changed_versions
     from flighttune.recording.record import record
 

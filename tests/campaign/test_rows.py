@@ -21,8 +21,8 @@ from dispersed import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from flighttune.campaign.flying.alone import fly_again, scenario_of_run
 from flighttune.campaign.flying.columns import row_schema, unit_of_key
-from flighttune.campaign.flying.refly import fly_again, scenario_of_run
 from flighttune.campaign.flying.rows import crashed_row, fly_runs, table_of
 from flighttune.errors import InputError
 from flighttune.flight.fly import fly
@@ -242,19 +242,6 @@ def test_the_row_of_a_crashed_run_is_a_row_of_the_plan():
     assert found["chi.ITAE"] is found["wall_s"] is None
     for name in ("run", "draw", "plant", "gains", "seed", *plan.keys, "R_K", "I_K"):
         assert found[name] == whole[name]
-
-
-@pytest.mark.parametrize(
-    ("runs", "message"),
-    [
-        ([-1], r"must be 0 to 15, got -1 to -1"),
-        ([3, 16], r"got 3 to 16"),
-        ([1, 1], r"each run once"),
-    ],
-)
-def test_runs_that_are_not_in_the_plan_are_refused(runs, message):
-    with pytest.raises(InputError, match=message):
-        fly_runs(still_plan(), runs)
 
 
 @pytest.mark.parametrize("run", [2, 5, 15])

@@ -13,8 +13,8 @@ from functools import lru_cache
 from multiprocessing.connection import Connection
 
 from flighttune.aircraft.aircraft import files_hash
+from flighttune.campaign.flying.alone import fly_again
 from flighttune.campaign.flying.claim import Claims, claims
-from flighttune.campaign.flying.refly import fly_again
 from flighttune.campaign.flying.rows import Probes, Row, fly_draw, warm_up
 from flighttune.campaign.planning.plan import Plan
 from flighttune.errors import FlightTuneError, PlantError

@@ -1,9 +1,13 @@
-"""Single flights of a plan's groups, in the scenario of a draw or undispersed."""
+"""Single flights: of a plan's groups, undispersed or in a draw, and of one run flown again."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from typing import Any
 
 from flighttune.campaign.planning.plan import Group, Plan
-from flighttune.flight.fly import fly_alone
+from flighttune.control.law import split_name
+from flighttune.errors import InputError
+from flighttune.flight.fly import FlownScenario, Progress, fly, fly_alone
+from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 
@@ -46,3 +50,45 @@ def nominal_flights(plan: Plan, groups: Collection[Group] | None = None) -> dict
     wind_runs: dict[Group, Run] = {}
     wanted = plan.groups if groups is None else groups
     return {group: fly_group(plan, plan.scenario, group, wind_runs) for group in wanted}
+
+
+def scenario_of_run(plan: Plan, run: int, drawn: Mapping[str, Any] | None = None) -> Scenario:
+    """The scenario of one run of a plan: its draw, its plant and its gains, these as numbers.
+
+    `drawn` are values in place of those of its draw.
+    Flown as any other it gives the flight of the run, to the bit. In wind it also has the aircraft
+    whose wind the run replays.
+    """
+    if not 0 <= run < plan.runs:
+        raise InputError(f"`run` must be 0 to {plan.runs - 1}, got {run}.")
+    group, draw = plan.group_of(run), plan.draw_of(run)
+    scenario = plan.dispersed(plan.values_of(draw) if drawn is None else drawn, draw)
+    source = wind_source(scenario, group)
+    flying = [group] if source is None else [source, group]
+    tables = scenario.as_dict()
+    labels = [table.label for table in scenario.plant]
+    tables["plant"] = [tables["plant"][labels.index(table.plant)] for table in flying]
+    if scenario.law is not None:
+        tables["law"] = [scenario.law_table(group.gains).model_dump(exclude_none=True)]
+    gains = plan.gain_sets[group.gains]
+    if gains is None:
+        raise InputError(
+            f"`gains` must have been found to fly, got none for {group.gains}: its tuning problem "
+            "is infeasible."
+        )
+    tables["gains"] = [{"name": split_name(group.gains)[1], **gains.as_lists()}]
+    tables["title"] = f"{scenario.title}, run {run}"
+    tables["expect"] = [
+        table
+        for table, expect in zip(tables["expect"], scenario.expect, strict=True)
+        if expect.meant(group.plant, group.gains)
+    ]
+    return scenario_from(tables)
+
+
+def fly_again(plan: Plan, run: int, *, progress: Progress | None = None) -> FlownScenario:
+    """Fly a single run of a plan under the label of its group.
+
+    The aircraft whose wind the run replays is flown too.
+    """
+    return fly(scenario_of_run(plan, run), progress=progress)

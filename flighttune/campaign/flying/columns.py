@@ -71,12 +71,9 @@ def unit_of_key(key: str) -> str:
 
 def _of_key(table: Dispersion) -> pa.Field:
     values = table.values if isinstance(table, (Choice, Grid)) else None
-    values = values or [0.0]
-    if isinstance(values[0], str):
-        return _field(table.key, pa.string(), None)
-    if isinstance(values[0], bool):
-        return _field(table.key, pa.bool_(), None)
-    kind = pa.int64() if all(isinstance(value, int) for value in values) else pa.float64()
+    kind = pa.array(values or [0.0]).type
+    if kind in (pa.string(), pa.bool_()):
+        return _field(table.key, kind, None)
     return _field(table.key, kind, "1" if table.acts == "multiplies" else unit_of_key(table.key))
 
 

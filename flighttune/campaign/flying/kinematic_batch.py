@@ -69,30 +69,10 @@ def _has(scenario: Scenario, key: str) -> bool:
     return value is not None
 
 
-def fly_batch(
-    scenarios: Sequence[Scenario], law: Law, gains: PIGains, claim: UltimateSet | None
-) -> list[FlightResult | None]:
-    """Fly one gain set on the kinematic plant in many `batchable` scenarios.
-
-    The bits of each flight do not depend on the others. None stands for a flight that has to be
-    flown alone to know why it ended; `claim` is checked in each flight.
-    """
-    alike: dict[Hashable, list[int]] = {}
-    for i, scenario in enumerate(scenarios):
-        # one call of the kernel has one controller, one time axis and one shape of its inputs
-        common = (
-            scenario.controller,
-            scenario.flight.duration_s,
-            _moving(scenario),
-            scenario.sensors is not None,
-        )
-        alike.setdefault(common, []).append(i)
-    results: list[FlightResult | None] = [None] * len(scenarios)
-    for members in alike.values():
-        flown = _fly([scenarios[i] for i in members], law, gains, claim)
-        for i, result in zip(members, flown, strict=True):
-            results[i] = result
-    return results
+def alike(scenario: Scenario) -> Hashable:
+    """Key of the scenarios that one call of the kernel can fly: controller, time axis, inputs."""
+    sensed = scenario.sensors is not None
+    return scenario.controller, scenario.flight.duration_s, _moving(scenario), sensed
 
 
 def _moving(scenario: Scenario) -> bool:
@@ -101,10 +81,14 @@ def _moving(scenario: Scenario) -> bool:
     return isinstance(reference.chi_deg, list) or isinstance(reference.gamma_deg, list)
 
 
-def _fly(
+def fly_batch(
     scenarios: Sequence[Scenario], law: Law, gains: PIGains, claim: UltimateSet | None
 ) -> Iterator[FlightResult | None]:
-    """Flights with the same controller, duration and kinds of inputs."""
+    """Fly one gain set on the kinematic plant in many `batchable` scenarios that are `alike`.
+
+    The bits of each flight do not depend on the others. None stands for a flight that has to be
+    flown alone to know why it ended; `claim` is checked in each flight.
+    """
     controller, duration = scenarios[0].controller, scenarios[0].flight.duration_s
     dt = 1.0 / controller.rate_hz
     t = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
@@ -162,25 +146,23 @@ def _measured(
 
 
 def _certified(ref: FloatArray, batch: BatchResult, claim: UltimateSet | None) -> list[str | None]:
-    verdicts: list[str | None] = [None] * len(batch.ends)
+    verdicts = np.full(len(batch.ends), None, dtype=object)
     whole = np.flatnonzero(batch.ends == 0)
     if claim is None or not len(whole) or len(batch.t) < LEAST_SAMPLES:
-        return verdicts
+        return verdicts.tolist()
 
     def signals(*names: str) -> tuple[FloatArray, FloatArray]:
         course, path = (np.ascontiguousarray(batch.signal(name)[whole]) for name in names)
         return course, path
 
     ref = np.broadcast_to(ref, (len(verdicts), len(batch.t), 2))[whole]
-    outcomes = claim.outcomes(
+    verdicts[whole] = claim.outcomes(
         batch.t,
         errors=signals("chi_err", "gamma_err"),
         references=(np.ascontiguousarray(ref[..., 0]), np.ascontiguousarray(ref[..., 1])),
         angles=signals("chi", "gamma"),
     )
-    for i, verdict in zip(whole.tolist(), outcomes.tolist(), strict=True):
-        verdicts[i] = verdict
-    return verdicts
+    return verdicts.tolist()
 
 
 def _status(batch: BatchResult, i: int) -> tuple[str, str]:

@@ -5,7 +5,7 @@ at a time; all others are flown one by one, a draw at a time.
 """
 
 import time
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from itertools import groupby
 from typing import Any, NamedTuple
@@ -13,15 +13,17 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
+from flighttune.campaign.dataset import NOT_REPRODUCIBLE
 from flighttune.campaign.flying.alone import fly_group
 from flighttune.campaign.flying.claim import Claims, claims
 from flighttune.campaign.flying.columns import row_schema
-from flighttune.campaign.flying.kinematic_batch import FlightResult, batchable, fly_batch
+from flighttune.campaign.flying.kinematic_batch import FlightResult, alike, batchable, fly_batch
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
 from flighttune.control.linear_model import closed_loop
-from flighttune.errors import FlightTuneError, InputError
+from flighttune.errors import FlightTuneError
 from flighttune.flight.expectations import missed
+from flighttune.flight.refly import Difference
 from flighttune.guarantee.ultimate_set import UltimateSet
 from flighttune.metrics import measures
 from flighttune.scenario.schema import Scenario
@@ -72,10 +74,6 @@ def fly_runs(
     `draws` replace those of the design; they may set keys that the campaign does not disperse.
     """
     wanted, probes = sorted(runs), probes or {}
-    if wanted and not 0 <= wanted[0] <= wanted[-1] < plan.runs:
-        raise InputError(f"`runs` must be 0 to {plan.runs - 1}, got {wanted[0]} to {wanted[-1]}.")
-    if len(set(wanted)) < len(wanted):
-        raise InputError("`runs` must name each run once.")
     claim_of = claims(plan, {plan.group_of(run) for run in wanted})
     rows: list[Row] = []
     for together, alone in blocks(plan, wanted, batched_groups(plan, probes, draws), draws):
@@ -83,6 +81,20 @@ def fly_runs(
         for draw in alone:
             rows += fly_draw(plan, draw, claim_of, probes)
     return table_of(plan, rows, probes)
+
+
+def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Difference, ...]:
+    """Every column in which a run that is flown again differs from its row, to the bit.
+
+    It is flown as rows are: a kinematic flight of a batch and a single one differ by rounding.
+    """
+    again = fly_runs(plan, [run]).to_pylist()[0]
+    return tuple(
+        Difference(name, None, row[name], value)
+        for name, value in again.items()
+        # as text: zeros of either sign are two numbers, and NaN equals itself
+        if name not in NOT_REPRODUCIBLE and repr(row[name]) != repr(value)
+    )
 
 
 def blocks(
@@ -132,7 +144,7 @@ def batched_groups(
 def fly_together(plan: Plan, draws: Sequence[Draw], claim_of: Claims) -> list[Row]:
     """Rows of kinematic flights, those of each group in one batch."""
     rows: list[Row] = []
-    batches: dict[Group, list[tuple[int, Drawn, Scenario]]] = {}
+    batches: dict[tuple[Group, Hashable], list[tuple[int, Drawn, Scenario]]] = {}
     for runs, drawn in draws:
         began = time.perf_counter()
         try:
@@ -141,13 +153,14 @@ def fly_together(plan: Plan, draws: Sequence[Draw], claim_of: Claims) -> list[Ro
             rows += [_row(plan, run, drawn, _invalid(error, began)) for run in runs]
             continue
         for run in runs:
-            batches.setdefault(plan.group_of(run), []).append((run, drawn, scenario))
-    for group, flights in batches.items():
+            key = plan.group_of(run), alike(scenario)
+            batches.setdefault(key, []).append((run, drawn, scenario))
+    for (group, _), flights in batches.items():
         gains, began = plan.gain_sets[group.gains], time.perf_counter()
         assert gains is not None
         law, _ = plan.scenario.law_of(group.gains)
         scenarios = [scenario for _, _, scenario in flights]
-        results = fly_batch(scenarios, law, gains, claim_of[group])
+        results = list(fly_batch(scenarios, law, gains, claim_of[group]))
         each_s = (time.perf_counter() - began) / len(flights)
         indicators = _indicators(plan, group, scenarios)
         for (run, drawn, scenario), result, both in zip(flights, results, indicators, strict=True):

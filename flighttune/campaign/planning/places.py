@@ -25,13 +25,6 @@ SEGMENT = r"[\w/+-]+(?:\[[^\[\]]+\])*"
 PATH = re.compile(rf"{SEGMENT}(?:\.{SEGMENT})*")
 
 
-def steps_of(key: str) -> tuple[str, ...]:
-    """The steps of a dotted path; a position in brackets is a step of its own, ``[0]``."""
-    if not PATH.fullmatch(key):
-        raise InputError("must be names joined by dots, each with [position] or [name] after it")
-    return tuple(re.findall(r"\[[^\[\]]+\]|[^.\[\]]+", key))
-
-
 def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, ...]:
     """Every place of a scenario that a dotted key means.
 
@@ -39,7 +32,10 @@ def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, .
     plant that has the key, ``plant[LABEL]`` the plant of that label. `value` is a value that the
     key can have: it tells which kinds of plant have the key.
     """
-    steps = steps_of(key)
+    if not PATH.fullmatch(key):
+        raise InputError("must be names joined by dots, each with [position] or [name] after it")
+    # a position in brackets is a step of its own, `[0]`
+    steps = tuple(re.findall(r"\[[^\[\]]+\]|[^.\[\]]+", key))
     if steps[0] == "plant" and not (steps[1:] and steps[1].startswith("[")):
         return _of_plants(steps[1:], tables["plant"], value)
     return (_walked(steps, tables),)

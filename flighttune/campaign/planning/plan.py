@@ -26,7 +26,7 @@ from flighttune.mistakes import abridged, validated
 from flighttune.plants.label import goes_by
 from flighttune.scenario.load import check_aircraft, leaves
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
+from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, Table
 
 VERSION = 1
 """Version of the plain values of a plan; other versions are refused."""
@@ -246,7 +246,7 @@ class Plan:
                 for name, gains in self.gain_sets.items()
             },
             "aircraft": self.aircraft,
-            "campaign": self.campaign.as_dict(),
+            "campaign": _plain(self.campaign),
             "nominal": _plain(self.campaign.nominal),
             "central": _plain(self.campaign.central),
         }
@@ -342,8 +342,9 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
     )
 
 
-def _plain(scenario: Scenario) -> dict[str, Any]:
-    return scenario.model_dump(mode="python", exclude_none=True)
+def _plain(table: Table) -> dict[str, Any]:
+    scenarios = {"nominal", "central"}  # of a campaign, which `Plan.as_dict` has by themselves
+    return table.model_dump(mode="python", exclude=scenarios, exclude_none=True)
 
 
 def _leaves(plan: Plan) -> dict[str, Any]:

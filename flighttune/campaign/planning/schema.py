@@ -317,10 +317,6 @@ class Campaign(CampaignTable):
         values: dict[str, Any] = {name: getattr(table, name) for name in CampaignTable.model_fields}
         return cls(**values, nominal=nominal, central=central)
 
-    def as_dict(self) -> dict[str, Any]:
-        """The keys of the file as plain values, defaults filled in."""
-        return self.model_dump(mode="python", exclude={"nominal", "central"}, exclude_none=True)
-
 
 def _truncated(u: FloatArray, a: float, b: float) -> FloatArray:
     """Standard normal distribution between `a` and `b`, at points `u` of the open unit interval.

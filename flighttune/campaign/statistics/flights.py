@@ -51,10 +51,6 @@ class Flights:
         """The measure that flights are ordered by, largest last."""
         return self.plan.campaign.keep.worst_by
 
-    def is_number(self, key: str) -> bool:
-        """Whether what was drawn under a key has an order that a correlation can use."""
-        return is_number(pd.Series(self.rows[key]))
-
     def clusters(self, rows: pd.DataFrame) -> npt.NDArray[np.intp]:
         """Number of the cycle of the design that each of some rows belongs to.
 

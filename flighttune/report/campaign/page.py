@@ -53,7 +53,7 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
         example_run=int(flown.rows["run"].to_numpy()[0]),
         runs=flown.plan.runs,
         own_scenario="" if shipped else Path(campaign.scenario).name,
-        campaign_text=toml_text(campaign.as_dict()),
+        campaign_text=toml_text(flown.plan.as_dict()["campaign"]),
         scenario_text=toml_text(flown.plan.scenario.as_dict()),
         version=flown.versions.get("flighttune", ""),
     )

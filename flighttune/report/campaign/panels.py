@@ -8,6 +8,7 @@ from flighttune.arrays import FloatArray
 from flighttune.campaign.flying.columns import unit_of_key
 from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.findings import Findings, values_of
+from flighttune.campaign.statistics.flights import is_number
 from flighttune.campaign.statistics.intervals import Estimate
 from flighttune.campaign.statistics.paired import scores
 from flighttune.present.chart import HEAD_AND_FOOT, Chart
@@ -94,7 +95,7 @@ def split_panels(findings: Findings) -> list[Chart]:
             chart.line(across, up, styles[label].colour, run=label, width=1.2, hover=False)
             chart.run_line(centres, rate, styles[label], label, width=1.4)
             chart.points(centres, rate, styles[label].colour, run=label)
-        if not findings.flights.is_number(parameter):
+        if not is_number(findings.flights.rows[parameter]):
             centres = own[0]["centres"]
             chart.x_ticks = list(zip(centres, own[0]["labels"], strict=True))
             chart.x_range = (min(centres) - 0.5, max(centres) + 0.5)
@@ -108,7 +109,7 @@ def scatter_panels(findings: Findings) -> list[Chart]:
         return []
     how, styles, charts = metric_label(findings.measure), styles_of(findings), []
     for key in influential_parameters(findings)[:SCATTERED]:
-        if not findings.flights.is_number(key):
+        if not is_number(findings.flights.rows[key]):
             continue
         chart = Chart(title=f"{how.name} over {key}", x=_axis(key), y=how.heading, x_room=0.03)
         highest = np.nanmax(how.factor * values_of(findings.flights.rows, findings.measure))
