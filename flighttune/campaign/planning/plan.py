@@ -24,9 +24,10 @@ from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.outer_loop import gain_sets
 from flighttune.mistakes import abridged, validated
 from flighttune.plants.label import goes_by
+from flighttune.quantities import Table
 from flighttune.scenario.load import check_aircraft, leaves
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, Table
+from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
 
 VERSION = 1
 """Version of the plain values of a plan; other versions are refused."""
