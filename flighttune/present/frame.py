@@ -97,7 +97,9 @@ def page_template(package: str, name: str) -> "Template":
     from markupsafe import Markup
 
     environment = Environment(
-        loader=ChoiceLoader([PackageLoader(folder, ".") for folder in (package, __package__)]),
+        loader=ChoiceLoader(
+            [PackageLoader(folder, ".") for folder in (package, "flighttune.present")]
+        ),
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,

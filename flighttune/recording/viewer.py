@@ -50,14 +50,6 @@ def stream_url(port: int) -> str:
     return f"rerun+http://{LOCAL}:{port}/proxy"
 
 
-def executable() -> Path:
-    """Path of the ``rerun`` program that came with the Rerun SDK."""
-    # Not the script of that name: it is a shim, and ending the shim would orphan the viewer.
-    import rerun_cli
-
-    return Path(next(iter(rerun_cli.__path__))) / "rerun"
-
-
 def tied(command: list[str]) -> list[str]:
     """A command that, on Linux, is killed when the thread that starts it ends, however that ends.
 
@@ -87,9 +79,13 @@ class ViewerProcess:
     ) -> None:
         self.port = port
         self.url = url
+        # The program itself: its script is a shim, and ending the shim would orphan the viewer.
+        import rerun_cli
+
+        program = Path(next(iter(rerun_cli.__path__))) / "rerun"
         # A file, because a pipe that nobody reads would block the viewer when it is full.
         self._output = tempfile.TemporaryFile()  # noqa: SIM115
-        command = tied([str(executable()), "--port", str(port), "--bind", LOCAL, *arguments])
+        command = tied([str(program), "--port", str(port), "--bind", LOCAL, *arguments])
         self._process = subprocess.Popen(
             command,
             env={**os.environ, **(environment or {})},
