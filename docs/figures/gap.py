@@ -75,7 +75,7 @@ def reading(gap: Gap) -> str:
     """The sentences with numbers below the table."""
     if gap.mismatch is None:
         raise SystemExit(gap.reason)
-    phi, n_z = (gap.lags[name].fit_percent for name in ("phi", "n_z"))
+    phi, n_z = (gap.lags[name][1] for name in ("phi", "n_z"))
     waits = [f"{first_turn(run):.1f} s on `{run.provenance.plant}`" for run in gap.runs]
     return "\n".join(
         [

@@ -13,6 +13,7 @@ import pandas as pd
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
+from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import Law
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
@@ -28,7 +29,7 @@ from flighttune.flight.fly import (
 )
 from flighttune.guarantee.mismatch import CHANNELS, Mismatch, mismatch
 from flighttune.identify.file import FILE_NAME, load_identified
-from flighttune.identify.fit import FittedLag, fitted_lag
+from flighttune.identify.fit import fitted_lag
 from flighttune.metrics import channel_metrics, flight_metrics
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.scenario.schema import Scenario
@@ -82,7 +83,7 @@ class Gap:
         Three steps, from each rung to the next; none where the aircraft did not fly.
     whole : Step or None
         From the first rung to the last.
-    lags : mapping of str to FittedLag
+    lags : mapping of str to (InnerLag, float)
         Lags of roll (``phi``) and load factor (``n_z``) of the third rung, with the share of the
         flight's variance that each explains.
     lag_source : "identified", "fitted" or None
@@ -96,7 +97,7 @@ class Gap:
     indicators: Indicators
     steps: tuple[Step, ...] = ()
     whole: Step | None = None
-    lags: Mapping[str, FittedLag] = field(default_factory=dict)
+    lags: Mapping[str, tuple[InnerLag, float]] = field(default_factory=dict)
     lag_source: LagSource | None = None
     mismatch: Mismatch | None = None
 
@@ -225,7 +226,7 @@ def explain_flight(
     lower = {
         "kinematic": PointMassPlant(turn="paper", wind=wind, g=g),
         "point_mass": PointMassPlant(wind=wind, g=g),
-        "point_mass_lag": PointMassPlant((lags["phi"].lag, lags["n_z"].lag), wind=wind, g=g),
+        "point_mass_lag": PointMassPlant((lags["phi"][0], lags["n_z"][0]), wind=wind, g=g),
     }
     runs = [
         fly_once(
@@ -271,7 +272,7 @@ def _indicators(scenario: Scenario, law: Law, gains: PIGains) -> Indicators:
 
 def _inner_loop(
     aircraft: str, scenario: Scenario, run: Run, wanted: LagSource | None
-) -> tuple[LagSource, dict[str, FittedLag]]:
+) -> tuple[LagSource, dict[str, tuple[InnerLag, float]]]:
     """Lags of an aircraft that has flown, and their source.
 
     The condition of the model file is the one nearest to the airspeed and first climb angle of the

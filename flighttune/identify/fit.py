@@ -107,29 +107,21 @@ def candidates(response: FrequencyResponse) -> tuple[LagCandidate, ...]:
     return tuple(sorted(fitted, key=lambda candidate: candidate.bic))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FittedLag:
-    """A lag and how much of a flight it explains."""
-
-    lag: InnerLag
-    # Share of the variance of the response that the lag explains, in percent; NaN where the channel
-    # was not commanded
-    fit_percent: float
-
-
 def fitted_lag(
     t: FloatArray, commanded: FloatArray, measured: FloatArray, *, lag: InnerLag | None = None
-) -> FittedLag:
+) -> tuple[InnerLag, float]:
     """Return the lag whose response to `commanded` is nearest to `measured` in the least squares.
 
     The samples are evenly spaced; commands are held from each to the next, and the first measured
     value is taken as at rest. The lag is of second order where that is worth it, and `UNEXCITED`
-    where nothing was commanded; a `lag` from elsewhere is not fitted, only its fit is computed.
+    where nothing was commanded; a `lag` from elsewhere is kept as it is. Returns the lag and the
+    share of the variance of the response that it explains, in percent; NaN where the channel was
+    not commanded.
     """
     if not len(t) > 10:
         raise InputError(f"`t` must have more than 10 samples, got {len(t)}.")
     if np.ptp(commanded) <= SILENT:
-        return FittedLag(lag=lag or UNEXCITED, fit_percent=math.nan)
+        return lag or UNEXCITED, math.nan
     dt = float(t[-1] - t[0]) / (len(t) - 1)
 
     def response(lag: InnerLag) -> FloatArray:
@@ -142,7 +134,7 @@ def fitted_lag(
             for order in (1, 2)
         )
         lag = second if second_rss < SECOND_ORDER_GAIN * first_rss else first
-    return FittedLag(lag=lag, fit_percent=fit_percent(measured, response(lag)))
+    return lag, fit_percent(measured, response(lag))
 
 
 def fit_percent(measured: FloatArray, model: FloatArray) -> float:

@@ -67,8 +67,8 @@ def gap_values(gap: Gap, signals: Mapping[str, Path]) -> dict[str, Any]:
     }
     if gap.lags:
         values["inner_loop"] = {"source": gap.lag_source} | {
-            name: {**lag_table(fitted.lag), "fit_percent": fitted.fit_percent}
-            for name, fitted in gap.lags.items()
+            name: {**lag_table(lag), "fit_percent": fit_percent}
+            for name, (lag, fit_percent) in gap.lags.items()
         }
     if gap.mismatch is not None:
         values["mismatch"] = {"L_d": gap.mismatch.L_d, "bound": gap.mismatch.bound}
