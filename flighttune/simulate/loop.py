@@ -10,7 +10,13 @@ from operator import itemgetter
 import numpy as np
 import pandas as pd
 
-from flighttune.control.controller import FlightCondition, Measured, ReferenceSample, SelfLimiting
+from flighttune.control.controller import (
+    Controller,
+    FlightCondition,
+    Measured,
+    ReferenceSample,
+    SelfLimiting,
+)
 from flighttune.control.guarded import LawError
 from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, Plant, Stop
@@ -37,7 +43,7 @@ PROGRESS_EVERY = 50
 
 def simulate(
     plant: Plant,
-    controller: SelfLimiting,
+    controller: Controller,
     reference: Reference | FeasibleReference,
     *,
     condition: FlightCondition,
@@ -51,9 +57,10 @@ def simulate(
     ----------
     plant : Plant
         A plant that was not flown before.
-    controller : SelfLimiting
-        From (chi, gamma) to (phi, n_z) within limits; its sample time is the step of the loop. It
-        is started from the roll and load factor of `condition`.
+    controller : Controller
+        From (chi, gamma) to (phi, n_z), within limits of its own, as `Law.controller` makes it; its
+        sample time is the step of the loop. It is started from the roll and load factor of
+        `condition`.
     reference : Reference or FeasibleReference
         Course and flight-path angle to follow.
     condition : FlightCondition
@@ -86,6 +93,8 @@ def simulate(
     dt = controller.dt
     if not (math.isfinite(duration) and duration >= dt):
         raise InputError(f"`duration` must be at least one sample ({dt} s), got {duration} s.")
+    if not isinstance(controller, SelfLimiting):
+        raise InputError("`controller` must have a `limiter`, as `GuardedLaw` has, got none.")
     count = round(duration / dt)
     t = np.arange(count + 1, dtype=np.float64) * dt
     sensed = None if sensors is None else len(plant.signals)
