@@ -41,13 +41,10 @@ COST_COLUMNS = [
 
 def report(
     folder: Annotated[
-        str, Argument(metavar="DIR", help="Folder of a campaign; it may still be running.")
+        str, Argument(metavar="DIR", help="Folder of a campaign; it may be running.")
     ],
     out: Annotated[
-        Path | None,
-        Option(
-            "--out", "-o", help="HTML file to write [default: DIR/report.html, if DIR is local]."
-        ),
+        Path | None, Option("--out", "-o", help="HTML file to write [default: DIR/report.html].")
     ] = None,
     interval: Annotated[
         Literal["wilson", "clopper-pearson"], Option(help="Confidence interval of rates.")
@@ -154,24 +151,17 @@ def fly(
 def run(
     file: CampaignArgument,
     runs: Annotated[
-        int | None, Option(help="Flights in total [default: as in the file].", min=1)
+        int | None, Option(help="Flights in total [default: the file's].", min=1)
     ] = None,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
     out: Annotated[str | None, Option(help="Folder of the dataset [default: runs/NAME].")] = None,
-    resume: Annotated[
-        bool, Option("--resume", help="Fly the missing runs of the campaign in --out.")
-    ] = False,
+    resume: Annotated[bool, Option("--resume", help="Fly the runs that --out lacks.")] = False,
     until_halfwidth: Annotated[
         float | None,
-        Option(
-            metavar="H",
-            help="Stop once the 95 % interval of every group's success rate is within +-H.",
-        ),
+        Option(metavar="H", help="Stop once the success rate of every group is within +-H (95 %)."),
     ] = None,
-    dry_run: Annotated[
-        bool, Option("--dry-run", help="Show the plan, its time and disk space; keep nothing.")
-    ] = False,
+    dry_run: Annotated[bool, Option("--dry-run", help="Show plan, time and disk space.")] = False,
 ) -> Answer:
     """Fly CAMPAIGN and write a dataset with one row per run.
 

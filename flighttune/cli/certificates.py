@@ -46,27 +46,16 @@ def certify(
     gains: GainsOption = None,
     envelope: Annotated[
         bool,
-        Option(
-            "--envelope",
-            help="Certify the rate over the scenario's envelope or, with the identified model, at "
-            "every identified condition.",
-        ),
+        Option("--envelope", help="Certify over the envelope, or at every identified condition."),
     ] = False,
     L_d: Annotated[
         float | None,
-        Option(
-            "--L-d",
-            help="Bound on the disturbance's derivative in rad/s^2, to certify an ultimate radius "
-            "[default: that of the scenario's disturbance].",
-        ),
+        Option("--L-d", help="Bound on the disturbance's rate, rad/s^2 [default: the scenario's]."),
     ] = None,
     out: Annotated[Path | None, Option(help="File to write the certificate to.")] = None,
     figure: Annotated[
         Path | None,
-        Option(
-            help="SVG file to write: Bode and Nyquist diagrams with margins, eigenvalues; with "
-            "--envelope also the certified rate over the size of the envelope."
-        ),
+        Option(help="SVG file to write: Bode and Nyquist diagrams, eigenvalues, certified rate."),
     ] = None,
 ) -> Answer:
     """Compute R_K, I_K and margins of gains on the linear model of SCENARIO, and certify them.
@@ -113,6 +102,7 @@ def certify(
         robust = identified and loaded.tuning.robust
         place = ", at the nominal condition" if robust else ""
         units.append({"units": f"scaled by [tuning]{place}", **scaled})
+    over = {"R_K": certificate["rate"], "largest_factor": largest} if envelope else None
     poles = [{"real": pole.real, "imaginary": pole.imag} for pole in decay.eigenvalues]
     failure = ""
     if decay.status != "stable":
@@ -128,9 +118,7 @@ def certify(
             "gains": name,
             **gains_values(chosen),
             "certificate": certificate,
-            "envelope": {"R_K": certificate["rate"], "largest_factor": largest}
-            if envelope
-            else None,
+            "envelope": over,
         },
         tables=[
             Table(INDICATOR_COLUMNS, units, f"{name}: {decay.status}"),
@@ -174,10 +162,7 @@ def verify(
     certificate: Annotated[Path, Argument(metavar="FILE", help="Certificate, or proof of a tube.")],
     conformance: Annotated[
         Path | None,
-        Option(
-            help="File of `flighttune conform` from which the boxes in the tube of an aircraft are "
-            "rebuilt [default: they are believed, and the answer says so]."
-        ),
+        Option(help="File of `flighttune conform` that confirms the boxes of an aircraft's tube."),
     ] = None,
 ) -> Answer:
     """Check a certificate without any solver, or a tube without the search that found it.

@@ -75,9 +75,8 @@ def worst(
     metric: Annotated[
         str | None,
         Option(
-            help="Metric to maximise: a column of a campaign's rows, such as chi.ITAE, or margin, "
-            "the largest excess over a requirement relative to its bound [default: margin if there "
-            "are requirements]."
+            help="Metric to maximise: a column of a campaign's rows, or margin, the largest excess "
+            "over a requirement relative to its bound [default: margin, else chi.ITAE]."
         ),
     ] = None,
     gains: CampaignGainsOption = None,
@@ -88,20 +87,14 @@ def worst(
     start_deg: StartOption = 0.0,
     disturbance: Annotated[
         float,
-        Option(
-            help="Largest disturbance of a scenario's two rates, rad/s: switched where the "
-            "sensitivity of an error changes its sign, or a square wave."
-        ),
+        Option(help="Largest disturbance of a scenario's two rates, rad/s: bang-bang or square."),
     ] = 0.0,
     rare: Annotated[bool, Option("--rare", help="Estimate the probability of a miss.")] = False,
     threshold: Annotated[float, Option(help="Metric at which --rare counts a miss.")] = 0.0,
     seed: Annotated[int, Option(help="Seed of the search.", min=0)] = 1,
     tube: Annotated[
         Path | None,
-        Option(
-            help="Signals of a tube (Parquet): search for the flight that comes closest to its "
-            "bounds, and print how many times wider the tube is."
-        ),
+        Option(help="Signals of a tube (Parquet): search for the flight closest to its bounds."),
     ] = None,
     out: Annotated[
         Path | None, Option(help="Scenario to write [default: runs/NAME-worst.toml].")
@@ -198,10 +191,7 @@ def conform(
     plant: AircraftPlantOption = None,
     air: Annotated[
         str | None,
-        Option(
-            help="Air to fly in: calm, wind, light, moderate or severe [default: the campaign's "
-            "likeliest]."
-        ),
+        Option(help="Air: calm, wind, light, moderate or severe [default: the likeliest of all]."),
     ] = None,
     boxes: Annotated[
         Literal["time", "phase"] | None,
@@ -301,10 +291,7 @@ def tune_by_flying(
     file: CampaignArgument,
     metric: Annotated[
         list[str] | None,
-        Option(
-            help="Column of a campaign's rows to minimise; several are added up "
-            "[default: chi.ITAE]."
-        ),
+        Option(help="Column of the rows to minimise; several are added up [default: chi.ITAE]."),
     ] = None,
     percentile: Annotated[float, Option(help="Percentile of the metric to minimise.")] = 95.0,
     min_success: Annotated[

@@ -50,6 +50,7 @@ DISTURBANCE_COLUMNS = [
     Column("high", "highest", "rad/s"),
 ]
 LIMIT_KEYS = ("lower", "upper", "rate_lower", "rate_upper")
+LIMIT_COLUMNS = [*columns(f"command {' '.join(LIMIT_KEYS)}"), Column("held_s", "can hold", "s")]
 RUN_COLUMNS = [
     Column("run", "run"),
     Column("start_deg", "from starts within", "deg"),
@@ -75,17 +76,11 @@ def tube(
     start_deg: StartOption = 0.0,
     disturbance: Annotated[
         float | None,
-        Option(
-            help="Bound on the disturbance of each rate, of any shape, rad/s [default: the "
-            "amplitudes of the scenario's sinusoid, or none]."
-        ),
+        Option(help="Bound on the disturbance of each rate, rad/s [default: the scenario's]."),
     ] = None,
     conformance: Annotated[
         Path | None,
-        Option(
-            help="File of `flighttune conform`: bound its aircraft, with residual rates in the "
-            "boxes."
-        ),
+        Option(help="File of `flighttune conform`: bound its aircraft, with rates in its boxes."),
     ] = None,
     out: Annotated[
         Path | None, Option("--out", help="Proof file (.npz) to write; `verify` checks it.")
@@ -212,13 +207,14 @@ def enclosed(tube: "Tube", gains: str) -> Answer:
         for channel, lower, upper in zip(CHANNEL_SYMBOLS, lowest, highest, strict=True)
     ]
     commands = [
-        {"command": name} | {key: float(getattr(limits, key)[i]) * unit for key in LIMIT_KEYS}
-        for i, (name, unit) in enumerate((("phi_cmd [deg]", 1.0 / DEG), ("n_z_cmd", 1.0)))
-    ]
-    at_limit = [
-        {"command": name, "from_s": begin, "to_s": end}
-        for name, intervals in limited.items()
-        for begin, end in intervals or [("never", None)]
+        {
+            "command": name,
+            **{key: float(getattr(limits, key)[i]) * unit for key in LIMIT_KEYS},
+            "held_s": [f"{begin:g} to {end:g}" for begin, end in intervals] or "never",
+        }
+        for i, (name, unit, intervals) in enumerate(
+            zip(("phi_cmd [deg]", "n_z_cmd"), (1.0 / DEG, 1.0), limited.values(), strict=True)
+        )
     ]
     if tube.lost is not None:
         boxes = "that flights were counted against" if counted else "in the file"
@@ -255,8 +251,7 @@ def enclosed(tube: "Tube", gains: str) -> Answer:
             ),
             Table(FLIGHT_COLUMNS, [about], "flights"),
             Table(DISTURBANCE_COLUMNS, disturbance, "any disturbance of the rates"),
-            Table(columns(f"command {' '.join(LIMIT_KEYS)}"), commands, "limits, rates per second"),
-            Table(columns("command from_s to_s"), at_limit, "a limit can hold"),
+            Table(LIMIT_COLUMNS, commands, "limits, rates per second"),
             gains_table("gains", problem.gains),
         ],
         notes=notes,
