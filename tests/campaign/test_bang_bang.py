@@ -68,14 +68,6 @@ def largest_by_square_waves(h):
     return sum(np.abs(waves @ one[::-1]).max() for one in h)
 
 
-def largest_by_random_telegraphs(h, flights=2000):
-    """By signs that change with a chance of their own at every sample."""
-    rng = np.random.default_rng(7)
-    chance = 10.0 ** rng.uniform(-2.0, -0.3, (flights, 2, 1))
-    signs = np.cumprod(np.where(rng.random((flights, 2, SAMPLES)) < chance, -1.0, 1.0), axis=2)
-    return np.abs(np.einsum("fck,ck->f", signs, h[:, ::-1])).max()
-
-
 @pytest.mark.slow
 def test_for_a_linear_loop_it_is_the_worst_there_is_and_flies_to_what_is_said(tmp_path):
     path, out = tmp_path / "level.toml", tmp_path / "worst.toml"
@@ -93,7 +85,6 @@ def test_for_a_linear_loop_it_is_the_worst_there_is_and_flies_to_what_is_said(tm
     assert said["value"] == pytest.approx(optimum, rel=BY_INTERVALS)
     assert said["value"] <= optimum * (1.0 + LINEAR)
     assert said["value"] > SMALL * largest_by_square_waves(h)
-    assert said["value"] > SMALL * largest_by_random_telegraphs(h)
     (run,) = fly(load_scenario(out)).runs
     assert measures(run)["chi"]["peak_rad"] == pytest.approx(said["value"], rel=SAME)
     assert {*run.signals["d_chi"].abs()} == {SMALL}

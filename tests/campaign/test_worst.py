@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pytest
 from campaigns import flown_here, write_campaign
@@ -25,12 +24,11 @@ from flighttune.campaign.worst import (
     subset_simulation,
     value_of,
 )
-from flighttune.errors import InputError
 from flighttune.flight.fly import fly
 from flighttune.guarantee.bounds import Bounds
 from flighttune.metrics import measures
 from flighttune.scenario import load_scenario
-from flighttune.tube.store import AboutTube, read_bounds, write_sealed
+from flighttune.tube.store import AboutTube, write_sealed
 
 SAME = 1e-9
 """A flight of a batch and the same one alone differ by 1e-12."""
@@ -178,37 +176,6 @@ def test_a_scenario_is_searched_over_starts_and_disturbances_of_one_plant():
     assert plan.scenario.disturbance.wave == "square"
 
 
-def tube_around(signals, path, below=0.03, above=0.01):
-    tube = pd.DataFrame({"t": signals.index.to_numpy()})
-    for name in ("chi_err", "gamma_err"):
-        middle = signals[name].to_numpy()
-        tube[f"{name}_low"], tube[f"{name}_high"] = middle - below, middle + above
-    about = AboutTube(
-        run="",
-        status="bounded",
-        reason="",
-        model="made up",
-        start_deg=0.0,
-        handed_over_s=None,
-        counted_from_s=None,
-        probability=None,
-    )
-    write_sealed({name: tube[name].to_numpy() for name in tube}, about, path)
-    return read_bounds(path)
-
-
-def test_a_flight_beside_the_middle_of_a_tube(tmp_path):
-    (run,) = fly(small_plan().scenario_of(2)).runs
-
-    tube = tube_around(run.signals, tmp_path / "tube.parquet")
-
-    # 0.02 half wide, and 0.01 away from its middle
-    assert tube.ratios(run) == pytest.approx({"chi": 2.0, "gamma": 2.0})
-    assert tube.share(run) == pytest.approx(0.5)
-    again = Bounds.of(tube.columns)
-    assert again.share(run) == tube.share(run)
-
-
 def test_nearness_is_that_to_the_widest_place_until_a_flight_leaves_the_narrowest():
     (run,) = fly(small_plan().scenario_of(2)).runs
     t = run.signals.index.to_numpy()
@@ -220,6 +187,7 @@ def test_nearness_is_that_to_the_widest_place_until_a_flight_leaves_the_narrowes
 
     assert tube(0.009).share(run) == pytest.approx(0.09)
     assert tube(0.009).reach(run) == pytest.approx([0.09, 0.09])
+    assert tube(0.009).ratios(run) == pytest.approx({"chi": 1.0 / 0.09, "gamma": 1.0 / 0.09})
     assert tube(0.02).share(run) == pytest.approx(2.0)
 
 
@@ -228,9 +196,18 @@ def test_the_flight_nearest_to_leaving_a_tube_is_searched(tmp_path):
     """Starts are up to 40 deg apart and the tube is 20 deg wide either side of north."""
     plan = small_plan()
     (run,) = fly(plan.scenario_of(2)).runs
-    signals = pd.DataFrame({"chi_err": 0.0, "gamma_err": 0.0}, index=run.signals.index)
-    width = np.radians(20.0)
-    tube_around(signals, tmp_path / "tube.parquet", below=width, above=width)
+    width = np.full((len(run.t), 2), np.radians(20.0))
+    about = AboutTube(
+        run="",
+        status="bounded",
+        reason="",
+        model="made up",
+        start_deg=0.0,
+        handed_over_s=None,
+        counted_from_s=None,
+        probability=None,
+    )
+    write_sealed(Bounds(run.t, -width, width).columns, about, tmp_path / "tube.parquet")
     with flown_here(worst_module, "planned", plan):
         said = answer(
             "worst", "campaign", "--budget", 96, "--tube", tmp_path / "tube.parquet", "--out",
@@ -243,16 +220,6 @@ def test_the_flight_nearest_to_leaving_a_tube_is_searched(tmp_path):
     assert all(said["ratio_of_search"][name] <= said["ratio"][name] for name in ("chi", "gamma"))
     assert said["family"] is None  # no disturbance was searched
     assert 1.7 < said["value"] <= 2.0 * (1.0 + SAME)  # the start itself, 40 of 20 deg
-
-
-@pytest.mark.parametrize("columns", [{"t": [0.0]}, {"t": [0.0], "chi_err_low": [0.0]}])
-def test_a_file_without_a_tube_is_refused(tmp_path, columns):
-    pd.DataFrame(columns).to_parquet(tmp_path / "tube.parquet")
-
-    with pytest.raises(InputError, match=r"tube.parquet: .*Parquet"):
-        read_bounds(tmp_path / "tube.parquet")
-    with pytest.raises(InputError, match=r"nothing.parquet: .*Parquet"):
-        read_bounds(tmp_path / "nothing.parquet")
 
 
 @pytest.mark.parametrize(
