@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -28,6 +27,7 @@ from flighttune.flight.outer_loop import tuning_problem
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import ExpectTable, in_rad
 from flighttune.tuning.frontier import frontier
+from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.result import assessment
 from flighttune.units import DEG
 
@@ -41,16 +41,6 @@ RESAMPLES = 1000
 
 MAX_RESAMPLED = 2_000_000
 """Scores of all gain sets together that are resampled at a time, which bounds the memory."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Candidate:
-    """Gains with their indicators on the model that the scenario's [tuning] names."""
-
-    name: str
-    gains: PIGains
-    R_K: float  # 1/s
-    I_K: float  # s^2
 
 
 def tune_robust(
@@ -114,7 +104,8 @@ def tune_robust(
         raise InputError(f"`min_success` must be 0 to 1, got {least_success:g}.")
     check_at_least(1, draws=draws)
     campaign = _on_plants(campaign, plants)
-    frontier_sets = frontier_candidates(campaign.nominal, candidates)
+    problem = tuning_problem(campaign.nominal)
+    frontier_sets = frontier_gains(problem, candidates)
     answer: dict[str, Any] = {
         "status": "infeasible",
         "reason": "no stable gains lie within the limits of the scenario's tuning; "
@@ -128,14 +119,15 @@ def tune_robust(
     if not frontier_sets:
         return answer, None
     planned = plan_campaign(campaign)
-    sets = (*frontier_sets, *own_candidates(campaign.nominal, planned.gain_sets))
-    plan = plan_campaign(with_gains(campaign, {each.name: each.gains for each in sets}))
+    own = {name: gains for name, gains in planned.gain_sets.items() if gains is not None}
+    sets = frontier_sets | {split_name(name)[1]: gains for name, gains in own.items()}
+    plan = plan_campaign(with_gains(campaign, sets))
     draws = planned.draws if draws is None else draws
     doing = f"flying {len(sets)} gain sets on {draws} draws"
     rows = flown(pool, plan.with_runs(len(plan.groups) * draws), doing).to_pandas()
     rows["gains"] = [split_name(name)[1] for name in rows["gains"]]
     q = percentile / 100.0
-    values, good = scored(rows, [each.name for each in sets], metrics)
+    values, good = scored(rows, list(sets), metrics)
     compared = resampled(
         values,
         good,
@@ -147,8 +139,15 @@ def tune_robust(
     )
     wins = [*compared.wins.tolist(), *[np.nan] * (len(sets) - len(frontier_sets))]
     results = [
-        _result(*each, q, planned.cycle)
-        for each in zip(sets, values, good, wins, compared.behind, strict=True)
+        {
+            "name": name,
+            **gains.as_lists(),
+            **{key: getattr(assessment(problem, gains.K), key) for key in ("R_K", "I_K")},
+            **_result(*flown_by, q, planned.cycle),
+        }
+        for (name, gains), *flown_by in zip(
+            sets.items(), values, good, wins, compared.behind, strict=True
+        )
     ]
     best = results[compared.best]
     status, reason = "chosen", ""
@@ -177,7 +176,7 @@ def tune_robust(
         "flights": len(rows),
         "candidates": results[: len(frontier_sets)],
         "beside": results[len(frontier_sets) :],
-    }, sets[compared.best].gains
+    }, sets[best["name"]]
 
 
 def _on_plants(campaign: Campaign, plants: Sequence[str]) -> Campaign:
@@ -258,11 +257,10 @@ def resampled(
     )
 
 
-def frontier_candidates(scenario: Scenario, count: int) -> tuple[Candidate, ...]:
+def frontier_gains(problem: TuningProblem, count: int) -> dict[str, PIGains]:
     """Gains of the frontier, I_K rising, without duplicates; empty if none is stable."""
-    problem = tuning_problem(scenario)
     inputs, errors = problem.model.inputs, problem.model.errors
-    candidates: list[Candidate] = []
+    sets: dict[str, PIGains] = {}
     for row in frontier(problem, points=count).to_dict("records"):
         K_P, K_I = (
             np.array(
@@ -271,27 +269,9 @@ def frontier_candidates(scenario: Scenario, count: int) -> tuple[Candidate, ...]
             for kind in ("K_P", "K_I")
         )
         gains = PIGains(K_P=K_P, K_I=K_I, inputs=inputs)
-        if all(gains != candidate.gains for candidate in candidates):
-            name = f"frontier-{len(candidates) + 1}"
-            candidates.append(Candidate(name=name, gains=gains, R_K=row["R_K"], I_K=row["I_K"]))
-    return tuple(candidates)
-
-
-def own_candidates(
-    scenario: Scenario, gain_sets: Mapping[str, PIGains | None]
-) -> tuple[Candidate, ...]:
-    """The campaign's own gain sets as baselines, without those that tuning did not find.
-
-    Their names are those in ``gains``, without the law in front.
-    """
-    problem = tuning_problem(scenario)
-    candidates = []
-    for name, gains in gain_sets.items():
-        if gains is not None:
-            assessed = assessment(problem, gains.K)
-            own = split_name(name)[1]
-            candidates.append(Candidate(name=own, gains=gains, R_K=assessed.R_K, I_K=assessed.I_K))
-    return tuple(candidates)
+        if all(gains != other for other in sets.values()):
+            sets[f"frontier-{len(sets) + 1}"] = gains
+    return sets
 
 
 def with_gains(campaign: Campaign, gains: Mapping[str, PIGains]) -> Campaign:
@@ -339,7 +319,6 @@ def scored(
 
 
 def _result(
-    candidate: Candidate,
     values: FloatArray,
     good: npt.NDArray[np.bool_],
     p_best: float,
@@ -357,10 +336,6 @@ def _result(
     success = share(good, clusters)
     median, low, high = (float(ordered_quantile(behind, p)) for p in (0.5, 0.025, 0.975))
     return {
-        "name": candidate.name,
-        **candidate.gains.as_lists(),
-        "R_K": candidate.R_K,
-        "I_K": candidate.I_K,
         "draws": len(values),
         "value": value,
         "interval": quantile_interval(values, q, effective=effective),

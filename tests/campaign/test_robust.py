@@ -9,8 +9,7 @@ from campaigns import Notes
 from commands import answer, flighttune
 
 from flighttune.campaign.choice import (
-    frontier_candidates,
-    own_candidates,
+    frontier_gains,
     scored,
     tune_robust,
     with_gains,
@@ -78,19 +77,19 @@ def chosen(campaign, address):
     return tuned(campaign, scheduler=address)[0]
 
 
-def test_candidates_are_the_points_of_the_frontier(campaign):
-    candidates = frontier_candidates(campaign.nominal, 5)
+def test_candidates_are_the_points_of_the_frontier(campaign, chosen):
+    gains = list(frontier_gains(tuning_problem(campaign.nominal), 5).values())
 
     table = frontier(tuning_problem(campaign.nominal), points=5)
-    assert [candidate.R_K for candidate in candidates] == sorted(set(table["R_K"]))
-    assert candidates[0].I_K == table["I_K"].min()
-    assert candidates[-1].gains.K_P[0, 0] == table["K_P[phi,chi]"].iloc[-1]
-    assert candidates[-1].gains.K_I[1, 1] == table["K_I[n_z,gamma]"].iloc[-1]
+    along = [candidate["R_K"] for candidate in chosen["candidates"]]
+    assert along == pytest.approx(sorted(set(table["R_K"])), rel=1e-12)
+    assert chosen["candidates"][0]["I_K"] == pytest.approx(table["I_K"].min(), rel=1e-12)
+    assert gains[-1].K_P[0, 0] == table["K_P[phi,chi]"].iloc[-1]
+    assert gains[-1].K_I[1, 1] == table["K_I[n_z,gamma]"].iloc[-1]
 
 
 def test_other_gains_fly_the_same_draws(campaign):
-    own = own_candidates(campaign.nominal, plan_campaign(campaign).gain_sets)
-    other = with_gains(campaign, {"x": own[0].gains, "y": own[0].gains})
+    other = with_gains(campaign, {"x": PAPER_GAINS, "y": PAPER_GAINS})
 
     mine, theirs = plan_campaign(campaign), plan_campaign(other, runs=240)
 
@@ -100,9 +99,7 @@ def test_other_gains_fly_the_same_draws(campaign):
 
 def test_the_choice_has_the_lowest_percentile_of_all_that_flew_everything(campaign, chosen):
     """Everything flown once more in this process, and looked at with numpy."""
-    gains = {
-        candidate.name: candidate.gains for candidate in frontier_candidates(campaign.nominal, 5)
-    }
+    gains = frontier_gains(tuning_problem(campaign.nominal), 5)
     plan = plan_campaign(with_gains(campaign, gains), runs=120 * len(gains))
     rows = fly_runs(plan, range(plan.runs)).to_pandas()
     score = rows["chi.ITAE"] + rows["gamma.MO_rad"] / DEG
@@ -235,9 +232,8 @@ def test_gains_of_the_exact_law_are_chosen_as_rates_on_the_same_draws(tmp_path, 
     assert choice["status"] == "chosen"
     assert gains.law == "exact"
     (beside,) = choice["beside"]
-    (own,) = own_candidates(campaign.nominal, plan_campaign(campaign).gain_sets)
-    assert beside["name"] == own.name == "paper"
-    paper = own.gains
+    (paper,) = plan_campaign(campaign).gain_sets.values()
+    assert beside["name"] == "paper"
     # In 1/s: the paper's gains times g/V, at the airspeed of the scenario.
     assert pytest.approx(paper.K_P) == PAPER_GAINS.K_P * G_PAPER / campaign.nominal.flight.V_a_mps
     rows = fly_runs(plan_campaign(with_gains(campaign, {"paper": paper})), range(40)).to_pandas()
