@@ -221,7 +221,7 @@ def test_commands_make_them_and_say_how_where_there_are_none(tmp_path):
     made = answer("report", out, "--out", page, "--tube")["tubes"]
     assert made["kinematic / paper"]["inside"] is True
     assert made["kinematic / paper"]["status"] == "bounded"
-    assert "tube of" in page.read_text()
+    assert "its tube is that of" in page.read_text()
     made["kinematic / paper"]["computed"] = False  # the next commands read it
     assert answer("report", out, "--out", page)["tubes"] == made
     assert answer("fly", scenario, "--out", out)["tubes"] == made
