@@ -258,7 +258,7 @@ def export(
     out: Annotated[Path | None, out_folder("runs/NAME-export")] = None,
 ) -> Answer:
     """Write one flight of SCENARIO for JSBSim alone, or its outer loop in C."""
-    from flighttune.export import export_c, export_jsbsim
+    from flighttune.export import CSV, SCRIPT, export_c, export_jsbsim
 
     loaded, name, chosen = chosen_gains(scenario, gains)
     if Path(name).suffix.lower() in (".json", ".toml"):
@@ -267,12 +267,13 @@ def export(
     if form == "c":
         source = export_c(loaded, name, chosen, folder, plant=plant)
         return Answer(files={"folder": folder, "source": source})
-    exported = export_jsbsim(loaded, name, chosen, folder, plant=plant)
+    folder = folder.absolute()
+    command, start = export_jsbsim(loaded, name, chosen, folder, plant=plant)
     return Answer(
-        values={"command": exported.command, "start_s": exported.t_0},
+        values={"command": command, "start_s": start},
         notes=[
-            f"{exported.command} flies it and writes the table, which has the flight from "
-            f"Time = {exported.t_0:g} s on."
+            f"{command} flies it and writes the table, which has the flight from "
+            f"Time = {start:g} s on."
         ],
-        files={"folder": exported.folder, "script": exported.script, "csv": exported.csv},
+        files={"folder": folder, "script": folder / SCRIPT, "csv": folder / CSV},
     )

@@ -5,7 +5,6 @@ import shlex
 import shutil
 import sys
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -53,26 +52,15 @@ _MEASURED = {
 MOVED_BY_AIR = "wind", "gust", "turbulence"
 
 
-@dataclass(frozen=True, slots=True)
-class JSBSimFolder:
-    """A folder as written, and how to fly it."""
-
-    # `folder`, `script` and `csv`: the folder, the script in it, and the file that JSBSim writes
-    # there.
-    folder: Path
-    script: Path
-    csv: Path
-    command: str  # command line that flies it, from any working directory
-    t_0: float  # s: JSBSim's time at the start of the flight; the aircraft is held still before
-
-
 def export_jsbsim(
     scenario: Scenario, name: str, gains: PIGains, folder: Path, *, plant: str | None = None
-) -> JSBSimFolder:
+) -> tuple[str, float]:
     """Write the flight of one gain set on one aircraft as files that JSBSim flies by itself.
 
     `name` is that of the gain set with its law. The `folder` is made if there is none; files of the
     same names are replaced. `plant`: label of the aircraft; by default the first of the scenario.
+    Returns the command line that flies it, from any working directory, and JSBSim's time at the
+    start of the flight (s): the aircraft is held still before.
     Raises InputError if the scenario has no such aircraft or moves the air, or the law is one in
     Python. Raises TrimError if there is no steady flight to start from. Raises PlantError if the
     aircraft cannot be built. Raises OutputError if the folder cannot be written.
@@ -133,7 +121,7 @@ def export_jsbsim(
     rate = f"--simulation-rate={fdm.rate!r}"  # the command takes no step from a script
     console = shutil.which("jsbsim", path=Path(sys.executable).parent) or "jsbsim"
     command = [console, f"--root={folder}", rate, f"--outputpath={folder}", f"--script={SCRIPT}"]
-    return JSBSimFolder(folder, folder / SCRIPT, folder / CSV, shlex.join(command), t_0)
+    return shlex.join(command), t_0
 
 
 def _outer_loop(loop: OuterLoop, frames: int) -> Element:

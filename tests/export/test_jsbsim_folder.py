@@ -12,7 +12,7 @@ from commands import answer, flighttune
 
 import flighttune as ft
 from flighttune.errors import InputError
-from flighttune.export import export_jsbsim
+from flighttune.export import CSV, export_jsbsim
 from flighttune.flight.fly import fly_alone
 from flighttune.flight.outer_loop import gain_set
 from flighttune.shipped import scenario_files
@@ -55,16 +55,17 @@ def flown_by_jsbsim(command):
 def apart(scenario, gains_name, plant, folder):
     """Largest difference of each signal between JSBSim's flight and that of `fly`."""
     gains = gain_set(scenario, gains_name)
-    found = export_jsbsim(scenario, gains_name, gains, folder / "made", plant=plant)
-    moved = found.folder.rename(folder / "sent to a colleague")
-    flown_by_jsbsim(found.command.replace(str(found.folder), shlex.quote(str(moved))))
+    made = folder / "made"
+    command, start = export_jsbsim(scenario, gains_name, gains, made, plant=plant)
+    moved = made.rename(folder / "sent to a colleague")
+    flown_by_jsbsim(command.replace(str(made), shlex.quote(str(moved))))
     table = next(one for one in scenario.plant if one.label == plant)
     flown = fly_alone(scenario, table, gains, gains_name).signals
-    written = pd.read_csv(moved / found.csv.name)
+    written = pd.read_csv(moved / CSV)
     assert list(written.columns) == COLUMNS
     assert len(written) == round(scenario.flight.duration_s * scenario.controller.rate_hz) + 1
     written = written[: len(flown)]  # JSBSim flies on where `fly` ends at the edge of the envelope
-    np.testing.assert_allclose(written["Time"] - found.t_0, flown.index, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(written["Time"] - start, flown.index, rtol=0.0, atol=1e-6)
     apart = {
         name: written[column].to_numpy() - flown[name].to_numpy()
         for name, column in zip(("chi", "gamma", "phi", "n_z"), COLUMNS[1:], strict=True)
