@@ -138,17 +138,12 @@ def tune_robust(
         seed=campaign.seed,
     )
     wins = [*compared.wins.tolist(), *[np.nan] * (len(sets) - len(frontier_sets))]
-    results = [
-        {
-            "name": name,
-            **gains.as_lists(),
-            **{key: getattr(assessment(problem, gains.K), key) for key in ("R_K", "I_K")},
-            **_result(*flown_by, q, planned.cycle),
-        }
-        for (name, gains), *flown_by in zip(
-            sets.items(), values, good, wins, compared.behind, strict=True
-        )
-    ]
+    results = []
+    for i, (name, gains) in enumerate(sets.items()):
+        measured = assessment(problem, gains.K)
+        own_values = {"name": name, **gains.as_lists(), "R_K": measured.R_K, "I_K": measured.I_K}
+        score = _result(values[i], good[i], wins[i], compared.behind[i], q, planned.cycle)
+        results.append(own_values | score)
     best = results[compared.best]
     status, reason = "chosen", ""
     if not np.isfinite(best["value"]):
