@@ -1,6 +1,7 @@
 """Interface of a control law: start at a flight condition, turn measurements into commands."""
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
@@ -144,21 +145,32 @@ class Controller(Protocol):
         ...
 
 
-class SelfLimiting:
+class SelfLimiting(ABC):
     """Base of controllers that apply the limits of their flight themselves.
 
     The loop records their ``limiter`` and adds no limits of its own. A mark, not a protocol: a
     controller of a user's may have a ``limiter`` too, and the loop still limits what it commands.
     """
 
+    dt: float
+    signals: Mapping[str, str]
+
     @property
+    @abstractmethod
     def limiter(self) -> Any:
         """Record of the limits, the same lists at every sample.
 
         ``u_unsat`` has the commands before the limits; ``limited`` is 0 for a command that is free,
         1 for one at a magnitude limit, 2 at a rate limit.
         """
-        raise NotImplementedError
+
+    @abstractmethod
+    def start(self, condition: FlightCondition, /) -> None:
+        """As of `Controller`."""
+
+    @abstractmethod
+    def step(self, measured: Measured, reference: ReferenceSample, t: float, /) -> Sequence[float]:
+        """As of `Controller`, the commands inside their limits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
