@@ -7,22 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flighttune.certificates import (
-    Certificate,
-    certify,
-    load_certificate,
-    save_certificate,
-    verify,
-)
+from flighttune.certificates import Certificate, certify, load_certificate, save_certificate, verify
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.fly import fly
-from flighttune.flight.outer_loop import (
-    certify_scenario,
-    identified_problems,
-    tune_scenario,
-)
+from flighttune.flight.outer_loop import certify_scenario, identified_problems, tune_scenario
 from flighttune.identify.file import load_identified
 from flighttune.scenario import load_scenario, scenario_from
 from flighttune.shipped import scenario_files

@@ -15,12 +15,7 @@ import numpy as np
 import tomlkit
 
 from flighttune.adopt.survey import SOURCE, Refusal, Survey, survey
-from flighttune.aircraft.aircraft import (
-    GAINS_FILE,
-    aircraft_from,
-    load_aircraft,
-    save_gains,
-)
+from flighttune.aircraft.aircraft import GAINS_FILE, aircraft_from, load_aircraft, save_gains
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError, PlantError, TrimError
 from flighttune.flight.fly import FlownScenario, fly

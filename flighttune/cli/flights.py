@@ -8,12 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from flighttune.cli.options import (
-    ConformanceOption,
-    ScenarioArgument,
-    TubeOption,
-    out_folder,
-)
+from flighttune.cli.options import ConformanceOption, ScenarioArgument, TubeOption, out_folder
 from flighttune.cli.progress import on_interrupt, progress_bar
 from flighttune.cli.show import fail, pick, say, show, tell
 from flighttune.cli.tube import tubes_around

@@ -8,11 +8,7 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 
 from flighttune.arrays import check_positive
-from flighttune.control.controller import (
-    AntiWindup,
-    Measured,
-    ReferenceSample,
-)
+from flighttune.control.controller import AntiWindup, Measured, ReferenceSample
 from flighttune.control.gains import COMMANDS, RATES, PIGains
 from flighttune.control.limits import FREE, RATE_LIMITED, Limits, limit_command
 from flighttune.control.linear_model import LinearModel

@@ -11,15 +11,7 @@ from flighttune.tube.exact import enclosure_of
 from flighttune.tube.forms import Pieces
 from flighttune.tube.hand_over import SYMBOLS, HandOver, for_ever, inside, return_map, settled
 from flighttune.tube.interval import Unbounded
-from flighttune.tube.sample import (
-    CHI,
-    EXTRA_LIFT,
-    GAMMA,
-    N_Z_INTEGRAL,
-    PHI,
-    ROLL,
-    SampledLoop,
-)
+from flighttune.tube.sample import CHI, EXTRA_LIFT, GAMMA, N_Z_INTEGRAL, PHI, ROLL, SampledLoop
 from flighttune.tube.search import Search
 
 LINEARISED_SIZE = 1e-6

@@ -14,14 +14,7 @@ import pytest
 from campaigns import Notes, bits, parts, plan
 from scipy.stats import binomtest
 
-from flighttune.campaign.dataset import (
-    Dataset,
-    Span,
-    dataset_hash,
-    locked,
-    missing,
-    open_dataset,
-)
+from flighttune.campaign.dataset import Dataset, Span, dataset_hash, locked, missing, open_dataset
 from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.statistics.flights import load_flights

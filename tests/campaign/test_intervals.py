@@ -6,10 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from flighttune.campaign.statistics.intervals import (
-    quantile_interval,
-    rate_interval,
-)
+from flighttune.campaign.statistics.intervals import quantile_interval, rate_interval
 from flighttune.errors import InputError
 
 ROUNDING = 1e-9

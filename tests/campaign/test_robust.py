@@ -8,12 +8,7 @@ import pytest
 from campaigns import Notes
 from commands import answer, flighttune
 
-from flighttune.campaign.choice import (
-    frontier_gains,
-    scored,
-    tune_robust,
-    with_gains,
-)
+from flighttune.campaign.choice import frontier_gains, scored, tune_robust, with_gains
 from flighttune.campaign.engine.pool import worker_pool
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign

@@ -6,12 +6,7 @@ import pytest
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import InputError, PlantError
-from flighttune.identify.design import (
-    Airframe,
-    airframe,
-    design_aircraft,
-    inner_loop_gains,
-)
+from flighttune.identify.design import Airframe, airframe, design_aircraft, inner_loop_gains
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
 

@@ -8,12 +8,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from flighttune.metrics import channel_metrics
-from flighttune.paper.flight import (
-    decay_rate,
-    initial_commands,
-    largest_share,
-    oscillations,
-)
+from flighttune.paper.flight import decay_rate, initial_commands, largest_share, oscillations
 from flighttune.simulate.run import Provenance, Run
 
 SAME_PATH = 1e-6

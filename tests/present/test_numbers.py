@@ -7,14 +7,7 @@ import pytest
 
 from flighttune.metrics import FLIGHT_METRICS, METRICS
 from flighttune.present.names import METRIC_LABELS, metric_label
-from flighttune.present.numbers import (
-    degrees,
-    figures,
-    interval,
-    matrix,
-    number,
-    percent,
-)
+from flighttune.present.numbers import degrees, figures, interval, matrix, number, percent
 
 
 @pytest.mark.parametrize(

@@ -5,12 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from flighttune.campaign.planning.draws import copula_factor
-from flighttune.campaign.planning.places import (
-    dispersed_places,
-    places_of,
-    with_drawn,
-    with_values,
-)
+from flighttune.campaign.planning.places import dispersed_places, places_of, with_drawn, with_values
 from flighttune.campaign.planning.schema import DISTRIBUTIONS, Campaign, CampaignTable
 from flighttune.errors import InputError, ScenarioError
 from flighttune.mistakes import validated

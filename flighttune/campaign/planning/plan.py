@@ -12,12 +12,7 @@ import pandas as pd
 
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.campaign.planning.draws import cycle, drawn, factors
-from flighttune.campaign.planning.places import (
-    Place,
-    dispersed_places,
-    with_drawn,
-    with_values,
-)
+from flighttune.campaign.planning.places import Place, dispersed_places, with_drawn, with_values
 from flighttune.campaign.planning.schema import Campaign, CampaignTable
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError

@@ -12,13 +12,7 @@ from flighttune.arrays import FloatArray
 from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
-from flighttune.campaign.statistics.intervals import (
-    CONFIDENCE,
-    Estimate,
-    Method,
-    percentile,
-    share,
-)
+from flighttune.campaign.statistics.intervals import CONFIDENCE, Estimate, Method, percentile, share
 
 TEXTS = ("reason", "missed", "certified")
 """Columns that may be null, which then are empty."""

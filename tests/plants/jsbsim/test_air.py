@@ -10,13 +10,7 @@ from flighttune.errors import InputError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.plant import JSBSimPlant
-from flighttune.plants.weather import (
-    Gust,
-    OscillatingWind,
-    Turbulence,
-    Weather,
-    WindProfile,
-)
+from flighttune.plants.weather import Gust, OscillatingWind, Turbulence, Weather, WindProfile
 from flighttune.simulate.disturbance import Sinusoid
 
 DEG = math.pi / 180.0
