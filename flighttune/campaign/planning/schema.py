@@ -43,8 +43,7 @@ class DisperseTable(Table):
     The drawn value replaces the scenario's own, is added to it or multiplies it. Each
     distribution has two members more: ``central`` is the value at which a campaign is checked, the
     median or, of values that have none, the likeliest; ``at(u)`` has the values at points ``u`` of
-    the open unit interval. They are inverse CDFs by hand because `scipy.stats` takes 0.4 s to load,
-    in every process that flies.
+    the open unit interval: inverse CDFs, for pseudo-random and quasi-random points alike.
     """
 
     key: Key
