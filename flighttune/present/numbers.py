@@ -1,7 +1,7 @@
 """Numbers as text: one way to write a value, a share, an angle, an interval and a matrix."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 from flighttune.units import DEG_PER_RAD
@@ -58,6 +58,6 @@ def degrees(angle: float) -> str:
     return f"{value:.2g}°" if value < 100.0 else f"{value:.0f}°"
 
 
-def matrix(values: "npt.NDArray", form: str = "z.4f") -> str:
+def matrix(values: "npt.NDArray | Sequence[Sequence[float]]", form: str = "z.4f") -> str:
     """A matrix in one line, its rows separated by semicolons."""
     return "[" + "; ".join(", ".join(f"{value:{form}}" for value in row) for row in values) + "]"

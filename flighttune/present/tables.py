@@ -8,7 +8,7 @@ from itertools import zip_longest
 from textwrap import wrap
 from typing import Any
 
-from flighttune.present.numbers import MISSING, interval, number
+from flighttune.present.numbers import MISSING, interval, matrix, number
 
 GAP = "  "
 """Between two columns."""
@@ -44,6 +44,8 @@ class Column:
             return self.missing
         if isinstance(value, bool):
             return "yes" if value else "no"
+        if isinstance(value, list) and value and isinstance(value[0], list):
+            return matrix(value)
         if isinstance(value, list | tuple):
             return ", ".join(map(str, value)) or self.missing
         if isinstance(value, str):

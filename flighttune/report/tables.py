@@ -11,7 +11,7 @@ from flighttune.flight.outer_loop import certify_scenario
 from flighttune.guarantee.flight_check import FlightCheck
 from flighttune.metrics import CHANNELS, channel_metrics, flight_metrics
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
-from flighttune.present.numbers import MISSING, matrix
+from flighttune.present.numbers import MISSING
 from flighttune.present.tables import Column, Table, facts_table
 from flighttune.report.certified import certification_values
 from flighttune.scenario.schema import Scenario
@@ -119,8 +119,8 @@ def gains_table(gains: Mapping[str, PIGains], curve: "pd.DataFrame") -> Table:
             "gains": name,
             "R_K": float(marks.at[name, "R_K"]),
             "I_K": float(marks.at[name, "I_K"]),
-            "K_P": matrix(own.K_P),
-            "K_I": matrix(own.K_I),
+            "K_P": own.K_P.tolist(),
+            "K_I": own.K_I.tolist(),
         }
         for name, own in gains.items()
     ]

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from flighttune.comparison import Source, load_source
+from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import RecordingError
 from flighttune.flight.outer_loop import tuning_problem
 from flighttune.guarantee.flight_check import flight_check
@@ -120,6 +121,7 @@ def test_the_tables_have_the_numbers_of_the_runs(written, flown_paper):
     apart = np.linalg.norm(paths[1] - paths[0], axis=1).max()
     own = records_of(written, "aircraft")["tuned"]
     assert own["max_distance_m"] == pytest.approx(apart, abs=0.05)
+    assert records_of(written, "gains")["paper"]["K_P"] == PAPER_GAINS.K_P.tolist()
 
 
 def test_a_flight_that_does_not_converge_has_its_late_errors_and_limits(written, flown_paper, page):
