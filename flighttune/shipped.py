@@ -8,7 +8,8 @@ from flighttune.errors import InputError
 
 _PACKAGE = Path(__file__).resolve().parent
 
-OWN_AIRCRAFT = "FLIGHTTUNE_AIRCRAFT"  # Names the folder of the user's aircraft in the environment
+# Environment variable with the folder of the user's aircraft.
+OWN_AIRCRAFT = "FLIGHTTUNE_AIRCRAFT"
 
 # Set in the environment of a process that may be ended by an aircraft's files.
 TRUST_AIRCRAFT = "FLIGHTTUNE_TRUST_AIRCRAFT"

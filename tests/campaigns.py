@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from contextlib import contextmanager, nullcontext, suppress
+from copy import deepcopy
 from pathlib import Path
 from unittest import mock
 
@@ -102,7 +103,7 @@ class Notes:
         self.seen, self.heard, self.stopped, self._until = [], [], False, until
 
     def see(self, progress):
-        self.seen.append(progress)
+        self.seen.append(deepcopy(progress))
         self.stopped = self.stopped or self._until(progress)
 
     def hear(self, sentence):

@@ -12,7 +12,7 @@ from flighttune.arrays import FloatArray, check_at_least, check_between
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.planning.plan import on_plants, plan_campaign
 from flighttune.campaign.planning.schema import MEASURES, Campaign, CertificateTable
-from flighttune.campaign.stated_set import flown
+from flighttune.campaign.stated_set import rows_of
 from flighttune.campaign.statistics.intervals import (
     effective_size,
     not_above,
@@ -124,7 +124,7 @@ def tune_robust(
     plan = plan_campaign(with_gains(campaign, sets))
     draws = planned.draws if draws is None else draws
     doing = f"flying {len(sets)} gain sets on {draws} draws"
-    rows = flown(pool, plan.with_runs(len(plan.groups) * draws), doing).to_pandas()
+    rows = rows_of(pool, plan.with_runs(len(plan.groups) * draws), doing).to_pandas()
     rows["gains"] = [split_name(name)[1] for name in rows["gains"]]
     q = percentile / 100.0
     values, good = scored(rows, list(sets), metrics)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.arrays import FloatArray, check_at_least, check_between
+from flighttune.arrays import FloatArray, check_at_least, check_between, check_not_negative
 from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.planning.load import campaign_on
@@ -27,7 +27,7 @@ from flighttune.campaign.planning.schema import (
     Grid,
     Uniform,
 )
-from flighttune.campaign.stated_set import flown, planned
+from flighttune.campaign.stated_set import planned, rows_of
 from flighttune.conformance.boxes import (
     WINDOW_S,
     Over,
@@ -101,6 +101,7 @@ class ConformSettings:
     def __post_init__(self) -> None:
         check_between(0.0, 1.0, epsilon=self.epsilon, confidence=self.confidence)
         check_at_least(1, attempts=self.attempts)
+        check_not_negative(start_deg=self.start_deg)
 
 
 def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conformance:
@@ -283,7 +284,8 @@ def _extremes(
 
     NaN for a flight that was not completed.
     """
-    rows = flown(pool, plan, doing, span=span, probes={RESIDUALS: partial(_residuals_of, summary)})
+    probes = {RESIDUALS: partial(_residuals_of, summary)}
+    rows = rows_of(pool, plan, doing, span=span, probes=probes)
     shape = 2, summary.windows.count, len(COUNTED)
     lost = np.full(shape, np.nan)
     values = rows[RESIDUALS].to_pylist()
@@ -297,7 +299,8 @@ def _residuals_of(summary: ResidualSummary, run: Run, scenario: Scenario) -> lis
 
 def _campaign_hash(plan: Plan, summary: ResidualSummary) -> str:
     """Hash of the flights that are counted, and of what is counted of them."""
-    model, (phi, n_z) = summary.model, map(asdict, summary.model.lags)
+    model = summary.model
+    phi, n_z = map(asdict, model.lags)
     counted = {
         "model": {"V_a_mps": model.V_a, "g_mps2": model.g, "phi": phi, "n_z": n_z},
         "windows": asdict(summary.windows),

@@ -281,13 +281,14 @@ def locked(folder: Path) -> Iterator[None]:
     The folder is made where it does not exist. InputError if another process has locked it,
     OutputError if it cannot be written or its file system has no locks.
     """
-    path = folder / LOCK
+    path, owner = folder / LOCK, ""
     lock = FileLock(path, timeout=0.0)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock.acquire()
     except Timeout as error:
-        owner = path.read_text(encoding="utf-8", errors="replace")
+        with suppress(OSError):
+            owner = path.read_text(encoding="utf-8", errors="replace")
         raise InputError(f"{folder}: a campaign is being flown into it{owner}.") from error
     except OSError as error:
         got = reason_of(error)

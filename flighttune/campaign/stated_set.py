@@ -25,7 +25,7 @@ class StoppedError(Exception):
     """The observer of a worker pool stopped its flights."""
 
 
-def flown(
+def rows_of(
     pool: WorkerPool, plan: Plan, doing: str, *, span: Span | None = None, **more: Any
 ) -> pa.Table:
     """Rows of a span of runs, by default of all, in order of ``run``.

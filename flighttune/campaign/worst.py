@@ -19,7 +19,7 @@ from flighttune.campaign.flying.rows import Drawn, Probes
 from flighttune.campaign.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
 from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.planning.schema import MEASURES
-from flighttune.campaign.stated_set import flown, planned
+from flighttune.campaign.stated_set import planned, rows_of
 from flighttune.errors import InputError
 from flighttune.guarantee.bounds import ERRORS, Bounds
 from flighttune.scenario.load import scenario_from
@@ -178,7 +178,7 @@ class StatedSet:
 
     def _rows(self, plan: Plan, draws: Sequence[Drawn], probes: Probes) -> list[dict[str, Any]]:
         self.flights += len(draws)
-        return flown(self._pool, plan, "searching", probes=probes, draws=draws).to_pylist()
+        return rows_of(self._pool, plan, "searching", probes=probes, draws=draws).to_pylist()
 
 
 def find_worst(searched: StatedSet, *, budget: int, seed: int) -> tuple[dict[str, Any], Scenario]:

@@ -208,7 +208,7 @@ def load_source(name: str | Path) -> Source:
     place, _, choice = name.partition("@") if not Path(name).exists() else (name, "", "")
     path = Path(place)
     if not (path.is_dir() or path.suffix.lower() in RECORDED):
-        return Source(name=name, runs=_flown(place, choice), chosen=bool(choice))
+        return Source(name=name, runs=_runs_of(place, choice), chosen=bool(choice))
     recording = load_recording(path)
     runs = tuple(
         run
@@ -223,7 +223,7 @@ def load_source(name: str | Path) -> Source:
     return Source(name=name, runs=runs, missing=recording.missing)
 
 
-def _flown(place: str, choice: str) -> tuple[Run, ...]:
+def _runs_of(place: str, choice: str) -> tuple[Run, ...]:
     scenario = load_scenario(place)
     if choice:
         file = Path(choice)

@@ -240,7 +240,7 @@ def fly_alone(
     elif wind_run is not None and gains is not None:
         source = wind_run.provenance.plant
         reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
-        return _not_flown(scenario, label, gains_name, gains, wind_run.status, reason)
+        return _run_without_samples(scenario, label, gains_name, gains, wind_run.status, reason)
     elif weather is not None and scenario.windy:
         north, east, down = weather.deterministic(0.0, scenario.flight.h_m)
         wind = WindRecord.steady(north=north, east=east, down=down)
@@ -275,7 +275,7 @@ def fly_once(
     scenario = with_own(scenario)
     if gains is None:
         reason = "tuning found no gains that meet the constraints"
-        return _not_flown(scenario, plant_label, gains_name, None, "no_gains", reason)
+        return _run_without_samples(scenario, plant_label, gains_name, None, "no_gains", reason)
     started = time.perf_counter()
     duration = scenario.flight.duration_s
     if limits is None:
@@ -296,19 +296,19 @@ def fly_once(
             progress=None if progress is None else (lambda t: progress(label, t / duration)),
         )
     except LawError as error:
-        return _not_flown(*of_run, "law_failed", str(error))
+        return _run_without_samples(*of_run, "law_failed", str(error))
     except TrimError as error:
-        return _not_flown(*of_run, "no_trim", str(error))
+        return _run_without_samples(*of_run, "no_trim", str(error))
     if progress is not None:
         progress(label, 1.0)
     status, reason = ("completed", "") if stop is None else (stop.status, stop.reason)
-    run = _not_flown(*of_run, status, reason)
+    run = _run_without_samples(*of_run, status, reason)
     made_by = replace(run.provenance, wall_s=time.perf_counter() - started)
     units = {name: unit for name, unit in controller.signals.items() if name not in SIGNAL_UNITS}
     return replace(run, signals=signals, provenance=made_by, units=units)
 
 
-def _not_flown(
+def _run_without_samples(
     scenario: Scenario,
     plant_label: str,
     gains_name: str,

@@ -122,13 +122,13 @@ def flight_check(run: Run) -> FlightCheck | None:
 
 
 def check_against(
-    run: Run, figures: Indicators, unit: Ellipsoid, mismatch: Mismatch
+    run: Run, indicators: Indicators, unit: Ellipsoid, mismatch: Mismatch
 ) -> FlightCheck:
-    """Hold a run against a loop, given its mismatch.
+    """Compare a run with the bound of its loop.
 
     Parameters
     ----------
-    figures, unit : Indicators and Ellipsoid
+    indicators, unit : Indicators and Ellipsoid
         Those of `certified_loop` for the run's gains.
     mismatch : Mismatch
         Mismatch of the run.
@@ -152,10 +152,10 @@ def check_against(
     states, moved = error_states(run.t, errors=errors, references=references, rates=turning)
     limited = (signals.filter(items=LIMITED).to_numpy()[:-1] != 0.0).any(axis=1)
     strength = np.linalg.norm(mismatch.d_dot, axis=1)
-    middle, Q = mismatch.t + 0.5 * np.diff(run.t), figures.Q
+    middle, Q = mismatch.t + 0.5 * np.diff(run.t), indicators.Q
     assert Q is not None  # of a stable loop
     claimed = ~(moved | limited)
-    free = _free_response(middle, quadratic_form(states, Q), claimed, figures.R_K)
+    free = _free_response(middle, quadratic_form(states, Q), claimed, indicators.R_K)
     forced = _forced_response(np.diff(middle), strength, claimed, unit.multiplier)
     smallest = float(np.linalg.eigvalsh(Q)[0])
     free_widths = np.sqrt(np.diag(np.linalg.inv(Q))[2:])

@@ -61,7 +61,7 @@ def identify(
     seed: int = 0,
 ) -> Identification:
     """Identify the inner loop of a plant about a wings-level trim, inside the limits."""
-    flight = _flown(plant_factory, condition, limits, seed)
+    flight = _flight_of(plant_factory, condition, limits, seed)
     return _of_one_order([flight])[0]
 
 
@@ -74,7 +74,7 @@ Flight: TypeAlias = tuple[
 ]
 
 
-def _flown(
+def _flight_of(
     plant_factory: Callable[[], Plant], condition: FlightCondition, limits: Limits, seed: int
 ) -> Flight:
     changes, lines = multisines(limits, seed=seed)
@@ -194,7 +194,9 @@ def identify_aircraft(
     flights, skipped = [], []
     for condition in (FlightCondition(V_a=v, gamma=g, h=h) for v in speeds for g in gamma):
         try:
-            flights.append(_flown(partial(JSBSimPlant, aircraft), condition, plant.limits, seed))
+            flights.append(
+                _flight_of(partial(JSBSimPlant, aircraft), condition, plant.limits, seed)
+            )
         except TrimError as error:
             skipped.append(str(error))
     if not flights:

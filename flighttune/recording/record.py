@@ -190,7 +190,7 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun])
     having = [drawn_run for drawn_run in drawn if plot.signal in drawn_run.run.signals]
     for drawn_run in having:
         run, key = drawn_run.run, drawn_run.key
-        strong = f"{folder}/{key}"  # its first line is
+        strong = f"{folder}/{key}"  # the first line of this entity is drawn strong
         for path, signals, opacity in (
             (strong, plot.signals, FAINT),
             (f"{folder}/{entities.MEASURED}/{key}", [plot.measured or ""], FAINTEST),

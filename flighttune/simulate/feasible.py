@@ -136,7 +136,7 @@ def feasible_reference(manoeuvre: Manoeuvre) -> FeasibleReference:
     missed = list(manoeuvre.change)
     for _ in range(MAX_CORRECTIONS):
         plan, radius = _fastest(aimed, plan, radius), NEXT_RADIUS
-        reference = _flown(manoeuvre, plan)
+        reference = _reference_of(manoeuvre, plan)
         arrived = reference.chi[-1] - manoeuvre.start[0], reference.gamma[-1] - manoeuvre.start[1]
         missed = [wanted - got for wanted, got in zip(manoeuvre.change, arrived, strict=True)]
         if max(map(abs, missed)) < ARRIVED:
@@ -280,7 +280,7 @@ def _missed(manoeuvre: Manoeuvre, x: FloatArray) -> FloatArray:
     return np.column_stack([turned - turn, gamma - manoeuvre.start[1] - climb])
 
 
-def _flown(manoeuvre: Manoeuvre, x: FloatArray) -> FeasibleReference:
+def _reference_of(manoeuvre: Manoeuvre, x: FloatArray) -> FeasibleReference:
     """The flight of the exact point mass, behind the lag, under a plan that is held by samples."""
     dt, duration = manoeuvre.dt, float(x[-1])
     knots = np.linspace(0.0, duration, KNOTS + 1)

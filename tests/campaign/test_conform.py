@@ -317,6 +317,7 @@ def test_an_aircraft_flies_starts_and_references_of_its_own():
         (("random_starts", "--out", "x.json", "--air", "severe"), "`air` must be one of calm"),
         (("feasible", "--out", "x.json"), "feasible: `start_deg` must be given for a scenario in"),
         (("feasible", "--out", "x.json", "--start-deg", "-2"), "`start_deg` must not be negative"),
+        (("aerosonde", "--out", "x.json", "--start-deg", "-2"), "`start_deg` must not be negative"),
         (("feasible_starts", "--out", "x.json", "--start-deg", "2"), "are for scenarios"),
         (("kinematic_sweep", "--out", "x.json"), "`plant` must be one of kind jsbsim"),
     ],

@@ -4,6 +4,7 @@ import io
 import json
 import os
 from dataclasses import replace
+from unittest.mock import Mock
 
 import duckdb
 import numpy as np
@@ -12,6 +13,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from campaigns import Notes, bits, parts, plan
+from filelock import FileLock, Timeout
 from scipy.stats import binomtest
 
 from flighttune.campaign.dataset import Dataset, Span, dataset_hash, locked, missing, open_dataset
@@ -261,6 +263,13 @@ def test_two_campaigns_are_not_flown_into_one_folder(tmp_path, ours):
         pytest.raises(InputError, match=f"flown .* process {os.getpid()} on "),
     ):
         run_campaign(ours, tmp_path)
+
+
+def test_a_lock_that_vanishes_is_still_the_users_mistake(tmp_path, monkeypatch):
+    monkeypatch.setattr(FileLock, "acquire", Mock(side_effect=Timeout("lock")))
+
+    with pytest.raises(InputError, match=r"a campaign is being flown into it\.$"), locked(tmp_path):
+        pass
 
 
 def test_signals_are_kept_of_failures_the_worst_and_a_sample(tmp_path, address):

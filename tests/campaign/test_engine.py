@@ -2,14 +2,15 @@
 
 import json
 import sys
+import time
 
 import psutil
 import pytest
 from campaigns import Notes, bits, children, plan
 
-from flighttune.campaign.dataset import open_dataset
+from flighttune.campaign.dataset import Span, open_dataset
 from flighttune.campaign.engine.engine import run_campaign
-from flighttune.campaign.engine.pool import TASKS_PER_WORKER
+from flighttune.campaign.engine.pool import TASKS_PER_WORKER, worker_pool
 from flighttune.campaign.flying.columns import row_schema
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.errors import FlightTuneError
@@ -46,6 +47,34 @@ def test_every_run_is_there_once_as_one_process_flies_it(tmp_path, monkeypatch, 
     assert {path.name for path in tmp_path.iterdir()} == {"files", "out"}
     assert not LISTENING
     assert not children()
+
+
+def test_each_phase_counts_its_own_runs_from_its_first_flight_on(tmp_path):
+    ours, notes = plan(tmp_path, runs=4, wind="", aircraft=()), Notes()
+
+    with worker_pool(1, observer=notes) as pool:
+        assert pool.progress.rate_per_s == 0.0
+        time.sleep(0.1)
+        ready = time.perf_counter()
+        for doing in ("learning", "counting"):
+            assert pool.fly_rows(ours, [Span(0, 4)], lambda rows: None, doing=doing)
+
+    shown = [(p.doing, p.done, p.runs) for p in notes.seen]
+    assert [*dict.fromkeys(shown)] == [
+        ("starting", 0, 4),
+        *(("learning", 0, 4), ("learning", 4, 4)),
+        *(("counting", 0, 4), ("counting", 4, 4)),
+    ]
+    assert pool.progress.flown / pool.progress.rate_per_s < time.perf_counter() - ready
+
+
+def test_a_campaign_that_is_complete_shows_all_its_runs(tmp_path):
+    ours, notes = plan(tmp_path, runs=4, wind="", aircraft=()), Notes()
+    run_campaign(ours, tmp_path / "out")
+
+    run_campaign(ours, tmp_path / "out", resume=True, observer=notes)
+
+    assert {(p.done, p.runs) for p in notes.seen} == {(4, 4)}
 
 
 def test_a_process_that_cannot_start_is_said_in_one_line(tmp_path, monkeypatch):

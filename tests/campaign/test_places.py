@@ -46,11 +46,14 @@ def test_a_key_is_found_where_it_stands(key, value, places):
     [
         ("", "must be names joined by dots"),
         ("flight..V_a_mps", "must be names joined by dots"),
-        ("limits.phi_deg[2]", r"must be at a position of `limits.phi_deg`, 0 to 1, got \[2\]"),
+        ("limits.phi_deg[2]", r"must be a position, 0 to 1, of `limits.phi_deg`, got \[2\]"),
         ("reference.chi_deg.rate_dps", "must say which of `reference.chi_deg`"),
         ("flight.V_a_mps.x", "must be a key of a table, but `flight.V_a_mps` is 25.0"),
         ("plant", "must be a key of a plant, got the plants themselves"),
-        ("plant[b747].throttle_max", r"position of `plant`, 0 to 3, kinematic, .* got \[b747\]"),
+        (
+            "plant[b747].throttle_max",
+            r"0 to 3, or a label \(kinematic, .*\) of `plant`, got \[b747",
+        ),
         ("plant.wings", "must be a key of a plant that flies: `wings` is not a known key"),
     ],
 )

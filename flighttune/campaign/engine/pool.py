@@ -126,18 +126,23 @@ class WorkerPool:
         gaps: Iterable[Span],
         keep: Callable[[pa.Table], None],
         *,
-        doing: str = "flying",
+        doing: str | None = None,
         probes: Probes | None = None,
         draws: Sequence[Drawn] | None = None,
     ) -> bool:
         """Fly runs of a plan; return False if the observer stopped them.
 
         `keep` gets tables of consecutive runs, each in order of `run`; the order of the tables is
-        arbitrary. `probes` and `draws` are those of `flighttune.campaign.flying.rows.fly_runs`.
+        arbitrary. `doing` names a phase that counts its own runs; without it they are added to
+        those counted before. `probes` and `draws` are those of
+        `flighttune.campaign.flying.rows.fly_runs`.
         """
         gaps, probes, progress = list(gaps), probes or {}, self.progress
         if not gaps:
             return True
+        if doing:
+            progress.statuses.clear()
+            progress.succeeded = 0
         buffer = _Buffer(gaps, lambda rows: keep(table_of(plan, rows, probes)))
 
         def add(rows: list[Row]) -> None:
@@ -145,7 +150,7 @@ class WorkerPool:
             progress.add((row["status"] for row in rows), (row["success"] for row in rows))
             progress.flown += len(rows)
 
-        def flown_alone() -> Iterator[Draw]:
+        def alone_draws() -> Iterator[Draw]:
             """Draws for the workers; one without runs after a batch that this process flew."""
             in_batch = batched_groups(plan, probes, draws)
             if len(in_batch) < len(plan.groups):
@@ -160,7 +165,8 @@ class WorkerPool:
 
         progress.runs = progress.done + sum(gap.runs for gap in gaps)
         try:
-            for (runs, drawn), answers in self._flown(doing, plan, flown_alone(), probes=probes):
+            answered = self._answers(doing or "flying", plan, alone_draws(), probes=probes)
+            for (runs, drawn), answers in answered:
                 add(
                     [
                         crashed_row(plan, run, drawn, *row) if isinstance(row, tuple) else row
@@ -180,15 +186,16 @@ class WorkerPool:
         `keep` gets each run and the bytes of its recording.
         """
         draws = (Draw((run,), {}) for run in runs)
-        flown = self._flown("keeping signals", plan, draws, signals=True)
-        for ((run,), _), (signals,) in flown:
+        self.progress.runs = self.progress.done  # the progress goes on to show the rows
+        answered = self._answers("keeping signals", plan, draws, signals=True)
+        for ((run,), _), (signals,) in answered:
             if isinstance(signals, bytes):
                 keep(run, signals)
             else:
                 self.observer.hear(f"run {run}: did not end when it was flown for its signals.")
         return not self.observer.stopped
 
-    def _flown(
+    def _answers(
         self,
         doing: str,
         plan: Plan,
@@ -199,7 +206,9 @@ class WorkerPool:
     ) -> Iterator[tuple[Draw, list[Any]]]:
         """Draws with the answers of the workers, in any order, until the observer stops them."""
         observer, progress, more = self.observer, self.progress, True
-        observer.see(progress)
+        if progress.began is None:
+            observer.see(progress)
+            progress.began = time.perf_counter()
         progress.doing = doing
         work = work_of(plan, probes or {})
         pending: dict[Future[Any], Draw] = {}

@@ -14,10 +14,10 @@ class CampaignProgress:
     runs: int = 0  # runs that are wanted
     statuses: Counter[str] = field(default_factory=Counter)  # of the runs that are there
     succeeded: int = 0  # of the runs that are there
-    flown: int = 0  # rows that were flown since the pool was made
+    flown: int = 0  # rows of all phases that were flown since the pool was made
     waiting: int = 0  # tasks handed out and not over
     workers: int = 1  # tasks that can run at a time; 0 while there is no worker
-    began: float = field(default_factory=time.perf_counter)
+    began: float | None = None  # s, of the performance counter, when the first flight began
 
     def add(self, statuses: Iterable[str], successes: Iterable[bool]) -> None:
         """Count runs by these columns of their rows."""
@@ -46,7 +46,9 @@ class CampaignProgress:
 
     @property
     def rate_per_s(self) -> float:
-        """Rows flown a second."""
+        """Rows flown a second; 0 before the first one."""
+        if self.began is None or not self.flown:
+            return 0.0
         return self.flown / (time.perf_counter() - self.began)
 
     @property

@@ -53,7 +53,8 @@ def _claim(plan: Plan, group: Group, L_d: float | None, t_from: float) -> Ultima
     loop = certified_loop(scenario.kinematic_model(law), gains)
     if loop is None:
         return None
-    return UltimateSet(unit=loop[1], L_d=L_d, t_from=t_from, commanded=_commanded(scenario))
+    _, unit = loop
+    return UltimateSet(unit=unit, L_d=L_d, t_from=t_from, commanded=_commanded(scenario))
 
 
 def _commanded(scenario: Scenario) -> float:

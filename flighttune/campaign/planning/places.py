@@ -21,6 +21,9 @@ NOT_DISPERSED = (
 )
 """Tables and keys of a scenario that are the same for all draws; each draw has its own seed."""
 
+INSTEAD = {"plant": "give each plant in a [[plant]]", "gains": "give each gain set in `gains`"}
+"""What to do instead of dispersing these."""
+
 SEGMENT = r"[\w/+-]+(?:\[[^\[\]]+\])*"
 PATH = re.compile(rf"{SEGMENT}(?:\.{SEGMENT})*")
 
@@ -82,14 +85,17 @@ def dispersed_places(
     for table in disperse:
         where = f"{source}: [[disperse]] `{table.key}`"
         named = re.sub(r"\[[^\]]*\]", "", table.key)
-        if {named, named.split(".")[0]} & {*NOT_DISPERSED}:
-            raise ScenarioError(f"{where} must not be dispersed: it is the same for all draws.")
+        top = named.split(".")[0]
+        if {named, top} & {*NOT_DISPERSED}:
+            why = INSTEAD.get(top, "it is the same for all draws")
+            raise ScenarioError(f"{where} must not be dispersed: {why}.")
         # a value by which to see which plants have the key
         tried = {"sets": table.central, "adds": 0.0, "multiplies": 1.0}[table.acts]
         try:
             places = places_of(table.key, values, tried)
         except InputError as error:
-            raise ScenarioError(f"{where} {error}.") from None
+            stop = "" if str(error).endswith("?") else "."
+            raise ScenarioError(f"{where} {error}{stop}") from None
         for other, theirs in places_by_key.items():
             if any(a[: len(b)] == b[: len(a)] for a in places for b in theirs):
                 raise ScenarioError(f"{where} must be dispersed once, but `{other}` means it too.")
@@ -134,9 +140,9 @@ def _walked(steps: tuple[str, ...], tables: Mapping[str, Any]) -> Place:
             labels = [PlantTable.model_validate(each).label for each in at if where == "plant"]
             position = labels.index(name) if name in labels else int(name) if name.isdigit() else -1
             if not 0 <= position < len(at):
-                names = ", ".join(["", *labels])
+                label = f" or a label ({', '.join(labels)})" if labels else ""
                 raise InputError(
-                    f"must be at a position of `{where}`, 0 to {len(at) - 1}{names}, got {step}"
+                    f"must be a position, 0 to {len(at) - 1},{label} of `{where}`, got {step}"
                 )
             place.append(position)
             at = at[position]
@@ -165,7 +171,7 @@ def _of_plants(
         else:
             flyable.append(("plant", i, *place))
     if not flyable:
-        raise InputError(f"must be a key of a plant that flies: {refusals[-1].rstrip('.?')}")
+        raise InputError(f"must be a key of a plant that flies: {refusals[-1].removesuffix('.')}")
     return tuple(flyable)
 
 

@@ -135,7 +135,7 @@ def prefixes(n: int) -> list[int]:
 def reasons(texts: Sequence[str], runs: Sequence[int]) -> list[dict[str, Any]]:
     """Sentences that differ only in their numbers, counted; the most frequent first.
 
-    An ellipsis stands in place of each number that they do not share; `run` is the first of them.
+    `run` is the first run with that sentence. Numbers that differ are shown as an ellipsis.
     """
     places_of: dict[str, list[int]] = {}
     for place, text in enumerate(texts):
