@@ -2,11 +2,12 @@
 
 import difflib
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from reprlib import Repr
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from flighttune.errors import ScenarioError
@@ -102,12 +103,15 @@ def _sentence(
     if kind == "missing":
         return f"{where} must be given"
     if kind in ("extra_forbidden", "unexpected_keyword_argument"):
-        close = difflib.get_close_matches(key, _known_keys(model) if model else (), n=1)
-        hint = f"; did you mean `{close[0]}`?" if close else ""
-        return f"{where} is not a known key{hint}"
+        names = _known_keys(model, keys[:-1]) if model else []
+        close = difflib.get_close_matches(shown(key), names, n=1, cutoff=0.5)
+        hint = f"did you mean `{close[0]}`?" if close else f"known are {', '.join(names)}"
+        return f"{where} is not a known key" + (f"; {hint}" if names else "")
     if kind in ("model_type", "dict_type", "dataclass_type"):
         message = "must be a table"
-    message = re.sub(r"^(Input|List|Tuple|String) ", "", message).replace("should", "must", 1)
+    # "List should have at least 1 item after validation, ..." becomes "must have at least 1 item".
+    message = re.sub("^(Input|List|Tuple|String) | after validation.*", "", message)
+    message = message.replace("should", "must", 1)
     return f"{where} {message}, got {abridged(problem.get('input'))}"
 
 
@@ -117,8 +121,19 @@ def _named(keys: list[str], model: type[BaseModel] | None) -> str:
     return f"[{shown('.'.join(keys[:-1]))}] `{shown(keys[-1])}`"
 
 
-def _known_keys(model: type[BaseModel]) -> set[str]:
-    """Keys of a model and of all tables in it."""
-    schema = model.model_json_schema()
-    tables = schema, *schema.get("$defs", {}).values()
-    return {key for table in tables for key in table.get("properties", ())}
+def _known_keys(model: type[BaseModel], place: Sequence[str]) -> list[str]:
+    """Keys of the table at `place` in a model; of all tables that can be there."""
+    tables = [_fields(model)]
+    for key in place:
+        kinds = [table[key].annotation for table in tables if key in table]
+        inside = []
+        for kind in kinds:  # which grows by the members of lists and unions
+            if isinstance(kind, type) and issubclass(kind, BaseModel):
+                inside.append(_fields(kind))
+            kinds += getattr(kind, "__args__", ())
+        tables = inside or tables  # the key of a dictionary leads to no other table
+    return list(dict.fromkeys(key for table in tables for key in table))
+
+
+def _fields(model: type[BaseModel]) -> dict[str, FieldInfo]:
+    return {field.alias or name: field for name, field in model.model_fields.items()}
