@@ -17,6 +17,7 @@ from flighttune.scenario.tables import PlantTable
 from flighttune.shipped import nearest_name, scenario_files
 from flighttune.table_file import json_tables, toml_tables
 from flighttune.units import DEG
+from flighttune.whole_file import reason_of
 
 # Key of [flight] for each attribute of a condition that an aircraft bounds.
 FLIGHT_KEYS = {"V_a": "V_a_mps", "h": "h_m", "phi": "phi_deg", "n_z": "n_z"}
@@ -45,6 +46,7 @@ def load_scenario(path: str | Path) -> Scenario:
     tables = _with_files(toml_tables(path), path)
     scenario = validated(Scenario, tables, str(path))
     check_aircraft(scenario, str(path))
+    check_identified(scenario, str(path))
     return scenario
 
 
@@ -65,7 +67,13 @@ def _with_files(tables: dict[str, Any], path: Path) -> dict[str, Any]:
                         f"{path}: [[{key}]] `module` must be a file, got {abridged(module)}."
                     )
                 table["module"] = str(file)
-                table.setdefault("sha256", file_sha256(file))
+                try:
+                    table.setdefault("sha256", file_sha256(file))
+                except OSError as error:
+                    raise ScenarioError(
+                        f"{path}: [[{key}]] `module` must be a file that can be read, got {file}: "
+                        f"{reason_of(error)}."
+                    ) from error
     named = [(table, "aircraft") for table in listed.get("plant", ())]
     if isinstance(tables.get("tuning"), dict):
         named.append((tables["tuning"], "identified"))
@@ -148,18 +156,12 @@ def leaves(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, An
 
 
 def check_aircraft(scenario: Scenario, source: str) -> None:
-    """Refuse a scenario that one of its aircraft cannot start, or without its identified model.
+    """Refuse a scenario that one of its aircraft cannot start.
 
     Steady flight at the start is not required here: without it a run ends with a status. The
     ScenarioError names `source`, the file of the scenario, and every key.
     """
     faults = dict.fromkeys(fault for plant in scenario.plant for fault in _faults(scenario, plant))
-    if scenario.tuning.identified is not None:
-        try:
-            load_identified(scenario.tuning.identified)
-        except InputError as error:
-            reason = f"[tuning] `identified` must be an aircraft or a model file: {error}"
-            faults[reason] = None
     if faults:
         raise ScenarioError(f"{source}: {joined(faults)}")
     if scenario.reference.shape is None:
@@ -168,6 +170,18 @@ def check_aircraft(scenario: Scenario, source: str) -> None:
         scenario.followed()
     except InputError as error:
         raise ScenarioError(f"{source}: {error}") from error
+
+
+def check_identified(scenario: Scenario, source: str) -> None:
+    """Refuse a scenario whose identified model cannot be read, naming `source` and key."""
+    if scenario.tuning.identified is None:
+        return
+    try:
+        load_identified(scenario.tuning.identified)
+    except InputError as error:
+        raise ScenarioError(
+            f"{source}: [tuning] `identified` must be an aircraft or a model file: {error}"
+        ) from error
 
 
 def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:

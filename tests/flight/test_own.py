@@ -221,6 +221,17 @@ def test_a_file_that_is_gone_or_changed_is_refused(files):
         load_scenario(files / "own.toml")
 
 
+def test_a_file_that_may_not_be_read_is_refused_with_the_reason(files, monkeypatch):
+    def denied(path):
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr("pathlib.Path.read_bytes", denied)
+
+    said = r"own.toml: \[\[law\]\] `module` must be .* read, got .*my_law.py: permission denied\.$"
+    with pytest.raises(ScenarioError, match=said):
+        load_scenario(files / "own.toml")
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [("class Other: pass", "AttributeError"), ("import nothing_of_that_name", "ModuleNotFoundE")],

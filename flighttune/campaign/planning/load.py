@@ -10,7 +10,13 @@ from flighttune.campaign.planning.schema import DISTRIBUTIONS, Campaign, Campaig
 from flighttune.errors import InputError, ScenarioError
 from flighttune.mistakes import validated
 from flighttune.plants.label import goes_by
-from flighttune.scenario.load import check_aircraft, existing_file, leaves, load_scenario
+from flighttune.scenario.load import (
+    check_aircraft,
+    check_identified,
+    existing_file,
+    leaves,
+    load_scenario,
+)
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.shipped import campaign_files, scenario_files
@@ -85,6 +91,7 @@ def _nominal(table: CampaignTable, base: Scenario, source: str) -> Scenario:
     whole = f"{source}: the scenario with the campaign's keys"
     scenario = validated(Scenario, tables, whole)
     check_aircraft(scenario, whole)
+    check_identified(scenario, whole)
     return scenario
 
 
