@@ -136,7 +136,14 @@ def _read(path: Path) -> tuple[Run, str, tuple[str, ...]]:
         return run_of(parts), parts[2], tuple(json.loads(stated.get(FLIGHT, b"[]")))
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
-    except (pa.ArrowException, LookupError, TypeError, ValueError, AttributeError) as error:
+    except (
+        pa.ArrowException,
+        OSError,
+        LookupError,
+        TypeError,
+        ValueError,
+        AttributeError,
+    ) as error:
         got = f"{type(error).__name__}: {_first_line(error)}"
         raise RecordingError(f"{path}: must be a {PARQUET_FILE} of a run, got {got}.") from error
 
