@@ -148,8 +148,9 @@ class Controller(Protocol):
 class SelfLimiting(ABC):
     """Base of controllers that apply the limits of their flight themselves.
 
-    The loop records their ``limiter`` and adds no limits of its own. A mark, not a protocol: a
-    controller of a user's may have a ``limiter`` too, and the loop still limits what it commands.
+    The loop records their ``limiter`` and adds no limits of its own. A base class, not a
+    protocol: a user's controller with a `limiter` of its own is wrapped in `GuardedLaw`, which
+    limits its commands.
     """
 
     dt: float

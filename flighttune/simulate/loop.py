@@ -94,7 +94,9 @@ def simulate(
     if not (math.isfinite(duration) and duration >= dt):
         raise InputError(f"`duration` must be at least one sample ({dt} s), got {duration} s.")
     if not isinstance(controller, SelfLimiting):
-        raise InputError("`controller` must have a `limiter`, as `GuardedLaw` has, got none.")
+        raise InputError(
+            "`controller` must apply limits itself (SelfLimiting); wrap it in GuardedLaw."
+        )
     count = round(duration / dt)
     t = np.arange(count + 1, dtype=np.float64) * dt
     sensed = None if sensors is None else len(plant.signals)

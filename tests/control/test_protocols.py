@@ -8,6 +8,7 @@ from plain_members import Glider, Proportional
 
 from flighttune import CommandLimiter, FlightCondition, Limits, PointMassPlant, Reference
 from flighttune.control.guarded import GuardedLaw
+from flighttune.errors import InputError
 from flighttune.simulate.loop import simulate
 
 START = FlightCondition(V_a=25.0, h=800.0, chi=0.4, gamma=0.1)
@@ -30,6 +31,11 @@ def test_a_plain_law_flies_a_plain_plant():
 
     assert stop is None
     assert signals["chi"].iloc[-1] == pytest.approx(0.4 * (1 - 0.4 * 1.5 * 0.02) ** 200, rel=1e-9)
+
+
+def test_a_law_that_does_not_limit_itself_is_told_what_does():
+    with pytest.raises(InputError, match=r"must apply limits itself .*wrap it in GuardedLaw"):
+        simulate(PointMassPlant(), Proportional(), LEVEL, condition=START, duration=4.0)  # pyright: ignore[reportArgumentType]
 
 
 def test_what_a_law_wants_recorded_is_a_column():
