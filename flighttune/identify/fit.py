@@ -84,6 +84,11 @@ def frequency_responses(
     `flown` are commands and response of two periods at least, so that the last one is in the steady
     state. The responses are corrected for the sample-and-hold of the commands.
     """
+    if len(flown[1]) < 2 * SAMPLES or not all(len(line) for line in lines):
+        raise InputError(
+            f"`flown` must be two periods of {PERIOD:g} s of multisines, got "
+            f"{len(flown[1]) * DT:g} s."
+        )
     commanded, measured = (np.fft.rfft(signals[-SAMPLES:], axis=0) for signals in flown)
     omegas = [line.astype(np.float64) * (2.0 * math.pi / PERIOD) for line in lines]
     own = [measured[lines[i], i] / commanded[lines[i], i] for i in range(2)]
