@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.weather import CALM, NED, Gust, Turbulence, Weather
+from flighttune.plants.weather import NED, Gust, Turbulence, Weather
 from flighttune.units import FT
 
 _AXES = {"ahead": "X", "right": "Y", "down": "Z"}
@@ -104,24 +104,30 @@ def _changing(
 
     It is exact at instants `_REFRESH` steps apart, and linear in between.
     """
-    write, h_ft = wind_writer(fdm), fdm.reader("position/h-sl-ft")
-    wind_at, ground = weather.deterministic, fdm.ground
+    writers = [fdm.writer(f"atmosphere/gust-{axis}-fps") for axis in _NED]
+    h_ft = fdm.reader("position/h-sl-ft")
     k, left = 0, 0  # number of integration steps planned so far, and of those still to fly
     h_last = h_ft()
-    wind, change = wind_at(0.0, h_last * FT + ground), CALM  # m/s, and in one integration step
+
+    def wind_at(t: float, h: float) -> list[float]:
+        return [component / FT for component in weather.deterministic(t, h * FT + fdm.ground)]
+
+    # In ft/s, as JSBSim has it, and its change in one integration step.
+    wind, change = wind_at(0.0, h_last), [0.0, 0.0, 0.0]
 
     def step() -> bool:
-        nonlocal k, left, h_last, wind, change
+        nonlocal k, left, h_last, change
         if not left:
             h = h_ft()
             # The wind is needed at the end of the next steps, whose height is extrapolated.
             h_ahead, h_last, left = 2.0 * h - h_last, h, _REFRESH
             k += _REFRESH
-            n, e, d = wind_at(k / rate, h_ahead * FT + ground)
-            change = (n - wind[0]) / _REFRESH, (e - wind[1]) / _REFRESH, (d - wind[2]) / _REFRESH
+            ahead = wind_at(k / rate, h_ahead)
+            change = [(b - a) / _REFRESH for a, b in zip(wind, ahead, strict=True)]
         left -= 1
-        wind = wind[0] + change[0], wind[1] + change[1], wind[2] + change[2]
-        write(wind)
+        for i, write in enumerate(writers):
+            wind[i] += change[i]
+            write(wind[i])
         return run()
 
     return step
