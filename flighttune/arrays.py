@@ -36,29 +36,29 @@ Floats: TypeAlias = float | FloatArray
 def _check(
     holds: Callable[[Any], bool], requirement: str, values: Mapping[str, Any], unit: str = ""
 ) -> None:
-    """Refuse the first of `values` for which something does not hold; None is not looked at."""
+    """Raise InputError for the first of `values` that fails `holds`; None is skipped."""
     for name, value in values.items():
         if value is not None and not holds(value):
             raise InputError(f"`{name}` must {requirement}, got {value} {unit}".rstrip() + ".")
 
 
 def check_positive(unit: str = "", **values: float | None) -> None:
-    """Refuse the first of `values` that is not positive and finite; None is not looked at."""
+    """Refuse the first of `values` that is not positive and finite; None is skipped."""
     _check(lambda value: math.isfinite(value) and value > 0.0, "be positive", values, unit)
 
 
 def check_not_negative(unit: str = "", **values: float) -> None:
-    """Refuse the first of `values` that is negative or not finite."""
+    """Refuse the first of `values` that is negative or not finite; None is skipped."""
     _check(lambda value: math.isfinite(value) and value >= 0.0, "not be negative", values, unit)
 
 
 def check_at_least(least: float, **values: float | None) -> None:
-    """Refuse the first of `values` that is smaller than `least`; None is not looked at."""
+    """Refuse the first of `values` that is smaller than `least`; None is skipped."""
     _check(lambda value: value >= least, f"be at least {least:g}", values)
 
 
 def check_between(low: float, high: float, **values: float) -> None:
-    """Refuse the first of `values` that is not strictly between `low` and `high`."""
+    """Refuse the first of `values` not strictly between `low` and `high`; None is skipped."""
     _check(lambda value: low < value < high, f"be between {low:g} and {high:g}", values)
 
 
@@ -68,7 +68,7 @@ def check_upright(**angles: float) -> None:
 
 
 def check_finite(unit: str = "", **values: npt.ArrayLike) -> None:
-    """Refuse the first of `values`, numbers or tuples of them, that is not finite."""
+    """Refuse the first of `values`, numbers or tuples, that is not finite; None is skipped."""
     _check(lambda value: bool(np.isfinite(value).all()), "be finite", values, unit)
 
 

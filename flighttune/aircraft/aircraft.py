@@ -109,10 +109,8 @@ class Engines(q.Table):
     count: Annotated[int, Field(ge=1, le=32)] = 1
     # s: time they take from any state to a steady one; 0 where JSBSim knows the steady state
     settle: q.NotNegative = Field(alias="settle_s", default=0.0, le=60.0)
-    throttle: Annotated[tuple[Throttle, Throttle], *q.Rising] = (
-        0.0,
-        1.0,
-    )  # lowest and highest throttle
+    # Lowest and highest throttle
+    throttle: Annotated[tuple[Throttle, Throttle], *q.Rising] = (0.0, 1.0)
     # Property of the model that takes the throttle of the first engine; the others are indices
     command: PropertyName = "fcs/throttle-cmd-norm"
 

@@ -49,7 +49,7 @@ def with_own(
     if not any(table.of_the_user for table in (*scenario.law_tables, *scenario.plant)):
         return scenario
     bound = {
-        "law": scenario.law and _bound(scenario.title, "law", scenario.law, laws),
+        "law": _bound(scenario.title, "law", scenario.law, laws) if scenario.law else None,
         "plant": _bound(scenario.title, "plant", scenario.plant, plants),
     }
     return scenario.model_copy(update=bound)

@@ -457,8 +457,12 @@ class WindTable(q.Table):
             if self.speed_mps is None or self.from_deg is None:
                 raise ValueError("`speed_mps` and `from_deg` must be given, or levels")
             return self
-        constant = {"down_mps": self.down_mps or None, "from_deg": self.from_deg}
-        for key, value in {**constant, "speed_mps": self.speed_mps}.items():
+        constant = {
+            "down_mps": self.down_mps or None,
+            "from_deg": self.from_deg,
+            "speed_mps": self.speed_mps,
+        }
+        for key, value in constant.items():
             if value is not None:
                 raise ValueError(f"`{key}` must be absent where there are levels")
         heights = [level.h_m for level in self.level]

@@ -94,8 +94,8 @@ class Sinusoid:
         """
         chi, gamma = self.chi_amplitude, self.gamma_amplitude
         products = chi * self.chi_omega, gamma * self.gamma_omega
-        switches = (chi and self.chi_switches) or (gamma and self.gamma_switches)
-        if switches or (self.square and any(products)):
+        switches = self.chi_switches if chi else None, self.gamma_switches if gamma else None
+        if any(switches) or (self.square and any(products)):
             return math.inf
         if abs(self.chi_omega) == abs(self.gamma_omega) and self.chi_phase == self.gamma_phase:
             return max(map(abs, products))

@@ -132,7 +132,7 @@ def indicators_batch(
     Parameters
     ----------
     A_K : array_like, shape (..., n, n), 1/s
-        Closed loops in velocity form; `flighttune.control.linear_models` makes a stack of them.
+        Closed loops in velocity form; `flighttune.control.linear_model` makes a stack of them.
     scaling : array_like, shape (n,), optional
         Units of the states, as in `indicators`.
 

@@ -67,7 +67,8 @@ def tune(
     Returns
     -------
     TuningResult
-        The status is "infeasible" or "failed" where there is no answer.
+        The status is "infeasible" or "failed" where there is no answer: "failed" where no gains to
+        start from stabilise the loop, with "convex" none of the semidefinite program.
 
     Raises
     ------
