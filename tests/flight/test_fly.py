@@ -27,6 +27,12 @@ def test_the_controller_keeps_inside_the_limits_of_the_aircraft_it_flies():
     assert (aircraft["phi_cmd"].diff().abs().max() / 0.02) <= np.deg2rad(30.0) * (1.0 + 1e-9)
 
 
+def test_gains_that_are_numbers_fly_without_the_identified_file_that_tuning_names():
+    tables = {"plant": [{"kind": "kinematic"}], "tuning": {"identified": "gone.json"}}
+
+    assert [run.status for run in fly(scenario(**tables)).runs] == ["completed"]
+
+
 def test_where_there_is_no_steady_flight_the_run_says_why_and_the_others_fly():
     dive = {"V_a_mps": 25.0, "gamma_deg": -30.0, "duration_s": 5.0}
     kinematic, aircraft = fly(scenario(flight=dive)).runs
