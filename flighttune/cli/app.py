@@ -174,6 +174,8 @@ def main() -> None:
             setattr(sys, name, io.StringIO())
         elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # an encoding may lack Greek letters
+            if stream is getattr(sys, f"__{name}__") and not stream.isatty():
+                setattr(sys, name, _outlives_its_reader(stream))
     try:
         app(prog_name="flighttune")
     except Exception as error:
@@ -183,6 +185,27 @@ def main() -> None:
     finally:
         with output():
             pass  # what help and completion left in the buffer
+
+
+class _Descriptor(io.FileIO):
+    """A file descriptor that drops what is written once nobody reads it any more."""
+
+    def write(self, data: Any, /) -> int | None:
+        """Write bytes, or drop them."""
+        try:
+            return super().write(data)
+        except BrokenPipeError:
+            return len(data)
+
+
+def _outlives_its_reader(stream: io.TextIOWrapper) -> io.TextIOWrapper:
+    """A standard stream for which it is no failure that nobody reads it any more."""
+    return io.TextIOWrapper(
+        io.BufferedWriter(_Descriptor(stream.fileno(), "wb", closefd=False)),
+        encoding=stream.encoding,
+        errors="replace",
+        line_buffering=stream.line_buffering or stream.write_through,
+    )
 
 
 def _reason(error: Exception) -> str:

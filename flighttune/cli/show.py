@@ -78,15 +78,14 @@ def show(answer: Answer) -> None:
 
 @contextmanager
 def output() -> Iterator[None]:
-    """Write what the block prints on stdout; it is no failure if nobody reads it any more."""
+    """Write what the block prints on stdout; a full disk ends the command."""
     try:
         yield
         sys.stdout.flush()
     except OSError as error:
         # what is left cannot be written: Python would complain about it once more
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        if not isinstance(error, BrokenPipeError):
-            fail(f"standard output must be writable, got {reason_of(error)}.", COULD_NOT_RUN)
+        fail(f"standard output must be writable, got {reason_of(error)}.", COULD_NOT_RUN)
 
 
 def _width() -> int:

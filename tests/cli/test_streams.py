@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from commands import flighttune_process
 
+from flighttune.campaign.dataset import open_dataset
+
 pytestmark = pytest.mark.slow
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="pipes and /dev/full are those of POSIX")
@@ -31,21 +33,40 @@ def ended(command, **streams):
     )
 
 
+@pytest.fixture
+def unread():
+    nobody, pipe = os.pipe()
+    os.close(nobody)
+    yield pipe
+    os.close(pipe)
+
+
 @POSIX
 @pytest.mark.parametrize(
     ("command", "status"),
-    [("list", 0), ("list --json", 0), ("trim a4 --V-a 200 --gamma 60", 1)],
+    [("list", 0), ("list --json", 0), ("--help", 0), ("trim a4 --V-a 200 --gamma 60", 1)],
 )
-def test_a_pipe_that_nobody_reads_is_no_failure(command, status):
-    nobody, pipe = os.pipe()
-    os.close(nobody)
-    try:
-        done = ended(command, stdout=pipe, stderr=subprocess.PIPE)
-    finally:
-        os.close(pipe)
+def test_a_pipe_that_nobody_reads_is_no_failure(command, status, unread):
+    done = ended(command, stdout=unread, stderr=subprocess.PIPE)
 
     assert done.returncode == status
     assert done.stderr.count(b"\n") == status  # the reason for exit status 1
+
+
+@POSIX
+@pytest.mark.parametrize("command", ["tune nosuch", "fly"])
+def test_the_exit_status_is_the_same_where_nobody_reads_the_reason(command, unread):
+    assert ended(command, stdout=unread, stderr=unread).returncode == 2
+
+
+@POSIX
+def test_a_campaign_flies_on_where_nobody_reads_its_progress(tmp_path, unread):
+    command = f"campaign run first_campaign --runs 2 --workers 1 --out {tmp_path}/flown"
+
+    done = ended(command, stdout=unread, stderr=unread)
+
+    assert done.returncode == 0
+    assert len(open_dataset(tmp_path / "flown").rows()) == 2
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
