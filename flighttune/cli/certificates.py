@@ -50,7 +50,10 @@ def certify(
     ] = False,
     L_d: Annotated[
         float | None,
-        Option("--L-d", help="Bound on the disturbance's rate, rad/s^2 [default: the scenario's]."),
+        Option(
+            "--L-d",
+            help="Bound on the derivative of the disturbance, rad/s^2 [default: the scenario's].",
+        ),
     ] = None,
     out: Annotated[Path | None, Option(help="File to write the certificate to.")] = None,
     figure: Annotated[
@@ -183,7 +186,7 @@ def verify(
         claim,
         values={**pick(verification, "valid reason"), **claim.values},
         tables=[Table(shown, checks, title, name="checks"), *claim.tables],
-        verdict=f"{'proven' if valid else 'claimed, not proven'} {claim.verdict}".rstrip(),
+        verdict=f"{'proven' if valid else 'claimed, not proven:'} {claim.verdict}".rstrip(": "),
         failure="" if valid else f"{certificate}: {verification.reason}",
     )
 

@@ -50,11 +50,13 @@ def fly(
     folder = out or Path("runs") / name
     with progress_bar() as progress:
         flown = fly_scenario(loaded, progress=progress)
-    how = f"flighttune fly {scenario} --tube"
-    tubes, around = tubes_around(flown.runs, folder, how, make=tube, conformance=conformance)
+    command = f"flighttune fly {scenario} --tube"
+    tubes, tubes_answer = tubes_around(
+        flown.runs, folder, command, make=tube, conformance=conformance, scenario=scenario
+    )
     flown = replace(flown, runs=tubes.runs)
     files = record(flown, folder, name=name)
-    answer = _flown(flown, files, around, scenario)
+    answer = _flown(flown, files, tubes_answer, scenario)
     show(answer)
     if view:
         _open(files.recording)
@@ -188,6 +190,11 @@ def _open(path: Path, *, port: int | None = None) -> None:
 
 def _flown(flown: "FlownScenario", files: "RecordedFiles", tubes: Answer, source: str) -> Answer:
     unknown = {"R_K": None, "I_K": None}
+    tuning, place = flown.scenario.tuning, "steady flight on the first reference"
+    loop = f"linear loop on the kinematic law, {place}"
+    if tuning.model == "identified":
+        place = "nominal condition" if tuning.robust else place
+        loop = f"linear loop on the identified aircraft, {place}"
     indicators = {name: pick(own, "R_K I_K") for name, own in flown.indicators.items()}
     runs = [
         {
@@ -223,7 +230,7 @@ def _flown(flown: "FlownScenario", files: "RecordedFiles", tubes: Answer, source
         },
         tables=[
             Table(RUN_COLUMNS, runs, flown.scenario.title, grouped=True),
-            Table(columns("gains R_K I_K"), gain_sets, "on the kinematic law"),
+            Table(columns("gains R_K I_K"), gain_sets, loop),
             *tubes.tables,
         ],
         notes=notes,

@@ -31,12 +31,12 @@ MARGIN_COLUMNS = [
 
 
 def chosen_gains(source: str, wanted: str | None) -> "tuple[Scenario, str, PIGains]":
-    """A scenario, and name and gains of ``--gains``; exits with 1 where tuning finds none."""
+    """Scenario, and the name and gains of ``--gains``; exit status 1 if tuning finds none."""
     from flighttune.flight.outer_loop import gain_set
     from flighttune.scenario import load_gains, load_scenario
 
     scenario = load_scenario(source)
-    name = wanted or scenario.gain_names[0]
+    name = scenario.gain_names[0] if wanted is None else wanted
     if Path(name).suffix.lower() in (".json", ".toml"):
         return scenario, name, load_gains(name)
     gains = gain_set(scenario, name)

@@ -69,6 +69,7 @@ def tune(
         search,
         values={**search.values, **gains_values(gains)},
         tables=[first, gains_table("gains", gains), margins_table(margins), *others],
+        files={"out": out},
         failure="" if tuned else f"{scenario}: {search.values['reason']}",
     )
     if out is not None:

@@ -61,12 +61,18 @@ def gap(
         explained = explain_gap(
             loaded, chosen, name=Path(name).stem, plant=plant, lag=lag, progress=progress
         )
-    how, top = f"flighttune gap {scenario} --tube --conformance FILE", explained.runs[-1:]
-    tubes, around = tubes_around(top, folder, how, make=tube, conformance=conformance)
+    tubes, tubes_answer = tubes_around(
+        explained.runs[-1:],
+        folder,
+        f"flighttune gap {scenario} --tube",
+        make=tube,
+        conformance=conformance,
+        scenario=scenario if name in loaded.gain_names else "",
+    )
     explained = replace(explained, runs=(*explained.runs[:-1], *tubes.runs))
     files = record(explained.flown(), folder, name=stem)
     values = gap_values(explained, files.signals)
-    tables, notes = gap_tables(explained, values), [*around.notes]
+    tables, notes = gap_tables(explained, values), [*tubes_answer.notes]
     figure = page = None
     if explained.steps:
         figure, page = folder / "gap.svg", folder / "gap.html"
@@ -75,13 +81,13 @@ def gap(
         if failed := explained.failed:
             why = "; ".join(f"{plant} {reason}" for plant, reason in failed.items())
             notes.insert(0, f"No metrics of, from or to a rung that failed: {why}")
-    early = "" if explained.status == "explained" else f"{scenario}: {explained.reason}"
+    ended = "" if explained.status == "explained" else f"{scenario}: {explained.reason}"
     return Answer(
-        values={**values, **around.values},
-        tables=[*tables, *around.tables],
+        values={**values, **tubes_answer.values},
+        tables=[*tables, *tubes_answer.tables],
         notes=notes,
         files={"recording": files.recording, "figure": figure, "page": page},
-        failure=around.failure or early,
+        failure=tubes_answer.failure or ended,
     )
 
 
@@ -133,8 +139,8 @@ def compare(
     if not comparison.comparable:
         failure = comparison.reason
     elif allowed and comparison.unpaired:
-        alone = ", ".join(comparison.unpaired)
-        failure = f"{tolerance}: every run must have a partner to be checked, got none for {alone}."
+        unpaired = ", ".join(comparison.unpaired)
+        failure = f"{tolerance}: every run must have a partner to be checked, got none: {unpaired}."
     elif broken:
         more = f" ({len(broken) - 1} more)" if len(broken) > 1 else ""
         failure, status = f"{tolerance}: {broken[0].sentence}{more}", NO
@@ -183,14 +189,16 @@ def report(
     folder = Path(path)
     if not folder.is_dir():
         folder = folder.parent if folder.exists() else out.parent
-    how = f"flighttune report {path} --tube"
-    tubes, around = tubes_around(source.runs, folder, how, make=tube, conformance=conformance)
+    command = f"flighttune report {path} --tube"
+    tubes, tubes_answer = tubes_around(
+        source.runs, folder, command, make=tube, conformance=conformance
+    )
     page = write_report(
         replace(source, runs=tubes.runs),
         out,
-        tubes=around.notes,
+        tubes=tubes_answer.notes,
         at_a_glance=tubes.at_a_glance,
-        tube_table=around.tables[0],
+        tube_table=tubes_answer.tables[0],
     )
     named = [table for table in page.tables if table.name]
     return Answer(
@@ -199,15 +207,15 @@ def report(
             "summary": page.summary,
             "sections": page.sections,
             "tables": {table.name: table.records for table in named},
-            **around.values,
+            **tubes_answer.values,
         },
         tables=[
             *(replace(table, name="") for table in named if table.name in PRINTED),
-            *around.tables,
+            *tubes_answer.tables,
         ],
-        notes=[*page.summary, *around.notes],
+        notes=[*page.summary, *tubes_answer.notes],
         files={"report": page.path},
-        failure=around.failure,
+        failure=tubes_answer.failure,
     )
 
 
@@ -270,10 +278,11 @@ def export(
     folder = folder.absolute()
     command, start = export_jsbsim(loaded, name, chosen, folder, plant=plant)
     return Answer(
-        values={"command": command, "start_s": start},
+        values={"start_s": start, "csv": folder / CSV},
         notes=[
-            f"{command} flies it and writes the table, which has the flight from "
+            f"The command flies it and writes {folder / CSV}, which has the flight from "
             f"Time = {start:g} s on."
         ],
-        files={"folder": folder, "script": folder / SCRIPT, "csv": folder / CSV},
+        command=command,
+        files={"folder": folder, "script": folder / SCRIPT},
     )

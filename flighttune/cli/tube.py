@@ -259,12 +259,19 @@ def enclosed(tube: "Tube", gains: str) -> Answer:
 
 
 def tubes_around(
-    runs: Sequence["Run"], folder: Path, command: str, *, make: bool, conformance: Path | None
+    runs: Sequence["Run"],
+    folder: Path,
+    command: str,
+    *,
+    make: bool,
+    conformance: Path | None,
+    scenario: str = "",
 ) -> "tuple[RunTubes, Answer]":
     """The tubes of runs found in a folder, and their part of the answer of a command.
 
-    With `make` missing ones are computed; `command` is told to make them otherwise. It is a failure
-    if a flight leaves its tube.
+    With `make`, missing tubes are computed; otherwise a note names the `command` that computes
+    them. A flight outside its tube is a failure. `scenario`: the one that was flown, where it is
+    clear which.
     """
     from flighttune.conformance import load_conformance
     from flighttune.tube.store import tubes_of
@@ -272,11 +279,11 @@ def tubes_around(
     boxes = None if conformance is None else load_conformance(conformance)
     with progress_bar() as progress:
         tubes = tubes_of(runs, folder, make=make, conformance=boxes, progress=progress)
-    return tubes, tubes_answer(tubes, command)
+    return tubes, tubes_answer(tubes, command, scenario)
 
 
-def tubes_answer(tubes: "RunTubes", command: str) -> Answer:
-    """The tubes of runs as part of an answer; `command` computes missing ones."""
+def tubes_answer(tubes: "RunTubes", command: str, scenario: str = "") -> Answer:
+    """The tubes of runs of a scenario as part of an answer; `command` computes missing ones."""
     of_tube = "status reason model start_deg handed_over_s counted_from_s probability worst"
     values = {
         label: {
@@ -289,7 +296,17 @@ def tubes_answer(tubes: "RunTubes", command: str) -> Answer:
         }
         for label, tube in tubes.tubes.items()
     }
-    notes = [_note(label, tube) for label, tube in tubes.tubes.items()]
+    flown = {run.label: run.provenance for run in tubes.runs}
+    if any(made.aircraft for made in flown.values()):
+        command += " --conformance FILE, with FILE from: flighttune conform CAMPAIGN --out FILE"
+    notes = []
+    for label, tube in tubes.tubes.items():
+        searched = "SCENARIO|CAMPAIGN"
+        if scenario:
+            start, made = tube.about.start_deg, flown[label]
+            drawn = f"--start-deg {start:g}" if start else "--disturbance RAD_PER_S"
+            searched = f"{scenario} --gains {made.gains_name} --plant {made.plant} {drawn}"
+        notes.append(_note(label, tube, searched))
     notes += [f"{label}: no tube: {why}" for label, why in tubes.why_not.items()]
     outside = ", ".join(tubes.outside)
     records = [{"run": label, **own} for label, own in values.items()]
@@ -301,8 +318,11 @@ def tubes_answer(tubes: "RunTubes", command: str) -> Answer:
     )
 
 
-def _note(label: str, tube: "RunTube") -> str:
-    """The model of a tube, where it is lost, its probability, and how to find its worst flight."""
+def _note(label: str, tube: "RunTube", searched: str) -> str:
+    """The model of a tube, where it is lost, its probability, and how to find its worst flight.
+
+    `searched`: arguments of ``worst`` that say which flights it searches.
+    """
     about, sentences = tube.about, [f"{label}: its tube is that of {tube.about.model}."]
     if about.reason and about.counted_from_s is not None:
         sentences.append(f"It is lost, and the bounds are those counted: {about.reason}.")
@@ -311,6 +331,6 @@ def _note(label: str, tube: "RunTube") -> str:
     if about.probability:
         sentences.append(f"{about.probability.sentence}.")
     if about.worst is None:
-        search = f"flighttune worst SCENARIO|CAMPAIGN --tube {tube.file}"
+        search = f"flighttune worst {searched} --tube {tube.file}"
         sentences.append(f"To search for the flight that comes closest to its bounds: {search}")
     return " ".join(sentences)

@@ -376,7 +376,10 @@ def _why_not(a: Source, b: Source, pairs: Sequence[tuple[Run, Run]]) -> str:
             return f"{between}: {source.name} has several gain sets, name one of {choices}."
     if not pairs:
         labels = " | ".join(", ".join(run.label for run in side.runs) for side in (a, b))
-        return f"{between}: a run must have a partner of the same plant or gains, got {labels}."
+        return (
+            f"{between}: no run of one has the plant and gains of one of the other, got {labels}; "
+            "choose with SOURCE@GAINS."
+        )
     for pair in pairs:
         for source, run in zip((a, b), pair, strict=True):
             if len(run.signals) < 2:

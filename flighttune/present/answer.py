@@ -23,14 +23,16 @@ READ_BY = {
 class Answer:
     """The result of a command. Its tables show numbers of its values, or have records of their own.
 
-    The text has tables, notes, verdict and files; the JSON object has the values, the records of
-    tables with a name, notes, verdict, and each file under its key. The failure goes to stderr.
+    The text has tables, notes, verdict, command and files; the JSON object has the values, the
+    records of tables with a name, notes, verdict, command, and each file under its key. The failure
+    goes to stderr.
     """
 
     values: Mapping[str, Any] = field(default_factory=dict)
     tables: Sequence[Table] = ()
     notes: Sequence[str] = ()
     verdict: str = ""
+    command: str = ""  # to copy
     files: Mapping[str, Path | str | None] = field(default_factory=dict)
     failure: str = ""  # reason for an exit status other than 0
     status: int = 1  # exit status of a failure: 1 where the answer is no
@@ -39,11 +41,13 @@ class Answer:
         """One JSON object; numbers that JSON has no word for become null."""
         records = {table.name: table.records for table in self.tables if table.name}
         said = {"notes": self.notes, "verdict": self.verdict}
+        if self.command:
+            said["command"] = self.command
         values = {**records, **said, **self.values, **self.files}
         return json.dumps(_plain(values), indent=2)
 
     def text(self, width: int) -> Iterator[str]:
-        """Paragraphs and tables of at most `width` characters; paths may be longer."""
+        """Paragraphs and tables of at most `width` characters; commands and paths may be longer."""
         for place, table in enumerate(table for table in self.tables if table.records):
             text = table.text(width)
             yield f"\n{text}" if place else text
@@ -52,6 +56,8 @@ class Answer:
             yield ""
         for sentence in sentences:
             yield fill(sentence, width, break_long_words=False, break_on_hyphens=False)
+        if self.command:
+            yield self.command
         for key, path in self.files.items():
             if path is not None:
                 how = f"   (flighttune {READ_BY[key]} {path})" if key in READ_BY else ""

@@ -84,9 +84,9 @@ class Scenario(Table):
                 raise ValueError(
                     f"`{key}` must not name anything twice, got {', '.join(labels)}{hint}"
                 )
-        kinds = [plant.kind for plant in self.plant]
+        plants = list(dict.fromkeys((*plants, *(plant.kind for plant in self.plant))))
         for table in self.expect:
-            for key, labels in (("gains", self.gain_names), ("plant", [*plants, *kinds])):
+            for key, labels in (("gains", self.gain_names), ("plant", plants)):
                 if getattr(table, key) not in (None, *labels):
                     raise ValueError(
                         f"`{key}` of [[expect]] must be one of {', '.join(labels)}, "

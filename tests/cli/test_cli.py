@@ -53,8 +53,9 @@ def test_the_signals_of_a_run_are_where_fly_says(paper):
         assert f"{stored.provenance.plant} / {stored.provenance.gains_name}" == stored.label
 
 
-def test_tune_finds_the_optimum_of_the_unlimited_problem():
-    found = answer("tune", scenario_files()["paper"])
+def test_tune_finds_the_optimum_of_the_unlimited_problem(tmp_path):
+    path = tmp_path / "gains.json"
+    found = answer("tune", scenario_files()["paper"], "--out", path)
 
     assert found["status"] == "optimal"
     assert found["R_K"] == pytest.approx(0.53976, abs=5e-6)
@@ -62,6 +63,7 @@ def test_tune_finds_the_optimum_of_the_unlimited_problem():
     assert found["active"] == ["I_K"]
     assert np.array(found["K_P"]) == pytest.approx(np.diag([2.2209, 2.4797]), abs=1e-3)
     assert {"reason", "K_I", "spectral_abscissa", "starts", "wall_s"} <= found.keys()
+    assert found["out"] == str(path)
 
 
 @pytest.mark.parametrize("name", TABLE_2)
@@ -124,6 +126,25 @@ def test_a_run_that_ends_early_is_a_result_with_a_reason_and_exit_status_one(tmp
 
 
 @pytest.mark.slow
+def test_fly_says_of_which_model_the_indicators_are(tmp_path):
+    path, text = tmp_path / "mine.toml", scenario_files()["feasible"].read_text()
+    text = text.partition("[[expect]]")[0].replace('"paper", "tuned_identified"', '"paper"')
+    printed = {}
+    for model in ("kinematic", "identified"):
+        path.write_text(f'{text}\n[tuning]\nmodel = "{model}"\n')
+        printed[model], _ = flighttune("fly", path, "--out", tmp_path)
+
+    assert "\nlinear loop on the kinematic law, steady flight" in printed["kinematic"]
+    assert "\nlinear loop on the identified aircraft, steady flight" in printed["identified"]
+
+
+def test_a_command_to_copy_has_a_line_of_its_own(tmp_path, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "40")
+    printed, _ = flighttune("export", "level_turn", "--out", tmp_path)
+
+    assert answer("export", "level_turn", "--out", tmp_path)["command"] in printed.splitlines()
+
+
 def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
     text = scenario_files()["paper_printed_limits"].read_text()
     path = tmp_path / "infeasible.toml"
@@ -141,6 +162,7 @@ def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
     ("arguments", "message"),
     [
         (("fly", "nowhere.toml"), "nowhere.toml: the scenario must be a file or one of"),
+        (("certify", "paper", "--gains", ""), "`gains` must be one of tuned, paper, K1"),
         (("certify", "paper", "--gains", "gone.json"), "gone.json: the file must be readable"),
         (("view", "gone.rrd"), "gone.rrd"),
     ],

@@ -103,6 +103,7 @@ def test_verify_refuses_a_changed_digit_and_names_the_inequality(certificate, tm
     path = tmp_path / "changed.json"
     path.write_text(json.dumps(tables))
 
+    assert "claimed, not proven: for the linear model" in flighttune("verify", path, status=1)[0]
     out, err = flighttune("verify", path, "--json", status=1)
 
     found = json.loads(out)
