@@ -280,9 +280,14 @@ def _indicators(plan: Plan, group: Group, scenarios: Sequence[Scenario]) -> list
     law, _ = plan.scenario.law_of(group.gains, gains)
     if gains is None or not law.by_gains:
         return [(None, None)] * len(scenarios)
-    loops = [closed_loop(scenario.linear_model(law), gains) for scenario in scenarios]
-    both = indicators_batch(np.array(loops))
-    return [
-        (_number(R_K), _number(I_K))
-        for R_K, I_K in zip(both.R_K.tolist(), both.I_K.tolist(), strict=True)
+    # what the loop of a draw depends on: often it is not dispersed, and all draws share a loop
+    keys = [
+        (s.flight.V_a_mps, s.flight.g_mps2, s.followed().initial[1], s.controller)
+        for s in scenarios
     ]
+    different = dict(zip(keys, scenarios, strict=True))
+    loops = [closed_loop(scenario.linear_model(law), gains) for scenario in different.values()]
+    both = indicators_batch(np.array(loops))
+    numbers = zip(map(_number, both.R_K.tolist()), map(_number, both.I_K.tolist()), strict=True)
+    by_key = dict(zip(different, numbers, strict=True))
+    return [by_key[key] for key in keys]
