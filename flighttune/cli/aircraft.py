@@ -69,11 +69,11 @@ def trim(
     config = load_aircraft(aircraft)
     angles = [angle * DEG for angle in gamma] if gamma else None
     records = trim_table(config, V_a=V_a or None, gamma=angles, phi=phi * DEG, h=h)
-    none = f"{aircraft}: no steady flight among {len(records)}: {records[0]['reason']}"
+    failure = f"{aircraft}: no steady flight among {len(records)}: {records[0]['reason']}"
     return Answer(
         values={"aircraft": aircraft},
         tables=[Table(TRIM_COLUMNS, records, f"{config.title}: steady flight", name="trims")],
-        failure="" if any(record["trim"] for record in records) else none,
+        failure="" if any(record["trim"] for record in records) else failure,
     )
 
 
@@ -168,7 +168,7 @@ def identify(
         for channel, fitted in c.channels.items()
         if fitted.fit_percent < GOOD_FIT
     ]
-    less = f"{aircraft}: a lag explains less than {GOOD_FIT:g} % of {'; '.join(poor)}"
+    poor_fit = f"{aircraft}: a lag explains less than {GOOD_FIT:g} % of {'; '.join(poor)}"
     return Answer(
         values={
             "aircraft": name,
@@ -184,7 +184,7 @@ def identify(
         ],
         notes=[FIT_NOTE, *(f"left out: {reason}" for reason in made.skipped)],
         files={"model": model, "figure": figure},
-        failure=less if poor else "",
+        failure=poor_fit if poor else "",
     )
 
 

@@ -68,52 +68,53 @@ campaigns = typer.Typer(
 )
 COMMANDS = {
     "Tune": [
-        (tune, "tuning", "tune paper --out gains.json"),
-        (frontier, "tuning", "frontier paper"),
-        (certify, "certifying", "certify paper --gains tuned --out certificate.json"),
-        (verify, "verifying", "verify certificate.json"),
-        (trim, "trimming", "trim aerosonde --V-a 25 --gamma 0"),
-        (design, "designing", "design aerosonde --dry-run"),
-        (adopt, "adopting", "adopt 737"),
-        (identify, "identifying", "identify aerosonde --V-a 25"),
+        (tune, "tune", "tuning", "tune paper --out gains.json"),
+        (frontier, "frontier", "tuning", "frontier paper"),
+        (certify, "certify", "certifying", "certify paper --gains tuned --out certificate.json"),
+        (verify, "verify", "verifying", "verify certificate.json"),
+        (trim, "trim", "trimming", "trim aerosonde --V-a 25 --gamma 0"),
+        (design, "design", "designing", "design aerosonde --dry-run"),
+        (adopt, "adopt", "adopting", "adopt 737"),
+        (identify, "identify", "identifying", "identify aerosonde --V-a 25"),
     ],
     "Fly": [
-        (fly, "flying", "fly paper"),
-        (refly, "flying", "refly runs/paper"),
-        (view, "opening", "view runs/paper"),
-        (list_shipped, "listing", "list"),
+        (fly, "fly", "flying", "fly paper"),
+        (refly, "refly", "flying", "refly runs/paper"),
+        (view, "view", "opening", "view runs/paper"),
+        (list_shipped, "list", "listing", "list"),
     ],
     "Explain": [
-        (gap, "flying", "gap paper"),
-        (compare, "comparing", "compare paper@paper paper@tuned"),
-        (worst, "searching", "worst first_campaign --budget 40"),
-        (tube, "enclosing", "tube paper --gains paper"),
-        (conform, "learning", "conform aerosonde --out conformance.json"),
+        (gap, "gap", "flying", "gap paper"),
+        (compare, "compare", "comparing", "compare paper@paper paper@tuned"),
+        (worst, "worst", "searching", "worst first_campaign --budget 40"),
+        (tube, "tube", "enclosing", "tube paper --gains paper"),
+        (conform, "conform", "learning", "conform aerosonde --out conformance.json"),
     ],
     "Publish": [
-        (report, "reporting", "report runs/paper"),
-        (reproduce, "reproducing", "reproduce gains"),
-        (export, "exporting", "export paper --gains paper"),
+        (report, "report", "reporting", "report runs/paper"),
+        (reproduce, "reproduce", "reproducing", "reproduce gains"),
+        (export, "export", "exporting", "export paper --gains paper"),
     ],
 }
-"""Commands by their heading in the help: function, status on a terminal, and an example."""
+"""Commands by their heading in the help: function, name, status on a terminal, and an example."""
 
 CAMPAIGN_COMMANDS = [
-    (campaign.run, "planning", "campaign run first_campaign"),
-    (campaign.report, "reporting", "campaign report runs/first_campaign"),
-    (campaign.fly, "flying", "campaign fly runs/first_campaign --run 6"),
-    (tune_by_flying, "tuning", "campaign tune first_campaign --candidates 4 --draws 10"),
+    (campaign.run, "run", "planning", "campaign run first_campaign"),
+    (campaign.report, "report", "reporting", "campaign report runs/first_campaign"),
+    (campaign.fly, "fly", "flying", "campaign fly runs/first_campaign --run 6"),
+    (tune_by_flying, "tune", "tuning", "campaign tune first_campaign --candidates 4 --draws 10"),
 ]
 
 
 def _add_command(
     group: typer.Typer,
     function: Callable[..., Answer | None],
+    name: str,
     doing: str,
     example: str,
     panel: str | None = None,
 ) -> None:
-    """Add a command with --json and -q that prints the answer of a function, or fails with it."""
+    """Add a command, with --json and -q, that prints and exits as the answer of `function` says."""
     options = {} if function is view else {"as_json": JsonOption}
     options["quiet"] = QuietOption
 
@@ -133,16 +134,15 @@ def _add_command(
         parameters=[*signature.parameters.values(), *added]
     )
     command.__annotations__ = function.__annotations__ | options
-    name = example.removeprefix("campaign ").split()[0]
     epilog = f"Example: flighttune {example}"
     group.command(name, rich_help_panel=panel, epilog=epilog)(command)
 
 
-for function, doing, example in CAMPAIGN_COMMANDS:
-    _add_command(campaigns, function, doing, example)
+for function, name, doing, example in CAMPAIGN_COMMANDS:
+    _add_command(campaigns, function, name, doing, example)
 for panel, commands in COMMANDS.items():
-    for function, doing, example in commands:
-        _add_command(app, function, doing, example, panel)
+    for function, name, doing, example in commands:
+        _add_command(app, function, name, doing, example, panel)
     if panel == "Fly":
         app.add_typer(campaigns, rich_help_panel=panel)
 

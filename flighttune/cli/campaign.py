@@ -44,7 +44,10 @@ def report(
         str, Argument(metavar="DIR", help="Folder of a campaign; it may be running.")
     ],
     out: Annotated[
-        Path | None, Option("--out", "-o", help="HTML file to write [default: DIR/report.html].")
+        Path | None,
+        Option(
+            "--out", "-o", help="HTML file to write [default: DIR/report.html if DIR is local]."
+        ),
     ] = None,
     interval: Annotated[
         Literal["wilson", "clopper-pearson"], Option(help="Confidence interval of rates.")
@@ -106,9 +109,9 @@ def fly(
         tell(f"run {run} {row['status'].replace('_', ' ')} in the campaign: {row['reason']}")
     name = f"{Path(folder).name}-run-{run}"
     with progress_bar() as progress:
-        again = fly_again(dataset.plan, run, progress=progress)
-    flown = again[f"{row['plant']} / {row['gains']}"]
-    files = record(again, out or Path("runs") / name, name=name)
+        reflown = fly_again(dataset.plan, run, progress=progress)
+    flown = reflown[f"{row['plant']} / {row['gains']}"]
+    files = record(reflown, out or Path("runs") / name, name=name)
     differences = row_differences(dataset.plan, run, row)
     versions = changed_versions(dataset.versions)
     changed = [
@@ -159,9 +162,14 @@ def run(
     resume: Annotated[bool, Option("--resume", help="Fly the runs that --out lacks.")] = False,
     until_halfwidth: Annotated[
         float | None,
-        Option(metavar="H", help="Stop once the success rate of every group is within +-H (95 %)."),
+        Option(
+            metavar="H",
+            help="Stop when the 95 % interval of every success rate is at most +-H wide.",
+        ),
     ] = None,
-    dry_run: Annotated[bool, Option("--dry-run", help="Show plan, time and disk space.")] = False,
+    dry_run: Annotated[
+        bool, Option("--dry-run", help="Show plan, time and disk space; write nothing.")
+    ] = False,
 ) -> Answer:
     """Fly CAMPAIGN and write a dataset with one row per run.
 

@@ -130,8 +130,8 @@ def duration(seconds: float) -> str:
 def on_interrupt(stop: Callable[[], object] | None = None) -> Iterator[None]:
     """Call `stop` at the first of `SIGNALS` in the block; without it, raise KeyboardInterrupt.
 
-    After the first one the signals are handled as before the block. `stop` is called from the
-    signal handler: it only asks for the end, and returns at once. Shells start commands in the
+    With `stop`, later signals are handled as before the block. It is called from the signal
+    handler: it only asks for the end, and returns at once. Shells start commands in the
     background with SIGINT ignored; in the block it is not.
     """
     before = {number: signal.getsignal(number) for number in SIGNALS}

@@ -76,7 +76,8 @@ def worst(
         str | None,
         Option(
             help="Metric to maximise: a column of a campaign's rows, or margin, the largest excess "
-            "over a requirement relative to its bound [default: margin, else chi.ITAE]."
+            "over a requirement relative to its bound [default: margin if there are requirements, "
+            "else chi.ITAE]."
         ),
     ] = None,
     gains: CampaignGainsOption = None,
@@ -94,7 +95,10 @@ def worst(
     seed: Annotated[int, Option(help="Seed of the search.", min=0)] = 1,
     tube: Annotated[
         Path | None,
-        Option(help="Signals of a tube (Parquet): search for the flight closest to its bounds."),
+        Option(
+            help="Signals of a tube (Parquet): search for the flight closest to its bounds, and "
+            "print how many times wider the tube is."
+        ),
     ] = None,
     out: Annotated[
         Path | None, Option(help="Scenario to write [default: runs/NAME-worst.toml].")
@@ -191,7 +195,10 @@ def conform(
     plant: AircraftPlantOption = None,
     air: Annotated[
         str | None,
-        Option(help="Air: calm, wind, light, moderate or severe [default: the likeliest of all]."),
+        Option(
+            help="Air: calm, wind, light, moderate or severe [default: the most likely air of the "
+            "campaign]."
+        ),
     ] = None,
     boxes: Annotated[
         Literal["time", "phase"] | None,
@@ -226,11 +233,13 @@ def conform(
     if (out is None) == (recount is None):
         raise InputError("`--out` must be given, or `--recount` in its place.")
     check_ending(out, ".json")
-    from flighttune.campaign import conform as conformant
+    from flighttune.campaign.conform import ConformSettings
+    from flighttune.campaign.conform import conform as conform_source
+    from flighttune.campaign.conform import recount as count_again
     from flighttune.conformance import load_conformance, save_conformance
     from flighttune.conformance.file import conformance_tables
 
-    settings = conformant.ConformSettings(
+    settings = ConformSettings(
         epsilon=epsilon,
         confidence=confidence,
         attempts=attempts,
@@ -244,17 +253,20 @@ def conform(
     )
     with campaign_pool(workers, scheduler) as pool:
         if recount is not None:
-            again = conformant.recount(source, load_conformance(recount), settings, pool)
-            left = f"{recount}: {again.outside} of {again.flights} new flights left the boxes"
-            status = "flights_outside" if again.outside else "counted"
-            return Answer(
-                values={"status": status, **pick(again, "flights outside")},
-                verdict=left,
-                failure=left if again.outside else "",
+            recounted = count_again(source, load_conformance(recount), settings, pool)
+            sentence = (
+                f"{recount}: {recounted.outside} of {recounted.flights} new flights left the boxes"
             )
-        counted = conformant.conform(source, settings, pool)
+            status = "flights_outside" if recounted.outside else "counted"
+            return Answer(
+                values={"status": status, **pick(recounted, "flights outside")},
+                verdict=sentence,
+                failure=sentence if recounted.outside else "",
+            )
+        counted = conform_source(source, settings, pool)
     if counted.holds:
-        save_conformance(counted, out or "")
+        assert out is not None
+        save_conformance(counted, out)
     low, high = counted.boxes.low, counted.boxes.high
     rates = [
         {
