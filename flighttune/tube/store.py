@@ -187,6 +187,8 @@ def _tube_files(folder: Path) -> tuple[dict[str, Path], dict[str, str]]:
     """Files of tubes by the hash of their flight, and why the other files are not read."""
     files, refused = {}, {}
     for path in sorted(folder.glob("[!.]*.parquet")):
+        if path.stem.endswith("-worst"):  # an earlier version wrote the worst flight on its own
+            continue
         try:
             files[read_sealed(path)[0].run] = path
         except InputError as error:
@@ -274,6 +276,7 @@ def read_sealed(path: Path) -> tuple[AboutTube, dict[str, FloatArray]]:
     try:
         table = pq.read_table(pa.BufferReader(data))
         stated = table.schema.metadata[ABOUT]
+        described = json.loads(stated)
         columns = {name: table[name].to_numpy().astype(float) for name in table.column_names}
         t, bounds = columns["t"], Bounds.of(columns)
     except (pa.ArrowException, OSError, KeyError, TypeError, ValueError) as error:
@@ -282,7 +285,7 @@ def read_sealed(path: Path) -> tuple[AboutTube, dict[str, FloatArray]]:
     try:
         about = TypeAdapter(AboutTube).validate_json(stated)
     except ValidationError as error:
-        raise InputError(f"{path}: {mistakes(error, json.loads(stated))}") from error
+        raise InputError(f"{path}: {mistakes(error, described)}") from error
     if not (len(t) and np.isfinite(bounds.pairs).all() and (np.diff(t) > 0.0).all()):
         raise InputError(f"{path}: `t` must rise and every bound must be finite; {REMEDY}.")
     if not (bounds.low <= bounds.high).all():

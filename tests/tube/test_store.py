@@ -23,9 +23,10 @@ from flighttune.flight.gap_charts import bound_chart
 from flighttune.recording.parquet import load_recording
 from flighttune.recording.plots import shown_plots, value_range
 from flighttune.scenario import load_scenario, scenario_from
+from flighttune.seal import BLANK, seal
 from flighttune.simulate.run import TUBE_SIGNALS
 from flighttune.table_file import toml_text
-from flighttune.tube.store import run_sha256, tubes_of, write_sealed, write_worst
+from flighttune.tube.store import ABOUT, SEAL, run_sha256, tubes_of, write_sealed, write_worst
 from tests.tube.test_aircraft import conformance, flight
 from tests.tube.test_soundness import tube
 
@@ -169,6 +170,19 @@ def test_a_tube_whose_bounds_cannot_be_is_not_drawn(flown, tubes, tmp_path, chan
     (line,) = read.why_not.values()
     assert re.search(why, line)
     assert "\n" not in line
+
+
+def test_a_worst_flight_of_an_earlier_version_is_passed_over_and_text_for_json_refused(tmp_path):
+    (tmp_path / "tubes").mkdir()
+    (tmp_path / "tubes" / "0-worst.parquet").write_bytes(b"of an earlier version")
+    assert tubes_of([], tmp_path).why_not == {}
+
+    schema = pa.schema([("t", pa.float64())], metadata={ABOUT: "no JSON", SEAL: BLANK})
+    sink = pa.BufferOutputStream()
+    pq.write_table(pa.table([[0.0]], schema=schema), sink)
+    (tmp_path / "tubes" / "0.parquet").write_bytes(seal(sink.getvalue().to_pybytes()))
+    (why,) = tubes_of([], tmp_path).why_not.values()
+    assert "must be a Parquet file of a tube, got: " in why
 
 
 @pytest.mark.parametrize("at", [0.1, 0.6, 0.99])
