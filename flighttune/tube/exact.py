@@ -223,14 +223,15 @@ class ExactEnclosure(Enclosure):
             values = ordered(self._on_its_side(i, side, excess, 0.0))
             slope = self.plan.slope(values)
             moves.append((side, positive_part(Quantity(excess.form, values), slope)))
-            known = self._sides[i, side] != OPEN
-            doubt += np.where(known, OVERLAP * (1.0 + np.abs(slope)) * UP, 0.0)
+            decided = self._sides[i, side] != OPEN
+            doubt += np.where(decided, OVERLAP * (1.0 + np.abs(slope)) * UP, 0.0)
         return combined(*moves).widened(doubt) if moves else None
 
     def _integrated(self, i: int, channel: Channel, integral: Form) -> tuple[Form, bool]:
         """The integral after the sample, and whether a limit can hold the command."""
         # Beyond a limit by less than OVERLAP counts as open, unless a split has said which side.
-        free, limited = np.array([[True], [False]]).repeat(len(self.pieces), axis=1)
+        n = len(self.pieces)
+        free, limited = np.ones(n, dtype=bool), np.zeros(n, dtype=bool)
         for side, excess in channel.excesses:
             sides = self._sides[i, side]
             free &= (sides == FREE) | ((sides == OPEN) & (excess.values.high < -OVERLAP))
@@ -260,5 +261,6 @@ class ExactEnclosure(Enclosure):
             # the command of the flight, not about a symbol, so later passes may use it.
             if self._excess_over.get(limit) is excess:
                 at_limit = at[which] == 0.0
-                sides[which[at_limit]], upper[at_limit] = FREE, LIMITED
+                sides[which[at_limit]] = FREE
+                upper[at_limit] = LIMITED
             self._sides[limit] = np.concatenate([sides, upper])

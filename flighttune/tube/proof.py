@@ -123,7 +123,7 @@ def save_tube(tube: Tube, path: str | Path) -> None:
     arrays = {
         "claim": np.array(json.dumps(tables_of(claim))),
         "bounds": tube.bounds.pairs + looser,
-        "held": tube.held,
+        "held": tube.can_limit,
         "chosen": tube.chosen,
     }
     if problem.scenario.reference.shape == "feasible":
@@ -236,7 +236,7 @@ def _tube_from(claim: Claim, arrays: Arrays, conformance: Conformance | None) ->
         if claim.lost is None
         else f"the flights of the model are not enclosed from t = {problem.t[claim.lost]:.2f} s on",
         bounds=bounds_of(problem.t, arrays["bounds"]),
-        held=arrays["held"],
+        can_limit=arrays["held"],
         settings=claim.settings,
         chosen=arrays["chosen"].ravel(),
         hand_over=_hand_over(claim, arrays, problem),
@@ -300,7 +300,12 @@ def _hand_over(claim: Claim, arrays: Arrays, problem: TubeProblem) -> HandOver |
         return None
     sample, samples = claim.hand_over
     n, last = problem.loop.rows, len(problem.t)
-    shapes = {"ever_W": (n, n), "ever_centre": (n,), "ever_size": (n,), "ever_bounds": (4, 2)}
+    shapes = {
+        "ever_W": (n, n),
+        "ever_centre": (n,),
+        "ever_size": (n,),
+        "ever_bounds": (len(QUANTITIES), 2),
+    }
     _check_shapes(arrays, shapes)
     if not settled_from(problem.loop) < sample < last:
         raise InputError(
@@ -391,7 +396,7 @@ def verify_tube(
         broken = _broken(ranges, claimed[k])
         if broken:
             return _refused(f"{at}: {broken}")
-        unproven = np.flatnonzero(limited & ~tube.held[k])
+        unproven = np.flatnonzero(limited & ~tube.can_limit[k])
         if len(unproven):
             name = QUANTITIES[2:][unproven[0]]
             return _refused(f"{at}: that no limit holds {name} is not proven")

@@ -41,7 +41,7 @@ class Tube:
     # sample to sample, measured to the reference that moves straight as well.
     bounds: Bounds
     # shape (k, 2): whether a limit can hold the command of roll and of load factor
-    held: npt.NDArray[np.bool_]
+    can_limit: npt.NDArray[np.bool_]
     settings: Settings
     # shape (n,), float32: choices that make the proof short: slopes, splits, symbols given up
     chosen: npt.NDArray[np.float32]
@@ -77,7 +77,7 @@ class Tube:
 
     def held_intervals(self, channel: int) -> list[tuple[float, float]]:
         """Intervals, s, in which a limit can hold the command of a channel."""
-        edges = np.diff(np.concatenate([[False], self.held[:, channel], [False]]).astype(int))
+        edges = np.diff(np.concatenate([[False], self.can_limit[:, channel], [False]]).astype(int))
         begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
         t = self.bounds.t
         return [(float(t[a]), float(t[b])) for a, b in zip(begins, ends, strict=True)]
@@ -93,10 +93,10 @@ def within_counted(tube: Tube) -> Tube:
     problem, lost = tube.problem, len(tube.bounds.t)
     pairs = counted_bounds(problem)
     pairs[:lost] = tightest(tube.bounds.pairs, pairs[:lost])
-    held = np.ones((len(pairs), 2), dtype=bool)
-    held[:lost] = tube.held
+    can_limit = np.ones((len(pairs), 2), dtype=bool)
+    can_limit[:lost] = tube.can_limit
     bounds = bounds_of(problem.t, pairs)
-    return replace(tube, status="bounded", bounds=bounds, held=held, lost=lost)
+    return replace(tube, status="bounded", bounds=bounds, can_limit=can_limit, lost=lost)
 
 
 def counted_bounds(problem: TubeProblem) -> FloatArray:

@@ -139,7 +139,7 @@ def _attempt(
         status="unbounded" if reason else "bounded",
         reason=reason,
         bounds=bounds_of(t[: len(ranges)], np.reshape(ranges, (-1, len(QUANTITIES), 2))),
-        held=np.array(limits_at, dtype=bool).reshape(-1, 2),
+        can_limit=np.array(limits_at, dtype=bool).reshape(-1, 2),
         settings=settings,
         chosen=search.choices,
         hand_over=None if reason or rows is None else hand_over(loop, *rows, hulls),

@@ -111,7 +111,7 @@ def test_where_the_set_is_lost_errors_are_within_those_counted(lost, tmp_path):
     )
     assert (lost.bounds.half_widths[: lost.lost, :2] <= np.array(ERROR)).all()
     assert lost.bounds.half_widths[0, 0] < 0.1 * ERROR[0]
-    assert lost.held[lost.lost :].all()
+    assert lost.can_limit[lost.lost :].all()
     assert lost.handed_over is None
     assert flights_inside(lost)
     save_tube(lost, tmp_path / "tube.npz")
@@ -142,7 +142,7 @@ def narrower(bounds):
     [
         (lambda one: {"bounds": narrower(one.bounds)}, "sample .*is not proven"),
         (
-            lambda one: {"held": one.held & (one.bounds.t < one.bounds.t[-1])[:, None]},
+            lambda one: {"can_limit": one.can_limit & (one.bounds.t < one.bounds.t[-1])[:, None]},
             "no limit holds phi_cmd",
         ),
         (lambda one: {"lost": one.lost + 1}, "sample .*cannot be kept|end early"),

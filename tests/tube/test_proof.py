@@ -75,7 +75,7 @@ def test_a_tube_reads_back_and_is_proven_again(proven):
 
     assert is_tube_file(path)
     assert again.bounds.pairs == pytest.approx(found.bounds.pairs, abs=1e-8)
-    assert (again.held == found.held).all()
+    assert (again.can_limit == found.can_limit).all()
     assert verify_tube(path).valid
 
 
