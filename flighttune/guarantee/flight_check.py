@@ -129,7 +129,7 @@ def check_against(
     Parameters
     ----------
     indicators, unit : Indicators and Ellipsoid
-        Those of `certified_loop` for the run's gains.
+        Results of `certified_loop` for the run's gains.
     mismatch : Mismatch
         Mismatch of the run.
 

@@ -22,7 +22,7 @@ NOT_DISPERSED = (
 """Tables and keys of a scenario that are the same for all draws; each draw has its own seed."""
 
 INSTEAD = {"plant": "give each plant in a [[plant]]", "gains": "give each gain set in `gains`"}
-"""What to do instead of dispersing these."""
+"""Hint for a key that cannot be dispersed."""
 
 SEGMENT = r"[\w/+-]+(?:\[[^\[\]]+\])*"
 PATH = re.compile(rf"{SEGMENT}(?:\.{SEGMENT})*")
