@@ -12,8 +12,6 @@ from flighttune.campaign.dataset import open_dataset
 
 pytestmark = pytest.mark.slow
 
-POSIX = pytest.mark.skipif(os.name == "nt", reason="pipes and /dev/full are those of POSIX")
-
 
 @pytest.mark.parametrize(
     "command", ["list", "compare paper_as_printed@paper paper_as_printed@K1", "--help"]
@@ -41,7 +39,6 @@ def unread():
     os.close(pipe)
 
 
-@POSIX
 @pytest.mark.parametrize(
     ("command", "status"),
     [("list", 0), ("list --json", 0), ("--help", 0), ("trim a4 --V-a 200 --gamma 60", 1)],
@@ -53,13 +50,11 @@ def test_a_pipe_that_nobody_reads_is_no_failure(command, status, unread):
     assert done.stderr.count(b"\n") == status  # the reason for exit status 1
 
 
-@POSIX
 @pytest.mark.parametrize("command", ["tune nosuch", "fly"])
 def test_the_exit_status_is_the_same_where_nobody_reads_the_reason(command, unread):
     assert ended(command, stdout=unread, stderr=unread).returncode == 2
 
 
-@POSIX
 def test_a_campaign_flies_on_where_nobody_reads_its_progress(tmp_path, unread):
     command = f"campaign run first_campaign --runs 2 --workers 1 --out {tmp_path}/flown"
 
@@ -80,7 +75,6 @@ def test_standard_output_on_a_full_disk_is_said_in_one_line():
     ]
 
 
-@POSIX
 def test_a_closed_standard_output_is_no_failure():
     code = "import os, sys; os.close(1); os.execv(sys.executable, [sys.executable, *sys.argv[1:]])"
     done = subprocess.run(
