@@ -1,6 +1,7 @@
 """The tables of a scenario file: units at the end of each key, values in SI by a method."""
 
 import math
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -262,9 +263,9 @@ class OwnTable(q.Table):
         return self._maker
 
     @property
+    @abstractmethod
     def family(self) -> PlantKind | type[Law]:
-        """Description of its kind for the other rooms."""
-        raise NotImplementedError
+        """Keys, labels and defaults of its kind."""
 
     @property
     def of_the_user(self) -> bool:

@@ -1,6 +1,7 @@
 """The tables and keys of a campaign file."""
 
 import math
+from abc import abstractmethod
 from typing import Annotated, Any, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -54,9 +55,9 @@ class DisperseTable(Table):
         """The median."""
         return float(self.at(np.array([0.5]))[0])
 
+    @abstractmethod
     def at(self, u: FloatArray) -> npt.NDArray[Any]:
         """Values at points `u` of the open unit interval, shape as `u`."""
-        raise NotImplementedError
 
 
 class Normal(DisperseTable):
