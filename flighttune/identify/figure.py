@@ -21,8 +21,9 @@ FLOWN, FIT, CROSS = HUES[0][0][0], HUES[1][0][0], HUES[3][0][0]
 LABELS = ("φ [deg]", "n_z [1]")
 CROSS_TITLES = ("Coupling: roll command to n_z", "Coupling: load-factor command to roll")
 UNITS = DEG, 1.0
+
+# Magnitude at the bandwidth, dB.
 BANDWIDTH = -3.01
-"""Magnitude at the bandwidth, dB."""
 
 
 def identification_figure(identification: Identification, title: str) -> Sheet:

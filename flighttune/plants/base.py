@@ -17,8 +17,8 @@ StopStatus: TypeAlias = Literal[
     "diverged", "ground_contact", "left_envelope", "law_failed", "plant_failed"
 ]
 
+# Signals every plant shows first, in this order: SI, rad, position in local NED from the start.
 COMMON_SIGNALS = ("chi", "gamma", "phi", "n_z", "V_a", "north", "east", "down")
-"""Signals every plant shows first, in this order: SI, rad, position in local NED from the start."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,8 +124,8 @@ class WrappedPlant:
         return self._plant.advance(phi_cmd, n_z_cmd, duration)
 
 
+# Names of course and flight-path angle over ground where `chi` and `gamma` are through the air.
 OVER_GROUND = ("chi_ground", "gamma_ground")
-"""Names of course and flight-path angle over ground where `chi` and `gamma` are through the air."""
 
 _CHI, _GAMMA = COMMON_SIGNALS.index("chi"), COMMON_SIGNALS.index("gamma")
 _MOTION = ("V_g", "wind_north", "wind_east", "wind_down")

@@ -13,14 +13,14 @@ from flighttune.control.controller import FlightCondition
 from flighttune.control.inner_loop import InnerLag
 from flighttune.plants.base import Plant, Stop, WrappedPlant
 
+# Longest time for which a plant behind lags is given one roll and load factor, s.
 PIECE = 0.002
-"""Longest time for which a plant behind lags is given one roll and load factor, s."""
 
+# Decimals of a second to which the transitions of a channel are distinguished.
 RESOLUTION = 12
-"""Decimals of a second to which the transitions of a channel are distinguished."""
 
+# Transitions remembered by a channel.
 MAX_TRANSITIONS = 4096
-"""Transitions remembered by a channel."""
 
 
 @lru_cache(maxsize=256)  # flights of one aircraft ask for the same few again and again

@@ -9,16 +9,16 @@ from flighttune.arrays import FloatArray, check_not_negative
 from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, Plant, WrappedPlant
 
+# Signals that the controller sees through sensors, in the order of every array of them.
 SENSED = ("chi", "gamma", "V_a")
-"""Signals that the controller sees through sensors, in the order of every array of them."""
 
+# Names of the same signals as the controller saw them.
 MEASURED = tuple(f"{name}_meas" for name in SENSED)
-"""Names of the same signals as the controller saw them."""
 
 _CHI, _GAMMA, _V_A = (COMMON_SIGNALS.index(name) for name in SENSED)
 
+# Key of the seed's child that sensors draw from, which has one child for each signal.
 _STREAM = 0x5E45
-"""Key of the seed's child that sensors draw from, which has one child for each signal."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

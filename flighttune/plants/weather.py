@@ -17,12 +17,12 @@ NED: TypeAlias = tuple[float, float, float]
 
 CALM: NED = (0.0, 0.0, 0.0)
 
+# Signals of the wind that a plant met, m/s.
 WIND = ("wind_north", "wind_east", "wind_down")
-"""Signals of the wind that a plant met, m/s."""
 
 
+# Time (s), wind there (m/s) and its rate (m/s^2), constant until the next piece.
 WindPiece: TypeAlias = tuple[float, NED, NED]
-"""Time (s), wind there (m/s) and its rate (m/s^2), constant until the next piece."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -21,12 +21,13 @@ TUBE_NOTE = (
     "The error of the aircraft is drawn in its tube where there is one: "
     "flighttune gap SCENARIO --tube --conformance FILE makes it."
 )
+
+# Metrics of the tables; ``--json`` has them all.
 METRICS = [
     f"metrics.{channel}.{key}"
     for key in ("ITAE", "MO_rad", "ST_rad", "saturation_s")
     for channel in CHANNEL_SYMBOLS
 ]
-"""Metrics of the tables; ``--json`` has them all."""
 
 
 RUNG_COLUMNS = columns(" ".join(["plant", "status", *METRICS]))

@@ -14,18 +14,19 @@ from flighttune.present.names import SYMBOLS
 from flighttune.present.palette import HUES, LIMIT, NEUTRAL
 from flighttune.units import DEG
 
+# Colours of the loops cut at roll and at load factor, if no gains are compared.
 COLOURS = (HUES[0][0][0], HUES[1][0][0])
-"""Colours of the loops cut at roll and at load factor, if no gains are compared."""
 
 POINTS = 1200
+
+# Frequencies shown below the slowest and above the fastest eigenvalue.
 DECADES = 1.5
-"""Frequencies shown below the slowest and above the fastest eigenvalue."""
 
+# Part of the plane that a Nyquist diagram shows.
 WINDOW = (-3.0, 1.5), (-2.0, 2.0)
-"""Part of the plane that a Nyquist diagram shows."""
 
+# Height of a chart of the plane, pixels.
 SQUARE = 340.0
-"""Height of a chart of the plane, pixels."""
 
 
 def loop_charts(model: LinearModel, gains: PIGains, margins: Sequence[Margins]) -> list[Chart]:

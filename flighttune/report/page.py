@@ -36,12 +36,13 @@ from flighttune.table_file import toml_text
 from flighttune.tuning.frontier import frontier, frontier_chart
 from flighttune.units import DEG_PER_RAD
 
+# Gain sets whose gap is drawn; the table has all of them.
 MAX_GAPS = 3
-"""Gain sets whose gap is drawn; the table has all of them."""
 
 FRONTIER_POINTS = 9
+
+# Longest aircraft run for which the ladder is flown: beyond it a report would take minutes.
 LONGEST_LADDER = 6_000
-"""Longest aircraft run for which the ladder is flown: beyond it a report would take minutes."""
 
 CONVERGES = (
     "A run converges if it was completed and over the last quarter of the flight both errors stay "

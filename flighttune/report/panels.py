@@ -26,22 +26,23 @@ COMMANDS = (
     ("n_z", "Load-factor command; limits dashed, bars: limited", "n_z,cmd [1]"),
 )
 FLOWN = (("phi", "Roll", "φ [deg]"), ("n_z", "Load factor", "n_z [1]"))
+
+# Height of the bar of one run as a part of the panel.
 LANE = 0.035
-"""Height of the bar of one run as a part of the panel."""
 
 FEW_RUNS = 4
 
+# Lower end of the logarithmic axis of ``||s||``.
 FLOOR = 1e-4
-"""Lower end of the logarithmic axis of ``||s||``."""
 
 TINY = 1e-9
 
+# Bars that fit next to each other in a flight.
 FINEST = 300
-"""Bars that fit next to each other in a flight."""
 
 
+# Runs that flew and are drawn together, each with its line.
 Drawn: TypeAlias = Sequence[tuple[Run, LineStyle]]
-"""Runs that flew and are drawn together, each with its line."""
 
 
 def most_points(runs: int) -> int:

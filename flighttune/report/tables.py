@@ -21,13 +21,13 @@ from flighttune.units import DEG_PER_RAD
 if TYPE_CHECKING:
     import pandas as pd
 
+# An error has converged where, over the last quarter of the flight, it stays within 5 % of its
+# largest or within 0.5 deg.
 CONVERGED_PART = 0.05
 CONVERGED_AT_LEAST = np.deg2rad(0.5)
-"""An error has converged where, over the last quarter of the flight, it stays within 5 % of its
-largest or within 0.5 deg."""
 
+# Part of the flight after which its last quarter begins.
 LATE = 0.75
-"""Part of the flight after which its last quarter begins."""
 
 TRACKING = "ITAE_mean MO_rad PT_s rise_s MS_rad ST_rad effort_rms saturation_s"
 FLIGHT = "V_a_dev_mps n_z_min n_z_max alpha_max_rad"

@@ -10,8 +10,9 @@ from flighttune.units import FT
 _AXES = {"ahead": "X", "right": "Y", "down": "Z"}
 _BODY_FRAME = 1.0
 _MODELS = {"milspec": 3.0, "tustin": 4.0}
+
+# Integration steps between two instants at which a changing wind is computed.
 _REFRESH = 4
-"""Integration steps between two instants at which a changing wind is computed."""
 
 _NED = ("north", "east", "down")
 

@@ -9,8 +9,8 @@ from flighttune.plants.jsbsim import properties
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.units import FT, G_0
 
+# Most evaluations of one state: the flight control of the model settles in them.
 MAX_EVALUATIONS = 8
-"""Most evaluations of one state: the flight control of the model settles in them."""
 
 MEASURED = ("u_dot", "v_dot", "w_dot", "p_dot", "q_dot", "r_dot", "n_y", "n_z")
 

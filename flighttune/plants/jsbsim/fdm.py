@@ -21,30 +21,31 @@ from flighttune.plants.jsbsim.model_files import (
     source_folders,
 )
 
+# ICAO standard atmosphere: K/m, K, Pa and g/(R L).
 LAPSE_RATE = 0.0065
 SEA_LEVEL_TEMPERATURE = 288.15
 SEA_LEVEL_PRESSURE = 101325.0
 PRESSURE_EXPONENT = 5.25588
-"""ICAO standard atmosphere: K/m, K, Pa and g/(R L)."""
 
 _RANKINE = 1.8
+
+# Pascal in a pound-force per square foot.
 _PSF = 47.880259
-"""Pascal in a pound-force per square foot."""
 
 _INCHES = 12.0
+
+# Properties that are 0 in an empty aircraft: point masses and fuel.
 _LOAD = re.compile(r"inertia/pointmass-weight|/tank(\[\d+\])?/contents-lbs")
-"""Properties that are 0 in an empty aircraft: point masses and fuel."""
 
+# Integration steps a second while an engine settles. Long steps bring it to the same steady state
+# with a fifth of the work; short steps after them settle what the long ones upset.
 _LONG_STEP_RATE, _SETTLING_RATE = 10.0, 50.0
-"""Integration steps a second while an engine settles. Long steps bring it to the same steady state
-with a fifth of the work; short steps after them settle what the long ones upset.
-"""
 
+# Change of thrust in a sample, as a share of it, that ends the settling.
 _SETTLED_CHANGE = 1e-10
-"""Change of thrust in a sample, as a share of it, that ends the settling."""
 
+# Number of waits for a steady thrust, and its relative change that counts as none.
 _MAX_SETTLINGS, _STEADY = 5, 1e-13
-"""Number of waits for a steady thrust, and its relative change that counts as none."""
 
 MOTIONS = [
     f"simulation/integrator/{of}/{motion}"
@@ -54,8 +55,9 @@ MOTIONS = [
 
 EARTH = Path(__file__).with_name("earth.xml")
 _BOTH_MAGNETOS = 3.0
+
+# Time that the starter turns a piston engine, s.
 _STARTING = 8.0
-"""Time that the starter turns a piston engine, s."""
 
 
 class Fdm:

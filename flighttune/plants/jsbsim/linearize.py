@@ -12,19 +12,19 @@ from flighttune.plants.jsbsim.bench import CONTROLS, AirframeState, Bench, slope
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.trim import trim
 
+# States of the longitudinal motion, then of the lateral one.
 STATES = ("V_a", "alpha", "theta", "q", "beta", "phi", "p", "r")
-"""States of the longitudinal motion, then of the lateral one."""
 
+# Share of its size from which an eigenvalue's imaginary part counts: below it is rounding.
 OSCILLATES = 1e-9
-"""Share of its size from which an eigenvalue's imaginary part counts: below it is rounding."""
 
+# Half widths of the central differences: rad, rad/s, m/s and 1. Airspeed and throttle come last,
+# because the engine settles anew for them.
 _HALF_WIDTHS = {
     **dict.fromkeys((*STATES[1:], *CONTROLS[:-1]), 1e-3),
     "V_a": 0.1,
     "throttle": 0.01,
 }
-"""Half widths of the central differences: rad, rad/s, m/s and 1. Airspeed and throttle come
-last, because the engine settles anew for them."""
 
 
 def linearize(config: AircraftConfig, condition: FlightCondition) -> tuple[FloatArray, FloatArray]:

@@ -12,27 +12,27 @@ from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.model_files import Unchanged
 from flighttune.units import DEG
 
+# Acceleration that a surface is for, and the sign of it by a positive position.
 EFFECTS = {"aileron": ("p_dot", 1.0), "elevator": ("q_dot", -1.0), "rudder": ("r_dot", -1.0)}
-"""Acceleration that a surface is for, and the sign of it by a positive position."""
 
+# Properties in which a model may show the position of a surface.
 POSITIONS = {
     "aileron": ("fcs/left-aileron-pos-rad", "fcs/right-aileron-pos-rad", "fcs/aileron-pos-rad"),
     "elevator": ("fcs/elevator-pos-rad",),
     "rudder": ("fcs/rudder-pos-rad",),
 }
-"""Properties in which a model may show the position of a surface."""
 
+# Share by which the travel of a model may differ from its file.
 TRAVEL_TOLERANCE = 0.02
-"""Share by which the travel of a model may differ from its file."""
 
+# Share of the effect of half the travel that the other half must have at least.
 MIN_SECOND_HALF = 0.1
-"""Share of the effect of half the travel that the other half must have at least."""
 
+# Position (rad) and acceleration (rad/s^2) that count as none.
 NEGLIGIBLE = 1e-6
-"""Position (rad) and acceleration (rad/s^2) that count as none."""
 
+# Flight in which an aircraft is checked: angle of attack, height and throttle.
 ALPHA, HEIGHT, FULL = 3.0 * DEG, 1000.0, 0.95
-"""Flight in which an aircraft is checked: angle of attack, height and throttle."""
 
 
 def check_moves(config: AircraftConfig) -> None:

@@ -39,13 +39,13 @@ from flighttune.shipped import is_trusted
 from flighttune.units import FT
 from flighttune.whole_file import scratch_folder, scratch_place
 
+# Elements by which JSBSim opens files and sockets on its first evaluation.
 CONNECTIONS = ("output", "input")
-"""Elements by which JSBSim opens files and sockets on its first evaluation."""
 
 _NOMINAL = OffNominal()
 
+# Time that JSBSim may take to load an aircraft; it takes a tenth of a second.
 TIME_LIMIT_S = 60.0
-"""Time that JSBSim may take to load an aircraft; it takes a tenth of a second."""
 
 # JSBSim evaluates an aircraft once more when it frees it, and may end the process then: `_exit`.
 _PROGRAM = """
@@ -63,8 +63,8 @@ except Exception:
 os._exit(0)
 """
 
+# Weighs an aircraft in JSBSim: handed in, because loading an aircraft needs this module.
 Weigh: TypeAlias = Callable[[AircraftConfig], MassBalance]
-"""Weighs an aircraft in JSBSim: handed in, because loading an aircraft needs this module."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,20 +18,20 @@ if TYPE_CHECKING:
     from flighttune.plants.jsbsim.fdm import Fdm
     from flighttune.plants.weather import Weather
 
+# Relative deviation of a duration from a whole number of integration steps: rounding.
 _STEP_SHARE = 1e-6
-"""Relative deviation of a duration from a whole number of integration steps: rounding."""
 
+# Longest time between two checks of the state, s.
 _GUARD_INTERVAL = 0.02
-"""Longest time between two checks of the state, s."""
 
+# Most integration steps of JSBSim in one sample of the inner loop.
 MAX_STEPS = 20
-"""Most integration steps of JSBSim in one sample of the inner loop."""
 
+# Largest seed that JSBSim takes.
 LARGEST_SEED = 2**31 - 1
-"""Largest seed that JSBSim takes."""
 
+# Largest depth below and height above sea level of the ground, m.
 DEEPEST_GROUND, HIGHEST_GROUND = 500.0, 6000.0
-"""Largest depth below and height above sea level of the ground, m."""
 
 _N_Z = properties.SIGNALS.index("n_z")
 

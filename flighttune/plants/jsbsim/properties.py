@@ -15,12 +15,14 @@ ENGAGED = "ft/engaged"
 SURFACE_TRIMS = tuple(f"ft/{name}-trim-rad" for name in SURFACES)
 THROTTLE_TRIM = "ft/throttle-trim-norm"
 TRIMS = (*SURFACE_TRIMS, THROTTLE_TRIM)
+
+# Outputs of the inner loop, each of which adds to its trim.
 LAWS = tuple(name.replace("-trim-", "-law-") for name in TRIMS)
-"""Outputs of the inner loop, each of which adds to its trim."""
 
 POSITIONS = tuple(f"ft/{name}-rad" for name in SURFACES)
 THROTTLE = "ft/throttle-norm"
+
+# Beginning of the names of gains.
 GAINS = "ft/gains/"
-"""Beginning of the names of gains."""
 
 LIMITS = "ft/limits/"

@@ -14,24 +14,24 @@ from flighttune.plants.jsbsim.bench import AirframeState, Bench
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.units import DEG, DEG_PER_RAD, G_0
 
+# Share by which a step must reduce the residual, and share to which it must for its slopes to be
+# used again.
 _MIN_GAIN, _FAST_GAIN = 0.5, 0.1
-"""Share by which a step must reduce the residual, and share to which it must for its slopes to be
-used again."""
 
+# Share of the way to a bound that a step takes which would pass it.
 _ROOM_USED = 0.9
-"""Share of the way to a bound that a step takes which would pass it."""
 
+# Residual below which a step that gains nothing more has met rounding.
 _ROUNDING = 1e-9
-"""Residual below which a step that gains nothing more has met rounding."""
 
+# Number of times that a step with too little gain is halved.
 _HALVINGS = 3
-"""Number of times that a step with too little gain is halved."""
 
 _NEWTON_STEPS = 12
 
+# Share of its length that a step must have room for. Two steps in a row with less, before the same
+# bound, end the search: the root lies behind the bound, or the slopes mislead.
 _MIN_ROOM = 0.25
-"""Share of its length that a step must have room for. Two steps in a row with less, before the same
-bound, end the search: the root lies behind the bound, or the slopes mislead."""
 
 
 def interior_root(
@@ -110,36 +110,36 @@ def slopes_within(
     return np.array(columns).T
 
 
+# Airspeeds of a table over the envelope, where none are given.
 SPEEDS = 6
-"""Airspeeds of a table over the envelope, where none are given."""
 
 CLIMBS = (-10.0 * DEG, -5.0 * DEG, 0.0, 5.0 * DEG, 10.0 * DEG, 20.0 * DEG, 45.0 * DEG)
 
 _SIDESLIP_SEARCHED = 10.0 * DEG
+
+# Largest unbalanced acceleration of a trim, in units of g or rad/s^2.
 _RESIDUAL_ALLOWED = 1e-6
-"""Largest unbalanced acceleration of a trim, in units of g or rad/s^2."""
 
+# Difference of an unknown, as a share of its range, where nothing but rounding is in the way.
 _DIFFERENCE = 2.0**-26
-"""Difference of an unknown, as a share of its range, where nothing but rounding is in the way."""
 
+# Residual that an engine which is still settling leaves.
 _SETTLED = 1e-8
-"""Residual that an engine which is still settling leaves."""
 
+# Differences of the unknowns (rad, rad/s, throttle) where an engine settles: to within 1e-6 g, and
+# its thrust has kinks. The unknown that the engine follows comes last.
 _STEPS = (1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 3e-4)
-"""Differences of the unknowns (rad, rad/s, throttle) where an engine settles: to within 1e-6 g, and
-its thrust has kinks. The unknown that the engine follows comes last.
-"""
 
+# Further starts of the search, as shares of the way from the closed throttle to the open one.
 _THROTTLES = (0.6, 0.85, 0.45, 0.15)
-"""Further starts of the search, as shares of the way from the closed throttle to the open one."""
 
+# Steps of least squares.
 _MAX_EVALUATIONS = 60
-"""Steps of least squares."""
 
 _TOO_LITTLE = "full throttle has too little thrust"
 
+# Share of its interval within which a trim variable counts as lying at the end of it.
 _AT_STOP = 0.01
-"""Share of its interval within which a trim variable counts as lying at the end of it."""
 
 
 def trim(fdm: Fdm, condition: FlightCondition, *, thrust_short: bool = False) -> AirframeState:

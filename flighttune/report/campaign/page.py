@@ -24,8 +24,8 @@ from flighttune.report.campaign.panels import (
 from flighttune.shipped import scenario_files
 from flighttune.table_file import toml_text
 
+# Effects of the seed of a flight.
 CHANCE = "noise and turbulence"
-"""Effects of the seed of a flight."""
 
 CONFIDENCE = {"clopper-pearson": "Clopper and Pearson's", "wilson": "Wilson's"}
 

@@ -16,20 +16,20 @@ from flighttune.present.names import metric_label
 from flighttune.present.palette import LIMIT, LineStyle, line_styles
 from flighttune.report.campaign.tables import influential_parameters
 
+# Height of a row with a name and a share, pixels.
 ROW = 30.0
-"""Height of a row with a name and a share, pixels."""
 
+# Measures whose distributions are drawn.
 SPREAD = ("chi.ITAE", "gamma.ITAE", "chi.MO_rad", "gamma.MO_rad")
-"""Measures whose distributions are drawn."""
 
+# Ratio of the largest to the smallest value from which on an axis is logarithmic.
 MANY_TIMES = 30.0
-"""Ratio of the largest to the smallest value from which on an axis is logarithmic."""
 
+# Flights of a group in a chart of dots.
 DOTS = 400
-"""Flights of a group in a chart of dots."""
 
+# Parameters over which a measure is drawn.
 SCATTERED = 2
-"""Parameters over which a measure is drawn."""
 
 
 def styles_of(findings: Findings) -> dict[str, LineStyle]:

@@ -25,16 +25,16 @@ def probability(p: float) -> str:
     return f"{p:.2g}" if p >= 1e-4 else "< 0.0001"
 
 
+# Metrics of the page; the JSON object has all.
 METRICS = (
     *(f"{channel}.{metric}" for metric in ("ITAE", "MO_rad") for channel in ("chi", "gamma")),
     *(f"{channel}.{metric}" for metric in ("settling_s", "ST_rad") for channel in ("chi", "gamma")),
     "flight.n_z_max",
     "flight.alpha_max_rad",
 )
-"""Metrics of the page; the JSON object has all."""
 
+# Parameters listed with a flight: the most influential ones.
 PARAMETERS = 5
-"""Parameters listed with a flight: the most influential ones."""
 
 INFLUENCES = 10
 
