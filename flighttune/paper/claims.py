@@ -160,21 +160,15 @@ def _printed(what: str, value: float, number: float, last_digit: float) -> Check
     return Check(what, number, value, abs(value - number) <= last_digit)
 
 
-def _all_steps(what: str, agreeing: int, count: int) -> Check:
-    """Every step from one neighbour to the next must go the way that the paper says."""
-    computed = f"{agreeing} of {count} steps"
-    return Check(what, f"{count} of {count} steps", computed, agreeing == count)
-
-
-def _rising_steps(values: pd.Series) -> tuple[int, int]:
-    """Number of neighbours at which a series rises, and of all neighbours."""
-    change = values.diff().dropna()
-    return int((change > 0.0).sum()), len(change)
+def _all_rise(what: str, steps: FloatArray) -> Check:
+    """Every step from one neighbour to the next must be a rise."""
+    rising, count = int((steps > 0.0).sum()), steps.size
+    return Check(what, f"{count} of {count} steps", f"{rising} of {count} steps", rising == count)
 
 
 def _lower_with_higher_R_K(name: str, from_high_to_low: pd.Series) -> Check:
     """A measure must rise at every step from the highest R_K to the lowest."""
-    return _all_steps(f"{name} lower with higher R_K", *_rising_steps(from_high_to_low))
+    return _all_rise(f"{name} lower with higher R_K", np.diff(from_high_to_low))
 
 
 # The abstract
@@ -432,7 +426,8 @@ def mostly_smaller_MO_PT(study: Study) -> Checks:
     """MO and PT fall with rising R_K at most steps."""
     for measure, name in (("MO_rad", "MO"), ("PT_s", "PT")):
         for channel in ("chi", "gamma"):
-            rising, count = _rising_steps(study.of_gains(channel, measure))
+            steps = np.diff(study.of_gains(channel, measure))
+            rising, count = int((steps > 0.0).sum()), steps.size
             what = f"{name} of e_{channel} lower with higher R_K"
             computed = f"{rising} of {count} steps"
             yield Check(what, f"most of {count} steps", computed, 2 * rising > count)
@@ -479,10 +474,8 @@ def steps_along(
         table = study.of_disturbances(channel, measure).to_numpy()
         for axis, symbol in enumerate(("L_d", "ω_d")):
             if symbol in along:
-                change = np.diff(table, axis=axis)
-                agreeing = int(((change if way == "rises" else -change) > 0.0).sum())
-                what = f"{name.format(channel)} {way} with {symbol}"
-                yield _all_steps(what, agreeing, change.size)
+                steps = np.diff(table if way == "rises" else -table, axis=axis)
+                yield _all_rise(f"{name.format(channel)} {way} with {symbol}", steps)
 
 
 def insensitive_ITAE(study: Study) -> Checks:

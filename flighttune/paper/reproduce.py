@@ -126,16 +126,15 @@ def errata(study: Study) -> list[Table]:
 
 def numbers(study: Study) -> dict[str, Any]:
     """Every name that stands in braces, or after ``only_if``, in ``errata.toml``."""
-    star, flight, duffing = study.indicators[STAR], study.flights[STAR], study.duffing
+    star, flight = study.indicators[STAR], study.flights[STAR]
     _, rate_limited, anti_windup, unlimited = study.readings.values()
     rate_bound = printed.disturbance(printed.PRINTED_DISTURBANCE).rate_bound
     n_z_trim = math.cos(printed.GAMMA_C)
     A_K = closed_loop(study.model, study.star)
     named = {
         "printed": printed,
+        "study": study,
         "star": star,
-        "optimum": study.optimum,
-        "constrained": study.constrained,
         "use": initial_commands(study.star),
         "largest_use": largest_share(study.star),
         "peak_time": {channel: flight.peak(channel)[1] for channel in ("chi", "gamma")},
@@ -143,8 +142,6 @@ def numbers(study: Study) -> dict[str, Any]:
         "anti_windup_overshoot": anti_windup.peak("chi")[0],
         "growth_of_ST": max(study.growth_of_ST(channel) for channel in ("s_chi", "s_gamma")),
         "norm_decay": star.R_K / 2.0,
-        "duffing": duffing,
-        "constant_push": duffing.hard["constant L_d"],
         "unlimited_diverges": unlimited.status == "diverged",
         "unlimited_end": unlimited.t[-1],
         "n_z_trim": n_z_trim,

@@ -1,4 +1,8 @@
-"""The items that can be made again: to add one, describe it in ``items.toml`` and list it here."""
+"""The items that can be made again, described in ``items.toml`` in the order of the paper.
+
+To add one, describe it there, and put the function that makes it, under its name, into a module of
+this folder.
+"""
 
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
@@ -12,21 +16,8 @@ from flighttune.paper.items.base import Made
 from flighttune.paper.study import Study
 from flighttune.shipped import nearest_name
 
-# Maker of each item, in the order of the paper.
-MAKERS = {
-    "fig3": oscillator.fig3,
-    "gains": gains.gains,
-    "fig6": gains.fig6,
-    "fig5": flights.fig5,
-    "fig12": flights.fig12,
-    "table2": gains.table2,
-    "fig8": flights.fig8,
-    "fig7": flights.fig7,
-    "fig13": flights.fig13,
-    "fig9": flights.fig9,
-    "fig11": flights.fig11,
-    "fig10": flights.fig10,
-}
+# Functions by name: an item is made by that of its own name.
+MAKERS = {**vars(oscillator), **vars(gains), **vars(flights)}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,18 +52,17 @@ class Item:
 
 
 def _described() -> dict[str, Item]:
-    """Each maker with its text from ``items.toml``."""
+    """Each item of ``items.toml`` with its maker."""
     text = tomllib.loads(Path(__file__).with_name("items.toml").read_text(encoding="utf-8"))
     assumptions = {
         name: {key: words.format(**vars(printed)) for key, words in entry.items()}
         for name, entry in text["assumption"].items()
     }
     items = {}
-    for name, make in MAKERS.items():
-        entry = text["item"][name]
+    for name, entry in text["item"].items():
         entry["parameters"] = [text["parameter"][key] for key in entry["parameters"]]
         entry["assumed"] = [assumptions[key] for key in entry["assumed"]]
-        items[name] = Item(name=name, make=make, **entry)
+        items[name] = Item(name=name, make=MAKERS[name], **entry)
     return items
 
 
