@@ -1,10 +1,10 @@
 """Identification of an inner loop: of a plant at one condition, of an aircraft at several."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 
@@ -40,17 +40,44 @@ DESIGN_SPEED = "V_a-design-mps"
 PERIODS = 2
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Identification:
-    """Result of the identification at one condition, with its data."""
+    """Flights at one condition, and the lags identified from them."""
 
-    condition: IdentifiedCondition
+    trim: FlightCondition  # about which was flown
+    frequency: tuple[FrequencyResponse, FrequencyResponse]  # measured, of roll and load factor
     # Fits of every order, of roll and load factor, the chosen one first
     candidates: tuple[tuple[LagCandidate, ...], tuple[LagCandidate, ...]]
-    frequency: tuple[FrequencyResponse, FrequencyResponse]  # measured, of roll and load factor
-    # The validation manoeuvre, not used for the fit, shape (samples, 2) each: ``commanded``,
-    # ``flown``, and ``fit``, the response of the chosen lags
-    check: Mapping[str, FloatArray]
+    manoeuvre: tuple[FloatArray, FloatArray]  # for validation: commands and response
+
+    @cached_property
+    def check(self) -> dict[str, FloatArray]:
+        """The validation manoeuvre, not used for the fit, shape (samples, 2) each.
+
+        ``commanded``, ``flown``, and ``fit``, the response of the chosen lags.
+        """
+        commanded, flown = self.manoeuvre
+        change, fit = commanded - commanded[0], np.empty_like(flown)
+        for i, fits in enumerate(self.candidates):
+            fit[:, i] = flown[0, i] + lag_response(fits[0].lag, DT, change[:, i], 0.0)
+        return {"commanded": commanded, "flown": flown, "fit": fit}
+
+    @cached_property
+    def condition(self) -> IdentifiedCondition:
+        """The inner loop at the trim, as its file has it."""
+        flown, fit, channels = self.check["flown"], self.check["fit"], {}
+        for i, (name, fits) in enumerate(zip(("phi", "n_z"), self.candidates, strict=True)):
+            best, simpler = fits[0], next(fit.lag for fit in fits if fit.lag.order < 3)
+            # Not checked: rounding may put a lag beyond the range that it was fitted in.
+            channels[name] = IdentifiedChannel.model_construct(
+                **lag_table(best.lag),
+                fit_percent=fit_percent(flown[:, i], fit[:, i]),
+                residual=best.residual,
+                cross=float(np.abs(self.frequency[i].other).max()),
+                simpler=LagTable.model_construct(**lag_table(simpler)),
+            )
+        V_a, gamma, h = self.trim.V_a, self.trim.gamma, self.trim.h
+        return IdentifiedCondition.model_construct(V_a=V_a, gamma=gamma, h=h, channels=channels)
 
 
 def identify(
@@ -61,77 +88,38 @@ def identify(
     seed: int = 0,
 ) -> Identification:
     """Identify the inner loop of a plant about a wings-level trim, inside the limits."""
-    flight = _flight_of(plant_factory, condition, limits, seed)
-    return _of_one_order([flight])[0]
-
-
-# Condition, frequency responses and fits of both channels, commands and response of the check.
-Flight: TypeAlias = tuple[
-    FlightCondition,
-    tuple[FrequencyResponse, FrequencyResponse],
-    tuple[tuple[LagCandidate, ...], tuple[LagCandidate, ...]],
-    tuple[FloatArray, FloatArray],
-]
-
-
-def _flight_of(
-    plant_factory: Callable[[], Plant], condition: FlightCondition, limits: Limits, seed: int
-) -> Flight:
     changes, lines = multisines(limits, seed=seed)
     flown = respond(plant_factory, condition, np.tile(changes, (PERIODS, 1)))
     frequency = frequency_responses(flown, lines)
-    fitted = candidates(frequency[0]), candidates(frequency[1])
-    return condition, frequency, fitted, respond(plant_factory, condition, check_manoeuvre(limits))
+    return Identification(
+        trim=condition,
+        frequency=frequency,
+        candidates=(candidates(frequency[0]), candidates(frequency[1])),
+        manoeuvre=respond(plant_factory, condition, check_manoeuvre(limits)),
+    )
 
 
-def _of_one_order(flights: Sequence[Flight]) -> tuple[Identification, ...]:
-    """Identify every condition by lags of one order a channel, the best over all of them.
+def _of_one_order(identifications: Sequence[Identification]) -> tuple[Identification, ...]:
+    """The identifications with lags of one order a channel, the best over all of them.
 
     Models of one structure can be mixed, and one Lyapunov function can cover them all.
     """
     orders = []
     for channel in range(2):
         total: dict[Order, float] = {}
-        for _, _, fitted, _ in flights:
-            for fit in fitted[channel]:
+        for at in identifications:
+            for fit in at.candidates[channel]:
                 total[fit.lag.order] = total.get(fit.lag.order, 0.0) + fit.bic
         orders.append(min(total, key=total.__getitem__))
-    return tuple(_identification(*flight, orders) for flight in flights)
 
-
-def _identification(
-    condition: FlightCondition,
-    frequency: tuple[FrequencyResponse, FrequencyResponse],
-    fitted: tuple[tuple[LagCandidate, ...], tuple[LagCandidate, ...]],
-    check: tuple[FloatArray, FloatArray],
-    orders: Sequence[Order],
-) -> Identification:
-    # The fits of the chosen order come first, the others stay in their order.
-    phi, n_z = (
-        tuple(sorted(fits, key=lambda fit: fit.lag.order != order))
-        for fits, order in zip(fitted, orders, strict=True)
-    )
-    commanded, flown = check
-    change, model, channels = commanded - commanded[0], np.empty_like(flown), {}
-    for i, (name, fits) in enumerate({"phi": phi, "n_z": n_z}.items()):
-        best, simpler = fits[0], next(fit.lag for fit in fits if fit.lag.order < 3)
-        model[:, i] = flown[0, i] + lag_response(best.lag, DT, change[:, i], 0.0)
-        # Not checked: rounding may put a lag beyond the range that it was fitted in.
-        channels[name] = IdentifiedChannel.model_construct(
-            **lag_table(best.lag),
-            fit_percent=fit_percent(flown[:, i], model[:, i]),
-            residual=best.residual,
-            cross=float(np.abs(frequency[i].other).max()),
-            simpler=LagTable.model_construct(**lag_table(simpler)),
+    def chosen_first(at: Identification) -> Identification:
+        phi, n_z = (
+            tuple(sorted(fits, key=lambda fit: fit.lag.order != order))
+            for fits, order in zip(at.candidates, orders, strict=True)
         )
-    return Identification(
-        condition=IdentifiedCondition.model_construct(
-            V_a=condition.V_a, gamma=condition.gamma, h=condition.h, channels=channels
-        ),
-        candidates=(phi, n_z),
-        frequency=frequency,
-        check={"commanded": commanded, "flown": flown, "fit": model},
-    )
+        return replace(at, candidates=(phi, n_z))
+
+    return tuple(map(chosen_first, identifications))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -191,18 +179,16 @@ def identify_aircraft(
     """
     plant = JSBSimPlant(aircraft)
     speeds = tuple(V_a) or (design_speed(plant.config),)
-    flights, skipped = [], []
+    fresh, measured, skipped = partial(JSBSimPlant, aircraft), [], []
     for condition in (FlightCondition(V_a=v, gamma=g, h=h) for v in speeds for g in gamma):
         try:
-            flights.append(
-                _flight_of(partial(JSBSimPlant, aircraft), condition, plant.limits, seed)
-            )
+            measured.append(identify(fresh, condition, plant.limits, seed=seed))
         except TrimError as error:
             skipped.append(str(error))
-    if not flights:
+    if not measured:
         raise TrimError(skipped[0])
-    identifications = _of_one_order(flights)
-    A, _ = linearize(plant.config, flights[0][0])
+    identifications = _of_one_order(measured)
+    A, _ = linearize(plant.config, measured[0].trim)
     return AircraftIdentification(
         identified=IdentifiedAircraft.model_construct(
             aircraft=plant.config.folder.name,
