@@ -11,13 +11,13 @@ from flighttune.arrays import FloatArray
 from flighttune.guarantee.flight_check import FlightCheck
 from flighttune.metrics import channel_metrics
 from flighttune.plants.weather import WIND
+from flighttune.present.names import CHANNEL_NAMES
 from flighttune.present.palette import LIMIT, rgb
 from flighttune.recording.entities import END, EVENTS, DrawnRun, lane_name, times
 from flighttune.simulate.measures import NO_STEP
 from flighttune.simulate.run import Run
 
 COMMANDS = {"phi": "roll", "n_z": "load-factor"}
-ANGLES = {"chi": "course", "gamma": "path angle"}
 
 LIGHTER = 0.3  # of the way to white: text on the dark ground of the viewer, or on a light one
 
@@ -97,7 +97,7 @@ def log_events(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
 
 
 def _reference(run: Run) -> Iterator[Event]:
-    for angle, word in ANGLES.items():
+    for angle, word in CHANNEL_NAMES.items():
         name = f"{angle}_ref"
         if name not in run.signals:
             continue
@@ -149,7 +149,7 @@ def _converged(run: Run) -> Iterator[Event]:
     if not np.isfinite(run.signals[list(MEASURED)].to_numpy()).all():
         return
     measures = channel_metrics(run)
-    for angle, word in ANGLES.items():
+    for angle, word in CHANNEL_NAMES.items():
         t, error = _of(run, f"{angle}_err")
         taken = float(measures.at[angle, "settling_s"])
         if math.isfinite(taken):

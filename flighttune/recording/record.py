@@ -1,8 +1,8 @@
 """Writing a flown scenario to a folder: one Parquet file per run, and one recording of all."""
 
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 import rerun_bindings
-from rerun.error_utils import strict_mode
+from rerun.error_utils import catch_and_log_exceptions
 
 from flighttune.extras import need
 from flighttune.flight.fly import FlownScenario
@@ -118,19 +118,19 @@ def recording_bytes(
         rerun_bindings.flush_and_cleanup_orphaned_recordings()  # pyright: ignore[reportAttributeAccessIssue]
 
 
+@catch_and_log_exceptions(strict=True)  # Rerun raises on wrong data, and drops none of it
 def _bytes(runs: Sequence[Run], page: str, title: str, origin: Mapping[str, Any] | None) -> bytes:
     # In memory: Rerun raises nothing where the disk is full, but logs it, or never returns.
     # A new id each time: of two files with one id the viewer would keep one.
     stream = rr.RecordingStream(application(title), recording_id=uuid.uuid4())
-    with strict():
-        try:
-            memory = stream.memory_recording()
-            if origin is not None:
-                stream.send_property(ORIGIN, rr.AnyValues(**origin))
-            log_recording(stream, runs, page=page, title=title)
-            return memory.drain_as_bytes()
-        finally:
-            stream.disconnect()
+    try:
+        memory = stream.memory_recording()
+        if origin is not None:
+            stream.send_property(ORIGIN, rr.AnyValues(**origin))
+        log_recording(stream, runs, page=page, title=title)
+        return memory.drain_as_bytes()
+    finally:
+        stream.disconnect()
 
 
 def log_recording(
@@ -168,17 +168,6 @@ def _send_layout(stream: rr.RecordingStream, layout: rrb.Blueprint) -> None:
     storage = of_layout.memory_recording().storage
     rerun_bindings.send_blueprint(storage, False, True, recording=stream.to_native())
     of_layout.disconnect()  # the sink holds the stream, and the stream the sink
-
-
-@contextmanager
-def strict() -> Iterator[None]:
-    """Let Rerun raise on wrong data instead of dropping it with a warning."""
-    before = strict_mode()
-    rr.set_strict_mode(True)
-    try:
-        yield
-    finally:
-        rr.set_strict_mode(before)
 
 
 def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun]) -> None:
@@ -227,6 +216,7 @@ def _log_signals(
     log_lines(stream, path, style, run.signals.index[kept], values[kept])
 
 
+@catch_and_log_exceptions(strict=True)
 def show(flown: FlownScenario, *, width: int = 1280, height: int = 720) -> None:
     """Show the recording of flights in the output of a notebook's cell.
 
@@ -243,6 +233,6 @@ def show(flown: FlownScenario, *, width: int = 1280, height: int = 720) -> None:
     """
     need("`show`", "rerun_notebook")
     title = flown.scenario.title
-    with rr.RecordingStream(application(title), recording_id=uuid.uuid4()) as stream, strict():
+    with rr.RecordingStream(application(title), recording_id=uuid.uuid4()) as stream:
         log_recording(stream, flown.runs, page=page_of(flown), title=title)
         stream.notebook_show(width=width, height=height)
