@@ -170,10 +170,8 @@ def _inlined(holder: Element, folders: Sequence[Path]) -> Element:
 
 def found_file(name: str, folders: Sequence[Path]) -> Path:
     """The file that JSBSim finds under a name; in the last of the folders where there is none."""
-    paths = [folder / name for folder in folders]
-    paths = [
-        path if path.suffix == ".xml" else path.with_name(f"{path.name}.xml") for path in paths
-    ]
+    file = name if name.endswith(".xml") else f"{name}.xml"
+    paths = [folder / file for folder in folders]
     return next((path for path in paths if path.is_file()), paths[-1])
 
 

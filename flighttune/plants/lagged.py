@@ -3,7 +3,7 @@
 import math
 from collections import deque
 from collections.abc import Iterable
-from functools import lru_cache
+from functools import lru_cache, partial
 from operator import mul
 
 import numpy as np
@@ -55,8 +55,8 @@ class LaggedChannel:
         # Plain numbers: of three states NumPy's product takes five times as long.
         self._distance = [0.0] * lag.order
         self._pending: deque[tuple[float, float]] = deque()
-        self._known: dict[float, list[list[float]]] = {}
-        self._rows: dict[tuple[float, int], FloatArray] = {}
+        self._transitions = lru_cache(MAX_TRANSITIONS)(lambda t: transition(lag, t).tolist())
+        self._responses = lru_cache(MAX_TRANSITIONS)(partial(_responses, lag))
 
     def order(self, t: float, command: float) -> None:
         """Give a command at time `t` (s); it takes effect after the delay."""
@@ -82,21 +82,17 @@ class LaggedChannel:
 
     def over(self, step: float, count: int) -> list[float]:
         """Flown values after 0 to `count` steps (s) from the last move, before the next switch."""
-        key = round(step, RESOLUTION), count
-        if key not in self._rows:
-            if len(self._rows) == MAX_TRANSITIONS:
-                self._rows.clear()
-            times = (round(i * step, RESOLUTION) for i in range(count + 1))
-            self._rows[key] = np.array([transition(self._lag, t)[0] for t in times])
-        return (self._command + self._rows[key] @ self._distance).tolist()
+        responses = self._responses(round(step, RESOLUTION), count)
+        return (self._command + responses @ self._distance).tolist()
 
     def _transition(self, t: float) -> list[list[float]]:
-        since = round(t - self._since, RESOLUTION)
-        if since not in self._known:
-            if len(self._known) == MAX_TRANSITIONS:
-                self._known.clear()
-            self._known[since] = transition(self._lag, since).tolist()
-        return self._known[since]
+        return self._transitions(round(t - self._since, RESOLUTION))
+
+
+def _responses(lag: InnerLag, step: float, count: int) -> FloatArray:
+    """Part of the distance from rest in the response after 0 to `count` steps (s)."""
+    times = (round(i * step, RESOLUTION) for i in range(count + 1))
+    return np.array([transition(lag, t)[0] for t in times])
 
 
 def _product(row: Iterable[float], column: Iterable[float]) -> float:

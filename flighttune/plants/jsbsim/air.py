@@ -17,19 +17,13 @@ _REFRESH = 4
 _NED = ("north", "east", "down")
 
 
-def wind_writer(fdm: Fdm) -> Callable[[NED], None]:
-    """Return a function that sets the wind of `fdm` (m/s, north, east, down) for steps to come.
+def wind_writers(fdm: Fdm) -> list[Callable[[float], bool]]:
+    """Return functions that set the wind of `fdm` (ft/s), north, east and down, for steps to come.
 
     It goes into JSBSim's ``gust-*`` properties: ``wind-*`` is reset by every evaluation. Gust and
     turbulence add to it.
     """
-    writers = [fdm.writer(f"atmosphere/gust-{axis}-fps") for axis in _NED]
-
-    def write(wind: NED) -> None:
-        for writer, component in zip(writers, wind, strict=True):
-            writer(component / FT)
-
-    return write
+    return [fdm.writer(f"atmosphere/gust-{axis}-fps") for axis in _NED]
 
 
 def carry_along(fdm: Fdm, wind: NED) -> None:
@@ -39,8 +33,8 @@ def carry_along(fdm: Fdm, wind: NED) -> None:
     that of the still air plus `wind` (m/s, north, east, down).
     """
     ground = [fdm.reader(f"velocities/v-{axis}-fps")() for axis in _NED]
-    wind_writer(fdm)(wind)
-    for axis, still, moved in zip(("n", "e", "d"), ground, wind, strict=True):
+    for axis, write, still, moved in zip("ned", wind_writers(fdm), ground, wind, strict=True):
+        write(moved / FT)
         fdm.writer(f"ic/v{axis}-fps")(still + moved / FT)
     fdm.evaluate()
 
@@ -105,8 +99,7 @@ def _changing(
 
     It is exact at instants `_REFRESH` steps apart, and linear in between.
     """
-    writers = [fdm.writer(f"atmosphere/gust-{axis}-fps") for axis in _NED]
-    h_ft = fdm.reader("position/h-sl-ft")
+    writers, h_ft = wind_writers(fdm), fdm.reader("position/h-sl-ft")
     k, left = 0, 0  # number of integration steps planned so far, and of those still to fly
     h_last = h_ft()
 

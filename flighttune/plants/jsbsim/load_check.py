@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache
+from itertools import chain
 
 from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.errors import PlantError
@@ -59,9 +60,8 @@ def _fault(checked: Unchanged) -> str:
     bench = Bench(fdm, config.design.h if config.design else HEIGHT)
     throttle = FULL * config.engines.throttle[1]
     level = AirframeState(V_a=V_a, alpha=ALPHA, theta=ALPHA, throttle=throttle)
-    return next(_engine_faults(fdm, bench, level), "") or next(
-        _surface_faults(fdm, bench, level), ""
-    )
+    faults = chain(_engine_faults(fdm, bench, level), _surface_faults(fdm, bench, level))
+    return next(faults, "")
 
 
 def _engine_faults(fdm: Fdm, bench: Bench, level: AirframeState) -> Iterator[str]:
