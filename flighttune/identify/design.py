@@ -175,12 +175,7 @@ def _pitch(airframe: Airframe, bandwidth: float) -> dict[str, float]:
     highest = [math.log(MAX_DAMPER * ACTUATOR / bandwidth), 2.0, 2.0]
     fitted = least_squares(error, np.minimum(0.0, np.array(highest) - 0.1), bounds=(-4.0, highest))
     k_q, k_p, k_i = (scale * np.exp(fitted.x)).tolist()
-    return {
-        "pitch/model-rad_sec": model,
-        "pitch/k_p": k_p,
-        "pitch/k_i": k_i,
-        "pitch/k_q": k_q,
-    }
+    return {"pitch/model-rad_sec": model, "pitch/k_p": k_p, "pitch/k_i": k_i, "pitch/k_q": k_q}
 
 
 def _n_z_step(

@@ -59,13 +59,9 @@ def multisines(limits: Limits, *, seed: int = 0) -> tuple[FloatArray, Lines]:
     wanted = np.geomspace(BAND[0], BAND[1], LINES) / base
     harmonics = np.unique(np.round(wanted).astype(int))
     lines = harmonics[::2], harmonics[1::2]
-    children = np.random.SeedSequence(seed).spawn(2)
-    peaks, rates = command_room(limits)
-    columns = [
-        _multisine(lines[i], peaks[i], rates[i], np.random.default_rng(children[i]))
-        for i in range(2)
-    ]
-    return np.column_stack(columns), lines
+    generators = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(2))
+    columns = map(_multisine, lines, *command_room(limits), generators)
+    return np.column_stack(list(columns)), lines
 
 
 def check_manoeuvre(limits: Limits) -> FloatArray:

@@ -355,9 +355,8 @@ def converges_with_all_limits(study: Study) -> Checks:
     flight = study.readings["ranges and rate limits"]
     for channel in ("chi", "gamma"):
         left = flight.after(channel, flight.t[-1] - 2.0)
-        yield _compare(
-            f"largest |e_{channel}| from 18 s on, rate limits too [rad]", left, "≤", NEAR
-        )
+        what = f"largest |e_{channel}| from 18 s on, rate limits too [rad]"
+        yield _compare(what, left, "≤", NEAR)
 
 
 # Section 5.2.2, K1 to K6

@@ -91,10 +91,8 @@ def printed_ranges() -> Limits:
 
 def disturbance(name: str) -> Sinusoid:
     """One of the disturbances ``d1`` to ``d9`` of Table 3."""
-    amplitude, omega = TABLE_3[name]
-    return Sinusoid(
-        chi_amplitude=amplitude, chi_omega=omega, gamma_amplitude=amplitude, gamma_omega=omega
-    )
+    L_d, omega = TABLE_3[name]
+    return Sinusoid(chi_amplitude=L_d, chi_omega=omega, gamma_amplitude=L_d, gamma_omega=omega)
 
 
 # Figure 3 (a): the oscillator.

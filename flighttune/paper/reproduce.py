@@ -126,11 +126,11 @@ def errata(study: Study) -> list[Table]:
 
 def numbers(study: Study) -> dict[str, Any]:
     """Every name that stands in braces, or after ``only_if``, in ``errata.toml``."""
-    star, flight = study.indicators[STAR], study.flights[STAR]
+    star, flight, model = study.indicators[STAR], study.flights[STAR], study.model
     _, rate_limited, anti_windup, unlimited = study.readings.values()
     rate_bound = printed.disturbance(printed.PRINTED_DISTURBANCE).rate_bound
     n_z_trim = math.cos(printed.GAMMA_C)
-    A_K = closed_loop(study.model, study.star)
+    A_K = closed_loop(model, study.star)
     named = {
         "printed": printed,
         "study": study,
@@ -151,8 +151,6 @@ def numbers(study: Study) -> dict[str, Any]:
         "stable": star.status == "stable",
     }
     if named["stable"]:  # an unstable loop has neither a ball nor an ellipsoid
-        named["balls"] = paper_balls(A_K, study.model.A, I_K=star.I_K, L_d=rate_bound)
-        named["ellipsoid"] = invariant_ellipsoid(
-            A_K, disturbance_entry(study.model), L_d=rate_bound
-        )
+        named["balls"] = paper_balls(A_K, model.A, I_K=star.I_K, L_d=rate_bound)
+        named["ellipsoid"] = invariant_ellipsoid(A_K, disturbance_entry(model), L_d=rate_bound)
     return named

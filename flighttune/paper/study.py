@@ -40,9 +40,7 @@ class Study:
     @cached_property
     def indicators(self) -> dict[str, Indicators]:
         """Indicators of each gain set."""
-        return {
-            name: indicators(closed_loop(self.model, gains)) for name, gains in self.gains.items()
-        }
+        return {name: indicators(closed_loop(self.model, K)) for name, K in self.gains.items()}
 
     @cached_property
     def flights(self) -> dict[str, PaperFlight]:
@@ -135,9 +133,7 @@ class Study:
 
     def indicator(self, name: str) -> pd.Series:
         """R_K, I_K or spectral_abscissa of each gain set."""
-        return pd.Series(
-            {gains: float(getattr(row, name)) for gains, row in self.indicators.items()}
-        )
+        return pd.Series({key: float(getattr(row, name)) for key, row in self.indicators.items()})
 
 
 def rank_correlation(x: pd.Series, y: pd.Series) -> float:

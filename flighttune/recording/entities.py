@@ -3,18 +3,16 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
+from flighttune.guarantee.flight_check import FlightCheck, flight_check
 from flighttune.present.names import distinct
 from flighttune.present.palette import LineStyle
 from flighttune.simulate.run import Run, run_styles
-
-if TYPE_CHECKING:
-    from flighttune.guarantee.flight_check import FlightCheck
 
 APPLICATION = "flighttune"
 TIMELINE = "flight_time"  # since the start of the flight
@@ -85,7 +83,7 @@ class DrawnRun:
     key: str  # its name in the tree of the recording, unique
     style: LineStyle
     number: int  # its place among the runs drawn, from 1 on
-    claim: "FlightCheck | None" = None  # its guarantee, held against its flight
+    claim: FlightCheck | None = None  # its guarantee, held against its flight
 
 
 def runs_to_draw(runs: Sequence[Run]) -> list[DrawnRun]:
@@ -93,7 +91,10 @@ def runs_to_draw(runs: Sequence[Run]) -> list[DrawnRun]:
     keys = distinct(plain_name(run.label) for run in runs)
     styles = run_styles(runs)
     flew = [(run, key) for run, key in zip(runs, keys, strict=True) if len(run.signals) > 1]
-    return [DrawnRun(run, key, styles[run.label], i) for i, (run, key) in enumerate(flew, 1)]
+    return [
+        DrawnRun(run, key, styles[run.label], number, flight_check(run))
+        for number, (run, key) in enumerate(flew, 1)
+    ]
 
 
 def lane_name(drawn_run: DrawnRun, count: int) -> str:

@@ -33,6 +33,9 @@ RUN_SHA256 = b"flighttune.run.sha256"
 FLIGHT = b"flighttune.flight"  # JSON: the SHA-256 of all runs flown with this one, in order
 SEAL = b"flighttune.file"
 
+# Errors at a file that is damaged or of another program.
+UNREADABLE = (pa.ArrowException, OSError, LookupError, TypeError, ValueError, AttributeError)
+
 ORIGIN = "record"  # the property of a recording that says which runs it shows
 
 # A run as its file holds it: a description (JSON: format, status, reason, provenance, name and unit
@@ -136,14 +139,7 @@ def _read(path: Path) -> tuple[Run, str, tuple[str, ...]]:
         return run_of(parts), parts[2], tuple(json.loads(stated.get(FLIGHT, b"[]")))
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
-    except (
-        pa.ArrowException,
-        OSError,
-        LookupError,
-        TypeError,
-        ValueError,
-        AttributeError,
-    ) as error:
+    except UNREADABLE as error:
         got = f"{type(error).__name__}: {_first_line(error)}"
         raise RecordingError(f"{path}: must be a {PARQUET_FILE} of a run, got {got}.") from error
 

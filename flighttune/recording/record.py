@@ -3,7 +3,7 @@
 import uuid
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,6 @@ from rerun.error_utils import catch_and_log_exceptions
 
 from flighttune.extras import need
 from flighttune.flight.fly import FlownScenario
-from flighttune.guarantee.flight_check import flight_check
 from flighttune.present.palette import LIMIT, NEUTRAL, rgb
 from flighttune.present.thinning import peaks
 from flighttune.recording import entities
@@ -137,9 +136,7 @@ def log_recording(
     stream: rr.RecordingStream, runs: Sequence[Run], *, page: str, title: str
 ) -> None:
     """Log all runs of a scenario, their page and the layout; see `write_recording`."""
-    flown = [
-        replace(drawn_run, claim=flight_check(drawn_run.run)) for drawn_run in runs_to_draw(runs)
-    ]
+    flown = runs_to_draw(runs)
     drawn = with_derived(flown)
     plots = shown_plots([drawn_run.run for drawn_run in drawn])
     _send_layout(stream, blueprint(drawn, plots))

@@ -61,22 +61,22 @@ def loop_charts(model: LinearModel, gains: PIGains, margins: Sequence[Margins]) 
         if math.isfinite(own.phase_margin):
             on_circle = np.exp(1j * (own.phase_margin - math.pi))
             k = int(np.argmin(np.abs(response - on_circle)))
-            tip = f"{name}: phase margin {own.phase_margin / DEG:.1f}° at {omega[k]:.2f} rad/s"
+            margin = f"phase margin {own.phase_margin / DEG:.1f}°"
+            tip = f"{name}: {margin} at {omega[k]:.2f} rad/s"
             level = 360.0 * round((angle[k] / DEG + 180.0) / 360.0) - 180.0
             phase.line([omega[k], omega[k]], [level, angle[k] / DEG], colour, width=3.0)
             phase.points(omega[k], angle[k] / DEG, colour, tips=[tip])
-            phase.legend.append((f"phase margin {own.phase_margin / DEG:.1f}°", colour, "dot"))
+            phase.legend.append((margin, colour, "dot"))
             nyquist.points(on_circle.real, on_circle.imag, colour, tips=[tip])
         for gain in (own.gain_increase, own.gain_decrease):
             if not (math.isfinite(gain) and gain > 0.0):
                 continue
             k = int(np.argmin(np.abs(response + 1.0 / gain)))
-            tip = f"{name}: gain margin {20.0 * math.log10(gain):+.1f} dB at {omega[k]:.2f} rad/s"
+            margin = f"gain margin {20.0 * math.log10(gain):+.1f} dB"
+            tip = f"{name}: {margin} at {omega[k]:.2f} rad/s"
             magnitude.line([omega[k], omega[k]], [decibel[k], 0.0], colour, width=3.0)
             magnitude.points(omega[k], decibel[k], colour, tips=[tip])
-            magnitude.legend.append(
-                (f"gain margin {20.0 * math.log10(gain):+.1f} dB", colour, "dot")
-            )
+            magnitude.legend.append((margin, colour, "dot"))
             nyquist.points(-1.0 / gain, 0.0, colour, tips=[tip], filled=False)
     return [magnitude, phase, nyquist, _eigenvalues(eigenvalues)]
 
@@ -114,15 +114,15 @@ def _nyquist(margins: Sequence[Margins]) -> Chart:
 
 
 def _eigenvalues(eigenvalues: npt.NDArray[np.complex128]) -> Chart:
+    low = float(eigenvalues.real.min())
     chart = Chart(
         title="Eigenvalues of the closed loop",
         x="real part [1/s]",
         y="imaginary part [rad/s]",
         height=SQUARE,
         equal=True,
+        x_range=(1.15 * min(low, -1e-3), max(0.15 * abs(low), 1.15 * eigenvalues.real.max())),
     )
-    low = float(eigenvalues.real.min())
-    chart.x_range = (1.15 * min(low, -1e-3), max(0.15 * abs(low), 1.15 * eigenvalues.real.max()))
     chart.upright(0.0)
     tips = [f"{value:.3f} 1/s" for value in eigenvalues]
     chart.points(eigenvalues.real, eigenvalues.imag, HUES[5][0][0], shape="cross", tips=tips)

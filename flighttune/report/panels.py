@@ -179,12 +179,8 @@ def certificate_panels(drawn: Drawn, checks: Mapping[str, FlightCheck]) -> list[
 
 def over_time(drawn: Drawn, title: str, unit: str) -> Chart:
     """An empty chart over the longest flight."""
-    return Chart(
-        title=title,
-        y=unit,
-        x_range=(0.0, max(run.duration for run, _ in drawn)),
-        linked=True,
-    )
+    longest = max(run.duration for run, _ in drawn)
+    return Chart(title=title, y=unit, x_range=(0.0, longest), linked=True)
 
 
 def _with_runs(chart: Chart, drawn: Drawn, signal: str) -> Chart:

@@ -43,12 +43,8 @@ class AirframeState:
     @property
     def velocity(self) -> tuple[float, float, float]:
         """Velocity through the air along the body axes, m/s: ahead, right, down."""
-        ahead = self.V_a * math.cos(self.beta)
-        return (
-            ahead * math.cos(self.alpha),
-            self.V_a * math.sin(self.beta),
-            ahead * math.sin(self.alpha),
-        )
+        level, right = self.V_a * math.cos(self.beta), self.V_a * math.sin(self.beta)
+        return level * math.cos(self.alpha), right, level * math.sin(self.alpha)
 
 
 class Bench:

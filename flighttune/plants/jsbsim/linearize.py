@@ -20,11 +20,7 @@ OSCILLATES = 1e-9
 
 # Half widths of the central differences: rad, rad/s, m/s and 1. Airspeed and throttle come last,
 # because the engine settles anew for them.
-_HALF_WIDTHS = {
-    **dict.fromkeys((*STATES[1:], *CONTROLS[:-1]), 1e-3),
-    "V_a": 0.1,
-    "throttle": 0.01,
-}
+_HALF_WIDTHS = {**dict.fromkeys((*STATES[1:], *CONTROLS[:-1]), 1e-3), "V_a": 0.1, "throttle": 0.01}
 
 
 def linearize(config: AircraftConfig, condition: FlightCondition) -> tuple[FloatArray, FloatArray]:
