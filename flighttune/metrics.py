@@ -127,12 +127,7 @@ def signal_arrays(run: Run, names: Sequence[str]) -> dict[str, FloatArray]:
 
     `names`: any of `SIGNAL_UNITS`.
     """
-    table, columns = run.signals.to_numpy(), run.signals.columns
-    return {
-        name: np.ascontiguousarray(table[:, columns.get_loc(name)])
-        for name in names
-        if name in columns
-    }
+    return {name: np.ascontiguousarray(run.signals[name]) for name in names if name in run.signals}
 
 
 def flight_metrics(run: Run) -> dict[str, float]:

@@ -8,14 +8,11 @@ from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.identify.figure import held_out
 from flighttune.identify.file import lags_table
 from flighttune.identify.steps import steps_table
-from flighttune.present.chart import Chart
 from flighttune.present.frame import Section, page_template, write_page
 from flighttune.present.names import columns
-from flighttune.present.palette import NEUTRAL, LineStyle, line_styles
 from flighttune.present.tables import Column, Table, facts_table
-from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
-from flighttune.simulate.run import Run
-from flighttune.units import DEG
+from flighttune.report.panels import FLOWN, errors, flown_signals
+from flighttune.simulate.run import run_styles
 
 PAGE = "adoption.html"
 
@@ -28,6 +25,11 @@ FLIGHT_COLUMNS = [
 ]
 TRIM_COLUMNS = columns("V_a_mps gamma_deg trim.alpha_deg trim.throttle reason")
 
+SIGNALS = (
+    *FLOWN,
+    ("V_a", "Airspeed", "V_a [m/s]"),
+    ("throttle", "Throttle", "throttle [1]"),
+)
 
 CRITERION = (
     f"Adopted means: both fits reach {GOOD_FIT:g} %, the turn is completed, the standard deviation "
@@ -43,12 +45,17 @@ def write_adoption(adoption: Adoption) -> Path:
     assert adoption.turn is not None
     config = load_aircraft(adoption.folder)
     verdict = f"{adoption.status}: {adoption.reason}" if adoption.reason else adoption.status
-    names = ("tuned on the identified aircraft", "the paper's, scaled with airspeed")
-    runs: dict[str, Run] = dict(zip(names, adoption.turn.runs, strict=True))
-    # in the colours of these gains elsewhere, where those tuned on the law are the second of three
-    pairs = [("", gains) for gains in ("paper", TUNED, TUNED_IDENTIFIED)]
-    paper, _, identified = line_styles(pairs).values()
-    styles: dict[str, LineStyle] = dict(zip(names, (identified, paper), strict=True))
+    styles = run_styles(adoption.turn.runs)
+    drawn = [(run, styles[run.label]) for run in adoption.turn.runs if len(run.signals)]
+    turn = Section(
+        id="turn",
+        title="The turn: course of 20 deg, climb of 3 deg",
+        note=CRITERION,
+        charts=[*errors(drawn), *flown_signals(drawn, SIGNALS)] if drawn else (),
+        tables=[flights_table(adoption)],
+        columns=3,
+        folded=False,
+    )
     inner_loop = Section(
         id="inner_loop",
         title="The inner loop",
@@ -68,7 +75,7 @@ def write_adoption(adoption: Adoption) -> Path:
         adoption.folder / PAGE,
         page_template("flighttune.adopt", "page.html.jinja"),
         summary=(f"{verdict[0].upper()}{verdict[1:]}.",),
-        sections=[_turn(adoption, runs, styles), inner_loop, trims],
+        sections=[turn, inner_loop, trims],
         title=f"{config.title} at {adoption.V_a:.0f} m/s",
         legend=list(styles.items()),
         styles=styles,
@@ -98,33 +105,4 @@ def flights_table(adoption: Adoption) -> Table:
         title=f"{adoption.name} at {adoption.V_a:.0f} m/s: turn of 20 deg, climb of 3",
         columns=FLIGHT_COLUMNS,
         records=list(adoption.flown.values()),
-    )
-
-
-def _turn(adoption: Adoption, runs: dict[str, Run], styles: dict[str, LineStyle]) -> Section:
-    charts = []
-    for title, y, signal, unit in (
-        ("Course error", "e_χ [deg]", "chi_err", DEG),
-        ("Path-angle error", "e_γ [deg]", "gamma_err", DEG),
-        ("Roll", "φ [deg]", "phi", DEG),
-        ("Load factor", "n_z [1]", "n_z", 1.0),
-        ("Airspeed", "V_a [m/s]", "V_a", 1.0),
-        ("Throttle", "throttle [1]", "throttle", 1.0),
-    ):
-        chart = Chart(title=title, y=y, linked=True)
-        if signal.endswith("_err"):
-            chart.level(0.0, NEUTRAL, dash="")
-        for name, run in runs.items():
-            if len(run.signals):
-                values = run.signals[signal].to_numpy() / unit
-                chart.run_line(run.t, values, styles[name], name)
-        charts.append(chart)
-    return Section(
-        id="turn",
-        title="The turn: course of 20 deg, climb of 3 deg",
-        note=CRITERION,
-        charts=charts,
-        tables=[flights_table(adoption)],
-        columns=3,
-        folded=False,
     )

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, ClassVar
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field
 
@@ -14,7 +14,7 @@ from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LAW_NAMES, LinearModel
 from flighttune.errors import InputError
 from flighttune.present.numbers import matrix, number
-from flighttune.present.tables import html
+from flighttune.present.tables import facts_table
 from flighttune.value_file import STRICT, read, write
 
 KINDS = "states", "inputs", "errors"
@@ -74,6 +74,15 @@ class Claim:
             f" m/s, gamma {math.degrees(min(climbs)):g}..{math.degrees(max(climbs)):g} deg) and for"
             " every mixture of their loops"
         )
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The claim and its place, for a command and a page."""
+        return {
+            **{key: getattr(self, key) for key in ("rate", "radius", "L_d")},
+            "holds": self.place,
+            "conditions": [{"V_a_mps": V_a, "gamma_rad": gamma} for V_a, gamma in self.conditions],
+        }
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -163,21 +172,19 @@ class Certificate:
 
     def _repr_html_(self) -> str:
         claim = self.claim
-        rows = [
-            ("rate", f"{number(claim.rate, '.6g')} 1/s; the norm decays at half of it or faster")
-        ]
+        rate = f"{number(claim.rate, '.6g')} 1/s; the norm decays at half of it or faster"
+        facts = {"rate": rate}
         if claim.radius is not None and claim.L_d is not None:
             within = f"{number(claim.radius)} under a disturbance of rate {number(claim.L_d)}"
-            rows.append(("ultimate radius", within))
+            facts["ultimate radius"] = within
         alone = claim.envelope is None and not claim.conditions
-        about = "the linear model alone" if alone else claim.place
-        rows += [
-            ("holds for", about),
-            ("K_P", matrix(self.gains.K_P)),
-            ("K_I", matrix(self.gains.K_I)),
-            ("made with", ", ".join(f"{key}: {value}" for key, value in self.made_with.items())),
-        ]
-        return html("Certificate", (), rows)
+        facts |= {
+            "holds for": "the linear model alone" if alone else claim.place,
+            "K_P": matrix(self.gains.K_P),
+            "K_I": matrix(self.gains.K_I),
+            "made with": ", ".join(f"{key}: {value}" for key, value in self.made_with.items()),
+        }
+        return facts_table("Certificate", facts).html()
 
 
 def save_certificate(certificate: Certificate, path: str | Path) -> None:

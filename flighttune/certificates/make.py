@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from importlib.metadata import version
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -33,6 +33,20 @@ class Certification:
     reason: str  # empty unless refused
     certificate: Certificate | None
     verification: Verification | None  # the checks of the certificate
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """The claim and its checks, for a command and a page; null where nothing is proven.
+
+        The norm decays at half the rate, from at most ``growth`` times its start.
+        """
+        values = dict.fromkeys(("rate", "radius", "L_d", "holds", "growth"))
+        values |= {"status": self.status, "reason": self.reason, "conditions": [], "checks": []}
+        if self.certificate is not None and self.verification is not None:
+            values |= self.certificate.claim.values
+            values["growth"] = math.sqrt(float(np.linalg.cond(self.certificate.Q)))
+            values["checks"] = [asdict(check) for check in self.verification.checks]
+        return values
 
 
 def certify(

@@ -68,7 +68,6 @@ def certify(
     from flighttune.control.linear_model import closed_loop
     from flighttune.control.margins import loop_margins
     from flighttune.flight.outer_loop import certify_scenario, largest_certified, tuning_scaling
-    from flighttune.report.certified import certification_values
     from flighttune.theory.indicators import indicators
 
     check_ending(figure, ".svg", option="--figure")
@@ -97,7 +96,7 @@ def certify(
         charts = _rate_over_envelope(loaded, name, chosen) if largest else []
         title = f"{loaded.title}; gains {name}"
         Sheet(charts=[*loop_charts(model, flown, margins), *charts], title=title).save(figure)
-    certificate = certification_values(made)
+    certificate = made.values
     plain = pick(decay, "R_K I_K scaling spectral_abscissa")
     units, scaled = [{"units": "plain", **plain}], None
     if scaling is not None:
@@ -116,7 +115,8 @@ def certify(
         values={
             **pick(decay, "status reason"),
             **plain,
-            **pick(decay, "eigenvalues Q"),
+            "eigenvalues": [[pole.real, pole.imag] for pole in decay.eigenvalues],
+            "Q": decay.Q,
             "scaled": scaled,
             "gains": name,
             **gains_values(chosen),
@@ -194,7 +194,6 @@ def verify(
 def _claim(file: Path) -> "tuple[Verification, Answer]":
     """The check of a certificate, and what it claims."""
     from flighttune.certificates import load_certificate, verify
-    from flighttune.report.certified import claim_values
 
     loaded = load_certificate(file)
     claim, states = loaded.claim, ", ".join(loaded.model.states)
@@ -205,7 +204,7 @@ def _claim(file: Path) -> "tuple[Verification, Answer]":
     else:
         where = f"for the linear model in the file (states {states})"
     values = {
-        **claim_values(claim),
+        **claim.values,
         **pick(claim, "envelope g"),
         "gains": pick(loaded.gains, "inputs errors K_P K_I"),
         "model": pick(loaded.model, "states inputs errors A B C"),

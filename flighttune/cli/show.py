@@ -3,8 +3,9 @@
 import os
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from contextvars import ContextVar
+from shutil import get_terminal_size
 from typing import Any, NoReturn
 
 from flighttune.present.answer import Answer
@@ -71,7 +72,7 @@ def show(answer: Answer) -> None:
             clear()
             print(answer.json())
         elif not quiet():
-            for part in answer.text(_width()):
+            for part in answer.text(get_terminal_size((PLAIN_WIDTH, 0)).columns):
                 clear()  # the text may take its time
                 print(part)
 
@@ -86,17 +87,6 @@ def output() -> Iterator[None]:
         # what is left cannot be written: Python would complain about it once more
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         fail(f"standard output must be writable, got {reason_of(error)}.", COULD_NOT_RUN)
-
-
-def _width() -> int:
-    """Characters that a line of stdout has room for."""
-    asked = os.environ.get("COLUMNS", "")
-    if asked.isdecimal() and int(asked):
-        return int(asked)
-    with suppress(OSError):
-        if sys.stdout.isatty():
-            return os.get_terminal_size(sys.stdout.fileno()).columns or PLAIN_WIDTH
-    return PLAIN_WIDTH
 
 
 def pick(value: object, names: str) -> dict[str, Any]:

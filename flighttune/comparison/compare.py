@@ -16,7 +16,7 @@ from flighttune.flight.fly import FlownScenario, fly
 from flighttune.metrics import FLIGHT_METRICS, METRICS, measures, unit_of
 from flighttune.present.names import columns, shown_unit
 from flighttune.present.numbers import number
-from flighttune.present.tables import Column, Table, html
+from flighttune.present.tables import Column, Table, facts_table
 from flighttune.recording.parquet import load_recording
 from flighttune.scenario.load import leaves, load_gains, load_scenario
 from flighttune.scenario.schema import GainsTable
@@ -52,13 +52,11 @@ DESCRIPTION = ("title", "verifies", "source", "gains", "plant", "reference")
 
 COMPARED = (
     Column("pair", "A | B"),
-    Column("channel", "channel"),
-    Column("metric", "metric"),
-    Column("unit", "unit"),
+    *columns("channel metric unit"),
     Column("a", "A", digits=".4f", missing="never"),
     Column("b", "B", digits=".4f", missing="never"),
     Column("diff", "B − A", digits=".4f", missing="-"),
-    Column("better", "better"),
+    *columns("better"),
 )
 PAIR_COLUMNS = [
     Column("run_a", "run of A"),
@@ -144,15 +142,12 @@ class Comparison:
 
     def _repr_html_(self) -> str:
         if not self.comparable:
-            return html("Comparison: not comparable", (), [("reason", self.reason)])
+            return facts_table("Comparison: not comparable", {"reason": self.reason}).html()
         title = f"Comparison: paths at most {number(self.max_distance)} m apart"
-        shown = self.metrics["name"].isin(SHOWN) & (self.metrics["pair"] < MAX_PAIRS)
-        table = comparison_table(title, self.metrics[shown])
-        rows = table.rows
         if len(self.pairs) > MAX_PAIRS:
-            more = f"{len(self.pairs) - MAX_PAIRS} more pairs in `metrics`"
-            rows.append([more, *[""] * (len(table.columns) - 1)])
-        return html(title, table.head, rows)
+            title += f"; {len(self.pairs) - MAX_PAIRS} more pairs in `metrics`"
+        shown = self.metrics["name"].isin(SHOWN) & (self.metrics["pair"] < MAX_PAIRS)
+        return comparison_table(title, self.metrics[shown]).html()
 
 
 def comparison_table(title: str, metrics: pd.DataFrame) -> Table:

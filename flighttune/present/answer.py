@@ -1,9 +1,8 @@
 """The answer of a command: one value, printed as text or as one JSON object."""
 
 import json
-import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields, is_dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from textwrap import fill
 from typing import Any
@@ -39,12 +38,15 @@ class Answer:
 
     def json(self) -> str:
         """One JSON object; numbers that JSON has no word for become null."""
+        from pydantic_core import to_jsonable_python  # here: --help must be quick
+
         records = {table.name: table.records for table in self.tables if table.name}
         said = {"notes": self.notes, "verdict": self.verdict}
         if self.command:
             said["command"] = self.command
         values = {**records, **said, **self.values, **self.files}
-        return json.dumps(_plain(values), indent=2)
+        plain = to_jsonable_python(values, inf_nan_mode="null", fallback=_plain)
+        return json.dumps(plain, indent=2)
 
     def text(self, width: int) -> Iterator[str]:
         """Paragraphs and tables of at most `width` characters; commands and paths may be longer."""
@@ -65,18 +67,5 @@ class Answer:
 
 
 def _plain(value: Any) -> Any:
-    """`value` in the types of JSON: no NaN or infinity, no array, dataclass or path."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {key: _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, complex):
-        return [value.real, value.imag]
-    if isinstance(value, Path):
-        return str(value)
-    if is_dataclass(value):
-        return {item.name: _plain(getattr(value, item.name)) for item in fields(value)}
-    # NumPy's arrays and scalars, which are not imported here: --help must be quick.
-    return _plain(value.tolist()) if hasattr(value, "tolist") else value
+    """A mapping that is no dictionary, an array or a scalar of NumPy's as what pydantic knows."""
+    return dict(value) if isinstance(value, Mapping) else value.tolist()

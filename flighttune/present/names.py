@@ -80,11 +80,8 @@ QUANTITIES = {
         Column("wall_s", "time", "s"),
         Column("n", "flights"),
         Column("successes", "succeed"),
-        Column("status", "status"),
-        Column("met", "met"),
         Column("inside", "flight inside"),
         Column("exact", "proven exactly"),
-        Column("converges", "converges"),
     )
 }
 """Label of a quantity by the last part of its key, where the key does not say it."""

@@ -181,42 +181,35 @@ class Table:
             if self.head and not place:
                 yield GAP.join("─" * size for size in widths)
 
+    def html(self) -> str:
+        """The table for a notebook; without headings the first cell of a row is its heading."""
+        left = " style='text-align:left'"  # a notebook moves cells to the right
+
+        def cells(texts: Sequence[str], kind: str) -> str:
+            return "".join(f"<{kind}{left}>{escape(text)}</{kind}>" for text in texts)
+
+        top = f"<thead><tr>{cells(self.head, 'th')}</tr></thead>" if self.head else ""
+        kind = "td" if self.head else "th"
+        body = "".join(
+            f"<tr>{cells(row[:1], kind)}{cells(row[1:], 'td')}</tr>" for row in self.rows
+        )
+        caption = f"<caption{left}><b>{escape(self.title)}</b></caption>"
+        return f"<table>{caption}{top}<tbody>{body}</tbody></table>"
+
     def markdown(self) -> str:
         """Markdown without the title; numbers stand to the right."""
         rule = ["---" if words else "---:" for words in self.of_words]
-        return _markdown(self.head, rule, self.rows)
+        top, *cells = (
+            [" ".join(cell.split()).replace("|", "\\|") for cell in row]
+            for row in (self.head, *self.rows)
+        )
+        return "\n".join(f"| {' | '.join(line)} |" for line in [top, rule, *cells])
 
 
 def facts_table(title: str, facts: Mapping[str, str]) -> Table:
     """A table of words: a name and what is said of it in each row."""
     records = [{"what": what, "value": value} for what, value in facts.items()]
     return Table(title=title, columns=(Column("what"), Column("value")), records=records)
-
-
-def html(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table for a notebook; without `head` the first cell of a row is its heading."""
-    left = " style='text-align:left'"  # a notebook moves cells to the right
-
-    def cells(texts: Sequence[str], kind: str) -> str:
-        return "".join(f"<{kind}{left}>{escape(text)}</{kind}>" for text in texts)
-
-    top = f"<thead><tr>{cells(head, 'th')}</tr></thead>" if head else ""
-    kind = "td" if head else "th"
-    body = "".join(f"<tr>{cells(row[:1], kind)}{cells(row[1:], 'td')}</tr>" for row in rows)
-    caption = f"<caption{left}><b>{escape(title)}</b></caption>"
-    return f"<table>{caption}{top}<tbody>{body}</tbody></table>"
-
-
-def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A table in Markdown; all columns but the first stand to the right."""
-    return _markdown(head, ["---", *["---:"] * (len(head) - 1)], rows)
-
-
-def _markdown(head: Sequence[str], rule: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    top, *cells = (
-        [" ".join(cell.split()).replace("|", "\\|") for cell in row] for row in (head, *rows)
-    )
-    return "\n".join(f"| {' | '.join(line)} |" for line in [top, rule, *cells])
 
 
 def _value(record: Any, key: str) -> Any:

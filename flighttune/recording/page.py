@@ -9,10 +9,9 @@ import rerun as rr
 
 from flighttune.arrays import FloatArray
 from flighttune.metrics import metric_tables
-from flighttune.present.names import METRIC_LABELS, SYMBOLS, shown_unit
-from flighttune.present.numbers import matrix, number
+from flighttune.present.names import METRIC_LABELS, SYMBOLS, columns, shown_unit
 from flighttune.present.palette import hue_tells_gains
-from flighttune.present.tables import markdown
+from flighttune.present.tables import Column, Table
 from flighttune.present.thinning import evenly
 from flighttune.recording.entities import NOW, READING, DrawnRun, times
 from flighttune.recording.plots import displayed, unit_of
@@ -37,6 +36,15 @@ one the wind, four times longer.
 Faint lines behind course, path angle and airspeed are what sensors gave the controller. Errors
 and metrics are of the true values. The guarantee does not count what sensors add: a flight may
 rise above it by that alone."""
+
+RUN_COLUMNS = [*columns("run colour"), Column("flown_s", "flown", "s", ".2f"), *columns("outcome")]
+GAIN_COLUMNS = [
+    *columns("gains"),
+    Column("R_K", "R_K", "1/s", "z.5f"),
+    Column("I_K", "I_K", "s²", "z.5f"),
+    Column("K_P", "K_P", missing="none found"),
+    Column("K_I", "K_I", missing="none found"),
+]
 
 INSTANTS = 120  # at which the numbers change
 
@@ -78,11 +86,17 @@ def _about(scenario: Mapping[str, Any]) -> list[str]:
 
 
 def _runs(runs: Sequence[Run]) -> str:
-    rows, styles = [], run_styles(runs)
-    for run in runs:
-        colour = styles[run.label].name if len(run.signals) > 1 else "not drawn"
-        rows.append([run.label, colour, f"{run.duration:.2f}", run.outcome])
-    table = markdown(["run", "colour", "flown [s]", "outcome"], rows)
+    styles = run_styles(runs)
+    records = [
+        {
+            "run": run.label,
+            "colour": styles[run.label].name if len(run.signals) > 1 else "not drawn",
+            "flown_s": run.duration,
+            "outcome": run.outcome,
+        }
+        for run in runs
+    ]
+    table = Table(RUN_COLUMNS, records).markdown()
     if any(set(TUBE_SIGNALS) <= set(run.signals) for run in runs):
         return f"{table}\n\nThin lines around the errors of an aircraft: the tube of the run."
     return f"{table}\n\nNo tube around the errors: `flighttune fly SCENARIO --tube` makes it."
@@ -90,21 +104,19 @@ def _runs(runs: Sequence[Run]) -> str:
 
 def _gains(runs: Sequence[Run], indicators: Mapping[str, tuple[float, float] | None]) -> str:
     sets = {run.provenance.gains_name: run.provenance.gains for run in runs}
-    rows = []
+    records = []
     for name, gains in sets.items():
-        cells = [number(value, "z.5f") for value in indicators.get(name) or (np.nan, np.nan)]
-        if gains is None:
-            rows.append([name, *cells, "none found", "none found"])
-        else:
-            rows.append([name, *cells, matrix(gains.K_P), matrix(gains.K_I)])
-    return markdown(["gains", "R_K [1/s]", "I_K [s²]", "K_P", "K_I"], rows)
+        R_K, I_K = indicators.get(name) or (None, None)
+        matrices = {} if gains is None else gains.as_lists()
+        records.append({"gains": name, "R_K": R_K, "I_K": I_K, **matrices})
+    return Table(GAIN_COLUMNS, records).markdown()
 
 
 def _metrics(heading: str, labels: Sequence[str], metrics: pd.DataFrame) -> str:
     names = [name for name in map(str, metrics) if name in METRIC_LABELS and name != NOT_SHOWN]
-    columns = [metrics[name].map(METRIC_LABELS[name].written) for name in names]
-    headings = [METRIC_LABELS[name].heading for name in names]
-    return markdown([heading, *headings], [list(row) for row in zip(labels, *columns, strict=True)])
+    shown = [Column(heading, heading), *columns(" ".join(names))]
+    records = metrics.assign(**{heading: labels}).to_dict(orient="records")
+    return Table(shown, records).markdown()
 
 
 def _made_with(runs: Sequence[Run]) -> list[str]:

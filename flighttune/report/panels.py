@@ -1,6 +1,6 @@
 """Charts over time and of the path: tracking, commands with limits, paths, certificates."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -131,16 +131,19 @@ def plot(flown: FlownScenario | Run | Iterable[Run]) -> Sheet:
     drawn = [(run, styles[run.label]) for run in runs if len(run.signals) > 1]
     if not drawn:
         raise InputError("`flown` must have a run that flew, got none.")
-    charts = errors(drawn)
-    for name, title, unit in FLOWN:
-        chart = over_time(drawn, title, unit)
-        for limit in limits_of(runs[0].provenance.scenario, name) or ():
-            chart.level(limit)
-        having = [(run, style) for run, style in drawn if name in run.signals]
-        charts.append(_with_runs(chart, having, name))
+    charts = [*errors(drawn), *flown_signals(drawn)]
     for chart in charts:
         chart.legend = [(run.label, style.colour, dashes(style)) for run, style in drawn]
     return Sheet(charts=charts)
+
+
+def flown_signals(drawn: Drawn, signals: Sequence[tuple[str, str, str]] = FLOWN) -> Iterator[Chart]:
+    """Signals (name, title and unit) of flights over time, with their limits."""
+    for name, title, unit in signals:
+        chart = over_time(drawn, title, unit)
+        for limit in limits_of(drawn[0][0].provenance.scenario, name) or ():
+            chart.level(limit)
+        yield _with_runs(chart, [(run, style) for run, style in drawn if name in run.signals], name)
 
 
 def certificate_panels(drawn: Drawn, checks: Mapping[str, FlightCheck]) -> list[Chart]:

@@ -13,7 +13,6 @@ from flighttune.metrics import CHANNELS, channel_metrics, flight_metrics
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.present.numbers import MISSING
 from flighttune.present.tables import Column, Table, facts_table
-from flighttune.report.certified import certification_values
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 from flighttune.units import DEG_PER_RAD
@@ -134,7 +133,7 @@ def certificates_table(scenario: Scenario, gains: Mapping[str, PIGains]) -> Tabl
         trim, envelope = certify_scenario(scenario, own), None
         if scenario.envelope and scenario.tuning.model == "kinematic":  # the law's ranges
             envelope = certify_scenario(scenario, own, envelope=True)
-        claim = certification_values(trim)
+        claim = trim.values
         proven = envelope.certificate if envelope else None
         reasons = [made.reason for made in (trim, envelope) if made and made.reason]
         records.append(

@@ -11,7 +11,7 @@ from flighttune.plants.base import StopStatus
 from flighttune.plants.label import aircraft_of
 from flighttune.present.numbers import matrix, number
 from flighttune.present.palette import LineStyle, line_styles
-from flighttune.present.tables import html
+from flighttune.present.tables import facts_table
 from flighttune.units import DEG
 
 if TYPE_CHECKING:
@@ -155,17 +155,17 @@ class Run:
 
     def _repr_html_(self) -> str:
         made = self.provenance
-        rows = [
-            ("outcome", self.outcome),
-            ("flown", f"{self.duration:g} s, {len(self.signals)} samples"),
-            ("signals", ", ".join(map(str, self.signals.columns))),
-        ]
+        facts = {
+            "outcome": self.outcome,
+            "flown": f"{self.duration:g} s, {len(self.signals)} samples",
+        }
         if len(self.signals) and {"chi_err", "gamma_err"} <= set(self.signals):
             chi, gamma = (float(self.signals[f"{n}_err"].iloc[-1]) / DEG for n in ("chi", "gamma"))
-            rows.insert(2, ("errors at the end", f"χ {number(chi)}°, γ {number(gamma)}°"))
+            facts["errors at the end"] = f"χ {number(chi)}°, γ {number(gamma)}°"
+        facts["signals"] = ", ".join(map(str, self.signals.columns))
         if made.gains is not None:
-            rows.append(("gains", f"K_P {matrix(made.gains.K_P)}, K_I {matrix(made.gains.K_I)}"))
-        return html(self.label, (), rows)
+            facts["gains"] = f"K_P {matrix(made.gains.K_P)}, K_I {matrix(made.gains.K_I)}"
+        return facts_table(self.label, facts).html()
 
 
 def run_styles(runs: Iterable[Run]) -> dict[str, LineStyle]:

@@ -10,7 +10,7 @@ from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import closed_loops
 from flighttune.present.numbers import matrix, number
-from flighttune.present.tables import html
+from flighttune.present.tables import facts_table
 from flighttune.theory.indicators import indicators
 from flighttune.tuning.problem import TuningProblem, search_space
 
@@ -78,18 +78,18 @@ class TuningResult:
     wall_s: float = 0.0
 
     def _repr_html_(self) -> str:
-        rows = [
-            ("R_K", f"{number(self.R_K, '.5g')} 1/s"),
-            ("I_K", f"{number(self.I_K, '.5g')} s²"),
-            ("spectral abscissa", f"{number(self.spectral_abscissa, '.5g')} 1/s"),
-            ("binding", ", ".join(self.active) or "nothing"),
-            ("found by", f"{self.method}, {self.agreeing} of {self.starts} starts agree"),
-        ]
+        facts = {
+            "R_K": f"{number(self.R_K, '.5g')} 1/s",
+            "I_K": f"{number(self.I_K, '.5g')} s²",
+            "spectral abscissa": f"{number(self.spectral_abscissa, '.5g')} 1/s",
+            "binding": ", ".join(self.active) or "nothing",
+            "found by": f"{self.method}, {self.agreeing} of {self.starts} starts agree",
+        }
         if self.gains is not None:
-            rows += [("K_P", matrix(self.gains.K_P)), ("K_I", matrix(self.gains.K_I))]
+            facts |= {"K_P": matrix(self.gains.K_P), "K_I": matrix(self.gains.K_I)}
         if self.reason:
-            rows.append(("reason", self.reason))
-        return html(f"Tuning: {self.status}", (), rows)
+            facts["reason"] = self.reason
+        return facts_table(f"Tuning: {self.status}", facts).html()
 
 
 def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:

@@ -7,7 +7,7 @@ import xml.etree.ElementTree as ET
 import pytest
 
 from flighttune.present.answer import Answer
-from flighttune.present.tables import Column, Table, html, markdown
+from flighttune.present.tables import Column, Table, facts_table
 
 WIDTHS = 120, 80, 48
 NUMBERS = ("ITAE χ", "ITAE γ", "MO χ", "MO γ", "settle χ", "settle γ")
@@ -117,16 +117,17 @@ def test_a_column_without_any_value_is_left_out():
 
 
 def test_a_table_in_a_notebook_is_escaped_and_names_its_rows():
-    table = ET.fromstring(html("<b>", (), [("a", "b & c")]))
+    table = ET.fromstring(facts_table("<b>", {"a": "b & c"}).html())
 
     assert table.findtext("caption/b") == "<b>"
     assert (table.findtext("tbody/tr/th"), table.findtext("tbody/tr/td")) == ("a", "b & c")
 
 
 def test_a_cell_does_not_break_a_table_in_markdown():
-    text = markdown(("a", "|b|"), [("x | y", "two\nlines")])
+    columns = Column("a", "a"), Column("b", "|b|")
+    text = Table(columns, [{"a": "x | y", "b": "two\nlines"}]).markdown()
 
-    assert text.splitlines() == ["| a | \\|b\\| |", "| --- | ---: |", "| x \\| y | two lines |"]
+    assert text.splitlines() == ["| a | \\|b\\| |", "| --- | --- |", "| x \\| y | two lines |"]
 
 
 def test_an_answer_has_the_same_records_in_text_and_json(tmp_path):
