@@ -20,7 +20,7 @@ from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.certificates import load_certificate, verify
-from flighttune.comparison import load_tolerances
+from flighttune.comparison.tolerance import load_tolerances
 from flighttune.conformance import Windows, load_conformance
 from flighttune.conformance.boxes import RateBoxes
 from flighttune.conformance.file import (

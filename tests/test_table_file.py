@@ -7,7 +7,7 @@ import pytest
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.certificates import load_certificate
-from flighttune.comparison import load_tolerances
+from flighttune.comparison.tolerance import load_tolerances
 from flighttune.errors import InputError
 from flighttune.identify.file import load_identified
 from flighttune.scenario import load_gains, load_scenario

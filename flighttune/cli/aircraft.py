@@ -8,14 +8,14 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
-from flighttune.cli.options import aircraft_names, check_ending, out_folder
+from flighttune.cli.options import check_ending, out_folder
 from flighttune.cli.progress import on_interrupt
 from flighttune.cli.show import INTERRUPTED, fail, pick, quiet, tell
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table
-from flighttune.shipped import is_shipped
+from flighttune.shipped import aircraft_names, is_shipped
 from flighttune.units import DEG
 
 GOOD_FIT = 90.0

@@ -126,13 +126,12 @@ def list_shipped(
     ] = False,
 ) -> Answer:
     """List the scenarios and campaigns that come with the package, and all aircraft found."""
-    from flighttune import shipped
+    from flighttune.shipped import aircraft_folders, campaign_files, is_shipped, scenario_files
 
-    listed = {"scenarios": shipped.scenario_files(), "campaigns": shipped.campaign_files()}
-    folders = shipped.aircraft_folders()
+    listed = {"scenarios": scenario_files(), "campaigns": campaign_files()}
+    folders = aircraft_folders()
     places = [
-        name if shipped.is_shipped(folder) else f"{name} ({folder})"
-        for name, folder in folders.items()
+        name if is_shipped(folder) else f"{name} ({folder})" for name, folder in folders.items()
     ]
     shown = columns("name title verifies" if verbose else "name title")
     return Answer(

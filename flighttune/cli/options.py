@@ -5,31 +5,15 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
-from flighttune import shipped
 from flighttune.errors import InputError
-
-
-def scenario_names() -> list[str]:
-    """Names that a shell completes a scenario from."""
-    return list(shipped.scenario_files())
-
-
-def campaign_names() -> list[str]:
-    """Names that a shell completes a campaign from."""
-    return list(shipped.campaign_files())
-
-
-def aircraft_names() -> list[str]:
-    """Names that a shell completes an aircraft from."""
-    return list(shipped.aircraft_names())
-
+from flighttune.shipped import campaign_files, scenario_files
 
 ScenarioArgument = Annotated[
     str,
     Argument(
         metavar="SCENARIO",
         help="A scenario file, or the name of a shipped one.",
-        autocompletion=scenario_names,
+        autocompletion=scenario_files,
     ),
 ]
 GainsOption = Annotated[
@@ -44,7 +28,7 @@ CampaignArgument = Annotated[
     Argument(
         metavar="CAMPAIGN",
         help="A campaign file, or the name of a shipped one.",
-        autocompletion=campaign_names,
+        autocompletion=campaign_files,
     ),
 ]
 WorkersOption = Annotated[

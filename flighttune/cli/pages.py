@@ -115,8 +115,8 @@ def compare(
     Exit status 2 if manoeuvre or aircraft differ.
     """
     from flighttune.comparison import compare as compare_sources
-    from flighttune.comparison import load_tolerances, violations
     from flighttune.comparison.compare import comparison_table, pairs_table
+    from flighttune.comparison.tolerance import load_tolerances, violations
 
     check_ending(out, ".rrd", ".html")
     allowed = None if tolerance is None else load_tolerances(tolerance)

@@ -16,11 +16,8 @@ from flighttune.cli.options import (
     SchedulerOption,
     StartOption,
     WorkersOption,
-    aircraft_names,
-    campaign_names,
     check_ending,
     plant_label,
-    scenario_names,
 )
 from flighttune.cli.progress import campaign_pool
 from flighttune.cli.show import pick
@@ -29,6 +26,7 @@ from flighttune.present.answer import Answer
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.present.numbers import number, percent
 from flighttune.present.tables import Column, Table
+from flighttune.shipped import aircraft_names, campaign_files, scenario_files
 from flighttune.units import DEG
 
 WORST_COLUMNS = [
@@ -68,7 +66,7 @@ def worst(
             metavar="SCENARIO|CAMPAIGN",
             help="A campaign (file, shipped name or folder), whose dispersions are searched, or a "
             "scenario with --start-deg or --disturbance.",
-            autocompletion=lambda: scenario_names() + campaign_names(),
+            autocompletion=lambda: [*scenario_files(), *campaign_files()],
         ),
     ],
     budget: Annotated[int, Option(help="Maximum number of flights.")] = 2000,
@@ -182,7 +180,7 @@ def conform(
             help="Folder of a campaign, a campaign file or the name of a shipped one; a scenario "
             "with --start-deg; or an aircraft, which is flown from random starts on random "
             "references.",
-            autocompletion=lambda: campaign_names() + scenario_names() + aircraft_names(),
+            autocompletion=lambda: [*campaign_files(), *scenario_files(), *aircraft_names()],
         ),
     ],
     out: Annotated[Path | None, Option("--out", help="JSON file to write.")] = None,

@@ -4,7 +4,8 @@ import math
 
 import pytest
 
-from flighttune.comparison import Tolerance, compare, load_tolerances, violations
+from flighttune.comparison import compare
+from flighttune.comparison.tolerance import Tolerance, load_tolerances, violations
 from flighttune.errors import InputError
 
 
