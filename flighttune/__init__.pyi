@@ -18,10 +18,10 @@ from flighttune.control.controller import LawSetup as LawSetup
 from flighttune.control.controller import Measured as Measured
 from flighttune.control.controller import ReferenceSample as ReferenceSample
 from flighttune.control.exact_law import ExactLaw as ExactLaw
-from flighttune.control.exact_law import command_gains as command_gains
-from flighttune.control.exact_law import rate_gains as rate_gains
 from flighttune.control.gains import PAPER_GAINS as PAPER_GAINS
 from flighttune.control.gains import PIGains as PIGains
+from flighttune.control.gains import command_gains as command_gains
+from flighttune.control.gains import rate_gains as rate_gains
 from flighttune.control.inner_loop import InnerLag as InnerLag
 from flighttune.control.limits import CommandLimiter as CommandLimiter
 from flighttune.control.limits import Limits as Limits

@@ -8,10 +8,10 @@ from flighttune.certificates.certificate import (
     Claim,
     load_certificate,
     save_certificate,
+    verify,
 )
 from flighttune.certificates.make import Certification, certify
-from flighttune.certificates.verify import verify
-from flighttune.theory.certificate import Check, Verification
+from flighttune.theory.exact import Check, Verification
 
 __all__ = [
     "Certificate",

@@ -9,17 +9,15 @@ from typing import Any, Literal
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.certificates.certificate import Certificate, Claim
-from flighttune.certificates.verify import verify, vertex_matrices
+from flighttune.certificates.certificate import Certificate, Claim, verify, vertex_matrices
 from flighttune.control.envelope import Envelope, jacobian_hull, vertex_loops
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel, closed_loop, disturbance_entry
 from flighttune.errors import InputError
 from flighttune.theory.attractor import Ellipsoid, invariant_ellipsoid
-from flighttune.theory.certificate import FACTORS, Verification, provable_rate
 from flighttune.theory.common import common_ellipsoid, common_Q
+from flighttune.theory.exact import FACTORS, Verification, provable_rate
 from flighttune.theory.indicators import indicators
-from flighttune.theory.lmi import solver_versions
 
 # Airspeed (m/s) and flight-path angle (rad), and the model there.
 Condition = tuple[tuple[float, float], LinearModel]
@@ -115,7 +113,7 @@ def certify(
             return _refused(reason)
         radius = math.sqrt(float(np.linalg.eigvalsh(ellipsoid.W)[-1])) * FACTORS[0]
     lyapunov = {"Lyapunov equation": f"numpy {np.__version__}"}
-    solvers = lyapunov if alone else {"solver": "Clarabel", **solver_versions()}
+    solvers = lyapunov if alone else {"solver": "Clarabel", "clarabel": version("clarabel")}
     certificate = Certificate(
         claim=Claim(
             rate=proven[1],

@@ -9,7 +9,7 @@ import numpy as np
 
 from flighttune.arrays import check_positive
 from flighttune.control.controller import AntiWindup, Measured, ReferenceSample
-from flighttune.control.gains import COMMANDS, RATES, PIGains
+from flighttune.control.gains import RATES, PIGains
 from flighttune.control.limits import FREE, RATE_LIMITED, Limits, limit_command
 from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import (
@@ -233,50 +233,6 @@ def rate_model() -> LinearModel:
         inputs=RATES,
         errors=("chi", "gamma"),
     )
-
-
-def rate_gains(gains: PIGains, *, V_a: float, g: float = G_PAPER) -> PIGains:
-    """Gains of the paper's law as gains of the exact law, or as they are if they already are.
-
-    Parameters
-    ----------
-    gains : PIGains
-    V_a : float, m/s
-        Airspeed for which they were made.
-    g : float, m/s^2
-
-    Returns
-    -------
-    PIGains
-        Times ``g / V_a``: the same loop about wings-level flight at gamma = 0.
-    """
-    check_positive(V_a=V_a, g=g)
-    return _acting_on(RATES, gains, g / V_a)
-
-
-def command_gains(gains: PIGains, *, V_a: float, g: float = G_PAPER) -> PIGains:
-    """Gains of the exact law as gains of the paper's law, or as they are if they already are.
-
-    Parameters
-    ----------
-    gains : PIGains
-    V_a : float, m/s
-        Airspeed for which they shall be.
-    g : float, m/s^2
-
-    Returns
-    -------
-    PIGains
-        Times ``V_a / g``: `rate_gains` the other way.
-    """
-    check_positive(V_a=V_a, g=g)
-    return _acting_on(COMMANDS, gains, V_a / g)
-
-
-def _acting_on(inputs: tuple[str, str], gains: PIGains, factor: float) -> PIGains:
-    if gains.inputs == inputs:
-        return gains
-    return PIGains(K_P=gains.K_P * factor, K_I=gains.K_I * factor, inputs=inputs)
 
 
 def exact_step(

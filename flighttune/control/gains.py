@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, read_only_matrix
+from flighttune.arrays import FloatArray, check_positive, read_only_matrix
+from flighttune.units import G_PAPER
 
 # Commands that gains of the paper's law act on.
 COMMANDS = ("phi", "n_z")
@@ -117,3 +118,47 @@ def shifted(gains: PIGains, epsilon: float) -> PIGains:
     """``K - epsilon (I, I)``: how the paper makes K1 to K6 of K*."""
     shift = epsilon * np.eye(2)
     return PIGains(K_P=gains.K_P - shift, K_I=gains.K_I - shift)
+
+
+def rate_gains(gains: PIGains, *, V_a: float, g: float = G_PAPER) -> PIGains:
+    """Gains of the paper's law as gains of the exact law, or as they are if they already are.
+
+    Parameters
+    ----------
+    gains : PIGains
+    V_a : float, m/s
+        Airspeed for which they were made.
+    g : float, m/s^2
+
+    Returns
+    -------
+    PIGains
+        Times ``g / V_a``: the same loop about wings-level flight at gamma = 0.
+    """
+    check_positive(V_a=V_a, g=g)
+    return _acting_on(RATES, gains, g / V_a)
+
+
+def command_gains(gains: PIGains, *, V_a: float, g: float = G_PAPER) -> PIGains:
+    """Gains of the exact law as gains of the paper's law, or as they are if they already are.
+
+    Parameters
+    ----------
+    gains : PIGains
+    V_a : float, m/s
+        Airspeed for which they shall be.
+    g : float, m/s^2
+
+    Returns
+    -------
+    PIGains
+        Times ``V_a / g``: `rate_gains` the other way.
+    """
+    check_positive(V_a=V_a, g=g)
+    return _acting_on(COMMANDS, gains, V_a / g)
+
+
+def _acting_on(inputs: tuple[str, str], gains: PIGains, factor: float) -> PIGains:
+    if gains.inputs == inputs:
+        return gains
+    return PIGains(K_P=gains.K_P * factor, K_I=gains.K_I * factor, inputs=inputs)

@@ -16,8 +16,8 @@ from typing import Any, ClassVar, NamedTuple
 
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import Controller, LawSetup, SelfLimiting
-from flighttune.control.exact_law import RateLaw, command_gains, rate_gains
-from flighttune.control.gains import COMMANDS, RATES, PIGains
+from flighttune.control.exact_law import RateLaw
+from flighttune.control.gains import COMMANDS, RATES, PIGains, command_gains, rate_gains
 from flighttune.control.guarded import GuardedLaw
 from flighttune.control.inner_loop import InnerLag, inner_loop_scaling
 from flighttune.control.linear_model import LinearModel, kinematic_model

@@ -82,9 +82,9 @@ def common_Q(vertices: npt.ArrayLike) -> CommonQ:
     for loop, value in zip(program.loops, _transformed(A, L) / speed, strict=True):
         loop.value = value
     program.unit.value = _inverse_square(L)
-    answer = solve(program.problem)
-    if not answer.solved:
-        return CommonQ(status="failed", reason=answer.reason)
+    unsolved = solve(program.problem)
+    if unsolved:
+        return CommonQ(status="failed", reason=unsolved)
     # A multiplier goes back to the coordinates of A by the same congruence as its inequality.
     to_A = np.linalg.inv(L)
     duals = np.array([decay.dual_value for decay in program.decays])
@@ -185,7 +185,8 @@ def _ellipsoid(A: FloatArray, E: FloatArray, a: float) -> FloatArray | None:
     for loop, value in zip(program.loops, _transformed(shifted.mT, L) / speed, strict=True):
         loop.value = value
     program.unit.value, program.load.value = _inverse_square(L), inside / scale
-    if not solve(program.problem).solved:
+    unsolved = solve(program.problem)
+    if unsolved:
         return None
     W = scale * _from_coordinates(program.form.value, L)
     flow = np.linalg.eigvalsh(shifted @ W + W @ shifted.mT + load)

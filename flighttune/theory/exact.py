@@ -1,16 +1,31 @@
-"""Exact arithmetic: floats are rationals, and what holds between rationals can be proven.
+"""Exact arithmetic, and the inequalities that a certificate rests on, proven by it.
 
-Matrices are arrays of `fractions.Fraction`; sums and products of them are exact. The sine and the
-cosine come as intervals with rational ends.
+Floats are rationals, and what holds between rationals can be proven. Matrices are arrays of
+`fractions.Fraction`; sums and products of them are exact. The sine and the cosine come as
+intervals with rational ends.
+
+A certificate makes two claims about a family of loops ``s' = A s + E v``, A anywhere in the convex
+hull of vertices:
+
+- rate: without a disturbance ``s' Q s`` decays at `rate` or faster, because at every vertex
+  ``A' Q + Q A + I <= 0``, and ``rate Q <= I``. The norm of s decays at half of that.
+- radius: with ``||v|| <= L_d`` the loop ends up, and stays, in ``s' W^-1 s <= 1``, because at every
+  vertex ``A W + W A' + a W + (L_d^2 / a) E E' <= 0``, and ``W <= radius^2 I``.
+
+Each inequality is checked strictly, twice: the exact check is a proof about the stated numbers,
+read as the binary floats they are; the margin is the smallest eigenvalue in floating point.
 """
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
 
 # An array of `Fraction`.
@@ -23,6 +38,10 @@ HALF_PI_BELOW = Fraction(15707963267948966, 10**16)
 
 # Terms of a Taylor series inside +-pi/2: the next one is below 1e-23.
 TERMS = 14
+
+# Inflations tried, smallest first, to make a Q strictly feasible: the first one is above the
+# rounding of the solution (1e-16 times its condition), the last gives up 0.1 % of the rate.
+FACTORS = tuple(1.0 + 10.0**-digits for digits in (9, 8, 7, 6, 5, 4, 3))
 
 
 def exact(values: npt.ArrayLike) -> Rationals:
@@ -126,3 +145,162 @@ def _series(x: Fraction, power: int) -> Interval:
         total += term
         term = -term * x * x / ((2 * k + power + 1) * (2 * k + power + 2))
     return min(total, total + term), max(total, total + term)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Check:
+    """One inequality of a certificate.
+
+    Attributes
+    ----------
+    name : str
+    margin : float
+        By how much it holds, negative where it fails: the smallest eigenvalue of what must be
+        positive, or the smallest distance of what must lie inside.
+    exact : bool
+        Whether it is proven in rational arithmetic.
+    """
+
+    name: str
+    margin: float
+    exact: bool
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "margin", float(self.margin))
+        object.__setattr__(self, "exact", bool(self.exact))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verification:
+    """The outcome of checking a certificate.
+
+    Attributes
+    ----------
+    valid : bool
+        Every check is proven.
+    reason : str
+        The first inequality that fails and by how much; empty for a valid certificate.
+    checks : tuple of Check
+    """
+
+    valid: bool
+    reason: str
+    checks: tuple[Check, ...]
+
+    @classmethod
+    def of(cls, checks: Sequence[Check]) -> "Verification":
+        """The verdict on a list of checks."""
+        failed = [check for check in checks if not check.exact]
+        reason = ""
+        if failed:
+            worst = min(failed, key=lambda check: check.margin)
+            others = f"; {len(failed) - 1} more fail" if len(failed) > 1 else ""
+            verb = "does not hold" if worst.margin <= 0.0 else "is not proven"
+            reason = f"{worst.name} {verb}: margin {worst.margin:.3g}{others}."
+        return cls(valid=not failed, reason=reason, checks=tuple(checks))
+
+
+def matrix_check(name: str, matrix: Rationals, denominator: int = 1) -> Check:
+    """Check that a matrix, rational or of integers over `denominator`, is positive definite."""
+    size = max(abs(entry) for entry in matrix.flat) or Fraction(1)  # no entry may overflow
+    smallest = float(np.linalg.eigvalsh((matrix / size).astype(float))[0])
+    margin = Fraction(smallest) * size / denominator
+    return Check(name=name, margin=_as_float(margin), exact=positive_definite(matrix))
+
+
+def margin_check(name: str, margin: Fraction) -> Check:
+    """Check that an exact number is not negative."""
+    return Check(name=name, margin=_as_float(margin), exact=margin >= 0)
+
+
+def _as_float(value: Fraction) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf if value > 0 else -math.inf
+
+
+def rate_checks(vertices: Sequence[Rationals], Q: FloatArray, *, rate: float) -> list[Check]:
+    """The inequalities of the rate claim.
+
+    Parameters
+    ----------
+    vertices : sequence of ndarray of Fraction, shape (n, n)
+    Q : ndarray, shape (n, n), s
+    rate : float, 1/s
+    """
+    form, eye = exact(Q), identity(len(Q))
+    checks = [
+        margin_check("rate >= 0", Fraction(rate)),
+        matrix_check("Q > 0", form),
+        matrix_check("rate Q <= I", eye - form * Fraction(rate)),
+    ]
+    whole, of_form = integers(form)
+    for number, A in enumerate(vertices, start=1):
+        name = f"A' Q + Q A + I <= 0 at vertex {number} of {len(vertices)}"
+        loop, of_loop = integers(A)
+        unit = of_form * of_loop
+        flow = loop.T @ whole + whole @ loop
+        flow[np.diag_indices_from(flow)] += unit
+        checks.append(matrix_check(name, -flow, unit))
+    return checks
+
+
+def radius_checks(
+    vertices: Sequence[Rationals],
+    E: FloatArray,
+    W: FloatArray,
+    *,
+    multiplier: float,
+    radius: float,
+    L_d: float,
+) -> list[Check]:
+    """The inequalities of the radius claim.
+
+    Parameters
+    ----------
+    vertices : sequence of ndarray of Fraction, shape (n, n)
+    E : ndarray, shape (n, m)
+    W : ndarray, shape (n, n), square of the unit of s
+    multiplier : float, 1/s
+    radius : float, unit of s
+    L_d : float, unit of v
+
+    Notes
+    -----
+    The margins are those of the inequalities divided by ``radius^2``.
+    """
+    positive = {"radius": radius, "multiplier": multiplier, "L_d": L_d}
+    checks = [
+        Check(name=f"{name} > 0", margin=value, exact=value > 0.0)
+        for name, value in positive.items()
+    ]
+    if not all(check.exact for check in checks):
+        return checks
+    a, eye = Fraction(multiplier), identity(len(W))
+    unit = Fraction(radius) ** 2
+    form, entry = exact(W) / unit, exact(E)
+    load = (entry @ entry.T) * (Fraction(L_d) ** 2 / (a * unit))
+    checks.append(matrix_check("W > 0", form))
+    checks.append(matrix_check("W <= radius^2 I", eye - form))
+    for number, A in enumerate(vertices, start=1):
+        name = f"A W + W A' + a W + (L_d^2/a) E E' <= 0 at vertex {number} of {len(vertices)}"
+        checks.append(matrix_check(name, -(A @ form + form @ A.T + form * a + load)))
+    return checks
+
+
+def provable_rate(vertices: Sequence[Rationals], Q: FloatArray) -> tuple[FloatArray, float] | None:
+    """Q inflated until the rate claim can be proven, and the rate it then proves; None if none.
+
+    Parameters
+    ----------
+    vertices : sequence of ndarray of Fraction, shape (n, n)
+    Q : ndarray, shape (n, n), s
+        With ``A' Q + Q A + I <= 0`` up to rounding.
+    """
+    for factor in FACTORS:
+        larger = factor * (Q + Q.T) / 2.0
+        rate = float(1.0 / np.linalg.eigvalsh(larger)[-1]) * (2.0 - FACTORS[0])
+        if all(check.exact for check in rate_checks(vertices, larger, rate=rate)):
+            return larger, rate
+    return None

@@ -1,16 +1,15 @@
 """Linear matrix inequalities, written as they are printed: the one door to cvxpy and to Clarabel.
 
 A module poses its problem with `unknown`, `parameter` and the operators of cvxpy, such as
-``A.T @ Q + Q @ A << 0``, and has it solved here; a status of ours comes back. A problem with
-parameters is compiled once and solved for many values. Nothing here says that an answer is right:
-the modules that pose the problems check every answer by eigenvalues before they use it.
+``A.T @ Q + Q @ A << 0``, and has it solved here. A problem with parameters is compiled once and
+solved for many values. Nothing here says that an answer is right: the modules that pose the
+problems check every answer by eigenvalues before they use it.
 """
 
-import importlib.metadata
 import math
 import warnings
 from collections.abc import Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Any
 
 TOLERANCE = 1e-9  # gap and feasibility asked of the solver, for problems scaled to order one
 
@@ -22,25 +21,8 @@ SOLVER_OPTIONS = {
     "equilibrate_enable": False,
 }
 
-LmiStatus = Literal["optimal", "inaccurate", "infeasible", "failed"]
-STATUSES: dict[str, LmiStatus] = {
-    "optimal": "optimal",
-    "optimal_inaccurate": "inaccurate",
-    "infeasible": "infeasible",
-}
-
-
-class LmiAnswer(NamedTuple):
-    """Unchecked answer of the solver; the unknowns have values if the problem is solved."""
-
-    status: LmiStatus
-    reason: str  # why it is not optimal; empty otherwise
-
-    @property
-    def solved(self) -> bool:
-        """Whether the unknowns have values."""
-        return self.status in ("optimal", "inaccurate")
-
+# Statuses of cvxpy with which the unknowns have values.
+SOLVED = "optimal", "optimal_inaccurate"
 
 # The objects of cvxpy are `Any` here: its operators give types that no checker follows.
 
@@ -84,8 +66,11 @@ def largest(objective: Any, constraints: Sequence[Any]) -> Any:
     return cvxpy.Problem(cvxpy.Maximize(objective), list(constraints))
 
 
-def solve(problem: Any) -> LmiAnswer:
-    """Solve a problem of `largest` for the values that its parameters have now."""
+def solve(problem: Any) -> str:
+    """Solve a problem of `largest` for the values that its parameters have now.
+
+    Returns the reason why the unknowns have no values; empty where they have.
+    """
     import cvxpy
 
     with warnings.catch_warnings():
@@ -95,10 +80,4 @@ def solve(problem: Any) -> LmiAnswer:
             said = problem.status
         except cvxpy.SolverError:
             said = "solver_error"
-    status = STATUSES.get(said, "failed")
-    return LmiAnswer(status, "" if status == "optimal" else f"the solver said {said!r}")
-
-
-def solver_versions() -> dict[str, str]:
-    """Version of the solver, for the record."""
-    return {"clarabel": importlib.metadata.version("clarabel")}
+    return "" if said in SOLVED else f"the solver said {said!r}"

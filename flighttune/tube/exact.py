@@ -67,11 +67,9 @@ class ExactEnclosure(Enclosure):
 
     def _controlled(self, k: int) -> Controlled:
         pieces = self.pieces
-        # Side of each limit on which all flights of a piece are, by channel and by above or below,
-        # and the excess over each limit in this pass.
+        # Side of each limit on which all flights of a piece are, by channel and by above or below.
         limits = [(i, side) for i in (0, 1) for side in (1.0, -1.0)]
         self._sides = {limit: np.full(len(pieces), OPEN) for limit in limits}
-        self._excess_over: dict[tuple[int, float], Quantity] = {}
         # A pass begins only if it leaves room for the symbols behind the loop.
         last = pieces.used + FRESH_SYMBOLS - SYMBOLS_AFTER_ROLL
         while True:
@@ -80,7 +78,6 @@ class ExactEnclosure(Enclosure):
             # row of the state has it: used again, the constraint would speak of another error.
             if pieces.used >= last:
                 raise Unbounded("pieces are split too often in one sample")
-            self._excess_over.clear()
             state = pieces.forms()
             errors = self._errors(k, state)
             a, b = self._lifts(k, state, errors)
@@ -154,14 +151,13 @@ class ExactEnclosure(Enclosure):
         increment = combined(*zip(law.K_I_half, errors, strict=True))
         # Splits are at the limits themselves: the integrator stops there, whatever the increment.
         at = Interval.point(np.zeros(len(self.pieces)))
-        channel = Channel(x, increment, at, *self._excesses(x, command, law))
         # The halves of a split overlap: a flight on a known side is beyond it by OVERLAP at
         # most. Without this bound the enclosure would hold flights that are not there.
-        for side, excess in channel.excesses:
-            values = self._on_its_side(i, side, excess, OVERLAP)
-            self._excess_over[i, side] = excess._replace(values=values)
-        above, below = (self._excess_over.get((i, side)) for side in (1.0, -1.0))
-        return channel._replace(above=above, below=below)
+        excesses = {
+            side: excess._replace(values=self._on_its_side(i, side, excess, OVERLAP))
+            for side, excess in self._excesses(x, command, law).items()
+        }
+        return Channel(x, increment, at, excesses)
 
     def _on_its_side(self, i: int, side: float, excess: Quantity, beyond: float) -> Interval:
         """Values of an excess, at most `beyond` the limit where the side of flights is known."""
@@ -217,7 +213,7 @@ class ExactEnclosure(Enclosure):
         # Where the side of a limit is known, the values end at the limit, and max(Y, 0) is Y or 0.
         # But a flight may be beyond by OVERLAP: there Y, or none of it, is taken for the other, and
         # a line of slope s leaves the values by |s| or |1 - s| times that. A proof may hold any s.
-        for side, excess in channel.excesses:
+        for side, excess in channel.excesses.items():
             if not (excess.values.high > 0.0).any():
                 continue
             values = ordered(self._on_its_side(i, side, excess, 0.0))
@@ -232,7 +228,7 @@ class ExactEnclosure(Enclosure):
         # Beyond a limit by less than OVERLAP counts as open, unless a split has said which side.
         n = len(self.pieces)
         free, limited = np.ones(n, dtype=bool), np.zeros(n, dtype=bool)
-        for side, excess in channel.excesses:
+        for side, excess in channel.excesses.items():
             sides = self._sides[i, side]
             free &= (sides == FREE) | ((sides == OPEN) & (excess.values.high < -OVERLAP))
             limited |= (sides == LIMITED) | ((sides == OPEN) & (excess.values.low > OVERLAP))
@@ -250,16 +246,16 @@ class ExactEnclosure(Enclosure):
         super()._keep(which)
         self._sides = {limit: sides[which] for limit, sides in self._sides.items()}
 
-    def _split(self, cut: Cut) -> None:
-        super()._split(cut)
+    def _split(self, cut: Cut, channels: Sequence[Channel]) -> None:
+        super()._split(cut, channels)
         # The upper halves are appended behind the pieces, in the order of `which`.
-        excess, chosen, at, _ = cut
+        i, side, chosen, at, _ = cut
         which = np.flatnonzero(chosen)
         for limit, sides in self._sides.items():
             upper = sides[which]
             # Only a split at the limit itself says on which side of it a flight is. That is about
             # the command of the flight, not about a symbol, so later passes may use it.
-            if self._excess_over.get(limit) is excess:
+            if limit == (i, side):
                 at_limit = at[which] == 0.0
                 sides[which[at_limit]] = FREE
                 upper[at_limit] = LIMITED

@@ -66,14 +66,12 @@ class SampledLag:
         M[:n, :n], M[:n, n], M[n + 1, 0] = exact(A), exact(B), Fraction(1)
         first, second = _exponential(M, late), _exponential(M, h - late)
         # Rows: state and integral; columns: state, older command, newer command.
-        middle = exact(np.zeros((n + 2, n + 2)))
-        middle[:n, :n], middle[:n, n] = first[:n, :n], first[:n, n]
-        middle[n + 1, :n], middle[n + 1, n] = first[n + 1, :n], first[n + 1, n]
+        middle = first.copy()
+        middle[n], middle[:, n + 1] = Fraction(0), Fraction(0)
         middle[n, n + 1] = Fraction(1)
         whole = second @ middle
-        return cls(
-            A=A, B=B, transition=_floats(whole[:n]), mean=_floats(whole[n + 1] / h), older=older
-        )
+        transition, mean = whole[:n].astype(float), (whole[n + 1] / h).astype(float)
+        return cls(A=A, B=B, transition=transition, mean=mean, older=older)
 
     @property
     def rest(self) -> FloatArray:
@@ -180,9 +178,3 @@ def _exponential(M: Rationals, t: Fraction) -> Rationals:
 def _shortened(term: Rationals) -> Rationals:
     """Entries to 1e-40: their length would grow with every product."""
     return np.vectorize(lambda x: Fraction(round(x * 10**40), 10**40), otypes=[object])(term)
-
-
-def _floats(values: Rationals) -> FloatArray:
-    return np.array([[float(x) for x in row] for row in np.atleast_2d(values)]).reshape(
-        values.shape
-    )

@@ -8,7 +8,7 @@ times how far apart the rate can be, because e is the integral of ``(h/2 - t)/h`
 rate differs from its mean.
 """
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -72,12 +72,16 @@ def point_mass_sample(
     # The rate grows with gamma by at most g/V: by less than 2 h g/V of itself in a sample.
     path = gamma.values + within(h * start_rate.largest * (1.0 + 2.0 * h * g_over_v) * UP)
     ranges = phi.values, n_z.values, path
-    values, at = _point(*ranges), _point(*(Interval.point(each.middle) for each in ranges))
+    middles = [each.middle for each in ranges]
+    radii = [(each - m).largest for each, m in zip(ranges, middles, strict=True)]
+    values, at = _point(*ranges), _point(*map(Interval.point, middles))
     rate = _climb_rate(values) * g_over_v + d_gamma
     apart = h * 0.5 * rate.radius * UP
-    means = phi.form, n_z.form, gamma.form
-    turning, turn_bend = _mean_rate(TURN, (at, values), means, g_over_v)
-    climbing, bend = _mean_rate(CLIMB, (at, values), means, g_over_v)
+    variables = list(zip((phi.form, n_z.form, gamma.form), middles, radii, strict=True))
+    rest = _turn_rate(at) * g_over_v + _turn_rest(values, radii) * g_over_v
+    turning, turn_bend = _mean_rate(rest, _turn_slopes(at), variables, g_over_v)
+    rest = _climb_rate(at) * g_over_v + _climb_rest(values, radii) * g_over_v
+    climbing, bend = _mean_rate(rest, _climb_slopes(at), variables, g_over_v)
     climbing = combined((1.0, climbing), shift=d_gamma.middle).widened(
         d_gamma.radius + np.abs(bend) * apart * UP
     )
@@ -91,30 +95,23 @@ def point_mass_sample(
 
 
 def _mean_rate(
-    law: tuple[
-        Callable[[Point], Interval],
-        Callable[[Point], tuple[Interval, Interval, Interval]],
-        Callable[[Point, list[FloatArray]], Interval],
-    ],
-    points: tuple[Point, Point],
-    means: tuple[Form, Form, Form],
+    rest: Interval,
+    slopes: Sequence[Interval],
+    variables: Sequence[tuple[Form, FloatArray, FloatArray]],
     g_over_v: float,
 ) -> tuple[Form, FloatArray]:
-    """Linear part and remainder of a rate with gamma at its start, and its slope in gamma.
+    """A rate with gamma at its start, linear in the variables, and its slope in gamma.
 
-    `law` is the rate over g/V, its slopes, and its remainder of second order.
+    `rest` is the rate at their middles with its remainder of second order. Each of the `variables`
+    is a form with the middle and the radius of its values.
     """
-    rate, slopes, rest = law
-    at, values = points
-    middles = [interval.low for interval in at[:3]]
-    radii = [(interval - m).largest for interval, m in zip(values[:3], middles, strict=True)]
-    exact_slopes = [slope * g_over_v for slope in slopes(at)]
-    numbers = [slope.middle for slope in exact_slopes]
-    left = rate(at) * g_over_v + rest(values, radii) * g_over_v
-    for exact, number, middle, radius in zip(exact_slopes, numbers, middles, radii, strict=True):
-        left = left - Interval.point(number) * middle + (exact - number) * within(radius)
-    form = combined(*zip(numbers, means, strict=True), shift=left.middle).widened(left.radius)
-    return form, numbers[2]
+    terms = []
+    for slope, (form, middle, radius) in zip(slopes, variables, strict=True):
+        exact = slope * g_over_v
+        number = exact.middle
+        rest = rest - Interval.point(number) * middle + (exact - number) * within(radius)
+        terms.append((number, form))
+    return combined(*terms, shift=rest.middle).widened(rest.radius), terms[-1][0]
 
 
 def _turn_rate(at: Point) -> Interval:
@@ -155,7 +152,3 @@ def _climb_rest(at: Point, radii: list[FloatArray]) -> Interval:
 
 def _half_square(radius: FloatArray) -> Interval:
     return Interval(np.zeros_like(radius), 0.5 * radius * radius * UP)
-
-
-TURN = _turn_rate, _turn_slopes, _turn_rest
-CLIMB = _climb_rate, _climb_slopes, _climb_rest

@@ -22,7 +22,7 @@ from flighttune.mistakes import shown
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.table_file import json_object
-from flighttune.theory.certificate import Check, Verification
+from flighttune.theory.exact import Check, Verification
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.forms import Form, Indices, Pieces
 from flighttune.tube.hand_over import HandOver, for_ever, hull, inside, return_map, settled_from
@@ -340,12 +340,11 @@ class Replay:
         split, i, side = self._next(3)
         if split == 0.0:
             return None
-        channel = channels[1 if i else 0]
-        excess = channel.above if side > 0.0 else channel.below
         which, at, row = (self._next(len(pieces)) for _ in range(3))
-        if excess is None or not ((row >= 0) & (row < len(pieces.constrained))).all():
+        is_row = (row >= 0) & (row < len(pieces.constrained))
+        if side not in channels[int(i)].excesses or not is_row.all():
             raise IndexError("a split names a limit or a constraint that is not there")
-        return excess, which > 0.0, at, row.astype(np.intp)
+        return int(i), side, which > 0.0, at, row.astype(np.intp)
 
     def pairs(self, pieces: Pieces) -> Indices:  # noqa: ARG002
         """The choice of the search."""

@@ -19,7 +19,7 @@ The load-factor command is kept as v, what it has beyond the feed-forward
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate, pairwise
 from typing import NamedTuple, Protocol, TypeAlias
@@ -143,26 +143,17 @@ class SampledLoop:
 
 
 class Channel(NamedTuple):
-    """One command before its limits: x, the increment with its values, and the two excesses Y.
-
-    `above` and `below` are None where there is no limit.
-    """
+    """One command before its limits: x, the increment with its values, and the excesses Y."""
 
     x: Form
     increment: Form
     by: Interval
-    above: Quantity | None
-    below: Quantity | None
-
-    @property
-    def excesses(self) -> list[tuple[float, Quantity]]:
-        """The excesses over limits that there are, with 1 for above and -1 for below."""
-        sides = (1.0, self.above), (-1.0, self.below)
-        return [(side, excess) for side, excess in sides if excess is not None]
+    excesses: Mapping[float, Quantity]  # over the limits that there are: 1 above and -1 below
 
 
-Cut: TypeAlias = tuple[Quantity, Flags, FloatArray, Indices]
-"""A split by an excess: of which pieces, at which of its values, and into which constraint row."""
+Cut: TypeAlias = tuple[int, float, Flags, FloatArray, Indices]
+"""A split by the excess of a channel on a side: of which pieces, at which of its values, and into
+which constraint row."""
 
 
 class Plan(Protocol):
@@ -341,14 +332,14 @@ class Enclosure:
     def _fewer_or_more(self, channels: Sequence[Channel]) -> bool:
         """Drop pieces without flights, or split; whether there are other pieces now."""
         ranges = [channel.by for channel in channels]
-        ranges += [excess.values for channel in channels for _, excess in channel.excesses]
+        ranges += [over.values for channel in channels for over in channel.excesses.values()]
         empty = np.any([values.low > values.high for values in ranges], axis=0)
         if empty.any():
             self._keep(~empty)
             return True
         cut = self.plan.cut(self.pieces, channels)
         if cut is not None:
-            self._split(cut)
+            self._split(cut, channels)
         return cut is not None
 
     def _range(self, form: Form) -> Interval:
@@ -409,25 +400,26 @@ class Enclosure:
                 steep = secant(roll)
                 whole = combined((1.0, force), (lift, steep.form))
                 command = Quantity(whole, command.values + steep.values * lift)
-            above, below = self._excesses(x, command, law)
-            made.append(Channel(x, increment, self._range(increment), above, below))
+            excesses = self._excesses(x, command, law)
+            made.append(Channel(x, increment, self._range(increment), excesses))
         return made
 
-    def _excesses(self, x: Form, command: Quantity, law: ChannelLaw) -> list[Quantity | None]:
+    def _excesses(self, x: Form, command: Quantity, law: ChannelLaw) -> dict[float, Quantity]:
         """Excesses over the limits above and below, with the command in force."""
         sides = (1.0, law.upper, law.step_up), (-1.0, -law.lower, -law.step_down)
-        return [self._excess(x, command, *side) for side in sides]
+        return {
+            side: self._excess(x, command, side, limit, step)
+            for side, limit, step in sides
+            if min(limit, step) < math.inf
+        }
 
     def _excess(
         self, x: Form, command: Quantity, side: float, limit: float, step: float
-    ) -> Quantity | None:
-        if math.isinf(limit) and math.isinf(step):
-            return None
+    ) -> Quantity:
+        terms, shift = [(side, x)], -step
         if math.isinf(step):
-            form = combined((side, x), (side, command.form), shift=-limit)
-            return Quantity(form, self._range(form))
-        terms = [(side, x)]
-        if not math.isinf(limit):
+            terms, shift = [*terms, (side, command.form)], -limit
+        elif not math.isinf(limit):
             # What the range leaves of the step: all of it, unless the command is near its end.
             near = command.values * side + (step - limit)
             if (near.high > 0.0).any():
@@ -436,17 +428,18 @@ class Enclosure:
                 near = ordered(Interval(near.low, np.minimum(near.high, step)))
                 part = positive_part(Quantity(close, near), self.plan.slope(near))
                 terms.append((1.0, part))
-        form = combined(*terms, shift=-step)
+        form = combined(*terms, shift=shift)
         return Quantity(form, self._range(form))
 
     def _keep(self, which: Flags) -> None:
         """Drop all pieces but these."""
         self.pieces.keep(which)
 
-    def _split(self, cut: Cut) -> None:
+    def _split(self, cut: Cut, channels: Sequence[Channel]) -> None:
         """Below and above a value of an excess: a flight is in one of the two."""
         # The lower halves stay in place, the upper ones are appended.
-        (form, values), chosen, at, row = cut
+        i, side, chosen, at, row = cut
+        form, values = channels[i].excesses[side]
         which, pieces = np.flatnonzero(chosen), self.pieces
         part, at, row = form.part(which), at[which], row[which]
         lower = Interval(values.low[which], at + self.overlap)
@@ -460,7 +453,7 @@ class Enclosure:
         """How the command moves, its integral after the sample, and whether a limit can hold it."""
         moves, kept = [(1.0, channel.x)], [(1.0, integral), (1.0, channel.increment)]
         left, between = [], Interval.point(np.zeros(len(self.pieces)))
-        for side, excess in channel.excesses:
+        for side, excess in channel.excesses.items():
             if not (excess.values.high > 0.0).any():
                 continue
             excess_part = self._positive_part(excess, KINDS[i])
@@ -493,7 +486,7 @@ class Enclosure:
 
     def _remember(self, i: int, channel: Channel, left: Form, between: Interval) -> None:
         """Constrain the part of the command that limits hold back beyond the increment refused."""
-        sides = [excess.values for _, excess in channel.excesses]
+        sides = [excess.values for excess in channel.excesses.values()]
         kinked = np.any([(values.low < 0.0) & (values.high > 0.0) for values in sides], axis=0)
         which = np.flatnonzero(kinked & (between.radius > NARROWEST))
         if len(which) and len(self.pieces.constrained):

@@ -16,8 +16,7 @@ from flighttune.tube.interval import Unbounded
 from flighttune.tube.problem import TubeProblem
 from flighttune.tube.result import QUANTITIES, Settings, Tube, bounds_of, within_counted
 from flighttune.tube.sample import start_set
-from flighttune.tube.search import Search
-from flighttune.tube.settling import coordinates, hand_over
+from flighttune.tube.search import Search, coordinates, hand_over
 
 DOUBLING = 0.2
 """Time, s, within which the width of a set that is about to be lost doubles."""

@@ -183,9 +183,8 @@ class _Linearised:
             A.value = closed_loops(model, space.K(at.k))
         if self._limited:
             self._set_radius(at, excess)
-        if not solve(self._program).solved:
-            return None
-        return np.clip(at.k + self._dk.value, space.k_min, space.k_max)
+        unsolved = solve(self._program)
+        return None if unsolved else np.clip(at.k + self._dk.value, space.k_min, space.k_max)
 
     def excess(self, k: FloatArray) -> float:
         """Excess of log I_K over its limit at free gains k; 0 without any."""

@@ -209,9 +209,8 @@ def state_feedback(
     flow = A @ W + B @ Y
     decay = blocks([[-(flow + flow.T), W], [W, eye]])
     bound = blocks([[size**2 * np.eye(m), Y], [Y.T, W]])
-    if not solve(largest(rate, [decay >> 0, W >> rate * eye, bound >> 0])).solved:
-        return None
-    return np.linalg.solve(W.value, Y.value.T).T / scale
+    unsolved = solve(largest(rate, [decay >> 0, W >> rate * eye, bound >> 0]))
+    return None if unsolved else np.linalg.solve(W.value, Y.value.T).T / scale
 
 
 def tune_by_evolution(

@@ -8,15 +8,8 @@ from scipy.linalg import expm
 from scipy.optimize import fsolve
 
 from flighttune.control.controller import FlightCondition, Measured, ReferenceSample
-from flighttune.control.exact_law import (
-    RATES,
-    ExactLaw,
-    command_gains,
-    rate_gains,
-    rate_model,
-    turning_speed,
-)
-from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.control.exact_law import ExactLaw, rate_model, turning_speed
+from flighttune.control.gains import PAPER_GAINS, RATES, PIGains, command_gains, rate_gains
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import closed_loop, kinematic_model
 from flighttune.errors import InputError, ShapeError

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from flighttune.control.exact_law import rate_gains
-from flighttune.control.gains import PAPER_GAINS
+from flighttune.control.gains import PAPER_GAINS, rate_gains
 from flighttune.errors import ScenarioError
 from flighttune.flight.fly import fly
 from flighttune.flight.outer_loop import certify_scenario, gain_set, tune_scenario

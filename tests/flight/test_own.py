@@ -130,8 +130,8 @@ def test_what_a_law_records_keeps_its_unit_and_is_drawn(scenario, tmp_path):
 def test_a_law_with_a_linear_model_has_indicators(scenario):
     class Linear(Proportional):
         def linear(self):
-            from flighttune.control.exact_law import rate_gains, rate_model
-            from flighttune.control.gains import PAPER_GAINS
+            from flighttune.control.exact_law import rate_model
+            from flighttune.control.gains import PAPER_GAINS, rate_gains
 
             return rate_model(), rate_gains(PAPER_GAINS, V_a=25.0)
 

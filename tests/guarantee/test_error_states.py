@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
-from flighttune.guarantee.ultimate_set import error_states, outcomes, quadratic_form
+from flighttune.guarantee.flight_check import error_states, outcomes, quadratic_form
 
 ROUNDED = 1e-12
 

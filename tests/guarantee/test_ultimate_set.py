@@ -10,9 +10,8 @@ from scipy.linalg import expm
 
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.linear_model import closed_loop, disturbance_entry, kinematic_model
-from flighttune.guarantee.flight_check import check_against
+from flighttune.guarantee.flight_check import certified_loop, check_against
 from flighttune.guarantee.mismatch import Mismatch
-from flighttune.guarantee.ultimate_set import certified_loop
 from flighttune.theory.attractor import invariant_ellipsoid
 
 MODEL = kinematic_model(V_a=25.0, gamma=0.26, g=9.81)

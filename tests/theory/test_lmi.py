@@ -20,9 +20,7 @@ def test_the_least_t_that_makes_a_two_by_two_matrix_positive_is_its_off_diagonal
     t = unknown()
     inequality = above_off_diagonal(t)
 
-    answer = solve(largest(-t, [inequality]))
-
-    assert (answer.status, answer.solved) == ("optimal", True)
+    assert not solve(largest(-t, [inequality]))
     assert t.value == pytest.approx(1.0, abs=SOLVER_ACCURACY)
     assert inequality.dual_value == pytest.approx(
         np.array([[0.5, -0.5], [-0.5, 0.5]]), abs=1e3 * SOLVER_ACCURACY
@@ -35,7 +33,7 @@ def test_a_problem_with_a_parameter_is_solved_again_for_each_value():
 
     for size in (1.0, 3.0):
         off_diagonal.value = size * OFF_DIAGONAL
-        assert solve(problem).status == "optimal"
+        assert not solve(problem)
         assert t.value == pytest.approx(size, abs=10.0 * SOLVER_ACCURACY)
 
 
@@ -50,17 +48,13 @@ def test_a_combination_is_the_weighted_sum_of_its_matrices():
 
 
 @pytest.mark.parametrize(
-    ("sign", "most", "status", "reason"),
-    [(-1.0, 0.0, "infeasible", "infeasible"), (1.0, np.inf, "failed", "unbounded")],
+    ("sign", "most", "reason"), [(-1.0, 0.0, "infeasible"), (1.0, np.inf, "unbounded")]
 )
-def test_a_problem_without_a_solution_is_a_status_and_not_an_error(sign, most, status, reason):
+def test_a_problem_without_a_solution_is_a_reason_and_not_an_error(sign, most, reason):
     t = unknown()
     more = [t <= most] if np.isfinite(most) else []
 
-    answer = solve(largest(sign * t, [above_off_diagonal(t), *more]))
-
-    assert (answer.status, answer.solved) == (status, False)
-    assert reason in answer.reason
+    assert reason in solve(largest(sign * t, [above_off_diagonal(t), *more]))
 
 
 def test_a_solver_that_breaks_down_is_a_failure_with_a_reason(monkeypatch):
@@ -70,17 +64,11 @@ def test_a_solver_that_breaks_down_is_a_failure_with_a_reason(monkeypatch):
     problem = largest(-unknown(), [])
     monkeypatch.setattr(type(problem), "solve", breaks_down)
 
-    answer = solve(problem)
-
-    assert answer.status == "failed"
-    assert "solver_error" in answer.reason
+    assert "solver_error" in solve(problem)
 
 
-def test_a_solver_stopped_early_is_not_called_optimal(monkeypatch):
+def test_a_solver_stopped_early_has_no_answer(monkeypatch):
     monkeypatch.setitem(lmi.SOLVER_OPTIONS, "max_iter", 2)
     t = unknown()
 
-    answer = solve(largest(-t, [above_off_diagonal(t)]))
-
-    assert answer.status in ("failed", "inaccurate")
-    assert answer.reason
+    assert solve(largest(-t, [above_off_diagonal(t)]))

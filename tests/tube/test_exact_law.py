@@ -2,8 +2,7 @@
 
 import pytest
 
-from flighttune.control.exact_law import rate_gains
-from flighttune.control.gains import PAPER_GAINS
+from flighttune.control.gains import PAPER_GAINS, rate_gains
 from flighttune.errors import InputError
 from flighttune.scenario import scenario_from
 from flighttune.tube.proof import save_tube, verify_tube

@@ -14,8 +14,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.optimize import linprog
 
-from flighttune.control.exact_law import rate_gains
-from flighttune.control.gains import PAPER_GAINS
+from flighttune.control.gains import PAPER_GAINS, rate_gains
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.scenario import scenario_from
 from flighttune.simulate.loop import simulate
@@ -55,18 +54,18 @@ class Contrary(Search):
 
     def cut(self, pieces, channels):
         met = []
-        for name, channel in zip(("phi", "n_z"), channels, strict=False):
-            for _, excess in channel.excesses:
+        for i, channel in enumerate(channels):
+            for side, excess in channel.excesses.items():
                 which = (excess.values.low < -1e-6) & (excess.values.high > 1e-6)
                 if which.any():
-                    met.append((name, excess, which))
+                    met.append((i, side, which))
         if not (met and self._splits and self._rng.random() < 0.5):
             return None
         self._splits -= 1
-        name, excess, which = met[self._rng.integers(len(met))]
-        self.limits.add(name)
+        i, side, which = met[self._rng.integers(len(met))]
+        self.limits.add(("phi", "n_z")[i])
         rows = self._rng.integers(0, SPLITS, len(pieces))
-        return excess, which, np.zeros(len(pieces)), rows
+        return i, side, which, np.zeros(len(pieces)), rows
 
 
 def lag_states(lag, commands, start, dt, k):
@@ -222,12 +221,12 @@ class Relinearised(Search):
         self._for_roll = len(channels) == 1
         if self._for_roll:
             return None
-        for _, excess in channels[1].excesses:
+        for side, excess in channels[1].excesses.items():
             values = excess.values
             which = (values.low < 0.0) & (values.high > 0.0)
             if self._sample == 1 and not self.splits and which.any():
                 self.splits += 1
-                return excess, which, np.zeros(len(pieces)), np.zeros(len(pieces), dtype=int)
+                return 1, side, which, np.zeros(len(pieces)), np.zeros(len(pieces), dtype=int)
         self._sample += 1
         return None
 

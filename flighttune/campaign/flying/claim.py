@@ -6,11 +6,11 @@ import numpy as np
 
 from flighttune.campaign.flying.alone import nominal_flights
 from flighttune.campaign.planning.plan import Group, Plan
-from flighttune.guarantee.flight_check import flight_check
-from flighttune.guarantee.ultimate_set import (
+from flighttune.guarantee.flight_check import (
     SETTLED_FROM,
     UltimateSet,
     certified_loop,
+    flight_check,
     largest_command,
 )
 from flighttune.scenario.schema import Scenario

@@ -9,8 +9,8 @@ from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.law import Law
 from flighttune.flight.fly import law_setup
+from flighttune.guarantee.flight_check import UltimateSet
 from flighttune.guarantee.mismatch import LEAST_SAMPLES
-from flighttune.guarantee.ultimate_set import UltimateSet
 from flighttune.metrics import METRICS
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import rolled_over

@@ -24,7 +24,7 @@ from flighttune.control.linear_model import closed_loop
 from flighttune.errors import FlightTuneError
 from flighttune.flight.expectations import missed
 from flighttune.flight.refly import Difference
-from flighttune.guarantee.ultimate_set import UltimateSet
+from flighttune.guarantee.flight_check import UltimateSet
 from flighttune.metrics import measures
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run

@@ -18,7 +18,7 @@ from flighttune.campaign.statistics.paired import paired, scores
 from flighttune.campaign.statistics.sensitivity import classes_of, influences, sobol_indices
 from flighttune.campaign.statistics.summary import convergence, summary
 from flighttune.errors import FlightTuneError
-from flighttune.guarantee.ultimate_set import UltimateSet
+from flighttune.guarantee.flight_check import UltimateSet
 from flighttune.units import DEG
 
 SUCCESS = "success"
