@@ -53,9 +53,9 @@ class SampledController(NamedTuple):
     ----------
     channels : tuple of ChannelLaw, length 2
     conditional : bool
-        True for conditional anti-windup.
+        True for conditional anti-windup; it is none otherwise.
     feed_forward : bool
-        True if the lift of steady flight on the reference is added to the load factor.
+        True if ``cos(gamma_ref)/cos(phi)`` is added to the load-factor command.
     inverts : RateLaw or None
         Set for a law whose channels command rates, which it inverts for roll and load factor.
     """

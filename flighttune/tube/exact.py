@@ -51,9 +51,9 @@ FREE, LIMITED, OPEN = -1, 1, 0
 
 def enclosure_of(loop: SampledLoop, pieces: Pieces, plan: Plan) -> Enclosure:
     """The enclosure of a loop, by its law."""
-    if loop.inverts is None:
+    if loop.law.inverts is None:
         return Enclosure(loop, pieces, plan)
-    return ExactEnclosure(loop, pieces, plan, loop.inverts)
+    return ExactEnclosure(loop, pieces, plan, loop.law.inverts)
 
 
 class ExactEnclosure(Enclosure):
@@ -120,7 +120,7 @@ class ExactEnclosure(Enclosure):
                 (1.0, state[PHI_INTEGRAL + i]),
                 shift=self.loop.reference[k, RATES][i],
             )
-            for i, law in enumerate(self.loop.channels)
+            for i, law in enumerate(self.loop.law.channels)
         )
         # The exact law needs ``a = V/g cos(gamma) chi_dot`` and ``b = V/g gamma_dot + cos(gamma)``.
         level = cosine_of(self._angle(state[GAMMA], CLIMB))
@@ -131,11 +131,11 @@ class ExactEnclosure(Enclosure):
 
     def _check_plain(self, errors: Sequence[Form], a: Interval, b: Interval) -> None:
         """Stop where the law may do other than invert: that is not enclosed."""
-        law = self.loop.channels[1]
+        law = self.loop.law.channels[1]
         if not (b.low > self._law.lift_floor).all():
             raise Unbounded("the vertical lift wanted can be at its floor")
         # The largest load factor is enough for both lifts, or for b at the largest roll.
-        stop = max(abs(self.loop.channels[0].lower), self.loop.channels[0].upper)
+        stop = max(abs(self.loop.law.channels[0].lower), self.loop.law.channels[0].upper)
         together = (a.largest**2 + b.high**2) * UP
         steep = b.high * UP < law.upper * math.cos(min(stop, math.pi / 2))
         if not (steep | (together < law.upper**2)).all():
@@ -147,7 +147,7 @@ class ExactEnclosure(Enclosure):
             raise Unbounded("the path-angle error can be so large that the law brakes")
 
     def _channel(self, i: int, x: Form, command: Quantity, errors: Sequence[Form]) -> Channel:
-        law = self.loop.channels[i]
+        law = self.loop.law.channels[i]
         increment = combined(*zip(law.K_I_half, errors, strict=True))
         # Splits are at the limits themselves: the integrator stops there, whatever the increment.
         at = Interval.point(np.zeros(len(self.pieces)))
@@ -233,7 +233,7 @@ class ExactEnclosure(Enclosure):
             free &= (sides == FREE) | ((sides == OPEN) & (excess.values.high < -OVERLAP))
             limited |= (sides == LIMITED) | ((sides == OPEN) & (excess.values.low > OVERLAP))
         can_limit = bool((~free).any())
-        if not self.loop.conditional:  # without anti-windup the integrator never stops
+        if not self.loop.law.conditional:  # without anti-windup the integrator never stops
             return combined((1.0, integral), (1.0, channel.increment)), can_limit
         # It stands where a limit holds the command. Where the side is open, the integral takes half
         # the increment, and an error of the other half: that covers both sides.

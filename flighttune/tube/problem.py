@@ -256,10 +256,7 @@ class TubeProblem:
             boxes = self.boxes.bounds.pairs[:, : len(RESIDUALS)]
         dt = 1.0 / self.scenario.controller.rate_hz
         return SampledLoop(
-            channels=controller.channels,
-            conditional=controller.conditional,
-            feed_forward=feed_forward,
-            inverts=controller.inverts,
+            law=controller._replace(feed_forward=feed_forward),
             reference=reference,
             boxes=boxes,
             dt=dt,

@@ -27,7 +27,7 @@ from typing import NamedTuple, Protocol, TypeAlias
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.control.exact_law import RateLaw
+from flighttune.control.law import SampledController
 from flighttune.control.mimo_pi import ChannelLaw
 from flighttune.tube.forms import UP, Flags, Form, Indices, Pieces, Quantity, combined, transformed
 from flighttune.tube.functions import (
@@ -96,10 +96,7 @@ STEEPEST = math.radians(85.0)
 class SampledLoop:
     """The loop that all flights of a set share."""
 
-    channels: tuple[ChannelLaw, ...]  # length 2: the numbers of the controller itself
-    conditional: bool  # whether anti-windup is conditional; it is none otherwise
-    feed_forward: bool  # whether ``cos(gamma_ref)/cos(phi)`` is added to the load-factor command
-    inverts: RateLaw | None  # None for the paper's law
+    law: SampledController  # the numbers of the controller itself
     # shape (k, 6), rad, rad, rad, 1, rad/s, rad/s, in the columns `REFERENCE`, `PLANNED` and
     # `RATES`: zeros where a law follows no plan, or no rates.
     reference: FloatArray
@@ -139,7 +136,7 @@ class SampledLoop:
 
     def lift(self, k: int) -> float:
         """``cos(gamma_ref)`` of the feed-forward at sample k; 0 without one."""
-        return math.cos(self.reference[max(k, 0), GAMMA]) if self.feed_forward else 0.0
+        return math.cos(self.reference[max(k, 0), GAMMA]) if self.law.feed_forward else 0.0
 
 
 class Channel(NamedTuple):
@@ -221,7 +218,7 @@ def start_set(loop: SampledLoop, within_start: float, sides: int, symbols: int) 
         load = load.widened(steady.radius + COMPUTED)
     else:
         load = combined((0.0, state[GAMMA]), shift=n_z).widened(COMPUTED)
-    if loop.inverts:
+    if loop.law.inverts:
         doubt = level.radius * load.size + COMPUTED
         state[EXTRA_LIFT] = combined((level.middle, load)).widened(doubt)
     else:
@@ -381,7 +378,7 @@ class Enclosure:
         self, k: int, state: Sequence[Form], errors: Sequence[Form], roll: Quantity, extra: Form
     ) -> list[Channel]:
         made, lift = [], self.loop.lift(k)
-        for i, law in enumerate(self.loop.channels):
+        for i, law in enumerate(self.loop.law.channels):
             # The trapezoid begins with the second sample: there is no time before the first.
             increment = combined((0.0, errors[0]))
             if k > 0:
@@ -458,7 +455,7 @@ class Enclosure:
                 continue
             excess_part = self._positive_part(excess, KINDS[i])
             rest, values, by = excess_part, excess.values, ordered(channel.by * side)
-            if self.loop.conditional and (by.high > 0.0).any():
+            if self.loop.law.conditional and (by.high > 0.0).any():
                 outwards = combined((side, channel.increment))
                 refused = self._positive_part(Quantity(outwards, by), PHI_INTEGRAL + i)
                 beyond = combined((1.0, excess.form), (-1.0, refused))
@@ -501,7 +498,7 @@ class Enclosure:
             by = self._range(change)
             # Without a lag the roll seen next is the command, which its rate limit holds.
             if not self.loop.lags:
-                law = self.loop.channels[0]
+                law = self.loop.law.channels[0]
                 by = Interval(
                     np.maximum(by.low, law.step_down - COMPUTED),
                     np.minimum(by.high, law.step_up + COMPUTED),

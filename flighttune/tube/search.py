@@ -69,7 +69,7 @@ class Search:
     """
 
     def __init__(self, loop: SampledLoop, *, tolerance: float, most: int) -> None:
-        self._scales = [_scale(law.lower, law.upper, law.step_up) for law in loop.channels]
+        self._scales = [_scale(law.lower, law.upper, law.step_up) for law in loop.law.channels]
         self._tolerance, self._most = tolerance, most
         self.chosen: list[npt.NDArray[np.float32]] = []
 
@@ -233,7 +233,7 @@ def _steady(loop: SampledLoop) -> FloatArray:
     n_z = planned or np.cos(gamma)
     extra = n_z - loop.lift(len(loop.reference) - 1)
     at[[CHI, GAMMA, PHI, EXTRA_LIFT]] = chi, gamma, phi, extra
-    at[N_Z_INTEGRAL] = 0.0 if loop.inverts else extra - planned
+    at[N_Z_INTEGRAL] = 0.0 if loop.law.inverts else extra - planned
     for own, queue, lag, value in zip(*loop.layout, loop.lags, (phi, n_z), strict=False):
         at[own], at[queue] = lag.rest * value, value
     if loop.sees_roll:

@@ -10,7 +10,6 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
-from flighttune.control.limits import Limits
 from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
 from flighttune.tuning.program import Program, stabilising_starts
 from flighttune.tuning.result import Assessment, assessment, is_feasible
@@ -103,16 +102,13 @@ def _smallest_factor(
 
 
 def _relaxed(problem: TuningProblem, groups: Sequence[str], factor: float) -> TuningProblem:
-    """The problem with some of its limits multiplied, or without them where `factor` is inf."""
-    limits, inputs = problem.limits, problem.model.inputs
-    assert limits is not None  # some have a name
-    unlimited, ends = Limits.none(len(inputs)), {}
-    for end in Limits.__slots__:
-        kind = "_rate" if end.startswith("rate") else ""
-        bound = getattr(limits, end)
-        relaxed = getattr(unlimited, end) if math.isinf(factor) else factor * bound
-        ends[end] = np.where([f"{name}{kind}" in groups for name in inputs], relaxed, bound)
-    return replace(problem, limits=Limits(**ends))
+    """The problem with some of its limits multiplied."""
+    inputs = problem.model.inputs
+    factors = [
+        np.array([factor if f"{name}{kind}" in groups else 1.0 for name in inputs])
+        for kind in ("", "_rate")
+    ]
+    return problem.relaxed(*factors)
 
 
 def _use(space: SearchSpace, gains: Assessment | None) -> dict[str, float]:

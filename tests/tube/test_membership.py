@@ -88,7 +88,7 @@ def whole_state(problem, signals, start, k):
     phi, n_z = np.array(signals["phi_cmd"]), np.array(signals["n_z_cmd"])
     commands = [(start.phi, phi), (start.n_z_start, n_z)]
     in_force = [one[k - 1] if k else first for first, one in commands]
-    if loop.inverts is None:
+    if loop.law.inverts is None:
         extra = in_force[1] - loop.lift(k - 1) / math.cos(row["phi"])
         names = "phi_integral", "n_z_integral"
     else:

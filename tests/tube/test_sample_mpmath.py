@@ -48,7 +48,7 @@ def by_the_paper_s_law(loop, x, e):
     ahead = mp.cos(mpf(float(loop.reference[1, 1])))
     in_force = x[2], x[3] + ahead / mp.cos(x[2])
     commands, integrals = [], []
-    for i, law in enumerate(loop.channels):
+    for i, law in enumerate(loop.law.channels):
         increment = dot(law.K_I_half, [a + b for a, b in zip(e, x[6:8], strict=True)])
         without = (ahead / mp.cos(x[2]) if i else 0) + dot(law.K_P, e) + x[4 + i]
         command = limited(without + increment, in_force[i], law)
@@ -62,9 +62,9 @@ def by_the_paper_s_law(loop, x, e):
 
 
 def by_the_exact_law(loop, x, e):
-    roll_law, load_law = loop.channels
-    speed, level = mpf(loop.V_a * loop.inverts.per_g), mp.cos(x[1])
-    turn, climb = (dot(law.K_P, e) + x[4 + i] for i, law in enumerate(loop.channels))
+    roll_law, load_law = loop.law.channels
+    speed, level = mpf(loop.V_a * loop.law.inverts.per_g), mp.cos(x[1])
+    turn, climb = (dot(law.K_P, e) + x[4 + i] for i, law in enumerate(loop.law.channels))
     a, b = speed * level * turn, speed * climb + level
     wanted = mp.atan2(a, b)
     phi = limited(wanted, x[2], roll_law)
@@ -72,7 +72,8 @@ def by_the_exact_law(loop, x, e):
     n_z = limited(load, x[3] / mp.cos(x[2]), load_law)
     free = wanted == phi, load == n_z
     integrals = [
-        x[4 + i] + (dot(law.K_I_half, e) if free[i] else 0) for i, law in enumerate(loop.channels)
+        x[4 + i] + (dot(law.K_I_half, e) if free[i] else 0)
+        for i, law in enumerate((roll_law, load_law))
     ]
     return [phi, n_z], integrals, n_z * mp.cos(phi)
 
@@ -80,7 +81,7 @@ def by_the_exact_law(loop, x, e):
 def flown(loop, x, d):
     """The whole state a sample later."""
     e = [mpf(float(loop.reference[1, 0])) - x[0], mpf(float(loop.reference[1, 1])) - x[1]]
-    law = by_the_exact_law if loop.inverts else by_the_paper_s_law
+    law = by_the_exact_law if loop.law.inverts else by_the_paper_s_law
     (phi, n_z), integrals, extra = law(loop, x, e)
     h, rate = mpf(loop.dt), mpf(loop.g_over_v)
     # With T = tan(gamma/2) the climb is T' = p + q T^2, which has a closed form.
@@ -146,7 +147,7 @@ def check_a_sample(exact, plant, *, boxes, points):
         lift = rng.uniform(-0.05, 0.05) + (np.cos(gamma) if exact else 0.0)
         # Near the commands wanted: some flights of a box are limited and some are not.
         integral = np.array([loop.g_over_v * np.tan(phi), 0.0]) if exact else np.array([phi, 0.0])
-        integral = integral - [law.K_P @ error for law in map(_arrays, loop.channels)]
+        integral = integral - [law.K_P @ error for law in map(_arrays, loop.law.channels)]
         centre = np.array([chi, gamma, phi, lift, *integral, *error])
         pieces = boxed(centre, rng)
         before = pieces.values[0, :STATES, : 1 + STATES].copy()
