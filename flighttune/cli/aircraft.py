@@ -18,8 +18,8 @@ from flighttune.present.tables import Column, Table
 from flighttune.shipped import aircraft_names, is_shipped
 from flighttune.units import DEG
 
+# Share of the variance, in percent, below which the answer of `identify` is no.
 GOOD_FIT = 90.0
-"""Share of the variance, in percent, below which the answer of `identify` is no."""
 
 TRIM_COLUMNS = columns(
     "V_a_mps gamma_deg trim.alpha_deg trim.beta_deg trim.elevator_deg trim.rudder_deg "

@@ -30,8 +30,8 @@ QuietOption = Annotated[
     bool, typer.Option("--quiet", "-q", help="Print only failures, and the object of --json.")
 ]
 
+# Characters of the first sentence of a command's help.
 LONGEST_SENTENCE = 200
-"""Characters of the first sentence of a command's help."""
 
 
 class Grouped(TyperGroup):
@@ -66,6 +66,8 @@ campaigns = typer.Typer(
     no_args_is_help=True,
     help="Fly a scenario thousands of times, dispersed, on one machine or a cluster.",
 )
+
+# Commands by their heading in the help: function, name, status on a terminal, and an example.
 COMMANDS = {
     "Tune": [
         (tune, "tune", "tuning", "tune paper --out gains.json"),
@@ -96,7 +98,6 @@ COMMANDS = {
         (export, "export", "exporting", "export paper --gains paper"),
     ],
 }
-"""Commands by their heading in the help: function, name, status on a terminal, and an example."""
 
 CAMPAIGN_COMMANDS = [
     (campaign.run, "run", "planning", "campaign run first_campaign"),

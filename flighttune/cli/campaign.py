@@ -24,8 +24,9 @@ if TYPE_CHECKING:
     from flighttune.campaign.planning.plan import Plan
 
 KEPT = "what has been flown is kept, go on with the same command and --resume"
+
+# Statuses of runs without measures to compare, which may crash or hang again if flown here.
 CRASHED = ("crashed", "timed_out")
-"""Statuses of runs without measures to compare, which may crash or hang again if flown here."""
 
 DIFFERENCE_COLUMNS = [
     *columns("column"),

@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from flighttune.flight.fly import FlownScenario
     from flighttune.recording.record import RecordedFiles
 
+# Metrics of the printed table; ``--json`` has them all.
 RUN_COLUMNS = columns(
     "plant gains status metrics.chi.ITAE metrics.gamma.ITAE metrics.chi.MO_rad "
     "metrics.gamma.MO_rad metrics.chi.settling_s metrics.gamma.settling_s"
 )
-"""Metrics of the printed table; ``--json`` has them all."""
 
 EQUAL = "equal to the bit"
 REFLOWN_COLUMNS = columns("run status samples result")

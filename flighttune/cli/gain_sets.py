@@ -52,14 +52,10 @@ def gains_values(gains: "PIGains | None") -> dict[str, Any]:
 
 def gains_table(title: str, gains: "PIGains | None") -> Table:
     """Gains as a table, a row a command; no rows where there are no gains."""
-    records = (
-        []
-        if gains is None
-        else [
-            {"command": command, "P": gains.K_P[i].tolist(), "I": gains.K_I[i].tolist()}
-            for i, command in enumerate(gains.labels)
-        ]
-    )
+    if gains is None:
+        return Table(GAINS_COLUMNS, [], title)
+    rows = zip(gains.labels, gains.K_P.tolist(), gains.K_I.tolist(), strict=True)
+    records = [{"command": name, "P": K_P, "I": K_I} for name, K_P, K_I in rows]
     return Table(GAINS_COLUMNS, records, title)
 
 

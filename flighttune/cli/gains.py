@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from flighttune.control.gains import PIGains
     from flighttune.scenario import Scenario
 
+# Searches over an envelope, besides the one from the gains tuned at the trim.
 ENVELOPE_STARTS = 2
-"""Searches over an envelope, besides the one from the gains tuned at the trim."""
 
 RESULT_COLUMNS = columns("status R_K I_K spectral_abscissa active method starts wall_s")
 ENVELOPE_COLUMNS = [

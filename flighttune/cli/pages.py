@@ -24,8 +24,8 @@ from flighttune.present.answer import Answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Table
 
+# Tables of the page that are printed too; ``--json`` has the records of all.
 PRINTED = ("convergence", "certificates", "aircraft")
-"""Tables of the page that are printed too; ``--json`` has the records of all."""
 
 
 def gap(

@@ -14,8 +14,9 @@ if TYPE_CHECKING:
     from flighttune.campaign.engine.pool import WorkerPool
 
 LINE_EVERY_S = 10.0
+
+# Ctrl-C, the end that a system asks for, and that of the terminal.
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Ctrl-C, the end that a system asks for, and that of the terminal."""
 
 
 @contextmanager

@@ -13,16 +13,17 @@ from flighttune.whole_file import reason_of
 
 FINE, NO, COULD_NOT_RUN, INTERRUPTED = 0, 1, 2, 130
 
+# Width of a table that goes to a file or a pipe, characters.
 PLAIN_WIDTH = 120
-"""Width of a table that goes to a file or a pipe, characters."""
 
+# Characters of a line about a failure.
 MAX_REASON = 1500
-"""Characters of a line about a failure."""
 
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 _JSON: ContextVar[bool] = ContextVar("as_json", default=False)
+
+# Status on the last line of a terminal's stderr until something else is printed.
 _DOING: ContextVar[str] = ContextVar("doing", default="")
-"""Status on the last line of a terminal's stderr until something else is printed."""
 
 
 @contextmanager

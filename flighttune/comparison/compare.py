@@ -25,30 +25,30 @@ from flighttune.simulate.run import Run
 RECORDED = (".parquet", ".rrd")
 GAINS_FILES = (".json", ".toml")
 
+# Metrics shown in a notebook; `Comparison.metrics` has them all.
 SHOWN = ("ITAE", "MO_rad", "settling_s", "ST_rad")
-"""Metrics shown in a notebook; `Comparison.metrics` has them all."""
 
+# Pairs shown in a notebook.
 MAX_PAIRS = 3
-"""Pairs shown in a notebook."""
 
+# Better direction of each metric. A time that is never reached is worse than any other.
 BETTER_IF = {
     **dict.fromkeys((*METRICS, *FLIGHT_METRICS), "low"),
     **dict.fromkeys(("PT_s", "n_z_min", "n_z_max"), "neither"),
     "MS_rad": "near zero",
 }
-"""Better direction of each metric. A time that is never reached is worse than any other."""
 
+# Metrics whose missing value means that it was never reached.
 NEVER = ("rise_s", "settling_s")
-"""Metrics whose missing value means that it was never reached."""
 
+# Relative difference up to which neither is better.
 EQUAL = 1e-12
-"""Relative difference up to which neither is better."""
 
+# Keys of ``[flight]`` that belong to the manoeuvre, as does all of ``[reference]``.
 MANOEUVRE = ("V_a_mps", "h_m", "chi_deg", "gamma_deg", "phi_deg", "n_z", "duration_s")
-"""Keys of ``[flight]`` that belong to the manoeuvre, as does all of ``[reference]``."""
 
+# Keys that are text, or are compared elsewhere.
 DESCRIPTION = ("title", "verifies", "source", "gains", "plant", "reference")
-"""Keys that are text, or are compared elsewhere."""
 
 COMPARED = (
     Column("pair", "A | B"),

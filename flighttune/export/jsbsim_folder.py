@@ -30,24 +30,23 @@ from flighttune.whole_file import reason_of, write_text
 
 SCRIPT, CSV, START, OUTER_LOOP = "flight.xml", "flight.csv", "start", "ft_outer_loop"
 
+# Time for which the aircraft is held still before the flight, plus that of its engine, s: delays of
+# sensors fill, and filters of the model's own flight control settle.
 AT_REST = 10.0
-"""Time for which the aircraft is held still before the flight, plus that of its engine, s:
-delays of sensors fill, and filters of the model's own flight control settle.
-"""
 
+# Departure from a straight line above which a sample of a reference has a row of its own.
 STRAIGHT = 1e-15
-"""Departure from a straight line above which a sample of a reference has a row of its own."""
 
 _OUTER_LOOP, _SCRIPT = (
     Path(__file__).with_name(f"{name}.xml") for name in ("outer_loop", "flight")
 )
 
+# Components of the outer loop that every law has.
 _MEASURED = {
     *(f"ft/outer/{name}" for name in ("sample", "chi-rad", "gamma-rad", "gain")),
     *(f"ft/outer/{name}-rad" for name in ("half-turn-less", "chi-err", "gamma-err")),
     *(f"ft/outer/{u}/{name}" for u in ("phi", "n_z") for name in ("in-force", "low", "high")),
 }
-"""Components of the outer loop that every law has."""
 
 MOVED_BY_AIR = "wind", "gust", "turbulence"
 

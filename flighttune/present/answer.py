@@ -9,13 +9,13 @@ from typing import Any
 
 from flighttune.present.tables import Table
 
+# Command that reads a file, by the key of the file in an answer.
 READ_BY = {
     "recording": "view",
     "dataset": "campaign report",
     "proof": "verify",
     "scenario": "fly",
 }
-"""Command that reads a file, by the key of the file in an answer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

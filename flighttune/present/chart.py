@@ -74,8 +74,8 @@ class Chart:
     linked: bool = False  # its cursor is at the same x as in the other linked charts of a page
     equal: bool = False  # a metre is as long to the right as upwards
     downwards: bool = False  # y grows downwards
+    # Entries named in this chart alone.
     legend: list[LegendEntry] = field(default_factory=list)
-    """Entries named in this chart alone."""
     _marks: list["_Mark"] = field(default_factory=list)
     _seen: list[tuple[FloatArray, FloatArray]] = field(default_factory=list)
 

@@ -11,6 +11,7 @@ SYMBOLS = {**CHANNEL_SYMBOLS, "phi": "φ", "n_z": "n_z"}
 CHANNEL_NAMES = {"chi": "course", "gamma": "path angle"}
 
 
+# Column of each metric of a channel or of the flight (SI), by its key.
 METRIC_LABELS = {
     column.key: column
     for column in (
@@ -31,7 +32,6 @@ METRIC_LABELS = {
         Column("alpha_max_rad", "maximum |α|", "deg", "z.1f", DEG_PER_RAD),
     )
 }
-"""Column of each metric of a channel or of the flight (SI), by its key."""
 
 
 def metric_label(key: str) -> Column:
@@ -48,6 +48,7 @@ def metric_label(key: str) -> Column:
     return replace(label, unit=unit, factor=factor)
 
 
+# Unit of a value by the end of its key; longer ends first.
 UNIT_OF_SUFFIX = {
     "_rad_s2": "rad/s²",
     "_rad_s": "rad/s",
@@ -59,8 +60,8 @@ UNIT_OF_SUFFIX = {
     "_s": "s",
     "_m": "m",
 }
-"""Unit of a value by the end of its key; longer ends first."""
 
+# Label of a quantity by the last part of its key, where the key does not say it.
 QUANTITIES = {
     column.key: column
     for column in (
@@ -84,7 +85,6 @@ QUANTITIES = {
         Column("exact", "proven exactly"),
     )
 }
-"""Label of a quantity by the last part of its key, where the key does not say it."""
 
 
 def columns(keys: str) -> list[Column]:

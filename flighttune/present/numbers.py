@@ -9,11 +9,11 @@ from flighttune.units import DEG_PER_RAD
 if TYPE_CHECKING:  # the command line imports this module before anything heavy
     import numpy.typing as npt
 
+# Stands where there is no number.
 MISSING = "–"
-"""Stands where there is no number."""
 
+# Smallest angle that is written, deg; smaller ones are rounded up to it.
 RESOLUTION = 0.001
-"""Smallest angle that is written, deg; smaller ones are rounded up to it."""
 
 
 def number(value: float, form: str = ".4g", *, missing: str = MISSING) -> str:

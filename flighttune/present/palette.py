@@ -3,6 +3,9 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 
+# A strong and a light shade of each hue, for the dark and the light ground of the viewer and for
+# paper: any two of twelve differ by 19 or more (CIE 1976) as seen with normal sight, protanopia,
+# deuteranopia and tritanopia, and all stand out from black by 3 and from white by 2.5 (WCAG).
 HUES = (
     (("#354FD8", "blue"), ("#8AA0EB", "light blue")),
     (("#9F4338", "rust"), ("#D88F59", "apricot")),
@@ -11,10 +14,8 @@ HUES = (
     (("#7F6903", "olive"), ("#9AA701", "lime")),
     (("#7807FF", "violet"), ("#A07CFF", "lavender")),
 )
-"""A strong and a light shade of each hue, for the dark and the light ground of the viewer and for
-paper: any two of twelve differ by 19 or more (CIE 1976) as seen with normal sight, protanopia,
-deuteranopia and tritanopia, and all stand out from black by 3 and from white by 2.5 (WCAG)."""
 
+# For more than twelve runs: at least 12 from the twelve and from each other.
 MORE = (
     ("#C9459F", "pink"),
     ("#C318FF", "purple"),
@@ -23,33 +24,32 @@ MORE = (
     ("#51607F", "slate"),
     ("#A58829", "brass"),
 )
-"""For more than twelve runs: at least 12 from the twelve and from each other."""
 
+# For one gain set on more than two plants, such as the rungs from the law to an aircraft: no hue of
+# a gain set.
 PLANTS = (
     ("#7C8794", "grey"),
     ("#A99BC9", "lilac"),
     ("#8A5FBF", "plum"),
     ("#B03AD0", "orchid"),
 )
-"""For one gain set on more than two plants, such as the rungs from the law to an aircraft: no hue
-of a gain set."""
 
+# References: readable on a dark and on a white ground.
 NEUTRAL = "#8C8C8C"
-"""References: readable on a dark and on a white ground."""
 
+# Limit lines.
 LIMIT = "#E0475B"
-"""Limit lines."""
 
+# Colour of marks that stand out without being a run: sums, the reach of a loop.
 INK = "#222222"
-"""Colour of marks that stand out without being a run: sums, the reach of a loop."""
 
+# Contrast of a line on the ground of a page. A dark page takes more, or strong shades look like
+# shadows of the light ones.
 MIN_CONTRAST, ON_DARK = 2.5, 3.6
-"""Contrast of a line on the ground of a page. A dark page takes more, or strong shades look like
-shadows of the light ones."""
 
+# Grounds and texts of the two themes of a page.
 LIGHT = {"paper": "#FFFFFF", "ink": "#1D2329", "soft": "#56606A", "grid": "#E4E7EA"}
 DARK = {"paper": "#14181C", "ink": "#E6E9EC", "soft": "#A3ADB6", "grid": "#2A3138"}
-"""Grounds and texts of the two themes of a page."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,6 +148,7 @@ def _luminance(channels: Iterable[float]) -> float:
     return sum(w * p for w, p in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
 
 
+# Name of the CSS variable of each colour.
 _VARIABLES = {
     colour.upper(): name.replace(" ", "-")
     for colour, name in (
@@ -159,7 +160,6 @@ _VARIABLES = {
         (INK, "ink"),
     )
 }
-"""Name of the CSS variable of each colour."""
 
 
 def hue_tells_gains(pairs: Iterable[tuple[str, str]]) -> bool:

@@ -10,14 +10,14 @@ from typing import Any
 
 from flighttune.present.numbers import MISSING, interval, matrix, number
 
+# Between two columns.
 GAP = "  "
-"""Between two columns."""
 
+# Width to which a column of words may be wrapped before the table is cut in two, characters.
 NARROWEST = 16
-"""Width to which a column of words may be wrapped before the table is cut in two, characters."""
 
+# Characters of a cell from which on a page may wrap the last column.
 LONG_WORDS = 40
-"""Characters of a cell from which on a page may wrap the last column."""
 
 
 @dataclass(frozen=True, slots=True)

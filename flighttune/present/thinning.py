@@ -4,11 +4,11 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 
+# Samples up to which a line is drawn as it is: four minutes at 50 Hz.
 MOST = 12_000
-"""Samples up to which a line is drawn as it is: four minutes at 50 Hz."""
 
+# Points of a line in a chart.
 MAX_DRAWN = 600
-"""Points of a line in a chart."""
 
 
 def peaks(values: FloatArray, *, most: int = MOST) -> np.ndarray:
