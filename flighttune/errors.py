@@ -1,4 +1,4 @@
-"""The errors that flighttune raises.
+"""The errors that flighttune raises, and the ends of processes in words.
 
 FlightTuneError
 ├── InputError (ValueError)      a value the caller gave cannot be used
@@ -11,6 +11,8 @@ FlightTuneError
 ├── SolverError (RuntimeError)   an optimiser broke down (infeasible is a status)
 └── CampaignError (RuntimeError) a campaign was cut short: its cluster is gone
 """
+
+import signal
 
 
 class FlightTuneError(Exception):
@@ -51,3 +53,13 @@ class SolverError(FlightTuneError, RuntimeError):
 
 class CampaignError(FlightTuneError, RuntimeError):
     """A campaign was cut short because its cluster failed; finished runs are kept."""
+
+
+def crash_of(code: int) -> str:
+    """Signal that ended a process with this return code; empty if it ended by itself."""
+    if code >= 0:
+        return ""
+    try:
+        return signal.Signals(-code).name
+    except ValueError:  # a real-time signal, which has no name
+        return f"signal {-code}"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from flighttune.processes import crash_of
+from flighttune.errors import crash_of
 
 
 @pytest.mark.parametrize(

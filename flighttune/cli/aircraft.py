@@ -9,8 +9,7 @@ from typing import Annotated, Any
 from typer import Argument, Option
 
 from flighttune.cli.options import check_ending, out_folder
-from flighttune.cli.progress import on_interrupt
-from flighttune.cli.show import INTERRUPTED, fail, pick, quiet, tell
+from flighttune.cli.show import INTERRUPTED, fail, on_interrupt, pick, quiet, tell
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns

@@ -13,8 +13,16 @@ from flighttune.cli.options import (
     check_ending,
     out_folder,
 )
-from flighttune.cli.progress import campaign_display, duration, progress_bar, rate
-from flighttune.cli.show import INTERRUPTED, NO, pick, tell
+from flighttune.cli.show import (
+    INTERRUPTED,
+    NO,
+    campaign_display,
+    duration,
+    pick,
+    progress_bar,
+    rate,
+    tell,
+)
 from flighttune.errors import CampaignError, OutputError, RecordingError
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from flighttune.cli.gain_sets import chosen_gains, gains_table, gains_values, margins_table
+from flighttune.cli.gains import chosen_gains, gains_table, gains_values, margins_table
 from flighttune.cli.options import GainsOption, ScenarioArgument, check_ending
 from flighttune.cli.show import NO, fail, pick
 from flighttune.cli.tube import enclosed

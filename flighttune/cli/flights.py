@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from flighttune.cli.options import ConformanceOption, ScenarioArgument, TubeOption, out_folder
-from flighttune.cli.progress import on_interrupt, progress_bar
-from flighttune.cli.show import fail, pick, say, show, tell
+from flighttune.cli.show import fail, on_interrupt, pick, progress_bar, say, show, tell
 from flighttune.cli.tube import tubes_around
 from flighttune.errors import RecordingError, ScenarioError
 from flighttune.present.answer import Answer

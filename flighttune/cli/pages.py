@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from typer import Argument, Option
 
-from flighttune.cli.gain_sets import chosen_gains
+from flighttune.cli.gains import chosen_gains
 from flighttune.cli.options import (
     AircraftPlantOption,
     ConformanceOption,
@@ -17,8 +17,7 @@ from flighttune.cli.options import (
     check_ending,
     out_folder,
 )
-from flighttune.cli.progress import progress_bar
-from flighttune.cli.show import COULD_NOT_RUN, NO, pick, tell
+from flighttune.cli.show import COULD_NOT_RUN, NO, pick, progress_bar, tell
 from flighttune.cli.tube import tubes_around
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns

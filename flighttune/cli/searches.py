@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from typer import Argument, Option
 
-from flighttune.cli.gain_sets import gains_table, save_answer
+from flighttune.cli.gains import gains_table, save_answer
 from flighttune.cli.options import (
     AircraftPlantOption,
     CampaignArgument,
@@ -19,8 +19,7 @@ from flighttune.cli.options import (
     check_ending,
     plant_label,
 )
-from flighttune.cli.progress import campaign_pool
-from flighttune.cli.show import pick
+from flighttune.cli.show import campaign_pool, pick
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
 from flighttune.present.names import CHANNEL_SYMBOLS, columns

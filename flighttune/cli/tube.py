@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
-from flighttune.cli.gain_sets import chosen_gains, gains_table
+from flighttune.cli.gains import chosen_gains, gains_table
 from flighttune.cli.options import (
     GainsOption,
     ScenarioArgument,
@@ -16,8 +16,7 @@ from flighttune.cli.options import (
     check_ending,
     plant_label,
 )
-from flighttune.cli.progress import progress_bar
-from flighttune.cli.show import NO, fail, pick
+from flighttune.cli.show import NO, fail, pick, progress_bar
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
 from flighttune.present.names import CHANNEL_SYMBOLS, columns

@@ -14,8 +14,7 @@ from dataclasses import replace
 from multiprocessing import Pipe
 from typing import TYPE_CHECKING, TypeAlias
 
-from flighttune.errors import CampaignError, PlantError
-from flighttune.processes import crash_of
+from flighttune.errors import CampaignError, PlantError, crash_of
 from flighttune.shipped import TRUST_AIRCRAFT
 from flighttune.whole_file import reason_of, scratch_folder
 

@@ -33,8 +33,7 @@ from flighttune.aircraft.model_xml import (
 )
 from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.aircraft.systems import put_in_front
-from flighttune.errors import PlantError
-from flighttune.processes import crash_of
+from flighttune.errors import PlantError, crash_of
 from flighttune.shipped import is_trusted
 from flighttune.units import FT
 from flighttune.whole_file import scratch_folder, scratch_place
