@@ -2,20 +2,17 @@
 
 import io
 import json
-import subprocess
 import sys
 from contextlib import chdir, nullcontext, redirect_stderr, redirect_stdout
 from unittest import mock
 
 from flighttune.cli import main
 
-LONGEST_S = 300
-
 
 def flighttune(*arguments, status=0, cwd=None):
     """Run a command in this process; return what it printed on stdout and on stderr.
 
-    A process of its own costs two seconds of imports: `flighttune_process` is for what needs one.
+    A process of its own costs two seconds of imports: cli/test_streams.py has what needs one.
     """
     stdout, stderr = io.StringIO(), io.StringIO()
     ended = 0
@@ -31,20 +28,6 @@ def flighttune(*arguments, status=0, cwd=None):
             ended = exit_.code or 0
     assert ended == status, stderr.getvalue()
     return stdout.getvalue(), stderr.getvalue()
-
-
-def flighttune_process(*arguments, status=0, **options):
-    """The same in a process of its own, with `options` of `subprocess.run`."""
-    done = subprocess.run(
-        [sys.executable, "-m", "flighttune", *map(str, arguments)],
-        capture_output=True,
-        text=True,
-        timeout=LONGEST_S,
-        check=False,
-        **options,
-    )
-    assert done.returncode == status, done.stderr
-    return done.stdout, done.stderr
 
 
 def answer(*arguments, status=0, cwd=None):

@@ -26,8 +26,8 @@ def opened_recording(path: Path, *, tabs: bool = True) -> Iterator[HeadlessViewe
 
     With `tabs` also where this version of the viewer cannot be told which one to show.
     """
-    if tabs and not LAYOUTS:
-        pytest.skip("the client of Rerun 0.40 cannot choose a tab")
+    if tabs:
+        skip_without_tabs()
     try:
         opened = HeadlessViewer(path)
     except RecordingError as error:
@@ -36,6 +36,12 @@ def opened_recording(path: Path, *, tabs: bool = True) -> Iterator[HeadlessViewe
         pytest.skip(str(error))
     with opened:
         yield opened
+
+
+def skip_without_tabs() -> None:
+    """Skip the test where the viewer cannot be told which tab to show."""
+    if not LAYOUTS:
+        pytest.skip("the client of Rerun 0.40 cannot choose a tab")
 
 
 def pixels(png: bytes) -> np.ndarray:

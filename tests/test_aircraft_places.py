@@ -69,3 +69,17 @@ def test_who_has_no_home_has_the_shipped_aircraft(tmp_path, monkeypatch):
 
     assert load_aircraft("aerosonde").folder == aircraft_folder("aerosonde")
     assert "aerosonde" in aircraft_folders()
+
+
+def test_a_file_is_read_once_and_again_when_it_was_written_to(tmp_path):
+    folder = copied(tmp_path)
+    file = folder / "aircraft.toml"
+    first = load_aircraft(folder)
+    assert load_aircraft(folder) is first
+
+    file.write_text(file.read_text().replace(first.title, first.title[::-1]))
+    assert load_aircraft(folder).title == first.title[::-1] != first.title
+
+    file.unlink()
+    with pytest.raises(InputError, match=r"aircraft\.toml: .*readable"):
+        load_aircraft(folder)

@@ -81,7 +81,7 @@ def test_one_certificate_holds_at_every_condition_identified_at_once():
     scenario = manoeuvre(UNUSED["left"], law="exact", tuning={"model": "identified"})
     gains = tune_scenario(scenario).gains
 
-    found = certify_scenario(scenario, gains, envelope=True, L_d=0.015)
+    found = certify_scenario(scenario, gains, envelope=True)
 
     assert found.status == "certified"
     assert found.certificate.claim.rate > 0.0

@@ -9,28 +9,19 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
 import pytest
 from fuzzing import files, to_json, to_toml
 from hypothesis import HealthCheck, given, settings
+from made_up import made_up_scenario
 
-from flighttune.aircraft.aircraft import files_hash, load_aircraft
+from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.campaign.dataset import Dataset, open_dataset
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.certificates import load_certificate, verify
 from flighttune.comparison.tolerance import load_tolerances
-from flighttune.conformance import Windows, load_conformance
-from flighttune.conformance.boxes import RateBoxes
-from flighttune.conformance.file import (
-    Attempt,
-    Conformance,
-    Distribution,
-    conformance_tables,
-    flown_values,
-)
-from flighttune.conformance.residual import ConformantModel
+from flighttune.conformance import load_conformance
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins
@@ -40,13 +31,14 @@ from flighttune.flight.outer_loop import certify_scenario
 from flighttune.identify.file import design_model, load_identified
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant
-from flighttune.scenario import load_gains, load_scenario, scenario_from
+from flighttune.scenario import load_gains, load_scenario
 from flighttune.seal import BLANK, seal
 from flighttune.shipped import aircraft_folder, campaign_files, scenario_files
 from flighttune.theory.indicators import indicators
 from flighttune.units import G_0
 from flighttune.value_file import tables_of
 
+ROOT = Path(__file__).parents[1]
 CASES, MANY = 40, 200
 """Of each kind of file, in the short and in the long run."""
 
@@ -129,6 +121,7 @@ TOLERANCES = {
 }
 AIRCRAFT = tomllib.loads((aircraft_folder("aerosonde") / "aircraft.toml").read_text())
 IDENTIFIED = json.loads((aircraft_folder("aerosonde") / "identified.json").read_text())
+CONFORMANCE = json.loads((ROOT / "benchmarks/light_turbulence.json").read_text())
 
 
 def certificate_of(name, **settings):
@@ -139,42 +132,6 @@ def certificate_of(name, **settings):
 def with_a_law(folder):
     (folder / "own.py").write_text(OWN)
     return SCENARIO
-
-
-def boxed(folder):
-    """A conformance of the short flight in still air."""
-    file = folder / "flight.toml"
-    still = {key: AIRBORNE[key] for key in ("title", "gains", "flight", "reference")}
-    file.write_text(to_toml({**still, "plant": [{"kind": "jsbsim", "aircraft": "aerosonde"}]}))
-    scenario = load_scenario(file)
-    windows = Windows.covering("time", scenario.flight.duration_s)
-    wide = np.ones((windows.count, 6))
-    conformance = Conformance(
-        aircraft="aerosonde",
-        gains_name="paper",
-        gains=PAPER_GAINS,
-        model=ConformantModel(
-            V_a=25.0, g=9.81, lags=load_identified("aerosonde").conditions[0].lags
-        ),
-        boxes=RateBoxes(windows=windows, low=-wide, high=wide),
-        epsilon=0.01,
-        confidence=0.999,
-        planned=3,
-        attempts=(Attempt(learned=(0, 10), counted=(10, 807), outside=0),),
-        seed=1,
-        distribution=Distribution(
-            title="made up",
-            air="calm",
-            fixed=flown_values(scenario, scenario.plant[0]),
-            dispersed={},
-            disperse=[],
-            correlation=[],
-        ),
-        aircraft_sha256=files_hash("aerosonde"),
-        identified_sha256="",
-        campaign_sha256="",
-    )
-    return conformance_tables(conformance)
 
 
 def planned(folder):
@@ -219,16 +176,8 @@ def closed(gains):
         model = load_scenario("paper").kinematic_model()
         if indicators(closed_loop(model, gains)).status == "stable":
             loop_margins(model, gains)
-    return flown(
-        scenario_from(
-            {
-                **{key: AIRBORNE[key] for key in ("title", "flight")},
-                "gains": [{"name": "read", **gains.as_lists()}],
-                "reference": {"chi_deg": 20.0, "gamma_deg": -10.0},
-                "plant": [{"kind": "kinematic"}],
-            }
-        )
-    )
+    read = [{"name": "read", **gains.as_lists()}]
+    return flown(made_up_scenario(gains=read, reference={"chi_deg": 20.0, "gamma_deg": -10.0}))
 
 
 def first_runs(plan):
@@ -271,7 +220,7 @@ KINDS = {
     "tolerances": Kind("x.toml", lambda _: TOLERANCES, to_toml, load_tolerances),
     "aircraft": Kind("aircraft.toml", of_aircraft, to_toml, in_folder(load_aircraft), started),
     "identified": Kind("x.json", lambda _: IDENTIFIED, to_json, load_identified, modelled),
-    "conformance": Kind("x.json", boxed, stamped, load_conformance),
+    "conformance": Kind("x.json", lambda _: CONFORMANCE, stamped, load_conformance),
     "certificate": Kind(
         "x.json", lambda _: certificate_of("paper_as_printed"), to_json, load_certificate, verify
     ),

@@ -4,44 +4,20 @@ import dataclasses
 import math
 
 import numpy as np
-import pandas as pd
 import pytest
+from made_up import made_up_run
 
-from flighttune.control.gains import PAPER_GAINS
 from flighttune.metrics import METRICS, channel_metrics, flight_metrics, measures
-from flighttune.simulate.run import Provenance, Run
 
 SAMPLING = 2e-4
 T = np.linspace(0.0, 20.0, 200_001)
 
 
 def run_of(chi_err, gamma_err=None, **columns):
-    zero = np.zeros_like(T)
-    signals = pd.DataFrame(
-        {
-            "chi_err": chi_err,
-            "gamma_err": zero if gamma_err is None else gamma_err,
-            "gamma_ref": zero,
-            "phi_cmd": zero,
-            "n_z_cmd": zero + 1.0,
-            "phi_limited": zero,
-            "n_z_limited": zero,
-            "V_a": zero + 25.0,
-            "n_z": zero + 1.0,
-            **columns,
-        },
-        index=pd.Index(T, name="t"),
-    )
-    provenance = Provenance(
-        scenario={},
-        plant="kinematic",
-        gains_name="paper",
-        gains=PAPER_GAINS,
-        seed=0,
-        versions={},
-        wall_s=0.0,
-    )
-    return Run(signals=signals, status="completed", reason="", provenance=provenance)
+    level = dict.fromkeys(("gamma_ref", "phi_cmd", "phi_limited", "n_z_limited"), 0.0)
+    level |= {"n_z_cmd": 1.0, "n_z": 1.0, "V_a": 25.0}
+    errors = {"chi_err": chi_err, "gamma_err": 0.0 if gamma_err is None else gamma_err}
+    return made_up_run({**errors, **level, **columns}, T)
 
 
 def second_order(damping, omega):

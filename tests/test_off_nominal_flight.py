@@ -44,11 +44,8 @@ def test_the_example_of_the_page_comes_to_what_it_expects(example):
     assert flown.claim.missed == ()
 
 
-@pytest.mark.parametrize("kind", ["recording", "folder"])
-def test_what_was_recorded_is_flown_again_to_the_bit(flown, kind, tmp_path):
-    files = record(flown, tmp_path)
-
-    runs = load_recording(files.recording if kind == "recording" else tmp_path).runs
+def test_what_was_recorded_is_flown_again_to_the_bit(flown, tmp_path):
+    runs = load_recording(record(flown, tmp_path).recording).runs
 
     assert [set(MEASURED) <= set(run.signals) for run in runs] == [True, True]
     assert [again.difference for again in refly(runs)] == [None, None]

@@ -1,49 +1,33 @@
 """Plants of one scenario fly in the same air: what the aircraft met, the others replay."""
 
-import math
-
 import numpy as np
 import pytest
+from made_up import made_up_scenario
 
 from flighttune.flight.fly import fly
-from flighttune.scenario import load_scenario, scenario_from
+from flighttune.scenario import load_scenario
 
 pytestmark = pytest.mark.slow
 
 WIND = ("wind_north", "wind_east", "wind_down")
 LAGS = {"roll_lag_rad_s": 4.0, "n_z_lag_rad_s": 8.0}
 SAMPLE_TO_SAMPLE = 1e-9
-STILL_TURNING = math.radians(1.0)
+LAW, AIRCRAFT = {"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}
 
 
-def scenario(plants, duration=6.0, **tables):
-    return scenario_from(
-        {
-            "title": "the same air",
-            "seed": 3,
-            "gains": ["paper", "K5"],
-            "flight": {"V_a_mps": 25.0, "duration_s": duration, "chi_deg": 20.0},
-            "reference": {"chi_deg": 0.0, "gamma_deg": 0.0},
-            "limits": {"phi_deg": [-45.0, 45.0], "n_z": [-2.1, 2.1]},
-            "controller": {"feed_forward": True},
-            "plant": plants,
-            **tables,
-        }
-    )
+def flown_in(plants, **tables):
+    flight = {"duration_s": 6.0, "chi_deg": 20.0}
+    limits = {"phi_deg": [-45.0, 45.0], "n_z": [-2.1, 2.1]}
+    made = {"flight": flight, "limits": limits, "controller": {"feed_forward": True}, **tables}
+    return fly(made_up_scenario(seed=3, gains=["paper", "K5"], plant=plants, **made))
 
 
 def test_every_plant_meets_the_wind_of_the_aircraft():
-    flown = fly(
-        scenario(
-            [
-                {"kind": "kinematic"},
-                {"kind": "point_mass_lag", **LAGS},
-                {"kind": "jsbsim", "aircraft": "aerosonde"},
-            ],
-            wind={"speed_mps": 4.0, "from_deg": 200.0},
-            gust={"axis": "right", "peak_mps": 3.0, "start_s": 2.0, "length_m": 30.0},
-            turbulence={"intensity": "light"},
-        )
+    flown = flown_in(
+        [LAW, {"kind": "point_mass_lag", **LAGS}, AIRCRAFT],
+        wind={"speed_mps": 4.0, "from_deg": 200.0},
+        gust={"axis": "right", "peak_mps": 3.0, "start_s": 2.0, "length_m": 30.0},
+        turbulence={"intensity": "light"},
     )
 
     assert [run.provenance.plant for run in flown.runs[::2]] == [
@@ -60,20 +44,15 @@ def test_every_plant_meets_the_wind_of_the_aircraft():
 
 
 def test_steady_wind_needs_no_aircraft():
-    flown = fly(scenario([{"kind": "kinematic"}], wind={"speed_mps": 5.0, "from_deg": 90.0}))
+    flown = flown_in([LAW], wind={"speed_mps": 5.0, "from_deg": 90.0})
 
     for run in flown.runs:
         assert run.signals["wind_east"].to_numpy() == pytest.approx(-5.0)
 
 
 def test_without_a_flight_of_the_aircraft_there_is_no_wind_to_replay():
-    flight = {"V_a_mps": 25.0, "gamma_deg": -20.0, "duration_s": 5.0}
-    flown = fly(
-        scenario(
-            [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}],
-            flight=flight, turbulence={"intensity": "light"},
-        )
-    )  # fmt: skip
+    dive = {"gamma_deg": -20.0, "duration_s": 5.0}
+    flown = flown_in([LAW, AIRCRAFT], flight=dive, turbulence={"intensity": "light"})
 
     assert {run.status for run in flown.runs} == {"no_trim"}
     assert flown.runs[0].reason.startswith("the wind is that of jsbsim:aerosonde, which did not")
@@ -81,11 +60,9 @@ def test_without_a_flight_of_the_aircraft_there_is_no_wind_to_replay():
 
 
 def test_the_sinusoid_as_wind_blows_on_the_aircraft_and_stays_a_rate_on_the_law():
-    flown = fly(
-        scenario(
-            [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}],
-            disturbance={"chi_amplitude": 0.02, "chi_omega_rad_s": 0.3, "as_wind": True},
-        )
+    flown = flown_in(
+        [LAW, AIRCRAFT],
+        disturbance={"chi_amplitude": 0.02, "chi_omega_rad_s": 0.3, "as_wind": True},
     )
 
     law, aircraft = flown.runs[0], flown.runs[2]

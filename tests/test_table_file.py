@@ -63,7 +63,7 @@ def written(path, text):
             f'{{"a": 1{"0" * 5000}}}',
             "limit .* has 5001 digits\\.$",
         ),
-        ("a = 1\na = 2", '{"a": 1, "a": 2}', "[Oo]verwrite|`a` is given twice"),
+        ("a = 1\na = 2", '{"b": {"a": 1, "\\u0061": 2}}', "[Oo]verwrite|`a` is given twice"),
         ('a = "\\ud800"', '{"a": "\\ud800"}', "Unicode|`"),
         (b" " * (MAX_BYTES + 1), b" " * (MAX_BYTES + 1), "at most 16000000 bytes"),
     ],

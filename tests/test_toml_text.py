@@ -34,6 +34,9 @@ def test_every_shipped_scenario_comes_back_with_its_hash(name, tmp_path):
     path.write_text(toml_text(scenario.as_dict()), encoding="utf-8")
 
     assert load_scenario(path).sha256 == scenario.sha256
+    assert scenario.title
+    assert scenario.verifies
+    assert scenario.source
 
 
 def test_what_is_none_is_left_out():

@@ -15,7 +15,6 @@ from flighttune.flight.fly import fly
 from flighttune.flight.outer_loop import certify_scenario, identified_problems, tune_scenario
 from flighttune.identify.file import load_identified
 from flighttune.scenario import load_scenario, scenario_from
-from flighttune.shipped import scenario_files
 from flighttune.theory.common import common_Q
 from flighttune.theory.indicators import indicators, scaled
 from flighttune.value_file import tables_of, value_of
@@ -144,8 +143,8 @@ def test_wins_in_turbulence(name, intensity):
 def test_robust_gains_win_too_and_have_the_better_worst_case():
     robust, nominal = (manoeuvre(UNUSED["fast"], robust=robust) for robust in (True, False))
     found, single = tune_scenario(robust, "identified"), tune_scenario(nominal, "identified")
-
     models = identified_problems(robust)
+    own = {"name": "tuned_identified", **found.gains.as_lists()}
 
     def worst(gains):
         loops = ((problem, closed_loop(problem.model, gains)) for problem in models)
@@ -154,7 +153,7 @@ def test_robust_gains_win_too_and_have_the_better_worst_case():
     assert len(models) == len(load_identified("aerosonde").conditions)
     assert found.R_K == pytest.approx(worst(found.gains))
     assert found.R_K > worst(single.gains)
-    wins(fly(robust))
+    wins(fly(manoeuvre(UNUSED["fast"], gains=["paper", "tuned", own])))
 
 
 def test_the_loop_on_the_identified_model_is_certified():
@@ -171,9 +170,15 @@ def test_the_loop_on_the_identified_model_is_certified():
     assert certify(scenario.linear_model(), gains).status == "certified"
 
 
-def test_one_q_proves_a_rate_at_every_condition_identified():
-    scenario = manoeuvre(UNUSED["left"])
-    gains = tune_scenario(scenario, "identified").gains
+@pytest.fixture(scope="module")
+def left():
+    """The turn to the left, its model the identified one, and the gains tuned on it."""
+    scenario = manoeuvre(UNUSED["left"], tuning={"model": "identified"})
+    return scenario, tune_scenario(scenario).gains
+
+
+def test_one_q_proves_a_rate_at_every_condition_identified(left):
+    _, gains = left
     worst = identified_problems(manoeuvre(UNUSED["left"], robust=True))
 
     tuned, printed = (
@@ -194,12 +199,11 @@ def test_one_q_proves_a_rate_at_every_condition_identified():
 
 
 @pytest.fixture(scope="module")
-def everywhere():
-    scenario = manoeuvre(UNUSED["left"], tuning={"model": "identified"})
-    return certify_scenario(scenario, tune_scenario(scenario).gains, envelope=True).certificate
+def everywhere(left):
+    return certify_scenario(*left, envelope=True, L_d=0.015).certificate
 
 
-def test_a_certificate_proves_one_rate_at_every_condition_identified(everywhere, tmp_path):
+def test_a_certificate_proves_one_rate_and_radius_at_every_condition(everywhere, tmp_path):
     identified = load_identified("aerosonde").conditions
     save_certificate(everywhere, tmp_path / "c.json")
     again = load_certificate(tmp_path / "c.json")
@@ -215,6 +219,7 @@ def test_a_certificate_proves_one_rate_at_every_condition_identified(everywhere,
         assert np.linalg.eigvalsh(decay).max() < 0.0
         assert again.claim.rate < indicators(A_K).R_K
     assert "every mixture" in again.claim.place
+    assert again.claim.radius > 0.0
 
 
 @pytest.mark.parametrize("number", [0, 11])
@@ -246,15 +251,6 @@ def test_a_file_whose_conditions_do_not_fit_is_refused(everywhere, change, messa
         value_of(tables, Certificate)
 
 
-def test_the_radius_is_proven_at_every_condition_too():
-    scenario = manoeuvre(UNUSED["left"], tuning={"model": "identified"})
-
-    found = certify_scenario(scenario, tune_scenario(scenario).gains, envelope=True, L_d=0.015)
-
-    assert found.status == "certified"
-    assert found.certificate.claim.radius > 0.0
-
-
 def test_a_claim_over_an_envelope_is_refused_where_the_law_is_behind_a_lag():
     ranges = {
         "V_a_mps": [22.0, 28.0], "gamma_deg": [-9.0, 9.0], "phi_deg": [-9.0, 9.0], "n_z": [0.9, 1.1]
@@ -263,32 +259,6 @@ def test_a_claim_over_an_envelope_is_refused_where_the_law_is_behind_a_lag():
 
     with pytest.raises(ScenarioError, match=r"`model` of \[tuning\]"):
         certify_scenario(scenario, PAPER_GAINS, envelope=True)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"tuning": {"model": "identified", "I_star": 4.0}}, "`I_star` must be absent with model"),
-        (
-            {"tuning": {"model": "identified", "lag_rad_s": [4.0, 8.0]}},
-            "`lag_rad_s` must be absent",
-        ),
-        ({"plant": [{"kind": "kinematic"}]}, r"`identified` of \[tuning\] must be given"),
-        ({"tuning": {"model": "measured"}}, r"\[tuning\] `model` must be 'kinematic' or 'identif"),
-    ],
-)
-def test_scenarios_that_cannot_be_tuned_so_are_refused_by_key(change, message):
-    with pytest.raises(ScenarioError, match=message):
-        manoeuvre({"chi_deg": 5.0}, **change)
-
-
-def test_a_scenario_file_that_names_no_model_is_told_of_by_file_and_key(tmp_path):
-    text = scenario_files()["paper_identified"].read_text()
-    file = tmp_path / "mine.toml"
-    file.write_text(text.replace('identified = "aerosonde"', 'identified = "nowhere.json"'))
-
-    with pytest.raises(ScenarioError, match=r"mine\.toml: \[tuning\] `identified` .*nowhere"):
-        load_scenario(file)
 
 
 def test_an_aircraft_without_a_model_file_says_what_writes_one(tmp_path):

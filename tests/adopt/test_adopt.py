@@ -155,23 +155,6 @@ def test_a_model_of_ones_own_has_its_engines_beside_it(tmp_path):
     assert load_aircraft(tmp_path / "mine").model == "../models/aerosonde.xml"
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        ((), "adopt takes a model, or --all"),
-        (("737", "--all"), "adopt takes a model, or --all"),
-        (("concorde9",), "Concorde"),
-        (("nowhere/x8.xml",), "nowhere/x8.xml"),
-    ],
-)
-def test_a_model_that_cannot_be_taken_is_one_line(tmp_path, arguments, said):
-    _, err = flighttune("adopt", *arguments, "--out", tmp_path / "x", status=2)
-
-    (line,) = err.splitlines()
-    assert said in line
-    assert not (tmp_path / "x").exists()
-
-
 def test_an_aircraft_that_was_not_adopted_is_not_written_over(tmp_path):
     folder = shutil.copytree(aircraft_folder("c172p"), tmp_path / "c172p")
     before = (folder / "aircraft.toml").read_text()

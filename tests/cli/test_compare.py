@@ -85,17 +85,3 @@ def test_one_gain_set_is_not_compared_with_several():
     assert out == ""
     assert err.count("\n") == 1
     assert {"paper@paper", "paper@tuned"} <= set(re.findall(r"paper@\w+", err))
-
-
-@pytest.mark.parametrize(
-    ("arguments", "reason"),
-    [
-        (("paper@K1", "paper@K9"), "paper@K9: `gains` must be one of tuned, paper, K1"),
-        (("paper@K1", "nowhere.parquet"), "nowhere.parquet: must be a Parquet file"),
-    ],
-)
-def test_what_cannot_run_is_status_2_with_one_line(arguments, reason):
-    _, err = compare(*arguments, status=2)
-
-    assert err.startswith(f"flighttune: {reason}")
-    assert err.count("\n") == 1

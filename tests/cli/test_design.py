@@ -20,7 +20,7 @@ def jet(tmp_path):
     return tmp_path / "a4"
 
 
-def test_design_writes_gains_and_figure_and_does_so_again(jet):
+def test_design_writes_gains_and_figure_whatever_the_gains_before(jet):
     file = jet / "gains.json"
     shipped = file.read_text()
     file.write_text(shipped.replace(": 1.668", ": 9.9"))

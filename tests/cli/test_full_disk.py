@@ -5,9 +5,9 @@ import subprocess
 
 import pytest
 from commands import flighttune
+from made_up import shortened
 
 from flighttune.recording.parquet import load_recording
-from flighttune.scenario import load_scenario
 from flighttune.table_file import toml_text
 
 pytestmark = pytest.mark.slow
@@ -32,12 +32,8 @@ def disk(tmp_path_factory):
 @pytest.fixture(scope="module")
 def short(tmp_path_factory):
     """A scenario file of a second of flight."""
-    tables = load_scenario("paper").as_dict()
-    tables["flight"] = {**tables["flight"], "duration_s": 1.0}
-    tables["gains"] = ["paper"]
-    tables.pop("expect", None)
     file = tmp_path_factory.mktemp("short") / "short.toml"
-    file.write_text(toml_text(tables))
+    file.write_text(toml_text(shortened("paper", 1.0, gains=["paper"]).as_dict()))
     return file
 
 

@@ -66,19 +66,3 @@ def test_without_json_there_are_tables_and_the_default_place(tmp_path):
     assert "left out: " in printed
     assert "throttle closed" in printed
     assert (tmp_path / "runs" / "identified" / "aerosonde.json").exists()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("aerosonde", "--gamma", "-30"), "no steady flight at V_a 25 m/s"),
-        (("aerosonde", "--out", "model.txt"), "model.txt: --out must end in .json"),
-    ],
-)
-def test_what_cannot_run_gets_one_line_and_exit_status_two(arguments, message, tmp_path):
-    printed, complaint = flighttune("identify", *arguments, status=2, cwd=tmp_path)
-
-    assert printed == ""
-    assert message in complaint
-    assert complaint.count("\n") == 1
-    assert not list(tmp_path.rglob("*"))

@@ -6,23 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from commands import answer, flighttune
+from made_up import shortened
 
 from flighttune.flight.fly import fly
 from flighttune.flight.refly import Reflight
 from flighttune.recording.parquet import load_recording, write_run
 from flighttune.recording.record import record
-from flighttune.scenario import load_scenario, scenario_from
 
 pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    tables = load_scenario("paper").as_dict()
-    tables["flight"]["duration_s"] = 3.0
-    tables.pop("expect", None)
     found = tmp_path_factory.mktemp("refly")
-    record(fly(scenario_from(tables)), found, name="short")
+    record(fly(shortened("paper", 3.0)), found, name="short")
     return found
 
 
@@ -110,8 +107,3 @@ def test_a_run_that_is_not_of_its_scenario_cannot_fly_again(folder, tmp_path):
     _, err = flighttune("refly", path, status=2)
 
     assert err.startswith(f"flighttune: {path}: ladder / paper: ")
-
-
-@pytest.mark.parametrize("name", ["none.rrd", "."])
-def test_what_is_no_recording_exits_with_two(tmp_path, name):
-    assert flighttune("refly", tmp_path / name, status=2)[1].count("\n") == 1

@@ -1,11 +1,8 @@
 """Flights whose errors and paths are known on paper: exponential errors on straight lines."""
 
 import numpy as np
-import pandas as pd
 import pytest
-
-from flighttune.control.gains import PAPER_GAINS
-from flighttune.simulate.run import Provenance, Run
+from made_up import made_up_run
 
 SCENARIO = {
     "title": "Straight lines",
@@ -34,19 +31,9 @@ def line(
         "phi_cmd": still, "n_z_cmd": still + 1.0, "phi_limited": still, "n_z_limited": still,
         "V_a": still + 25.0, "north": north, "east": east, "down": down,
     }  # fmt: skip
-    return Run(
-        signals=pd.DataFrame(columns, index=pd.Index(t, name="t"), dtype=float),
-        status=status,
-        reason="" if status == "completed" else "alpha above 16 deg",
-        provenance=Provenance(
-            scenario=scenario,
-            plant=plant,
-            gains_name=gains,
-            gains=PAPER_GAINS,
-            seed=3,
-            versions={"flighttune": "0.1.0"},
-            wall_s=0.1,
-        ),
+    reason = "" if status == "completed" else "alpha above 16 deg"
+    return made_up_run(
+        columns, t, plant=plant, gains_name=gains, scenario=scenario, status=status, reason=reason
     )
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from flighttune.comparison import Source, compare, load_source
 from flighttune.comparison.compare import better, overlaid, write_overlay
-from flighttune.errors import InputError, RecordingError, ScenarioError
+from flighttune.errors import InputError, RecordingError
 from flighttune.flight.fly import fly
 from flighttune.recording.parquet import check_recording, write_run
 from flighttune.recording.record import record
@@ -237,13 +237,6 @@ def test_a_recording_is_the_same_as_the_files_of_its_runs(tmp_path):
         assert found.missing == ()
         assert found.max_distance == 0.0
         assert set(found.metrics["better"]) <= {"same", ""}
-
-
-def test_what_cannot_be_found_is_said_path_first(tmp_path):
-    with pytest.raises(RecordingError, match=rf"^{tmp_path}: .*Parquet"):
-        load_source(tmp_path)
-    with pytest.raises(ScenarioError, match=r"^nowhere: "):
-        load_source("nowhere@paper")
 
 
 def test_the_overlay_holds_every_run_once_under_names_of_its_own(fly_line, tmp_path):

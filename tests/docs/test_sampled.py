@@ -2,13 +2,12 @@
 
 import numpy as np
 import pytest
-from figures.sampling import sampled_eigenvalues, sampled_loop, sampled_response
+from figures.sampling import sampled_eigenvalues, sampled_response
 
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.inner_loop import InnerLag, with_inner_loop, with_input_delay
 from flighttune.control.linear_model import closed_loop, kinematic_model
 from flighttune.control.mimo_pi import MimoPI
-from flighttune.errors import InputError, ShapeError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.simulate.loop import simulate
@@ -68,26 +67,3 @@ def test_half_a_sample_of_delay_tells_the_loss_of_damping():
 def test_slow_sampling_destabilises_the_papers_gains_behind_a_lag():
     assert max(sampled_eigenvalues(MODEL, PAPER_GAINS, 0.01).real) < 0.0
     assert max(sampled_eigenvalues(MODEL, PAPER_GAINS, 0.5).real) > 0.0
-
-
-@pytest.mark.parametrize(
-    ("call", "error", "message"),
-    [
-        (lambda: sampled_loop(MODEL, GAINS, 0.0), InputError, "`dt` must be positive"),
-        (
-            lambda: sampled_loop(
-                MODEL, PIGains(K_P=np.eye(2), K_I=np.eye(2), inputs=("a", "b")), 1
-            ),
-            InputError,
-            "`gains` must act from",
-        ),
-        (
-            lambda: sampled_response(MODEL, GAINS, 0.1, e_0=[1.0], samples=3),
-            ShapeError,
-            r"`e_0` must have shape \(2,\)",
-        ),
-    ],
-)
-def test_misuse_is_refused(call, error, message):
-    with pytest.raises(error, match=message):
-        call()

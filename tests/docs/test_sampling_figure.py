@@ -2,10 +2,9 @@
 
 import numpy as np
 import pytest
-from figures.sampling import overshoot, sampled_step, sampled_steps, sampling_figure
+from figures.sampling import overshoot, sampled_steps, sampling_figure
 
 from flighttune.control.gains import PAPER_GAINS, PIGains
-from flighttune.errors import InputError
 
 pytestmark = pytest.mark.slow
 
@@ -24,15 +23,10 @@ def steps():
 
 
 @pytest.mark.parametrize("name", ["paper", "gentle"])
-def test_every_rate_is_flown_as_the_sampled_loop_predicts(steps, name):
+def test_every_rate_is_flown_as_the_sampled_loop_and_half_a_sample_of_delay_predict(steps, name):
     for step in steps[name]:
         assert step.exact == pytest.approx(step.flown, abs=OF_THE_STEP)
         assert overshoot(step.exact) == pytest.approx(overshoot(step.flown), abs=OVERSHOOT)
-
-
-@pytest.mark.parametrize("name", ["paper", "gentle"])
-def test_half_a_sample_of_delay_predicts_it_too(steps, name):
-    for step in steps[name]:
         assert overshoot(step.delayed) == pytest.approx(overshoot(step.flown), abs=OVERSHOOT)
 
 
@@ -42,17 +36,6 @@ def test_slower_sampling_overshoots_more_and_is_damped_less(steps):
     assert (overshoot(slow.flown) > overshoot(fast.flown) + 0.03).all()
     assert (overshoot(slow.exact) > overshoot(fast.exact) + 0.03).all()
     assert slow.damping < fast.damping
-
-
-def test_overshoot_is_what_goes_beyond_the_reference():
-    errors = np.array([[1.0, 1.0], [-0.2, 0.1], [0.1, 0.0]])
-
-    assert overshoot(errors) == pytest.approx([0.2, 0.0])
-
-
-def test_the_rate_must_be_positive():
-    with pytest.raises(InputError, match="`rate` must be positive, got 0"):
-        sampled_step("aerosonde", GENTLE, 0.0, V_a=25.0)
 
 
 def test_the_figure_has_a_column_for_each_channel_and_units_on_its_axes(steps):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from commands import answer, flighttune
+from commands import answer
 
 import flighttune as ft
 from flighttune.control.controller import FlightCondition, Measured, ReferenceSample
@@ -116,12 +116,3 @@ def test_the_example_of_the_page_compiles_and_runs(tmp_path):
 
     for command in (build, ["./example"]):
         subprocess.run(command, cwd=tmp_path, timeout=60, check=True)
-
-
-def test_the_exact_law_is_refused_by_name(tmp_path):
-    _, said = flighttune(
-        *("export", "paper", "--gains", "exact:paper", "--format", "c", "--out", tmp_path), status=2
-    )
-
-    assert "law paper" in said
-    assert "got the law 'exact'" in said

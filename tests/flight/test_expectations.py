@@ -1,29 +1,17 @@
 """What a scenario expects is held against what was flown, and said in one line each."""
 
 import numpy as np
-import pandas as pd
 import pytest
+from made_up import made_up_run, made_up_scenario
 
-from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import ScenarioError
 from flighttune.flight.expectations import check_claim
-from flighttune.scenario import scenario_from
-from flighttune.simulate.run import Provenance, Run
 
 T = np.linspace(0.0, 10.0, 101)
 
 
 def scenario(*expect):
-    return scenario_from(
-        {
-            "title": "expectations",
-            "gains": ["paper", "K5"],
-            "flight": {"V_a_mps": 25.0},
-            "reference": {"chi_deg": 0.0, "gamma_deg": 0.0},
-            "plant": [{"kind": "kinematic"}],
-            "expect": list(expect),
-        }
-    )
+    return made_up_scenario(gains=["paper", "K5"], expect=list(expect))
 
 
 def flown(chi_err=0.0, n_z=1.0, gains="paper", status="completed", reason=""):
@@ -31,14 +19,8 @@ def flown(chi_err=0.0, n_z=1.0, gains="paper", status="completed", reason=""):
     columns = dict.fromkeys(
         ("gamma_err", "gamma_ref", "phi_cmd", "n_z_cmd", "phi_limited", "n_z_limited"), 0.0
     )
-    signals = pd.DataFrame(
-        {**columns, "chi_err": chi_err, "n_z": n_z, "V_a": 25.0}, index=pd.Index(T, name="t")
-    )
-    made_by = Provenance(
-        scenario={}, plant="kinematic", gains_name=gains, gains=PAPER_GAINS, seed=0, versions={},
-        wall_s=0.0,
-    )  # fmt: skip
-    return Run(signals=signals, status=status, reason=reason, provenance=made_by)
+    columns |= {"chi_err": chi_err, "n_z": n_z, "V_a": 25.0}
+    return made_up_run(columns, T, gains_name=gains, status=status, reason=reason)
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from made_up import made_up_scenario
 
 from flighttune.control.gains import PAPER_GAINS, rate_gains
 from flighttune.errors import ScenarioError
@@ -24,20 +25,14 @@ ROUNDING = 1e-12
 
 
 def scenario(**tables):
-    return scenario_from(
-        {
-            "title": "several laws",
-            "law": ["paper", "exact"],
-            "gains": ["paper"],
-            "flight": {"V_a_mps": 25.0, "duration_s": 3.0},
-            "reference": {
-                "chi_deg": [{"shape": "ramp", "start_s": 0.5, "duration_s": 1.0, "rate_dps": 8.0}],
-                "gamma_deg": 4.0,
-            },
-            "plant": [{"kind": "kinematic"}, {"kind": "point_mass"}],
-        }
-        | tables
-    )
+    turn = {"shape": "ramp", "start_s": 0.5, "duration_s": 1.0, "rate_dps": 8.0}
+    made = {
+        "law": ["paper", "exact"],
+        "flight": {"duration_s": 3.0},
+        "reference": {"chi_deg": [turn], "gamma_deg": 4.0},
+        "plant": [{"kind": "kinematic"}, {"kind": "point_mass"}],
+    }
+    return made_up_scenario(**made | tables)
 
 
 def test_runs_with_the_papers_law_keep_their_names_and_others_say_law_and_gains():

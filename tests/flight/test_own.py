@@ -6,6 +6,7 @@ import textwrap
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from made_up import made_up_scenario
 from plain_members import Glider, Proportional
 
 from flighttune import COMMON_SIGNALS, InnerLag, LaggedPlant, PointMassPlant, record
@@ -69,15 +70,8 @@ def files(tmp_path):
 
 @pytest.fixture
 def scenario():
-    return scenario_from(
-        {
-            "title": "own",
-            "gains": ["paper"],
-            "flight": {"V_a_mps": 25.0, "duration_s": 2.0},
-            "reference": {"chi_deg": 10.0, "gamma_deg": 0.0},
-            "limits": {"phi_deg": [-20.0, 20.0]},
-            "plant": [{"kind": "kinematic"}],
-        }
+    return made_up_scenario(
+        flight={"duration_s": 2.0}, reference={"chi_deg": 10.0}, limits={"phi_deg": [-20.0, 20.0]}
     )
 
 

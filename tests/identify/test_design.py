@@ -104,14 +104,6 @@ def test_a_design_is_that_of_the_file_and_meets_what_it_asks_for(name):
     assert [step.name for step in steps if not step.met] == []
 
 
-@pytest.mark.slow
-def test_a_design_does_not_depend_on_the_gains_there_are():
-    config = load_aircraft("a4")
-    other = config.with_gains(load_aircraft("aerosonde").gains)
-
-    assert design_aircraft(other)[0].gains == design_aircraft(config)[0].gains
-
-
 def test_a_rudder_that_turns_the_wrong_way_is_refused(slopes):
     backwards = {what: dict(row) for what, row in slopes.slopes.items()}
     backwards["r_dot"]["rudder"] *= -1.0

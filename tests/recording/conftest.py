@@ -1,12 +1,13 @@
 """Flights made up for the tests: the kinematic law, once bare and once behind a slow inner loop."""
 
+from dataclasses import replace
+
 import numpy as np
-import pandas as pd
 import pytest
+from made_up import made_up_run
 
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.recording.record import write_recording
-from flighttune.simulate.run import Provenance, Run
 from flighttune.units import G_0
 
 DT = 0.02
@@ -65,30 +66,7 @@ def fly(plant, gains_name, gains, *, seconds=20.0, amplitude=0.0, lag=0.0):
         down -= DT * V_A * np.sin(gamma)
         chi += DT * (G_0 / V_A * np.tan(phi) + d_chi)
         gamma += DT * (G_0 / V_A * (n_z * np.cos(phi) - np.cos(gamma)) + d_gamma)
-    signals = pd.DataFrame(rows, index=pd.Index(t, name="t"), dtype=float)
-    return made_up(signals, plant, gains_name, gains)
-
-
-def made_up(signals, plant, gains_name, gains, *, status="completed", reason=""):
-    return Run(
-        signals=signals,
-        status=status,
-        reason=reason,
-        provenance=Provenance(
-            scenario=SCENARIO,
-            plant=plant,
-            gains_name=gains_name,
-            gains=gains,
-            seed=7,
-            versions={"flighttune": "0.1.0", "numpy": np.__version__},
-            wall_s=0.1 + 0.2,
-        ),
-    )
-
-
-def never_flown(plant, gains_name, reason):
-    nothing = pd.DataFrame(index=pd.Index([], name="t", dtype=float))
-    return made_up(nothing, plant, gains_name, None, status="no_gains", reason=reason)
+    return made_up_run(rows, t, plant=plant, gains_name=gains_name, gains=gains, scenario=SCENARIO)
 
 
 def _full_aircraft(row, now):
@@ -128,7 +106,10 @@ def four_runs():
 @pytest.fixture(scope="session")
 def without_gains():
     """A run that could not be flown."""
-    return never_flown("jsbsim:aerosonde", "strict", "the smallest reachable I_K is 67.15")
+    return made_up_run(
+        {}, np.array([]), plant="jsbsim:aerosonde", gains_name="strict", gains=None,
+        scenario=SCENARIO, status="no_gains", reason="the smallest reachable I_K is 67.15",
+    )  # fmt: skip
 
 
 @pytest.fixture(scope="session")
@@ -145,22 +126,19 @@ def sensed(four_runs):
     swing = np.sin(7.0 * signals.index.to_numpy())
     for name, bias, size in (("chi", 0.02, 0.01), ("gamma", 0.0, 0.3), ("V_a", 0.0, 3.0)):
         signals[f"{name}_meas"] = signals[name] + bias + size * swing
-    made = four_runs[3].provenance
-    return made_up(signals, made.plant, made.gains_name, made.gains)
+    return replace(four_runs[3], signals=signals)
 
 
 @pytest.fixture(scope="session")
 def cut_short(four_runs):
     """A run that left the envelope after 7 s."""
     whole = four_runs[3]
-    made = whole.provenance
-    return made_up(
-        whole.signals.loc[:7.0],
-        made.plant,
-        "bold",
-        made.gains,
+    return replace(
+        whole,
+        signals=whole.signals.loc[:7.0],
         status="left_envelope",
         reason="alpha 16.3 deg at t = 7.00 s, must stay below 16 deg",
+        provenance=replace(whole.provenance, gains_name="bold"),
     )
 
 

@@ -3,12 +3,12 @@
 from pathlib import Path
 
 import pytest
+from made_up import shortened
 
 from flighttune.errors import OutputError, RecordingError
 from flighttune.flight.fly import fly
 from flighttune.recording.parquet import load_recording
 from flighttune.recording.record import record
-from flighttune.scenario import load_scenario, scenario_from
 
 pytestmark = pytest.mark.slow
 
@@ -20,13 +20,8 @@ class Killed(BaseException):
 @pytest.fixture(scope="module")
 def flights():
     """A short flight of two gain sets, and the same with a longer one of them."""
-    tables = load_scenario("paper").as_dict()
-    tables |= {"plant": [{"kind": "kinematic"}], "gains": ["paper", "K1"], "expect": []}
-    found = []
-    for duration in (2.0, 3.0):
-        tables["flight"] = {**tables["flight"], "duration_s": duration}
-        found.append(fly(scenario_from(tables)))
-    return found
+    changes = {"plant": [{"kind": "kinematic"}], "gains": ["paper", "K1"]}
+    return [fly(shortened("paper", seconds, **changes)) for seconds in (2.0, 3.0)]
 
 
 STAGES = [

@@ -7,22 +7,20 @@ from pathlib import Path
 import pandas as pd
 import pytest
 import rerun as rr
+from made_up import shortened
 
 import flighttune
 from flighttune.errors import RecordingError
 from flighttune.flight.fly import fly as fly_scenario
 from flighttune.recording.parquet import load_recording, write_run
 from flighttune.recording.record import record
-from flighttune.scenario import load_scenario, scenario_from
 
 
 @pytest.fixture(scope="module")
 def flown():
     """Two gain sets flown for 2 s, and one that was not: a run without samples."""
-    tables = load_scenario("paper").as_dict()
-    tables |= {"plant": [{"kind": "kinematic"}], "gains": ["K1", "paper"], "expect": []}
-    tables["flight"] = {**tables["flight"], "duration_s": 2.0}
-    done = fly_scenario(scenario_from(tables))
+    changes = {"plant": [{"kind": "kinematic"}], "gains": ["K1", "paper"]}
+    done = fly_scenario(shortened("paper", 2.0, **changes))
     made = replace(done.runs[0].provenance, gains_name="strict")
     never = replace(
         done.runs[0], signals=done.runs[0].signals.iloc[:0], status="no_gains", provenance=made

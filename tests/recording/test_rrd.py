@@ -4,15 +4,18 @@ import os
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from rerun.chunk import RrdReader
 from rerun.error_utils import strict_mode
 
 from flighttune.present.palette import line_styles
+from flighttune.present.thinning import MOST
 from flighttune.recording.entities import TIMELINE, runs_to_draw
 from flighttune.recording.parquet import check_recording
 from flighttune.recording.plots import TABS, shown_plots, with_derived
 from flighttune.recording.record import write_recording
+from flighttune.simulate.run import SIGNAL_UNITS
 
 FLOAT32_POSITION = 1e-4
 """Positions are float32 in Rerun: 0.03 mm at 500 m, m."""
@@ -21,6 +24,8 @@ FLOAT32_ROTATION = 1e-6
 """Entries of a rotation matrix from a float32 quaternion, 1."""
 
 DEGREES = 180.0 / np.pi
+LARGEST = 30e6
+"""Bytes of 600 s at 50 Hz with 40 signals."""
 
 
 class Contents:
@@ -305,3 +310,25 @@ def test_what_sensors_showed_is_drawn_faintly_below_the_run_beside_its_signal(
     assert np.ptp(sensed.signals["chi"]) > 6.0  # through south, without a jump in the line
     assert np.ptp(found.values(f"/plots/chi/_measured/{key}")) < 180.0
     assert not [path for path in found.timed if "_measured" in path and KEYS[0] in path]
+
+
+@pytest.mark.slow
+def test_ten_minutes_are_drawn_with_every_peak_in_thirty_megabytes(four_runs, tmp_path):
+    t = np.arange(30_001) * 0.02
+    names = list(SIGNAL_UNITS)[:40]
+    noise = 0.2 * np.random.default_rng(1).normal(size=(len(t), len(names)))  # incompressible
+    signals = pd.DataFrame(noise, columns=names, index=pd.Index(t, name="t"))
+    signals["V_a"] = 25.0
+    signals["north"], signals["east"], signals["down"] = 20.0 * t, 5.0 * t, -t
+    for name in ("phi_limited", "n_z_limited"):
+        signals[name] = (np.sin(t) > 0.9).astype(float)
+    path = tmp_path / "long.rrd"
+
+    write_recording([replace(four_runs[0], signals=signals)], path, page="# Long\n", title="Long")
+
+    drawn = Contents(path).values("/plots/alpha/kinematic_paper")[:, 0]
+    alpha = np.rad2deg(signals["alpha"].to_numpy())
+    assert path.stat().st_size < LARGEST
+    assert MOST <= len(drawn) <= 1.1 * MOST
+    assert drawn.min() == alpha.min()
+    assert drawn.max() == alpha.max()

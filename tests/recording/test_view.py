@@ -75,7 +75,7 @@ def ports_printed(process):
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGTERM to catch")
 @pytest.mark.usefixtures("without_screen")
 @pytest.mark.parametrize(
-    ("number", "shell"), [("SIGTERM", []), ("SIGHUP", []), ("SIGINT", []), ("SIGINT", BACKGROUND)]
+    ("number", "shell"), [("SIGTERM", []), ("SIGHUP", []), ("SIGINT", BACKGROUND)]
 )
 def test_a_command_that_is_ended_leaves_no_viewer_behind(recording, number, shell):
     # Tied, so that no viewer stays where the tests themselves are ended.

@@ -1,12 +1,10 @@
 """Convergence as the report understands it."""
 
 import numpy as np
-import pandas as pd
 import pytest
+from made_up import made_up_run
 
-from flighttune.control.gains import PAPER_GAINS
 from flighttune.report.tables import final_errors
-from flighttune.simulate.run import Provenance, Run
 
 
 @pytest.mark.parametrize(
@@ -23,14 +21,9 @@ def test_a_run_converges_if_the_last_quarter_is_within_5_percent_or_half_a_degre
 ):
     errors = np.full(1001, first)
     errors[700:] = last
-    t = pd.Index(np.arange(1001) * 0.01, name="t")
-    made = Provenance(
-        scenario={}, plant="kinematic", gains_name="paper", gains=PAPER_GAINS, seed=0, versions={},
-        wall_s=0.0,
-    )  # fmt: skip
-    signals = pd.DataFrame({"chi_err": errors, "gamma_err": errors}, index=t)
+    columns = {"chi_err": errors, "gamma_err": errors}
 
-    late = final_errors(Run(signals=signals, status=status, reason="", provenance=made))
+    late = final_errors(made_up_run(columns, np.arange(1001) * 0.01, status=status))
 
     assert late["converges"] is converges
     assert late["residual"]["chi"] == pytest.approx(last)

@@ -1,11 +1,12 @@
 """A scenario its aircraft cannot start is refused with file, table and key."""
 
 import pytest
+from made_up import made_up_scenario
 
 from flighttune.cli import main
 from flighttune.errors import ScenarioError
 from flighttune.flight.fly import fly
-from flighttune.scenario import load_scenario, scenario_from
+from flighttune.scenario import load_scenario
 
 SCENARIO = """
 title = "Straight on"
@@ -61,15 +62,8 @@ def test_fly_prints_one_line_with_every_mistake(tmp_path, monkeypatch, capsys):
 
 
 def test_a_scenario_made_in_python_is_refused_by_its_title_when_it_is_flown():
-    scenario = scenario_from(
-        {
-            "title": "Too fast",
-            "gains": ["paper"],
-            "flight": {"V_a_mps": 250.0},
-            "reference": {"chi_deg": 0.0, "gamma_deg": 0.0},
-            "plant": [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}],
-        }
-    )
+    plants = [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}]
+    scenario = made_up_scenario(flight={"V_a_mps": 250.0}, plant=plants)
 
-    with pytest.raises(ScenarioError, match=r"^Too fast: .*`V_a_mps`.*15 to 45"):
+    with pytest.raises(ScenarioError, match=r"^Straight on: .*`V_a_mps`.*15 to 45"):
         fly(scenario)

@@ -3,10 +3,10 @@
 import math
 
 import pytest
+from made_up import made_up_scenario
 
 from flighttune.errors import ScenarioError
 from flighttune.flight.fly import fly
-from flighttune.scenario import scenario_from
 
 LAG = {"kind": "point_mass_lag", "roll_lag_rad_s": 4.0, "n_z_lag_rad_s": 8.0}
 GUST = {"axis": "down", "peak_mps": 3.0, "start_s": 0.1, "length_m": 10.0}
@@ -14,17 +14,8 @@ GAINS = {"name": "x", "K_P": [[1.0, 0.0], [0.0, 1.0]], "K_I": [[1.0, 0.0], [0.0,
 WINDY = {"speed_mps": 5.0, "from_deg": 90.0}
 
 
-def tables(**changes):
-    given = {
-        "title": "Straight on",
-        "gains": ["paper"],
-        "flight": {"V_a_mps": 25.0, "duration_s": 0.4},
-        "reference": {"chi_deg": 0.0, "gamma_deg": 0.0},
-        "plant": [{"kind": "kinematic"}],
-    }
-    for table, values in changes.items():
-        given[table] = {**given.get(table, {}), **values} if isinstance(values, dict) else values
-    return given
+def short(*, flight=(), **changes):
+    return made_up_scenario(flight={"duration_s": 0.4, **dict(flight)}, **changes)
 
 
 AIRCRAFT = {"kind": "jsbsim", "aircraft": "a4"}
@@ -57,7 +48,7 @@ BEYOND = [
 @pytest.mark.parametrize(("changes", "message"), BEYOND)
 def test_a_number_beyond_its_bound_is_refused_with_key_and_bound(changes, message):
     with pytest.raises(ScenarioError, match=message) as caught:
-        scenario_from(tables(**changes))
+        short(**changes)
 
     assert len(str(caught.value)) < 300
 
@@ -79,19 +70,19 @@ PATHS = [
 def test_a_path_angle_beyond_the_vertical_is_refused_wherever_it_comes_from(start, segments, where):
     message = rf"\[reference\] `gamma_deg` must stay within \+-89 deg, got {where}"
     with pytest.raises(ScenarioError, match=message):
-        scenario_from(tables(flight={"gamma_deg": start}, reference={"gamma_deg": segments}))
+        short(flight={"gamma_deg": start}, reference={"gamma_deg": segments})
 
 
 def test_a_path_angle_beyond_the_vertical_that_is_never_reached_is_flown():
     steep = [{"shape": "ramp", "start_s": 0.3, "duration_s": 60.0, "rate_dps": 10.0}]
 
-    scenario_from(tables(flight={"gamma_deg": 87.0}, reference={"gamma_deg": steep}))
+    short(flight={"gamma_deg": 87.0}, reference={"gamma_deg": steep})
 
 
 @pytest.mark.parametrize("angle", [-89.0, 89.0])
 def test_the_steepest_path_is_flown(angle):
     steps = [{"shape": "step", "change_deg": angle}]
-    scenario = scenario_from(tables(reference={"gamma_deg": steps}))
+    scenario = short(reference={"gamma_deg": steps})
 
     assert scenario.followed().initial[1] == pytest.approx(math.radians(angle))
 
@@ -100,7 +91,7 @@ def test_the_steepest_path_is_flown(angle):
     ("duration", "rate", "flown"), [(3.0, 1.5, 8 / 3), (0.05, 50.0, 0.04), (10.0, 7.3, 10.0)]
 )
 def test_a_duration_that_is_no_whole_number_of_samples_is_said(duration, rate, flown):
-    scenario = scenario_from(tables(flight={"duration_s": duration}, controller={"rate_hz": rate}))
+    scenario = short(flight={"duration_s": duration}, controller={"rate_hz": rate})
     (run,) = fly(scenario).runs
 
     assert run.duration == pytest.approx(flown)
@@ -110,6 +101,6 @@ def test_a_duration_that_is_no_whole_number_of_samples_is_said(duration, rate, f
 
 def test_a_fast_overdamped_lag_is_flown_to_its_end():
     plant = {**LAG, "roll_lag_rad_s": 200.0, "roll_damping": 5.0}
-    scenario = scenario_from(tables(plant=[plant], controller={"rate_hz": 5.0}))
+    scenario = short(plant=[plant], controller={"rate_hz": 5.0})
 
     assert [run.status for run in fly(scenario).runs] == ["completed"]

@@ -4,6 +4,7 @@ import math
 import pickle
 
 import pytest
+from made_up import scenario_tables
 
 from flighttune.errors import ScenarioError
 from flighttune.flight.fly import fly
@@ -16,15 +17,9 @@ DEG = math.pi / 180.0
 
 def tables(airframe=None, sensors=None, **plant):
     plant = {"kind": "jsbsim", "aircraft": "aerosonde"} | plant
-    return {
-        "title": "Straight on",
-        "seed": 4,
-        "gains": ["paper"],
-        "flight": {"V_a_mps": 25.0, "duration_s": 0.2},
-        "reference": {"chi_deg": 0.0, "gamma_deg": 0.0},
-        "plant": [plant | ({} if airframe is None else {"airframe": airframe})],
-        **({} if sensors is None else {"sensors": sensors}),
-    }
+    plant |= {} if airframe is None else {"airframe": airframe}
+    seen = {} if sensors is None else {"sensors": sensors}
+    return scenario_tables(seed=4, flight={"duration_s": 0.2}, plant=[plant], **seen)
 
 
 def test_sensors_are_in_radians_and_draw_from_the_seed_of_the_scenario():

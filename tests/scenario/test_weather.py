@@ -3,9 +3,9 @@
 import math
 
 import pytest
+from made_up import made_up_scenario
 
 from flighttune.errors import ScenarioError
-from flighttune.scenario import scenario_from
 
 AIRCRAFT = [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}]
 LAW = [{"kind": "kinematic"}]
@@ -16,16 +16,7 @@ PAPERS_SINUSOID = {
 
 
 def scenario(plants=AIRCRAFT, **tables):
-    return scenario_from(
-        {
-            "title": "weather",
-            "gains": ["paper"],
-            "flight": {"V_a_mps": 25.0},
-            "reference": {"chi_deg": 0.0, "gamma_deg": 0.0},
-            "plant": plants,
-            **tables,
-        }
-    )
+    return made_up_scenario(**{"plant": plants, **tables})
 
 
 @pytest.mark.parametrize(

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from made_up import made_up_run
 
 from flighttune.control.gains import PAPER_GAINS, PIGains, paper_family
 from flighttune.control.limits import Limits
@@ -12,12 +13,10 @@ from flighttune.errors import InputError, ShapeError
 from flighttune.metrics import channel_metrics
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import PointMassPlant
-from flighttune.plants.sensors import Sensors
 from flighttune.simulate.batch import SIGNALS, fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.loop import simulate
 from flighttune.simulate.reference import Reference, Segment
-from flighttune.simulate.run import Provenance, Run
 
 SAME = 1e-12
 RANGE = ([-math.pi / 4, -2.1], [math.pi / 4, 2.1])
@@ -81,13 +80,6 @@ def flown_alone(case, reference, dt, *, feed_forward, **settings):
     )
 
 
-def as_run(signals):
-    provenance = Provenance(
-        scenario={}, plant="kinematic", gains_name="", gains=None, seed=0, versions={}, wall_s=0.0
-    )
-    return Run(signals=signals, status="completed", reason="", provenance=provenance)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("anti_windup", ["none", "conditional", "back_calculation"])
 @pytest.mark.parametrize(
@@ -125,7 +117,7 @@ def test_a_batch_flies_what_the_single_run_flies(dt, settings, anti_windup):
             alone = signals[name].to_numpy()
             assert batch.signal(name)[i, :n] == pytest.approx(alone, rel=SAME, abs=SAME), name
         if n > 1:
-            expected = channel_metrics(as_run(signals)).to_numpy()
+            expected = channel_metrics(made_up_run(signals)).to_numpy()
             assert batch.measures[i] == pytest.approx(expected, rel=SAME, abs=SAME, nan_ok=True)
 
 
@@ -185,7 +177,6 @@ def test_a_roll_beyond_90_deg_is_reported_as_a_value():
         ({"g": [0.0]}, "`g`"),
         ({"disturbances": [Sinusoid(gamma_amplitude=0.1, gamma_switches=(1.0,))]}, "switching"),
         ({"gains": [PAPER_GAINS] * 3, "g": [9.8, 9.8]}, "3 flights"),
-        ({"sensors": [Sensors()] * 2, "gains": [PAPER_GAINS] * 3}, "3 flights"),
     ],
 )
 def test_impossible_flights_are_refused(settings, message):

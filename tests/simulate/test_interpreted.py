@@ -2,34 +2,37 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+from flighttune.campaign.flying.rows import fly_runs
+from flighttune.campaign.planning.load import load_campaign
+from flighttune.campaign.planning.plan import plan_campaign
 
 AGREES = 1e-12
 """Relative; compiled code may contract and reorder sums."""
 
 FLY = """
 import sys
-if sys.argv[1:]:
-    sys.modules["numba"] = None
-from flighttune.campaign.planning.load import load_campaign
-from flighttune.campaign.planning.plan import plan_campaign
-from flighttune.campaign.flying.rows import fly_runs
-rows = fly_runs(plan_campaign(load_campaign("kinematic_sweep")), range(2))
-print(*rows.column("chi.ITAE").to_pylist(), *rows.column("gamma.peak_rad").to_pylist())
+sys.modules["numba"] = None
+from test_interpreted import flown
+print(*flown())
 """
 
 
-def flown(*without):
-    done = subprocess.run(
-        [sys.executable, "-c", FLY, *without], capture_output=True, text=True, check=True
-    )
-    return [float(value) for value in done.stdout.split()]
+def flown():
+    """Two numbers of each of two flights of the batch."""
+    rows = fly_runs(plan_campaign(load_campaign("kinematic_sweep")), range(2))
+    return [*rows["chi.ITAE"].to_pylist(), *rows["gamma.peak_rad"].to_pylist()]
 
 
 @pytest.mark.slow
 def test_the_batch_flies_the_same_without_numba():
-    compiled, interpreted = flown(), flown("numba")
+    done = subprocess.run(
+        [sys.executable, "-c", FLY], cwd=Path(__file__).parent, stdout=subprocess.PIPE, check=True
+    )
 
-    assert len(compiled) == 4
-    assert interpreted == pytest.approx(compiled, rel=AGREES)
+    interpreted = [float(value) for value in done.stdout.split()]
+    assert len(interpreted) == 4
+    assert interpreted == pytest.approx(flown(), rel=AGREES)

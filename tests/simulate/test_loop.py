@@ -54,30 +54,31 @@ def test_the_papers_mode_peaks_where_the_continuous_law_does():
         anti_windup=scenario.controller.anti_windup,
         feed_forward=scenario.controller.feed_forward,
     )
-    assert scenario.disturbance is not None
+    plant = PointMassPlant(turn="paper", disturbance=scenario.disturbance.sinusoid())
 
     signals, _ = simulate(
-        PointMassPlant(turn="paper", disturbance=scenario.disturbance.sinusoid()),
-        controller,
-        scenario.followed(),
-        condition=scenario.condition,
-        duration=scenario.flight.duration_s,
+        plant, controller, scenario.followed(), condition=scenario.condition, duration=20.0
     )
 
     peaks = signals[["chi_err", "gamma_err"]].max().to_numpy()
     assert peaks == pytest.approx(continuous_paper_peaks(), abs=PEAK_TOLERANCE)
 
 
-def flown(anti_windup, duration=40.0):
-    controller = MimoPI(PAPER_GAINS, PAPER_LIMITS, dt=0.02, anti_windup=anti_windup)
-    signals, _ = simulate(
-        PointMassPlant(turn="paper"),
-        controller,
-        PAPER_REFERENCE,
-        condition=PAPER_START,
+def simulated(
+    plant=PointMassPlant, limits=None, reference=PAPER_REFERENCE, condition=PAPER_START,
+    duration=10.0, **law,
+):  # fmt: skip
+    return simulate(
+        plant(turn="paper"),
+        MimoPI(PAPER_GAINS, limits, dt=0.02, **law),
+        reference,
+        condition=condition,
         duration=duration,
     )
-    return signals
+
+
+def flown(anti_windup, duration=40.0):
+    return simulated(limits=PAPER_LIMITS, anti_windup=anti_windup, duration=duration)[0]
 
 
 @pytest.mark.parametrize("anti_windup", ["conditional", "back_calculation"])
@@ -113,15 +114,10 @@ def test_a_row_is_written_every_sample_with_a_unit_for_every_column():
 
 
 def test_with_feed_forward_level_flight_needs_no_integral():
-    still = FlightCondition(V_a=25.0, gamma=0.3)
-    controller = MimoPI(PAPER_GAINS, dt=0.02, feed_forward=True)
+    climb = FlightCondition(V_a=25.0, gamma=0.3)
 
-    signals, _ = simulate(
-        PointMassPlant(turn="paper"),
-        controller,
-        Reference(chi=0.0, gamma=0.3),
-        condition=still,
-        duration=5.0,
+    signals, _ = simulated(
+        reference=Reference(chi=0.0, gamma=0.3), condition=climb, feed_forward=True
     )
 
     assert np.abs(signals["n_z_integral"]).max() < 1e-12
@@ -142,13 +138,7 @@ class StopsAfterThreeSamples(PointMassPlant):
 
 
 def test_a_flight_that_ends_early_keeps_what_was_flown_and_its_reason():
-    signals, stop = simulate(
-        StopsAfterThreeSamples(turn="paper"),
-        MimoPI(PAPER_GAINS, dt=0.02),
-        PAPER_REFERENCE,
-        condition=PAPER_START,
-        duration=10.0,
-    )
+    signals, stop = simulated(StopsAfterThreeSamples)
 
     assert len(signals) == 3
     assert stop == Stop("ground_contact", "hit the ground")
@@ -157,10 +147,4 @@ def test_a_flight_that_ends_early_keeps_what_was_flown_and_its_reason():
 @pytest.mark.parametrize("duration", [0.0, 0.01, math.nan, math.inf])
 def test_a_flight_lasts_at_least_one_sample(duration):
     with pytest.raises(InputError, match="`duration`"):
-        simulate(
-            PointMassPlant(turn="paper"),
-            MimoPI(PAPER_GAINS, dt=0.02),
-            PAPER_REFERENCE,
-            condition=PAPER_START,
-            duration=duration,
-        )
+        simulated(duration=duration)

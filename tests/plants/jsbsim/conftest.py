@@ -16,11 +16,6 @@ from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.shipped import aircraft_folder
 
 
-@pytest.fixture(name="of_this_model")
-def of_this_model_fixture():
-    return of_this_model
-
-
 def of_this_model(folder):
     """Let the gains in a folder be those of its model as it is now."""
     config = load_aircraft(folder)
@@ -43,10 +38,12 @@ class Flight:
 def fly():
     def fly(
         command, *, duration, dt=0.02, aircraft="aerosonde", weather=None, ground=0.0, seed=0,
-        **condition,
+        throttle_max=None, **condition,
     ):  # fmt: skip
         """Fly `command` (a function of the signals now, or a constant) from `condition`."""
-        plant = JSBSimPlant(aircraft, weather=weather, ground=ground, seed=seed)
+        plant = JSBSimPlant(
+            aircraft, weather=weather, ground=ground, seed=seed, throttle_max=throttle_max
+        )
         plant.start(FlightCondition(**{"V_a": 25.0} | condition))
         rows, stop = [plant.observe()], None
         for _ in range(round(duration / dt)):
@@ -73,11 +70,11 @@ def holding_gamma():
 
 @pytest.fixture
 def changed_aircraft(tmp_path):
-    def changed(file, pattern, replacement):
-        """Return a copy of the Aerosonde's folder with one text in `file` replaced."""
+    def changed(file, pattern, replacement, *, aircraft="aerosonde"):
+        """Return a copy of an aircraft's folder with one text in `file` replaced."""
         folder = tmp_path / "copy"
         if not folder.exists():
-            shutil.copytree(aircraft_folder("aerosonde"), folder)
+            shutil.copytree(aircraft_folder(aircraft), folder)
         text, count = re.subn(pattern, replacement, (folder / file).read_text(), count=1)
         assert count == 1, f"{pattern} is not in {file}"
         (folder / file).write_text(text)

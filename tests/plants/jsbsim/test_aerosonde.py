@@ -8,11 +8,9 @@ import pytest
 from published_aerosonde import MASS, accelerations, evaluated
 
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.trim import trim
 from flighttune.shipped import aircraft_folder
-from flighttune.units import G_0, LBF
+from flighttune.units import LBF
 
 DEG = math.pi / 180.0
 ONE_PER_MILLE = 1e-3
@@ -38,23 +36,6 @@ def test_accelerations_agree_with_the_published_coefficients(alpha_deg, beta_deg
     angular = [fdm.reader(f"accelerations/{rate}dot-rad_sec2")() for rate in "pqr"]
     assert force == pytest.approx(list(MASS * expected), rel=ONE_PER_MILLE, abs=0.1)
     assert angular == pytest.approx(list(expected_angular), rel=ONE_PER_MILLE, abs=0.01)
-
-
-@pytest.mark.parametrize("gamma_deg", [0.0, 20.0, 45.0])
-def test_trim_balances_weight_in_the_published_coefficients(gamma_deg):
-    gamma = gamma_deg * DEG
-    fdm = Fdm(load_aircraft("aerosonde"))
-
-    found = trim(fdm, FlightCondition(V_a=25.0, gamma=gamma))
-
-    surfaces = found.aileron, found.elevator, found.rudder
-    body, angular = accelerations(
-        25.0, found.alpha, found.beta, (0.0, 0.0, 0.0), surfaces, found.throttle
-    )
-    theta = gamma + found.alpha
-    weight = G_0 * np.array([-math.sin(theta), 0.0, math.cos(theta)])
-    assert body + weight == pytest.approx(0.0, abs=0.02)
-    assert angular == pytest.approx(0.0, abs=0.02)
 
 
 def test_lift_peaks_at_the_ends_of_the_envelope():

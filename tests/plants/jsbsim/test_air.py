@@ -183,8 +183,9 @@ def test_turbulence_high_up_is_as_strong_as_the_standards_curve(fly, model):
     turbulence = Turbulence(severity=3, wind_20ft=7.7, model=model)
 
     flight = fly(
-        holding_height(1000.0), duration=seconds, weather=Weather(turbulence=turbulence), seed=1
-    )
+        holding_height(1000.0), duration=seconds, dt=0.1, seed=1,
+        weather=Weather(turbulence=turbulence),
+    )  # fmt: skip
 
     assert flight.stop is None
     three_deviations = 3.0 * sigma * math.sqrt(correlation / seconds)
@@ -201,7 +202,7 @@ def test_turbulence_near_the_ground_takes_the_height_above_it(fly, ground):
     turbulence = Turbulence(severity=3, wind_20ft=wind_20ft)
 
     flight = fly(
-        holding_height(ground + h), h=ground + h, ground=ground, duration=seconds, seed=2,
+        holding_height(ground + h), h=ground + h, ground=ground, duration=seconds, dt=0.1, seed=2,
         weather=Weather(turbulence=turbulence),
     )  # fmt: skip
 

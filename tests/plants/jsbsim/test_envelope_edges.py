@@ -20,25 +20,6 @@ WEAK = 0.25
 """Share of its thrust a weak engine gives: 30 N."""
 
 
-class WeakPlant(JSBSimPlant):
-    """The aerosonde with a weak engine."""
-
-    def __init__(self):
-        super().__init__("aerosonde", throttle_max=WEAK)
-
-
-def flown(plant, command, duration, dt=0.02, **condition):
-    """Fly `command` (a function of the signals now); return the signals and the stop."""
-    plant.start(FlightCondition(**{"V_a": 25.0} | condition))
-    rows, stop = [plant.observe()], None
-    for _ in range(round(duration / dt)):
-        stop = plant.advance(*command(dict(zip(plant.signals, rows[-1], strict=True))), dt)
-        rows.append(plant.observe())
-        if stop is not None:
-            break
-    return dict(zip(plant.signals, np.array(rows).T, strict=True)), stop
-
-
 def climbing_at(gamma):
     return lambda now: (0.0, math.cos(gamma) + 2.0 * (gamma - now["gamma"]))
 
@@ -48,33 +29,34 @@ def test_the_steepest_climb_of_a_weak_engine_is_that_of_its_thrust():
     drag = Q_PER_V2 * 25.0**2 * (0.043 + 0.0232 * C_L**2)
     steepest = math.asin((WEAK * 120.0 - drag) / WEIGHT)
 
-    WeakPlant().start(FlightCondition(V_a=25.0, gamma=steepest - 0.5 * DEG))
+    weak = JSBSimPlant(throttle_max=WEAK)
+    weak.start(FlightCondition(V_a=25.0, gamma=steepest - 0.5 * DEG))
     with pytest.raises(TrimError, match="too little thrust"):
-        WeakPlant().start(FlightCondition(V_a=25.0, gamma=steepest + 0.5 * DEG))
+        weak.start(FlightCondition(V_a=25.0, gamma=steepest + 0.5 * DEG))
 
 
-def test_a_climb_beyond_the_thrust_ends_too_slow_and_says_at_full_throttle():
-    signals, stop = flown(WeakPlant(), climbing_at(20.0 * DEG), 30.0)
+def test_a_climb_beyond_the_thrust_ends_too_slow_and_says_at_full_throttle(fly):
+    flight = fly(climbing_at(20.0 * DEG), duration=30.0, throttle_max=WEAK)
 
-    assert stop.status == "left_envelope"
-    assert re.search(r"V_a must stay inside 15 to 45 m/s, got .* at full throttle\.", stop.reason)
-    assert np.max(signals["throttle"]) == pytest.approx(WEAK)
-    assert np.max(signals["thrust"]) == pytest.approx(WEAK * 120.0, rel=1e-6)
+    assert flight.stop.status == "left_envelope"
+    assert re.search(r"V_a must .* 15 to 45 m/s, got .* at full throttle\.", flight.stop.reason)
+    assert np.max(flight["throttle"]) == pytest.approx(WEAK)
+    assert np.max(flight["thrust"]) == pytest.approx(WEAK * 120.0, rel=1e-6)
 
 
-def test_the_speed_integrator_does_not_wind_up_at_the_stop_of_a_weak_engine():
+def test_the_speed_integrator_does_not_wind_up_at_the_stop_of_a_weak_engine(fly):
     def command(now):
         level = now["h"] > 1060.0 or command.back
         command.back = level
         return climbing_at(0.0 if level else 18.0 * DEG)(now)
 
     command.back = False
-    signals, stop = flown(WeakPlant(), command, 40.0)
+    flight = fly(command, duration=40.0, throttle_max=WEAK)
 
-    assert stop is None
-    assert np.min(signals["V_a"]) < 24.0, "the climb must have taken speed"
-    assert signals["V_a"][-250:] == pytest.approx(25.0, abs=0.3)
-    assert np.max(signals["V_a"]) < 26.5
+    assert flight.stop is None
+    assert np.min(flight["V_a"]) < 24.0, "the climb must have taken speed"
+    assert flight["V_a"][-250:] == pytest.approx(25.0, abs=0.3)
+    assert np.max(flight["V_a"]) < 26.5
 
 
 def test_a_slow_pull_stalls_at_the_lift_peak(fly):

@@ -81,22 +81,40 @@ def with_channel(changed_aircraft, components):
     return changed_aircraft("aerosonde.xml", "<aerodynamics>", f"{system} <aerodynamics>")
 
 
-def test_state_that_is_no_number_stops_the_flight(changed_aircraft):
-    # Zero times one over the seconds left until t = 1 s: not a number there, and ever after.
-    folder = with_channel(
-        changed_aircraft,
-        '<fcs_function name="x/lost"> <function> <sum> <property> ft/rudder-rad </property>'
-        "<product> <value> 0 </value> <sqrt> <difference> <value> 1 </value>"
-        "<property> simulation/sim-time-sec </property> </difference> </sqrt>"
-        "</product> </sum> </function> <output> fcs/rudder-pos-rad </output> </fcs_function>",
-    )
-    plant = started(folder)
+# Zero times one over the seconds left until t = 1 s: not a number there, and ever after.
+NOT_A_NUMBER = (
+    '<fcs_function name="x/lost"> <function> <sum> <property> ft/rudder-rad </property>'
+    "<product> <value> 0 </value> <sqrt> <difference> <value> 1 </value>"
+    "<property> simulation/sim-time-sec </property> </difference> </sqrt>"
+    "</product> </sum> </function> <output> fcs/rudder-pos-rad </output> </fcs_function>"
+)
+# A way point beyond the pole is an error that JSBSim raises while it runs.
+BEYOND_THE_POLE = (
+    '<waypoint_heading name="x/lost">'
+    '<target_latitude unit="RAD"> simulation/sim-time-sec </target_latitude>'
+    '<target_longitude unit="RAD"> simulation/sim-time-sec </target_longitude>'
+    '<source_latitude unit="RAD"> position/lat-geod-rad </source_latitude>'
+    '<source_longitude unit="RAD"> position/long-gc-rad </source_longitude>'
+    "</waypoint_heading>"
+)
 
-    stop = plant.advance(0.0, 1.0, 2.0)
 
-    assert stop is not None
+@pytest.mark.parametrize(
+    ("components", "reason"),
+    [
+        (NOT_A_NUMBER, r"t = 1\.0\d+ s: state must be finite, got nan for .*n_z"),
+        (BEYOND_THE_POLE, r"t = 1\.5\d+ s: JSBSim gave up: .*latitude"),
+    ],
+)
+def test_a_state_that_is_no_number_and_jsbsim_giving_up_stop_the_flight(
+    changed_aircraft, components, reason
+):
+    plant = started(with_channel(changed_aircraft, components))
+
+    stop = plant.advance(0.0, 1.0, 3.0)
+
     assert stop.status == "diverged"
-    assert re.match(r"t = 1\.0\d+ s: state must be finite, got nan for .*n_z", stop.reason)
+    assert re.match(reason, stop.reason)
 
 
 def test_dive_into_the_ground_is_a_ground_contact(fly):
@@ -125,26 +143,6 @@ def test_leaving_the_envelope_ends_the_flight(fly, changed_aircraft, key, interv
 
     assert flight.stop.status == "left_envelope"
     assert re.fullmatch(rf"t = [012]\.\d\d\d s: {reason}", flight.stop.reason)
-
-
-def test_jsbsim_giving_up_in_flight_is_a_stop(changed_aircraft):
-    # A way point beyond the pole is an error that JSBSim raises while it runs.
-    folder = with_channel(
-        changed_aircraft,
-        '<waypoint_heading name="x/lost">'
-        '<target_latitude unit="RAD"> simulation/sim-time-sec </target_latitude>'
-        '<target_longitude unit="RAD"> simulation/sim-time-sec </target_longitude>'
-        '<source_latitude unit="RAD"> position/lat-geod-rad </source_latitude>'
-        '<source_longitude unit="RAD"> position/long-gc-rad </source_longitude>'
-        "</waypoint_heading>",
-    )
-    plant = started(folder)
-
-    stop = plant.advance(0.0, 1.0, 3.0)
-
-    assert stop is not None
-    assert stop.status == "diverged"
-    assert re.match(r"t = 1\.5\d+ s: JSBSim gave up: .*latitude", stop.reason)
 
 
 def test_jsbsim_ending_the_run_is_an_error(changed_aircraft):

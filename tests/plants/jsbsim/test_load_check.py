@@ -1,31 +1,10 @@
 """Silent wrong physics: found before the first flight, and said in one line."""
 
-import re
-import shutil
-from contextlib import suppress
-
 import pytest
 
 from flighttune.errors import PlantError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant
-from flighttune.shipped import aircraft_folder
-
-
-@pytest.fixture
-def changed(tmp_path, of_this_model):
-    def changed(name, pattern, replacement):
-        """Return a copy of an aircraft's folder with a text in its ``aircraft.toml`` replaced."""
-        folder = shutil.copytree(aircraft_folder(name), tmp_path / name)
-        file = folder / "aircraft.toml"
-        text, count = re.subn(pattern, replacement, file.read_text(), count=1)
-        assert count == 1
-        file.write_text(text)
-        with suppress(PlantError):  # of a model that is not there
-            of_this_model(folder)
-        return folder
-
-    return changed
 
 
 @pytest.mark.parametrize(
@@ -61,16 +40,18 @@ def changed(tmp_path, of_this_model):
         ("c172p", '"fcs/mixture-cmd-norm"', '"fcs/mixture"', "the property `fcs/mixture`"),
     ],
 )  # fmt: skip
-def test_what_is_not_as_the_file_says_is_named(changed, name, pattern, replacement, message):
-    folder = changed(name, pattern, replacement)
+def test_what_is_not_as_the_file_says_is_named(
+    changed_aircraft, name, pattern, replacement, message
+):
+    folder = changed_aircraft("aircraft.toml", pattern, replacement, aircraft=name)
 
     with pytest.raises(PlantError, match=message) as error:
         JSBSimPlant(folder).start(FlightCondition(V_a=150.0 if name == "a4" else 50.0))
     assert "\n" not in str(error.value)
 
 
-def test_gains_of_another_model_are_refused(changed):
-    folder = changed("a4", "title", "title")
+def test_gains_of_another_model_are_refused(changed_aircraft):
+    folder = changed_aircraft("aircraft.toml", "title", "title", aircraft="a4")
     file = folder / "aircraft.toml"
     file.write_text(file.read_text().replace('"A4"', '"T38"'))
 
@@ -78,8 +59,8 @@ def test_gains_of_another_model_are_refused(changed):
         JSBSimPlant(folder).start(FlightCondition(V_a=200.0))
 
 
-def test_an_aircraft_without_gains_says_what_writes_them(changed):
-    folder = changed("a4", "title", "title")
+def test_an_aircraft_without_gains_says_what_writes_them(changed_aircraft):
+    folder = changed_aircraft("aircraft.toml", "title", "title", aircraft="a4")
     (folder / "gains.json").unlink()
 
     with pytest.raises(PlantError, match=r"gains\.json: .*`flighttune design`"):

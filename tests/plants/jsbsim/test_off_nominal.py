@@ -91,11 +91,11 @@ def test_accelerations_are_those_of_the_published_coefficients_with_the_factors(
 
 @pytest.mark.parametrize(
     "off",
-    [{"mass": 1.2}, {"cg_shift": (0.02, 0.0, 0.03)}, {"drag": 1.3}, {"lift": 1.1}, ALL],
+    [{}, {"mass": 1.2}, {"cg_shift": (0.02, 0.0, 0.03)}, {"drag": 1.3}, {"lift": 1.1}, ALL],
     ids=str,
 )
-@pytest.mark.parametrize("gamma", [0.0, 15 * DEG])
-def test_trim_is_that_of_the_aircraft_off_the_nominal(off, gamma):
+@pytest.mark.parametrize("gamma", [0.0, 40 * DEG])
+def test_trim_balances_weight_in_the_published_coefficients_with_the_factors(off, gamma):
     fdm, nominal = aircraft("aerosonde", **off), aircraft("aerosonde")
 
     point, usual = (trim(one, FlightCondition(V_a=25.0, gamma=gamma)) for one in (fdm, nominal))
@@ -108,7 +108,7 @@ def test_trim_is_that_of_the_aircraft_off_the_nominal(off, gamma):
     assert body + weight == pytest.approx(0.0, abs=0.02)
     assert angular == pytest.approx(0.0, abs=0.03)
     changed = np.abs([getattr(point, n) - getattr(usual, n) for n in ("alpha", "throttle")])
-    assert changed.max() > 5e-4
+    assert changed.max() > 2e-4 or off == {}
 
 
 @pytest.mark.parametrize(("name", "scale"), [("aerosonde", 0.0), ("c172p", 1.0), ("a4", 1.0)])

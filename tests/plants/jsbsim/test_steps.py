@@ -2,10 +2,11 @@
 
 import numpy as np
 import pytest
+from made_up import shortened
 
-import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import InputError
+from flighttune.flight.fly import fly
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim import plant as jsbsim_plant
 from flighttune.plants.jsbsim.fdm import Fdm
@@ -19,30 +20,25 @@ SHARE = 0.004
 """Part by which the metrics of a propeller aircraft may move."""
 
 
-def errors_over_time(scenario, times, monkeypatch):
-    """ITAE of both channels of every flight on the aircraft, with so many times JSBSim's steps."""
-    with monkeypatch.context() as patch:
-        patch.setattr(
-            jsbsim_plant, "steps_for", lambda config, rate: times * steps_for(config, rate)
-        )
-        flown = ft.fly(ft.load_scenario(scenario))
-    on_aircraft = flown.metrics.index.get_level_values(0).str.startswith("jsbsim")
-    return flown.metrics.loc[on_aircraft, "ITAE"].to_numpy()
-
-
 @pytest.mark.slow
-def test_half_the_step_moves_no_printed_digit_of_the_aerosonde(monkeypatch):
-    whole, half = (errors_over_time("paper_identified", n, monkeypatch) for n in (1, 2))
+@pytest.mark.parametrize(
+    ("aircraft", "scenario", "seconds", "allowed"),
+    [
+        ("aerosonde", "paper_identified", 20.0, {"abs": LAST_DIGIT}),
+        ("c172p", "c172_cruise_turn", 40.0, {"rel": SHARE}),
+    ],
+)
+def test_half_the_step_moves_the_integral_of_errors_by_little(
+    aircraft, scenario, seconds, allowed, monkeypatch
+):
+    plant = [{"kind": "jsbsim", "aircraft": aircraft}]
+    scenario = shortened(scenario, seconds, plant=plant, gains=["paper", "K5"])
+    whole = fly(scenario).metrics["ITAE"]
+    monkeypatch.setattr(jsbsim_plant, "steps_for", lambda config, rate: 2 * steps_for(config, rate))
 
-    assert len(whole) == 6
-    assert half == pytest.approx(whole, abs=LAST_DIGIT)
+    half = fly(scenario).metrics["ITAE"]
 
-
-@pytest.mark.slow
-def test_half_the_step_moves_a_propeller_aircraft_by_little(monkeypatch):
-    whole, half = (errors_over_time("c172_cruise_turn", n, monkeypatch) for n in (1, 2))
-
-    assert half == pytest.approx(whole, rel=SHARE)
+    assert half.to_numpy() == pytest.approx(whole.to_numpy(), **allowed)
 
 
 @pytest.mark.parametrize("aircraft", ["aerosonde", "c172p"])

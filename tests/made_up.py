@@ -1,0 +1,54 @@
+"""Scenarios and runs that tests make up, or shorten."""
+
+import pandas as pd
+
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.scenario import load_scenario, scenario_from
+from flighttune.simulate.run import Provenance, Run
+
+
+def scenario_tables(**changes):
+    """Level flight straight on, as the tables of a scenario; those given are merged into them."""
+    tables = {
+        "title": "Straight on",
+        "gains": ["paper"],
+        "flight": {"V_a_mps": 25.0},
+        "reference": {"chi_deg": 0.0, "gamma_deg": 0.0},
+        "plant": [{"kind": "kinematic"}],
+    }
+    for key, value in changes.items():
+        tables[key] = {**tables.get(key, {}), **value} if isinstance(value, dict) else value
+    return tables
+
+
+def made_up_scenario(**changes):
+    """The scenario of these tables."""
+    return scenario_from(scenario_tables(**changes))
+
+
+def shortened(name, seconds, **changes):
+    """A shipped scenario of so many seconds, which expects nothing."""
+    tables = {**load_scenario(name).as_dict(), "expect": [], **changes}
+    return scenario_from(tables | {"flight": {**tables["flight"], "duration_s": seconds}})
+
+
+def made_up_run(
+    columns, t=None, *, plant="kinematic", gains_name="paper", gains=PAPER_GAINS, scenario=None,
+    status="completed", reason="", versions=None,
+):  # fmt: skip
+    """A run of these signals, over these times or those that are their index."""
+    index = None if t is None else pd.Index(t, name="t")
+    return Run(
+        signals=pd.DataFrame(columns, index=index, dtype=float),
+        status=status,
+        reason=reason,
+        provenance=Provenance(
+            scenario=scenario or {},
+            plant=plant,
+            gains_name=gains_name,
+            gains=gains,
+            seed=7,
+            versions=versions or {},
+            wall_s=0.1 + 0.2,
+        ),
+    )
