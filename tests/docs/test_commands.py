@@ -2,6 +2,7 @@
 
 import re
 import shlex
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
@@ -135,7 +136,9 @@ def test_every_command_runs_as_it_is_printed(name, folder):
         run(command, folder)
 
 
+@cache
 def run(command, folder):
+    """Run a command where no page has done so yet."""
     if "campaign run" in command and "--dry-run" not in command:
         command += " --resume"  # a campaign is on several pages
     words = [word.replace("scenarios/", f"{ROOT}/scenarios/") for word in shlex.split(command)[1:]]
