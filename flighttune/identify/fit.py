@@ -205,16 +205,11 @@ def _best_lag(
     from scipy.optimize import least_squares
 
     lower, upper = (np.array(edge[: order + 1]) for edge in bounds)
+    inside = [np.clip(start[: order + 1], lower + 1e-3, upper - 1e-3) for start in starts]
+    tight = dict.fromkeys(("xtol", "ftol", "gtol"), _CONVERGED)
     runs = [
-        least_squares(
-            lambda p: error(_lag(p, order)),
-            np.clip(start[: order + 1], lower + 1e-3, upper - 1e-3),
-            bounds=(lower, upper),
-            xtol=_CONVERGED,
-            ftol=_CONVERGED,
-            gtol=_CONVERGED,
-        )
-        for start in starts
+        least_squares(lambda p: error(_lag(p, order)), start, bounds=(lower, upper), **tight)
+        for start in inside
     ]
     best = min(runs, key=lambda run: run.cost)
     lag = _lag(best.x, order)

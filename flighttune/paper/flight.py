@@ -57,15 +57,9 @@ class PaperFlight:
     @cached_property
     def channels(self) -> dict[str, FloatArray]:
         """Errors, their rates, and ``s = sqrt(e^2 + e_dot^2)`` over time, each of shape (k,)."""
-        error, rate = self.error.T, self.error_rate.T
-        return {
-            "chi": error[0],
-            "gamma": error[1],
-            "chi_dot": rate[0],
-            "gamma_dot": rate[1],
-            "s_chi": np.hypot(error[0], rate[0]),
-            "s_gamma": np.hypot(error[1], rate[1]),
-        }
+        (chi, gamma), (chi_dot, gamma_dot) = self.error.T, self.error_rate.T
+        errors = {"chi": chi, "gamma": gamma, "chi_dot": chi_dot, "gamma_dot": gamma_dot}
+        return {**errors, "s_chi": np.hypot(chi, chi_dot), "s_gamma": np.hypot(gamma, gamma_dot)}
 
     @cached_property
     def measures(self) -> pd.DataFrame:
@@ -113,12 +107,8 @@ def fly(
     By default under the printed ranges without rate limits, as the paper must have flown, and
     without the conditional anti-windup that it does not have.
     """
-    loop = ContinuousLoop(
-        gains,
-        printed.printed_ranges() if limits is None else limits,
-        conditional=conditional,
-        disturbance=disturbance,
-    )
+    limits = printed.printed_ranges() if limits is None else limits
+    loop = ContinuousLoop(gains, limits, conditional=conditional, disturbance=disturbance)
     t = np.arange(round(duration / SAMPLE) + 1, dtype=np.float64) * SAMPLE
     signals, reason = integrate(loop, t)
     # `integrate` has the signals in the order of the fields.
@@ -386,11 +376,7 @@ def integrate(loop: ContinuousLoop, times: FloatArray) -> tuple[FloatArray, str]
         )
         s, y = loop.signals(piece.t, piece.y), piece.y
         parts.append(np.array([y[:2], s.e, s.e_dot, s.u, s.v, y[2:4]]).transpose(2, 0, 1))
-        ends = [
-            (at[0], y_at[0])
-            for at, y_at in zip(piece.t_events, piece.y_events, strict=True)
-            if len(at)
-        ]
+        ends = [(t[0], y[0]) for t, y in zip(piece.t_events, piece.y_events, strict=True) if len(t)]
         if piece.status == 0:
             break
         if piece.status < 0:

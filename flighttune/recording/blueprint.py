@@ -33,16 +33,11 @@ def blueprint(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) ->
     if not drawn:
         return _layout([page])
     tabs = {name: _tab(name, shown, drawn) for name, shown in plots.items()}
-    beside = {**tabs, PAGE_TAB: page}
-    return _layout(
-        [
-            _overview(drawn, plots),
-            *(
-                rrb.Horizontal(tab, _lanes(drawn), column_shares=[1.0 - SIDE, SIDE], name=name)
-                for name, tab in beside.items()
-            ),
-        ]
-    )
+    beside_lanes = [
+        rrb.Horizontal(tab, _lanes(drawn), column_shares=[1.0 - SIDE, SIDE], name=name)
+        for name, tab in {**tabs, PAGE_TAB: page}.items()
+    ]
+    return _layout([_overview(drawn, plots), *beside_lanes])
 
 
 def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) -> rrb.Container:

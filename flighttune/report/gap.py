@@ -84,18 +84,10 @@ def gap_tables(gap: Gap, values: Mapping[str, Any]) -> list[Table]:
     lags = [{"channel": name, **loop[name]} for name in ("phi", "n_z")]
     mismatch = [values["mismatch"]] if values["mismatch"] else []
     return [
-        Table(
-            title="plants, from the law to the aircraft",
-            columns=RUNG_COLUMNS,
-            records=values["ladder"],
-        ),
+        Table(RUNG_COLUMNS, values["ladder"], "plants, from the law to the aircraft"),
         step_table([gap]),
-        Table(title=f"inner loop ({loop['source']})", columns=LAG_COLUMNS, records=lags),
-        Table(
-            title="mismatch d: rates flown minus the law's",
-            columns=MISMATCH_COLUMNS,
-            records=mismatch,
-        ),
+        Table(LAG_COLUMNS, lags, f"inner loop ({loop['source']})"),
+        Table(MISMATCH_COLUMNS, mismatch, "mismatch d: rates flown minus the law's"),
     ]
 
 

@@ -102,14 +102,9 @@ def _nyquist(margins: Sequence[Margins]) -> Chart:
         # the disk meets the real axis at minus the gains that all loops survive at once
         near, far = margins[-1].gain_decrease, margins[-1].gain_increase
         middle, radius = -(near + far) / 2.0, (far - near) / 2.0
-        chart.line(
-            middle + radius * np.cos(turn),
-            radius * np.sin(turn),
-            LIMIT,
-            dash=DASHED,
-            width=1.2,
-            name=f"disk margin {margins[-1].disk_margin:.2f}",
-        )
+        across, up = middle + radius * np.cos(turn), radius * np.sin(turn)
+        name = f"disk margin {margins[-1].disk_margin:.2f}"
+        chart.line(across, up, LIMIT, dash=DASHED, width=1.2, name=name)
     return chart
 
 

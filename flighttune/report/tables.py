@@ -145,9 +145,7 @@ def certificates_table(scenario: Scenario, gains: Mapping[str, PIGains]) -> Tabl
                 "reason": "; ".join(reasons),
             }
         )
-    return Table(
-        title="Certificates", name="certificates", columns=CERTIFICATE_COLUMNS, records=records
-    )
+    return Table(CERTIFICATE_COLUMNS, records, "Certificates", name="certificates")
 
 
 def kept_table(checks: Mapping[str, FlightCheck]) -> Table:
@@ -174,19 +172,13 @@ def paths_table(runs: Sequence[Run]) -> Table:
     }
     records = []
     for run in runs:
-        law = first.get(run.provenance.gains_name)
-        if law is None or run.provenance.aircraft is None:
+        made = run.provenance
+        law = first.get(made.gains_name)
+        if law is None or made.aircraft is None:
             continue
         distance, at = largest_distance(law, run)
-        records.append(
-            {
-                "gains": run.provenance.gains_name,
-                "from": law.provenance.plant,
-                "to": run.provenance.plant,
-                "max_distance_m": distance,
-                "max_distance_at_s": at,
-            }
-        )
+        flights = {"gains": made.gains_name, "from": law.provenance.plant, "to": made.plant}
+        records.append({**flights, "max_distance_m": distance, "max_distance_at_s": at})
     shown = columns("gains from to max_distance_m max_distance_at_s")
     return Table(title="Paths", name="aircraft", columns=shown, records=records)
 

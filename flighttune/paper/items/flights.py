@@ -230,10 +230,7 @@ def fig11(study: Study) -> Made:
         for channel in ("chi", "gamma"):
             values[name][channel]["largest_after_20_s_rad"] = flight.after(channel, DURATION)
     return Made(
-        figures={
-            "fig11": sheet(whole, legend=legend),
-            "fig11_after": sheet(later, legend=legend),
-        },
+        figures={"fig11": sheet(whole, legend=legend), "fig11_after": sheet(later, legend=legend)},
         tables={
             "fig11": history_table(flights, commands=False),
             "fig11_measures": measures_table(study.by_disturbance),
@@ -284,10 +281,7 @@ def fig7(study: Study) -> Made:
     return Made(
         figures={"fig7": _over_R_K(study, FIG_7, PROFILES)},
         tables={"fig7": measures_table(study.by_gains)},
-        values={
-            "measures": measures_of(study.by_gains),
-            "rank_correlation_with_R_K": trends,
-        },
+        values={"measures": measures_of(study.by_gains), "rank_correlation_with_R_K": trends},
     )
 
 
@@ -343,9 +337,6 @@ def fig10(study: Study) -> Made:
     return Made(
         figures={"fig10": sheet(charts, legend=legend)},
         tables={"fig10": measures_table(study.by_disturbance)},
-        values={
-            "measures": measures_of(study.by_disturbance),
-            "largest_growth_of_ST_rad": growth,
-        },
+        values={"measures": measures_of(study.by_disturbance), "largest_growth_of_ST_rad": growth},
         numbers={"released": {name: flight.released for name, flight in study.disturbed.items()}},
     )

@@ -159,13 +159,8 @@ def _constraints(sets: dict[str, PIGains]) -> Sheet:
         chart.bars(np.zeros(len(labels)), shares, [colour] * len(labels), at=places)
         chart.legend.append((name, colour, "dot"))
         for share, place in zip(shares, places.tolist(), strict=True):
-            chart.text(
-                place,
-                share,
-                f"{share:.2f}" if share < 1.0 else f"{share:.1f}",
-                anchor="middle",
-                shift=(0.0, -4.0),
-            )
+            text = f"{share:.2f}" if share < 1.0 else f"{share:.1f}"
+            chart.text(place, share, text, anchor="middle", shift=(0.0, -4.0))
     chart.level(1.0, name="limit")
     chart.y_range = 0.0, 1.05 * chart.y_ends()[1]
     return sheet([chart])

@@ -234,13 +234,8 @@ class _TrimProblem:
 
     def root(self, start: FloatArray) -> FloatArray | None:
         """Return the steady flight that Newton's method finds from `start`, if it does."""
-        return interior_root(
-            self.residuals,
-            start,
-            (self.lower, self.upper),
-            widths=self.widths,
-            enough=self.enough,
-        )
+        bounds = self.lower, self.upper
+        return interior_root(self.residuals, start, bounds, widths=self.widths, enough=self.enough)
 
     def best_compromise(self, start: FloatArray) -> FloatArray:
         """Return the least squares of `residuals` within the bounds.
@@ -281,15 +276,13 @@ class _TrimProblem:
         def left_over(six: FloatArray) -> FloatArray:
             return self.residuals(np.append(six, throttle))
 
-        six = interior_root(
-            lambda six: left_over(six)[1:],
-            start[:-1],
-            bounds,
-            widths=self.widths[:-1],
-            enough=self.enough,
-        )
+        def unbalanced(six: FloatArray) -> FloatArray:
+            return left_over(six)[1:]
+
+        at, widths = start[:-1], self.widths[:-1]
+        six = interior_root(unbalanced, at, bounds, widths=widths, enough=self.enough)
         if six is None:
-            six = _least_squares(left_over, start[:-1], bounds)
+            six = _least_squares(left_over, at, bounds)
         return np.append(six, throttle)
 
     def obstacle(self, x: FloatArray) -> str:
@@ -317,15 +310,8 @@ def _least_squares(
 ) -> FloatArray:
     from scipy.optimize import least_squares  # takes as long to import as all the rest
 
-    lower, upper = bounds
-    return least_squares(
-        residuals,
-        start,
-        bounds=bounds,
-        x_scale=upper - lower,
-        max_nfev=_MAX_EVALUATIONS,
-        **options,
-    ).x
+    options |= {"x_scale": bounds[1] - bounds[0], "max_nfev": _MAX_EVALUATIONS}
+    return least_squares(residuals, start, bounds=bounds, **options).x
 
 
 def pitch_attitude(gamma: float, phi: float, alpha: float, beta: float) -> float:
@@ -375,7 +361,7 @@ def trim_table(
     Raises PlantError if the aircraft cannot be built.
     """
     speeds = np.linspace(*config.envelope.V_a, SPEEDS).tolist() if V_a is None else V_a
-    records: list[dict[str, Any]] = []
+    turn, records = {"phi_deg": phi * DEG_PER_RAD, "h_m": h}, []
     for speed in speeds:
         lowest_short = math.inf  # shallowest climb for which thrust is too little
         for climb in CLIMBS if gamma is None else gamma:
@@ -383,16 +369,8 @@ def trim_table(
             point, reason = _trimmed(config, condition, thrust_short=climb > lowest_short)
             if _TOO_LITTLE in reason:
                 lowest_short = min(lowest_short, climb)
-            records.append(
-                {
-                    "V_a_mps": speed,
-                    "gamma_deg": climb * DEG_PER_RAD,
-                    "phi_deg": phi * DEG_PER_RAD,
-                    "h_m": h,
-                    "trim": point,
-                    "reason": reason,
-                }
-            )
+            at = {"V_a_mps": speed, "gamma_deg": climb * DEG_PER_RAD, **turn}
+            records.append({**at, "trim": point, "reason": reason})
     return records
 
 
