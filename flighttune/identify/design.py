@@ -232,12 +232,8 @@ def _yaw(airframe: Airframe, roll_k_ff: float) -> dict[str, float]:
     share = 1.0
     while share > MIN_YAW_SHARE and not _yaw_is_stable(airframe, k_r, share * k_p, share * k_i):
         share *= 0.8
-    return {
-        "yaw/k_ff": straight / effect - airframe.alpha * k_r,
-        "yaw/k_r": k_r,
-        "yaw/k_p": share * k_p,
-        "yaw/k_i": share * k_i,
-    }
+    k_ff = straight / effect - airframe.alpha * k_r
+    return {"yaw/k_ff": k_ff, "yaw/k_r": k_r, "yaw/k_p": share * k_p, "yaw/k_i": share * k_i}
 
 
 def _yaw_is_stable(airframe: Airframe, k_r: float, k_p: float, k_i: float) -> bool:

@@ -89,12 +89,8 @@ def reproduce(
         errata=parts,
         text=text_of,
     )
-    return Reproduction(
-        items=items,
-        findings=findings,
-        page=page.path,
-        errata=write_text(folder / "errata.md", "\n\n".join(text) + "\n"),
-    )
+    listed = write_text(folder / "errata.md", "\n\n".join(text) + "\n")
+    return Reproduction(items=items, findings=findings, page=page.path, errata=listed)
 
 
 def _written(item: Item, made: Made, folder: Path) -> list[Path]:

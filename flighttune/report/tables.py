@@ -114,13 +114,7 @@ def gains_table(gains: Mapping[str, PIGains], curve: "pd.DataFrame") -> Table:
     """Gains with their indicators, which `curve` (from `frontier`) has."""
     marks = curve.set_index("name")
     records = [
-        {
-            "gains": name,
-            "R_K": float(marks.at[name, "R_K"]),
-            "I_K": float(marks.at[name, "I_K"]),
-            "K_P": own.K_P.tolist(),
-            "K_I": own.K_I.tolist(),
-        }
+        {"gains": name, **marks.loc[name, ["R_K", "I_K"]].to_dict(), **own.as_lists()}
         for name, own in gains.items()
     ]
     return Table(title="Gains", name="gains", columns=GAIN_COLUMNS, records=records)

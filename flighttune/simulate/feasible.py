@@ -200,18 +200,15 @@ def _fastest(manoeuvre: Manoeuvre, x: FloatArray, radius: float) -> FloatArray:
         near = _missed(manoeuvre, np.vstack([x, x + DIFFERENCE * np.eye(size)]))
         slopes = (near[1:] - near[0]) / DIFFERENCE
         reach = radius * scale
+        lowest = np.append(np.minimum(np.maximum(low - x, -reach), 0.0), np.zeros(5))
+        highest = np.append(np.minimum(high - x, reach), np.full(5, np.inf))
         program = linprog(
             cost,
             A_ub=np.hstack([rows, broken]),
             b_ub=bounds - rows @ x,
             A_eq=np.hstack([slopes.T, slack]),
             b_eq=-near[0],
-            bounds=np.column_stack(
-                [
-                    np.append(np.minimum(np.maximum(low - x, -reach), 0.0), np.zeros(5)),
-                    np.append(np.minimum(high - x, reach), np.full(5, np.inf)),
-                ]
-            ),
+            bounds=np.column_stack([lowest, highest]),
         )
         if program.x is None:
             break

@@ -161,13 +161,9 @@ def _fill(row, x, error, rates, state):
 
 @njit
 def _law(row):
-    return PILaw(
-        (_channel(row[:8]), _channel(row[8:16])),
-        (row[16] != 0.0, row[17] != 0.0),
-        row[18] != 0.0,
-        row[19],
-        row[20],
-    )
+    channels = _channel(row[:8]), _channel(row[8:16])
+    wrapped, conditional = (row[16] != 0.0, row[17] != 0.0), row[18] != 0.0
+    return PILaw(channels, wrapped, conditional, row[19], row[20])
 
 
 @njit
@@ -177,16 +173,9 @@ def _channel(row):
 
 @njit
 def _rate_law(row):
-    return RateLaw(
-        (_channel(row[:8]), _channel(row[8:16])),
-        row[16] != 0.0,
-        row[17] != 0.0,
-        row[18],
-        row[19],
-        row[20],
-        row[21],
-        row[22] != 0.0,
-    )
+    channels = _channel(row[:8]), _channel(row[8:16])
+    wrapped, conditional, course_first = row[16] != 0.0, row[17] != 0.0, row[22] != 0.0
+    return RateLaw(channels, wrapped, conditional, row[18], row[19], row[20], row[21], course_first)
 
 
 @njit

@@ -156,10 +156,7 @@ def fig12(study: Study) -> Made:
                 name: {
                     "status": reading.status,
                     "converged": reading.converged,
-                    **{
-                        channel: dict(zip(("MO_rad", "PT_s"), reading.peak(channel), strict=True))
-                        for channel in ("chi", "gamma")
-                    },
+                    **reading.measures.loc[["chi", "gamma"], ["MO_rad", "PT_s"]].to_dict("index"),
                 }
                 for name, reading in study.readings.items()
             },
