@@ -55,6 +55,4 @@ def file_bytes(path: Path, kind: str) -> bytes:
 
 
 def _sha256(before: bytes, after: bytes) -> bytes:
-    digest = hashlib.sha256(before)
-    digest.update(after)
-    return digest.hexdigest().encode()
+    return hashlib.sha256(before + after).hexdigest().encode()

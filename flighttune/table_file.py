@@ -1,5 +1,6 @@
-"""TOML and JSON files, read whole and strictly, and tables as TOML."""
+"""TOML and JSON files, read whole and strictly; tables as TOML, and their hash."""
 
+import hashlib
 import json
 import tomllib
 from collections.abc import Callable, Mapping
@@ -85,6 +86,11 @@ def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
         twice = next(key for key in keys if keys.count(key) > 1)
         raise ValueError(f"`{shown(twice)}` is given twice")
     return table
+
+
+def hash_of(values: Any) -> str:
+    """SHA-256 of plain values, the same for any order of their keys."""
+    return hashlib.sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
 
 
 def toml_text(tables: Mapping[str, Any]) -> str:

@@ -13,18 +13,21 @@ MEMORY = Path("/dev/shm")  # a folder in memory, ten times as fast as a disk
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def whole_file(path: Path, unfinished: Path | None = None) -> Iterator[Path]:
     """Give a temporary name beside `path`, and rename it to `path` when the block ends well.
 
     Several blocks in an `ExitStack` are renamed after all are written, the last one first.
 
     An existing file at `path` stays until it is replaced. Yields the name to write to, in the same
-    folder and with the same suffix. It begins with a dot: readers pass over the file that a killed
-    command left behind. Raises OutputError if the folder or the file cannot be written.
+    folder, or in `unfinished`, and with the same suffix. It begins with a dot: readers pass over
+    the file that a killed command left behind. Raises OutputError if a folder or the file cannot be
+    written.
     """
-    part = path.with_name(f".{path.stem}-{uuid.uuid4().hex}{path.suffix}")
+    folder = path.parent if unfinished is None else unfinished
+    part = folder / f".{path.stem}-{uuid.uuid4().hex}{path.suffix}"
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        for needed in (path.parent, folder):
+            needed.mkdir(parents=True, exist_ok=True)
         yield part
         part.replace(path)
     except OSError as error:

@@ -268,7 +268,7 @@ def flown_here(module, planned, plan, rows=fly_runs):
     class Pool:
         def fly_rows(self, plan, gaps, keep, doing, **options):
             for gap in gaps:
-                keep(rows(plan, range(gap.first, gap.end), **options))
+                keep(rows(plan, gap, **options))
             return True
 
     with (

@@ -18,7 +18,7 @@ from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 from flighttune.mistakes import validated
 from flighttune.shipped import aircraft_folder
-from flighttune.table_file import json_tables, stamp, toml_tables
+from flighttune.table_file import hash_of, json_tables, stamp, toml_tables
 from flighttune.units import DEG
 from flighttune.whole_file import write_text
 
@@ -154,8 +154,7 @@ class InnerLoopGains(q.Table):
     @property
     def sha256(self) -> str:
         """Hash of the gains and of what they were made for."""
-        values = json.dumps([self.made_for, self.gains], sort_keys=True)
-        return hashlib.sha256(values.encode()).hexdigest()
+        return hash_of([self.made_for, self.gains])
 
 
 class AircraftConfig(q.Table):

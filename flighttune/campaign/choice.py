@@ -39,9 +39,6 @@ OF_BEST = (
 
 RESAMPLES = 1000
 
-MAX_RESAMPLED = 2_000_000
-"""Scores of all gain sets together that are resampled at a time, which bounds the memory."""
-
 
 def tune_robust(
     campaign: Campaign,
@@ -231,17 +228,12 @@ def resampled(
 
     n = values.shape[1]
     cycles, length = max(1, n // cycle), min(cycle, n)
-    best = int(winners(*ranked(np.arange(n)[None]))[0])
+    best = int(winners(*ranked(np.arange(n))))
     # a random stream apart from that of the draws
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(0,)))
-    some = max(1, MAX_RESAMPLED // values.size)
-    parts = []
-    for first in range(0, RESAMPLES, some):
-        picked = rng.integers(cycles, size=(min(some, RESAMPLES - first), cycles))
-        parts.append(
-            ranked((picked[..., None] * length + np.arange(length)).reshape(len(picked), -1))
-        )
-    lack, size = (np.hstack(each) for each in zip(*parts, strict=True))
+    numbers = (rng.integers(cycles, size=(cycles, 1)) for _ in range(RESAMPLES))
+    parts = [ranked((picked * length + np.arange(length)).ravel()) for picked in numbers]
+    lack, size = (np.column_stack(each) for each in zip(*parts, strict=True))
     first_of_all, behind = winners(lack, size), difference(size, size[best])
     lost = -np.take_along_axis(behind, first_of_all[None], axis=0)[0]
     return Resampled(
@@ -254,16 +246,9 @@ def resampled(
 
 def frontier_gains(problem: TuningProblem, count: int) -> dict[str, PIGains]:
     """Gains of the frontier, I_K rising, without duplicates; empty if none is stable."""
-    inputs, errors = problem.model.inputs, problem.model.errors
     sets: dict[str, PIGains] = {}
     for row in frontier(problem, points=count).to_dict("records"):
-        K_P, K_I = (
-            np.array(
-                [[row[f"{kind}[{channel},{error}]"] for error in errors] for channel in inputs]
-            )
-            for kind in ("K_P", "K_I")
-        )
-        gains = PIGains(K_P=K_P, K_I=K_I, inputs=inputs)
+        gains = problem.gains(np.vectorize(row.get)(problem.gain_names))
         if all(gains != other for other in sets.values()):
             sets[f"frontier-{len(sets) + 1}"] = gains
     return sets
@@ -303,13 +288,11 @@ def scored(
     score = sum(
         scores(rows, in_rad(name)) / (DEG if name.endswith("_deg") else 1.0) for name in metrics
     )
-    draws = rows["draw"].to_numpy()
-    place = draws - draws.min()
-    who = np.array([list(names).index(name) for name in rows["gains"].tolist()])
-    worst = np.full((len(names), int(place.max()) + 1), -np.inf)
-    np.maximum.at(worst, (who, place), score)
-    all_good = np.ones(worst.shape, dtype=bool)
-    np.logical_and.at(all_good, (who, place), rows["success"].to_numpy(dtype=bool, na_value=False))
+    by_draw = rows.assign(score=score).groupby(["gains", "draw"])
+    worst, all_good = (
+        of_draw.unstack().loc[list(names)].to_numpy()
+        for of_draw in (by_draw["score"].max(), by_draw["success"].all())
+    )
     return worst, all_good
 
 

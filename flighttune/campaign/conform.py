@@ -1,7 +1,5 @@
 """Boxes of an aircraft's residual rates, fitted to some flights and tested on new ones."""
 
-import hashlib
-import json
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -13,7 +11,6 @@ import numpy as np
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray, check_at_least, check_between, check_not_negative
-from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.planning.load import campaign_on
 from flighttune.campaign.planning.places import spelled
@@ -51,6 +48,7 @@ from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import INTENSITIES, TUNED_IDENTIFIED
 from flighttune.shipped import aircraft_folders
 from flighttune.simulate.run import Run
+from flighttune.table_file import hash_of
 from flighttune.units import DEG_PER_RAD
 
 RESIDUALS = "residuals"
@@ -140,15 +138,11 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
     learned, fresh, summary = _plans(source, settings)
     first, each = learned.runs, settings.flights
     attempts: list[Attempt] = []
-    training = _extremes(pool, learned, summary, Span(0, first), "learning")
+    training = _extremes(pool, learned, summary, range(first), "learning")
     while True:
         completed = training[:, ~np.isnan(training[0]).any(axis=(1, 2))]
-        if not completed.size:
-            raise InputError(
-                "`flights` must reach their end to be learned from, got none that did."
-            )
         boxes, widened = fitted_boxes(summary.windows, *completed, each)
-        counted = _counted(pool, fresh, summary, Span(first, first + each), boxes)
+        counted = _counted(pool, fresh, summary, range(first, first + each), boxes)
         outside, end = int(np.sum(~boxes.hold(*counted))), first + counted.shape[1]
         attempts.append(Attempt((0, first), (first, end), outside, widened))
         if not outside or len(attempts) == settings.attempts:
@@ -172,7 +166,7 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
         seed=fresh.campaign.seed,
         distribution=distribution_of(fresh, group.plant),
         aircraft_sha256=files,
-        identified_sha256=_hash_of(identified_tables(load_identified(aircraft))),
+        identified_sha256=hash_of(identified_tables(load_identified(aircraft))),
         campaign_sha256=_campaign_hash(fresh, summary),
     )
 
@@ -211,7 +205,7 @@ def recount(
         )
     again = replace(counted, campaign=counted.campaign.model_copy(update={"seed": seed}))
     learned, last = conformance.attempts[-1].learned, conformance.attempts[-1].counted
-    extremes = _extremes(pool, again, summary, Span(*last), "counting again")
+    extremes = _extremes(pool, again, summary, range(*last), "counting again")
     outside = int(np.sum(~conformance.boxes.hold(*extremes)))
     return Attempt(learned, last, outside, conformance.attempts[-1].widened)
 
@@ -263,14 +257,14 @@ def _is_degenerate(table: Dispersion) -> bool:
 
 
 def _counted(
-    pool: WorkerPool, plan: Plan, summary: ResidualSummary, span: Span, boxes: RateBoxes
+    pool: WorkerPool, plan: Plan, summary: ResidualSummary, runs: range, boxes: RateBoxes
 ) -> FloatArray:
     """`_extremes` of fresh flights, `PART` at a time, until one is outside."""
     parts: list[FloatArray] = []
-    firsts = range(span.first, span.end, PART)
-    for i, first in enumerate(firsts, 1):
-        doing = "counting" if len(firsts) == 1 else f"counting, part {i} of {len(firsts)}"
-        part = Span(first, min(first + PART, span.end))
+    count = math.ceil(len(runs) / PART)
+    for i in range(count):
+        doing = "counting" if count == 1 else f"counting, part {i + 1} of {count}"
+        part = runs[i * PART : (i + 1) * PART]
         parts.append(_extremes(pool, plan, summary, part, doing))
         if not boxes.hold(*parts[-1]).all():
             break
@@ -278,14 +272,14 @@ def _counted(
 
 
 def _extremes(
-    pool: WorkerPool, plan: Plan, summary: ResidualSummary, span: Span, doing: str
+    pool: WorkerPool, plan: Plan, summary: ResidualSummary, runs: range, doing: str
 ) -> FloatArray:
-    """Lowest and highest residuals of the runs of a span, shape (2, runs, windows, 6).
+    """Lowest and highest residuals of some runs, shape (2, runs, windows, 6).
 
     NaN for a flight that was not completed.
     """
     probes = {RESIDUALS: partial(_residuals_of, summary)}
-    rows = rows_of(pool, plan, doing, span=span, probes=probes)
+    rows = rows_of(pool, plan, doing, runs=runs, probes=probes)
     shape = 2, summary.windows.count, len(COUNTED)
     lost = np.full(shape, np.nan)
     values = rows[RESIDUALS].to_pylist()
@@ -305,11 +299,7 @@ def _campaign_hash(plan: Plan, summary: ResidualSummary) -> str:
         "model": {"V_a_mps": model.V_a, "g_mps2": model.g, "phi": phi, "n_z": n_z},
         "windows": asdict(summary.windows),
     }
-    return _hash_of({**plan.as_dict(), "residuals": counted})
-
-
-def _hash_of(tables: dict[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
+    return hash_of({**plan.as_dict(), "residuals": counted})
 
 
 def conformant_model(scenario: Scenario, plant: str) -> ConformantModel:
@@ -338,8 +328,6 @@ def in_air(campaign: Campaign, air: str) -> Campaign:
     dropped = DROPPED.get(air, ("turbulence",) if air in INTENSITIES else ())
     tables = {name: table for name, table in nominal.items() if name not in dropped}
     disperse = [own for own in campaign.disperse if own.key.split(".")[0] not in dropped]
-    if tables == nominal and disperse == campaign.disperse:
-        return campaign
     if air in INTENSITIES:
         turbulence = central.model_dump(mode="json", exclude_none=True)["turbulence"]
         tables["turbulence"] = {**turbulence, "intensity": air}
@@ -352,8 +340,6 @@ def at_random(campaign: Campaign) -> Campaign:
         Choice(key=own.key, acts=own.acts, values=own.levels) if isinstance(own, Grid) else own
         for own in campaign.disperse
     ]
-    if campaign.design == "random" and disperse == campaign.disperse:
-        return campaign
     return _rebuilt(campaign, disperse, campaign.nominal, "random")
 
 
@@ -362,15 +348,14 @@ def _rebuilt(
 ) -> Campaign:
     gridded = any(isinstance(table, Grid) for table in disperse)
     keys = {table.key for table in disperse}
-    tables = {
-        **{name: getattr(campaign, name) for name in CampaignTable.model_fields},
+    changed = {
         "design": "random" if design == "grid" and not gridded else design,
         "disperse": disperse,
         "correlation": [
             correlation for correlation in campaign.correlation if keys >= set(correlation.keys)
         ],
     }
-    return campaign_on(CampaignTable.model_construct(**tables), nominal, campaign.title)
+    return campaign_on(campaign.model_copy(update=changed), nominal, campaign.title)
 
 
 def distribution_of(plan: Plan, plant: str) -> Distribution:
@@ -462,15 +447,10 @@ def own_campaign(aircraft: str) -> Campaign:
         "reference.chi_deg[0].rate_dps": turn,
         "reference.gamma_deg[0].rate_dps": 1.0,
     }
-    table = CampaignTable.model_validate(
-        {
-            "title": f"random starts and references of {aircraft}",
-            "scenario": aircraft,
-            "runs": OWN_FLIGHTS,
-            "disperse": [
-                {"key": key, "distribution": "uniform", "lower": -width, "upper": width}
-                for key, width in uniform.items()
-            ],
-        }
+    table = CampaignTable(
+        title=f"random starts and references of {aircraft}",
+        scenario=aircraft,
+        runs=OWN_FLIGHTS,
+        disperse=[Uniform(key=key, lower=-width, upper=width) for key, width in uniform.items()],
     )
     return campaign_on(table, scenario, aircraft)

@@ -10,12 +10,11 @@ import os
 import re
 import shutil
 import socket
-import uuid
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -25,8 +24,8 @@ from filelock import FileLock, Timeout
 from flighttune.campaign.planning.plan import Plan, plan_from
 from flighttune.errors import InputError, OutputError, RecordingError, ScenarioError
 from flighttune.mistakes import abridged
-from flighttune.table_file import json_tables
-from flighttune.whole_file import reason_of
+from flighttune.table_file import hash_of, json_tables
+from flighttune.whole_file import reason_of, whole_file
 
 FORMAT = 2
 CAMPAIGN, LOCK = "campaign.json", "campaign.lock"
@@ -44,45 +43,30 @@ _PART = re.compile(r"part-(\d+)-(\d+)-([0-9a-f]{16})\.parquet")
 _SIGNALS = re.compile(r"run-(\d+)\.parquet")
 
 
-class Span(NamedTuple):
-    """The runs from `first` up to, but not including, `end`."""
-
-    first: int
-    end: int
-
-    @property
-    def runs(self) -> int:
-        """Number of runs."""
-        return self.end - self.first
-
-
 class Part(NamedTuple):
     """A file of rows, as its name describes it."""
 
-    span: Span
+    runs: range
     digest: str  # first quarter of the SHA-256 of the file, hexadecimal
 
     @property
     def path(self) -> str:
         """Path of the file in the folder of the campaign."""
-        return f"{RUNS}/part-{self.span.first:010d}-{self.span.end:010d}-{self.digest}.parquet"
+        return f"{RUNS}/part-{self.runs.start:010d}-{self.runs.stop:010d}-{self.digest}.parquet"
 
     @classmethod
-    def holding(cls, span: Span, data: bytes) -> "Part":
-        """The part of a span of runs whose file has these bytes."""
-        return cls(span, hashlib.sha256(data).hexdigest()[:16])
+    def holding(cls, runs: range, data: bytes) -> "Part":
+        """The part of consecutive runs whose file has these bytes."""
+        return cls(runs, hashlib.sha256(data).hexdigest()[:16])
 
 
-def missing(present: Iterable[Span], runs: int) -> tuple[Span, ...]:
-    """The gaps between the spans that are present among the runs 0 to `runs`, in order."""
+def missing(present: Iterable[range], runs: int) -> tuple[range, ...]:
+    """The gaps between the runs that are present among the first `runs`, in order."""
     gaps, at = [], 0
-    for span in sorted(present):
-        if at < min(span.first, runs):
-            gaps.append(Span(at, min(span.first, runs)))
-        at = max(at, span.end)
-    if at < runs:
-        gaps.append(Span(at, runs))
-    return tuple(gaps)
+    for span in (*sorted(present, key=lambda span: span.start), range(runs, runs)):
+        gaps.append(range(at, min(span.start, runs)))
+        at = max(at, span.stop)
+    return tuple(filter(None, gaps))
 
 
 class Dataset:
@@ -95,11 +79,12 @@ class Dataset:
     def parts(self) -> tuple[Part, ...]:
         """The files of rows that are there, in order of their runs."""
         names = self._matches(RUNS, _PART)
-        parts = sorted(Part(Span(int(name[1]), int(name[2])), name[3]) for name in names)
+        all_parts = (Part(range(int(name[1]), int(name[2])), name[3]) for name in names)
+        parts = sorted(all_parts, key=lambda part: part.path)
         for part, other in pairwise(parts):
-            if other.span.first < part.span.end:
+            if other.runs.start < part.runs.stop:
                 raise RecordingError(
-                    f"{self.folder}: a run must be in one file, got run {other.span.first} in "
+                    f"{self.folder}: a run must be in one file, got run {other.runs.start} in "
                     f"{part.path} and {other.path}."
                 )
         return tuple(parts)
@@ -112,14 +97,13 @@ class Dataset:
     def write_plan(self) -> None:
         """Write ``campaign.json``; this and the other methods that write raise OutputError."""
         tables = {"format": FORMAT, "versions": self.versions, "plan": self.plan.as_dict()}
-        text = json.dumps({**tables, "sha256": _digest_of(tables)}, indent=1)
+        text = json.dumps({**tables, "sha256": hash_of(tables)}, indent=1)
         self._write(CAMPAIGN, f"{text}\n".encode())
 
     def write_part(self, rows: pa.Table) -> None:
-        """Write the rows of a span of runs, in order of `run`."""
-        runs = rows.column("run")
-        span, data = Span(runs[0].as_py(), runs[-1].as_py() + 1), parquet_bytes(rows)
-        self._write(Part.holding(span, data).path, data)
+        """Write the rows of consecutive runs, in order of `run`."""
+        first, data = rows.column("run")[0].as_py(), parquet_bytes(rows)
+        self._write(Part.holding(range(first, first + len(rows)), data).path, data)
 
     def read_part(self, part: Part, columns: Sequence[str] | None = None) -> pa.Table:
         """The rows of one file.
@@ -132,7 +116,7 @@ class Dataset:
             data = path.read_bytes()
         except OSError as error:
             raise RecordingError(f"{path}: must be readable, got {reason_of(error)}.") from error
-        if Part.holding(part.span, data) != part:
+        if Part.holding(part.runs, data) != part:
             raise RecordingError(
                 f"{path}: is damaged or was changed: it must have the hash in its name; "
                 "`campaign run --resume` flies its runs again."
@@ -171,16 +155,8 @@ class Dataset:
 
     def _write(self, name: str, data: bytes) -> None:
         """Write a file completely or not at all: it gets its name when it is finished."""
-        path, unfinished = self.folder / name, self.folder / WRITING / uuid.uuid4().hex
-        try:
-            for folder in (path.parent, unfinished.parent):
-                folder.mkdir(parents=True, exist_ok=True)
+        with whole_file(self.folder / name, self.folder / WRITING) as unfinished:
             unfinished.write_bytes(data)
-            unfinished.replace(path)
-        except OSError as error:
-            with suppress(OSError):
-                unfinished.unlink()
-            raise OutputError(f"{path}: must be writable, got {reason_of(error)}.") from error
 
 
 def runs_to_keep(dataset: Dataset) -> tuple[int, ...]:
@@ -225,7 +201,7 @@ def open_dataset(folder: str | Path) -> Dataset:
                 f"{path}: `format` must be {FORMAT}, got {abridged(tables.get('format'))}: fly the "
                 "campaign again with this version."
             )
-        if tables.pop("sha256", None) != _digest_of(tables):
+        if tables.pop("sha256", None) != hash_of(tables):
             raise RecordingError(
                 f"{path}: the file must be as it was written, but its hash differs: fly the "
                 "campaign again."
@@ -262,11 +238,6 @@ def _bits(column: pa.ChunkedArray) -> Iterator[bytes]:
     # Arrow does not define the bits of a missing value
     zero = False if pa.types.is_boolean(column.type) else 0
     yield column.fill_null(pa.scalar(zero, column.type)).to_numpy().tobytes()
-
-
-def _digest_of(tables: Mapping[str, Any]) -> str:
-    """Hash of ``campaign.json`` without its own hash, whatever its spacing."""
-    return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
 
 
 def signals_path(run: int) -> str:

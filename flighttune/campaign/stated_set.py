@@ -6,11 +6,11 @@ from typing import Any
 import pyarrow as pa
 
 from flighttune.arrays import check_not_negative
-from flighttune.campaign.dataset import CAMPAIGN, Span, open_dataset
+from flighttune.campaign.dataset import CAMPAIGN, open_dataset
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.planning.load import campaign_on, load_campaign
 from flighttune.campaign.planning.plan import Plan, on_plants, plan_campaign
-from flighttune.campaign.planning.schema import Campaign, CampaignTable
+from flighttune.campaign.planning.schema import Campaign, CampaignTable, Dispersion, Uniform
 from flighttune.errors import InputError
 from flighttune.scenario.load import load_scenario, scenario_from
 from flighttune.scenario.schema import Scenario
@@ -26,15 +26,15 @@ class StoppedError(Exception):
 
 
 def rows_of(
-    pool: WorkerPool, plan: Plan, doing: str, *, span: Span | None = None, **more: Any
+    pool: WorkerPool, plan: Plan, doing: str, *, runs: range | None = None, **more: Any
 ) -> pa.Table:
-    """Rows of a span of runs, by default of all, in order of ``run``.
+    """Rows of consecutive runs, by default of all, in order of ``run``.
 
     `more` are probes and draws for `WorkerPool.fly_rows`. Raises StoppedError if the observer
     stopped the flights.
     """
     tables: list[pa.Table] = []
-    if not pool.fly_rows(plan, [span or Span(0, plan.runs)], tables.append, doing=doing, **more):
+    if not pool.fly_rows(plan, [runs or range(plan.runs)], tables.append, doing=doing, **more):
         raise StoppedError
     return pa.concat_tables(tables).sort_by("run")
 
@@ -83,25 +83,18 @@ def _about(
     if plant in [table.label for table in scenario.plant]:  # callers refuse an unknown one
         scenario = on_plants(scenario, [plant])  # another may not stand the disturbance
     tables = scenario.as_dict()
-    ranges: dict[str, tuple[float, float, str]] = {}
+    drawn: list[Dispersion] = []
     if start_deg:
         for key in ("flight.chi_deg", "flight.gamma_deg"):
-            ranges[key] = (-start_deg, start_deg, "adds")
+            drawn.append(Uniform(key=key, lower=-start_deg, upper=start_deg, acts="adds"))
     if disturbance:
         for channel in ("chi", "gamma"):
-            ranges[f"disturbance.{channel}_amplitude"] = (-disturbance, disturbance, "sets")
-            ranges[f"disturbance.{channel}_omega_rad_s"] = (*FREQUENCIES, "sets")
-            ranges[f"disturbance.{channel}_phase_deg"] = (-180.0, 180.0, "sets")
+            for key, low, high in (
+                ("amplitude", -disturbance, disturbance),
+                ("omega_rad_s", *FREQUENCIES),
+                ("phase_deg", -180.0, 180.0),
+            ):
+                drawn.append(Uniform(key=f"disturbance.{channel}_{key}", lower=low, upper=high))
         tables["disturbance"] = {"wave": "square"}
-    table = CampaignTable.model_validate(
-        {
-            "title": scenario.title,
-            "scenario": name,
-            "runs": 1,
-            "disperse": [
-                {"key": key, "distribution": "uniform", "lower": low, "upper": high, "acts": acts}
-                for key, (low, high, acts) in ranges.items()
-            ],
-        }
-    )
+    table = CampaignTable(title=scenario.title, scenario=name, runs=1, disperse=drawn)
     return campaign_on(table, scenario_from(tables), name)

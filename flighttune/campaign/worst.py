@@ -21,12 +21,11 @@ from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.planning.schema import MEASURES
 from flighttune.campaign.stated_set import planned, rows_of
 from flighttune.errors import InputError
+from flighttune.flight.expectations import bound_checks
 from flighttune.guarantee.bounds import ERRORS, Bounds
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import in_rad
 from flighttune.simulate.run import Run
-from flighttune.units import DEG
 
 MARGIN = "margin"
 """Metric: largest excess over a requirement relative to its bound; 0 just meets it."""
@@ -100,7 +99,8 @@ class StatedSet:
                 "or --disturbance."
             )
         self.plan = plan.of_group(group)
-        bounded = _requirements(plan.scenario, group.plant, group.gains)
+        tables = plan.scenario.expected(group.plant, group.gains)
+        bounded = any(table.at_most or table.at_least for table in tables)
         self.metric = TUBE if tube else metric or (MARGIN if bounded else "chi.ITAE")
         self.disturbance = disturbance
         self.flights = 0
@@ -279,10 +279,9 @@ def search_worst(
     seeds = rng.integers(0, 2**31, POPULATION)
     objective = values(z, seeds)
     at = int(np.argmax(objective))
-    best, chance, worst, spent = z[at], int(seeds[at]), float(objective[at]), POPULATION
-    first, strategy, generation = worst, None, 0
-    while spent + POPULATION <= budget:
-        generation += 1
+    best, chance, worst = z[at], int(seeds[at]), float(objective[at])
+    first, strategy = worst, None
+    for generation in range(1, budget // POPULATION):
         if generation % SEEDS_EVERY == 0:
             # The worst point so far is flown with other seeds: turbulence may have been kind to it.
             z = asked = np.tile(best, (POPULATION, 1))
@@ -294,7 +293,6 @@ def search_worst(
             asked = np.array(strategy.ask())
             z, seeds = inside(asked), np.full(POPULATION, chance)
         objective = values(z, seeds)
-        spent += POPULATION
         if generation % SEEDS_EVERY and strategy is not None:
             # A point outside the region scores as its projection, minus a penalty that grows with
             # distance: the strategy learns to stay inside. Signs are reversed, as it minimises.
@@ -419,22 +417,10 @@ def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:
     if metric != MARGIN:
         value = row[TUBE][0] if metric == TUBE else row[metric]
         return FAILED if value is None else float(value)
-    beyond = []
-    for column, unit, sense, bound in _requirements(scenario, row["plant"], row["gains"]):
-        value = FAILED if row[column] is None else row[column] / unit
-        beyond.append(sense * (value - bound) / (abs(bound) or 1.0))
-    return max(beyond, default=FAILED)
-
-
-def _requirements(
-    scenario: Scenario, plant: str, gains: str
-) -> list[tuple[str, float, float, float]]:
-    """Column, unit of the bound, sense (1 for an upper bound) and bound of each requirement."""
-    return [
-        (f"{subject}.{in_rad(name)}", DEG if name.endswith("_deg") else 1.0, sense, bound)
-        for table in scenario.expect
-        if table.meant(plant, gains)
-        for bounds, sense in ((table.at_most, 1.0), (table.at_least, -1.0))
-        for subject, limits in bounds.items()
-        for name, bound in limits.items()
-    ]
+    measured: dict[str, dict[str, float]] = {}
+    for column in MEASURES:
+        subject, name = column.split(".")
+        value = row.get(column)
+        measured.setdefault(subject, {})[name] = FAILED if value is None else value
+    checks = bound_checks(scenario.expected(row["plant"], row["gains"]), measured)
+    return max((check.margin for check in checks), default=FAILED)

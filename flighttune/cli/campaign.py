@@ -108,12 +108,12 @@ def fly(
     from flighttune.recording.record import record
 
     dataset = open_dataset(folder)
-    part = next((part for part in dataset.parts if part.span.first <= run < part.span.end), None)
+    part = next((part for part in dataset.parts if run in part.runs), None)
     if part is None:
         raise RecordingError(
             f"{folder}: `run` must be one that was flown, got {run} of {dataset.plan.runs}."
         )
-    row = dataset.read_part(part).slice(run - part.span.first, 1).to_pylist()[0]
+    row = dataset.read_part(part).slice(part.runs.index(run), 1).to_pylist()[0]
     if row["status"] in CRASHED:
         tell(f"run {run} {row['status'].replace('_', ' ')} in the campaign: {row['reason']}")
     name = f"{Path(folder).name}-run-{run}"

@@ -7,7 +7,7 @@ from typing import Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, read_only_matrix
+from flighttune.arrays import FloatArray, check_at_least, read_only_matrix
 from flighttune.conformance.residual import COUNTED, RESIDUALS, ConformantModel, residuals_of
 from flighttune.errors import InputError
 from flighttune.guarantee.bounds import Bounds
@@ -60,12 +60,7 @@ class Windows:
             raise InputError(
                 f"`window` must be at least {SHORTEST_S:g} s long, got {self.length:g} s."
             )
-        least = 2 if self.over == "phase" else 1
-        if self.over not in ("time", "phase") or self.count < least:
-            raise InputError(
-                f"`over` must be time or phase with at least {least} windows, got {self.over!r} "
-                f"with {self.count}."
-            )
+        check_at_least(2 if self.over == "phase" else 1, count=self.count)
 
     @classmethod
     def covering(cls, over: Over, duration: float, length: float = WINDOW_S) -> "Windows":
@@ -176,7 +171,7 @@ def fitted_boxes(
     that of the smallest boxes around the training flights. Raises InputError if there is no flight.
     """
     if not len(lows):
-        raise InputError("`lows` must be of at least one flight, got none.")
+        raise InputError("`flights` must reach their end to be learned from, got none that did.")
     later = round(LATER_S / windows.length)
     widened = widening(lows, highs, fresh, later)
     centre, half = _smallest(lows, highs, later)
@@ -222,24 +217,18 @@ def widening(lows: FloatArray, highs: FloatArray, fresh: int, later: int = 0) ->
 
 def _smallest(lows: FloatArray, highs: FloatArray, later: int) -> tuple[FloatArray, FloatArray]:
     """Centres and half widths, shape (count, 6), of the smallest boxes around flights."""
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
     low, high = lows.min(axis=0), highs.max(axis=0)
     for column in range(len(RESIDUALS), low.shape[1]):
-        low[:, column] = _around(low[:, column], later).min(axis=1)
-        # negated, so that the infinite padding is never the largest
-        high[:, column] = -_around(-high[:, column], later).min(axis=1)
-    for column in range(low.shape[1]):
-        seen = low[:, column] <= high[:, column]
-        # A window without a flight gets the hull of all the others.
-        low[~seen, column] = low[seen, column].min()
-        high[~seen, column] = high[seen, column].max()
+        low[:, column] = minimum_filter1d(low[:, column], 2 * later + 1, mode="nearest")
+        high[:, column] = maximum_filter1d(high[:, column], 2 * later + 1, mode="nearest")
+    # A window without a flight, low = inf and high = -inf, gets the hull of all the others.
+    empty = low > high
+    low = np.where(empty, low.min(axis=0), low)
+    high = np.where(empty, high.max(axis=0), high)
     half = 0.5 * (high - low)
     return 0.5 * (low + high), np.maximum(half, LEAST_SHARE * half.max(axis=0))
-
-
-def _around(values: FloatArray, count: int) -> FloatArray:
-    """Each value with the `count` values before and after it, infinite beyond the ends."""
-    longer = np.pad(values, count, constant_values=np.inf)
-    return np.lib.stride_tricks.sliding_window_view(longer, 2 * count + 1)
 
 
 def _scores(

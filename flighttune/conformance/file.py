@@ -16,14 +16,13 @@ from flighttune.arrays import check_between
 from flighttune.conformance.boxes import RateBoxes
 from flighttune.conformance.residual import COUNTED, ConformantModel
 from flighttune.control.gains import PIGains
-from flighttune.errors import InputError, ScenarioError
+from flighttune.errors import InputError
 from flighttune.present.numbers import number
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.seal import BLANK, seal, sealed_bytes
-from flighttune.table_file import json_tables
-from flighttune.value_file import STRICT, tables_of, value_of
-from flighttune.whole_file import whole_file
+from flighttune.value_file import STRICT, read, tables_of
+from flighttune.whole_file import write_text
 
 FLOWN_ALIKE = ("flight", "reference", "limits", "controller")
 """Tables of a scenario that must be those of the flights counted, but for what was dispersed."""
@@ -318,8 +317,8 @@ def save_conformance(conformance: Conformance, path: str | Path) -> None:
     Raises OutputError if the file cannot be written.
     """
     tables = {**conformance_tables(conformance), "seal": BLANK}
-    with whole_file(Path(path)) as part:
-        part.write_bytes(seal(f"{json.dumps(tables, indent=1, ensure_ascii=False)}\n".encode()))
+    text = f"{json.dumps(tables, indent=1, ensure_ascii=False)}\n"
+    write_text(Path(path), seal(text.encode()).decode())
 
 
 def conformance_tables(conformance: Conformance) -> dict[str, Any]:
@@ -333,11 +332,5 @@ def load_conformance(path: str | Path) -> Conformance:
     Raises InputError if the file cannot be read, is not as it was written, does not hold a
     conformance, or claims more than what was counted supports; the message names file and key.
     """
-    tables = json_tables(Path(path))
-    if tables.get("format") == Conformance.FORMAT:
-        sealed_bytes(Path(path), "conformance file", "make it again with flighttune conform")
-    own = {key: tables[key] for key in tables if key not in ("sentence", "seal")}
-    try:
-        return value_of(own, Conformance)
-    except InputError as error:
-        raise ScenarioError(f"{path}: {error}") from error
+    sealed_bytes(Path(path), "conformance file", "make it again with flighttune conform")
+    return read(path, Conformance, beside=("sentence", "seal"))

@@ -33,6 +33,11 @@ class BoundCheck:
         return self.value - self.bound if self.sense == "at_most" else self.bound - self.value
 
     @property
+    def margin(self) -> float:
+        """`beyond` relative to the bound."""
+        return self.beyond / (abs(self.bound) or 1.0)
+
+    @property
     def met(self) -> bool:
         """Whether there is a value and it keeps the bound."""
         return self.beyond <= 0.0  # False for NaN
@@ -75,7 +80,7 @@ class ClaimCheck:
             return f"{self.short}; {self.missed[0]}"
         if not self.bounds:
             return self.short
-        tightest = max(self.bounds, key=lambda check: check.beyond / (abs(check.bound) or 1.0))
+        tightest = max(self.bounds, key=lambda check: check.margin)
         return f"{self.short}; closest to its bound: {tightest.run}: {tightest.sentence}"
 
 
@@ -87,13 +92,13 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
     bounds, missed, ends = [], [], 0
     for run in runs:
         made_by = run.provenance
-        tables = [t for t in scenario.expect if t.meant(made_by.plant, made_by.gains_name)]
+        tables = scenario.expected(made_by.plant, made_by.gains_name)
         wrong_end = _wrong_end(tables, run.status, run.reason)
         ends += bool(wrong_end) or any(table.status for table in tables)
         if wrong_end:
             missed.append(f"{run.label}: {wrong_end}")
             continue
-        own = list(_bound_checks(tables, measures(run), run.label))
+        own = list(bound_checks(tables, measures(run), run.label))
         bounds += own
         missed += [f"{run.label}: {check.sentence}" for check in own if not check.met]
     requirements = len(bounds) + ends
@@ -119,7 +124,7 @@ def missed(
     wrong_end = _wrong_end(tables, status, reason)
     if wrong_end:
         return (wrong_end,)
-    return tuple(check.sentence for check in _bound_checks(tables, measured) if not check.met)
+    return tuple(check.sentence for check in bound_checks(tables, measured) if not check.met)
 
 
 def _wrong_end(tables: Sequence[ExpectTable], status: str, reason: str) -> str:
@@ -131,9 +136,10 @@ def _wrong_end(tables: Sequence[ExpectTable], status: str, reason: str) -> str:
     return f"{status}{wanted}: {reason or 'flown to its end'}"
 
 
-def _bound_checks(
+def bound_checks(
     tables: Sequence[ExpectTable], measured: Mapping[str, Mapping[str, float]], run: str = ""
 ) -> Iterator[BoundCheck]:
+    """Check the measures of a run against every bound of `tables`."""
     for table in tables:
         for sense in get_args(Sense):
             for subject, limits in getattr(table, sense).items():

@@ -1,7 +1,5 @@
 """A scenario: its tables, checked against each other, and what they mean in SI."""
 
-import hashlib
-import json
 import math
 from dataclasses import replace
 from typing import Annotated, Any
@@ -24,6 +22,7 @@ from flighttune.scenario import tables
 from flighttune.scenario.tables import LAWS, TUNED, TUNED_IDENTIFIED, GainsTable, law_named
 from flighttune.simulate.feasible import FeasibleReference, Manoeuvre, feasible_reference
 from flighttune.simulate.reference import Reference
+from flighttune.table_file import hash_of
 from flighttune.units import DEG
 
 # Samples of the controller in a flight: five and a half hours at 50 Hz, 200 MB of signals.
@@ -372,6 +371,10 @@ class Scenario(Table):
             model = with_input_delay(model, 0.5 / self.controller.rate_hz)
         return model
 
+    def expected(self, plant: str, gains: str) -> list[tables.ExpectTable]:
+        """The requirements of a run of this plant and these gains."""
+        return [table for table in self.expect if table.meant(plant, gains)]
+
     def as_dict(self) -> dict[str, Any]:
         """The scenario as plain values, defaults filled in, as it would stand in a file."""
         return self.model_dump(mode="json", exclude_none=True)
@@ -379,8 +382,7 @@ class Scenario(Table):
     @property
     def sha256(self) -> str:
         """Hash of the scenario's values, the same for every way to write them."""
-        values = json.dumps(self.as_dict(), sort_keys=True)
-        return hashlib.sha256(values.encode()).hexdigest()
+        return hash_of(self.as_dict())
 
 
 def _lift_and_limits(aircraft: str, V_a: float) -> Limits:

@@ -1,7 +1,5 @@
 """The flights that a tube encloses: scenario, gains, starts and disturbances."""
 
-import hashlib
-import json
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -26,6 +24,7 @@ from flighttune.plants.weather import course_of, velocity_along
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.feasible import FeasibleReference
+from flighttune.table_file import hash_of
 from flighttune.tube.lag import SampledLag
 from flighttune.tube.sample import PLANNED, RATES, REFERENCE, SampledLoop
 
@@ -164,12 +163,11 @@ class TubeProblem:
         conformance.check(scenario, self.table, self.gains, self.start)
         if not conformance.holds:
             raise InputError(f"conformance: must hold, got: {conformance.sentence}.")
-        values = json.dumps(conformance_tables(conformance), sort_keys=True)
         boxes = AircraftBoxes(
             bounds=conformance.boxes.over(self.t, *self.reference[:, REFERENCE].T),
             lags=conformance.model.lags,
             start_known=scenario.wind is not None or not conformance.distribution.windy,
-            conformance_sha256=hashlib.sha256(values.encode()).hexdigest(),
+            conformance_sha256=hash_of(conformance_tables(conformance)),
         )
         if self.stored is not None and (differs := boxes.difference(self.stored)):
             raise InputError(f"`{differs}` must be that of the conformance, got another.")

@@ -1,6 +1,5 @@
 """Tubes of recorded flights: Parquet files named by a hash of their flight, found or made."""
 
-import hashlib
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -23,6 +22,7 @@ from flighttune.mistakes import mistakes
 from flighttune.scenario.load import scenario_from
 from flighttune.seal import BLANK, seal, sealed_bytes
 from flighttune.simulate.run import WORST_SIGNALS, Run
+from flighttune.table_file import hash_of
 from flighttune.value_file import STRICT
 from flighttune.whole_file import whole_file
 
@@ -173,8 +173,7 @@ def _tube(
 def flight_sha256(scenario: Mapping[str, Any], plant: str, gains: PIGains | None) -> str:
     """Hash of everything that the tube of a flight depends on."""
     flown = {key: value for key, value in scenario.items() if key not in NOT_OF_FLIGHT}
-    of = {**flown, "label": plant, "gains": None if gains is None else gains.as_lists()}
-    return hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()
+    return hash_of({**flown, "label": plant, "gains": None if gains is None else gains.as_lists()})
 
 
 def run_sha256(run: Run) -> str:

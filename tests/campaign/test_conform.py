@@ -262,7 +262,7 @@ def test_another_seed_draws_other_flights_and_none_is_outside_the_boxes(found):
     assert (again.flights, again.outside) == (FEW.flights, 0)
     assert outside.outside == FEW.flights
     with (
-        flown_here(conform_module, "planned", small_plan(wind=WIND)) as pool,
+        flown_here(conform_module, "planned", small_plan(runs=13)) as pool,
         pytest.raises(InputError, match=r"campaign: .*another hash"),
     ):
         recount("campaign", found, ConformSettings(), pool)

@@ -16,7 +16,7 @@ from campaigns import Notes, bits, parts, plan
 from filelock import FileLock, Timeout
 from scipy.stats import binomtest
 
-from flighttune.campaign.dataset import Dataset, Span, dataset_hash, locked, missing, open_dataset
+from flighttune.campaign.dataset import Dataset, dataset_hash, locked, missing, open_dataset
 from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.statistics.flights import load_flights
@@ -339,6 +339,6 @@ def test_a_campaign_ends_at_the_first_look_that_is_sure_enough(tmp_path, address
 
 
 def test_what_is_missing_is_what_no_file_holds():
-    assert missing([], 3) == (Span(0, 3),)
-    assert missing([Span(4, 6), Span(0, 2)], 9) == (Span(2, 4), Span(6, 9))
-    assert missing([Span(0, 9)], 5) == ()
+    assert missing([], 3) == (range(3),)
+    assert missing([range(4, 6), range(2)], 9) == (range(2, 4), range(6, 9))
+    assert missing([range(9)], 5) == ()

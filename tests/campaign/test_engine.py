@@ -8,7 +8,7 @@ import psutil
 import pytest
 from campaigns import Notes, bits, children, plan
 
-from flighttune.campaign.dataset import Span, open_dataset
+from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.engine.pool import TASKS_PER_WORKER, worker_pool
 from flighttune.campaign.flying.columns import row_schema
@@ -57,7 +57,7 @@ def test_each_phase_counts_its_own_runs_from_its_first_flight_on(tmp_path):
         time.sleep(0.1)
         ready = time.perf_counter()
         for doing in ("learning", "counting"):
-            assert pool.fly_rows(ours, [Span(0, 4)], lambda rows: None, doing=doing)
+            assert pool.fly_rows(ours, [range(4)], lambda rows: None, doing=doing)
 
     shown = [(p.doing, p.done, p.runs) for p in notes.seen]
     assert [*dict.fromkeys(shown)] == [

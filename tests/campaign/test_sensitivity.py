@@ -125,11 +125,13 @@ def test_flights_without_a_value_are_left_out(flown):
     holed[::4] = np.nan
     kept = np.arange(800) % 4 != 0
 
-    assert influences(table, holed) == influences(table[kept], measure[kept])
+    # as text: NaN is not equal to itself
+    assert str(influences(table, holed)) == str(influences(table[kept], measure[kept]))
 
     drawn = table.copy()
     drawn.loc[5, "speed"] = np.nan
-    assert influences(drawn, measure) == influences(table.drop(5), np.delete(measure, 5))
+    kept = table.drop(5), np.delete(measure, 5)
+    assert str(influences(drawn, measure)) == str(influences(*kept))
 
 
 def test_nothing_is_said_of_what_does_not_vary(flown):

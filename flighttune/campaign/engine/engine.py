@@ -14,7 +14,6 @@ from flighttune.campaign.dataset import (
     CAMPAIGN,
     RUNS,
     Dataset,
-    Span,
     locked,
     missing,
     open_dataset,
@@ -95,7 +94,7 @@ def run_campaign(
         _count(dataset, pool)
         plan = dataset.plan
         for runs in interim:
-            gaps = missing((part.span for part in dataset.parts), runs)
+            gaps = missing((part.runs for part in dataset.parts), runs)
             done = pool.fly_rows(plan, gaps, dataset.write_part)
             if not done or until_halfwidth is None:
                 break
@@ -169,11 +168,11 @@ def campaign_cost(plan: Plan, workers: int) -> dict[str, Any]:
     sizes: list[int] = []
     with worker_pool(1) as pool:
         size = min(len(plan.groups), plan.runs)
-        pool.fly_rows(plan, [Span(0, size)], tables.append)  # untimed: starts the process
+        pool.fly_rows(plan, [range(size)], tables.append)  # untimed: starts the process
         while True:
             began = time.perf_counter()
             tables.clear()
-            pool.fly_rows(plan, [Span(0, size)], tables.append)
+            pool.fly_rows(plan, [range(size)], tables.append)
             spent = time.perf_counter() - began
             if size == plan.runs or spent > ENOUGH_S:
                 break

@@ -11,7 +11,6 @@ from typing import Any
 import pyarrow as pa
 
 from flighttune.arrays import check_at_least
-from flighttune.campaign.dataset import Span
 from flighttune.campaign.engine.cluster import ClusterWorkers, check_scheduler
 from flighttune.campaign.engine.flyer import OF_THREAD, Answer, Flyer, failure, fly, work_of
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress
@@ -123,7 +122,7 @@ class WorkerPool:
     def fly_rows(
         self,
         plan: Plan,
-        gaps: Iterable[Span],
+        gaps: Iterable[range],
         keep: Callable[[pa.Table], None],
         *,
         doing: str | None = None,
@@ -156,14 +155,14 @@ class WorkerPool:
             if len(in_batch) < len(plan.groups):
                 self._start()  # the processes get ready while the first batch is flown
             claim_of = claims(plan, in_batch)  # kinematic groups only: no JSBSim in this process
-            runs = chain.from_iterable(range(*gap) for gap in gaps)
+            runs = chain.from_iterable(gaps)
             for together, alone in blocks(plan, runs, in_batch, draws):
                 if together:
                     add(fly_together(plan, together, claim_of))
                     yield Draw((), {})
                 yield from alone
 
-        progress.runs = progress.done + sum(gap.runs for gap in gaps)
+        progress.runs = progress.done + sum(map(len, gaps))
         try:
             answered = self._answers(doing or "flying", plan, alone_draws(), probes=probes)
             for (runs, drawn), answers in answered:
@@ -240,10 +239,10 @@ class WorkerPool:
 class _Buffer:
     """Rows that have come back and wait to be kept in order of `run`."""
 
-    def __init__(self, gaps: Sequence[Span], keep: Callable[[list[Row]], None]) -> None:
+    def __init__(self, gaps: Sequence[range], keep: Callable[[list[Row]], None]) -> None:
         self.rows: dict[int, Row] = {}
         self._keep = keep
-        self._wanted = chain.from_iterable(range(*gap) for gap in gaps)
+        self._wanted = chain.from_iterable(gaps)
         self._next = next(self._wanted, None)
         self._began = self._kept = time.perf_counter()
 

@@ -78,11 +78,7 @@ def scenario_of_run(plan: Plan, run: int, drawn: Mapping[str, Any] | None = None
         )
     tables["gains"] = [{"name": split_name(group.gains)[1], **gains.as_lists()}]
     tables["title"] = f"{scenario.title}, run {run}"
-    tables["expect"] = [
-        table
-        for table, expect in zip(tables["expect"], scenario.expect, strict=True)
-        if expect.meant(group.plant, group.gains)
-    ]
+    tables["expect"] = scenario.expected(group.plant, group.gains)
     return scenario_from(tables)
 
 

@@ -7,19 +7,14 @@ import pyarrow as pa
 from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.planning.schema import MEASURES, Choice, Dispersion, Grid
 from flighttune.metrics import unit_of
+from flighttune.present.names import UNIT_OF_SUFFIX
 
-UNITS_OF_ENDINGS = {
+UNITS_OF_ENDINGS = UNIT_OF_SUFFIX | {
     "_mps2": "m/s^2",
-    "_mps": "m/s",
-    "_rad_s": "rad/s",
     "_rad": "rad",
     "_dps": "deg/s",
-    "_deg": "deg",
     "_hz": "1/s",
-    "_per_s": "1/s",
     "_amplitude": "rad/s",
-    "_m": "m",
-    "_s": "s",
 }
 """Unit of a key of a scenario by how it ends, longest ending first."""
 

@@ -234,7 +234,7 @@ def _fly_alone(
 
 def _outcome(scenario: Scenario, group: Group, result: FlightResult, wall_s: float) -> Row:
     """Columns of a flight from ``status`` on, except R_K and I_K."""
-    tables = [table for table in scenario.expect if table.meant(group.plant, group.gains)]
+    tables = scenario.expected(group.plant, group.gains)
     misses = missed(tables, result.status, result.reason, result.measured)
     columns = {
         f"{subject}.{name}": value

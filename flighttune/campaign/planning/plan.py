@@ -1,7 +1,5 @@
 """A campaign ready to fly: gains as numbers, groups of plant and gains, and draws on demand."""
 
-import hashlib
-import json
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property
@@ -23,6 +21,7 @@ from flighttune.quantities import Table
 from flighttune.scenario.load import check_aircraft, leaves
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
+from flighttune.table_file import hash_of
 
 VERSION = 1
 """Version of the plain values of a plan; other versions are refused."""
@@ -250,8 +249,7 @@ class Plan:
     @cached_property
     def sha256(self) -> str:
         """Hash of the plan: the same for the same campaign, scenario, gains and aircraft."""
-        text = json.dumps(self.as_dict(), sort_keys=True)
-        return hashlib.sha256(text.encode()).hexdigest()
+        return hash_of(self.as_dict())
 
     def differences(self, other: "Plan") -> tuple[str, ...]:
         """Changes from this plan to a later one, as ``key: was X, is Y``; empty if equal."""

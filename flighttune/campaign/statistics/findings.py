@@ -114,7 +114,7 @@ def _worst(flights: Flights, rows: pd.DataFrame, measure: str) -> list[dict[str,
     """The worst completed flights, with all that was drawn."""
     return [
         {key: flight[key] for key in ("run", "draw", measure, SUCCESS)}
-        | {"parameters": {key: flight[key] for key in flights.keys}}
+        | {"parameters": {key: flight[key] for key in flights.plan.keys}}
         for flight in worst_first(rows, measure, WORST).to_dict("records")
     ]
 
@@ -123,22 +123,18 @@ def _sensitivity(flights: Flights, rows: pd.DataFrame, name: str) -> dict[str, A
     """Influence of each parameter by ranks; Sobol indices of the whole cycles that have flown."""
     independent, plan = flights.independent(rows), flights.plan
     ranks = influences(
-        independent.loc[:, flights.keys],
+        independent.loc[:, list(plan.keys)],
         values_of(independent, name),
         confidence=flights.confidence,
     )
-    if not plan.factors:
-        return {"ranks": ranks, "sobol": None}
-    draws = rows["draw"].to_numpy()
-    values = np.full((int(draws.max()) // plan.cycle + 1, plan.cycle), np.nan)
-    values[draws // plan.cycle, draws % plan.cycle] = values_of(rows, name)
-    indices = sobol_indices(
-        values[:, 0],
-        values[:, 1],
-        values[:, 2:].T,
-        confidence=flights.confidence,
-        seed=plan.campaign.seed,
-    )
+    indices = None
+    if plan.factors:
+        block, place = np.divmod(rows["draw"].to_numpy(), plan.cycle)
+        values = np.full((plan.cycle, int(block.max()) + 1), np.nan)
+        values[place, block] = values_of(rows, name)
+        A, B, *AB = values
+        seed = plan.campaign.seed
+        indices = sobol_indices(A, B, np.array(AB), confidence=flights.confidence, seed=seed)
     if indices is None:
         return {"ranks": ranks, "sobol": None}
     blocks, first, total = indices
@@ -152,12 +148,9 @@ def _sensitivity(flights: Flights, rows: pd.DataFrame, name: str) -> dict[str, A
 def _split(flights: Flights, group: Group, rows: pd.DataFrame, parameter: str) -> dict[str, Any]:
     """Success rate over the classes of a parameter."""
     rows = rows.loc[rows[parameter].notna().to_numpy()]
-    column = pd.Series(rows[parameter])
-    codes, clusters = classes_of(column, SPLIT_INTO), flights.clusters(rows)
-    success = rows[SUCCESS].to_numpy(dtype=bool)
-    classes = range(int(codes.max()) + 1)
-    values = [column.to_numpy()[codes == label] for label in classes]
-    numeric = is_number(column)
+    numeric = is_number(rows[parameter])
+    classes = [own for _, own in rows.groupby(classes_of(rows[parameter], SPLIT_INTO))]
+    values = [own[parameter].to_numpy() for own in classes]
     return {
         "group": group.label,
         "parameter": parameter,
@@ -167,7 +160,10 @@ def _split(flights: Flights, group: Group, rows: pd.DataFrame, parameter: str) -
             float(np.median(of_class.astype(float))) if numeric else float(place)
             for place, of_class in enumerate(values)
         ],
-        "success": [flights.share(success[codes == i], clusters[codes == i]) for i in classes],
+        "success": [
+            flights.share(own[SUCCESS].to_numpy(dtype=bool), flights.clusters(own))
+            for own in classes
+        ],
     }
 
 

@@ -30,11 +30,6 @@ class Flights:
     confidence: float = CONFIDENCE  # 1; of all intervals
 
     @property
-    def keys(self) -> list[str]:
-        """Columns of what was drawn."""
-        return [key for key in self.plan.keys if key in self.rows]
-
-    @property
     def measures(self) -> tuple[str, ...]:
         """Measures that at least one flight has."""
         there = [name for name in MEASURES if name in self.rows]

@@ -47,15 +47,13 @@ def difference(a: FloatArray, b: FloatArray) -> FloatArray:
 
 def _pairs(rows: pd.DataFrame, measure: str, confidence: float) -> Iterator[dict[str, Any]]:
     for plant, on_plant in rows.groupby("plant", sort=False):
-        values = on_plant.pivot(index="draw", columns="gains", values=measure)
-        success = on_plant.pivot(index="draw", columns="gains", values="success")
-        names = list(dict.fromkeys(on_plant["gains"]))
-        for a, b in combinations(names, 2):
-            both = (values[a].notna() & values[b].notna()).to_numpy()
-            if not both.any():
+        flown = on_plant.pivot(index="draw", columns="gains", values=[measure, "success"])
+        for a, b in combinations(on_plant["gains"].unique(), 2):
+            both = flown.loc[:, pd.IndexSlice[:, [a, b]]].dropna()
+            if both.empty:
                 continue
-            x, y = (values[name].to_numpy(dtype=float)[both] for name in (a, b))
-            ok_a, ok_b = (success[name].to_numpy()[both].astype(bool) for name in (a, b))
+            x, y = (both[measure, name].to_numpy(dtype=float) for name in (a, b))
+            ok_a, ok_b = (both["success", name].to_numpy(dtype=bool) for name in (a, b))
             wins_a, wins_b = int(np.sum(x < y)), int(np.sum(y < x))
             lo, hi = rate_interval(wins_a, wins_a + wins_b, confidence)
             apart = difference(x, y)

@@ -1,7 +1,7 @@
 """Influence of parameters on a metric: rank statistics and Sobol indices (Saltelli)."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -32,8 +32,6 @@ COLLINEAR = 1e10
 # say the same twice.
 RESAMPLES = 1000
 MIN_BLOCKS = 8
-MAX_RESAMPLED = 4_000_000
-"""Weights of blocks that are in memory at a time."""
 
 
 def influences(
@@ -83,34 +81,30 @@ def influences(
     values = np.asarray(measure, dtype=float)
     kept = ~np.isnan(values) & parameters.notna().all(axis=1).to_numpy()
     ranks = rankdata(values[kept])
-    table = {str(name): pd.Series(column[kept]) for name, column in parameters.items()}
-    table = {name: column for name, column in table.items() if column.nunique() > 1}
-    n = len(ranks)
-    if n < MIN_FLIGHTS or ranks.min() == ranks.max() or not table:
+    table, n = parameters[kept], len(ranks)
+    table = table.loc[:, table.nunique() > 1]
+    if n < MIN_FLIGHTS or ranks.min() == ranks.max() or table.empty:
         return []
-    correlations = [_spearman(column, ranks) for column in table.values()]
-    shares = [_share(column, ranks) for column in table.values()]
-    partial = _partial(table, ranks)
-    p = holm([p for _, p in (*correlations, *shares)])
-    tested = []
-    for i, name in enumerate(table):
-        rho, p_rho, p_share = correlations[i][0], p[i], p[len(table) + i]
-        lo, hi = _interval(rho, n, confidence)
-        tested.append(
-            {
-                "parameter": name,
-                "n": n,
-                "rho": rho,
-                "lo": lo,
-                "hi": hi,
-                "partial": partial[name],
-                "share": shares[i][0],
-                "p_rho": p_rho,
-                "p_share": p_share,
-                "apart": min(p_rho, p_share) < 1.0 - confidence,
-            }
-        )
-    return sorted(tested, key=strength, reverse=True)
+    columns = [column for _, column in table.items()]
+    rho, p_rho = np.array([_spearman(column, ranks) for column in columns]).T
+    share, p_share = np.array([_share(column, ranks) for column in columns]).T
+    p_rho, p_share = holm([*p_rho, *p_share]).reshape(2, -1)
+    lo, hi = _interval(rho, n, confidence)
+    tested = pd.DataFrame(
+        {
+            "parameter": table.columns,
+            "n": n,
+            "rho": rho,
+            "lo": lo,
+            "hi": hi,
+            "partial": _partial(table, ranks),
+            "share": share,
+            "p_rho": p_rho,
+            "p_share": p_share,
+            "apart": np.minimum(p_rho, p_share) < 1.0 - confidence,
+        }
+    )
+    return sorted(tested.to_dict("records"), key=strength, reverse=True)
 
 
 def strength(influence: Mapping[str, Any]) -> float:
@@ -185,21 +179,23 @@ def sobol_indices(
     terms = np.vstack([b * (ab - a), 0.5 * (a - ab) ** 2, 0.5 * (a + b), 0.5 * (a**2 + b**2)])
     estimate = _indices(terms.mean(axis=1)[None], d)[0]
     tail = 0.5 - 0.5 * confidence
-    resampled = np.vstack(list(_resampled(terms, resamples, seed)))
+    rng = np.random.default_rng(np.random.SeedSequence(seed))
+    drawn = (rng.multinomial(n, np.full(n, 1.0 / n)) for _ in range(resamples))
+    resampled = np.array([terms @ weights / n for weights in drawn])
     ends = np.nanquantile(_indices(resampled, d), [tail, 1.0 - tail], axis=0)
     both = np.vstack([estimate, ends])
     return n, both[:, :d], both[:, d:]
 
 
-def holm(p: Sequence[float]) -> list[float]:
+def holm(p: npt.ArrayLike) -> FloatArray:
     """P-values corrected together; those that are NaN take no part and become 1."""
-    values = np.array(p, dtype=float)
+    values = np.asarray(p, dtype=float)
     tests = np.flatnonzero(~np.isnan(values))
     order = tests[np.argsort(values[tests], kind="stable")]
     factors = np.arange(len(order), 0, -1)
     corrected = np.ones(len(values))
     corrected[order] = np.minimum(1.0, np.maximum.accumulate(values[order] * factors))
-    return corrected.tolist()
+    return corrected
 
 
 def classes_of(column: pd.Series, most: int = CLASSES) -> npt.NDArray[np.intp]:
@@ -240,45 +236,27 @@ def _share(column: pd.Series, ranks: FloatArray) -> Test:
     return (float(H) - k + 1) / (n - k), float(p)
 
 
-def _partial(table: Mapping[str, pd.Series], ranks: FloatArray) -> dict[str, float]:
+def _partial(table: pd.DataFrame, ranks: FloatArray) -> FloatArray:
     """Partial rank correlation of every number; k categories are k - 1 indicator columns."""
-    from scipy.stats import rankdata
-
-    numbers = [name for name, column in table.items() if is_number(column)]
-    columns = [rankdata(table[name]) for name in numbers]
-    for name, column in table.items():
-        if name not in numbers:
-            codes = pd.factorize(column)[0]
-            columns += [(codes == label).astype(float) for label in range(1, codes.max() + 1)]
-    partials = dict.fromkeys(table, math.nan)
-    correlations = np.corrcoef([*columns, ranks])
-    if len(ranks) > len(columns) + 2 and np.linalg.cond(correlations) < COLLINEAR:
+    numeric = np.array([is_number(column) for _, column in table.items()])
+    # numbers come first, in their order, then the indicators
+    columns = pd.get_dummies(table, columns=table.columns[~numeric], drop_first=True, dtype=float)
+    columns = columns.rank()
+    correlations = np.corrcoef(columns.to_numpy().T, ranks)
+    partials = np.full(len(numeric), np.nan)
+    if len(ranks) > columns.shape[1] + 2 and np.linalg.cond(correlations) < COLLINEAR:
         inverse = np.linalg.inv(correlations)
         scale = np.sqrt(np.diag(inverse))
-        partial = -inverse[-1] / (scale[-1] * scale)
-        partials.update(zip(numbers, partial.tolist(), strict=False))
+        partials[numeric] = (-inverse[-1] / (scale[-1] * scale))[: numeric.sum()]
     return partials
 
 
-def _interval(rho: float, n: int, confidence: float) -> tuple[float, float]:
-    """Interval of a rank correlation, by the normal distribution of its area tangent."""
-    if math.isnan(rho):
-        return math.nan, math.nan
-    if abs(rho) >= 1.0:
-        return rho, rho
-    half = float(ndtri(0.5 + 0.5 * confidence)) * math.sqrt((1.0 + 0.5 * rho**2) / (n - 3))
-    middle = math.atanh(rho)
-    return math.tanh(middle - half), math.tanh(middle + half)
-
-
-def _resampled(terms: FloatArray, resamples: int, seed: int) -> Iterator[FloatArray]:
-    """Means of the terms over blocks drawn with replacement, some resamples at a time."""
-    n = terms.shape[1]
-    rng = np.random.default_rng(np.random.SeedSequence(seed))
-    some = max(1, MAX_RESAMPLED // n)
-    for first in range(0, resamples, some):
-        size = min(some, resamples - first)
-        yield rng.multinomial(n, np.full(n, 1.0 / n), size=size) @ terms.T / n
+def _interval(rho: FloatArray, n: int, confidence: float) -> tuple[FloatArray, FloatArray]:
+    """Intervals of rank correlations, by the normal distribution of their area tangents."""
+    half = ndtri(0.5 + 0.5 * confidence) * np.sqrt((1.0 + 0.5 * rho**2) / (n - 3))
+    with np.errstate(divide="ignore"):
+        middle = np.arctanh(rho)  # infinite where |rho| = 1, which then is both ends
+    return np.tanh(middle - half), np.tanh(middle + half)
 
 
 def _indices(means: FloatArray, d: int) -> FloatArray:

@@ -2,13 +2,14 @@
 
 import re
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
 
 from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.flights import Flights
+from flighttune.guarantee.flight_check import Outcome
 
 PERCENTILES = {"p05": 0.05, "p50": 0.5, "p95": 0.95}
 BETWEEN_SENTENCES = "; "
@@ -22,8 +23,6 @@ FIRST_PREFIX, POINTS = 10, 25
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|(?<=[\s=])-?(?:inf|nan)\b")
 
-HELD, BROKEN, NOT_ENTERED = "held", "broken", "not entered"
-
 
 def summary(flights: Flights, group: Group, rows: pd.DataFrame) -> dict[str, Any]:
     """Counts, rates and metrics of the flights of a group, as ``--json`` has them.
@@ -36,8 +35,7 @@ def summary(flights: Flights, group: Group, rows: pd.DataFrame) -> dict[str, Any
     success = rows["success"].to_numpy(dtype=bool)
     completed = rows.loc[(rows["status"] == "completed").to_numpy()]
     rate = flights.share(success, flights.clusters(rows))
-    statuses = rows.groupby("status", sort=False, observed=True).size()
-    statuses = statuses.sort_values(ascending=False, kind="stable").to_dict()
+    statuses = rows["status"].value_counts().to_dict()
     by_status = [(status, rows.loc[(rows["status"] == status).to_numpy()]) for status in statuses]
     return {
         "group": group.label,
@@ -86,7 +84,7 @@ def _spread(flights: Flights, completed: pd.DataFrame, measure: str) -> dict[str
 def _certified(flights: Flights, rows: pd.DataFrame) -> dict[str, Any] | None:
     """Flights that stayed in the certified set, and that left it; None without a claim."""
     said = rows["certified"].to_numpy(dtype=object)
-    inside, broken, outside = (said == word for word in (HELD, BROKEN, NOT_ENTERED))
+    inside, broken, outside = (said == word for word in get_args(Outcome))
     lost = (rows["status"] != "completed").to_numpy()
     entered = inside | broken
     if not (entered | outside).any():

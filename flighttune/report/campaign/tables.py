@@ -204,7 +204,7 @@ def influential_parameters(findings: Findings) -> list[str]:
             for rank in sensitivity["ranks"]:
                 key = rank["parameter"]
                 strongest[key] = max(strength(rank), strongest.get(key, 0.0))
-    ordered = sorted(findings.flights.keys, key=lambda key: -strongest.get(key, 0.0))
+    ordered = sorted(findings.flights.plan.keys, key=lambda key: -strongest.get(key, 0.0))
     return ordered[:PARAMETERS]
 
 
