@@ -10,11 +10,11 @@ from flighttune.arrays import FloatArray
 
 Indices = npt.NDArray[np.intp]
 
+# Intervals of a flight in each of which a sensitivity is measured.
 INTERVALS = 45
-"""Intervals of a flight in each of which a sensitivity is measured."""
 
+# Times at which the disturbances of a round push an error.
 TARGETS = 25
-"""Times at which the disturbances of a round push an error."""
 
 
 def search_bang_bang(

@@ -31,11 +31,11 @@ from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.result import assessment
 from flighttune.units import DEG
 
+# Values of the chosen candidate that stand at the top of the answer.
 OF_BEST = (
     *("name", "K_P", "K_I", "R_K", "I_K"),
     *("value", "interval", "success", "success_interval", "p_best"),
 )
-"""Values of the chosen candidate that stand at the top of the answer."""
 
 RESAMPLES = 1000
 

@@ -51,27 +51,28 @@ from flighttune.simulate.run import Run
 from flighttune.table_file import hash_of
 from flighttune.units import DEG_PER_RAD
 
+# Column of the extremes of the residual rates of each flight, window by window.
 RESIDUALS = "residuals"
-"""Column of the extremes of the residual rates of each flight, window by window."""
 
 CALM, STEADY_WIND = "calm", "wind"
+
+# Tables of a scenario that calm air and steady wind do not have.
 DROPPED = {
     CALM: ("disturbance", "gust", "turbulence", "wind"),
     STEADY_WIND: ("gust", "turbulence"),
 }
-"""Tables of a scenario that calm air and steady wind do not have."""
 
+# Points of the unit interval at which a dispersed key counts as lowest and highest.
 UNIT_ENDS = (1e-9, 1.0 - 1e-9)
-"""Points of the unit interval at which a dispersed key counts as lowest and highest."""
 
+# Draws used to decide whether the references of a campaign move at the same instants.
 SAMPLED_DRAWS = 16
-"""Draws used to decide whether the references of a campaign move at the same instants."""
 
+# Number of training flights for a scenario without a campaign.
 OWN_FLIGHTS = 500
-"""Number of training flights for a scenario without a campaign."""
 
+# Fresh flights flown at a time; the count ends after a part in which one is outside.
 PART = 4096
-"""Fresh flights flown at a time; the count ends after a part in which one is outside."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

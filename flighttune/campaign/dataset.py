@@ -30,14 +30,15 @@ from flighttune.whole_file import reason_of, whole_file
 FORMAT = 2
 CAMPAIGN, LOCK = "campaign.json", "campaign.lock"
 RUNS, SIGNALS = "runs", "signals"
+
+# Folder of unfinished files: not in ``runs``, where a reader's ``*.parquet`` would find them.
 WRITING = ".writing"
-"""Folder of unfinished files: not in ``runs``, where a reader's ``*.parquet`` would find them."""
 
+# Columns that differ each time a run is flown.
 NOT_REPRODUCIBLE = ("wall_s",)
-"""Columns that differ each time a run is flown."""
 
+# Statuses of runs without a time history.
 NO_SIGNALS = ("crashed", "timed_out", "invalid", "no_gains", "no_trim")
-"""Statuses of runs without a time history."""
 
 _PART = re.compile(r"part-(\d+)-(\d+)-([0-9a-f]{16})\.parquet")
 _SIGNALS = re.compile(r"run-(\d+)\.parquet")

@@ -17,8 +17,8 @@ from flighttune.scenario.schema import Scenario
 from flighttune.shipped import campaign_files, scenario_files
 from flighttune.table_file import toml_tables
 
+# Angular frequencies of a disturbance without a stated one, rad/s.
 FREQUENCIES = (0.05, 6.0)
-"""Angular frequencies of a disturbance without a stated one, rad/s."""
 
 
 class StoppedError(Exception):

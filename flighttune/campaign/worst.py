@@ -27,39 +27,39 @@ from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 
+# Metric: largest excess over a requirement relative to its bound; 0 just meets it.
 MARGIN = "margin"
-"""Metric: largest excess over a requirement relative to its bound; 0 just meets it."""
 
+# Metric: share of a tube that the errors use; beyond 1 they leave it.
 TUBE = "tube"
-"""Metric: share of a tube that the errors use; beyond 1 they leave it."""
 
+# Share of the stated distribution inside the region searched.
 REGION = 0.999
-"""Share of the stated distribution inside the region searched."""
 
+# Flights of a generation: enough to keep workers busy.
 POPULATION = 32
-"""Flights of a generation: enough to keep workers busy."""
 
+# Every this many generations the worst draw so far is flown with other seeds.
 SEEDS_EVERY = 6
-"""Every this many generations the worst draw so far is flown with other seeds."""
 
+# First step of a search about the worst draw so far, in standard deviations.
 SPREAD = 0.5
-"""First step of a search about the worst draw so far, in standard deviations."""
 
+# Value of a flight that was not flown to its end, beyond all others.
 FAILED = 1e3
-"""Value of a flight that was not flown to its end, beyond all others."""
 
+# Share of the flights of a level of subset simulation from which the next level starts.
 LEVEL = 0.1
-"""Share of the flights of a level of subset simulation from which the next level starts."""
 
+# Step of the chains of subset simulation, in standard deviations; 1 is an independent draw.
 STRIDE = 0.6
-"""Step of the chains of subset simulation, in standard deviations; 1 is an independent draw."""
 
 
 Seeds = npt.NDArray[np.int64]
 
+# Values of the metric for n draws, larger is worse. The arguments are normal scores before
+# correlation, shape (n, d), and seeds, shape (n,).
 Objective = Callable[[FloatArray, Seeds], FloatArray]
-"""Values of the metric for n draws, larger is worse. The arguments are normal scores before
-correlation, shape (n, d), and seeds, shape (n,)."""
 
 
 class StatedSet:

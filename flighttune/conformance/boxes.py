@@ -16,33 +16,33 @@ from flighttune.simulate.run import Run
 
 Over: TypeAlias = Literal["time", "phase"]
 
+# Default length of a window, s.
 WINDOW_S = 0.5
-"""Default length of a window, s."""
 
+# Shortest window, s: a sample.
 SHORTEST_S = 0.02
-"""Shortest window, s: a sample."""
 
+# Smallest half width of a box, as a share of the widest one of its quantity: without it the next
+# flight would leave a window in which the training flights agree to the last digit.
 LEAST_SHARE = 0.05
-"""Smallest half width of a box, as a share of the widest one of its quantity: without it the next
-flight would leave a window in which the training flights agree to the last digit."""
 
+# Time shift allowed between training and new flights, s: each error box covers the errors within
+# +-LATER_S, so that a flight that settles later stays inside.
 LATER_S = 2.0
-"""Time shift allowed between training and new flights, s: each error box covers the errors within
-+-LATER_S, so that a flight that settles later stays inside."""
 
+# Widening of boxes learned from too few flights to fit a tail.
 MARGIN = 1.25
-"""Widening of boxes learned from too few flights to fit a tail."""
 
+# Share of the scores in the tail, their maximum number, and the fewest flights for a fit.
 TAIL, MAX_TAIL, MIN_FLIGHTS = 0.1, 100, 50
-"""Share of the scores in the tail, their maximum number, and the fewest flights for a fit."""
 
+# Probability, by the fitted tail, that any of the fresh flights leaves the boxes.
 CHANCE = 0.1
-"""Probability, by the fitted tail, that any of the fresh flights leaves the boxes."""
 
+# Shape of the fitted tail, a generalised Pareto distribution. With 0, an exponential tail, four
+# counts in light turbulence failed, each by one flight: in a mixture of winds the extremes have a
+# heavier tail than in any one of them.
 SHAPE = 0.15
-"""Shape of the fitted tail, a generalised Pareto distribution. With 0, an exponential tail, four
-counts in light turbulence failed, each by one flight: in a mixture of winds the extremes
-have a heavier tail than in any one of them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

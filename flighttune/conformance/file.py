@@ -24,34 +24,35 @@ from flighttune.seal import BLANK, seal, sealed_bytes
 from flighttune.value_file import STRICT, read, tables_of
 from flighttune.whole_file import write_text
 
+# Tables of a scenario that must be those of the flights counted, but for what was dispersed.
 FLOWN_ALIKE = ("flight", "reference", "limits", "controller")
-"""Tables of a scenario that must be those of the flights counted, but for what was dispersed."""
 
+# Tables that a scenario may leave out; keys that it does have must match those flights.
 AIR_AND_AIRFRAME = ("disturbance", "wind", "gust", "turbulence", "sensors", "plant")
-"""Tables that a scenario may leave out; keys that it does have must match those flights."""
 
+# Keys that are drawn and named in the sentence of a claim; all are in the file.
 MAX_NAMED_KEYS = 5
-"""Keys that are drawn and named in the sentence of a claim; all are in the file."""
 
+# Keys of the start of a flight.
 STARTS = ("flight.chi_deg", "flight.gamma_deg")
-"""Keys of the start of a flight."""
 
+# Distributions whose stated range holds every draw, not all but a few in 1e9.
 BOUNDED = ("uniform", "choice")
-"""Distributions whose stated range holds every draw, not all but a few in 1e9."""
 
+# Degrees by which the ends of a range may be rounded.
 ROUNDING_DEG = 1e-6
-"""Degrees by which the ends of a range may be rounded."""
 
+# Rad by which the ends of a range are rounded where it is added to a start.
 ROUNDING_RAD = 1e-14
-"""Rad by which the ends of a range are rounded where it is added to a start."""
 
+# Relative difference of gains below which they are the same: tuning repeats to 1e-9.
 SAME_GAINS = 1e-6
-"""Relative difference of gains below which they are the same: tuning repeats to 1e-9."""
 
 
 Count: TypeAlias = Annotated[int, Field(ge=0, le=10**9)]
+
+# Numbers of draws of a campaign: the first, and the first after the last.
 Draws: TypeAlias = tuple[Count, Count]
-"""Numbers of draws of a campaign: the first, and the first after the last."""
 
 
 @dataclass(frozen=True, slots=True)

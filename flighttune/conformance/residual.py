@@ -14,18 +14,18 @@ from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import turn_rates
 from flighttune.simulate.run import Run
 
+# Parts of a flight that the model misses; a feed-forward of the roll flown sees the last two.
 RESIDUALS = ("d_chi_rad_s", "d_gamma_rad_s", "roll_rad", "roll_change_rad")
-"""Parts of a flight that the model misses; a feed-forward of the roll flown sees the last two."""
 
+# Errors of the flight itself: what stays known of it where the model says nothing.
 ERRORS = ("chi_err_rad", "gamma_err_rad")
-"""Errors of the flight itself: what stays known of it where the model says nothing."""
 
+# Quantities that have boxes.
 COUNTED = (*RESIDUALS, *ERRORS)
-"""Quantities that have boxes."""
 
+# Corrections of a residual. Each shrinks its error by about ``g sin(gamma) dt / V``, below 0.01 at
+# 50 Hz: five leave rounding.
 ITERATIONS = 5
-"""Corrections of a residual. Each shrinks its error by about ``g sin(gamma) dt / V``, below 0.01
-at 50 Hz: five leave rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,11 +23,11 @@ from flighttune.units import DEG
 
 SUCCESS = "success"
 
+# Classes of the most important parameter for which a success rate is given.
 SPLIT_INTO = 5
-"""Classes of the most important parameter for which a success rate is given."""
 
+# Worst flights that are listed of a group.
 WORST = 5
-"""Worst flights that are listed of a group."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

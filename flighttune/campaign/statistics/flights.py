@@ -14,8 +14,8 @@ from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
 from flighttune.campaign.statistics.intervals import CONFIDENCE, Estimate, Method, percentile, share
 
+# Columns that may be null, which then are empty.
 TEXTS = ("reason", "missed", "certified")
-"""Columns that may be null, which then are empty."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -19,8 +19,8 @@ Method: TypeAlias = Literal["wilson", "clopper-pearson"]
 
 CONFIDENCE = 0.95
 
+# Relative difference up to which two values of a measure are the same.
 TIED = 1e-9
-"""Relative difference up to which two values of a measure are the same."""
 
 
 def rate_interval(

@@ -14,18 +14,19 @@ from flighttune.campaign.statistics.flights import is_number
 from flighttune.campaign.statistics.intervals import CONFIDENCE
 from flighttune.errors import ShapeError
 
+# A statistic and its p-value, both NaN if it is undefined.
 Test: TypeAlias = tuple[float, float]
-"""A statistic and its p-value, both NaN if it is undefined."""
 
+# Classes of equal size that a number with many values is cut into.
 CLASSES = 10
-"""Classes of equal size that a number with many values is cut into."""
 
+# Flights in a class on average: the test by ranks needs them.
 MIN_IN_CLASS = 5
-"""Flights in a class on average: the test by ranks needs them."""
 
 MIN_FLIGHTS = 10
+
+# Condition number of the correlations of ranks from which on they tell no partial ones.
 COLLINEAR = 1e10
-"""Condition number of the correlations of ranks from which on they tell no partial ones."""
 
 # scipy.stats.sobol_indices gives the same indices, but only of 2^k blocks, and its intervals
 # cannot be seeded: a campaign that is still flying has any number of blocks, and its report must

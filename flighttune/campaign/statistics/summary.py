@@ -12,14 +12,15 @@ from flighttune.campaign.statistics.flights import Flights
 from flighttune.guarantee.flight_check import Outcome
 
 PERCENTILES = {"p05": 0.05, "p50": 0.5, "p95": 0.95}
+
+# Separator of the sentences of the column ``missed``.
 BETWEEN_SENTENCES = "; "
-"""Separator of the sentences of the column ``missed``."""
 
+# Ending that is cut off a shared sentence: it has no number left.
 GOT = ", got … (missed by …)"
-"""Ending that is cut off a shared sentence: it has no number left."""
 
+# Smallest number of flights on a convergence curve, and the maximum number of its points.
 FIRST_PREFIX, POINTS = 10, 25
-"""Smallest number of flights on a convergence curve, and the maximum number of its points."""
 
 _NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|(?<=[\s=])-?(?:inf|nan)\b")
 
