@@ -3,6 +3,7 @@
 import json
 import shlex
 import subprocess
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -29,8 +30,8 @@ assert len(ADOPTED) >= 10
 
 def flights():
     """Every scenario in still air with each of its aircraft, its last gains by a law of ours."""
-    for name in scenario_files():
-        scenario = ft.load_scenario(name)
+    for name, file in scenario_files().items():
+        scenario = ft.scenario_from(tomllib.loads(file.read_text()))
         *_, gains = (one for one in scenario.gain_names if scenario.law_of(one)[0].kind != "python")
         for table in scenario.plant if scenario.weather() is None else ():
             if table.kind == "jsbsim":

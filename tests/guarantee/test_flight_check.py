@@ -3,9 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
-from recording.conftest import SCENARIO, V_A, fly, made_up
+from made_up import made_up_run
+from recording.conftest import SCENARIO, V_A, fly
 from scipy.linalg import expm
 
 from flighttune.control.gains import PAPER_GAINS, PIGains
@@ -44,8 +44,7 @@ def linear_flight(gains, e_0, *, seconds=10.0):
         "phi_cmd": phi_cmd, "n_z_cmd": n_z_cmd,
         "phi_limited": zero, "n_z_limited": zero,
     }  # fmt: skip
-    signals = pd.DataFrame(table, index=pd.Index(t, name="t"))
-    return made_up(signals, "kinematic", "linear", gains), s, A_K
+    return made_up_run(table, t, gains_name="linear", gains=gains, scenario=SCENARIO), s, A_K
 
 
 @pytest.mark.parametrize("e_0", [(0.5, 0.0), (0.0, 0.3), (0.4, -0.2)])
