@@ -40,8 +40,18 @@ MODULES = {
     for path in sorted(PACKAGE.rglob("[!_]*.py"))
     if "_shipped" not in path.parts
 }
-IMPORTED = {name: set(imported_modules(path)) for name, path in MODULES.items()}
-IMPORTS = {name: (modules & MODULES.keys()) - {name} for name, modules in IMPORTED.items()}
+
+
+@pytest.fixture(scope="module")
+def imported():
+    """What each module imports, by its name."""
+    return {name: set(imported_modules(path)) for name, path in MODULES.items()}
+
+
+@pytest.fixture(scope="module")
+def imports(imported):
+    """What each module imports of the package."""
+    return {name: (modules & MODULES.keys()) - {name} for name, modules in imported.items()}
 
 
 def folder_of(module, depth):
@@ -56,16 +66,16 @@ def circle_of(graph):
     return None
 
 
-def test_no_module_is_reached_from_its_own_imports():
-    assert circle_of(IMPORTS) is None
+def test_no_module_is_reached_from_its_own_imports(imports):
+    assert circle_of(imports) is None
 
 
 @pytest.mark.parametrize("depth", [1, 2], ids=["packages", "folders of packages"])
-def test_folders_import_each_other_one_way(depth):
+def test_folders_import_each_other_one_way(imports, depth):
     graph = defaultdict(set)
-    for module, imports in IMPORTS.items():
+    for module, others in imports.items():
         own = folder_of(module, depth)
-        graph[own] |= {folder_of(other, depth) for other in imports} - {own}
+        graph[own] |= {folder_of(other, depth) for other in others} - {own}
     assert circle_of(graph) is None
 
 
@@ -79,22 +89,22 @@ def rows_of_the_map():
             yield re.split(r"\s{2,}", line.strip())[0].replace("/", "").split()
 
 
-def test_the_map_in_the_docs_names_every_room_and_imports_point_up_the_list():
+def test_the_map_in_the_docs_names_every_room_and_imports_point_up_the_list(imports):
     rank = {package: row for row, packages in enumerate(rows_of_the_map()) for package in packages}
     names = {folder_of(module, 1).removeprefix("flighttune.") for module in MODULES}
     assert set(rank) == names
-    for module, imports in IMPORTS.items():
+    for module, others in imports.items():
         own = rank[folder_of(module, 1).removeprefix("flighttune.")]
-        for other in imports:
+        for other in others:
             package = folder_of(other, 1).removeprefix("flighttune.")
             if not module.startswith(f"flighttune.{package}"):
                 assert rank[package] < own or own == rank[package] == 0, f"{module} imports {other}"
 
 
 @pytest.mark.parametrize("library", ONLY_IN)
-def test_a_heavy_library_is_imported_in_one_place(library):
+def test_a_heavy_library_is_imported_in_one_place(imported, library):
     for name, path in MODULES.items():
-        roots = {module.split(".")[0] for module in IMPORTED[name]}
+        roots = {module.split(".")[0] for module in imported[name]}
         assert library not in roots or where(path).startswith(ONLY_IN[library]), where(path)
 
 

@@ -1,6 +1,5 @@
 """Indicators and margins of the loops that scenarios fly, against SciPy and python-control."""
 
-import control
 import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov, svdvals
@@ -46,6 +45,8 @@ def test_indicators_are_those_of_scipys_lyapunov_solver(name, gains, identified)
     ("name", "gains"), [("paper_identified", "tuned_identified"), ("jet_pull_up", "by_hand")]
 )
 def test_margins_on_the_identified_aircraft_are_those_of_python_control(name, gains):
+    import control
+
     scenario = ft.load_scenario(name)
     model, chosen = scenario.identified_models()[0].model, gain_set(scenario, gains)
     n, m, p = model.shape
