@@ -25,7 +25,7 @@ from flighttune.units import DEG
 
 if TYPE_CHECKING:
     from flighttune.simulate.run import Run
-    from flighttune.tube.result import Tube
+    from flighttune.tube.problem import Tube
     from flighttune.tube.store import RunTube, RunTubes
 
 WIDTH_COLUMNS = [

@@ -8,7 +8,6 @@ do, and `reachable` has the exact figure to compare them with.
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -18,31 +17,6 @@ from flighttune.errors import InputError, ShapeError
 from flighttune.theory.lyapunov import lyapunov_solution
 
 NARROW = 1e-6  # width, in its logit, of the interval in which the search for a multiplier ends
-
-Reading = Literal["velocity_form", "proportional", "open_loop"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PaperBall:
-    """The paper's ultimate ball ``||s|| <= 2 L_d L_f I_K`` for one reading of L_f.
-
-    Attributes
-    ----------
-    reading : "velocity_form", "proportional" or "open_loop"
-        L_f is the norm of A_K (Theorem 1 applied to the velocity form), of its upper left block
-        ``df/dx + df/du K_P`` (Theorem 2 with f(x, u(x)) read as the loop under K_P), or of
-        ``df/dx`` (Theorem 2 to the letter of its formula).
-    safe : bool
-        Whether the theorem's proof covers the reading. Only that of the velocity form is covered:
-        the loop can leave the ball of either of the others.
-    L_f : float, 1/s
-    radius : float, unit of s
-    """
-
-    reading: Reading
-    safe: bool
-    L_f: float
-    radius: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,16 +38,9 @@ class Ellipsoid:
     multiplier: float
     radius: float
 
-    def reach(self, direction: npt.ArrayLike) -> float:
-        """Largest value of ``direction @ s`` in the ellipsoid."""
-        c = np.asarray(direction, dtype=float)
-        return math.sqrt(c @ self.W @ c)
 
-
-def paper_balls(
-    A_K: npt.ArrayLike, A: npt.ArrayLike, *, I_K: float, L_d: float
-) -> tuple[PaperBall, PaperBall, PaperBall]:
-    """The paper's ball under each reading of L_f, the safe one first.
+def paper_balls(A_K: npt.ArrayLike, A: npt.ArrayLike, *, I_K: float, L_d: float) -> FloatArray:
+    """Radii of the paper's ultimate ball ``||s|| <= 2 L_d L_f I_K`` for three readings of L_f.
 
     Parameters
     ----------
@@ -88,13 +55,16 @@ def paper_balls(
 
     Returns
     -------
-    tuple of PaperBall
-        Of the velocity form (safe), of the proportional loop and of the open loop (both unsafe).
+    ndarray, shape (3,), unit of s
+        With L_f the norm of A_K (Theorem 1 applied to the velocity form), of its upper left block
+        ``df/dx + df/du K_P`` (Theorem 2 with f(x, u(x)) read as the loop under K_P), and of
+        ``df/dx`` (Theorem 2 to the letter of its formula). The theorem's proof covers only the
+        first: the loop can leave the ball of either of the others.
 
     Raises
     ------
     ShapeError, InputError
-        If the matrices do not fit or are not finite, or `L_d` or `I_K` is not positive.
+        If a matrix is not square or not finite, or `L_d` is not positive.
 
     Notes
     -----
@@ -103,22 +73,9 @@ def paper_balls(
     """
     A_K, A = _matrix("A_K", A_K), _matrix("A", A)
     n = len(A)
-    if n > len(A_K):
-        raise ShapeError(f"`A` must not be larger than `A_K`, got {A.shape} and {A_K.shape}.")
     check_positive(L_d=L_d)
-    if not I_K > 0.0:
-        raise InputError(f"`I_K` must be positive, got {I_K}.")
-
-    def ball(reading: Reading, jacobian: FloatArray) -> PaperBall:
-        L_f = float(np.linalg.norm(jacobian, 2))
-        safe = reading == "velocity_form"
-        return PaperBall(reading=reading, safe=safe, L_f=L_f, radius=2.0 * L_d * L_f * I_K)
-
-    return (
-        ball("velocity_form", A_K),
-        ball("proportional", A_K[:n, :n]),
-        ball("open_loop", A),
-    )
+    L_f = np.array([np.linalg.norm(jacobian, 2) for jacobian in (A_K, A_K[:n, :n], A)])
+    return 2.0 * L_d * L_f * I_K
 
 
 def invariant_ellipsoid(
@@ -126,10 +83,9 @@ def invariant_ellipsoid(
     E: npt.ArrayLike,
     *,
     L_d: float,
-    direction: npt.ArrayLike | None = None,
     slack: float = 0.0,
 ) -> Ellipsoid:
-    """The invariant ellipsoid that is smallest in radius, or in one direction.
+    """The invariant ellipsoid with the smallest radius.
 
     Parameters
     ----------
@@ -139,8 +95,6 @@ def invariant_ellipsoid(
         Where the disturbance enters.
     L_d : float
         Bound on the norm of the disturbance v, positive.
-    direction : array_like, shape (n,), optional
-        Minimise the reach in this direction instead of the radius.
     slack : float, 1
         Slack left in the inequality, as a fraction of the disturbance's term, so that it holds
         strictly.
@@ -163,7 +117,6 @@ def invariant_ellipsoid(
 
     A, E = stable_system(A, E)
     check_positive(L_d=L_d)
-    c = None if direction is None else np.asarray(direction, dtype=float)
     widest = -2.0 * float(np.linalg.eigvals(A).real.max())
 
     entry = E @ E.T
@@ -175,8 +128,7 @@ def invariant_ellipsoid(
 
     def size(logit: float) -> float:
         W = W_of(widest / (1.0 + math.exp(-logit)))
-        squared = np.linalg.eigvalsh(W)[-1] if c is None else c @ W @ c
-        return 0.5 * math.log(squared)
+        return 0.5 * math.log(np.linalg.eigvalsh(W)[-1])
 
     best = minimize_scalar(size, bounds=(-20.0, 20.0), method="bounded", options={"xatol": NARROW})
     a = widest / (1.0 + math.exp(-best.x))

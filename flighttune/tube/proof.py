@@ -2,7 +2,7 @@
 
 import json
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeAlias
@@ -28,13 +28,18 @@ from flighttune.tube.forms import Form, Indices, Pieces
 from flighttune.tube.hand_over import HandOver, for_ever, hull, inside, return_map, settled_from
 from flighttune.tube.interval import Interval, Unbounded
 from flighttune.tube.problem import (
+    QUANTITIES,
     AircraftBoxes,
+    Settings,
+    Tube,
     TubeProblem,
+    bounds_of,
+    counted_bounds,
     reference_of,
     sample_count,
     sample_times,
+    tightest,
 )
-from flighttune.tube.result import QUANTITIES, Settings, Tube, bounds_of, counted_bounds, tightest
 from flighttune.tube.sample import Channel, Cut, SampledLoop, start_set
 from flighttune.value_file import STRICT, tables_of, value_of
 from flighttune.whole_file import whole_file
@@ -364,14 +369,12 @@ def verify_tube(
     tube: Tube | str | Path,
     *,
     conformance: Conformance | None = None,
-    progress: Callable[[float], None] | None = None,
 ) -> Verification:
     """Prove every sample of a tube again from the choices in it.
 
     `tube`: the value, or the file it was written to. `conformance`: see `load_tube`, for a file.
-    `progress`: called with the share of samples checked, 0 to 1. The tube is valid if at every
-    sample the set proven is inside the bounds; else the reason names the sample and the inequality.
-    Raises InputError as `load_tube` does.
+    The tube is valid if at every sample the set proven is inside the bounds; else the reason names
+    the sample and the inequality. Raises InputError as `load_tube` does.
     """
     if not isinstance(tube, Tube):
         tube = load_tube(tube, conformance)
@@ -405,8 +408,6 @@ def verify_tube(
             reached = hull(enclosure.pieces, ever.W)
             if k >= lost or not inside(reached, ever.centre, ever.size):
                 return _refused(f"sample {k + 1}: the set that is kept is not proven to be reached")
-        if progress is not None and k % 50 == 0:
-            progress(k / len(problem.t))
     if ever is not None and (broken := _not_kept(problem.loop, ever)):
         return _refused(f"after {ever.samples} samples from sample {ever.sample} on: {broken}")
     inside_bounds = f"inside its bounds at {len(problem.t)} samples"

@@ -28,7 +28,7 @@ from flighttune.whole_file import whole_file
 
 if TYPE_CHECKING:
     from flighttune.conformance import Conformance
-    from flighttune.tube.result import Tube
+    from flighttune.tube.problem import Tube
 
 FOLDER = "tubes"
 """Subfolder with the tubes of the runs in a folder."""

@@ -13,8 +13,14 @@ from flighttune.simulate.loop import simulate
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.hand_over import hull, settled_from
 from flighttune.tube.interval import Unbounded
-from flighttune.tube.problem import TubeProblem
-from flighttune.tube.result import QUANTITIES, Settings, Tube, bounds_of, within_counted
+from flighttune.tube.problem import (
+    QUANTITIES,
+    Settings,
+    Tube,
+    TubeProblem,
+    bounds_of,
+    within_counted,
+)
 from flighttune.tube.sample import start_set
 from flighttune.tube.search import Search, coordinates, hand_over
 

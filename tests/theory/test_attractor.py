@@ -20,12 +20,10 @@ SEARCH = 1e-6
 EIGENVALUE_ROUNDING = 1e-12
 
 
-def test_the_papers_ball_has_three_readings_and_only_the_first_is_called_safe():
+def test_the_papers_ball_has_three_readings():
     balls = paper_balls(A_K, MODEL.A, I_K=indicators(A_K).I_K, L_d=L_D)
 
-    assert [ball.reading for ball in balls] == ["velocity_form", "proportional", "open_loop"]
-    assert [ball.radius for ball in balls] == pytest.approx([0.241, 0.104, 0.015], abs=LAST_DIGIT)
-    assert [ball.safe for ball in balls] == [True, False, False]
+    assert balls == pytest.approx([0.241, 0.104, 0.015], abs=LAST_DIGIT)
 
 
 def test_a_lightly_damped_loop_leaves_the_ball_of_the_proportional_reading():
@@ -37,8 +35,8 @@ def test_a_lightly_damped_loop_leaves_the_ball_of_the_proportional_reading():
 
     reached = largest_reach(ReachableSet.of(oscillator, [[1.0], [0.0]], L_d=1.0)).radius
 
-    assert proportional.radius < reached / 5.0
-    assert reached < safe.radius
+    assert proportional < reached / 5.0
+    assert reached < safe
 
 
 def test_the_ellipsoid_of_the_papers_loop_has_radius_0_0333():
@@ -65,16 +63,6 @@ def test_room_makes_the_inequality_strict_at_almost_no_cost():
 
     assert np.linalg.eigvalsh(flow)[-1] < 0.0
     assert roomy.radius == pytest.approx(tight.radius, rel=1e-5)
-
-
-def test_an_ellipsoid_for_one_direction_reaches_less_far_in_it():
-    e_chi = np.eye(4)[2]
-    overall = invariant_ellipsoid(A_K, E, L_d=L_D)
-    directed = invariant_ellipsoid(A_K, E, L_d=L_D, direction=e_chi)
-
-    exact = ReachableSet.of(A_K, E, L_d=L_D).reach(e_chi)
-
-    assert exact <= directed.reach(e_chi) <= overall.reach(e_chi)
 
 
 @pytest.mark.parametrize("L_d", [0.0, np.nan])

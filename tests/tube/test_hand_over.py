@@ -12,8 +12,8 @@ from flighttune.scenario import scenario_from
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.loop import simulate
 from flighttune.tube.hand_over import hull, inside, parallelotope
+from flighttune.tube.problem import QUANTITIES
 from flighttune.tube.proof import load_tube, save_tube, verify_tube
-from flighttune.tube.result import QUANTITIES
 from tests.tube.test_proof import arrays_of, claim_of, rewritten
 from tests.tube.test_soundness import made_up, tube
 

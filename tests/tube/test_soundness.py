@@ -14,8 +14,7 @@ from flighttune.scenario import scenario_from
 from flighttune.simulate.batch import fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.tube.exact import enclosure_of
-from flighttune.tube.problem import tube_problem
-from flighttune.tube.result import QUANTITIES, Settings
+from flighttune.tube.problem import QUANTITIES, Settings, tube_problem
 from flighttune.tube.sample import start_set
 from flighttune.tube.search import Search
 from flighttune.tube.tube import enclosed, tube_of
