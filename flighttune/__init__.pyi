@@ -5,11 +5,11 @@ from flighttune.campaign.planning.load import load_campaign as load_campaign
 from flighttune.campaign.planning.plan import Plan as Plan
 from flighttune.campaign.planning.plan import plan_campaign as plan_campaign
 from flighttune.campaign.planning.schema import Campaign as Campaign
-from flighttune.certificates import Certificate as Certificate
-from flighttune.certificates import certify as certify
-from flighttune.certificates import load_certificate as load_certificate
-from flighttune.certificates import save_certificate as save_certificate
-from flighttune.certificates import verify as verify
+from flighttune.certificates.certificate import Certificate as Certificate
+from flighttune.certificates.certificate import load_certificate as load_certificate
+from flighttune.certificates.certificate import save_certificate as save_certificate
+from flighttune.certificates.certificate import verify as verify
+from flighttune.certificates.make import certify as certify
 from flighttune.comparison import Comparison as Comparison
 from flighttune.comparison import compare as compare
 from flighttune.control.controller import Controller as Controller

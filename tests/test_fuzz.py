@@ -19,7 +19,7 @@ from flighttune.campaign.dataset import Dataset, open_dataset
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
-from flighttune.certificates import load_certificate, verify
+from flighttune.certificates.certificate import load_certificate, verify
 from flighttune.comparison.tolerance import load_tolerances
 from flighttune.conformance import load_conformance
 from flighttune.control.gains import PAPER_GAINS

@@ -6,7 +6,7 @@ import re
 import pytest
 
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.certificates import load_certificate
+from flighttune.certificates.certificate import load_certificate
 from flighttune.comparison.tolerance import load_tolerances
 from flighttune.errors import InputError
 from flighttune.identify.file import load_identified

@@ -7,7 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flighttune.certificates import Certificate, certify, load_certificate, save_certificate, verify
+from flighttune.certificates.certificate import (
+    Certificate,
+    load_certificate,
+    save_certificate,
+    verify,
+)
+from flighttune.certificates.make import certify
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError, ScenarioError

@@ -34,11 +34,12 @@ CERTIFICATE_COLUMNS = [
 CHECK_COLUMNS = [Column("name", "check"), *columns("margin exact")]
 
 if TYPE_CHECKING:
-    from flighttune.certificates import Certification, Verification
+    from flighttune.certificates.make import Certification
     from flighttune.control.gains import PIGains
     from flighttune.control.linear_model import LinearModel
     from flighttune.present.chart import Chart
     from flighttune.scenario import Scenario
+    from flighttune.theory.exact import Verification
 
 
 def certify(
@@ -86,7 +87,7 @@ def certify(
     loop = closed_loop(model, flown)
     decay, margins = indicators(loop), loop_margins(model, flown)
     if out is not None and made.certificate is not None:
-        from flighttune.certificates import save_certificate
+        from flighttune.certificates.certificate import save_certificate
 
         save_certificate(made.certificate, out)
     if figure is not None:
@@ -142,7 +143,7 @@ def _certified_own(
     scenario: "Scenario", name: str, gains: "PIGains", L_d: float | None
 ) -> "tuple[LinearModel, PIGains, Certification]":
     """Linear model and gains of a user's own law, and their certification."""
-    from flighttune.certificates import certify as certify_model
+    from flighttune.certificates.make import certify as certify_model
     from flighttune.flight.fly import linear_loop
     from flighttune.flight.own import with_own
 
@@ -193,7 +194,7 @@ def verify(
 
 def _claim(file: Path) -> "tuple[Verification, Answer]":
     """The check of a certificate, and what it claims."""
-    from flighttune.certificates import load_certificate, verify
+    from flighttune.certificates.certificate import load_certificate, verify
 
     loaded = load_certificate(file)
     claim, states = loaded.claim, ", ".join(loaded.model.states)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.certificates import Certification, certify
+from flighttune.certificates.make import Certification, certify
 from flighttune.control.envelope import Envelope
 from flighttune.control.gains import COMMANDS, LAW_OF_INPUTS, PAPER_GAINS, PIGains, paper_family
 from flighttune.control.law import Law

@@ -437,8 +437,7 @@ def counted_bounds(problem: TubeProblem) -> FloatArray:
     return np.concatenate([errors, np.broadcast_to(limits, errors.shape)], axis=1)
 
 
-def tightest(*bounds: FloatArray) -> FloatArray:
-    """Bounds, shape (..., 2), that hold where all of these do."""
-    low = np.max([limits[..., 0] for limits in bounds], axis=0)
-    high = np.min([limits[..., 1] for limits in bounds], axis=0)
+def tightest(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Bounds, shape (..., 2), that hold where both of these do."""
+    low, high = np.maximum(a[..., 0], b[..., 0]), np.minimum(a[..., 1], b[..., 1])
     return np.stack([low, high], axis=-1)

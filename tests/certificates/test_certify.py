@@ -10,7 +10,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from flighttune.certificates import Certificate, certify, load_certificate, save_certificate, verify
+from flighttune.certificates.certificate import (
+    Certificate,
+    load_certificate,
+    save_certificate,
+    verify,
+)
+from flighttune.certificates.make import certify
 from flighttune.control.envelope import Envelope
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.linear_model import LinearModel, kinematic_model
@@ -90,7 +96,7 @@ def test_verifying_a_file_does_not_even_import_a_solver(over_envelope, tmp_path)
     path = tmp_path / "gains.json"
     save_certificate(over_envelope, path)
     code = (
-        "import sys; from flighttune.certificates import verify; "
+        "import sys; from flighttune.certificates.certificate import verify; "
         "assert verify(sys.argv[1]).valid; print('clarabel' in sys.modules)"
     )
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flighttune.certificates import certify
+from flighttune.certificates.make import certify
 from flighttune.control.envelope import Envelope
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import kinematic_model
