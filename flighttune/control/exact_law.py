@@ -258,7 +258,7 @@ def exact_step(
     (K_chi, I_chi, phi_low, phi_high, phi_down, phi_up), of_gamma = channels
     K_gamma, I_gamma, n_z_low, n_z_high, n_z_down, n_z_up = of_gamma
     # All of it by name at once: inlined by Numba, writes through attributes would be lost.
-    error, _, u, u_unsat, integral, limited, _ = state
+    error, u, u_unsat, integral, limited, _ = state
     e_chi, e_gamma = ref[0] - y[0], ref[1] - y[1]
     if wrapped:
         e_chi = wrap_angle(e_chi)

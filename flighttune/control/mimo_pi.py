@@ -83,8 +83,6 @@ class PIState(NamedTuple):
     ----------
     error : list of float, length 2
         Reference minus actual, wrapped where the channel is an angle of a full turn.
-    error_sum : list of float, length 2
-        Sum of that error and the error of the sample before.
     u : list of float, length m
         Command after all limits.
     u_unsat : list of float, length m
@@ -98,7 +96,6 @@ class PIState(NamedTuple):
     """
 
     error: Vector
-    error_sum: Vector
     u: Vector
     u_unsat: Vector
     integral: Vector
@@ -111,7 +108,6 @@ def empty_state(u: Sequence[float]) -> PIState:
     before, m = [float(value) for value in u], len(u)
     return PIState(
         error=[0.0] * ERRORS,
-        error_sum=[0.0] * ERRORS,
         u=before,
         u_unsat=list(before),
         integral=[0.0] * m,
@@ -287,7 +283,7 @@ def pi_step(
     """
     channels, wrapped, conditional, tracking_gain, per_speed = law
     # All of it by name at once: inlined by Numba, writes through attributes would be lost.
-    error, error_sum, u, unsaturated, integral, limited, started = state
+    error, u, unsaturated, integral, limited, started = state
     # Written out for two errors: in CPython a loop over them costs a sixth of the whole step.
     e_0, e_1 = ref[0] - y[0], ref[1] - y[1]
     if wrapped[0]:
@@ -299,7 +295,7 @@ def pi_step(
         # The first sample adds nothing: there is no time before it to integrate over.
         started[0] = True
         both_0 = both_1 = 0.0
-    error[0], error[1], error_sum[0], error_sum[1] = e_0, e_1, both_0, both_1
+    error[0], error[1] = e_0, e_1
     # The input matrix of the chi/gamma law goes with 1/V_a: gains that go with V_a keep B K.
     gain = V_a * per_speed if per_speed else 1.0
     for i, (K_P, K_I_half, lower, upper, step_down, step_up) in enumerate(channels):

@@ -182,7 +182,7 @@ def _rate_law(row):
 def _state(phi, n_z):
     u, started = np.array([phi, n_z]), np.zeros(1, dtype=np.bool_)
     zero = np.zeros(2)
-    return PIState(zero, zero.copy(), u, u.copy(), zero.copy(), zero.copy(), started)
+    return PIState(zero, u, u.copy(), zero.copy(), zero.copy(), started)
 
 
 @njit

@@ -19,9 +19,8 @@ from flighttune.theory.indicators import indicators
 from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
 from flighttune.tuning.program import Program, stabilising_starts
 from flighttune.tuning.result import ROUNDING, TuningResult
+from flighttune.tuning.tune import AGREEMENT, STARTS
 
-STARTS = 4
-AGREEMENT = 1e-4
 METHOD = "worst of models"
 
 Indices: TypeAlias = npt.NDArray[np.intp]
