@@ -74,8 +74,8 @@ def paper_balls(A_K: npt.ArrayLike, A: npt.ArrayLike, *, I_K: float, L_d: float)
     A_K, A = _matrix("A_K", A_K), _matrix("A", A)
     n = len(A)
     check_positive(L_d=L_d)
-    L_f = np.array([np.linalg.norm(jacobian, 2) for jacobian in (A_K, A_K[:n, :n], A)])
-    return 2.0 * L_d * L_f * I_K
+    norms = [np.linalg.norm(jacobian, 2) for jacobian in (A_K, A_K[:n, :n], A)]
+    return 2.0 * L_d * np.array(norms, dtype=np.float64) * I_K
 
 
 def invariant_ellipsoid(
