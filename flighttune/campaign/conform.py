@@ -205,10 +205,9 @@ def recount(
             "and --plant, got another hash."
         )
     again = replace(counted, campaign=counted.campaign.model_copy(update={"seed": seed}))
-    learned, last = conformance.attempts[-1].learned, conformance.attempts[-1].counted
-    extremes = _extremes(pool, again, summary, range(*last), "counting again")
-    outside = int(np.sum(~conformance.boxes.hold(*extremes)))
-    return Attempt(learned, last, outside, conformance.attempts[-1].widened)
+    last = conformance.attempts[-1]
+    extremes = _extremes(pool, again, summary, range(*last.counted), "counting again")
+    return replace(last, outside=int(np.sum(~conformance.boxes.hold(*extremes))))
 
 
 def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan, ResidualSummary]:

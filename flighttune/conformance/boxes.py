@@ -196,16 +196,12 @@ def widening(lows: FloatArray, highs: FloatArray, fresh: int, later: int = 0) ->
     flights = len(lows)
     if flights < MIN_FLIGHTS:
         return np.full(lows.shape[2], MARGIN)
-    halves = slice(0, None, 2), slice(1, None, 2)
-    scores = np.sort(
-        np.concatenate(
-            [
-                _scores(lows[half], highs[half], *_smallest(lows[other], highs[other], later))
-                for half, other in (halves, halves[::-1])
-            ]
-        ),
-        axis=0,
-    )
+    scores = np.empty((flights, lows.shape[2]))
+    for half, other in ((0, 1), (1, 0)):
+        centre, width = _smallest(lows[other::2], highs[other::2], later)
+        outermost = np.maximum(highs[half::2] - centre, centre - lows[half::2])
+        scores[half::2] = (outermost / width).max(axis=1)
+    scores.sort(axis=0)
     above = min(MAX_TAIL, round(TAIL * flights))
     start = scores[-above - 1]
     excess = (scores[-above:] - start).mean(axis=0)
@@ -229,10 +225,3 @@ def _smallest(lows: FloatArray, highs: FloatArray, later: int) -> tuple[FloatArr
     high = np.where(empty, high.max(axis=0), high)
     half = 0.5 * (high - low)
     return 0.5 * (low + high), np.maximum(half, LEAST_SHARE * half.max(axis=0))
-
-
-def _scores(
-    lows: FloatArray, highs: FloatArray, centre: FloatArray, half: FloatArray
-) -> FloatArray:
-    """Widening of the boxes of each quantity with which a flight stays inside, (flights, 6)."""
-    return (np.maximum(highs - centre, centre - lows) / half).max(axis=1)

@@ -12,7 +12,7 @@ from flighttune.arrays import FloatArray
 from flighttune.campaign.flying.claim import claims
 from flighttune.campaign.planning.draws import SEED
 from flighttune.campaign.planning.plan import Group
-from flighttune.campaign.statistics.flights import Flights, is_number, worst_first
+from flighttune.campaign.statistics.flights import Flights, is_number
 from flighttune.campaign.statistics.intervals import CONFIDENCE, Method
 from flighttune.campaign.statistics.paired import paired, scores
 from flighttune.campaign.statistics.sensitivity import classes_of, influences, sobol_indices
@@ -49,8 +49,9 @@ def findings(
 ) -> Findings:
     """Evaluate the flights of a campaign, finished or not, with all intervals by one method."""
     flights = replace(flights, method=method, confidence=confidence)
-    measures = flights.measures
-    measure = flights.worst_by if flights.worst_by in measures else next(iter(measures), None)
+    measures, measure = flights.measures, flights.plan.campaign.keep.worst_by
+    if measure not in measures:
+        measure = next(iter(measures), None)
     groups, splits = [], []
     for group, rows in flights.groups():
         sensitivity = {
@@ -112,16 +113,21 @@ def values_of(rows: pd.DataFrame, name: str) -> FloatArray:
 
 def _worst(flights: Flights, rows: pd.DataFrame, measure: str) -> list[dict[str, Any]]:
     """The worst completed flights, with all that was drawn."""
+    measured = (rows["status"] == "completed").to_numpy() & rows[measure].notna().to_numpy()
+    worst = rows.loc[measured].sort_values([measure, "run"], ascending=[False, True]).head(WORST)
     return [
         {key: flight[key] for key in ("run", "draw", measure, SUCCESS)}
         | {"parameters": {key: flight[key] for key in flights.plan.keys}}
-        for flight in worst_first(rows, measure, WORST).to_dict("records")
+        for flight in worst.to_dict("records")
     ]
 
 
 def _sensitivity(flights: Flights, rows: pd.DataFrame, name: str) -> dict[str, Any]:
     """Influence of each parameter by ranks; Sobol indices of the whole cycles that have flown."""
-    independent, plan = flights.independent(rows), flights.plan
+    plan = flights.plan
+    block, place = np.divmod(rows["draw"].to_numpy(), plan.cycle)
+    # In Saltelli's design only the points A and B of a block are independent of each other.
+    independent = rows.loc[place < 2] if plan.factors else rows
     ranks = influences(
         independent.loc[:, list(plan.keys)],
         values_of(independent, name),
@@ -129,7 +135,6 @@ def _sensitivity(flights: Flights, rows: pd.DataFrame, name: str) -> dict[str, A
     )
     indices = None
     if plan.factors:
-        block, place = np.divmod(rows["draw"].to_numpy(), plan.cycle)
         values = np.full((plan.cycle, int(block.max()) + 1), np.nan)
         values[place, block] = values_of(rows, name)
         A, B, *AB = values

@@ -35,11 +35,6 @@ class Flights:
         there = [name for name in MEASURES if name in self.rows]
         return tuple(name for name in there if self.rows[name].notna().to_numpy().any())
 
-    @property
-    def worst_by(self) -> str:
-        """The measure that flights are ordered by, largest last."""
-        return self.plan.campaign.keep.worst_by
-
     def clusters(self, rows: pd.DataFrame) -> npt.NDArray[np.intp]:
         """Number of the cycle of the design that each of some rows belongs to.
 
@@ -54,15 +49,6 @@ class Flights:
     def percentile(self, values: FloatArray, q: float, clusters: npt.ArrayLike) -> Estimate:
         """Quantile of a measure, without NaN."""
         return percentile(values, q, clusters, confidence=self.confidence)
-
-    def independent(self, rows: pd.DataFrame) -> pd.DataFrame:
-        """Rows whose parameters were drawn independently.
-
-        All but in Saltelli's design, of which they are the blocks A and B.
-        """
-        if not self.plan.factors:
-            return rows
-        return rows.loc[rows["draw"].to_numpy() % self.plan.cycle < 2]
 
     def groups(self) -> Iterator[tuple[Group, pd.DataFrame]]:
         """Rows of every group that has some, in the order of the plan."""
@@ -97,9 +83,3 @@ def flights_of(
 def is_number(column: pd.Series) -> bool:
     """Whether the values of a parameter have an order that correlation can use."""
     return pd.api.types.is_numeric_dtype(column) and not pd.api.types.is_bool_dtype(column)
-
-
-def worst_first(rows: pd.DataFrame, measure: str, count: int) -> pd.DataFrame:
-    """The completed flights with the largest values of a measure."""
-    measured = (rows["status"] == "completed").to_numpy() & rows[measure].notna().to_numpy()
-    return rows.loc[measured].sort_values([measure, "run"], ascending=[False, True]).head(count)
