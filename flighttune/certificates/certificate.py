@@ -16,8 +16,7 @@ from flighttune.control.envelope import ENTRIES, Envelope, JacobianHull
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LAW_NAMES, LinearModel, disturbance_entry
 from flighttune.errors import InputError
-from flighttune.present.numbers import matrix, number
-from flighttune.present.tables import facts_table
+from flighttune.present.tables import facts_table, matrix, number
 from flighttune.theory.exact import (
     Check,
     Interval,

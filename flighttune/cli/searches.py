@@ -23,8 +23,7 @@ from flighttune.cli.show import campaign_pool, pick
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
-from flighttune.present.numbers import number, percent
-from flighttune.present.tables import Column, Table
+from flighttune.present.tables import Column, Table, number, percent
 from flighttune.shipped import aircraft_names, campaign_files, scenario_files
 from flighttune.units import DEG
 

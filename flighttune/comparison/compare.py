@@ -15,8 +15,7 @@ from flighttune.errors import InputError, RecordingError
 from flighttune.flight.fly import FlownScenario, fly
 from flighttune.metrics import FLIGHT_METRICS, METRICS, measures, unit_of
 from flighttune.present.names import columns, shown_unit
-from flighttune.present.numbers import number
-from flighttune.present.tables import Column, Table, facts_table
+from flighttune.present.tables import Column, Table, facts_table, number
 from flighttune.recording.parquet import load_recording
 from flighttune.scenario.load import leaves, load_gains, load_scenario
 from flighttune.scenario.schema import GainsTable

@@ -17,7 +17,7 @@ from flighttune.conformance.boxes import RateBoxes
 from flighttune.conformance.residual import COUNTED, ConformantModel
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError
-from flighttune.present.numbers import number
+from flighttune.present.tables import number
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.seal import BLANK, seal, sealed_bytes

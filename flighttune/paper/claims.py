@@ -22,7 +22,7 @@ from flighttune.paper.flight import NEAR, decay_rate, largest_share, oscillation
 from flighttune.paper.parameters import DURATION, STAR, printed_limits
 from flighttune.paper.study import Study, rank_correlation
 from flighttune.plants.point_mass import turn_rates
-from flighttune.present.numbers import number
+from flighttune.present.tables import number
 
 Verdict: TypeAlias = Literal["reproduced", "partly", "not reproduced", "not checkable"]
 

@@ -1,14 +1,15 @@
-"""Tables of numbers: columns say how they are written in a terminal, on a page and in Markdown."""
+"""Numbers and tables as text: in a terminal, on a page, in a notebook and in Markdown."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass, replace
 from html import escape
 from itertools import zip_longest
 from textwrap import wrap
 from typing import Any
 
-from flighttune.present.numbers import MISSING, interval, matrix, number
+# Stands where there is no number.
+MISSING = "–"
 
 # Between two columns.
 GAP = "  "
@@ -18,6 +19,47 @@ NARROWEST = 16
 
 # Characters of a cell from which on a page may wrap the last column.
 LONG_WORDS = 40
+
+
+def number(value: float, form: str = ".4g") -> str:
+    """A number in a format of its own; infinity as a sign, `MISSING` for NaN."""
+    if math.isnan(value):
+        return MISSING
+    if math.isinf(value):
+        return "∞" if value > 0.0 else "−∞"
+    return f"{value:{form}}"
+
+
+def figures(value: float) -> str:
+    """A number with three significant figures, and none after the point from 1000 on."""
+    return number(value, ".0f" if abs(value) >= 1000.0 else ".3g")
+
+
+def interval(
+    value: float, lo: float, hi: float, *, written: Callable[[float], str] = figures
+) -> str:
+    """``4.63 [4.25, 4.89]`` with three figures, ``4.63 [<= 4.89]`` with one bound."""
+    if math.isnan(value):
+        return MISSING
+    if math.isinf(lo) != math.isinf(hi):
+        bound = f"<= {written(hi)}" if math.isinf(lo) else f">= {written(lo)}"
+        return f"{written(value)} [{bound}]"
+    return f"{written(value)} [{written(lo)}, {written(hi)}]"
+
+
+def percent(share: float) -> str:
+    """A share in per cent, without the sign: one decimal, more near 0 and 100."""
+    if not math.isfinite(share):
+        return MISSING
+    value = 100.0 * share
+    edge = min(value, 100.0 - value)
+    decimals = 0 if edge == 0.0 else 1 if edge >= 0.1 else 2 if edge >= 0.01 else 3
+    return f"{value:.{decimals}f}"
+
+
+def matrix(values: Iterable[Iterable[float]]) -> str:
+    """A matrix in one line, its rows separated by semicolons."""
+    return "[" + "; ".join(", ".join(f"{value:z.4f}" for value in row) for row in values) + "]"
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,7 @@ from flighttune.flight.outer_loop import certify_scenario
 from flighttune.guarantee.flight_check import FlightCheck
 from flighttune.metrics import CHANNELS, channel_metrics, flight_metrics
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
-from flighttune.present.numbers import MISSING
-from flighttune.present.tables import Column, Table, facts_table
+from flighttune.present.tables import MISSING, Column, Table, facts_table
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 from flighttune.units import DEG_PER_RAD

@@ -9,9 +9,8 @@ from flighttune.control.gains import PIGains
 from flighttune.control.law import Law, law_name, made_law, plain_laws
 from flighttune.plants.base import StopStatus
 from flighttune.plants.label import aircraft_of
-from flighttune.present.numbers import matrix, number
 from flighttune.present.palette import LineStyle, line_styles
-from flighttune.present.tables import facts_table
+from flighttune.present.tables import facts_table, matrix, number
 from flighttune.units import DEG
 
 if TYPE_CHECKING:

@@ -9,8 +9,7 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import closed_loops
-from flighttune.present.numbers import matrix, number
-from flighttune.present.tables import facts_table
+from flighttune.present.tables import facts_table, matrix, number
 from flighttune.theory.indicators import indicators
 from flighttune.tuning.problem import TuningProblem, search_space
 

@@ -7,7 +7,7 @@ import pytest
 
 from flighttune.metrics import FLIGHT_METRICS, METRICS
 from flighttune.present.names import METRIC_LABELS, metric_label
-from flighttune.present.numbers import degrees, figures, interval, matrix, number, percent
+from flighttune.present.tables import figures, interval, matrix, number, percent
 
 
 @pytest.mark.parametrize(
@@ -20,7 +20,6 @@ def test_numbers_without_a_value_are_a_dash(value, text):
 
 def test_a_number_follows_its_format():
     assert number(-0.0001, "z.2f") == "0.00"
-    assert number(math.nan, ".2f", missing="never") == "never"
     assert [figures(value) for value in (0.012345, 12.345, 12345.6)] == ["0.0123", "12.3", "12346"]
 
 
@@ -37,11 +36,8 @@ def test_a_share_has_more_decimals_near_its_ends(share, text):
     assert percent(share) == text
 
 
-def test_shares_and_angles():
+def test_shares_have_an_interval_too():
     assert interval(0.5, 0.25, 1.0, written=percent) == "50.0 [25.0, 100]"
-    assert degrees(math.radians(123.4)) == "123°"
-    assert degrees(math.radians(0.5)) == "0.5°"
-    assert degrees(0.0) == "0.001°", "no angle is claimed to be smaller than is written"
 
 
 def test_a_matrix_is_one_line_without_negative_zeros():

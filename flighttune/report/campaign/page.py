@@ -10,8 +10,7 @@ from flighttune.campaign.dataset import dataset_hash
 from flighttune.campaign.planning.draws import SEED
 from flighttune.campaign.statistics.findings import SUCCESS, Findings
 from flighttune.present.frame import Report, Section, page_template, write_page
-from flighttune.present.numbers import MISSING
-from flighttune.present.tables import Table, facts_table
+from flighttune.present.tables import MISSING, Table, facts_table
 from flighttune.report.campaign import tables
 from flighttune.report.campaign.panels import (
     convergence,

@@ -6,8 +6,7 @@ from typing import Any
 from flighttune.campaign.statistics.findings import SUCCESS, Findings
 from flighttune.campaign.statistics.sensitivity import strength
 from flighttune.present.names import columns, metric_label
-from flighttune.present.numbers import figures, percent
-from flighttune.present.tables import Column, Table
+from flighttune.present.tables import Column, Table, figures, percent
 
 
 def metric_name(metric: str) -> str:
