@@ -193,14 +193,14 @@ def dask_cluster(folder, workers=1, threads=1, path=None):
         "env": os.environ if path is None else {**os.environ, "PYTHONPATH": str(path)},
     }
     started = [
-        subprocess.Popen(
+        psutil.Popen(
             [*dask, "scheduler", *loopback, "--port", "0", "--scheduler-file", where], **quiet
         )
     ]
     try:
         wait_until(lambda: where.exists() and where.stat().st_size)
         started += [
-            subprocess.Popen(
+            psutil.Popen(
                 [*dask, "worker", *loopback, "--scheduler-file", where, "--nthreads", str(threads),
                  "--local-directory", folder],
                 **quiet,
@@ -209,20 +209,13 @@ def dask_cluster(folder, workers=1, threads=1, path=None):
         ]  # fmt: skip
         yield json.loads(where.read_text())["address"], started[0]
     finally:
-        below = [one for process in started for one in _below(process)]
+        below = [one for process in started for one in children(process)]
         for process in started:
             process.kill()
             process.wait()
         for one in below:
             with suppress(psutil.NoSuchProcess):
                 one.kill()
-
-
-def _below(process):
-    try:
-        return psutil.Process(process.pid).children(recursive=True)
-    except psutil.NoSuchProcess:
-        return []
 
 
 @contextmanager

@@ -28,12 +28,18 @@ def tables_of(plants=(KINEMATIC,), **tables):
     }  # fmt: skip
 
 
+def campaign_of(nominal, *disperse, **keys):
+    """A campaign on a scenario, with its gains where `keys` have none."""
+    given = {"title": "t", "scenario": "s", "runs": 24, **keys, "disperse": list(disperse)}
+    table = CampaignTable.model_validate(given)
+    if table.gains is not None:
+        nominal = nominal.model_copy(update={"gains": table.gains})
+    return Campaign.of(table, nominal=nominal, central=nominal)
+
+
 def plan_of(tables, *disperse, seed=1, **keys):
     """The plan of a campaign on a scenario's tables."""
-    nominal = scenario_from(tables)
-    given = {"title": "t", "scenario": "s", "seed": seed, "runs": 24, **keys}
-    table = CampaignTable.model_validate({**given, "disperse": list(disperse)})
-    return plan_campaign(Campaign.of(table, nominal=nominal, central=nominal))
+    return plan_campaign(campaign_of(scenario_from(tables), *disperse, seed=seed, **keys))
 
 
 def uniform(key, lower, upper):

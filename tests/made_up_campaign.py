@@ -1,46 +1,23 @@
 """Rows of a campaign with a truth that is known, made without a flight."""
 
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
+from dispersed import campaign_of, one_of, uniform
 
-from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import Plan, plan_campaign
-
-CAMPAIGN = """
-title    = "Rows that were made up"
-verifies = "what a report says of flights whose truth is known"
-scenario = "level_turn"
-seed     = {seed}
-runs     = {runs}
-design   = "{design}"
-gains    = ["paper", "K3"]
-
-[[disperse]]
-key = "flight.V_a_mps"
-distribution = "uniform"
-lower = 23.0
-upper = 27.0
-
-[[disperse]]
-key = "flight.phi_deg"
-distribution = "uniform"
-lower = -10.0
-upper = 10.0
-
-[[disperse]]
-key = "limits.n_z_rate_per_s"
-distribution = "choice"
-values = [0.8, 1.0, 1.2]
-"""
+from flighttune.scenario import load_scenario
 
 
-def made_up_plan(folder: Path, *, runs: int = 800, design: str = "random", seed: int = 1) -> Plan:
+def made_up_plan(*, runs: int = 800, design: str = "random") -> Plan:
     """A plan of two plants and two gain sets, with three parameters of which one does nothing."""
-    file = folder / "made_up.toml"
-    file.write_text(CAMPAIGN.format(runs=runs, design=design, seed=seed), encoding="utf-8")
-    return plan_campaign(load_campaign(file))
+    campaign = campaign_of(
+        load_scenario("level_turn"),
+        uniform("flight.V_a_mps", 23.0, 27.0),
+        uniform("flight.phi_deg", -10.0, 10.0),
+        one_of("limits.n_z_rate_per_s", 0.8, 1.0, 1.2),
+        gains=["paper", "K3"], scenario="level_turn", seed=1, runs=runs, design=design,
+    )  # fmt: skip
+    return plan_campaign(campaign)
 
 
 def made_up_rows(plan: Plan) -> pd.DataFrame:

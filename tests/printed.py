@@ -1,4 +1,15 @@
-"""Numbers as the paper prints them, arXiv 2411.13140."""
+"""Numbers as the paper prints them, arXiv 2411.13140, and the loop they make."""
+
+import numpy as np
+
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.control.linear_model import closed_loop, disturbance_entry, kinematic_model
+
+MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
+A_K = closed_loop(MODEL, PAPER_GAINS)
+E = disturbance_entry(MODEL)
+L_D = 0.1 * 0.15
+"""Largest rate of the disturbance of Table 1: its amplitude times its frequency, rad/s^2."""
 
 TABLE_2 = {
     "K1": (-4.0, 0.7742, 7.873),

@@ -1,7 +1,7 @@
-"""The paper's eigenvalue problem, and two about its other answers, posed to a solver.
+"""The paper's eigenvalue problem, posed to a solver.
 
-R_K and I_K come from a Lyapunov equation in the package; here they come from semidefinite programs,
-as arXiv 2411.13140, section 4.3, poses them.
+R_K and I_K come from a Lyapunov equation in the package; here they come from a semidefinite
+program, as arXiv 2411.13140, section 4.3, poses it.
 """
 
 import warnings
@@ -33,7 +33,8 @@ def radius(A, Q):
 
 def largest_rate(A):
     """The Q with the smallest lambda_max under ``A' Q + Q A + I <= 0``."""
-    L, top = _scaled(A)
+    whole = lyapunov_solution(A)
+    L, top = np.linalg.cholesky(whole), np.linalg.eigvalsh(whole)[-1]
     eye = np.eye(len(A))
     answers = []
     mixed = np.linalg.cholesky(L @ L.T / top + 1e-3 * eye)
@@ -44,32 +45,6 @@ def largest_rate(A):
         ceiling = L @ S @ L.T / top << highest * eye
         answers.append(_solved(highest, [decay << 0, ceiling], A, L, S))
     return max((Q for Q in answers if Q is not None), key=rate)
-
-
-def smallest_radius(A, *, rate_loss=None):
-    """The Q with the smallest I_K: at any rate, or at the largest less a fraction.
-
-    ``lambda_max^2 / lambda_min`` is convex: minimise t under ``m I <= Q <= l I`` and
-    ``l^2 / m <= t``.
-    """
-    L, top = _scaled(A)
-    eye = np.eye(len(A))
-    S, highest, lowest = cp.Variable(A.shape, symmetric=True), cp.Variable(), cp.Variable()
-    Q = L @ S @ L.T
-    constraints = [
-        A.T @ Q + Q @ A + eye << 0,
-        Q / top << highest * eye,
-        Q / top >> lowest * eye,
-    ]
-    if rate_loss is not None:
-        constraints.append(highest <= 1.0 / (1.0 - rate_loss))
-    return _solved(cp.quad_over_lin(highest, lowest), constraints, A, L, S)
-
-
-def _scaled(A):
-    """Cholesky factor L of the Lyapunov equation's Q, and its largest eigenvalue."""
-    Q = lyapunov_solution(A)
-    return np.linalg.cholesky(Q), np.linalg.eigvalsh(Q)[-1]
 
 
 def _solved(objective, constraints, A, L, S):

@@ -26,6 +26,7 @@ BY_INTERVALS = 0.01
 """Part of the optimum lost, as sensitivities are means over intervals of two or three samples."""
 
 SAME = 1e-9
+BUDGET = 400
 COUPLED = {"name": "coupled", "K_P": [[1.5, 2.5], [-2.5, 0.5]], "K_I": [[10.0, 0.0], [0.0, 1.0]]}
 RATE, DURATION, V_A, G = 20.0, 6.0, 25.0, 9.81
 SAMPLES = round(RATE * DURATION)
@@ -68,38 +69,37 @@ def largest_by_square_waves(h):
     return sum(np.abs(waves @ one[::-1]).max() for one in h)
 
 
+def searched(folder, start_deg):
+    """What `worst` says of disturbances, and of starts within `start_deg`."""
+    path = folder / "level.toml"
+    path.write_text(toml_text(scenario_from(level()).as_dict()), encoding="utf-8")
+    plan = planned(str(path), start_deg=start_deg, disturbance=SMALL)
+    with flown_here(worst_module, "planned", plan):
+        return answer(
+            "worst", path, "--disturbance", SMALL, "--start-deg", start_deg, "--metric",
+            "chi.peak_rad", "--budget", BUDGET, "--out", folder / "worst.toml",
+        )  # fmt: skip
+
+
 @pytest.mark.slow
 def test_for_a_linear_loop_it_is_the_worst_there_is_and_flies_to_what_is_said(tmp_path):
-    path, out = tmp_path / "level.toml", tmp_path / "worst.toml"
-    path.write_text(toml_text(scenario_from(level()).as_dict()), encoding="utf-8")
-    with flown_here(worst_module, "planned", planned(str(path), disturbance=SMALL)):
-        said = answer(
-            "worst", path, "--disturbance", SMALL, "--metric", "chi.peak_rad", "--budget", 400,
-            "--out", out,
-        )  # fmt: skip
+    said = searched(tmp_path, 0.0)
 
     h = to_the_course()
     optimum = SMALL * np.abs(h).sum()
     assert said["family"] == "bang_bang"
-    assert said["flights"] <= 400
+    assert said["flights"] <= BUDGET
     assert said["value"] == pytest.approx(optimum, rel=BY_INTERVALS)
     assert said["value"] <= optimum * (1.0 + LINEAR)
     assert said["value"] > SMALL * largest_by_square_waves(h)
-    (run,) = fly(load_scenario(out)).runs
+    (run,) = fly(load_scenario(tmp_path / "worst.toml")).runs
     assert measures(run)["chi"]["peak_rad"] == pytest.approx(said["value"], rel=SAME)
     assert {*run.signals["d_chi"].abs()} == {SMALL}
 
 
 @pytest.mark.slow
 def test_the_start_is_part_of_it(tmp_path):
-    path = tmp_path / "level.toml"
-    path.write_text(toml_text(scenario_from(level()).as_dict()), encoding="utf-8")
-    plan = planned(str(path), start_deg=1.0, disturbance=SMALL)
-    with flown_here(worst_module, "planned", plan):
-        said = answer(
-            "worst", path, "--disturbance", SMALL, "--start-deg", 1.0, "--metric", "chi.peak_rad",
-            "--budget", 400, "--out", tmp_path / "worst.toml",
-        )  # fmt: skip
+    said = searched(tmp_path, 1.0)
 
     # The gains couple the channels, so that the path angle makes the course overshoot its start.
     assert said["family"] == "bang_bang"

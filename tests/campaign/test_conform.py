@@ -8,7 +8,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from campaigns import flown_here, write_campaign
-from commands import answer, flighttune
+from commands import answer
 from dispersed import AEROSONDE, TURBULENCE, WIND, plan_of, tables_of, uniform
 
 from flighttune.campaign import conform as conform_module
@@ -116,10 +116,15 @@ def test_counted_flights_are_not_those_learned_from_and_none_is_flown_twice():
     assert "nothing is claimed" in found.sentence
 
 
+def summary_of(plan):
+    """What is kept of the residuals of each flight."""
+    model = conformant_model(plan.scenario, plan.groups[0].plant)
+    return ResidualSummary(model=model, windows=Windows.covering("time", 1.0))
+
+
 def test_residuals_are_one_more_column_and_change_no_other():
     plan = small_plan(runs=3)
-    model = conformant_model(plan.scenario, plan.groups[0].plant)
-    summary = ResidualSummary(model=model, windows=Windows.covering("time", 1.0))
+    summary = summary_of(plan)
 
     rows = fly_runs(
         plan,
@@ -135,8 +140,7 @@ def test_residuals_are_one_more_column_and_change_no_other():
 
 def test_errors_of_a_window_are_those_at_its_samples_and_at_the_next():
     plan = small_plan(runs=1)
-    model = conformant_model(plan.scenario, plan.groups[0].plant)
-    summary = ResidualSummary(model=model, windows=Windows.covering("time", 1.0))
+    summary = summary_of(plan)
     scenario = plan.scenario_of(0)
     (run,) = fly(scenario).runs
 
@@ -307,27 +311,6 @@ def test_an_aircraft_flies_starts_and_references_of_its_own():
     assert campaign.design == "random"
     assert {"flight.chi_deg", "reference.chi_deg[0].rate_dps"} <= set(campaign.keys)
     assert air_of(campaign.nominal) == "calm"
-
-
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("random_starts",), "`--out` must be given"),
-        (("random_starts", "--out", "x.json", "--epsilon", "0"), "`epsilon` must be between"),
-        (("random_starts", "--out", "x.json", "--air", "severe"), "`air` must be one of calm"),
-        (("feasible", "--out", "x.json"), "feasible: `start_deg` must be given for a scenario in"),
-        (("feasible", "--out", "x.json", "--start-deg", "-2"), "`start_deg` must not be negative"),
-        (("aerosonde", "--out", "x.json", "--start-deg", "-2"), "`start_deg` must not be negative"),
-        (("feasible_starts", "--out", "x.json", "--start-deg", "2"), "are for scenarios"),
-        (("kinematic_sweep", "--out", "x.json"), "`plant` must be one of kind jsbsim"),
-    ],
-)
-def test_bad_input_is_one_line(options, message, tmp_path):
-    out, err = flighttune("conform", *options, status=2, cwd=tmp_path)
-
-    assert message in err
-    assert not out
-    assert err.count("\n") == 1
 
 
 @pytest.mark.slow

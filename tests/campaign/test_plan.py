@@ -4,6 +4,7 @@ import json
 import pickle
 import shutil
 
+import dispersed
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,7 +13,6 @@ from hypothesis import strategies as st
 from flighttune.campaign.planning.draws import SEED
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign, plan_from
-from flighttune.campaign.planning.schema import Campaign, CampaignTable
 from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.outer_loop import gain_set
 from flighttune.scenario import load_scenario
@@ -25,11 +25,8 @@ HEIGHT = {"key": "flight.h_m", "distribution": "normal", "mean": 500.0, "sd": 20
 KEYS = ["flight.V_a_mps", "flight.h_m", "flight.phi_deg", "reference.chi_deg[0].rate_dps"]
 
 
-def campaign_of(*disperse, nominal=LEVEL_TURN, **keys):
-    tables = {"title": "t", "scenario": "s", "gains": ["paper"], "runs": 24, **keys}
-    table = CampaignTable.model_validate({**tables, "disperse": list(disperse)})
-    flown = nominal.model_copy(update={"gains": table.gains})
-    return Campaign.of(table, nominal=flown, central=flown)
+def campaign_of(*disperse, nominal=LEVEL_TURN, gains=("paper",), **keys):
+    return dispersed.campaign_of(nominal, *disperse, gains=list(gains), **keys)
 
 
 def plan_of(*disperse, **keys):
@@ -74,7 +71,7 @@ def campaigns(draw):
 
 
 @pytest.mark.slow
-@settings(max_examples=40)
+@settings(max_examples=15)
 @given(campaign=campaigns())
 def test_a_plan_comes_back_from_json_and_pickle_to_the_bit(campaign):
     plan = plan_campaign(campaign)

@@ -197,21 +197,6 @@ def test_the_command_says_no_where_no_gains_succeed_often_enough(tmp_path, addre
     assert not out.exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("tune", "paper", "--out", "gains.txt"), "gains.txt: --out must end in .json"),
-        (("tune", "paper", "--envelope", "--method", "convex"), "--method: must be absent"),
-        (("campaign", "tune", "first_campaign", "--out", "gains.txt"), "must end in .json"),
-    ],
-)
-def test_tuning_refuses_what_cannot_be(arguments, message, tmp_path):
-    _, error = flighttune(*arguments, status=2, cwd=tmp_path)
-
-    assert message in error
-    assert len(error.strip().splitlines()) == 1
-
-
 def test_gains_of_the_exact_law_are_chosen_as_rates_on_the_same_draws(tmp_path, address):
     (tmp_path / "exact.toml").write_text(
         'law = "exact"\n' + scenario_files()["paper"].read_text(encoding="utf-8"), encoding="utf-8"

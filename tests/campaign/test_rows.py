@@ -3,7 +3,6 @@
 import re
 from itertools import pairwise
 from pathlib import Path
-from unittest.mock import Mock
 
 import numpy as np
 import pyarrow as pa
@@ -25,7 +24,6 @@ from hypothesis import strategies as st
 from flighttune.campaign.flying.alone import fly_again, scenario_of_run
 from flighttune.campaign.flying.columns import row_schema, unit_of_key
 from flighttune.campaign.flying.rows import crashed_row, fly_runs, table_of
-from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
 from flighttune.flight.fly import fly
 from flighttune.flight.refly import refly
@@ -287,15 +285,3 @@ def test_the_table_of_columns_in_the_documentation_is_the_schema():
     assert told == {
         field.name: field.metadata[b"unit"].decode() if field.metadata else None for field in schema
     }
-
-
-def test_draws_with_the_same_loop_share_its_indicators(monkeypatch):
-    tables = tables_of((KINEMATIC,))
-    tables["flight"]["duration_s"] = 1.0
-    plan = plan_of(tables, uniform("flight.chi_deg", 10.0, 30.0), runs=8)
-    computed = Mock(wraps=closed_loop)
-    monkeypatch.setattr("flighttune.campaign.flying.rows.closed_loop", computed)
-
-    rows = fly_runs(plan, range(8))
-
-    assert computed.call_count == len(plan.groups) == len(set(rows["R_K"].to_pylist()))

@@ -1,7 +1,7 @@
 """The same rows to the bit whoever flies them, and however the runs are divided."""
 
 import pytest
-from campaigns import SPEED, dask_cluster, plan
+from campaigns import SPEED, plan
 
 from flighttune.campaign.dataset import Dataset, dataset_hash
 from flighttune.campaign.engine.engine import run_campaign
@@ -46,9 +46,9 @@ def test_any_number_of_workers_makes_the_same_rows(tmp_path, ours, by_one_proces
     assert dataset_hash(tmp_path) == by_one_process
 
 
-def test_workers_of_a_scheduler_elsewhere_make_the_same_rows(tmp_path, ours, by_one_process):
-    out = tmp_path / "out"
-    with dask_cluster(tmp_path, workers=2) as (address, _):
-        run_campaign(ours, out, scheduler=address)
+def test_workers_of_a_scheduler_elsewhere_make_the_same_rows(
+    tmp_path, ours, by_one_process, address
+):
+    run_campaign(ours, tmp_path, scheduler=address)
 
-    assert dataset_hash(out) == by_one_process
+    assert dataset_hash(tmp_path) == by_one_process

@@ -21,8 +21,8 @@ CRAFT = "jsbsim:aerosonde"
 
 
 @pytest.fixture(scope="module")
-def plan(tmp_path_factory):
-    return made_up_plan(tmp_path_factory.mktemp("plan"))
+def plan():
+    return made_up_plan()
 
 
 @pytest.fixture(scope="module")
@@ -186,9 +186,9 @@ def test_the_findings_name_what_rows_were_made_of(told):
 
 
 @pytest.mark.slow
-def test_a_saltelli_design_gives_indices_and_wider_intervals(tmp_path):
+def test_a_saltelli_design_gives_indices_and_wider_intervals():
     """Variance of ITAE comes from airspeed alone."""
-    plan = made_up_plan(tmp_path, design="saltelli", runs=4 * 5 * 256)
+    plan = made_up_plan(design="saltelli", runs=4 * 5 * 256)
 
     group = findings(flights_of(made_up_rows(plan), plan)).values["groups"][0]
 
@@ -204,8 +204,8 @@ def test_a_saltelli_design_gives_indices_and_wider_intervals(tmp_path):
 
 
 @pytest.mark.slow
-def test_indices_come_from_the_cycles_that_have_flown(tmp_path):
-    plan = made_up_plan(tmp_path, design="saltelli", runs=4 * 5 * 64)
+def test_indices_come_from_the_cycles_that_have_flown():
+    plan = made_up_plan(design="saltelli", runs=4 * 5 * 64)
     rows = made_up_rows(plan)
     half = rows[(rows["run"] < 4 * 5 * 32 - 3) | (rows["run"] >= 4 * 5 * 40)]
 

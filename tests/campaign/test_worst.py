@@ -222,26 +222,6 @@ def test_the_flight_nearest_to_leaving_a_tube_is_searched(tmp_path):
     assert 1.7 < said["value"] <= 2.0 * (1.0 + SAME)  # the start itself, 40 of 20 deg
 
 
-@pytest.mark.parametrize(
-    ("options", "message"),
-    [
-        (("paper",), "`disperse` must name a key"),
-        (("paper", "--start-deg", "-1"), "`start_deg` must not be negative"),
-        (("first_campaign", "--disturbance", "0.1"), "are for scenarios"),
-        (("first_campaign", "--metric", "chi.NONE"), "`metric` must be margin or one of"),
-        (("first_campaign", "--budget", "3"), "`budget` must be at least"),
-        (("first_campaign", "--gains", "K9"), "`gains` must be one of"),
-        (("first_campaign", "--out", "x.json"), "x.json: --out must end in .toml"),
-    ],
-)
-def test_bad_input_is_one_line(options, message, tmp_path):
-    out, err = flighttune("worst", *options, status=2, cwd=tmp_path)
-
-    assert message in err
-    assert not out
-    assert err.count("\n") == 1
-
-
 def test_the_command_writes_a_scenario_that_flies_to_what_it_says(tmp_path):
     with flown_here(worst_module, "planned", small_plan(expect=[DEMAND])):
         said = answer("worst", "campaign", "--budget", 64, "--out", tmp_path / "worst.toml")

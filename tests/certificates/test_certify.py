@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from printed import L_D, MODEL
 
 from flighttune.certificates.certificate import (
     Certificate,
@@ -19,15 +20,13 @@ from flighttune.certificates.certificate import (
 from flighttune.certificates.make import certify
 from flighttune.control.envelope import Envelope
 from flighttune.control.gains import PAPER_GAINS, PIGains
-from flighttune.control.linear_model import LinearModel, kinematic_model
+from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
 from flighttune.tuning.envelope import largest_factor
 from flighttune.value_file import tables_of, value_of
 
 G = 9.81
-MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12, g=G)
 TUNED = PIGains(K_P=np.diag([2.2209, 2.4797]), K_I=3.8753 * np.eye(2))
-L_D = 0.015
 ENVELOPE = Envelope(
     V_a=(22.0, 28.0),
     gamma=(np.deg2rad(-15.0), np.deg2rad(45.0)),

@@ -2,30 +2,19 @@
 
 import numpy as np
 import pytest
+from printed import L_D, MODEL
 from scipy.integrate import solve_ivp
 
 from flighttune.certificates.make import certify
-from flighttune.control.envelope import Envelope
-from flighttune.control.gains import PIGains
-from flighttune.control.linear_model import kinematic_model
+from tests.certificates.test_certify import ENVELOPE, TUNED, G
 
-G = 9.81
 GAMMA = np.pi / 12
-L_D = 0.1 * 0.15
-GAINS = PIGains(K_P=np.diag([2.2209, 2.4797]), K_I=3.8753 * np.eye(2))
-ENVELOPE = Envelope(
-    V_a=(22.0, 28.0),
-    gamma=(np.deg2rad(-15.0), np.deg2rad(45.0)),
-    phi=(np.deg2rad(-20.0), np.deg2rad(20.0)),
-    n_z=(0.8, 1.3),
-)
 INTEGRATION = 1e-6
 
 
 @pytest.fixture(scope="module")
 def certificate():
-    model = kinematic_model(V_a=25.0, gamma=GAMMA, g=G)
-    return certify(model, GAINS, envelope=ENVELOPE, g=G, L_d=L_D).certificate
+    return certify(MODEL, TUNED, envelope=ENVELOPE, g=G, L_d=L_D).certificate
 
 
 def errors_rate(V_a, e, u, d):
@@ -38,18 +27,18 @@ def errors_rate(V_a, e, u, d):
 
 def flight(V_a, e_0, d, duration):
     """s = (e', e) over time, and the commands, from a start trimmed but for the error."""
-    xi_0 = np.linalg.solve(GAINS.K_I, [0.0, np.cos(GAMMA)])
+    xi_0 = np.linalg.solve(TUNED.K_I, [0.0, np.cos(GAMMA)])
 
     def rates(t, y):
         e, xi = y[:2], y[2:]
-        return np.concatenate([errors_rate(V_a, e, GAINS.K_P @ e + GAINS.K_I @ xi, d(t)), e])
+        return np.concatenate([errors_rate(V_a, e, TUNED.K_P @ e + TUNED.K_I @ xi, d(t)), e])
 
     t = np.linspace(0.0, duration, 4001)
     flown = solve_ivp(
         rates, (0.0, duration), np.concatenate([e_0, xi_0]), t_eval=t, rtol=1e-10, atol=1e-12
     )
     e, xi = flown.y[:2], flown.y[2:]
-    u = GAINS.K_P @ e + GAINS.K_I @ xi
+    u = TUNED.K_P @ e + TUNED.K_I @ xi
     e_dot = np.array([errors_rate(V_a, *at) for at in zip(e.T, u.T, map(d, t), strict=True)]).T
     return t, np.vstack([e_dot, e]), u
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from printed import MODEL
 
 from flighttune.control.inner_loop import (
     InnerLag,
@@ -12,10 +13,9 @@ from flighttune.control.inner_loop import (
     with_input_delay,
     with_input_lag,
 )
-from flighttune.control.linear_model import closed_loops, kinematic_model
+from flighttune.control.linear_model import closed_loops
 from flighttune.errors import InputError, ShapeError
 
-MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
 ROUNDING = 1e-12
 SLOW, FAST = (
     InnerLag(order=2, natural_frequency=6.0, damping=0.7),

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from printed import MODEL
 
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.inner_loop import with_input_delay, with_input_lag
-from flighttune.control.linear_model import LinearModel, closed_loop, kinematic_model
+from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.control.margins import delay_margin, lag_margin, loop_margins
 
-MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
 LAGGED = with_input_lag(MODEL, (4.0, 8.0))
 K6 = PIGains(K_P=PAPER_GAINS.K_P - np.eye(2), K_I=PAPER_GAINS.K_I - np.eye(2))
 BELOW, ABOVE = 0.99, 1.01
@@ -113,15 +113,6 @@ def test_margins_are_those_of_python_control_with_slicot(name):
         assert together.disk_margin == pytest.approx(expected["disk_margin"], rel=ROUNDING)
     else:  # of three inputs only a bound is computed, on the safe side
         assert 0.99 * expected["disk_margin"] < together.disk_margin < expected["disk_margin"]
-
-
-def test_the_disk_margin_of_a_proportional_loop_is_nearly_perfect():
-    integrator = LinearModel(
-        A=np.zeros((1, 1)), B=-np.eye(1), C=np.eye(1), states=("e",), inputs=("u",), errors=("e",)
-    )
-    gains = PIGains(K_P=[[2.0]], K_I=[[1e-6]], inputs=("u",), errors=("e",))
-
-    assert loop_margins(integrator, gains)[-1].disk_margin == pytest.approx(2.0, rel=1e-6)
 
 
 def test_every_change_inside_the_disk_margin_is_survived():

@@ -9,10 +9,6 @@ from flighttune.paper.study import Study, rank_correlation
 
 pytestmark = pytest.mark.slow
 
-R_K, I_K = 0.4599, 4.9162
-BEST_R_K = 0.51393
-SMALLEST_I_K = 67.15
-LAST_DIGIT = 1e-4
 ERRORS = ("chi", "gamma", "chi_dot", "gamma_dot")
 
 
@@ -38,21 +34,6 @@ def test_the_peak_time_is_reproduced_for_the_path_angle_alone(found, claim, verd
 
     assert found[claim].verdict == verdict
     assert check.computed == pytest.approx(t, abs=0.005)
-
-
-@pytest.mark.parametrize(
-    ("claim", "measure", "channels"),
-    [
-        ("lower-ITAE", "ITAE", ERRORS),
-        ("lower-MS", "|MS|", (*ERRORS, "s_chi", "s_gamma")),
-        ("lower-ST", "ST", (*ERRORS, "s_chi", "s_gamma")),
-    ],
-)
-def test_lower_is_checked_on_every_error_the_sentence_names(found, claim, measure, channels):
-    assert "lower ITAE, MS and ST for all errors e_χ, e_γ, ė_χ, ė_γ" in found[claim].text
-    assert [check.what for check in found[claim].checks] == [
-        f"{measure} of {channel} lower with higher R_K" for channel in channels
-    ]
 
 
 def test_a_mean_below_zero_does_not_count_as_the_lower_one(study, found):
@@ -85,21 +66,6 @@ def test_ITAE_falls_with_the_frequency_except_in_course_under_the_strongest_dist
     assert found["decreasing-ITAE"].verdict == "partly"
     assert changes == pytest.approx(ends)  # of three equally spaced points: the outer two
     assert [change < 0.0 for change in changes] == [True, True, False, True]
-
-
-def test_the_printed_indicators_do_not_follow_from_the_printed_gains(found):
-    computed = [check.computed for check in found["star-indicators"].checks]
-
-    assert found["star-indicators"].verdict == "not reproduced"
-    assert computed == pytest.approx([R_K, I_K], abs=LAST_DIGIT)
-
-
-def test_the_printed_gains_break_the_constraints_and_are_not_the_optimum(found):
-    smallest, best = found["star-optimal"].checks
-
-    assert found["star-optimal"].verdict == "not reproduced"
-    assert smallest.computed == pytest.approx(SMALLEST_I_K, abs=0.005)
-    assert float(best.expected) == pytest.approx(BEST_R_K, abs=5e-6)
 
 
 def test_every_verdict_is_one_of_four_and_each_kind_occurs(found):
@@ -141,12 +107,6 @@ def test_a_gain_of_the_wrong_sign_changes_verdicts(study, found):
     for name in ("eigenvalues", "small-region", "table-2"):
         assert found[name].verdict == "reproduced"
         assert judge(name, wrong).verdict == "not reproduced"
-
-
-def test_findings_say_what_is_missing_where_nothing_is_compared(found):
-    for finding in found.values():
-        assert finding.computed.keys() >= finding.expected.keys()
-        assert finding.computed.get("missing", "") == finding.missing
 
 
 def test_rank_correlation_of_opposite_orders_is_minus_one(study):

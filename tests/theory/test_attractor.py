@@ -2,19 +2,14 @@
 
 import numpy as np
 import pytest
+from printed import A_K, L_D, MODEL, E
 from worst_reach import largest_reach
 
-from flighttune.control.gains import PAPER_GAINS
-from flighttune.control.linear_model import closed_loop, disturbance_entry, kinematic_model
 from flighttune.errors import InputError, ShapeError
 from flighttune.theory.attractor import invariant_ellipsoid, paper_balls
 from flighttune.theory.indicators import indicators
 from flighttune.theory.reachable import ReachableSet
 
-MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12, g=9.81)
-A_K = closed_loop(MODEL, PAPER_GAINS)
-E = disturbance_entry(MODEL)
-L_D = 0.1 * 0.15  # amplitude and frequency of the paper's Table 1
 LAST_DIGIT = 5e-4
 SEARCH = 1e-6
 EIGENVALUE_ROUNDING = 1e-12

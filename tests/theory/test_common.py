@@ -4,18 +4,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from printed import A_K, L_D, E
 
-from flighttune.control.gains import PAPER_GAINS
-from flighttune.control.linear_model import closed_loop, disturbance_entry, kinematic_model
 from flighttune.errors import InputError, ShapeError
 from flighttune.theory import common
 from flighttune.theory.attractor import invariant_ellipsoid
 from flighttune.theory.common import common_ellipsoid, common_Q
 from flighttune.theory.indicators import indicators
 
-MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12, g=9.81)
-A_K = closed_loop(MODEL, PAPER_GAINS)
-E = disturbance_entry(MODEL)
 SOLVER = 1e-6
 EIGENVALUE_ROUNDING = 1e-9
 
@@ -78,21 +74,21 @@ def test_rate_and_bound_enclose_each_other_on_random_polytopes(seed):
 
 
 def test_the_common_ellipsoid_of_one_loop_is_the_closed_form():
-    single, _ = common_ellipsoid(A_K[None], E, L_d=0.015)
+    single, _ = common_ellipsoid(A_K[None], E, L_d=L_D)
 
-    assert single.radius == pytest.approx(invariant_ellipsoid(A_K, E, L_d=0.015).radius, rel=1e-4)
+    assert single.radius == pytest.approx(invariant_ellipsoid(A_K, E, L_d=L_D).radius, rel=1e-4)
 
 
 def test_the_common_ellipsoid_is_invariant_at_every_vertex():
     loops = np.array([A_K, 1.1 * A_K, A_K - 0.1 * np.eye(4)])
-    found, _ = common_ellipsoid(loops, E, L_d=0.015)
+    found, _ = common_ellipsoid(loops, E, L_d=L_D)
     W, a = found.W, found.multiplier
 
-    flow = loops @ W + W @ loops.mT + a * W + 0.015**2 / a * E @ E.T
+    flow = loops @ W + W @ loops.mT + a * W + L_D**2 / a * E @ E.T
 
     assert np.linalg.eigvalsh(flow)[:, -1].max() < 0.0
     assert found.radius == pytest.approx(np.sqrt(np.linalg.eigvalsh(W)[-1]))
-    assert found.radius > invariant_ellipsoid(A_K, E, L_d=0.015).radius
+    assert found.radius > invariant_ellipsoid(A_K, E, L_d=L_D).radius
 
 
 def test_without_a_common_Q_there_is_no_common_ellipsoid_either():

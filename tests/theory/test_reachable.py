@@ -7,22 +7,19 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from printed import A_K, L_D, MODEL, E
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from worst_reach import largest_reach, worst_disturbance
 
-from flighttune.control.gains import PAPER_GAINS, PIGains
-from flighttune.control.linear_model import closed_loop, disturbance_entry, kinematic_model
+from flighttune.control.gains import PIGains
+from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
 from flighttune.theory import reachable as tabulated
 from flighttune.theory.attractor import invariant_ellipsoid, paper_balls
 from flighttune.theory.indicators import indicators
 from flighttune.theory.reachable import ReachableSet
 
-MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12, g=9.81)
-A_K = closed_loop(MODEL, PAPER_GAINS)
-E = disturbance_entry(MODEL)
-L_D = 0.1 * 0.15  # amplitude and frequency of the paper's Table 1
 REACHED = 0.01
 QUADRATURE = 1e-6
 KINKS = 1e-4  # of the integral of a function that changes sign

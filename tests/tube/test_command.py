@@ -9,41 +9,18 @@ import pandas as pd
 import pytest
 
 from flighttune.control.gains import PAPER_GAINS
+from flighttune.table_file import toml_text
 from tests.commands import flighttune
 from tests.tube.test_proof import claim_of, rewritten
-
-SHORT = """
-title = "a short turn"
-
-[flight]
-V_a_mps    = 25.0
-chi_deg    = 20.0
-duration_s = {duration}
-
-[reference]
-chi_deg   = 0.0
-gamma_deg = 0.0
-
-[limits]
-phi_deg        = [-45.0, 45.0]
-phi_rate_dps   = 30.0
-n_z            = [-2.1, 2.1]
-n_z_rate_per_s = 1.0
-
-[controller]
-feed_forward = true
-
-[[plant]]
-kind = "kinematic"
-{more}
-"""
+from tests.tube.test_soundness import made_up
 
 
 @pytest.fixture
 def scenario(tmp_path):
-    def write(more="", duration=0.6):
+    def write(duration=0.6, **more):
+        turn = made_up(chi_err_deg=20.0, gamma_deg=0.0, gamma_ref_deg=0.0, duration_s=duration)
         path = tmp_path / "short.toml"
-        path.write_text(SHORT.format(more=more, duration=duration))
+        path.write_text(toml_text(turn.as_dict() | more))
         return path
 
     return write
@@ -138,32 +115,32 @@ def test_the_largest_disturbance_that_is_bounded_is_found_to_two_digits(scenario
 @pytest.mark.parametrize(
     ("arguments", "more", "what"),
     [
-        (["--disturbance", "-1"], "", "`disturbance` must be positive, got -1"),
-        (["--disturbance", "nan"], "", "`disturbance` must be positive"),
-        (["--start-deg", "-2"], "", "`start` must lie in 0..45 deg, got -2 deg"),
-        (["--plant", "jsbsim:x"], "", "`plant` must be one of kinematic"),
+        (["--disturbance", "-1"], {}, "`disturbance` must be positive, got -1"),
+        (["--disturbance", "nan"], {}, "`disturbance` must be positive"),
+        (["--start-deg", "-2"], {}, "`start` must lie in 0..45 deg, got -2 deg"),
+        (["--plant", "jsbsim:x"], {}, "`plant` must be one of kinematic"),
         (
             ["--largest-disturbance", "--disturbance", "1"],
-            "",
+            {},
             "`largest_disturbance` must not be given with",
         ),
-        (["--out", "proof.json"], "", "--out must end in .npz"),
-        ([], "[wind]\nspeed_mps = 3.0\nfrom_deg = 0.0", "`wind` must not"),
-        ([], "[sensors]\nchi_bias_deg = 1.0", "`sensors` must not"),
+        (["--out", "proof.json"], {}, "--out must end in .npz"),
+        ([], {"wind": {"speed_mps": 3.0, "from_deg": 0.0}}, "`wind` must not"),
+        ([], {"sensors": {"chi_bias_deg": 1.0}}, "`sensors` must not"),
         (
             ["--plant", "jsbsim:aerosonde"],
-            '[[plant]]\nkind = "jsbsim"\naircraft = "aerosonde"',
+            {"plant": [{"kind": "jsbsim", "aircraft": "aerosonde"}]},
             "`conformance` must be given",
         ),
         (
             ["--disturbance", "0.01"],
-            "[disturbance]\nchi_amplitude = 0.1\nchi_omega_rad_s = 1.0",
+            {"disturbance": {"chi_amplitude": 0.1, "chi_omega_rad_s": 1.0}},
             "at least that of the scenario's",
         ),
     ],
 )
 def test_what_no_tube_is_known_for_is_refused_in_one_line(scenario, arguments, more, what):
-    stdout, stderr = flighttune("tube", scenario(more), *arguments, status=2)
+    stdout, stderr = flighttune("tube", scenario(**more), *arguments, status=2)
 
     assert stdout == ""
     assert what in stderr

@@ -207,26 +207,26 @@ def test_what_is_no_tube_is_refused_in_one_line(changed, name, change, what):
     assert "\n" not in str(refused.value)
 
 
-def test_words_that_nobody_can_check_are_refused(proven, tmp_path):
-    path = rewritten(proven[1], {}, tmp_path / "changed.npz", counted="on 10^9 flights")
+@pytest.mark.parametrize(
+    ("arrays", "claim", "what"),
+    [
+        ({}, {"counted": "on 10^9 flights"}, "`counted`"),
+        *(
+            ({name: np.zeros((51, 2))}, {}, rf"`{name}\.npy` must not")
+            for name in ("reference", "boxes", "ever_W", "colour")
+        ),
+        *(
+            ({name: None}, {}, rf"`{name}\.npy` must be in")
+            for name in ("claim", "bounds", "chosen")
+        ),
+    ],
+)
+def test_what_is_missing_or_not_called_for_is_refused_by_name(
+    proven, tmp_path, arrays, claim, what
+):
+    path = rewritten(proven[1], arrays, tmp_path / "changed.npz", **claim)
 
-    with pytest.raises(InputError, match=r"changed\.npz: `counted`"):
-        load_tube(path)
-
-
-@pytest.mark.parametrize("name", ["reference", "boxes", "ever_W", "colour"])
-def test_an_array_that_the_scenario_does_not_call_for_is_refused(proven, tmp_path, name):
-    path = rewritten(proven[1], {name: np.zeros((51, 2))}, tmp_path / "changed.npz")
-
-    with pytest.raises(InputError, match=rf"`{name}\.npy` must not"):
-        load_tube(path)
-
-
-@pytest.mark.parametrize("name", ["claim", "bounds", "chosen"])
-def test_an_array_that_is_missing_is_named(proven, tmp_path, name):
-    path = rewritten(proven[1], {name: None}, tmp_path / "changed.npz")
-
-    with pytest.raises(InputError, match=rf"`{name}\.npy` must be in"):
+    with pytest.raises(InputError, match=rf"changed\.npz: {what}"):
         load_tube(path)
 
 

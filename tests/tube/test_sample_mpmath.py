@@ -117,25 +117,12 @@ def boxed(centre, rng):
     return pieces
 
 
-LAWS = pytest.mark.parametrize(
-    ("exact", "plant"), [(False, KINEMATIC), (True, POINT), (True, KINEMATIC)]
+@pytest.mark.parametrize(
+    ("boxes", "points"), [(6, 4), pytest.param(40, 25, marks=pytest.mark.soak)]
 )
-
-
-@LAWS
+@pytest.mark.parametrize(("exact", "plant"), [(False, KINEMATIC), (True, POINT), (True, KINEMATIC)])
 @pytest.mark.usefixtures("thirty_digits")
-def test_a_sample_holds_points_to_thirty_digits(exact, plant):
-    check_a_sample(exact, plant, boxes=6, points=4)
-
-
-@LAWS
-@pytest.mark.soak
-@pytest.mark.usefixtures("thirty_digits")
-def test_a_sample_holds_1000_points_to_thirty_digits(exact, plant):
-    check_a_sample(exact, plant, boxes=40, points=25)
-
-
-def check_a_sample(exact, plant, *, boxes, points):
+def test_a_sample_holds_points_to_thirty_digits(exact, plant, boxes, points):
     scenario, gains = with_law(
         plant, exact=exact, chi_err_deg=0.0, gamma_deg=10.0, gamma_ref_deg=10.0
     )

@@ -143,6 +143,17 @@ def problems(draw):
     return scenario, gains, start, disturbance
 
 
+def few_or_many(few, many):
+    """A test with the number of its cases: a few with the others, and many in the soak."""
+    counts = pytest.param(few, marks=pytest.mark.slow), pytest.param(many, marks=pytest.mark.soak)
+    return pytest.mark.parametrize("count", counts)
+
+
+def check_cases(check, cases, count):
+    """Check so many cases, with flights from a seed each, as hypothesis finds them."""
+    settings(max_examples=count)(given(case=cases, seed=st.integers(0, 2**32 - 1))(check))()
+
+
 def check(case, seed):
     scenario, gains, start, disturbance = case
     problem = tube_problem(scenario, gains, start=start, disturbance=disturbance or None)
@@ -151,18 +162,9 @@ def check(case, seed):
         assert outside(found, flown(scenario, gains, start, disturbance, seed)) <= 0.0
 
 
-@pytest.mark.slow
-@settings(max_examples=5, deadline=None, derandomize=True)
-@given(case=problems(), seed=st.integers(0, 2**32 - 1))
-def test_no_flight_leaves_the_tube(case, seed):
-    check(case, seed)
-
-
-@pytest.mark.soak
-@settings(max_examples=300, deadline=None)
-@given(case=problems(), seed=st.integers(0, 2**32 - 1))
-def test_no_flight_leaves_the_tube_in_many_cases(case, seed):
-    check(case, seed)
+@few_or_many(5, 300)
+def test_no_flight_leaves_the_tube(count):
+    check_cases(check, problems(), count)
 
 
 def test_the_margin_between_samples_is_at_both_ends_of_an_interval():

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flighttune.conformance import RateBoxes, Windows, residual_rates
@@ -15,7 +14,7 @@ from flighttune.simulate.loop import simulate
 from flighttune.tube.problem import tube_problem
 from flighttune.tube.tube import enclosed
 from tests.tube.test_aircraft import ERROR, ROLL, ROLL_CHANGE, conformance, flight
-from tests.tube.test_soundness import FEW_PIECES
+from tests.tube.test_soundness import FEW_PIECES, check_cases, few_or_many
 
 FLIGHTS = 4
 SAME = 1e-6
@@ -111,15 +110,6 @@ def check_conformant(case, seed):
         assert found.bounds.contain(signals)
 
 
-@pytest.mark.slow
-@settings(max_examples=5, deadline=None, derandomize=True)
-@given(case=conformant(), seed=st.integers(0, 2**32 - 1))
-def test_no_flight_in_the_boxes_leaves_the_tube(case, seed):
-    check_conformant(case, seed)
-
-
-@pytest.mark.soak
-@settings(max_examples=200, deadline=None)
-@given(case=conformant(), seed=st.integers(0, 2**32 - 1))
-def test_no_flight_in_the_boxes_leaves_the_tube_in_many_cases(case, seed):
-    check_conformant(case, seed)
+@few_or_many(5, 200)
+def test_no_flight_in_the_boxes_leaves_the_tube(count):
+    check_cases(check_conformant, conformant(), count)

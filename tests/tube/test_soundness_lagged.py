@@ -3,8 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import pytest
-from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flighttune.control.gains import PAPER_GAINS, RATES, PIGains
@@ -14,7 +12,7 @@ from flighttune.simulate.loop import simulate
 from flighttune.tube.problem import tube_problem
 from flighttune.tube.tube import enclosed
 from flighttune.units import DEG
-from tests.tube.test_soundness import FEW_PIECES, made_up
+from tests.tube.test_soundness import FEW_PIECES, check_cases, few_or_many, made_up
 
 PATH_DEG = st.floats(-20.0, 30.0)
 RAMP_DPS = st.one_of(st.none(), st.floats(-8.0, 8.0))
@@ -105,18 +103,6 @@ def check_point_mass(case, seed):
         assert found.bounds.contain(signals)
 
 
-BOTH = st.one_of(lagged_problems(), exact_problems())
-
-
-@pytest.mark.slow
-@settings(max_examples=10, deadline=None, derandomize=True)
-@given(case=BOTH, seed=st.integers(0, 2**32 - 1))
-def test_no_flight_of_the_exact_point_mass_leaves_its_tube(case, seed):
-    check_point_mass(case, seed)
-
-
-@pytest.mark.soak
-@settings(max_examples=350, deadline=None)
-@given(case=BOTH, seed=st.integers(0, 2**32 - 1))
-def test_no_flight_of_the_exact_point_mass_leaves_its_tube_in_many_cases(case, seed):
-    check_point_mass(case, seed)
+@few_or_many(10, 350)
+def test_no_flight_of_the_exact_point_mass_leaves_its_tube(count):
+    check_cases(check_point_mass, st.one_of(lagged_problems(), exact_problems()), count)

@@ -81,17 +81,6 @@ def test_they_are_found_again_by_hash_and_not_for_other_gains(flown, tubes, fold
     assert tubes_of([other], folder).tubes == {}
 
 
-def test_how_to_compute_tubes_is_said_with_what_an_aircraft_needs(flown, tmp_path):
-    law, both = (
-        tubes_answer(tubes_of(runs, tmp_path), "flighttune fly mine.toml --tube").notes[0]
-        for runs in (flown.runs[:1], flown.runs)
-    )
-
-    assert law.endswith(": flighttune fly mine.toml --tube")
-    assert "flighttune fly mine.toml --tube --conformance FILE" in both
-    assert "flighttune conform" in both
-
-
 def test_the_tube_of_an_aircraft_without_its_conformance_is_refused_by_name(flown, tmp_path):
     found = tubes_of(flown.runs, tmp_path, make=True)
 

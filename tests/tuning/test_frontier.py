@@ -4,21 +4,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.control.gains import paper_family
 from flighttune.errors import InputError
 from flighttune.tuning.frontier import frontier
 from flighttune.tuning.problem import TuningProblem
 
 pytestmark = pytest.mark.slow
 
-EPSILON = {"K1": -4.0, "K2": -2.0, "K3": -1.0, "K4": 0.5, "K5": 0.8, "K6": 1.0}
-MARKED = {
-    "K*": PAPER_GAINS,
-    **{
-        name: PIGains(K_P=PAPER_GAINS.K_P - eps * np.eye(2), K_I=PAPER_GAINS.K_I - eps * np.eye(2))
-        for name, eps in EPSILON.items()
-    },
-}
+MARKED = paper_family()
 HALF_LAST_DIGIT = 5e-5
 
 
