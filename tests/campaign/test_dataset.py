@@ -96,9 +96,12 @@ def test_a_finished_campaign_needs_nobody(tmp_path, ours, rows, address):
     out = written(tmp_path, ours, rows)
     run_campaign(ours, out, scheduler=address, resume=True)
 
-    done = run_campaign(ours, out, scheduler="tcp://127.0.0.1:1", resume=True)
+    notes, nobody = Notes(), "tcp://127.0.0.1:1"
+
+    done = run_campaign(ours, out, scheduler=nobody, resume=True, observer=notes)
 
     assert (done.flown, done.runs, done.interrupted) == (0, RUNS, False)
+    assert {(progress.done, progress.runs) for progress in notes.seen} == {(RUNS, RUNS)}
 
 
 def test_another_campaign_is_refused_with_what_is_different(tmp_path, out):

@@ -1,6 +1,5 @@
 """Faults that are made, not played: afterwards every run is there once, with the same bits."""
 
-import math
 import os
 import resource
 import subprocess
@@ -151,19 +150,6 @@ def test_a_worker_that_lacks_the_law_of_a_campaign_refuses_it_by_name(
 
     law.write_text(OWN_LAW)
     assert run_campaign(ours, tmp_path / "out", scheduler=address, resume=True).completed == 4
-
-
-def test_a_parameter_that_is_no_number_is_a_row(tmp_path, address):
-    key = "flight.V_a_mps"
-    nan = CHOICE.format(key=key, values="[25.0, nan]", weights=[0.7, 0.3])
-    ours = plan(tmp_path, runs=24, disperse=nan)
-    poison = runs_where(ours, key, math.isnan)
-    assert poison
-
-    done = run_campaign(ours, tmp_path / "out", scheduler=address)
-
-    check(tmp_path / "out", ours, poison, "invalid", "V_a_mps")
-    assert done.statuses["invalid"] == len(poison)
 
 
 def test_a_process_killed_in_mid_chunk_costs_nothing(tmp_path, ours, undisturbed):

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pytest
+from campaigns import bits
 from dispersed import (
     AEROSONDE,
     KINEMATIC,
@@ -48,15 +49,6 @@ def still_plan(**keys):
     return plan_of(tables, *START, runs=16, certificate={"from_s": 0.2}, **keys)
 
 
-def bits(rows):
-    """Every value of rows but the wall time, equal only where every bit is."""
-    columns = rows.drop_columns(["wall_s"]).to_pydict()
-    return {
-        name: [value.hex() if isinstance(value, float) else value for value in values]
-        for name, values in columns.items()
-    }
-
-
 @pytest.fixture(scope="module", params=[windy_plan, still_plan], ids=["wind", "still air"])
 def whole(request):
     plan = request.param()
@@ -64,7 +56,7 @@ def whole(request):
 
 
 @pytest.mark.slow
-@settings(max_examples=12)
+@settings(max_examples=6)
 @given(data=st.data())
 def test_rows_are_the_same_however_runs_are_divided_into_chunks(whole, data):
     plan, rows = whole

@@ -152,7 +152,7 @@ def test_a_single_late_digit_of_Q_is_enough(at_trim):
 
 
 @pytest.mark.slow
-@settings(max_examples=200,
+@settings(max_examples=100,
           suppress_health_check=[HealthCheck.function_scoped_fixture])  # fmt: skip
 @given(
     key=st.sampled_from(["Q", "W"]),

@@ -38,7 +38,7 @@ def stable_loops(draw):
 
 
 @pytest.mark.slow
-@settings(max_examples=60, suppress_health_check=list(HealthCheck))
+@settings(max_examples=30, suppress_health_check=list(HealthCheck))
 @given(stable_loops())
 def test_solver_and_closed_form_agree_on_stiff_and_nearly_unstable_loops(A):
     assert rate(largest_rate(A)) == pytest.approx(indicators(A).R_K, rel=AGREEMENT)

@@ -100,7 +100,7 @@ def test_a_lost_set_says_from_when_on_its_width_doubles_again_and_again(scenario
 
 @pytest.mark.slow
 def test_the_largest_disturbance_that_is_bounded_is_found_to_two_digits(scenario):
-    stdout, _ = flighttune("tube", scenario(duration=0.2), "--largest-disturbance", "--json")
+    stdout, _ = flighttune("tube", scenario(duration=0.1), "--largest-disturbance", "--json")
 
     found = json.loads(stdout)
     tried = {row["disturbance"]: row["status"] for row in found["tried"]}

@@ -17,7 +17,7 @@ def with_exact(scenario, plant):
 
 @pytest.mark.slow
 def test_in_a_turn_its_tube_is_narrower_than_that_of_the_paper_s_law_and_is_proven(tmp_path):
-    tables = made_up(chi_err_deg=0.0, gamma_deg=0.0, gamma_ref_deg=0.0, duration_s=4.0).as_dict()
+    tables = made_up(chi_err_deg=0.0, gamma_deg=0.0, gamma_ref_deg=0.0, duration_s=2.5).as_dict()
     ramp = {"shape": "ramp", "start_s": 0.2, "rate_dps": 6.0, "duration_s": 4.0}
     tables["reference"]["chi_deg"] = [ramp]
     tables["limits"] = {"phi_deg": [-45.0, 45.0], "phi_rate_dps": 90.0}

@@ -296,8 +296,8 @@ def test_whole_states_are_in_the_set_whatever_the_plan(plant, exact):
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("exact", [False, True])
 @pytest.mark.parametrize("plant", PLANTS)
-def test_whole_states_of_2000_flights_are_in_the_set(plant, exact, seed):
-    check_membership(plant, exact, count=25, at=range(1, 9), seed=seed)
+def test_whole_states_of_1200_flights_are_in_the_set(plant, exact, seed):
+    check_membership(plant, exact, count=50, at=range(1, 9), seed=seed)

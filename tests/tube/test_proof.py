@@ -164,7 +164,7 @@ def test_a_disturbance_that_is_left_out_is_that_of_the_scenario(proven, tmp_path
 def test_a_feasible_reference_in_the_file_must_be_that_of_the_scenario(tmp_path):
     tables = made_up(chi_err_deg=4.0, gamma_deg=0.0, gamma_ref_deg=0.0).as_dict()
     tables["reference"]["shape"] = "feasible"
-    tables["flight"]["duration_s"] = 2.0
+    tables["flight"]["duration_s"] = 1.0
     path = tmp_path / "tube.npz"
     found = tube(scenario_from(tables), PAPER_GAINS)
     save_tube(found, path)

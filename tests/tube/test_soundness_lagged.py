@@ -103,6 +103,6 @@ def check_point_mass(case, seed):
         assert found.bounds.contain(signals)
 
 
-@few_or_many(10, 350)
+@few_or_many(10, 140)
 def test_no_flight_of_the_exact_point_mass_leaves_its_tube(count):
     check_cases(check_point_mass, st.one_of(lagged_problems(), exact_problems()), count)

@@ -82,7 +82,7 @@ def test_they_are_found_again_by_hash_and_not_for_other_gains(flown, tubes, fold
 
 
 def test_the_tube_of_an_aircraft_without_its_conformance_is_refused_by_name(flown, tmp_path):
-    found = tubes_of(flown.runs, tmp_path, make=True)
+    found = tubes_of(flown.runs[1:], tmp_path, make=True)
 
     assert list(found.why_not) == ["jsbsim:aerosonde / paper"]
     assert "`flighttune conform` makes one" in found.why_not["jsbsim:aerosonde / paper"]
@@ -174,24 +174,25 @@ def test_a_worst_flight_of_an_earlier_version_is_passed_over_and_text_for_json_r
     assert "must be a Parquet file of a tube, got: " in why
 
 
-@pytest.mark.parametrize("at", [0.1, 0.6, 0.99])
-def test_a_damaged_tube_is_not_drawn_but_made_again_where_asked(flown, tubes, tmp_path, at):
+def test_a_damaged_tube_is_not_drawn_but_made_again_where_asked(flown, tubes, tmp_path):
     run = flown.runs[0]
+    whole = tubes.tubes[run.label].file.read_bytes()
     path = tmp_path / "tubes" / tubes.tubes[run.label].file.name
     path.parent.mkdir()
-    data = bytearray(tubes.tubes[run.label].file.read_bytes())
-    data[int(at * len(data))] ^= 1
-    path.write_bytes(data)
+    for at in (0.1, 0.6, 0.99):
+        data = bytearray(whole)
+        data[int(at * len(data))] ^= 1
+        path.write_bytes(data)
 
-    read = tubes_of([run], tmp_path)
+        read = tubes_of([run], tmp_path)
 
-    assert read.tubes == {}
-    assert "must be a Parquet file of a tube" in read.why_not[str(path)]
+        assert read.tubes == {}
+        assert "must be a Parquet file of a tube" in read.why_not[str(path)]
     assert tubes_of([run], tmp_path, make=True).why_not == {}
 
 
 def test_flights_drawn_as_counted_are_inside_the_tube_that_says_they_are(tmp_path):
-    """Counted on starts within 0.5 deg; 50 more of them are flown and compared with the tube."""
+    """Counted on starts within 0.5 deg; 30 more of them are flown and compared with the tube."""
     file = tmp_path / "turn.toml"
     scenario = flight(duration_s=1.5)
     file.write_text(toml_text({**scenario.as_dict(), "gains": ["paper"], "expect": []}))
@@ -205,14 +206,14 @@ def test_flights_drawn_as_counted_are_inside_the_tube_that_says_they_are(tmp_pat
 
     (glance,) = tubes.at_a_glance
     bounds = tubes.runs[0].signals[list(TUBE_SIGNALS)].to_numpy()
-    fresh = plan.with_runs(1050)  # draws from 1000 on: none was learned from or counted
+    fresh = plan.with_runs(1030)  # draws from 1000 on: none was learned from or counted
 
     def outside(draw, bounds):
         (flown,) = fly(fresh.scenario_of(draw)).runs
         errors = np.repeat(flown.signals[["chi_err", "gamma_err"]].to_numpy(), 2, axis=1)
         return bool(((errors - bounds) * [1.0, -1.0, 1.0, -1.0] < 0.0).any())
 
-    assert not any(outside(draw, bounds) for draw in range(1000, 1050))
+    assert not any(outside(draw, bounds) for draw in range(1000, 1030))
     assert tubes.tubes[run.label].about.start_deg == pytest.approx(0.5)
     assert "a flight of the distribution counted leaves the tube with probability" in glance
     exact = tube(load_scenario(file), PAPER_GAINS, conformance=counts)
