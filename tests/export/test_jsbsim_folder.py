@@ -29,10 +29,10 @@ assert len(ADOPTED) >= 10
 
 
 def flights():
-    """Every scenario in still air with each of its aircraft, its last gains by a law of ours."""
+    """Every scenario in still air with each of its aircraft, its first gains by a law of ours."""
     for name, file in scenario_files().items():
         scenario = ft.scenario_from(tomllib.loads(file.read_text()))
-        *_, gains = (one for one in scenario.gain_names if scenario.law_of(one)[0].kind != "python")
+        gains, *_ = (one for one in scenario.gain_names if scenario.law_of(one)[0].kind != "python")
         for table in scenario.plant if scenario.weather() is None else ():
             if table.kind == "jsbsim":
                 yield name, gains, table.label

@@ -25,7 +25,7 @@ def flights():
 
 
 STAGES = [
-    *((name, "write_bytes", half) for name in ("paper", "K1", "rrd") for half in (0.0, 0.5, 1.0)),
+    *((name, "write_bytes", part) for name in ("paper", "K1", "rrd") for part in (0.5, 1.0)),
     *((name, "replace", after) for name in ("rrd", "K1", "paper") for after in (0.0, 1.0)),
 ]
 
