@@ -67,9 +67,9 @@ def check_upright(**angles: float) -> None:
     _check(lambda angle: abs(angle) < math.pi / 2, "lie inside +-pi/2", angles, "rad")
 
 
-def check_finite(unit: str = "", **values: npt.ArrayLike) -> None:
+def check_finite(**values: npt.ArrayLike) -> None:
     """Refuse the first of `values`, numbers or tuples, that is not finite; None is skipped."""
-    _check(lambda value: bool(np.isfinite(value).all()), "be finite", values, unit)
+    _check(lambda value: bool(np.isfinite(value).all()), "be finite", values)
 
 
 def read_only_matrix(

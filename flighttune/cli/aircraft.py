@@ -199,7 +199,7 @@ def adopt(
     V_a: Annotated[
         float | None, Option("--V-a", help="Airspeed in m/s [default: chosen by the model].")
     ] = None,
-    h: Annotated[float, Option("--h", help="Height above sea level in m.")] = 1000.0,
+    h: HeightOption = 1000.0,
     all_models: Annotated[
         bool, Option("--all", help="Adopt all models that come with JSBSim; write one table.")
     ] = False,

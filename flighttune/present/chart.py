@@ -123,7 +123,6 @@ class Chart:
         *,
         run: str = "",
         name: str = "",
-        opacity: float = 0.16,
     ) -> None:
         """Fill between two lines; nothing where either is NaN."""
         xs, lows, highs = (np.asarray(values, dtype=float) for values in (x, low, high))
@@ -142,7 +141,7 @@ class Chart:
                 + "Z"
                 for stretch in _stretches(xs, lows)
             )
-            fill = f' class="band" style="fill:{css_colour(colour)}" fill-opacity="{opacity}"'
+            fill = f' class="band" style="fill:{css_colour(colour)}" fill-opacity="0.16"'
             return f'<path d="{"".join(outlines)}"{fill}{_owner(run)}/>'
 
         self._marks.append(drawn)
@@ -175,7 +174,6 @@ class Chart:
         shape: Shape = "dot",
         size: float = 3.5,
         filled: bool | Sequence[bool] = True,
-        opacity: float = 1.0,
         tips: Sequence[str] = (),
     ) -> None:
         """Draw points.
@@ -198,7 +196,7 @@ class Chart:
                 else:
                     head, tag = f'<path d="{_cross(at, up, size, shape)}"', "path"
                 shown.append(f"{head}>{tip}</{tag}>" if tip else f"{head}/>")
-            look = f' fill="{css_colour(colour)}" opacity="{opacity}"{_stroke(colour, 1.6)}'
+            look = f' fill="{css_colour(colour)}"{_stroke(colour, 1.6)}'
             return f"<g{look}{_owner(run)}>{''.join(shown)}</g>"
 
         self._marks.append(drawn)
@@ -249,17 +247,15 @@ class Chart:
         *,
         anchor: Literal["start", "middle", "end"] = "start",
         shift: tuple[float, float] = (0.0, 0.0),
-        run: str = "",
     ) -> None:
         """Write at a point, `shift` pixels to the right and down."""
         self._seen.append((np.array([x]), np.array([y])))
 
-        more = f' class="named"{_owner(run)}'
-        self._marks.append(
-            lambda a: _label(
-                float(a.sx(x)) + shift[0], float(a.sy(y)) + shift[1], text, more, anchor=anchor
-            )
-        )
+        def drawn(a: "_Axes") -> str:
+            right, down = float(a.sx(x)) + shift[0], float(a.sy(y)) + shift[1]
+            return _label(right, down, text, ' class="named"', anchor=anchor)
+
+        self._marks.append(drawn)
 
     def name_row(self, y: float, name: str) -> None:
         """Write the name of a row at the left edge, at a height of the y axis."""
