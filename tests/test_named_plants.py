@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flighttune.campaign.planning.load import load_campaign
 from flighttune.comparison import compare, load_source
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError, ScenarioError
@@ -142,17 +141,6 @@ def test_the_gap_is_that_of_the_plant_asked_for(tables, flown):
     assert explain_gap(scenario, PAPER_GAINS).runs[-1].provenance.plant == NOMINAL
     with pytest.raises(InputError, match=rf"`plant` .* {NOMINAL}, {HEAVY}, .*h"):
         explain_gap(scenario, PAPER_GAINS, plant="h")
-
-
-def test_a_campaign_does_not_disperse_a_name(tmp_path):
-    file = tmp_path / "campaign.toml"
-    file.write_text(
-        'title = "x"\nscenario = "heavy_and_aft"\nruns = 3\n[[disperse]]\nkey = "plant.name"\n'
-        'distribution = "choice"\nvalues = ["a", "b"]\n'
-    )
-
-    with pytest.raises(ScenarioError, match=r"`plant\.name` "):
-        load_campaign(file)
 
 
 @pytest.mark.slow

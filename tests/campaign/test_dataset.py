@@ -62,7 +62,6 @@ def written(url, ours, *tables, versions=None):
     return url
 
 
-@pytest.mark.slow
 def test_pandas_and_duckdb_read_a_campaign_while_it_runs(tmp_path, address):
     ours = plan(tmp_path, runs=120)
     counts = []
@@ -304,7 +303,6 @@ def halfwidth(rows, group, n):
     return (interval.high - interval.low) / 2.0
 
 
-@pytest.mark.slow
 def test_a_campaign_ends_at_the_first_look_that_is_sure_enough(tmp_path, address):
     ours = plan(tmp_path, runs=4000, duration=0.2)
 

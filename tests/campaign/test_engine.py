@@ -44,7 +44,6 @@ upper = 1.05
 """.format
 
 
-@pytest.mark.slow
 def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     ours, notes = plan("files", disperse=SPEED + "".join(map(UNIFORM, KEYS))), Notes(listening)
@@ -93,7 +92,6 @@ def test_a_process_that_cannot_start_is_said_in_one_line(tmp_path, monkeypatch):
         run_campaign(ours, tmp_path / "out")
 
 
-@pytest.mark.slow
 def test_a_campaign_that_is_stopped_is_flown_on_from_where_it_was(tmp_path, address):
     ours = plan(tmp_path, runs=160)
     stops = Notes(lambda progress: progress.done > 0)

@@ -137,6 +137,7 @@ def test_a_wrong_file_is_refused_in_one_line(load, tmp_path, text, says):
         (disperse("plant.throttle_max"), "plant.throttle_max", "less than or equal to 1, got 1.5"),
         (disperse("plant[1].kind", "choice", values=["kinematic"]), "plant[1].kind",
          r"must not be dispersed: give each plant in a \[\[plant\]\]"),
+        (disperse("plant.name", "choice", values=["a"]), "plant.name", "must not be dispersed"),
         (disperse("gains"), "gains", "must not be dispersed: give each gain set in `gains`"),
         (disperse("seed"), "seed", "must not be dispersed: it is the same for all draws"),
         (disperse("flight.n_z", acts="adds"), "flight.n_z", "must be a number .* got nothing"),

@@ -45,14 +45,6 @@ def test_figure_recording_and_signals_are_where_it_says(found):
     assert 0.0 < error <= found["mismatch"]["bound"]
 
 
-def test_without_json_there_is_a_table_and_sentences(tmp_path):
-    out, err = flighttune("gap", "paper", "--lag", "fitted", "--out", tmp_path)
-
-    assert "lag of the inner loop" in out
-    assert "(fitted)" in out
-    assert err == ""
-
-
 def test_rungs_that_failed_give_no_metrics_and_no_cell_is_cut(tmp_path, monkeypatch):
     monkeypatch.setenv("COLUMNS", "100")
     path = tmp_path / "wild.toml"

@@ -96,8 +96,3 @@ def test_a_run_that_ends_early_is_out_of_any_tolerance(fly_line, tolerances):
 def test_a_wrong_file_is_refused_with_file_and_key(tolerances, text, message):
     with pytest.raises(InputError, match=rf"tolerance\.toml: {message}"):
         tolerances(text)
-
-
-def test_a_file_that_is_not_there_is_said(tmp_path):
-    with pytest.raises(InputError, match=r"none\.toml: .*readable"):
-        load_tolerances(tmp_path / "none.toml")

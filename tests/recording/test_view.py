@@ -72,7 +72,6 @@ def ports_printed(process):
     return [int(port) for port in re.findall(r"127\.0\.0\.1(?::|%3A)(\d+)", line)]
 
 
-@pytest.mark.skipif(os.name == "nt", reason="Windows has no SIGTERM to catch")
 @pytest.mark.usefixtures("without_screen")
 @pytest.mark.parametrize(
     ("number", "shell"), [("SIGTERM", []), ("SIGHUP", []), ("SIGINT", BACKGROUND)]

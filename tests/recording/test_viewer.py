@@ -72,20 +72,21 @@ def recording(flown, tmp_path_factory):
     return record(flown, tmp_path_factory.mktemp("viewer"), name="paper").recording
 
 
+def in_a_viewer(flown, folder):
+    with HeadlessViewer(record(flown, folder).recording) as opened:
+        yield opened
+
+
 @pytest.fixture(scope="module")
 def in_turbulence(viewer, tmp_path_factory):
     flown = fly(load_scenario("turbulent_climb"))
-    files = record(flown, tmp_path_factory.mktemp("turbulence"))
-    with HeadlessViewer(files.recording) as opened:
-        yield opened
+    yield from in_a_viewer(flown, tmp_path_factory.mktemp("turbulence"))
 
 
 @pytest.fixture(scope="module")
 def on_a_ladder(viewer, tmp_path_factory):
     found = explain_gap(load_scenario("paper"), PAPER_GAINS, name="paper")
-    files = record(found.flown(), tmp_path_factory.mktemp("ladder"))
-    with HeadlessViewer(files.recording) as opened:
-        yield opened
+    yield from in_a_viewer(found.flown(), tmp_path_factory.mktemp("ladder"))
 
 
 @pytest.fixture(scope="module")

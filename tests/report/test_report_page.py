@@ -64,7 +64,6 @@ def test_the_page_is_small_enough_to_send(written):
     assert written.path.stat().st_size < LARGEST
 
 
-@pytest.mark.slow
 @pytest.mark.soak
 def test_twelve_long_runs_are_still_small_enough(paper_source, tmp_path):
     rng = np.random.default_rng(1)
@@ -213,7 +212,6 @@ def test_runs_of_several_scenarios_are_refused(paper_source, printed_source, tmp
     assert not (tmp_path / "never.html").exists()
 
 
-@pytest.mark.slow
 def test_without_a_frontier_the_page_says_why(paper_source, monkeypatch, tmp_path):
     def marks_alone(*_, marked, **__):
         return frontier(tuning_problem(paper), points=2, marked=marked).query("name != 'frontier'")
@@ -227,7 +225,6 @@ def test_without_a_frontier_the_page_says_why(paper_source, monkeypatch, tmp_pat
     assert "There is no curve of R_K against I_K" in page
 
 
-@pytest.mark.slow
 def test_bounds_that_leave_out_sensor_errors_say_so(page, tmp_path):
     written = write_report("sensor_noise@paper", tmp_path / "sensors.html")
 
@@ -235,7 +232,6 @@ def test_bounds_that_leave_out_sensor_errors_say_so(page, tmp_path):
     assert "sensor" not in page
 
 
-@pytest.mark.slow
 def test_an_aircraft_beside_its_nominal_self_has_a_gap_of_its_own(tmp_path):
     written = write_report("heavy_and_aft@paper", tmp_path / "both.html")
 

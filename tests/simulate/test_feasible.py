@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_up import scenario_tables
 
 from flighttune.control.controller import FlightCondition
 from flighttune.control.gains import PAPER_GAINS
@@ -113,17 +114,15 @@ def test_nothing_to_change_takes_no_time():
     assert feasible_reference(still).duration < 0.5
 
 
-TABLES = {
-    "title": "a change",
-    "gains": ["paper"],
-    "flight": {"V_a_mps": 25.0, "chi_deg": 30.0, "duration_s": 10.0},
-    "reference": {"shape": "feasible", "chi_deg": 0.0, "gamma_deg": 5.0, "margin": 0.1},
-    "limits": {
+TABLES = scenario_tables(
+    flight={"chi_deg": 30.0, "duration_s": 10.0},
+    reference={"shape": "feasible", "gamma_deg": 5.0, "margin": 0.1},
+    limits={
         "phi_deg": [-30.0, 40.0], "phi_rate_dps": 20.0, "n_z": [0.0, 1.8], "n_z_rate_per_s": 1.0,
     },
-    "controller": {"feed_forward": True},
-    "plant": [{"kind": "point_mass"}],
-}  # fmt: skip
+    controller={"feed_forward": True},
+    plant=[{"kind": "point_mass"}],
+)  # fmt: skip
 
 
 def changed(**tables):

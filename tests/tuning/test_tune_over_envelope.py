@@ -122,7 +122,6 @@ def test_no_gains_nearby_are_better(model, tuned):
     assert max(feasible) < (1.0 + LOCAL) * tuned.R
 
 
-@pytest.mark.slow
 def test_ascents_from_different_gains_end_at_one_rate(model):
     problem = TuningProblem(model=model, I_star=10.0)
     models = jacobian_hull(GENTLE, g=G).models()
@@ -135,7 +134,6 @@ def test_ascents_from_different_gains_end_at_one_rate(model):
     assert tops == pytest.approx([0.7066, 0.7066], rel=LOCAL)
 
 
-@pytest.mark.slow
 def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(model):
     limits = Limits(
         lower=8.0 * np.array([-np.pi / 4, -2.1]),
@@ -156,7 +154,6 @@ def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(model):
     assert found.R > 0.3
 
 
-@pytest.mark.slow
 def test_an_envelope_out_of_reach_is_a_result_that_says_how_far_gains_got(model):
     wide = envelope((15.0, 40.0), (-30.0, 60.0), (-60.0, 60.0), (-1.0, 3.0))
 
