@@ -299,11 +299,8 @@ def start_faults(
     )
     for name, value, (low, high), unit, symbol in watched:
         if not low <= value <= high:
-            yield (
-                name,
-                f"must lie in {low / unit:g} to {high / unit:g}{symbol} ({config.file}), "
-                f"got {value / unit:g}{symbol}",
-            )
+            allowed = f"{low / unit:g} to {high / unit:g}{symbol} ({config.file})"
+            yield name, f"must lie in {allowed}, got {value / unit:g}{symbol}"
 
 
 def files_hash(aircraft: str) -> str:

@@ -222,20 +222,13 @@ class DuffingCases:
     @cached_property
     def table(self) -> pd.DataFrame:
         """R(f), I(f), mean and standard deviation of |f| over time and runs; index alpha."""
-        return pd.DataFrame.from_dict(
-            {
-                alpha: {
-                    "beta": case.model.beta,
-                    "delta": case.model.delta,
-                    **dict(zip(("R_f", "I_f"), case.theorem, strict=True)),
-                    "mean": float(np.mean(case.norm_f)),
-                    "std": float(np.mean(np.std(case.norm_f, axis=0))),
-                    "region": case.model.region,
-                }
-                for alpha, case in self.family.items()
-            },
-            orient="index",
-        ).rename_axis("alpha")
+        rows = {}
+        for alpha, case in self.family.items():
+            model, norm_f, (R_f, I_f) = case.model, case.norm_f, case.theorem
+            theorem = {"beta": model.beta, "delta": model.delta, "R_f": R_f, "I_f": I_f}
+            spread = {"mean": norm_f.mean(), "std": norm_f.std(axis=0).mean()}
+            rows[alpha] = {**theorem, **spread, "region": model.region}
+        return pd.DataFrame.from_dict(rows, orient="index").rename_axis("alpha")
 
     @cached_property
     def slowest_decay(self) -> float:

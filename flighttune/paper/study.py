@@ -74,20 +74,16 @@ class Study:
         }
 
     @cached_property
-    def problem(self) -> TuningProblem:
-        """The optimisation model of section 4.4 with all printed constraints."""
-        return TuningProblem(
+    def constrained(self) -> TuningResult:
+        """Result of the optimisation model of section 4.4 with all printed constraints."""
+        problem = TuningProblem(
             model=self.model,
             I_star=printed.I_STAR,
             limits=printed.printed_limits(),
             x_0=printed.E_0,
             dt=printed.OPTIMISATION_DT,
         )
-
-    @cached_property
-    def constrained(self) -> TuningResult:
-        """Result of the optimisation model with all printed constraints."""
-        return tune(self.problem)
+        return tune(problem)
 
     @cached_property
     def optimum(self) -> TuningResult:

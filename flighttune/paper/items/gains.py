@@ -47,6 +47,9 @@ def gains(study: Study) -> Made:
     candidates = {STAR: study.star, OPTIMUM: best.gains, NEAREST: near.gains}
     sets = {name: gain_set for name, gain_set in candidates.items() if gain_set is not None}
     table = pd.DataFrame({name: _row(study, gain_set) for name, gain_set in sets.items()}).T
+    optimal = best.gains.as_lists() if best.gains else {"K_P": None, "K_I": None}
+    constrained = {"status": near.status, "smallest_I_K": near.I_K, "R_K": near.R_K}
+    uses = initial_commands(study.star)
     return Made(
         figures={
             "gains": _plane(study),
@@ -60,19 +63,9 @@ def gains(study: Study) -> Made:
             "I_K": star.I_K,
             "R_K_printed": printed.R_K_PRINTED,
             "I_K_printed": printed.I_K_PRINTED,
-            "optimum": {
-                "R_K": best.R_K,
-                "I_K": best.I_K,
-                **(best.gains.as_lists() if best.gains else {"K_P": None, "K_I": None}),
-            },
-            "with_input_constraints": {
-                "status": near.status,
-                "smallest_I_K": near.I_K,
-                "R_K": near.R_K,
-            },
-            "command_use": {
-                name: use._asdict() for name, use in initial_commands(study.star).items()
-            },
+            "optimum": {"R_K": best.R_K, "I_K": best.I_K, **optimal},
+            "with_input_constraints": constrained,
+            "command_use": {name: use._asdict() for name, use in uses.items()},
         },
         numbers={"largest_share": largest_share(study.star)},
     )
@@ -168,17 +161,12 @@ def _constraints(sets: dict[str, PIGains]) -> Sheet:
 
 def table2(study: Study) -> Made:
     """Compare the printed table with the computed one."""
-    rows = {
-        name: {
-            "epsilon": {**PAPER_EPSILON, STAR: 0.0}[name],
-            "R_K_printed": PAIRS_PRINTED[name][0],
-            "R_K": row.R_K,
-            "I_K_printed": PAIRS_PRINTED[name][1],
-            "I_K": row.I_K,
-            "spectral_abscissa": row.spectral_abscissa,
-        }
-        for name, row in study.indicators.items()
-    }
+    rows = {}
+    for name, row in study.indicators.items():
+        R_K, I_K = PAIRS_PRINTED[name]
+        pairs = {"R_K_printed": R_K, "R_K": row.R_K, "I_K_printed": I_K, "I_K": row.I_K}
+        epsilon = PAPER_EPSILON.get(name, 0.0)
+        rows[name] = {"epsilon": epsilon, **pairs, "spectral_abscissa": row.spectral_abscissa}
     table = pd.DataFrame.from_dict(rows, orient="index").rename_axis("type")
     distance = (table["R_K"] - table["R_K_printed"]).abs()
     return Made(

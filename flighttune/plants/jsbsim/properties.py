@@ -2,12 +2,13 @@
 
 from flighttune.aircraft.aircraft import SURFACES
 from flighttune.plants.base import COMMON_SIGNALS
+from flighttune.plants.weather import WIND
 
 SIGNALS = (
     *COMMON_SIGNALS,
     *("alpha", "beta", "theta", "psi", "p", "q", "r", "h", "V_g", "n_y"),
     *("aileron", "elevator", "rudder", "throttle", "thrust"),
-    *("wind_north", "wind_east", "wind_down"),
+    *WIND,
 )
 
 PHI_CMD, N_Z_CMD, V_A_CMD = "ft/phi-cmd-rad", "ft/n_z-cmd", "ft/V_a-cmd-mps"
@@ -19,7 +20,6 @@ TRIMS = (*SURFACE_TRIMS, THROTTLE_TRIM)
 # Outputs of the inner loop, each of which adds to its trim.
 LAWS = tuple(name.replace("-trim-", "-law-") for name in TRIMS)
 
-POSITIONS = tuple(f"ft/{name}-rad" for name in SURFACES)
 THROTTLE = "ft/throttle-norm"
 
 # Beginning of the names of gains.

@@ -7,6 +7,7 @@ from flighttune.aircraft.aircraft import SURFACES
 from flighttune.plants.base import StopStatus
 from flighttune.plants.jsbsim import properties
 from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.weather import WIND
 from flighttune.units import DEG, FT, G_0, LBF
 
 _G_0_FPS2 = G_0 / FT
@@ -23,13 +24,8 @@ _READ = {
     "throttle": (properties.THROTTLE, 1.0),
     **{name: (f"aero/{name}-rad", 1.0) for name in ("alpha", "beta")},
     **{name: (f"velocities/{name}-rad_sec", 1.0) for name in "pqr"},
-    **{
-        f"wind_{axis}": (f"atmosphere/total-wind-{axis}-fps", FT)
-        for axis in ("north", "east", "down")
-    },
-    **{
-        name: (position, 1.0) for name, position in zip(SURFACES, properties.POSITIONS, strict=True)
-    },
+    **{name: (f"ft/{name}-rad", 1.0) for name in SURFACES},
+    **{name: (f"atmosphere/total-{name.replace('_', '-')}-fps", FT) for name in WIND},
 }
 
 

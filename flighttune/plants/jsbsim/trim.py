@@ -85,9 +85,8 @@ def interior_root(
             slopes = None
             continue
         # Broyden: after a whole step of Newton the correction is the new residual alone.
-        slopes = (
-            slopes + np.outer(there, moved) / (moved @ moved) if now < _FAST_GAIN * here else None
-        )
+        fast = now < _FAST_GAIN * here
+        slopes = slopes + np.outer(there, moved) / (moved @ moved) if fast else None
         x, r = x + moved, there
         if now < enough:
             return x
