@@ -2,27 +2,22 @@
 
 import numpy as np
 import pytest
+from made_up import made_up_scenario
 
 from flighttune.conformance.residual import ConformantModel, residual_rates, residuals_of
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.inner_loop import InnerLag
 from flighttune.flight.fly import fly_once
 from flighttune.plants.point_mass import PointMassPlant
-from flighttune.scenario.load import scenario_from
 
 MICRO = 1e-6
 """Rates agree to this, rad/s: both sides integrate by the classical Runge-Kutta rule."""
 
-SCENARIO = scenario_from(
-    {
-        "title": "a turn in a descent",
-        "gains": ["paper"],
-        "flight": {"V_a_mps": 25.0, "gamma_deg": 30.0, "phi_deg": 5.0, "duration_s": 4.0},
-        "reference": {"chi_deg": 20.0, "gamma_deg": 20.0},
-        "limits": {"phi_deg": [-30.0, 30.0], "phi_rate_dps": 40.0, "n_z_rate_per_s": 1.0},
-        "controller": {"feed_forward": True},
-        "plant": [{"kind": "kinematic"}],
-    }
+SCENARIO = made_up_scenario(
+    flight={"gamma_deg": 30.0, "phi_deg": 5.0, "duration_s": 4.0},
+    reference={"chi_deg": 20.0, "gamma_deg": 20.0},
+    limits={"phi_deg": [-30.0, 30.0], "phi_rate_dps": 40.0, "n_z_rate_per_s": 1.0},
+    controller={"feed_forward": True},
 )
 LAGS = {
     "first order, no delay": InnerLag(order=1, natural_frequency=6.0),

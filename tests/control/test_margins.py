@@ -72,23 +72,6 @@ def test_each_channels_margins_are_where_that_channel_destabilises(i):
         assert abscissa(with_input_gains(LAGGED, factors)) == pytest.approx(0.0, abs=1e-6)
 
 
-def test_the_phase_margin_of_a_proportional_loop_behind_one_lag_is_known_on_paper():
-    bandwidth, gain, slow = 5.0, 2.0, 1e-6
-    integrator = LinearModel(
-        A=np.zeros((1, 1)), B=-np.eye(1), C=np.eye(1), states=("e",), inputs=("u",), errors=("e",)
-    )
-    gains = PIGains(K_P=[[gain]], K_I=[[slow]], inputs=("u",), errors=("e",))
-    omega = bandwidth * np.sqrt((np.sqrt(1.0 + 4.0 * (gain / bandwidth) ** 2) - 1.0) / 2.0)
-
-    own, together = loop_margins(with_input_lag(integrator, bandwidth), gains)
-
-    phase = np.pi / 2.0 - np.arctan(omega / bandwidth)
-    assert own.phase_margin == pytest.approx(phase, rel=1e-5)
-    assert own.delay_margin == pytest.approx(phase / omega, rel=1e-5)
-    assert together.delay_margin == pytest.approx(phase / omega, rel=1e-5)
-    assert together.lag_margin > 1.0
-
-
 def stored_loop(case):
     A, B, C, K = (np.array(case[key]) for key in ("A", "B", "C", "K"))
     p = len(C)

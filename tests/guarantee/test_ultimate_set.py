@@ -1,11 +1,10 @@
 """Verdicts and bounds on flights of linear loops, for which every answer is known."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
-import pandas as pd
 import pytest
+from made_up import made_up_run
 from scipy.linalg import expm
 
 from flighttune.control.gains import PAPER_GAINS
@@ -37,22 +36,17 @@ def linear_flight(v, s_0, *, moved_at=None, by=(0.0, 0.0), limited_until=0.0):
             s = step[:4, :4] @ s + step[:4, 4:] @ v[k]
     states = np.array(states)
     errors = states[:, 2:]
-    signals = pd.DataFrame(
-        {
-            "chi_err": errors[:, 0],
-            "gamma_err": errors[:, 1],
-            "chi_ref": moved[:, 0],
-            "gamma_ref": moved[:, 1],
-            "phi_limited": np.where(t < limited_until, 2.0, 0.0),
-        },
-        index=pd.Index(t, name="t"),
-    )
+    signals = {
+        "chi_err": errors[:, 0],
+        "gamma_err": errors[:, 1],
+        "chi_ref": moved[:, 0],
+        "gamma_ref": moved[:, 1],
+        "phi_limited": np.where(t < limited_until, 2.0, 0.0),
+    }
     rates = np.diff(moved - errors, axis=0) / DT
     middle = 0.5 * (v[1:] + v[:-1])
     found = Mismatch(t=t[:-1], rates=rates, d=np.zeros_like(rates), d_dot=-middle)
-    made_by = SimpleNamespace(scenario={}, plant="linear")
-    run = SimpleNamespace(signals=signals, t=t, duration=t[-1], provenance=made_by)
-    return check_against(run, FIGURES, UNIT, found)
+    return check_against(made_up_run(signals, t), FIGURES, UNIT, found)
 
 
 def worst(direction, seconds):

@@ -3,14 +3,13 @@
 import math
 
 import numpy as np
-import pandas as pd
 import pytest
+from made_up import made_up_run
 from scipy.integrate import solve_ivp
 
 from flighttune.metrics import channel_metrics
 from flighttune.paper import parameters as printed
 from flighttune.paper.flight import decay_rate, fly, initial_commands, largest_share, oscillations
-from flighttune.simulate.run import Provenance, Run
 
 SAME_PATH = 1e-6
 SAME_MEASURE = 1e-9
@@ -90,12 +89,8 @@ def test_measures_of_the_errors_are_those_of_every_other_run(study):
     columns |= {"chi_ref": 0.0, "gamma_ref": np.pi / 12.0}
     for i, name in enumerate(("phi", "n_z")):
         columns |= {f"{name}_cmd": flight.u[:, i], f"{name}_limited": 0.0}
-    made = Provenance(
-        scenario={}, plant="kinematic", gains_name="K2", gains=None, seed=0, versions={}, wall_s=0.0
-    )
-    signals = pd.DataFrame(columns, index=pd.Index(flight.t, name="t"))
 
-    theirs = channel_metrics(Run(signals=signals, status="completed", reason="", provenance=made))
+    theirs = channel_metrics(made_up_run(columns, flight.t))
 
     for key in ("ITAE", "MO_rad", "PT_s", "MS_rad", "ST_rad"):
         ours = flight.measures.loc[["chi", "gamma"], key].to_numpy()

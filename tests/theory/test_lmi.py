@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from flighttune.theory import lmi
-from flighttune.theory.lmi import combination, largest, parameter, solve, unknown
+from flighttune.theory.lmi import largest, parameter, solve, unknown
 
 SOLVER_ACCURACY = 1e-7
 OFF_DIAGONAL = np.array([[0.0, 1.0], [1.0, 0.0]])
@@ -35,16 +35,6 @@ def test_a_problem_with_a_parameter_is_solved_again_for_each_value():
         off_diagonal.value = size * OFF_DIAGONAL
         assert not solve(problem)
         assert t.value == pytest.approx(size, abs=10.0 * SOLVER_ACCURACY)
-
-
-def test_a_combination_is_the_weighted_sum_of_its_matrices():
-    matrices = np.random.default_rng(0).standard_normal((3, 2, 2))
-    weights = unknown(3)
-    weights.value = np.array([1.0, -2.0, 0.5])
-
-    found = combination(weights, matrices.reshape(3, 4)).value
-
-    assert found == pytest.approx(matrices[0] - 2.0 * matrices[1] + 0.5 * matrices[2])
 
 
 @pytest.mark.parametrize(

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from made_up import made_up_scenario
 
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.plants.base import FlightCondition
-from flighttune.scenario import scenario_from
 from flighttune.simulate.batch import fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.tube.exact import enclosure_of
@@ -41,29 +41,16 @@ def made_up(
     gamma_ref = gamma_ref_deg
     if ramp_dps is not None:
         gamma_ref = [{"shape": "ramp", "start_s": 0.2, "rate_dps": ramp_dps, "duration_s": 1.0}]
-    return scenario_from(
-        {
-            "title": "made up",
-            "flight": {
-                "V_a_mps": 25.0,
-                "chi_deg": chi_err_deg,
-                "gamma_deg": gamma_deg,
-                "duration_s": duration_s,
-            },
-            "reference": {"chi_deg": 0.0, "gamma_deg": gamma_ref},
-            "limits": {
-                "phi_deg": [-roll_deg, roll_deg],
-                "phi_rate_dps": roll_dps,
-                "n_z": [-n_z_max, n_z_max],
-                "n_z_rate_per_s": n_z_per_s,
-            },
-            "controller": {
-                "rate_hz": rate_hz,
-                "anti_windup": anti_windup,
-                "feed_forward": feed_forward,
-            },
-            "plant": [{"kind": "kinematic"}],
-        }
+    return made_up_scenario(
+        flight={"chi_deg": chi_err_deg, "gamma_deg": gamma_deg, "duration_s": duration_s},
+        reference={"gamma_deg": gamma_ref},
+        limits={
+            "phi_deg": [-roll_deg, roll_deg],
+            "phi_rate_dps": roll_dps,
+            "n_z": [-n_z_max, n_z_max],
+            "n_z_rate_per_s": n_z_per_s,
+        },
+        controller={"rate_hz": rate_hz, "anti_windup": anti_windup, "feed_forward": feed_forward},
     )
 
 

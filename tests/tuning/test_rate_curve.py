@@ -1,4 +1,4 @@
-"""The figure of certified rates: what it shows, and that nothing lies on top of it."""
+"""Certified rates over envelopes that grow."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
 from flighttune.theory.indicators import indicators
-from flighttune.tuning.envelope import rate_chart, rate_curve
+from flighttune.tuning.envelope import rate_curve
 from tests.tuning.test_tune_over_envelope import MODERATE, TRIM, TUNED, G
 
 pytestmark = pytest.mark.slow
@@ -37,16 +37,6 @@ def test_the_papers_curve_ends_before_the_envelope_and_the_tuned_one_goes_on(cur
     assert paper_rates[-1] == 0.0
     assert tuned_factors[-1] == 1.2
     assert tuned_rates[-1] > 0.0
-
-
-def test_the_chart_has_units_names_and_the_envelope(curves):
-    chart = rate_chart(curves, MODERATE)
-
-    assert chart.x.endswith("[%]")
-    assert chart.y.endswith("[1/s]")
-    ranges, *names = (name for name, _, _ in chart.legend)
-    assert ranges == str(MODERATE)
-    assert names == ["paper", "tuned"]
 
 
 def test_a_curve_goes_up_to_a_positive_factor():

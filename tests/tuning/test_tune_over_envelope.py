@@ -144,14 +144,14 @@ def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(model):
     x_0 = np.array([-np.pi / 3, -np.pi / 6])
     problem = TuningProblem(model=model, I_star=10.0, limits=limits, x_0=x_0)
 
-    found = tune_over_envelope(problem, MODERATE, TRIM, g=G, starts=0)
+    found = tune_over_envelope(problem, GENTLE, TRIM, g=G, starts=0)
 
     u = found.gains.K @ np.concatenate([x_0, 0.1 * x_0])
     u_dot = found.gains.K @ np.concatenate([np.zeros(2), x_0])
     assert found.status == "found"
     assert ((limits.lower <= u) & (u <= limits.upper)).all()
     assert ((limits.rate_lower <= u_dot) & (u_dot <= limits.rate_upper)).all()
-    assert found.R > 0.3
+    assert 0.6 < found.R < 0.7066  # without limits
 
 
 def test_an_envelope_out_of_reach_is_a_result_that_says_how_far_gains_got(model):
