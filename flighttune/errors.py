@@ -55,10 +55,10 @@ class CampaignError(FlightTuneError, RuntimeError):
     """A campaign was cut short because its cluster failed; finished runs are kept."""
 
 
-def crash_of(code: int) -> str:
-    """Signal that ended a process with this return code; empty if it ended by itself."""
+def ending_of(code: int) -> str:
+    """Signal that ended a process with this return code, or its exit status."""
     if code >= 0:
-        return ""
+        return f"exit status {code}"
     try:
         return signal.Signals(-code).name
     except ValueError:  # a real-time signal, which has no name

@@ -265,7 +265,7 @@ def flown_here(module, planned, plan, rows=fly_runs):
             return True
 
     with (
-        mock.patch.object(pool_module, "worker_pool", return_value=nullcontext(Pool())),
+        mock.patch.object(pool_module, "WorkerPool", return_value=nullcontext(Pool())),
         mock.patch.object(module, planned, return_value=plan),
     ):
         yield Pool()

@@ -219,10 +219,10 @@ def campaign_display() -> Iterator[CampaignDisplay]:
 @contextmanager
 def campaign_pool(workers: int | None, scheduler: str | None) -> "Iterator[WorkerPool]":
     """Workers for the block that show how far they are; Ctrl-C or SIGTERM stops them."""
-    from flighttune.campaign.engine.pool import worker_pool
+    from flighttune.campaign.engine.pool import WorkerPool
     from flighttune.campaign.stated_set import StoppedError
 
-    with campaign_display() as observer, worker_pool(workers, scheduler, observer) as pool:
+    with campaign_display() as observer, WorkerPool(workers, scheduler, observer) as pool:
         try:
             yield pool
         except StoppedError:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, plan_of, tables_of, uniform
 
-from flighttune.campaign.flying.alone import nominal_flights
-from flighttune.campaign.flying.claim import claims
+from flighttune.campaign.flying.alone import fly_group
+from flighttune.campaign.flying.claim import claim_of
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.guarantee.flight_check import flight_check
 
@@ -22,12 +22,17 @@ def plan(plants=(AEROSONDE,), certificate=None, gains=("paper", SOFT), **tables)
     return plan_of(tables_of(plants, gains=list(gains), **tables), START, runs=12, **keys)
 
 
+def claims(made):
+    """The claim of each group."""
+    return {group: claim_of(made, group) for group in made.groups}
+
+
 @pytest.mark.parametrize("t_from", [0.0, 0.5, 1.5, 2.5])
 def test_bound_set_and_verdict_of_the_undispersed_flight_are_those_of_its_check(t_from):
     made = plan((KINEMATIC,), {"from_s": t_from}, disturbance=WAVE)
 
-    for group, run in nominal_flights(made).items():
-        claim = claims(made)[group]
+    for group, claim in claims(made).items():
+        run = fly_group(made, made.scenario, group)
         said, outcome = flight_check(run).claim(t_from)
         assert claim.L_d == said.L_d
         assert claim.tube == said.tube
@@ -82,7 +87,7 @@ def test_a_tighter_bound_is_held_by_fewer_flights():
 def test_a_kick_out_of_the_set_breaks_it_unless_the_reference_moved_then():
     made = plan(certificate={"from_s": 0.0, "L_d_rad_s2": 5.0})
     group = made.groups[0]
-    claim, run = claims(made)[group], nominal_flights(made)[group]
+    claim, run = claim_of(made, group), fly_group(made, made.scenario, group)
     assert claim.outcome(run) == "held"
     late = np.arange(len(run.signals)) >= 100
 

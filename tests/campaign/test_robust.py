@@ -9,7 +9,7 @@ from campaigns import Notes
 from commands import answer, flighttune
 
 from flighttune.campaign.choice import frontier_gains, scored, tune_robust, with_gains
-from flighttune.campaign.engine.pool import worker_pool
+from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
@@ -63,7 +63,7 @@ def campaign(tmp_path_factory):
 
 def tuned(campaign, **workers):
     """The answer with SETTINGS, and the gains chosen."""
-    with worker_pool(**workers) as pool:
+    with WorkerPool(**workers) as pool:
         return tune_robust(campaign, pool, **SETTINGS)
 
 
@@ -165,7 +165,7 @@ def test_a_draw_counts_as_on_its_worst_plant():
     ],
 )
 def test_settings_that_cannot_be_are_refused(campaign, settings, message):
-    with worker_pool() as pool, pytest.raises(InputError, match=message):
+    with WorkerPool() as pool, pytest.raises(InputError, match=message):
         tune_robust(campaign, pool, **settings)
 
 
@@ -206,7 +206,7 @@ def test_gains_of_the_exact_law_are_chosen_as_rates_on_the_same_draws(tmp_path, 
     campaign = load_campaign(file)
 
     few = SETTINGS | {"candidates": 3, "draws": 40}
-    with worker_pool(scheduler=address) as pool:
+    with WorkerPool(scheduler=address) as pool:
         choice, gains = tune_robust(campaign, pool, **few)
 
     assert choice["status"] == "chosen"

@@ -1,6 +1,7 @@
 """Rows of runs: the same bits however runs are divided, and what `fly` says of the same flight."""
 
 import re
+import signal
 from itertools import pairwise
 from pathlib import Path
 
@@ -24,7 +25,7 @@ from hypothesis import strategies as st
 
 from flighttune.campaign.flying.alone import fly_again, scenario_of_run
 from flighttune.campaign.flying.columns import row_schema, unit_of_key
-from flighttune.campaign.flying.rows import crashed_row, fly_runs, table_of
+from flighttune.campaign.flying.rows import fly_runs, lost_row, table_of
 from flighttune.errors import InputError
 from flighttune.flight.fly import fly
 from flighttune.flight.refly import refly
@@ -222,14 +223,12 @@ def test_a_plant_that_replays_wind_says_when_the_aircraft_did_not_fly():
 def test_the_row_of_a_crashed_run_is_a_row_of_the_plan():
     plan = still_plan()
 
-    row = crashed_row(
-        plan, 7, plan.values_of(plan.draw_of(7)), "crashed", "the process was ended by SIGSEGV."
-    )
+    row = lost_row(plan, 7, plan.values_of(plan.draw_of(7)), -signal.SIGSEGV)
 
     (found,) = table_of(plan, [row]).to_pylist()
     whole = fly_runs(plan, [7]).to_pylist()[0]
     assert found["status"] == "crashed"
-    assert found["missed"] == "crashed: the process was ended by SIGSEGV."
+    assert found["missed"] == "crashed: the flight ended the process that flew it: SIGSEGV"
     assert not found["success"]
     assert found["chi.ITAE"] is found["wall_s"] is None
     for name in ("run", "draw", "plant", "gains", "seed", *plan.keys, "R_K", "I_K"):

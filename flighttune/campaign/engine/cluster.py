@@ -10,8 +10,9 @@ from contextlib import suppress
 from typing import Any
 from urllib.parse import urlsplit
 
-from flighttune.campaign.engine.flyer import failure
-from flighttune.errors import CampaignError, InputError
+from flighttune.campaign.engine.flyer import Answer
+from flighttune.campaign.flying.rows import Draw
+from flighttune.errors import CampaignError, InputError, PlantError
 from flighttune.extras import need
 
 QUIET = ("distributed", "distributed.client", "tornado.application", "asyncio")
@@ -63,27 +64,19 @@ class ClusterWorkers:
     def threads(self) -> int:
         """Number of tasks that can run at a time; CampaignError if the cluster is gone."""
         if self._client.status != "running":
-            raise self._gone()
+            raise campaign_error(ConnectionError(), self._scheduler)
         if time.monotonic() > self._counted + COUNT_S:
             try:
                 self._threads = sum(self._client.nthreads().values())
-            except (CancelledError, OSError, TimeoutError) as error:
-                raise self._gone() from error
+            except (CancelledError, OSError) as error:
+                raise campaign_error(error, self._scheduler) from error
             self._counted = time.monotonic()
         return self._threads
 
-    def submit(self, *task: Any) -> Future[Any]:
+    def submit(self, work: bytes, draw: Draw) -> Future[list[Answer]]:
         """Hand out the arguments of `flighttune.campaign.engine.flyer.fly`."""
         # as bytes: a scheduler unpickles arguments, and needs no flighttune
-        return self._executor.submit(_fly, pickle.dumps(task))
-
-    def failure(self, error: BaseException) -> CampaignError:
-        """Error of the campaign for a task that failed or was cancelled."""
-        if isinstance(error, (CancelledError, OSError, TimeoutError)):
-            return self._gone()
-        if type(error).__name__ == "KilledWorker":
-            return CampaignError(f"workers of the cluster end again and again: {error}")
-        return failure(error)
+        return self._executor.submit(_fly, pickle.dumps((work, draw)))
 
     def stop(self) -> None:
         """Take back all tasks and leave; flights in progress end where they are."""
@@ -98,8 +91,21 @@ class ClusterWorkers:
         thread.start()
         thread.join(STOP_S)
 
-    def _gone(self) -> CampaignError:
-        return CampaignError(f"{self._scheduler}: the connection to the scheduler is lost")
+
+def campaign_error(error: BaseException, scheduler: str | None) -> CampaignError:
+    """Error of the campaign for a task that failed or was cancelled."""
+    match error:
+        case CancelledError() | OSError() if scheduler:
+            text = f"{scheduler}: the connection to the scheduler is lost"
+        case PlantError():
+            text = f"a worker cannot fly for this campaign: {error}"
+        case ModuleNotFoundError():
+            text = f"a worker has no `{error.name}`: install flighttune there"
+        case Exception() if type(error).__name__ == "KilledWorker":
+            text = f"workers of the cluster end again and again: {error}"
+        case _:
+            text = f"a worker failed: {type(error).__name__}: {error}"
+    return CampaignError(text)
 
 
 def _fly(task: bytes) -> Any:

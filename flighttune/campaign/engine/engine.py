@@ -21,7 +21,7 @@ from flighttune.campaign.dataset import (
     runs_to_keep,
     signals_path,
 )
-from flighttune.campaign.engine.pool import WorkerPool, worker_pool
+from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignOutcome
 from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.statistics.intervals import rate_interval
@@ -88,7 +88,7 @@ def run_campaign(
     began = time.perf_counter()
     interim = list(interim_analyses(plan, until_halfwidth))
     halfwidth, done = None, True
-    with worker_pool(workers, scheduler, observer) as pool, locked(Path(out)):
+    with WorkerPool(workers, scheduler, observer) as pool, locked(Path(out)):
         dataset = _dataset(out, plan, resume=resume)
         dataset.clean()
         _count(dataset, pool)
@@ -164,10 +164,10 @@ def campaign_cost(plan: Plan, workers: int) -> dict[str, Any]:
     The estimate follows from the last timing, which has the most runs: kinematic flights take less
     time each in a larger batch. Nothing is written.
     """
+    size = min(len(plan.groups), plan.runs)
     tables: list[pa.Table] = []
     sizes: list[int] = []
-    with worker_pool(1) as pool:
-        size = min(len(plan.groups), plan.runs)
+    with WorkerPool(1) as pool:
         pool.fly_rows(plan, [range(size)], tables.append)  # untimed: starts the process
         while True:
             began = time.perf_counter()
@@ -195,31 +195,30 @@ def campaign_cost(plan: Plan, workers: int) -> dict[str, Any]:
 def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
     """The folder of a campaign with its ``campaign.json``, new or to be resumed."""
     folder, versions = Path(out), library_versions()
-    if not (folder / CAMPAIGN).exists():
-        if (folder / RUNS).is_dir() and any((folder / RUNS).iterdir()):
-            raise InputError(f"{out}: must be empty, got {RUNS}/ without {CAMPAIGN}.")
-        dataset = Dataset(out, plan, versions)
-        dataset.write_plan()
-        return dataset
-    dataset = open_dataset(out)
-    was, now = dataset.plan.runs, plan.runs
-    if not resume:
-        raise InputError(
-            f"{out}: must not hold a campaign, got one of {was} runs; go on with it by --resume, "
-            "or give another --out."
-        )
-    plan = plan.with_tuned_gains_of(dataset.plan)
-    if changed := dataset.plan.with_runs(now).differences(plan):
-        raise InputError(f"{out}: holds another campaign: {'; '.join(changed)}.")
-    if other := changed_versions(dict.fromkeys(versions, "absent") | dataset.versions):
-        changes = [f"{name}: was {then}, is {now}" for name, (then, now) in other.items()]
-        raise InputError(f"{out}: was flown with other libraries: {'; '.join(changes)}.")
-    if now < was or (now > was and not plan.extendable):
-        may = "can only grow" if plan.extendable else f"must stay with {plan.campaign.design} draws"
-        raise InputError(f"{out}: `runs` of a campaign {may}, was {was}, is {now}.")
-    if now > was:
-        dataset = Dataset(out, plan, versions)
-        dataset.write_plan()
+    if (folder / CAMPAIGN).exists():
+        dataset = open_dataset(out)
+        was, now = dataset.plan.runs, plan.runs
+        if not resume:
+            raise InputError(
+                f"{out}: must not hold a campaign, got one of {was} runs; go on with it by "
+                "--resume, or give another --out."
+            )
+        plan = plan.with_tuned_gains_of(dataset.plan)
+        if changed := dataset.plan.with_runs(now).differences(plan):
+            raise InputError(f"{out}: holds another campaign: {'; '.join(changed)}.")
+        if other := changed_versions(dict.fromkeys(versions, "absent") | dataset.versions):
+            changes = [f"{name}: was {then}, is {now}" for name, (then, now) in other.items()]
+            raise InputError(f"{out}: was flown with other libraries: {'; '.join(changes)}.")
+        if now < was or (now > was and not plan.extendable):
+            design = plan.campaign.design
+            may = "can only grow" if plan.extendable else f"must stay with {design} draws"
+            raise InputError(f"{out}: `runs` of a campaign {may}, was {was}, is {now}.")
+        if now == was:
+            return dataset
+    elif any((folder / RUNS).glob("*")):
+        raise InputError(f"{out}: must be empty, got {RUNS}/ without {CAMPAIGN}.")
+    dataset = Dataset(out, plan, versions)
+    dataset.write_plan()
     return dataset
 
 
@@ -232,4 +231,4 @@ def _count(dataset: Dataset, pool: WorkerPool) -> None:
             pool.observer.hear(str(error))
             dataset.remove(part.path)
         else:
-            pool.progress.add(*(rows.column(name).to_pylist() for name in ("status", "success")))
+            pool.progress.add(rows.to_pylist())

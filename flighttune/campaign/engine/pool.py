@@ -3,27 +3,23 @@
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from contextlib import ExitStack, contextmanager
-from functools import cache
 from itertools import chain, groupby
 from typing import Any
 
 import pyarrow as pa
 
 from flighttune.arrays import check_at_least
-from flighttune.campaign.engine.cluster import ClusterWorkers, check_scheduler
-from flighttune.campaign.engine.flyer import OF_THREAD, Answer, Flyer, failure, fly, work_of
+from flighttune.campaign.engine.cluster import ClusterWorkers, campaign_error, check_scheduler
+from flighttune.campaign.engine.flyer import OF_THREAD, Answer, Flyer, fly, work_of
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress
-from flighttune.campaign.flying.claim import claims
 from flighttune.campaign.flying.rows import (
     Draw,
     Drawn,
     Probes,
     Row,
     batched_groups,
-    blocks,
-    crashed_row,
-    fly_together,
+    flown_blocks,
+    lost_row,
     table_of,
 )
 from flighttune.campaign.planning.plan import Plan
@@ -45,79 +41,66 @@ class Threads:
     """Threads of this process, each with a process that flies; used like `ClusterWorkers`."""
 
     def __init__(self, count: int) -> None:
-        self._count, self._flyers = count, [Flyer() for _ in range(count)]
-        for flyer in self._flyers:
-            flyer.start()  # all at once: each takes a second to import what it needs
+        # all at once: each takes a second to import what it needs
+        self._flyers = [Flyer() for _ in range(count)]
         flyers = iter(self._flyers)
         self._executor = ThreadPoolExecutor(
             count, initializer=lambda: setattr(OF_THREAD, "flyer", next(flyers))
         )
-        self.failure = failure
 
-    def submit(self, *task: Any) -> Future[list[Answer]]:
+    def submit(self, work: bytes, draw: Draw) -> Future[list[Answer]]:
         """Hand out the arguments of `fly`."""
-        return self._executor.submit(fly, *task)
+        return self._executor.submit(fly, work, draw)
 
     def threads(self) -> int:
         """Number of tasks that can run at a time."""
-        return self._count
+        return len(self._flyers)
 
     def stop(self) -> None:
         """Cancel the tasks that are waiting and end the flights in progress."""
         for flyer in self._flyers:
-            flyer.close()  # before the shutdown, which waits for the threads in flight
+            flyer.stopped = True
         self._executor.shutdown(cancel_futures=True)
         for flyer in self._flyers:
             flyer.end()
 
 
-Workers = Threads | ClusterWorkers
-
-
-@contextmanager
-def worker_pool(
-    workers: int | None = None,
-    scheduler: str | None = None,
-    observer: CampaignObserver | None = None,
-) -> Iterator["WorkerPool"]:
-    """A worker pool for the block: processes of this machine, or the workers of a dask scheduler.
-
-    They are started, or connected to, only when there is something to fly. `workers` is the number
-    of processes, by default one per core. Raises InputError if the arguments cannot be used.
-    """
-    if workers is not None and scheduler is not None:
-        raise InputError("`workers` must not be given with `scheduler`, which has its own.")
-    check_at_least(1, workers=workers)
-    if scheduler:
-        check_scheduler(scheduler)
-    with ExitStack() as stack:
-
-        @cache
-        def start() -> Workers:
-            made = ClusterWorkers(scheduler) if scheduler else Threads(workers or cores())
-            stack.callback(made.stop)
-            return made
-
-        yield WorkerPool(start, observer)
-
-
 class WorkerPool:
     """Flies runs with the workers of a campaign, for an observer that may stop it.
 
-    `start` returns the workers and is called only when there is something to fly.
+    They are processes of this machine, by default one per core, or the workers of a dask scheduler.
+    They are started, or connected to, only when there is something to fly, and stop at the end of
+    the ``with`` block. Raises InputError if the arguments cannot be used.
     """
 
     def __init__(
-        self, start: Callable[[], Workers], observer: CampaignObserver | None = None
+        self,
+        workers: int | None = None,
+        scheduler: str | None = None,
+        observer: CampaignObserver | None = None,
     ) -> None:
-        self._start = start
+        if workers is not None and scheduler is not None:
+            raise InputError("`workers` must not be given with `scheduler`, which has its own.")
+        check_at_least(1, workers=workers)
+        if scheduler:
+            check_scheduler(scheduler)
+        self._count, self._scheduler = workers or cores(), scheduler
+        self._workers: Threads | ClusterWorkers | None = None
         self.observer = observer or CampaignObserver()
         self.progress = CampaignProgress()
 
-    @property
-    def flown(self) -> int:
-        """Number of rows so far."""
-        return self.progress.flown
+    def __enter__(self) -> "WorkerPool":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._workers is not None:
+            self._workers.stop()
+
+    def _started(self) -> Threads | ClusterWorkers:
+        if self._workers is None:
+            remote = self._scheduler
+            self._workers = ClusterWorkers(remote) if remote else Threads(self._count)
+        return self._workers
 
     def fly_rows(
         self,
@@ -142,34 +125,30 @@ class WorkerPool:
         if doing:
             progress.statuses.clear()
             progress.succeeded = 0
+        progress.runs = progress.done + sum(map(len, gaps))
         buffer = _Buffer(gaps, lambda rows: keep(table_of(plan, rows, probes)))
 
         def add(rows: list[Row]) -> None:
             buffer.add(rows)
-            progress.add((row["status"] for row in rows), (row["success"] for row in rows))
+            progress.add(rows)
             progress.flown += len(rows)
 
         def alone_draws() -> Iterator[Draw]:
             """Draws for the workers; one without runs after a batch that this process flew."""
-            in_batch = batched_groups(plan, probes, draws)
-            if len(in_batch) < len(plan.groups):
-                self._start()  # the processes get ready while the first batch is flown
-            claim_of = claims(plan, in_batch)  # kinematic groups only: no JSBSim in this process
+            if len(batched_groups(plan, probes, draws)) < len(plan.groups):
+                self._started()  # the processes get ready while the first batch is flown
             runs = chain.from_iterable(gaps)
-            for together, alone in blocks(plan, runs, in_batch, draws):
-                if together:
-                    add(fly_together(plan, together, claim_of))
-                    yield Draw((), {})
-                yield from alone
+            for batch, alone in flown_blocks(plan, runs, probes, draws):
+                add(batch)
+                yield from (Draw((), {}), *alone)
 
-        progress.runs = progress.done + sum(map(len, gaps))
+        work = work_of(plan, probes)
         try:
-            answered = self._answers(doing or "flying", plan, alone_draws(), probes=probes)
-            for (runs, drawn), answers in answered:
+            for (runs, drawn), answers in self._answers(doing or "flying", work, alone_draws()):
                 add(
                     [
-                        crashed_row(plan, run, drawn, *row) if isinstance(row, tuple) else row
-                        for run, row in zip(runs, answers, strict=True)
+                        answer if isinstance(answer, dict) else lost_row(plan, run, drawn, answer)
+                        for run, answer in zip(runs, answers, strict=True)
                     ]
                 )
         finally:
@@ -184,10 +163,9 @@ class WorkerPool:
 
         `keep` gets each run and the bytes of its recording.
         """
-        draws = (Draw((run,), {}) for run in runs)
         self.progress.runs = self.progress.done  # the progress goes on to show the rows
-        answered = self._answers("keeping signals", plan, draws, signals=True)
-        for ((run,), _), (signals,) in answered:
+        draws, work = (Draw((run,), {}) for run in runs), work_of(plan, {}, signals=True)
+        for ((run,), _), (signals,) in self._answers("keeping signals", work, draws):
             if isinstance(signals, bytes):
                 keep(run, signals)
             else:
@@ -195,13 +173,7 @@ class WorkerPool:
         return not self.observer.stopped
 
     def _answers(
-        self,
-        doing: str,
-        plan: Plan,
-        draws: Iterator[Draw],
-        *,
-        probes: Probes | None = None,
-        signals: bool = False,
+        self, doing: str, work: bytes, draws: Iterator[Draw]
     ) -> Iterator[tuple[Draw, list[Any]]]:
         """Draws with the answers of the workers, in any order, until the observer stops them."""
         observer, progress, more = self.observer, self.progress, True
@@ -209,10 +181,8 @@ class WorkerPool:
             observer.see(progress)
             progress.began = time.perf_counter()
         progress.doing = doing
-        work = work_of(plan, probes or {})
-        pending: dict[Future[Any], Draw] = {}
+        pending: dict[Future[list[Answer]], Draw] = {}
         while more or pending:
-            progress.waiting = len(pending)
             observer.see(progress)
             # `<=` hands out a task even with no worker: some schedulers start workers for it
             room = len(pending) <= TASKS_PER_WORKER * progress.workers
@@ -220,8 +190,7 @@ class WorkerPool:
                 draw = next(draws, None)
                 more = draw is not None
                 if draw and draw.runs:
-                    task = work, draw, plan.campaign.time_limit_s, signals
-                    pending[self._start().submit(*task)] = draw
+                    pending[self._started().submit(work, draw)] = draw
                 continue
             # results that are ready when the observer stops the flights are not lost
             over = wait(pending, 0.0 if observer.stopped else POLL_S, FIRST_COMPLETED).done
@@ -229,11 +198,11 @@ class WorkerPool:
                 try:
                     answers = future.result()
                 except Exception as error:
-                    raise self._start().failure(error) from error
+                    raise campaign_error(error, self._scheduler) from error
                 yield pending.pop(future), answers
             if observer.stopped:
                 return
-            progress.workers = self._start().threads()
+            progress.workers = self._started().threads()
 
 
 class _Buffer:

@@ -2,8 +2,9 @@
 
 import time
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 
 @dataclass(slots=True, kw_only=True)
@@ -15,14 +16,13 @@ class CampaignProgress:
     statuses: Counter[str] = field(default_factory=Counter)  # of the runs that are there
     succeeded: int = 0  # of the runs that are there
     flown: int = 0  # rows of all phases that were flown since the pool was made
-    waiting: int = 0  # tasks handed out and not over
     workers: int = 1  # tasks that can run at a time; 0 while there is no worker
     began: float | None = None  # s, of the performance counter, when the first flight began
 
-    def add(self, statuses: Iterable[str], successes: Iterable[bool]) -> None:
-        """Count runs by these columns of their rows."""
-        self.statuses.update(statuses)
-        self.succeeded += sum(successes)
+    def add(self, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Count runs by their rows."""
+        self.statuses.update(row["status"] for row in rows)
+        self.succeeded += sum(row["success"] for row in rows)
 
     @property
     def done(self) -> int:

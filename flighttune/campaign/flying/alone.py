@@ -1,6 +1,6 @@
 """Single flights: of a plan's groups, undispersed or in a draw, and of one run flown again."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from flighttune.campaign.planning.plan import Group, Plan
@@ -34,22 +34,14 @@ def fly_group(
     cannot be built.
     """
     wind_runs = {} if wind_runs is None else wind_runs
-    source = wind_source(scenario, group)
-    if source is not None and source not in wind_runs:
-        fly_group(plan, scenario, source, wind_runs)
+    source, wind_run = wind_source(scenario, group), None
+    if source is not None:
+        wind_run = wind_runs.get(source) or fly_group(plan, scenario, source, wind_runs)
     table, gains = scenario.plant_table(group.plant), plan.gain_sets[group.gains]
-    wind_run = None if source is None else wind_runs[source]
     run = fly_alone(scenario, table, gains, group.gains, wind_run=wind_run)
     if scenario.windy and source is None:
         wind_runs[group] = run
     return run
-
-
-def nominal_flights(plan: Plan, groups: Collection[Group] | None = None) -> dict[Group, Run]:
-    """The undispersed flight of every group of a plan, or of some; PlantError as `fly_group`."""
-    wind_runs: dict[Group, Run] = {}
-    wanted = plan.groups if groups is None else groups
-    return {group: fly_group(plan, plan.scenario, group, wind_runs) for group in wanted}
 
 
 def scenario_of_run(plan: Plan, run: int, drawn: Mapping[str, Any] | None = None) -> Scenario:

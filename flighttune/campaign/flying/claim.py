@@ -1,10 +1,10 @@
 """The claim checked in every run: the certified ultimate set of its group's gains."""
 
-from collections.abc import Collection
+from functools import lru_cache
 
 import numpy as np
 
-from flighttune.campaign.flying.alone import nominal_flights
+from flighttune.campaign.flying.alone import fly_group
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.guarantee.flight_check import (
     SETTLED_FROM,
@@ -17,12 +17,10 @@ from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 from flighttune.units import wrap_angle
 
-Claims = dict[Group, UltimateSet | None]
-"""The claim of each group; None where there is none."""
 
-
-def claims(plan: Plan, groups: Collection[Group] | None = None) -> Claims:
-    """The claim of each group of a plan, or of some of its groups.
+@lru_cache(maxsize=512)
+def claim_of(plan: Plan, group: Group) -> UltimateSet | None:
+    """The claim of a group of a plan; None where there is none.
 
     There is none without gains, for a loop that is not stable, and where the undispersed flight
     that ``L_d`` is measured on was not completed or has no mismatch; nor for an aircraft, unless
@@ -31,27 +29,18 @@ def claims(plan: Plan, groups: Collection[Group] | None = None) -> Claims:
     Every process computes the claims anew, to the same bits. PlantError if an aircraft cannot be
     built.
     """
-    groups = plan.groups if groups is None else groups
-    table = plan.campaign.certificate
-    t_from = table.from_s if table else None
-    if t_from is None:
-        t_from = SETTLED_FROM * plan.scenario.flight.duration_s
-    if table and table.L_d_rad_s2:
-        bounds: dict[Group, float | None] = dict.fromkeys(groups, table.L_d_rad_s2)
-    else:
-        own = [group for group in groups if plan.scenario.plant_table(group.plant).aircraft is None]
-        nominal = nominal_flights(plan, own)
-        bounds = {group: _measured(run, t_from) for group, run in nominal.items()}
-    return {group: _claim(plan, group, bounds.get(group), t_from) for group in groups}
-
-
-def _claim(plan: Plan, group: Group, L_d: float | None, t_from: float) -> UltimateSet | None:
     gains, scenario = plan.gain_sets[group.gains], plan.scenario
     law, _ = scenario.law_of(group.gains, gains)
-    if gains is None or L_d is None or not law.by_gains:
+    if gains is None or not law.by_gains:
         return None
     loop = certified_loop(scenario.kinematic_model(law), gains)
-    if loop is None:
+    table = plan.campaign.certificate
+    L_d, t_from = (table.L_d_rad_s2, table.from_s) if table else (None, None)
+    if t_from is None:
+        t_from = SETTLED_FROM * scenario.flight.duration_s
+    if L_d is None and scenario.plant_table(group.plant).aircraft is None:
+        L_d = _measured(fly_group(plan, scenario, group), t_from)
+    if loop is None or L_d is None:
         return None
     _, unit = loop
     return UltimateSet(unit=unit, L_d=L_d, t_from=t_from, commanded=_commanded(scenario))

@@ -4,6 +4,7 @@ A row is a dict until a table is made of many. Kinematic flights go through the 
 at a time; all others are flown one by one, a draw at a time.
 """
 
+import signal
 import time
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -15,16 +16,15 @@ import pyarrow as pa
 
 from flighttune.campaign.dataset import NOT_REPRODUCIBLE
 from flighttune.campaign.flying.alone import fly_group
-from flighttune.campaign.flying.claim import Claims, claims
+from flighttune.campaign.flying.claim import claim_of
 from flighttune.campaign.flying.columns import row_schema
 from flighttune.campaign.flying.kinematic_batch import FlightResult, alike, batchable, fly_batch
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
 from flighttune.control.linear_model import closed_loop
-from flighttune.errors import FlightTuneError
+from flighttune.errors import FlightTuneError, ending_of
 from flighttune.flight.expectations import missed
 from flighttune.flight.refly import Difference
-from flighttune.guarantee.flight_check import UltimateSet
 from flighttune.metrics import measures
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
@@ -74,12 +74,11 @@ def fly_runs(
     `draws` replace those of the design; they may set keys that the campaign does not disperse.
     """
     wanted, probes = sorted(runs), probes or {}
-    claim_of = claims(plan, {plan.group_of(run) for run in wanted})
     rows: list[Row] = []
-    for together, alone in blocks(plan, wanted, batched_groups(plan, probes, draws), draws):
-        rows += fly_together(plan, together, claim_of)
+    for batch, alone in flown_blocks(plan, wanted, probes, draws):
+        rows += batch
         for draw in alone:
-            rows += fly_draw(plan, draw, claim_of, probes)
+            rows += fly_draw(plan, draw, probes)
     return table_of(plan, rows, probes)
 
 
@@ -97,16 +96,14 @@ def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Diffe
     )
 
 
-def blocks(
-    plan: Plan,
-    runs: Iterable[int],
-    in_batch: Collection[Group],
-    draws: Sequence[Drawn] | None = None,
-) -> Iterator[tuple[list[Draw], list[Draw]]]:
-    """Draws in order, so many at a time: those of the groups in a batch, and those of all others.
+def flown_blocks(
+    plan: Plan, runs: Iterable[int], probes: Probes, draws: Sequence[Drawn] | None = None
+) -> Iterator[tuple[list[Row], list[Draw]]]:
+    """Rows of the flights in a batch, and the draws that are left to `fly_draw`, block by block.
 
     `draws` replace those of the design.
     """
+    in_batch = batched_groups(plan, probes, draws)
     for _, block in groupby(runs, key=lambda run: plan.draw_of(run) // BLOCK):
         together: list[Draw] = []
         alone: list[Draw] = []
@@ -117,7 +114,7 @@ def blocks(
                 by_batch.setdefault(plan.group_of(run) in in_batch, []).append(run)
             for batched, own in by_batch.items():
                 (together if batched else alone).append(Draw(tuple(own), drawn))
-        yield together, alone
+        yield _fly_together(plan, together), alone
 
 
 def table_of(plan: Plan, rows: Iterable[Row], probes: Collection[str] = ()) -> pa.Table:
@@ -141,7 +138,7 @@ def batched_groups(
     return frozenset() if probes else frozenset(filter(batched, plan.groups))
 
 
-def fly_together(plan: Plan, draws: Sequence[Draw], claim_of: Claims) -> list[Row]:
+def _fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
     """Rows of kinematic flights, those of each group in one batch."""
     rows: list[Row] = []
     batches: dict[tuple[Group, Hashable], list[tuple[int, Drawn, Scenario]]] = {}
@@ -156,16 +153,17 @@ def fly_together(plan: Plan, draws: Sequence[Draw], claim_of: Claims) -> list[Ro
             key = plan.group_of(run), alike(scenario)
             batches.setdefault(key, []).append((run, drawn, scenario))
     for (group, _), flights in batches.items():
-        gains, began = plan.gain_sets[group.gains], time.perf_counter()
+        gains, claim = plan.gain_sets[group.gains], claim_of(plan, group)
         assert gains is not None
         law, _ = plan.scenario.law_of(group.gains)
         scenarios = [scenario for _, _, scenario in flights]
-        results = list(fly_batch(scenarios, law, gains, claim_of[group]))
+        began = time.perf_counter()
+        results = list(fly_batch(scenarios, law, gains, claim))
         each_s = (time.perf_counter() - began) / len(flights)
         indicators = _indicators(plan, group, scenarios)
         for (run, drawn, scenario), result, both in zip(flights, results, indicators, strict=True):
             outcome = (
-                _fly_alone(plan, scenario, group, {}, claim_of[group], {})
+                _fly_alone(plan, scenario, group, {}, {})
                 if result is None
                 else _outcome(scenario, group, result, each_s)
             )
@@ -173,7 +171,7 @@ def fly_together(plan: Plan, draws: Sequence[Draw], claim_of: Claims) -> list[Ro
     return rows
 
 
-def fly_draw(plan: Plan, draw: Draw, claim_of: Claims, probes: Probes) -> Iterator[Row]:
+def fly_draw(plan: Plan, draw: Draw, probes: Probes) -> Iterator[Row]:
     """Rows of runs of one draw, each as soon as it is flown."""
     (runs, drawn), began = draw, time.perf_counter()
     try:
@@ -184,17 +182,23 @@ def fly_draw(plan: Plan, draw: Draw, claim_of: Claims, probes: Probes) -> Iterat
     wind_runs: dict[Group, Run] = {}
     for run in runs:
         group = plan.group_of(run)
-        outcome = _fly_alone(plan, scenario, group, wind_runs, claim_of[group], probes)
+        outcome = _fly_alone(plan, scenario, group, wind_runs, probes)
         yield _row(plan, run, drawn, outcome, *_indicators(plan, group, [scenario]))
 
 
-def crashed_row(plan: Plan, run: int, drawn: Drawn, status: str, reason: str) -> Row:
-    """The row of a run that ended the process that flew it (``crashed``) or was ``timed_out``."""
+def lost_row(plan: Plan, run: int, drawn: Drawn, ending: int | str) -> Row:
+    """Row of a run that ended the process that flew it, with this exit code or error."""
+    status, reason = "crashed", ending
+    if ending == -signal.SIGALRM:
+        limit = plan.campaign.time_limit_s
+        status, reason = "timed_out", f"the flight must end within {limit:g} s of wall time"
+    elif isinstance(ending, int):
+        reason = f"the flight ended the process that flew it: {ending_of(ending)}"
     indicators = None, None
     with suppress(FlightTuneError):
         scenario = plan.dispersed(drawn, plan.draw_of(run))
         (indicators,) = _indicators(plan, plan.group_of(run), [scenario])
-    return _row(plan, run, drawn, _unflown(status, reason), indicators)
+    return _row(plan, run, drawn, _unflown(status, str(reason)), indicators)
 
 
 def warm_up(plan: Plan) -> None:
@@ -215,11 +219,10 @@ def _fly_alone(
     scenario: Scenario,
     group: Group,
     wind_runs: dict[Group, Run],
-    claim: UltimateSet | None,
     probes: Probes,
 ) -> Row:
     """Outcome of one flight; `wind_runs` as for `fly_group`."""
-    began = time.perf_counter()
+    claim, began = claim_of(plan, group), time.perf_counter()
     try:
         run = fly_group(plan, scenario, group, wind_runs)
     except FlightTuneError as error:

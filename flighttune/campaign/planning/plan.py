@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -193,16 +193,8 @@ class Plan:
         """Drawn values of one draw by dispersed key, and its ``seed``, as plain values."""
         if not 0 <= draw < self.draws:
             raise InputError(f"`draw` must be 0 to {self.draws - 1}, got {draw}.")
-        first = draw - draw % BLOCK
-        if first not in self._blocks:
-            self._blocks.clear()
-            block = self.parameters(first, min(first + BLOCK, self.draws))
-            self._blocks[first] = block.to_dict("records")
-        return dict(self._blocks[first][draw - first])
-
-    @cached_property
-    def _blocks(self) -> dict[int, list[dict[Any, Any]]]:
-        return {}
+        block, place = divmod(draw, BLOCK)
+        return dict(_block(self, block)[place])
 
     @cached_property
     def _tables(self) -> dict[str, Any]:
@@ -213,15 +205,13 @@ class Plan:
 
         Raises ScenarioError, which names the keys, if the scenario or an aircraft refuses a value.
         """
-        scenario = validated(Scenario, self._tables_with(drawn), f"draw {draw}")
-        check_aircraft(scenario, f"draw {draw}")
-        return scenario
-
-    def _tables_with(self, drawn: Mapping[str, Any]) -> dict[str, Any]:
         tables = with_drawn(self._tables, self.campaign.disperse, self.places, drawn)
         # the seed, and keys that only a search sets, e.g. the switching times of a disturbance
-        others = [(key.split("."), drawn[key]) for key in drawn if key not in self.places]
-        return with_values(tables, [((*steps,), value) for steps, value in others])
+        others = [key for key in drawn if key not in self.places]
+        tables = with_values(tables, [((*key.split("."),), drawn[key]) for key in others])
+        scenario = validated(Scenario, tables, f"draw {draw}")
+        check_aircraft(scenario, f"draw {draw}")
+        return scenario
 
     def scenario_of(self, draw: int) -> Scenario:
         """The scenario of a draw.
@@ -261,6 +251,13 @@ class Plan:
             for key, (then, later) in pairs.items()
             if repr(then) != repr(later)
         )
+
+
+@lru_cache(maxsize=1)
+def _block(plan: Plan, block: int) -> list[dict[Any, Any]]:
+    """Drawn values of `BLOCK` draws of a plan."""
+    first = block * BLOCK
+    return plan.parameters(first, min(first + BLOCK, plan.draws)).to_dict("records")
 
 
 def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.flying.claim import claims
+from flighttune.campaign.flying.claim import claim_of
 from flighttune.campaign.planning.draws import SEED
 from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.flights import Flights, is_number
@@ -98,7 +98,7 @@ def _claims(flights: Flights) -> Mapping[str, UltimateSet | None]:
     Empty where the undispersed flights that it is measured on cannot be flown here.
     """
     try:
-        return {group.label: claim for group, claim in claims(flights.plan).items()}
+        return {group.label: claim_of(flights.plan, group) for group in flights.plan.groups}
     except FlightTuneError:
         return {}
 

@@ -33,7 +33,7 @@ from flighttune.aircraft.model_xml import (
 )
 from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.aircraft.systems import put_in_front
-from flighttune.errors import PlantError, crash_of
+from flighttune.errors import PlantError, ending_of
 from flighttune.shipped import is_trusted
 from flighttune.units import FT
 from flighttune.whole_file import scratch_folder, scratch_place
@@ -342,9 +342,7 @@ def _end_of_trial(files: Unchanged) -> str:
             ).returncode
         except subprocess.TimeoutExpired:
             return f"it did not within {TIME_LIMIT_S:g} s"
-    if crash := crash_of(code):
-        return f"it ended the process that tried: {crash}"
-    return f"the process that tried ended with status {code}" if code else ""
+    return f"it ended the process that tried: {ending_of(code)}" if code else ""
 
 
 def _unweighed(config: AircraftConfig) -> NoReturn:
