@@ -174,6 +174,7 @@ class Chart:
         shape: Shape = "dot",
         size: float = 3.5,
         filled: bool | Sequence[bool] = True,
+        opacity: float = 1.0,
         tips: Sequence[str] = (),
     ) -> None:
         """Draw points.
@@ -196,7 +197,7 @@ class Chart:
                 else:
                     head, tag = f'<path d="{_cross(at, up, size, shape)}"', "path"
                 shown.append(f"{head}>{tip}</{tag}>" if tip else f"{head}/>")
-            look = f' fill="{css_colour(colour)}"{_stroke(colour, 1.6)}'
+            look = f' fill="{css_colour(colour)}" opacity="{opacity}"{_stroke(colour, 1.6)}'
             return f"<g{look}{_owner(run)}>{''.join(shown)}</g>"
 
         self._marks.append(drawn)
