@@ -1,4 +1,4 @@
-"""What a terminal shows of a command, and how Ctrl-C, SIGTERM and SIGHUP end it.
+"""A command in a terminal: its output, its progress, and its end by Ctrl-C, SIGTERM or SIGHUP.
 
 One JSON object, or tables and lines, are on stdout; progress and reasons are on stderr.
 """
