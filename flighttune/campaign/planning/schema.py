@@ -314,7 +314,7 @@ class Campaign(CampaignTable):
     @classmethod
     def of(cls, table: CampaignTable, *, nominal: Scenario, central: Scenario) -> "Campaign":
         """The campaign of a file's tables and its scenarios."""
-        return cls(**vars(table), nominal=nominal, central=central)
+        return cls(**{**vars(table), "nominal": nominal, "central": central})
 
 
 def _truncated(u: FloatArray, a: float, b: float) -> FloatArray:
