@@ -33,6 +33,7 @@ def test_only_what_is_missing_is_named(monkeypatch):
         need("this", "numba", "dask")
 
 
+@pytest.mark.slow
 def test_an_import_that_fails_inside_a_command_names_the_extra_too(monkeypatch, tmp_path):
     monkeypatch.setitem(sys.modules, "dask", None)
     monkeypatch.setattr("flighttune.campaign.engine.cluster.need", lambda *_: None)

@@ -20,6 +20,7 @@ def turn(*, roll_rate):
     return scenario.model_copy(update={"tuning": tuning, "gains": ["tuned_identified"]})
 
 
+@pytest.mark.slow
 def test_the_gain_is_that_of_a_roll_taken_out_in_time():
     scenario = turn(roll_rate=True)
     gains = gain_set(scenario, "tuned_identified")

@@ -248,6 +248,7 @@ def test_a_run_flown_for_its_signals_can_be_flown_again_from_what_it_says(whole,
     assert again.difference is None
 
 
+@pytest.mark.slow
 def test_the_scenario_of_a_run_has_gains_as_numbers_whatever_their_name():
     tables = tables_of(gains=["tuned", SOFT], tuning={"I_star": 8.0}, expect=[
         {"gains": "tuned", "status": "completed"}, {"gains": "soft", "status": "diverged"},

@@ -103,6 +103,7 @@ def test_what_is_never_reached_has_a_ceiling_only():
     assert miss["flights"] <= 1000
 
 
+@pytest.mark.slow
 def test_the_worst_flight_is_worse_than_random_ones_and_is_flown_again_as_it_was():
     plan = small_plan()
     with flown_here(worst_module, "planned", plan) as pool:
@@ -168,6 +169,7 @@ def test_flights_that_end_early_are_the_worst_or_left_out(completed, worst):
     assert np.argmax(values) == searched.worst["run"] == worst
 
 
+@pytest.mark.slow
 def test_a_scenario_is_searched_over_starts_and_disturbances_of_one_plant():
     plan = planned("paper", start_deg=5.0, disturbance=0.01)
 

@@ -53,6 +53,7 @@ def test_the_signals_of_a_run_are_where_fly_says(paper):
         assert f"{stored.provenance.plant} / {stored.provenance.gains_name}" == stored.label
 
 
+@pytest.mark.slow
 def test_tune_finds_the_optimum_of_the_unlimited_problem(tmp_path):
     path = tmp_path / "gains.json"
     found = answer("tune", scenario_files()["paper"], "--out", path)
@@ -76,6 +77,7 @@ def test_certify_gives_the_papers_table(name):
     assert found["status"] == "stable"
 
 
+@pytest.mark.slow
 def test_certify_takes_a_gains_file_and_its_Q_solves_the_lyapunov_equation(tmp_path):
     path = tmp_path / "mine.json"
     path.write_text(json.dumps(answer("certify", "paper", "--gains", "tuned")))
@@ -160,6 +162,7 @@ def test_a_command_to_copy_has_a_line_of_its_own(tmp_path, monkeypatch):
     assert answer("export", "level_turn", "--out", tmp_path)["command"] in printed.splitlines()
 
 
+@pytest.mark.slow
 def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
     text = scenario_files()["paper_printed_limits"].read_text()
     path = tmp_path / "infeasible.toml"

@@ -158,6 +158,7 @@ def test_a_scenario_that_json_cannot_hold_is_refused(flown, tmp_path):
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="threads are counted on Linux")
 def test_recording_again_and_again_leaves_no_threads_behind(flown, tmp_path):
     record(flown, tmp_path)

@@ -156,6 +156,7 @@ def test_more_than_was_counted_is_not_proven(lost, changes, why):
     assert re.search(why, found.reason)
 
 
+@pytest.mark.slow
 def test_in_a_wind_that_is_not_stated_the_start_is_not_known():
     calm = flight(duration_s=0.3)
     windy = scenario_from(calm.as_dict() | {"wind": {"speed_mps": 3.0, "from_deg": 90.0}})

@@ -287,6 +287,7 @@ def check_membership(plant, exact, *, count, at, seed):
     return plan
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("exact", [False, True])
 @pytest.mark.parametrize("plant", ["kinematic", "second"])
 def test_whole_states_are_in_the_set_whatever_the_plan(plant, exact):

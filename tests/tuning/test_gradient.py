@@ -19,6 +19,7 @@ HALF_LAST_DIGIT = 5e-5
 FLAT = 0.04  # the rate changes by 1e-4 over this much gain
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_the_optimum_for_an_i_star_of_5_is_found_from_every_seed(model, seed):
     found = tune(TuningProblem(model=model, I_star=5.0, seed=seed))
@@ -155,6 +156,7 @@ def test_a_loop_that_cannot_be_stabilised_is_a_failure_with_a_reason(model, with
     assert found.reason
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["gradient", "convex"])
 def test_the_same_problem_gives_the_same_bits(printed, method):
     first, second = (tune(printed.relaxed(7.0, 7.0), method) for _ in range(2))

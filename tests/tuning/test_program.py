@@ -36,6 +36,7 @@ def test_slopes_of_several_models_are_those_of_central_differences(printed, mode
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(2))
 def test_coupled_gains_are_never_worse_than_decoupled_ones(model, seed):
     lagged = with_input_lag(model, (4.0, 8.0))

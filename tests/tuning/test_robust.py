@@ -72,6 +72,7 @@ def test_no_small_change_of_a_gain_improves_the_worst_rate_of_its_channel():
                 assert min(rate(part, moved) for _, _, part in parts) < best * (1.0 + SAME)
 
 
+@pytest.mark.slow
 def test_the_worst_of_several_models_is_better_than_that_of_gains_for_one():
     several = [problem(w, gamma) for w in (4.0, 12.0) for gamma in (-0.1, 0.7)]
 
