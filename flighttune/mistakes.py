@@ -105,7 +105,7 @@ def _sentence(
     if kind in ("extra_forbidden", "unexpected_keyword_argument"):
         names = _known_keys(model, keys[:-1]) if model else []
         close = difflib.get_close_matches(shown(key), names, n=1, cutoff=0.5)
-        hint = f"did you mean `{close[0]}`?" if close else f"known are {', '.join(names)}"
+        hint = f"did you mean `{close[0]}`?" if close else f"the keys are {', '.join(names)}"
         return f"{where} is not a known key" + (f"; {hint}" if names else "")
     if kind in ("model_type", "dict_type", "dataclass_type"):
         message = "must be a table"

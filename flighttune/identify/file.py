@@ -335,7 +335,7 @@ def _contradictions(stated: Any, derived: Any, key: str = "") -> Iterator[str]:
             if name in derived:
                 yield from _contradictions(value, derived[name], inside)
             else:
-                yield f"`{shown(inside)}` is not a known key; known are {', '.join(derived)}"
+                yield f"`{shown(inside)}` is not a known key; the keys are {', '.join(derived)}"
     elif isinstance(stated, list) and isinstance(derived, list) and len(stated) == len(derived):
         for i, (entry, other) in enumerate(zip(stated, derived, strict=True)):
             yield from _contradictions(entry, other, f"{key}[{i}]")

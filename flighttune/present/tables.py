@@ -8,10 +8,10 @@ from itertools import zip_longest
 from textwrap import wrap
 from typing import Any
 
-# Stands where there is no number.
+# Text in place of a missing number.
 MISSING = "–"
 
-# Between two columns.
+# Space between two columns.
 GAP = "  "
 
 # Width to which a column of words may be wrapped before the table is cut in two, characters.

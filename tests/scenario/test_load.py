@@ -80,11 +80,11 @@ WRONG = [
     ),
     ("flight", {"V_a": 50.0}, r"\[flight\] `V_a` is not a known key; did you mean `V_a_mps`\?"),
     ("flight", {"gamma_rad": 0.5}, r"`gamma_rad` is not a known key; did you mean `gamma_deg`\?"),
-    ("flight", {"K_P": 1}, r"`K_P` is not a known key; known are V_a_mps, h_m, .*duration_s[^;]*$"),
+    ("flight", {"K_P": 1}, r"`K_P` is not a known key; the keys are V_a_mps, .*duration_s[^;]*$"),
     (
         None,
         {"plant": [{"kind": "jsbsim", "aircraft": "aerosonde", "zz": 1}]},
-        r"\[plant\] `zz` is not a known key; known are .*aircraft",
+        r"\[plant\] `zz` is not a known key; the keys are .*aircraft",
     ),
     ("flight", {"V_a_mps": "25"}, r"`V_a_mps` must be a valid number, got '25'"),
     ("flight", {"V_a_mps": True}, r"`V_a_mps` must be a valid number, got True"),

@@ -16,7 +16,7 @@ PERCENTILES = {"p05": 0.05, "p50": 0.5, "p95": 0.95}
 # Separator of the sentences of the column ``missed``.
 BETWEEN_SENTENCES = "; "
 
-# Ending that is cut off a shared sentence: it has no number left.
+# End of a sentence with the numbers of one flight: cut off where several flights share it.
 GOT = ", got … (missed by …)"
 
 # Smallest number of flights on a convergence curve, and the maximum number of its points.
