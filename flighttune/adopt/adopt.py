@@ -243,7 +243,7 @@ def _tried(
     nominal = identified.identified.conditions[0]
     fits = {name: channel.fit_percent for name, channel in nominal.channels.items()}
     flights = {
-        name: _measures(flown, name, f"jsbsim:{folder.name} / {gains}")
+        name: _measures(flown, gains, f"jsbsim:{folder.name} / {gains}")
         for name, gains in (("tuned", TUNED), ("paper", PAPER))
     }
     missed = "; ".join(_missed(fits, **flights))

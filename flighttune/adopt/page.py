@@ -102,7 +102,7 @@ def write_adoption(adoption: Adoption) -> Path:
 def flights_table(adoption: Adoption) -> Table:
     """Results of the turn by gain set, as a table."""
     return Table(
-        title=f"{adoption.name} at {adoption.V_a:.0f} m/s: turn of 20 deg, climb of 3",
+        title=f"{adoption.name} at {adoption.V_a:.0f} m/s: turn of 20 deg, climb of 3 deg",
         columns=FLIGHT_COLUMNS,
         records=list(adoption.flown.values()),
     )

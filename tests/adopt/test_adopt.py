@@ -56,6 +56,7 @@ def test_other_commands_take_the_folder(adopted, tmp_path):
     flown = answer("fly", folder / "turn.toml", "--out", tmp_path / "out")
     tuned = flown["runs"][0]
 
+    assert tuned["gains"] == found["flown"]["tuned"]["gains"]
     assert tuned["metrics"]["chi"]["ITAE"] == pytest.approx(found["flown"]["tuned"]["ITAE"]["chi"])
     assert answer("trim", folder, "--V-a", found["V_a_mps"], "--gamma", 0)["trims"][0]["trim"]
 
