@@ -7,6 +7,7 @@ import numpy as np
 from flighttune.flight.gap import Gap, explain_gap
 from flighttune.flight.gap_charts import gap_sheet
 from flighttune.flight.outer_loop import gain_set
+from flighttune.report.gap import causes
 from flighttune.scenario import load_scenario
 from flighttune.simulate.run import Run
 from flighttune.units import DEG_PER_RAD
@@ -37,37 +38,27 @@ def rows(gap: Gap) -> list[tuple[str, list[float]]]:
         raise SystemExit(gap.reason)
     metrics = gap.flown().metrics
 
-    def numbers(table, apart) -> list[float]:
+    def numbers(table) -> list[float]:
         return [
-            *apart,
-            *(
-                float(table.loc[channel, key]) * unit
-                for key, (_, _, unit) in COLUMNS.items()
-                for channel in ("chi", "gamma")
-            ),
+            float(table.loc[channel, key]) * unit
+            for key, (_, _, unit) in COLUMNS.items()
+            for channel in ("chi", "gamma")
         ]
 
-    def rms(values) -> float:
-        return float(np.sqrt(np.mean(values**2))) * DEG_PER_RAD
-
     first, last = gap.runs[0], gap.runs[-1]
-    found = [(f"`{first.provenance.plant}`", numbers(metrics.loc[first.label], [0.0, 0.0]))]
-    for step in gap.steps:
-        found.append((f"+ {step.adds}", numbers(step.metrics, [rms(step.chi), rms(step.gamma)])))
-    whole = gap.whole
-    top = numbers(metrics.loc[last.label], [rms(whole.chi), rms(whole.gamma)])
-    return [*found, (f"= `{last.provenance.plant}`", top)]
+    found = [(f"`{first.provenance.plant}`", numbers(metrics.loc[first.label]))]
+    found += [(f"+ {step.adds}", numbers(step.metrics)) for step in gap.steps]
+    return [*found, (f"= `{last.provenance.plant}`", numbers(metrics.loc[last.label]))]
 
 
 def table(gap: Gap) -> str:
     """The contributions as a Markdown table."""
-    heads = ["plant or step", "Δχ rms [deg]", "Δγ rms [deg]"]
+    heads = ["plant or step"]
     heads += [f"{name} {s} [{unit}]" for name, unit, _ in COLUMNS.values() for s in "χγ"]
     lines = [heads, ["---", *["---:"] * (len(heads) - 1)]]
     for name, values in rows(gap):
         sign = "+" if name.startswith("+") else ""
-        apart = [f"{value:.2f}" if value else "" for value in values[:2]]
-        lines.append([name, *apart, *(f"{value:{sign}.2f}" for value in values[2:])])
+        lines.append([name, *(f"{value:{sign}.2f}" for value in values)])
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
@@ -79,7 +70,8 @@ def reading(gap: Gap) -> str:
     waits = [f"{first_turn(run):.1f} s on `{run.provenance.plant}`" for run in gap.runs]
     return "\n".join(
         [
-            f"Δ is the difference in χ and γ. The first {TURNED * DEG_PER_RAD:.0f} deg of turn "
+            *causes(gap),
+            f"The first {TURNED * DEG_PER_RAD:.0f} deg of turn "
             f"take {', '.join(waits)}. The {gap.lag_source} lag accounts for "
             f"{phi:.1f} % of the variance of φ in this flight and for "
             f"{n_z:.1f} % of that of n_z.",

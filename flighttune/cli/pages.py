@@ -49,7 +49,7 @@ def gap(
     from flighttune.flight.gap import explain_gap
     from flighttune.flight.gap_charts import gap_sheet
     from flighttune.recording.record import record
-    from flighttune.report.gap import gap_tables, gap_values, write_gap_page
+    from flighttune.report.gap import causes, gap_tables, gap_values, write_gap_page
 
     loaded, name, chosen = chosen_gains(scenario, gains)
     for note in loaded.notes:
@@ -71,7 +71,7 @@ def gap(
     explained = replace(explained, runs=(*explained.runs[:-1], *tubes.runs))
     files = record(explained.flown(), folder, name=stem)
     values = gap_values(explained, files.signals)
-    tables, notes = gap_tables(explained, values), [*tubes_answer.notes]
+    tables, notes = gap_tables(explained, values), [*causes(explained), *tubes_answer.notes]
     figure = page = None
     if explained.steps:
         figure, page = folder / "gap.svg", folder / "gap.html"

@@ -145,6 +145,12 @@ class Gap:
             parts.append(np.ravel(sum(steps) - np.asarray(getattr(self.whole, name), dtype=float)))
         return float(np.nanmax(np.abs(np.concatenate(parts))))
 
+    def cause(self, channel: str) -> tuple[str, float] | None:
+        """What changes the ITAE of a channel most, and by how much; None where a rung has none."""
+        changes = [(step.adds, float(step.metrics.loc[channel, "ITAE"])) for step in self.steps]
+        valid = all(math.isfinite(change) for _, change in changes) and changes
+        return max(changes, key=lambda change: abs(change[1])) if valid else None
+
     def flown(self) -> FlownScenario:
         """The rungs as a flown scenario, to be recorded like any other."""
         names = {run.provenance.gains_name for run in self.runs}

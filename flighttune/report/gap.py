@@ -1,6 +1,5 @@
 """A gap as plain values, its tables, and its page."""
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,12 +9,11 @@ from flighttune.flight.gap import Gap, Step
 from flighttune.flight.gap_charts import gap_charts
 from flighttune.identify.file import lag_table
 from flighttune.present.frame import Report, Section, page_template, write_page
-from flighttune.present.names import CHANNEL_SYMBOLS, columns
+from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS, columns
 from flighttune.present.tables import Column, Table
 from flighttune.report.tables import provenance_table
 from flighttune.simulate.run import run_styles
 from flighttune.table_file import toml_text
-from flighttune.units import DEG_PER_RAD
 
 TUBE_NOTE = (
     "The error of the aircraft is drawn in its tube where there is one: "
@@ -34,8 +32,6 @@ RUNG_COLUMNS = columns(" ".join(["plant", "status", *METRICS]))
 STEP_COLUMNS = [
     *columns("gains"),
     Column("adds", "upper minus lower plant"),
-    Column("signals.chi.rms_rad", "Δχ rms", "deg", ".2f", DEG_PER_RAD),
-    Column("signals.gamma.rms_rad", "Δγ rms", "deg", ".2f", DEG_PER_RAD),
     *(replace(column, digits="+.2f") for column in columns(" ".join(METRICS))),
 ]
 LAG_COLUMNS = columns("channel order natural_frequency_rad_s delay_s fit_percent")
@@ -64,6 +60,11 @@ def gap_values(gap: Gap, signals: Mapping[str, Path]) -> dict[str, Any]:
         "contributions": [_step(step) for step in gap.steps],
         "whole": None if gap.whole is None else _step(gap.whole),
         "largest_residual": gap.residual if gap.steps else None,
+        "cause": {
+            channel: {"adds": cause[0], "ITAE": cause[1]}
+            for channel in CHANNEL_SYMBOLS
+            if (cause := gap.cause(channel))
+        },
         "mismatch": None,
     }
     if gap.lags:
@@ -103,6 +104,18 @@ def step_table(gaps: Sequence[Gap]) -> Table:
     return Table(title="steps", columns=shown, records=records)
 
 
+def causes(gap: Gap) -> tuple[str, ...]:
+    """A sentence for each channel: its ITAE from law to aircraft, and the largest step."""
+    itae = gap.flown().metrics["ITAE"]
+    return tuple(
+        f"{CHANNEL_NAMES[channel].capitalize()}: ITAE is {itae[gap.runs[0].label, channel]:.2f} "
+        f"rad s² on the paper's law and {itae[gap.aircraft.label, channel]:.2f} on the aircraft; "
+        f"the largest step is {cause[1]:+.2f} ({cause[0]})."
+        for channel in CHANNEL_SYMBOLS
+        if (cause := gap.cause(channel))
+    )
+
+
 def write_gap_page(gap: Gap, tables: Sequence[Table], path: str | Path) -> Report:
     """Write one self-contained page about a gap; parent folders are made.
 
@@ -112,6 +125,7 @@ def write_gap_page(gap: Gap, tables: Sequence[Table], path: str | Path) -> Repor
     return write_page(
         Path(path),
         page_template("flighttune.report", "commands.html.jinja"),
+        summary=causes(gap),
         sections=[
             Section(
                 id="runs",
@@ -136,12 +150,5 @@ def _step(step: Step) -> dict[str, Any]:
         "from": step.lower,
         "to": step.upper,
         "adds": step.adds,
-        "signals": {
-            name: {
-                "rms_rad": math.sqrt(float((values**2).mean())),
-                "max_rad": float(abs(values).max()),
-            }
-            for name, values in (("chi", step.chi), ("gamma", step.gamma))
-        },
         "metrics": {**step.metrics.to_dict(orient="index"), "flight": step.flight.to_dict()},
     }

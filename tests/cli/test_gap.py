@@ -30,6 +30,19 @@ def test_the_ladder_has_every_metric_of_every_plant(found):
     assert found["largest_residual"] < ROUNDING
 
 
+def test_the_cause_is_the_step_that_the_chart_of_itae_shows_as_the_largest(found):
+    for channel, name in (("chi", "Course"), ("gamma", "Path angle")):
+        first, *_, last = (rung["metrics"][channel]["ITAE"] for rung in found["ladder"])
+        steps = {step["adds"]: step["metrics"][channel]["ITAE"] for step in found["contributions"]}
+        largest = max(steps, key=lambda adds: abs(steps[adds]))
+        assert found["cause"][channel] == {"adds": largest, "ITAE": steps[largest]}
+        (said,) = (note for note in found["notes"] if note.startswith(name))
+        for part in (f"{first:.2f} rad s²", f"{last:.2f} on", f"{steps[largest]:+.2f} ({largest})"):
+            assert part in said
+        assert said in Path(found["page"]).read_text(encoding="utf-8").replace("&#39;", "'")
+    assert "rms_rad" not in str(found["contributions"])
+
+
 def test_the_mismatch_has_its_size_and_the_tube_is_one_command_away(found):
     assert found["mismatch"].keys() == {"L_d", "bound"}
     assert found["tubes"] == {}
