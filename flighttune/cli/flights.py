@@ -213,14 +213,16 @@ def _flown(flown: "FlownScenario", files: "RecordedFiles", tubes: Answer, source
         notes.append(f"Why aircraft and law differ: flighttune gap {source}")
     notes.append(f"A page to send: flighttune report {files.recording.parent}")
     claim, missed = flown.claim, flown.claim.missed
-    bounds = [pick(bound, "run subject measure sense bound value met") for bound in claim.bounds]
+    bounds = [
+        pick(bound, "run subject measure sense bound value met flown") for bound in claim.bounds
+    ]
     more = f" ({len(missed) - 1} more)" if missed[1:] else ""
     return Answer(
         values={
             "runs": runs,
             "claim": {
                 "claim": flown.scenario.verifies,
-                **pick(claim, "verdict sentence"),
+                **pick(claim, "verdict sentence requirements met not_flown"),
                 "bounds": bounds,
             },
             "missed": missed,

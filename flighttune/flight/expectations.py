@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, get_args
 
 from flighttune.metrics import measures
@@ -26,6 +26,7 @@ class BoundCheck:
     # Both in the unit of `measure`; the value is NaN if the run has none
     bound: float
     value: float
+    flown: bool = True  # False of a run that did not end as it must: it has no value to compare
 
     @property
     def beyond(self) -> float:
@@ -59,19 +60,25 @@ class ClaimCheck:
 
     # Not tested if no ``[[expect]]`` is about these runs and all were completed
     verdict: Literal["met", "not met", "not tested"]
-    requirements: int  # number of bounds and of ways to end that were checked
-    bounds: tuple[BoundCheck, ...]  # Every bound that was checked
+    requirements: int  # number of bounds, and of runs whose end is stated or wrong
+    met: int
+    not_flown: int  # bounds of runs that did not end as they must, and such runs without a bound
+    bounds: tuple[BoundCheck, ...]  # Every bound, in the order of the runs
     # A sentence for each requirement that a run does not meet: the run, the measure, its bound,
-    # the value and by how much it missed
+    # the value and by how much it missed; or how the run ended
     missed: tuple[str, ...]
 
     @property
     def short(self) -> str:
-        """The verdict with the number of requirements that are met."""
+        """The verdict with the number of requirements that are met, missed and not flown."""
         if self.verdict == "not tested":
             return "Claim not tested: no [[expect]] is about these runs; all were completed"
-        met = self.requirements - len(self.missed)
-        return f"Claim {self.verdict}: {met} of {self.requirements} requirements"
+        if self.verdict == "met":
+            return f"Claim met: {self.met} of {self.requirements} requirements"
+        counts = {"met": self.met, "missed": self.requirements - self.met - self.not_flown}
+        counts |= {"not flown": self.not_flown} if self.not_flown else {}
+        told = ", ".join(f"{number} {what}" for what, number in counts.items())
+        return f"Claim not met: of {self.requirements} requirements {told}"
 
     @property
     def sentence(self) -> str:
@@ -89,22 +96,30 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
 
     A run for which no table names a status must be completed.
     """
-    bounds, missed, ends = [], [], 0
+    bounds: list[BoundCheck] = []
+    missed: list[str] = []
+    requirements = met = not_flown = 0
     for run in runs:
         made_by = run.provenance
         tables = scenario.expected(made_by.plant, made_by.gains_name)
-        wrong_end = _wrong_end(tables, run.status, run.reason)
-        ends += bool(wrong_end) or any(table.status for table in tables)
-        if wrong_end:
+        stated = any(table.status for table in tables)
+        if wrong_end := _wrong_end(tables, run.status, run.reason):
             missed.append(f"{run.label}: {wrong_end}")
-            continue
-        own = list(bound_checks(tables, measures(run), run.label))
+            own = [replace(check, flown=False) for check in bound_checks(tables, {}, run.label)]
+            # A stated end is missed; without one and without bounds the run itself was not flown.
+            not_flown += len(own) or int(not stated)
+            requirements += len(own) + int(stated or not own)
+        else:
+            own = list(bound_checks(tables, measures(run), run.label))
+            missed += [f"{run.label}: {check.sentence}" for check in own if not check.met]
+            met += sum(check.met for check in own) + int(stated)
+            requirements += len(own) + int(stated)
         bounds += own
-        missed += [f"{run.label}: {check.sentence}" for check in own if not check.met]
-    requirements = len(bounds) + ends
     return ClaimCheck(
         verdict="not met" if missed else "met" if requirements else "not tested",
         requirements=requirements,
+        met=met,
+        not_flown=not_flown,
         bounds=tuple(bounds),
         missed=tuple(missed),
     )

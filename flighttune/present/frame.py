@@ -77,7 +77,7 @@ def write_page(
     # The content security policy of the page allows this script alone.
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     page = template.render(
-        **{"claim": "", "legend": (), **more},
+        **{"about": (), "claim": "", "legend": (), **more},
         summary=summary,
         sections=sections,
         style=f"{style()}\n{look}",

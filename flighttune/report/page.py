@@ -4,6 +4,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.comparison import Comparison, Source, load_source
 from flighttune.comparison.compare import comparison_table, overlaid, pairs_table, sources_of
 from flighttune.errors import FlightTuneError, RecordingError
@@ -31,6 +34,7 @@ from flighttune.report.tables import (
 )
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
 from flighttune.simulate.run import Run, run_styles
 from flighttune.table_file import toml_text
 from flighttune.tuning.frontier import frontier, frontier_chart
@@ -45,8 +49,8 @@ FRONTIER_POINTS = 9
 LONGEST_LADDER = 6_000
 
 CONVERGES = (
-    "A run converges if it was completed and over the last quarter of the flight both errors stay "
-    f"within {100.0 * CONVERGED_PART:.0f} % of their largest, or within "
+    "A run converges if it was completed and both errors stay within their limits over the last "
+    f"quarter of the flight: {100.0 * CONVERGED_PART:.0f} % of the largest error, and at least "
     f"{CONVERGED_AT_LEAST * DEG_PER_RAD:.1f}°."
 )
 ERRORS = (
@@ -112,7 +116,7 @@ def write_report(
     styles = run_styles(source.runs)
     drawn = [(run, styles[run.label]) for run in runs]
     claim = check_claim(scenario, source.runs)
-    convergence = convergence_table(source.runs)
+    convergence = convergence_table(source.runs, claim)
     converged = sum(record["converges"] for record in convergence.records)
     gaps, without_gap = _gaps(scenario, runs)
     certificate = _certificate_section(scenario, drawn)
@@ -120,12 +124,14 @@ def write_report(
     return write_page(
         Path(path),
         page_template("flighttune.report", "page.html.jinja"),
+        about=(_flown_in_words(scenario, runs), _gains_in_words(scenario, runs)),
         summary=(
             f"{claim.short}.",
             f"{converged} of {len(source.runs)} runs converge.",
             *at_a_glance,
         ),
-        claim_sentence=f"{claim.sentence}.",
+        closest=f"{claim.sentence}." if claim.verdict == "met" else "",
+        missed=claim.missed,
         criterion=CONVERGES,
         sections=[
             Section(
@@ -209,6 +215,46 @@ def _scenario(source: Source, runs: Sequence[Run]) -> Scenario:
                 f"{run.label} than for {runs[0].label}; use compare for those."
             )
     return scenario_from(dict(runs[0].provenance.scenario))
+
+
+def _flown_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
+    """Aircraft, airspeed, manoeuvre and weather of a scenario in one line."""
+    aircraft = []
+    for name in dict.fromkeys(filter(None, (run.provenance.aircraft for run in runs))):
+        try:
+            aircraft.append(load_aircraft(name).title)
+        except FlightTuneError:  # of somebody else's recording
+            aircraft.append(name)
+    t = np.array([0.0, scenario.flight.duration_s])
+    start, (chi, gamma) = (
+        scenario.condition,
+        (angle[-1] for angle in scenario.followed().sampled(t)),
+    )
+    angles = (
+        f"{what} from {DEG_PER_RAD * first:.3g}° to {DEG_PER_RAD * last:.3g}°"
+        for what, first, last in (("course", start.chi, chi), ("path angle", start.gamma, gamma))
+    )
+    weather = [
+        key for key in ("disturbance", "wind", "gust", "turbulence") if getattr(scenario, key)
+    ]
+    air = f"with {' and '.join(weather)}" if weather else "in calm air"
+    return (
+        f"{'; '.join(aircraft) or 'Guidance law'}: at {start.V_a:g} m/s {air}, {', '.join(angles)}."
+    )
+
+
+def _gains_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
+    """Where the gains of the runs come from, in one line."""
+    identified = "the largest R_K on the identified aircraft"
+    on_the_law = f"the largest R_K with I_K ≤ {scenario.tuning.I_star:g} on the guidance law"
+    origins = {
+        "paper": "K* of arXiv 2411.13140",
+        TUNED: identified if scenario.tuning.model == "identified" else on_the_law,
+        TUNED_IDENTIFIED: identified,
+    }
+    names = dict.fromkeys(run.provenance.gains_name.split(":")[-1] for run in runs)
+    told = (f"{origins.get(name, 'those of the scenario')} ({name})" for name in names)
+    return f"Gains: {', '.join(told)}."
 
 
 def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[list[Gap], list[str]]:

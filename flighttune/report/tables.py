@@ -7,6 +7,7 @@ import numpy as np
 
 from flighttune.comparison.compare import largest_distance
 from flighttune.control.gains import PIGains
+from flighttune.flight.expectations import ClaimCheck
 from flighttune.flight.outer_loop import certify_scenario
 from flighttune.guarantee.flight_check import FlightCheck
 from flighttune.metrics import CHANNELS, channel_metrics, flight_metrics
@@ -31,11 +32,14 @@ TRACKING = "ITAE_mean MO_rad PT_s rise_s MS_rad ST_rad effort_rms saturation_s"
 FLIGHT = "V_a_dev_mps n_z_min n_z_max alpha_max_rad"
 
 CONVERGENCE_COLUMNS = [
-    *columns("run converges chi.ITAE gamma.ITAE chi.settling_s gamma.settling_s"),
+    *columns("run flight requirements chi.ITAE gamma.ITAE"),
     *(
-        Column(f"{key}.{channel}", f"{name} {symbol}", "deg", ".2g", DEG_PER_RAD)
+        column
         for channel, symbol in CHANNEL_SYMBOLS.items()
-        for key, name in (("residual", "late error"), ("allowed", "limit"))
+        for column in (
+            Column(f"{channel}.settling_s", f"settles {symbol}", "s", "z.2f"),
+            Column(f"late.{channel}", f"late error {symbol}, of its limit", "deg"),
+        )
     ),
 ]
 GAIN_COLUMNS = [
@@ -67,18 +71,29 @@ def tracking_table(runs: Sequence[Run]) -> Table:
     return _by_run("tracking", "Tracking", columns(f"run channel {TRACKING}"), records)
 
 
-def convergence_table(runs: Sequence[Run]) -> Table:
-    """Whether each run converges: largest errors over its last quarter, their limits, and ITAE."""
-    records = [
-        {
-            "run": run.label,
-            **final_errors(run),
-            **channel_metrics(run)[["ITAE", "settling_s"]].to_dict(orient="index"),
-        }
-        for run in runs
-        if len(run.signals) > 1
-    ]
-    records += [{"run": run.label, "converges": False} for run in runs if len(run.signals) <= 1]
+def convergence_table(runs: Sequence[Run], claim: ClaimCheck) -> Table:
+    """How each run ended: requirements met, ITAE, largest errors of the last quarter and limits."""
+    records = []
+    for run in runs:
+        bounds = [check for check in claim.bounds if check.run == run.label]
+        met = f"{sum(check.met for check in bounds)} of {len(bounds)} met"
+        record = {"run": run.label, "converges": False, "flight": run.status.replace("_", " ")}
+        if bounds:
+            record["requirements"] = met if bounds[0].flown else "not flown"
+        if len(run.signals) > 1:
+            record |= final_errors(run)
+            record["late"] = {
+                channel: " of ".join(
+                    f"{record[key][channel] * DEG_PER_RAD:.2g}" for key in ("residual", "allowed")
+                )
+                for channel in CHANNELS
+            }
+            record |= channel_metrics(run)[["ITAE", "settling_s"]].to_dict(orient="index")
+        if run.status == "completed":
+            record["flight"] = "converges" if record["converges"] else "does not converge"
+        elif len(run.signals):
+            record["flight"] += f" at {run.duration:.1f} s"
+        records.append(record)
     return _by_run("convergence", "", CONVERGENCE_COLUMNS, records)
 
 

@@ -81,10 +81,10 @@ MANY = {"chi": {"peak_deg": 2.1, "ITAE": 3.0, "MS_deg": 3.0, "ST_deg": 3.0, "sat
         ([{"at_most": {"chi": {"ITAE": 1.8}, "gamma": {"peak_deg": 1.0}}}], {}, "met",
          ("2 of 2", "chi.ITAE", "1.745")),
         ([{"at_most": {"flight": {"n_z_max": 1.232}}}], {"n_z": 1.2344}, "not met",
-         ("0 of 1", "n_z_max", "1.232", "1.234", "0.0024")),
+         ("0 met", "n_z_max", "1.232", "1.234", "0.0024")),
         ([{"status": "left_envelope"}], {"status": "left_envelope"}, "met", ("1 of 1",)),
         ([], {}, "not tested", ("[[expect]]",)),
-        ([], {"status": "crashed", "reason": "t = 3 s"}, "not met", ("0 of 1", "t = 3 s")),
+        ([], {"status": "crashed", "reason": "t = 3 s"}, "not met", ("0 met", "t = 3 s")),
     ],
 )  # fmt: skip
 def test_a_claim_is_met_or_not_in_one_sentence(expect, run, verdict, told):
@@ -94,6 +94,28 @@ def test_a_claim_is_met_or_not_in_one_sentence(expect, run, verdict, told):
     assert found.verdict == verdict
     assert found.sentence.startswith(found.short)
     assert all(part in found.sentence for part in told), found.sentence
+
+
+@pytest.mark.parametrize(
+    ("expect", "counts"),
+    [
+        # K5's flight ends early: alone, with two bounds on all runs, with the stated end of it
+        ([], (1, 0, 1)),
+        ([{"at_most": {"chi": {"peak_deg": 2.1, "ITAE": 1.0}}}], (4, 1, 2)),
+        ([{"gains": "K5", "status": "left_envelope", "at_most": {"chi": {"ITAE": 1.0}}}],
+         (2, 0, 1)),
+    ],
+)  # fmt: skip
+def test_every_requirement_is_met_or_missed_or_was_not_flown(expect, counts):
+    runs = [flown(np.deg2rad(2.0)), flown(gains="K5", status="diverged", reason="t = 0 s.")]
+
+    claim = check_claim(scenario(*expect), runs)
+
+    assert (claim.requirements, claim.met, claim.not_flown) == counts
+    assert claim.short.endswith(f"{claim.not_flown} not flown")
+    assert [check.flown for check in claim.bounds] == [
+        check.run == runs[0].label for check in claim.bounds
+    ]
 
 
 @pytest.mark.parametrize(

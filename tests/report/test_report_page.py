@@ -47,13 +47,13 @@ def test_the_one_script_of_the_page_is_the_one_that_its_policy_allows(page):
     assert f"script-src 'sha256-{digest}'" in policy
 
 
-def test_the_answer_stands_before_the_first_figure_in_sixty_words(page, written, flown_paper):
+def test_the_answer_stands_before_the_first_figure_in_a_hundred_words(page, written, flown_paper):
     top = re.sub(
         r"<style>.*?</style>|<title>.*?</title>", "", page.partition("<figure")[0], flags=re.S
     )
     words = html.unescape(re.sub(r"<[^>]*>", " ", top)).split()
 
-    assert len(words) <= 60
+    assert len(words) <= 100
     claim, converges = written.summary
     assert claim == f"{flown_paper.claim.short}."
     assert flown_paper.claim.sentence.startswith(flown_paper.claim.short)
@@ -140,6 +140,32 @@ def test_a_flight_that_does_not_converge_has_its_late_errors_and_limits(written,
         error = run.signals[f"{channel}_err"].abs()
         assert record["allowed"][channel] == pytest.approx(0.05 * error.max())
         assert record["residual"][channel] == pytest.approx(error.loc[0.75 * run.duration :].max())
+
+
+def test_a_flight_that_ended_at_once_has_its_row_its_count_and_its_reason(paper_source, tmp_path):
+    first, *others = paper_source.runs
+    why = "roll command 155.7 deg: the law has no value."
+    ended = dataclasses.replace(
+        first, signals=first.signals[:1], status="diverged", reason=f"t = 0 s: {why}"
+    )
+
+    page = write_report(Source(name="x", runs=(ended, *others)), tmp_path / "report.html")
+
+    rows = records_of(page, "convergence")
+    assert list(rows) == [run.label for run in paper_source.runs]
+    assert rows[first.label]["flight"] == "diverged at 0.0 s"
+    assert rows[first.label]["requirements"] == "not flown"
+    # two bounds of each of four runs
+    assert page.summary[0].endswith("of 8 requirements 6 met, 0 missed, 2 not flown.")
+    assert why in page.path.read_text()
+
+
+@pytest.mark.parametrize(
+    "part",
+    ["arXiv 2411.13140", "120 N of thrust", "at 25 m/s", "course from 60° to 0°", "I_K ≤ 5"],
+)
+def test_the_page_begins_with_paper_aircraft_airspeed_and_manoeuvre(page, part):
+    assert part in page.partition("<figure")[0]
 
 
 def test_every_flight_of_a_law_is_held_against_its_certificate(written, paper_source):
