@@ -3,7 +3,7 @@
 Run it with ``python benchmarks/bench_campaign.py``; ``--json`` prints one object.
 
 A row is all of it: the scenario of the draw, the aircraft built, loaded and trimmed, 20 s of flight
-with the loop closed at 50 Hz, measures, expectations, the certified set, the table. It is held
+with the loop closed at 50 Hz, measures, expectations, the table. It is held
 against the bare ``fdm.run()`` loop of the same 20 s at 200 Hz in still air. It is processor time,
 best of several, so that other work on the machine does not count.
 

@@ -25,7 +25,7 @@ def made_up_rows(plan: Plan) -> pd.DataFrame:
 
     ITAE of course is 1 + (V - 23)^2 / 4 with `paper` and half of it with `K3`, half as much again
     on the aircraft; a flight succeeds where it is at most 4. At more than 26.9 m/s `paper` diverges
-    on the aircraft. The certified set holds where V is below 25 m/s and roll starts to the right.
+    on the aircraft.
     """
     runs = np.arange(plan.runs)
     draws = runs // len(plan.groups)
@@ -54,7 +54,5 @@ def made_up_rows(plan: Plan) -> pd.DataFrame:
     rows["gamma.ITAE"] = np.where(lost, np.nan, 0.2 + 0.01 * np.abs(phi))
     rows["chi.settling_s"] = np.where(lost | (V > 26.0), np.nan, 3.0)
     rows["R_K"], rows["I_K"] = 0.6, 5.2
-    entered = np.where(V < 25.0, "held", "broken").astype(object)
-    rows["certified"] = np.where(lost, None, np.where(phi < 0.0, "not entered", entered))
     rows["wall_s"] = 0.01
     return rows

@@ -11,7 +11,7 @@ import pandas as pd
 from flighttune.arrays import FloatArray, check_at_least, check_between
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.planning.plan import on_plants, plan_campaign
-from flighttune.campaign.planning.schema import MEASURES, Campaign, CertificateTable
+from flighttune.campaign.planning.schema import MEASURES, Campaign
 from flighttune.campaign.stated_set import rows_of
 from flighttune.campaign.statistics.intervals import (
     effective_size,
@@ -269,8 +269,6 @@ def with_gains(campaign: Campaign, gains: Mapping[str, PIGains]) -> Campaign:
         update={
             "gains": tables,
             "success": kept(campaign.success),
-            # A stated bound saves the flight that would measure one; this claim is not used.
-            "certificate": CertificateTable(L_d_rad_s2=1.0),
             "nominal": changed(campaign.nominal),
             "central": changed(campaign.central),
         }

@@ -27,7 +27,7 @@ from flighttune.mistakes import abridged
 from flighttune.table_file import hash_of, json_tables
 from flighttune.whole_file import reason_of, whole_file
 
-FORMAT = 2
+FORMAT = 3
 CAMPAIGN, LOCK = "campaign.json", "campaign.lock"
 RUNS, SIGNALS = "runs", "signals"
 

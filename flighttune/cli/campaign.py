@@ -84,7 +84,6 @@ def report(
         tables=[
             tables.success_table(made, groups),
             tables.reasons_table(groups),
-            tables.certified_table(groups),
             tables.paired_table(made),
         ],
         notes=[*summary(made), *notes(made)],

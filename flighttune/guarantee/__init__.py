@@ -1,1 +1,1 @@
-"""A claim about the linear loop, held against a flight."""
+"""Bounds of the linear loop held against flights of the law, and the mismatch of an aircraft."""

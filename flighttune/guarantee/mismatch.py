@@ -40,14 +40,6 @@ def trim_of(run: Run) -> Trim | None:
     return Trim(float(flight["V_a_mps"]), gamma, float(flight.get("g_mps2", G_PAPER)))
 
 
-def flies_the_law(run: Run) -> bool:
-    """Whether the plant of a run is the model of its law, undisturbed: its mismatch is rounding."""
-    disturbances = ("disturbance", "wind", "gust", "turbulence")
-    undisturbed = not any(run.provenance.scenario.get(name) for name in disturbances)
-    kind = run.provenance.plant.partition(":")[0]
-    return undisturbed and kind in MODELLED and kind == run.provenance.law.plant
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Mismatch:
     """The disturbance under which the kinematic law flies just as the aircraft did."""

@@ -101,7 +101,7 @@ def _tab(name: str, plots: Sequence[Plot], drawn: Sequence[DrawnRun]) -> rrb.Con
 def _lanes(drawn: Sequence[DrawnRun]) -> rrb.StateTimelineView:
     """Lanes over the same time axis as the plots, which name the runs in their colours."""
     return rrb.StateTimelineView(
-        name="Runs: limits, guarantee",
+        name="Runs: limits, bound",
         contents=[f"/{entities.lane_name(drawn_run, len(drawn))}" for drawn_run in drawn],
         time_view=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
     )

@@ -83,7 +83,7 @@ class DrawnRun:
     key: str  # its name in the tree of the recording, unique
     style: LineStyle
     number: int  # its place among the runs drawn, from 1 on
-    claim: FlightCheck | None = None  # its guarantee, held against its flight
+    check: FlightCheck | None = None  # the bound of its gains, for a flight of the law
 
 
 def runs_to_draw(runs: Sequence[Run]) -> list[DrawnRun]:

@@ -1,4 +1,4 @@
-"""Lanes and events of flights: limits that hold, guarantees, steps, gusts, settling, ends."""
+"""Lanes and events of flights: limits that hold, bounds, steps, gusts, settling, ends."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -31,10 +31,10 @@ MEASURED = (
 )
 
 # Log level of each sort of event: the viewer has no other classes.
-SORTS = {"end": "ERROR", "claim": "WARN", "limit": "WARN", "wind": "INFO", "track": "INFO"}
+SORTS = {"end": "ERROR", "bound": "WARN", "limit": "WARN", "wind": "INFO", "track": "INFO"}
 
 
-BROKEN, GUARANTEED, FREE, ENDED = "broken", "guaranteed", "within limits", "ended"
+EXCEEDED, HELD, FREE, ENDED = "bound exceeded", "bound held", "within limits", "ended"
 # Code of the limits that act: a sum of signals times factors (0 free, 1 magnitude, 2 rate).
 LIMITED = {"phi_limited": 1, "n_z_limited": 3}
 HOLDING = [
@@ -56,13 +56,13 @@ class Event:
     text: str
 
 
-def events(run: Run, claim: FlightCheck | None = None) -> list[Event]:
+def events(run: Run, check: FlightCheck | None = None) -> list[Event]:
     """All events of a run with at least two samples, in order of time."""
     listed = [*_reference(run), *_held(run), *_gust(run), *_converged(run)]
-    if claim is not None and claim.t_broken is not None:
-        share = f"{100.0 * claim.share_broken:.1f} % of the time with a claim"
-        text = f"guarantee first broken; in total for {share}"
-        listed.append(Event(claim.t_broken, "claim", text))
+    if check is not None and check.t_broken is not None:
+        share = f"{100.0 * check.share_broken:.1f} % of the time that has one"
+        text = f"bound of the linear loop first exceeded; in total for {share}"
+        listed.append(Event(check.t_broken, "bound", text))
     if run.status != "completed":
         listed.append(Event(run.duration, "end", run.outcome))
     return sorted(listed, key=lambda event: event.t)
@@ -76,7 +76,7 @@ def log_events(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
     lines = [
         (event, drawn_run)
         for drawn_run in drawn
-        for event in events(drawn_run.run, drawn_run.claim)
+        for event in events(drawn_run.run, drawn_run.check)
     ]
     lines.sort(key=lambda line: line[0].t)
     # All runs of a scenario meet the same wind: the first run of each such event stands for them.
@@ -167,11 +167,11 @@ def log_lanes(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
     end = END * max(drawn_run.run.duration for drawn_run in drawn)
     for drawn_run in drawn:
         run, colour = drawn_run.run, drawn_run.style.rgb
-        t, states = lane(run, drawn_run.claim)
+        t, states = lane(run, drawn_run.check)
         after = "" if run.status == "completed" else run.status.replace("_", " ")
         t, states = np.append(t, [run.duration, end]), [*states, after, ENDED]
         dimmed = tuple(round(DIMMED * part) for part in colour)
-        colours = {GUARANTEED: colour, FREE: colour, BROKEN: rgb(LIMIT), after: rgb(LIMIT)}
+        colours = {HELD: colour, FREE: colour, EXCEEDED: rgb(LIMIT), after: rgb(LIMIT)}
         shown = [state for state in dict.fromkeys(states) if state not in ("", ENDED)]
         style = rr.StateConfiguration(
             values=[*shown, "", ENDED],
@@ -187,17 +187,17 @@ def log_lanes(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
 def lane(run: Run, check: FlightCheck | None) -> tuple[FloatArray, list[str]]:
     """When the state of a run begins and changes (s), and to what.
 
-    A state names the limits that hold commands, such as ``roll rate``. Otherwise it is `BROKEN`,
-    `GUARANTEED`, or `FREE` where nothing is claimed.
+    A state names the limits that hold commands, such as ``roll rate``. Otherwise it is `EXCEEDED`
+    or `HELD` where the flight has a bound, else `FREE`.
     """
-    t, words = run.t[:-1], [*HOLDING, GUARANTEED, BROKEN]
+    t, words = run.t[:-1], [*HOLDING, HELD, EXCEEDED]
     now = np.zeros(len(t), dtype=int)
     for name, factor in LIMITED.items():
         if name in run.signals:
             now += factor * run.signals[name].to_numpy()[:-1].astype(int)
     if check is not None:
-        now[(now == 0) & np.isfinite(check.bound)] = words.index(GUARANTEED)
-        now[check.broken] = words.index(BROKEN)
+        now[(now == 0) & np.isfinite(check.bound)] = words.index(HELD)
+        now[check.broken] = words.index(EXCEEDED)
     begun, codes = runs_of_equal(t, now)
     kept = np.diff(begun, append=run.duration) >= SHORTEST
     kept[0] = True

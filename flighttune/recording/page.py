@@ -28,14 +28,13 @@ Plots show angles in degrees; files keep radians. Positions are local north, eas
 the start, in m. Errors are reference minus actual.
 
 Every run has a colour of its own, the same in 3D and in every plot; the lanes name them. A lane
-is dark while a limit holds a command of the run, and says which one; it is red where the
-guarantee is broken, and after a flight that ended early. Laws without an aircraft are drawn as
-outlines, and their paths dashed. The arrow of an aircraft is its velocity over ground, the grey
-one the wind, four times longer.
+is dark while a limit holds a command of the run, and says which one; it is red where a law
+exceeds the bound of its linear loop, and after a flight that ended early. Laws without an aircraft
+are drawn as outlines, and their paths dashed. The arrow of an aircraft is its velocity over ground,
+the grey one the wind, four times longer.
 
 Faint lines behind course, path angle and airspeed are what sensors gave the controller. Errors
-and metrics are of the true values. The guarantee does not count what sensors add: a flight may
-rise above it by that alone."""
+and metrics are of the true values."""
 
 RUN_COLUMNS = [*columns("run colour"), Column("flown_s", "flown", "s", ".2f"), *columns("outcome")]
 GAIN_COLUMNS = [

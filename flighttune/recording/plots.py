@@ -30,7 +30,6 @@ UNITS = {
     "log_s": "1",
     "log_s_bound": "1",
 }
-SHORTEST_BOUND = 1.5  # s; a bound that lasts less is not drawn: shreds of it say nothing
 SMALLEST = 1e-4  # norms of s below this (rad and rad/s) are drawn as this: they go down for ever
 FLOWN = ("phi", "n_z", "phi_cmd", "n_z_cmd", "V_a", "gamma")
 
@@ -90,12 +89,12 @@ TABS: dict[str, tuple[Plot, ...]] = {
         Plot("gamma", "Path angle gamma, reference grey", common="gamma_ref"),
         Plot(
             "chi_err",
-            "Course error, certified bounds thin",
+            "Course error, tube thin",
             band=(*TUBE_SIGNALS[:2], WORST_SIGNALS[0]),
         ),
         Plot(
             "gamma_err",
-            "Path angle error, certified bounds thin",
+            "Path angle error, tube thin",
             band=(*TUBE_SIGNALS[2:], WORST_SIGNALS[1]),
         ),
     ),
@@ -104,16 +103,16 @@ TABS: dict[str, tuple[Plot, ...]] = {
         LOAD_FACTOR,
     ),
     WHY_TAB: (
-        Plot("step_chi", "Course, less plant before"),
-        Plot("step_gamma", "Path angle, less plant before"),
-        Plot("distance", "Distance from the law"),
+        Plot("step_chi", "Course: step between plants"),
+        Plot("step_gamma", "Path angle: step between plants"),
+        Plot("distance", "Distance from the path of the law"),
         *(
             Plot(f"{part}_{channel}", f"{name}: {words}")
             for channel, name in (("chi", "Course"), ("gamma", "Path angle"))
             for part, words in PARTS.items()
         ),
     ),
-    CERTIFICATE_TAB: (Plot("log_s", "log10 |s|, guarantee thin", thin="log_s_bound"),),
+    CERTIFICATE_TAB: (Plot("log_s", "log10 |s|, bound thin", thin="log_s_bound"),),
     "Aircraft": (
         *(Plot(name, name) for name in ("V_a", "V_g", "alpha", "beta")),
         LOAD_FACTOR,
@@ -246,7 +245,7 @@ def with_derived(drawn: "Sequence[DrawnRun]") -> "list[DrawnRun]":
 
     A run is compared with that of the same gains on the plant before it: `step_chi` and
     `step_gamma` are its course and path angle minus theirs. `distance` is that from the path on the
-    first plant. `log_s` is the norm of s in decades, with what its claim guarantees.
+    first plant. `log_s` is the norm of s in decades, with its bound.
     """
     before: dict[str, list[Run]] = {}
     extended = []
@@ -254,7 +253,7 @@ def with_derived(drawn: "Sequence[DrawnRun]") -> "list[DrawnRun]":
         run = drawn_run.run
         lower = before.setdefault(run.provenance.gains_name, [])
         columns = {**_over_ground(run), **_parts(run), **_compared(run, lower)}
-        columns |= _claimed(run, drawn_run.claim)
+        columns |= _bounded(drawn_run.check)
         lower.append(run)
         shown = replace(run, signals=run.signals.assign(**columns)) if columns else run
         extended.append(replace(drawn_run, run=shown))
@@ -298,23 +297,16 @@ def _parts(run: Run) -> dict[str, FloatArray]:
     }
 
 
-def _claimed(run: Run, claim: FlightCheck | None) -> dict[str, FloatArray]:
-    """The guarantee of a law, with bounds of the errors where they are within those flown."""
-    if claim is None:
+def _bounded(check: FlightCheck | None) -> dict[str, FloatArray]:
+    """The norm of s of a law with its bound, in decades."""
+    if check is None:
         return {}
-    lines = {"log_s": claim.size, "log_s_bound": claim.bound}
-    columns = {name: np.log10(np.maximum(line, SMALLEST)) for name, line in lines.items()}
-    for i, channel in enumerate(CHANNELS):
-        if f"{channel}_err_low" in run.signals:
-            continue  # the bounds of its tube
-        bound, error = claim.error_bounds.high[:, i], run.signals[f"{channel}_err"]
-        shown = bound <= error.abs().max()
-        stretch = np.cumsum(np.diff(shown, prepend=shown[0]))
-        lasting = np.bincount(stretch)[stretch] * (claim.t[1] - claim.t[0])
-        bound = np.where(shown & (lasting >= SHORTEST_BOUND), bound, np.nan)
-        columns |= {f"{channel}_err_low": -bound, f"{channel}_err_high": bound}
-    # A claim is about the time between two samples: there is none at the last one.
-    return {name: np.append(line, np.nan) for name, line in columns.items()}
+    lines = {"log_s": check.size, "log_s_bound": check.bound}
+    # They are about the time between two samples: there are none at the last one.
+    return {
+        name: np.append(np.log10(np.maximum(line, SMALLEST)), np.nan)
+        for name, line in lines.items()
+    }
 
 
 def _compared(run: Run, lower: Sequence[Run]) -> dict[str, FloatArray]:

@@ -18,7 +18,7 @@ from flighttune.guarantee.flight_check import flight_check
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.present.tables import Table
-from flighttune.report.gap import step_table
+from flighttune.report.gap import causes, step_table
 from flighttune.report.panels import Drawn, certificate_panels, commands, errors, paths, tracking
 from flighttune.report.tables import (
     CONVERGED_AT_LEAST,
@@ -63,12 +63,16 @@ GAP = (
     "where there is one; flighttune fly SCENARIO --tube makes it."
 )
 BOUND = (
-    "The proof is about the linear law. s stacks error rates and errors. Dashed: the guaranteed "
-    "bound, i.e. the linear law's decay plus the ultimate bound (dotted) for the mismatch measured "
-    "in the second half of the flight. It pauses while a command is limited and restarts when the "
-    "reference changes slope. A red cross marks where a flight first exceeds it."
+    "The proof is about the linear loop. s stacks error rates and errors of flights of the law in "
+    "still air. Dashed: its bound, i.e. the decay of the linear loop plus what the disturbance in "
+    "the scenario can add (at most the dotted level). It pauses while a command is limited and "
+    "restarts when the reference changes slope. A red cross marks where a flight first exceeds it. "
+    "An aircraft has no such bound; its tube bounds its errors."
 )
-SENSED = "It does not include sensor errors, by which alone a flight may exceed it."
+NO_BOUND = (
+    "The proof is about the linear loop. No flight here is one of the law in still air with true "
+    "values measured, so none is compared with the bound."
+)
 NO_CURVE = (
     "There is no curve of R_K against I_K: no stable gains were found within the limits of the "
     "scenario's tuning."
@@ -288,7 +292,9 @@ def _gap_section(gaps: Sequence[Gap], runs: Sequence[Run]) -> Section:
     return Section(
         id="gap",
         title="From the law to the aircraft",
-        note=GAP + (f" The tables have {more} more." if more > 0 else ""),
+        note=GAP
+        + "".join(f" {gap.name}: {' '.join(causes(gap))}" for gap in gaps[:MAX_GAPS])
+        + (f" The tables have {more} more." if more > 0 else ""),
         charts=[
             kind(gap, channel)
             for gap in gaps[:MAX_GAPS]
@@ -302,7 +308,7 @@ def _gap_section(gaps: Sequence[Gap], runs: Sequence[Run]) -> Section:
 
 
 def _certificate_section(scenario: Scenario, drawn: Drawn) -> Section:
-    """Certificates of the gains that flew, kept or not, and the frontier with the gains marked."""
+    """Certificates of the gains, bounds of flights of the law, and the frontier with the gains."""
     sets = {run.provenance.gains_name: run.provenance.gains for run, _ in drawn}
     gains = {name: gain_set for name, gain_set in sets.items() if gain_set is not None}
     checks = {run.label: check for run, _ in drawn if (check := flight_check(run)) is not None}
@@ -318,7 +324,7 @@ def _certificate_section(scenario: Scenario, drawn: Drawn) -> Section:
     stable = "frontier" in set(curve["name"])
     if stable:
         charts.append(frontier_chart(curve, marks))
-    notes = [BOUND, SENSED if scenario.sensors else "", "" if stable else NO_CURVE]
+    notes = [BOUND if checks else NO_BOUND, "" if stable else NO_CURVE]
     return Section(
         id="certificate",
         title="Certificate",

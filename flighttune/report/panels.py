@@ -147,7 +147,7 @@ def flown_signals(drawn: Drawn, signals: Sequence[tuple[str, str, str]] = FLOWN)
 
 
 def certificate_panels(drawn: Drawn, checks: Mapping[str, FlightCheck]) -> list[Chart]:
-    """The norm of s against its guaranteed bound, a chart per gain set."""
+    """The norm of s against its bound on the linear loop, a chart per gain set."""
     charts = []
     for name in dict.fromkeys(run.provenance.gains_name for run, _ in drawn):
         own = [
@@ -158,7 +158,7 @@ def certificate_panels(drawn: Drawn, checks: Mapping[str, FlightCheck]) -> list[
         if not own:
             continue
         chart = Chart(
-            title=f"{name}: ‖s‖, with its guaranteed bound dashed",
+            title=f"{name}: ‖s‖ of the law, bound of the linear loop dashed",
             y="‖(e′, e)‖ [rad/s, rad]",
             x_range=(0.0, max(run.duration for run, *_ in own)),
             log="y",
@@ -169,8 +169,8 @@ def certificate_panels(drawn: Drawn, checks: Mapping[str, FlightCheck]) -> list[
             label = run.label
             chart.run_line(check.t, np.maximum(check.size, TINY), style, label, dash="", **look)
             chart.run_line(check.t, check.bound, style, label, dash=DASHED, width=1.2, **look)
-            if check.settled is not None:
-                chart.level(check.settled[0].radius, style.colour, dash=DOTTED, run=label)
+            if check.radius > 0.0:
+                chart.level(check.radius, style.colour, dash=DOTTED, run=label)
             if check.t_broken is not None:
                 at = float(np.interp(check.t_broken, check.t, check.size))
                 chart.points(check.t_broken, at, LIMIT, shape="cross", size=5, run=label)

@@ -56,7 +56,7 @@ CERTIFICATE_COLUMNS = [
 ]
 KEPT_COLUMNS = [
     *columns("run"),
-    Column("kept", "‖s‖ below its bound"),
+    Column("kept", "‖s‖ below the bound of the linear loop"),
     Column("t_broken", "exceeded from", "s"),
 ]
 
@@ -157,7 +157,7 @@ def certificates_table(scenario: Scenario, gains: Mapping[str, PIGains]) -> Tabl
 
 
 def kept_table(checks: Mapping[str, FlightCheck]) -> Table:
-    """Whether ``‖s‖`` stayed below its guaranteed bound in flight, by label of the run."""
+    """Whether ``‖s‖`` of the law stayed below the bound of the linear loop, by label of the run."""
     records = [
         {
             "run": label,
@@ -167,7 +167,7 @@ def kept_table(checks: Mapping[str, FlightCheck]) -> Table:
         }
         for label, check in checks.items()
     ]
-    return _by_run("kept", "Certificates in flight", KEPT_COLUMNS, records)
+    return _by_run("kept", "Flights of the law", KEPT_COLUMNS, records)
 
 
 def paths_table(runs: Sequence[Run]) -> Table:

@@ -152,7 +152,7 @@ def test_every_part_is_on_the_page_and_nothing_points_outside(page):
     for part in ("Provenance", "How to reproduce", *page.sections):
         assert f"<h2>{part}</h2>" in text
     assert re.search(r"campaign run campaign.toml --runs \d+ --out", text)
-    assert text.count('<svg class="chart" ') > 8
+    assert text.count('<svg class="chart" ') >= 8
     assert all(address.strip("'\"").startswith(("data:", "#")) for address in addresses)
     assert text.count("<script") == 1
     assert page.path.stat().st_size < 3_000_000
@@ -162,7 +162,7 @@ def test_one_group_without_dispersion_or_measures_still_makes_a_page(tmp_path):
     made = made_up_plan(runs=3)
     rows = made_up_rows(made).head(1).assign(status="invalid", reason="`x` must be finite")
     rows[["chi.ITAE", "gamma.ITAE", "chi.settling_s"]] = np.nan
-    rows["success"], rows["certified"] = False, None
+    rows["success"] = False
 
     written = write_campaign_report(findings(flights_of(rows, made)), tmp_path / "page.html")
 

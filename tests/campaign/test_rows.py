@@ -47,7 +47,7 @@ def windy_plan(**keys):
 def still_plan(**keys):
     tables = tables_of((KINEMATIC, AEROSONDE), expect=[BOUNDS])
     tables["flight"]["duration_s"] = 1.0
-    return plan_of(tables, *START, runs=16, certificate={"from_s": 0.2}, **keys)
+    return plan_of(tables, *START, runs=16, **keys)
 
 
 @pytest.fixture(scope="module", params=[windy_plan, still_plan], ids=["wind", "still air"])
@@ -168,7 +168,7 @@ def test_a_drawn_value_that_is_refused_is_a_row_that_names_its_key(key, value, n
         assert not row["success"]
         assert row["missed"] == f"invalid: {row['reason']}"
         assert row[key] == value or np.isnan(value)
-        assert row["chi.ITAE"] is row["R_K"] is row["certified"] is None
+        assert row["chi.ITAE"] is row["R_K"] is None
         assert row["wall_s"] >= 0.0
 
 
@@ -181,7 +181,7 @@ def test_gains_that_tuning_did_not_find_are_rows_too():
     rows = fly_runs(plan, range(4)).to_pylist()
 
     assert [row["status"] for row in rows] == ["no_gains", "completed"] * 2
-    assert rows[0]["R_K"] is rows[0]["certified"] is None
+    assert rows[0]["R_K"] is None
     with pytest.raises(InputError, match=r"`gains` .* none for tuned"):
         scenario_of_run(plan, 0)
     with pytest.raises(InputError, match=r"`run` .*3.* 4"):
@@ -204,7 +204,6 @@ def test_a_start_without_steady_flight_and_a_flight_into_the_ground_are_rows():
         assert row["status"] == expected
         assert row["success"] == (expected == "completed")
         assert (row["chi.ITAE"] is None) == weak
-        assert (row["certified"] is None) or expected == "completed"
         assert bool(row["reason"]) == (expected != "completed")
     assert {row["status"] for row in rows} == {"no_trim", "ground_contact", "completed"}
 

@@ -9,7 +9,6 @@ from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.schema import (
     DISTRIBUTIONS,
     CampaignTable,
-    CertificateTable,
     CorrelationTable,
     KeepTable,
 )
@@ -74,7 +73,7 @@ def load(tmp_path):
 
 def test_every_key_of_the_file_is_explained():
     text = (ROOT / "docs/campaigns.md").read_text().split("## Running")[0]
-    others = (CampaignTable, CorrelationTable, CertificateTable, KeepTable)
+    others = (CampaignTable, CorrelationTable, KeepTable)
     for model in (*others, *DISTRIBUTIONS.values()):
         for key in model.model_fields:
             assert f"`{key}`" in text or f"`{key} = " in text, key

@@ -104,7 +104,7 @@ def test_the_exact_law_on_the_point_mass_is_its_linear_loop():
 
     assert run.label == "point_mass / exact:trial"
     assert check is not None
-    assert check.of_the_law
+    assert np.isfinite(check.bound).any()
     assert not check.broken.any()
 
 
@@ -166,7 +166,7 @@ def test_the_batch_flies_the_exact_law_as_the_single_run_does(anti_windup):
         alone = fly(plain).metrics_of(run)
         assert batchable(plain, plain.plant[0], law)
 
-        (together,) = fly_batch([plain], law, run.provenance.gains, None)
+        (together,) = fly_batch([plain], law, run.provenance.gains)
 
         for channel in ("chi", "gamma"):
             for name in METRICS:

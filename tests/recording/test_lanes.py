@@ -1,4 +1,4 @@
-"""What a lane says of a run: limits that hold its commands, and its guarantee."""
+"""What a lane says of a run: limits that hold its commands, and the bound of a law."""
 
 from dataclasses import replace
 
@@ -45,15 +45,15 @@ def test_a_lane_names_the_limits_that_hold(four_runs):
     assert {t: at(states, t) for t in wanted} == wanted
 
 
-def test_a_lane_says_where_the_guarantee_holds_and_where_it_is_broken(four_runs):
+def test_a_lane_says_where_the_bound_of_a_law_holds_and_where_it_is_exceeded(four_runs):
     run = held(four_runs[0], phi=[(1.0, 3.0, 2.0)], n_z=[])
     check = flight_check(run)
     broken = replace(check, bound=np.where(check.t > 10.0, 0.0, check.bound))
 
     assert at(lane(run, check), 2.0) == "roll rate"
-    assert at(lane(run, check), 8.0) == "guaranteed"
-    assert at(lane(run, broken), 8.0) == "guaranteed"
-    assert at(lane(run, broken), 12.0) == "broken"
+    assert at(lane(run, check), 8.0) == "bound held"
+    assert at(lane(run, broken), 8.0) == "bound held"
+    assert at(lane(run, broken), 12.0) == "bound exceeded"
     assert (
         at(lane(run, replace(check, bound=np.full_like(check.bound, np.nan))), 8.0)
         == "within limits"

@@ -25,12 +25,12 @@ FEWEST_PIXELS = 25
 """Pixels of its own colour that a line which is not hidden has at least."""
 
 ERRORS = (
-    "Course error, certified bounds thin [deg]",
-    "Path angle error, certified bounds thin [deg]",
+    "Course error, tube thin [deg]",
+    "Path angle error, tube thin [deg]",
 )
 NEVER_HIDDEN = {"Course chi, reference grey [deg]", *ERRORS}
 SCENE = "Paths and aircraft"
-LANES = "Runs: limits, guarantee"
+LANES = "Runs: limits, bound"
 
 FIRST_TABS = ["Overview", "Tracking", "Commands and limits", "Why", "Certificate"]
 LAST_TABS = ["Scenario and metrics"]

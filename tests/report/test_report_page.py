@@ -251,11 +251,11 @@ def test_without_a_frontier_the_page_says_why(paper_source, monkeypatch, tmp_pat
     assert "There is no curve of R_K against I_K" in page
 
 
-def test_bounds_that_leave_out_sensor_errors_say_so(page, tmp_path):
-    written = write_report("sensor_noise@paper", tmp_path / "sensors.html")
+def test_a_flight_with_sensors_is_not_compared_with_the_bound(tmp_path):
+    written = write_report("sensor_noise", tmp_path / "noise.html")
 
-    assert "does not include sensor errors" in written.path.read_text(encoding="utf-8")
-    assert "sensor" not in page
+    assert "none is compared with the bound" in written.path.read_text(encoding="utf-8")
+    assert not any(table.name == "kept" for table in written.tables)
 
 
 def test_an_aircraft_beside_its_nominal_self_has_a_gap_of_its_own(tmp_path):

@@ -13,7 +13,6 @@ from multiprocessing.connection import Connection
 
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.campaign.flying.alone import fly_again
-from flighttune.campaign.flying.claim import claim_of
 from flighttune.campaign.flying.rows import Draw, Row, fly_draw, warm_up
 from flighttune.errors import FlightTuneError, PlantError
 from flighttune.flight.fly import library_versions
@@ -67,8 +66,6 @@ def _prepared(work: bytes) -> tuple[float, Callable[[Draw], Iterator[Row | bytes
             raise PlantError(f"the files of aircraft {name} must be those it was planned with")
     with_own(plan.scenario)
     warm_up(plan)
-    for group in plan.groups:
-        claim_of(plan, group)
 
     def fly(draw: Draw) -> Iterator[Row | bytes]:
         if not signals:

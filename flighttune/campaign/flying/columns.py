@@ -38,7 +38,6 @@ OUTCOME = {
 AFTER = {
     "R_K": (pa.float64(), "1/s"),
     "I_K": (pa.float64(), "s^2"),
-    "certified": (pa.string(), None),
     "wall_s": (pa.float64(), "s"),
 }
 """Columns after the measures: type and unit."""

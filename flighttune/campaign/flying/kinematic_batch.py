@@ -9,8 +9,6 @@ from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.law import Law
 from flighttune.flight.fly import law_setup
-from flighttune.guarantee.flight_check import UltimateSet
-from flighttune.guarantee.mismatch import LEAST_SAMPLES
 from flighttune.metrics import METRICS
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import rolled_over
@@ -35,12 +33,11 @@ it has not tried, so that a new key is either flown by the kernel or named here.
 
 
 class FlightResult(NamedTuple):
-    """Status, measures and certificate of one flight."""
+    """Status and measures of one flight."""
 
     status: str
     reason: str
     measured: Mapping[str, Mapping[str, float]]  # as `flighttune.metrics.measures`
-    certified: str | None  # whether the claim held; None without a claim or a completed flight
 
 
 def batchable(
@@ -82,12 +79,12 @@ def _moving(scenario: Scenario) -> bool:
 
 
 def fly_batch(
-    scenarios: Sequence[Scenario], law: Law, gains: PIGains, claim: UltimateSet | None
+    scenarios: Sequence[Scenario], law: Law, gains: PIGains
 ) -> Iterator[FlightResult | None]:
     """Fly one gain set on the kinematic plant in many `batchable` scenarios that are `alike`.
 
     The bits of each flight do not depend on the others. None stands for a flight that has to be
-    flown alone to know why it ended; `claim` is checked in each flight.
+    flown alone to know why it ended.
     """
     controller, duration = scenarios[0].controller, scenarios[0].flight.duration_s
     dt = 1.0 / controller.rate_hz
@@ -109,7 +106,7 @@ def fly_batch(
         g=np.array([scenario.flight.g_mps2 for scenario in scenarios]),
         threads=1,
     )
-    measures, certified = _measured(conditions, batch), _certified(ref, batch, claim)
+    measures = _measured(conditions, batch)
     for i in range(len(scenarios)):
         if batch.ends[i] > ROLLED:
             yield None
@@ -118,7 +115,7 @@ def fly_batch(
             subject: {name: float(values[i]) for name, values in columns.items()}
             for subject, columns in (measures.items() if batch.samples[i] > 1 else ())
         }
-        yield FlightResult(*_status(batch, i), measured, certified[i])
+        yield FlightResult(*_status(batch, i), measured)
 
 
 def _measured(
@@ -143,26 +140,6 @@ def _measured(
         for i, channel in enumerate(("chi", "gamma"))
     }
     return {**channels, "flight": flight}
-
-
-def _certified(ref: FloatArray, batch: BatchResult, claim: UltimateSet | None) -> list[str | None]:
-    verdicts = np.full(len(batch.ends), None, dtype=object)
-    whole = np.flatnonzero(batch.ends == 0)
-    if claim is None or not len(whole) or len(batch.t) < LEAST_SAMPLES:
-        return verdicts.tolist()
-
-    def signals(*names: str) -> tuple[FloatArray, FloatArray]:
-        course, path = (np.ascontiguousarray(batch.signal(name)[whole]) for name in names)
-        return course, path
-
-    ref = np.broadcast_to(ref, (len(verdicts), len(batch.t), 2))[whole]
-    verdicts[whole] = claim.outcomes(
-        batch.t,
-        errors=signals("chi_err", "gamma_err"),
-        references=(np.ascontiguousarray(ref[..., 0]), np.ascontiguousarray(ref[..., 1])),
-        angles=signals("chi", "gamma"),
-    )
-    return verdicts.tolist()
 
 
 def _status(batch: BatchResult, i: int) -> tuple[str, str]:

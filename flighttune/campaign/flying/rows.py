@@ -16,7 +16,6 @@ import pyarrow as pa
 
 from flighttune.campaign.dataset import NOT_REPRODUCIBLE
 from flighttune.campaign.flying.alone import fly_group
-from flighttune.campaign.flying.claim import claim_of
 from flighttune.campaign.flying.columns import row_schema
 from flighttune.campaign.flying.kinematic_batch import FlightResult, alike, batchable, fly_batch
 from flighttune.campaign.planning.plan import Group, Plan
@@ -153,12 +152,12 @@ def _fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
             key = plan.group_of(run), alike(scenario)
             batches.setdefault(key, []).append((run, drawn, scenario))
     for (group, _), flights in batches.items():
-        gains, claim = plan.gain_sets[group.gains], claim_of(plan, group)
+        gains = plan.gain_sets[group.gains]
         assert gains is not None
         law, _ = plan.scenario.law_of(group.gains)
         scenarios = [scenario for _, _, scenario in flights]
         began = time.perf_counter()
-        results = list(fly_batch(scenarios, law, gains, claim))
+        results = list(fly_batch(scenarios, law, gains))
         each_s = (time.perf_counter() - began) / len(flights)
         indicators = _indicators(plan, group, scenarios)
         for (run, drawn, scenario), result, both in zip(flights, results, indicators, strict=True):
@@ -222,13 +221,12 @@ def _fly_alone(
     probes: Probes,
 ) -> Row:
     """Outcome of one flight; `wind_runs` as for `fly_group`."""
-    claim, began = claim_of(plan, group), time.perf_counter()
+    began = time.perf_counter()
     try:
         run = fly_group(plan, scenario, group, wind_runs)
     except FlightTuneError as error:
         return _invalid(error, began)
-    certified = None if claim is None else claim.outcome(run)
-    result = FlightResult(run.status, run.reason, measures(run), certified)
+    result = FlightResult(run.status, run.reason, measures(run))
     columns = _outcome(scenario, group, result, time.perf_counter() - began)
     if run.status == "completed":
         columns |= {name: probe(run, scenario) for name, probe in probes.items()}
@@ -250,7 +248,6 @@ def _outcome(scenario: Scenario, group: Group, result: FlightResult, wall_s: flo
         "success": not misses,
         "missed": "; ".join(misses),
         **{name: _number(columns.get(name)) for name in MEASURES},
-        "certified": result.certified,
         "wall_s": wall_s,
     }
 

@@ -210,18 +210,6 @@ class CorrelationTable(Table):
     rank: Annotated[float, Field(gt=-1.0, lt=1.0)]
 
 
-class CertificateTable(Table):
-    """``[certificate]``: the claim that is checked in every run.
-
-    The errors, once inside the certified ultimate set of a disturbance whose rate stays below
-    ``L_d_rad_s2``, stay there. By default that rate is measured on the undispersed flight of the
-    same plant and gains, from ``from_s`` (half the duration where it is not given) on.
-    """
-
-    from_s: NotNegative | None = None
-    L_d_rad_s2: Positive | None = None
-
-
 class KeepTable(Table):
     """``[keep]``: of which runs the whole time history is kept."""
 
@@ -257,7 +245,6 @@ class CampaignTable(Table):
     )
     correlation: list[CorrelationTable] = Field(default_factory=list)
     success: list[ExpectTable] = Field(default_factory=list)
-    certificate: CertificateTable | None = None
     keep: KeepTable = KeepTable()
 
     @model_validator(mode="after")

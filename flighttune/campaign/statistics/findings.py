@@ -1,6 +1,5 @@
 """Everything in the report of a campaign, as numbers."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -9,7 +8,6 @@ import numpy as np
 import pandas as pd
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.flying.claim import claim_of
 from flighttune.campaign.planning.draws import SEED
 from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.flights import Flights, is_number
@@ -17,9 +15,6 @@ from flighttune.campaign.statistics.intervals import CONFIDENCE, Method
 from flighttune.campaign.statistics.paired import paired, scores
 from flighttune.campaign.statistics.sensitivity import classes_of, influences, sobol_indices
 from flighttune.campaign.statistics.summary import convergence, summary
-from flighttune.errors import FlightTuneError
-from flighttune.guarantee.flight_check import UltimateSet
-from flighttune.units import DEG
 
 SUCCESS = "success"
 
@@ -61,17 +56,6 @@ def findings(
         groups.append({**summary(flights, group, rows), "worst": worst, "sensitivity": sensitivity})
         apart = [rank["parameter"] for rank in sensitivity[SUCCESS]["ranks"] if rank["apart"]]
         splits += [_split(flights, group, rows, key) for key in apart if key != SEED][:1]
-    stated = _claims(flights) if any(group["certified"] for group in groups) else {}
-    for group in groups:
-        claim = stated.get(group["group"])
-        if group["certified"] and claim:
-            group["certified"] = {
-                "L_d_rad_s2": claim.L_d,
-                "from_s": claim.t_from,
-                "tube_deg": [width / DEG for width in claim.tube],
-                "says_nothing": claim.vacuous,
-                **group["certified"],
-            }
     return Findings(
         flights=flights,
         measure=measure,
@@ -90,17 +74,6 @@ def findings(
         splits=splits,
         convergence=convergence(flights, measure) if measure else [],
     )
-
-
-def _claims(flights: Flights) -> Mapping[str, UltimateSet | None]:
-    """Certified set of each group by its label.
-
-    Empty where the undispersed flights that it is measured on cannot be flown here.
-    """
-    try:
-        return {group.label: claim_of(flights.plan, group) for group in flights.plan.groups}
-    except FlightTuneError:
-        return {}
 
 
 def values_of(rows: pd.DataFrame, name: str) -> FloatArray:

@@ -15,7 +15,7 @@ from flighttune.campaign.planning.schema import MEASURES
 from flighttune.campaign.statistics.intervals import CONFIDENCE, Estimate, Method, percentile, share
 
 # Columns that may be null, which then are empty.
-TEXTS = ("reason", "missed", "certified")
+TEXTS = ("reason", "missed")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

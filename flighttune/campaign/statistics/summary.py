@@ -2,14 +2,13 @@
 
 import re
 from collections.abc import Sequence
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.flights import Flights
-from flighttune.guarantee.flight_check import Outcome
 
 PERCENTILES = {"p05": 0.05, "p50": 0.5, "p95": 0.95}
 
@@ -54,7 +53,6 @@ def summary(flights: Flights, group: Group, rows: pd.DataFrame) -> dict[str, Any
             for reason in reasons(own["reason"].tolist(), own["run"].tolist())
         ],
         "missed": _missed(completed),
-        "certified": _certified(flights, rows),
         "metrics": {
             name: _spread(flights, completed, name)
             for name in flights.measures
@@ -80,29 +78,6 @@ def _spread(flights: Flights, completed: pd.DataFrame, measure: str) -> dict[str
         estimate = flights.percentile(values, q, clusters)
         spread |= {name: estimate.value, f"{name}_interval": [estimate.lo, estimate.hi]}
     return spread
-
-
-def _certified(flights: Flights, rows: pd.DataFrame) -> dict[str, Any] | None:
-    """Flights that stayed in the certified set, and that left it; None without a claim."""
-    said = rows["certified"].to_numpy(dtype=object)
-    inside, broken, outside = (said == word for word in get_args(Outcome))
-    lost = (rows["status"] != "completed").to_numpy()
-    entered = inside | broken
-    if not (entered | outside).any():
-        return None
-    clusters, all_of = flights.clusters(rows), entered | outside | lost
-    of_all = flights.share(inside[all_of], clusters[all_of])
-    of_entered = flights.share(inside[entered], clusters[entered])
-    return {
-        "held": int(inside.sum()),
-        "broken": int(broken.sum()),
-        "not_entered": int(outside.sum()),
-        "lost": int(lost.sum()),  # flights that were not completed
-        "rate": of_all.value,
-        "interval": [of_all.lo, of_all.hi],
-        "rate_of_entered": of_entered.value,
-        "interval_of_entered": [of_entered.lo, of_entered.hi],
-    }
 
 
 def convergence(flights: Flights, measure: str) -> list[dict[str, Any]]:

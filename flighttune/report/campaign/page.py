@@ -125,7 +125,6 @@ def _sections(findings: Findings) -> list[Section]:
             tables=[
                 tables.success_table(findings, groups),
                 tables.reasons_table(groups),
-                tables.certified_table(groups),
             ],
             legend=False,
         ),

@@ -45,15 +45,10 @@ def arrays_of(estimates: Sequence[Estimate], factor: float) -> FloatArray:
 
 
 def rates(findings: Findings) -> list[Chart]:
-    """Success rate of every group, and how often the certified set held."""
+    """Success rate of every group."""
     groups, styles = findings.values["groups"], styles_of(findings)
     success = {group["group"]: (group["success"], group["lo"], group["hi"]) for group in groups}
-    charts = [_shares("Flights that succeed", success, styles)]
-    counts = {group["group"]: group["certified"] for group in groups if group["certified"]}
-    if counts:
-        kept = {label: (count["rate"], *count["interval"]) for label, count in counts.items()}
-        charts.append(_shares("Flights in which the certified set held", kept, styles))
-    return charts
+    return [_shares("Flights that succeed", success, styles)]
 
 
 def distributions(findings: Findings) -> list[Chart]:

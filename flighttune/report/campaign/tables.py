@@ -43,20 +43,6 @@ REASON_COLUMNS = [
     Column("run", "first run"),
     *columns("ended reason"),
 ]
-CERTIFIED_COLUMNS = [
-    *columns("group"),
-    Column(
-        "certified.rate",
-        "entered and held",
-        "%",
-        percent,
-        ends=("certified.interval.0", "certified.interval.1"),
-    ),
-    Column("certified.from_s", "from", "s"),
-    Column("certified.tube_deg.0", "errors χ up to", "deg", figures),
-    Column("certified.tube_deg.1", "γ up to", "deg", figures),
-    Column("certified.says_nothing", "too loose to be useful"),
-]
 INFLUENCE_COLUMNS = [
     *columns("group parameter n"),
     # below 0 the parameter explains less than chance would
@@ -90,12 +76,6 @@ def success_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Ta
                 Column(f"{key}.{percentile}", heading, label.unit, figures, label.factor, ends=ends)
             )
     return _by_group("Success", shown, groups)
-
-
-def certified_table(groups: Sequence[Mapping[str, Any]]) -> Table:
-    """Counts of flights that entered and held the certified set, with its size."""
-    records = [group for group in groups if group["certified"]]
-    return _by_group("The certified set", CERTIFIED_COLUMNS, records)
 
 
 def reasons_table(groups: Sequence[Mapping[str, Any]]) -> Table:
