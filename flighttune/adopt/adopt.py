@@ -45,6 +45,7 @@ _COMMENTS = {
     "engines": "time they take to a steady thrust",
     "settings": "JSBSim properties, for the whole flight",
     "declared": "properties of another simulator that the model refers to",
+    "linked": "properties of another simulator that follow one of JSBSim",
     "envelope": "leaving it ends a flight",
     "limits": "of the commands the inner loop follows",
     "design": "what `flighttune design` makes the gains for",
@@ -157,7 +158,8 @@ def adopt(
         facts = {"V_a": surveyed.V_a, "engines": engines, "notes": surveyed.notes}
         made = _best(surveyed, folder, h, say, began)
     except PlantError as error:
-        reason = str(error).removesuffix(".")
+        file = folder / model if model.endswith(".xml") else ""
+        reason = str(error).removesuffix(".").removeprefix(f"{os.path.normpath(file)}: ")
         if isinstance(error, TrimError):
             reason = reason.split(": ", 1)[-1]  # file and condition stand before it
         with suppress(OSError):  # what is not ours in it stays

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -23,8 +23,12 @@ from flighttune.units import DEG, FT, G_0
 
 SOURCE = "flighttune adopt"  # marks an aircraft that `adopt` may write over
 
-# Maximum number of properties of another simulator that are declared for a model.
-MAX_DECLARED = 60
+# Maximum number of properties of another simulator that are declared for a model, and number of
+# those that a sentence names.
+MAX_DECLARED, NAMED = 1000, 8
+
+# Time in which a model shows which properties it refers to while it runs, s.
+TRIAL_S = 0.1
 
 # The missing property in an error message of JSBSim.
 MISSING = re.compile(
@@ -40,6 +44,34 @@ MAX_STALL, MIN_STALL = 18.0 * DEG, -12.0 * DEG
 # At the stall an aeroplane has at least this lift coefficient and an airspeed in this range, m/s.
 MIN_LIFT = 0.1
 MIN_STALL_SPEED, MAX_STALL_SPEED = 3.0, 300.0
+
+# Properties by which FlightGear moves levers and shows engines, and what they follow.
+LINKS = {
+    r"/controls/engines/engine(\[\d+\])?/throttle": "ft/throttle-norm",
+    r"/controls/flight/(aileron|elevator)": r"fcs/\1-cmd-norm",
+    r"/controls/flight/rudder": "-fcs/rudder-cmd-norm",
+    r"/engines/engine(\[\d+\])?/mp-inhg": r"propulsion/engine\1/map-inhg",
+    r"/engines/engine(\[\d+\])?/rpm": r"propulsion/engine\1/engine-rpm",
+}
+
+# Levers in the order they are tried until every engine pushes: how they stand, and their values.
+_LINKED = (r"/(mixture|propeller-pitch|condition|fuel-pump)$", 1.0), (r"/magnetos(-switch)?$", 3.0)
+LEVERS = {
+    "": (),
+    "with FlightGear's levers linked and its switches on": _LINKED,
+    "with the propeller levers at a half": (*_LINKED, ("/(advance-cmd|propeller-pitch)", 0.5)),
+    "with the propeller levers at 0": (*_LINKED, ("/(advance-cmd|propeller-pitch)", 0.0)),
+    "with a lean mixture": (*_LINKED, ("/mixture", 0.75)),
+    "with every tank full": (*_LINKED, ("/tank.*/pct-full$", 100.0)),
+}
+
+# Quantities of a body that must be above zero.
+BODY = {"mass": "inertia/mass-slugs", "wing area": "metrics/Sw-sqft"} | {
+    f"inertia {axes}": f"inertia/i{axes}-slugs_ft2" for axes in ("xx", "yy", "zz")
+}
+
+# Airspeed of the first sweep, m/s.
+FIRST_SPEED = 60.0
 
 # Airspeeds relative to that of the stall, in order of preference.
 SPEEDS = (1.6, 1.8, 2.0, 2.2, 2.4, 2.7, 1.5, 1.4, 1.3)
@@ -127,19 +159,29 @@ def survey(
     load = partial(_loaded, folder=folder, h=h)
     say("reading the model")
     tables["engines"]["count"] = _check_parts(aircraft_from(tables, folder))
-    tables["settings"] |= _levers(tables, load(tables).fdm)
+    _declare(tables, load)
+    fdm = load(tables).fdm
+    tables["settings"] |= _levers(tables, fdm)
+    for what, name in BODY.items():
+        if not 0.0 < fdm.reader(name)() < math.inf:
+            raise Refusal(f"its {what} must be above zero, got {fdm.reader(name)():g} ({name})")
     say("sweeping lift")
     bench = load(tables)
-    lift = _swept(bench, 60.0)
+    lift = _swept(bench, FIRST_SPEED)
     for _ in range(2):  # each sweep is flown at a multiple of the stall speed of the last one
         lift = _swept(bench, SPEEDS[0] * lift.V_s)
     say("starting the engines")
-    speed, spare = _engines(tables["engines"], load(tables), lift, V_a)
+    lift, speed, spare, how = _driven(tables, load, lift, V_a)
     say("moving the surfaces")
     surfaces, notes = _surfaces(tables, load, _level(speed, lift.at(speed)[0], 0.5))
-    if tables["declared"]:
-        names = ", ".join(tables["declared"])
-        notes.append(f"properties of another simulator are 0: {names}")
+    if how:
+        notes.append(f"its engines drive it {how}")
+    names = [name for name, value in tables["declared"].items() if not value]
+    names = [name for name in names if name not in tables["linked"]]
+    if names:
+        more = len(names) - NAMED
+        rest = f" and {more} more, all in `[declared]`" if more > 0 else ""
+        notes.append(f"properties of another simulator are 0: {', '.join(names[:NAMED])}{rest}")
     return Survey(
         tables=tables | {"surfaces": surfaces},
         lift=lift,
@@ -160,6 +202,7 @@ def wide_tables(model: str) -> dict[str, Any]:
         "engines": {"count": 1, "settle_s": 0.0},
         "settings": {},
         "declared": {},
+        "linked": {},
         "envelope": {
             "alpha_deg": [-40.0, 40.0],
             "V_a_mps": [1.0, 1000.0],
@@ -205,17 +248,27 @@ def _part(root: Element, tag: str, folders: tuple[Path, ...]) -> Element:
 
 
 def _loaded(tables: dict[str, Any], folder: Path, h: float) -> Bench:
-    """The model on a bench; properties that it refers to but nothing defines are declared."""
-    for _ in range(MAX_DECLARED):
+    return Bench(Fdm(aircraft_from(tables, folder)), h)
+
+
+def _declare(tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench]) -> None:
+    """Declare the properties that the model refers to and nothing defines, as JSBSim names them."""
+    declared = tables["declared"]
+    while len(declared) < MAX_DECLARED:
         try:
-            return Bench(Fdm(aircraft_from(tables, folder)), h)
+            bench = load(tables)
+            bench.accelerations(_level(FIRST_SPEED, 0.0))
+            return bench.fdm.hold(TRIAL_S)
         except PlantError as error:
             missing = MISSING.search(str(error))
             name = missing[1].removeprefix("/fdm/jsbsim/") if missing else ""
-            if not name or name in tables["declared"] or name.startswith("ft/"):
+            if not name or name in declared or name.startswith("ft/"):
                 raise
-            tables["declared"][name] = 0.0
-    raise Refusal(f"it refers to more than {MAX_DECLARED} properties that are not defined")
+            declared[name] = 0.0
+    raise Refusal(
+        f"it refers to more than {MAX_DECLARED} properties that nothing defines, such as "
+        f"{', '.join([*declared][:NAMED])}"
+    )
 
 
 def _levers(tables: dict[str, Any], fdm: Fdm) -> dict[str, float]:
@@ -279,6 +332,48 @@ def _end_of_lift(C_L: FloatArray, slope: float, sense: int) -> int:
     return i
 
 
+def _driven(
+    tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench], lift: Lift, V_a: float | None
+) -> tuple[Lift, float, float, str]:
+    """Lift, airspeed, spare thrust and the position of the levers: the first in which it flies.
+
+    The levers are written into `tables`.
+    """
+    fdm, refused = load(tables).fdm, None
+    texts = {text for _, text in _texts(fdm.config)} | {*tables["declared"]}
+    links = {
+        name: re.sub(pattern, source, name)
+        for pattern, source in LINKS.items()
+        for name in sorted(texts)
+        if re.fullmatch(pattern, name)
+    }
+    tanks = [name for name in fdm.names("propulsion/tank") if name.endswith("/pct-full")]
+    known = {"declared": {*tables["declared"]}, "settings": {*tables["settings"], *tanks}}
+    for how, levers in LEVERS.items():
+        changed = {
+            key: {
+                **tables[key],
+                **{name: v for name in sorted(names) for p, v in levers if re.search(p, name)},
+            }
+            for key, names in known.items()
+        }
+        tried = tables | changed | {"linked": links if how else {}}
+        tried["engines"] = dict(tables["engines"])
+        if how and tried == tables:
+            continue
+        try:
+            if how:  # fuel changes the weight
+                lift = _swept(load(tried), SPEEDS[0] * lift.V_s)
+            speed, spare = _engines(tried["engines"], load(tried), lift, V_a)
+        except PlantError as error:
+            refused = refused or error
+            continue
+        tables.update(tried)
+        return lift, speed, spare, how
+    assert refused is not None  # the first levers are always tried
+    raise refused
+
+
 def _engines(
     table: dict[str, Any], bench: Bench, lift: Lift, V_a: float | None
 ) -> tuple[float, float]:
@@ -299,7 +394,7 @@ def _engines(
     wait = MAX_SETTLING_S if table["settle_s"] else 1.0
     full = settled(V, 1.0, wait)
     for i in range(count):
-        if not full[i] > max(0.0, 0.2 * full.max()):
+        if not full[i] > 0.0:
             runs = fdm.reader(f"propulsion/engine[{i}]/set-running")()
             does = "does not push" if runs else "does not run"
             raise Refusal(f"engine {i + 1} of {count} {does} at full throttle")
@@ -400,8 +495,8 @@ def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[s
     if largest < MIN_EFFECT or not (usable_low and usable_high):
         command = surface.command or f"fcs/{name}-cmd-norm"
         raise Refusal(
-            f"its {name} command ({command}) has no usable effect: "
-            f"{largest:.2g} rad/s2 at full travel"
+            f"its {name} command ({command}) has no usable effect"
+            + (f": it changes {what} in one sense only" if largest > MIN_EFFECT else "")
         )
     sense = math.copysign(1.0, sign * (effect_high - effect_low))
     if surface.replaces:
@@ -439,12 +534,7 @@ def _past_flight_control(
     tables: dict[str, Any], config: AircraftConfig
 ) -> dict[str, dict[str, Any]]:
     """Surfaces that the aerodynamics read past the flight control; none where that is unknown."""
-    read = set()
-    for file in model_files(config):
-        root = read_xml(file, str(file))
-        parts = [root] if root.tag == "aerodynamics" else root.findall("aerodynamics")
-        # JSBSim reads a minus before a property as its negative.
-        read |= {(part.text or "").strip().lstrip("-") for top in parts for part in top.iter()}
+    read = {text for aerodynamics, text in _texts(config) if aerodynamics}
     surfaces = {}
     for name in SURFACES:
         pattern = re.compile(rf"fcs/(mag-)?(left-)?{name}-pos-(rad|deg|norm)")
@@ -453,3 +543,14 @@ def _past_flight_control(
             return {}
         surfaces[name] = {**tables["surfaces"][name], "replaces": own}
     return surfaces
+
+
+def _texts(config: AircraftConfig) -> Iterator[tuple[bool, str]]:
+    """Texts of the elements of a model, and whether they are of its aerodynamics."""
+    for file in model_files(config):
+        root = read_xml(file, str(file))
+        for top in (root, *root):
+            inside = "aerodynamics" in (root.tag, top.tag)
+            # JSBSim reads a minus before a property as its negative.
+            elements = (top,) if top is root else top.iter()
+            yield from ((inside, (part.text or "").strip().lstrip("-")) for part in elements)

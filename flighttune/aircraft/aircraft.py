@@ -41,6 +41,8 @@ FromDegrees = Annotated[q.Angle, AfterValidator(math.radians)]
 Throttle = Annotated[q.Finite, Field(ge=0.0, le=1.0)]
 Angles = Annotated[tuple[FromDegrees, FromDegrees], *q.Rising]
 PropertyName = Annotated[str, Field(pattern=PROPERTY_NAME)]
+# With a minus it is the negative of the property.
+SourceName = Annotated[str, Field(pattern=PROPERTY_NAME.replace("^", "^-?", 1))]
 DeclaredName = Annotated[str, Field(pattern=PROPERTY_NAME.replace("^", "^/?", 1))]
 
 
@@ -179,6 +181,8 @@ class AircraftConfig(q.Table):
     # Values of properties of another simulator: the model refers to them, and neither it nor JSBSim
     # has them.
     declared: dict[DeclaredName, q.Finite] = Field(default_factory=dict)
+    # Properties of another simulator that follow one of JSBSim, such as a lever: by their names
+    linked: dict[DeclaredName, SourceName] = Field(default_factory=dict)
     envelope: FlightEnvelope
     limits: CommandLimits
     design: Design | None = None
@@ -205,8 +209,8 @@ class AircraftConfig(q.Table):
     def fingerprint(self) -> str:
         """Hash of what the file says about surfaces, engines and settings."""
         engines = {"count", "command"}
-        kept = {"surfaces": True, "settings": True, "declared": True, "engines": engines}
-        tables = self.model_dump_json(include=kept, exclude_defaults=True)
+        kept = {"surfaces": True, "settings": True, "declared": True, "linked": True}
+        tables = self.model_dump_json(include=kept | {"engines": engines}, exclude_defaults=True)
         return hashlib.sha256(tables.encode()).hexdigest()
 
     def with_gains(self, gains: InnerLoopGains) -> Self:

@@ -51,6 +51,11 @@ def _actuators(config: AircraftConfig) -> Element:
     for i in range(config.engines.count):
         SubElement(throttle, "output").text = f"{config.engines.command}[{i}]"
     channel.append(throttle)
+    for i, (name, source) in enumerate(config.linked.items()):
+        link = SubElement(channel, "pure_gain", name=f"ft/link-{i}")
+        SubElement(link, "input").text = source
+        SubElement(link, "gain").text = "1"
+        SubElement(link, "output").text = name
     return system
 
 

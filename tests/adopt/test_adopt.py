@@ -124,7 +124,7 @@ def test_a_clipped_command_is_used_as_far_as_it_goes(tmp_path):
         ("weather-balloon", "carried by buoyancy"),
         ("J246", "lack a moment axis: ROLL, PITCH, YAW"),
         ("paraglider", "lift does not grow with alpha"),
-        ("OV10", r"thrust is below its drag at every airspeed: at best 0\.9\d of the drag"),
+        ("C130", r"thrust is below its drag at every airspeed: at best 0\.0\d of the drag"),
         ("wrightFlyer1903", "its rudder command .* has no usable effect"),
     ],
 )
@@ -137,6 +137,86 @@ def test_what_is_no_case_is_refused_in_one_sentence(tmp_path, model, sentence):
     assert found["folder"] is None
     assert not (tmp_path / model).exists()
     assert err.splitlines()[-1].startswith(f"flighttune: {model}: refused: ")
+
+
+@pytest.fixture
+def own(tmp_path):
+    """A model of one's own, and how to write it with a change."""
+    folder = shutil.copytree(aircraft_folder("aerosonde"), tmp_path / "models/sonde")
+    file = folder / "aerosonde.xml"
+    text = file.read_text()
+
+    def write(pattern, change):
+        file.write_text(re.sub(pattern, change, text, count=1))
+        assert file.read_text() != text
+        return file
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("pattern", "change", "sentence"),
+    [
+        (
+            r"(<emptywt.*?>)[^<]*",
+            r"\1 -1600 ",
+            r"its mass must be above zero, got -\S+ \(inertia/mass-slugs\)",
+        ),
+        (r"(<wingarea.*?>)[^<]*", r"\1 0 ", "its wing area must be above zero, got 0"),
+        (r"(<ixx.*?>)[^<]*", r"\1 -9 ", "its inertia xx must be above zero, got -"),
+        (r"fcs/left-aileron", "fcs/left-aileron[[", r"cannot be loaded by JSBSim: unterminated"),
+        (
+            "</fdm_config>",
+            '<system file="Gear Box"/></fdm_config>',
+            "must have all its parts, got no file {}/Systems/Gear Box.xml",
+        ),
+        (r'<engine file="[^"]*"', '<engine file="none"', "got no file {}/Engines/none.xml"),
+    ],
+)
+def test_a_model_that_cannot_fly_is_refused_in_one_line(own, tmp_path, pattern, change, sentence):
+    file = own(pattern, change)
+
+    out, err = flighttune("adopt", file, "--out", tmp_path / "mine", "--json", status=1)
+    reason = json.loads(out)["reason"]
+
+    assert re.search(sentence.format(re.escape(str(file.parent))) + r"[^\n]{0,80}$", reason)
+    assert "flighttune-" not in err  # the private folder that JSBSim loads the model from
+
+
+def test_what_the_model_misses_while_it_runs_is_declared(own, tmp_path):
+    reads = "<fcs_function name='a/b'><function><property>/controls/x[1]</property></function>"
+    limit = "<actuator name='a/c'><input>a/b</input><rate_limit>a/rate</rate_limit></actuator>"
+    system = f"<system name='own'><channel name='own'>{reads}</fcs_function>{limit}</channel>"
+    file = own("</fdm_config>", f"{system}</system></fdm_config>")
+
+    found = survey(str(file), tmp_path, h=1000.0)
+
+    assert found.tables["declared"] == {"/controls/x[1]": 0.0, "a/rate": 0.0}
+    assert "are 0: /controls/x[1], a/rate" in found.notes[-1]
+
+
+def test_the_throttle_of_flightgear_is_linked_where_the_model_reads_it(own, tmp_path):
+    lever = "/controls/engines/engine[0]/throttle"
+    gain = f"<pure_gain name='a/t'><input>{lever}</input><gain>1</gain>"
+    system = f"<channel name='own'>{gain}<output>fcs/throttle-cmd-norm</output></pure_gain>"
+    file = own("</fdm_config>", f"<system name='own'>{system}</channel></system></fdm_config>")
+
+    found = survey(str(file), tmp_path, h=1000.0)
+
+    assert found.tables["linked"] == {lever: "ft/throttle-norm"}
+    assert "with FlightGear's levers linked" in " ".join(found.notes)
+
+
+def test_parts_of_jsbsim_are_found_beside_those_two_levels_up(own, tmp_path):
+    file = own("</fdm_config>", '<system file="GNCUtilities"/></fdm_config>')
+    (tmp_path / "systems").mkdir()
+
+    assert survey(str(file), tmp_path, h=1000.0).V_a > 0.0
+    (tmp_path / "engine").mkdir()
+    shared = (file.parent / "Engines").glob("*.xml")
+    for part in list(shared):
+        part.rename(tmp_path / "engine" / part.name)
+    assert survey(str(file), tmp_path, h=1000.0).V_a > 0.0
 
 
 @pytest.mark.slow

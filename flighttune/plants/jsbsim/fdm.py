@@ -17,6 +17,7 @@ from flighttune.plants.jsbsim.model_files import (
     ModelFolders,
     check_loads,
     has_flight_control,
+    missing_parts,
     model_folders,
     source_folders,
 )
@@ -53,6 +54,9 @@ MOTIONS = [
     for motion in ("rotational", "translational")
 ]
 
+# Most characters of JSBSim's words in a message.
+MOST_SAID = 240
+
 EARTH = Path(__file__).with_name("earth.xml")
 _BOTH_MAGNETOS = 3.0
 
@@ -85,7 +89,7 @@ class Fdm:
         except PlantError:
             self.abandon()
             raise
-        except jsbsim.BaseError as error:
+        except RuntimeError as error:  # JSBSim's own errors and those of its property tree
             raise self._translation("cannot be loaded", error) from error
         self._properties = self._exec.get_property_manager()
         self.run: Callable[[], bool] = self._exec.run
@@ -106,8 +110,13 @@ class Fdm:
         self._exec.set_debug_level(0)
         self._exec.set_dt(1.0 / self.rate)
         model, engines, systems = map(str, (folders.model, folders.engines, folders.systems))
+        self._private = "|".join(map(re.escape, (model, engines, systems)))
         if not self._exec.load_model_with_paths(folders.name, model, engines, systems, False):
-            raise PlantError(f"{self._model}: must load in JSBSim, got: {log.text or 'no reason'}.")
+            missing = ", ".join(missing_parts(self.config, log.text))
+            if missing:
+                raise PlantError(f"{self._model}: must have all its parts, got no file {missing}.")
+            said = self._said(log.text) or "no reason"
+            raise PlantError(f"{self._model}: must load in JSBSim, got: {said}.")
         # After load_model, which resets it. JSBSim's own Earth turns and is round: a straight
         # flight would drift off its course by 0.006 deg/s.
         if not self._exec.load_planet(str(EARTH), False):
@@ -225,13 +234,16 @@ class Fdm:
         for write, _ in kept:
             write(0.0)
         self._exec.set_dt(1.0 / rate)
-        for _ in range(samples):
-            before = self._thrust()
-            for _ in range(self.steps):
-                self._exec.run()
-            # Strict: a share of 0 never ends the wait early.
-            if abs(self._thrust() - before) < still * abs(before):
-                break
+        try:
+            for _ in range(samples):
+                before = self._thrust()
+                for _ in range(self.steps):
+                    self._exec.run()
+                # Strict: a share of 0 never ends the wait early.
+                if abs(self._thrust() - before) < still * abs(before):
+                    break
+        except jsbsim.BaseError as error:
+            raise self._translation("cannot be run", error) from error
         self._exec.set_dt(1.0 / self.rate)
         self._exec.set_sim_time(0.0)  # time at rest does not count: the flight begins at t = 0
         for write, value in kept:
@@ -266,9 +278,14 @@ class Fdm:
             raise PlantError(f"{self._model}: must have the property `{name}`, got none.")
         return node
 
-    def _translation(self, what: str, error: jsbsim.BaseError) -> PlantError:
+    def _translation(self, what: str, error: RuntimeError) -> PlantError:
         self.abandon()
-        return PlantError(f"{self._model}: {what} by JSBSim: {one_line(str(error))}")
+        return PlantError(f"{self._model}: {what} by JSBSim: {self._said(str(error))}")
+
+    def _said(self, text: str) -> str:
+        """Words of JSBSim in one line, about the file of the user instead of the one made of it."""
+        line = re.sub(rf"({self._private})/(\S+?\.xml)(:\d+)?", r"\2", one_line(text))
+        return line.replace("No filename given. ", "")[:MOST_SAID].rstrip(" .:")
 
 
 def _sea_level_at(ground: float) -> dict[str, float]:

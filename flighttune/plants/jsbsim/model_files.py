@@ -41,6 +41,9 @@ from flighttune.whole_file import scratch_folder, scratch_place
 # Elements by which JSBSim opens files and sockets on its first evaluation.
 CONNECTIONS = ("output", "input")
 
+# Elements whose files are in the folder of engines.
+ENGINES = ("engine", "thruster")
+
 _NOMINAL = OffNominal()
 
 # Time that JSBSim may take to load an aircraft; it takes a tenth of a second.
@@ -76,6 +79,8 @@ class ModelFolders:
     engines: Path
     systems: Path
     name: str  # name of the main file, without ``.xml``
+    # Folders two levels above a model of the user, whose parts come before those of JSBSim's set
+    near: tuple[Path, ...] = ()
 
     @property
     def file(self) -> Path:
@@ -86,7 +91,7 @@ class ModelFolders:
     def parts(self) -> tuple[Path, ...]:
         """Folders in which a part of the model is looked for, in this order."""
         own = (self.model / name for name in ("", "Engines", "engines", "Systems", "systems"))
-        return (*own, self.engines, self.systems)
+        return (*own, *self.near, self.engines, self.systems)
 
 
 def source_folders(config: AircraftConfig) -> ModelFolders:
@@ -94,17 +99,14 @@ def source_folders(config: AircraftConfig) -> ModelFolders:
     import jsbsim
 
     shipped = Path(jsbsim.get_default_root_dir())
+    shared = shipped / "engine", shipped / "systems"
     name = config.model
     if not name.endswith(".xml"):  # a model of JSBSim's own set
-        model = shipped / "aircraft" / name
-        return ModelFolders(model, shipped / "engine", shipped / "systems", name)
+        return ModelFolders(shipped / "aircraft" / name, *shared, name)
     file = (config.folder / name).resolve()
     # In a folder laid out like JSBSim's own, parts that models share are two levels up.
-    engines, systems = (
-        shared if (shared := file.parent.parent.parent / kind).is_dir() else shipped / kind
-        for kind in ("engine", "systems")
-    )
-    return ModelFolders(file.parent, engines, systems, file.stem)
+    near = tuple(file.parent.parent.parent / folder.name for folder in shared)
+    return ModelFolders(file.parent, *shared, file.stem, near)
 
 
 def models_of_jsbsim() -> list[str]:
@@ -156,6 +158,18 @@ def model_files(config: AircraftConfig) -> tuple[Path, ...]:
         parts = (found_file(name, folders.parts) for name in names if name)
         pending += [part for part in parts if part.is_file()]
     return tuple(files)
+
+
+def missing_parts(config: AircraftConfig, said: str) -> list[str]:
+    """Parts that a model names and JSBSim missed, as it `said`, with where they belong."""
+    folders = source_folders(config)
+    elements = (part for file in model_files(config) for part in read_xml(file, str(file)).iter())
+    tags = {name: part.tag for part in elements if (name := part.get("file", "")) in said}
+    return [
+        str(found_file(name, [folders.model / ("Engines" if tag in ENGINES else "Systems")]))
+        for name, tag in tags.items()
+        if name and not found_file(name, folders.parts).is_file()
+    ]
 
 
 def model_hash(config: AircraftConfig) -> str:
@@ -234,13 +248,21 @@ def model_folders(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> Itera
             for beside in folders.model.iterdir():
                 if beside.name != folders.file.name:
                     (folder / beside.name).symlink_to(beside)
+            shared = {}
+            for kind, near in zip(("engines", "systems"), folders.near, strict=False):
+                if near.is_dir():  # JSBSim takes one folder of each kind: it holds those of both
+                    shared[kind] = Path(stack.enter_context(scratch_folder()))
+                    places = getattr(folders, kind), near
+                    parts = {part.name: part for place in places for part in place.iterdir()}
+                    for name, part in parts.items():
+                        (shared[kind] / name).symlink_to(part)
             (folder / folders.file.name).write_bytes(text.encode())
         except OSError as error:
             raise PlantError(
                 f"{scratch_place()}: must take a folder for {folders.file.name}, "
                 f"got {error.strerror}."
             ) from error
-        yield replace(folders, model=folder)
+        yield replace(folders, model=folder, near=(), **shared)
 
 
 def not_xml(folder: str, names: list[str]) -> list[str]:

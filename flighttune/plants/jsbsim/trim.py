@@ -116,8 +116,9 @@ CLIMBS = (-10.0 * DEG, -5.0 * DEG, 0.0, 5.0 * DEG, 10.0 * DEG, 20.0 * DEG, 45.0 
 
 _SIDESLIP_SEARCHED = 10.0 * DEG
 
-# Largest unbalanced acceleration of a trim, in units of g or rad/s^2.
-_RESIDUAL_ALLOWED = 1e-6
+# Largest unbalanced acceleration of a trim, in units of g or rad/s^2, and that with an engine which
+# settles: the thrust of a governed one never comes quite to rest.
+_RESIDUAL_ALLOWED, _RESIDUAL_SETTLED = 1e-6, 2e-5
 
 # Difference of an unknown, as a share of its range, where nothing but rounding is in the way.
 _DIFFERENCE = 2.0**-26
@@ -171,9 +172,10 @@ def trim(fdm: Fdm, condition: FlightCondition, *, thrust_short: bool = False) ->
             raise TrimError(
                 f"{none}: the forces on the aircraft must be finite: {error}"
             ) from error
-    worst = float(np.max(np.abs(problem.residuals(x))))
-    if not worst < _RESIDUAL_ALLOWED:
-        raise TrimError(f"{none}: {problem.obstacle(x)} (left over: {worst:.2g} g).")
+    left = problem.residuals(x)
+    worst = float(np.max(np.abs(left)))
+    if not worst < (_RESIDUAL_SETTLED if fdm.engine_settles else _RESIDUAL_ALLOWED):
+        raise TrimError(f"{none}: {problem.obstacle(x, left)} (left over: {worst:.2g} g).")
     return problem.state(x)
 
 
@@ -284,14 +286,14 @@ class _TrimProblem:
             six = _least_squares(left_over, at, bounds)
         return np.append(six, throttle)
 
-    def obstacle(self, x: FloatArray) -> str:
-        """Name the bounds that the best compromise `x` leans on."""
+    def obstacle(self, x: FloatArray, left: FloatArray) -> str:
+        """Name the bounds that the best compromise `x`, with so much `left`, leans on."""
         share = (x - self.lower) / (self.upper - self.lower)
         low, high = share < _AT_STOP, share > 1.0 - _AT_STOP
         alpha = f"alpha is at {x[0] / DEG:.1f} deg"
         reasons = (
-            (high[6], _TOO_LITTLE),
-            (low[6], "the aircraft speeds up with the throttle closed"),
+            (high[6] and left[0] < 0.0, _TOO_LITTLE),
+            (low[6] and left[0] > 0.0, "the aircraft speeds up with the throttle closed"),
             (high[0], f"it would stall, {alpha}"),
             (low[0], f"negative stall, {alpha}"),
             (low[3] or high[3], "the elevator is at its stop"),
