@@ -5,13 +5,13 @@ DEBIAN := mesa-vulkan-drivers chromium gcc libc6-dev
 INSTALL := apt-get update -qq && apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null
 PYTEST := $(PYTHON) -m pytest -n 2 --dist loadfile
 
-.PHONY: demo check test soak lint docs bench bounds lines clean picture-packages
+.PHONY: demo check test soak counts lint docs bench bounds lines clean picture-packages
 
 demo: $(STAMP)
 	$(VENV)/bin/flighttune fly scenarios/paper.toml --out runs/paper
 
 # With two workers on two cores, threads of BLAS would spend their time waiting for each other.
-check test soak: export OPENBLAS_NUM_THREADS = 1
+check test soak counts: export OPENBLAS_NUM_THREADS = 1
 
 # The inner loop of whoever changes the code: style, types and the fast tests in under a minute.
 # Types are checked while the tests run.
@@ -28,6 +28,11 @@ test: $(STAMP) picture-packages lint
 # What takes minutes: long fuzzing, thousands of flights, every picture at every size.
 soak: $(STAMP) picture-packages
 	$(PYTEST) -m soak
+
+# Twenty times the fuzzing of `make soak`; prints what became of every kind of file.
+counts: export FUZZ_TIMES = 20
+counts: $(STAMP)
+	$(PYTEST) -m soak -rP tests/test_fuzz.py tests/test_damages.py tests/campaign/test_faults.py
 
 # The hooks of .pre-commit-config.yaml, which look at what git tracks; an unpacked archive has no git.
 lint: $(STAMP)

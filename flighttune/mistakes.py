@@ -18,6 +18,9 @@ MAX_LISTED = 5
 # Characters of a key or a value that a message repeats.
 MAX_CHARACTERS = 80
 
+# Characters of a word that a message has whole: those of the longest name of a file.
+MAX_WORD = 255
+
 Model = TypeVar("Model", bound=BaseModel)
 
 _ABRIDGED = Repr()
@@ -39,7 +42,8 @@ def joined(faults: Iterable[str]) -> str:
     sentences = [fault.removesuffix(".") for fault in faults]
     more = len(sentences) - MAX_LISTED
     line = "; ".join(sentences[:MAX_LISTED]) + (f"; and {more} more" if more > 0 else "")
-    return " ".join(line.split()) + ("" if line.endswith("?") else ".")
+    words = (word if len(word) <= MAX_WORD else shown(word) for word in line.split())
+    return " ".join(words) + ("" if line.endswith("?") else ".")
 
 
 def mistakes(error: ValidationError, tables: object, model: type[BaseModel] | None = None) -> str:
@@ -80,9 +84,9 @@ def _place(problem: ErrorDetails, tables: Any) -> tuple[int | str, ...]:
     """Keys and indices down to the wrong value, without the members of unions in between."""
     place = []
     for part in problem["loc"]:
-        inside = part in tables if isinstance(tables, dict) else isinstance(tables, list)
-        if inside and isinstance(part, str if isinstance(tables, dict) else int):
-            tables = tables[part]
+        inside: Any = dict(enumerate(tables)) if isinstance(tables, list) else tables
+        if isinstance(inside, dict) and part in inside:
+            tables = inside[part]
             place.append(part)
     if problem["type"] == "missing":
         place.append(problem["loc"][-1])

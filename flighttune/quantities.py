@@ -4,6 +4,7 @@ The ranges are wide: a number outside is a slip of the unit or of the keyboard, 
 would take hours to fly.
 """
 
+from pathlib import Path
 from typing import Annotated, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
@@ -97,3 +98,21 @@ Inclinations: TypeAlias = Annotated[tuple[Inclination, Inclination], *Rising]
 Angles: TypeAlias = Annotated[tuple[Angle, Angle], *Rising]
 AngularRates: TypeAlias = Annotated[tuple[AngularRate, AngularRate], *Rising]
 LoadFactors: TypeAlias = Annotated[tuple[LoadFactor, LoadFactor], *Rising]
+
+# Longest name of gains, a plant or an aircraft's folder: together they name a file.
+MAX_BYTES = 80
+
+# Longest part of a path on any file system.
+MAX_BYTES_OF_PART = 255
+
+
+def short(value: str) -> str:
+    """A name or path that a file system takes."""
+    *above, name = (len(part.encode()) for part in ("", *Path(value).parts))
+    if name > MAX_BYTES or max(above, default=0) > MAX_BYTES_OF_PART or "\0" in value:
+        raise ValueError(f"must be a name of at most {MAX_BYTES} bytes, it has {name}")
+    return value
+
+
+# Longest name of something that ships, or longest path.
+PathName: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(short)]

@@ -3,7 +3,15 @@
 import copy
 import json
 import math
+import os
+import resource
+import signal
+import traceback
 import typing
+import warnings
+from contextlib import contextmanager
+from pathlib import Path
+from xml.etree import ElementTree
 
 from annotated_types import Ge, Gt, Le, Lt
 from hypothesis import strategies as st
@@ -12,6 +20,9 @@ from pydantic import BaseModel
 from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.campaign.planning.schema import CampaignTable
 from flighttune.scenario.schema import Scenario
+
+TIMES = int(os.environ.get("FUZZ_TIMES", "1"))
+"""Long runs are so many times as long; CONTRIBUTING.md has the number for the full counts."""
 
 SCHEMAS = Scenario, CampaignTable, AircraftConfig
 
@@ -169,7 +180,10 @@ def torn(draw, data):
         case "repeat":
             return data[: at + length] + data[at:]
         case "put":
-            junk = [b"\xff\xfe", b"\x00", b"[" * 2000, b'{"a":' * 2000, b"9" * 5000, b"a." * 2000]
+            junk = [
+                *(b"\xff\xfe", b"\x00", b"[" * 2000, b'{"a":' * 2000, b"9" * 5000, b"a." * 2000),
+                *(b"w" * 40_000, b"# " + b"w" * 40_000),
+            ]
             return data[:at] + draw(st.sampled_from(junk)) + data[at:]
         case _:
             return data[:at] + data[at + length :]
@@ -177,6 +191,125 @@ def torn(draw, data):
 
 def files(tables, to_text):
     """Bytes of files: mostly of other values, some of them not even tables."""
+    if isinstance(tables, list):
+        return st.one_of([files(one, to_text) for one in tables])
     valid = to_text(tables).encode()
     changed = mutated(tables).map(lambda found: to_text(found).encode("utf-8", "surrogatepass"))
     return st.one_of(changed, changed, changed, torn(valid))
+
+
+@st.composite
+def xml_files(draw, text):
+    """Bytes of an XML file with a number, a name or an element changed, or torn."""
+    if draw(st.integers(0, 3)) == 0:
+        return draw(torn(text.encode()))
+    root = ElementTree.fromstring(text)
+    parents = [one for one in root.iter() if len(one)]
+    parent = draw(st.sampled_from(parents))
+    at = draw(st.integers(0, len(parent) - 1))
+    match draw(st.sampled_from([*("text", "attribute") * 3, "drop", "twice", "move"])):
+        case "text":
+            words = (parent[at].text or "").split()
+            value = str(draw(VALUES))
+            parent[at].text = " ".join([value, *words[1:]]) if words else value
+        case "attribute" if parent[at].attrib:
+            name = draw(st.sampled_from(sorted(parent[at].attrib)))
+            parent[at].set(name, str(draw(VALUES)))
+        case "drop":
+            parent.remove(parent[at])
+        case "twice":
+            parent.append(parent[at])
+        case _:
+            draw(st.sampled_from(parents)).append(ElementTree.Element(parent[at].tag))
+    return ElementTree.tostring(root, "unicode").encode("utf-8", "surrogatepass")
+
+
+class TooLongError(BaseException):
+    """Something took more processor time than it may."""
+
+
+@contextmanager
+def limited(seconds, room):
+    """A block that may take so many seconds of processor time and bytes of memory more."""
+
+    def stop(*_):
+        raise TooLongError(f"it took over {seconds:g} s")
+
+    now, most = resource.getrlimit(resource.RLIMIT_AS)
+    pages = int(Path("/proc/self/statm").read_text().split()[0])
+    before = signal.signal(signal.SIGVTALRM, stop)
+    signal.setitimer(signal.ITIMER_VIRTUAL, seconds)
+    resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + room, most))
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_VIRTUAL, 0.0)
+        signal.signal(signal.SIGVTALRM, before)
+        resource.setrlimit(resource.RLIMIT_AS, (now, most))
+
+
+def in_child(work, seconds, room):
+    """Run a function in a fork of this process; what it raised or what ended it, or nothing."""
+    read, write = os.pipe()
+    with warnings.catch_warnings(action="ignore"):  # a fork beside threads: those of xdist wait
+        child = os.fork()
+    if child == 0:
+        said = b""
+        try:
+            # A signal without a handler ends loops of other languages too.
+            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+            resource.setrlimit(
+                resource.RLIMIT_CPU, (math.ceil(seconds) + 1, math.ceil(seconds) + 1)
+            )
+            with limited(seconds, room):
+                work()
+        except BaseException:
+            said = traceback.format_exc().encode()
+        finally:
+            os.write(write, said[-4000:])
+            os._exit(0)
+    os.close(write)
+    with os.fdopen(read, "rb") as pipe:
+        said = pipe.read().decode()
+    _, status = os.waitpid(child, 0)
+    ended = os.waitstatus_to_exitcode(status)
+    return said if ended == 0 else f"{said}ended by {signal.Signals(-ended).name}"
+
+
+DIGITS = b"0123456789"
+PIECE = 16
+"""Bytes that are zeroed, swapped, repeated or lost at once."""
+
+
+def digit_changed(data, draw):
+    """Bytes with one digit replaced by another one; only the last of them have descriptions."""
+    places = [k for k in range(max(0, len(data) - 100_000), len(data)) if data[k] in DIGITS]
+    place = draw.choice(places)
+    other = draw.choice([digit for digit in DIGITS if digit != data[place]])
+    return data[:place] + bytes([other]) + data[place + 1 :]
+
+
+def damaged(data, draw):
+    """Bytes as a disk, a transfer or an editor might leave them, and the kind of the damage."""
+    kind = draw.choice(["bit", "byte", "digit", "zeros", "end", "cut", "swap", "repeat"])
+    at, other = (draw.randrange(len(data)) for _ in range(2))
+    before, piece, after = data[:at], data[at : at + PIECE], data[at + PIECE :]
+    match kind:
+        case "bit":
+            return kind, before + bytes([data[at] ^ (1 << draw.randrange(8))]) + data[at + 1 :]
+        case "byte":
+            return kind, before + draw.randbytes(1) + data[at + 1 :]
+        case "digit":
+            return kind, digit_changed(data, draw)
+        case "zeros":
+            return kind, before + bytes(len(piece)) + after
+        case "end":
+            return kind, before
+        case "cut":
+            return kind, before + after
+        case "repeat":
+            return kind, before + piece + piece + after
+        case _:
+            swapped = bytearray(data)
+            swapped[at], swapped[other] = data[other], data[at]
+            return kind, bytes(swapped)

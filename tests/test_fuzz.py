@@ -3,14 +3,18 @@
 import json
 import re
 import shutil
+import sys
+import time
 import tomllib
+from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
-from fuzzing import files, to_json, to_toml
+from fuzzing import TIMES, files, in_child, limited, to_json, to_toml, xml_files
 from hypothesis import HealthCheck, given, settings
 from made_up import made_up_scenario
 
@@ -27,11 +31,12 @@ from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins
 from flighttune.errors import FlightTuneError, InputError
 from flighttune.flight.fly import fly
-from flighttune.flight.outer_loop import certify_scenario
+from flighttune.flight.outer_loop import certify_scenario, tune_scenario
 from flighttune.identify.file import design_model, load_identified
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant
-from flighttune.scenario import load_gains, load_scenario
+from flighttune.plants.jsbsim.trim import trim_table
+from flighttune.scenario import load_gains, load_scenario, scenario_from
 from flighttune.seal import BLANK, seal
 from flighttune.shipped import aircraft_folder, campaign_files, scenario_files
 from flighttune.theory.indicators import indicators
@@ -39,8 +44,14 @@ from flighttune.units import G_0
 from flighttune.value_file import tables_of
 
 ROOT = Path(__file__).parents[1]
-CASES, MANY = 40, 200
+CASES, MANY = 40, 200 * TIMES
 """Of each kind of file, in the short and in the long run."""
+
+SAMPLE = 40
+"""One of so many files that are accepted is put to all its uses, in a process of its own."""
+
+LOAD_S, USE_S, ROOM = 10.0, 60.0, 2 << 30
+"""Processor time for reading a file and for all its uses, s; memory for either, bytes."""
 
 LONGEST_LINE = 10_000
 
@@ -157,12 +168,58 @@ class Kind(NamedTuple):
     text: Callable[[dict[str, Any]], str]
     load: Callable[[Path], Any]
     use: Callable[[Any], Any] = lambda _: None
+    thoroughly: Callable[[Any], Any] | None = None  # what takes seconds
+    files: Callable[..., Any] = files  # strategy of files that are not quite right
 
 
 def flown(scenario):
     """The first tenth of a second of every flight."""
     cut = scenario.flight.model_copy(update={"duration_s": 2.5 / scenario.controller.rate_hz})
     return fly(scenario.model_copy(update={"flight": cut}))
+
+
+def answered(*questions):
+    """Ask everything, whatever the answers: each may be a refusal."""
+    for question in questions:
+        with suppress(FlightTuneError):
+            question()
+
+
+def flown_whole(scenario):
+    """A scenario flown for as long as it says, at most 20 s, tuned and certified."""
+    flight = scenario.flight
+    cut = flight.model_copy(update={"duration_s": min(flight.duration_s, 20.0)})
+    answered(
+        lambda: fly(scenario.model_copy(update={"flight": cut})),
+        lambda: tune_scenario(scenario),
+        lambda: certify_scenario(scenario, PAPER_GAINS),
+        lambda: certify_scenario(scenario, PAPER_GAINS, envelope=True),
+    )
+
+
+def paper_with(gains):
+    """The paper's manoeuvre flown and certified with gains."""
+    paper = load_scenario("paper")
+    read = {**paper.as_dict(), "gains": [{"name": "read", **gains.as_lists()}], "expect": []}
+    answered(lambda: certify_scenario(paper, gains), lambda: fly(scenario_from(read)))
+
+
+def designed(identified):
+    """Every model of an identified aircraft, with margins."""
+    for condition in identified.conditions:
+        answered(
+            lambda model=condition: loop_margins(
+                design_model(model, g=G_0, hold=0.01).model, PAPER_GAINS
+            )
+        )
+
+
+def all_runs(plan):
+    return fly_runs(plan, range(min(plan.runs, 8)))
+
+
+def trimmed(config):
+    trim_table(config, V_a=[20.0, 30.0], gamma=[0.0, 0.1], phi=0.0, h=1000.0)
 
 
 def modelled(identified):
@@ -193,22 +250,43 @@ def of_aircraft(folder):
     return AIRCRAFT
 
 
+def model_of_aircraft(folder):
+    of_aircraft(folder)
+    return (folder / "aerosonde.xml").read_text()
+
+
 def in_folder(load):
     return lambda path: load(path.parent)
 
 
+def every_shipped(files):
+    """The tables of every shipped file that does not look for a feasible reference."""
+    return lambda _: [tomllib.loads(file.read_text(encoding="utf-8")) for file in files().values()]
+
+
 KINDS = {
-    "law": Kind("x.toml", with_a_law, to_toml, load_scenario, flown),
-    "wind": Kind("x.toml", lambda _: AIRBORNE, to_toml, load_scenario, flown),
-    "swing": Kind("x.toml", lambda _: SWINGING, to_toml, load_scenario, flown),
-    "gains": Kind("x.toml", lambda _: GAINS, to_toml, load_gains, closed),
-    "gains in JSON": Kind("x.json", lambda _: GAINS, to_json, load_gains, closed),
+    "law": Kind("x.toml", with_a_law, to_toml, load_scenario, flown, flown_whole),
+    "wind": Kind("x.toml", lambda _: AIRBORNE, to_toml, load_scenario, flown, flown_whole),
+    "swing": Kind("x.toml", lambda _: SWINGING, to_toml, load_scenario, flown, flown_whole),
+    "scenario": Kind(
+        "x.toml", every_shipped(scenario_files), to_toml, load_scenario, thoroughly=flown_whole
+    ),
+    "gains": Kind("x.toml", lambda _: GAINS, to_toml, load_gains, closed, paper_with),
+    "gains in JSON": Kind("x.json", lambda _: GAINS, to_json, load_gains, closed, paper_with),
     "campaign": Kind(
         "x.toml",
         lambda _: CAMPAIGN,
         to_toml,
         load_campaign,
         lambda campaign: first_runs(plan_campaign(campaign)),
+        lambda campaign: all_runs(plan_campaign(campaign)),
+    ),
+    "shipped campaign": Kind(
+        "x.toml",
+        every_shipped(campaign_files),
+        to_toml,
+        load_campaign,
+        thoroughly=lambda campaign: all_runs(plan_campaign(campaign)),
     ),
     "plan": Kind(
         "campaign.json",
@@ -216,10 +294,24 @@ KINDS = {
         to_json,
         in_folder(open_dataset),
         lambda dataset: first_runs(dataset.plan),
+        lambda dataset: all_runs(dataset.plan),
     ),
     "tolerances": Kind("x.toml", lambda _: TOLERANCES, to_toml, load_tolerances),
-    "aircraft": Kind("aircraft.toml", of_aircraft, to_toml, in_folder(load_aircraft), started),
-    "identified": Kind("x.json", lambda _: IDENTIFIED, to_json, load_identified, modelled),
+    "aircraft": Kind(
+        "aircraft.toml", of_aircraft, to_toml, in_folder(load_aircraft), started, trimmed
+    ),
+    "model": Kind(
+        "aerosonde.xml",
+        model_of_aircraft,
+        str,
+        in_folder(load_aircraft),
+        started,
+        trimmed,
+        files=lambda text, _: xml_files(text),
+    ),
+    "identified": Kind(
+        "x.json", lambda _: IDENTIFIED, to_json, load_identified, modelled, designed
+    ),
     "conformance": Kind("x.json", lambda _: CONFORMANCE, stamped, load_conformance),
     "certificate": Kind(
         "x.json", lambda _: certificate_of("paper_as_printed"), to_json, load_certificate, verify
@@ -249,27 +341,47 @@ def loads(load, path):
 
 def fuzz(kind, folder, cases):
     path, tables = folder / kind.file, kind.tables(folder)
-    path.write_text(kind.text(tables))
-    kind.load(path)
+    if not isinstance(tables, list):
+        path.write_text(kind.text(tables))
+        kind.load(path)
+    seen, longest = Counter(), 0.0
 
-    @settings(max_examples=cases, suppress_health_check=[HealthCheck.too_slow])
-    @given(files(tables, kind.text))
+    @settings(max_examples=cases, suppress_health_check=list(HealthCheck))
+    @given(kind.files(tables, kind.text))
     def read(data):
+        nonlocal longest
         path.write_bytes(data)
-        found = loads(kind.load, path)
-        if found is not None:
-            with suppress(FlightTuneError):
-                kind.use(found)
+        began = time.process_time()
+        with limited(LOAD_S, ROOM):
+            found = loads(kind.load, path)
+        longest = max(longest, time.process_time() - began)
+        seen["refused" if found is None else "accepted"] += 1
+        if found is None:
+            return
+        with suppress(FlightTuneError), limited(LOAD_S, ROOM):
+            kind.use(found)
+        if kind.thoroughly is not None and seen["accepted"] % SAMPLE == 0:
+            said = in_child(partial(suppressed, kind.thoroughly, found), USE_S, ROOM)
+            assert not said, said
+            seen["put to use"] += 1
 
     read()
+    sys.stdout.write(f"{path.name}: {dict(seen)}, longest {longest:.2f} s\n")
 
 
+def suppressed(use, found):
+    with suppress(FlightTuneError):
+        use(found)
+
+
+@pytest.mark.filterwarnings("ignore:Generating overly large repr")
 @pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
 def test_a_file_is_read_or_refused_in_one_line(tmp_path, name):
     fuzz(KINDS[name], tmp_path, CASES)
 
 
+@pytest.mark.filterwarnings("ignore:Generating overly large repr")
 @pytest.mark.soak
 @pytest.mark.parametrize("name", KINDS)
 def test_thousands_of_files_are_read_or_refused_in_one_line(tmp_path, name):

@@ -89,6 +89,12 @@ def test_an_unknown_key_and_a_value_of_any_length_are_abridged(tmp_path, read, s
     assert len(refusal(read, written(tmp_path / f"long{suffix}", text))) < 1000
 
 
+def test_a_word_of_any_length_is_abridged_where_a_table_checks_itself(tmp_path):
+    text = scenario_files()["paper"].read_text().replace('"paper"', f'"{"w" * 5000}"')
+
+    assert len(refusal(load_scenario, written(tmp_path / "long.toml", text))) < 1000
+
+
 def test_a_file_without_an_end_is_not_read_to_its_end():
     with pytest.raises(InputError, match="at most 16000000 bytes"):
         load_certificate("/dev/zero")

@@ -4,6 +4,7 @@ import hashlib
 import json
 import re
 import textwrap
+import warnings
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -320,7 +321,8 @@ def _origin(path: Path) -> tuple[str, tuple[str, ...]] | None:
     from rerun.chunk import RrdReader
 
     try:
-        reader = RrdReader(path)
+        with warnings.catch_warnings(action="ignore"):  # the error that follows says why
+            reader = RrdReader(path)
         store = reader.store(store=reader.recordings()[0])
         for chunk in store.stream().filter(content=f"/__properties/{ORIGIN}").to_chunks():
             stated = chunk.to_record_batch()

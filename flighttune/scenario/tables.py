@@ -4,7 +4,6 @@ import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
@@ -42,27 +41,9 @@ from flighttune.units import DEG, G_PAPER
 Seed: TypeAlias = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
 Ground: TypeAlias = Annotated[float, Field(ge=-DEEPEST_GROUND, le=HIGHEST_GROUND)]
 
-
-# Longest name of gains, a plant or an aircraft's folder: together they name a file.
-MAX_BYTES = 80
-
-# Longest part of a path on any file system.
-MAX_BYTES_OF_PART = 255
-
-
-def _short(value: str) -> str:
-    *above, name = (len(part.encode()) for part in ("", *Path(value).parts))
-    if name > MAX_BYTES or max(above, default=0) > MAX_BYTES_OF_PART or "\0" in value:
-        raise ValueError(f"must be a name of at most {MAX_BYTES} bytes, it has {name}")
-    return value
-
-
 Name: TypeAlias = Annotated[
-    str, Field(min_length=1, pattern=r"^[\w.*+-]+$"), AfterValidator(_short)
+    str, Field(min_length=1, pattern=r"^[\w.*+-]+$"), AfterValidator(q.short)
 ]
-
-# Longest name of something that ships, or longest path.
-PathName: TypeAlias = Annotated[str, Field(min_length=1, max_length=4096), AfterValidator(_short)]
 
 
 class FlightTable(q.Table):
@@ -303,7 +284,7 @@ class PlantTable(OwnTable):
     """
 
     kind: Literal["kinematic", "point_mass", "point_mass_lag", "jsbsim", "python"]
-    aircraft: PathName | None = None
+    aircraft: q.PathName | None = None
     name: Name | None = None
     throttle_max: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
     airframe: OffNominal | None = None
@@ -632,7 +613,7 @@ class TuningTable(q.Table):
 
     I_star: Annotated[float, Field(gt=0.0)] = 5.0  # may be infinite: no bound
     model: TuningModel = "kinematic"
-    identified: PathName | None = None
+    identified: q.PathName | None = None
     robust: bool = False
     lag_rad_s: Annotated[list[q.Bandwidth], Field(min_length=2, max_length=2)] | None = None
     sample_delay: bool = False

@@ -209,7 +209,7 @@ def _read_tube(path: Path, run: Run, *, computed: bool) -> tuple[RunTube, Run]:
     t, samples = bounds.t, sample_times(scenario_from(dict(run.provenance.scenario)))
     # The bounds of a tube that was lost end early.
     least = len(samples) if about.status == "bounded" else 1
-    if not (least <= len(t) <= len(samples) and np.allclose(t, samples[: len(t)], atol=1e-9)):
+    if not (least <= len(t) <= len(samples) and np.allclose(t, samples[: len(t)], 0.0, 1e-9)):
         raise InputError(
             f"{path}: `t` must be the {len(samples)} samples of the flight, got {len(t)} rows"
             + (f": {about.reason}." if about.reason else ".")

@@ -1,8 +1,14 @@
 """Faults that are made, not played: afterwards every run is there once, with the same bits."""
 
 import os
+import random
 import resource
+import signal
 import subprocess
+import sys
+import time
+from collections import Counter
+from contextlib import suppress
 
 import psutil
 import pytest
@@ -26,6 +32,7 @@ from campaigns import (
     wait_until,
     write_campaign,
 )
+from fuzzing import TIMES
 
 from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.engine.engine import run_campaign
@@ -37,6 +44,13 @@ from flighttune.errors import CampaignError
 pytestmark = pytest.mark.slow  # real clusters, processes that are killed
 
 RUNS = 160
+ENDINGS = [
+    *((who, signal.SIGKILL) for who in ("all", "command", "worker", "workers")),
+    *(("command", number) for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)),
+    ("command", signal.SIGQUIT),
+]
+"""Processes that are ended, and how."""
+
 FILE_LIMIT = 12_000
 """Room for campaign.json, not for the rows of a draw, bytes."""
 
@@ -211,6 +225,49 @@ def test_the_main_process_killed_leaves_no_worker_and_whole_files(
 
     assert bits(rows_of(out)) == undisturbed
     assert not (out / ".writing").exists()
+
+
+def without_core():
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+@pytest.mark.parametrize("count", [1, pytest.param(5 * TIMES, marks=pytest.mark.soak)])
+def test_a_campaign_ended_at_any_time_goes_on_to_the_same_bits(tmp_path, file, undisturbed, count):
+    draw, seen, longest = random.Random(26), Counter(), 6.0
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    options = {"env": {**os.environ, "TMPDIR": str(scratch)}, "preexec_fn": without_core}
+    for i in range(count):
+        out, (who, number) = tmp_path / f"out-{i}", ENDINGS[i % len(ENDINGS)]
+        began = time.monotonic()
+        with flying(file, "--out", out, "--workers", "2", **options) as command:
+            time.sleep(draw.uniform(0.0, longest))
+            workers = flyers(command)
+            ended = {
+                "command": [command],
+                "worker": draw.sample(workers, min(1, len(workers))),
+                "workers": workers,
+                "all": [command, *workers],
+            }
+            for process in ended[who]:
+                with suppress(psutil.NoSuchProcess):
+                    process.send_signal(number)
+            status = command.wait(timeout=60)
+            wait_until(lambda workers=workers: gone(workers))
+        if status == 0:
+            longest = time.monotonic() - began
+        kept = len(rows_of(out)) if parts(out) else 0
+        seen[f"{who}, {number.name}: exit status {status}, {kept:3} rows kept"] += 1
+
+        with flying(file, "--out", out, "--workers", "1", "--resume", **options) as command:
+            assert command.wait(timeout=120) == 0, last_line(command)
+
+        assert bits(rows_of(out)) == undisturbed, (who, number)
+        there = {path.name for path in out.iterdir()}
+        assert there <= {"campaign.json", "campaign.lock", "runs", "signals"}
+        assert not list(scratch.iterdir())
+    for what, times in sorted(seen.items()):
+        sys.stdout.write(f"{what}: {times}\n")
 
 
 def test_a_flight_that_never_ends_outlives_a_killed_command_by_its_time_limit_at_most(tmp_path):

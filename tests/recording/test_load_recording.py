@@ -83,6 +83,15 @@ def test_a_recording_among_the_files_of_another_flight_is_refused(folder, flown,
         load_recording(folder / "flight.rrd")
 
 
+@pytest.mark.parametrize("lost", [1, 1000])
+def test_a_recording_that_is_cut_off_is_one_line_and_no_warning(folder, lost):
+    recording = folder / "flight.rrd"
+    recording.write_bytes(recording.read_bytes()[:-lost])
+
+    with pytest.raises(RecordingError, match=r"flight\.rrd: must be a recording \(\.rrd\), got: "):
+        load_recording(recording)
+
+
 def test_a_recording_keeps_no_absolute_path(flown, tmp_path):
     files = record(flown, tmp_path / "private" / "runs")
 

@@ -8,18 +8,15 @@ from functools import partial
 
 import numpy as np
 import pytest
+from fuzzing import TIMES, digit_changed
 
 from flighttune.errors import RecordingError
 from flighttune.recording.parquet import load_recording, parts_of, run_of, write_run
 from flighttune.recording.viewer import view
 
 SEED = 12
-FEW, MANY = 40, 1000
-"""Changes of a file that are tried: here, and in `make soak`."""
-
-DIGITS = "0123456789"
-BYTES = 100_000
-"""At the end of a file, where the descriptions are."""
+FEW, MANY = 40, 500 * TIMES
+"""Changes of a run that are tried: here, and in `make soak`."""
 
 COUNTS = [FEW, pytest.param(MANY, marks=pytest.mark.soak)]
 
@@ -46,25 +43,6 @@ def bit_flipped(data, draw):
     place, changed = draw.randrange(len(data)), bytearray(data)
     changed[place] ^= 1 << draw.randrange(8)
     return bytes(changed)
-
-
-def digit_changed(data, draw):
-    """Bytes with one digit near the end, where the descriptions are, replaced by another one."""
-    places = [k for k, byte in enumerate(data[-BYTES:]) if chr(byte) in DIGITS]
-    place = draw.choice(places) + max(0, len(data) - BYTES)
-    other = draw.choice(DIGITS.replace(chr(data[place]), ""))
-    return data[:place] + other.encode() + data[place + 1 :]
-
-
-@pytest.mark.parametrize("change", [bit_flipped, digit_changed])
-@pytest.mark.parametrize("count", COUNTS)
-def test_one_change_anywhere_is_refused(sealed, change, count, tmp_path):
-    whole, draw = sealed.read_bytes(), random.Random(SEED)
-    path = tmp_path / sealed.name
-    for _ in range(count):
-        path.write_bytes(change(whole, draw))
-
-        refusal(path)
 
 
 @pytest.mark.parametrize("count", COUNTS)

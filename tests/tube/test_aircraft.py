@@ -16,11 +16,12 @@ from flighttune.conformance import (
     load_conformance,
     save_conformance,
 )
-from flighttune.conformance.file import Attempt, Distribution, flown_values
+from flighttune.conformance.file import Attempt, Distribution, conformance_tables, flown_values
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.errors import InputError
 from flighttune.identify.file import load_identified
 from flighttune.scenario import scenario_from
+from flighttune.seal import BLANK, seal
 from flighttune.table_file import toml_text
 from flighttune.tube.hand_over import HandOver
 from flighttune.tube.problem import tube_problem
@@ -199,6 +200,16 @@ def test_starts_are_those_of_the_boxes():
     assert tube(scenario, PAPER_GAINS, conformance=wider, start=0.03).status == "bounded"
     with pytest.raises(InputError, match=r"`start`.* 2 deg.*2.292 deg"):
         tube(scenario, PAPER_GAINS, conformance=wider, start=0.04)
+
+
+def test_a_list_that_is_too_short_is_refused_by_name(tmp_path):
+    path = tmp_path / "boxes.json"
+    tables = conformance_tables(conformance(flight()))
+    tables["model"]["lags"] = []
+    path.write_bytes(seal(json.dumps({**tables, "seal": BLANK}).encode()))
+
+    with pytest.raises(InputError, match=r"boxes\.json: `model\.lags\.0` must be given; "):
+        load_conformance(path)
 
 
 def test_what_the_boxes_say_nothing_about_is_refused():

@@ -127,6 +127,7 @@ def in_table(*path, value):
     ("key", "change"),
     [
         ("gains", lambda gains: {**gains, "K_I": [[3.6, 0.1784], [-0.1784, 3.4869]]}),
+        ("disturbance_rad_s", lambda _: 1e306),
         ("start_rad", lambda _: 0.01),
         ("disturbance_rad_s", lambda _: 0.02002),
         ("scenario", in_table("reference", "chi_deg", value=-90.0)),

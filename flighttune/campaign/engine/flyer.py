@@ -6,17 +6,20 @@ where it ends, the run that it was flying is to blame, and the runs after it go 
 
 import os
 import pickle
+import shutil
 import signal
 import subprocess
 import sys
 import threading
+from contextlib import suppress
 from dataclasses import replace
 from multiprocessing import Pipe
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from flighttune.errors import PlantError, ending_of
 from flighttune.shipped import TRUST_AIRCRAFT
-from flighttune.whole_file import reason_of, scratch_folder
+from flighttune.whole_file import reason_of, scratch_folder, scratch_place
 
 if TYPE_CHECKING:
     from flighttune.campaign.flying.rows import Draw, Probes, Row
@@ -26,6 +29,9 @@ SERVER = "flighttune.campaign.engine.server"
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Set to 1 in each process: one flight uses one core, and BLAS gives the same bits everywhere."""
+
+LOCK = "lock"
+"""File in the temporary folder of a process, locked until the process ends, however it ends."""
 
 STOP_S = 0.1
 """Longest time until a thread notices that the flights have been stopped, s."""
@@ -45,6 +51,7 @@ class Flyer:
 
     def __init__(self) -> None:
         self.stopped = False
+        _remove_left()
         self._start()
 
     def fly(self, work: bytes, draw: "Draw") -> list[Answer]:
@@ -88,19 +95,24 @@ class Flyer:
         return code
 
     def _start(self) -> None:
+        import fcntl
+
         self._scratch = scratch_folder()
         self._pipe, theirs = Pipe()
         settings = {**dict.fromkeys((*THREADS, TRUST_AIRCRAFT), "1"), "TMPDIR": self._scratch.name}
         try:
-            self._process = subprocess.Popen(
-                [sys.executable, "-m", SERVER, str(theirs.fileno())],
-                pass_fds=[theirs.fileno()],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                start_new_session=True,  # Ctrl-C is for the command, which ends its processes
-                env=os.environ | settings,
-            )
+            with Path(self._scratch.name, "new").open("w") as lock:
+                fcntl.flock(lock, fcntl.LOCK_EX)
+                Path(lock.name).rename(Path(self._scratch.name, LOCK))
+                self._process = subprocess.Popen(
+                    [sys.executable, "-m", SERVER, str(theirs.fileno())],
+                    pass_fds=[theirs.fileno(), lock.fileno()],
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL,
+                    start_new_session=True,  # Ctrl-C is for the command, which ends its processes
+                    env=os.environ | settings,
+                )
         except OSError as error:
             self._scratch.cleanup()
             got = reason_of(error)
@@ -113,6 +125,16 @@ class Flyer:
             if self.stopped:
                 raise PlantError("the flights have been stopped.")
         return self._pipe.recv()
+
+
+def _remove_left() -> None:
+    """Remove temporary folders of processes that were killed together with their command."""
+    import fcntl
+
+    for lock in scratch_place().glob(f"flighttune-*/{LOCK}"):
+        with suppress(OSError), lock.open() as file:  # locked, of another user, or just removed
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            shutil.rmtree(lock.parent)
 
 
 def fly(work: bytes, draw: "Draw") -> list[Answer]:

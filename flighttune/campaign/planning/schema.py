@@ -11,9 +11,9 @@ from scipy.special import log_ndtr, logsumexp, ndtr, ndtri, ndtri_exp
 
 from flighttune.arrays import FloatArray
 from flighttune.metrics import FLIGHT_METRICS
-from flighttune.quantities import Finite, NotNegative, Positive, Table
+from flighttune.quantities import Finite, NotNegative, PathName, Positive, Table
 from flighttune.scenario.schema import GainsTable, Scenario
-from flighttune.scenario.tables import CHANNEL_MEASURES, ExpectTable, PathName, PlantTable, Seed
+from flighttune.scenario.tables import CHANNEL_MEASURES, ExpectTable, PlantTable, Seed
 
 Value: TypeAlias = bool | int | float | str
 """Values of a key of a scenario."""

@@ -2,7 +2,7 @@
 
 import pytest
 
-from flighttune.errors import PlantError
+from flighttune.errors import InputError, PlantError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 
@@ -48,6 +48,13 @@ def test_what_is_not_as_the_file_says_is_named(
     with pytest.raises(PlantError, match=message) as error:
         JSBSimPlant(folder).start(FlightCondition(V_a=150.0 if name == "a4" else 50.0))
     assert "\n" not in str(error.value)
+
+
+def test_a_model_whose_name_no_file_can_have_is_refused(changed_aircraft):
+    folder = changed_aircraft("aircraft.toml", '"aerosonde.xml"', f'"{"x" * 300}"')
+
+    with pytest.raises(InputError, match=r"aircraft\.toml: `model` must .* 80 bytes, it has 300"):
+        JSBSimPlant(folder)
 
 
 def test_gains_of_another_model_are_refused(changed_aircraft):

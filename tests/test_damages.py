@@ -1,0 +1,403 @@
+"""No damage and no forgery is silent: a file is refused, or says what was written or is true."""
+
+import json
+import random
+import shutil
+import sys
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import asdict
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from fuzzing import EDGES, TEXTS, TIMES, damaged, digit_changed
+from made_up import made_up_scenario
+
+from flighttune import record
+from flighttune.conformance import load_conformance, save_conformance
+from flighttune.conformance.file import conformance_tables
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.errors import InputError
+from flighttune.flight.fly import fly
+from flighttune.flight.refly import refly
+from flighttune.recording.parquet import load_recording, parts_of, record_bytes, signals_sha256
+from flighttune.seal import BLANK, seal
+from flighttune.tube.problem import QUANTITIES
+from flighttune.tube.proof import load_tube, save_tube, verify_tube
+from flighttune.tube.store import AboutTube, read_sealed, tubes_of, write_sealed
+from tests.tube.test_aircraft import conformance, flight
+from tests.tube.test_proof import arrays_of
+from tests.tube.test_soundness import flown, made_up, outside, tube
+
+SEED = 26
+FEW, MANY = 10, 50 * TIMES
+"""Damages of each kind of file, and as many forgeries: with the other tests, and in the soak."""
+
+LONGEST_LINE = 10_000
+WRONG = (ValueError, TypeError, LookupError, AttributeError, OverflowError, pa.ArrowException)
+"""What making a file out of a forgery raises where there can be none."""
+
+COUNTS = [
+    pytest.param(FEW, marks=pytest.mark.slow),
+    pytest.param(MANY, marks=pytest.mark.soak),
+]
+RECORDED = made_up_scenario(
+    flight={"duration_s": 1.0},
+    reference={"chi_deg": 10.0},
+    plant=[
+        {"kind": "kinematic"},
+        {
+            "kind": "point_mass_lag",
+            "roll_lag_rad_s": 6.0,
+            "roll_damping": 0.8,
+            "n_z_lag_rad_s": 9.0,
+        },
+    ],
+)
+PROVEN = made_up(chi_err_deg=15.0, gamma_deg=15.0, duration_s=0.4)
+
+
+class Kind(NamedTuple):
+    """A kind of file that carries a result."""
+
+    make: Callable[[Path], Path]  # writes one into a folder
+    read: Callable[[Path], Any]  # what it says, as values that are equal only where every bit is
+    # Changes what the file says and writes it with every sum and seal that anybody can compute.
+    forge: Callable[[Path, random.Random], None]
+    true: Callable[[Path, Any], bool]  # whether a forged file says nothing but what is so
+
+
+# What JSON says, changed in one place.
+
+
+def changed_text(text, draw):
+    """JSON with a digit changed, or one value replaced by one at an edge or of another type."""
+    if draw.random() < 0.5:
+        return digit_changed(text.encode(), draw).decode()
+    tables = json.loads(text)
+    holder, key = draw.choice(list(places(tables)))
+    holder[key] = draw.choice([*EDGES, *TEXTS, None, True, [], {}, [1.0], 0, -1, 10**400, 1e308])
+    if isinstance(holder, dict) and draw.random() < 0.2:
+        del holder[key]
+    return json.dumps(tables, ensure_ascii=False)
+
+
+def places(value):
+    """Every place in nested tables and arrays: what holds it, and its key."""
+    for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+        yield value, key
+        if isinstance(item, (dict, list)):
+            yield from places(item)
+
+
+def changed_rows(rows, draw):
+    """Numbers over samples with one changed, not a number, two samples swapped, or one lost."""
+    rows, at = rows.copy(), draw.randrange(len(rows))
+    place = (at, *(draw.randrange(size) for size in rows.shape[1:]))
+    match draw.choice(["factor", "plus", "last bit", "nan", "swap", "fewer", "more"]):
+        case "factor":
+            rows[place] *= draw.choice([0.0, -1.0, 0.5, 1.01])
+        case "plus":
+            rows[place] += draw.choice([1e-9, -1e-6, 1e-3])
+        case "last bit":
+            rows[place] = np.nextafter(rows[place], np.inf)
+        case "nan":
+            rows[place] = draw.choice([np.nan, np.inf])
+        case "swap":
+            other = draw.randrange(len(rows))
+            rows[[at, other]] = rows[[other, at]]
+        case "fewer":
+            rows = np.delete(rows, at, axis=0)
+        case _:
+            rows = np.insert(rows, at, rows[at], axis=0)
+    return rows
+
+
+# Recordings: a Parquet file of one run, and the recording that shows the runs of the folder.
+
+
+def recorded(folder):
+    record(fly(RECORDED), folder)
+    return folder / "kinematic-paper.parquet"
+
+
+def run_of(path):
+    (run,) = load_recording(path).runs
+    description, rows, sha256 = parts_of(run)
+    return description, rows.tobytes(), sha256
+
+
+def forge_run(path, draw):
+    """Another description or other signals, half of them with a SHA-256 of their own."""
+    description, rows, sha256 = parts_of(load_recording(path).runs[0])
+    if draw.random() < 0.4:
+        description = changed_text(description, draw)
+    elif draw.random() < 0.2:
+        entry = json.loads(description)
+        dropped = draw.choice([name for name in entry["columns"] if name != "t"])
+        rows = np.delete(rows, list(entry["columns"]).index(dropped), axis=1)
+        del entry["columns"][dropped]
+        description = json.dumps(entry)
+    else:
+        rows = changed_rows(rows, draw)
+    if draw.random() < 0.5:
+        sha256 = signals_sha256(description, rows)
+    path.write_bytes(record_bytes((description, rows, sha256)))
+
+
+def flies_so(path, _):
+    """Whether a flight of the scenario in the file gives just these signals."""
+    runs = load_recording(path).runs
+    try:
+        (again,) = refly(runs)
+    except InputError:
+        return True  # it cannot be flown, and the command says so
+    signals, flown_now = (run.signals.reset_index() for run in (again.recorded, again.reflown))
+    return again.difference is not None or signals.equals(flown_now)
+
+
+def shown(folder):
+    recorded(folder)
+    return folder / "flight.rrd"
+
+
+def runs_shown(path):
+    return [(text, rows.tobytes()) for text, rows, _ in map(parts_of, load_recording(path).runs)]
+
+
+def forge_shown(path, draw):
+    """A recording beside one run that is another one now."""
+    forge_run(path.with_name("kinematic-paper.parquet"), draw)
+
+
+# Tubes beside a recording.
+
+
+def tube_beside(folder):
+    recorded(folder)
+    made = tubes_of(load_recording(folder).runs[:1], folder, make=True)
+    return next(iter(made.tubes.values())).file
+
+
+def tube_drawn(path):
+    folder = path.parents[1]
+    found = tubes_of(load_recording(folder / "kinematic-paper.parquet").runs, folder)
+    if not found.tubes:
+        raise InputError(next(iter(found.why_not.values()), f"{path}: not of this flight"))
+    ((label, drawn),) = found.tubes.items()
+    said = {**asdict(drawn.about), "inside": drawn.inside, "outside": found.outside == (label,)}
+    columns = {name: values.tobytes() for name, values in read_sealed(path)[1].items()}
+    return said, columns, found.runs[0].signals.to_numpy().tobytes()
+
+
+def forge_tube(path, draw):
+    about, columns = read_sealed(path)
+    if draw.random() < 0.3:
+        about = AboutTube(**json.loads(changed_text(json.dumps(asdict(about)), draw)))
+    elif draw.random() < 0.2:
+        del columns[draw.choice(list(columns))]
+    else:
+        rows = changed_rows(np.column_stack(list(columns.values())), draw)
+        columns = dict(zip(columns, rows.T, strict=True))
+    write_sealed(columns, about, path)
+
+
+def holds_its_flight(path, said):
+    """Whether a drawn tube can be one of the flight, and says rightly whether it is inside."""
+    signals = load_recording(path.parents[1] / "kinematic-paper.parquet").runs[0].signals
+    columns = read_sealed(path)[1]
+    names = QUANTITIES[:2]
+    pairs = [(columns[f"{name}_low"], columns[f"{name}_high"]) for name in names]
+    n, inside = len(columns["t"]), True
+    for name, (low, high) in zip(names, pairs, strict=True):
+        values = signals[name].to_numpy()[:n]
+        inside &= bool(((low <= values) & (values <= high)).all())
+    return (
+        np.isfinite(pairs).all()
+        and all((low <= high).all() for low, high in pairs)
+        and np.allclose(columns["t"], signals.index[:n], rtol=0.0, atol=1.1e-9)
+        and (n == len(signals) or said[0]["status"] == "unbounded")
+        and said[0]["inside"] == inside != said[0]["outside"]
+    )
+
+
+# Boxes of an aircraft, and what was counted.
+
+
+def counted(folder):
+    save_conformance(conformance(flight(duration_s=1.0)), folder / "boxes.json")
+    return folder / "boxes.json"
+
+
+def counted_in(path):
+    return json.dumps(conformance_tables(load_conformance(path)))
+
+
+def forge_counted(path, draw):
+    tables = json.loads(path.read_text())
+    text = changed_text(json.dumps({**tables, "seal": ""}, ensure_ascii=False), draw)
+    tables = json.loads(text)
+    path.write_bytes(seal(json.dumps({**tables, "seal": BLANK}, ensure_ascii=False).encode()))
+
+
+def supported(path, _):
+    """Whether the claim follows from the count, in exact numbers, and no box is turned round."""
+    one = load_conformance(path)
+    last = one.attempts[-1]
+    # Among N flights a share above epsilon leaves no trace with probability (1 - epsilon)^N.
+    chance = (1 - Fraction(one.epsilon)) ** min(last.flights, 20_000)
+    share = (1 - Fraction(one.confidence)) / one.planned
+    # The count needed is rounded by a part in 1e12 at most.
+    follows = chance <= share * (1 + Fraction(1, 10**9))
+    return (
+        (follows or not one.holds)
+        and np.isfinite([one.boxes.low, one.boxes.high]).all()
+        and bool((one.boxes.low <= one.boxes.high).all())
+    )
+
+
+# Proofs of tubes: of the law, and of an aircraft with the conformance of its boxes.
+
+
+def proven(folder):
+    save_tube(tube(PROVEN, PAPER_GAINS, disturbance=0.02), folder / "tube.npz")
+    return folder / "tube.npz"
+
+
+def proven_of_aircraft(folder):
+    scenario = flight(duration_s=0.2)
+    boxes = conformance(scenario)
+    save_conformance(boxes, folder / "boxes.json")
+    save_tube(tube(scenario, PAPER_GAINS, conformance=boxes), folder / "tube.npz")
+    return folder / "tube.npz"
+
+
+def proven_in(path):
+    """What is proven; InputError where it is not."""
+    boxes = path.with_name("boxes.json")
+    loaded = load_tube(path, load_conformance(boxes) if boxes.exists() else None)
+    verification = verify_tube(loaded)
+    if not verification.valid:
+        raise InputError(f"{path}: {verification.reason}")
+    problem = loaded.problem
+    claim = [
+        problem.scenario.as_dict(), problem.gains.as_lists(), problem.plant, problem.start,
+        problem.disturbance, problem.law.name, loaded.lost, loaded.probability, problem.model,
+        loaded.handed_over,
+    ]  # fmt: skip
+    held = loaded.can_limit.tobytes()
+    return repr(claim), loaded.bounds.pairs.tobytes(), held, problem.reference.tobytes()
+
+
+def forge_proof(path, draw):
+    arrays = arrays_of(path)
+    name = draw.choice(["claim", "claim", "bounds", "bounds", *arrays])
+    if name == "claim":
+        arrays[name] = np.array(changed_text(str(arrays[name]), draw))
+    elif draw.random() < 0.1:
+        del arrays[name]
+    elif not arrays[name].size:
+        arrays[name] = np.zeros(3, arrays[name].dtype)
+    elif arrays[name].dtype == bool:
+        at = draw.randrange(arrays[name].size)
+        arrays[name].flat[at] = not arrays[name].flat[at]
+    else:
+        arrays[name] = changed_rows(arrays[name], draw).astype(arrays[name].dtype)
+    np.savez(path, **arrays)
+
+
+def no_flight_leaves(path, _):
+    """Whether flights from the starts and under the disturbances claimed stay in the bounds."""
+    found = load_tube(path)
+    problem = found.problem
+    bound = max(problem.disturbances[1].max(), 0.0)
+    return outside(found, flown(problem.scenario, problem.gains, problem.start, bound, SEED)) <= 0.0
+
+
+def its_flight_stays(path, _):
+    from flighttune.tube.tube import flights_inside
+
+    return flights_inside(load_tube(path))
+
+
+KINDS = {
+    "run": Kind(recorded, run_of, forge_run, flies_so),
+    "recording": Kind(shown, runs_shown, forge_shown, lambda *_: False),
+    "tube": Kind(tube_beside, tube_drawn, forge_tube, holds_its_flight),
+    "conformance": Kind(counted, counted_in, forge_counted, supported),
+    "proof": Kind(proven, proven_in, forge_proof, no_flight_leaves),
+    "proof of an aircraft": Kind(proven_of_aircraft, proven_in, forge_proof, its_flight_stays),
+}
+
+
+def outcome(kind, path, written):
+    """What reading a file gives: a refusal in one line, the same as was written, or another."""
+    try:
+        said = kind.read(path)
+    except InputError as error:
+        line = str(error)
+        assert "\n" not in line
+        assert len(line) < LONGEST_LINE
+        return "refused", None
+    return ("the same" if said == written else "another"), said
+
+
+@pytest.fixture(scope="module")
+def made(request, tmp_path_factory):
+    """A kind of file, a folder, one of its files in it, and what that says."""
+    kind, folder = KINDS[request.param], tmp_path_factory.mktemp("files")
+    path = kind.make(folder)
+    return kind, folder, path.relative_to(folder), kind.read(path)
+
+
+def every_kind(test):
+    """A test of each kind of file, with few and with many changes."""
+    return pytest.mark.parametrize("made", KINDS, indirect=True)(
+        pytest.mark.parametrize("count", COUNTS)(test)
+    )
+
+
+@every_kind
+def test_no_damage_is_silent(made, count, tmp_path):
+    (kind, folder, file, written), draw, seen = made, random.Random(SEED), Counter()
+    whole = (folder / file).read_bytes()
+    path = shutil.copytree(folder, tmp_path / "damaged") / file
+    for _ in range(count):
+        damage, data = damaged(whole, draw)
+        path.write_bytes(data)
+
+        result, _ = outcome(kind, path, written)
+
+        assert result != "another", damage
+        seen[f"{damage}: {result}"] += 1
+    tell(file, seen)
+
+
+@every_kind
+def test_no_forgery_is_believed_unless_what_it_says_is_so(made, count, tmp_path):
+    (kind, folder, file, written), draw, seen = made, random.Random(SEED), Counter()
+    while seen.total() < count:
+        shutil.rmtree(tmp_path / "forged", ignore_errors=True)
+        path = shutil.copytree(folder, tmp_path / "forged") / file
+        try:
+            kind.forge(path, draw)
+        except WRONG:  # there is no such file
+            continue
+
+        result, said = outcome(kind, path, written)
+
+        if result == "another":
+            assert kind.true(path, said), f"{path} says what is not so"
+            result = "another, and it is so"
+        seen[result] += 1
+    tell(file, seen)
+
+
+def tell(file, seen):
+    """Write the counts, which ``pytest -rP`` shows."""
+    for result, count in sorted(seen.items()):
+        sys.stdout.write(f"{file}: {result}: {count}\n")
