@@ -11,7 +11,7 @@ from flighttune.control.controller import FlightCondition
 from flighttune.control.gains import COMMANDS
 from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import InputError
-from flighttune.plants.point_mass import PointMassPlant, turn_rates
+from flighttune.plants.point_mass import FINEST, PointMassPlant
 
 # Intervals of the planned commands: the paper's change takes 6.110 s with 24, 6.105 with 40.
 KNOTS = 32
@@ -24,7 +24,8 @@ DIFFERENCE = 1e-6
 # Seconds that a radian of missed course or path angle costs: far more than flying it takes.
 PENALTY = 50.0
 
-MAX_STEPS = 60
+# Linear programs of the first plan, and of each that follows a correction.
+MAX_STEPS, MORE_STEPS = 60, 25
 
 # Improvement (s) of a linear program below which the plan is found.
 CLOSE = 1e-4
@@ -33,10 +34,15 @@ CLOSE = 1e-4
 # plan is not improved any more.
 FIRST_RADIUS, NEXT_RADIUS, SMALLEST_RADIUS = 0.25, 0.02, 1e-4
 
-MAX_CORRECTIONS = 8
+# Corrections of the end, at this sample time (s) at least until the flight arrives.
+MAX_CORRECTIONS, COARSE = 9, 0.01
 
-# Error of the end behind the lag, rad, with which the plan is kept.
-ARRIVED = 1e-4
+# Error of the end behind the lag, rad, with which the plan is kept; and what a plan itself may miss
+# of its end, in rad, and break of a rate: the corrections that follow mend that much.
+ARRIVED, MENDED = 1e-4, 0.01
+
+# Longest change, in seconds and in samples or integration steps, which take up to 0.05 ms each.
+LONGEST, MAX_FLOWN = 200.0, 40_000
 
 # Time constants of the inner loop after which it is at rest.
 TAIL = 12.0
@@ -68,6 +74,12 @@ class Manoeuvre:
         """Change of course (the shorter way round) and of path angle, rad."""
         turn = math.remainder(self.end[0] - self.start[0], math.tau)
         return turn, self.end[1] - self.start[1]
+
+    @property
+    def longest(self) -> float:
+        """Longest time that the change may take, s."""
+        fastest = max((lag.natural_frequency for lag in self.lags or ()), default=1.0)
+        return min(LONGEST, MAX_FLOWN * min(self.dt, FINEST / fastest))
 
     @property
     def u_end(self) -> tuple[float, float]:
@@ -133,19 +145,27 @@ def feasible_reference(manoeuvre: Manoeuvre) -> FeasibleReference:
     """
     _check(manoeuvre)
     aimed, plan, radius = manoeuvre, _first_plan(manoeuvre), FIRST_RADIUS
-    missed = list(manoeuvre.change)
+    steps, flown = MAX_STEPS, 0
+    sampled = replace(manoeuvre, dt=max(manoeuvre.dt, COARSE))
     for _ in range(MAX_CORRECTIONS):
-        plan, radius = _fastest(aimed, plan, radius), NEXT_RADIUS
-        reference = _reference_of(manoeuvre, plan)
+        plan, broken = _fastest(aimed, plan, radius, steps)
+        radius, steps = NEXT_RADIUS, MORE_STEPS
+        if broken > MENDED or flown > MAX_FLOWN:
+            break
+        reference = _reference_of(sampled, plan)
+        flown += len(reference.chi)
         arrived = reference.chi[-1] - manoeuvre.start[0], reference.gamma[-1] - manoeuvre.start[1]
         missed = [wanted - got for wanted, got in zip(manoeuvre.change, arrived, strict=True)]
         if max(map(abs, missed)) < ARRIVED:
-            return reference
+            if sampled == manoeuvre:
+                return reference
+            sampled = manoeuvre
         chi, gamma = (end + miss for end, miss in zip(aimed.end, missed, strict=True))
         aimed = replace(aimed, end=(chi, gamma))
     raise InputError(
-        "`reference` of shape feasible must be one that can be flown within the limits, got none "
-        f"that ends within {math.degrees(max(map(abs, missed))):.2g} deg."
+        "`reference` of shape feasible must be one that can be flown within the limits in "
+        f"{manoeuvre.longest:.3g} s, got none: widen a limit, or make the change or `margin` "
+        "smaller."
     )
 
 
@@ -159,6 +179,23 @@ def _check(manoeuvre: Manoeuvre) -> None:
                     f"`{name}` of a feasible reference must {end} in {low:.4g} to {high:.4g} (the "
                     f"limits without the margin), got {value:.4g}."
                 )
+    # A steady turn has the rate tan(phi) g / V_a at any path angle.
+    turn, _ = manoeuvre.change
+    least = math.atan(abs(turn) * manoeuvre.V_a / (manoeuvre.g * manoeuvre.longest))
+    side, roll = ("right", manoeuvre.upper[0]) if turn > 0.0 else ("left", abs(manoeuvre.lower[0]))
+    if roll < least:
+        raise InputError(
+            f"`phi` of a feasible reference must reach {math.degrees(least):.3g} deg to the "
+            f"{side}, so that the turn of {math.degrees(turn):.4g} deg takes at most "
+            f"{manoeuvre.longest:.3g} s, got {math.degrees(roll):.3g} deg (the limits without the "
+            "margin)."
+        )
+    rest = max(map(_settling, manoeuvre.lags or ()), default=0.0)
+    if rest > manoeuvre.longest:
+        raise InputError(
+            "The lag of the first plant must settle within "
+            f"{manoeuvre.longest:.3g} s behind a feasible reference, got {rest:.3g} s."
+        )
 
 
 # A plan is a vector x of `2 KNOTS - 1` numbers: roll at the inner knots, load factor there, and the
@@ -171,20 +208,26 @@ def _first_plan(manoeuvre: Manoeuvre) -> FloatArray:
     turn, climb = manoeuvre.change
     largest = 0.5 * (manoeuvre.upper[0] if turn > 0.0 else -manoeuvre.lower[0])
     rate = manoeuvre.g / manoeuvre.V_a
-    duration = 2.0 + abs(turn) / (rate * math.tan(largest)) + abs(climb) / rate
+    duration = 2.0 + (abs(turn) / (rate * math.tan(largest)) if turn else 0.0) + abs(climb) / rate
     n_z = manoeuvre.u_0[1] + (manoeuvre.u_end[1] - manoeuvre.u_0[1]) * share
     phi = math.copysign(largest, turn) * np.sin(math.pi * share)
-    return np.concatenate([phi, n_z, [duration]])
+    return np.concatenate([phi, n_z, [min(duration, manoeuvre.longest)]])
 
 
-def _fastest(manoeuvre: Manoeuvre, x: FloatArray, radius: float) -> FloatArray:
-    """The plan of the shortest duration near `x`; `radius` is that of the trust region."""
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")  # beside the vertical
+def _fastest(
+    manoeuvre: Manoeuvre, x: FloatArray, radius: float, steps: int
+) -> tuple[FloatArray, float]:
+    """The plan of the shortest duration near `x`, and by how much it misses its end and rates.
+
+    `radius` is that of the trust region, which at most `steps` linear programs move.
+    """
     from scipy.optimize import linprog
 
     size = 2 * KNOTS - 1
     rows, bounds = _rate_rows(manoeuvre)
     low = np.append(np.repeat(manoeuvre.lower, KNOTS - 1), 0.2)
-    high = np.append(np.repeat(manoeuvre.upper, KNOTS - 1), np.inf)
+    high = np.append(np.repeat(manoeuvre.upper, KNOTS - 1), manoeuvre.longest)
     scale = np.concatenate([high[:-1] - low[:-1], x[-1:]])
     # Slack of the two ends, both ways, and one of all rates: each at the price of the penalty.
     cost = np.concatenate([np.zeros(size - 1), [1.0], np.full(5, PENALTY)])
@@ -196,9 +239,11 @@ def _fastest(manoeuvre: Manoeuvre, x: FloatArray, radius: float) -> FloatArray:
         return float(x[-1] + PENALTY * (np.abs(_missed(manoeuvre, x[None])[0]).sum() + rates))
 
     best = merit(x)
-    for _ in range(MAX_STEPS):
+    for _ in range(steps):
         near = _missed(manoeuvre, np.vstack([x, x + DIFFERENCE * np.eye(size)]))
         slopes = (near[1:] - near[0]) / DIFFERENCE
+        if not np.isfinite(slopes).all():
+            break
         reach = radius * scale
         lowest = np.append(np.minimum(np.maximum(low - x, -reach), 0.0), np.zeros(5))
         highest = np.append(np.minimum(high - x, reach), np.full(5, np.inf))
@@ -221,7 +266,7 @@ def _fastest(manoeuvre: Manoeuvre, x: FloatArray, radius: float) -> FloatArray:
             radius *= 0.4
         if expected < CLOSE or radius < SMALLEST_RADIUS or 0.0 < better < CLOSE:
             break
-    return x
+    return x, (best - float(x[-1])) / PENALTY if math.isfinite(best) else math.inf
 
 
 def _rate_rows(manoeuvre: Manoeuvre) -> tuple[FloatArray, FloatArray]:
@@ -258,11 +303,14 @@ def _missed(manoeuvre: Manoeuvre, x: FloatArray) -> FloatArray:
     before = np.minimum(at.astype(np.intp), KNOTS - 1)
     share = at - before
     fine = (1.0 - share) * commands[..., before] + share * commands[..., before + 1]
+    phi, n_z = fine.transpose(1, 2, 0)
+    turning, lifting, g_over_v = n_z * np.sin(phi), n_z * np.cos(phi), manoeuvre.g / manoeuvre.V_a
     turned, gamma = np.zeros(len(x)), np.full(len(x), manoeuvre.start[1])
 
     def rates(i: int, gamma: FloatArray) -> tuple[FloatArray, FloatArray]:
-        phi, n_z = fine[:, 0, i], fine[:, 1, i]
-        return turn_rates(manoeuvre.V_a, gamma, phi, n_z, turn="exact", g=manoeuvre.g)
+        """Exact rates of `turn_rates`, which would take most of the time of a plan."""
+        level = np.cos(gamma)
+        return g_over_v * (turning[i] / level), g_over_v * (lifting[i] - level)
 
     for i in range(0, 2 * KNOTS * SUBSTEPS, 2):
         k1 = rates(i, gamma)
@@ -281,7 +329,7 @@ def _reference_of(manoeuvre: Manoeuvre, x: FloatArray) -> FeasibleReference:
     """The flight of the exact point mass, behind the lag, under a plan that is held by samples."""
     dt, duration = manoeuvre.dt, float(x[-1])
     knots = np.linspace(0.0, duration, KNOTS + 1)
-    rest = max((_settling(lag) for lag in manoeuvre.lags or ()), default=0.0)
+    rest = max(map(_settling, manoeuvre.lags or ()), default=0.0)
     samples = math.ceil((duration + rest) / dt) + 1
     # The middle of each sample: held commands are half a sample late on average.
     middles = (np.arange(samples) + 0.5) * dt

@@ -1,6 +1,7 @@
 """The fastest reference within limits, against closed forms and a flight of its own model."""
 
 import math
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -126,7 +127,11 @@ TABLES = scenario_tables(
 
 
 def changed(**tables):
-    return {**TABLES, **{name: {**TABLES[name], **values} for name, values in tables.items()}}
+    merged = {
+        name: {**TABLES[name], **values} if isinstance(values, dict) else values
+        for name, values in tables.items()
+    }
+    return {**TABLES, **merged}
 
 
 def test_the_margin_is_taken_off_every_limit_about_level_flight():
@@ -164,10 +169,32 @@ def test_the_reference_may_begin_elsewhere_than_the_flight():
         ({"limits": {"phi_rate_dps": None}}, "`phi_rate_dps`"),
         ({"flight": {"phi_deg": 37.0}}, "`phi`.*begin"),
         ({"limits": {"n_z": [1.2, 1.8]}}, "`n_z`.*begin"),
+        ({"limits": {"phi_deg": [0.0, 40.0]}}, "`phi`.*to the left.*got 0 deg"),
+        ({"limits": {"phi_deg": [-0.1, 40.0]}}, "`phi`.*to the left.*got 0.09 deg"),
+        ({"limits": {"phi_deg": [-4.5e-5, 40.0]}}, "`phi`.*to the left.*got 4.05e-05 deg"),
+        ({"limits": {"phi_rate_dps": 1e-6}}, "within the limits in 200 s, got none"),
+        ({"limits": {"n_z": [-2.0, 1.0]}}, "within the limits in 200 s, got none"),
+        (
+            {
+                "plant": [{"kind": "point_mass_lag", "roll_lag_rad_s": 0.05, "n_z_lag_rad_s": 5.0}],
+            },
+            "lag of the first plant must settle within 200 s .* got 240 s",
+        ),
     ],
 )
-def test_what_cannot_be_is_one_line(tables, message):
+def test_what_cannot_be_is_one_line_and_takes_no_time(tables, message):
+    began = time.process_time()
     with pytest.raises((ScenarioError, InputError), match=message) as raised:
         check_aircraft(scenario_from(changed(**tables)), "file.toml")
 
     assert "\n" not in str(raised.value)
+    assert time.process_time() - began < 3.0  # without bounds: minutes
+
+
+def test_a_fast_controller_does_not_make_the_plan_slow():
+    manoeuvre, began = replace(PAPER, dt=0.001), time.process_time()
+
+    duration = feasible_reference(manoeuvre).duration
+
+    assert duration == pytest.approx(feasible_reference(PAPER).duration, abs=0.01)
+    assert time.process_time() - began < 4.0
