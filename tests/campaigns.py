@@ -219,10 +219,10 @@ def dask_cluster(folder, workers=1, threads=1, path=None):
 
 
 @contextmanager
-def flying(*arguments, **options):
-    """The command ``campaign run`` in a process group of its own, until the block ends."""
+def flying(*arguments, command=("campaign", "run"), **options):
+    """The command ``campaign run``, or another, in a process group of its own for the block."""
     process = psutil.Popen(
-        [sys.executable, "-m", "flighttune", "campaign", "run", *map(str, arguments)],
+        [sys.executable, "-m", "flighttune", *command, *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

@@ -195,9 +195,8 @@ class CampaignDisplay(CampaignObserver):
             tell(sentence)
 
     def stop(self) -> None:
-        """Ask the campaign to end; what is in flight is dropped, what is flown is kept."""
+        """Ask the campaign to end; a signal handler must not print, stderr may be in use."""
         self.stopped = True
-        self.hear("stopping; what has been flown is kept")
 
 
 @contextmanager
@@ -226,7 +225,7 @@ def campaign_pool(workers: int | None, scheduler: str | None) -> "Iterator[Worke
         try:
             yield pool
         except StoppedError:
-            fail("interrupted, nothing is written", INTERRUPTED)
+            fail("interrupted: its flights are not kept, and nothing is written", INTERRUPTED)
 
 
 def rate(per_s: float) -> str:

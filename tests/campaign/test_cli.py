@@ -104,6 +104,32 @@ def test_ctrl_c_ends_it_and_resume_goes_on(tmp_path, file, address, number):
     assert bits(open_dataset(out).rows()) == bits(fly_runs(ours, range(RUNS)))
 
 
+@pytest.mark.soak
+@pytest.mark.parametrize(
+    "command",
+    [
+        "worst first_campaign --budget 100000",
+        "conform random_starts --out boxes.json",
+        "campaign tune first_campaign --draws 1000",
+    ],
+)
+def test_ctrl_c_ends_a_search_which_says_that_it_keeps_nothing(tmp_path, command):
+    with flying(command=command.split(), cwd=tmp_path) as process:
+        before = []
+        while "runs" not in (line := process.stderr.readline()):  # that flights have begun
+            assert line, before
+            before.append(line)
+        os.killpg(process.pid, signal.SIGINT)
+        shown, said = process.communicate(timeout=60)
+
+    assert (process.returncode, shown) == (130, "")
+    assert "kept" not in "".join(before)
+    assert said.splitlines()[-1] == (
+        "flighttune: interrupted: its flights are not kept, and nothing is written"
+    )
+    assert not list(tmp_path.iterdir())
+
+
 def test_a_campaign_made_longer_stays_so_when_it_is_resumed(tmp_path, address):
     file = write_campaign(tmp_path, runs=4)
     for_all = ("campaign", "run", file, "--scheduler", address, "--out", tmp_path / "out")
