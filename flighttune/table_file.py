@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import re
 import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -12,6 +13,11 @@ from flighttune.mistakes import shown
 
 # Largest file that is read: a certificate at a thousand conditions has a tenth of it.
 MAX_BYTES = 16_000_000
+
+# A dotted key of over 32 parts: `tomllib` takes minutes for 100,000. The expression begins only
+# where a key can and gives nothing back, so that it costs one pass of any text.
+PART = r"""(?:"[^"\n]*+"|'[^'\n]*+'|[\w-]++)"""
+DEEP_KEY = re.compile(rf"(?m)(?:^|[\[{{,])[ \t]*+(?:{PART}[ \t]*+\.[ \t]*+){{32}}")
 
 
 def stamp(file: Path) -> tuple[int, ...]:
@@ -28,7 +34,7 @@ def toml_tables(path: Path) -> dict[str, Any]:
 
     Raises ScenarioError if the file cannot be read, is not TOML, or is nested too deeply.
     """
-    return _tables(path, tomllib.loads, "TOML")
+    return _tables(path, _toml, "TOML")
 
 
 def json_tables(path: Path) -> dict[str, Any]:
@@ -46,6 +52,12 @@ def json_object(text: str, place: str) -> dict[str, Any]:
     Raises ScenarioError as `json_tables` does; the message begins with `place`.
     """
     return _parsed(text, place, _json, "JSON")
+
+
+def _toml(text: str) -> Any:
+    if DEEP_KEY.search(text):
+        raise RecursionError
+    return tomllib.loads(text)
 
 
 def _json(text: str) -> Any:

@@ -2,6 +2,7 @@
 
 import json
 import re
+import time
 
 import pytest
 
@@ -12,7 +13,7 @@ from flighttune.errors import InputError
 from flighttune.identify.file import load_identified
 from flighttune.scenario import load_gains, load_scenario
 from flighttune.shipped import scenario_files
-from flighttune.table_file import MAX_BYTES
+from flighttune.table_file import MAX_BYTES, toml_tables
 
 TOML, JSON = ".toml", ".json"
 
@@ -107,3 +108,39 @@ def test_line_ends_of_windows_are_read_as_those_of_unix(name, tmp_path):
     copy.write_bytes(shipped.read_bytes().replace(b"\n", b"\r\n"))
 
     assert load_scenario(copy).as_dict() == load_scenario(shipped).as_dict()
+
+
+LONG = "x" * 1_000_000
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        f'title = "{LONG}"',
+        f"# {LONG}",
+        f"{LONG} = 1",
+        f'"{LONG.replace("xx", "x.")}" = 1',
+        f'title = "{"a." * 500_000}"',
+        f"a = [{','.join(['1.5'] * 50_000)}]",
+    ],
+    ids=["title", "comment", "key", "dots in a key", "dots in a title", "array"],
+)
+def test_a_long_word_is_read_in_one_pass(tmp_path, text):
+    began = time.process_time()
+
+    assert len(toml_tables(written(tmp_path / "long.toml", text))) <= 1
+    assert time.process_time() - began < 4.0  # in two nested passes: minutes
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["{} = 1", "[{}]", "[[{}]]", "a = {{ {} = 1 }}", "a = {{ b = 1, {} = 1 }}", "  {} = 1"],
+)
+@pytest.mark.parametrize("part", ["a", '"a b"', "'a.b'", "a ", "\ta"])
+def test_a_deep_key_is_refused_at_once(tmp_path, text, part):
+    began = time.process_time()
+
+    deep = written(tmp_path / "deep.toml", text.format(".".join([part] * 30_000)))
+
+    assert "nested so deeply" in refusal(toml_tables, deep)
+    assert time.process_time() - began < 1.0  # by `tomllib`: 10 s
