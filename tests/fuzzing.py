@@ -99,6 +99,7 @@ VALUES = st.one_of(
     ),
     st.floats(-1e3, 1e3),
     st.lists(st.floats(-100.0, 100.0), max_size=4),
+    st.sampled_from([[0.0, 45.0], [-0.0, 45.0], [-1e-3, 45.0], [-0.1, 0.1], [5.0, 6.0], [1, -1]]),
 )
 
 
@@ -181,8 +182,8 @@ def torn(draw, data):
             return data[: at + length] + data[at:]
         case "put":
             junk = [
-                *(b"\xff\xfe", b"\x00", b"[" * 2000, b'{"a":' * 2000, b"9" * 5000, b"a." * 2000),
-                *(b"w" * 40_000, b"# " + b"w" * 40_000),
+                *(b"\xff\xfe", b"\x00", b"[" * 2000, b'{"a":' * 2000, b"9" * 5000),
+                *(b"w" * 40_000, b"# " + b"w" * 40_000, b"a." * 40_000),
             ]
             return data[:at] + draw(st.sampled_from(junk)) + data[at:]
         case _:
