@@ -94,8 +94,8 @@ def _tab(name: str, plots: Sequence[Plot], drawn: Sequence[DrawnRun]) -> rrb.Con
         name="Events",
         columns=TextLogColumns(text_log_columns=[TextLogColumnKind.Body]),
     )
-    views = [_plot(plot, drawn, 5.0 / 13.0) for plot in plots]
-    return rrb.Vertical(*views, events, row_shares=[*[5] * len(views), 3])
+    views = [_plot(plot, drawn, 6.0 / 15.0) for plot in plots]
+    return rrb.Vertical(*views, events, row_shares=[*[6] * len(views), 3])
 
 
 def _lanes(drawn: Sequence[DrawnRun]) -> rrb.StateTimelineView:

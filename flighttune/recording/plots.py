@@ -50,7 +50,7 @@ class Plot:
     @property
     def heading(self) -> str:
         """Title with symbol and unit, for example ``Course chi [deg]``."""
-        faint = ", measured faint" if self.measured else ""
+        faint = (", tube thin" if self.band else "") + (", measured faint" if self.measured else "")
         unit = shown_unit(unit_of(self.signal))[0] if self.unit is None else self.unit
         return f"{self.title} [{unit}]{faint}"
 
@@ -89,12 +89,12 @@ TABS: dict[str, tuple[Plot, ...]] = {
         Plot("gamma", "Path angle gamma, reference grey", common="gamma_ref"),
         Plot(
             "chi_err",
-            "Course error, tube thin",
+            "Course error",
             band=(*TUBE_SIGNALS[:2], WORST_SIGNALS[0]),
         ),
         Plot(
             "gamma_err",
-            "Path angle error, tube thin",
+            "Path angle error",
             band=(*TUBE_SIGNALS[2:], WORST_SIGNALS[1]),
         ),
     ),
@@ -103,9 +103,9 @@ TABS: dict[str, tuple[Plot, ...]] = {
         LOAD_FACTOR,
     ),
     WHY_TAB: (
-        Plot("step_chi", "Course: step between plants"),
-        Plot("step_gamma", "Path angle: step between plants"),
-        Plot("distance", "Distance from the path of the law"),
+        Plot("step_chi", "Course: plant to plant"),
+        Plot("step_gamma", "Path angle: plant to plant"),
+        Plot("distance", "Distance from the law's path"),
         *(
             Plot(f"{part}_{channel}", f"{name}: {words}")
             for channel, name in (("chi", "Course"), ("gamma", "Path angle"))
@@ -157,7 +157,7 @@ def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
     of_laws = tuple(Plot(name, name, unit=unit) for name, unit in own.items())
     shown = {
         tab: tuple(
-            _with_measured(plot, runs)
+            _as_flown(plot, runs)
             for plot in (*plots, *(of_laws if tab == LAW_TAB else ()))
             if shows(tab, plot)
         )
@@ -166,10 +166,15 @@ def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
     return {tab: plots for tab, plots in shown.items() if plots}
 
 
-def _with_measured(plot: Plot, runs: Sequence[Run]) -> Plot:
+def _as_flown(plot: Plot, runs: Sequence[Run]) -> Plot:
+    """The plot with the measured signal and the bounds that a run has."""
+    there = {name for run in runs for name in run.signals}
     measured = SEEN_AS.get(plot.signal)
-    there = any(measured in run.signals for run in runs)
-    return replace(plot, measured=measured) if there else plot
+    return replace(
+        plot,
+        measured=measured if measured in there else None,
+        band=tuple(name for name in plot.band if name in there),
+    )
 
 
 def displayed(signals: pd.DataFrame, name: str) -> FloatArray:

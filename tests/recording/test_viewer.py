@@ -25,8 +25,8 @@ FEWEST_PIXELS = 25
 """Pixels of its own colour that a line which is not hidden has at least."""
 
 ERRORS = (
-    "Course error, tube thin [deg]",
-    "Path angle error, tube thin [deg]",
+    "Course error [deg]",
+    "Path angle error [deg]",
 )
 NEVER_HIDDEN = {"Course chi, reference grey [deg]", *ERRORS}
 SCENE = "Paths and aircraft"
