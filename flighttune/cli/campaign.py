@@ -84,7 +84,7 @@ def report(
         tables=[
             tables.success_table(made, groups),
             tables.reasons_table(groups),
-            tables.paired_table(made),
+            *tables.paired_tables(made),
         ],
         notes=[*summary(made), *notes(made)],
         files={"page": page},

@@ -40,7 +40,8 @@ def metric_label(key: str) -> Column:
     label = replace(METRIC_LABELS[metric], key=key)
     if channel not in SYMBOLS:
         return label
-    label = replace(label, name=f"{label.name} of {SYMBOLS[channel]}")
+    name, _, part = label.name.partition(", ")
+    label = replace(label, name=f"{name} of {SYMBOLS[channel]}" + (part and f" in the {part}"))
     if metric != "effort_rms":
         return label
     # The effort is that of the command: roll for the course, load factor for the path angle.
@@ -48,11 +49,48 @@ def metric_label(key: str) -> Column:
     return replace(label, unit=unit, factor=factor)
 
 
+# Words of a key of a scenario that is dispersed, by its parts; others are as they are.
+WORDS = {
+    "V_a": "airspeed",
+    "n_z": "load factor",
+    "chi": "course",
+    "gamma": "path angle",
+    "phi": "roll",
+    "h": "height",
+    "from": "direction",
+    "omega": "frequency",
+    "sd": "deviation",
+    "cg": "centre of gravity,",
+    "ixx": "roll inertia",
+    "iyy": "pitch inertia",
+    "izz": "yaw inertia",
+    "sensors": "sensor",
+    "limits": "limit of",
+    "flight": "initial",
+    "plant": "",
+    "airframe": "",
+    "factor": "",
+}
+
+
+def key_words(key: str) -> str:
+    """A dispersed quantity in words, by its key: ``flight.chi_deg`` is the initial course."""
+    words: list[str] = []
+    for part in key.split("."):
+        name, _, place = part.partition("[")
+        end = next((end for end in UNIT_OF_SUFFIX if name.endswith(end)), "")
+        name = name.removesuffix(end).replace("V_a", "V-a").replace("n_z", "n-z")
+        words += [WORDS.get(word.replace("-", "_"), word) for word in name.split("_")]
+        words += [str(int(place.rstrip("]")) + 1)] if place.rstrip("]").isdigit() else []
+    return " ".join(filter(None, words))
+
+
 # Unit of a value by the end of its key; longer ends first.
 UNIT_OF_SUFFIX = {
     "_rad_s2": "rad/s²",
     "_rad_s": "rad/s",
     "_per_s": "1/s",
+    "_dps": "deg/s",
     "_mps": "m/s",
     "_hz": "Hz",
     "_deg": "deg",

@@ -137,6 +137,17 @@ def test_the_tables_have_the_numbers_of_the_groups(made_up, page):
         assert (pair["a"], pair["win_rate"]) == ("paper", 0.0)
 
 
+def test_the_first_screen_says_what_success_is_and_draws_the_measure_that_decides(page):
+    first = page.path.read_text(encoding="utf-8").partition("<body>")[2].partition("<details")[0]
+
+    sentence = r"A flight succeeds if it is completed with [^.]*ITAE of course ≤ 4 rad\ss²"
+    assert re.search(sentence, first)
+    assert "Flights by settling time (5\u00a0%) of course" in first  # has most misses
+    assert "settling time (5\u00a0%) of course ≤ 5 s</span>" in first
+    assert "initial airspeed" in first
+    assert not re.search(r"certified|flight\.\w|chi\.\w", first)
+
+
 def test_every_part_is_on_the_page_and_nothing_points_outside(page):
     text = page.path.read_text(encoding="utf-8")
     addresses = [one or other for one, other in ADDRESS.findall(text)]
@@ -152,7 +163,7 @@ def test_every_part_is_on_the_page_and_nothing_points_outside(page):
     for part in ("Provenance", "How to reproduce", *page.sections):
         assert f"<h2>{part}</h2>" in text
     assert re.search(r"campaign run campaign.toml --runs \d+ --out", text)
-    assert text.count('<svg class="chart" ') >= 8
+    assert text.count('<svg class="chart" ') > 8
     assert all(address.strip("'\"").startswith(("data:", "#")) for address in addresses)
     assert text.count("<script") == 1
     assert page.path.stat().st_size < 3_000_000
@@ -166,7 +177,7 @@ def test_one_group_without_dispersion_or_measures_still_makes_a_page(tmp_path):
 
     written = write_campaign_report(findings(flights_of(rows, made)), tmp_path / "page.html")
 
-    assert written.summary[0] == "0 of 1 flights succeed."
+    assert written.summary[0] == "0 of 1 flights succeed (draws: 1, groups: 1)."
     assert "`x` must be finite" in written.path.read_text(encoding="utf-8")
 
 

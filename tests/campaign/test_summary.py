@@ -14,7 +14,7 @@ from flighttune.campaign.statistics.intervals import (
     share,
 )
 from flighttune.campaign.statistics.paired import paired
-from flighttune.campaign.statistics.summary import prefixes, reasons
+from flighttune.campaign.statistics.summary import prefixes, reasons, requirements
 
 ROUNDING = 1e-9
 CRAFT = "jsbsim:aerosonde"
@@ -88,6 +88,20 @@ def test_sentences_are_put_together_where_only_their_numbers_differ():
         ("n_z of paper2 is nan", 1, 10),
         ("K3", 1, 11),
     ]
+
+
+def test_requirements_are_counted_over_completed_flights_the_most_missed_first(flown):
+    rows = flown.rows[flown.rows["status"] == "completed"]
+
+    settling, itae = requirements(flown)
+
+    assert (settling["measure"], itae["measure"]) == ("chi.settling_s", "chi.ITAE")
+    assert settling["n"] == itae["n"] == len(rows)
+    assert settling["missed"] == rows["chi.settling_s"].isna().sum()  # it never settled
+    assert itae["missed"] == (rows["chi.ITAE"] > 4.0).sum()
+    nearest = np.sort(rows["chi.ITAE"])[int(np.ceil(0.95 * len(rows))) - 1]
+    assert itae["near"] == pytest.approx((nearest - 4.0) / 4.0)
+    assert itae["bound"] == 4.0
 
 
 def test_gain_sets_are_compared_on_the_same_draws(flown):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flighttune.metrics import FLIGHT_METRICS, METRICS
-from flighttune.present.names import METRIC_LABELS, metric_label
+from flighttune.present.names import METRIC_LABELS, key_words, metric_label
 from flighttune.present.tables import figures, interval, matrix, number, percent
 
 
@@ -50,3 +50,19 @@ def test_every_metric_has_a_label_and_angles_are_in_degrees():
     assert metric_label("chi.MO_rad").written(math.pi / 18.0) == "10.00"
     assert metric_label("gamma.effort_rms").heading == "effort rms of γ [1]"
     assert metric_label("flight.n_z_max").heading == "maximum n_z [1]"
+
+
+@pytest.mark.parametrize(
+    ("key", "words"),
+    [
+        ("flight.chi_deg", "initial course"),
+        ("flight.V_a_mps", "initial airspeed"),
+        ("plant.airframe.actuator_lag_factor", "actuator lag"),
+        ("sensors.gamma_bias_deg", "sensor path angle bias"),
+        ("wind.from_deg", "wind direction"),
+        ("limits.n_z_rate_per_s", "limit of load factor rate"),
+        ("reference.chi_deg[1].start_s", "reference course 2 start"),
+    ],
+)
+def test_a_dispersed_quantity_is_said_in_words(key, words):
+    assert key_words(key) == words

@@ -14,7 +14,7 @@ from flighttune.campaign.statistics.flights import Flights, is_number
 from flighttune.campaign.statistics.intervals import CONFIDENCE, Method
 from flighttune.campaign.statistics.paired import paired, scores
 from flighttune.campaign.statistics.sensitivity import classes_of, influences, sobol_indices
-from flighttune.campaign.statistics.summary import convergence, summary
+from flighttune.campaign.statistics.summary import convergence, requirements, summary
 
 SUCCESS = "success"
 
@@ -68,6 +68,7 @@ def findings(
             "interval": method,
             "confidence": confidence,
             "worst_by": measure,
+            "requirements": requirements(flights),
             "groups": groups,
             "paired": paired(flights.rows, measure, confidence=confidence) if measure else [],
         },

@@ -9,6 +9,10 @@ import pandas as pd
 
 from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.flights import Flights
+from flighttune.campaign.statistics.paired import ordered_quantile
+from flighttune.flight.expectations import bound_checks
+from flighttune.scenario.tables import in_rad
+from flighttune.units import DEG
 
 PERCENTILES = {"p05": 0.05, "p50": 0.5, "p95": 0.95}
 
@@ -59,6 +63,37 @@ def summary(flights: Flights, group: Group, rows: pd.DataFrame) -> dict[str, Any
             if completed[name].notna().any()
         },
     }
+
+
+def requirements(flights: Flights) -> list[dict[str, Any]]:
+    """Bounds of success, the one that most completed flights miss or come nearest to first.
+
+    Bounds are in the units of the columns; `near` is the 95th percentile of the distance of flights
+    beyond the bound, relative to it and negative inside.
+    """
+    completed, stated = flights.rows.loc[(flights.rows["status"] == "completed").to_numpy()], []
+    groups = list(zip(completed["plant"], completed["gains"], strict=True))
+    for table in flights.plan.scenario.expect:
+        rows = completed.loc[[table.meant(*group) for group in groups]]
+        for check in bound_checks([table], {}):
+            measure = f"{check.subject}.{in_rad(check.measure)}"
+            bound = check.bound * (DEG if check.measure.endswith("_deg") else 1.0)
+            values = rows[measure].to_numpy(dtype=float)
+            beyond = values - bound if check.sense == "at_most" else bound - values
+            beyond = np.where(np.isnan(values), np.inf, beyond) / (abs(bound) or 1.0)
+            stated.append(
+                {
+                    "plant": table.plant,
+                    "gains": table.gains,
+                    "measure": measure,
+                    "sense": check.sense,
+                    "bound": bound,
+                    "n": len(rows),
+                    "missed": int((beyond > 0.0).sum()),
+                    "near": ordered_quantile(beyond, 0.95).item() if len(rows) else -np.inf,
+                }
+            )
+    return sorted(stated, key=lambda bound: (-bound["missed"], -bound["near"]))
 
 
 def _missed(completed: pd.DataFrame) -> list[dict[str, Any]]:

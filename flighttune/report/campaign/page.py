@@ -10,6 +10,7 @@ from flighttune.campaign.dataset import dataset_hash
 from flighttune.campaign.planning.draws import SEED
 from flighttune.campaign.statistics.findings import SUCCESS, Findings
 from flighttune.present.frame import Report, Section, page_template, write_page
+from flighttune.present.names import key_words
 from flighttune.present.tables import MISSING, Table, facts_table
 from flighttune.report.campaign import tables
 from flighttune.report.campaign.panels import (
@@ -59,9 +60,10 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
 
 
 def summary(findings: Findings) -> tuple[str, ...]:
-    """Two sentences: the number of flights that succeed, and the parameters that matter most."""
+    """Two sentences: the number of flights that succeed, and the quantities that matter most."""
     groups = findings.values["groups"]
     n, successes = (sum(group[key] for group in groups) for key in ("n", "successes"))
+    draws = findings.flights.rows["draw"].nunique()
     strongest = Counter(
         name
         for group in groups
@@ -70,25 +72,29 @@ def summary(findings: Findings) -> tuple[str, ...]:
     )
     names = [name for name, count in strongest.items() if count == max(strongest.values())]
     matters = ", ".join(names) if names else "no parameter significantly"
-    return f"{successes} of {n} flights succeed.", f"What matters most: {matters}."
+    return (
+        f"{successes} of {n} flights succeed (draws: {draws}, groups: {len(groups)}).",
+        f"What matters most: {matters}.",
+    )
 
 
 def _strongest(ranks: list[dict[str, Any]], sobol: dict[str, Any] | None) -> str:
     """The strongest factor by its total Sobol index, else by ranks; empty if none matters."""
     if sobol is not None:
         factor = max(sobol, key=lambda factor: sobol[factor]["total"][0])
-        return CHANCE if factor == SEED else factor
-    return next((rank["parameter"] for rank in ranks if rank["apart"]), "")
+        return CHANCE if factor == SEED else key_words(factor)
+    return next((key_words(rank["parameter"]) for rank in ranks if rank["apart"]), "")
 
 
 def notes(findings: Findings) -> tuple[str, ...]:
-    """Number of flights, and effect of the design on the intervals."""
+    """Number of flights, what success is, and effect of the design on the intervals."""
     flown, plan = findings.flights, findings.flights.plan
     lines = []
     if len(flown.rows) < plan.runs:
         lines.append(
             f"Not finished: the numbers are those of {len(flown.rows)} of {plan.runs} flights."
         )
+    lines.append(tables.success_sentence(findings))
     if plan.cycle > 1:
         lines.append(
             f"Draws of this design come in blocks of {plan.cycle}: intervals are for the effective "
@@ -119,9 +125,7 @@ def _sections(findings: Findings) -> list[Section]:
             id="rates",
             title="How often",
             note=f"Of all flights of a group, with {CONFIDENCE[flown.method]} interval of "
-            f"{100.0 * flown.confidence:g} % confidence in brackets. A flight succeeds if it meets "
-            "every [[expect]] of the scenario below; without one for its status it must be "
-            "completed.",
+            f"{100.0 * flown.confidence:g} % confidence in brackets.",
             tables=[
                 tables.success_table(findings, groups),
                 tables.reasons_table(groups),
@@ -160,7 +164,7 @@ def _sections(findings: Findings) -> list[Section]:
             title="Gains on the same draws",
             note="Every gain set flies every draw, so that only gains differ. A flight that was "
             "not completed counts as the worst.",
-            tables=[tables.paired_table(findings)],
+            tables=tables.paired_tables(findings),
             legend=False,
         ),
         Section(

@@ -11,13 +11,14 @@ from flighttune.campaign.statistics.findings import Findings, values_of
 from flighttune.campaign.statistics.flights import is_number
 from flighttune.campaign.statistics.intervals import Estimate
 from flighttune.campaign.statistics.paired import scores
-from flighttune.present.chart import HEAD_AND_FOOT, Chart
-from flighttune.present.names import metric_label
+from flighttune.present.chart import DASHED, HEAD_AND_FOOT, HEIGHT, Chart
+from flighttune.present.names import key_words, metric_label
 from flighttune.present.palette import LIMIT, LineStyle, line_styles
-from flighttune.report.campaign.tables import influential_parameters
+from flighttune.present.tables import percent
+from flighttune.report.campaign.tables import bound_words, influential_parameters, measure_words
 
-# Height of a row with a name and a share, pixels.
-ROW = 30.0
+# Least height of a row with a name and a share, and how far the share is below it, pixels.
+ROW, BELOW = 30.0, 9.0
 
 # Measures whose distributions are drawn.
 SPREAD = ("chi.ITAE", "gamma.ITAE", "chi.MO_rad", "gamma.MO_rad")
@@ -45,10 +46,13 @@ def arrays_of(estimates: Sequence[Estimate], factor: float) -> FloatArray:
 
 
 def rates(findings: Findings) -> list[Chart]:
-    """Success rate of every group."""
+    """Success rate of every group, and the measure that decides it."""
     groups, styles = findings.values["groups"], styles_of(findings)
     success = {group["group"]: (group["success"], group["lo"], group["hi"]) for group in groups}
-    return [_shares("Flights that succeed", success, styles)]
+    charts = [_shares("Flights that succeed", success, styles)]
+    bounds = findings.values["requirements"]
+    decides = bounds[0]["measure"] if bounds else findings.measure
+    return charts + ([_distribution(findings, decides)] if decides else [])
 
 
 def distributions(findings: Findings) -> list[Chart]:
@@ -76,7 +80,7 @@ def split_panels(findings: Findings) -> list[Chart]:
     for parameter in dict.fromkeys(split["parameter"] for split in findings.splits):
         own = [split for split in findings.splits if split["parameter"] == parameter]
         chart = Chart(
-            title=f"Success over {parameter}",
+            title=f"Success over {key_words(parameter)}",
             x=_axis(parameter),
             y="flights that succeed [%]",
             y_range=(-3.0, 103.0),
@@ -106,7 +110,12 @@ def scatter_panels(findings: Findings) -> list[Chart]:
     for key in influential_parameters(findings)[:SCATTERED]:
         if not is_number(findings.flights.rows[key]):
             continue
-        chart = Chart(title=f"{how.name} over {key}", x=_axis(key), y=how.heading, x_room=0.03)
+        chart = Chart(
+            title=f"{measure_words(how)} over {key_words(key)}",
+            x=_axis(key),
+            y=how.heading,
+            x_room=0.03,
+        )
         highest = np.nanmax(how.factor * values_of(findings.flights.rows, findings.measure))
         for group, rows in findings.flights.groups():
             label, some = group.label, rows.iloc[:: len(rows) // DOTS + 1]
@@ -129,21 +138,23 @@ def _shares(
     title: str, of: dict[str, tuple[float, float, float]], styles: dict[str, LineStyle]
 ) -> Chart:
     """A row a group, from the top: its name, and below it the share with its interval."""
+    height = max(HEIGHT, HEAD_AND_FOOT + ROW * len(of))
+    row = (height - HEAD_AND_FOOT) / len(of)
     chart = Chart(
         title=title,
         x="share [%], with interval",
-        height=HEAD_AND_FOOT + ROW * len(of),
+        height=height,
         y_range=(0.0, float(len(of))),
         y_ticks=(),
         downwards=True,
     )
     for place, (label, shares) in enumerate(of.items()):
         (value, lo, hi), colour = (100.0 * share for share in shares), styles[label].colour
-        tip = f"{label}: {value:.3g} [{lo:.3g}, {hi:.3g}]"
-        y = place + 0.77
-        chart.name_row(place + 0.48, label)
+        y = place + 0.5 + BELOW / row
+        shown = f"{percent(shares[0])} % [{percent(shares[1])}, {percent(shares[2])}]"
+        chart.name_row(place + 0.5, f"{label}: {shown}")
         chart.line([lo, hi], [y, y], colour, run=label, hover=False)
-        chart.points(value, y, colour, run=label, size=4.0, tips=[tip])
+        chart.points(value, y, colour, run=label, size=4.0)
     low, high = min(lo for _, lo, _ in of.values()), max(hi for _, _, hi in of.values())
     room = 6.0 * max(high - low, 0.01)
     chart.x_range = max(-2.0, 100.0 * low - room), min(102.0, 100.0 * high + 2.5 * room)
@@ -161,11 +172,20 @@ def _distribution(findings: Findings, measure: str) -> Chart:
         if kept.any():
             curves[group.label] = values[kept], share[kept]
     chart = Chart(
-        title=f"Flights by {how.name}", x=how.heading, y="flights at or below [%]", y_range=(0, 102)
+        title=f"Flights by {measure_words(how)}",
+        x=how.heading,
+        y="flights at or below [%]",
+        y_range=(0, 102),
     )
     if curves:
         chart.x_range, log = _scale(np.concatenate([values for values, _ in curves.values()]))
         chart.log = "x" if log else ""
+    bounds = [own for own in findings.values["requirements"] if own["measure"] == measure]
+    for words, bound in {bound_words(own): how.factor * own["bound"] for own in bounds}.items():
+        chart.legend.append((words, LIMIT, DASHED))
+        chart.upright(bound, LIMIT, dash=DASHED)
+        low, high = chart.x_range or (bound, bound)
+        chart.x_range = min(low, 0.96 * bound, 1.04 * bound), max(high, 0.96 * bound, 1.04 * bound)
     for label, (values, share) in curves.items():
         # a step at every value, from the share of the value before
         x, y = np.repeat(values, 2), np.repeat(np.append(0.0, share), 2)[1:-1]
@@ -197,4 +217,4 @@ def _scale(values: FloatArray) -> tuple[tuple[float, float], bool]:
 
 def _axis(key: str) -> str:
     unit = unit_of_key(key)
-    return f"{key} [{unit}]" if unit != "1" else key
+    return f"{key_words(key)} [{unit}]" if unit != "1" else key_words(key)

@@ -3,9 +3,16 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from flighttune.campaign.flying.columns import unit_of_key
 from flighttune.campaign.statistics.findings import SUCCESS, Findings
 from flighttune.campaign.statistics.sensitivity import strength
-from flighttune.present.names import columns, metric_label
+from flighttune.present.names import (
+    CHANNEL_NAMES,
+    CHANNEL_SYMBOLS,
+    columns,
+    key_words,
+    metric_label,
+)
 from flighttune.present.tables import Column, Table, figures, percent
 
 
@@ -49,7 +56,7 @@ INFLUENCE_COLUMNS = [
     Column("share", "rank variance", "%", lambda share: f"{max(0.0, share):.1f}", 100.0),
     Column("rho", "rank correlation", digits="+.2f", ends=("lo", "hi")),
     Column("partial", "partial", digits="+.2f"),
-    Column("p", "p-value", digits=probability),
+    Column("p", "p-value of variance or correlation", digits=probability),
     Column("apart", "significant"),
 ]
 SOBOL_COLUMNS = [
@@ -76,6 +83,40 @@ def success_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Ta
                 Column(f"{key}.{percentile}", heading, label.unit, figures, label.factor, ends=ends)
             )
     return _by_group("Success", shown, groups)
+
+
+def bound_words(bound: Mapping[str, Any]) -> str:
+    """A requirement as it is read, such as ``overshoot of course ≤ 12 deg``."""
+    label = metric_label(bound["measure"])
+    unit = "" if label.unit in ("", "1") else f" {label.unit}"
+    sign = "≤" if bound["sense"] == "at_most" else "≥"
+    return f"{measure_words(label)} {sign} {label.factor * bound['bound']:.4g}{unit}"
+
+
+def measure_words(label: Column) -> str:
+    """Name of a measure with the channel in words."""
+    name = label.name
+    for channel, symbol in CHANNEL_SYMBOLS.items():
+        name = name.replace(symbol, CHANNEL_NAMES[channel])
+    return name
+
+
+def success_sentence(findings: Findings) -> str:
+    """What a flight must do to succeed."""
+    stated: dict[str, list[str]] = {}
+    for table in findings.flights.plan.scenario.expect:
+        if table.status:
+            end = f"{status_words(table.status)} instead of completed"
+            stated.setdefault(_about(table.model_dump()), []).append(end)
+    for bound in findings.values["requirements"]:
+        stated.setdefault(_about(bound), []).append(bound_words(bound))
+    parts = [(f"for {who}: " if who else "") + ", ".join(own) for who, own in stated.items()]
+    return f"A flight succeeds if it is completed{' with ' if parts else ''}{'; '.join(parts)}."
+
+
+def _about(table: Mapping[str, Any]) -> str:
+    """The plant and gains that a requirement is about; empty for all."""
+    return " / ".join(filter(None, (table["plant"], table["gains"])))
 
 
 def reasons_table(groups: Sequence[Mapping[str, Any]]) -> Table:
@@ -131,7 +172,12 @@ def metrics_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Ta
 def influence_table(groups: Sequence[Mapping[str, Any]], name: str) -> Table:
     """Influence of each parameter on success or on a metric, the strongest first."""
     records = [
-        {"group": group["group"], **rank, "p": min(rank["p_rho"], rank["p_share"])}
+        {
+            "group": group["group"],
+            **rank,
+            "parameter": key_words(rank["parameter"]),
+            "p": min(rank["p_rho"], rank["p_share"]),
+        }
         for group in groups
         for rank in group["sensitivity"].get(name, {"ranks": ()})["ranks"][:INFLUENCES]
     ]
@@ -141,7 +187,12 @@ def influence_table(groups: Sequence[Mapping[str, Any]], name: str) -> Table:
 def sobol_table(groups: Sequence[Mapping[str, Any]]) -> Table:
     """First and total indices with their intervals."""
     records = [
-        {"group": group["group"], "of": metric_name(name), "parameter": factor, **indices}
+        {
+            "group": group["group"],
+            "of": metric_name(name),
+            "parameter": key_words(factor),
+            **indices,
+        }
         for group in groups
         for name, influences in group["sensitivity"].items()
         for factor, indices in (influences["sobol"] or {}).items()
@@ -149,16 +200,15 @@ def sobol_table(groups: Sequence[Mapping[str, Any]]) -> Table:
     return _by_group("Sobol indices", SOBOL_COLUMNS, records)
 
 
-def paired_table(findings: Findings) -> Table:
-    """Gain sets compared draw by draw."""
+def paired_tables(findings: Findings) -> list[Table]:
+    """Gain sets compared draw by draw: by the measure, and by success."""
     records = [
         {**pair, "pair": f"{pair['a']} against {pair['b']}, {pair['plant']}"}
         for pair in findings.values["paired"]
     ]
     label = metric_label(findings.measure or "chi.ITAE")
-    shown = [
-        Column("pair", "first against second"),
-        Column("n", "draws"),
+    first = [Column("pair", "first against second"), Column("n", "draws")]
+    by_measure = [
         Column("win_rate", f"{label.name} lower with first", "%", percent, ends=("lo", "hi")),
         Column(
             "median",
@@ -168,11 +218,16 @@ def paired_table(findings: Findings) -> Table:
             label.factor,
             ends=("median_lo", "median_hi"),
         ),
-        Column("only_a", "only first succeeds"),
-        Column("only_b", "only second"),
-        Column("p_success", "p-value", digits=probability),
     ]
-    return Table(title="Gains on the same draws", columns=shown, records=records)
+    by_success = [
+        Column("only_a", "only first succeeds"),
+        Column("only_b", "only second succeeds"),
+        Column("p_success", "p-value of the two counts", digits=probability),
+    ]
+    return [
+        Table([*first, *by_measure], records, "Gains on the same draws"),
+        Table([*first, *by_success], records, "Success on the same draws"),
+    ]
 
 
 def influential_parameters(findings: Findings) -> list[str]:
@@ -188,10 +243,11 @@ def influential_parameters(findings: Findings) -> list[str]:
 
 
 def _parameter_columns(keys: Sequence[str]) -> Iterator[Column]:
-    """Columns headed by the last part of each key, by all of it where two of them end alike."""
-    ends = [key.rpartition(".")[2] for key in keys]
-    for key, end in zip(keys, ends, strict=True):
-        yield Column(f"parameters.{key}", end if ends.count(end) == 1 else key, digits=figures)
+    for key in keys:
+        unit = unit_of_key(key)
+        yield Column(
+            f"parameters.{key}", key_words(key), "" if unit == "1" else unit, digits=figures
+        )
 
 
 def _by_group(title: str, shown: Sequence[Column], records: Sequence[Mapping[str, Any]]) -> Table:
