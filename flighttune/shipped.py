@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable
+from importlib.util import find_spec
 from pathlib import Path
 
 from flighttune.errors import InputError
@@ -73,10 +74,19 @@ def aircraft_folder(name: str) -> Path:
             if os.path.isfile(place / name / "aircraft.toml"):  # False where access is denied
                 return (place / name).resolve()
     names = list(aircraft_folders())
+    model = next((model for model in models_of_jsbsim() if model.lower() == name.lower()), "")
     raise InputError(
         f"`aircraft` must be one of {', '.join(names)}, or a folder with one, got {name!r}"
-        f"{nearest_name(name, names)}"
+        + (f"; `flighttune adopt {model}` makes it." if model else nearest_name(name, names))
     )
+
+
+def models_of_jsbsim() -> list[str]:
+    """Names of the models in JSBSim's own set."""
+    place = find_spec("jsbsim")  # to import it takes long
+    assert place is not None  # it is always installed
+    files = Path(place.origin or "").parent.glob("aircraft/*/*.xml")
+    return sorted((file.stem for file in files if file.stem == file.parent.name), key=str.lower)
 
 
 def nearest_name(name: str, names: Iterable[str]) -> str:

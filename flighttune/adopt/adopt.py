@@ -16,6 +16,7 @@ import tomlkit
 
 from flighttune.adopt.survey import SOURCE, Refusal, Survey, survey
 from flighttune.aircraft.aircraft import GAINS_FILE, aircraft_from, load_aircraft, save_gains
+from flighttune.aircraft.model_xml import read_xml
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError, PlantError, TrimError
 from flighttune.flight.fly import FlownScenario, fly
@@ -25,16 +26,18 @@ from flighttune.identify.identify import AircraftIdentification, identify_aircra
 from flighttune.identify.steps import StepResponse
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.model_files import model_hash, models_of_jsbsim
-from flighttune.plants.jsbsim.trim import trim_table
+from flighttune.plants.jsbsim.model_files import model_hash
+from flighttune.plants.jsbsim.trim import level, trim_table
 from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.scenario.load import load_scenario
-from flighttune.shipped import nearest_name
+from flighttune.shipped import models_of_jsbsim, nearest_name
 from flighttune.table_file import toml_tables
 from flighttune.units import DEG
 from flighttune.whole_file import made_folder, write_text
 
 TURN = "turn.toml"
+
+SET = "-set.xml"  # ending of the file that describes an aircraft to FlightGear
 
 TUNED, PAPER = "tuned_identified", "paper_scaled"  # gain sets of the turn
 
@@ -69,11 +72,11 @@ WRITTEN = ("aircraft.toml", GAINS_FILE, FILE_NAME, TURN)
 # Shares of the bandwidths that are tried in turn, until a flight meets the criteria.
 BANDWIDTH_SHARES = (1.0, 0.7, 0.5)
 
-# Factor on the chosen airspeed for a last try after them.
-AIRSPEED_FACTOR = 1.25
+# Factors on the chosen airspeed for last tries after them.
+AIRSPEED_FACTORS = 1.25, 1.4
 
 # No further try begins after this time, s.
-TIME_LEFT = 40.0
+TIME_LEFT = 100.0
 
 # Smallest and largest bandwidth of roll and of load factor, rad/s.
 ROLL_BANDWIDTHS, LOAD_BANDWIDTHS = (0.5, 4.0), (0.8, 8.0)
@@ -131,14 +134,17 @@ def adopt(
 ) -> Adoption:
     """Make an aircraft from a JSBSim model, and fly it.
 
-    `model` is the name of one that comes with JSBSim, or the path of a main file, which ends in
-    ``.xml``. ``aircraft.toml``, gains, identified model, the turn as a scenario and the record are
-    written to `folder`. Without an airspeed (m/s) one is chosen; `say` is called with the name of
-    each stage. A model that is no aeroplane is refused in the answer; an InputError says that there
-    is no such model, or that a file cannot be written.
+    `model` is the name of one that comes with JSBSim, the path of a main file, which ends in
+    ``.xml``, or that of a ``-set.xml`` of FlightGear or of its folder. ``aircraft.toml``, gains,
+    identified model, the turn as a scenario and the record are written to `folder`. Without an
+    airspeed (m/s) one is chosen; `say` is called with the name of each stage. A model that is no
+    aeroplane is refused in the answer; an InputError says that there is no such model, or that a
+    file cannot be written.
     """
     began = time.monotonic()
     models = models_of_jsbsim()
+    if model.endswith(SET) or (model not in models and Path(model).is_dir()):
+        model = str(_of_flightgear(Path(model)))
     if model.endswith(".xml"):
         if not Path(model).is_file():
             raise InputError(f"{model}: must be the main file of a model, got no file.")
@@ -161,11 +167,34 @@ def adopt(
         file = folder / model if model.endswith(".xml") else ""
         reason = str(error).removesuffix(".").removeprefix(f"{os.path.normpath(file)}: ")
         if isinstance(error, TrimError):
-            reason = reason.split(": ", 1)[-1]  # file and condition stand before it
+            # File and condition stand before it.
+            reason = f"{reason.split(': ', 1)[-1]}; another airspeed (`--V-a`) may do"
         with suppress(OSError):  # what is not ours in it stays
             folder.rmdir()
         made = Adoption(name=folder.name, status="refused", reason=reason, **facts)
     return replace(made, seconds=time.monotonic() - began)
+
+
+def _of_flightgear(path: Path) -> Path:
+    """The main file that a ``-set.xml``, or that in a folder, names for JSBSim."""
+    files = [path] if path.is_file() else sorted(path.glob(f"*{SET}"))
+    named = {
+        file: _setting(file, "aero") for file in files if _setting(file, "flight-model") == "jsb"
+    }
+    if len({*named.values()}) != 1:
+        several = ", ".join(file.name for file in named) or "none"
+        raise InputError(f"{path}: must hold one aircraft of JSBSim's (*{SET}), got {several}.")
+    ((file, aero),) = [*named.items()][:1]
+    return file.with_name(f"{aero}.xml")
+
+
+def _setting(file: Path, key: str) -> str:
+    """A value in the table ``sim`` of a file of FlightGear, or of those it includes."""
+    root = read_xml(file, str(file))
+    elements = [element for element in (root, root.find("sim")) if element is not None]
+    included = (file.parent / name for e in elements if (name := e.get("include")))
+    values = (_setting(other, key) for other in included if other.is_file() and other != file)
+    return (root.findtext(f"sim/{key}") or next(filter(None, values), "")).strip()
 
 
 def _best(
@@ -174,7 +203,8 @@ def _best(
     """The best of the tries; its files are left in the folder."""
     best, files, refused = None, {}, None
     tries = [(share, surveyed.V_a) for share in BANDWIDTH_SHARES]
-    for share, V_a in [*tries, (1.0, AIRSPEED_FACTOR * surveyed.V_a)]:
+    tries += [(1.0, factor * surveyed.V_a) for factor in AIRSPEED_FACTORS]
+    for share, V_a in tries:
         if best is not None and time.monotonic() - began > TIME_LEFT:
             break
         say(f"trimming at {V_a:.0f} m/s" + (f", bandwidths times {share:g}" if best else ""))
@@ -196,7 +226,8 @@ def _best(
     say("trimming over the envelope")
     speeds = np.linspace(0.85, 1.3, 4) * best.V_a
     config = load_aircraft(folder)
-    trims = trim_table(config, V_a=speeds.tolist(), gamma=(-3.0 * DEG, 0.0, 3.0 * DEG), h=h)
+    climbs = (-3.0 * DEG, 0.0, 3.0 * DEG) if config.engines.count else None
+    trims = trim_table(config, V_a=speeds.tolist(), gamma=climbs, h=h)
     # Criteria of the adoption, with the versions and the hash of the model it was made with.
     record = {
         "format": "flighttune adoption 2",
@@ -225,8 +256,8 @@ def _tried(
     surveyed: Survey, folder: Path, h: float, share: float, say: Callable[[str], object]
 ) -> Adoption:
     """One try: a folder with an aircraft, and how it flies."""
-    condition = FlightCondition(V_a=surveyed.V_a, h=h)
     wide = aircraft_from(surveyed.tables, folder)
+    condition = level(wide, surveyed.V_a, h)
     at = airframe(Fdm(wide), condition)
     tables = final_tables(surveyed, at, h, share)
     for stale in (GAINS_FILE, FILE_NAME, RECORD):
@@ -239,7 +270,7 @@ def _tried(
     say("identifying roll and load factor")
     identified = identify_aircraft(folder, h=h)
     save_identified(identified.identified, folder / FILE_NAME)
-    write_text(folder / TURN, turn_text(folder.name, surveyed.V_a, h, tables["limits"]))
+    write_text(folder / TURN, turn_text(folder.name, condition, tables))
     say("flying the turn")
     flown = fly(load_scenario(folder / TURN))
     nominal = identified.identified.conditions[0]
@@ -376,22 +407,26 @@ def aircraft_text(tables: Mapping[str, Any], notes: Sequence[str]) -> str:
     return tomlkit.dumps(document)
 
 
-def turn_text(aircraft: str, V_a: float, h: float, limits: Mapping[str, Any]) -> str:
+def turn_text(aircraft: str, start: FlightCondition, tables: Mapping[str, Any]) -> str:
     """The text of a scenario: a turn of 20 deg with a climb of 3 deg, both as a step.
 
-    `aircraft` is the folder that the scenario stands in, `limits` are those of its
-    ``aircraft.toml``, `V_a` is in m/s and `h` in m.
+    Without an engine the descent of the glide at its `start` gets steeper by 3 deg instead.
+    `aircraft` is the folder that the scenario stands in, `tables` are those of its
+    ``aircraft.toml``.
     """
-    K_P, K_I = (V_a / PAPER_SPEED * getattr(PAPER_GAINS, key) for key in ("K_P", "K_I"))
+    K_P, K_I = (start.V_a / PAPER_SPEED * getattr(PAPER_GAINS, key) for key in ("K_P", "K_I"))
+    glide = start.gamma / DEG
+    what, gamma = ("climb", 3.0) if tables["engines"]["count"] else ("steeper glide", glide - 3.0)
     scenario = {
-        "title": "A turn of 20 deg with a climb of 3 deg",
+        "title": f"A turn of 20 deg with a {what} of 3 deg",
         "verifies": "gains tuned on the identified aircraft against those of the paper, scaled "
         "with airspeed",
         "source": SOURCE,
         "gains": [TUNED, {"name": PAPER, "K_P": K_P.tolist(), "K_I": K_I.tolist()}],
-        "flight": {"V_a_mps": V_a, "h_m": h, "duration_s": 40.0},
-        "reference": {"chi_deg": 20.0, "gamma_deg": 3.0},
-        "limits": limits,
+        "flight": {"V_a_mps": start.V_a, "h_m": start.h, "duration_s": 40.0}
+        | ({"gamma_deg": glide} if glide else {}),
+        "reference": {"chi_deg": 20.0, "gamma_deg": gamma},
+        "limits": tables["limits"],
         "controller": {"feed_forward": True},
         "tuning": {"model": "identified", "roll_rate": True},
         "plant": [{"kind": "jsbsim", "aircraft": f"../{aircraft}"}],

@@ -12,7 +12,7 @@ from typing import Any
 from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table
 
-MAX_TIME_S = 300.0  # time that one model may take
+MAX_TIME_S = 600.0  # time that one model may take
 
 TABLE = "hangar.md"
 

@@ -170,10 +170,15 @@ def survey(
     lift = _swept(bench, FIRST_SPEED)
     for _ in range(2):  # each sweep is flown at a multiple of the stall speed of the last one
         lift = _swept(bench, SPEEDS[0] * lift.V_s)
-    say("starting the engines")
-    lift, speed, spare, how = _driven(tables, load, lift, V_a)
+    speed = V_a or SPEEDS[0] * lift.V_s
+    spare, how = -lift.at(speed)[1], ""
+    if tables["engines"]["count"]:
+        say("starting the engines")
+        lift, speed, spare, how = _driven(tables, load, lift, V_a)
     say("moving the surfaces")
     surfaces, notes = _surfaces(tables, load, _level(speed, lift.at(speed)[0], 0.5))
+    if not tables["engines"]["count"]:
+        notes.append("it has no engine: it flies about its steady glide")
     if how:
         notes.append(f"its engines drive it {how}")
     names = [name for name, value in tables["declared"].items() if not value]
@@ -232,10 +237,7 @@ def _check_parts(config: AircraftConfig) -> int:
     lacking = [axis for axis in ("ROLL", "PITCH", "YAW") if axis not in axes]
     if lacking:
         raise Refusal(f"its aerodynamics lack a moment axis: {', '.join(lacking)}")
-    count = len(parts["propulsion"].findall("engine"))
-    if not count:
-        raise Refusal("it has no engine: no steady level flight")
-    return count
+    return len(parts["propulsion"].findall("engine"))
 
 
 def _part(root: Element, tag: str, folders: tuple[Path, ...]) -> Element:

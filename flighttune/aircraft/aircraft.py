@@ -107,8 +107,8 @@ class Surfaces(q.Table):
 class Engines(q.Table):
     """The engines, which get one throttle command."""
 
-    # Engines of the model, every one of which must push
-    count: Annotated[int, Field(ge=1, le=32)] = 1
+    # Engines of the model, every one of which must push; without one it glides
+    count: Annotated[int, Field(ge=0, le=32)] = 1
     # s: time they take from any state to a steady one; 0 where JSBSim knows the steady state
     settle: q.NotNegative = Field(alias="settle_s", default=0.0, le=60.0)
     # Lowest and highest throttle

@@ -14,7 +14,7 @@ from flighttune.errors import InputError
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table
-from flighttune.shipped import aircraft_names, is_shipped
+from flighttune.shipped import aircraft_names, is_shipped, models_of_jsbsim
 from flighttune.units import DEG
 
 # Share of the variance, in percent, below which the answer of `identify` is no.
@@ -57,7 +57,7 @@ def _path_angles(default: str) -> Any:
 def trim(
     aircraft: AircraftArgument,
     V_a: Annotated[list[float] | None, _airspeeds("six over the envelope")] = None,
-    gamma: Annotated[list[float] | None, _path_angles("-10 to 45")] = None,
+    gamma: Annotated[list[float] | None, _path_angles("-10 to 45, or the glide")] = None,
     phi: Annotated[float, Option("--phi", help="Bank angle in deg.")] = 0.0,
     h: HeightOption = 1000.0,
 ) -> Answer:
@@ -132,7 +132,7 @@ def design(
 def identify(
     aircraft: AircraftArgument,
     V_a: Annotated[list[float] | None, _airspeeds("that of the design")] = None,
-    gamma: Annotated[list[float] | None, _path_angles("0")] = None,
+    gamma: Annotated[list[float] | None, _path_angles("0, or the glide")] = None,
     h: HeightOption = 1000.0,
     seed: Annotated[int, Option(help="Seed of the excitation.", min=0)] = 0,
     out: Annotated[
@@ -150,7 +150,7 @@ def identify(
     from flighttune.identify.identify import identify_aircraft
 
     check_ending(out, ".json")
-    angles = [angle * DEG for angle in gamma or (0.0,)]
+    angles = [angle * DEG for angle in gamma or ()]
     made = identify_aircraft(aircraft, V_a=V_a or (), gamma=angles, h=h, seed=seed)
     name, nominal = made.identified.aircraft, made.conditions[0]
     folder = load_aircraft(aircraft).folder
@@ -191,8 +191,9 @@ def adopt(
     model: Annotated[
         str | None,
         Argument(
-            metavar="[MODEL|FILE.xml]",
-            help="A model that comes with JSBSim, or the main file of another.",
+            metavar="[MODEL|FILE.xml|FOLDER]",
+            help="A model that comes with JSBSim, or the main file of another; also the file "
+            "NAME-set.xml of an aircraft of FlightGear, or the folder that holds it.",
             show_default=False,
         ),
     ] = None,
@@ -222,7 +223,8 @@ def adopt(
         with on_interrupt():
             if model is None:
                 return _adopt_all(out or Path("runs") / "hangar", h)
-            return _adopt_one(out or Path("aircraft") / Path(model).stem, h, model, V_a, _progress)
+            name = Path(model).stem.removesuffix("-set")
+            return _adopt_one(out or Path("aircraft") / name, h, model, V_a, _progress)
     except KeyboardInterrupt:
         fail("interrupted; what is written is whole", INTERRUPTED)
 
@@ -234,6 +236,7 @@ def _adopt_one(
     V_a: float | None = None,
     say: Callable[[str], object] = lambda _: None,
 ) -> Answer:
+    from flighttune.adopt.adopt import TURN
     from flighttune.adopt.adopt import adopt as adopt_model
     from flighttune.adopt.page import flights_table, write_adoption
 
@@ -250,6 +253,7 @@ def _adopt_one(
         verdict=f"{adoption.status} in {adoption.seconds:.0f} s",
         files={
             "folder": adoption.folder,
+            "scenario": adoption.folder / TURN if adoption.folder else None,
             "page": write_adoption(adoption) if adoption.folder else None,
         },
         failure="" if adoption.status == "adopted" else failure,
@@ -258,7 +262,6 @@ def _adopt_one(
 
 def _adopt_all(out: Path, h: float) -> Answer:
     from flighttune.adopt.hangar import TABLE, adopt_all, counts, hangar_text
-    from flighttune.plants.jsbsim.model_files import models_of_jsbsim
     from flighttune.whole_file import made_folder, write_text
 
     def show(adopted: dict[str, Any]) -> None:

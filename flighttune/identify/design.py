@@ -14,7 +14,7 @@ from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.bench import AirframeState, Bench, slopes
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.model_files import model_hash
-from flighttune.plants.jsbsim.trim import trim
+from flighttune.plants.jsbsim.trim import level, trim
 from flighttune.units import G_0
 
 # A gain up to this size is the rounding of a difference and written as 0.
@@ -100,6 +100,8 @@ def airframe(fdm: Fdm, condition: FlightCondition) -> Airframe:
         what: {name: float(column[i]) for name, column in by.items()}
         for i, what in enumerate(_MEASURED)
     }
+    if not fdm.config.engines.count:  # an engine of any power would need no throttle
+        named["u_dot"]["throttle"] = math.inf
     return Airframe(V_a=condition.V_a, alpha=at.alpha, slopes=named)
 
 
@@ -111,7 +113,7 @@ def design_aircraft(config: AircraftConfig) -> tuple[AircraftConfig, tuple[StepR
     design = config.design
     if design is None:
         raise InputError(f"{config.file}: `design` must be given: what to make the gains for.")
-    trimmed = airframe(Fdm(config), FlightCondition(V_a=design.V_a, h=design.h))
+    trimmed = airframe(Fdm(config), level(config, design.V_a, design.h))
     gains = {
         name: float(f"{value:.{DIGITS}g}") if abs(value) > NO_GAIN else 0.0
         for name, value in inner_loop_gains(trimmed, design).items()

@@ -32,6 +32,7 @@ from flighttune.identify.fit import (
 from flighttune.plants.base import FlightCondition, Plant
 from flighttune.plants.jsbsim.linearize import linearize, modes
 from flighttune.plants.jsbsim.plant import JSBSimPlant
+from flighttune.plants.jsbsim.trim import level
 
 # Gain of the inner loop that holds the airspeed it was designed for.
 DESIGN_SPEED = "V_a-design-mps"
@@ -143,7 +144,7 @@ def identify_aircraft(
     aircraft: str | Path,
     *,
     V_a: Sequence[float] = (),
-    gamma: Sequence[float] = (0.0,),
+    gamma: Sequence[float] = (),
     h: float = 1000.0,
     seed: int = 0,
 ) -> AircraftIdentification:
@@ -156,7 +157,8 @@ def identify_aircraft(
     V_a : sequence of float, m/s
         Airspeeds; by default the one the inner loop was designed for. The first is the nominal one.
     gamma : sequence of float, rad
-        Flight-path angles, climb positive; the first is the nominal one.
+        Flight-path angles, climb positive; by default level flight, or the glide of an aircraft
+        without an engine. The first is the nominal one.
     h : float, m
         Height above sea level.
     seed : int
@@ -180,7 +182,8 @@ def identify_aircraft(
     plant = JSBSimPlant(aircraft)
     speeds = tuple(V_a) or (design_speed(plant.config),)
     fresh, measured, skipped = partial(JSBSimPlant, aircraft), [], []
-    for condition in (FlightCondition(V_a=v, gamma=g, h=h) for v in speeds for g in gamma):
+    about = [FlightCondition(V_a=v, gamma=g, h=h) for v in speeds for g in gamma]
+    for condition in about or (level(plant.config, v, h) for v in speeds):
         try:
             measured.append(identify(fresh, condition, plant.limits, seed=seed))
         except TrimError as error:

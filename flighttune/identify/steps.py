@@ -12,8 +12,8 @@ import numpy as np
 from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.arrays import FloatArray
 from flighttune.identify.file import Channel
-from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant
+from flighttune.plants.jsbsim.trim import level
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import columns
 from flighttune.present.palette import HUES, INK
@@ -88,10 +88,10 @@ def fly_step(
 ) -> StepResponse:
     """Fly a step of roll, at a load factor that holds the climb angle, or one of load factor.
 
-    `size` is in rad or 1; the flight begins in steady level flight.
+    `size` is in rad or 1; the flight begins in steady level flight, or a glide without an engine.
     """
     plant = JSBSimPlant(config)
-    plant.start(FlightCondition(V_a=V_a, h=h))
+    plant.start(level(config, V_a, h))
     rows, stop = [plant.observe()], None
     gamma, phi = plant.signals.index("gamma"), plant.signals.index("phi")
     phi_cmd, n_z_step = (size, 0.0) if channel == "phi" else (0.0, size)

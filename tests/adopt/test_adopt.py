@@ -13,8 +13,8 @@ from commands import answer, flighttune
 from flighttune.adopt.hangar import hangar_text
 from flighttune.adopt.survey import survey
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.plants.jsbsim.model_files import models_of_jsbsim
-from flighttune.shipped import aircraft_folder
+from flighttune.scenario.load import load_scenario
+from flighttune.shipped import aircraft_folder, models_of_jsbsim
 
 ROOT = Path(jsbsim.get_default_root_dir())
 DEG = math.pi / 180.0
@@ -119,7 +119,7 @@ def test_a_clipped_command_is_used_as_far_as_it_goes(tmp_path):
 @pytest.mark.parametrize(
     ("model", "sentence"),
     [
-        ("SGS", "it has no engine: no steady level flight"),
+        ("mk82", "its aileron command .* has no usable effect"),
         ("ball", "no lift or normal-force axis"),
         ("weather-balloon", "carried by buoyancy"),
         ("J246", "lack a moment axis: ROLL, PITCH, YAW"),
@@ -205,6 +205,41 @@ def test_the_throttle_of_flightgear_is_linked_where_the_model_reads_it(own, tmp_
 
     assert found.tables["linked"] == {lever: "ft/throttle-norm"}
     assert "with FlightGear's levers linked" in " ".join(found.notes)
+
+
+def test_the_main_file_is_found_by_the_files_of_flightgear(own, tmp_path):
+    file = own("<wingarea.*?>[^<]*", '<wingarea unit="M2"> 0 ')
+    common = "<PropertyList><sim><flight-model>jsb</flight-model></sim></PropertyList>"
+    (file.parent / "common.xml").write_text(common)
+    aero = "<PropertyList include='common.xml'><sim><aero> aerosonde </aero></sim></PropertyList>"
+    (file.parent / "sonde-set.xml").write_text(aero)
+
+    for path in (file.parent, file.parent / "sonde-set.xml"):
+        _, err = flighttune("adopt", path, "--out", tmp_path / "mine", status=1)
+        assert "its wing area must be above zero" in err.splitlines()[-1]
+
+    (file.parent / "common.xml").write_text(common.replace("jsb<", "yasim<"))
+    _, err = flighttune("adopt", file.parent, "--out", tmp_path / "mine", status=2)
+    assert "must hold one aircraft of JSBSim's (*-set.xml), got none" in err
+
+
+@pytest.mark.slow
+def test_a_glider_turns_about_its_steady_glide(tmp_path):
+    found = answer("adopt", "sgs126", "--out", tmp_path / "sgs126")
+    trims = answer("trim", tmp_path / "sgs126", "--V-a", found["V_a_mps"])["trims"]
+    start = load_scenario(tmp_path / "sgs126/turn.toml").condition
+
+    assert found["status"] == "adopted"
+    # In steady flight without thrust the tangent of the glide is drag over lift.
+    spare = json.loads((tmp_path / "sgs126/adoption.json").read_text())["spare_thrust"]
+    assert math.tan(start.gamma) == pytest.approx(spare, rel=0.1)
+    assert trims[0]["gamma_deg"] == pytest.approx(start.gamma / DEG, abs=CENTIDEGREE)
+    _, err = flighttune("trim", tmp_path / "sgs126", "--gamma", 0, status=1)
+    assert re.search(r"it has no engine and glides at -\d\.\d+ deg", err)
+
+
+def test_a_model_of_jsbsim_that_is_no_aircraft_yet_is_named_with_its_command():
+    assert "`flighttune adopt B747` makes it." in flighttune("trim", "b747", status=2)[1]
 
 
 def test_parts_of_jsbsim_are_found_beside_those_two_levels_up(own, tmp_path):

@@ -95,11 +95,11 @@ class Fdm:
         self.run: Callable[[], bool] = self._exec.run
         self.integrators = {name: (self.writer(name), self.reader(name)) for name in MOTIONS}
         engines = range(config.engines.count)
-        self._thrust = self.reader("propulsion/engine/thrust-lbs")
+        self._thrust = self.reader("propulsion/engine/thrust-lbs") if engines else float
         self._running = [self.reader(f"propulsion/engine[{i}]/set-running") for i in engines]
         # Properties set for the whole flight, in JSBSim's units.
         # -1 starts all engines at once. Without it they stay off, and the trim finds no thrust.
-        self.settings = {**config.settings, "propulsion/set-running": -1.0}
+        self.settings = {**config.settings} | ({"propulsion/set-running": -1.0} if engines else {})
         if ground:
             self.settings |= _sea_level_at(ground)
         for name, value in self.settings.items():

@@ -79,7 +79,7 @@ class ModelFolders:
     engines: Path
     systems: Path
     name: str  # name of the main file, without ``.xml``
-    # Folders two levels above a model of the user, whose parts come before those of JSBSim's set
+    # Folders above a model of the user, whose parts come before those of JSBSim's set
     near: tuple[Path, ...] = ()
 
     @property
@@ -104,18 +104,17 @@ def source_folders(config: AircraftConfig) -> ModelFolders:
     if not name.endswith(".xml"):  # a model of JSBSim's own set
         return ModelFolders(shipped / "aircraft" / name, *shared, name)
     file = (config.folder / name).resolve()
-    # In a folder laid out like JSBSim's own, parts that models share are two levels up.
-    near = tuple(file.parent.parent.parent / folder.name for folder in shared)
+    # In a folder laid out like JSBSim's own, parts that models share are two levels up. Those of
+    # FlightGear's aircraft are in the folder of the aircraft, which may hold the main file below.
+    above, aircraft = file.parent.parent.parent, file.parent.parent
+    near = tuple(
+        next((place for place in places if place.is_dir()), places[0])
+        for places in (
+            (above / "engine", above / "Engines", aircraft / "Engines"),
+            (above / "systems", above / "Systems", aircraft / "Systems"),
+        )
+    )
     return ModelFolders(file.parent, *shared, file.stem, near)
-
-
-def models_of_jsbsim() -> list[str]:
-    """Names of the models in JSBSim's own set."""
-    import jsbsim
-
-    folder = Path(jsbsim.get_default_root_dir()) / "aircraft"
-    names = [path.name for path in folder.iterdir() if (path / f"{path.name}.xml").is_file()]
-    return sorted(names, key=str.lower)
 
 
 def main_root(config: AircraftConfig) -> Element:

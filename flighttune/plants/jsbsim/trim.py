@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -136,6 +137,9 @@ _THROTTLES = (0.6, 0.85, 0.45, 0.15)
 # Steps of least squares.
 _MAX_EVALUATIONS = 60
 
+# Path angles searched where there is no engine, and how far a condition may be off the glide found.
+_GLIDES, _OFF_GLIDE = (-60.0 * DEG, 0.0), 0.1 * DEG
+
 _TOO_LITTLE = "full throttle has too little thrust"
 
 # Share of its interval within which a trim variable counts as lying at the end of it.
@@ -147,7 +151,8 @@ def trim(fdm: Fdm, condition: FlightCondition, *, thrust_short: bool = False) ->
 
     Seven unknowns (angle of attack, sideslip, three surfaces, turn rate, throttle) bring six body
     accelerations and the lateral load factor to zero: by Newton's method, and where that gets
-    stuck, by bounded least squares.
+    stuck, by bounded least squares. Without an engine the flight-path angle takes the place of the
+    throttle, and must come out as that of `condition`.
 
     `condition`: airspeed, height, course, flight-path angle and roll; `n_z` follows from them.
     `thrust_short`: whether thrust is known to be too little for a shallower climb: the throttle is
@@ -176,7 +181,19 @@ def trim(fdm: Fdm, condition: FlightCondition, *, thrust_short: bool = False) ->
     worst = float(np.max(np.abs(left)))
     if not worst < (_RESIDUAL_SETTLED if fdm.engine_settles else _RESIDUAL_ALLOWED):
         raise TrimError(f"{none}: {problem.obstacle(x, left)} (left over: {worst:.2g} g).")
+    if abs(problem.gamma(x) - c.gamma) > _OFF_GLIDE:
+        raise TrimError(f"{none}: it has no engine and glides at {problem.gamma(x) / DEG:.4g} deg.")
     return problem.state(x)
+
+
+def level(config: AircraftConfig, V_a: float, h: float) -> FlightCondition:
+    """Level flight at V_a (m/s) and height (m), or the glide of an aircraft without an engine."""
+    condition = FlightCondition(V_a=V_a, h=h)
+    if config.engines.count:
+        return condition
+    problem = _TrimProblem(Fdm(config), condition)
+    x = problem.root(problem.start)
+    return condition if x is None else replace(condition, gamma=problem.gamma(x))
 
 
 class _TrimProblem:
@@ -186,6 +203,7 @@ class _TrimProblem:
         self._bench = Bench(fdm, condition.h)
         self._condition = condition
         envelope, surfaces = fdm.config.envelope, fdm.config.surfaces
+        self._glides = not fdm.config.engines.count
         # Twice the coordinated turn rate, and something for straight flight.
         turn_rate = 2.0 * G_0 / condition.V_a * (0.1 + abs(math.tan(condition.phi)))
         intervals = (
@@ -193,7 +211,7 @@ class _TrimProblem:
             (-_SIDESLIP_SEARCHED, _SIDESLIP_SEARCHED),
             *(surface.travel for _, surface in surfaces.named()),
             (-turn_rate, turn_rate),
-            fdm.config.engines.throttle,
+            _GLIDES if self._glides else fdm.config.engines.throttle,
         )
         self.lower, self.upper = np.array(intervals).T
         self.enough = _SETTLED if fdm.engine_settles else 0.0
@@ -202,13 +220,13 @@ class _TrimProblem:
         # A guess that suits any aeroplane: 3 deg of angle of attack in level flight.
         alpha = 0.05 * math.cos(condition.gamma) / math.cos(condition.phi)
         psi_dot = G_0 / condition.V_a * math.tan(condition.phi)
-        guess = np.array([alpha, 0.0, 0.0, 0.0, 0.0, psi_dot, 0.3])
+        guess = np.array([alpha, 0.0, 0.0, 0.0, 0.0, psi_dot, -0.05 if self._glides else 0.3])
         self.start: FloatArray = np.clip(guess, self.lower + 0.02 * span, self.upper - 0.02 * span)
 
     def state(self, x: FloatArray) -> AirframeState:
         """Return the steady turn that the unknowns `x` stand for."""
         alpha, beta, aileron, elevator, rudder, psi_dot, throttle = map(float, x)
-        gamma, phi = self._condition.gamma, self._condition.phi
+        gamma, phi = self.gamma(x), self._condition.phi
         theta = pitch_attitude(gamma, phi, alpha, beta)
         return AirframeState(
             V_a=self._condition.V_a,
@@ -223,8 +241,12 @@ class _TrimProblem:
             aileron=aileron,
             elevator=elevator,
             rudder=rudder,
-            throttle=throttle,
+            throttle=0.0 if self._glides else throttle,
         )
+
+    def gamma(self, x: FloatArray) -> float:
+        """Return the flight-path angle at `x`: of the condition, or of the glide."""
+        return float(x[-1]) if self._glides else self._condition.gamma
 
     def residuals(self, x: FloatArray) -> FloatArray:
         """Return what is left of six accelerations and the lateral load factor at `x`."""
@@ -292,7 +314,7 @@ class _TrimProblem:
         low, high = share < _AT_STOP, share > 1.0 - _AT_STOP
         alpha = f"alpha is at {x[0] / DEG:.1f} deg"
         reasons = (
-            (high[6] and left[0] < 0.0, _TOO_LITTLE),
+            (high[6] and left[0] < 0.0 and not self._glides, _TOO_LITTLE),
             (low[6] and left[0] > 0.0, "the aircraft speeds up with the throttle closed"),
             (high[0], f"it would stall, {alpha}"),
             (low[0], f"negative stall, {alpha}"),
@@ -365,7 +387,8 @@ def trim_table(
     turn, records = {"phi_deg": phi * DEG_PER_RAD, "h_m": h}, []
     for speed in speeds:
         lowest_short = math.inf  # shallowest climb for which thrust is too little
-        for climb in CLIMBS if gamma is None else gamma:
+        glides = not config.engines.count
+        for climb in gamma or ((level(config, speed, h).gamma,) if glides else CLIMBS):
             condition = FlightCondition(V_a=speed, h=h, gamma=climb, phi=phi)
             point, reason = _trimmed(config, condition, thrust_short=climb > lowest_short)
             if _TOO_LITTLE in reason:
