@@ -297,7 +297,16 @@ def tubes_answer(tubes: "RunTubes", command: str, scenario: str = "") -> Answer:
     }
     flown = {run.label: run.provenance for run in tubes.runs}
     if any(made.aircraft for made in flown.values()):
-        command += " --conformance FILE, with FILE from: flighttune conform CAMPAIGN --out FILE"
+        source = scenario or "SCENARIO"
+        hint = (
+            "To bound the errors of an aircraft, which takes minutes of flights: "
+            f"flighttune conform {source} --start-deg 1 --out FILE, then "
+            f"{command} --conformance FILE"
+        )
+    elif any(made.scenario.get("disturbance") for made in flown.values()):
+        hint = f"To bound the errors under the disturbance: {command}"
+    else:  # nothing drives a law off its own flight
+        hint = ""
     notes = []
     for label, tube in tubes.tubes.items():
         searched = "SCENARIO|CAMPAIGN"
@@ -312,7 +321,7 @@ def tubes_answer(tubes: "RunTubes", command: str, scenario: str = "") -> Answer:
     return Answer(
         values={"tubes": values},
         tables=[Table(RUN_COLUMNS, records, "tubes")],
-        notes=notes or [f"No tube has been computed around the errors; to compute it: {command}"],
+        notes=notes or ([hint] if hint else []),
         failure=f"{outside}: the flight leaves its tube." if outside else "",
     )
 

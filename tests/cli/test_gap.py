@@ -46,7 +46,9 @@ def test_the_cause_is_the_step_that_the_chart_of_itae_shows_as_the_largest(found
 def test_the_mismatch_has_its_size_and_the_tube_is_one_command_away(found):
     assert found["mismatch"].keys() == {"L_d", "bound"}
     assert found["tubes"] == {}
-    assert any("gap paper --tube --conformance FILE" in note for note in found["notes"])
+    (note,) = (note for note in found["notes"] if "--tube" in note)
+    assert "conform paper --start-deg 1 --out FILE" in note
+    assert note.endswith("gap paper --tube --conformance FILE")
 
 
 def test_figure_recording_and_signals_are_where_it_says(found):

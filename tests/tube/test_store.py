@@ -229,8 +229,11 @@ def test_commands_make_them_and_say_how_where_there_are_none(tmp_path):
     )
 
     out = tmp_path / "runs"
-    shown, _ = flighttune("fly", scenario, "--out", out)
-    assert "--tube" in shown
+    # Nothing drives a law off its flight without a disturbance: there is nothing to bound.
+    assert "--tube" not in flighttune("fly", scenario, "--out", out)[0]
+    with scenario.open("a") as file:
+        file.write("[disturbance]\nchi_amplitude = 0.001\nchi_omega_rad_s = 1.0\n")
+    assert "--tube" in flighttune("fly", scenario, "--out", out)[0]
     page = tmp_path / "report.html"
     assert answer("report", out, "--out", page)["tubes"] == {}
     assert f"flighttune report {out} --tube" in page.read_text()
