@@ -5,6 +5,7 @@ import textwrap
 import time
 import traceback
 from collections.abc import Sequence
+from itertools import islice
 from typing import Any
 
 from flighttune.control.controller import (
@@ -83,6 +84,9 @@ class GuardedLaw(SelfLimiting):
         except FAILURES as error:
             raise self._failed(error, 0.0) from error
         self._recorded = getattr(self._law, "limiter", self._limits)
+        if not isinstance(self._recorded, CommandLimiter):
+            got = textwrap.shorten(repr(self._recorded), MAX_SHOWN)
+            raise LawError(f"{self._name}: `limiter` must be a CommandLimiter, got {got}.")
 
     def step(self, measured: Measured, reference: ReferenceSample, t: float) -> Sequence[float]:
         """Return the commands of the law after the limits, and what it wants recorded.
@@ -101,11 +105,14 @@ class GuardedLaw(SelfLimiting):
         self._spent += time.perf_counter() - began
         at, names = f"{self._name} at t = {t:.2f} s", ("phi_cmd", "n_z_cmd", *self.signals)
         try:
-            values = [float(value) for value in returned]  # type: ignore[attr-defined]
+            # One more than wanted tells that there are too many: an iterator may have no end.
+            first = islice(returned, len(names) + 1)  # type: ignore[call-overload]
+            values = [float(value) for value in first]
         except (TypeError, ValueError):
             values = []
         if len(values) != len(names):
-            got = textwrap.shorten(repr(returned), MAX_SHOWN) if not values else len(values)
+            got = "more" if len(values) > len(names) else len(values)
+            got = got if values else textwrap.shorten(repr(returned), MAX_SHOWN)
             wanted = f"{len(names)} numbers ({', '.join(names)})"
             raise LawError(f"{at}: `step` must return {wanted}, got {got}.")
         for name, value in zip(names[:2], values, strict=False):
@@ -124,13 +131,22 @@ class GuardedLaw(SelfLimiting):
         Raises
         ------
         LawError
-            If it raises.
+            If it raises, or returns something else.
         """
         linear = getattr(self._law, "linear", None)
         try:
-            return None if linear is None else linear()
+            returned = None if linear is None else linear()
+            if returned is None:
+                return None
+            model, gains = returned
         except FAILURES as error:
             raise self._failed(error, 0.0) from error
+        if not (isinstance(model, LinearModel) and isinstance(gains, PIGains)):
+            got = textwrap.shorten(repr(returned), MAX_SHOWN)
+            raise LawError(
+                f"{self._name}: `linear` must return a LinearModel and PIGains, got {got}."
+            )
+        return model, gains
 
     def _failed(self, error: BaseException, t: float) -> LawError:
         return LawError(failure(self._name, error, t))

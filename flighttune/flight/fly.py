@@ -5,18 +5,20 @@ import time
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from importlib.metadata import PackageNotFoundError, version
 from types import MappingProxyType
+from typing import Any
 
 import pandas as pd
 
 from flighttune.control.controller import LawSetup
 from flighttune.control.gains import PIGains
-from flighttune.control.guarded import LawError
+from flighttune.control.guarded import MAX_LAG_S, LawError
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.errors import InputError, TrimError
+from flighttune.flight.apart import Progress, apart
 from flighttune.flight.expectations import ClaimCheck, check_claim
 from flighttune.flight.outer_loop import gain_sets
 from flighttune.flight.own import LawMaker, PlantMaker, with_own
@@ -34,8 +36,8 @@ from flighttune.tuning.result import TuningResult
 
 VERSIONED = ("flighttune", "numpy", "scipy", "pandas", "jsbsim")
 
-# Called with the label of a run and the part of it flown, 0 to 1.
-Progress = Callable[[str, float], None]
+# Time to load an aircraft and find its steady flight, s.
+START_S = 20.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +126,13 @@ def fly(
     sets, tuning = gain_sets(scenario)
     indicators_of = {}
     for name, gains in sets.items():
-        linear = None if gains is None else linear_loop(scenario, name, gains)
+        if gains is None:
+            continue
+        if _of_a_file(scenario, name):
+            answer = apart(partial(_linear_loop, scenario, name, gains), START_S)
+            linear: tuple[LinearModel, PIGains] | None = answer[0]
+        else:
+            linear = linear_loop(scenario, name, gains)
         if linear is not None:
             indicators_of[name] = indicators(closed_loop(*linear))
     # In wind the first aircraft flies first: plants without weather replay the wind it met.
@@ -134,11 +142,41 @@ def fly(
         replays = source if table.aircraft is None else None
         for name, gains in sets.items():
             wind_run = runs[replays.label, name] if replays else None
-            runs[table.label, name] = fly_alone(
-                scenario, table, gains, name, wind_run=wind_run, progress=progress
+            flight = partial(fly_alone, scenario, table, gains, name, wind_run=wind_run)
+            own = gains is not None and (table.module or _of_a_file(scenario, name))
+            runs[table.label, name] = (
+                _fly_apart(flight, scenario, table, name, progress)
+                if own
+                else flight(progress=progress)
             )
     flown = tuple(runs[table.label, name] for table in scenario.plant for name in sets)
     return FlownScenario(scenario, flown, MappingProxyType(indicators_of), tuning)
+
+
+def _of_a_file(scenario: Scenario, name: str) -> bool:
+    """Whether the law of a gain set comes from a file of the user's."""
+    law = scenario.law_table(name)
+    return law.of_the_user and law.module is not None
+
+
+def _fly_apart(
+    flight: Callable[..., Run],
+    scenario: Scenario,
+    table: PlantTable,
+    name: str,
+    progress: Progress | None,
+) -> Run:
+    """A flight in a copy of this process: where its law or plant ends the copy, others go on."""
+    duration = scenario.flight.duration_s
+    silence = duration + MAX_LAG_S + START_S
+    run, end, part = apart(lambda seen: flight(progress=seen), silence, progress)
+    if run is not None:
+        return run
+    law = _of_a_file(scenario, name)
+    who = f"law {scenario.law_table(name).name}" if law else f"plant {table.label}"
+    reason = f"{who} after t = {part * duration:.2f} s: its flight {end}."
+    status = "law_failed" if law else "plant_failed"
+    return _run_without_samples(scenario, table.label, name, None, status, reason)
 
 
 def linear_loop(
@@ -151,6 +189,10 @@ def linear_loop(
     law, _ = scenario.law_of(name, gains)
     setup = law_setup(scenario, gains, scenario.limits.limits())
     return law.loop(scenario.linear_model(law), gains, setup)
+
+
+def _linear_loop(scenario: Scenario, name: str, gains: PIGains, _: Progress) -> Any:
+    return linear_loop(scenario, name, gains)
 
 
 def law_setup(scenario: Scenario, gains: PIGains, limits: Limits) -> LawSetup:

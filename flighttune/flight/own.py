@@ -1,7 +1,9 @@
 """Laws and plants of the user's: classes given from Python, or in files that a scenario names."""
 
 import inspect
+import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import redirect_stdout
 from functools import lru_cache
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
@@ -15,6 +17,7 @@ from flighttune.plants.base import Plant
 from flighttune.scenario.load import file_sha256
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import LawTable, PlantTable
+from flighttune.whole_file import reason_of
 
 # Called with a `LawSetup` and the parameters of a scenario's table, for every flight.
 LawMaker = Callable[..., Controller]
@@ -89,7 +92,12 @@ def _loaded(title: str, key: str, table: LawTable | PlantTable) -> Any:
     path = Path(table.module)
     if not path.is_file():
         raise ScenarioError(f"{where}: `module` must be a file, got {table.module}.")
-    digest = file_sha256(path)
+    try:
+        digest = file_sha256(path)
+    except OSError as error:
+        raise ScenarioError(
+            f"{where}: `module` must be a file that can be read, got {reason_of(error)}."
+        ) from error
     if table.sha256 not in (None, digest):
         raise ScenarioError(
             f"{where}: `module` must be the file that was planned or recorded with, {table.module} "
@@ -107,5 +115,6 @@ def _module(path: str, digest: str) -> ModuleType:
     if spec is None or spec.loader is None:
         raise ImportError("the file must be Python")
     module = module_from_spec(spec)
-    spec.loader.exec_module(module)
+    with redirect_stdout(sys.stderr):  # stdout is for the answer of a command
+        spec.loader.exec_module(module)
     return module

@@ -117,6 +117,7 @@ def recording_bytes(
         rerun_bindings.flush_and_cleanup_orphaned_recordings()  # pyright: ignore[reportAttributeAccessIssue]
 
 
+@np.errstate(over="ignore")  # a law may command 1e308, which has no value in degrees
 @catch_and_log_exceptions(strict=True)  # Rerun raises on wrong data, and drops none of it
 def _bytes(runs: Sequence[Run], page: str, title: str, origin: Mapping[str, Any] | None) -> bytes:
     # In memory: Rerun raises nothing where the disk is full, but logs it, or never returns.

@@ -174,9 +174,10 @@ def _columns(plant_signals: tuple[str, ...], law_signals: tuple[str, ...]) -> tu
     if plant_signals[: len(COMMON_SIGNALS)] != COMMON_SIGNALS:
         raise InputError(f"`plant.signals` must begin with {COMMON_SIGNALS}, got {plant_signals}.")
     columns = (*plant_signals, *LOOP_SIGNALS[:-2], *law_signals, *_LIMITED)
-    twice = sorted({name for name in columns if columns.count(name) > 1})
+    twice = sorted({name for name in columns if columns.count(name) > 1 or name == "t"})
     if twice:
-        raise InputError(f"`signals` must have names that nothing else has, got {twice}.")
+        kind = LawError if set(twice) & set(law_signals) else InputError
+        raise kind(f"`signals` must have names that nothing else has, got {twice}.")
     return columns
 
 

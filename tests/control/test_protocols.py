@@ -7,7 +7,7 @@ import pytest
 from plain_members import Glider, Proportional
 
 from flighttune import CommandLimiter, FlightCondition, Limits, PointMassPlant, Reference
-from flighttune.control.guarded import GuardedLaw
+from flighttune.control.guarded import GuardedLaw, LawError
 from flighttune.errors import InputError
 from flighttune.simulate.loop import simulate
 
@@ -152,5 +152,5 @@ def test_a_signal_that_the_plant_has_too_is_refused():
     law = Proportional()
     law.signals = {"chi": "rad"}
 
-    with pytest.raises(ValueError, match=r"`signals` must .* \['chi'\]"):
+    with pytest.raises(LawError, match=r"`signals` must .* \['chi'\]"):
         flown(law)

@@ -1,6 +1,7 @@
 """Laws and plants of a user's own, from Python and from files."""
 
 import json
+import re
 import textwrap
 
 import numpy as np
@@ -13,7 +14,7 @@ from flighttune import COMMON_SIGNALS, InnerLag, LaggedPlant, PointMassPlant, re
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign, plan_from
 from flighttune.control.controller import FlightCondition
-from flighttune.errors import ScenarioError
+from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.fly import fly
 from flighttune.flight.own import with_own
 from flighttune.flight.refly import refly
@@ -219,8 +220,11 @@ def test_a_file_that_may_not_be_read_is_refused_with_the_reason(files, monkeypat
     def denied(path):
         raise PermissionError(13, "Permission denied", str(path))
 
+    loaded = load_scenario(files / "own.toml")
     monkeypatch.setattr("pathlib.Path.read_bytes", denied)
 
+    with pytest.raises(ScenarioError, match=r"mine: `module` must .* read, got permission denied"):
+        fly(loaded)
     said = r"own.toml: \[\[law\]\] `module` must be .* read, got .*my_law.py: permission denied\.$"
     with pytest.raises(ScenarioError, match=said):
         load_scenario(files / "own.toml")
@@ -281,6 +285,61 @@ def test_lags_around_a_plant_are_those_of_the_point_mass_behind_them():
     alone, around = (np.array(plant.observe()[:2]) for plant in plants)
     assert plants[1].signals[: len(COMMON_SIGNALS)] == COMMON_SIGNALS
     assert around == pytest.approx(alone, abs=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("signals = {}", "signals = {'t': 's'}", "`signals` must have names .*'t'"),
+        ("signals = {}", "signals = {'a b': 's'}", "`signals` must have names .*'a b'"),
+        ("signals = {}", "signals = {'<': 's', '': 's'}", "`signals` must have names .*'<', ''"),
+        ("pass", "self.limiter = 5", "`limiter` must be a CommandLimiter, got 5"),
+        ("return ", "return iter(float, 1.0) #", "2 numbers .* got more"),
+        ("return ", "os._exit(0) #", "after t = 0.00 s: .* exit status 0"),
+        ("return ", "faulthandler.disable(); ctypes.string_at(0) #", "ended by SIGSEGV"),
+        ("pass", "os._exit(0)", "exit status 0"),
+        ("self.dt,", "os._exit(0); self.dt,", "exit status 0"),
+        ("return ", "while t > 0.9: pass\n        return ", "after t = 0.00 s: .* took 3 s"),
+    ],
+)
+def test_whatever_a_law_of_a_file_does_ends_its_own_flight_alone(
+    files, old, new, said, monkeypatch
+):
+    monkeypatch.setattr("flighttune.flight.fly.START_S", 3.0)
+    monkeypatch.setattr("flighttune.flight.fly.MAX_LAG_S", -2.0)
+    law = files / "my_law.py"
+    law.write_text(f"import ctypes, faulthandler, os\n{law.read_text().replace(old, new)}")
+    tables = load_scenario(files / "own.toml").as_dict()
+    tables["law"] = [{"name": "paper", "kind": "paper"}, *tables["law"]]
+    tables["law"][1].pop("sha256", None)
+
+    first, run = fly(scenario_from(tables)).runs
+
+    assert first.status == "completed"
+    assert run.status == "law_failed"
+    assert re.search(said, run.reason), run.reason
+    assert "\n" not in run.reason
+
+
+def test_a_linear_model_of_the_wrong_kind_is_said(files):
+    law = files / "my_law.py"
+    law.write_text(law.read_text() + "\n    def linear(self):\n        return 1, 2\n")
+
+    with pytest.raises(InputError, match=r"mine: `linear` must return .* got \(1, 2\)"):
+        fly(load_scenario(files / "own.toml"))
+
+
+def test_what_a_law_of_a_file_prints_is_not_on_stdout(files, capfd):
+    law = files / "my_law.py"
+    text = law.read_text().replace("pass", "print('started')")
+    law.write_text(f"print('imported')\n{text}")
+
+    fly(load_scenario(files / "own.toml"))
+
+    printed = capfd.readouterr()
+    assert printed.out == ""
+    assert "imported" in printed.err
+    assert "started" in printed.err
 
 
 class Ends(Proportional):

@@ -50,16 +50,25 @@ class Own(Law):
             raise LawError(
                 f"{name}: `dt` must be that of the flight, {setup.dt:g} s, got {made.dt}."
             )
+        if wrong := [name for name in guarded.signals if not name.isidentifier()]:
+            raise LawError(f"{name}: `signals` must have names like those of Python, got {wrong}.")
         return guarded
 
     def loop(
         self, _model: LinearModel, _gains: PIGains, setup: LawSetup, /
     ) -> tuple[LinearModel, PIGains] | None:
-        """Result of its ``linear()``; None where it has none or fails."""
+        """Result of its ``linear()``; None where it has none, or the law cannot be made.
+
+        InputError if ``linear()`` raises, or returns something else.
+        """
         try:
-            return self.controller(setup).linear()
+            controller = self.controller(setup)
         except LawError:
-            return None
+            return None  # its flights say so
+        try:
+            return controller.linear()
+        except LawError as error:
+            raise InputError(str(error)) from error
 
     @property
     def tuned_as(self) -> str:

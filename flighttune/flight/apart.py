@@ -1,0 +1,76 @@
+"""A copy of this process, in which code of the user's flies: what ends it ends no other flight."""
+
+import multiprocessing
+import os
+import resource
+import signal
+import sys
+import warnings
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing.connection import Connection
+from typing import Any, TypeAlias
+
+from flighttune.errors import ending_of
+
+# Called with the label of a run and the part of it flown, 0 to 1.
+Progress: TypeAlias = Callable[[str, float], None]
+
+# A copy has the classes of the user's, which another process would have to import again.
+FORK = multiprocessing.get_context("fork")
+
+
+def apart(
+    call: Callable[[Progress], Any], silence: float, progress: Progress | None = None
+) -> tuple[Any, str, float]:
+    """Result of `call` in a copy of this process, how the copy ended, and the part flown by then.
+
+    Without a result it is None and the end in words. The copy ends by itself where `call` reports
+    no progress for `silence` seconds, as Python could not while a library computes. What it prints
+    goes to stderr.
+    """
+    receiver, sender = FORK.Pipe(duplex=False)
+    process = FORK.Process(target=_answer, args=(call, silence, sender))
+    part = 0.0
+    with warnings.catch_warnings():  # the threads of the libraries take no part in a flight
+        warnings.simplefilter("ignore", DeprecationWarning)
+        process.start()
+    sender.close()  # else the pipe would stay open here when the copy ends
+    try:
+        while True:
+            result, *seen = receiver.recv()
+            if not seen:
+                if isinstance(result, Exception):
+                    raise result
+                return result, "", 1.0
+            part = seen[0]
+            if progress is not None:
+                progress(result, part)
+    except EOFError:
+        process.join()
+        code = process.exitcode or 0
+        late = code == -signal.SIGALRM
+        return None, f"took {silence:.0f} s" if late else f"ended by {ending_of(code)}", part
+    finally:
+        process.kill()
+        process.join()
+
+
+def _answer(call: Callable[[Progress], Any], silence: float, sender: Connection) -> None:
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # no image of a crash in the working folder
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the command, which ends its copies
+    for ends in (signal.SIGTERM, signal.SIGALRM):
+        signal.signal(ends, signal.SIG_DFL)
+    sys.stdout = sys.stderr
+    with suppress(OSError):  # stderr may be closed
+        os.dup2(2, 1)
+
+    def seen(label: str, part: float) -> None:
+        signal.setitimer(signal.ITIMER_REAL, silence)
+        sender.send((label, part))
+
+    signal.setitimer(signal.ITIMER_REAL, silence)
+    try:
+        sender.send((call(seen),))
+    except Exception as error:  # of the plant or the scenario, for the command to say
+        sender.send((error,))
