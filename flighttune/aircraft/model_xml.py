@@ -1,5 +1,6 @@
 """The main file of an aircraft, with placeholders where each flight has numbers of its own."""
 
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -172,7 +173,8 @@ def found_file(name: str, folders: Sequence[Path]) -> Path:
     """The file that JSBSim finds under a name; in the last of the folders where there is none."""
     file = name if name.endswith(".xml") else f"{name}.xml"
     paths = [folder / file for folder in folders]
-    return next((path for path in paths if path.is_file()), paths[-1])
+    # Of a name that is too long for any file system, `Path.is_file` raises an error.
+    return next((path for path in paths if os.path.isfile(path)), paths[-1])
 
 
 def _multiply_function(function: Element, factor: str) -> None:

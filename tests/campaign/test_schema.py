@@ -116,6 +116,11 @@ def test_the_example_of_the_page_is_a_campaign(load):
         (HEAD + '[keep]\nworst_by = "ITAE"\n', r"\[keep\] `worst_by` must be one of chi.ITAE, "),
         (HEAD + '[[success]]\ngains = "K1"\nat_most.chi.ITAE = 3.0\n', "`gains` of .* got 'K1'."),
         (HEAD + '[[disperse]]\ndistribution = "uniform"\n', "`key` must be given."),
+        (
+            HEAD + SPEED.replace("flight.V_a_mps", "flight" + 1000 * ".x"),
+            "`key` must have at most 255",
+        ),
+        (HEAD + f'[overrides]\n"flight{1000 * ".x"}" = 1.0\n', "must have at most 255"),
         *((HEAD + tables, f"median .*{says}") for tables, says in MEDIANS),
         *((HEAD + SPEED + tables, rf"\[+correlation\]+ .*{says}") for tables, says in CORRELATIONS),
     ],

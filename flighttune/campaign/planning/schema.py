@@ -19,7 +19,7 @@ Value: TypeAlias = bool | int | float | str
 """Values of a key of a scenario."""
 
 Values: TypeAlias = Annotated[list[Value], Field(min_length=1)]
-Key: TypeAlias = Annotated[str, Field(min_length=1)]
+Key: TypeAlias = Annotated[str, Field(min_length=1, max_length=255)]
 Acts: TypeAlias = Literal["sets", "adds", "multiplies"]
 Design: TypeAlias = Literal["random", "latin_hypercube", "sobol", "saltelli", "grid"]
 Runs: TypeAlias = Annotated[int, Field(ge=1, le=10**9)]
@@ -239,7 +239,7 @@ class CampaignTable(Table):
     time_limit_s: Positive = 60.0
     gains: Annotated[list[str | GainsTable], Field(min_length=1)] | None = None
     plant: Annotated[list[PlantTable], Field(min_length=1)] | None = None
-    overrides: dict[str, Any] = Field(default_factory=dict)
+    overrides: dict[Key, Any] = Field(default_factory=dict)
     disperse: list[Annotated[Dispersion, Field(discriminator="distribution")]] = Field(
         default_factory=list
     )

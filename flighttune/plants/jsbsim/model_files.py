@@ -6,6 +6,7 @@ are loaded in a process of its own first: some make JSBSim end the process.
 """
 
 import hashlib
+import os
 import subprocess
 import sys
 from collections.abc import Callable, Hashable, Iterator
@@ -155,7 +156,7 @@ def model_files(config: AircraftConfig) -> tuple[Path, ...]:
         files.append(file)
         names = (element.get("file") for element in root.iter() if element.tag not in CONNECTIONS)
         parts = (found_file(name, folders.parts) for name in names if name)
-        pending += [part for part in parts if part.is_file()]
+        pending += [part for part in parts if os.path.isfile(part)]
     return tuple(files)
 
 
@@ -167,7 +168,7 @@ def missing_parts(config: AircraftConfig, said: str) -> list[str]:
     return [
         str(found_file(name, [folders.model / ("Engines" if tag in ENGINES else "Systems")]))
         for name, tag in tags.items()
-        if name and not found_file(name, folders.parts).is_file()
+        if name and not os.path.isfile(found_file(name, folders.parts))
     ]
 
 
@@ -320,7 +321,7 @@ def _slow_computer(root: Element, steps: int, folders: ModelFolders) -> None:
             continue
         name = system.get("file")
         file = found_file(name or "", folders.parts)
-        inline = read_xml(file, str(file)) if name and file.is_file() else system
+        inline = read_xml(file, str(file)) if name and os.path.isfile(file) else system
         channels = [
             channel for channel in inline.iter("channel") if channel.get("execrate", "").isdigit()
         ]

@@ -57,6 +57,16 @@ def test_a_model_whose_name_no_file_can_have_is_refused(changed_aircraft):
         JSBSimPlant(folder)
 
 
+def test_a_part_whose_name_no_file_can_have_is_refused(changed_aircraft):
+    folder = changed_aircraft(
+        "aerosonde.xml", '<engine file="[^"]*"', f'<engine file="{"x" * 300}"'
+    )
+
+    with pytest.raises(PlantError, match=r"aerosonde\.xml") as error:
+        JSBSimPlant(folder).start(FlightCondition(V_a=25.0))
+    assert "\n" not in str(error.value)
+
+
 def test_gains_of_another_model_are_refused(changed_aircraft):
     folder = changed_aircraft("aircraft.toml", "title", "title", aircraft="a4")
     file = folder / "aircraft.toml"
