@@ -227,8 +227,12 @@ def test_the_main_process_killed_leaves_no_worker_and_whole_files(
     assert not (out / ".writing").exists()
 
 
-def without_core():
+def as_in_a_terminal():
+    """Signals as they are in a terminal, whoever started the tests; no image of a crash."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    for _, number in ENDINGS:
+        if number != signal.SIGKILL:
+            signal.signal(number, signal.SIG_DFL)
 
 
 @pytest.mark.parametrize("count", [1, pytest.param(5 * TIMES, marks=pytest.mark.soak)])
@@ -236,7 +240,7 @@ def test_a_campaign_ended_at_any_time_goes_on_to_the_same_bits(tmp_path, file, u
     draw, seen, longest = random.Random(26), Counter(), 6.0
     scratch = tmp_path / "scratch"
     scratch.mkdir()
-    options = {"env": {**os.environ, "TMPDIR": str(scratch)}, "preexec_fn": without_core}
+    options = {"env": {**os.environ, "TMPDIR": str(scratch)}, "preexec_fn": as_in_a_terminal}
     for i in range(count):
         out, (who, number) = tmp_path / f"out-{i}", ENDINGS[i % len(ENDINGS)]
         began = time.monotonic()
