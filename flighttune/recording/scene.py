@@ -43,6 +43,7 @@ Eye: TypeAlias = tuple[FloatArray, FloatArray]  # of a camera: where it is and w
 
 PATH_POINTS = 4000  # maximum number of points of a path; longer flights are thinned
 INSTANTS = 500  # maximum number of instants at which arrows are drawn
+NUMBERS = 12  # places of the numbers of runs along their paths
 DASHES = 60  # number of dashes in the path of a law
 WIND_TIMES = 4.0  # scale of the wind arrow over that of the velocity arrow, as the page says
 REACH = 0.9  # length of the velocity arrow at the start, in drawn widths of the aircraft
@@ -210,8 +211,10 @@ def _log_path(
     width = on_screen(drawn_run.style.width if _is_aircraft(drawn_run) else 1.0)
     line = rr.LineStrips3D(dashes, radii=width, colors=[drawn_run.style.rgb])
     stream.log(f"{entities.PATHS}/{drawn_run.key}", line, static=True)
+    # Paths often end together: each number stands a little before the one of the run above.
+    place = len(path) - 1 - (drawn_run.number - 1) * len(path) // NUMBERS % len(path)
     number = rr.Points3D(
-        path[-1:],
+        path[place : place + 1],
         labels=[str(drawn_run.number)],
         show_labels=True,
         colors=[drawn_run.style.rgb],

@@ -106,14 +106,16 @@ def step_table(gaps: Sequence[Gap]) -> Table:
 
 def causes(gap: Gap) -> tuple[str, ...]:
     """A sentence for each channel: its ITAE from law to aircraft, and the largest step."""
-    itae = gap.flown().metrics["ITAE"]
-    return tuple(
-        f"{CHANNEL_NAMES[channel].capitalize()}: ITAE is {itae[gap.runs[0].label, channel]:.2f} "
-        f"rad s² on the paper's law and {itae[gap.aircraft.label, channel]:.2f} on the aircraft; "
-        f"the largest step is {cause[1]:+.2f} ({cause[0]})."
-        for channel in CHANNEL_SYMBOLS
-        if (cause := gap.cause(channel))
-    )
+    itae, said = gap.flown().metrics["ITAE"], []
+    for channel, name in CHANNEL_NAMES.items():
+        if (cause := gap.cause(channel)) is None:
+            continue
+        law, aircraft = (itae[run.label, channel] for run in (gap.runs[0], gap.aircraft))
+        said.append(
+            f"{name.capitalize()} with {gap.name}: ITAE is {law:.2f} rad s² on the paper's law and "
+            f"{aircraft:.2f} on the aircraft; the largest step is {cause[1]:+.2f} ({cause[0]})."
+        )
+    return tuple(said)
 
 
 def write_gap_page(gap: Gap, tables: Sequence[Table], path: str | Path) -> Report:

@@ -293,7 +293,7 @@ def _gap_section(gaps: Sequence[Gap], runs: Sequence[Run]) -> Section:
         id="gap",
         title="From the law to the aircraft",
         note=GAP
-        + "".join(f" {gap.name}: {' '.join(causes(gap))}" for gap in gaps[:MAX_GAPS])
+        + "".join(f" {sentence}" for gap in gaps[:MAX_GAPS] for sentence in causes(gap))
         + (f" The tables have {more} more." if more > 0 else ""),
         charts=[
             kind(gap, channel)
