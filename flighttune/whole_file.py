@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
+from typing import IO
 
 from flighttune.errors import OutputError
 
@@ -20,21 +21,35 @@ def whole_file(path: Path, unfinished: Path | None = None) -> Iterator[Path]:
 
     An existing file at `path` stays until it is replaced. Yields the name to write to, in the same
     folder, or in `unfinished`, and with the same suffix. It begins with a dot: readers pass over
-    the file that a killed command left behind. Raises OutputError if a folder or the file cannot be
-    written.
+    the file that a killed command left behind, and the next command that writes there removes it.
+    Raises OutputError if a folder or the file cannot be written.
     """
     folder = path.parent if unfinished is None else unfinished
     part = folder / f".{path.stem}-{uuid.uuid4().hex}{path.suffix}"
     try:
         for needed in (path.parent, folder):
             needed.mkdir(parents=True, exist_ok=True)
-        yield part
+        for left in folder.glob(f".*-{'[0-9a-f]' * 32}.*"):
+            with suppress(OSError), left.open("rb") as file:  # locked, or just finished
+                _lock(file)
+                left.unlink()
+        with part.open("ab") as file:
+            with suppress(OSError):  # not every file system has locks
+                _lock(file)
+            yield part
         part.replace(path)
     except OSError as error:
         raise OutputError(f"{path}: must be writable, got {reason_of(error)}.") from error
     finally:
         with suppress(OSError):
             part.unlink(missing_ok=True)
+
+
+def _lock(file: IO[bytes]) -> None:
+    """Lock a file for this process until it is closed; OSError if another one has."""
+    import fcntl
+
+    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 def write_text(path: Path, text: str) -> Path:

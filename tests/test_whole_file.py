@@ -1,5 +1,8 @@
 """Files written whole or not at all."""
 
+import subprocess
+import sys
+
 import pytest
 
 from flighttune import whole_file
@@ -24,3 +27,22 @@ def test_a_file_that_cannot_be_replaced_stays_as_it_is(tmp_path, monkeypatch):
         whole_file.write_text(path, "new")
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
+
+
+def test_what_a_killed_command_left_is_removed_and_what_another_one_writes_is_not(tmp_path):
+    code = (
+        "import os, pathlib, sys; from flighttune.whole_file import whole_file\n"
+        "with whole_file(pathlib.Path(sys.argv[1])) as part:\n"
+        "    part.write_bytes(b'half'); os.kill(os.getpid(), 9)"
+    )
+    killed = subprocess.run([sys.executable, "-c", code, tmp_path / "flight.rrd"], check=False)
+    (left,) = tmp_path.iterdir()
+
+    with whole_file.whole_file(tmp_path / "flight.rrd") as part:
+        part.write_bytes(b"whole")
+        whole_file.write_text(tmp_path / "other.json", "{}")
+
+    assert killed.returncode == -9
+    assert left.name.startswith(".flight-")
+    assert {path.name for path in tmp_path.iterdir()} == {"flight.rrd", "other.json"}
+    assert (tmp_path / "flight.rrd").read_bytes() == b"whole"

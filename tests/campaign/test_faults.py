@@ -1,5 +1,6 @@
 """Faults that are made, not played: afterwards every run is there once, with the same bits."""
 
+import itertools
 import os
 import random
 import resource
@@ -36,6 +37,7 @@ from fuzzing import TIMES
 
 from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.engine.engine import run_campaign
+from flighttune.campaign.engine.flyer import Flyer
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
@@ -355,6 +357,31 @@ def test_an_aircraft_that_always_ends_the_process_is_one_line(tmp_path, address)
 
     with pytest.raises(CampaignError, match=r"undispersed flights .*SIGSEGV"):
         run_campaign(ours, tmp_path / "out", scheduler=address)
+
+
+def test_an_undispersed_flight_that_never_ends_waits_for_the_time_limit(tmp_path):
+    endless = aircraft_with(tmp_path / "aircraft", DOUBLING.replace("24.9", "0.1"))
+    ours = plan(tmp_path, runs=4, law=False, aircraft=(endless,), top="time_limit_s = 1.0")
+    began = time.monotonic()
+
+    with pytest.raises(CampaignError, match=r"undispersed flights .*longer than `time_limit_s`"):
+        run_campaign(ours, tmp_path / "out", workers=1)
+    assert time.monotonic() - began < 60.0  # 11 s and the start of a process; was twice 120 s
+
+
+def test_a_process_killed_in_a_flight_and_again_while_it_starts_costs_no_run(tmp_path, monkeypatch):
+    ours = plan(tmp_path, runs=4, law=False)
+    calls, receive = itertools.count(), Flyer._receive
+
+    def kills(flyer):
+        if next(calls) in (1, 2):  # the first waits for a run, the second for a new process
+            flyer._process.kill()
+        return receive(flyer)
+
+    monkeypatch.setattr(Flyer, "_receive", kills)
+    run_campaign(ours, tmp_path / "out", workers=1)
+
+    assert Counter(open_dataset(tmp_path / "out").rows()["status"].to_pylist()) == {"completed": 4}
 
 
 def test_an_aircraft_that_is_another_one_now_is_one_line(tmp_path, address):

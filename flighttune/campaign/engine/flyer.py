@@ -60,7 +60,9 @@ class Flyer:
         PlantError if the process cannot fly this plan, or the flyer is stopped.
         """
         answers: list[Answer] = []
-        suspect = None  # run that a process ended in
+        # Runs that a process ended in, or before: someone, or the system out of memory, may have
+        # ended it once.
+        suspects: set[tuple[int, bool]] = set()
         while runs := draw.runs[len(answers) :]:
             ready = False
             try:
@@ -75,15 +77,16 @@ class Flyer:
             except (EOFError, OSError):
                 run, code = draw.runs[len(answers)], self.end()
                 self._start()
-                timed_out = ready and code == -signal.SIGALRM
-                if run != suspect and not timed_out:
-                    suspect = run  # an operator, or the system out of memory, may have ended it
+                timed_out = code == -signal.SIGALRM
+                if (run, ready) not in suspects and not timed_out:
+                    suspects.add((run, ready))
                 elif ready:
                     answers.append(code)
                 else:
-                    raise PlantError(
-                        f"the undispersed flights cannot be flown: {ending_of(code)}"
-                    ) from None
+                    ending = (
+                        "they take longer than `time_limit_s`" if timed_out else ending_of(code)
+                    )
+                    raise PlantError(f"the undispersed flights cannot be flown: {ending}") from None
         return answers
 
     def end(self) -> int:

@@ -20,8 +20,9 @@ from flighttune.flight.own import with_own
 from flighttune.flight.refly import changed_versions
 from flighttune.recording.parquet import parquet_bytes
 
-PREPARE_S = 120.0
-"""Time to load a plan and to fly its undispersed flights."""
+# Time to load a plan, and that which its aircraft and the first samples of its flights take at most
+# beyond the time limit of a flight.
+PREPARE_S, START_S = 120.0, 10.0
 
 
 def serve(pipe: Connection) -> None:
@@ -65,14 +66,16 @@ def _prepared(work: bytes) -> tuple[float, Callable[[Draw], Iterator[Row | bytes
         if files_hash(name) != was:
             raise PlantError(f"the files of aircraft {name} must be those it was planned with")
     with_own(plan.scenario)
-    warm_up(plan)
+    limit = plan.campaign.time_limit_s
+    with _time_limit(START_S + limit):
+        warm_up(plan)
 
     def fly(draw: Draw) -> Iterator[Row | bytes]:
         if not signals:
             return fly_draw(plan, draw, probes)
         return (parquet_bytes(fly_again(plan, n)[plan.group_of(n).label]) for n in draw.runs)
 
-    return plan.campaign.time_limit_s, fly
+    return limit, fly
 
 
 @contextmanager
