@@ -287,6 +287,8 @@ def read_sealed(path: Path) -> tuple[AboutTube, dict[str, FloatArray]]:
         raise InputError(f"{path}: {mistakes(error, described)}") from error
     if not (len(t) and np.isfinite(bounds.pairs).all() and (np.diff(t) > 0.0).all()):
         raise InputError(f"{path}: `t` must rise and every bound must be finite; {REMEDY}.")
+    if about.worst is not None and not columns.keys() >= {*WORST_SIGNALS}:
+        raise InputError(f"{path}: `worst` must come with {' and '.join(WORST_SIGNALS)}; {REMEDY}.")
     if not (bounds.low <= bounds.high).all():
         raise InputError(f"{path}: lower bounds must not be above upper ones.")
     return about, columns

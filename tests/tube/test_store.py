@@ -161,6 +161,17 @@ def test_a_tube_whose_bounds_cannot_be_is_not_drawn(flown, tubes, tmp_path, chan
     assert "\n" not in line
 
 
+def test_a_tube_that_names_a_worst_flight_must_have_its_errors(flown, tubes, tmp_path):
+    run = flown.runs[0]
+    tube = tubes.tubes[run.label]
+    about = replace(tube.about, worst={"chi": 1.0, "gamma": 1.0})
+    write_sealed(tube.bounds.columns, about, tmp_path / "tubes" / "0.parquet")
+
+    (why,) = tubes_of([run], tmp_path).why_not.values()
+
+    assert "`worst` must come with chi_err_worst and gamma_err_worst" in why
+
+
 def test_a_worst_flight_of_an_earlier_version_is_passed_over_and_text_for_json_refused(tmp_path):
     (tmp_path / "tubes").mkdir()
     (tmp_path / "tubes" / "0-worst.parquet").write_bytes(b"of an earlier version")
