@@ -246,7 +246,7 @@ def _part(root: Element, tag: str, folders: tuple[Path, ...]) -> Element:
     if part is None:
         return Element(tag)
     name = part.get("file")
-    return read_xml(found_file(name, folders), name) if name else part
+    return read_xml(found_file(name, folders, folders[0]), name) if name else part
 
 
 def _loaded(tables: dict[str, Any], folder: Path, h: float) -> Bench:

@@ -167,7 +167,9 @@ class AircraftConfig(q.Table):
     source: str
     # Aircraft of JSBSim's own set by name, or the path of a main file from the folder, which ends
     # in ``.xml``.
-    model: Annotated[q.PathName, Field(pattern=r"^[^\x00-\x1f{}]+$", max_length=500)]
+    model: Annotated[
+        q.PathName, Field(pattern=r"^([^\x00-\x1f{}/]+|[^\x00-\x1f{}]+\.xml)$", max_length=500)
+    ]
     # 1/s: samples of the computer that runs the inner loop. JSBSim's steps are this or a whole
     # fraction.
     inner_loop_rate: Annotated[q.Finite, Field(ge=20.0, le=2000.0)] = Field(

@@ -164,17 +164,27 @@ def _inlined(holder: Element, folders: Sequence[Path]) -> Element:
     name = holder.attrib.pop("file", None)
     if name is None:
         return holder[0]
-    read = read_xml(found_file(name, folders), f"{folders[0]}")
+    read = read_xml(found_file(name, folders, folders[0]), f"{folders[0]}")
     holder.insert(0, read)
     return read
 
 
-def found_file(name: str, folders: Sequence[Path]) -> Path:
-    """The file that JSBSim finds under a name; in the last of the folders where there is none."""
+def found_file(name: str, folders: Sequence[Path], named_in: Path) -> Path:
+    """The file that JSBSim finds under a name; in the last of the folders where there is none.
+
+    `named_in`: the file with that name in it. Raises PlantError if the file is not in `folders`, by
+    its path or behind a symlink: a file of somebody else must not reach out of its folder.
+    """
     file = name if name.endswith(".xml") else f"{name}.xml"
-    paths = [folder / file for folder in folders]
     # Of a name that is too long for any file system, `Path.is_file` raises an error.
-    return next((path for path in paths if os.path.isfile(path)), paths[-1])
+    found = (folder / file for folder in folders if os.path.isfile(folder / file))
+    path = next(found, folders[-1] / file)
+    for place in (Path(os.path.normpath(path)), Path(os.path.realpath(path))):
+        if not any(place.is_relative_to(folder) for folder in folders):
+            raise PlantError(
+                f'{named_in}: `file` must stay in the folder of the model, got "{name}".'
+            )
+    return path
 
 
 def _multiply_function(function: Element, factor: str) -> None:

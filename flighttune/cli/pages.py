@@ -264,8 +264,11 @@ def export(
     ] = "jsbsim",
     out: Annotated[Path | None, out_folder("runs/NAME-export")] = None,
 ) -> Answer:
-    """Write one flight of SCENARIO for JSBSim alone, or its outer loop in C."""
-    from flighttune.export import CSV, SCRIPT, export_c, export_jsbsim
+    """Write one flight of SCENARIO for JSBSim alone, or its outer loop in C.
+
+    JSBSim flies the folder at once: exit status 1 if its flight is not that of `fly`.
+    """
+    from flighttune.export import COLUMNS, CSV, README, SCRIPT, export_c, export_jsbsim
 
     loaded, name, chosen = chosen_gains(scenario, gains)
     if Path(name).suffix.lower() in (".json", ".toml"):
@@ -275,13 +278,19 @@ def export(
         source = export_c(loaded, name, chosen, folder, plant=plant)
         return Answer(files={"folder": folder, "source": source})
     folder = folder.absolute()
-    command, start = export_jsbsim(loaded, name, chosen, folder, plant=plant)
+    made = export_jsbsim(loaded, name, chosen, folder, plant=plant)
     return Answer(
-        values={"start_s": start, "csv": folder / CSV},
+        values={
+            "start_s": made.start,
+            "csv": folder / CSV,
+            "differences": {COLUMNS[name]: value for name, value in made.differences.items()},
+        },
         notes=[
             f"The command flies it and writes {folder / CSV}, which has the flight from "
-            f"Time = {start:g} s on."
+            f"Time = {made.start:g} s on.",
+            *([made.verdict] if made.same else ()),
         ],
-        command=command,
-        files={"folder": folder, "script": folder / SCRIPT},
+        command=made.command,
+        files={"folder": folder, "script": folder / SCRIPT, "readme": folder / README},
+        failure="" if made.same else f"{folder}: {made.verdict} The folder is kept.",
     )

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress
 from flighttune.present.answer import Answer
+from flighttune.present.tables import printable
 from flighttune.whole_file import reason_of
 
 if TYPE_CHECKING:
@@ -90,7 +91,7 @@ def show(answer: Answer) -> None:
         elif not quiet():
             for part in answer.text(get_terminal_size((PLAIN_WIDTH, 0)).columns):
                 clear()  # the text may take its time
-                print(part)
+                print(printable(part))
 
 
 @contextmanager
@@ -113,19 +114,20 @@ def pick(value: object, names: str) -> dict[str, Any]:
 def say(line: str) -> None:
     """Print one line while a command still runs, with ``--json`` on stderr."""
     clear()
-    print(line, file=sys.stderr if _JSON.get() else sys.stdout, flush=True)  # pipes get it at once
+    print(
+        printable(line), file=sys.stderr if _JSON.get() else sys.stdout, flush=True
+    )  # pipes get it at once
 
 
 def tell(line: str) -> None:
     """Print one line on stderr, for someone who watches."""
     clear()
-    print(line, file=sys.stderr)
+    print(printable(line), file=sys.stderr)
 
 
 def fail(reason: str, status: int) -> NoReturn:
     """Print the reason in one line on stderr and exit with `status`; a long one is cut."""
-    printable = (char if char.isprintable() else " " for char in reason)  # no terminal codes
-    line = " ".join("".join(printable).split())
+    line = " ".join(reason.split())
     if len(line) > MAX_REASON:
         half = MAX_REASON // 2
         line = f"{line[:half]} ... {line[-half:]}"
@@ -148,7 +150,7 @@ def progress_bar() -> Iterator[Callable[[str, float], None] | None]:
 
         def update(label: str, part: float) -> None:
             if label not in tasks:
-                tasks[label] = bar.add_task(label, total=1.0)
+                tasks[label] = bar.add_task(printable(label), total=1.0)
             bar.update(tasks[label], completed=part)
 
         yield update
@@ -190,7 +192,7 @@ class CampaignDisplay(CampaignObserver):
     def hear(self, sentence: str) -> None:
         """Show a sentence."""
         if self._bar is not None:
-            self._bar.console.print(sentence, markup=False, highlight=False)
+            self._bar.console.print(printable(sentence), markup=False, highlight=False)
         else:
             tell(sentence)
 

@@ -1,10 +1,13 @@
 """A flight as a folder that JSBSim flies by itself: aircraft, inner and outer loop, script."""
 
 import math
+import os
 import shlex
 import shutil
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Set
+from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
@@ -12,64 +15,82 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from flighttune.aircraft.model_xml import found_file
+from flighttune import __version__
+from flighttune.aircraft.aircraft import AircraftConfig
+from flighttune.aircraft.model_xml import template_of
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import LawSetup
 from flighttune.control.gains import PIGains
 from flighttune.control.law import OuterLoop
-from flighttune.errors import InputError, OutputError
-from flighttune.flight.fly import aircraft_table, law_setup, plant_of
+from flighttune.errors import InputError
+from flighttune.export.check import differences
+from flighttune.flight.fly import aircraft_table, fly_once, law_setup, plant_of
 from flighttune.plants.jsbsim import properties
-from flighttune.plants.jsbsim.fdm import EARTH, Fdm, weigh
-from flighttune.plants.jsbsim.model_files import ModelFolders, model_folders, not_xml
+from flighttune.plants.jsbsim.fdm import STARTER, STARTING, Fdm, weigh
+from flighttune.plants.jsbsim.model_files import model_files, model_folders, source_folders
 from flighttune.plants.jsbsim.plant import JSBSimPlant, inner_loop_settings
+from flighttune.present.tables import printable
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.feasible import FeasibleReference
 from flighttune.units import FT, G_0
-from flighttune.whole_file import reason_of, write_text
+from flighttune.whole_file import whole_file, write_text
 
 SCRIPT, CSV, START, OUTER_LOOP = "flight.xml", "flight.csv", "start", "ft_outer_loop"
+README = "README.md"
 
 # Time for which the aircraft is held still before the flight, plus that of its engine, s: delays of
 # sensors fill, and filters of the model's own flight control settle.
-AT_REST = 10.0
+AT_REST = 40.0
 
 # Departure from a straight line above which a sample of a reference has a row of its own.
 STRAIGHT = 1e-15
 
-_OUTER_LOOP, _SCRIPT = (
-    Path(__file__).with_name(f"{name}.xml") for name in ("outer_loop", "flight")
+_OUTER_LOOP, _SCRIPT, _README = (
+    Path(__file__).with_name(name) for name in ("outer_loop.xml", "flight.xml", "readme.md")
 )
 
 # Components of the outer loop that every law has.
 _MEASURED = {
     *(f"ft/outer/{name}" for name in ("sample", "chi-rad", "gamma-rad", "gain")),
+    *(f"ft/outer/{name}-mps" for name in ("V_a", "wind-along", "ahead")),
     *(f"ft/outer/{name}-rad" for name in ("half-turn-less", "chi-err", "gamma-err")),
     *(f"ft/outer/{u}/{name}" for u in ("phi", "n_z") for name in ("in-force", "low", "high")),
 }
 
-MOVED_BY_AIR = "wind", "gust", "turbulence"
+# The wind of `fly`: JSBSim resets its ``wind-*`` in every evaluation.
+WIND = [f"atmosphere/gust-{axis}-fps" for axis in ("north", "east", "down")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportedFlight:
+    """A folder that JSBSim flew, and how its flight compares with that of `fly`."""
+
+    command: str  # flies the folder, from any working directory
+    start: float  # s: JSBSim's time at the start of the flight
+    # Largest difference by signal, rad and 1; empty if JSBSim did not fly it to the end
+    differences: Mapping[str, float]
+    verdict: str  # sentence about the comparison
+    same: bool  # whether the flights are the same but for rounding
 
 
 def export_jsbsim(
     scenario: Scenario, name: str, gains: PIGains, folder: Path, *, plant: str | None = None
-) -> tuple[str, float]:
+) -> ExportedFlight:
     """Write the flight of one gain set on one aircraft as files that JSBSim flies by itself.
+
+    JSBSim flies the folder, and the flight is compared with that of `fly`.
 
     `name` is that of the gain set with its law. The `folder` is made if there is none; files of the
     same names are replaced. `plant`: label of the aircraft; by default the first of the scenario.
-    Returns the command line that flies it, from any working directory, and JSBSim's time at the
-    start of the flight (s): the aircraft is held still before.
-    Raises InputError if the scenario has no such aircraft or moves the air, or the law is one in
-    Python. Raises TrimError if there is no steady flight to start from. Raises PlantError if the
+    Raises InputError if the scenario has no such aircraft or a wind that changes, or the law is one
+    in Python. Raises TrimError if there is no steady flight to start from. Raises PlantError if the
     aircraft cannot be built. Raises OutputError if the folder cannot be written.
     """
     table = aircraft_table(scenario, plant)
-    if scenario.weather() is not None:
-        moving = [key for key in MOVED_BY_AIR if getattr(scenario, key)] or ["disturbance"]
+    for key in _not_in_script(scenario):
         raise InputError(
-            f"`{moving[0]}` must be absent from a scenario that is exported: JSBSim's start in "
-            "moving air is not that of `fly`."
+            f"`{key}` must be absent from a scenario that is exported: the only moving air in "
+            "JSBSim's script is a steady wind."
         )
     flown = plant_of(table, scenario)
     assert isinstance(flown, JSBSimPlant)
@@ -84,43 +105,77 @@ def export_jsbsim(
     frames = round(fdm.rate * setup.dt)
     # Whole samples of both computers, so that both have one at the start.
     whole = frames * fdm.steps
-    still = AT_REST + 3.0 * fdm.engine_settles
+    still = AT_REST + 4.0 * fdm.engine_settles
     t_0 = math.ceil(still * fdm.rate / whole) * whole / fdm.rate
     sampled = _sampled(scenario, setup, loop)
     values = _values(scenario, setup, loop, fdm)
     if "ft/outer/plan/n_z" in sampled:
         values["ft/outer/planned"] = 1.0
-    try:
-        systems = folder / "systems"
-        systems.mkdir(parents=True, exist_ok=True)
-        with model_folders(fdm.config, weigh, fdm.steps) as folders:
-            aircraft = folder / "aircraft" / folders.name
-            shutil.copytree(folders.model, aircraft, ignore=not_xml, dirs_exist_ok=True)
-            root = _parsed(folders.file)
-            _copy_shared_parts(root, folders, folder)
-        root.insert(0, _parsed(EARTH))
-        last = max(i for i, element in enumerate(root) if element.tag == "system")
-        root.insert(last + 1, Element("system", file=OUTER_LOOP))
-        declared: set[str] = set()
-        for tree, file in (
-            (root, aircraft / folders.file.name),
-            (_outer_loop(loop, frames), systems / OUTER_LOOP),
-        ):
-            declared |= _declare(tree, values)
-            ElementTree.indent(tree)
-            ElementTree.ElementTree(tree).write(
-                file.with_suffix(".xml"), "utf-8", xml_declaration=True
-            )
-        write_text(aircraft / f"{START}.xml", _start(fdm))
-        rest = {name: value for name, value in values.items() if name not in declared}
-        script = _script(scenario, setup, fdm, folders.name, t_0, rest, sampled)
-        write_text(folder / SCRIPT, script)
-    except OSError as error:
-        raise OutputError(f"{folder}: must be writable, got {reason_of(error)}.") from error
-    rate = f"--simulation-rate={fdm.rate!r}"  # the command takes no step from a script
+    with model_folders(fdm.config, weigh, fdm.steps) as folders:
+        aircraft = folder / "aircraft" / folders.name
+        root = _parsed(folders.file)
+    _copy_parts(fdm.config, folder)
+    last = max(i for i, element in enumerate(root) if element.tag == "system")
+    root.insert(last + 1, Element("system", file=OUTER_LOOP))
+    declared: set[str] = set()
+    for tree, file in (
+        (root, aircraft / f"{folders.name}.xml"),
+        (_outer_loop(loop, frames), folder / "systems" / f"{OUTER_LOOP}.xml"),
+    ):
+        declared |= _declare(tree, values)
+        ElementTree.indent(tree)
+        write_text(file, template_of(tree))
+    write_text(aircraft / f"{START}.xml", _start(fdm))
+    script = _script(scenario, setup, fdm, folders.name, t_0, values, declared, sampled)
+    write_text(folder / SCRIPT, script)
+    # The console command takes no step from a script, and writes to its root.
+    options = [f"--simulation-rate={fdm.rate!r}", f"--script={SCRIPT}"]
+    at_folder = [f"--root={folder}", *options]
+    run = fly_once(scenario, flown, gains, plant_label=table.label, gains_name=name)
+    largest, differs = differences(at_folder, folder / CSV, t_0, run)
+    if differs:
+        verdict = f"JSBSim's flight is not that of `flighttune fly`: {differs}."
+    else:
+        verdict = (
+            "JSBSim flew the folder: its flight is that of `flighttune fly` to within "
+            f"{max(largest.values()):.1g} (rad, and 1 for the load factor)."
+        )
+    if run.status != "completed":
+        verdict += f" They were compared until `flighttune fly` ended the flight: {run.reason}"
+    readme = _README.read_text(encoding="utf-8").format(
+        title=printable(scenario.title),
+        model=folders.name,
+        gains=name,
+        version=__version__,
+        verdict=verdict,
+        command=shlex.join(["jsbsim", "--root=.", *options]),
+        jsbsim=version("jsbsim"),
+        csv=CSV,
+        rate=1.0 / setup.dt,
+        start=t_0,
+        duration=scenario.flight.duration_s,
+    )
+    write_text(folder / README, readme)
     console = shutil.which("jsbsim", path=Path(sys.executable).parent) or "jsbsim"
-    command = [console, f"--root={folder}", rate, f"--outputpath={folder}", f"--script={SCRIPT}"]
-    return shlex.join(command), t_0
+    return ExportedFlight(
+        command=shlex.join([console, *at_folder]),
+        start=t_0,
+        differences=largest,
+        verdict=verdict,
+        same=not differs,
+    )
+
+
+def _not_in_script(scenario: Scenario) -> Iterator[str]:
+    """Keys of moving air that the script does not have."""
+    if weather := scenario.weather():
+        moves = {
+            "gust": weather.gust,
+            "turbulence": weather.turbulence,
+            "wind.level": weather.wind.varies,
+            "disturbance.as_wind": weather.oscillation,
+        }
+        yield from (key for key, moved in moves.items() if moved)
 
 
 def _outer_loop(loop: OuterLoop, frames: int) -> Element:
@@ -212,6 +267,7 @@ def _script(
     model: str,
     t_0: float,
     values: Mapping[str, float],
+    declared: Set[str],
     sampled: Mapping[str, FloatArray],
 ) -> str:
     """The script: the aircraft at rest with `values` until `t_0`, then the flight."""
@@ -225,9 +281,10 @@ def _script(
         "simulation/output/log_rate_hz": 1.0 / setup.dt,
     }
     rates = _read(fdm, [f"ic/{axis}-rad_sec" for axis in "pqr"])
-    at_rest = {**values, **rates, **dict.fromkeys(moving, 0.0)}
+    rest = {name: value for name, value in values.items() if name not in declared}
+    at_rest = {**rest, **rates, **_read(fdm, WIND), **dict.fromkeys(moving, 0.0)}
     return _SCRIPT.read_text(encoding="utf-8").format(
-        title=escape(scenario.title, {'"': "&quot;"}),
+        title=escape(printable(scenario.title), {'"': "&quot;"}),
         model=escape(model),
         start=START,
         end=t_0 + float(t[-1]),
@@ -240,6 +297,7 @@ def _script(
             f'<property value="{value!r}"> {name} </property>' for name, value in at_rest.items()
         ),
         t_0=t_0,
+        engines=_engines(fdm, values),
         before=t_0 - half,
         after=t_0 + half,
         sample=setup.dt,
@@ -248,6 +306,33 @@ def _script(
         moving=_sets(moving),
         references="\n".join(_reference(name, t, values) for name, values in sampled.items()),
         g=G_0 / FT,
+    )
+
+
+def _engines(fdm: Fdm, at_rest: Mapping[str, float]) -> str:
+    """Events that start the engines and settle them at the throttle of the trim, as `fly` does."""
+    numbers = range(fdm.config.engines.count)
+    lines = "\n".join(f"propulsion/engine[{i}]/set-running eq 0" for i in numbers)
+    stopped = f'<condition logic="OR"> {lines} </condition>'
+    piston = fdm.has("propulsion/magneto_cmd")
+    starting = STARTING if piston else 0.0
+    events = []
+    if piston:
+        events += [
+            ("starter", 0.0, stopped, STARTER),
+            ("starter off", starting, "", {"propulsion/starter_cmd": 0.0}),
+        ]
+    # JSBSim's own start stops some propellers: it comes last.
+    events += [("engines that did not start", starting, stopped, {"propulsion/set-running": -1.0})]
+    if settle := fdm.engine_settles:
+        # Some propellers have two steady states at one throttle. The trim comes from full throttle.
+        trim = {properties.THROTTLE_TRIM: at_rest[properties.THROTTLE_TRIM]}
+        full = dict.fromkeys(trim, 1.0)
+        events += [("full throttle", 0.0, "", full), ("trim", starting + settle, "", trim)]
+    return "\n".join(
+        f'<event name="{name}"> <condition logic="AND"> simulation/sim-time-sec gt {after!r} '
+        f"{only_if} </condition> {_sets(values)} </event>"
+        for name, after, only_if, values in events
     )
 
 
@@ -284,14 +369,16 @@ def _declare(root: Element, values: Mapping[str, float]) -> set[str]:
     return names
 
 
-def _copy_shared_parts(root: Element, folders: ModelFolders, folder: Path) -> None:
-    """Copy engines, propellers and systems that models share, and what they name in turn."""
-    for element in root.iter():
-        name = element.get("file", "")
-        source = found_file(name, folders.parts)
-        if name and source.is_file() and not source.is_relative_to(folders.model):
-            kind = "engine" if source.is_relative_to(folders.engines) else "systems"
-            copy = folder / kind / (name if name.endswith(".xml") else f"{name}.xml")
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(source, copy)
-            _copy_shared_parts(_parsed(copy), folders, folder)
+def _copy_parts(config: AircraftConfig, folder: Path) -> None:
+    """Copy all files of a model but the main one to where JSBSim finds them in the folder."""
+    folders = source_folders(config)
+    shared = folder / "engine", folder / "systems"
+    places = {
+        folders.model: folder / "aircraft" / folders.name,
+        **dict(zip((*folders.near, folders.engines, folders.systems), shared * 2, strict=False)),
+    }
+    for file in model_files(config)[1:]:
+        part = Path(os.path.normpath(file))
+        place = next(place for place in places if part.is_relative_to(place))
+        with whole_file(places[place] / part.relative_to(place)) as copy:
+            shutil.copyfile(file, copy)

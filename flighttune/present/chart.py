@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle, css_colour, css_variables
+from flighttune.present.tables import printable
 from flighttune.present.thinning import MAX_DRAWN, peaks, thinned
 from flighttune.whole_file import write_text
 
@@ -397,7 +398,7 @@ class Sheet:
         title = _label(8.0, 17.0, self.title, ' class="title"')
         # its colours are its own: a notebook puts it into a page with other ones
         own = style().replace(":root", "svg.sheet")
-        return (
+        return printable(
             f'<svg xmlns="http://www.w3.org/2000/svg" class="chart sheet" '
             f'viewBox="0 0 {width:g} {top:.0f}" width="{width:g}" height="{top:.0f}">'
             f'<style>{own}</style><rect width="100%" height="100%" fill="var(--paper)"/>'

@@ -21,6 +21,11 @@ NARROWEST = 16
 LONG_WORDS = 40
 
 
+def printable(text: str) -> str:
+    """Text with a space for each character that steers a terminal or that XML does not allow."""
+    return "".join(char if char.isprintable() or char in "\n\u00a0" else " " for char in text)
+
+
 def number(value: float, form: str = ".4g") -> str:
     """A number in a format of its own; infinity as a sign, `MISSING` for NaN."""
     if math.isnan(value):

@@ -43,7 +43,8 @@ END = 1.1  # where time axes end, over the longest flight: the last label has ro
 
 def application(title: str) -> str:
     """Application of a recording: the viewer keeps one layout for each, so scenarios differ."""
-    return f"{APPLICATION}-{plain_name(title).lower()}"[:80].rstrip("-_")
+    name = plain_name(title).lower().replace(".", "_")  # Rerun warns of most dots
+    return f"{APPLICATION}-{name}"[:80].rstrip("-_")
 
 
 def plain_name(text: str) -> str:

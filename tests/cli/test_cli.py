@@ -316,3 +316,25 @@ def test_a_file_that_may_not_be_looked_at_is_one_line(tmp_path, monkeypatch):
     printed, said = flighttune("fly", "private/x.toml", status=2, cwd=tmp_path)
 
     assert (printed, said) == ("", "flighttune: private/x.toml: permission denied.\n")
+
+
+@pytest.mark.parametrize(
+    "title", ["\x1b[31mred\x07\x9b\u202e\u2028 end", ".", "..", "at 25.5 m/s, etc.", "]]> -- <b>"]
+)
+def test_a_title_neither_steers_the_terminal_nor_makes_rerun_warn(title, tmp_path, capfd):
+    scenario = tmp_path / "turn.toml"
+    scenario.write_text(
+        f'title = {json.dumps(title)}\ngains = ["paper"]\n'
+        "flight = { V_a_mps = 25.0, duration_s = 0.5 }\n"
+        "reference = { chi_deg = 10.0, gamma_deg = 0.0 }\n"
+        '[[plant]]\nkind = "kinematic"\n'
+    )
+
+    printed = [
+        *flighttune("fly", scenario, "--out", tmp_path / "run"),
+        *flighttune("report", tmp_path / "run", "--out", tmp_path / "page.html"),
+    ]
+
+    assert title.strip("\x1b")[-3:] in printed[0]
+    assert all(char.isprintable() or char in "\n\u00a0" for text in printed for char in text)
+    assert capfd.readouterr() == ("", "")

@@ -1,23 +1,30 @@
 """A folder that JSBSim flies by itself, run by its own console command: the flight of `fly`."""
 
 import json
+import os
+import re
 import shlex
+import shutil
 import subprocess
+import sys
 import tomllib
 from pathlib import Path
+from xml.etree import ElementTree
 
 import numpy as np
 import pandas as pd
 import pytest
-from commands import answer
+from commands import answer, flighttune
 from made_up import shortened
 
 import flighttune as ft
+from flighttune.aircraft.aircraft import load_aircraft, save_gains
 from flighttune.errors import InputError
 from flighttune.export import CSV, export_jsbsim
 from flighttune.flight.fly import fly_alone
 from flighttune.flight.outer_loop import gain_set
-from flighttune.shipped import scenario_files
+from flighttune.plants.jsbsim.model_files import model_hash
+from flighttune.shipped import aircraft_folder, scenario_files
 
 SAME = 1e-9
 """Rad, and 1 of load factor. The shipped aircraft differ by 3e-13 at most, the adopted by 1e-11."""
@@ -38,10 +45,17 @@ def flights():
                 yield name, gains, table.label
 
 
-def flown_by_jsbsim(command):
+def flown_by_jsbsim(command, cwd=None):
     """Run JSBSim's console command; return what it printed."""
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     done = subprocess.run(
-        shlex.split(command), capture_output=True, text=True, timeout=LONGEST_S, check=False
+        shlex.split(command),
+        capture_output=True,
+        text=True,
+        timeout=LONGEST_S,
+        check=False,
+        cwd=cwd,
+        env=os.environ | {"PATH": path},
     )
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     return done.stdout
@@ -51,16 +65,18 @@ def apart(scenario, gains_name, plant, folder):
     """Largest difference of each signal between JSBSim's flight and that of `fly`."""
     gains = gain_set(scenario, gains_name)
     made = folder / "made"
-    command, start = export_jsbsim(scenario, gains_name, gains, made, plant=plant)
+    exported = export_jsbsim(scenario, gains_name, gains, made, plant=plant)
+    assert exported.same, exported.verdict
+    (made / CSV).unlink()
     moved = made.rename(folder / "sent to a colleague")
-    flown_by_jsbsim(command.replace(str(made), shlex.quote(str(moved))))
+    flown_by_jsbsim(exported.command.replace(str(made), shlex.quote(str(moved))))
     table = next(one for one in scenario.plant if one.label == plant)
     flown = fly_alone(scenario, table, gains, gains_name).signals
     written = pd.read_csv(moved / CSV)
     assert list(written.columns) == COLUMNS
     assert len(written) == round(scenario.flight.duration_s * scenario.controller.rate_hz) + 1
     written = written[: len(flown)]  # JSBSim flies on where `fly` ends at the edge of the envelope
-    np.testing.assert_allclose(written["Time"] - start, flown.index, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(written["Time"] - exported.start, flown.index, rtol=0.0, atol=1e-6)
     apart = {
         name: written[column].to_numpy() - flown[name].to_numpy()
         for name, column in zip(("chi", "gamma", "phi", "n_z"), COLUMNS[1:], strict=True)
@@ -116,14 +132,23 @@ def test_a_law_in_python_is_refused_by_name(tmp_path):
         {"flight": {"phi_deg": 20.0, "gamma_deg": 5.0, "chi_deg": 200.0, "ground_m": 300.0}},
         {"controller": {"rate_hz": 80.0, "anti_windup": "back_calculation", "schedule": True}},
         {"controller": {"anti_windup": "none", "feed_forward": False}, "flight": {"n_z": 1.4}},
+        {
+            "wind": {"speed_mps": 18.0, "from_deg": 70.0, "down_mps": 1.0},
+            "controller": {"schedule": True},
+        },
     ],
-    ids=["in a turn over high ground", "between samples of the inner loop", "another start"],
+    ids=[
+        "in a turn over high ground",
+        "between samples of the inner loop",
+        "another start",
+        "wind",
+    ],
 )
 @pytest.mark.parametrize("gains", ["paper", "exact:paper"])
 def test_starts_and_settings_of_other_scenarios_are_those_of_fly(gains, changed, tmp_path):
     tables = ft.load_scenario("level_turn").as_dict()
     for table, keys in changed.items():
-        tables[table] |= keys
+        tables[table] = tables.get(table, {}) | keys
     tables["flight"]["duration_s"] = 15.0
 
     found = apart(ft.scenario_from(tables), gains, "jsbsim:aerosonde", tmp_path)
@@ -157,6 +182,100 @@ def test_nothing_in_the_folder_points_out_of_it(tmp_path):
         text = file.read_text(encoding="utf-8")
         assert 'file="/' not in text
         assert str(Path(ft.__file__).parents[1]) not in text
+
+
+CLOCK = """
+<function name="aero/moment/clock"> <product> <value> 0.1 </value>
+  <sin> <property> simulation/sim-time-sec </property> </sin>
+</product> </function>
+"""
+
+
+@pytest.mark.slow
+def test_a_flight_that_is_not_that_of_fly_is_no_success(tmp_path):
+    """A roll moment by JSBSim's clock, which has run on when the exported flight starts."""
+    folder = shutil.copytree(aircraft_folder("aerosonde"), tmp_path / "clocked")
+    file = folder / "aerosonde.xml"
+    file.write_text(file.read_text().replace('<axis name="ROLL">', f'<axis name="ROLL">{CLOCK}'))
+    config = load_aircraft(folder)
+    save_gains(config.gains.model_copy(update={"made_for": model_hash(config)}), folder)
+    scenario = tmp_path / "turn.toml"
+    text = scenario_files()["level_turn"].read_text().replace('"aerosonde"', f'"{folder}"')
+    scenario.write_text(text)
+
+    out, err = flighttune(
+        "export", scenario, "--gains", "paper", "--out", tmp_path / "out", "-q", status=1
+    )
+
+    said = "JSBSim's flight is not that of `flighttune fly`: phi parts first, at t = 0.02 s"
+    assert said in err
+    assert said in (tmp_path / "out/README.md").read_text(encoding="utf-8")
+    assert out == ""
+
+
+@pytest.mark.slow
+def test_the_command_of_the_readme_flies_the_folder_wherever_it_was_moved(tmp_path):
+    values = exported("level_turn", tmp_path / "made")
+    flown = Path(values["csv"]).read_bytes()
+    Path(values["csv"]).unlink()
+    moved = (tmp_path / "made").rename(tmp_path / "from a colleague")
+    readme = (moved / "README.md").read_text(encoding="utf-8")
+    command = re.search("^jsbsim .*$", readme, re.MULTILINE)[0]
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+
+    for cwd, line in (
+        (moved, command),
+        (elsewhere, command.replace("=.", "='../from a colleague'", 1)),
+    ):
+        flown_by_jsbsim(line, cwd=cwd)
+
+        assert (moved / CSV).read_bytes() == flown
+        (moved / CSV).unlink()
+    assert shlex.split(values["command"])[2:] == shlex.split(command)[2:]
+    assert f"`Time` = {values['start_s']:g} s" in readme
+    assert max(values["differences"].values()) < SAME
+
+
+def test_a_title_with_control_characters_is_written_as_xml(tmp_path):
+    title = '\x1b[31mred\x07\x9b\u202e <&> "end"'
+    tables = ft.load_scenario("level_turn").as_dict() | {"title": title, "expect": []}
+    tables["flight"]["duration_s"] = 1.0
+    tables["reference"] = {"chi_deg": 0.0, "gamma_deg": 0.0}
+    scenario = ft.scenario_from(tables)
+
+    export_jsbsim(scenario, "paper", gain_set(scenario, "paper"), tmp_path)
+
+    script = ElementTree.parse(tmp_path / "flight.xml").getroot()
+    assert script.get("name") == ' [31mred    <&> "end"'
+    assert "\x1b" not in (tmp_path / "README.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("tables", "key"),
+    [
+        ({"gust": {"axis": "right", "peak_mps": 3.0, "start_s": 2.0, "length_m": 30.0}}, "gust"),
+        ({"turbulence": {"severity": 3, "wind_20ft_mps": 8.0}}, "turbulence"),
+        (
+            {"wind": {"level": [
+                {"h_m": 0.0, "speed_mps": 2.0, "from_deg": 0.0},
+                {"h_m": 2000.0, "speed_mps": 9.0, "from_deg": 0.0},
+            ]}},
+            "wind.level",
+        ),
+        (
+            {"disturbance": {
+                "chi_amplitude": 0.01, "chi_omega_rad_s": 0.5, "as_wind": True,
+            }},
+            "disturbance.as_wind",
+        ),
+    ],
+)  # fmt: skip
+def test_air_that_changes_is_refused_by_its_key(tables, key, tmp_path):
+    scenario = ft.scenario_from(ft.load_scenario("level_turn").as_dict() | tables)
+
+    with pytest.raises(InputError, match=f"`{key}` must be absent"):
+        export_jsbsim(scenario, "paper", gain_set(scenario, "paper"), tmp_path)
 
 
 def test_a_console_that_takes_another_step_flies_nothing(tmp_path):

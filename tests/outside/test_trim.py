@@ -13,8 +13,9 @@ import pytest
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.fdm import EARTH, Fdm
+from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.log import quiet
+from flighttune.plants.jsbsim.model_files import EARTH
 from flighttune.plants.jsbsim.trim import trim
 
 DEG = math.pi / 180.0

@@ -137,11 +137,11 @@ def test_a_sheet_is_an_svg_file_of_its_own_with_titles_and_names():
         charts.append(Chart(title=name))
         charts[-1].line([0.0, 1.0], [0.0, 1.0], BLUE, name="error")
 
-    root = ElementTree.fromstring(Sheet(charts=charts, title="Gap").svg())
+    root = ElementTree.fromstring(Sheet(charts=charts, title="Gap\x1b").svg())
 
     texts = [one.text for one in root.iter(f"{SVG}text")]
     assert root.tag == f"{SVG}svg"
-    assert {"Gap", "Course", "Path angle", "Mismatch"} <= set(texts)
+    assert {"Gap ", "Course", "Path angle", "Mismatch"} <= set(texts)
     assert texts.count("error") == 3
     assert float(root.get("height")) > 2.0 * HEAD_AND_FOOT
     assert "prefers-color-scheme: dark" in root.find(f"{SVG}style").text

@@ -6,7 +6,14 @@ from typing import ClassVar
 
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import LawSetup
-from flighttune.control.exact_law import BRAKING, LIFT_FLOOR, ExactLaw, Priority, rate_model
+from flighttune.control.exact_law import (
+    BRAKING,
+    LEAST_SPEED,
+    LIFT_FLOOR,
+    ExactLaw,
+    Priority,
+    rate_model,
+)
 from flighttune.control.gains import RATES
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import Law, OuterLoop, SampledController, Trim
@@ -76,6 +83,7 @@ class Exact(Law):
             "ft/outer/conditional": float(law.conditional),
             "ft/outer/tracking-gain": law.tracking_gain,
             "ft/outer/per-speed-s_m": law.per_g,
+            "ft/outer/least-speed": LEAST_SPEED,
             "ft/outer/brake": float(min(law.brake, NO_BRAKE)),
             "ft/outer/lift-floor": law.lift_floor,
             "ft/outer/course-first": float(law.course_first),

@@ -57,11 +57,14 @@ MOTIONS = [
 # Most characters of JSBSim's words in a message.
 MOST_SAID = 240
 
-EARTH = Path(__file__).with_name("earth.xml")
-_BOTH_MAGNETOS = 3.0
 
-# Time that the starter turns a piston engine, s.
-_STARTING = 8.0
+# The starter of all piston engines, with both magnetos, and the time that it turns them, s.
+STARTER = {
+    "propulsion/active_engine": -1.0,
+    "propulsion/magneto_cmd": 3.0,
+    "propulsion/starter_cmd": 1.0,
+}
+STARTING = 8.0
 
 
 class Fdm:
@@ -117,10 +120,6 @@ class Fdm:
                 raise PlantError(f"{self._model}: must have all its parts, got no file {missing}.")
             said = self._said(log.text) or "no reason"
             raise PlantError(f"{self._model}: must load in JSBSim, got: {said}.")
-        # After load_model, which resets it. JSBSim's own Earth turns and is round: a straight
-        # flight would drift off its course by 0.006 deg/s.
-        if not self._exec.load_planet(str(EARTH), False):
-            raise PlantError(f"{EARTH}: cannot be loaded: {log.text}.")
 
     @property
     def engine_settles(self) -> float:
@@ -143,10 +142,9 @@ class Fdm:
         if all(read() for read in self._running):
             return
         if self.has("propulsion/magneto_cmd"):
-            self.writer("propulsion/active_engine")(-1.0)
-            self.writer("propulsion/magneto_cmd")(_BOTH_MAGNETOS)
-            self.writer("propulsion/starter_cmd")(1.0)
-            self.hold(_STARTING)
+            for name, value in STARTER.items():
+                self.writer(name)(value)
+            self.hold(STARTING)
             self.writer("propulsion/starter_cmd")(0.0)
         # JSBSim's own start goes to a steady state in steps of half a second, in which some
         # propellers stop: it comes last. -1 means all engines.

@@ -45,6 +45,9 @@ CONNECTIONS = ("output", "input")
 # Elements whose files are in the folder of engines.
 ENGINES = ("engine", "thruster")
 
+# JSBSim's own Earth turns and is round: a straight flight would drift off its course by 0.006 deg/s
+EARTH = Path(__file__).with_name("earth.xml")
+
 _NOMINAL = OffNominal()
 
 # Time that JSBSim may take to load an aircraft; it takes a tenth of a second.
@@ -99,7 +102,7 @@ def source_folders(config: AircraftConfig) -> ModelFolders:
     """Folders of an aircraft's model: in JSBSim's own set, or the user's."""
     import jsbsim
 
-    shipped = Path(jsbsim.get_default_root_dir())
+    shipped = Path(jsbsim.get_default_root_dir()).resolve()
     shared = shipped / "engine", shipped / "systems"
     name = config.model
     if not name.endswith(".xml"):  # a model of JSBSim's own set
@@ -144,7 +147,7 @@ def wing_span(config: AircraftConfig) -> float | None:
 def model_files(config: AircraftConfig) -> tuple[Path, ...]:
     """The main file of an aircraft's model and all the files it is made of.
 
-    Raises PlantError if the main file cannot be read.
+    Raises PlantError if one cannot be read, or is not in the folders of the model.
     """
     folders = source_folders(config)
     files, pending = [], [folders.file]
@@ -155,7 +158,7 @@ def model_files(config: AircraftConfig) -> tuple[Path, ...]:
         root = read_xml(file, str(config.file)) if files else main_root(config)
         files.append(file)
         names = (element.get("file") for element in root.iter() if element.tag not in CONNECTIONS)
-        parts = (found_file(name, folders.parts) for name in names if name)
+        parts = (found_file(name, folders.parts, file) for name in names if name)
         pending += [part for part in parts if os.path.isfile(part)]
     return tuple(files)
 
@@ -163,12 +166,13 @@ def model_files(config: AircraftConfig) -> tuple[Path, ...]:
 def missing_parts(config: AircraftConfig, said: str) -> list[str]:
     """Parts that a model names and JSBSim missed, as it `said`, with where they belong."""
     folders = source_folders(config)
+    file = folders.file
     elements = (part for file in model_files(config) for part in read_xml(file, str(file)).iter())
     tags = {name: part.tag for part in elements if (name := part.get("file", "")) in said}
     return [
-        str(found_file(name, [folders.model / ("Engines" if tag in ENGINES else "Systems")]))
+        str(found_file(name, [folders.model / ("Engines" if tag in ENGINES else "Systems")], file))
         for name, tag in tags.items()
-        if name and not os.path.isfile(found_file(name, folders.parts))
+        if name and not os.path.isfile(found_file(name, folders.parts, file))
     ]
 
 
@@ -265,11 +269,6 @@ def model_folders(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> Itera
         yield replace(folders, model=folder, near=(), **shared)
 
 
-def not_xml(folder: str, names: list[str]) -> list[str]:
-    """Files in a folder of a model that JSBSim does not load, as ``shutil.copytree`` asks."""
-    return [name for name in names if not (name.endswith(".xml") or (Path(folder) / name).is_dir())]
-
-
 def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str:
     """Return the main file that JSBSim shall load.
 
@@ -291,9 +290,12 @@ def _template(what: Unchanged, weigh: Weigh, steps: int) -> tuple[str, MassBalan
     config, folders = what.config, source_folders(what.config)
     off = config.off_nominal or _NOMINAL
     file, root = folders.file, main_root(config)
-    for tag in CONNECTIONS:
+    for tag in (*CONNECTIONS, "planet"):
         for element in root.findall(tag):
             root.remove(element)
+    # In the file: a planet loaded after it makes JSBSim drop the model's stall hysteresis and the
+    # shift of its aerodynamic reference point.
+    root.insert(0, read_xml(EARTH, "flat Earth"))
     put_in_front(root, config)
     if steps > 1:
         _slow_computer(root, steps, folders)
@@ -320,7 +322,7 @@ def _slow_computer(root: Element, steps: int, folders: ModelFolders) -> None:
         if system.tag != "system":
             continue
         name = system.get("file")
-        file = found_file(name or "", folders.parts)
+        file = found_file(name or "", folders.parts, folders.file)
         inline = read_xml(file, str(file)) if name and os.path.isfile(file) else system
         channels = [
             channel for channel in inline.iter("channel") if channel.get("execrate", "").isdigit()
@@ -350,6 +352,7 @@ def check_loads(config: AircraftConfig) -> None:
 def _end_of_trial(files: Unchanged) -> str:
     """Reason why the process that loaded the files failed; empty if it did not."""
     config = files.config.with_off_nominal(None)  # factors do not decide whether the files load
+    model_files(config)  # refuses parts that are not in the folders of the model
     with model_folders(config, _unweighed) as folders:
         paths = (config.folder, folders.name, folders.model, folders.engines, folders.systems)
         try:

@@ -1,0 +1,70 @@
+"""An exported folder, flown by JSBSim in a process of its own, against the flight of `fly`."""
+
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from flighttune.errors import ending_of
+from flighttune.simulate.run import Run
+from flighttune.whole_file import write_text
+
+# Largest difference between two flights that are the same but for rounding, rad and 1.
+SAME = 1e-9
+
+# Wall time after which JSBSim is stopped, s, and more for each second of flight; it takes 2 s.
+TIME_LIMIT_S, TIME_LIMIT_PER_S = 60.0, 2.0
+
+# Signals of a run by column of the file
+COLUMNS = {"chi": "chi_rad", "gamma": "gamma_rad", "phi": "phi_rad", "n_z": "n_z"}
+
+
+def differences(
+    options: Sequence[str], csv: Path, start: float, run: Run
+) -> tuple[dict[str, float], str]:
+    """Largest difference of each signal (rad and 1), and how the flights differ; empty if not.
+
+    `options` are those of JSBSim's console command, which writes `csv`; the flight begins at
+    `start` (s) in it, and is compared until `run` ends.
+    """
+    import pandas as pd
+
+    write_text(csv, "")  # so that no flight of before is compared
+    time_limit = TIME_LIMIT_S + TIME_LIMIT_PER_S * (start + run.t[-1])
+    try:
+        code = subprocess.run(
+            # -P: a `jsbsim.py` in the working directory must not be imported.
+            [sys.executable, "-P", "-m", "jsbsim.script", *options],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            timeout=time_limit,
+            check=False,
+        ).returncode
+    except subprocess.TimeoutExpired:
+        return {}, f"JSBSim did not fly it within {time_limit:.0f} s"
+    if code or not csv.stat().st_size:
+        return {}, f"JSBSim did not fly it: {ending_of(code)}"
+    written = pd.read_csv(csv)
+    if len(written) < len(run.t):
+        return {}, f"JSBSim's flight ends after {len(written)} of {len(run.t)} samples"
+    apart = {
+        name: np.abs(written[column].to_numpy()[: len(run.t)] - run.signals[name].to_numpy())
+        for name, column in COLUMNS.items()
+    }
+    # One of the two courses is modulo a turn.
+    apart["chi"] = np.abs((apart["chi"] + np.pi) % (2.0 * np.pi) - np.pi)
+    largest = {name: float(values.max()) for name, values in apart.items()}
+    # With "not", because NaN is a difference too.
+    first = {name: np.argmax(~(values <= SAME)) for name, values in apart.items()}
+    parted = [name for name, value in largest.items() if not value <= SAME]
+    if not parted:
+        return largest, ""
+    name = min(parted, key=lambda name: (first[name], -apart[name][first[name]]))
+    by = ", ".join(
+        f"{name} {value:.3g}" if name == "n_z" else f"{name} {np.degrees(value):.3g} deg"
+        for name, value in largest.items()
+    )
+    return largest, f"{name} parts first, at t = {run.t[first[name]]:g} s; largest differences {by}"

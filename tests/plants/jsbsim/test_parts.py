@@ -1,0 +1,82 @@
+"""A model's parts come from its folders only: names and symlinks that leave them are refused."""
+
+import pytest
+from commands import flighttune
+
+from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.errors import InputError
+from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.model_files import model_files
+from flighttune.shipped import TRUST_AIRCRAFT
+
+SCENARIO = """
+title = "x"
+gains = ["paper"]
+flight = {{ V_a_mps = 25.0, duration_s = 0.1 }}
+reference = {{ chi_deg = 0.0, gamma_deg = 0.0 }}
+plant = [{{ kind = "jsbsim", aircraft = "{}" }}]
+"""
+
+
+@pytest.fixture(autouse=True)
+def nothing_is_trusted(monkeypatch):
+    monkeypatch.delenv(TRUST_AIRCRAFT)
+
+
+@pytest.fixture
+def naming(changed_aircraft, tmp_path):
+    def naming(name):
+        """An aircraft whose main file names a part, beside a file and folders of somebody else."""
+        (tmp_path / "other").mkdir()
+        for file in ("settings.xml", "other/settings.xml"):
+            (tmp_path / file).write_text("<settings/>")
+        folder = changed_aircraft(
+            "aerosonde.xml", "<metrics", f'<documentation file="{name}"/>\\g<0>'
+        )
+        (folder / "link.xml").symlink_to("../settings.xml")
+        (folder / "Engines/up").symlink_to("../../other")
+        return folder
+
+    return naming
+
+
+@pytest.mark.parametrize(
+    "name", ["../settings", "{outside}/settings", "link", "up/settings", "up/../settings"]
+)
+@pytest.mark.parametrize("command", ["trim", "design", "identify", "export", "adopt"])
+def test_a_part_elsewhere_is_refused_and_nothing_is_written(naming, tmp_path, command, name):
+    name = name.format(outside=tmp_path)
+    folder = naming(name)
+    scenario = tmp_path / "short.toml"
+    scenario.write_text(SCENARIO.format(folder))
+    files = set(tmp_path.rglob("*"))
+    arguments = {
+        "export": (scenario, "--gains", "paper", "--out", tmp_path / "out"),
+        "adopt": (folder / "aerosonde.xml", "--out", tmp_path / "out"),
+    }.get(command, (folder,))
+
+    _, err = flighttune(command, *arguments, status=1 if command == "adopt" else 2)
+
+    last = err.splitlines()[-1]
+    assert f"{folder}/aerosonde.xml: " in last
+    assert f'`file` must stay in the folder of the model, got "{name}"' in last
+    assert set(tmp_path.rglob("*")) - {tmp_path / "out"} == files
+
+
+def test_a_name_that_comes_back_into_the_folder_is_a_part(naming):
+    config = load_aircraft(naming("Engines/../Engines/direct"))
+
+    Fdm(config)
+
+    assert {file.name for file in model_files(config)} == {
+        "aerosonde.xml", "aerosonde_motor.xml", "direct.xml"
+    }  # fmt: skip
+
+
+def test_a_model_of_jsbsims_is_a_name_and_no_path(naming):
+    folder = naming("direct")
+    file = folder / "aircraft.toml"
+    file.write_text(file.read_text().replace('"aerosonde.xml" ', '"../../elsewhere/x"'))
+
+    with pytest.raises(InputError, match="`model`"):
+        load_aircraft(folder)
