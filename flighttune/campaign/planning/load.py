@@ -8,7 +8,7 @@ from flighttune.campaign.planning.draws import copula_factor
 from flighttune.campaign.planning.places import dispersed_places, places_of, with_drawn, with_values
 from flighttune.campaign.planning.schema import DISTRIBUTIONS, Campaign, CampaignTable
 from flighttune.errors import InputError, ScenarioError
-from flighttune.mistakes import validated
+from flighttune.mistakes import abridged, shown, validated
 from flighttune.plants.label import goes_by
 from flighttune.scenario.load import (
     check_aircraft,
@@ -70,7 +70,7 @@ def _scenario_of(name: str, file: Path) -> Path:
         return shipped[name.removesuffix(".toml")]
     raise ScenarioError(
         f"{file}: `scenario` must be a file beside the campaign or one of "
-        f"{', '.join(shipped)}, got {name!r}."
+        f"{', '.join(shipped)}, got {abridged(name)}."
     )
 
 
@@ -85,7 +85,7 @@ def _nominal(table: CampaignTable, base: Scenario, source: str) -> Scenario:
         try:
             places = places_of(key, tables, value)
         except InputError as error:
-            raise ScenarioError(f"{source}: [overrides] `{key}` {error}.") from None
+            raise ScenarioError(f"{source}: [overrides] `{shown(key)}` {error}.") from None
         tables = with_values(tables, [(place, value) for place in places])
     tables["expect"] = _plain(table.success) or _expectations(tables)
     whole = f"{source}: the scenario with the campaign's keys"
@@ -120,10 +120,12 @@ def _check_disperse(tables: Any, source: str) -> None:
         if not isinstance(table, Mapping):
             continue
         key, kind = table.get("key"), table.get("distribution")
-        where = f"{source}: [[disperse]]" + (f" `{key}`" if isinstance(key, str) else "")
+        where = f"{source}: [[disperse]]" + (f" `{shown(key)}`" if isinstance(key, str) else "")
         if not isinstance(kind, str) or kind not in DISTRIBUTIONS:
             kinds = ", ".join(DISTRIBUTIONS)
-            raise ScenarioError(f"{where} `distribution` must be one of {kinds}, got {kind!r}.")
+            raise ScenarioError(
+                f"{where} `distribution` must be one of {kinds}, got {abridged(kind)}."
+            )
         validated(DISTRIBUTIONS[kind], table, where)
 
 

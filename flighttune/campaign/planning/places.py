@@ -27,6 +27,9 @@ INSTEAD = {"plant": "give each plant in a [[plant]]", "gains": "give each gain s
 SEGMENT = r"[\w/+-]+(?:\[[^\[\]]+\])*"
 PATH = re.compile(rf"{SEGMENT}(?:\.{SEGMENT})*")
 
+MAX_KEY = 255
+"""Characters of a key, which has a few names."""
+
 
 def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, ...]:
     """Every place of a scenario that a dotted key means.
@@ -35,8 +38,11 @@ def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, .
     plant that has the key, ``plant[LABEL]`` the plant of that label. `value` is a value that the
     key can have: it tells which kinds of plant have the key.
     """
-    if not PATH.fullmatch(key):
-        raise InputError("must be names joined by dots, each with [position] or [name] after it")
+    if len(key) > MAX_KEY or not PATH.fullmatch(key):
+        raise InputError(
+            "must be names joined by dots, each with [position] or [name] after it, and have at "
+            f"most {MAX_KEY} characters"
+        )
     # a position in brackets is a step of its own, `[0]`
     steps = tuple(re.findall(r"\[[^\[\]]+\]|[^.\[\]]+", key))
     if steps[0] == "plant" and not (steps[1:] and steps[1].startswith("[")):

@@ -239,7 +239,7 @@ class CampaignTable(Table):
     time_limit_s: Positive = 60.0
     gains: Annotated[list[str | GainsTable], Field(min_length=1)] | None = None
     plant: Annotated[list[PlantTable], Field(min_length=1)] | None = None
-    overrides: dict[Key, Any] = Field(default_factory=dict)
+    overrides: dict[str, Any] = Field(default_factory=dict)
     disperse: list[Annotated[Dispersion, Field(discriminator="distribution")]] = Field(
         default_factory=list
     )
