@@ -64,6 +64,9 @@ CALM_DEG = 0.5
 
 RECORD = "adoption.json"
 
+# Largest derivative of an airframe, in SI and rad.
+MAX_SLOPE = 1e9
+
 DIGITS = 5  # significant digits of the files written
 
 # Files that every try writes.
@@ -259,6 +262,10 @@ def _tried(
     wide = aircraft_from(surveyed.tables, folder)
     condition = level(wide, surveyed.V_a, h)
     at = airframe(Fdm(wide), condition)
+    for what, row in at.slopes.items():
+        for by, slope in row.items():
+            if MAX_SLOPE < abs(slope) < math.inf:
+                raise Refusal(f"the slope of {what} by {by} is {slope:.2g}, which no aircraft has")
     tables = final_tables(surveyed, at, h, share)
     for stale in (GAINS_FILE, FILE_NAME, RECORD):
         (folder / stale).unlink(missing_ok=True)

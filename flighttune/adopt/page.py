@@ -49,7 +49,7 @@ def write_adoption(adoption: Adoption) -> Path:
     drawn = [(run, styles[run.label]) for run in adoption.turn.runs if len(run.signals)]
     turn = Section(
         id="turn",
-        title="The turn: course of 20 deg, climb of 3 deg",
+        title=f"The turn: {turn_name(adoption)}",
         note=CRITERION,
         charts=[*errors(drawn), *flown_signals(drawn, SIGNALS)] if drawn else (),
         tables=[flights_table(adoption)],
@@ -99,10 +99,15 @@ def write_adoption(adoption: Adoption) -> Path:
     return page.path
 
 
+def turn_name(adoption: Adoption) -> str:
+    """What is flown in the turn of an adoption."""
+    return f"course of 20 deg, {'climb' if adoption.engines else 'steeper glide'} of 3 deg"
+
+
 def flights_table(adoption: Adoption) -> Table:
     """Results of the turn by gain set, as a table."""
     return Table(
-        title=f"{adoption.name} at {adoption.V_a:.0f} m/s: turn of 20 deg, climb of 3 deg",
+        title=f"{adoption.name} at {adoption.V_a:.0f} m/s: {turn_name(adoption)}",
         columns=FLIGHT_COLUMNS,
         records=list(adoption.flown.values()),
     )

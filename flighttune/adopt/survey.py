@@ -3,8 +3,10 @@
 import math
 import re
 from collections.abc import Callable, Iterator
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
@@ -227,6 +229,8 @@ def _check_parts(config: AircraftConfig) -> int:
     """Return the number of engines; refuse a model that cannot be an aeroplane."""
     folders = source_folders(config)
     root = main_root(config)
+    if root.tag != "fdm_config":
+        raise Refusal(f"its main file must be a <fdm_config> of JSBSim, got a <{root.tag}>")
     parts = {tag: _part(root, tag, folders.parts) for tag in ("aerodynamics", "propulsion")}
     if any(element.find(".//gas_cell") is not None for element in (root, *parts.values())):
         raise Refusal("it is carried by buoyancy (gas cells), not by a wing")
@@ -350,17 +354,12 @@ def _driven(
         if re.fullmatch(pattern, name)
     }
     tanks = [name for name in fdm.names("propulsion/tank") if name.endswith("/pct-full")]
-    known = {"declared": {*tables["declared"]}, "settings": {*tables["settings"], *tanks}}
     for how, levers in LEVERS.items():
-        changed = {
-            key: {
-                **tables[key],
-                **{name: v for name in sorted(names) for p, v in levers if re.search(p, name)},
-            }
-            for key, names in known.items()
-        }
-        tried = tables | changed | {"linked": links if how else {}}
-        tried["engines"] = dict(tables["engines"])
+        tried = deepcopy(tables) | {"linked": links if how else {}}
+        names = (*tables["declared"], *tables["settings"], *tanks)
+        for name, (pattern, value) in product(names, levers):
+            if re.search(pattern, name):
+                tried["declared" if name in tables["declared"] else "settings"][name] = value
         if how and tried == tables:
             continue
         try:
@@ -479,6 +478,8 @@ def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[s
     for side in (-1.0, 1.0):
         answers = [at(side * full * part) for part in COMMANDS]
         effects = np.array([effect - neutral for effect, _ in answers])
+        if not np.isfinite(effects).all():
+            raise Refusal(f"its {name} changes {what} by no finite number")
         slopes = np.diff(effects, prepend=0.0) / np.diff(COMMANDS, prepend=0.0)
         first = slopes[0] if abs(slopes[0]) > 0.1 * np.abs(slopes).max() else slopes.mean()
         more = slopes / first > CLIPPED if first else np.zeros(len(slopes), bool)

@@ -164,6 +164,8 @@ def own(tmp_path):
         ),
         (r"(<wingarea.*?>)[^<]*", r"\1 0 ", "its wing area must be above zero, got 0"),
         (r"(<ixx.*?>)[^<]*", r"\1 -9 ", "its inertia xx must be above zero, got -"),
+        ("<fdm_config(?s:.*)", "<airplane/>", "must be a <fdm_config> of JSBSim, got a <airplane>"),
+        (r"-38\.21", "1e300", "the slope of q_dot by q is .*, which no aircraft has"),
         (r"fcs/left-aileron", "fcs/left-aileron[[", r"cannot be loaded by JSBSim: unterminated"),
         (
             "</fdm_config>",
