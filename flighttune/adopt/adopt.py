@@ -310,6 +310,7 @@ def _measures(flown: FlownScenario, gains: str, label: str) -> dict[str, Any]:
     return {
         "gains": gains,
         "status": run.status,
+        "reason": run.reason,
         "ITAE": {channel: measured[channel]["ITAE"] for channel in channels},
         "ST_deg": {channel: measured[channel]["ST_rad"] / DEG for channel in channels},
     }
@@ -323,7 +324,7 @@ def _missed(
         if not fit >= GOOD_FIT:
             yield f"a lag explains {fit:.1f} % of {channel}, less than {GOOD_FIT:g} %"
     if tuned["status"] != "completed":
-        yield f"the turn ended early: {tuned['status'].replace('_', ' ')}"
+        yield f"the turn ended early: {tuned['reason'].removesuffix('.')}"
         return
     swing = tuned["ST_deg"]["chi"]
     if not swing <= CALM_DEG:

@@ -109,7 +109,7 @@ def hangar_text(answers: Sequence[dict[str, Any]]) -> str:
 Made by `flighttune adopt --all` with flighttune {version("flighttune")} and JSBSim
 {version("jsbsim")}: {counts(answers)}, of {len(answers)}.
 ITAE in rad s² of a turn of 20° with a climb of 3°, of gains tuned on the identified aircraft and
-of the paper's K* scaled with airspeed.
+of the paper's K* scaled with airspeed. A glider descends 3° steeper than its glide instead.
 What the statuses mean, and how to bring a model of your own: [aircraft.md](aircraft.md).
 
 {table.markdown()}

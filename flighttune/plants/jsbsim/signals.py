@@ -106,7 +106,8 @@ def guard(fdm: Fdm) -> tuple[Callable[[], bool], Callable[[], tuple[StopStatus, 
         for name, (unit, symbol) in units.items():
             low, high = getattr(envelope, name)
             if not low < state[name] < high:
-                at_stop = _throttle_at_stop(throttle(), *fdm.config.engines.throttle)
+                engines = fdm.config.engines
+                at_stop = _throttle_at_stop(throttle(), *engines.throttle) if engines.count else ""
                 return "left_envelope", (
                     f"{name} must stay inside {low / unit:g} to {high / unit:g}{symbol}, "
                     f"got {state[name] / unit:.2f}{symbol}{at_stop}."
