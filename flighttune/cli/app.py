@@ -189,14 +189,19 @@ def main() -> None:
 
 
 class _Descriptor(io.FileIO):
-    """A file descriptor that drops what is written once nobody reads it any more."""
+    """A file descriptor that drops what is written once nobody reads it any more.
+
+    On stderr it drops what a full disk does not take: the exit status still says how it went.
+    """
 
     def write(self, data: Any, /) -> int | None:
         """Write bytes, or drop them."""
         try:
             return super().write(data)
-        except BrokenPipeError:
-            return len(data)
+        except OSError as error:
+            if self.fileno() == 2 or isinstance(error, BrokenPipeError):
+                return len(data)
+            raise
 
 
 def _outlives_its_reader(stream: io.TextIOWrapper) -> io.TextIOWrapper:

@@ -149,6 +149,8 @@ def fly(
                 if own
                 else flight(progress=progress)
             )
+            if gains is None and tuning is not None and tuning.status != "optimal":
+                runs[table.label, name] = replace(runs[table.label, name], reason=tuning.reason)
     flown = tuple(runs[table.label, name] for table in scenario.plant for name in sets)
     return FlownScenario(scenario, flown, MappingProxyType(indicators_of), tuning)
 

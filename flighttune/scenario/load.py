@@ -141,7 +141,7 @@ def existing_file(
     if name in shipped and file.parent in (Path(), *map(Path, folders)):
         return shipped[name]
     raise ScenarioError(
-        f"{path}: the {kind} must be a file or one of {', '.join(shipped)}; there is no such file"
+        f"{path}: there is no such file: the {kind} must be a file or one of {', '.join(shipped)}"
         f"{nearest_name(name, shipped)}"
     )
 

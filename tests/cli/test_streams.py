@@ -75,6 +75,11 @@ def test_standard_output_on_a_full_disk_is_said_in_one_line():
     ]
 
 
+def test_a_full_disk_behind_stderr_leaves_the_exit_status():
+    with open("/dev/full", "wb") as full:
+        assert ended("report nothing", stderr=full).returncode == 2
+
+
 def test_a_closed_standard_output_is_no_failure():
     code = "import os, sys; os.close(1); os.execv(sys.executable, [sys.executable, *sys.argv[1:]])"
     done = subprocess.run(
