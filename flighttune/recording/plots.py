@@ -78,9 +78,7 @@ WHY_TAB = "Why"
 SEEN_AS: dict[str, str] = dict(zip(SENSED, MEASURED, strict=True))
 
 # On two tabs, and logged once.
-LOAD_FACTOR = Plot(
-    "n_z", "Load factor n_z flown, command thin, limits red", thin="n_z_cmd", limit="n_z"
-)
+LOAD_FACTOR = Plot("n_z", "n_z flown, command thin, limits red", thin="n_z_cmd", limit="n_z")
 
 # Tabs of plots, in order. A plot is left out if no run has any of its signals.
 TABS: dict[str, tuple[Plot, ...]] = {

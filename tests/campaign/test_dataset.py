@@ -155,8 +155,8 @@ def edited(tables):
     ("change", "message"),
     [
         (edited, "its hash differs"),
-        (lambda tables: tables.update(format=1), "must be 2, got 1: fly the campaign again"),
-        (lambda tables: tables.update(format=99), "`format` must be 2, got 99"),
+        (lambda tables: tables.update(format=1), "must be 3, got 1: fly the campaign again"),
+        (lambda tables: tables.update(format=99), "`format` must be 3, got 99"),
         (lambda tables: tables.pop("plan"), "its hash differs"),
     ],
 )
