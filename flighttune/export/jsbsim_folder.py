@@ -312,6 +312,8 @@ def _script(
 def _engines(fdm: Fdm, at_rest: Mapping[str, float]) -> str:
     """Events that start the engines and settle them at the throttle of the trim, as `fly` does."""
     numbers = range(fdm.config.engines.count)
+    if not numbers:
+        return ""
     lines = "\n".join(f"propulsion/engine[{i}]/set-running eq 0" for i in numbers)
     stopped = f'<condition logic="OR"> {lines} </condition>'
     piston = fdm.has("propulsion/magneto_cmd")
