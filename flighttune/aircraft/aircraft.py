@@ -33,6 +33,12 @@ def _through_zero(ends: tuple[float, float]) -> tuple[float, float]:
     return ends
 
 
+def _name_or_file(model: str) -> str:
+    if "/" in model and not model.endswith(".xml"):
+        raise ValueError("must be a name of JSBSim's own set, or a path that ends in .xml")
+    return model
+
+
 SurfaceAngle = Annotated[q.Finite, Field(gt=-math.pi, lt=math.pi)]
 SurfaceAngles = Annotated[
     tuple[SurfaceAngle, SurfaceAngle], Field(strict=False), AfterValidator(_through_zero)
@@ -168,7 +174,9 @@ class AircraftConfig(q.Table):
     # Aircraft of JSBSim's own set by name, or the path of a main file from the folder, which ends
     # in ``.xml``.
     model: Annotated[
-        q.PathName, Field(pattern=r"^([^\x00-\x1f{}/]+|[^\x00-\x1f{}]+\.xml)$", max_length=500)
+        q.PathName,
+        Field(pattern=r"^[^\x00-\x1f{}]+$", max_length=500),
+        AfterValidator(_name_or_file),
     ]
     # 1/s: samples of the computer that runs the inner loop. JSBSim's steps are this or a whole
     # fraction.

@@ -67,3 +67,22 @@ def test_the_clock_starts_at_zero_after_the_engine_has_settled():
 def test_why_there_is_no_steady_flight_is_said_for_every_engine(name, V_a, gamma_deg, obstacle):
     with pytest.raises(TrimError, match=obstacle):
         JSBSimPlant(name).start(FlightCondition(V_a=V_a, gamma=gamma_deg * DEG))
+
+
+def test_the_shift_of_the_aerodynamic_reference_point_acts(changed_aircraft):
+    """JSBSim drops it where a planet is loaded after the model."""
+    share = 0.5
+    shift = (
+        f"<aero_ref_pt_shift_x><function><value>{share}</value></function></aero_ref_pt_shift_x>"
+    )
+    folder = changed_aircraft("aerosonde.xml", "<aerodynamics>", f"<aerodynamics>{shift}")
+    moments = []
+    for aircraft in ("aerosonde", folder):
+        fdm = Fdm(load_aircraft(aircraft))
+        fdm.writer("ic/u-fps")(80.0)
+        fdm.evaluate()
+        moments.append(fdm.reader("moments/m-aero-lbsft")())
+
+    moment = share * fdm.reader("metrics/cbarw-ft")() * fdm.reader("forces/fbz-aero-lbs")()
+    assert abs(moment) > 0.1
+    assert moments[1] - moments[0] == pytest.approx(moment, rel=1e-9)
