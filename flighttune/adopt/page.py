@@ -100,7 +100,7 @@ def write_adoption(adoption: Adoption) -> Path:
 
 
 def turn_name(adoption: Adoption) -> str:
-    """What is flown in the turn of an adoption."""
+    """Manoeuvre of the turn of an adoption."""
     return f"course of 20 deg, {'climb' if adoption.engines else 'steeper glide'} of 3 deg"
 
 

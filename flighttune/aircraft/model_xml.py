@@ -177,8 +177,8 @@ def found_file(name: str, folders: Sequence[Path], named_in: Path) -> Path:
     """
     file = name if name.endswith(".xml") else f"{name}.xml"
     # Of a name that is too long for any file system, `Path.is_file` raises an error.
-    found = (folder / file for folder in folders if os.path.isfile(folder / file))
-    path = next(found, folders[-1] / file)
+    files = (folder / file for folder in folders if os.path.isfile(folder / file))
+    path = next(files, folders[-1] / file)
     for place in (Path(os.path.normpath(path)), Path(os.path.realpath(path))):
         if not any(place.is_relative_to(folder) for folder in folders):
             raise PlantError(

@@ -77,8 +77,8 @@ class ClaimCheck:
             return f"Claim met: {self.met} of {self.requirements} requirements"
         counts = {"met": self.met, "missed": self.requirements - self.met - self.not_flown}
         counts |= {"not flown": self.not_flown} if self.not_flown else {}
-        told = ", ".join(f"{number} {what}" for what, number in counts.items())
-        return f"Claim not met: of {self.requirements} requirements {told}"
+        words = ", ".join(f"{number} {what}" for what, number in counts.items())
+        return f"Claim not met: of {self.requirements} requirements {words}"
 
     @property
     def sentence(self) -> str:

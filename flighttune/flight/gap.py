@@ -146,7 +146,7 @@ class Gap:
         return float(np.nanmax(np.abs(np.concatenate(parts))))
 
     def cause(self, channel: str) -> tuple[str, float] | None:
-        """What changes the ITAE of a channel most, and by how much; None where a rung has none."""
+        """The step that changes the ITAE of a channel most, and by how much; None without ITAE."""
         changes = [(step.adds, float(step.metrics.loc[channel, "ITAE"])) for step in self.steps]
         valid = all(math.isfinite(change) for _, change in changes) and changes
         return max(changes, key=lambda change: abs(change[1])) if valid else None

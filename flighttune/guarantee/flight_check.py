@@ -123,7 +123,7 @@ def check_against(run: Run, indicators: Indicators, unit: Ellipsoid, L_d: float)
     Parameters
     ----------
     indicators : Indicators
-        Those of the loop in velocity form, ``s' = A_K s + E v``, which is stable.
+        R_K and I_K of the loop in velocity form, ``s' = A_K s + E v``, which is stable.
     unit : Ellipsoid
         Its invariant ellipsoid for ``|v| <= 1``.
     L_d : float

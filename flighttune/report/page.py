@@ -257,8 +257,8 @@ def _gains_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
         TUNED_IDENTIFIED: identified,
     }
     names = dict.fromkeys(run.provenance.gains_name.split(":")[-1] for run in runs)
-    told = (f"{origins.get(name, 'those of the scenario')} ({name})" for name in names)
-    return f"Gains: {', '.join(told)}."
+    sets = (f"{origins.get(name, 'those of the scenario')} ({name})" for name in names)
+    return f"Gains: {', '.join(sets)}."
 
 
 def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[list[Gap], list[str]]:

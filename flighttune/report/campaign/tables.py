@@ -102,7 +102,7 @@ def measure_words(label: Column) -> str:
 
 
 def success_sentence(findings: Findings) -> str:
-    """What a flight must do to succeed."""
+    """All requirements that a flight must meet to succeed, in one sentence."""
     stated: dict[str, list[str]] = {}
     for table in findings.flights.plan.scenario.expect:
         if table.status:
