@@ -1,6 +1,7 @@
 """Files written whole or not at all, and temporary folders."""
 
 import os
+import time
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -11,6 +12,9 @@ from typing import IO
 from flighttune.errors import OutputError
 
 MEMORY = Path("/dev/shm")  # a folder in memory, ten times as fast as a disk
+
+# Beginning of the names of unfinished files, and the age from which one may be abandoned, s.
+UNFINISHED, ABANDONED_S = ".flighttune-", 60.0
 
 
 @contextmanager
@@ -25,19 +29,20 @@ def whole_file(path: Path, unfinished: Path | None = None) -> Iterator[Path]:
     Raises OutputError if a folder or the file cannot be written.
     """
     folder = path.parent if unfinished is None else unfinished
-    part = folder / f".{path.stem}-{uuid.uuid4().hex}{path.suffix}"
+    part = folder / f"{UNFINISHED}{uuid.uuid4().hex}{path.suffix}"
     try:
         for needed in (path.parent, folder):
             needed.mkdir(parents=True, exist_ok=True)
-        for left in folder.glob(f".*-{'[0-9a-f]' * 32}.*"):
-            with suppress(OSError), left.open("rb") as file:  # locked, or just finished
-                _lock(file)
-                left.unlink()
+        for old in folder.glob(f"{UNFINISHED}*"):
+            with suppress(OSError), old.open("rb") as file:  # locked, or just finished
+                lock(file)
+                if time.time() - old.stat().st_mtime > ABANDONED_S:
+                    old.unlink()
         with part.open("ab") as file:
             with suppress(OSError):  # not every file system has locks
-                _lock(file)
+                lock(file)
             yield part
-        part.replace(path)
+            part.replace(path)  # under its lock: nobody takes it for abandoned
     except OSError as error:
         raise OutputError(f"{path}: must be writable, got {reason_of(error)}.") from error
     finally:
@@ -45,8 +50,8 @@ def whole_file(path: Path, unfinished: Path | None = None) -> Iterator[Path]:
             part.unlink(missing_ok=True)
 
 
-def _lock(file: IO[bytes]) -> None:
-    """Lock a file for this process until it is closed; OSError if another one has."""
+def lock(file: "IO[bytes] | int") -> None:
+    """Lock an open file until it is closed; OSError if another process has, or it has no locks."""
     import fcntl
 
     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,5 +1,6 @@
 """Files written whole or not at all."""
 
+import os
 import subprocess
 import sys
 
@@ -36,13 +37,30 @@ def test_what_a_killed_command_left_is_removed_and_what_another_one_writes_is_no
         "    part.write_bytes(b'half'); os.kill(os.getpid(), 9)"
     )
     killed = subprocess.run([sys.executable, "-c", code, tmp_path / "flight.rrd"], check=False)
-    (left,) = tmp_path.iterdir()
+    (part,) = tmp_path.iterdir()
+    os.utime(part, (0.0, 0.0))  # long ago
+    of_the_user = tmp_path / f".mine-{'0' * 32}.json"
+    of_the_user.write_text("{}")
 
-    with whole_file.whole_file(tmp_path / "flight.rrd") as part:
-        part.write_bytes(b"whole")
+    with whole_file.whole_file(tmp_path / "flight.rrd") as unfinished:
+        unfinished.write_bytes(b"whole")
         whole_file.write_text(tmp_path / "other.json", "{}")
 
     assert killed.returncode == -9
-    assert left.name.startswith(".flight-")
-    assert {path.name for path in tmp_path.iterdir()} == {"flight.rrd", "other.json"}
+    assert part.name.startswith(".")
+    wanted = {"flight.rrd", "other.json", of_the_user.name}
+    assert {path.name for path in tmp_path.iterdir()} == wanted
     assert (tmp_path / "flight.rrd").read_bytes() == b"whole"
+
+
+@pytest.mark.slow
+def test_commands_that_write_into_one_folder_do_not_disturb_each_other(tmp_path):
+    code = (
+        "import pathlib, sys; from flighttune.whole_file import write_text\n"
+        "for i in range(400): write_text(pathlib.Path(sys.argv[1], f'{i}.txt'), 'x')"
+    )
+    command = [sys.executable, "-c", code, tmp_path]
+    both = [subprocess.Popen(command, stderr=subprocess.PIPE, text=True) for _ in range(2)]
+
+    assert [process.communicate()[1] for process in both] == ["", ""]
+    assert len(list(tmp_path.iterdir())) == 400

@@ -1,4 +1,4 @@
-"""A copy of this process, in which code of the user's flies: what ends it ends no other flight."""
+"""A copy of this process, in which code of the user's flies: a crash ends its flight alone."""
 
 import multiprocessing
 import os
@@ -11,10 +11,13 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any, TypeAlias
 
-from flighttune.errors import ending_of
+from flighttune.errors import PlantError, ending_of
 
 # Called with the label of a run and the part of it flown, 0 to 1.
 Progress: TypeAlias = Callable[[str, float], None]
+
+# Time after which a copy that its own alarm has not ended is given up, s.
+GRACE_S = 5.0
 
 # A copy has the classes of the user's, which another process would have to import again.
 FORK = multiprocessing.get_context("fork")
@@ -36,9 +39,16 @@ def apart(
         warnings.simplefilter("ignore", DeprecationWarning)
         process.start()
     sender.close()  # else the pipe would stay open here when the copy ends
+    late = f"made no progress for {silence:.0f} s"
     try:
-        while True:
-            result, *seen = receiver.recv()
+        while receiver.poll(silence + GRACE_S):
+            try:
+                result, *seen = receiver.recv()
+            except (EOFError, OSError):  # at the end of a message or inside it
+                process.join()
+                code = process.exitcode or 0
+                ended = f"ended by {ending_of(code)}"
+                return None, late if code == -signal.SIGALRM else ended, part
             if not seen:
                 if isinstance(result, Exception):
                     raise result
@@ -46,11 +56,7 @@ def apart(
             part = seen[0]
             if progress is not None:
                 progress(result, part)
-    except EOFError:
-        process.join()
-        code = process.exitcode or 0
-        late = code == -signal.SIGALRM
-        return None, f"took {silence:.0f} s" if late else f"ended by {ending_of(code)}", part
+        return None, late, part
     finally:
         process.kill()
         process.join()
@@ -71,6 +77,11 @@ def _answer(call: Callable[[Progress], Any], silence: float, sender: Connection)
 
     signal.setitimer(signal.ITIMER_REAL, silence)
     try:
-        sender.send((call(seen),))
+        result = call(seen)
     except Exception as error:  # of the plant or the scenario, for the command to say
-        sender.send((error,))
+        result = error
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+    try:
+        sender.send((result,))
+    except Exception as error:  # a class that only this copy knows
+        sender.send((PlantError(f"a law or plant must return what can be copied, got {error!r}"),))

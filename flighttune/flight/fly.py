@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from importlib.metadata import PackageNotFoundError, version
 from types import MappingProxyType
-from typing import Any
 
 import pandas as pd
 
@@ -126,13 +125,7 @@ def fly(
     sets, tuning = gain_sets(scenario)
     indicators_of = {}
     for name, gains in sets.items():
-        if gains is None:
-            continue
-        if _of_a_file(scenario, name):
-            answer = apart(partial(_linear_loop, scenario, name, gains), START_S)
-            linear: tuple[LinearModel, PIGains] | None = answer[0]
-        else:
-            linear = linear_loop(scenario, name, gains)
+        linear = None if gains is None else _linear_loop(scenario, name, gains)
         if linear is not None:
             indicators_of[name] = indicators(closed_loop(*linear))
     # In wind the first aircraft flies first: plants without weather replay the wind it met.
@@ -143,7 +136,7 @@ def fly(
         for name, gains in sets.items():
             wind_run = runs[replays.label, name] if replays else None
             flight = partial(fly_alone, scenario, table, gains, name, wind_run=wind_run)
-            own = gains is not None and (table.module or _of_a_file(scenario, name))
+            own = gains is not None and (table.module or _from_file(scenario, name))
             runs[table.label, name] = (
                 _fly_apart(flight, scenario, table, name, progress)
                 if own
@@ -155,10 +148,18 @@ def fly(
     return FlownScenario(scenario, flown, MappingProxyType(indicators_of), tuning)
 
 
-def _of_a_file(scenario: Scenario, name: str) -> bool:
+def _from_file(scenario: Scenario, name: str) -> bool:
     """Whether the law of a gain set comes from a file of the user's."""
     law = scenario.law_table(name)
     return law.of_the_user and law.module is not None
+
+
+def _linear_loop(
+    scenario: Scenario, name: str, gains: PIGains
+) -> tuple[LinearModel, PIGains] | None:
+    """`linear_loop`, of a law from a file in a copy of this process."""
+    loop = partial(linear_loop, scenario, name, gains)
+    return apart(lambda _: loop(), START_S)[0] if _from_file(scenario, name) else loop()
 
 
 def _fly_apart(
@@ -174,9 +175,9 @@ def _fly_apart(
     run, end, part = apart(lambda seen: flight(progress=seen), silence, progress)
     if run is not None:
         return run
-    law = _of_a_file(scenario, name)
+    law = _from_file(scenario, name)
     who = f"law {scenario.law_table(name).name}" if law else f"plant {table.label}"
-    reason = f"{who} after t = {part * duration:.2f} s: its flight {end}."
+    reason = f"{who} after t = {part * duration:.2f} s: its process {end}."
     status = "law_failed" if law else "plant_failed"
     return _run_without_samples(scenario, table.label, name, None, status, reason)
 
@@ -191,10 +192,6 @@ def linear_loop(
     law, _ = scenario.law_of(name, gains)
     setup = law_setup(scenario, gains, scenario.limits.limits())
     return law.loop(scenario.linear_model(law), gains, setup)
-
-
-def _linear_loop(scenario: Scenario, name: str, gains: PIGains, _: Progress) -> Any:
-    return linear_loop(scenario, name, gains)
 
 
 def law_setup(scenario: Scenario, gains: PIGains, limits: Limits) -> LawSetup:

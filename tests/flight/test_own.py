@@ -1,8 +1,11 @@
 """Laws and plants of a user's own, from Python and from files."""
 
 import json
+import os
 import re
+import signal
 import textwrap
+import time
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -14,7 +17,8 @@ from flighttune import COMMON_SIGNALS, InnerLag, LaggedPlant, PointMassPlant, re
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign, plan_from
 from flighttune.control.controller import FlightCondition
-from flighttune.errors import InputError, ScenarioError
+from flighttune.errors import InputError, PlantError, ScenarioError
+from flighttune.flight import apart
 from flighttune.flight.fly import fly
 from flighttune.flight.own import with_own
 from flighttune.flight.refly import refly
@@ -299,7 +303,11 @@ def test_lags_around_a_plant_are_those_of_the_point_mass_behind_them():
         ("return ", "faulthandler.disable(); ctypes.string_at(0) #", "ended by SIGSEGV"),
         ("pass", "os._exit(0)", "exit status 0"),
         ("self.dt,", "os._exit(0); self.dt,", "exit status 0"),
-        ("return ", "while t > 0.9: pass\n        return ", "after t = 0.00 s: .* took 3 s"),
+        (
+            "return ",
+            "while t > 0.9: pass\n        return ",
+            "after t = 0.00 s: .* no progress for 3 s",
+        ),
     ],
 )
 def test_whatever_a_law_of_a_file_does_ends_its_own_flight_alone(
@@ -319,6 +327,26 @@ def test_whatever_a_law_of_a_file_does_ends_its_own_flight_alone(
     assert run.status == "law_failed"
     assert re.search(said, run.reason), run.reason
     assert "\n" not in run.reason
+
+
+def test_an_answer_that_cannot_be_copied_is_refused_in_a_line():
+    with pytest.raises(PlantError, match="can be copied"):
+        apart.apart(lambda _: lambda: 1, 5.0)
+
+
+@pytest.mark.slow
+def test_a_copy_is_not_waited_for_because_a_process_of_its_own_goes_on(monkeypatch):
+    def ends_before_its_own_copy(_):
+        if os.fork() == 0:
+            time.sleep(5.0)
+            os._exit(0)
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    monkeypatch.setattr(apart, "GRACE_S", 0.5)
+    began = time.monotonic()
+
+    assert apart.apart(ends_before_its_own_copy, 0.5)[0] is None
+    assert time.monotonic() - began < 4.0
 
 
 def test_a_linear_model_of_the_wrong_kind_is_said(files):

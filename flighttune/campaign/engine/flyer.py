@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from flighttune.errors import PlantError, ending_of
 from flighttune.shipped import TRUST_AIRCRAFT
-from flighttune.whole_file import reason_of, scratch_folder, scratch_place
+from flighttune.whole_file import lock, reason_of, scratch_folder, scratch_place
 
 if TYPE_CHECKING:
     from flighttune.campaign.flying.rows import Draw, Probes, Row
@@ -51,7 +51,7 @@ class Flyer:
 
     def __init__(self) -> None:
         self.stopped = False
-        _remove_left()
+        _remove_abandoned()
         self._start()
 
     def fly(self, work: bytes, draw: "Draw") -> list[Answer]:
@@ -83,9 +83,8 @@ class Flyer:
                 elif ready:
                     answers.append(code)
                 else:
-                    ending = (
-                        "they take longer than `time_limit_s`" if timed_out else ending_of(code)
-                    )
+                    late = "they take longer than `time_limit_s` and 10 s"
+                    ending = late if timed_out else ending_of(code)
                     raise PlantError(f"the undispersed flights cannot be flown: {ending}") from None
         return answers
 
@@ -98,18 +97,17 @@ class Flyer:
         return code
 
     def _start(self) -> None:
-        import fcntl
-
         self._scratch = scratch_folder()
         self._pipe, theirs = Pipe()
         settings = {**dict.fromkeys((*THREADS, TRUST_AIRCRAFT), "1"), "TMPDIR": self._scratch.name}
         try:
-            with Path(self._scratch.name, "new").open("w") as lock:
-                fcntl.flock(lock, fcntl.LOCK_EX)
-                Path(lock.name).rename(Path(self._scratch.name, LOCK))
+            with Path(self._scratch.name, "new").open("wb") as lock_file:
+                with suppress(OSError):  # not every file system has locks
+                    lock(lock_file)
+                    Path(lock_file.name).rename(Path(self._scratch.name, LOCK))
                 self._process = subprocess.Popen(
                     [sys.executable, "-m", SERVER, str(theirs.fileno())],
-                    pass_fds=[theirs.fileno(), lock.fileno()],
+                    pass_fds=[theirs.fileno(), lock_file.fileno()],
                     stdin=subprocess.DEVNULL,
                     stdout=subprocess.DEVNULL,
                     stderr=subprocess.DEVNULL,
@@ -130,14 +128,17 @@ class Flyer:
         return self._pipe.recv()
 
 
-def _remove_left() -> None:
+def _remove_abandoned() -> None:
     """Remove temporary folders of processes that were killed together with their command."""
-    import fcntl
-
-    for lock in scratch_place().glob(f"flighttune-*/{LOCK}"):
-        with suppress(OSError), lock.open() as file:  # locked, of another user, or just removed
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            shutil.rmtree(lock.parent)
+    for path in scratch_place().glob(f"flighttune-*/{LOCK}"):
+        with suppress(OSError):  # locked, of another user, or just removed
+            # The place is open to all users: a pipe of that name must not block the command.
+            descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOFOLLOW)
+            try:
+                lock(descriptor)
+                shutil.rmtree(path.parent)
+            finally:
+                os.close(descriptor)
 
 
 def fly(work: bytes, draw: "Draw") -> list[Answer]:

@@ -20,8 +20,8 @@ from flighttune.flight.own import with_own
 from flighttune.flight.refly import changed_versions
 from flighttune.recording.parquet import parquet_bytes
 
-# Time to load a plan, and that which its aircraft and the first samples of its flights take at most
-# beyond the time limit of a flight.
+# Longest time to load a plan, s. The first samples of its flights have another limit: that of a
+# flight and START_S for the aircraft.
 PREPARE_S, START_S = 120.0, 10.0
 
 
