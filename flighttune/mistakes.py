@@ -18,7 +18,7 @@ MAX_LISTED = 5
 # Characters of a key or a value that a message repeats.
 MAX_CHARACTERS = 80
 
-# Characters of a word that a message has whole: those of the longest name of a file.
+# Characters of a word that a message repeats whole: as many as the name of a file can have.
 MAX_WORD = 255
 
 Model = TypeVar("Model", bound=BaseModel)

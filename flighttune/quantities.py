@@ -107,7 +107,7 @@ MAX_BYTES_OF_PART = 255
 
 
 def short(value: str) -> str:
-    """A name or path that a file system takes."""
+    """The value, a name or path, if file systems can have it; a ValueError if not."""
     *above, name = (len(part.encode()) for part in ("", *Path(value).parts))
     if name > MAX_BYTES or max(above, default=0) > MAX_BYTES_OF_PART or "\0" in value:
         raise ValueError(f"must be a name of at most {MAX_BYTES} bytes, it has {name}")

@@ -39,6 +39,9 @@ TURN = "turn.toml"
 
 SET = "-set.xml"  # ending of the file that describes an aircraft to FlightGear
 
+# Largest number of files that describe an aircraft to FlightGear, included in one another.
+MAX_INCLUDED = 20
+
 TUNED, PAPER = "tuned_identified", "paper_scaled"  # gain sets of the turn
 
 PAPER_SPEED = 25.0  # airspeed of the paper's gains, m/s: gains of the same loop grow with airspeed
@@ -180,24 +183,44 @@ def adopt(
 
 def _of_flightgear(path: Path) -> Path:
     """The main file that a ``-set.xml``, or that in a folder, names for JSBSim."""
-    files = [path] if path.is_file() else sorted(path.glob(f"*{SET}"))
+    if not path.exists():
+        raise InputError(f"{path}: must be a file or folder of FlightGear's, got no such file.")
+    files = sorted(path.glob(f"*{SET}")) if path.is_dir() else [path]
     named = {
-        file: _setting(file, "aero") for file in files if _setting(file, "flight-model") == "jsb"
+        file: values.get("aero", "")
+        for file in files
+        if (values := _settings(file)).get("flight-model") == "jsb"
     }
     if len({*named.values()}) != 1:
         several = ", ".join(file.name for file in named) or "none"
         raise InputError(f"{path}: must hold one aircraft of JSBSim's (*{SET}), got {several}.")
-    ((file, aero),) = [*named.items()][:1]
-    return file.with_name(f"{aero}.xml")
+    file, aero = next(iter(named.items()))
+    main = file.parent / f"{aero}.xml"
+    if not aero or not main.resolve().is_relative_to(file.parent.resolve()):
+        raise InputError(f'{file}: `aero` must name a file in its folder, got "{aero}".')
+    return main
 
 
-def _setting(file: Path, key: str) -> str:
-    """A value in the table ``sim`` of a file of FlightGear, or of those it includes."""
-    root = read_xml(file, str(file))
-    elements = [element for element in (root, root.find("sim")) if element is not None]
-    included = (file.parent / name for e in elements if (name := e.get("include")))
-    values = (_setting(other, key) for other in included if other.is_file() and other != file)
-    return (root.findtext(f"sim/{key}") or next(filter(None, values), "")).strip()
+def _settings(file: Path) -> dict[str, str]:
+    """Values in the table ``sim`` of a file of FlightGear, and of those in its folder it includes.
+
+    The first file that has a value sets it.
+    """
+    values: dict[str, str] = {}
+    files = [file.resolve()]
+    for path in files:
+        root = read_xml(path, str(path))
+        for element in root.iterfind("sim/*"):
+            if text := (element.text or "").strip():
+                values.setdefault(element.tag, text)
+        for element in (root, *root.iterfind("sim")):
+            included = Path(os.path.realpath(path.parent / element.get("include", "")))
+            inside = included.is_relative_to(files[0].parent) and os.path.isfile(included)
+            if inside and included not in files:
+                files.append(included)
+        if len(files) > MAX_INCLUDED:
+            raise InputError(f"{file}: must include at most {MAX_INCLUDED} files, got more.")
+    return values
 
 
 def _best(

@@ -5,7 +5,6 @@ import re
 from collections.abc import Callable, Iterator
 from copy import deepcopy
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -25,9 +24,9 @@ from flighttune.units import DEG, FT, G_0
 
 SOURCE = "flighttune adopt"  # marks an aircraft that `adopt` may write over
 
-# Maximum number of properties of another simulator that are declared for a model, and number of
-# those that a sentence names.
-MAX_DECLARED, NAMED = 1000, 8
+# Largest numbers of properties of another simulator that are declared for a model, and that a
+# sentence names.
+MAX_DECLARED, MAX_NAMED = 1000, 8
 
 # Time in which a model shows which properties it refers to while it runs, s.
 TRIAL_S = 0.1
@@ -158,7 +157,10 @@ def survey(
 ) -> Survey:
     """Measure what a model, named as in an ``aircraft.toml``, can do at height h (m)."""
     tables = wide_tables(model)
-    load = partial(_loaded, folder=folder, h=h)
+
+    def load(tables: dict[str, Any]) -> Bench:
+        return Bench(Fdm(aircraft_from(tables, folder)), h)
+
     say("reading the model")
     tables["engines"]["count"] = _check_parts(aircraft_from(tables, folder))
     _declare(tables, load)
@@ -183,12 +185,12 @@ def survey(
         notes.append("it has no engine: it flies about its steady glide")
     if how:
         notes.append(f"its engines drive it {how}")
-    names = [name for name, value in tables["declared"].items() if not value]
-    names = [name for name in names if name not in tables["linked"]]
+    declared, linked = tables["declared"], tables["linked"]
+    names = [name for name, value in declared.items() if not value and name not in linked]
     if names:
-        more = len(names) - NAMED
+        more = len(names) - MAX_NAMED
         rest = f" and {more} more, all in `[declared]`" if more > 0 else ""
-        notes.append(f"properties of another simulator are 0: {', '.join(names[:NAMED])}{rest}")
+        notes.append(f"properties of another simulator are 0: {', '.join(names[:MAX_NAMED])}{rest}")
     return Survey(
         tables=tables | {"surfaces": surfaces},
         lift=lift,
@@ -253,10 +255,6 @@ def _part(root: Element, tag: str, folders: tuple[Path, ...]) -> Element:
     return read_xml(found_file(name, folders, folders[0]), name) if name else part
 
 
-def _loaded(tables: dict[str, Any], folder: Path, h: float) -> Bench:
-    return Bench(Fdm(aircraft_from(tables, folder)), h)
-
-
 def _declare(tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench]) -> None:
     """Declare the properties that the model refers to and nothing defines, as JSBSim names them."""
     declared = tables["declared"]
@@ -264,7 +262,8 @@ def _declare(tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench]) ->
         try:
             bench = load(tables)
             bench.accelerations(_level(FIRST_SPEED, 0.0))
-            return bench.fdm.hold(TRIAL_S)
+            bench.fdm.hold(TRIAL_S)
+            return
         except PlantError as error:
             missing = MISSING.search(str(error))
             name = missing[1].removeprefix("/fdm/jsbsim/") if missing else ""
@@ -273,7 +272,7 @@ def _declare(tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench]) ->
             declared[name] = 0.0
     raise Refusal(
         f"it refers to more than {MAX_DECLARED} properties that nothing defines, such as "
-        f"{', '.join([*declared][:NAMED])}"
+        f"{', '.join([*declared][:MAX_NAMED])}"
     )
 
 
@@ -479,7 +478,7 @@ def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[s
         answers = [at(side * full * part) for part in COMMANDS]
         effects = np.array([effect - neutral for effect, _ in answers])
         if not np.isfinite(effects).all():
-            raise Refusal(f"its {name} changes {what} by no finite number")
+            raise Refusal(f"the effect of its {name} on {what} is not finite")
         slopes = np.diff(effects, prepend=0.0) / np.diff(COMMANDS, prepend=0.0)
         first = slopes[0] if abs(slopes[0]) > 0.1 * np.abs(slopes).max() else slopes.mean()
         more = slopes / first > CLIPPED if first else np.zeros(len(slopes), bool)

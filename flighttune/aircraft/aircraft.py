@@ -191,7 +191,7 @@ class AircraftConfig(q.Table):
     # Values of properties of another simulator: the model refers to them, and neither it nor JSBSim
     # has them.
     declared: dict[DeclaredName, q.Finite] = Field(default_factory=dict)
-    # Properties of another simulator that follow one of JSBSim, such as a lever: by their names
+    # Properties of JSBSim by those of another simulator that follow them, such as levers
     linked: dict[DeclaredName, SourceName] = Field(default_factory=dict)
     envelope: FlightEnvelope
     limits: CommandLimits

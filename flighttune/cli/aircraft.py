@@ -1,6 +1,7 @@
 """Commands about an aircraft: adopt one, trim it, design and identify its inner loop."""
 
 import json
+import os
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -223,7 +224,7 @@ def adopt(
         with on_interrupt():
             if model is None:
                 return _adopt_all(out or Path("runs") / "hangar", h)
-            name = Path(model).stem.removesuffix("-set")
+            name = Path(os.path.abspath(model)).stem.removesuffix("-set")
             return _adopt_one(out or Path("aircraft") / name, h, model, V_a, _progress)
     except KeyboardInterrupt:
         fail("interrupted; what is written is whole", INTERRUPTED)

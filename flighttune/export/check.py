@@ -47,24 +47,23 @@ def differences(
         return {}, f"JSBSim did not fly it within {time_limit:.0f} s"
     if code or not csv.stat().st_size:
         return {}, f"JSBSim did not fly it: {ending_of(code)}"
-    written = pd.read_csv(csv)
+    try:
+        written = pd.read_csv(csv, usecols=[*COLUMNS.values()], dtype=float)
+    except ValueError:  # those of pandas are such errors
+        return {}, f"JSBSim's {csv.name} cannot be read"
     if len(written) < len(run.t):
         return {}, f"JSBSim's flight ends after {len(written)} of {len(run.t)} samples"
-    apart = {
+    distances = {
         name: np.abs(written[column].to_numpy()[: len(run.t)] - run.signals[name].to_numpy())
         for name, column in COLUMNS.items()
     }
     # One of the two courses is modulo a turn.
-    apart["chi"] = np.abs((apart["chi"] + np.pi) % (2.0 * np.pi) - np.pi)
-    largest = {name: float(values.max()) for name, values in apart.items()}
+    distances["chi"] = np.abs((distances["chi"] + np.pi) % (2.0 * np.pi) - np.pi)
+    largest = {name: float(values.max()) for name, values in distances.items()}
     # With "not", because NaN is a difference too.
-    first = {name: np.argmax(~(values <= SAME)) for name, values in apart.items()}
-    parted = [name for name, value in largest.items() if not value <= SAME]
-    if not parted:
+    first = {name: np.argmax(~(values <= SAME)) for name, values in distances.items()}
+    differing = [name for name, value in largest.items() if not value <= SAME]
+    if not differing:
         return largest, ""
-    name = min(parted, key=lambda name: (first[name], -apart[name][first[name]]))
-    by = ", ".join(
-        f"{name} {value:.3g}" if name == "n_z" else f"{name} {np.degrees(value):.3g} deg"
-        for name, value in largest.items()
-    )
-    return largest, f"{name} parts first, at t = {run.t[first[name]]:g} s; largest differences {by}"
+    name = min(differing, key=lambda name: (first[name], -distances[name][first[name]]))
+    return largest, f"{name} differs first, at t = {run.t[first[name]]:g} s"

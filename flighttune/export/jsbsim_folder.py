@@ -140,7 +140,7 @@ def export_jsbsim(
             "JSBSim flew the folder: its flight is that of `flighttune fly` to within "
             f"{max(largest.values()):.1g} (rad, and 1 for the load factor)."
         )
-    if run.status != "completed":
+    if largest and run.status != "completed":
         verdict += f" They were compared until `flighttune fly` ended the flight: {run.reason}"
     readme = _README.read_text(encoding="utf-8").format(
         title=printable(scenario.title),

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -182,10 +183,10 @@ def identify_aircraft(
     plant = JSBSimPlant(aircraft)
     speeds = tuple(V_a) or (design_speed(plant.config),)
     fresh, measured, skipped = partial(JSBSimPlant, aircraft), [], []
-    about = [FlightCondition(V_a=v, gamma=g, h=h) for v in speeds for g in gamma]
-    for condition in about or (level(plant.config, v, h) for v in speeds):
+    for v, g in product(speeds, tuple(gamma) or (None,)):
         try:
-            measured.append(identify(fresh, condition, plant.limits, seed=seed))
+            at = level(plant.config, v, h) if g is None else FlightCondition(V_a=v, gamma=g, h=h)
+            measured.append(identify(fresh, at, plant.limits, seed=seed))
         except TrimError as error:
             skipped.append(str(error))
     if not measured:

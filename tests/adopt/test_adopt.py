@@ -223,6 +223,56 @@ def test_the_main_file_is_found_by_the_files_of_flightgear(own, tmp_path):
     (file.parent / "common.xml").write_text(common.replace("jsb<", "yasim<"))
     _, err = flighttune("adopt", file.parent, "--out", tmp_path / "mine", status=2)
     assert "must hold one aircraft of JSBSim's (*-set.xml), got none" in err
+    _, err = flighttune("adopt", file.parent / "none-set.xml", "--out", tmp_path / "mine", status=2)
+    assert "none-set.xml: must be a file or folder of FlightGear's, got no such file" in err
+
+
+@pytest.mark.parametrize("aero", ["", "../sonde", "/etc/passwd"])
+def test_the_main_file_of_flightgear_is_in_the_folder_or_below(own, tmp_path, aero):
+    file = own("<wingarea.*?>[^<]*", '<wingarea unit="M2"> 0 ')
+    set_file = file.with_name("sonde-set.xml")
+    sim = "<sim><flight-model>jsb</flight-model><aero>{}</aero></sim>"
+    text = f"<PropertyList>{sim}</PropertyList>"
+
+    set_file.write_text(text.format(aero))
+    _, err = flighttune("adopt", set_file, "--out", tmp_path / "mine", status=2)
+    assert f'`aero` must name a file in its folder, got "{aero}"' in err
+
+    set_file.write_text(text.format("FDM/aerosonde"))
+    file.rename((file.parent / "FDM").mkdir() or file.parent / "FDM/aerosonde.xml")
+    _, err = flighttune("adopt", set_file, "--out", tmp_path / "mine", status=1)
+    assert "its wing area must be above zero" in err
+
+
+def test_files_of_flightgear_that_include_each_other_are_read_once(own, tmp_path):
+    file = own("<wingarea.*?>[^<]*", '<wingarea unit="M2"> 0 ')
+    both = "<PropertyList include='{}'><sim include='{}'/></PropertyList>"
+    names = [f"{i}.xml" for i in range(40)]
+    for name, other in zip(["sonde-set.xml", *names], names, strict=False):
+        (file.parent / name).write_text(both.format(other, other))
+
+    _, err = flighttune("adopt", file.parent, "--out", tmp_path / "mine", status=2)
+    assert "sonde-set.xml: must include at most 20 files" in err
+
+    jsb = "<PropertyList><sim><flight-model>jsb</flight-model></sim></PropertyList>"
+    (tmp_path / "jsb.xml").write_text(jsb)
+    (file.parent / "3.xml").write_text(both.format("0.xml", "../../jsb.xml"))
+    _, err = flighttune("adopt", file.parent, "--out", tmp_path / "mine", status=2)
+    assert "got none" in err
+
+
+@pytest.mark.parametrize(("model", "below"), [(".", "."), ("..", "Systems")])
+def test_an_aircraft_has_the_name_of_its_folder(own, model, below):
+    sonde = own("<wingarea.*?>[^<]*", '<wingarea unit="M2"> 0 ').parent
+    sim = "<sim><flight-model>jsb</flight-model><aero>aerosonde</aero></sim>"
+    (sonde / "any-set.xml").write_text(f"<PropertyList>{sim}</PropertyList>")
+    cwd = sonde / below
+    (cwd / "aircraft/sonde").mkdir(parents=True)
+    (cwd / "aircraft/sonde/aircraft.toml").touch()
+
+    _, err = flighttune("adopt", model, status=2, cwd=cwd)
+
+    assert "aircraft/sonde: must not hold an aircraft that `adopt` did not make" in err
 
 
 @pytest.mark.slow

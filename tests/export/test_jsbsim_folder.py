@@ -9,6 +9,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -21,6 +22,7 @@ import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft, save_gains
 from flighttune.errors import InputError
 from flighttune.export import CSV, export_jsbsim
+from flighttune.export.check import differences
 from flighttune.flight.fly import fly_alone
 from flighttune.flight.outer_loop import gain_set
 from flighttune.plants.jsbsim.model_files import model_hash
@@ -207,10 +209,20 @@ def test_a_flight_that_is_not_that_of_fly_is_no_success(tmp_path):
         "export", scenario, "--gains", "paper", "--out", tmp_path / "out", "-q", status=1
     )
 
-    said = "JSBSim's flight is not that of `flighttune fly`: phi parts first, at t = 0.02 s"
+    said = "JSBSim's flight is not that of `flighttune fly`: phi differs first, at t = 0.02 s"
     assert said in err
     assert said in (tmp_path / "out/README.md").read_text(encoding="utf-8")
     assert out == ""
+
+
+@pytest.mark.parametrize("text", ["chi_rad\n1\n", "\n", '"chi_rad', "Time\n" + "1,2\n" * 2])
+def test_a_flight_of_jsbsim_that_is_cut_off_is_no_fault(tmp_path, monkeypatch, text):
+    csv = tmp_path / CSV
+    flown = subprocess.CompletedProcess([], 0)
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: csv.write_text(text) and flown)
+    run = SimpleNamespace(t=[0.0, 1.0])
+
+    assert differences([], csv, 0.0, run) == ({}, "JSBSim's flight.csv cannot be read")
 
 
 @pytest.mark.slow

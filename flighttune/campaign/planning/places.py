@@ -6,7 +6,7 @@ from typing import Any, TypeAlias
 
 from pydantic import ValidationError
 
-from flighttune.campaign.planning.schema import Dispersion
+from flighttune.campaign.planning.schema import MAX_KEY, Dispersion
 from flighttune.errors import InputError, ScenarioError
 from flighttune.mistakes import mistakes
 from flighttune.scenario.schema import Scenario
@@ -26,9 +26,6 @@ INSTEAD = {"plant": "give each plant in a [[plant]]", "gains": "give each gain s
 
 SEGMENT = r"[\w/+-]+(?:\[[^\[\]]+\])*"
 PATH = re.compile(rf"{SEGMENT}(?:\.{SEGMENT})*")
-
-MAX_KEY = 255
-"""Characters of a key, which has a few names."""
 
 
 def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, ...]:

@@ -19,7 +19,11 @@ Value: TypeAlias = bool | int | float | str
 """Values of a key of a scenario."""
 
 Values: TypeAlias = Annotated[list[Value], Field(min_length=1)]
-Key: TypeAlias = Annotated[str, Field(min_length=1, max_length=255)]
+
+MAX_KEY = 255
+"""Characters of a key, which has a few names."""
+
+Key: TypeAlias = Annotated[str, Field(min_length=1, max_length=MAX_KEY)]
 Acts: TypeAlias = Literal["sets", "adds", "multiplies"]
 Design: TypeAlias = Literal["random", "latin_hypercube", "sobol", "saltelli", "grid"]
 Runs: TypeAlias = Annotated[int, Field(ge=1, le=10**9)]

@@ -54,9 +54,8 @@ MOTIONS = [
     for motion in ("rotational", "translational")
 ]
 
-# Most characters of JSBSim's words in a message.
-MOST_SAID = 240
-
+# Largest number of characters of JSBSim's words in a message.
+MAX_REASON = 240
 
 # The starter of all piston engines, with both magnetos, and the time that it turns them, s.
 STARTER = {
@@ -118,8 +117,8 @@ class Fdm:
             missing = ", ".join(missing_parts(self.config, log.text))
             if missing:
                 raise PlantError(f"{self._model}: must have all its parts, got no file {missing}.")
-            said = self._said(log.text) or "no reason"
-            raise PlantError(f"{self._model}: must load in JSBSim, got: {said}.")
+            reason = self._message(log.text) or "no reason"
+            raise PlantError(f"{self._model}: must load in JSBSim, got: {reason}.")
 
     @property
     def engine_settles(self) -> float:
@@ -278,12 +277,12 @@ class Fdm:
 
     def _translation(self, what: str, error: RuntimeError) -> PlantError:
         self.abandon()
-        return PlantError(f"{self._model}: {what} by JSBSim: {self._said(str(error))}")
+        return PlantError(f"{self._model}: {what} by JSBSim: {self._message(str(error))}")
 
-    def _said(self, text: str) -> str:
+    def _message(self, text: str) -> str:
         """Words of JSBSim in one line, about the file of the user instead of the one made of it."""
         line = re.sub(rf"({self._private})/(\S+?\.xml)(:\d+)?", r"\2", one_line(text))
-        return line.replace("No filename given. ", "")[:MOST_SAID].rstrip(" .:")
+        return line.replace("No filename given. ", "")[:MAX_REASON].rstrip(" .:")
 
 
 def _sea_level_at(ground: float) -> dict[str, float]:

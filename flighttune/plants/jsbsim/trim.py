@@ -187,13 +187,18 @@ def trim(fdm: Fdm, condition: FlightCondition, *, thrust_short: bool = False) ->
 
 
 def level(config: AircraftConfig, V_a: float, h: float) -> FlightCondition:
-    """Level flight at V_a (m/s) and height (m), or the glide of an aircraft without an engine."""
+    """Level flight at V_a (m/s) and height (m), or the glide of an aircraft without an engine.
+
+    Raises TrimError if it has no steady glide.
+    """
     condition = FlightCondition(V_a=V_a, h=h)
     if config.engines.count:
         return condition
     problem = _TrimProblem(Fdm(config), condition)
     x = problem.root(problem.start)
-    return condition if x is None else replace(condition, gamma=problem.gamma(x))
+    if x is None:
+        raise TrimError(f"{config.file}: no steady glide at V_a {V_a:g} m/s, h {h:g} m.")
+    return replace(condition, gamma=problem.gamma(x))
 
 
 class _TrimProblem:
@@ -309,7 +314,7 @@ class _TrimProblem:
         return np.append(six, throttle)
 
     def obstacle(self, x: FloatArray, left: FloatArray) -> str:
-        """Name the bounds that the best compromise `x`, with so much `left`, leans on."""
+        """Say which bounds the best compromise `x`, which leaves `left`, lies at."""
         share = (x - self.lower) / (self.upper - self.lower)
         low, high = share < _AT_STOP, share > 1.0 - _AT_STOP
         alpha = f"alpha is at {x[0] / DEG:.1f} deg"
@@ -385,10 +390,17 @@ def trim_table(
     """
     speeds = np.linspace(*config.envelope.V_a, SPEEDS).tolist() if V_a is None else V_a
     turn, records = {"phi_deg": phi * DEG_PER_RAD, "h_m": h}, []
+    if gamma is None and config.engines.count:
+        gamma = CLIMBS
     for speed in speeds:
         lowest_short = math.inf  # shallowest climb for which thrust is too little
-        glides = not config.engines.count
-        for climb in gamma or ((level(config, speed, h).gamma,) if glides else CLIMBS):
+        try:
+            climbs = (level(config, speed, h).gamma,) if gamma is None else gamma
+        except TrimError as error:
+            at = {"V_a_mps": speed, "gamma_deg": None, **turn}
+            records.append({**at, "trim": None, "reason": _obstacle(error)})
+            continue
+        for climb in climbs:
             condition = FlightCondition(V_a=speed, h=h, gamma=climb, phi=phi)
             point, reason = _trimmed(config, condition, thrust_short=climb > lowest_short)
             if _TOO_LITTLE in reason:
@@ -409,7 +421,12 @@ def _trimmed(
     try:
         at = trim(Fdm(config), condition, thrust_short=thrust_short)
     except TrimError as error:
-        return None, str(error).split(" (left over")[0].rsplit(": ", 1)[-1]
+        return None, _obstacle(error)
     names = ("alpha", "beta", "theta", "aileron", "elevator", "rudder")
     angles = {f"{name}_deg": getattr(at, name) * DEG_PER_RAD for name in names}
     return {**angles, "throttle": at.throttle}, ""
+
+
+def _obstacle(error: TrimError) -> str:
+    """The end of the message, without file and condition."""
+    return str(error).split(" (left over")[0].rsplit(": ", 1)[-1].removesuffix(".")

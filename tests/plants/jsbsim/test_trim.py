@@ -2,11 +2,14 @@
 
 import math
 
+import numpy as np
 import pytest
 
+from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import InputError, TrimError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant
+from flighttune.plants.jsbsim.trim import level, trim_table
 
 DEG = math.pi / 180.0
 
@@ -60,3 +63,20 @@ def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
 def test_conditions_outside_the_aircraft_are_refused(condition, message):
     with pytest.raises(InputError, match=message):
         JSBSimPlant().start(FlightCondition(**{"V_a": 25.0} | condition))
+
+
+def test_path_angles_of_a_table_may_be_an_array():
+    records = trim_table(load_aircraft("aerosonde"), V_a=[25.0], gamma=np.array([0.0, 0.05]))
+
+    assert all(record["trim"] for record in records)
+
+
+def test_a_glide_that_is_not_steady_is_said_so(changed_aircraft):
+    folder = changed_aircraft("aircraft.toml", r"\[engines\]", "[engines]\\ncount = 0")
+    config = load_aircraft(folder)
+
+    with pytest.raises(TrimError, match="no steady glide at V_a 2 m/s, h 1000 m"):
+        level(config, 2.0, 1000.0)
+    slow, steady = trim_table(config, V_a=[2.0, 25.0])
+    assert slow["reason"] == "no steady glide at V_a 2 m/s, h 1000 m"
+    assert steady["trim"]
