@@ -9,11 +9,11 @@ from flighttune.scenario import load_scenario
 from flighttune.scenario.tables import ExpectTable
 
 
-def made_up_plan(*, runs: int = 800, design: str = "random") -> Plan:
+def made_up_plan(*expect: ExpectTable, runs: int = 800, design: str = "random") -> Plan:
     """A plan of two plants and two gain sets, with three parameters of which one does nothing."""
-    expect = [ExpectTable(at_most={"chi": {"ITAE": 4.0, "settling_s": 5.0}})]
+    stated = expect or [ExpectTable(at_most={"chi": {"ITAE": 4.0, "settling_s": 5.0}})]
     campaign = campaign_of(
-        load_scenario("level_turn").model_copy(update={"expect": expect}),
+        load_scenario("level_turn").model_copy(update={"expect": list(stated)}),
         uniform("flight.V_a_mps", 23.0, 27.0),
         uniform("flight.phi_deg", -10.0, 10.0),
         one_of("limits.n_z_rate_per_s", 0.8, 1.0, 1.2),

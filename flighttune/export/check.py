@@ -12,7 +12,7 @@ from flighttune.simulate.run import Run
 from flighttune.whole_file import write_text
 
 # Largest difference between two flights that are the same but for rounding, rad and 1.
-SAME = 1e-9
+TOLERANCE = 1e-9
 
 # Wall time after which JSBSim is stopped, s, and more for each second of flight; it takes 2 s.
 TIME_LIMIT_S, TIME_LIMIT_PER_S = 60.0, 2.0
@@ -61,8 +61,8 @@ def differences(
     distances["chi"] = np.abs((distances["chi"] + np.pi) % (2.0 * np.pi) - np.pi)
     largest = {name: float(values.max()) for name, values in distances.items()}
     # With "not", because NaN is a difference too.
-    first = {name: np.argmax(~(values <= SAME)) for name, values in distances.items()}
-    differing = [name for name, value in largest.items() if not value <= SAME]
+    first = {name: np.argmax(~(values <= TOLERANCE)) for name, values in distances.items()}
+    differing = [name for name, value in largest.items() if not value <= TOLERANCE]
     if not differing:
         return largest, ""
     name = min(differing, key=lambda name: (first[name], -distances[name][first[name]]))

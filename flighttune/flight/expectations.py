@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, NamedTuple, TypeAlias, get_args
 
 from flighttune.metrics import measures
 from flighttune.scenario.schema import Scenario
@@ -54,31 +54,44 @@ class BoundCheck:
         return f"{self.subject}.{self.measure} must be {wanted}, got {got}"
 
 
+class Counts(NamedTuple):
+    """Numbers of requirements: bounds, and runs whose end is stated or wrong."""
+
+    requirements: int = 0
+    met: int = 0
+    not_flown: int = 0  # bounds of runs that did not end as they must, and such runs without any
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClaimCheck:
     """The claim of a scenario against its runs."""
 
     # Not tested if no ``[[expect]]`` is about these runs and all were completed
     verdict: Literal["met", "not met", "not tested"]
-    requirements: int  # number of bounds, and of runs whose end is stated or wrong
-    met: int
-    not_flown: int  # bounds of runs that did not end as they must, and such runs without a bound
+    counts: tuple[Counts, ...]  # Of every run
     bounds: tuple[BoundCheck, ...]  # Every bound, in the order of the runs
     # A sentence for each requirement that a run does not meet: the run, the measure, its bound,
     # the value and by how much it missed; or how the run ended
     missed: tuple[str, ...]
 
     @property
+    def total(self) -> Counts:
+        """Requirements of all runs."""
+        return Counts(*(sum(numbers) for numbers in zip(*self.counts, strict=True)))
+
+    @property
     def short(self) -> str:
         """The verdict with the number of requirements that are met, missed and not flown."""
         if self.verdict == "not tested":
             return "Claim not tested: no [[expect]] is about these runs; all were completed"
+        n, met, not_flown = self.total
+        of = f"{n} requirement{'s' if n > 1 else ''}"
         if self.verdict == "met":
-            return f"Claim met: {self.met} of {self.requirements} requirements"
-        counts = {"met": self.met, "missed": self.requirements - self.met - self.not_flown}
-        counts |= {"not flown": self.not_flown} if self.not_flown else {}
+            return f"Claim met: {met} of {of}"
+        counts = {"met": met, "missed": n - met - not_flown}
+        counts |= {"not flown": not_flown} if not_flown else {}
         words = ", ".join(f"{number} {what}" for what, number in counts.items())
-        return f"Claim not met: of {self.requirements} requirements {words}"
+        return f"Claim not met: of {of} {words}"
 
     @property
     def sentence(self) -> str:
@@ -98,7 +111,7 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
     """
     bounds: list[BoundCheck] = []
     missed: list[str] = []
-    requirements = met = not_flown = 0
+    counts: list[Counts] = []
     for run in runs:
         made_by = run.provenance
         tables = scenario.expected(made_by.plant, made_by.gains_name)
@@ -107,19 +120,18 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
             missed.append(f"{run.label}: {wrong_end}")
             own = [replace(check, flown=False) for check in bound_checks(tables, {}, run.label)]
             # A stated end is missed; without one and without bounds the run itself was not flown.
-            not_flown += len(own) or int(not stated)
-            requirements += len(own) + int(stated or not own)
+            met, not_flown = 0, len(own) or int(not stated)
         else:
             own = list(bound_checks(tables, measures(run), run.label))
             missed += [f"{run.label}: {check.sentence}" for check in own if not check.met]
-            met += sum(check.met for check in own) + int(stated)
-            requirements += len(own) + int(stated)
+            met, not_flown = sum(check.met for check in own) + int(stated), 0
+        end = stated or bool(wrong_end and not own)
+        counts.append(Counts(len(own) + int(end), met, not_flown))
         bounds += own
+    tested = any(count.requirements for count in counts)
     return ClaimCheck(
-        verdict="not met" if missed else "met" if requirements else "not tested",
-        requirements=requirements,
-        met=met,
-        not_flown=not_flown,
+        verdict="not met" if missed else "met" if tested else "not tested",
+        counts=tuple(counts),
         bounds=tuple(bounds),
         missed=tuple(missed),
     )

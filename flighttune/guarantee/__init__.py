@@ -1,1 +1,1 @@
-"""Bounds of the linear loop held against flights of the law, and the mismatch of an aircraft."""
+"""Bounds of the linear loop compared with flights of the law, and the mismatch of an aircraft."""

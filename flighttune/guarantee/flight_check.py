@@ -9,7 +9,6 @@ assumes. Its tube bounds its errors.
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -107,13 +106,7 @@ def stated_L_d(run: Run) -> float | None:
     stated = scenario.get("disturbance") or {}
     if stated.get("as_wind"):
         return None
-    parts: dict[str, Any] = {"square": stated.get("wave") == "square"}
-    for channel in CHANNELS:
-        parts[f"{channel}_amplitude"] = stated.get(f"{channel}_amplitude", 0.0)
-        parts[f"{channel}_omega"] = stated.get(f"{channel}_omega_rad_s", 0.0)
-        parts[f"{channel}_phase"] = stated.get(f"{channel}_phase_deg") or 0.0
-        parts[f"{channel}_switches"] = stated.get(f"{channel}_switch_s")
-    bound = Sinusoid(**parts).rate_bound  # the phases count only as equal or not
+    bound = Sinusoid.of_table(stated).rate_bound
     return bound if math.isfinite(bound) else None
 
 

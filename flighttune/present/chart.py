@@ -304,7 +304,8 @@ class Chart:
         a = self._axes()
         box = f'viewBox="0 0 {WIDTH:g} {self.height:g}"'
         ends = " ".join(f"{end:.6g}" for end in (*a.x, *a.y))
-        data = f' data-axes="{ends} {a.width:g} {a.height:g}" data-log="{self.log}"'
+        log = "x" * a.log_x + "y" * a.log_y
+        data = f' data-axes="{ends} {a.width:g} {a.height:g}" data-log="{log}"'
         link = ' data-linked=""' if self.linked else ""
         names = f'data-x="{escape(self.x)}" data-y="{escape(self.y)}"'
         return (
@@ -353,9 +354,9 @@ class Chart:
             x, y = _around(x, 1.04 * scale * width), _around(y, 1.04 * scale * height)
         if self.downwards:
             y = y[1], y[0]
-        return _Axes(
-            x=x, y=y, width=width, height=height, log_x="x" in self.log, log_y="y" in self.log
-        )
+        # an axis that does not begin above zero is linear
+        log_x, log_y = ("x" in self.log and x[0] > 0.0), ("y" in self.log and min(y) > 0.0)
+        return _Axes(x=x, y=y, width=width, height=height, log_x=log_x, log_y=log_y)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,6 +1,7 @@
 """Names, symbols and units of channels, signals and metrics as a reader sees them."""
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 from flighttune.present.tables import Column
@@ -65,6 +66,8 @@ WORDS = {
     "iyy": "pitch inertia",
     "izz": "yaw inertia",
     "sensors": "sensor",
+    "max": "maximum",
+    "min": "minimum",
     "limits": "limit of",
     "flight": "initial",
     "plant": "",
@@ -76,13 +79,27 @@ WORDS = {
 def key_words(key: str) -> str:
     """A dispersed quantity in words, by its key: ``flight.chi_deg`` is the initial course."""
     words: list[str] = []
-    for part in key.split("."):
-        name, _, place = part.partition("[")
+    owner = ""
+    for part in re.split(r"\.(?![^\[]*\])", key):  # no dot of a label
+        name, _, place = part.rstrip("]").partition("[")
         end = next((end for end in UNIT_OF_SUFFIX if name.endswith(end)), "")
         name = name.removesuffix(end).replace("V_a", "V-a").replace("n_z", "n-z")
         words += [WORDS.get(word.replace("-", "_"), word) for word in name.split("_")]
-        words += [str(int(place.rstrip("]")) + 1)] if place.rstrip("]").isdigit() else []
-    return " ".join(filter(None, words))
+        place = str(int(place) + 1) if place.isdigit() else place
+        if name == "plant" and place:
+            owner = f" of plant {place}" if place.isdigit() else f" of {place}"
+        elif place and key.startswith("limits"):
+            words.append("minimum" if place == "1" else "maximum")
+        elif place:
+            words.append(place)
+    if words[-1] in ("maximum", "minimum"):
+        words.insert(0, words.pop())
+    return " ".join(filter(None, words)) + owner
+
+
+def listed(words: Sequence[str], joint: str = "and") -> str:
+    """Words as they are read: ``a``, ``a and b``, ``a, b and c``."""
+    return f" {joint} ".join(filter(None, [", ".join(words[:-1]), *words[-1:]]))
 
 
 # Unit of a value by the end of its key; longer ends first.

@@ -34,7 +34,7 @@ MEASURED = (
 SORTS = {"end": "ERROR", "bound": "WARN", "limit": "WARN", "wind": "INFO", "track": "INFO"}
 
 
-EXCEEDED, HELD, FREE, ENDED = "bound exceeded", "bound held", "within limits", "ended"
+EXCEEDED, BOUND_HELD, FREE, ENDED = "bound exceeded", "bound held", "within limits", "ended"
 # Code of the limits that act: a sum of signals times factors (0 free, 1 magnitude, 2 rate).
 LIMITED = {"phi_limited": 1, "n_z_limited": 3}
 HOLDING = [
@@ -171,7 +171,7 @@ def log_lanes(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
         after = "" if run.status == "completed" else run.status.replace("_", " ")
         t, states = np.append(t, [run.duration, end]), [*states, after, ENDED]
         dimmed = tuple(round(DIMMED * part) for part in colour)
-        colours = {HELD: colour, FREE: colour, EXCEEDED: rgb(LIMIT), after: rgb(LIMIT)}
+        colours = {BOUND_HELD: colour, FREE: colour, EXCEEDED: rgb(LIMIT), after: rgb(LIMIT)}
         shown = [state for state in dict.fromkeys(states) if state not in ("", ENDED)]
         style = rr.StateConfiguration(
             values=[*shown, "", ENDED],
@@ -188,15 +188,15 @@ def lane(run: Run, check: FlightCheck | None) -> tuple[FloatArray, list[str]]:
     """When the state of a run begins and changes (s), and to what.
 
     A state names the limits that hold commands, such as ``roll rate``. Otherwise it is `EXCEEDED`
-    or `HELD` where the flight has a bound, else `FREE`.
+    or `BOUND_HELD` where the flight has a bound, else `FREE`.
     """
-    t, words = run.t[:-1], [*HOLDING, HELD, EXCEEDED]
+    t, words = run.t[:-1], [*HOLDING, BOUND_HELD, EXCEEDED]
     now = np.zeros(len(t), dtype=int)
     for name, factor in LIMITED.items():
         if name in run.signals:
             now += factor * run.signals[name].to_numpy()[:-1].astype(int)
     if check is not None:
-        now[(now == 0) & np.isfinite(check.bound)] = words.index(HELD)
+        now[(now == 0) & np.isfinite(check.bound)] = words.index(BOUND_HELD)
         now[check.broken] = words.index(EXCEEDED)
     begun, codes = runs_of_equal(t, now)
     kept = np.diff(begun, append=run.duration) >= SHORTEST

@@ -110,9 +110,10 @@ def causes(gap: Gap) -> tuple[str, ...]:
     for channel, name in CHANNEL_NAMES.items():
         if (cause := gap.cause(channel)) is None:
             continue
-        law, aircraft = (itae[run.label, channel] for run in (gap.runs[0], gap.aircraft))
+        first, aircraft = (itae[run.label, channel] for run in (gap.runs[0], gap.aircraft))
+        plant = gap.runs[0].provenance.plant
         said.append(
-            f"{name.capitalize()} with {gap.name}: ITAE is {law:.2f} rad s² on the paper's law and "
+            f"{name.capitalize()} with {gap.name}: ITAE is {first:.2f} rad s² on {plant} and "
             f"{aircraft:.2f} on the aircraft; the largest step is {cause[1]:+.2f} ({cause[0]})."
         )
     return tuple(said)

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.arrays import FloatArray
 from flighttune.comparison import Comparison, Source, load_source
 from flighttune.comparison.compare import comparison_table, overlaid, pairs_table, sources_of
 from flighttune.errors import FlightTuneError, RecordingError
@@ -16,7 +17,7 @@ from flighttune.flight.gap_charts import bound_chart, itae_chart, steps_chart
 from flighttune.flight.outer_loop import tuning_problem
 from flighttune.guarantee.flight_check import flight_check
 from flighttune.present.frame import Report, Section, page_template, write_page
-from flighttune.present.names import CHANNEL_SYMBOLS
+from flighttune.present.names import CHANNEL_SYMBOLS, listed
 from flighttune.present.tables import Table
 from flighttune.report.gap import causes, step_table
 from flighttune.report.panels import Drawn, certificate_panels, commands, errors, paths, tracking
@@ -44,6 +45,9 @@ from flighttune.units import DEG_PER_RAD
 MAX_GAPS = 3
 
 FRONTIER_POINTS = 9
+
+# Samples of a reference that is described in words.
+ANGLES = 2001
 
 # Longest aircraft run for which the ladder is flown: beyond it a report would take minutes.
 LONGEST_LADDER = 6_000
@@ -229,22 +233,34 @@ def _flown_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
             aircraft.append(load_aircraft(name).title)
         except FlightTuneError:  # of somebody else's recording
             aircraft.append(name)
-    t = np.array([0.0, scenario.flight.duration_s])
-    start, (chi, gamma) = (
-        scenario.condition,
-        (angle[-1] for angle in scenario.followed().sampled(t)),
-    )
-    angles = (
-        f"{what} from {DEG_PER_RAD * first:.3g}° to {DEG_PER_RAD * last:.3g}°"
-        for what, first, last in (("course", start.chi, chi), ("path angle", start.gamma, gamma))
-    )
-    weather = [
-        key for key in ("disturbance", "wind", "gust", "turbulence") if getattr(scenario, key)
-    ]
-    air = f"with {' and '.join(weather)}" if weather else "in calm air"
-    return (
-        f"{'; '.join(aircraft) or 'Guidance law'}: at {start.V_a:g} m/s {air}, {', '.join(angles)}."
-    )
+    start, f = scenario.condition, scenario.flight
+    chi, gamma = scenario.followed().sampled(np.linspace(0.0, f.duration_s, ANGLES))
+    angles = f"{_moves('course', start.chi, chi)} and {_moves('path angle', start.gamma, gamma)}"
+    disturbance = scenario.disturbance
+    blows = disturbance is not None and disturbance.as_wind
+    air = {
+        "wind": scenario.wind,
+        "an oscillating wind": blows,
+        "a gust": scenario.gust,
+        "turbulence": scenario.turbulence,
+    }
+    weather = listed([name for name, table in air.items() if table]) or "calm air"
+    disturbed = ", with a disturbance" if disturbance and not blows else ""
+    of = "; ".join(aircraft) or "Guidance law"
+    return f"{of}: at {start.V_a:g} m/s in {weather}{disturbed}, {angles}."
+
+
+def _moves(name: str, start: float, reference: FloatArray) -> str:
+    """What the reference of an angle does, in degrees, from the angle at the start."""
+    path = np.round(DEG_PER_RAD * np.append(start, reference), 1) + 0.0
+    first, last, low, high = (f"{end:g}°" for end in (path[0], path[-1], path.min(), path.max()))
+    if low == high:
+        return f"the {name} stays at {first}"
+    if {first, last} == {low, high}:
+        return f"the {name} goes from {first} to {last}"
+    if first == last and first in (low, high):
+        return f"the {name} goes from {first} to {high if first == low else low} and back"
+    return f"the {name} moves between {low} and {high}"
 
 
 def _gains_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:

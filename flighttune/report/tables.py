@@ -74,12 +74,10 @@ def tracking_table(runs: Sequence[Run]) -> Table:
 def convergence_table(runs: Sequence[Run], claim: ClaimCheck) -> Table:
     """How each run ended: requirements met, ITAE, largest errors of the last quarter and limits."""
     records = []
-    for run in runs:
-        bounds = [check for check in claim.bounds if check.run == run.label]
-        met = f"{sum(check.met for check in bounds)} of {len(bounds)} met"
+    for run, (n, met, not_flown) in zip(runs, claim.counts, strict=True):
         record = {"run": run.label, "converges": False, "flight": run.status.replace("_", " ")}
-        if bounds:
-            record["requirements"] = met if bounds[0].flown else "not flown"
+        if n:
+            record["requirements"] = "not flown" if not_flown == n else f"{met} of {n} met"
         if len(run.signals) > 1:
             record |= final_errors(run)
             record["late"] = {

@@ -564,17 +564,7 @@ class DisturbanceTable(q.Table):
 
     def sinusoid(self) -> Sinusoid:
         """The disturbance as a function of time."""
-        return Sinusoid(
-            chi_amplitude=self.chi_amplitude,
-            chi_omega=self.chi_omega_rad_s,
-            gamma_amplitude=self.gamma_amplitude,
-            gamma_omega=self.gamma_omega_rad_s,
-            chi_phase=(self.chi_phase_deg or 0.0) * DEG,
-            gamma_phase=(self.gamma_phase_deg or 0.0) * DEG,
-            square=self.wave == "square",
-            chi_switches=None if self.chi_switch_s is None else tuple(self.chi_switch_s),
-            gamma_switches=None if self.gamma_switch_s is None else tuple(self.gamma_switch_s),
-        )
+        return Sinusoid.of_table(self.model_dump())
 
     def last_switches(self) -> Iterator[tuple[str, float]]:
         """Key and last time (s) of each list of switching times."""

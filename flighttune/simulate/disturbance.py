@@ -2,9 +2,12 @@
 
 import math
 from bisect import bisect
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from flighttune.plants.weather import OscillatingWind
+from flighttune.units import DEG
 
 # Time (s) by which a switch is early: it belongs to a sample, whose time is a rounded sum.
 AHEAD = 1e-9
@@ -83,6 +86,18 @@ class Sinusoid:
             ),
             sine_omega=self.gamma_omega,
         )
+
+    @classmethod
+    def of_table(cls, table: Mapping[str, Any]) -> "Sinusoid":
+        """The disturbance of a table ``[disturbance]``, as plain values."""
+        parts: dict[str, Any] = {"square": table.get("wave") == "square"}
+        for channel in ("chi", "gamma"):
+            parts[f"{channel}_amplitude"] = table.get(f"{channel}_amplitude", 0.0)
+            parts[f"{channel}_omega"] = table.get(f"{channel}_omega_rad_s", 0.0)
+            parts[f"{channel}_phase"] = (table.get(f"{channel}_phase_deg") or 0.0) * DEG
+            switches = table.get(f"{channel}_switch_s")
+            parts[f"{channel}_switches"] = None if switches is None else tuple(switches)
+        return cls(**parts)
 
     @property
     def rate_bound(self) -> float:

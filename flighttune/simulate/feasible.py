@@ -27,8 +27,8 @@ PENALTY = 50.0
 # Linear programs of the first plan, and of each that follows a correction.
 MAX_STEPS, MORE_STEPS = 60, 25
 
-# Improvement (s) of a linear program below which the plan is found.
-CLOSE = 1e-4
+# Improvement (s) below which no further linear program is solved.
+MIN_IMPROVEMENT = 1e-4
 
 # Trust region as a share of each range, from a first guess and near a plan; below the last a
 # plan is not improved any more.
@@ -37,12 +37,12 @@ FIRST_RADIUS, NEXT_RADIUS, SMALLEST_RADIUS = 0.25, 0.02, 1e-4
 # Corrections of the end, at this sample time (s) at least until the flight arrives.
 MAX_CORRECTIONS, COARSE = 9, 0.01
 
-# Error of the end behind the lag, rad, with which the plan is kept; and what a plan itself may miss
-# of its end, in rad, and break of a rate: the corrections that follow mend that much.
-ARRIVED, MENDED = 1e-4, 0.01
+# Error of the end behind the lag, rad, below which a plan is kept. A plan itself may miss its end,
+# or exceed a rate, by up to the second number: the corrections that follow remove such an error.
+TOLERANCE, MAX_PLAN_ERROR = 1e-4, 0.01
 
 # Longest change, in seconds and in samples or integration steps, which take up to 0.05 ms each.
-LONGEST, MAX_FLOWN = 200.0, 40_000
+MAX_DURATION, MAX_FLOWN = 200.0, 40_000
 
 # Time constants of the inner loop after which it is at rest.
 TAIL = 12.0
@@ -79,7 +79,7 @@ class Manoeuvre:
     def longest(self) -> float:
         """Longest time that the change may take, s."""
         fastest = max((lag.natural_frequency for lag in self.lags or ()), default=1.0)
-        return min(LONGEST, MAX_FLOWN * min(self.dt, FINEST / fastest))
+        return min(MAX_DURATION, MAX_FLOWN * min(self.dt, FINEST / fastest))
 
     @property
     def u_end(self) -> tuple[float, float]:
@@ -150,13 +150,13 @@ def feasible_reference(manoeuvre: Manoeuvre) -> FeasibleReference:
     for _ in range(MAX_CORRECTIONS):
         plan, broken = _fastest(aimed, plan, radius, steps)
         radius, steps = NEXT_RADIUS, MORE_STEPS
-        if broken > MENDED or flown > MAX_FLOWN:
+        if broken > MAX_PLAN_ERROR or flown > MAX_FLOWN:
             break
         reference = _reference_of(sampled, plan)
         flown += len(reference.chi)
         arrived = reference.chi[-1] - manoeuvre.start[0], reference.gamma[-1] - manoeuvre.start[1]
         missed = [wanted - got for wanted, got in zip(manoeuvre.change, arrived, strict=True)]
-        if max(map(abs, missed)) < ARRIVED:
+        if max(map(abs, missed)) < TOLERANCE:
             if sampled == manoeuvre:
                 return reference
             sampled = manoeuvre
@@ -264,7 +264,7 @@ def _fastest(
             x, best, radius = step, reached, min(1.6 * radius, 0.5)
         else:
             radius *= 0.4
-        if expected < CLOSE or radius < SMALLEST_RADIUS or 0.0 < better < CLOSE:
+        if expected < MIN_IMPROVEMENT or radius < SMALLEST_RADIUS or 0.0 < better < MIN_IMPROVEMENT:
             break
     return x, (best - float(x[-1])) / PENALTY if math.isfinite(best) else math.inf
 

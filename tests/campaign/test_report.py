@@ -18,6 +18,8 @@ from flighttune.campaign.statistics.findings import findings
 from flighttune.campaign.statistics.flights import flights_of, load_flights
 from flighttune.errors import RecordingError
 from flighttune.report.campaign.page import notes, write_campaign_report
+from flighttune.report.campaign.tables import success_sentences
+from flighttune.scenario.tables import ExpectTable
 
 pytestmark = pytest.mark.slow
 
@@ -140,10 +142,10 @@ def test_the_tables_have_the_numbers_of_the_groups(made_up, page):
 def test_the_first_screen_says_what_success_is_and_draws_the_measure_that_decides(page):
     first = page.path.read_text(encoding="utf-8").partition("<body>")[2].partition("<details")[0]
 
-    sentence = r"A flight succeeds if it is completed with [^.]*ITAE of course ≤ 4 rad\ss²"
+    sentence = r"A flight succeeds if it is completed with [^.]*ITAE of course at most 4 rad\ss²"
     assert re.search(sentence, first)
     assert "Flights by settling time (5\u00a0%) of course" in first  # has most misses
-    assert "settling time (5\u00a0%) of course ≤ 5 s</span>" in first
+    assert "settling time (5\u00a0%) of course at most 5 s</span>" in first
     assert "initial airspeed" in first
     assert not re.search(r"certified|flight\.\w|chi\.\w", first)
 
@@ -179,6 +181,35 @@ def test_one_group_without_dispersion_or_measures_still_makes_a_page(tmp_path):
 
     assert written.summary[0] == "0 of 1 flights succeed (draws: 1, groups: 1)."
     assert "`x` must be finite" in written.path.read_text(encoding="utf-8")
+
+
+def test_success_is_a_clause_for_each_group_with_requirements_of_its_own():
+    made = made_up_plan(
+        ExpectTable(plant="jsbsim", gains="paper", status="left_envelope"),
+        ExpectTable(gains="K3", at_most={"chi": {"MO_deg": 12.0}}),
+        runs=40,
+    )
+    rows = made_up_rows(made).assign(**{"chi.MO_rad": 0.1})
+
+    assert success_sentences(findings(flights_of(rows, made))) == (
+        "A flight of kinematic / paper succeeds if it is completed. "
+        "A flight of kinematic / K3 or jsbsim:aerosonde / K3 succeeds if it is completed with "
+        "overshoot of course at most 12 deg. "
+        "A flight of jsbsim:aerosonde / paper succeeds if it leaves the envelope."
+    )
+
+
+@pytest.mark.parametrize("completed", [True, False])
+def test_a_bound_of_zero_is_drawn_and_says_whose_it_is(completed, tmp_path):
+    made = made_up_plan(ExpectTable(gains="K3", at_most={"chi": {"ITAE": 0.0}}), runs=40)
+    rows = made_up_rows(made)
+    rows["chi.ITAE"] = np.geomspace(0.01, 10.0, len(rows))  # spans decades
+    if not completed:
+        rows["status"] = "diverged"
+
+    made_page = write_campaign_report(findings(flights_of(rows, made)), tmp_path / "page.html")
+
+    assert "at most 0 rad\u00a0s² (K3)</span>" in made_page.path.read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")

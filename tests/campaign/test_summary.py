@@ -95,6 +95,8 @@ def test_requirements_are_counted_over_completed_flights_the_most_missed_first(f
 
     settling, itae = requirements(flown)
 
+    assert settling["near"] is None  # more than 5 % never settled
+
     assert (settling["measure"], itae["measure"]) == ("chi.settling_s", "chi.ITAE")
     assert settling["n"] == itae["n"] == len(rows)
     assert settling["missed"] == rows["chi.settling_s"].isna().sum()  # it never settled

@@ -162,7 +162,13 @@ def test_a_flight_that_ended_at_once_has_its_row_its_count_and_its_reason(paper_
 
 @pytest.mark.parametrize(
     "part",
-    ["arXiv 2411.13140", "Aerosonde", "at 25 m/s", "course from 60° to 0°", "I_K ≤ 5"],
+    [
+        "arXiv 2411.13140",
+        "Aerosonde",
+        "at 25 m/s",
+        "the course goes from 60° to 0° and the path angle",
+        "I_K ≤ 5",
+    ],
 )
 def test_the_page_begins_with_paper_aircraft_airspeed_and_manoeuvre(page, part):
     assert part in page.partition("<figure")[0]

@@ -69,7 +69,7 @@ def requirements(flights: Flights) -> list[dict[str, Any]]:
     """Bounds of success, the one that most completed flights miss or come nearest to first.
 
     Bounds are in the units of the columns; `near` is the 95th percentile of the distance of flights
-    beyond the bound, relative to it and negative inside.
+    beyond the bound, relative to it and negative inside; None if that is not finite.
     """
     completed, stated = flights.rows.loc[(flights.rows["status"] == "completed").to_numpy()], []
     groups = list(zip(completed["plant"], completed["gains"], strict=True))
@@ -93,7 +93,8 @@ def requirements(flights: Flights) -> list[dict[str, Any]]:
                     "near": ordered_quantile(beyond, 0.95).item() if len(rows) else -np.inf,
                 }
             )
-    return sorted(stated, key=lambda bound: (-bound["missed"], -bound["near"]))
+    ordered = sorted(stated, key=lambda bound: (-bound["missed"], -bound["near"]))
+    return [{**own, "near": own["near"] if np.isfinite(own["near"]) else None} for own in ordered]
 
 
 def _missed(completed: pd.DataFrame) -> list[dict[str, Any]]:

@@ -94,7 +94,7 @@ def notes(findings: Findings) -> tuple[str, ...]:
         lines.append(
             f"Not finished: the numbers are those of {len(flown.rows)} of {plan.runs} flights."
         )
-    lines.append(tables.success_sentence(findings))
+    lines.append(tables.success_sentences(findings))
     if plan.cycle > 1:
         lines.append(
             f"Draws of this design come in blocks of {plan.cycle}: intervals are for the effective "

@@ -15,7 +15,12 @@ from flighttune.present.chart import DASHED, HEAD_AND_FOOT, HEIGHT, Chart
 from flighttune.present.names import key_words, metric_label
 from flighttune.present.palette import LIMIT, LineStyle, line_styles
 from flighttune.present.tables import percent
-from flighttune.report.campaign.tables import bound_words, influential_parameters, measure_words
+from flighttune.report.campaign.tables import (
+    about,
+    bound_words,
+    influential_parameters,
+    measure_words,
+)
 
 # Least height of a row with a name and a share, and how far the share is below it, pixels.
 ROW, BELOW = 30.0, 9.0
@@ -107,6 +112,10 @@ def scatter_panels(findings: Findings) -> list[Chart]:
     if findings.measure is None:
         return []
     how, styles, charts = metric_label(findings.measure), styles_of(findings), []
+    values = how.factor * values_of(findings.flights.rows, findings.measure)
+    highest = np.max(values[np.isfinite(values)], initial=-np.inf)
+    if np.isinf(highest):
+        return []
     for key in influential_parameters(findings)[:SCATTERED]:
         if not is_number(findings.flights.rows[key]):
             continue
@@ -116,7 +125,6 @@ def scatter_panels(findings: Findings) -> list[Chart]:
             y=how.heading,
             x_room=0.03,
         )
-        highest = np.nanmax(how.factor * values_of(findings.flights.rows, findings.measure))
         for group, rows in findings.flights.groups():
             label, some = group.label, rows.iloc[:: len(rows) // DOTS + 1]
             x = some[key].to_numpy(dtype=float)
@@ -177,15 +185,17 @@ def _distribution(findings: Findings, measure: str) -> Chart:
         y="flights at or below [%]",
         y_range=(0, 102),
     )
-    if curves:
-        chart.x_range, log = _scale(np.concatenate([values for values, _ in curves.values()]))
-        chart.log = "x" if log else ""
-    bounds = [own for own in findings.values["requirements"] if own["measure"] == measure]
-    for words, bound in {bound_words(own): how.factor * own["bound"] for own in bounds}.items():
+    bounds = {}
+    for own in findings.values["requirements"]:
+        if own["measure"] == measure:
+            whose = f" ({about(own)})" if about(own) else ""
+            bounds[bound_words(own) + whose] = how.factor * own["bound"]
+    for words, bound in bounds.items():
         chart.legend.append((words, LIMIT, DASHED))
         chart.upright(bound, LIMIT, dash=DASHED)
-        low, high = chart.x_range or (bound, bound)
-        chart.x_range = min(low, 0.96 * bound, 1.04 * bound), max(high, 0.96 * bound, 1.04 * bound)
+    if curves or bounds:
+        shown = [values for values, _ in curves.values()]
+        chart.x_range, chart.log = _scale(shown, list(bounds.values()))
     for label, (values, share) in curves.items():
         # a step at every value, from the share of the value before
         x, y = np.repeat(values, 2), np.repeat(np.append(0.0, share), 2)[1:-1]
@@ -206,13 +216,16 @@ def _convergence(findings: Findings, title: str, y: str, name: str, factor: floa
     return chart
 
 
-def _scale(values: FloatArray) -> tuple[tuple[float, float], bool]:
-    """Ends without the outer 0.5 %, and whether the values span decades."""
-    low, high = (float(end) for end in np.quantile(values, [0.005, 0.995]))
+def _scale(
+    values: Sequence[FloatArray], bounds: Sequence[float]
+) -> tuple[tuple[float, float], str]:
+    """Ends around all bounds and all values but the outer 0.5 %, and the logarithmic axes."""
+    inner = np.quantile(np.concatenate(values), [0.005, 0.995]).tolist() if values else []
+    low, high = min([*inner, *bounds]), max([*inner, *bounds])
     if low > 0.0 and high / low > MANY_TIMES:
-        return (low / 1.1, high * 1.1), True
+        return (low / 1.1, high * 1.1), "x"
     room = 0.04 * (high - low) or 0.1 * abs(high) or 1.0
-    return (low - room, high + room), False
+    return (low - room, high + room), ""
 
 
 def _axis(key: str) -> str:

@@ -1,16 +1,19 @@
 """Tables of the findings of a campaign."""
 
+from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from flighttune.campaign.flying.columns import unit_of_key
 from flighttune.campaign.statistics.findings import SUCCESS, Findings
 from flighttune.campaign.statistics.sensitivity import strength
+from flighttune.plants.label import goes_by
 from flighttune.present.names import (
     CHANNEL_NAMES,
     CHANNEL_SYMBOLS,
     columns,
     key_words,
+    listed,
     metric_label,
 )
 from flighttune.present.tables import Column, Table, figures, percent
@@ -24,6 +27,15 @@ def metric_name(metric: str) -> str:
 def status_words(status: str) -> str:
     """A status as it is read."""
     return status.replace("_", " ")
+
+
+# Verb of each status that a flight can have.
+ENDS = {
+    "completed": "is completed",
+    "diverged": "diverges",
+    "ground_contact": "meets the ground",
+    "left_envelope": "leaves the envelope",
+}
 
 
 def probability(p: float) -> str:
@@ -86,11 +98,11 @@ def success_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Ta
 
 
 def bound_words(bound: Mapping[str, Any]) -> str:
-    """A requirement as it is read, such as ``overshoot of course ≤ 12 deg``."""
+    """A requirement as it is read, such as ``overshoot of course at most 12 deg``."""
     label = metric_label(bound["measure"])
     unit = "" if label.unit in ("", "1") else f" {label.unit}"
-    sign = "≤" if bound["sense"] == "at_most" else "≥"
-    return f"{measure_words(label)} {sign} {label.factor * bound['bound']:.4g}{unit}"
+    sense = bound["sense"].replace("_", " ")
+    return f"{measure_words(label)} {sense} {label.factor * bound['bound']:.4g}{unit}"
 
 
 def measure_words(label: Column) -> str:
@@ -101,20 +113,28 @@ def measure_words(label: Column) -> str:
     return name
 
 
-def success_sentence(findings: Findings) -> str:
-    """All requirements that a flight must meet to succeed, in one sentence."""
-    stated: dict[str, list[str]] = {}
-    for table in findings.flights.plan.scenario.expect:
-        if table.status:
-            end = f"{status_words(table.status)} instead of completed"
-            stated.setdefault(_about(table.model_dump()), []).append(end)
-    for bound in findings.values["requirements"]:
-        stated.setdefault(_about(bound), []).append(bound_words(bound))
-    parts = [(f"for {who}: " if who else "") + ", ".join(own) for who, own in stated.items()]
-    return f"A flight succeeds if it is completed{' with ' if parts else ''}{'; '.join(parts)}."
+def success_sentences(findings: Findings) -> str:
+    """What makes a flight succeed: a sentence for each set of groups with the same requirements."""
+    plan, groups_of = findings.flights.plan, defaultdict[str, list[str]](list)
+    for group in plan.groups:
+        stated = [table.status for table in plan.scenario.expected(group.plant, group.gains)]
+        ends = dict.fromkeys(filter(None, stated)) or ["completed"]
+        bounds = [
+            bound_words(bound)
+            for bound in findings.values["requirements"]
+            if goes_by(group.plant, bound["plant"]) and bound["gains"] in (None, group.gains)
+        ]
+        how = " or ".join(ENDS.get(end, f"ends with {status_words(end)}") for end in ends)
+        groups_of[how + (f" with {listed(bounds)}" if bounds else "")].append(group.label)
+    if len(groups_of) == 1:
+        return f"A flight succeeds if it {next(iter(groups_of))}."
+    return " ".join(
+        f"A flight of {listed(labels, 'or')} succeeds if it {how}."
+        for how, labels in groups_of.items()
+    )
 
 
-def _about(table: Mapping[str, Any]) -> str:
+def about(table: Mapping[str, Any]) -> str:
     """The plant and gains that a requirement is about; empty for all."""
     return " / ".join(filter(None, (table["plant"], table["gains"])))
 
