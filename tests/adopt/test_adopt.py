@@ -288,6 +288,9 @@ def test_a_glider_turns_about_its_steady_glide(tmp_path):
     assert trims[0]["gamma_deg"] == pytest.approx(start.gamma / DEG, abs=CENTIDEGREE)
     _, err = flighttune("trim", tmp_path / "sgs126", "--gamma", 0, status=1)
     assert re.search(r"it has no engine and glides at -\d\.\d+ deg", err)
+    speeds = "--V-a", 1, "--V-a", found["V_a_mps"]
+    (skipped,) = answer("identify", tmp_path / "sgs126", *speeds)["skipped"]
+    assert "no steady glide at V_a 1 m/s" in skipped
     # The export flies what it wrote in JSBSim alone, and fails where that is another flight.
     turn, out = tmp_path / "sgs126/turn.toml", tmp_path / "alone"
     answer("export", turn, "--gains", "tuned_identified", "--out", out)

@@ -21,7 +21,7 @@ from made_up import shortened
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft, save_gains
 from flighttune.errors import InputError
-from flighttune.export import CSV, export_jsbsim
+from flighttune.export import CSV, export_jsbsim, jsbsim_folder
 from flighttune.export.check import differences
 from flighttune.flight.fly import fly_alone
 from flighttune.flight.outer_loop import gain_set
@@ -223,6 +223,17 @@ def test_a_flight_of_jsbsim_that_is_cut_off_is_no_fault(tmp_path, monkeypatch, t
     run = SimpleNamespace(t=[0.0, 1.0])
 
     assert differences([], csv, 0.0, run) == ({}, "JSBSim's flight.csv cannot be read")
+
+
+def test_a_flight_that_jsbsim_did_not_fly_is_compared_with_none(tmp_path, monkeypatch):
+    ended = SimpleNamespace(status="left_envelope", reason="alpha is too large.")
+    monkeypatch.setattr(jsbsim_folder, "fly_once", lambda *_, **__: ended)
+    monkeypatch.setattr(jsbsim_folder, "differences", lambda *_: ({}, "JSBSim did not fly it"))
+    scenario = ft.load_scenario("level_turn")
+
+    made = export_jsbsim(scenario, "paper", gain_set(scenario, "paper"), tmp_path)
+
+    assert made.verdict.endswith("is not that of `flighttune fly`: JSBSim did not fly it.")
 
 
 @pytest.mark.slow
