@@ -149,10 +149,10 @@ def adopt(
     """
     began = time.monotonic()
     models = models_of_jsbsim()
-    if model.endswith(SET) or (model not in models and Path(model).is_dir()):
+    if model.endswith(SET) or (model not in models and os.path.isdir(model)):
         model = str(_of_flightgear(Path(model)))
     if model.endswith(".xml"):
-        if not Path(model).is_file():
+        if not os.path.isfile(model):  # a name may be too long for `Path`
             raise InputError(f"{model}: must be the main file of a model, got no file.")
         model = os.path.relpath(Path(model).resolve(), folder.resolve())
     elif model not in models:
@@ -183,7 +183,7 @@ def adopt(
 
 def _of_flightgear(path: Path) -> Path:
     """The main file that a ``-set.xml``, or that in a folder, names for JSBSim."""
-    if not path.exists():
+    if not os.path.exists(path):
         raise InputError(f"{path}: must be a file or folder of FlightGear's, got no such file.")
     files = sorted(path.glob(f"*{SET}")) if path.is_dir() else [path]
     named = {
@@ -196,7 +196,7 @@ def _of_flightgear(path: Path) -> Path:
         raise InputError(f"{path}: must hold one aircraft of JSBSim's (*{SET}), got {several}.")
     file, aero = next(iter(named.items()))
     main = file.parent / f"{aero}.xml"
-    if not aero or not main.resolve().is_relative_to(file.parent.resolve()):
+    if not aero or not Path(os.path.realpath(main)).is_relative_to(os.path.realpath(file.parent)):
         raise InputError(f'{file}: `aero` must name a file in its folder, got "{aero}".')
     return main
 
@@ -207,7 +207,7 @@ def _settings(file: Path) -> dict[str, str]:
     The first file that has a value sets it.
     """
     values: dict[str, str] = {}
-    files = [file.resolve()]
+    files = [Path(os.path.realpath(file))]
     for path in files:
         root = read_xml(path, str(path))
         for element in root.iterfind("sim/*"):

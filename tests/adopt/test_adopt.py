@@ -227,6 +227,11 @@ def test_the_main_file_is_found_by_the_files_of_flightgear(own, tmp_path):
     assert "none-set.xml: must be a file or folder of FlightGear's, got no such file" in err
 
 
+def test_a_name_too_long_for_a_file_is_that_of_none():
+    for ending in ("", ".xml", "-set.xml"):
+        flighttune("adopt", 300 * "x" + ending, status=2)
+
+
 @pytest.mark.parametrize("aero", ["", "../sonde", "/etc/passwd"])
 def test_the_main_file_of_flightgear_is_in_the_folder_or_below(own, tmp_path, aero):
     file = own("<wingarea.*?>[^<]*", '<wingarea unit="M2"> 0 ')
