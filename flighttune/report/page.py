@@ -233,9 +233,14 @@ def _flown_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
             aircraft.append(load_aircraft(name).title)
         except FlightTuneError:  # of somebody else's recording
             aircraft.append(name)
-    start, f = scenario.condition, scenario.flight
-    chi, gamma = scenario.followed().sampled(np.linspace(0.0, f.duration_s, ANGLES))
+    start, of = scenario.condition, "; ".join(aircraft) or "Guidance law"
+    t = np.linspace(0.0, scenario.flight.duration_s, ANGLES)
+    chi, gamma = scenario.followed().sampled(t)
     angles = f"{_moves('course', start.chi, chi)} and {_moves('path angle', start.gamma, gamma)}"
+    return f"{of}: at {start.V_a:g} m/s in {_air_in_words(scenario)}, {angles}."
+
+
+def _air_in_words(scenario: Scenario) -> str:
     disturbance = scenario.disturbance
     blows = disturbance is not None and disturbance.as_wind
     air = {
@@ -245,9 +250,7 @@ def _flown_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
         "turbulence": scenario.turbulence,
     }
     weather = listed([name for name, table in air.items() if table]) or "calm air"
-    disturbed = ", with a disturbance" if disturbance and not blows else ""
-    of = "; ".join(aircraft) or "Guidance law"
-    return f"{of}: at {start.V_a:g} m/s in {weather}{disturbed}, {angles}."
+    return f"{weather}, with a disturbance" if disturbance and not blows else weather
 
 
 def _moves(name: str, start: float, reference: FloatArray) -> str:

@@ -18,6 +18,7 @@ from flighttune.present.palette import line_styles
 from flighttune.recording.entities import runs_to_draw
 from flighttune.recording.plots import shown_plots, with_derived
 from flighttune.recording.record import record
+from flighttune.report.gap import causes
 from flighttune.scenario import load_scenario, scenario_from
 from flighttune.shipped import aircraft_folder
 
@@ -38,6 +39,7 @@ def test_the_rungs_go_from_the_papers_law_to_the_aircraft(paper_gap):
     assert (paper_gap.status, paper_gap.reason, paper_gap.failed) == ("explained", "", {})
     assert [run.provenance.plant for run in paper_gap.runs] == RUNGS
     assert {run.duration for run in paper_gap.runs} == {20.0}
+    assert all(" on kinematic and " in sentence for sentence in causes(paper_gap))
     for rung in paper_gap.runs[:-1]:
         assert not {*WIND} & {*rung.signals}  # in still air
 

@@ -21,6 +21,13 @@ def drawn(chart):
     return ElementTree.fromstring(chart.svg().replace("<svg ", f'<svg xmlns="{SVG[1:-1]}" ', 1))
 
 
+def test_a_logarithmic_axis_that_begins_at_zero_is_linear():
+    chart = Chart(title="bound", x="t", y="norm", log="x", x_range=(0.0, 1.0))
+    chart.line([0.0, 1.0], [1.0, 2.0], BLUE)
+
+    assert drawn(chart).get("data-log") == ""
+
+
 def points(path):
     return np.array(
         [[float(x) for x in pair.split(",")] for pair in re.findall(r"[-\d.]+,[-\d.]+", path)]
