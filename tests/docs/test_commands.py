@@ -54,6 +54,7 @@ NOT_RUN = {
     "flighttune design aerosonde": "writes into the package, without --dry-run",
     "flighttune design c172p": "writes into the package",
     "flighttune adopt models/mine.xml": "a model of the reader's own",
+    "flighttune adopt Aircraft/": "an aircraft of FlightGear",
     "flighttune design mine": "an aircraft of the reader's own",
     "flighttune identify mine": "an aircraft of the reader's own",
     "flighttune compare baseline/paper": "files of the reader's own",
