@@ -222,7 +222,8 @@ def _flown(flown: "FlownScenario", files: "RecordedFiles", tubes: Answer, source
             "runs": runs,
             "claim": {
                 "claim": flown.scenario.verifies,
-                **pick(claim, "verdict sentence requirements met not_flown"),
+                **pick(claim, "verdict sentence"),
+                **pick(claim.total, "requirements met not_flown"),
                 "bounds": bounds,
             },
             "missed": missed,
