@@ -97,11 +97,11 @@ class PIGains:
         )
 
 
+# K* as printed below Eq. (43) of arXiv 2411.13140; rows phi, n_z; columns e_chi, e_gamma.
 PAPER_GAINS = PIGains(
     K_P=np.array([[1.6968, 0.5906], [-0.5906, 1.9556]]),
     K_I=np.array([[3.4869, 0.1784], [-0.1784, 3.4869]]),
 )
-"""K* as printed below Eq. (43) of arXiv 2411.13140; rows phi, n_z; columns e_chi, e_gamma."""
 
 # Table 2 of arXiv 2411.13140: K = K* - epsilon (I, I).
 PAPER_EPSILON = {"K1": -4.0, "K2": -2.0, "K3": -1.0, "K4": 0.5, "K5": 0.8, "K6": 1.0}

@@ -11,8 +11,8 @@ from flighttune.simulate.run import Run
 
 ERRORS = ("chi_err", "gamma_err")
 
+# Half width (rad) below which bounds count as that wide: a tube may begin at a point
 NARROWEST = 1e-9
-"""Half width (rad) below which bounds count as that wide: a tube may begin at a point."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

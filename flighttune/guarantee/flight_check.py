@@ -22,14 +22,13 @@ from flighttune.simulate.run import Run
 from flighttune.theory.attractor import Ellipsoid, invariant_ellipsoid
 from flighttune.theory.indicators import Indicators, indicators
 
+# Part by which a bound may be exceeded before it counts as exceeded
 ROUNDING = 1e-6
-"""Part by which a bound may be exceeded before it counts as exceeded."""
 
+# Change of slope of the reference, rad a sample, beyond which it counts as moved.
+#
+# A step of the reference is a jump of s that no disturbance explains: the bound starts anew.
 REFERENCE_MOVED = 1e-9
-"""Change of slope of the reference, rad a sample, beyond which it counts as moved.
-
-A step of the reference is a jump of s that no disturbance explains: the bound starts anew.
-"""
 
 NEEDED = ("chi", "gamma", "chi_ref", "gamma_ref", "chi_err", "gamma_err", "phi_cmd", "n_z_cmd")
 LIMITED = ("phi_limited", "n_z_limited")

@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 CHANNELS = ("chi", "gamma")
 
+# Samples of a flight that give two values of the mismatch's derivative
 LEAST_SAMPLES = 4
-"""Samples of a flight that give two values of the mismatch's derivative."""
 
 
 def trim_of(run: Run) -> Trim | None:
@@ -112,5 +112,5 @@ def _point_mass(signals: "pd.DataFrame", level: FloatArray, trim: Trim) -> tuple
     return chi_dot / level, gamma_dot + trim.g / V_a * (1.0 - level)
 
 
+# Rates under the commands of a flight, by the kind of plant that a law is made for
 MODELLED = {"kinematic": _kinematic, "point_mass": _point_mass}
-"""Rates under the commands of a flight, by the kind of plant that a law is made for."""

@@ -34,19 +34,19 @@ from flighttune.tube.sample import (
     ordered,
 )
 
+# Overlap of the halves of a piece, rad and 1: by rounding, a computed flight may be on the other
+# side of a limit than the exact one.
 OVERLAP = 1e-9
-"""Overlap of the halves of a piece, rad and 1: by rounding, a computed flight may be on the other
-side of a limit than the exact one."""
 
+# Number of symbols that a sample adds after those of the roll command: two integrals, load factor,
+# lift, course and path angle.
 SYMBOLS_AFTER_ROLL = 6
-"""Number of symbols that a sample adds after those of the roll command: two integrals, load factor,
-lift, course and path angle."""
 
+# Largest tangent of a roll command before limits: 86 deg
 STEEPEST_ROLL = 14.0
-"""Largest tangent of a roll command before limits: 86 deg."""
 
+# Whether no flight of a piece is beyond a limit, all are, or it is not known
 FREE, LIMITED, OPEN = -1, 1, 0
-"""Whether no flight of a piece is beyond a limit, all are, or it is not known."""
 
 
 def enclosure_of(loop: SampledLoop, pieces: Pieces, plan: Plan) -> Enclosure:

@@ -21,14 +21,14 @@ from flighttune.tube.interval import Interval, outward
 
 ULP = 2.0**-52
 
+# Roundings allowed for besides those of the sum: of a coefficient, of a quotient of constants
 MORE_ROUNDINGS = 8
-"""Roundings allowed for besides those of the sum: of a coefficient, of a quotient of constants."""
 
+# Factor that outdoes the rounding of up to a hundred sums of positive numbers
 UP = 1.0 + 2.0**-44
-"""Factor that outdoes the rounding of up to a hundred sums of positive numbers."""
 
+# Outdoes the underflow of a sum
 TINY = 1e-300
-"""Outdoes the underflow of a sum."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

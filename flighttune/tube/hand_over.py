@@ -19,8 +19,8 @@ from flighttune.tube.forms import MORE_ROUNDINGS, TINY, ULP, UP, Pieces, transfo
 from flighttune.tube.interval import Unbounded
 from flighttune.tube.sample import RATES, Plan, SampledLoop
 
+# Most symbols of the set while it is mapped through the samples
 SYMBOLS = 300
-"""Most symbols of the set while it is mapped through the samples."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -13,26 +13,27 @@ from flighttune.theory.exact import Rationals, exact, identity
 from flighttune.tube.interval import Interval, Unbounded
 
 LEAST_TERMS = 12
+
+# Boxes tried for the values within a sample
 PICARD = 30
-"""Boxes tried for the values within a sample."""
 
+# Outdoes the rounding of a sum of a dozen products, relative to the sum of their sizes
 ROUNDING = 1e-13
-"""Outdoes the rounding of a sum of a dozen products, relative to the sum of their sizes."""
 
+# Part of its width by which a box is widened before it is tried again
 WIDER = 0.05
-"""Part of its width by which a box is widened before it is tried again."""
 
+# Steps within a sample, times the sample time and the norm of A
 SHORT = 3.0
-"""Steps within a sample, times the sample time and the norm of A."""
 
+# Sum of a geometric series of 1/`SHORT`
 FURTHER = 1.0 / (1.0 - 1.0 / SHORT)
-"""Sum of a geometric series of 1/`SHORT`."""
 
+# Widening of a box that is tried, for one that has no width
 SLACK = 1e-9
-"""Widening of a box that is tried, for one that has no width."""
 
+# Bound on what the exponential series leaves out
 REMAINDER = Fraction(1, 10**22)
-"""Bound on what the exponential series leaves out."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -36,11 +36,11 @@ from flighttune.tube.hand_over import HandOver
 from flighttune.tube.lag import SampledLag
 from flighttune.tube.sample import PLANNED, RATES, REFERENCE, SampledLoop
 
+# Quantities that a tube bounds: errors in rad, commands in rad and 1
 QUANTITIES = ("chi_err", "gamma_err", "phi_cmd", "n_z_cmd")
-"""Quantities that a tube bounds: errors in rad, commands in rad and 1."""
 
+# Numbers in a file above which a proof would only take up time and memory
 MAX_PIECES, MAX_SYMBOLS = 4096, 20000
-"""Numbers in a file above which a proof would only take up time and memory."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -44,32 +44,32 @@ from flighttune.tube.sample import Channel, Cut, SampledLoop, start_set
 from flighttune.value_file import STRICT, tables_of, value_of
 from flighttune.whole_file import whole_file
 
+# Margin, rad and 1, of the bounds in a file over those proven: another machine may add up in
+# another order.
 BOUND_MARGIN = 1e-9
-"""Margin, rad and 1, of the bounds in a file over those proven: another machine may add up in
-another order."""
 
+# Largest difference, in rad, 1 and rad/s, between a feasible reference in a file and the same
+# reference rebuilt. An optimiser makes it, and its last digits differ from machine to machine: by
+# up to 5.3e-9 where inputs change by 1e-14. It is 0.00006 deg; tubes are wider than 0.001 deg.
 SAME_REFERENCE = 1e-6
-"""Largest difference, in rad, 1 and rad/s, between a feasible reference in a file and the same
-reference rebuilt. An optimiser makes it, and its last digits differ from machine to machine: by up
-to 5.3e-9 where inputs change by 1e-14. It is 0.00006 deg; tubes are wider than 0.001 deg."""
 
+# Sizes of all members and of a file above which it is not read: three and five times those of the
+# largest tube known, of an aircraft in the paper's step.
 MAX_BYTES, MAX_COMPRESSED = 128_000_000, 32_000_000
-"""Sizes of all members and of a file above which it is not read: three and five times those of the
-largest tube known, of an aircraft in the paper's step."""
 
+# Number of samples of a round above which a proof would only take up time
 MAX_SAMPLES = 10000
-"""Number of samples of a round above which a proof would only take up time."""
 
+# Most numbers in the arrays of a set: four times those of a search; a split at most doubles them
 MAX_NUMBERS = 2**23
-"""Most numbers in the arrays of a set: four times those of a search; a split at most doubles
-them."""
 
 FLOAT, SINGLE, BOOL, TEXT = np.dtype("<f8"), np.dtype("<f4"), np.dtype(bool), np.dtype("<U")
 ALWAYS = {"claim": TEXT, "bounds": FLOAT, "held": BOOL, "chosen": SINGLE}
 EVER = {"W": FLOAT, "centre": FLOAT, "size": FLOAT, "bounds": FLOAT, "chosen": SINGLE}
+
+# Arrays that a file may have, and their types; all but `ALWAYS` only where they are needed, those
+# of `EVER` with a set that is kept.
 MEMBERS = {**ALWAYS, "reference": FLOAT, "boxes": FLOAT} | {f"ever_{x}": EVER[x] for x in EVER}
-"""Arrays that a file may have, and their types; all but `ALWAYS` only where they are needed, those
-of `EVER` with a set that is kept."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

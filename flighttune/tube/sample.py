@@ -42,54 +42,54 @@ from flighttune.tube.interval import LARGEST_ANGLE, Interval, Unbounded, cosine,
 from flighttune.tube.lag import SampledLag
 from flighttune.tube.point_mass import point_mass_sample
 
+# Rows of the state; the errors are those of the sample before. `EXTRA_LIFT` is the load-factor
+# command beyond its feed-forward, or, of the exact law, times the cosine of the roll command.
 CHI, GAMMA, PHI, EXTRA_LIFT, PHI_INTEGRAL, N_Z_INTEGRAL, CHI_ERR, GAMMA_ERR = range(8)
-"""Rows of the state; the errors are those of the sample before. `EXTRA_LIFT` is the load-factor
-command beyond its feed-forward, or, of the exact law, times the cosine of the roll command."""
 
 STATES = 8
 
+# Kinds of the symbols of a load-factor command that passes a lag, and of the difference of the roll
+# seen from that behind the lag.
 N_Z, ROLL_BEYOND = STATES, STATES + 1
-"""Kinds of the symbols of a load-factor command that passes a lag, and of the difference of the
-roll seen from that behind the lag."""
 
+# Part of that difference that is kept from sample to sample; 1 less it is exact
 ROLL_KEPT = 0.875
-"""Part of that difference that is kept from sample to sample; 1 less it is exact."""
 
+# Kinds of the symbols of the two commands
 KINDS = PHI, EXTRA_LIFT
-"""Kinds of the symbols of the two commands."""
 
+# Number of splits that a piece remembers
 SPLITS = 4
-"""Number of splits that a piece remembers."""
 
+# Rows of constraints: the splits, then for each command the part that limits hold back
 CONSTRAINTS = SPLITS + 2
-"""Rows of constraints: the splits, then for each command the part that limits hold back."""
 
+# Half width of a range, rad and 1, below which it is not remembered: it excludes nothing
 NARROWEST = 1e-9
-"""Half width of a range, rad and 1, below which it is not remembered: it excludes nothing."""
 
+# Most symbols that a sample adds: of the paper's law 12 for the kinks of four limits, 2 commands, 2
+# integrals, course, path angle, and behind lags a load factor and a roll seen. The exact law adds
+# 7, and one more for every time that pieces are split after its roll command.
 FRESH_SYMBOLS = 20
-"""Most symbols that a sample adds: of the paper's law 12 for the kinks of four limits, 2 commands,
-2 integrals, course, path angle, and behind lags a load factor and a roll seen. The exact law adds
-7, and one more for every time that pieces are split after its roll command."""
 
+# Every so many samples accumulated errors become symbols, so that feedback can reduce them
 REDUCE_EVERY = 25
-"""Every so many samples accumulated errors become symbols, so that feedback can reduce them."""
 
+# Bound, rad and 1, on the error of a computed flight in a sample: that of the classical Runge-Kutta
+# rule over 0.02 s, and some rounding.
 COMPUTED = 1e-11
-"""Bound, rad and 1, on the error of a computed flight in a sample: that of the classical
-Runge-Kutta rule over 0.02 s, and some rounding."""
 
+# Columns of the reference of a loop: angles to follow, commands planned for them, their rates
 REFERENCE, PLANNED, RATES = slice(0, 2), slice(2, 4), slice(4, 6)
-"""Columns of the reference of a loop: angles to follow, commands planned for them, their rates."""
 
+# Rows of the boxes of a loop: disturbances of the two rates, roll seen beyond that behind the lag,
+# and its change to the next sample.
 D, ROLL, ROLL_CHANGE = slice(0, 2), 2, 3
-"""Rows of the boxes of a loop: disturbances of the two rates, roll seen beyond that behind the lag,
-and its change to the next sample."""
 
 CLIMB = "the flight-path angle"
 
+# Largest flight-path angle of the exact point mass, which has no course at 90 deg
 STEEPEST = math.radians(85.0)
-"""Largest flight-path angle of the exact point mass, which has no course at 90 deg."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -148,9 +148,9 @@ class Channel(NamedTuple):
     excesses: Mapping[float, Quantity]  # over the limits that there are: 1 above and -1 below
 
 
+# A split by the excess of a channel on a side: of which pieces, at which of its values, and into
+# which constraint row.
 Cut: TypeAlias = tuple[int, float, Flags, FloatArray, Indices]
-"""A split by the excess of a channel on a side: of which pieces, at which of its values, and into
-which constraint row."""
 
 
 class Plan(Protocol):
@@ -186,10 +186,10 @@ class Controlled(NamedTuple):
     limited: Sequence[bool]  # whether a limit can hold the command
 
 
+# Course, flight-path angle, the row `EXTRA_LIFT` and those of the lags one sample later; the values
+# of the two commands in between; and how far apart the rates of a flight can be within the sample,
+# shape (2,), rad/s.
 Flown: TypeAlias = tuple[list[Form], list[Interval], FloatArray]
-"""Course, flight-path angle, the row `EXTRA_LIFT` and those of the lags one sample later; the
-values of the two commands in between; and how far apart the rates of a flight can be within the
-sample, shape (2,), rad/s."""
 
 
 def start_set(loop: SampledLoop, within_start: float, sides: int, symbols: int) -> Pieces:

@@ -31,33 +31,33 @@ from flighttune.tube.sample import (
     SampledLoop,
 )
 
+# Symbols removed at a time
 REMOVED_AT_ONCE = 70
-"""Symbols removed at a time."""
 
+# Cost of widening a row when symbols are removed; 1 for the other rows
 WEIGHT = {EXTRA_LIFT: 0.5, CHI_ERR: 0.1, GAMMA_ERR: 0.1}
-"""Cost of widening a row when symbols are removed; 1 for the other rows."""
 
 CONSTRAINT_WEIGHT = 0.02
 
+# Size of the set by which the loop is linearised
 LINEARISED_SIZE = 1e-6
-"""Size of the set by which the loop is linearised."""
 
+# Largest number N of samples that map a set into itself
 MAX_SAMPLES = 800
-"""Largest number N of samples that map a set into itself."""
 
+# Contraction of the linear loop over N samples, by which N is chosen
 CONTRACTION = 0.15
-"""Contraction of the linear loop over N samples, by which N is chosen."""
 
+# Eigenvalue below which a mode has decayed within a few samples
 FAST_EIGENVALUE = 0.5
-"""Eigenvalue below which a mode has decayed within a few samples."""
 
+# Size of the first set that is tried, relative to that of the last sample
 FIRST_SIZE = 2.0
-"""Size of the first set that is tried, relative to that of the last sample."""
 
 GROWTH, ROUNDS = 1.3, 6
 
+# Share of the set left free by the search: another machine may add up in another order
 SLACK = 1e-6
-"""Share of the set left free by the search: another machine may add up in another order."""
 
 
 class Search:

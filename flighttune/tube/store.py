@@ -30,19 +30,19 @@ if TYPE_CHECKING:
     from flighttune.conformance import Conformance
     from flighttune.tube.problem import Tube
 
+# Subfolder with the tubes of the runs in a folder
 FOLDER = "tubes"
-"""Subfolder with the tubes of the runs in a folder."""
 
+# Tables of a scenario that a tube does not depend on
 NOT_OF_FLIGHT = ("title", "verifies", "source", "seed", "gains", "expect", "tuning", "envelope")
-"""Tables of a scenario that a tube does not depend on."""
 
+# Keys of the metadata, in the order of the file: its description as JSON, and its SHA-256
 ABOUT, SEAL = b"flighttune.tube", b"flighttune.file"
-"""Keys of the metadata, in the order of the file: its description as JSON, and its SHA-256."""
 
 KIND, REMEDY = "Parquet file of a tube", "delete it and make it again with --tube"
 
+# Units of columns; all others are in rad
 UNITS = {"t": "s", "n_z_cmd_low": "1", "n_z_cmd_high": "1"}
-"""Units of columns; all others are in rad."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -24,11 +24,11 @@ from flighttune.tube.problem import (
 from flighttune.tube.sample import start_set
 from flighttune.tube.search import Search, coordinates, hand_over
 
+# Time, s, within which the width of a set that is about to be lost doubles
 DOUBLING = 0.2
-"""Time, s, within which the width of a set that is about to be lost doubles."""
 
+# Disturbances that are tried, rad/s: all of two digits
 DISTURBANCES = [float(f"{digits}e{power}") for power in range(-6, 0) for digits in range(10, 100)]
-"""Disturbances that are tried, rad/s: all of two digits."""
 
 UNKNOWN_START = "in wind the path over ground begins elsewhere, and the scenario states no wind"
 

@@ -31,27 +31,28 @@ from flighttune.tuning.problem import TuningProblem, search_space
 from flighttune.tuning.program import stabilising_starts
 from flighttune.tuning.tune import tune_by_gradient
 
+# Relative accuracy of the largest factor
 FACTOR_TOLERANCE = 1e-3
-"""Relative accuracy of the largest factor."""
 
+# An envelope is not grown beyond this
 LARGEST_FACTOR = 64.0
-"""An envelope is not grown beyond this."""
 
+# Points of a curve of rates
 SAMPLES = 41
-"""Points of a curve of rates."""
 
+# Accuracy of the largest factor: any closer, the rate is lost in that of the solver
 END_SHOWN = 0.995
-"""Accuracy of the largest factor: any closer, the rate is lost in that of the solver."""
 
+# Steps in which an envelope is grown towards the required one before giving up
 GROWTHS = 12
-"""Steps in which an envelope is grown towards the required one before giving up."""
 
+# Trust region on each gain, relative to it (to one for small ones)
 FIRST_STEP, SMALLEST_STEP = 0.3, 1e-4
-"""Trust region on each gain, relative to it (to one for small ones)."""
 
 ITERATIONS = 60
+
+# Two steps in a row with a smaller relative gain of rate end the ascent
 MIN_GAIN = 1e-5
-"""Two steps in a row with a smaller relative gain of rate end the ascent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

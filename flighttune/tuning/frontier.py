@@ -23,8 +23,9 @@ POINTS = 25
 WIDEST = 3.0
 
 DECADE = 10.0
+
+# Part of the height left for names above and below the marks
 ROOM = 0.08
-"""Part of the height left for names above and below the marks."""
 
 
 def frontier(

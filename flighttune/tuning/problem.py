@@ -16,8 +16,8 @@ from flighttune.theory.indicators import state_scaling
 
 Method: TypeAlias = Literal["gradient", "genetic", "convex"]
 
+# Default bound on the size of every gain: the problem has no optimum among unbounded ones
 LARGEST_GAIN = 1e3
-"""Default bound on the size of every gain: the problem has no optimum among unbounded ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -15,32 +15,33 @@ from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
 
 Objective = Literal["R_K", "I_K", "factor", "trace"]
 
+# Cost of (top, bottom, sigma_floor, factor) for each objective
 COSTS = {
     "R_K": (1.0, 0.0, 0.0, 0.0),
     "I_K": (2.0, -1.0, -1.0, 0.0),
     "factor": (0.0, 0.0, 0.0, 1.0),
     "trace": (0.0, 0.0, 0.0, 0.0),
 }
-"""Cost of (top, bottom, sigma_floor, factor) for each objective."""
 
 SMALLEST_FACTOR = 1e-6
+
+# SLSQP is started again where its iterations ended: a fresh estimate of the curvature often gets
+# further.
 ACCURACY, MAX_ITERATIONS, MAX_RUNS = 1e-10, 100, 3
-"""SLSQP is started again where its iterations ended: a fresh estimate of the curvature often gets
-further."""
 
+# Status of SLSQP
 OUT_OF_ITERATIONS = 9
-"""Status of SLSQP."""
 
+# Relative distance from every limit. SLSQP meets a constraint to about 1e-10, and gains must not
+# break a limit by that.
 MARGIN = 1e-9
-"""Relative distance from every limit. SLSQP meets a constraint to about 1e-10, and gains must not
-break a limit by that."""
 
+# Stands for the logarithms of an unstable loop's spectra: worse than those of any stable loop, so
+# that the line search turns back.
 UNSTABLE_LOG = 30.0
-"""Stands for the logarithms of an unstable loop's spectra: worse than those of any stable loop, so
-that the line search turns back."""
 
+# `top` is above its spectrum, `bottom` and `sigma_floor` are below theirs
 SIGNS = np.array([[1.0], [-1.0], [-1.0]])
-"""`top` is above its spectrum, `bottom` and `sigma_floor` are below theirs."""
 
 
 def _parts(z: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -239,8 +240,9 @@ def _affine_loops(problem: TuningProblem) -> tuple[FloatArray, FloatArray]:
 
 
 REGULATORS = 16
+
+# Candidates: this many regulators with random weights, each changed at random this often
 VARIANTS = 16
-"""Candidates: this many regulators with random weights, each changed at random this often."""
 
 
 def stabilising_starts(problem: TuningProblem, space: SearchSpace, starts: int) -> FloatArray:

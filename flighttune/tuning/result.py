@@ -15,10 +15,11 @@ from flighttune.tuning.problem import TuningProblem, search_space
 
 Status = Literal["optimal", "infeasible", "failed"]
 
+# Relative amount by which rounding may exceed a limit
 ROUNDING = 1e-9
-"""Relative amount by which rounding may exceed a limit."""
+
+# Relative distance within which a limit counts as binding
 BINDING = 1e-5
-"""Relative distance within which a limit counts as binding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -32,22 +32,24 @@ from flighttune.tuning.result import (
 
 STARTS = 4
 
+# Starts that must all miss feasibility before the smallest I_K is looked for
 PROBES = 2
-"""Starts that must all miss feasibility before the smallest I_K is looked for."""
 
 AGREEMENT = 1e-4
+
+# Share of R_K given up for a smaller trace of Q where I_K does not bind
 RATE_GIVEN_UP = 1e-4
-"""Share of R_K given up for a smaller trace of Q where I_K does not bind."""
 
+# Bounds on the gains of the convex starts
 SIZES = (0.5, 1.0, 2.0, 4.0, 8.0)
-"""Bounds on the gains of the convex starts."""
 
+# Box of the search where the problem has no tighter one; evolution needs a small one
 EVOLVED_GAIN = 10.0
-"""Box of the search where the problem has no tighter one; evolution needs a small one."""
 GENERATIONS = 1000
 POPULATION = 15
+
+# Cost of an unstable loop, besides its spectral abscissa: more than that of any stable one
 UNSTABLE = 1e6
-"""Cost of an unstable loop, besides its spectral abscissa: more than that of any stable one."""
 
 
 def tune(

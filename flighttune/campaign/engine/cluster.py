@@ -15,16 +15,16 @@ from flighttune.campaign.flying.rows import Draw
 from flighttune.errors import CampaignError, InputError, PlantError
 from flighttune.extras import need
 
+# Loggers that report what is an outcome here: lost workers and closed connections
 QUIET = ("distributed", "distributed.client", "tornado.application", "asyncio")
-"""Loggers that report what is an outcome here: lost workers and closed connections."""
 
 CONNECT_S = 10.0
 
+# Time that workers may take to stop
 STOP_S = 5.0
-"""Time that workers may take to stop."""
 
+# Largest age of a count of the workers
 COUNT_S = 1.0
-"""Largest age of a count of the workers."""
 
 
 def check_scheduler(scheduler: str) -> tuple[str, int]:

@@ -29,17 +29,17 @@ from flighttune.errors import InputError, RecordingError
 from flighttune.flight.fly import library_versions
 from flighttune.flight.refly import changed_versions
 
+# Draws at the first interim analysis
 FIRST_DRAWS = 100
-"""Draws at the first interim analysis."""
 
+# Runs at an interim analysis over those at the one before
 GROWTH = 1.25
-"""Runs at an interim analysis over those at the one before."""
 
+# A timing that takes at least this long is accurate enough, s
 ENOUGH_S = 0.25
-"""A timing that takes at least this long is accurate enough, s."""
 
+# Factor by which the number of runs grows from one timing to the next
 MORE = 4
-"""Factor by which the number of runs grows from one timing to the next."""
 
 
 def run_campaign(

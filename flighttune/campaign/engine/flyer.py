@@ -27,18 +27,18 @@ if TYPE_CHECKING:
 
 SERVER = "flighttune.campaign.engine.server"
 
+# Set to 1 in each process: one flight uses one core, and BLAS gives the same bits everywhere
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-"""Set to 1 in each process: one flight uses one core, and BLAS gives the same bits everywhere."""
 
+# File in the temporary folder of a process, locked until the process ends, however it ends
 LOCK = "lock"
-"""File in the temporary folder of a process, locked until the process ends, however it ends."""
 
+# Longest time until a thread notices that the flights have been stopped, s
 STOP_S = 0.1
-"""Longest time until a thread notices that the flights have been stopped, s."""
 
+# Row of a run or its recorded signals; for a run without them an error, or how its process ended
+# (the exit code, which is that of SIGALRM after the time limit).
 Answer: TypeAlias = "Row | bytes | str | int"
-"""Row of a run or its recorded signals; for a run without them an error, or how its process ended
-(the exit code, which is that of SIGALRM after the time limit)."""
 
 OF_THREAD = threading.local()
 

@@ -26,15 +26,15 @@ from flighttune.campaign.planning.plan import Plan
 from flighttune.errors import InputError
 from flighttune.simulate.batch import cores
 
+# Tasks handed to each worker: one in flight, and one ready for when that ends
 TASKS_PER_WORKER = 2
-"""Tasks handed to each worker: one in flight, and one ready for when that ends."""
 
+# Longest wait for a result before progress is shown and a stop is noticed, s
 POLL_S = 0.2
-"""Longest wait for a result before progress is shown and a stop is noticed, s."""
 
+# Rows are written after a further twentieth of the time so far, but at least 0.25 s and at most 10
+# s apart: a killed campaign loses little, and a long one has few files.
 KEEP_S, KEEP_SHARE, KEEP_MAX_S = 0.25, 0.05, 10.0
-"""Rows are written after a further twentieth of the time so far, but at least 0.25 s and at most
-10 s apart: a killed campaign loses little, and a long one has few files."""
 
 
 class Threads:

@@ -9,6 +9,7 @@ from flighttune.campaign.planning.schema import MEASURES, Choice, Dispersion, Gr
 from flighttune.metrics import unit_of
 from flighttune.present.names import UNIT_OF_SUFFIX
 
+# Unit of a key of a scenario by how it ends, longest ending first
 UNITS_OF_ENDINGS = UNIT_OF_SUFFIX | {
     "_mps2": "m/s^2",
     "_rad": "rad",
@@ -16,8 +17,8 @@ UNITS_OF_ENDINGS = UNIT_OF_SUFFIX | {
     "_hz": "1/s",
     "_amplitude": "rad/s",
 }
-"""Unit of a key of a scenario by how it ends, longest ending first."""
 
+# Columns before the dispersed keys
 BEFORE = {
     "run": pa.int64(),
     "draw": pa.int64(),
@@ -25,22 +26,21 @@ BEFORE = {
     "gains": pa.string(),
     "seed": pa.int64(),
 }
-"""Columns before the dispersed keys."""
 
+# Columns after the dispersed keys, before the measures
 OUTCOME = {
     "status": pa.string(),
     "reason": pa.string(),
     "success": pa.bool_(),
     "missed": pa.string(),
 }
-"""Columns after the dispersed keys, before the measures."""
 
+# Columns after the measures: type and unit
 AFTER = {
     "R_K": (pa.float64(), "1/s"),
     "I_K": (pa.float64(), "s^2"),
     "wall_s": (pa.float64(), "s"),
 }
-"""Columns after the measures: type and unit."""
 
 
 def row_schema(plan: Plan, probes: Iterable[str] = ()) -> pa.Schema:

@@ -17,19 +17,18 @@ from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.batch import SIGNALS, BatchResult, fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 
+# `BatchResult.ends` of a flight that ended at 90 deg of roll
 ROLLED = 1
-"""`BatchResult.ends` of a flight that ended at 90 deg of roll."""
 
+# Keys of a scenario that the kernel does not fly: with one of them a flight is flown alone.
+#
+# `tests/campaign/test_kinematic_batch.py` flies every key of a scenario both ways and fails for a
+# key it has not tried, so that a new key is either flown by the kernel or named here.
 NOT_IN_BATCH = (
     *("wind", "gust", "turbulence", "reference.shape"),
     *("disturbance.wave", "disturbance.chi_phase_deg", "disturbance.gamma_phase_deg"),
     *("disturbance.chi_switch_s", "disturbance.gamma_switch_s"),
 )
-"""Keys of a scenario that the kernel does not fly: with one of them a flight is flown alone.
-
-`tests/campaign/test_kinematic_batch.py` flies every key of a scenario both ways and fails for a key
-it has not tried, so that a new key is either flown by the kernel or named here.
-"""
 
 
 class FlightResult(NamedTuple):

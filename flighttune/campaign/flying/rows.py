@@ -29,27 +29,27 @@ from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 from flighttune.theory.indicators import indicators_batch
 
+# Draws whose kinematic flights are flown together: their signals stay in the processor's cache, and
+# nothing else is done here meanwhile.
 BLOCK = 64
-"""Draws whose kinematic flights are flown together: their signals stay in the processor's cache,
-and nothing else is done here meanwhile."""
 
+# Length, in samples, of the flights of `warm_up`
 SAMPLES = 4
-"""Length, in samples, of the flights of `warm_up`."""
 
+# Status of a run whose drawn values the scenario or an aircraft refuses
 INVALID = "invalid"
-"""Status of a run whose drawn values the scenario or an aircraft refuses."""
 
+# R_K and I_K
 Indicators = tuple[float | None, float | None]
-"""R_K and I_K."""
 
+# Columns of one run, as in `row_schema`; a column that is not there is null
 Row = dict[str, Any]
-"""Columns of one run, as in `row_schema`; a column that is not there is null."""
 
+# Values of a draw, as `Plan.values_of` returns them
 Drawn = Mapping[str, Any]
-"""Values of a draw, as `Plan.values_of` returns them."""
 
+# More columns: numbers of each completed flight. With any, all flights are flown one by one.
 Probes = Mapping[str, Callable[[Run, Scenario], Sequence[float]]]
-"""More columns: numbers of each completed flight. With any, all flights are flown one by one."""
 
 
 class Draw(NamedTuple):

@@ -19,17 +19,17 @@ from flighttune.campaign.planning.schema import Campaign, CorrelationTable, Grid
 from flighttune.errors import InputError
 from flighttune.scenario.schema import Scenario
 
+# Column of the seeds, and the factor that stands for chance in a Saltelli design
 SEED = "seed"
-"""Column of the seeds, and the factor that stands for chance in a Saltelli design."""
 
+# Points of the unit interval are kept this far from 0, and `1 - LARGEST_POINT` from 1: an inverse
+# CDF is infinite there.
 SMALLEST_POINT = 2.0**-54
-"""Points of the unit interval are kept this far from 0, and `1 - LARGEST_POINT` from 1: an inverse
-CDF is infinite there."""
 
 LARGEST_POINT = 1.0 - 2.0**-53
 
+# Bits of a coordinate of a Sobol point: the most with which scipy can skip points
 SOBOL_BITS = 32
-"""Bits of a coordinate of a Sobol point: the most with which scipy can skip points."""
 
 Column = npt.NDArray[np.generic]
 

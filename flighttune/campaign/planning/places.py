@@ -12,17 +12,17 @@ from flighttune.mistakes import mistakes
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 
+# Names of tables and positions in arrays from the top of a scenario to a value
 Place: TypeAlias = tuple[str | int, ...]
-"""Names of tables and positions in arrays from the top of a scenario to a value."""
 
+# Tables and keys of a scenario that are the same for all draws; each draw has its own seed
 NOT_DISPERSED = (
     *("plant.kind", "plant.aircraft", "plant.name", "gains", "tuning", "envelope", "expect"),
     *("seed", "title", "verifies", "source"),
 )
-"""Tables and keys of a scenario that are the same for all draws; each draw has its own seed."""
 
+# Hint for a key that cannot be dispersed
 INSTEAD = {"plant": "give each plant in a [[plant]]", "gains": "give each gain set in `gains`"}
-"""Hint for a key that cannot be dispersed."""
 
 SEGMENT = r"[\w/+-]+(?:\[[^\[\]]+\])*"
 PATH = re.compile(rf"{SEGMENT}(?:\.{SEGMENT})*")

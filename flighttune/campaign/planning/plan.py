@@ -23,18 +23,19 @@ from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
 from flighttune.table_file import hash_of
 
+# Version of the plain values of a plan; other versions are refused
 VERSION = 1
-"""Version of the plain values of a plan; other versions are refused."""
 
+# Keys that are text for the reader and change no row
 FOR_THE_READER = ("title", "verifies", "source")
-"""Keys that are text for the reader and change no row."""
 
 TUNED_SETS = TUNED, TUNED_IDENTIFIED
-TUNING_ROUNDING = 1e-6
-"""Largest difference between two tunings of the same problem, as a share of the largest gain."""
 
+# Largest difference between two tunings of the same problem, as a share of the largest gain
+TUNING_ROUNDING = 1e-6
+
+# Number of draws made at a time when they are requested one by one
 BLOCK = 1024
-"""Number of draws made at a time when they are requested one by one."""
 
 
 @dataclass(frozen=True, slots=True)

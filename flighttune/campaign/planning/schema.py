@@ -15,13 +15,13 @@ from flighttune.quantities import Finite, NotNegative, PathName, Positive, Table
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import CHANNEL_MEASURES, ExpectTable, PlantTable, Seed
 
+# Values of a key of a scenario
 Value: TypeAlias = bool | int | float | str
-"""Values of a key of a scenario."""
 
 Values: TypeAlias = Annotated[list[Value], Field(min_length=1)]
 
+# Characters of a key, which has a few names
 MAX_KEY = 255
-"""Characters of a key, which has a few names."""
 
 Key: TypeAlias = Annotated[str, Field(min_length=1, max_length=MAX_KEY)]
 Acts: TypeAlias = Literal["sets", "adds", "multiplies"]
@@ -29,17 +29,17 @@ Design: TypeAlias = Literal["random", "latin_hypercube", "sobol", "saltelli", "g
 Runs: TypeAlias = Annotated[int, Field(ge=1, le=10**9)]
 Count: TypeAlias = Annotated[int, Field(ge=0)]
 
+# Measures of a run, as the columns of rows are named
 MEASURES = (
     *(f"{channel}.{name}" for channel in ("chi", "gamma") for name in CHANNEL_MEASURES),
     *(f"flight.{name}" for name in FLIGHT_METRICS),
 )
-"""Measures of a run, as the columns of rows are named."""
 
+# Values of one grid key
 MAX_POINTS = 10_000
-"""Values of one grid key."""
 
+# Largest distance from a mean to the truncated range, in standard deviations
 MAX_SD = 8.0
-"""Largest distance from a mean to the truncated range, in standard deviations."""
 
 
 class DisperseTable(Table):
