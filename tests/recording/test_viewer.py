@@ -32,9 +32,9 @@ NEVER_HIDDEN = {"Course chi, reference grey [deg]", *ERRORS}
 SCENE = "Paths and aircraft"
 LANES = "Runs: limits, bound"
 
-FIRST_TABS = ["Overview", "Tracking", "Commands and limits", "Why", "Certificate"]
+FIRST_TABS = ["Overview", "Tracking", "Commands and limits", "Why"]
 LAST_TABS = ["Scenario and metrics"]
-IN_CALM_FLIGHT = [*FIRST_TABS, "Aircraft", "Controller", *LAST_TABS]
+IN_CALM_FLIGHT = [*FIRST_TABS, "Certificate", "Aircraft", "Controller", *LAST_TABS]
 IN_TURBULENCE = [*FIRST_TABS, "Aircraft", "Controller", "Weather", *LAST_TABS]
 
 LAPTOP = 1280, 720
