@@ -29,7 +29,7 @@ def whole_file(path: Path, unfinished: Path | None = None) -> Iterator[Path]:
     Raises OutputError if a folder or the file cannot be written.
     """
     folder = path.parent if unfinished is None else unfinished
-    part = folder / f"{UNFINISHED}{uuid.uuid4().hex}{path.suffix}"
+    part = folder / f"{UNFINISHED}{path.stem}-{uuid.uuid4().hex}{path.suffix}"
     try:
         for needed in (path.parent, folder):
             needed.mkdir(parents=True, exist_ok=True)
