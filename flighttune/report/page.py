@@ -254,7 +254,7 @@ def _air_in_words(scenario: Scenario) -> str:
 
 
 def _moves(name: str, start: float, reference: FloatArray) -> str:
-    """What the reference of an angle does, in degrees, from the angle at the start."""
+    """Words for the reference of an angle, in degrees, from the angle at the start."""
     path = np.round(DEG_PER_RAD * np.append(start, reference), 1) + 0.0
     first, last, low, high = (f"{end:g}°" for end in (path[0], path[-1], path.min(), path.max()))
     if low == high:
