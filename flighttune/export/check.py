@@ -1,13 +1,11 @@
 """An exported folder, flown by JSBSim in a process of its own, against the flight of `fly`."""
 
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from flighttune.errors import ending_of
+from flighttune.plants.jsbsim.model_files import failure_of_python
 from flighttune.simulate.run import Run
 from flighttune.whole_file import write_text
 
@@ -33,20 +31,9 @@ def differences(
 
     write_text(csv, "")  # so that no flight of before is compared
     time_limit = TIME_LIMIT_S + TIME_LIMIT_PER_S * (start + run.t[-1])
-    try:
-        code = subprocess.run(
-            # -P: a `jsbsim.py` in the working directory must not be imported.
-            [sys.executable, "-P", "-m", "jsbsim.script", *options],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            timeout=time_limit,
-            check=False,
-        ).returncode
-    except subprocess.TimeoutExpired:
-        return {}, f"JSBSim did not fly it within {time_limit:.0f} s"
-    if code or not csv.stat().st_size:
-        return {}, f"JSBSim did not fly it: {ending_of(code)}"
+    failure = failure_of_python("-m", "jsbsim.script", *options, time_limit=time_limit)
+    if failure:
+        return {}, f"JSBSim must fly it, but {failure}"
     try:
         written = pd.read_csv(csv, usecols=[*COLUMNS.values()], dtype=float)
     except ValueError:  # those of pandas are such errors

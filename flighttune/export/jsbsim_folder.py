@@ -39,7 +39,7 @@ SCRIPT, CSV, START, OUTER_LOOP = "flight.xml", "flight.csv", "start", "ft_outer_
 README = "README.md"
 
 # Time for which the aircraft is held still before the flight, plus that of its engine, s: delays of
-# sensors fill, and filters of the model's own flight control settle.
+# sensors fill, gear and flaps move, and filters of the model's own flight control settle.
 AT_REST = 40.0
 
 # Departure from a straight line above which a sample of a reference has a row of its own.

@@ -68,7 +68,7 @@ class ClaimCheck:
 
     # Not tested if no ``[[expect]]`` is about these runs and all were completed
     verdict: Literal["met", "not met", "not tested"]
-    counts: tuple[Counts, ...]  # Of every run
+    counts: tuple[Counts, ...]  # Those of each run
     bounds: tuple[BoundCheck, ...]  # Every bound, in the order of the runs
     # A sentence for each requirement that a run does not meet: the run, the measure, its bound,
     # the value and by how much it missed; or how the run ended

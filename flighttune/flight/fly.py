@@ -14,6 +14,7 @@ import pandas as pd
 from flighttune.control.controller import LawSetup
 from flighttune.control.gains import PIGains
 from flighttune.control.guarded import MAX_LAG_S, LawError
+from flighttune.control.law import split_name
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.errors import InputError, TrimError
@@ -27,7 +28,7 @@ from flighttune.plants.point_mass import PointMassPlant
 from flighttune.plants.weather import WIND, WindRecord
 from flighttune.scenario.load import check_aircraft
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import PlantTable
+from flighttune.scenario.tables import TUNED, PlantTable
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
 from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run, RunStatus
 from flighttune.theory.indicators import Indicators, indicators
@@ -142,7 +143,8 @@ def fly(
                 if own
                 else flight(progress=progress)
             )
-            if gains is None and tuning is not None and tuning.status != "optimal":
+            of_tuning = gains is None and split_name(name)[1] == TUNED
+            if of_tuning and tuning is not None and tuning.reason:
                 runs[table.label, name] = replace(runs[table.label, name], reason=tuning.reason)
     flown = tuple(runs[table.label, name] for table in scenario.plant for name in sets)
     return FlownScenario(scenario, flown, MappingProxyType(indicators_of), tuning)

@@ -355,18 +355,26 @@ def _end_of_trial(files: Unchanged) -> str:
     model_files(config)  # refuses parts that are not in the folders of the model
     with model_folders(config, _unweighed) as folders:
         paths = (config.folder, folders.name, folders.model, folders.engines, folders.systems)
-        try:
-            code = subprocess.run(
-                # -P: a `jsbsim.py` in the working directory must not be imported.
-                [sys.executable, "-P", "-c", _PROGRAM, *map(str, paths)],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                timeout=TIME_LIMIT_S,
-                check=False,
-            ).returncode
-        except subprocess.TimeoutExpired:
-            return f"it did not within {TIME_LIMIT_S:g} s"
+        return failure_of_python("-c", _PROGRAM, *map(str, paths), time_limit=TIME_LIMIT_S)
+
+
+def failure_of_python(*arguments: str, time_limit: float) -> str:
+    """Reason why a new process of Python failed with these arguments; empty if it did not.
+
+    `time_limit` is in s. JSBSim may crash or never return: it then ends that process alone.
+    """
+    try:
+        code = subprocess.run(
+            # -P: a `jsbsim.py` in the working directory must not be imported.
+            [sys.executable, "-P", *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            timeout=time_limit,
+            check=False,
+        ).returncode
+    except subprocess.TimeoutExpired:
+        return f"it did not within {time_limit:.0f} s"
     return f"it ended the process that tried: {ending_of(code)}" if code else ""
 
 
