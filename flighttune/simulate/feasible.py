@@ -163,9 +163,9 @@ def feasible_reference(manoeuvre: Manoeuvre) -> FeasibleReference:
         chi, gamma = (end + miss for end, miss in zip(aimed.end, missed, strict=True))
         aimed = replace(aimed, end=(chi, gamma))
     raise InputError(
-        "`reference` of shape feasible must be one that can be flown within the limits in "
-        f"{manoeuvre.longest:.3g} s, got none: widen a limit, or make the change or `margin` "
-        "smaller."
+        "`reference` of shape feasible must be one that the search plans within the limits in "
+        f"{manoeuvre.longest:.3g} s, got none (which does not prove that there is none): widen a "
+        "limit, or make the change or `margin` smaller."
     )
 
 
