@@ -2,8 +2,10 @@
 
 import json
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
+from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,7 +16,7 @@ from flighttune.cli.show import INTERRUPTED, fail, on_interrupt, pick, quiet, te
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
-from flighttune.present.tables import Column, Table
+from flighttune.present.tables import Column, Table, figures
 from flighttune.shipped import aircraft_names, is_shipped, models_of_jsbsim
 from flighttune.units import DEG
 
@@ -25,6 +27,12 @@ TRIM_COLUMNS = columns(
     "V_a_mps gamma_deg trim.alpha_deg trim.beta_deg trim.elevator_deg trim.rudder_deg "
     "trim.throttle reason"
 )
+SPEED_COLUMNS = [
+    *columns("V_a_mps"),
+    Column("gamma", "steady at γ", "deg"),
+    Column("throttle", "throttle"),
+    Column("reason", "not steady at γ [deg], and why"),
+]
 MODE_COLUMNS = [
     *columns("name"),
     Column("eigenvalue_per_s.0", "real part", "1/s"),
@@ -61,6 +69,9 @@ def trim(
     gamma: Annotated[list[float] | None, _path_angles("-10 to 45, or the glide")] = None,
     phi: Annotated[float, Option("--phi", help="Bank angle in deg.")] = 0.0,
     h: HeightOption = 1000.0,
+    verbose: Annotated[
+        bool, Option("--verbose", "-v", help="Print every condition, with angles and surfaces.")
+    ] = False,
 ) -> Answer:
     """Trim AIRCRAFT over its envelope; where no trim exists, say why."""
     from flighttune.aircraft.aircraft import load_aircraft
@@ -70,11 +81,39 @@ def trim(
     angles = [angle * DEG for angle in gamma] if gamma else None
     records = trim_table(config, V_a=V_a or None, gamma=angles, phi=phi * DEG, h=h)
     failure = f"{aircraft}: no steady flight among {len(records)}: {records[0]['reason']}"
+    table = Table(TRIM_COLUMNS, records, f"{config.title}: steady flight")
+    # With one path angle for each airspeed the table of all conditions is as short.
+    if not verbose and len({record["V_a_mps"] for record in records}) < len(records):
+        table = replace(table, columns=SPEED_COLUMNS, records=list(_speeds(records)))
     return Answer(
-        values={"aircraft": aircraft},
-        tables=[Table(TRIM_COLUMNS, records, f"{config.title}: steady flight", name="trims")],
+        values={"aircraft": aircraft, "trims": records},
+        tables=[table],
         failure="" if any(record["trim"] for record in records) else failure,
     )
+
+
+def _speeds(records: Sequence[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
+    """A row for each airspeed: where flight is steady, and why not at the other path angles."""
+    for V_a, group in groupby(records, key=lambda record: record["V_a_mps"]):
+        own = sorted(group, key=lambda record: record["gamma_deg"])
+        steady = [record for record in own if record["trim"]]
+        reasons = [
+            f"{_range(record['gamma_deg'] for record in alike)}: {reason}"
+            for reason, alike in groupby(own, key=lambda record: record["reason"])
+            if reason
+        ]
+        yield {
+            "V_a_mps": V_a,
+            "gamma": _range(record["gamma_deg"] for record in steady),
+            "throttle": _range(record["trim"]["throttle"] for record in steady),
+            "reason": "; ".join(reasons),
+        }
+
+
+def _range(values: Iterable[float]) -> str:
+    """``-5 to 10``, or the only value; empty without values."""
+    ordered = sorted(values)
+    return " to ".join(dict.fromkeys(figures(value) for value in (*ordered[:1], *ordered[-1:])))
 
 
 def design(

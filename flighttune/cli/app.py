@@ -63,6 +63,7 @@ app = typer.Typer(
 )
 campaigns = typer.Typer(
     name="campaign",
+    cls=Grouped,
     no_args_is_help=True,
     help="Fly a scenario thousands of times, dispersed, on one machine or a cluster.",
 )

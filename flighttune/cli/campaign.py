@@ -187,7 +187,7 @@ def run(
     from flighttune.campaign.dataset import CAMPAIGN, open_dataset
     from flighttune.campaign.engine.engine import campaign_cost, run_campaign
     from flighttune.campaign.planning.load import load_campaign
-    from flighttune.campaign.planning.plan import plan_campaign
+    from flighttune.campaign.planning.plan import draws_in_words, plan_campaign
     from flighttune.simulate.batch import cores
 
     folder = out or str(Path("runs") / Path(file).stem)
@@ -216,10 +216,13 @@ def run(
     dataset = values.pop("dataset")
     shown = {key: values[key] for key in ("runs", "completed", "failed", "crashed", "succeeded")}
     shown |= {key: n for key, n in done.statuses.items() if key not in shown}
-    notes, failure = ["nothing was missing"], ""
+    notes = [f"{done.runs} flights = {draws_in_words(done.runs, len(plan.groups))}"]
+    failure = ""
     if done.flown:
         speed = f"{rate(done.rate_per_s)} a second"
-        notes = [f"flown now: {done.flown} in {duration(done.wall_s)}, {speed}"]
+        notes.append(f"flown now: {done.flown} in {duration(done.wall_s)}, {speed}")
+    else:
+        notes.append("nothing was missing")
     if done.halfwidth is not None:
         notes.append(f"half width of the success rates: at most {done.halfwidth:.3g}")
     if done.interrupted:
@@ -243,8 +246,11 @@ def run(
 
 
 def _plan(plan: "Plan", cost: dict[str, Any]) -> Answer:
+    from flighttune.campaign.planning.plan import draws_in_words
+
     campaign, keep = plan.campaign, plan.campaign.keep
     disperse = [table.model_dump(mode="json", exclude_none=True) for table in campaign.disperse]
+    counted = draws_in_words(plan.runs, len(plan.groups))
     keys = " ".join(dict.fromkeys(key for table in disperse for key in table))
     values = {
         "title": campaign.title,
@@ -263,7 +269,8 @@ def _plan(plan: "Plan", cost: dict[str, Any]) -> Answer:
             Table(COST_COLUMNS, [values], f"cost, from {cost['timed_runs']} runs flown now"),
         ],
         notes=[
+            f"{plan.runs} flights = {counted}",
             f"signals kept: the first {keep.failures} failures, the worst {keep.worst} by "
-            f"{keep.worst_by}, a sample of {keep.sample}"
+            f"{keep.worst_by}, a sample of {keep.sample}",
         ],
     )

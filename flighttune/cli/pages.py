@@ -99,7 +99,13 @@ def compare(
             "Append @ and a gain set, a plant or a run to choose among the runs of a folder.",
         ),
     ],
-    others: Annotated[list[str], Argument(metavar="B...", help="What to compare A with.")],
+    others: Annotated[
+        list[str] | None,
+        Argument(
+            metavar="[B...]",
+            help="What to compare A with [default: the first run of A with each other].",
+        ),
+    ] = None,
     tolerance: Annotated[
         Path | None,
         Option(help="TOML file of allowed changes; exit status 1 if one is exceeded."),
@@ -119,7 +125,7 @@ def compare(
 
     check_ending(out, ".rrd", ".html")
     allowed = None if tolerance is None else load_tolerances(tolerance)
-    comparison = compare_sources(first, *others)
+    comparison = compare_sources(first, *(others or ()))
     broken = violations(comparison, allowed) if allowed else []
     files: dict[str, Path | None] = {"recording": None, "page": None}
     if out is not None and comparison.comparable:

@@ -252,7 +252,7 @@ def compare(
         Source that the others are compared with. A string is anything `load_source` takes: a run
         folder, a Parquet file, a recording or ``scenario@gains``.
     others : str, path-like, Run, FlownScenario or Source
-        At least one more.
+        Further sources. Without any, the first run of `a` is compared with each of its others.
 
     Returns
     -------
@@ -266,9 +266,9 @@ def compare(
     InputError
         If there is nothing to compare with, or a source cannot be read or flown.
     """
-    if not others:
-        raise InputError("`others` must hold at least one more source, got none.")
     first, *rest = (_source(runs_of, place) for place, runs_of in enumerate((a, *others)))
+    if not rest:
+        first, *rest = _each_run(first)
     pairs: list[Pair] = []
     unpaired: dict[str, None] = {}
     for other in rest:
@@ -333,6 +333,20 @@ def _source(runs_of: str | Path | Run | FlownScenario | Source, place: int) -> S
     if isinstance(runs_of, FlownScenario):
         return Source(name=f"{letter}: {runs_of.scenario.title}", runs=runs_of.runs)
     return load_source(runs_of)
+
+
+def _each_run(source: Source) -> list[Source]:
+    """Each run of a source as a source; the first has what is missing, and what has not flown."""
+    runs = [run for run in source.runs if len(run.signals) > 1]
+    if len(runs) < 2:
+        labels = ", ".join(run.label for run in runs) or "none"
+        raise InputError(f"{source.name}: at least two runs must have flown, got {labels}.")
+    still = (f"{run.label}: {run.outcome}" for run in source.runs if run not in runs)
+    missing = *source.missing, *still
+    return [
+        Source(name=source.name, runs=(run,), missing=() if place else missing)
+        for place, run in enumerate(runs)
+    ]
 
 
 def _paired(a: Sequence[Run], b: Sequence[Run]) -> list[tuple[Run, Run]]:

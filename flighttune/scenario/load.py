@@ -14,7 +14,7 @@ from flighttune.mistakes import abridged, joined, validated
 from flighttune.plants.jsbsim.plant import check_off_nominal
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import PlantTable
-from flighttune.shipped import nearest_name, scenario_files
+from flighttune.shipped import aircraft_folders, campaign_files, nearest_name, scenario_files
 from flighttune.table_file import json_tables, toml_tables
 from flighttune.units import DEG
 from flighttune.whole_file import reason_of
@@ -140,9 +140,19 @@ def existing_file(
     name = file.name.removesuffix(".toml")
     if name in shipped and file.parent in (Path(), *map(Path, folders)):
         return shipped[name]
+    taken_by = {
+        "a scenario": ("fly", scenario_files()),
+        "a campaign": ("campaign run", campaign_files()),
+        "an aircraft": ("trim", aircraft_folders()),
+    }
+    uses = [
+        f"; {name} is {other}: `flighttune {command} {name}`."
+        for other, (command, names) in taken_by.items()
+        if kind not in other and name in names
+    ]
     raise ScenarioError(
-        f"{path}: there is no such file: the {kind} must be a file or one of {', '.join(shipped)}"
-        f"{nearest_name(name, shipped)}"
+        f"{path}: there is no such file: the {kind} must be a file or a name that "
+        f"`flighttune list` prints{next(iter(uses), nearest_name(name, shipped))}"
     )
 
 

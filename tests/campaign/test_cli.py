@@ -143,17 +143,18 @@ def test_a_campaign_made_longer_stays_so_when_it_is_resumed(tmp_path, address):
 
 def test_a_dry_run_shows_plan_cost_and_room_and_writes_nothing(tmp_path, file):
     found = answer(
-        "campaign", "run", file, "--dry-run", "--workers", 3, "--runs", 4000, cwd=tmp_path
+        "campaign", "run", file, "--dry-run", "--workers", 3, "--runs", 4002, cwd=tmp_path
     )
 
-    assert (found["runs"], found["draws"], found["design"]) == (4000, 1000, "random")
+    assert (found["runs"], found["draws"], found["design"]) == (4002, 1001, "random")
+    assert found["notes"][0] == "4002 flights = 1000 draws of 4 groups"
     assert [group["plant"] for group in found["groups"]] == ["jsbsim:aerosonde"] * 2 + [
         "kinematic"
     ] * 2
     assert all(group["run_s"] > 0.0 for group in found["groups"])
     assert found["disperse"][0]["key"] == "flight.V_a_mps"
     assert found["wall_s"] == pytest.approx(found["core_s"] / 3, rel=1e-12)
-    assert found["rows_bytes"] > 4000 * 45
+    assert found["rows_bytes"] > 4002 * 45
     assert found["signals_bytes"] > 10_000
     assert found["keep"]["failures"] == 2
     assert not list(tmp_path.iterdir())

@@ -179,7 +179,7 @@ def test_one_group_without_dispersion_or_measures_still_makes_a_page(tmp_path):
 
     written = write_campaign_report(findings(flights_of(rows, made)), tmp_path / "page.html")
 
-    assert written.summary[0] == "0 of 1 flights succeed (draws: 1, groups: 1)."
+    assert written.summary[0] == "0 of 1 flights succeed (1 draw of 1 group)."
     assert "`x` must be finite" in written.path.read_text(encoding="utf-8")
 
 

@@ -180,6 +180,9 @@ def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
     ("arguments", "message"),
     [
         ("fly nowhere.toml", "nowhere.toml: there is no such file: the scenario must be"),
+        ("fly first_campaign", "first_campaign is a campaign: `flighttune campaign run"),
+        ("campaign run paper", "paper is a scenario: `flighttune fly paper`"),
+        ("fly a4", "a4 is an aircraft: `flighttune trim a4`"),
         ("certify paper --gains=", "`gains` must be one of tuned, paper, K1"),
         ("certify paper --gains gone.json", "gone.json: the file must be readable"),
         ("certify level_turn --envelope", "`envelope` must be given"),

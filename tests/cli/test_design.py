@@ -64,6 +64,22 @@ def test_trim_answers_with_steady_flights_and_obstacles():
     assert found[1]["reason"] == "the aircraft speeds up with the throttle closed"
 
 
+@pytest.mark.slow
+def test_trim_prints_a_row_for_each_airspeed_and_every_condition_on_demand(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
+    short = flighttune("trim", "c172p")[0].splitlines()
+    asked = ("trim", "c172p", "--V-a", 32)
+    trims = json.loads(flighttune(*asked, "--json")[0])["trims"]
+    full = flighttune(*asked, "-v")[0]
+
+    assert len(short) <= 45
+    assert max(map(len, short)) <= 80
+    steady = [record["gamma_deg"] for record in trims if record["trim"]]
+    assert f"  32  {min(steady):g} to {max(steady):g} " in "\n".join(short)
+    assert full.count("full") == sum("full" in record["reason"] for record in trims) > 1
+    assert "elevator" in full
+
+
 def test_trim_names_the_elevator_of_a_nose_heavy_aircraft(tmp_path):
     folder = tmp_path / "nose_heavy"
     shutil.copytree(aircraft_folder("aerosonde"), folder)

@@ -191,8 +191,19 @@ def test_several_are_held_against_the_first(fly_line):
 
 
 def test_nothing_to_compare_with_is_an_error(fly_line):
-    with pytest.raises(InputError, match="`others`"):
+    with pytest.raises(InputError, match="at least two runs must have flown"):
         compare(fly_line())
+
+
+def test_the_runs_of_one_source_are_compared_with_its_first(fly_line):
+    runs = [fly_line(gains=gains) for gains in ("paper", "K1", "K2")]
+    nothing = pd.DataFrame(index=pd.Index([], name="t", dtype=float))
+    never = dataclasses.replace(runs[2], signals=nothing, status="no_gains", reason="infeasible")
+
+    found = compare(Source(name="runs/mine", runs=(*runs, never)))
+
+    assert [(pair.a, pair.b) for pair in found.pairs] == [(runs[0], run) for run in runs[1:]]
+    assert found.missing == ("kinematic / K2: no gains: infeasible",)
 
 
 def test_a_scenario_flies_with_gains_by_name_or_from_a_file(tmp_path):

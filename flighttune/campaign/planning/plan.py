@@ -51,6 +51,12 @@ class Group:
         return f"{self.plant} / {self.gains}"
 
 
+def draws_in_words(flights: int, groups: int) -> str:
+    """``7.5 draws of 8 groups``: what a number of flights is, as every group flies each draw."""
+    draws = flights / groups
+    return f"{draws:.4g} draw{'s' * (draws != 1)} of {groups} group{'s' * (groups != 1)}"
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
     """Flights of a campaign; the same plan gives the same draws to the bit anywhere.

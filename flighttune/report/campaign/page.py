@@ -8,6 +8,7 @@ import numpy as np
 
 from flighttune.campaign.dataset import dataset_hash
 from flighttune.campaign.planning.draws import SEED
+from flighttune.campaign.planning.plan import draws_in_words
 from flighttune.campaign.statistics.findings import SUCCESS, Findings
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import key_words
@@ -63,7 +64,6 @@ def summary(findings: Findings) -> tuple[str, ...]:
     """Two sentences: the number of flights that succeed, and the quantities that matter most."""
     groups = findings.values["groups"]
     n, successes = (sum(group[key] for group in groups) for key in ("n", "successes"))
-    draws = findings.flights.rows["draw"].nunique()
     strongest = Counter(
         name
         for group in groups
@@ -73,7 +73,7 @@ def summary(findings: Findings) -> tuple[str, ...]:
     names = [name for name, count in strongest.items() if count == max(strongest.values())]
     matters = ", ".join(names) if names else "no parameter significantly"
     return (
-        f"{successes} of {n} flights succeed (draws: {draws}, groups: {len(groups)}).",
+        f"{successes} of {n} flights succeed ({draws_in_words(n, len(groups))}).",
         f"What matters most: {matters}.",
     )
 
