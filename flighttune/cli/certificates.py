@@ -163,22 +163,28 @@ def _rate_over_envelope(scenario: "Scenario", name: str, gains: "PIGains") -> "l
 
 
 def verify(
-    certificate: Annotated[Path, Argument(metavar="FILE", help="Certificate, or proof of a tube.")],
+    certificate: Annotated[
+        Path, Argument(metavar="FILE", help="Certificate, bound on R_K, or proof of a tube.")
+    ],
     conformance: Annotated[
         Path | None,
         Option(help="File of `flighttune conform` that confirms the boxes of an aircraft's tube."),
     ] = None,
 ) -> Answer:
-    """Check a certificate without any solver, or a tube without the search that found it.
+    """Check a certificate or bound without any solver, a tube without the search that found it.
 
     Exit status 1 if it does not prove what it claims.
     """
+    from flighttune.certificates.bound import is_bound_file
     from flighttune.tube.proof import is_tube_file
 
     of_tube = is_tube_file(certificate)
     if conformance is not None and not of_tube:
         raise InputError("`--conformance` must be given for the tube of an aircraft only.")
-    verification, claim = _tube(certificate, conformance) if of_tube else _claim(certificate)
+    if of_tube:
+        verification, claim = _tube(certificate, conformance)
+    else:
+        verification, claim = (_bound if is_bound_file(certificate) else _claim)(certificate)
     valid, what = verification.valid, "inclusion" if of_tube else "inequality"
     title = f"{certificate}: {f'valid: every {what} is proven' if valid else 'not valid'}"
     checks = [asdict(check) for check in verification.checks]
@@ -218,6 +224,15 @@ def _claim(file: Path) -> "tuple[Verification, Answer]":
         ],
         verdict=where,
     )
+
+
+def _bound(file: Path) -> "tuple[Verification, Answer]":
+    """The check of a bound on R_K, and what it claims."""
+    from flighttune.certificates.bound import load_bound, verify_bound
+
+    bound = load_bound(file)
+    values = {"claim": pick(bound, "claim I_star R_bound")}
+    return verify_bound(bound), Answer(values=values, verdict=bound.claim)
 
 
 def _tube(file: Path, conformance: Path | None) -> "tuple[Verification, Answer]":

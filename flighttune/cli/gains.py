@@ -64,12 +64,17 @@ def tune(
         bool, Option("--envelope", help="Maximise the rate over the scenario's envelope.")
     ] = False,
     out: GainsFileOption = None,
+    prove: Annotated[
+        Path | None,
+        Option(help="File for a proof that bounds R_K over all gains; `verify` checks it."),
+    ] = None,
 ) -> Answer:
     """Find the gains with the largest R_K under the constraints of SCENARIO."""
     from flighttune.control.margins import loop_margins
     from flighttune.scenario import load_scenario
 
     check_ending(out, ".json")
+    check_ending(prove, ".json")
     if envelope and method is not None:
         raise InputError("--method: must be absent with --envelope, which has a method of its own.")
     loaded = load_scenario(scenario)
@@ -87,9 +92,30 @@ def tune(
         files={"out": out},
         failure="" if tuned else f"{scenario}: {search.values['reason']}",
     )
+    if prove is not None:
+        answer = _with_bound(loaded, answer, prove)
     if out is not None:
         save_answer(out, answer)
     return answer
+
+
+def _with_bound(scenario: "Scenario", answer: Answer, file: Path) -> Answer:
+    """The answer with a proven bound on R_K over all gains, whose proof is written to `file`."""
+    from flighttune.certificates.bound import bound_rate
+    from flighttune.flight.outer_loop import tuning_problem
+    from flighttune.value_file import write
+
+    problem = tuning_problem(scenario)
+    bound = bound_rate(problem.model, problem.I_star, problem.scaling)
+    if bound is None:
+        fail(f"--prove: `I_star` {problem.I_star:g} is too near the smallest for a proof.", NO)
+    write(bound, file)
+    return replace(
+        answer,
+        values={**answer.values, "bound": pick(bound, "claim I_star R_bound")},
+        notes=[*answer.notes, f"proven {bound.claim}"],
+        files={**answer.files, "prove": file},
+    )
 
 
 def frontier(

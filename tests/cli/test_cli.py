@@ -3,6 +3,7 @@
 import io
 import json
 import math
+import re
 import sys
 import tomllib
 from pathlib import Path
@@ -65,6 +66,20 @@ def test_tune_finds_the_optimum_of_the_unlimited_problem(tmp_path):
     assert np.array(found["K_P"]) == pytest.approx(np.diag([2.2209, 2.4797]), abs=1e-3)
     assert {"reason", "K_I", "spectral_abscissa", "starts", "wall_s"} <= found.keys()
     assert found["out"] == str(path)
+
+
+@pytest.mark.slow
+def test_tune_proves_that_no_gains_are_much_better_and_verify_checks_it(tmp_path):
+    path, proof = tmp_path / "wide.toml", tmp_path / "bound.json"
+    text = scenario_files()["paper"].read_text(encoding="utf-8")
+    path.write_text(re.sub(r"I_star +=.*", "I_star = 20.0\nstarts = 2", text))
+
+    found = answer("tune", path, "--prove", proof)
+    checked = answer("verify", proof)
+
+    assert found["R_K"] < found["bound"]["R_bound"] < 1.02 * found["R_K"]
+    assert checked["valid"]
+    assert checked["claim"] == found["bound"]
 
 
 @pytest.mark.parametrize("name", TABLE_2)

@@ -1,0 +1,107 @@
+"""An upper bound on R_K over all gains, proven once and checked without a solver."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
+
+from flighttune.arrays import FloatArray, check_positive, read_only_matrix
+from flighttune.control.linear_model import LinearModel
+from flighttune.errors import InputError
+from flighttune.table_file import json_tables
+from flighttune.theory.exact import Verification
+from flighttune.theory.indicators import scaled
+from flighttune.theory.optimal import optimal_channel
+from flighttune.theory.rate_bound import NUMBERS, bound_checks, no_faster_gains
+from flighttune.value_file import STRICT, read
+
+# The bound is above the optimum by this share of R_K (1 - R_K): by 1 % at I* = 5.
+GAP = 0.02
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RateBound:
+    """For every A_K = [[F, G], [I, 0]] of any size with I_K <= I_star: R_K <= R_bound.
+
+    Attributes
+    ----------
+    I_star : float, s^2
+    R_bound : float, 1/s
+        At most ``1 / I_star``: no gains meet `I_star` at all.
+    boxes, multipliers : ndarray, shapes (N, 4) and (N, 19)
+        As `flighttune.theory.rate_bound.bound_checks` takes them.
+    """
+
+    I_star: float
+    R_bound: float
+    boxes: FloatArray
+    multipliers: FloatArray
+
+    __pydantic_config__: ClassVar = STRICT
+    FORMAT: ClassVar[str] = "flighttune rate bound 1"
+    UNITS: ClassVar[Mapping[str, str]] = {
+        "I_star": "s^2",
+        "R_bound": "1/s",
+        "boxes": "smallest and largest R_K (1/s), smallest and largest sigma_min(A_K)",
+    }
+
+    def __post_init__(self) -> None:
+        check_positive(I_star=self.I_star, R_bound=self.R_bound)
+        for name, columns in (("boxes", 4), ("multipliers", NUMBERS)):
+            shape = max(len(self.boxes), 1), columns
+            object.__setattr__(self, name, read_only_matrix(name, getattr(self, name), shape))
+
+    @property
+    def claim(self) -> str:
+        """What is claimed, in words."""
+        what = "none exist" if self.R_bound * self.I_star <= 1.0 else f"R_K <= {self.R_bound:.6g}"
+        return f"for all gains with I_K <= {self.I_star:g}, coupled or not: {what}"
+
+
+def bound_rate(
+    model: LinearModel, I_star: float, scaling: FloatArray | None = None
+) -> RateBound | None:
+    """A verified bound on R_K for gains on `model`; None where the proof takes too many boxes.
+
+    Raises
+    ------
+    InputError
+        If the errors are not the states in plain units, or `I_star` is not finite: then R_K < 1.
+    """
+    n, _, p = model.shape
+    output = np.ones(n + p) if scaling is None else np.asarray(scaling)
+    lower = np.vstack([np.zeros((n, n + p)), np.hstack([model.C, np.zeros((p, p))])])
+    if n != p or not np.array_equal(scaled(lower, output)[n:, :n], np.eye(n)):
+        raise InputError(
+            "`model` must have the errors as its states, in plain units, for a bound on R_K over "
+            f"all gains, got the states {', '.join(model.states)}."
+        )
+    if not math.isfinite(I_star):
+        raise InputError(f"`I_star` must be finite for a bound on R_K below 1, got {I_star}.")
+    best = optimal_channel(I_star)
+    R_bound = 1.0 / I_star if best is None else best.R_K * (1.0 + GAP * (1.0 - best.R_K))
+    proof = no_faster_gains(I_star, R_bound)
+    if proof is None:
+        return None
+    bound = RateBound(I_star=I_star, R_bound=R_bound, boxes=proof[0], multipliers=proof[1])
+    return bound if verify_bound(bound).valid else None
+
+
+def verify_bound(bound: RateBound) -> Verification:
+    """Check a bound exactly, from its numbers alone."""
+    return Verification.of(
+        bound_checks(bound.I_star, bound.R_bound, bound.boxes, bound.multipliers)
+    )
+
+
+def is_bound_file(path: str | Path) -> bool:
+    """Whether a JSON file is a bound on R_K."""
+    return json_tables(Path(path)).get("format") == RateBound.FORMAT
+
+
+def load_bound(path: str | Path) -> RateBound:
+    """Read a bound; nothing in it is trusted before `verify_bound` has checked it."""
+    return read(path, RateBound)

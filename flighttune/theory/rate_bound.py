@@ -1,0 +1,173 @@
+"""A proof that no gains have a larger R_K: a solver proposes it, `bound_checks` decides.
+
+Two numbers, R_K and sigma_min(A_K), are between 0 and 1 for every loop of C = I in plain units.
+Their square is divided into boxes, and in each of them linear matrix inequalities in five numbers,
+which every loop of any size satisfies, contradict each other.
+"""
+
+import itertools
+from collections.abc import Sequence
+from fractions import Fraction
+from functools import cache
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.arrays import FloatArray
+from flighttune.theory.exact import Check, Rationals, exact, positive_definite
+from flighttune.theory.lmi import blocks, largest, parameter, solve, unknown
+
+# Lower triangles of the four multipliers of a box, of order 2, 2, 2 and 4
+TRIANGLES = [np.tril_indices(order) for order in (2, 2, 2, 4)]
+NUMBERS = sum(len(rows) for rows, _ in TRIANGLES)
+
+# Added to the diagonals of the solver's multipliers, which are singular: the check is strict.
+LIFT = 1e-9
+
+# Digits of the multipliers in a file; those after them move no margin.
+DIGITS = 10
+
+MAX_BOXES = 5000
+
+# A box is halved along R_K where that side is longer than this share of the other one.
+WIDE = 0.7
+
+
+def no_faster_gains(I_star: float, R_bound: float) -> tuple[FloatArray, FloatArray] | None:
+    """Boxes and multipliers that prove ``R_K <= R_bound`` for all gains with ``I_K <= I_star``.
+
+    Boxes are halved until each is refuted. Returns arrays of shapes (N, 4) and (N, `NUMBERS`) as
+    `bound_checks` takes them, or None where `MAX_BOXES` boxes are not enough.
+    """
+    boxes: list[Sequence[float]] = []
+    multipliers: list[FloatArray] = []
+    pending = [(R_bound, 1.0, 0.0, 1.0)]
+    while pending and len(boxes) < MAX_BOXES:
+        box = pending.pop()
+        refutation = _refutation(box, I_star)
+        if refutation is not None and _box_margin(box, refutation, I_star) > 0:
+            boxes.append(box)
+            multipliers.append(refutation)
+            continue
+        R_low, R_high, sigma_low, sigma_high = box
+        R, sigma = (R_low + R_high) / 2.0, (sigma_low + sigma_high) / 2.0
+        # Across the longer side, relative to its upper end
+        if 1.0 - R_low / R_high > WIDE * (1.0 - sigma_low / sigma_high):
+            pending += [(R_low, R, sigma_low, sigma_high), (R, R_high, sigma_low, sigma_high)]
+        else:
+            pending += [(R_low, R_high, sigma_low, sigma), (R_low, R_high, sigma, sigma_high)]
+    return None if pending else (np.array(boxes), np.array(multipliers))
+
+
+def bound_checks(
+    I_star: float, R_bound: float, boxes: FloatArray, multipliers: FloatArray
+) -> list[Check]:
+    """Check exactly that no gains with ``I_K <= I_star`` have an R_K above `R_bound`.
+
+    Parameters
+    ----------
+    I_star : float, s^2
+    R_bound : float, 1/s
+    boxes : ndarray, shape (N, 4), N >= 1
+        Smallest and largest R_K, smallest and largest sigma_min(A_K).
+    multipliers : ndarray, shape (N, `NUMBERS`)
+        Lower triangles of three matrices of order 2 and one of order 4 for each box.
+
+    Notes
+    -----
+    For any A_K = [[F, G], [I, 0]], n states: ``A_K = W (U - I)^-1`` with ``W = Q^-1``, an
+    orthogonal U, and ``T = U - I`` whose upper blocks are the lower ones of W. With R, sigma_min(A)
+    in a box and ``w = I_star R_high^2 sigma_high``
+
+    - ``W - R_low I >= 0`` and ``I - W / w >= 0``;
+    - ``(1 + R_low / w) W - R_low I + (sigma_low^2 / w) (T + T') >= 0``, because w times the left is
+      at least ``W^2 - sigma^2 T' T = T' (A' A - sigma^2 I) T``;
+    - ``[[-(T + T'), T'], [T, I]] >= 0``, because ``T' T = -(T + T')``.
+
+    The traces over n of all n x n blocks satisfy the same for a W and T of order 2: five numbers.
+    Positive multipliers with which the sum is negative for all of them refute the box.
+    """
+    edges = np.unique(boxes[:, 2:])
+    gap = max(edges[0], 1.0 - edges[-1])
+    for low, high in itertools.pairwise(edges):
+        strip = boxes[(boxes[:, 2] <= low) & (high <= boxes[:, 3])]
+        strip = strip[np.argsort(strip[:, 0])]
+        reached = np.maximum.accumulate([R_bound, *strip[:, 1]])
+        gap = max(gap, np.max([*strip[:, 0], 1.0] - reached))
+    margins = [
+        _box_margin(box, numbers, I_star)
+        for box, numbers in zip(boxes.tolist(), multipliers, strict=True)
+    ]
+    return [
+        Check(name=f"boxes cover {R_bound:.6g} <= R_K <= 1", margin=-float(gap), exact=gap <= 0.0),
+        Check(
+            name=f"no gains in any of {len(margins)} boxes",
+            margin=float(min(margins)),
+            exact=min(margins) > 0,
+        ),
+    ]
+
+
+def _matrices(multipliers: npt.ArrayLike) -> list[Rationals]:
+    """The four symmetric matrices of a box, as rationals."""
+    entries, matrices = iter(exact(multipliers)), []
+    for rows, columns in TRIANGLES:
+        matrix = exact(np.zeros((rows[-1] + 1, rows[-1] + 1)))
+        part = list(itertools.islice(entries, len(rows)))
+        matrix[rows, columns] = matrix[columns, rows] = part
+        matrices.append(matrix)
+    return matrices
+
+
+def _box_margin(box: Sequence[float], multipliers: npt.ArrayLike, I_star: float) -> Fraction:
+    """By how much the sum of a box is below zero for all W and T; -1 without positive multipliers.
+
+    The linear terms cancel up to rounding, and ``|W_ij| <= w``, ``|T_ij| <= 2`` bounds the rest.
+    """
+    low, R_high, sigma_low, sigma_high = map(Fraction, box)
+    w, s = Fraction(I_star) * R_high**2 * sigma_high, max(sigma_low, Fraction(0)) ** 2
+    X = _matrices(multipliers)
+    if not all(map(positive_definite, X)):
+        return Fraction(-1)
+    above, below, square, contraction = X
+    P, M, N = contraction[:2, :2], contraction[2:, :2], contraction[2:, 2:]
+    in_W = above - below / w + (1 + low / w) * square
+    in_T = 2 * (s / w * square - P + M)
+    # The upper row of T is the lower one of W.
+    of_W = abs(in_W[0, 0]), abs(2 * in_W[0, 1] + in_T[0, 0]), abs(in_W[1, 1] + in_T[0, 1])
+    rest = w * sum(of_W) + 2 * (abs(in_T[1, 0]) + abs(in_T[1, 1]))
+    constant = below.trace() - low * (above + square).trace() + N.trace()
+    return -constant - rest
+
+
+@cache
+def _box_program() -> tuple[Any, ...]:
+    """The largest t with which every inequality of `bound_checks` holds with slack t."""
+    W, bottom, t, eye = unknown(2, 2, symmetric=True), unknown(2), unknown(), np.eye(2)
+    T = blocks([[W[1, 0], W[1, 1]], [bottom[0], bottom[1]]])
+    low, inverse, total, s = (parameter() for _ in range(4))
+    inequalities = [
+        W - low * eye >> t * eye,
+        eye - inverse * W >> t * eye,
+        total * W - low * eye + s * (T + T.T) >> t * eye,
+        blocks([[-(T + T.T), T.T], [T, eye]]) >> t * np.eye(4),
+    ]
+    return largest(t, inequalities), inequalities, (low, inverse, total, s)
+
+
+def _refutation(box: Sequence[float], I_star: float) -> FloatArray | None:
+    """`NUMBERS` numbers that may refute a box; None where the solver has no answer."""
+    R_low, R_high, sigma_low, sigma_high = box
+    problem, inequalities, parameters = _box_program()
+    w = I_star * R_high**2 * sigma_high
+    values = R_low, 1.0 / w, 1.0 + R_low / w, sigma_low**2 / w
+    for number, value in zip(parameters, values, strict=True):
+        number.value = value
+    if solve(problem):
+        return None
+    triangles = [
+        (inequality.dual_value + LIFT * np.eye(len(inequality.dual_value)))[triangle]
+        for inequality, triangle in zip(inequalities, TRIANGLES, strict=True)
+    ]
+    return np.concatenate(triangles).round(DIGITS)

@@ -1,0 +1,153 @@
+"""The optimum of one channel against its Lyapunov equation and `tune`; the bound over all gains."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flighttune.certificates.bound import bound_rate, load_bound, verify_bound
+from flighttune.control.inner_loop import with_input_lag
+from flighttune.control.linear_model import kinematic_model
+from flighttune.errors import InputError
+from flighttune.theory.indicators import indicators, indicators_batch
+from flighttune.theory.optimal import least_radius, optimal_channel, slowest_channel
+from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.tune import tune
+from flighttune.value_file import write
+
+MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
+ROUNDING = 1e-9
+FIFTH_DIGIT = 1e-5
+SEARCHED = 1e-6  # an optimum found by a search is as good as one root
+
+
+def channels(p, q):
+    """A_K of single channels, shape (..., 2, 2)."""
+    p, q = np.broadcast_arrays(p, q)
+    ones, zeros = np.ones(p.shape), np.zeros(p.shape)
+    return np.stack([np.stack([-p, -q], -1), np.stack([ones, zeros], -1)], -2)
+
+
+@pytest.mark.parametrize("R_K", [0.2, 0.5, 0.9, 0.999])
+def test_the_channel_has_the_indicators_it_states(R_K):
+    channel = least_radius(R_K)
+
+    measured = indicators(channels(channel.p, channel.q))
+
+    assert measured.R_K == pytest.approx(R_K, rel=ROUNDING)
+    assert measured.I_K == pytest.approx(channel.I_K, rel=ROUNDING)
+
+
+@pytest.mark.parametrize("I_star", [4.86, 5.0, 8.0, 20.0])
+def test_no_channel_of_a_fine_grid_is_better(I_star):
+    p, q = np.meshgrid(np.geomspace(0.2, 20.0, 600), np.geomspace(0.2, 20.0, 600))
+
+    measured = indicators_batch(channels(p, q))
+
+    best = measured.R_K[measured.I_K <= I_star].max()
+    assert best == pytest.approx(optimal_channel(I_star).R_K, rel=0.02)
+    assert best <= optimal_channel(I_star).R_K
+
+
+def test_no_smaller_bound_can_be_met():
+    least = slowest_channel()
+
+    assert least.I_K == pytest.approx(4.8503, abs=1e-4)
+    assert optimal_channel(0.9999 * least.I_K) is None
+    assert optimal_channel(1.0001 * least.I_K).R_K == pytest.approx(least.R_K, abs=0.02)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("I_star", np.geomspace(4.86, 60.0, 20))
+def test_tune_finds_the_closed_optimum(I_star):
+    found = tune(TuningProblem(model=MODEL, I_star=I_star), starts=3)
+
+    assert found.R_K == pytest.approx(optimal_channel(I_star).R_K, rel=SEARCHED)
+
+
+def test_loops_of_any_size_satisfy_the_inequalities_of_the_proof():
+    rng = np.random.default_rng(1)
+    top = rng.standard_normal((4000, 3, 6)) - 2.0 * np.hstack([np.eye(3), np.eye(3)])
+    lower = np.broadcast_to(np.hstack([np.eye(3), np.zeros((3, 3))]), top.shape)
+    A = np.concatenate([top, lower], axis=1)
+    A = A[indicators_batch(A).stable][:20]
+    assert len(A) == 20
+    for loop in A:
+        W = np.linalg.inv(indicators(loop).Q)
+        T = np.linalg.solve(loop, W)
+        R, w = np.linalg.eigvalsh(W)[[0, -1]]
+        sigma = np.linalg.svd(loop)[1][-1]
+        scale = np.linalg.norm(T, 2) ** 2 + w**2
+        square = (R + w) * W - R * w * np.eye(6) + sigma**2 * (T + T.T)
+
+        assert T[:3] == pytest.approx(W[3:], abs=ROUNDING * scale)
+        assert T.T @ T == pytest.approx(-(T + T.T), abs=ROUNDING * scale)
+        assert np.linalg.eigvalsh(square)[0] >= -ROUNDING * scale
+        assert max(R, sigma) <= 1.0
+
+
+@pytest.mark.parametrize(
+    "I_star",
+    [pytest.param(5.0, marks=pytest.mark.soak), 20.0, 3.0],
+)
+def test_the_bound_is_proven_within_two_percent_of_the_optimum(tmp_path, I_star):
+    bound = bound_rate(MODEL, I_star)
+    write(bound, tmp_path / "bound.json")
+    optimum = optimal_channel(I_star)
+
+    assert verify_bound(load_bound(tmp_path / "bound.json")).valid
+    if optimum is None:
+        assert "none exist" in bound.claim
+        assert bound.R_bound * I_star == pytest.approx(1.0)
+    else:
+        assert optimum.R_K < bound.R_bound < 1.02 * optimum.R_K
+
+
+@pytest.fixture(scope="module")
+def bound():
+    return bound_rate(MODEL, 20.0)
+
+
+def without_a_box(bound):
+    return {"boxes": bound.boxes[1:], "multipliers": bound.multipliers[1:]}
+
+
+def with_a_negative_side(bound):
+    boxes = bound.boxes.copy()
+    boxes[boxes[:, 2] == 0.0, 2] = -9.0
+    return {"boxes": boxes}
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (without_a_box, "boxes cover"),
+        (lambda bound: {"R_bound": 0.92}, "boxes cover"),
+        (lambda bound: {"multipliers": -bound.multipliers}, "no gains in any"),
+        (lambda bound: {"multipliers": np.ones(bound.multipliers.shape)}, "no gains in any"),
+        (lambda bound: {"I_star": 21.0}, "no gains in any"),
+    ],
+)
+def test_a_changed_proof_is_refused(bound, change, reason):
+    verified = verify_bound(replace(bound, **change(bound)))
+
+    assert not verified.valid
+    assert reason in verified.reason
+
+
+def test_a_side_below_zero_proves_nothing_more(bound):
+    wider = replace(bound, **with_a_negative_side(bound))
+
+    assert verify_bound(wider).checks[1].margin == verify_bound(bound).checks[1].margin
+
+
+@pytest.mark.parametrize(
+    ("model", "I_star", "message"),
+    [
+        (with_input_lag(MODEL, np.array([2.0, 2.0])), 5.0, "errors as its states"),
+        (MODEL, np.inf, "`I_star` must be finite"),
+    ],
+)
+def test_a_bound_that_cannot_be_stated_is_refused(model, I_star, message):
+    with pytest.raises(InputError, match=message):
+        bound_rate(model, I_star)
