@@ -114,7 +114,7 @@ def _with_bound(scenario: "Scenario", answer: Answer, file: Path) -> Answer:
         answer,
         values={**answer.values, "bound": pick(bound, "claim I_star R_bound")},
         notes=[*answer.notes, f"proven {bound.claim}"],
-        files={**answer.files, "prove": file},
+        files={**answer.files, "proof": file},
     )
 
 

@@ -121,7 +121,7 @@ class Program:
         k, factor : ndarray, shapes (N, f) and (N,)
             Local optima, or where no more progress was made; constraints may be broken there.
         """
-        if not k.shape[1]:  # every gain is fixed
+        if not k.size:  # no start, or every gain is fixed
             return k, np.ones(len(k))
         limits = np.full(len(k), self._I_star) if I_star is None else I_star
         z = np.array([self._minimum(*start) for start in zip(k, limits, strict=True)])
