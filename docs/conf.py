@@ -22,6 +22,7 @@ extensions = ["myst_parser", "sphinx.ext.autodoc", "numpydoc"]
 root_doc = "docs/index"
 include_patterns = [
     "docs/*.md",
+    "docs/api/*.md",
     "design/*.md",
     "scenarios/README.md",
     "scenarios/*/README.md",
@@ -40,6 +41,8 @@ html_math_renderer = "mathml"
 numpydoc_show_class_members = False
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
+autodoc_default_options = {"members": True, "exclude-members": "model_config"}
+toc_object_entries_show_parents = "hide"
 
 
 def _math(display):
@@ -55,3 +58,4 @@ def _math(display):
 def setup(app):
     app.add_html_math_renderer("mathml", _math("inline"), _math("block"))
     app.connect("source-read", site_reference.complete)
+    app.connect("autodoc-process-docstring", site_reference.index_entry, priority=900)

@@ -1,7 +1,4 @@
-"""Reference pages of the site that are made while it is built.
-
-The public names come from their docstrings, the keys of files from the schemas that read them.
-"""
+"""Parts of the site that are made while it is built: tables of keys, and what the search needs."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -22,36 +19,16 @@ SIGN = {
 
 
 def complete(_app: object, name: str, source: list[str]) -> None:
-    """Append to the pages of the reference what is made for them; `source` is changed."""
-    made = {"docs/api": public_names, "docs/keys": keys}.get(name)
-    if made is not None:
-        source[0] += "\n" + "\n".join(made())
+    """Append the tables of keys to their page, from the schemas; `source` is changed."""
+    if name == "docs/keys":
+        source[0] += "\n" + "\n".join(keys())
 
 
-def public_names() -> Iterator[str]:
-    """Every public name with its docstring, by the package that it lives in."""
-    of_package: dict[str, list[str]] = {}
-    for name, module in flighttune._public_modules().items():
-        of_package.setdefault(module.split(".")[1], []).append(name)
-    for package, names in of_package.items():
-        yield f"## {package}\n"
-        for name in sorted(names):
-            yield f"### {name}\n"
-            yield from ("```{eval-rst}", *_directive(name), "```\n")
-
-
-def _directive(name: str) -> Iterator[str]:
-    found = getattr(flighttune, name)
-    if isinstance(found, type):
-        kind = "autoexception" if issubclass(found, Exception) else "autoclass"
-        yield f".. {kind}:: {found.__module__}.{found.__qualname__}"
-        yield "   :members:"
-        yield "   :exclude-members: model_config"
-    elif callable(found):
-        yield f".. autofunction:: {found.__module__}.{found.__qualname__}"
-    else:
-        yield f".. autodata:: flighttune.{name}"
-        yield "   :no-value:"
+def index_entry(_app: object, _what: str, name: str, *rest: Any) -> None:
+    """Let the search find a public name as it is written in a program: ``ft.fly``."""
+    package, _, public = name.partition(".")
+    if package == "flighttune" and public in flighttune.__all__:
+        rest[-1][:0] = [f".. index:: ! ft.{public}", ""]
 
 
 def keys() -> Iterator[str]:

@@ -16,7 +16,16 @@ import signal
 
 
 class FlightTuneError(Exception):
-    """Base of all errors that flighttune raises on purpose."""
+    """Base of all errors that flighttune raises on purpose.
+
+    Examples
+    --------
+    >>> try:
+    ...     ft.load_gains("nowhere.json")
+    ... except ft.FlightTuneError as error:
+    ...     print(type(error).__name__)
+    ScenarioError
+    """
 
 
 class InputError(FlightTuneError, ValueError):

@@ -2,14 +2,15 @@
 
 import ast
 import dataclasses
+import doctest
 import inspect
+import io
 import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
-import site_reference
 
 import flighttune
 
@@ -53,11 +54,15 @@ def test_importing_the_package_and_its_command_line_loads_nothing_heavy():
     assert shown.stdout.strip() == "[]"
 
 
-def test_the_reference_has_every_public_name():
-    page = "\n".join(site_reference.public_names())
+REFERENCE = {
+    name: page
+    for page in sorted((PACKAGE.parent / "docs" / "api").glob("*.md"))
+    for name in re.findall(r"^\.\. \w+:: flighttune\.(\w+)$", page.read_text(), re.MULTILINE)
+}
 
-    for name in flighttune.__all__:
-        assert f"### {name}\n" in page, name
+
+def test_the_reference_has_every_public_name():
+    assert sorted(REFERENCE) == flighttune.__all__
 
 
 PUBLIC = [getattr(flighttune, name) for name in flighttune.__all__]
@@ -76,3 +81,26 @@ def test_public_values_explain_every_attribute():
         for field in dataclasses.fields(value):
             found = re.search(rf"\b{field.name}\b.* :", inspect.getdoc(value))
             assert found, f"`{value.__name__}`: `{field.name}`"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=pytest.mark.soak if name == "run_campaign" else ())
+        for name in flighttune.__all__
+    ],
+)
+def test_the_example_of_a_public_name_runs_as_it_is_printed(name, tmp_path, monkeypatch):
+    if name == "show":
+        pytest.importorskip("rerun_notebook", reason="needs flighttune[notebook]")
+        # Outside of a notebook the widget would be printed; tests/test_notebook.py shows it.
+        monkeypatch.setattr("rerun.RecordingStream.notebook_show", lambda self, **size: None)
+    monkeypatch.chdir(tmp_path)
+    value, page = getattr(flighttune, name), REFERENCE[name].read_text()
+    text = inspect.getdoc(value) if callable(value) else page.partition(f".{name}\n")[2]
+    example = doctest.DocTestParser().get_doctest(text, {"ft": flighttune}, name, None, 0)
+    said = io.StringIO()
+
+    assert example.examples
+    assert not doctest.DocTestRunner().run(example, out=said.write).failed, said.getvalue()

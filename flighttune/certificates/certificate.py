@@ -123,6 +123,13 @@ class Certificate:
         Versions of flighttune and of the solvers.
     scenario_sha256 : str or None
         Hash of the scenario file the gains belong to.
+
+    Examples
+    --------
+    >>> model = ft.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
+    >>> certificate = ft.certify(model, ft.PAPER_GAINS).certificate
+    >>> round(certificate.claim.rate, 4), certificate.Q.shape
+    (0.4599, (4, 4))
     """
 
     claim: Claim
@@ -215,6 +222,13 @@ def save_certificate(certificate: Certificate, path: str | Path) -> None:
     ------
     OutputError
         If the file cannot be written.
+
+    Examples
+    --------
+    >>> model = ft.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
+    >>> ft.save_certificate(ft.certify(model, ft.PAPER_GAINS).certificate, "proof.json")
+    >>> ft.verify("proof.json").valid
+    True
     """
     write(certificate, path)
 
@@ -226,6 +240,13 @@ def load_certificate(path: str | Path) -> Certificate:
     ------
     InputError
         If the file cannot be read or is not a certificate; the message names file and key.
+
+    Examples
+    --------
+    >>> model = ft.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
+    >>> ft.save_certificate(ft.certify(model, ft.PAPER_GAINS).certificate, "proof.json")
+    >>> ft.load_certificate("proof.json").gains == ft.PAPER_GAINS
+    True
     """
     return read(path, Certificate)
 
@@ -361,6 +382,12 @@ def verify(certificate: Certificate | str | Path) -> Verification:
     ------
     InputError
         If a file cannot be read or is not a certificate.
+
+    Examples
+    --------
+    >>> model = ft.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
+    >>> ft.verify(ft.certify(model, ft.PAPER_GAINS).certificate).valid
+    True
     """
     if not isinstance(certificate, Certificate):
         certificate = load_certificate(certificate)

@@ -87,6 +87,12 @@ def certify(
     InputError
         If the channels or the states of the models do not fit, a bound is not positive, or an
         envelope comes without `g` or with conditions.
+
+    Examples
+    --------
+    >>> model = ft.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
+    >>> ft.certify(model, ft.PAPER_GAINS).status
+    'certified'
     """
     models = tuple(model for _, model in conditions)
     if (envelope is None) != (g is None):

@@ -121,6 +121,12 @@ class Comparison:
         Runs without a partner, as ``source: label``.
     missing : tuple of str
         Runs that the sources recorded and cannot give.
+
+    Examples
+    --------
+    >>> comparison = ft.compare("paper_as_printed@paper", "paper_as_printed@K1")
+    >>> comparison.comparable, round(comparison.max_distance, 1)
+    (True, 10.4)
     """
 
     reason: str = ""
@@ -265,6 +271,12 @@ def compare(
     ------
     InputError
         If there is nothing to compare with, or a source cannot be read or flown.
+
+    Examples
+    --------
+    >>> comparison = ft.compare(ft.fly(ft.load_scenario("level_turn")))
+    >>> [pair.b.label for pair in comparison.pairs]
+    ['kinematic / tuned', 'jsbsim:aerosonde / paper', 'jsbsim:aerosonde / tuned']
     """
     first, *rest = (_source(runs_of, place) for place, runs_of in enumerate((a, *others)))
     if not rest:

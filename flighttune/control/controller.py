@@ -28,6 +28,11 @@ class FlightCondition:
         Course clockwise from north; flight-path angle, climb positive; roll, right wing down.
     n_z : float or None, 1
         Load factor in force at the start; None for the steady value cos(gamma)/cos(phi).
+
+    Examples
+    --------
+    >>> round(ft.FlightCondition(V_a=25.0, gamma=0.2, phi=0.5).n_z_start, 4)
+    1.1168
     """
 
     V_a: float
@@ -70,6 +75,12 @@ class Measured(NamedTuple):
     wind : tuple of three floats or None, m/s
         Velocity of the air, north, east and down; None if the plant does not show it, or `chi` and
         `gamma` are those of the path through the air.
+
+    Examples
+    --------
+    >>> still = ft.Measured(0.0, 0.0, 25.0, 0.0, 1.0, 1000.0, (0.0, 0.0, 0.0), None)
+    >>> still.V_a, still.h
+    (25.0, 1000.0)
     """
 
     chi: float
@@ -94,6 +105,11 @@ class ReferenceSample(NamedTuple):
     planned : tuple of two floats or None, rad and 1
         Roll and load-factor command under which the reference is flown where nothing disturbs; None
         where it was not made of commands.
+
+    Examples
+    --------
+    >>> ft.ReferenceSample(chi=0.5, gamma=0.1).chi_dot
+    0.0
     """
 
     chi: float
@@ -118,6 +134,20 @@ class Controller(Protocol):
         Sample time.
     signals : mapping of str to str
         Names of what the law wants recorded, with their units.
+
+    Examples
+    --------
+    >>> import math
+    >>> class WingsLevel:
+    ...     dt, signals = 0.02, {}
+    ...     def start(self, condition):
+    ...         pass
+    ...     def step(self, measured, reference, t):
+    ...         return 0.0, math.cos(measured.gamma)
+    >>> tables = ft.load_scenario("paper_as_printed").as_dict()
+    >>> flown = ft.fly(ft.scenario_from(tables), laws={"level": lambda setup: WingsLevel()})
+    >>> [run.label for run in flown.runs]
+    ['kinematic / paper', 'kinematic / level:paper']
     """
 
     @property
@@ -198,6 +228,12 @@ class LawSetup:
         Airspeed for which gains were made that follow the airspeed; None without a schedule.
     feed_forward : bool
         True if the load factor of steady flight on the reference is added.
+
+    Examples
+    --------
+    >>> setup = ft.LawSetup(dt=0.02, limits=ft.JSBSimPlant("aerosonde").limits)
+    >>> setup.g, setup.anti_windup
+    (9.81, 'conditional')
     """
 
     dt: float

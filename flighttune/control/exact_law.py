@@ -136,6 +136,15 @@ class ExactLaw(StatefulPI):
     Derived in docs/exact_law.md. Integrals take each error after the command of its sample, so
     that whether a limit holds does not depend on the increment it stops: no lock, see
     design/anti_windup.md.
+
+    Examples
+    --------
+    >>> law = ft.ExactLaw(ft.rate_gains(ft.PAPER_GAINS, V_a=25.0), dt=0.02)
+    >>> law.start(ft.FlightCondition(V_a=25.0))
+    >>> still = ft.Measured(0.0, 0.0, 25.0, 0.0, 1.0, 1000.0, (0.0, 0.0, 0.0), None)
+    >>> phi, n_z, *_ = law.step(still, ft.ReferenceSample(chi=0.1, gamma=0.0), 0.0)
+    >>> round(phi, 5)
+    0.17841
     """
 
     def __init__(

@@ -39,6 +39,11 @@ class PIGains:
         Integral gain.
     inputs, errors : tuple of str, lengths m and p
         Channel names, in row and column order.
+
+    Examples
+    --------
+    >>> ft.PIGains(K_P=[[1.7, 0.0], [0.0, 2.5]], K_I=[[0.6, 0.0], [0.0, 1.1]]).inputs
+    ('phi', 'n_z')
     """
 
     K_P: FloatArray
@@ -134,6 +139,11 @@ def rate_gains(gains: PIGains, *, V_a: float, g: float = G_PAPER) -> PIGains:
     -------
     PIGains
         Times ``g / V_a``: the same loop about wings-level flight at gamma = 0.
+
+    Examples
+    --------
+    >>> ft.rate_gains(ft.PAPER_GAINS, V_a=25.0).K_P.diagonal().round(3).tolist()
+    [0.666, 0.767]
     """
     check_positive(V_a=V_a, g=g)
     return _acting_on(RATES, gains, g / V_a)
@@ -153,6 +163,12 @@ def command_gains(gains: PIGains, *, V_a: float, g: float = G_PAPER) -> PIGains:
     -------
     PIGains
         Times ``V_a / g``: `rate_gains` the other way.
+
+    Examples
+    --------
+    >>> gains = ft.rate_gains(ft.PAPER_GAINS, V_a=25.0)
+    >>> ft.command_gains(gains, V_a=25.0).K_P.diagonal().round(3).tolist()
+    [1.697, 1.956]
     """
     check_positive(V_a=V_a, g=g)
     return _acting_on(COMMANDS, gains, V_a / g)

@@ -142,6 +142,11 @@ class InnerLag:
         Time constant of the real pole of order 3, positive; without meaning below.
     delay : float, s
         Not negative.
+
+    Examples
+    --------
+    >>> ft.InnerLag(order=2, natural_frequency=4.0, damping=0.7).delay
+    0.0
     """
 
     order: Order

@@ -22,6 +22,11 @@ class Limits:
         Range of each command.
     rate_lower, rate_upper : ndarray, shape (m,), input unit per second
         Range of each command's rate; holds zero.
+
+    Examples
+    --------
+    >>> ft.JSBSimPlant("aerosonde").limits.upper.round(3).tolist()
+    [0.785, 2.1]
     """
 
     lower: FloatArray
@@ -130,6 +135,14 @@ class CommandLimiter:
         Commands after all limits and before them; the same lists at every sample.
     limited : list of int, length m
         0 free, 1 held by a magnitude limit, 2 held by a rate limit.
+
+    Examples
+    --------
+    >>> limits = ft.Limits(lower=[-0.7], upper=[0.7], rate_lower=[-1.0], rate_upper=[1.0])
+    >>> limiter = ft.CommandLimiter(limits, dt=0.02)
+    >>> limiter.start([0.0])
+    >>> limiter.limit(0.5), limiter.limited
+    ((0.02,), [2])
     """
 
     def __init__(self, limits: Limits, dt: float) -> None:

@@ -24,6 +24,14 @@ class LinearModel:
         Units follow from those of the states, inputs and errors (SI, rad) and seconds.
     states, inputs, errors : tuple of str, lengths n, m, p
         Names in order; an error is reference minus actual.
+
+    Examples
+    --------
+    >>> names = {"states": ("v",), "inputs": ("u",), "errors": ("e",)}
+    >>> model = ft.LinearModel(A=[[0.0]], B=[[1.0]], C=[[-1.0]], **names)
+    >>> gains = ft.PIGains(K_P=[[2.0]], K_I=[[1.0]], inputs=("u",), errors=("e",))
+    >>> ft.closed_loop(model, gains).tolist()
+    [[-2.0, 1.0], [-1.0, 0.0]]
     """
 
     A: FloatArray
@@ -106,6 +114,11 @@ def kinematic_model(
     -----
     The Jacobians of arXiv 2411.13140 below its Eq. (40). The paper prints n_z = cos(gamma_c)/g at
     the equilibrium; its own model gives cos(gamma_c)/cos(phi). With phi = 0 the value drops out.
+
+    Examples
+    --------
+    >>> ft.kinematic_model(V_a=25.0, gamma=0.0, g=9.81).B.diagonal().round(4).tolist()
+    [-0.3924, -0.3924]
     """
     check_positive(V_a=V_a, g=g)
     check_upright(gamma=gamma, phi=phi)
@@ -138,6 +151,12 @@ def closed_loop(model: LinearModel, gains: PIGains) -> FloatArray:
     Notes
     -----
     Theorem 2 of arXiv 2411.13140, with an output matrix C.
+
+    Examples
+    --------
+    >>> model = ft.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
+    >>> ft.closed_loop(model, ft.PAPER_GAINS).shape
+    (4, 4)
     """
     model.check_channels(gains)
     return closed_loops(model, gains.K)

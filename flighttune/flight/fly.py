@@ -53,6 +53,12 @@ class FlownScenario:
         R_K and I_K on the linear model of the scenario, by name of the gain set.
     tuning : TuningResult or None
         Result of the tuning of the gains ``tuned``, where the scenario asks for them.
+
+    Examples
+    --------
+    >>> flown = ft.fly(ft.load_scenario("paper_as_printed"))
+    >>> flown.claim.verdict, flown["kinematic / paper"].status
+    ('met', 'completed')
     """
 
     scenario: Scenario
@@ -120,6 +126,12 @@ def fly(
         of a law or plant cannot be loaded.
     PlantError
         If an aircraft cannot be built.
+
+    Examples
+    --------
+    >>> flown = ft.fly(ft.load_scenario("paper_as_printed"))
+    >>> flown.metrics["MO_rad"].round(3).tolist()
+    [0.775, 0.362]
     """
     scenario = with_own(scenario, laws, plants)
     check_aircraft(scenario, scenario.title)

@@ -90,6 +90,12 @@ class Gap:
         Source of the lags: the aircraft's model file, or this flight.
     mismatch : Mismatch or None
         Mismatch of the aircraft against the paper's law.
+
+    Examples
+    --------
+    >>> gap = ft.explain_gap(ft.load_scenario("paper"), ft.PAPER_GAINS)
+    >>> gap.status, [run.provenance.plant for run in gap.runs]
+    ('explained', ['kinematic', 'point_mass', 'point_mass_lag', 'jsbsim:aerosonde'])
     """
 
     scenario: Scenario
@@ -198,6 +204,12 @@ def explain_gap(
         If the scenario has no such jsbsim plant.
     PlantError
         If the aircraft cannot be built.
+
+    Examples
+    --------
+    >>> gap = ft.explain_gap(ft.load_scenario("paper"), ft.PAPER_GAINS)
+    >>> [step.adds for step in gap.steps]
+    ['turning with actual lift', 'lag of the inner loop', 'six degrees of freedom']
     """
     table = aircraft_table(scenario, plant)
     aircraft = fly_alone(scenario, table, gains, name, progress=progress)

@@ -46,6 +46,11 @@ def tuning_problem(scenario: Scenario, law: Law | None = None) -> TuningProblem:
     -----
     Section 4.4 of arXiv 2411.13140. The limits hold for the PI part alone, as printed: a
     feed-forward is not counted.
+
+    Examples
+    --------
+    >>> ft.tuning_problem(ft.load_scenario("paper")).I_star
+    5.0
     """
     settings = scenario.tuning
     if settings.model == "identified":
@@ -138,6 +143,11 @@ def tune_scenario(
     ------
     InputError, ScenarioError
         If an identified model is needed and missing.
+
+    Examples
+    --------
+    >>> ft.tune_scenario(ft.load_scenario("paper")).active
+    ('I_K',)
     """
     settings = scenario.tuning
     if (model or settings.model) == "identified":
@@ -251,6 +261,12 @@ def certify_scenario(
         behind a lag; or if there is no identified model.
     InputError
         If `L_d` is not positive, or the conditions identified have lags of different order.
+
+    Examples
+    --------
+    >>> certification = ft.certify_scenario(ft.load_scenario("paper"), ft.PAPER_GAINS)
+    >>> round(certification.certificate.claim.rate, 4)
+    0.4599
     """
     if L_d is None and scenario.disturbance is not None:
         bound = scenario.disturbance.sinusoid().rate_bound

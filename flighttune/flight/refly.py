@@ -84,6 +84,12 @@ def refly(
         ladder, a figure of the paper).
     ScenarioError
         If the scenario cannot be read, being from another version.
+
+    Examples
+    --------
+    >>> flown = ft.fly(ft.load_scenario("paper_as_printed"))
+    >>> [flight.difference for flight in ft.refly(flown.runs)]
+    [None]
     """
     scenarios = [dict(run.provenance.scenario) for run in runs]
     if not runs or any(other != scenarios[0] for other in scenarios[1:]):

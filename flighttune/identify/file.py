@@ -271,6 +271,12 @@ def save_identified(aircraft: IdentifiedAircraft, path: str | Path) -> None:
     ------
     OutputError
         If the file cannot be written.
+
+    Examples
+    --------
+    >>> ft.save_identified(ft.load_identified("aerosonde"), "model.json")
+    >>> ft.load_identified("model.json").aircraft
+    'aerosonde'
     """
     text = json.dumps(identified_tables(aircraft), indent=2, allow_nan=False) + "\n"
     write_text(Path(path), text)
@@ -292,6 +298,12 @@ def load_identified(source: str | Path) -> IdentifiedAircraft:
     ScenarioError
         If the file cannot be read or does not hold an identified aircraft; the message names file
         and key.
+
+    Examples
+    --------
+    >>> identified = ft.load_identified("aerosonde")
+    >>> round(identified.conditions[0].channels["phi"].fit_percent)
+    100
     """
     path = Path(source)
     if path.name == str(source) and path.suffix != ".json":

@@ -179,6 +179,12 @@ def identify_aircraft(
         If there is no steady flight at any of the conditions.
     PlantError
         If the aircraft cannot be built or excited.
+
+    Examples
+    --------
+    >>> made = ft.identify_aircraft("aerosonde", V_a=[25.0])
+    >>> made.identified.conditions[0].channels["phi"].fit_percent > 90.0
+    True
     """
     plant = JSBSimPlant(aircraft)
     speeds = tuple(V_a) or (design_speed(plant.config),)

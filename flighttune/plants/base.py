@@ -31,6 +31,11 @@ class Stop:
         Such as ``diverged``, ``ground_contact`` or ``left_envelope``.
     reason : str
         A sentence with time and numbers.
+
+    Examples
+    --------
+    >>> ft.Stop("ground_contact", "t = 3.2 s: h = 0 m").status
+    'ground_contact'
     """
 
     status: StopStatus
@@ -52,6 +57,13 @@ class Plant(Protocol):
     limits : Limits
         Limits of the plant itself on its commands (phi, n_z). Anti-windup works only in a
         controller that knows them.
+
+    Examples
+    --------
+    >>> plant = ft.PointMassPlant()
+    >>> plant.start(ft.FlightCondition(V_a=25.0))
+    >>> plant.signals[: len(ft.COMMON_SIGNALS)] == ft.COMMON_SIGNALS
+    True
     """
 
     @property

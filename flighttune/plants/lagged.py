@@ -113,6 +113,15 @@ class LaggedPlant(WrappedPlant):
     -----
     The lags are solved in closed form; the plant is given their output at the middle of pieces of
     at most `PIECE`, an error of second order in it.
+
+    Examples
+    --------
+    >>> lag = ft.InnerLag(order=1, natural_frequency=5.0)
+    >>> plant = ft.LaggedPlant(ft.PointMassPlant(), (lag, lag))
+    >>> plant.start(ft.FlightCondition(V_a=25.0))
+    >>> plant.advance(0.5, 1.0, 0.2)
+    >>> round(dict(zip(plant.signals, plant.observe()))["phi"], 4)
+    0.3151
     """
 
     def __init__(self, plant: Plant, lags: tuple[InnerLag, InnerLag]) -> None:

@@ -134,6 +134,14 @@ class PointMassPlant:
     -----
     The lags are solved in closed form; the rest is integrated by the classical Runge-Kutta rule
     between the instants at which a command takes effect or the wind record has a sample.
+
+    Examples
+    --------
+    >>> plant = ft.PointMassPlant()
+    >>> plant.start(ft.FlightCondition(V_a=25.0))
+    >>> plant.advance(0.5, 1.0, 2.0)  # seconds at 0.5 rad of roll
+    >>> dict(zip(plant.signals, plant.observe()))["chi"] > 0.3
+    True
     """
 
     limits = Limits.none(2)

@@ -40,6 +40,11 @@ class Sensors:
     ------
     InputError
         If a value cannot be used.
+
+    Examples
+    --------
+    >>> ft.Sensors(bias=(0.01, 0.0, 0.0), seed=1).noise_sd
+    (0.0, 0.0, 0.0)
     """
 
     bias: tuple[float, float, float] = (0.0, 0.0, 0.0)

@@ -44,6 +44,12 @@ class Report:
         Titles.
     tables : tuple of Table
         Its tables.
+
+    Examples
+    --------
+    >>> report = ft.write_report("paper_as_printed@paper", "report.html")
+    >>> report.path.name, report.sections[0]
+    ('report.html', 'Errors and metrics')
     """
 
     path: Path

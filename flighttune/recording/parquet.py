@@ -196,6 +196,12 @@ class Recording:
         In the order in which they were recorded. Signals are equal to the bit to those written.
     missing : tuple of str
         Runs of the flight whose files are not there, and files of other flights in the folder.
+
+    Examples
+    --------
+    >>> files = ft.record(ft.fly(ft.load_scenario("paper_as_printed")), "runs/mine")
+    >>> ft.load_recording("runs/mine").missing
+    ()
     """
 
     path: Path
@@ -236,8 +242,9 @@ def load_recording(path: str | Path) -> Recording:
 
     Examples
     --------
-    >>> recording = load_recording("runs/paper")  # doctest: +SKIP
-    >>> recording["kinematic / paper"].signals["chi"]  # doctest: +SKIP
+    >>> files = ft.record(ft.fly(ft.load_scenario("paper_as_printed")), "runs/mine")
+    >>> [run.label for run in ft.load_recording("runs/mine").runs]
+    ['kinematic / paper']
     """
     path = Path(path)
     if path.is_dir():

@@ -63,6 +63,12 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
         If a file cannot be written; what stood in the folder still does.
     RecordingError
         If the scenario holds what JSON cannot.
+
+    Examples
+    --------
+    >>> flown = ft.fly(ft.load_scenario("paper_as_printed"))
+    >>> ft.record(flown, "runs/mine").recording.name
+    'flight.rrd'
     """
     folder = Path(folder)
     recording = folder / f"{name}.rrd"
@@ -228,6 +234,11 @@ def show(flown: FlownScenario, *, width: int = 1280, height: int = 720) -> None:
     ------
     InputError
         If the viewer for notebooks is not installed.
+
+    Examples
+    --------
+    >>> flown = ft.fly(ft.load_scenario("paper_as_printed"))
+    >>> ft.show(flown, height=500)  # the last line of a cell
     """
     need("`show`", "rerun_notebook")
     title = flown.scenario.title

@@ -96,7 +96,7 @@ def write_report(
     Parameters
     ----------
     source : str, path-like or Source
-        Anything `flighttune.comparison.load_source` takes: a run folder, a recording, a Parquet
+        A source as of `compare`: a run folder, a recording, a Parquet
         file or ``scenario@gains``.
     path : path-like
         HTML file to write or replace; parent folders are made.
@@ -117,6 +117,11 @@ def write_report(
         If no run flew, the runs are of several scenarios, or the file cannot be written.
     ScenarioError
         If the recorded scenario is not valid any more.
+
+    Examples
+    --------
+    >>> ft.write_report("paper_as_printed@paper", "report.html").summary[0]
+    'Claim met: 4 of 4 requirements.'
     """
     source = source if isinstance(source, Source) else load_source(source)
     runs = [run for run in source.runs if len(run.signals) > 1]

@@ -124,6 +124,10 @@ def plot(flown: FlownScenario | Run | Iterable[Run]) -> Sheet:
     ------
     InputError
         If no run has flown.
+
+    Examples
+    --------
+    >>> ft.plot(ft.fly(ft.load_scenario("paper_as_printed"))).save("flight.svg")
     """
     runs = flown.runs if isinstance(flown, FlownScenario) else flown
     runs = (runs,) if isinstance(runs, Run) else tuple(runs)

@@ -41,6 +41,11 @@ def load_scenario(path: str | Path) -> Scenario:
     ScenarioError
         If the file cannot be read, a key is unknown, missing or impossible, or an aircraft does not
         exist or cannot start where it shall, or a model named in [tuning] cannot be read.
+
+    Examples
+    --------
+    >>> ft.load_scenario("level_turn").flight.V_a_mps
+    25.0
     """
     path = existing_file(path, "scenario", scenario_files(), ["scenarios"])
     tables = _with_files(toml_tables(path), path)
@@ -96,6 +101,13 @@ def scenario_from(tables: dict[str, Any]) -> Scenario:
     ------
     ScenarioError
         If a key is unknown, missing or impossible.
+
+    Examples
+    --------
+    >>> tables = ft.load_scenario("level_turn").as_dict()
+    >>> tables["flight"]["V_a_mps"] = 30.0
+    >>> ft.scenario_from(tables).flight.V_a_mps
+    30.0
     """
     return validated(Scenario, tables, "scenario")
 
@@ -119,6 +131,14 @@ def load_gains(path: str | Path) -> PIGains:
     ------
     ScenarioError
         If the file cannot be read or does not hold such gains.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> text = '{"K_P": [[1.7, 0.0], [0.0, 2.5]], "K_I": [[0.6, 0.0], [0.0, 1.1]]}'
+    >>> size = Path("mine.json").write_text(text)
+    >>> ft.load_gains("mine.json").K_P.diagonal().tolist()
+    [1.7, 2.5]
     """
     path = Path(path)
     tables = json_tables(path) if path.suffix.lower() == ".json" else toml_tables(path)

@@ -37,7 +37,14 @@ MARGIN = 0.2
 
 
 class Scenario(Table):
-    """One manoeuvre: every gain set flies on every plant."""
+    """One manoeuvre: every gain set flies on every plant.
+
+    Examples
+    --------
+    >>> scenario = ft.load_scenario("paper")
+    >>> [plant.label for plant in scenario.plant], scenario.gain_names
+    (['kinematic', 'jsbsim:aerosonde'], ('paper', 'tuned'))
+    """
 
     title: Annotated[str, Field(min_length=1)]
     verifies: str = ""

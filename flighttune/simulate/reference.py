@@ -53,6 +53,12 @@ class Reference:
         Values before any segment.
     chi_segments, gamma_segments : tuple of Segment
         Changes in rad.
+
+    Examples
+    --------
+    >>> reference = ft.load_scenario("level_turn").followed()
+    >>> reference.chi_segments[0].start
+    2.0
     """
 
     chi: float

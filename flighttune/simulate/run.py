@@ -69,6 +69,12 @@ class Provenance:
         Version of every library that shaped the numbers.
     wall_s : float, s
         Time the flight took.
+
+    Examples
+    --------
+    >>> provenance = ft.fly(ft.load_scenario("paper_as_printed")).runs[0].provenance
+    >>> provenance.plant, provenance.gains_name, provenance.seed
+    ('kinematic', 'paper', 1)
     """
 
     scenario: Mapping[str, Any]
@@ -119,6 +125,12 @@ class Run:
         Scenario, plant and gains that made the run.
     units : mapping of str to str
         Units of signals that `SIGNAL_UNITS` does not know: those of a user's own law.
+
+    Examples
+    --------
+    >>> run = ft.fly(ft.load_scenario("paper_as_printed")).runs[0]
+    >>> run.label, run.status, run.duration
+    ('kinematic / paper', 'completed', 20.0)
     """
 
     signals: "pd.DataFrame"

@@ -43,6 +43,12 @@ class Indicators:
         Solution of ``A_z' Q + Q A_z + I = 0`` in the scaled state z; None if unstable.
     scaling : ndarray, shape (n,)
         Unit of each state: ``z = s / scaling``. All ones in the paper.
+
+    Examples
+    --------
+    >>> loop = ft.indicators([[-1.0, 0.0], [0.0, -2.0]])
+    >>> loop.status, float(loop.R_K), float(loop.I_K)
+    ('stable', 2.0, 1.0)
     """
 
     status: Literal["stable", "unstable"]
@@ -81,7 +87,7 @@ def indicators(A_K: npt.ArrayLike, *, scaling: npt.ArrayLike | None = None) -> I
     Parameters
     ----------
     A_K : array_like, shape (n, n), 1/s
-        Closed loop in velocity form, as `flighttune.control.linear_model` makes it.
+        Closed loop in velocity form, as `closed_loop` makes it.
     scaling : array_like, shape (n,), optional
         Units of the states, positive: ``z = s / scaling``. By default all ones, as in the paper.
 
@@ -103,6 +109,12 @@ def indicators(A_K: npt.ArrayLike, *, scaling: npt.ArrayLike | None = None) -> I
     ``I_K = cond(Q) / (R_K sigma_min(A_z))`` with ``A_z = diag(1 / scaling) A_K diag(scaling)``.
     Both depend on the unit of time and on `scaling`. Without scaling R_K stays below 1 for any
     gains where C = I, because the lower block of A_K is then the identity.
+
+    Examples
+    --------
+    >>> model = ft.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
+    >>> round(ft.indicators(ft.closed_loop(model, ft.PAPER_GAINS)).R_K, 3)
+    0.46
     """
     A_K = square_matrices("A_K", A_K)
     if A_K.ndim != 2:
@@ -132,7 +144,7 @@ def indicators_batch(
     Parameters
     ----------
     A_K : array_like, shape (..., n, n), 1/s
-        Closed loops in velocity form; `flighttune.control.linear_model` makes a stack of them.
+        Closed loops in velocity form, as `closed_loop` makes one.
     scaling : array_like, shape (n,), optional
         Units of the states, as in `indicators`.
 
@@ -145,6 +157,11 @@ def indicators_batch(
     ------
     ShapeError, InputError
         As `indicators`.
+
+    Examples
+    --------
+    >>> ft.indicators_batch([[[-1.0]], [[-3.0]], [[1.0]]]).R_K.tolist()
+    [2.0, 6.0, 0.0]
     """
     A_K = square_matrices("A_K", A_K)
     n = A_K.shape[-1]

@@ -49,6 +49,14 @@ class TuningProblem:
     -----
     The optimisation model of arXiv 2411.13140, section 4.4, with ``u(t_0) = K (x_0; x_0 dt)`` and
     ``u'(t_0) = K (0; x_0)``: linear in K, so that the limits are a polytope of gains.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> problem = ft.tuning_problem(ft.load_scenario("paper"))
+    >>> wider = replace(problem, I_star=8.0)
+    >>> ft.tune(wider).R_K > ft.tune(problem).R_K
+    True
     """
 
     model: LinearModel

@@ -62,6 +62,12 @@ class TuningResult:
         Searches made, and those that ended within 1e-4 of the best value, relative.
     wall_s : float
         Time it took, s.
+
+    Examples
+    --------
+    >>> result = ft.tune_scenario(ft.load_scenario("paper"))
+    >>> result.gains.K_P.diagonal().round(2).tolist(), result.active
+    ([2.22, 2.48], ('I_K',))
     """
 
     status: Status

@@ -76,6 +76,12 @@ def tune(
     ------
     InputError
         If the method is unknown or `starts` is not at least 1.
+
+    Examples
+    --------
+    >>> result = ft.tune(ft.tuning_problem(ft.load_scenario("paper")))
+    >>> result.status, round(result.R_K, 4)
+    ('optimal', 0.5398)
     """
     if method not in get_args(Method):
         raise InputError(f"`method` must be one of {get_args(Method)}, got {method!r}.")
@@ -125,7 +131,8 @@ def tune_by_gradient(
         warm = smallest.K[space.free][None]
         ends.append(smallest)
     if smallest is None or smallest.I_K <= problem.I_star:
-        ends += searches(problem, np.vstack([warm, k[PROBES:]]), "R_K")
+        rest = np.vstack([warm, k[PROBES:]])
+        ends += searches(problem, rest, "R_K") if len(rest) else []
     feasible = [end for end in ends if is_feasible(problem, end)]
     best = max(feasible, key=lambda end: end.R_K, default=smallest)
     value = best.R_K if best else 0.0

@@ -68,11 +68,14 @@ def test_nothing_is_loaded_from_a_network(site):
 
 
 def test_every_public_name_is_in_the_reference_and_found_by_the_search(site):
-    anchors = Page((site / "docs" / "api.html").read_text()).anchors
+    pages = [path.read_text() for path in (site / "docs" / "api").glob("*.html")]
+    anchors = set().union(*(Page(page).anchors for page in pages))
     index = (site / "searchindex.js").read_text().lower()
     for name in flighttune.__all__:
-        assert any(anchor.rsplit(".", 1)[-1] == name for anchor in anchors), name
+        assert f"flighttune.{name}" in anchors, name
         assert name.lower() in index, name
+    private = r"flighttune\.[a-z_]+\.[\w.]+"
+    assert not [path for page in pages for path in re.findall(private, page)]
 
 
 def test_the_search_answers_in_a_browser_without_a_server(site):

@@ -164,6 +164,10 @@ def test_the_same_problem_gives_the_same_bits(printed, method):
     assert np.array_equal(first.gains.K, second.gains.K)
 
 
+def test_one_start_is_enough(model):
+    assert tune(TuningProblem(model=model, I_star=5.0), starts=1).status == "optimal"
+
+
 def test_unknown_methods_and_no_starts_are_refused(model):
     problem = TuningProblem(model=model)
     with pytest.raises(InputError, match="`method` must be one of"):

@@ -84,6 +84,12 @@ def run_campaign(
         If `out` cannot be written, e.g. on a full disk. Files already written are complete.
     CampaignError
         If the cluster is gone. Files already written are complete.
+
+    Examples
+    --------
+    >>> plan = ft.plan_campaign(ft.load_campaign("first_campaign"), runs=4)
+    >>> ft.run_campaign(plan, "runs/first").completed
+    4
     """
     began = time.perf_counter()
     interim = list(interim_analyses(plan, until_halfwidth))

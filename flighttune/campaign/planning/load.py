@@ -41,6 +41,11 @@ def load_campaign(path: str | Path) -> Campaign:
     ScenarioError
         If the file or its scenario cannot be read, a key is unknown, missing or impossible, or the
         scenario refuses a dispersion. One line that names file and key.
+
+    Examples
+    --------
+    >>> ft.load_campaign("first_campaign").runs
+    40
     """
     folders = "campaigns", "scenarios/campaigns"
     file = existing_file(path, "campaign", campaign_files(), folders)

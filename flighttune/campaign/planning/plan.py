@@ -81,6 +81,12 @@ class Plan:
     ------
     InputError
         If `runs` is not positive.
+
+    Examples
+    --------
+    >>> plan = ft.plan_campaign(ft.load_campaign("first_campaign"))
+    >>> plan.parameters(0, 3).shape
+    (3, 5)
     """
 
     campaign: Campaign
@@ -287,6 +293,12 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
     ------
     InputError, ScenarioError
         If `runs` is not positive, or an identified model is needed and missing.
+
+    Examples
+    --------
+    >>> plan = ft.plan_campaign(ft.load_campaign("first_campaign"), runs=20)
+    >>> plan.draws, len(plan.groups)
+    (5, 4)
     """
     scenario = campaign.nominal
     sets, _ = gain_sets(scenario)

@@ -297,6 +297,11 @@ class Campaign(CampaignTable):
     ``nominal`` is the scenario with the gains, plants, overrides and requirements of the campaign
     put in, undispersed; ``central`` the same at the median of everything dispersed. `load_campaign`
     makes it.
+
+    Examples
+    --------
+    >>> ft.load_campaign("first_campaign").keys[:2]
+    ('flight.V_a_mps', 'flight.gamma_deg')
     """
 
     nominal: Scenario

@@ -79,6 +79,13 @@ class JSBSimPlant:
     `gamma`, which hold over ground, differ from the condition's. `n_z` is the specific force along
     the lift axis (normal to the airspeed, in the plane of symmetry) over standard gravity: lift,
     and the small part of thrust that helps it. `chi` and `psi` run on through +-pi without a jump.
+
+    Examples
+    --------
+    >>> plant = ft.JSBSimPlant("aerosonde")
+    >>> plant.start(ft.FlightCondition(V_a=25.0))
+    >>> round(plant.config.engines.count), "elevator" in plant.signals
+    (1, True)
     """
 
     kind: str = "jsbsim"
