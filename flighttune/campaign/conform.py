@@ -1,8 +1,8 @@
 """Boxes of an aircraft's residual rates, fitted to some flights and tested on new ones."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -13,7 +13,6 @@ from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray, check_at_least, check_between, check_not_negative
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.planning.load import campaign_on
-from flighttune.campaign.planning.places import spelled
 from flighttune.campaign.planning.plan import Plan, plan_campaign
 from flighttune.campaign.planning.schema import (
     Campaign,
@@ -41,10 +40,12 @@ from flighttune.conformance.file import (
     flown_values,
 )
 from flighttune.conformance.residual import COUNTED, ConformantModel
+from flighttune.control.law import split_name
 from flighttune.errors import InputError
 from flighttune.identify.file import identified_tables, load_identified
 from flighttune.scenario.load import check_aircraft, scenario_from
-from flighttune.scenario.schema import Scenario
+from flighttune.scenario.places import spelled
+from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import INTENSITIES, TUNED_IDENTIFIED
 from flighttune.shipped import aircraft_folders
 from flighttune.simulate.run import Run
@@ -91,6 +92,8 @@ class ConformSettings:
     window: float = WINDOW_S
     start_deg: float = 0.0  # deg; range of the starts of a scenario in course and path angle
     seed: int | None = None  # seed of the draws, by default the campaign's
+    tables: tuple[GainsTable, ...] = ()  # gain sets that the source does not have
+    changes: Mapping[str, Any] = field(default_factory=dict)  # values of the scenario by dotted key
 
     @property
     def flights(self) -> int:
@@ -183,12 +186,14 @@ def recount(
     seed = conformance.seed + 1 if settings.seed is None else settings.seed
     if seed == conformance.seed:
         raise InputError(f"`seed` must not be that of the flights counted, got {seed}.")
+    kept = GainsTable(name=split_name(conformance.gains_name)[1], **conformance.gains.as_lists())
     settings = replace(
         settings,
         epsilon=conformance.epsilon,
         confidence=conformance.confidence,
         attempts=conformance.planned,
         gains=conformance.gains_name,
+        tables=(kept,),
         air=conformance.distribution.air,
         over=conformance.boxes.windows.over,
         window=conformance.boxes.windows.length,
@@ -219,8 +224,10 @@ def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan, Residual
         plan = plan_campaign(own_campaign(source))
     else:
         chosen = {"plant": settings.plant, "start_deg": settings.start_deg}
+        chosen |= {key: getattr(settings, key) for key in ("gains", "tables", "changes")}
         plan = planned(source, kind="jsbsim", draws=OWN_FLIGHTS, **chosen)
-    group = plan.chosen_group(settings.plant, settings.gains, kind="jsbsim")
+    gains = settings.gains if settings.gains in plan.gain_sets else None  # None for a file
+    group = plan.chosen_group(settings.plant, gains, kind="jsbsim")
     campaign = in_air(plan.campaign, settings.air or air_of(plan.campaign.central))
     if settings.seed is not None:
         campaign = campaign.model_copy(update={"seed": settings.seed})

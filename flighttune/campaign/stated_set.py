@@ -1,5 +1,6 @@
 """The flights that a campaign states, or starts and disturbances about a scenario."""
 
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +13,8 @@ from flighttune.campaign.planning.load import campaign_on, load_campaign
 from flighttune.campaign.planning.plan import Plan, on_plants, plan_campaign
 from flighttune.campaign.planning.schema import Campaign, CampaignTable, Dispersion, Uniform
 from flighttune.errors import InputError
-from flighttune.scenario.load import load_scenario, scenario_from
-from flighttune.scenario.schema import Scenario
+from flighttune.scenario.load import load_scenario, scenario_from, with_gains
+from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.shipped import campaign_files, scenario_files
 from flighttune.table_file import toml_tables
 
@@ -47,16 +48,23 @@ def planned(
     start_deg: float = 0.0,
     disturbance: float = 0.0,
     draws: int = 1,
+    gains: str | None = None,
+    tables: Sequence[GainsTable] = (),
+    changes: Mapping[str, Any] | None = None,
 ) -> Plan:
     """The plan of a campaign in a folder, of a campaign file, or of flights about a scenario.
 
     About a scenario, starts are off by up to `start_deg` in course and path angle, all equally
     likely; square waves of up to `disturbance` (rad/s) disturb the two rates, and each group has
-    `draws` flights. Its plant is by default the first one, or the first one of a `kind`.
+    `draws` flights. Its plant is by default the first one, or the first one of a `kind`. `gains`
+    that source does not have, by name, file or one of `tables`, take the place of its own;
+    `changes` are values to set in the scenario by dotted key.
     """
     check_not_negative(start_deg=start_deg, disturbance=disturbance)
     if _is_scenario(source):
-        scenario = load_scenario(source)
+        scenario = load_scenario(source, changes=changes)
+        if gains not in (None, *scenario.gain_names):
+            scenario = with_gains(scenario, [gains], source, tables)
         labels = [table.label for table in scenario.plant if kind in (None, table.kind)]
         chosen = plant or next(iter(labels), None)
         plan = plan_campaign(_about(scenario, Path(source).stem, chosen, start_deg, disturbance))
@@ -64,8 +72,18 @@ def planned(
     if start_deg or disturbance:
         raise InputError("`start_deg` and `disturbance` are for scenarios: campaigns have theirs.")
     if (Path(source) / CAMPAIGN).is_file():
-        return open_dataset(source).plan
-    return plan_campaign(load_campaign(source))
+        if changes:
+            raise InputError(f"{source}: `--set` must be absent for a campaign already flown.")
+        plan = open_dataset(source).plan
+        plan.chosen_group(None, gains)  # refuses others than its own
+        return plan
+    campaign = load_campaign(source, changes=changes)
+    if gains not in (None, *campaign.nominal.gain_names):
+        nominal = with_gains(campaign.nominal, [gains], source, tables)
+        central = with_gains(campaign.central, [gains], source, tables)
+        chosen = {"gains": nominal.gains, "nominal": nominal, "central": central}
+        campaign = campaign.model_copy(update=chosen)
+    return plan_campaign(campaign)
 
 
 def _is_scenario(source: str) -> bool:

@@ -84,6 +84,7 @@ class StatedSet:
         completed: bool = False,
         start_deg: float = 0.0,
         disturbance: float = 0.0,
+        changes: Mapping[str, Any] | None = None,
     ) -> None:
         if tube is not None and metric is not None:
             raise InputError("`metric` must not be given with a tube, whose share is the metric.")
@@ -91,8 +92,15 @@ class StatedSet:
             raise InputError(
                 f"`metric` must be {MARGIN} or one of {', '.join(MEASURES)}, got {metric!r}."
             )
-        plan = planned(source, plant=plant, start_deg=start_deg, disturbance=disturbance)
-        group = plan.chosen_group(plant, gains)
+        plan = planned(
+            source,
+            plant=plant,
+            start_deg=start_deg,
+            disturbance=disturbance,
+            gains=gains,
+            changes=changes,
+        )
+        group = plan.chosen_group(plant, gains if gains in plan.gain_sets else None)
         if not plan.keys:
             raise InputError(
                 f"{source}: `disperse` must name a key to search; for a scenario give --start-deg "

@@ -8,8 +8,11 @@ from typer import Argument, Option
 
 from flighttune.cli.options import (
     CampaignArgument,
+    GainSetsOption,
     SchedulerOption,
+    SetOption,
     WorkersOption,
+    changes,
     check_ending,
     out_folder,
 )
@@ -175,6 +178,8 @@ def run(
             help="Stop when the 95 % interval of every success rate is at most +-H wide.",
         ),
     ] = None,
+    gains: GainSetsOption = None,
+    settings: SetOption = None,
     dry_run: Annotated[
         bool, Option("--dry-run", help="Show plan, time and disk space; write nothing.")
     ] = False,
@@ -191,7 +196,8 @@ def run(
     from flighttune.simulate.batch import cores
 
     folder = out or str(Path("runs") / Path(file).stem)
-    plan, file_of_plan = plan_campaign(load_campaign(file), runs=runs), Path(folder) / CAMPAIGN
+    campaign = load_campaign(file, changes=changes(settings), gains=gains or ())
+    plan, file_of_plan = plan_campaign(campaign, runs=runs), Path(folder) / CAMPAIGN
     if resume and runs is None and file_of_plan.exists():
         # a campaign that was extended by --runs keeps its length
         plan = plan.with_runs(max(plan.runs, open_dataset(folder).plan.runs))

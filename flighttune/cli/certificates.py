@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from flighttune.cli.gains import chosen_gains, gains_table, gains_values, margins_table
-from flighttune.cli.options import GainsOption, ScenarioArgument, check_ending
+from flighttune.cli.options import GainsOption, ScenarioArgument, SetOption, check_ending
 from flighttune.cli.show import NO, fail, pick
 from flighttune.cli.tube import enclosed
 from flighttune.errors import InputError
@@ -61,6 +61,7 @@ def certify(
         Path | None,
         Option(help="SVG file to write: Bode and Nyquist diagrams, eigenvalues, certified rate."),
     ] = None,
+    settings: SetOption = None,
 ) -> Answer:
     """Compute R_K, I_K and margins of gains on the linear model of SCENARIO, and certify them.
 
@@ -72,7 +73,7 @@ def certify(
     from flighttune.theory.indicators import indicators
 
     check_ending(figure, ".svg", option="--figure")
-    loaded, name, chosen = chosen_gains(scenario, gains)
+    loaded, name, chosen = chosen_gains(scenario, gains, settings)
     law, _ = loaded.law_of(name, chosen)
     identified = law.by_gains and loaded.tuning.model == "identified"
     scaling = largest = None

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from flighttune.cli.options import ConformanceOption, ScenarioArgument, TubeOption, out_folder
+from flighttune.cli.options import (
+    ConformanceOption,
+    GainSetsOption,
+    ScenarioArgument,
+    SetOption,
+    TubeOption,
+    changes,
+    out_folder,
+    repeated,
+)
 from flighttune.cli.show import fail, on_interrupt, pick, progress_bar, say, show, tell
 from flighttune.cli.tube import tubes_around
 from flighttune.errors import RecordingError, ScenarioError
@@ -32,30 +41,39 @@ REFLOWN_COLUMNS = columns("run status samples result")
 
 def fly(
     scenario: ScenarioArgument,
+    gains: GainSetsOption = None,
     out: Annotated[Path | None, out_folder("runs/NAME")] = None,
     view: Annotated[bool, Option("--view", help="Open the recording in the viewer.")] = False,
     tube: TubeOption = False,
     conformance: ConformanceOption = None,
+    settings: SetOption = None,
 ) -> None:
     """Fly every gain set of SCENARIO on each of its plants and record it."""
     from flighttune.flight.fly import fly as fly_scenario
     from flighttune.recording.record import record
     from flighttune.scenario import load_scenario
 
-    loaded = load_scenario(scenario)
+    loaded = load_scenario(scenario, changes=changes(settings), gains=gains or ())
     for note in loaded.notes:
         tell(f"{scenario}: {note}")
     name = Path(scenario).stem
     folder = out or Path("runs") / name
     with progress_bar() as progress:
         flown = fly_scenario(loaded, progress=progress)
-    command = f"flighttune fly {scenario} --tube"
+    source = repeated(scenario, settings)
+    command = f"flighttune fly {source} --tube"
+    listed = {*(gains or ())} <= {*loaded.gain_names}  # others come from files
     tubes, tubes_answer = tubes_around(
-        flown.runs, folder, command, make=tube, conformance=conformance, scenario=scenario
+        flown.runs,
+        folder,
+        command,
+        make=tube,
+        conformance=conformance,
+        scenario=source if listed else "",
     )
     flown = replace(flown, runs=tubes.runs)
     files = record(flown, folder, name=name)
-    answer = _flown(flown, files, tubes_answer, scenario)
+    answer = _flown(flown, files, tubes_answer, source)
     show(answer)
     if view:
         _open(files.recording)

@@ -8,7 +8,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Option
 
-from flighttune.cli.options import GainsFileOption, ScenarioArgument, check_ending, out_folder
+from flighttune.cli.options import (
+    GainsFileOption,
+    ScenarioArgument,
+    SetOption,
+    changes,
+    check_ending,
+    out_folder,
+)
 from flighttune.cli.show import NO, fail, pick
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
@@ -63,6 +70,7 @@ def tune(
     envelope: Annotated[
         bool, Option("--envelope", help="Maximise the rate over the scenario's envelope.")
     ] = False,
+    settings: SetOption = None,
     out: GainsFileOption = None,
     prove: Annotated[
         Path | None,
@@ -77,7 +85,7 @@ def tune(
     check_ending(prove, ".json")
     if envelope and method is not None:
         raise InputError("--method: must be absent with --envelope, which has a method of its own.")
-    loaded = load_scenario(scenario)
+    loaded = load_scenario(scenario, changes=changes(settings))
     if method is not None:
         changed = loaded.tuning.model_copy(update={"method": method})
         loaded = loaded.model_copy(update={"tuning": changed})
@@ -122,6 +130,7 @@ def frontier(
     scenario: ScenarioArgument,
     out: Annotated[Path | None, out_folder("runs/NAME")] = None,
     points: Annotated[int, Option(min=2, max=1000, help="Points of the frontier.")] = 25,
+    settings: SetOption = None,
 ) -> Answer:
     """Tabulate and draw the largest R_K for each I_K, with the paper's and the scenario's gains."""
     from flighttune.control.gains import paper_family
@@ -133,7 +142,7 @@ def frontier(
     from flighttune.tuning.frontier import frontier_chart
     from flighttune.whole_file import write_text
 
-    loaded = load_scenario(scenario)
+    loaded = load_scenario(scenario, changes=changes(settings))
     law, flight = loaded.laws[0], loaded.flight
     own = [name for name in loaded.gain_names if loaded.law_of(name)[0].by_gains]
     sets = {**paper_family(), **{name: gain_set(loaded, name) for name in own}}
@@ -210,15 +219,17 @@ def _over_envelope(scenario: "Scenario") -> "tuple[PIGains | None, Answer]":
     return result.gains, Answer(values=values, tables=[table])
 
 
-def chosen_gains(source: str, wanted: str | None) -> "tuple[Scenario, str, PIGains]":
+def chosen_gains(
+    source: str, wanted: str | None, settings: list[str] | None
+) -> "tuple[Scenario, str, PIGains]":
     """Scenario, and the name and gains of ``--gains``; exit status 1 if tuning finds none."""
     from flighttune.flight.outer_loop import gain_set
-    from flighttune.scenario import load_gains, load_scenario
+    from flighttune.scenario.load import load_scenario, with_gains
 
-    scenario = load_scenario(source)
-    name = scenario.gain_names[0] if wanted is None else wanted
-    if Path(name).suffix.lower() in (".json", ".toml"):
-        return scenario, name, load_gains(name)
+    scenario = load_scenario(source, changes=changes(settings))
+    if wanted not in (None, *scenario.gain_names):
+        scenario, wanted = with_gains(scenario, [wanted], source), None
+    name = wanted or scenario.gain_names[0]
     gains = gain_set(scenario, name)
     if gains is None:
         fail(f"--gains: `{name}` must be feasible: tuning found no such gains.", NO)

@@ -1,5 +1,7 @@
 """Arguments and options that several commands have."""
 
+import shlex
+import tomllib
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,11 +18,20 @@ ScenarioArgument = Annotated[
         autocompletion=scenario_files,
     ),
 ]
+GAINS_HELP = "Gain set (paper, K1..K6, tuned, a name from the scenario) or file of gains"
 GainsOption = Annotated[
-    str | None,
+    str | None, Option(help=f"{GAINS_HELP} [default: the first of the scenario].")
+]
+GainSetsOption = Annotated[
+    list[str] | None,
+    Option("--gains", help=f"{GAINS_HELP} to fly; repeatable [default: those of the file]."),
+]
+SetOption = Annotated[
+    list[str] | None,
     Option(
-        help="Gain set (paper, K1..K6, tuned, or a name from the scenario), or a file with K_P and "
-        "K_I [default: the first of the scenario]."
+        "--set",
+        metavar="KEY=VALUE",
+        help="Value of the scenario to set, such as flight.V_a_mps=30; repeatable.",
     ),
 ]
 CampaignArgument = Annotated[
@@ -43,11 +54,31 @@ StartOption = Annotated[
     Option(help="Largest deviation from a scenario's start, course and path angle, deg."),
 ]
 CampaignGainsOption = Annotated[
-    str | None, Option("--gains", help="Gain set [default: tuned_identified, else the first].")
+    str | None,
+    Option("--gains", help=f"{GAINS_HELP} [default: tuned_identified, else the first]."),
 ]
 GainsFileOption = Annotated[
     Path | None, Option("--out", help="JSON file to write; `--gains` of other commands reads it.")
 ]
+
+
+def changes(settings: list[str] | None) -> dict[str, Any]:
+    """The values of ``--set`` by key, read as TOML; a word that is not TOML is a string."""
+    values = {}
+    for setting in settings or ():
+        key, sign, text = map(str.strip, setting.partition("="))
+        if not (key and sign and text) or "\n" in setting:
+            raise InputError(f"--set: must be KEY=VALUE in one line, got {setting!r}.")
+        try:
+            values[key] = tomllib.loads(f"value = {text}")["value"]
+        except tomllib.TOMLDecodeError:
+            values[key] = text
+    return values
+
+
+def repeated(source: str, settings: list[str] | None) -> str:
+    """A scenario with its ``--set`` as arguments of the next command."""
+    return shlex.join([source, *(word for text in settings or () for word in ("--set", text))])
 
 
 def plant_label(default: str) -> Any:

@@ -13,9 +13,12 @@ from flighttune.cli.options import (
     ConformanceOption,
     GainsOption,
     ScenarioArgument,
+    SetOption,
     TubeOption,
+    changes,
     check_ending,
     out_folder,
+    repeated,
 )
 from flighttune.cli.show import COULD_NOT_RUN, NO, pick, progress_bar, tell
 from flighttune.cli.tube import tubes_around
@@ -41,6 +44,7 @@ def gap(
     ] = None,
     tube: TubeOption = False,
     conformance: ConformanceOption = None,
+    settings: SetOption = None,
 ) -> Answer:
     """Fly gains on plants from the paper's law to the aircraft; show what each step adds.
 
@@ -51,22 +55,20 @@ def gap(
     from flighttune.recording.record import record
     from flighttune.report.gap import causes, gap_tables, gap_values, write_gap_page
 
-    loaded, name, chosen = chosen_gains(scenario, gains)
+    loaded, name, chosen = chosen_gains(scenario, gains, settings)
     for note in loaded.notes:
         tell(f"{scenario}: {note}")
-    stem = f"{Path(scenario).stem}-gap"
+    stem, source = f"{Path(scenario).stem}-gap", repeated(scenario, settings)
     folder = out or Path("runs") / stem
     with progress_bar() as progress:
-        explained = explain_gap(
-            loaded, chosen, name=Path(name).stem, plant=plant, lag=lag, progress=progress
-        )
+        explained = explain_gap(loaded, chosen, name=name, plant=plant, lag=lag, progress=progress)
     tubes, tubes_answer = tubes_around(
         explained.runs[-1:],
         folder,
-        f"flighttune gap {scenario} --tube",
+        f"flighttune gap {source} --tube",
         make=tube,
         conformance=conformance,
-        scenario=scenario if name in loaded.gain_names else "",
+        scenario=source if gains in (None, name) else "",
     )
     explained = replace(explained, runs=(*explained.runs[:-1], *tubes.runs))
     files = record(explained.flown(), folder, name=stem)
@@ -181,6 +183,7 @@ def report(
     out: Annotated[Path, Option("--out", "-o", help="HTML file to write.")] = Path("report.html"),
     tube: TubeOption = False,
     conformance: ConformanceOption = None,
+    settings: SetOption = None,
 ) -> Answer:
     """Write one page about runs: headline, figures, tables and how to fly them again.
 
@@ -190,11 +193,11 @@ def report(
     from flighttune.report.page import write_report
 
     check_ending(out, ".html", ".htm")
-    source = load_source(path)
+    source = load_source(path, changes=changes(settings))
     folder = Path(path)
     if not folder.is_dir():
         folder = folder.parent if folder.exists() else out.parent
-    command = f"flighttune report {path} --tube"
+    command = f"flighttune report {repeated(path, settings)} --tube"
     tubes, tubes_answer = tubes_around(
         source.runs, folder, command, make=tube, conformance=conformance
     )
@@ -269,6 +272,7 @@ def export(
         Option("--format", help="A folder that JSBSim flies by itself, or one C99 file."),
     ] = "jsbsim",
     out: Annotated[Path | None, out_folder("runs/NAME-export")] = None,
+    settings: SetOption = None,
 ) -> Answer:
     """Write one flight of SCENARIO for JSBSim alone, or its outer loop in C.
 
@@ -276,9 +280,7 @@ def export(
     """
     from flighttune.export import COLUMNS, CSV, README, SCRIPT, export_c, export_jsbsim
 
-    loaded, name, chosen = chosen_gains(scenario, gains)
-    if Path(name).suffix.lower() in (".json", ".toml"):
-        name = Path(name).stem  # of a file; a colon in its folder names no law
+    loaded, name, chosen = chosen_gains(scenario, gains, settings)
     folder = out or Path("runs") / f"{Path(scenario).stem}-export"
     if form == "c":
         source = export_c(loaded, name, chosen, folder, plant=plant)

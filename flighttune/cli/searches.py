@@ -14,8 +14,10 @@ from flighttune.cli.options import (
     CampaignGainsOption,
     GainsFileOption,
     SchedulerOption,
+    SetOption,
     StartOption,
     WorkersOption,
+    changes,
     check_ending,
     plant_label,
 )
@@ -99,6 +101,7 @@ def worst(
     out: Annotated[
         Path | None, Option(help="Scenario to write [default: runs/NAME-worst.toml].")
     ] = None,
+    settings: SetOption = None,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
 ) -> Answer:
@@ -125,6 +128,7 @@ def worst(
             completed=completed,
             start_deg=start_deg,
             disturbance=disturbance,
+            changes=changes(settings),
         )
         if rare:
             return _rare(rare_miss(searched, threshold=threshold, budget=budget, seed=seed))
@@ -217,6 +221,7 @@ def conform(
             "seed [default: the next one] and count those that leave its boxes."
         ),
     ] = None,
+    settings: SetOption = None,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
 ) -> Answer:
@@ -235,7 +240,7 @@ def conform(
     from flighttune.conformance import load_conformance, save_conformance
     from flighttune.conformance.file import conformance_tables
 
-    settings = ConformSettings(
+    claim = ConformSettings(
         epsilon=epsilon,
         confidence=confidence,
         attempts=attempts,
@@ -246,10 +251,11 @@ def conform(
         window=window,
         start_deg=start_deg,
         seed=seed,
+        changes=changes(settings),
     )
     with campaign_pool(workers, scheduler) as pool:
         if recount is not None:
-            recounted = count_again(source, load_conformance(recount), settings, pool)
+            recounted = count_again(source, load_conformance(recount), claim, pool)
             sentence = (
                 f"{recount}: {recounted.outside} of {recounted.flights} new flights left the boxes"
             )
@@ -259,7 +265,7 @@ def conform(
                 verdict=sentence,
                 failure=sentence if recounted.outside else "",
             )
-        counted = conform_source(source, settings, pool)
+        counted = conform_source(source, claim, pool)
     if counted.holds:
         assert out is not None
         save_conformance(counted, out)

@@ -12,6 +12,7 @@ from flighttune.cli.gains import chosen_gains, gains_table
 from flighttune.cli.options import (
     GainsOption,
     ScenarioArgument,
+    SetOption,
     StartOption,
     check_ending,
     plant_label,
@@ -91,6 +92,7 @@ def tube(
             help="Search, to two digits, for the largest disturbance for which the set is bounded.",
         ),
     ] = False,
+    settings: SetOption = None,
 ) -> Answer:
     """Enclose all flights of SCENARIO with one gain set, limits included; prove the bounds.
 
@@ -103,7 +105,7 @@ def tube(
     from flighttune.tube.store import write_signals
 
     check_ending(out, ".npz")
-    loaded, name, chosen = chosen_gains(scenario, gains)
+    loaded, name, chosen = chosen_gains(scenario, gains, settings)
     law, _ = loaded.law_of(name, chosen)
     place = f"{scenario}: gains {name}"
     if not law.by_gains:

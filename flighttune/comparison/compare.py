@@ -10,19 +10,17 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from flighttune.control.law import split_name
 from flighttune.errors import InputError, RecordingError
 from flighttune.flight.fly import FlownScenario, fly
 from flighttune.metrics import FLIGHT_METRICS, METRICS, measures, unit_of
 from flighttune.present.names import columns, shown_unit
 from flighttune.present.tables import Column, Table, facts_table, number
 from flighttune.recording.parquet import load_recording
-from flighttune.scenario.load import leaves, load_gains, load_scenario
-from flighttune.scenario.schema import GainsTable
+from flighttune.scenario.load import load_scenario
+from flighttune.scenario.places import leaves
 from flighttune.simulate.run import Run
 
 RECORDED = (".parquet", ".rrd")
-GAINS_FILES = (".json", ".toml")
 
 # Metrics shown in a notebook; `Comparison.metrics` has them all.
 SHOWN = ("ITAE", "MO_rad", "settling_s", "ST_rad")
@@ -195,7 +193,7 @@ def pairs_table(comparison: Comparison) -> Table:
     return Table(title="pairs", name="pairs", columns=PAIR_COLUMNS, records=records)
 
 
-def load_source(name: str | Path) -> Source:
+def load_source(name: str | Path, *, changes: Mapping[str, Any] | None = None) -> Source:
     """Find the runs of a name.
 
     `name`: a run folder of ``flighttune fly``, a Parquet file of one run, a recording (.rrd), or a
@@ -203,12 +201,16 @@ def load_source(name: str | Path) -> Source:
     among its runs; of a scenario also a file of gains, or a set it does not list. The source has at
     least one run. Raises RecordingError if a file or folder holds no runs, or none of that choice.
     Raises ScenarioError if there is no such scenario or gains file.
+
+    `changes`: values to set by dotted key in a scenario that is flown.
     """
     name = str(name)
     place, _, choice = name.partition("@") if not Path(name).exists() else (name, "", "")
     path = Path(place)
     if not (path.is_dir() or path.suffix.lower() in RECORDED):
-        return Source(name=name, runs=_runs_of(place, choice), chosen=bool(choice))
+        return Source(name=name, runs=_runs_of(place, choice, changes), chosen=bool(choice))
+    if changes:
+        raise InputError(f"{name}: `--set` must be absent where runs are read, not flown.")
     recording = load_recording(path)
     runs = tuple(
         run
@@ -223,24 +225,8 @@ def load_source(name: str | Path) -> Source:
     return Source(name=name, runs=runs, missing=recording.missing)
 
 
-def _runs_of(place: str, choice: str) -> tuple[Run, ...]:
-    scenario = load_scenario(place)
-    if choice:
-        file = Path(choice)
-        entry: str | GainsTable = choice
-        if file.suffix.lower() in GAINS_FILES:
-            gains = load_gains(file)
-            entry = GainsTable(name=file.stem, **gains.as_lists())
-            law = scenario.law_table(f"{gains.law}:")
-        else:
-            law, own = scenario.law_table(choice), split_name(choice)[1]
-            tables = [g for g in scenario.gains if isinstance(g, GainsTable) and g.name == own]
-            entry = tables[0] if tables else own
-        own = entry if isinstance(entry, str) else entry.name
-        expected = [
-            table for table in scenario.expect if table.gains in (None, *law.law().names_of([own]))
-        ]
-        scenario = scenario.model_copy(update={"law": [law], "gains": [entry], "expect": expected})
+def _runs_of(place: str, choice: str, changes: Mapping[str, Any] | None) -> tuple[Run, ...]:
+    scenario = load_scenario(place, changes=changes, gains=[choice] if choice else ())
     try:
         return fly(scenario).runs
     except InputError as error:

@@ -1,6 +1,8 @@
 """Files to values, and what is wrong with them in one line that names file and key."""
 
+import json
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
@@ -8,10 +10,12 @@ from typing import Any
 
 from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft, start_faults
 from flighttune.control.gains import PIGains
+from flighttune.control.law import DEFAULT, split_name
 from flighttune.errors import InputError, ScenarioError
 from flighttune.identify.file import load_identified
 from flighttune.mistakes import abridged, joined, validated
 from flighttune.plants.jsbsim.plant import check_off_nominal
+from flighttune.scenario.places import leaves, with_changes
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.shipped import aircraft_folders, campaign_files, nearest_name, scenario_files
@@ -22,14 +26,23 @@ from flighttune.whole_file import reason_of
 # Key of [flight] for each attribute of a condition that an aircraft bounds.
 FLIGHT_KEYS = {"V_a": "V_a_mps", "h": "h_m", "phi": "phi_deg", "n_z": "n_z"}
 
+# Endings of files of gains.
+GAINS_FILES = (".json", ".toml")
 
-def load_scenario(path: str | Path) -> Scenario:
+
+def load_scenario(
+    path: str | Path, *, changes: Mapping[str, Any] | None = None, gains: Sequence[str] = ()
+) -> Scenario:
     """Read and check a scenario file.
 
     Parameters
     ----------
     path : path-like
         A TOML file, or the name of a scenario that ships with the package.
+    changes : mapping of str to value, optional
+        Values to set by dotted key, ``{"flight.V_a_mps": 30.0}``; the title then names them.
+    gains : sequence of str, optional
+        Gain sets in place of the scenario's: names as runs have them, or files.
 
     Returns
     -------
@@ -48,11 +61,84 @@ def load_scenario(path: str | Path) -> Scenario:
     25.0
     """
     path = existing_file(path, "scenario", scenario_files(), ["scenarios"])
-    tables = _with_files(toml_tables(path), path)
-    scenario = validated(Scenario, tables, str(path))
-    check_aircraft(scenario, str(path))
-    check_identified(scenario, str(path))
-    return scenario
+    tables, source = _with_files(toml_tables(path), path), str(path)
+    scenario = validated(Scenario, tables, source)
+    if changes:
+        source = f"{path} with its changes"
+        tables = with_changes(scenario.as_dict(), changes, f"{source}:")
+        scenario = validated(Scenario, tables | {"title": title_with(tables, changes)}, source)
+    check_aircraft(scenario, source)
+    check_identified(scenario, source)
+    return with_gains(scenario, gains, source) if gains else scenario
+
+
+def title_with(tables: Mapping[str, Any], changes: Mapping[str, Any]) -> Any:
+    """The title of a scenario or campaign with the values set in it."""
+    values = [
+        f"{key} = {json.dumps(value, default=str)}"
+        for key, value in leaves(changes)
+        if key != "title"
+    ]
+    title = tables.get("title")
+    return f"{title} ({', '.join(values)})" if values and isinstance(title, str) else title
+
+
+def with_gains(
+    scenario: Scenario, names: Sequence[str], source: str, tables: Sequence[GainsTable] = ()
+) -> Scenario:
+    """The scenario with these gain sets in place of its own, and the requirements about them.
+
+    A name is one that runs can have (``tuned``, ``exact:tuned``, one of the scenario's or of
+    `tables`), or a file, whose gains are flown by the first law of the scenario that they fit.
+    Errors name `source`.
+    """
+    listed = [entry for entry in scenario.gains if isinstance(entry, GainsTable)]
+    own = {entry.name: entry for entry in (*listed, *tables)}
+    pairs: list[tuple[str, str | GainsTable]] = []
+    for name in names:
+        if Path(name).suffix.lower() in GAINS_FILES:
+            entry = gains_table(Path(name))
+            pairs.append((scenario.law_of("", entry.gains())[0].name, entry))
+        else:
+            gains = split_name(name)[1]
+            pairs.append((scenario.law_table(name).name, own.get(gains, gains)))
+    laws = {law: scenario.law_table(f"{law}:") for law, _ in pairs}
+    entries: list[str | GainsTable] = []
+    for _, entry in pairs:
+        if entry not in entries:
+            entries.append(entry)
+    if len(pairs) != len(laws) * len(entries):
+        raise InputError(
+            f"{source}: `gains` must be the same for every law ({', '.join(laws)}) and name "
+            f"nothing twice, got {', '.join(names)}."
+        )
+    changed: dict[str, Any] = {"gains": entries, "expect": []}
+    if [*laws] != [law.name for law in scenario.laws]:
+        changed["law"] = [*laws.values()]
+    flown = scenario.model_copy(update=changed).as_dict()
+    chosen = validated(Scenario, flown, source)
+    expect = [table for table in scenario.expect if table.gains in (None, *chosen.gain_names)]
+    return chosen.model_copy(update={"expect": expect})
+
+
+def gains_table(path: Path) -> GainsTable:
+    """The gain set in a file, called by the name of the file without its ending."""
+    tables = json_tables(path) if path.suffix.lower() == ".json" else toml_tables(path)
+    kept = {key: tables[key] for key in ("K_P", "K_I", "law") if key in tables}
+    name = re.sub(r"[^\w.*+-]", "_", path.stem)
+    return validated(GainsTable, {"name": name, "law": DEFAULT, **kept}, str(path))
+
+
+def gain_entries(entries: Any, folder: Path) -> Any:
+    """The list ``gains`` of a file in `folder`, with gain sets in place of files of them."""
+    if not isinstance(entries, list):
+        return entries
+    return [
+        gains_table(folder / entry).model_dump()
+        if isinstance(entry, str) and Path(entry).suffix.lower() in GAINS_FILES
+        else entry
+        for entry in entries
+    ]
 
 
 def _with_files(tables: dict[str, Any], path: Path) -> dict[str, Any]:
@@ -86,6 +172,8 @@ def _with_files(tables: dict[str, Any], path: Path) -> dict[str, Any]:
         name = table.get(key)
         if isinstance(name, str) and os.path.isfile(path.parent / name / "aircraft.toml"):
             table[key] = str(path.parent / name)
+    if "gains" in tables:
+        tables["gains"] = gain_entries(tables["gains"], path.parent)
     return tables
 
 
@@ -140,10 +228,7 @@ def load_gains(path: str | Path) -> PIGains:
     >>> ft.load_gains("mine.json").K_P.diagonal().tolist()
     [1.7, 2.5]
     """
-    path = Path(path)
-    tables = json_tables(path) if path.suffix.lower() == ".json" else toml_tables(path)
-    kept = {key: tables[key] for key in ("K_P", "K_I", "law") if key in tables}
-    return validated(GainsTable, {"name": "file", **kept}, str(path)).gains()
+    return gains_table(Path(path)).gains()
 
 
 def existing_file(
@@ -174,15 +259,6 @@ def existing_file(
         f"{path}: there is no such file: the {kind} must be a file or a name that "
         f"`flighttune list` prints{next(iter(uses), nearest_name(name, shipped))}"
     )
-
-
-def leaves(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted keys and values of nested tables; a list is a value."""
-    for name, value in tables.items():
-        if isinstance(value, Mapping):
-            yield from leaves(value, f"{above}{name}.")
-        else:
-            yield f"{above}{name}", value
 
 
 def check_aircraft(scenario: Scenario, source: str) -> None:

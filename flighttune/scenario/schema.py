@@ -20,6 +20,7 @@ from flighttune.plants.weather import Weather, WindProfile
 from flighttune.quantities import FASTEST_WIND, STEEPEST_DEG, Table
 from flighttune.scenario import tables
 from flighttune.scenario.tables import LAWS, TUNED, TUNED_IDENTIFIED, GainsTable, law_named
+from flighttune.shipped import nearest_name
 from flighttune.simulate.feasible import FeasibleReference, Manoeuvre, feasible_reference
 from flighttune.simulate.reference import Reference
 from flighttune.table_file import hash_of
@@ -72,7 +73,9 @@ class Scenario(Table):
         for entry in self.gains:
             if isinstance(entry, str) and entry not in available:
                 raise ValueError(
-                    f"`gains` must name {', '.join(available)} or give K_P and K_I, got {entry!r}"
+                    f"`gains` must be one of {', '.join(available)}, a file of gains (.json, "
+                    f".toml) or a table with K_P and K_I, got {entry!r}"
+                    + nearest_name(entry, available).removesuffix(".")
                 )
         for law in self.laws:
             if self.tuning.input_limits and law.inputs != COMMANDS:

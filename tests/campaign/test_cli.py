@@ -53,6 +53,26 @@ def test_one_json_object_says_what_was_flown(tmp_path, file, address):
     assert said.startswith(f"flighttune: {out}: must not hold a campaign, got one of 8 runs")
 
 
+def test_gains_of_a_file_are_flown_by_workers_elsewhere_resumed_and_kept(
+    tmp_path, address, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    file, out, gains = write_campaign(tmp_path, runs=RUNS), tmp_path / "out", tmp_path / "mine.json"
+    gains.write_text('{"K_P": [[2, 0], [0, 2]], "K_I": [[1, 0], [0, 1]]}')
+    chosen = "--gains", "mine.json", "--set", "flight.V_a_mps=26.5", "--out", out
+    command = "campaign", "run", file, *chosen, "--scheduler", address
+
+    answer(*command, "--runs", 8)
+    resumed = answer(*command, "--runs", 12, "--resume")
+    gains.unlink()
+    again = answer("campaign", "fly", out, "--run", 11, "--out", tmp_path / "again")
+
+    assert (resumed["runs"], resumed["flown"]) == (12, 4)
+    assert again["equal"]
+    assert again["gains"] == "mine"
+    assert open_dataset(out).plan.scenario.flight.V_a_mps == 26.5
+
+
 def test_a_bar_shows_how_far_it_is_where_someone_watches(tmp_path, file, address):
     ours, theirs = pty.openpty()
     command = [sys.executable, "-m", "flighttune", "campaign", "run", str(file), "--runs", "40",

@@ -2,8 +2,8 @@
 
 import pytest
 
-from flighttune.campaign.planning.places import places_of, value_at, with_values
 from flighttune.errors import InputError
+from flighttune.scenario.places import places_of, value_at, with_values
 
 TABLES = {
     "flight": {"V_a_mps": 25.0},

@@ -206,7 +206,7 @@ def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
         ("refly .", "Parquet"),
         ("report nowhere", "nowhere: there is no such file: the scenario must be"),
         ("report paper -o report.pdf", "report.pdf: --out must end in .html"),
-        ("compare paper@K1 paper@K9", "paper@K9: `gains` must be one of tuned, paper, K1"),
+        ("compare paper@K1 paper@K9", "paper.toml: `gains` must be one of tuned, paper, K1"),
         ("compare paper@K1 nowhere.parquet", "nowhere.parquet: must be a Parquet file"),
         ("identify aerosonde --gamma -30", "no steady flight at V_a 25 m/s"),
         ("identify aerosonde --out model.txt", "model.txt: --out must end in .json"),

@@ -121,7 +121,11 @@ WRONG = [
         {"plant": [{"kind": "kinematic"}], "gains": ["tuned_identified"], "expect": []},
         r"`identified` of \[tuning\] must be given",
     ),
-    (None, {"gains": ["papr"]}, r"`gains` must name tuned, paper, .* got 'papr'"),
+    (
+        None,
+        {"gains": ["papr"]},
+        r"`gains` must be one of tuned, paper, .* got 'papr'; did you mean paper",
+    ),
     (None, {"gains": ["paper", "paper"]}, r"`gains` must not name anything twice"),
     (None, {"gains": []}, r"`gains` must have at least 1 item, "),
     (None, {"plant": []}, r"`plant` must have at least 1 item, got \[\]\."),

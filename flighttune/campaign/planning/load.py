@@ -1,11 +1,11 @@
 """Loading a campaign file, checked against its scenario."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from flighttune.campaign.planning.draws import copula_factor
-from flighttune.campaign.planning.places import dispersed_places, places_of, with_drawn, with_values
+from flighttune.campaign.planning.places import dispersed_places, with_drawn
 from flighttune.campaign.planning.schema import DISTRIBUTIONS, Campaign, CampaignTable
 from flighttune.errors import InputError, ScenarioError
 from flighttune.mistakes import abridged, shown, validated
@@ -14,22 +14,31 @@ from flighttune.scenario.load import (
     check_aircraft,
     check_identified,
     existing_file,
-    leaves,
+    gain_entries,
     load_scenario,
+    title_with,
+    with_gains,
 )
+from flighttune.scenario.places import with_changes
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.shipped import campaign_files, scenario_files
 from flighttune.table_file import toml_tables
 
 
-def load_campaign(path: str | Path) -> Campaign:
+def load_campaign(
+    path: str | Path, *, changes: Mapping[str, Any] | None = None, gains: Sequence[str] = ()
+) -> Campaign:
     """Read and check a campaign file.
 
     Parameters
     ----------
     path : path-like
         A TOML file, or the name of a campaign that ships with the package.
+    changes : mapping of str to value, optional
+        Values of the scenario to set by dotted key, besides those of ``[overrides]``.
+    gains : sequence of str, optional
+        Gain sets in place of the campaign's, as of `load_scenario`.
 
     Returns
     -------
@@ -51,9 +60,19 @@ def load_campaign(path: str | Path) -> Campaign:
     file = existing_file(path, "campaign", campaign_files(), folders)
     tables = toml_tables(file)
     _check_disperse(tables.get("disperse"), str(file))
+    if "gains" in tables:
+        tables["gains"] = gain_entries(tables["gains"], file.parent)
+    if changes:
+        tables |= {
+            "overrides": {**tables.get("overrides", {}), **changes},
+            "title": title_with(tables, changes),
+        }
     table = validated(CampaignTable, tables, str(file))
-    base = load_scenario(_scenario_of(table.scenario, file))
-    return campaign_on(table, _nominal(table, base, str(file)), str(file))
+    nominal = _nominal(table, load_scenario(_scenario_of(table.scenario, file)), str(file))
+    if gains:
+        nominal = with_gains(nominal, gains, str(file))
+        table = table.model_copy(update={"gains": nominal.gains})
+    return campaign_on(table, nominal, str(file))
 
 
 def campaign_on(table: CampaignTable, nominal: Scenario, source: str) -> Campaign:
@@ -86,12 +105,7 @@ def _nominal(table: CampaignTable, base: Scenario, source: str) -> Scenario:
         tables["gains"] = _plain(table.gains)
     if table.plant is not None:
         tables["plant"] = _plain(table.plant)
-    for key, value in leaves(table.overrides):
-        try:
-            places = places_of(key, tables, value)
-        except InputError as error:
-            raise ScenarioError(f"{source}: [overrides] `{shown(key)}` {error}.") from None
-        tables = with_values(tables, [(place, value) for place in places])
+    tables = with_changes(tables, table.overrides, f"{source}: [overrides]")
     tables["expect"] = _plain(table.success) or _expectations(tables)
     whole = f"{source}: the scenario with the campaign's keys"
     scenario = validated(Scenario, tables, whole)

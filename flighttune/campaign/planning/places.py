@@ -1,19 +1,13 @@
-"""Dispersed keys of a scenario, by dotted path: finding them, and setting drawn values."""
+"""Dispersed keys of a scenario: the places they mean, and drawn values set there."""
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, TypeAlias
+from collections.abc import Mapping, Sequence
+from typing import Any
 
-from pydantic import ValidationError
-
-from flighttune.campaign.planning.schema import MAX_KEY, Dispersion
+from flighttune.campaign.planning.schema import Dispersion
 from flighttune.errors import InputError, ScenarioError
-from flighttune.mistakes import mistakes
+from flighttune.scenario.places import Place, places_of, value_at, with_values
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import PlantTable
-
-# Names of tables and positions in arrays from the top of a scenario to a value
-Place: TypeAlias = tuple[str | int, ...]
 
 # Tables and keys of a scenario that are the same for all draws; each draw has its own seed
 NOT_DISPERSED = (
@@ -23,60 +17,6 @@ NOT_DISPERSED = (
 
 # Hint for a key that cannot be dispersed
 INSTEAD = {"plant": "give each plant in a [[plant]]", "gains": "give each gain set in `gains`"}
-
-SEGMENT = r"[\w/+-]+(?:\[[^\[\]]+\])*"
-PATH = re.compile(rf"{SEGMENT}(?:\.{SEGMENT})*")
-
-
-def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, ...]:
-    """Every place of a scenario that a dotted key means.
-
-    ``name[1]`` is a position in an array, counted from 0; ``plant`` without a position is every
-    plant that has the key, ``plant[LABEL]`` the plant of that label. `value` is a value that the
-    key can have: it tells which kinds of plant have the key.
-    """
-    if len(key) > MAX_KEY or not PATH.fullmatch(key):
-        raise InputError(
-            "must be names joined by dots, each with [position] or [name] after it, and have at "
-            f"most {MAX_KEY} characters"
-        )
-    # a position in brackets is a step of its own, `[0]`
-    steps = tuple(re.findall(r"\[[^\[\]]+\]|[^.\[\]]+", key))
-    if steps[0] == "plant" and not (steps[1:] and steps[1].startswith("[")):
-        return _of_plants(steps[1:], tables["plant"], value)
-    return (_walked(steps, tables),)
-
-
-def value_at(tables: Mapping[str, Any], place: Place) -> Any:
-    """The value at a place; None if the place is empty."""
-    value: Any = tables
-    for step in place:
-        if isinstance(value, Mapping):
-            value = value.get(step)
-        else:
-            value = value[step] if isinstance(value, list) and isinstance(step, int) else None
-    return value
-
-
-def with_values(tables: Mapping[str, Any], values: Iterable[tuple[Place, Any]]) -> dict[str, Any]:
-    """A copy of `tables` with values put in; tables off the way to a value are shared with it.
-
-    Tables on the way that are missing are made.
-    """
-    changed = dict(tables)
-    for place, value in values:
-        changed = _with_value(changed, place, value)
-    return changed
-
-
-def _with_value(table: Any, place: Place, value: Any) -> Any:
-    step, *below = place
-    changed: Any = list(table) if isinstance(table, list) else dict(table or {})
-    if below:
-        own = changed[step] if isinstance(step, int) else changed.get(step)
-        value = _with_value(own, (*below,), value)
-    changed[step] = value
-    return changed
 
 
 def dispersed_places(
@@ -130,55 +70,3 @@ def with_drawn(
                 value = value_at(tables, place) * value
             values.append((place, value))
     return with_values(tables, values)
-
-
-def _walked(steps: tuple[str, ...], tables: Mapping[str, Any]) -> Place:
-    place: list[str | int] = []
-    at: Any = tables
-    for step in steps:
-        name, where = step.strip("[]"), spelled(place)
-        if isinstance(at, list):
-            if not step.startswith("["):
-                raise InputError(f"must say which of `{where}` is meant, by its position: [0], ...")
-            labels = [PlantTable.model_validate(each).label for each in at if where == "plant"]
-            position = labels.index(name) if name in labels else int(name) if name.isdigit() else -1
-            if not 0 <= position < len(at):
-                label = f" or a label ({', '.join(labels)})" if labels else ""
-                raise InputError(
-                    f"must be a position, 0 to {len(at) - 1},{label} of `{where}`, got {step}"
-                )
-            place.append(position)
-            at = at[position]
-        elif isinstance(at, Mapping) or at is None:
-            place.append(name)
-            at = at.get(name) if at else None
-        else:
-            raise InputError(f"must be a key of a table, but `{where}` is {at!r}")
-    return tuple(place)
-
-
-def _of_plants(
-    steps: tuple[str, ...], plants: list[dict[str, Any]], value: Any
-) -> tuple[Place, ...]:
-    if not steps:
-        raise InputError("must be a key of a plant, got the plants themselves")
-    flyable: list[Place] = []
-    refusals: list[str] = []
-    for i, table in enumerate(plants):
-        place = _walked(steps, table)
-        changed = with_values(table, [(place, value)])
-        try:
-            PlantTable.model_validate(changed)
-        except ValidationError as error:
-            refusals.append(mistakes(error, changed, PlantTable))
-        else:
-            flyable.append(("plant", i, *place))
-    if not flyable:
-        raise InputError(f"must be a key of a plant that flies: {refusals[-1].removesuffix('.')}")
-    return tuple(flyable)
-
-
-def spelled(place: Iterable[str | int]) -> str:
-    """A place as a dotted path, ``plant[0].airframe.mass_factor``."""
-    words = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in place)
-    return "".join(words).removeprefix(".")

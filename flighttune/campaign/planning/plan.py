@@ -10,7 +10,7 @@ import pandas as pd
 
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.campaign.planning.draws import cycle, drawn, factors
-from flighttune.campaign.planning.places import Place, dispersed_places, with_drawn, with_values
+from flighttune.campaign.planning.places import dispersed_places, with_drawn
 from flighttune.campaign.planning.schema import Campaign, CampaignTable
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
@@ -18,7 +18,8 @@ from flighttune.flight.outer_loop import gain_sets
 from flighttune.mistakes import abridged, validated
 from flighttune.plants.label import goes_by
 from flighttune.quantities import Table
-from flighttune.scenario.load import check_aircraft, leaves
+from flighttune.scenario.load import check_aircraft
+from flighttune.scenario.places import Place, leaves, with_values
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
 from flighttune.table_file import hash_of

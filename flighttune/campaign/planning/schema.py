@@ -12,6 +12,7 @@ from scipy.special import log_ndtr, logsumexp, ndtr, ndtri, ndtri_exp
 from flighttune.arrays import FloatArray
 from flighttune.metrics import FLIGHT_METRICS
 from flighttune.quantities import Finite, NotNegative, PathName, Positive, Table
+from flighttune.scenario.places import MAX_KEY
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import CHANNEL_MEASURES, ExpectTable, PlantTable, Seed
 
@@ -19,9 +20,6 @@ from flighttune.scenario.tables import CHANNEL_MEASURES, ExpectTable, PlantTable
 Value: TypeAlias = bool | int | float | str
 
 Values: TypeAlias = Annotated[list[Value], Field(min_length=1)]
-
-# Characters of a key, which has a few names
-MAX_KEY = 255
 
 Key: TypeAlias = Annotated[str, Field(min_length=1, max_length=MAX_KEY)]
 Acts: TypeAlias = Literal["sets", "adds", "multiplies"]

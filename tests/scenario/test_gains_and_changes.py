@@ -1,0 +1,182 @@
+"""Gain sets from files, chosen gain sets, and values set by dotted key, in every command."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import answer, flighttune
+from fuzzing import to_toml
+
+from flighttune.campaign.planning.plan import plan_from
+from flighttune.campaign.stated_set import planned
+from flighttune.control.gains import PAPER_EPSILON, PAPER_GAINS
+from flighttune.errors import InputError, ScenarioError
+from flighttune.flight.fly import fly
+from flighttune.flight.outer_loop import gain_set
+from flighttune.flight.refly import refly
+from flighttune.recording.parquet import load_recording
+from flighttune.scenario import load_scenario
+from flighttune.scenario.load import with_gains
+
+TURN = {
+    "title": "turn",
+    "gains": ["paper", "my gains.json"],
+    "flight": {"V_a_mps": 25.0, "duration_s": 4.0},
+    "reference": {"chi_deg": 10.0, "gamma_deg": 0.0},
+    "plant": [{"kind": "kinematic"}],
+    "expect": [{"gains": "my_gains", "status": "completed"}],
+}
+K = {"K_P": [[2.5, 0.0], [0.0, 3.5]], "K_I": [[1.0, 0.0], [0.0, 2.0]]}
+
+
+@pytest.fixture
+def turn(tmp_path):
+    """A scenario with a file of gains beside it."""
+    (tmp_path / "my gains.json").write_text(json.dumps({**K, "status": "optimal"}))
+    file = tmp_path / "turn.toml"
+    file.write_text(to_toml(TURN))
+    return file
+
+
+def test_a_file_beside_the_scenario_is_a_gain_set_that_outlives_the_file(turn, tmp_path):
+    answer("fly", turn, "--out", tmp_path / "out")
+    (tmp_path / "my gains.json").unlink()
+
+    _, flown = load_recording(tmp_path / "out").runs
+
+    assert flown.label == "kinematic / my_gains"
+    assert np.array_equal(flown.provenance.gains.K_P, K["K_P"])
+    assert [again.difference for again in refly([flown])] == [None]
+    with pytest.raises(ScenarioError, match=r"my gains\.json: the file must be readable"):
+        load_scenario(turn)
+
+
+@pytest.mark.parametrize(
+    ("names", "flown"),
+    [
+        (["my gains.json"], ["my_gains"]),
+        (["exact.toml", "exact:paper"], ["exact:exact", "exact:paper"]),
+        (["K3", "exact:K3"], ["K3", "exact:K3"]),
+        (["my_gains"], ["my_gains"]),
+    ],
+)
+def test_chosen_gain_sets_take_the_place_of_the_scenarios(names, flown, turn, monkeypatch):
+    monkeypatch.chdir(turn.parent)
+    (turn.parent / "exact.toml").write_text(to_toml({"law": "exact", **K}))
+    chosen = load_scenario(turn, gains=names)
+
+    assert list(chosen.gain_names) == flown
+    assert len(chosen.expect) == ("my_gains" in flown)
+    numbers = {"K3": np.array(PAPER_GAINS.K_P) - PAPER_EPSILON["K3"] * np.eye(2)}
+    assert gain_set(chosen, flown[0]).K_P == pytest.approx(
+        numbers.get(flown[0], np.array(K["K_P"]))
+    )
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        (["K3", "exact:K4"], r"turn: `gains` must be the same for every law"),
+        (["K3", "K3"], "name nothing twice"),
+        (["pper"], "turn: `gains` must be one of .*got 'pper'; did you mean paper"),
+        (["exct:K3"], "`gains` must name a law"),
+    ],
+)
+def test_gain_sets_that_cannot_be_flown_together_are_refused(names, message, turn):
+    with pytest.raises(InputError, match=message):
+        with_gains(load_scenario(turn), names, "turn")
+
+
+def test_values_set_by_key_are_flown_and_named_in_the_title(turn):
+    scenario = load_scenario(turn, changes={"flight.V_a_mps": 30, "limits.phi_deg": [-20, 20]})
+    run = fly(scenario).runs[0]
+
+    assert scenario.title == "turn (flight.V_a_mps = 30, limits.phi_deg = [-20, 20])"
+    assert run.signals["V_a"].iloc[0] == 30.0
+    assert run.provenance.scenario["title"] == scenario.title
+    assert load_scenario(turn).flight.V_a_mps == 25.0
+
+
+@pytest.mark.parametrize(
+    ("setting", "message"),
+    [
+        ("flight.V_a_mp=30", "turn.toml with its changes: [flight] `V_a_mp` is not a known key; "
+         "did you mean `V_a_mps`?"),
+        ("fliht.V_a_mps=30", "`fliht` is not a known key; did you mean `flight`?"),
+        ("flight.V_a_mps=fast", "[flight] `V_a_mps` must be a valid number, got 'fast'"),
+        ("plant[3].kind=kinematic", "`plant[3].kind` must be a position, 0 to 0"),
+        ("plant.aircrft=a4", "did you mean `aircraft`?"),
+        ("seed", "--set: must be KEY=VALUE in one line, got 'seed'"),
+        ("seed=", "--set: must be KEY=VALUE"),
+    ],
+)  # fmt: skip
+def test_a_value_that_cannot_be_set_gets_one_line(setting, message, turn):
+    _, err = flighttune("fly", turn, "--set", setting, status=2)
+
+    assert message in err
+    assert err.count("\n") == 1
+
+
+# The speed that is set, and the poles of the course with the gains of the file at that speed.
+SPEED = "flight.V_a_mps=20"
+COURSE = np.roots([1.0, K["K_P"][0][0] * 9.81 / 20.0, K["K_I"][0][0] * 9.81 / 20.0])
+
+
+def _has_poles(said):
+    poles = [complex(*pair) for pair in said["eigenvalues"]]
+    return all(min(abs(pole - own) for own in poles) < 1e-9 for pole in COURSE)
+
+
+@pytest.mark.parametrize(
+    ("command", "right"),
+    [
+        ("fly", lambda said: [run["gains"] for run in said["runs"]] == ["my_gains"]),
+        ("certify", _has_poles),
+        pytest.param(
+            "tube --start-deg 1 --out t.npz",
+            lambda said: said["gains"]["K_P"] == K["K_P"],
+            marks=pytest.mark.slow,
+        ),
+        pytest.param(
+            "worst --start-deg 5 --budget 32",
+            lambda said: said["gains"] == "my_gains",
+            marks=pytest.mark.slow,
+        ),
+        pytest.param("tune", lambda said: said["status"] == "optimal", marks=pytest.mark.slow),
+        pytest.param(
+            "frontier --points 2 --out f",
+            lambda said: "my_gains" not in said,
+            marks=pytest.mark.slow,
+        ),
+    ],
+)
+def test_a_command_takes_gains_from_a_file_and_values_by_key(command, right, turn, monkeypatch):
+    monkeypatch.chdir(turn.parent)
+    name, *options = command.split()
+    chosen = [] if name in ("tune", "frontier") else ["--gains", "my gains.json"]
+
+    said = answer(name, turn, *options, *chosen, "--set", SPEED)
+    _, err = flighttune(name, turn, *options, *chosen, "--set", "flight.V_a_mps=0", status=2)
+
+    assert right(said)
+    assert "turn.toml with its changes: [flight] `V_a_mps` must be" in err
+
+
+def test_flights_about_a_scenario_and_of_a_campaign_take_them_too(turn, monkeypatch):
+    monkeypatch.chdir(turn.parent)
+    Path("c.toml").write_text(
+        'title = "c"\nscenario = "turn"\nruns = 2\ngains = ["my gains.json"]\n'
+    )
+    chosen = {"gains": "my gains.json", "changes": {"flight.V_a_mps": 20.0}}
+    about = planned("turn.toml", start_deg=1.0, **chosen)
+    campaign = planned("c.toml", **(chosen | {"gains": "K3"}))
+    as_kept = plan_from(json.loads(json.dumps(campaign.as_dict())))
+
+    assert list(about.gain_sets) == ["my_gains"]
+    assert list(campaign.gain_sets) == ["K3"]
+    assert list(planned("c.toml").gain_sets) == ["my_gains"]
+    assert campaign.scenario.flight.V_a_mps == about.scenario.flight.V_a_mps == 20.0
+    assert campaign.campaign.title == "c (flight.V_a_mps = 20.0)"
+    assert campaign.campaign.overrides == {"flight.V_a_mps": 20.0}
+    assert not campaign.differences(as_kept)
