@@ -3,7 +3,7 @@
 The loop is ``s' = A s + E v`` with ``||v|| <= L_d``. In velocity form s = (x', e) and v is the
 derivative of the disturbance, which enters through ``E = [I; 0]`` alone. The paper's ball knows
 neither E nor the direction in which the loop is weak; the invariant ellipsoid and the peak gain
-do, and `reachable` has the exact figure to compare them with.
+do, and `reachable` has the exact figure of each row.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""The paper's indicators of a closed loop: rate of convergence R_K and ultimate radius I_K.
+"""The paper's indicators of a closed loop, R_K and I_K, and the exact largest error E_K.
 
 The paper (arXiv 2411.13140, section 4.3) asks a semidefinite program for R_K: the smallest
 lambda_max(Q) with ``A_K' Q + Q A_K + I <= 0``. No solver is needed. Every feasible Q is bounded
@@ -8,6 +8,7 @@ eigenvector of Q0 excites every mode; it is not for decoupled loops), and I_K de
 is taken; the numbers of the paper's Table 2 come from Q0, the smallest, and so do those given here.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -17,6 +18,7 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray, read_only_vector, square_matrices
 from flighttune.errors import InputError, ShapeError
 from flighttune.theory.lyapunov import lyapunov_solution
+from flighttune.theory.reachable import largest_errors
 
 # Loops whose intermediate results are held in memory at once.
 CHUNK_LOOPS = 8192
@@ -34,7 +36,10 @@ class Indicators:
     R_K : float, 1/s
         Guaranteed rate of decay of ``z' Q z`` (the norm decays at half of it); 0 if unstable.
     I_K : float, s^2
-        Radius of the ultimate ball per ``2 L_d L_f``; inf if unstable.
+        Radius of the paper's ultimate ball per ``2 L_d L_f``; inf if unstable.
+    E_K : float, s^2
+        Largest ``|e_i|`` that a disturbance with ``||d'|| <= L_d`` can cause, per L_d, exactly; inf
+        if unstable, nan where the number of errors is not known.
     spectral_abscissa : float, 1/s
         Largest real part of an eigenvalue.
     eigenvalues : ndarray of complex, shape (n,), 1/s
@@ -55,6 +60,7 @@ class Indicators:
     reason: str
     R_K: float
     I_K: float
+    E_K: float
     spectral_abscissa: float
     eigenvalues: npt.NDArray[np.complex128]
     Q: FloatArray | None
@@ -81,8 +87,10 @@ class IndicatorArrays:
     spectral_abscissa: FloatArray
 
 
-def indicators(A_K: npt.ArrayLike, *, scaling: npt.ArrayLike | None = None) -> Indicators:
-    """R_K and I_K of one closed loop.
+def indicators(
+    A_K: npt.ArrayLike, *, scaling: npt.ArrayLike | None = None, errors: int | None = None
+) -> Indicators:
+    """R_K, I_K and E_K of one closed loop.
 
     Parameters
     ----------
@@ -90,6 +98,9 @@ def indicators(A_K: npt.ArrayLike, *, scaling: npt.ArrayLike | None = None) -> I
         Closed loop in velocity form, as `closed_loop` makes it.
     scaling : array_like, shape (n,), optional
         Units of the states, positive: ``z = s / scaling``. By default all ones, as in the paper.
+    errors : int, optional
+        Number of errors, the last states of `A_K`. By default half of the states where the lower
+        right quarter of `A_K` is zero, as in the paper; elsewhere there is no E_K without it.
 
     Returns
     -------
@@ -108,13 +119,16 @@ def indicators(A_K: npt.ArrayLike, *, scaling: npt.ArrayLike | None = None) -> I
     Eqs. (R_K) and (I_K) of arXiv 2411.13140, section 4.3: ``R_K = 1 / lambda_max(Q)`` and
     ``I_K = cond(Q) / (R_K sigma_min(A_z))`` with ``A_z = diag(1 / scaling) A_K diag(scaling)``.
     Both depend on the unit of time and on `scaling`. Without scaling R_K stays below 1 for any
-    gains where C = I, because the lower block of A_K is then the identity.
+    gains where C = I, because the lower block of A_K is then the identity. E_K is an integral of
+    the impulse response, exact to 1e-9, and does not depend on `scaling`: S. Boyd and C. Barratt,
+    *Linear Controller Design*, section 5.2.4.
 
     Examples
     --------
     >>> model = ft.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
-    >>> round(ft.indicators(ft.closed_loop(model, ft.PAPER_GAINS)).R_K, 3)
-    0.46
+    >>> loop = ft.indicators(ft.closed_loop(model, ft.PAPER_GAINS))
+    >>> round(loop.R_K, 3), round(loop.E_K, 3)
+    (0.46, 1.671)
     """
     A_K = square_matrices("A_K", A_K)
     if A_K.ndim != 2:
@@ -129,6 +143,7 @@ def indicators(A_K: npt.ArrayLike, *, scaling: npt.ArrayLike | None = None) -> I
         reason="" if stable else _why_unstable(eigenvalues[0]),
         R_K=float(figures.R_K),
         I_K=float(figures.I_K),
+        E_K=_largest_error(A_K, errors) if stable else math.inf,
         spectral_abscissa=float(figures.spectral_abscissa),
         eigenvalues=eigenvalues,
         Q=lyapunov_solution(scaled(A_K, scale)) if stable else None,
@@ -181,6 +196,13 @@ def indicators_batch(
         I_K=I_K.reshape(shape),
         spectral_abscissa=abscissa.reshape(shape),
     )
+
+
+def _largest_error(A_K: FloatArray, errors: int | None) -> float:
+    half = len(A_K) // 2
+    if errors is None and (len(A_K) % 2 or A_K[half:, half:].any()):
+        return math.nan
+    return float(largest_errors(A_K, errors=half if errors is None else errors).max())
 
 
 def state_scaling(scaling: npt.ArrayLike | None, n: int) -> FloatArray:

@@ -1,146 +1,290 @@
-"""The reachable set of ``s' = A s + E v``, ``||v|| <= L_d``: how far it reaches, exactly.
+"""How far the disturbed loop ``s' = A s + E v``, ``||v|| <= 1``, can go: exactly, for many at once.
 
-Its support function in direction c is L_d times the integral over all time of ``||E' exp(A't) c||``
-(the best that v can do at every instant is to point along the integrand). Everything here is a sum
-over one mesh of the impulse response; what is cut off behind its end is bounded and added.
+The largest value of ``c s`` that any such v can cause is the integral over all time of the norm of
+the impulse response ``c exp(At) E``: the best that v can do at every instant is to point along it.
+The response is tabulated at nodes of panels that are as wide as the modes still alive allow.
+Its norm has a kink where it vanishes, as every response of a decoupled loop does again and again:
+panels are halved until their integral no longer changes.
 """
 
 import math
-from dataclasses import dataclass
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray
-from flighttune.errors import InputError
-from flighttune.theory.attractor import stable_system
+from flighttune.arrays import FloatArray, square_matrices
+from flighttune.errors import ShapeError
 from flighttune.theory.lyapunov import lyapunov_solution
 
-# The mesh ends where what is left adds less than this fraction.
-TAIL = 1e-9
+# Real, or with an imaginary part that is small beyond rounding
+Numbers: TypeAlias = Any
 
-# Width of a panel of the mesh times the fastest eigenvalue still alive in it.
-PHASE = 0.25
+# Nodes of a panel, and its width times the fastest eigenvalue still alive: a polynomial through
+# that many nodes then follows the response to about 1e-12.
+NODES, PHASE = 12, 2.0
 
-# A loop that needs more is too lightly damped for its speed.
-MAX_PANELS = 50_000
+# Below this phase a panel is made twice as wide: half of PHASE, and no less by rounding.
+WIDER = 0.501 * PHASE
+
+# A panel is halved while that changes its integral by more than this part of the largest panel's.
+CHANGE = 5e-12
+
+# The same for slopes, which jump at a kink.
+SLOPE_CHANGE = 1e-7
+
+# The table ends where less than this part is left.
+TAIL = 1e-10
+
+# A mode this much smaller than the slowest, as a logarithm, no longer counts for the panels' width.
+DEAD = math.log(1e-18)
+
+# Terms of the exponential series of a matrix of norm one
+TERMS = 20
+
+# Panels of a loop: one that needs more, of a damping ratio around 1e-4, has no figure.
+MAX_PANELS = 1 << 17
+
+# Loops worked on at once, and their panels: what fits a processor's cache
+CHUNK_LOOPS, FIRST_PANELS, CHUNK_PANELS = 128, 16, 2048
+
+# Part of the first state below which an output that nothing reaches is not waited for
+VANISHED = 1e-30
+
+# Imaginary step of the gains, whose square vanishes beside any number of the loop
+STEP = 1e-40
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PeakGain:
-    """Bounds on the ultimate size of s and of its parts, for ``||v|| <= L_d``.
+def largest_errors(A_K: npt.ArrayLike, *, errors: int) -> FloatArray:
+    r"""Largest ``|e_i|`` that a disturbance with ``||d'|| <= 1`` can cause, for each error.
 
-    Attributes
+    Parameters
     ----------
-    s : float
-        L_d times the integral of ``||exp(At) E||``.
-    channels : ndarray, shape (n,)
-        The same for each row of ``exp(At) E``: bounds on each ``|s_i|``, and exact.
+    A_K : array_like, shape (..., n + p, n + p), 1/s
+        Closed loops in velocity form, ``s = (x', e)``.
+    errors : int
+        Number p of errors, the last states of s.
+
+    Returns
+    -------
+    ndarray, shape (..., p), s^2
+        inf where a loop is not stable, or so lightly damped that it has no figure. E_K is the
+        largest of them.
+
+    Raises
+    ------
+    ShapeError, InputError
+        If `A_K` is not square or not finite, or has not more states than errors.
+
+    Notes
+    -----
+    The integral of ``||row i of exp(A_K t) E||_2`` from 0 to infinity, to 1e-9 of the largest;
+    S. Boyd and C. Barratt, *Linear Controller Design*, section 5.2.4. The disturbance enters the
+    rates of the states that C measures, ``E = [I; 0]`` where ``C = I``: lags and delays behind a
+    model have none of their own.
     """
+    A_K = square_matrices("A_K", A_K)
+    N = A_K.shape[-1]
+    if not 0 < errors < N:
+        raise ShapeError(f"`A_K` must have more than {errors} states, got shape {A_K.shape}.")
+    loops = A_K.reshape(-1, N, N)
+    reached = largest_outputs(loops, *_entry_and_errors(loops, errors))
+    return reached.reshape(*A_K.shape[:-2], errors)
 
-    s: float
-    channels: FloatArray
+
+def error_slopes(A_K: FloatArray, in_k: FloatArray, *, errors: int) -> FloatArray:
+    """Slopes of `largest_errors` of one stable loop, shape (p, f), to about 1e-6.
+
+    `in_k` (shape (f, n + p, n + p)): slopes of `A_K` in f parameters. The integral is analytic in
+    them but where the response vanishes: its value at a step along the imaginary axis has the slope
+    as its imaginary part, without a difference.
+    """
+    if not len(in_k):
+        return np.zeros((errors, 0))
+    E, C = _entry_and_errors(A_K[None], errors)
+    return largest_outputs(A_K + 1j * STEP * in_k, E, C).imag.T / STEP
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ReachableSet:
-    """The impulse response of a disturbed loop, ready to be integrated.
+def largest_outputs(A: Numbers, E: FloatArray, C: FloatArray) -> Numbers:
+    """Integral of the norm of each row of ``C exp(At) E``, shape (N, p); inf where not stable.
 
-    Attributes
+    Parameters
     ----------
-    A : ndarray, shape (n, n), 1/s
+    A : ndarray, shape (N, n, n), 1/s
+        Finite.
     E : ndarray, shape (n, m)
-    L_d : float
-    t, weights : ndarray, shape (N,), s
-        Nodes and weights of the integral over time.
-    response : ndarray, shape (N, n, m)
-        ``exp(A t) E``.
-    tail : float, s
-        Bound on the integral of ``||exp(A t) E||`` behind the mesh.
+    C : ndarray, shape (p, n)
     """
-
-    A: FloatArray
-    E: FloatArray
-    L_d: float
-    t: FloatArray
-    weights: FloatArray
-    response: FloatArray
-    tail: float
-
-    @classmethod
-    def of(cls, A: npt.ArrayLike, E: npt.ArrayLike, *, L_d: float) -> "ReachableSet":
-        """The reachable set of a stable loop.
-
-        Parameters
-        ----------
-        A : array_like, shape (n, n), 1/s
-        E : array_like, shape (n, m)
-        L_d : float
-            Bound on the norm of the disturbance, positive.
-
-        Raises
-        ------
-        ShapeError, InputError
-            If the matrices do not fit, `A` is not stable or so lightly damped that its response
-            cannot be tabulated, or `L_d` is not positive.
-        """
-        A, E = stable_system(A, E)
-        if not (math.isfinite(L_d) and L_d > 0.0):
-            raise InputError(f"`L_d` must be positive, got {L_d}.")
-        t, weights, response, tail = _mesh(A, E)
-        return cls(A=A, E=E, L_d=L_d, t=t, weights=weights, response=response, tail=tail)
-
-    def reach(self, direction: npt.ArrayLike) -> float:
-        """Largest value ``direction @ s`` can reach from s = 0, in unit of s."""
-        c = np.asarray(direction, dtype=float)
-        norms = np.linalg.norm(c @ self.response, axis=-1)
-        return self.L_d * float(self.weights @ norms)
-
-    def peak_gain(self, rows: slice = slice(None)) -> PeakGain:
-        """The peak-gain bound for s, or for the part of it that `rows` selects.
-
-        Notes
-        -----
-        S. Boyd and C. Barratt, *Linear Controller Design*, section 5.2.4: the gain from peak to
-        peak is the integral of the norm of the impulse response.
-        """
-        part = self.response[:, rows]
-        largest = np.linalg.norm(part, ord=2, axis=(1, 2))
-        channels = np.linalg.norm(part, axis=2)
-        return PeakGain(
-            s=self.L_d * (float(self.weights @ largest) + self.tail),
-            channels=self.L_d * (self.weights @ channels + self.tail),
-        )
+    reached = np.full((len(A), len(C)), np.inf, dtype=A.dtype)
+    for start in range(0, len(A), CHUNK_LOOPS):
+        part = A[start : start + CHUNK_LOOPS]
+        eigenvalues = np.linalg.eigvals(part.real)
+        (stable,) = np.nonzero(eigenvalues.real.max(axis=1) < 0.0)
+        spectrum = np.linalg.eigvalsh(lyapunov_solution(part.real[stable]))
+        proven = (spectrum[:, 0] > 0.0) & np.isfinite(spectrum[:, -1])
+        stable, spectrum = stable[proven], spectrum[proven]
+        # ||exp(At)|| <= sqrt(cond(Q)) exp(-t / 2 lambda_max(Q))
+        per_norm = 2.0 * spectrum[:, -1] * np.sqrt(spectrum[:, -1] / spectrum[:, 0])
+        reached[start + stable] = _integrals(part[stable], eigenvalues[stable], per_norm, E, C)
+    return reached
 
 
-def _mesh(A: FloatArray, E: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray, float]:
-    """Gauss nodes, weights and responses in panels as wide as the modes still alive allow."""
-    from scipy.linalg import expm
+def _integrals(
+    A: Numbers,
+    eigenvalues: Numbers,
+    per_norm: Numbers,
+    E: FloatArray,
+    C: FloatArray,
+) -> Numbers:
+    """`largest_outputs` of stable loops; `per_norm`: tail of the integral per norm of the state."""
+    totals = np.zeros((len(A), len(C)), dtype=A.dtype)
+    if not len(A):
+        return totals
+    width, within, across = _propagators(A, np.abs(eigenvalues).max(axis=1))
+    X = np.broadcast_to(E, (len(A), *E.shape)).astype(A.dtype)
+    t, largest = np.zeros((2, len(A)))
+    used, alive = np.zeros(len(A), dtype=int), np.arange(len(A))
+    panels, nothing = FIRST_PANELS, VANISHED * np.linalg.norm(E)
+    while len(alive):
+        rates = eigenvalues.real - eigenvalues.real.max(axis=1, keepdims=True)
+        fastest = np.where(rates * t[:, None] > DEAD, np.abs(eigenvalues), 0.0).max(axis=1)
+        wider = np.flatnonzero(width * fastest < WIDER)
+        while len(wider):
+            width[wider] *= 2.0
+            within[wider] = within[wider] @ within[wider]
+            across[wider] = across[wider] @ across[wider]
+            wider = wider[width[wider] * fastest[wider] < WIDER]
+        starts, X = _starts(X, across, panels)
+        # (loops, nodes, p, n) times (loops, n, panels m)
+        values = (C @ within).reshape(len(alive), -1, len(E)) @ starts
+        values = values.reshape(len(alive), NODES, len(C), -1, E.shape[1])
+        values = values.transpose(4, 1, 0, 2, 3)
+        reached, largest = _norm_integrals(values, width, largest)
+        totals[alive] += reached
+        t, used = t + panels * width, used + panels
+        left = per_norm * np.linalg.norm(X, axis=(1, 2))
+        more = left > TAIL * totals[alive].real.max(axis=1)
+        more &= np.linalg.norm(X, axis=(1, 2)) > nothing
+        totals[alive[more & (used >= MAX_PANELS)]] = np.inf
+        more &= used < MAX_PANELS
+        alive, X, t, used, width = alive[more], X[more], t[more], used[more], width[more]
+        within, across, per_norm = within[more], across[more], per_norm[more]
+        eigenvalues, largest = eigenvalues[more], largest[more]
+        if 2 * panels * len(alive) <= CHUNK_PANELS:
+            panels *= 2
+    return totals
 
-    nodes, node_weights = np.polynomial.legendre.leggauss(6)
-    nodes, node_weights = (nodes + 1.0) / 2.0, node_weights / 2.0
-    eigenvalues = np.linalg.eigvals(A)
-    spectrum = np.linalg.eigvalsh(lyapunov_solution(A))
-    if not spectrum[0] > 0.0:
-        raise InputError("`A` must be stable by more than rounding.")
-    per_norm = 2.0 * float(spectrum[-1]) * math.sqrt(float(spectrum[-1] / spectrum[0]))
-    propagators: dict[float, tuple[FloatArray, FloatArray]] = {}
-    t, weights, responses = [], [], []
-    start, X, total = 0.0, E, 0.0
-    while (tail := per_norm * float(np.linalg.norm(X, 2))) > TAIL * total:
-        if len(t) == MAX_PANELS:
-            raise InputError(
-                f"`A` must be damped well enough to be tabulated, got {eigenvalues.tolist()} 1/s."
-            )
-        alive = np.abs(eigenvalues[eigenvalues.real * start > math.log(1e-14)])
-        width = 2.0 ** math.floor(math.log2(PHASE / float(alive.max())))
-        if width not in propagators:
-            inside = expm(A * width * nodes[:, None, None])
-            propagators[width] = inside, expm(A * width)
-        inside, across = propagators[width]
-        t.append(start + width * nodes)
-        weights.append(width * node_weights)
-        responses.append(inside @ X)
-        total += float(weights[-1] @ np.linalg.norm(responses[-1], ord=2, axis=(1, 2)))
-        start, X = start + width, across @ X
-    return np.concatenate(t), np.concatenate(weights), np.concatenate(responses), tail
+
+def _propagators(A: Numbers, fastest: FloatArray) -> tuple[FloatArray, Numbers, Numbers]:
+    """First widths, and the exponentials at the nodes of a panel and across it.
+
+    Shapes (N,), (N, NODES, n, n) and (N, n, n). Doubling a width squares all of them. `fastest`
+    (shape (N,)): sizes of the largest eigenvalues.
+    """
+    fourth = np.linalg.matrix_power(A, 4)
+    sizes = [np.linalg.norm(fourth, 1, axis=(1, 2)) ** (1 / 4)]
+    sizes.append(np.linalg.norm(fourth @ A, 1, axis=(1, 2)) ** (1 / 5))
+    # close to the fastest eigenvalue, where the norm of A may be far above
+    size = np.maximum(np.max(sizes, axis=0), 1e-3 * np.linalg.norm(A, 1, axis=(1, 2)))
+    width = PHASE / fastest
+    width = np.ldexp(width, -np.maximum(np.ceil(np.log2(size * width)), 0.0).astype(int))
+    step, term = A * width[:, None, None], np.broadcast_to(np.eye(A.shape[-1]), A.shape)
+    series = [term]
+    for k in range(1, TERMS):
+        term = term @ step / k
+        series.append(term)
+    times = np.append(_NODES, 1.0)
+    powers = np.stack(series, axis=1).reshape(len(A), TERMS, -1)
+    values = (np.vander(times, TERMS, increasing=True) @ powers).reshape(
+        -1, NODES + 1, *A.shape[1:]
+    )
+    return width, values[:, :-1], values[:, -1]
+
+
+def _starts(X: Numbers, across: Numbers, panels: int) -> tuple[Numbers, Numbers]:
+    """States at the starts of panels in a row, shape (N, n, panels m), and behind the last.
+
+    `panels` is a power of two.
+    """
+    starts = X
+    while starts.shape[-1] < panels * X.shape[-1]:
+        starts = np.concatenate([starts, across @ starts], axis=-1)
+        across = across @ across
+    return starts, across @ X
+
+
+def _norm_integrals(
+    values: Numbers, width: FloatArray, largest: FloatArray
+) -> tuple[Numbers, FloatArray]:
+    """Integrals of the norm of responses over panels, shape (N, p), and the largest of a panel.
+
+    Parameters
+    ----------
+    values : ndarray, shape (m, NODES, N, p, panels)
+        Responses at the nodes.
+    width : ndarray, shape (N,), s
+    largest : ndarray, shape (N,)
+        Largest integral of an earlier panel.
+    """
+    m, _, N, p, panels = values.shape
+    values = values.reshape(m, NODES, -1)
+    coarse = np.repeat(width, p * panels) * _norm_sums(values)
+    largest = np.maximum(largest, coarse.real.reshape(N, -1).max(axis=1))
+    steepest = np.abs(coarse.imag).reshape(N, -1).max(axis=1)
+    allowed = np.repeat(CHANGE * largest + 1j * SLOPE_CHANGE * steepest, p * panels)
+    totals = np.zeros(N * p, dtype=values.dtype)
+    row, width = np.repeat(np.arange(N * p), panels), np.repeat(width, p * panels)
+    # what is left of a response that has died out is not worth halving
+    moving = _exceeds(coarse, allowed)
+    np.add.at(totals, row[~moving], coarse[~moving])
+    values, coarse = values[:, :, moving], coarse[moving]
+    row, width, allowed = row[moving], width[moving], allowed[moving]
+    while len(coarse):
+        width = width / 2.0
+        halves = [to_half @ values for to_half in _TO_HALVES]
+        fine = width * np.stack([_norm_sums(half) for half in halves])
+        both = fine.sum(axis=0)
+        moving = _exceeds(both - coarse, allowed)
+        np.add.at(totals, row[~moving], both[~moving])
+        values = np.concatenate([half[:, :, moving] for half in halves], axis=2)
+        coarse = fine[:, moving].ravel()
+        row, allowed = np.tile(row[moving], 2), np.tile(allowed[moving], 2)
+        width = np.tile(width[moving], 2)
+    return totals.reshape(N, p), largest
+
+
+def _exceeds(change: Numbers, allowed: Numbers) -> npt.NDArray[np.bool_]:
+    return (np.abs(change.real) > allowed.real) | (np.abs(change.imag) > allowed.imag)
+
+
+def _norm_sums(values: Numbers) -> Numbers:
+    """Weighted sum of the norms at the nodes of panels of width one: (m, NODES, K) to (K,)."""
+    squares = values[0] * values[0]  # no conjugate: the square root is of an analytic function
+    for part in values[1:]:
+        squares += part * part
+    return _WEIGHTS @ np.sqrt(squares, out=squares)
+
+
+def _entry_and_errors(A_K: FloatArray, errors: int) -> tuple[FloatArray, FloatArray]:
+    """E and C of `largest_errors`; the loops (shape (N, n + p, n + p)) share the model's C."""
+    n = A_K.shape[-1] - errors
+    measured = (A_K[:, n:, :n] != 0.0).any(axis=(0, 1))
+    return np.eye(n + errors)[:, :n][:, measured], np.eye(n + errors)[n:]
+
+
+def _lobatto() -> tuple[FloatArray, FloatArray, list[FloatArray]]:
+    """Nodes and weights on (0, 1), and the matrices to values at the nodes of either half.
+
+    The ends of a panel are nodes: a kink that hides between an end and the node next to it would
+    change neither the sum over the panel nor that over its halves.
+    """
+    last = np.polynomial.Legendre.basis(NODES - 1)
+    nodes = np.concatenate([[-1.0], last.deriv().roots(), [1.0]])
+    weights = 2.0 / (NODES * (NODES - 1) * last(nodes) ** 2)
+    basis = np.polynomial.legendre.legvander
+    to_coefficients = np.linalg.inv(basis(nodes, NODES - 1))
+    halves = [basis((nodes + end) / 2.0, NODES - 1) @ to_coefficients for end in (-1.0, 1.0)]
+    return (nodes + 1.0) / 2.0, weights / 2.0, halves
+
+
+_NODES, _WEIGHTS, _TO_HALVES = _lobatto()

@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 from printed import A_K, L_D, MODEL, E
-from worst_reach import largest_reach
+from worst_reach import ReachableSet, largest_reach
 
 from flighttune.errors import InputError, ShapeError
 from flighttune.theory.attractor import invariant_ellipsoid, paper_balls
 from flighttune.theory.indicators import indicators
-from flighttune.theory.reachable import ReachableSet
 
 LAST_DIGIT = 5e-4
 SEARCH = 1e-6
