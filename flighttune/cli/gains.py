@@ -89,6 +89,8 @@ def tune(
     if method is not None:
         changed = loaded.tuning.model_copy(update={"method": method})
         loaded = loaded.model_copy(update={"tuning": changed})
+    if envelope and loaded.tuning.objective != "R_K":
+        raise InputError("--envelope: `objective` of [tuning] must be R_K, got cost.")
     gains, search = _over_envelope(loaded) if envelope else _at_trim(loaded)
     tuned = search.values["status"] in ("optimal", "found")
     margins = loop_margins(loaded.linear_model(), gains) if tuned and gains else ()
@@ -185,14 +187,16 @@ def _at_trim(scenario: "Scenario") -> "tuple[PIGains | None, Answer]":
             Table(LIMIT_COLUMNS, nearest.limits, "limits"),
         ]
     values = {
-        **pick(result, "status reason R_K I_K spectral_abscissa active starts wall_s method"),
+        **pick(result, "status reason R_K I_K cost spectral_abscissa active starts wall_s method"),
         "scaling": [1.0] * (n + p) if scaling is None else scaling,
         "diagnosis": why,
     }
+    by_cost = scenario.tuning.objective == "cost"
+    shown = [*RESULT_COLUMNS, Column("cost", "quadratic cost")] if by_cost else RESULT_COLUMNS
     note = "units of state: scaled by [tuning]; `certify` gives R_K in plain ones too"
     return result.gains, Answer(
         values=values,
-        tables=[Table(RESULT_COLUMNS, [values], "tuning"), *tables],
+        tables=[Table(shown, [values], "tuning"), *tables],
         notes=["units of state: plain, as in `certify`" if scaling is None else note],
     )
 

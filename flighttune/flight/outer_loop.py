@@ -105,13 +105,14 @@ def _problem(
     model: LinearModel,
     scaling: FloatArray | None,
     I_star: float,
-    roll_gains_max: tuple[float, float] = (math.inf, math.inf),
+    roll_gains_max: tuple[float, float] | None = None,
 ) -> TuningProblem:
     chi_ref, gamma_ref = scenario.followed().initial
     condition, settings = scenario.condition, scenario.tuning
     _, m, p = model.shape
     bound = np.full((m, 2 * p), settings.gain_max or LARGEST_GAIN)
-    bound[0, [0, p]] = np.minimum(bound[0, [0, p]], roll_gains_max)
+    if identified := roll_gains_max is not None:
+        bound[0, [0, p]] = np.minimum(bound[0, [0, p]], roll_gains_max)
     return TuningProblem(
         model=model,
         I_star=I_star,
@@ -122,6 +123,8 @@ def _problem(
         K_max=bound,
         K_fixed=decoupled(model) if settings.structure == "decoupled" else None,
         seed=scenario.seed,
+        weights=None if identified else settings.weights,
+        R_min=0.0 if identified else settings.R_min,
     )
 
 

@@ -587,6 +587,9 @@ TUNED_IDENTIFIED = "tuned_identified"
 TuningModel: TypeAlias = Literal["kinematic", "identified"]
 
 
+Weights: TypeAlias = Annotated[list[q.PositiveGain], Field(min_length=2, max_length=2)]
+
+
 class TuningTable(q.Table):
     """``[tuning]``: what the gains named ``tuned`` maximise R_K under, and on which model.
 
@@ -599,6 +602,10 @@ class TuningTable(q.Table):
     controller, R_K is not bounded by I_K, and each channel is tuned by itself. ``robust`` maximises
     the smallest R_K over all conditions of the file instead of taking the nearest one.
     ``roll_rate`` bounds the gain from course to roll by what the rate limit of roll can follow.
+
+    With ``objective = "cost"`` the gains minimise the integral over the first transient of the
+    squares of errors and commands about their end values, times ``error_weights`` (chi, gamma; 1
+    by default) and ``command_weights`` (phi, n_z; 0.1), under ``R_K >= R_min`` and the rest.
     """
 
     I_star: Annotated[float, Field(gt=0.0)] = 5.0  # may be infinite: no bound
@@ -613,11 +620,28 @@ class TuningTable(q.Table):
     roll_rate: bool = False
     state_scaling: list[q.Scale] | None = None
     method: Method = "gradient"
+    objective: Literal["R_K", "cost"] = "R_K"
+    error_weights: Weights | None = None
+    command_weights: Weights | None = None
+    R_min: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
     starts: Annotated[int, Field(ge=1, le=1000)] = 12
+
+    @property
+    def weights(self) -> tuple[FloatArray, FloatArray] | None:
+        """Weights of errors and commands; None where R_K is maximised."""
+        if self.objective == "R_K":
+            return None
+        return np.array(self.error_weights or [1.0] * 2), np.array(
+            self.command_weights or [0.1] * 2
+        )
 
     @model_validator(mode="after")
     def _of_the_kinematic_law(self) -> "TuningTable":
+        of_cost = [
+            key for key in ("error_weights", "command_weights", "R_min") if getattr(self, key)
+        ]
         foreign = {"I_star", "lag_rad_s", "sample_delay", "state_scaling", "structure", "method"}
+        foreign |= {"objective"}
         changed = [
             name
             for name in sorted(foreign & self.model_fields_set)
@@ -625,6 +649,10 @@ class TuningTable(q.Table):
         ]
         if self.model == "identified" and changed:
             raise ValueError(f"`{changed[0]}` must be absent with model identified")
+        if self.objective == "R_K" and of_cost:
+            raise ValueError(f'`{of_cost[0]}` must be absent without objective = "cost"')
+        if self.objective == "cost" and self.method != "gradient":
+            raise ValueError(f'`method` must be gradient with objective cost, got "{self.method}"')
         return self
 
 

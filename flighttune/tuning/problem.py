@@ -33,7 +33,7 @@ class TuningProblem:
     limits : Limits, optional
         Ranges of the m commands and rates at the first instant, from the error `x_0`.
     x_0 : ndarray, shape (p,), optional
-        Error at the first instant; needed with `limits`.
+        Error at the first instant; needed with `limits` or `weights`.
     dt : float, s
         Over which the integral of the first error is taken.
     scaling : ndarray, shape (n + p,), optional
@@ -44,6 +44,10 @@ class TuningProblem:
         Gains that must have a value; NaN where a gain is free. All free by default.
     seed : int
         Seed of everything random in an optimiser.
+    weights : tuple of ndarray, shapes (p,) and (m,), optional
+        Of errors and commands: minimise the quadratic cost from `x_0` instead of maximising R_K.
+    R_min : float, 1/s
+        Smallest R_K allowed with `weights`.
 
     Notes
     -----
@@ -69,6 +73,8 @@ class TuningProblem:
     K_max: FloatArray | None = None
     K_fixed: FloatArray | None = None
     seed: int = 0
+    weights: tuple[FloatArray, FloatArray] | None = None
+    R_min: float = 0.0
 
     def __post_init__(self) -> None:
         n, m, p = self.model.shape
@@ -76,13 +82,25 @@ class TuningProblem:
             value = getattr(self, name)
             if not value > 0.0:
                 raise InputError(f"`{name}` must be positive, got {value}.")
-        check_not_negative(seed=self.seed)
-        if self.limits is not None:
-            if self.limits.lower.shape != (m,):
-                raise ShapeError(f"`limits` must have {m} channels, got {self.limits.lower.size}.")
+        check_not_negative(seed=self.seed, R_min=self.R_min)
+        if self.limits is not None and self.limits.lower.shape != (m,):
+            raise ShapeError(f"`limits` must have {m} channels, got {self.limits.lower.size}.")
+        if self.weights is not None:
+            weights = [
+                read_only_vector("weights", part, (size,))
+                for part, size in zip(self.weights, (p, m), strict=True)
+            ]
+            if not min(map(np.min, weights)) > 0.0:
+                raise InputError(f"`weights` must be positive, got {weights}.")
+            object.__setattr__(self, "weights", tuple(weights))
+        if self.limits is not None or self.weights is not None:
             if self.x_0 is None:
-                raise InputError("`x_0` must be given with `limits`.")
+                raise InputError("`x_0` must be given with `limits` or `weights`.")
             object.__setattr__(self, "x_0", read_only_vector("x_0", self.x_0, (p,)))
+        if self.weights is not None and not np.any(self.x_0):
+            raise InputError(
+                "`x_0` must not be zero with `weights`: the cost is that of its decay."
+            )
         object.__setattr__(self, "scaling", state_scaling(self.scaling, n + p))
         for name, default in (
             ("K_min", -LARGEST_GAIN),

@@ -11,9 +11,10 @@ from flighttune.arrays import FloatArray
 from flighttune.control.linear_model import LinearModel, closed_loops, velocity_form
 from flighttune.theory.indicators import indicators_batch, scaled
 from flighttune.theory.lyapunov import solution_of_checked
+from flighttune.tuning.cost import quadratic_cost
 from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
 
-Objective = Literal["R_K", "I_K", "factor", "trace"]
+Objective = Literal["R_K", "I_K", "factor", "trace", "cost"]
 
 # Cost of (top, bottom, sigma_floor, factor) for each objective
 COSTS = {
@@ -21,6 +22,7 @@ COSTS = {
     "I_K": (2.0, -1.0, -1.0, 0.0),
     "factor": (0.0, 0.0, 0.0, 1.0),
     "trace": (0.0, 0.0, 0.0, 0.0),
+    "cost": (0.0, 0.0, 0.0, 0.0),
 }
 
 SMALLEST_FACTOR = 1e-6
@@ -64,8 +66,9 @@ class Program:
         One for each model, with the same free gains. Input limits, `I_star` and the bounds on gains
         are those of the first; the spectra of all are bounded by the same (top, bottom,
         sigma_floor).
-    objective : "R_K" (maximised), "I_K", "factor" or "trace" (minimised)
-        The last is the trace of Q. ``I_K <= I_star`` is a constraint unless I_K is minimised.
+    objective : "R_K" (maximised), "I_K", "factor", "trace" or "cost" (minimised)
+        The last two are the trace of Q and the first problem's quadratic cost. ``I_K <= I_star`` is
+        a constraint unless I_K is minimised.
     relaxable : ndarray of bool, shape (r,), optional
         Which limit rows the factor multiplies; none by default.
     min_R_K : float, 1/s
@@ -80,7 +83,7 @@ class Program:
         relaxable: npt.NDArray[np.bool_] | None = None,
         min_R_K: float = 0.0,
     ) -> None:
-        problem = problems[0]
+        self._problem = problem = problems[0]
         self.space = space = search_space(problem)
         self._objective: Objective = objective
         self._loops = [_affine_loops(model) for model in problems]
@@ -97,7 +100,7 @@ class Program:
         self._rows = np.vstack([rows, radius]) if math.isfinite(self._I_star) else rows
         varies = objective == "factor"
         # R_K = exp(-top): a least rate is an upper bound on top.
-        slowest = -math.log(min_R_K) if min_R_K else math.inf
+        slowest = -math.log(min_R_K) - MARGIN if min_R_K else math.inf
         lower = [*space.k_min, *[-math.inf] * 3, SMALLEST_FACTOR if varies else 1.0]
         upper = [*space.k_max, slowest, math.inf, math.inf, math.inf if varies else 1.0]
         self._bounds = np.column_stack([lower, upper])
@@ -161,6 +164,11 @@ class Program:
     def _goal(self, z: FloatArray) -> tuple[float, FloatArray]:
         """The objective and its slope."""
         k, _, _ = _parts(z)
+        if self._objective == "cost":
+            J, slope = quadratic_cost(self._problem, self.space.K(k))
+            if not math.isfinite(J):
+                return UNSTABLE_LOG, np.zeros(len(z))
+            return math.log(J), np.append(slope[self.space.free] / J, COSTS["cost"])
         if self._objective != "trace":
             slope = np.array([*np.zeros(len(k)), *COSTS[self._objective]])
             return float(slope @ z), slope

@@ -11,6 +11,7 @@ from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import closed_loops
 from flighttune.present.tables import facts_table, matrix, number
 from flighttune.theory.indicators import indicators
+from flighttune.tuning.cost import quadratic_cost
 from flighttune.tuning.problem import TuningProblem, search_space
 
 Status = Literal["optimal", "infeasible", "failed"]
@@ -35,6 +36,7 @@ class Assessment:
     # Constraints that bind, and limits that are exceeded: ``I_K``, ``<input>_max``,
     # ``<input>_rate_min``, ``K_P[<input>,<error>]_max`` and the like.
     active: tuple[str, ...]
+    cost: float  # quadratic cost; nan without `weights`
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -56,6 +58,8 @@ class TuningResult:
         Indicators of `gains`, computed anew from them; 0, inf and nan without gains.
     active : tuple of str
         Names of the constraints that bind at `gains`.
+    cost : float
+        Quadratic cost of `gains` from the problem's `x_0`; nan without `weights`.
     smallest_I_K : float or None
         If infeasible and the method looks for it: the smallest I_K within the input limits.
     starts, agreeing : int
@@ -78,6 +82,7 @@ class TuningResult:
     I_K: float = math.inf
     spectral_abscissa: float = math.nan
     active: tuple[str, ...] = ()
+    cost: float = math.nan
     smallest_I_K: float | None = None
     starts: int = 0
     agreeing: int = 0
@@ -107,6 +112,7 @@ def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:
     lower, upper = problem.gain_bounds
     binding = abs(measured.I_K - problem.I_star) <= BINDING * problem.I_star < math.inf
     active = ["I_K"] if binding else []
+    active += ["R_K"] if 0.0 < measured.R_K <= (1.0 + BINDING) * problem.R_min else []
     active += [name for name, low in zip(space.names, slack <= BINDING * size, strict=True) if low]
     for side, bound in zip(("min", "max"), problem.gain_bounds, strict=True):
         touching = space.free & (np.abs(K - bound) <= BINDING * np.maximum(np.abs(bound), 1.0))
@@ -119,6 +125,7 @@ def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:
         spectral_abscissa=measured.spectral_abscissa,
         within_limits=within,
         active=tuple(active) if math.isfinite(measured.I_K) else (),
+        cost=math.nan if problem.weights is None else quadratic_cost(problem, K)[0],
     )
 
 
@@ -132,13 +139,15 @@ def result(problem: TuningProblem, best: Assessment | None, **outcome: Any) -> T
         I_K=best.I_K,
         spectral_abscissa=best.spectral_abscissa,
         active=best.active,
+        cost=best.cost,
         **outcome,
     )
 
 
 def is_feasible(problem: TuningProblem, gains: Assessment) -> bool:
     """Whether a loop is stable and meets every constraint."""
-    return gains.within_limits and gains.R_K > 0.0 and gains.I_K <= problem.I_star
+    fast = gains.R_K > 0.0 and gains.R_K >= (1.0 - ROUNDING) * problem.R_min
+    return gains.within_limits and fast and gains.I_K <= problem.I_star
 
 
 def why_infeasible(problem: TuningProblem, best: Assessment | None) -> str:

@@ -55,7 +55,7 @@ UNSTABLE = 1e6
 def tune(
     problem: TuningProblem, method: Method = "gradient", *, starts: int = STARTS
 ) -> TuningResult:
-    """Gains of the largest R_K that meet the constraints of a problem.
+    """Gains of the largest R_K, or the least cost, that meet the constraints of a problem.
 
     Parameters
     ----------
@@ -86,8 +86,12 @@ def tune(
     if method not in get_args(Method):
         raise InputError(f"`method` must be one of {get_args(Method)}, got {method!r}.")
     check_at_least(1, starts=starts)
+    if problem.weights is not None and method != "gradient":
+        raise InputError(f"`method` must be gradient with `weights`, got {method!r}.")
     began = time.perf_counter()
-    if method == "genetic":
+    if problem.weights is not None:
+        result = tune_by_cost(problem, starts=starts)
+    elif method == "genetic":
         result = tune_by_evolution(problem)
     elif method == "convex":
         first = convex_starts(problem)
@@ -147,6 +151,38 @@ def tune_by_gradient(
         starts=len(k),
         agreeing=sum(end.R_K >= (1.0 - AGREEMENT) * value for end in feasible),
         smallest_I_K=best.I_K if best and not feasible else None,
+    )
+
+
+def tune_by_cost(problem: TuningProblem, *, starts: int = STARTS) -> TuningResult:
+    """Gains of the least quadratic cost with an R_K of at least `R_min`, by the gradient method.
+
+    The first search begins at the gains of the largest R_K, which are feasible if any are.
+    """
+    fastest = tune_by_gradient(replace(problem, weights=None, R_min=0.0), starts=starts)
+    if fastest.status != "optimal" or fastest.gains is None:
+        return fastest
+    if fastest.R_K < problem.R_min:
+        reason = (
+            f"`R_min` must be at most {fastest.R_K:.6g}, the largest R_K under the other "
+            f"constraints, got {problem.R_min:g}."
+        )
+        return replace(fastest, status="infeasible", reason=reason)
+    space = search_space(problem)
+    k = np.vstack([fastest.gains.K[space.free], stabilising_starts(problem, space, starts)])
+    ends = searches(problem, k, "cost", min_R_K=problem.R_min)
+    feasible = [end for end in ends if is_feasible(problem, end)]
+    if not feasible:
+        feasible = [assessment(problem, fastest.gains.K)]
+    best = min(feasible, key=lambda end: end.cost)
+    return result(
+        problem,
+        best,
+        status="optimal",
+        reason="",
+        method="gradient",
+        starts=len(k),
+        agreeing=sum(end.cost <= (1.0 + AGREEMENT) * best.cost for end in feasible),
     )
 
 
