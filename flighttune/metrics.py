@@ -28,6 +28,17 @@ MEASURED = (
 # Names of `flight_metrics` and their units.
 FLIGHT_METRICS = {"V_a_dev_mps": "m/s", "n_z_min": "1", "n_z_max": "1", "alpha_max_rad": "rad"}
 
+# Measures of a linear loop and their units; see `loop_measures` of `flighttune.flight.outer_loop`.
+LOOP_METRICS = {
+    "R_K": "1/s",
+    "I_K": "s^2",
+    "gain_margin_dB": "dB",
+    "phase_margin_rad": "rad",
+    "delay_margin_s": "s",
+    "disk_margin": "1",
+    "roll_rate_rad_s": "rad/s",
+}
+
 
 def unit_of(subject: str, name: str) -> str:
     """Unit of a measure of ``chi``, ``gamma`` or ``flight``, as `measures` names them."""

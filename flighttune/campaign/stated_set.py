@@ -1,5 +1,6 @@
 """The flights that a campaign states, or starts and disturbances about a scenario."""
 
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,13 @@ from flighttune.campaign.dataset import CAMPAIGN, open_dataset
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.planning.load import campaign_on, load_campaign
 from flighttune.campaign.planning.plan import Plan, on_plants, plan_campaign
-from flighttune.campaign.planning.schema import Campaign, CampaignTable, Dispersion, Uniform
+from flighttune.campaign.planning.schema import (
+    MEASURES,
+    Campaign,
+    CampaignTable,
+    Dispersion,
+    Uniform,
+)
 from flighttune.errors import InputError
 from flighttune.scenario.load import load_scenario, scenario_from, with_gains
 from flighttune.scenario.schema import GainsTable, Scenario
@@ -116,3 +123,13 @@ def _about(
         tables["disturbance"] = {"wave": "square"}
     table = CampaignTable(title=scenario.title, scenario=name, runs=1, disperse=drawn)
     return campaign_on(table, scenario_from(tables), name)
+
+
+def measured_in(row: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    """The measures of a row by their subject, as `flighttune.metrics.measures` has them."""
+    measured: dict[str, dict[str, float]] = {}
+    for column in MEASURES:
+        subject, name = column.split(".")
+        value = row.get(column)
+        measured.setdefault(subject, {})[name] = math.nan if value is None else value
+    return measured

@@ -19,7 +19,7 @@ from flighttune.campaign.flying.rows import Drawn, Probes
 from flighttune.campaign.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
 from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.planning.schema import MEASURES
-from flighttune.campaign.stated_set import planned, rows_of
+from flighttune.campaign.stated_set import measured_in, planned, rows_of
 from flighttune.errors import InputError
 from flighttune.flight.expectations import bound_checks
 from flighttune.guarantee.bounds import ERRORS, Bounds
@@ -425,10 +425,6 @@ def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:
     if metric != MARGIN:
         value = row[TUBE][0] if metric == TUBE else row[metric]
         return FAILED if value is None else float(value)
-    measured: dict[str, dict[str, float]] = {}
-    for column in MEASURES:
-        subject, name = column.split(".")
-        value = row.get(column)
-        measured.setdefault(subject, {})[name] = FAILED if value is None else value
-    checks = bound_checks(scenario.expected(row["plant"], row["gains"]), measured)
-    return max((check.margin for check in checks), default=FAILED)
+    checks = bound_checks(scenario.expected(row["plant"], row["gains"]), measured_in(row))
+    margins = (FAILED if math.isnan(check.margin) else check.margin for check in checks)
+    return max(margins, default=FAILED)

@@ -17,7 +17,7 @@ from flighttune.cli.certificates import certify, verify
 from flighttune.cli.flights import fly, list_shipped, refly, view
 from flighttune.cli.gains import frontier, tune
 from flighttune.cli.pages import compare, export, gap, report, reproduce
-from flighttune.cli.searches import conform, tune_by_flying, worst
+from flighttune.cli.searches import conform, worst
 from flighttune.cli.show import COULD_NOT_RUN, emit, fail, output, working
 from flighttune.cli.tube import tube
 from flighttune.errors import FlightTuneError
@@ -104,7 +104,6 @@ CAMPAIGN_COMMANDS = [
     (campaign.run, "run", "planning", "campaign run first_campaign"),
     (campaign.report, "report", "reporting", "campaign report runs/first_campaign"),
     (campaign.fly, "fly", "flying", "campaign fly runs/first_campaign --run 6"),
-    (tune_by_flying, "tune", "tuning", "campaign tune first_campaign --candidates 4 --draws 10"),
 ]
 
 

@@ -145,7 +145,7 @@ def _certified_own(
 ) -> "tuple[LinearModel, PIGains, Certification]":
     """Linear model and gains of a user's own law, and their certification."""
     from flighttune.certificates.make import certify as certify_model
-    from flighttune.flight.fly import linear_loop
+    from flighttune.flight.outer_loop import linear_loop
     from flighttune.flight.own import with_own
 
     linear = linear_loop(with_own(scenario), name, gains)

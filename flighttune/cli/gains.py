@@ -11,16 +11,18 @@ from typer import Option
 from flighttune.cli.options import (
     GainsFileOption,
     ScenarioArgument,
+    SchedulerOption,
     SetOption,
+    WorkersOption,
     changes,
     check_ending,
     out_folder,
 )
-from flighttune.cli.show import NO, fail, pick
+from flighttune.cli.show import NO, campaign_pool, fail, pick
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
-from flighttune.present.names import columns
-from flighttune.present.tables import Column, Table
+from flighttune.present.names import columns, listed
+from flighttune.present.tables import Column, Table, interval, percent
 
 if TYPE_CHECKING:
     from flighttune.control.gains import PIGains
@@ -59,6 +61,28 @@ LIMIT_COLUMNS = [
     Column("factor_alone", "factor on it alone that would be enough"),
     Column("smallest_I_K_without", "smallest I_K without it", "s²"),
 ]
+REQUIREMENT_COLUMNS = [
+    *columns("run"),
+    Column("measure", "requirement"),
+    Column("sense", "must be"),
+    Column("bound", "bound"),
+    Column("value", "value"),
+    Column("start", "at the start"),
+    Column("margin", "margin", "%", percent),
+    Column("active", "holds the others off"),
+]
+SHARE_COLUMNS = [
+    *REQUIREMENT_COLUMNS[:4],
+    Column("share", "met", "%", percent),
+    Column("share_start", "met at the start", "%", percent),
+]
+TRADE_COLUMNS = [
+    *REQUIREMENT_COLUMNS[:5],
+    Column("alone", "best alone"),
+    Column("beside", "best with the others met", missing="none"),
+]
+OF_LOOP = columns("R_K I_K spectral_abscissa")
+OF_CERTIFICATE = columns("status rate growth radius")
 
 
 def tune(
@@ -71,18 +95,85 @@ def tune(
         bool, Option("--envelope", help="Maximise the rate over the scenario's envelope.")
     ] = False,
     settings: SetOption = None,
+    meet: Annotated[
+        bool,
+        Option("--meet", help="Meet the [[expect]] of the scenario, by flying candidates."),
+    ] = False,
+    also: Annotated[
+        list[str] | None,
+        Option(metavar="SCENARIO", help="With --meet: another scenario to meet as well."),
+    ] = None,
+    start: Annotated[
+        str | None,
+        Option(
+            metavar="NAME|FILE",
+            help="With --meet: gains to start from [default: the best of the tuned ones and the "
+            "scenario's].",
+        ),
+    ] = None,
+    budget: Annotated[
+        int | None,
+        Option(min=1, help="With --meet: flights [default: 400, or 6000 with --campaign]."),
+    ] = None,
+    metric: Annotated[
+        str | None,
+        Option(
+            help="With --meet: what to minimise once all is met, ITAE, margin or a column of "
+            "campaign rows [default: ITAE].",
+        ),
+    ] = None,
+    campaign: Annotated[
+        str | None,
+        Option(
+            metavar="CAMPAIGN",
+            help="With --meet: campaign that disperses the scenario; the share of flights that "
+            "succeed is maximised.",
+        ),
+    ] = None,
+    success: Annotated[
+        float | None, Option(help="With --campaign: share that must succeed [default: 0.95].")
+    ] = None,
+    page: Annotated[
+        Path | None, Option(help="With --meet: HTML page to write, with what conflicts.")
+    ] = None,
+    workers: WorkersOption = None,
+    scheduler: SchedulerOption = None,
     out: GainsFileOption = None,
     prove: Annotated[
         Path | None,
         Option(help="File for a proof that bounds R_K over all gains; `verify` checks it."),
     ] = None,
 ) -> Answer:
-    """Find the gains with the largest R_K under the constraints of SCENARIO."""
+    """Find the gains with the largest R_K under the constraints of SCENARIO.
+
+    With --meet: gains with which its flights meet its requirements. Exit status 1 if there are
+    none; the nearest are printed.
+    """
     from flighttune.control.margins import loop_margins
     from flighttune.scenario import load_scenario
 
     check_ending(out, ".json")
     check_ending(prove, ".json")
+    check_ending(page, ".html", option="--page")
+    of_meet = {
+        "also": also,
+        "start": start,
+        "budget": budget,
+        "metric": metric,
+        "campaign": campaign,
+        "success": success,
+        "page": page,
+        "workers": workers,
+        "scheduler": scheduler,
+    }
+    if meet:
+        for option, value in (("--envelope", envelope), ("--method", method), ("--prove", prove)):
+            if value:
+                raise InputError(f"{option}: must be absent with --meet.")
+        return _to_meet(scenario, settings, out=out, **of_meet)
+    for option, value in of_meet.items():
+        if value is not None:
+            raise InputError(f"--{option}: must be absent without --meet.")
     if envelope and method is not None:
         raise InputError("--method: must be absent with --envelope, which has a method of its own.")
     loaded = load_scenario(scenario, changes=changes(settings))
@@ -221,6 +312,110 @@ def _over_envelope(scenario: "Scenario") -> "tuple[PIGains | None, Answer]":
     }
     table = Table(ENVELOPE_COLUMNS, [values], "tuning over the envelope")
     return result.gains, Answer(values=values, tables=[table])
+
+
+def _to_meet(
+    source: str,
+    settings: list[str] | None,
+    *,
+    also: list[str] | None,
+    start: str | None,
+    budget: int | None,
+    metric: str | None,
+    campaign: str | None,
+    success: float | None,
+    page: Path | None,
+    out: Path | None,
+    workers: int | None,
+    scheduler: str | None,
+) -> Answer:
+    """The answer of `tune --meet`."""
+    from flighttune.campaign.meet import ITAE, SUCCESS, meet
+    from flighttune.campaign.planning.load import load_campaign
+    from flighttune.control.linear_model import closed_loop
+    from flighttune.control.margins import loop_margins
+    from flighttune.flight.outer_loop import certify_scenario
+    from flighttune.scenario import load_scenario
+    from flighttune.theory.indicators import indicators
+
+    if campaign and also:
+        raise InputError("--also: must be absent with --campaign, which is about one scenario.")
+    if success is not None and not campaign:
+        raise InputError("--success: must be absent without --campaign.")
+    scenario, starts = load_scenario(source, changes=changes(settings)), None
+    if start is not None:
+        _, name, gains = chosen_gains(source, start, settings)
+        starts = {name: gains}
+    table = load_campaign(campaign, scenario) if campaign else None
+    first = table.nominal if table else scenario
+    with campaign_pool(workers, scheduler) as pool:
+        values, gains, trials = meet(
+            [first, *map(load_scenario, also or [])],
+            pool,
+            start=starts,
+            budget=budget,
+            metric=metric or ITAE,
+            table=table,
+            success=SUCCESS if success is None else success,
+        )
+    law = first.laws[0]
+    model = first.linear_model(law)
+    of_loop = pick(indicators(closed_loop(model, gains)), "R_K I_K spectral_abscissa")
+    made = certify_scenario(first, gains, law=law)
+    name = Path(source).stem
+    tables = [
+        Table(SHARE_COLUMNS if table else REQUIREMENT_COLUMNS, values["requirements"], name),
+        Table(TRADE_COLUMNS, values["trade_offs"], "what each could be, one at a time"),
+        gains_table("gains", gains),
+    ]
+    if page is not None:
+        from flighttune.report.meet import write_meet_page
+
+        command = f"flighttune tune {source} --meet"
+        write_meet_page(page, first, values, tables, trials, _sentence(values), command)
+    answer = Answer(
+        values={
+            **values,
+            "metric": metric or ITAE,
+            **gains_values(gains),
+            **of_loop,
+            "certificate": made.values,
+        },
+        tables=[
+            *tables,
+            Table(OF_LOOP, [of_loop]),
+            margins_table(loop_margins(model, gains)),
+            Table(OF_CERTIFICATE, [made.values], "certificate"),
+        ],
+        verdict=_sentence(values),
+        files={"out": out, "page": page},
+        failure="" if values["status"] == "met" else f"{source}: {_sentence(values)}",
+    )
+    if out is not None:
+        save_answer(out, answer)
+    return answer
+
+
+def _sentence(values: dict[str, Any]) -> str:
+    """Whether the requirements are met, after how many flights, and what holds the others off."""
+    n, flights = len(values["requirements"]), f"{values['flights']} flights"
+    active = [row for row in values["requirements"] if row["active"]]
+    named = listed([f"{row['measure']} on {row['run']}" for row in active])
+    if counted := values["success"]:
+        own, start = (
+            interval(*(100.0 * counted[key][end] for end in ("value", "lo", "hi")))
+            for key in ("share", "of_start")
+        )
+        return (
+            f"On {counted['share']['n']} fresh draws {own} % of the flights meet all requirements, "
+            f"{start} % with {values['start']}; {100.0 * counted['wanted']:g} % are wanted "
+            f"({flights})."
+        )
+    if values["status"] == "met":
+        held = f"; {named} holds the metric off" if active else ""
+        return f"All {n} requirements are met, after {flights}{held}."
+    missed = sum(not row["margin"] >= 0.0 for row in values["requirements"])
+    return f"{missed} of {n} requirements are missed, after {flights}; these are the nearest gains."
 
 
 def chosen_gains(

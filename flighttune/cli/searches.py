@@ -7,12 +7,9 @@ from typing import Annotated, Any, Literal
 
 from typer import Argument, Option
 
-from flighttune.cli.gains import gains_table, save_answer
 from flighttune.cli.options import (
     AircraftPlantOption,
-    CampaignArgument,
     CampaignGainsOption,
-    GainsFileOption,
     SchedulerOption,
     SetOption,
     StartOption,
@@ -25,7 +22,7 @@ from flighttune.cli.show import campaign_pool, pick
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
-from flighttune.present.tables import Column, Table, number, percent
+from flighttune.present.tables import Column, Table, number
 from flighttune.shipped import aircraft_names, campaign_files, scenario_files
 from flighttune.units import DEG
 
@@ -50,13 +47,6 @@ RATE_COLUMNS = columns(
     "last_error_high_deg"
 )
 COUNT_COLUMNS = columns("learned counted widened flights outside")
-CANDIDATE_COLUMNS = [
-    *columns("name I_K R_K draws"),
-    Column("success", "succeed", "%", percent, ends=("success_interval.0", "success_interval.1")),
-    Column("value", "percentile", ends=("interval.0", "interval.1")),
-    Column("behind", "behind", ends=("behind_interval.0", "behind_interval.1")),
-    Column("p_best", "probability to be the best"),
-]
 
 
 def worst(
@@ -299,70 +289,3 @@ def conform(
         files={"out": out if counted.holds else None},
         failure="" if counted.holds else f"{source}: {counted.sentence}; nothing is written",
     )
-
-
-def tune_by_flying(
-    file: CampaignArgument,
-    metric: Annotated[
-        list[str] | None,
-        Option(help="Column of the rows to minimise; several are added up [default: chi.ITAE]."),
-    ] = None,
-    percentile: Annotated[float, Option(help="Percentile of the metric to minimise.")] = 95.0,
-    min_success: Annotated[
-        float, Option(help="Share of the draws, 0 to 1, on which the gains must succeed.")
-    ] = 0.0,
-    candidates: Annotated[int, Option(min=2, max=200, help="Points of the frontier.")] = 12,
-    draws: Annotated[
-        int | None, Option(min=1, help="Draws to decide on [default: all of the campaign].")
-    ] = None,
-    plant: Annotated[
-        list[str] | None,
-        Option(help="Plant to fly [default: all]; the worst plant of a draw counts."),
-    ] = None,
-    workers: WorkersOption = None,
-    scheduler: SchedulerOption = None,
-    out: GainsFileOption = None,
-) -> Answer:
-    """Choose gains on the frontier of CAMPAIGN's scenario by flying them on its draws.
-
-    The gains with the lowest percentile of a metric are chosen; their probability of being the
-    best of the candidates is given.
-    """
-    from flighttune.campaign.choice import tune_robust
-    from flighttune.campaign.planning.load import load_campaign
-
-    check_ending(out, ".json")
-    loaded, metrics = load_campaign(file), metric or ["chi.ITAE"]
-    with campaign_pool(workers, scheduler) as pool:
-        choice, gains = tune_robust(
-            loaded,
-            pool,
-            metrics=metrics,
-            percentile=percentile,
-            least_success=min_success,
-            candidates=candidates,
-            draws=draws,
-            plants=plant or (),
-        )
-    chosen, verdict = choice["status"] == "chosen", ""
-    if gains is not None:
-        verdict = (
-            f"{choice['name']} is the best of {len(choice['candidates'])} candidates with "
-            f"probability {choice['p_best']:.2f}; the expected loss to the true best is "
-            f"{choice['loss']:.2g}."
-        )
-    flown = [*choice["candidates"], *choice["beside"]]
-    heading = f"{loaded.title}: {percentile:g}th percentile of {' + '.join(metrics)}"
-    answer = Answer(
-        values={**choice, "campaign": file},
-        tables=[
-            Table(CANDIDATE_COLUMNS, flown, heading),
-            gains_table(f"{choice['status']}: {choice['name']}", gains),
-        ],
-        verdict=verdict,
-        files={"out": out if chosen else None},
-        failure="" if chosen else f"{file}: {choice['reason']}",
-    )
-    if out is not None and chosen:
-        save_answer(out, answer)
-    return answer

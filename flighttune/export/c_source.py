@@ -7,7 +7,8 @@ from string import Template
 from flighttune import __version__
 from flighttune.control.gains import PIGains
 from flighttune.control.mimo_pi import MimoPI
-from flighttune.flight.fly import aircraft_table, law_setup, plant_of
+from flighttune.flight.fly import aircraft_table, plant_of
+from flighttune.flight.outer_loop import law_setup
 from flighttune.scenario.schema import Scenario
 from flighttune.whole_file import write_text
 

@@ -24,7 +24,8 @@ from flighttune.control.gains import PIGains
 from flighttune.control.law import OuterLoop
 from flighttune.errors import InputError
 from flighttune.export.check import differences
-from flighttune.flight.fly import aircraft_table, fly_once, law_setup, plant_of
+from flighttune.flight.fly import aircraft_table, fly_once, plant_of
+from flighttune.flight.outer_loop import law_setup
 from flighttune.plants.jsbsim import properties
 from flighttune.plants.jsbsim.fdm import STARTER, STARTING, Fdm, weigh
 from flighttune.plants.jsbsim.model_files import model_files, model_folders, source_folders

@@ -5,6 +5,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
+from flighttune.control.gains import PIGains
+from flighttune.flight.outer_loop import loop_measures
 from flighttune.metrics import measures
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import ExpectTable, in_rad
@@ -19,14 +21,14 @@ class BoundCheck:
     """A measure of a run against one bound of the scenario."""
 
     run: str  # Label of the run; empty if only one run is checked
-    subject: str  # ``chi``, ``gamma`` or ``flight``
+    subject: str  # ``chi``, ``gamma``, ``flight`` or ``loop``
     # Key of the measure as the scenario writes it; ``_deg`` in place of ``_rad`` is in degrees
     measure: str
     sense: Sense
     # Both in the unit of `measure`; the value is NaN if the run has none
     bound: float
     value: float
-    flown: bool = True  # False of a run that did not end as it must: it has no value to compare
+    flown: bool = True  # False for a run that did not end as it must: it has no value to compare
 
     @property
     def beyond(self) -> float:
@@ -122,7 +124,8 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
             # A stated end is missed; without one and without bounds the run itself was not flown.
             met, not_flown = 0, len(own) or int(not stated)
         else:
-            own = list(bound_checks(tables, measures(run), run.label))
+            of_run = tables, scenario, made_by.gains_name, made_by.gains
+            own = list(bound_checks(tables, with_loop(measures(run), *of_run), run.label))
             missed += [f"{run.label}: {check.sentence}" for check in own if not check.met]
             met, not_flown = sum(check.met for check in own) + int(stated), 0
         end = stated or bool(wrong_end and not own)
@@ -135,6 +138,21 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
         bounds=tuple(bounds),
         missed=tuple(missed),
     )
+
+
+def with_loop(
+    measured: Mapping[str, Mapping[str, float]],
+    tables: Sequence[ExpectTable],
+    scenario: Scenario,
+    name: str,
+    gains: PIGains | None,
+) -> Mapping[str, Mapping[str, float]]:
+    """Measures of a flight, and those of its linear loop where a table bounds one."""
+    bounds = (bounds for table in tables for bounds in (table.at_most, table.at_least))
+    wanted = {in_rad(measure) for own in bounds for measure in own.get("loop", ())}
+    if gains is None or not wanted:
+        return measured
+    return {**measured, "loop": loop_measures(scenario, name, gains, wanted)}
 
 
 def missed(
@@ -171,12 +189,13 @@ def bound_checks(
         for sense in get_args(Sense):
             for subject, limits in getattr(table, sense).items():
                 for name, bound in limits.items():
-                    value = measured.get(subject, {}).get(in_rad(name), math.nan)
+                    own = in_rad(name)
+                    value = measured.get(subject, {}).get(own, math.nan)
                     yield BoundCheck(
                         run=run,
                         subject=subject,
                         measure=name,
                         sense=sense,
                         bound=bound,
-                        value=value / DEG if name.endswith("_deg") else value,
+                        value=value if own == name else value / DEG,
                     )

@@ -11,7 +11,6 @@ from types import MappingProxyType
 
 import pandas as pd
 
-from flighttune.control.controller import LawSetup
 from flighttune.control.gains import PIGains
 from flighttune.control.guarded import MAX_LAG_S, LawError
 from flighttune.control.law import split_name
@@ -20,7 +19,7 @@ from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.errors import InputError, TrimError
 from flighttune.flight.apart import Progress, apart
 from flighttune.flight.expectations import ClaimCheck, check_claim
-from flighttune.flight.outer_loop import gain_sets
+from flighttune.flight.outer_loop import gain_sets, law_setup, linear_loop
 from flighttune.flight.own import LawMaker, PlantMaker, with_own
 from flighttune.metrics import metric_tables
 from flighttune.plants.base import AirPathPlant, GuardedPlant, Plant
@@ -194,34 +193,6 @@ def _fly_apart(
     reason = f"{who} after t = {part * duration:.2f} s: its process {end}."
     status = "law_failed" if law else "plant_failed"
     return _run_without_samples(scenario, table.label, name, None, status, reason)
-
-
-def linear_loop(
-    scenario: Scenario, name: str, gains: PIGains
-) -> tuple[LinearModel, PIGains] | None:
-    """The linear model that a law acts on, and its gains; None where it has none.
-
-    The scenario holds the classes of the user's laws, as `with_own` returns it.
-    """
-    law, _ = scenario.law_of(name, gains)
-    setup = law_setup(scenario, gains, scenario.limits.limits())
-    return law.loop(scenario.linear_model(law), gains, setup)
-
-
-def law_setup(scenario: Scenario, gains: PIGains, limits: Limits) -> LawSetup:
-    """The setup from which a law of a scenario is made."""
-    settings, flight = scenario.controller, scenario.flight
-    return LawSetup(
-        dt=1.0 / settings.rate_hz,
-        limits=limits,
-        gains=gains,
-        g=flight.g_mps2,
-        scenario=scenario.as_dict(),
-        anti_windup=settings.anti_windup,
-        tracking_time=settings.tracking_time_s,
-        schedule_speed=flight.V_a_mps if settings.schedule else None,
-        feed_forward=settings.feed_forward,
-    )
 
 
 def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:

@@ -1,26 +1,34 @@
 """The outer loop that a scenario asks for: its tuning problem, its gains, and their guarantees."""
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.certificates.make import Certification, certify
+from flighttune.control.controller import LawSetup
 from flighttune.control.envelope import Envelope
 from flighttune.control.gains import COMMANDS, LAW_OF_INPUTS, PAPER_GAINS, PIGains, paper_family
 from flighttune.control.law import Law
-from flighttune.control.linear_model import LinearModel
+from flighttune.control.limits import Limits
+from flighttune.control.linear_model import LinearModel, closed_loop
+from flighttune.control.margins import loop_margins
 from flighttune.errors import InputError, ScenarioError
 from flighttune.identify.file import DesignModel
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, TuningModel
 from flighttune.shipped import nearest_name
+from flighttune.theory.indicators import indicators
 from flighttune.tuning.envelope import largest_factor
 from flighttune.tuning.problem import LARGEST_GAIN, TuningProblem, decoupled
 from flighttune.tuning.result import TuningResult
 from flighttune.tuning.robust import tune_worst_case
 from flighttune.tuning.tune import tune
 from flighttune.units import wrap_angle
+
+# Stands for a gain that may fall to nothing.
+TINY = 1e-300
 
 # Smallest integral time of the course loop over the delay of a limited roll: design/roll_rate.md.
 INTEGRAL_TIME = 4.0
@@ -300,3 +308,77 @@ def largest_certified(scenario: Scenario, gains: PIGains) -> float:
     """The largest factor by which the scenario's envelope, scaled about the trim, is certified."""
     trim, envelope = trim_and_envelope(scenario)
     return largest_factor(gains, envelope, trim, g=scenario.flight.g_mps2)
+
+
+def linear_loop(
+    scenario: Scenario, name: str, gains: PIGains
+) -> tuple[LinearModel, PIGains] | None:
+    """The linear model that a law acts on, and its gains; None where it has none.
+
+    The scenario holds the classes of the user's laws, as `with_own` returns it.
+    """
+    law, _ = scenario.law_of(name, gains)
+    setup = law_setup(scenario, gains, scenario.limits.limits())
+    return law.loop(scenario.linear_model(law), gains, setup)
+
+
+def loop_measures(
+    scenario: Scenario, name: str, gains: PIGains, wanted: Collection[str]
+) -> dict[str, float]:
+    """Measures of the linear loop of a gain set, as ``loop`` of ``[[expect]]`` bounds them.
+
+    They are `LOOP_METRICS`, on the model that [tuning] names; empty for a law without a loop.
+    Margins and roll rate, which take longer, are there only if one of them is `wanted`. The
+    gain, phase and delay margins are the smallest of one input at a time; the disk margin is that
+    of all. The roll rate is that which lets the identified roll follow the gains at the largest
+    bank (design/roll_rate.md). An unstable loop has no margins.
+    """
+    loop = linear_loop(scenario, name, gains)
+    if loop is None:
+        return {}
+    model, gains = loop
+    A_K = closed_loop(model, gains)
+    of_loop = indicators(A_K)
+    measured = {"R_K": of_loop.R_K, "I_K": of_loop.I_K}
+    if "roll_rate_rad_s" in wanted:
+        law, _ = scenario.law_of(name, gains)
+        measured["roll_rate_rad_s"] = _needed_roll_rate(scenario, law, gains)
+    simple = measured.keys() >= set(wanted)
+    if margins := () if simple else loop_margins(model, gains):
+        *single, together = margins
+        gain = min(min(own.gain_increase, 1.0 / max(own.gain_decrease, TINY)) for own in single)
+        measured |= {
+            "gain_margin_dB": 20.0 * math.log10(gain),
+            "phase_margin_rad": min(own.phase_margin for own in single),
+            "delay_margin_s": min(own.delay_margin for own in single),
+            "disk_margin": together.disk_margin or 0.0,
+        }
+    return measured
+
+
+def _needed_roll_rate(scenario: Scenario, law: Law, gains: PIGains) -> float:
+    """Roll rate with which `_followed_roll` allows the gains; NaN without a limit of roll."""
+    limits, at = scenario.limits.limits(), scenario.identified_models(law)[0]
+    phi = min(limits.upper[0], -limits.lower[0])
+    roll_per_turn = law.command_per_rate(at.V_a, scenario.flight.g_mps2)
+    K_P, K_I = gains.K[0, [0, 2]]
+    late = min(roll_per_turn / K_P, math.sqrt(roll_per_turn / (INTEGRAL_TIME * K_I)))
+    if not math.isfinite(phi):
+        return math.nan
+    return phi / (2.0 * (late - at.roll_lag)) if late > at.roll_lag else math.inf
+
+
+def law_setup(scenario: Scenario, gains: PIGains, limits: Limits) -> LawSetup:
+    """The setup from which a law of a scenario is made."""
+    settings, flight = scenario.controller, scenario.flight
+    return LawSetup(
+        dt=1.0 / settings.rate_hz,
+        limits=limits,
+        gains=gains,
+        g=flight.g_mps2,
+        scenario=scenario.as_dict(),
+        anti_windup=settings.anti_windup,
+        tracking_time=settings.tracking_time_s,
+        schedule_speed=flight.V_a_mps if settings.schedule else None,
+        feed_forward=settings.feed_forward,
+    )

@@ -26,7 +26,7 @@ from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import DEFAULT, Law, law_kinds, made_law, plain_laws
 from flighttune.control.limits import Limits
-from flighttune.metrics import FLIGHT_METRICS, METRICS
+from flighttune.metrics import FLIGHT_METRICS, LOOP_METRICS, METRICS
 from flighttune.plants.base import PLANT_KINDS, PlantKind
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, HIGHEST_GROUND, LARGEST_SEED
 from flighttune.plants.label import goes_by, plant_label
@@ -682,17 +682,19 @@ class GainsTable(q.Table):
         return PIGains.from_lists(self.K_P, self.K_I, self.law or law)
 
 
-Subject: TypeAlias = Literal["chi", "gamma", "flight"]
+Subject: TypeAlias = Literal["chi", "gamma", "flight", "loop"]
 Bounds: TypeAlias = dict[Subject, dict[str, q.Finite]]
 
 CHANNEL_MEASURES = (*METRICS, "peak_rad")
+MEASURES_OF = {"flight": (*FLIGHT_METRICS,), "loop": (*LOOP_METRICS,)}
 
 
 class ExpectTable(q.Table):
     """Requirements for the runs of one plant, of one gain set, of both, or for all runs.
 
     Bounds are grouped by ``chi``, ``gamma`` (measures of the channel, and ``peak_rad``, the largest
-    error) and ``flight``; a measure in rad may be given in deg under that ending.
+    error), ``flight`` and ``loop`` (indicators and margins on the model of ``[tuning]``); a measure
+    in rad may be given in deg under that ending, one in rad/s under ``_dps``.
     """
 
     plant: Annotated[str, Field(min_length=1)] | None = None
@@ -707,7 +709,7 @@ class ExpectTable(q.Table):
             raise ValueError("`status`, `at_most` or `at_least` must be given")
         for bounds in (self.at_most, self.at_least):
             for subject, limits in bounds.items():
-                measures = FLIGHT_METRICS if subject == "flight" else CHANNEL_MEASURES
+                measures = MEASURES_OF.get(subject, CHANNEL_MEASURES)
                 for name in limits:
                     if in_rad(name) not in measures:
                         raise ValueError(
@@ -722,5 +724,8 @@ class ExpectTable(q.Table):
 
 
 def in_rad(measure: str) -> str:
-    """Name of a measure with ``_deg`` replaced by ``_rad``."""
-    return f"{measure.removesuffix('_deg')}_rad" if measure.endswith("_deg") else measure
+    """Name of a measure with ``_deg`` replaced by ``_rad``, and ``_dps`` by ``_rad_s``."""
+    for ending, own in (("_deg", "_rad"), ("_dps", "_rad_s")):
+        if measure.endswith(ending):
+            return measure.removesuffix(ending) + own
+    return measure

@@ -24,7 +24,7 @@ from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import Law, SampledController
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
-from flighttune.flight.fly import law_setup
+from flighttune.flight.outer_loop import law_setup
 from flighttune.guarantee.bounds import Bounds
 from flighttune.plants.base import PLANT_KINDS
 from flighttune.plants.weather import course_of, velocity_along

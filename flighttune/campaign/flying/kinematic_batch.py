@@ -8,7 +8,7 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.law import Law
-from flighttune.flight.fly import law_setup
+from flighttune.flight.outer_loop import law_setup
 from flighttune.metrics import METRICS
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import rolled_over

@@ -20,9 +20,10 @@ from flighttune.campaign.flying.columns import row_schema
 from flighttune.campaign.flying.kinematic_batch import FlightResult, alike, batchable, fly_batch
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
+from flighttune.control.law import split_name
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import FlightTuneError, ending_of
-from flighttune.flight.expectations import missed
+from flighttune.flight.expectations import missed, with_loop
 from flighttune.flight.refly import Difference
 from flighttune.metrics import measures
 from flighttune.scenario.schema import Scenario
@@ -164,7 +165,7 @@ def _fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
             outcome = (
                 _fly_alone(plan, scenario, group, {}, {})
                 if result is None
-                else _outcome(scenario, group, result, each_s)
+                else _outcome(plan, scenario, group, result, each_s)
             )
             rows.append(_row(plan, run, drawn, outcome, both))
     return rows
@@ -208,7 +209,8 @@ def warm_up(plan: Plan) -> None:
     scenario = plan.scenario
     short = scenario.flight.model_copy(update={"duration_s": SAMPLES / scenario.controller.rate_hz})
     scenario = scenario.model_copy(update={"flight": short})
-    for group in plan.groups:
+    once = {(group.plant, split_name(group.gains)[0]): group for group in plan.groups}
+    for group in once.values():  # one of each plant and law
         with suppress(FlightTuneError):
             fly_group(plan, scenario, group)
 
@@ -227,16 +229,20 @@ def _fly_alone(
     except FlightTuneError as error:
         return _invalid(error, began)
     result = FlightResult(run.status, run.reason, measures(run))
-    columns = _outcome(scenario, group, result, time.perf_counter() - began)
+    columns = _outcome(plan, scenario, group, result, time.perf_counter() - began)
     if run.status == "completed":
         columns |= {name: probe(run, scenario) for name, probe in probes.items()}
     return columns
 
 
-def _outcome(scenario: Scenario, group: Group, result: FlightResult, wall_s: float) -> Row:
+def _outcome(
+    plan: Plan, scenario: Scenario, group: Group, result: FlightResult, wall_s: float
+) -> Row:
     """Columns of a flight from ``status`` on, except R_K and I_K."""
     tables = scenario.expected(group.plant, group.gains)
-    misses = missed(tables, result.status, result.reason, result.measured)
+    gains = plan.gain_sets[group.gains]
+    measured = with_loop(result.measured, tables, scenario, group.gains, gains)
+    misses = missed(tables, result.status, result.reason, measured)
     columns = {
         f"{subject}.{name}": value
         for subject, values in result.measured.items()

@@ -27,7 +27,11 @@ from flighttune.table_file import toml_tables
 
 
 def load_campaign(
-    path: str | Path, *, changes: Mapping[str, Any] | None = None, gains: Sequence[str] = ()
+    path: str | Path,
+    scenario: Scenario | None = None,
+    *,
+    changes: Mapping[str, Any] | None = None,
+    gains: Sequence[str] = (),
 ) -> Campaign:
     """Read and check a campaign file.
 
@@ -35,6 +39,8 @@ def load_campaign(
     ----------
     path : path-like
         A TOML file, or the name of a campaign that ships with the package.
+    scenario : Scenario, optional
+        A scenario in place of the one that the file names.
     changes : mapping of str to value, optional
         Values of the scenario to set by dotted key, besides those of ``[overrides]``.
     gains : sequence of str, optional
@@ -68,7 +74,8 @@ def load_campaign(
             "title": title_with(tables, changes),
         }
     table = validated(CampaignTable, tables, str(file))
-    nominal = _nominal(table, load_scenario(_scenario_of(table.scenario, file)), str(file))
+    base = scenario or load_scenario(_scenario_of(table.scenario, file))
+    nominal = _nominal(table, base, str(file))
     if gains:
         nominal = with_gains(nominal, gains, str(file))
         table = table.model_copy(update={"gains": nominal.gains})
