@@ -46,7 +46,7 @@ NOT_RUN = {
     "flighttune worst aerosonde_dispersed": "minutes",
     "flighttune fly runs/aerosonde_dispersed-worst.toml": "after `worst`; tests/campaign",
     "flighttune worst paper": "minutes",
-    "flighttune campaign tune robust_tuning": "minutes",
+    "flighttune tune paper_identified --meet --campaign": "minutes",
     "flighttune identify aerosonde --V-a 25 --V-a 20": "minutes",
     "flighttune identify a4 --out aircraft": "writes into the package",
     "flighttune identify c172p --out aircraft": "writes into the package",

@@ -137,7 +137,7 @@ def test_requirements_in_the_table_of_runs_add_up_to_those_of_the_claim():
         ({"gains": "paper"}, "`status`, `at_most`"),
         ({"at_most": {"chi": {"MO": 1.0}}}, "`chi.MO`.*MO_rad"),
         ({"at_most": {"flight": {"ITAE": 1.0}}}, "`flight.ITAE`.*V_a_dev_mps"),
-        ({"at_most": {"psi": {"ITAE": 1.0}}}, "'chi', 'gamma' or 'flight'"),
+        ({"at_most": {"psi": {"ITAE": 1.0}}}, "'chi', 'gamma', 'flight' or 'loop'"),
         ({"gains": "K6", "status": "completed"}, "paper, K5, got 'K6'"),
         ({"plant": "jsbsim:f16", "status": "completed"}, "one of kinematic, got"),
         ({"status": "crashed"}, "`status` must be 'completed', "),
