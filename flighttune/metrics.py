@@ -32,6 +32,7 @@ FLIGHT_METRICS = {"V_a_dev_mps": "m/s", "n_z_min": "1", "n_z_max": "1", "alpha_m
 LOOP_METRICS = {
     "R_K": "1/s",
     "I_K": "s^2",
+    "E_K": "s^2",
     "gain_margin_dB": "dB",
     "phase_margin_rad": "rad",
     "delay_margin_s": "s",

@@ -29,7 +29,7 @@ from flighttune.flight.outer_loop import gain_set, tuning_problem
 from flighttune.plants.label import goes_by
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, in_rad
-from flighttune.theory.indicators import indicators
+from flighttune.theory.indicators import indicators_batch
 
 # What is minimised once all requirements are met, if it is no column of the rows: the ITAE of both
 # channels, or the largest excess over a requirement
@@ -158,13 +158,13 @@ class Search:
         """Fly candidates in all scenarios; none that is unstable or has been flown before."""
         stable = []
         for gains in dict.fromkeys(sets):
-            loop = indicators(closed_loop(self._model, gains))
-            if loop.status == "unstable":
+            loop = indicators_batch(closed_loop(self._model, gains))
+            if not loop.stable:
                 rows = [[{"plant": x} for x in _required(plan.scenario)] for plan in self._plans]
                 trial = self._trial(gains, rows)
                 # the further right its eigenvalues, the worse
                 excess = np.tile(
-                    trial.excess + LOST * (1.0 + loop.spectral_abscissa), (self._draws, 1)
+                    trial.excess + LOST * (1.0 + float(loop.spectral_abscissa)), (self._draws, 1)
                 )
                 self.trials[gains] = replace(trial, excess=excess)
             elif gains not in self.trials:

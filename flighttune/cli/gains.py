@@ -81,7 +81,7 @@ TRADE_COLUMNS = [
     Column("alone", "best alone"),
     Column("beside", "best with the others met", missing="none"),
 ]
-OF_LOOP = columns("R_K I_K spectral_abscissa")
+OF_LOOP = columns("R_K I_K E_K spectral_abscissa")
 OF_CERTIFICATE = columns("status rate growth radius")
 
 
@@ -360,7 +360,8 @@ def _to_meet(
         )
     law = first.laws[0]
     model = first.linear_model(law)
-    of_loop = pick(indicators(closed_loop(model, gains)), "R_K I_K spectral_abscissa")
+    loop = indicators(closed_loop(model, gains), errors=len(model.errors))
+    of_loop = pick(loop, "R_K I_K E_K spectral_abscissa")
     made = certify_scenario(first, gains, law=law)
     name = Path(source).stem
     tables = [

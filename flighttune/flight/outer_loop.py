@@ -338,8 +338,8 @@ def loop_measures(
         return {}
     model, gains = loop
     A_K = closed_loop(model, gains)
-    of_loop = indicators(A_K)
-    measured = {"R_K": of_loop.R_K, "I_K": of_loop.I_K}
+    of_loop = indicators(A_K, errors=len(model.errors))
+    measured = {"R_K": of_loop.R_K, "I_K": of_loop.I_K, "E_K": of_loop.E_K}
     if "roll_rate_rad_s" in wanted:
         law, _ = scenario.law_of(name, gains)
         measured["roll_rate_rad_s"] = _needed_roll_rate(scenario, law, gains)
