@@ -400,6 +400,7 @@ def meet(
         "start": first,
         "flights": search.flights,
         "candidates": search.candidates,
+        "metric": {"name": metric, "value": nearest.metric, "start": start_flown.metric},
         "requirements": [*_requirements(nearest, start_flown, search.conflicting(nearest))],
         "trade_offs": [
             {**stated(best.checks[0][i]), "alone": alone, "beside": beside}

@@ -377,7 +377,6 @@ def _to_meet(
     answer = Answer(
         values={
             **values,
-            "metric": metric or ITAE,
             **gains_values(gains),
             **of_loop,
             "certificate": made.values,
@@ -413,8 +412,14 @@ def _sentence(values: dict[str, Any]) -> str:
             f"({flights})."
         )
     if values["status"] == "met":
-        held = f"; {named} holds the metric off" if active else ""
-        return f"All {n} requirements are met, after {flights}{held}."
+        of = values["metric"]
+        held = f"; {named} hold{'s' if len(active) == 1 else ''} it off" if active else ""
+        best = (
+            ""
+            if of["name"] == "margin"
+            else (f" {of['name']} is {of['value']:.4g}, {of['start']:.4g} at the start{held}.")
+        )
+        return f"All {n} requirements are met, after {flights}.{best}"
     missed = sum(not row["margin"] >= 0.0 for row in values["requirements"])
     return f"{missed} of {n} requirements are missed, after {flights}; these are the nearest gains."
 

@@ -1,5 +1,6 @@
 """The page of a search for gains that meet requirements: what conflicts, and all candidates."""
 
+import math
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
@@ -7,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from flighttune.arrays import FloatArray
 from flighttune.campaign.meet import Trial
 from flighttune.flight.fly import library_versions
 from flighttune.present.chart import DASHED, Chart
@@ -41,8 +43,7 @@ def write_meet_page(
             Section(
                 id="candidates",
                 title="Candidates",
-                note="Every dot is a gain set that was flown; both requirements are met to the "
-                "left of and below their bounds, or above where a bound is a least value.",
+                note="A dot is a gain set that was flown, a hollow one misses another requirement.",
                 charts=[chart(trials, rows, i, k) for i, k in pairs],
                 tables=tables,
                 legend=False,
@@ -70,8 +71,10 @@ def chart(trials: Sequence[Trial], rows: Sequence[Mapping[str, Any]], i: int, k:
     others = [np.delete(trial.excess[0], [i, k]).max(initial=-1.0) <= 0.0 for trial in trials]
     made = Chart(
         title=f"{up['measure']} against {across['measure']}",
-        x=f"{across['measure']}, {across['run']}",
-        y=f"{up['measure']}, {up['run']}",
+        x=f"{across['measure']} ({across['sense']} {across['bound']:g}), {across['run']}",
+        y=f"{up['measure']} ({up['sense']} {up['bound']:g})",
+        x_range=_range(x, across),
+        y_range=_range(y, up),
     )
     made.points(x, y, NEUTRAL, size=2.5, opacity=0.7, filled=others, name="candidate")
     made.upright(across["bound"], LIMIT, dash=DASHED)
@@ -79,3 +82,13 @@ def chart(trials: Sequence[Trial], rows: Sequence[Mapping[str, Any]], i: int, k:
     made.points(across["start"], up["start"], INK, shape="cross", size=5, name="start")
     made.points(across["value"], up["value"], HUES[0][0][0], size=5, name="result")
     return made
+
+
+def _range(values: FloatArray, row: Mapping[str, Any]) -> tuple[float, float]:
+    """From the best value to a little beyond bound, start and result: others are further off."""
+    marked = [row[key] for key in ("bound", "start", "value") if math.isfinite(row[key])]
+    finite = values[np.isfinite(values)]
+    least, most = min([*marked, *finite]), max([*marked, *finite])
+    wide = max(marked) - min(marked) or abs(row["bound"])
+    low, high = max(least, min(marked) - wide), min(most, max(marked) + wide)
+    return low - 0.05 * (high - low), high + 0.05 * (high - low)
