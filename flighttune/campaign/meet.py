@@ -180,7 +180,12 @@ class Search:
         scenario, names = plan.scenario, self._law.names_of([str(i) for i in range(len(sets))])
         plants = _required(scenario)
         groups = tuple(Group(plant, name) for name in names for plant in plants)
-        plan = replace(plan, gain_sets=dict(zip(names, sets, strict=True)), groups=groups)
+        # The requirements are checked by `_trial`: those on the loop once, not in every flight.
+        bare = plan.campaign.model_copy(
+            update={"nominal": scenario.model_copy(update={"expect": []})}
+        )
+        flown = dict(zip(names, sets, strict=True))
+        plan = replace(plan, campaign=bare, gain_sets=flown, groups=groups)
         n, each = len(groups), len(plants)
         if plan.keys:
             drawn, runs = None, [range(draws * n)]
@@ -201,12 +206,12 @@ class Search:
         checks: dict[int, list[BoundCheck]] = {}
         metric = 0.0
         for plan, of_plan in zip(self._plans, rows, strict=True):
+            loop = with_loop({}, plan.scenario.expect, plan.scenario, name, gains)
             where = f"{plan.scenario.title}: " if len(self._plans) > 1 else ""
             for row in of_plan:
                 flown = row.get("status") == "completed"
                 tables = plan.scenario.expected(row["plant"], name)
-                measured = measured_in(row) if flown else {}
-                measured = with_loop(measured, tables, plan.scenario, name, gains)
+                measured = {**(measured_in(row) if flown else {}), **loop}
                 checks.setdefault(row["draw"] if plan.keys and "draw" in row else 0, []).extend(
                     replace(check, flown=flown or check.subject == "loop")
                     for check in bound_checks(tables, measured, where + row["plant"])

@@ -241,7 +241,7 @@ def _outcome(
     """Columns of a flight from ``status`` on, except R_K and I_K."""
     tables = scenario.expected(group.plant, group.gains)
     gains = plan.gain_sets[group.gains]
-    measured = with_loop(result.measured, tables, scenario, group.gains, gains)
+    measured = with_loop(result.measured, tables, plan.scenario, group.gains, gains)
     misses = missed(tables, result.status, result.reason, measured)
     columns = {
         f"{subject}.{name}": value
