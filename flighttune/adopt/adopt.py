@@ -17,7 +17,7 @@ import tomlkit
 from flighttune.adopt.survey import SOURCE, Refusal, Survey, survey
 from flighttune.aircraft.aircraft import GAINS_FILE, aircraft_from, load_aircraft, save_gains
 from flighttune.aircraft.model_xml import read_xml
-from flighttune.control.gains import PAPER_GAINS
+from flighttune.control.gains import PAPER_GAINS, PAPER_SPEED
 from flighttune.errors import InputError, PlantError, TrimError
 from flighttune.flight.fly import FlownScenario, fly
 from flighttune.identify.design import Airframe, airframe, design_aircraft
@@ -44,7 +44,6 @@ MAX_INCLUDED = 20
 
 TUNED, PAPER = "tuned_identified", "paper_scaled"  # gain sets of the turn
 
-PAPER_SPEED = 25.0  # airspeed of the paper's gains, m/s: gains of the same loop grow with airspeed
 
 _COMMENTS = {
     "surfaces": "stops in deg; positions at the commands -1 and +1 in rad",

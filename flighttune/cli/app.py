@@ -14,7 +14,7 @@ from flighttune import __version__
 from flighttune.cli import campaign
 from flighttune.cli.aircraft import adopt, design, identify, trim
 from flighttune.cli.certificates import certify, verify
-from flighttune.cli.flights import fly, list_shipped, refly, view
+from flighttune.cli.flights import fly, list_shipped, new, refly, view
 from flighttune.cli.gains import frontier, tune
 from flighttune.cli.pages import compare, export, gap, report, reproduce
 from flighttune.cli.searches import conform, worst
@@ -82,6 +82,7 @@ COMMANDS = {
     ],
     "Fly": [
         (fly, "fly", "flying", "fly paper"),
+        (new, "new", "writing", "new my_turn --aircraft c172p"),
         (refly, "refly", "flying", "refly runs/paper"),
         (view, "view", "opening", "view runs/paper"),
         (list_shipped, "list", "listing", "list"),

@@ -24,6 +24,7 @@ from flighttune.errors import RecordingError, ScenarioError
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Table
+from flighttune.shipped import aircraft_names, scenario_files
 
 if TYPE_CHECKING:
     from flighttune.flight.fly import FlownScenario
@@ -79,6 +80,31 @@ def fly(
         _open(files.recording)
     if answer.failure:
         fail(answer.failure, answer.status)
+
+
+def new(
+    name: Annotated[str, Argument(metavar="NAME", help="The scenario to write, to NAME.toml.")],
+    aircraft: Annotated[
+        str | None,
+        Option(
+            help="Aircraft that flies, by name or folder [default: aerosonde, or that of --like].",
+            autocompletion=aircraft_names,
+        ),
+    ] = None,
+    like: Annotated[
+        str | None,
+        Option(
+            metavar="SCENARIO",
+            help="Scenario to make for the aircraft [default: a turn and a climb].",
+            autocompletion=scenario_files,
+        ),
+    ] = None,
+) -> Answer:
+    """Write a scenario of your own, with comments, that an aircraft can fly."""
+    from flighttune.scenario.new import new_scenario
+
+    file = new_scenario(name, aircraft=aircraft, like=like)
+    return Answer(files={"scenario": file})
 
 
 def refly(
@@ -143,7 +169,7 @@ def list_shipped(
     ] = False,
 ) -> Answer:
     """List the scenarios and campaigns that come with the package, and all aircraft found."""
-    from flighttune.shipped import aircraft_folders, campaign_files, is_shipped, scenario_files
+    from flighttune.shipped import aircraft_folders, campaign_files, is_shipped
 
     listed = {"scenarios": scenario_files(), "campaigns": campaign_files()}
     folders = aircraft_folders()
@@ -205,6 +231,8 @@ def _open(path: Path, *, port: int | None = None) -> None:
 
 
 def _flown(flown: "FlownScenario", files: "RecordedFiles", tubes: Answer, source: str) -> Answer:
+    from flighttune.flight.advice import advice
+
     unknown = {"R_K": None, "I_K": None}
     tuning, place = flown.scenario.tuning, "steady flight on the first reference"
     loop = f"linear loop on the kinematic law, {place}"
@@ -234,6 +262,7 @@ def _flown(flown: "FlownScenario", files: "RecordedFiles", tubes: Answer, source
     bounds = [
         pick(bound, "run subject measure sense bound value met flown") for bound in claim.bounds
     ]
+    next_step = advice(flown.scenario, flown.runs, source) if missed else ""
     more = f" ({len(missed) - 1} more)" if missed[1:] else ""
     return Answer(
         values={
@@ -243,6 +272,7 @@ def _flown(flown: "FlownScenario", files: "RecordedFiles", tubes: Answer, source
                 **pick(claim, "verdict sentence"),
                 **pick(claim.total, "requirements met not_flown"),
                 "bounds": bounds,
+                "next": next_step,
             },
             "missed": missed,
             **tubes.values,
@@ -253,7 +283,7 @@ def _flown(flown: "FlownScenario", files: "RecordedFiles", tubes: Answer, source
             *tubes.tables,
         ],
         notes=notes,
-        verdict=claim.sentence,
+        verdict=f"{claim.sentence}. {next_step}" if next_step else claim.sentence,
         files={"recording": files.recording},
         failure=tubes.failure or (f"{missed[0]}{more}" if missed else ""),
     )

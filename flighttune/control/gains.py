@@ -108,6 +108,9 @@ PAPER_GAINS = PIGains(
     K_I=np.array([[3.4869, 0.1784], [-0.1784, 3.4869]]),
 )
 
+# Airspeed of the paper's gains, m/s: gains of the same loop grow with airspeed.
+PAPER_SPEED = 25.0
+
 # Table 2 of arXiv 2411.13140: K = K* - epsilon (I, I).
 PAPER_EPSILON = {"K1": -4.0, "K2": -2.0, "K3": -1.0, "K4": 0.5, "K5": 0.8, "K6": 1.0}
 

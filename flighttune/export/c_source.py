@@ -29,7 +29,7 @@ def export_c(
     InputError if the scenario has no such aircraft, or the law is another than the paper's. Raises
     OutputError if the file cannot be written.
     """
-    limits = scenario.limits.limits()
+    limits = scenario.command_limits
     if plant is not None or any(table.aircraft is not None for table in scenario.plant):
         limits = limits.within(plant_of(aircraft_table(scenario, plant), scenario).limits)
     law, _ = scenario.law_of(name, gains)

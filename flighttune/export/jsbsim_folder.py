@@ -96,7 +96,7 @@ def export_jsbsim(
     flown = plant_of(table, scenario)
     assert isinstance(flown, JSBSimPlant)
     law, _ = scenario.law_of(name, gains)
-    setup = law_setup(scenario, gains, scenario.limits.limits().within(flown.limits))
+    setup = law_setup(scenario, gains, scenario.command_limits.within(flown.limits))
     loop = law.outer_loop(setup)
     if loop is None:
         raise law.refusal("outer_loop", "exported")

@@ -305,7 +305,7 @@ def fly_once(
     started = time.perf_counter()
     duration = scenario.flight.duration_s
     if limits is None:
-        limits = scenario.limits.limits().within(plant.limits)
+        limits = scenario.command_limits.within(plant.limits)
     law, _ = scenario.law_of(gains_name, gains)
     # A law that gains do not describe flies by something of its own, and its run has none.
     of_run = scenario, plant_label, gains_name, gains if law.by_gains else None

@@ -237,7 +237,7 @@ def explain_flight(
     _check_length(aircraft)
     table = aircraft_table(scenario, made_by.plant)
     lag_source, lags = _inner_loop(table.aircraft or "", scenario, aircraft, lag)
-    limits = scenario.limits.limits().within(plant_of(table, scenario).limits)
+    limits = scenario.command_limits.within(plant_of(table, scenario).limits)
     g = scenario.flight.g_mps2
     # In still air JSBSim records a wind of rounding errors; to fly in it takes twice as long.
     wind = None if scenario.weather() is None else wind_met(aircraft)

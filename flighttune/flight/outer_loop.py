@@ -99,7 +99,7 @@ def _followed_roll(scenario: Scenario, at: DesignModel, law: Law) -> tuple[float
     course error that commands this bank, ``phi / K_P``: else every turn ends beyond its course, and
     in a limit cycle. The integral must not have grown by as much meanwhile: its time is 4 T.
     """
-    limits = scenario.limits.limits()
+    limits = scenario.command_limits
     phi, rate = min(limits.upper[0], -limits.lower[0]), limits.rate_upper[0]
     if not scenario.tuning.roll_rate or not np.isfinite([phi, rate]).all():
         return math.inf, math.inf
@@ -124,7 +124,7 @@ def _problem(
     return TuningProblem(
         model=model,
         I_star=I_star,
-        limits=scenario.limits.limits() if settings.input_limits else None,
+        limits=scenario.command_limits if settings.input_limits else None,
         x_0=np.array([wrap_angle(chi_ref - condition.chi), gamma_ref - condition.gamma]),
         scaling=scaling,
         K_min=-bound,
@@ -318,7 +318,7 @@ def linear_loop(
     The scenario holds the classes of the user's laws, as `with_own` returns it.
     """
     law, _ = scenario.law_of(name, gains)
-    setup = law_setup(scenario, gains, scenario.limits.limits())
+    setup = law_setup(scenario, gains, scenario.command_limits)
     return law.loop(scenario.linear_model(law), gains, setup)
 
 
@@ -358,7 +358,7 @@ def loop_measures(
 
 def _needed_roll_rate(scenario: Scenario, law: Law, gains: PIGains) -> float:
     """Roll rate with which `_followed_roll` allows the gains; NaN without a limit of roll."""
-    limits, at = scenario.limits.limits(), scenario.identified_models(law)[0]
+    limits, at = scenario.command_limits, scenario.identified_models(law)[0]
     phi = min(limits.upper[0], -limits.lower[0])
     roll_per_turn = law.command_per_rate(at.V_a, scenario.flight.g_mps2)
     K_P, K_I = gains.K[0, [0, 2]]

@@ -74,6 +74,8 @@ def _python(name: str, made: Any) -> dict[str, Any]:
     """The table of a law or plant given from Python: with the hash of its file, if it has one."""
     target = getattr(made, "func", made)  # of a functools.partial
     table = {"name": name, "kind": "python"}
+    if getattr(target, "takes_gains", False):
+        table["takes_gains"] = True
     try:
         file = inspect.getsourcefile(target)
         return table if file is None else {**table, "sha256": file_sha256(Path(file))}

@@ -11,6 +11,7 @@ from flighttune.arrays import FloatArray
 from flighttune.comparison import Comparison, Source, load_source
 from flighttune.comparison.compare import comparison_table, overlaid, pairs_table, sources_of
 from flighttune.errors import FlightTuneError, RecordingError
+from flighttune.flight.advice import advice
 from flighttune.flight.expectations import check_claim
 from flighttune.flight.gap import Gap, explain_flight
 from flighttune.flight.gap_charts import bound_chart, itae_chart, steps_chart
@@ -144,7 +145,7 @@ def write_report(
             *at_a_glance,
         ),
         closest=f"{claim.sentence}." if claim.verdict == "met" else "",
-        missed=claim.missed,
+        missed=(*claim.missed, *filter(None, [advice(scenario, source.runs, "SCENARIO")])),
         criterion=CONVERGES,
         sections=[
             Section(

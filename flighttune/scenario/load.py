@@ -107,16 +107,20 @@ def with_gains(
     for _, entry in pairs:
         if entry not in entries:
             entries.append(entry)
-    if len(pairs) != len(laws) * len(entries):
-        raise InputError(
-            f"{source}: `gains` must be the same for every law ({', '.join(laws)}) and name "
-            f"nothing twice, got {', '.join(names)}."
-        )
     changed: dict[str, Any] = {"gains": entries, "expect": []}
     if [*laws] != [law.name for law in scenario.laws]:
         changed["law"] = [*laws.values()]
     flown = scenario.model_copy(update=changed).as_dict()
     chosen = validated(Scenario, flown, source)
+    named = [e if isinstance(e, str) else e.name for _, e in pairs]
+    wanted = [
+        laws[law].law().names_of([name])[0] for (law, _), name in zip(pairs, named, strict=True)
+    ]
+    if sorted(wanted) != sorted(chosen.gain_names):
+        raise InputError(
+            f"{source}: `gains` must be the same for every law ({', '.join(laws)}) and name "
+            f"nothing twice, got {', '.join(names)}."
+        )
     expect = [table for table in scenario.expect if table.gains in (None, *chosen.gain_names)]
     return chosen.model_copy(update={"expect": expect})
 

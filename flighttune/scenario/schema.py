@@ -263,6 +263,14 @@ class Scenario(Table):
         )
 
     @property
+    def command_limits(self) -> Limits:
+        """Limits of the commands on every plant: those of [limits], else of the first aircraft."""
+        aircraft = [plant.aircraft for plant in self.plant if plant.aircraft is not None]
+        if aircraft and self.limits == tables.LimitsTable():
+            return load_aircraft(aircraft[0]).limits.limits()
+        return self.limits.limits()
+
+    @property
     def condition(self) -> FlightCondition:
         """Condition in which the flight starts."""
         f = self.flight
@@ -293,7 +301,7 @@ class Scenario(Table):
         plant. Below the airspeed an aircraft is designed for its largest load factor falls with the
         square of airspeed, as lift does.
         """
-        reference, f, limits = self.reference, self.flight, self.limits.limits()
+        reference, f, limits = self.reference, self.flight, self.command_limits
         for plant in self.plant:
             if plant.aircraft is not None:
                 limits = limits.within(_lift_and_limits(plant.aircraft, f.V_a_mps))

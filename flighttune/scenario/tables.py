@@ -348,6 +348,7 @@ class LawTable(OwnTable):
     priority: Priority | None = None
     lift_floor: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
     braking: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
+    takes_gains: bool | None = None
 
     @model_validator(mode="after")
     def _keys_of_the_kind(self) -> Self:

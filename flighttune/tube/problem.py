@@ -212,7 +212,7 @@ class TubeProblem:
     @property
     def limits(self) -> Limits:
         """Limits of the commands: of the scenario and, for an aircraft, of its folder."""
-        limits, aircraft = self.scenario.limits.limits(), self.table.aircraft
+        limits, aircraft = self.scenario.command_limits, self.table.aircraft
         if aircraft is None:
             return limits
         return limits.within(load_aircraft(aircraft).limits.limits())

@@ -102,6 +102,22 @@ def test_own_laws_and_plants_fly_beside_those_of_the_scenario(scenario):
     assert set(flown.indicators) == {"paper"}
 
 
+@pytest.mark.parametrize(
+    ("takes_gains", "names"), [(False, ["mine:paper"]), (True, ["mine:paper", "mine:K3"])]
+)
+def test_a_law_is_flown_once_unless_it_takes_gains(scenario, takes_gains, names):
+    class Mine(Proportional):
+        def __init__(self, _):
+            pass
+
+    Mine.takes_gains = takes_gains
+    both = scenario.model_copy(update={"gains": ["paper", "K3"]})
+    flown = fly(both, laws={"mine": Mine})
+
+    assert [run.provenance.gains_name for run in flown.runs] == ["paper", "K3", *names]
+    assert flown.scenario.gain_names == ("paper", "K3", *names)
+
+
 def test_they_are_recorded_read_and_flown_again_with_their_classes(scenario, tmp_path):
     flown = fly(scenario, laws={"mine": mine}, plants={"glider": Glider})
     record(flown, tmp_path / "out")

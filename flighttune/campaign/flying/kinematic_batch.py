@@ -94,7 +94,7 @@ def fly_batch(
     ref = np.array([np.column_stack(reference.sampled(at)) for reference in references])
     batch = fly_sampled(
         # the plant itself has no limits
-        [law.make(law_setup(s, gains, s.limits.limits())) for s in scenarios],
+        [law.make(law_setup(s, gains, s.command_limits)) for s in scenarios],
         conditions,
         ref,
         duration=duration,

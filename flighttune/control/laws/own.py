@@ -1,6 +1,6 @@
 """A law of the user's: a class from Python, or from a file that a scenario names."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -20,17 +20,26 @@ class Own(Law):
     ----------
     parameters : mapping
         Given to `maker` after the `LawSetup`.
+    takes_gains : bool
+        Whether it flies by the gains of its setup: it is then flown with every gain set.
     maker : callable or None
         Called for every flight; None before the class is loaded.
     """
 
     parameters: Mapping[str, Any] = field(default_factory=dict)
+    takes_gains: bool = False
     maker: Callable[..., Controller] | None = None
 
     kind: ClassVar[str] = "python"
-    keys: ClassVar[frozenset[str]] = frozenset({"module", "class_", "parameters", "sha256"})
+    keys: ClassVar[frozenset[str]] = frozenset(
+        {"module", "class_", "parameters", "sha256", "takes_gains"}
+    )
     named_alone: ClassVar[bool] = False
     by_gains: ClassVar[bool] = False
+
+    def names_of(self, gains: Sequence[str]) -> tuple[str, ...]:
+        """Names of its flights: one, with the first gain set, unless it flies by the gains."""
+        return super().names_of(gains if self.takes_gains else gains[:1])
 
     def make(self, setup: LawSetup, /) -> Controller:
         """Make the controller of a flight."""

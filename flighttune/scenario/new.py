@@ -1,0 +1,222 @@
+"""A new scenario as a file: a first manoeuvre of an aircraft, or another scenario made for it."""
+
+import math
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import tomlkit
+
+from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft
+from flighttune.errors import OutputError, ScenarioError
+from flighttune.identify.file import rounded
+from flighttune.plants.jsbsim.trim import level, trim_table
+from flighttune.plants.label import plant_label
+from flighttune.scenario.load import GAINS_FILES, existing_file, load_scenario
+from flighttune.scenario.schema import Scenario
+from flighttune.shipped import scenario_files
+from flighttune.units import DEG
+from flighttune.whole_file import write_text
+
+AIRCRAFT = "aerosonde"
+
+# deg: climb of the first manoeuvre; without an engine the glide gets steeper by it.
+CLIMB = 3.0
+
+# Significant digits of values that are computed.
+DIGITS = 5
+
+# Shares of the path angles of another scenario that are tried in turn, until the aircraft can fly
+# them steadily.
+SHARES = (1.0, 0.75, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
+
+TEMPLATE = """\
+# Units are at the end of a key; all keys: scenarios/README.md, or the page "Keys" of the docs.
+title    = "Turn right by 30 deg and {climb} by {change:g} deg"
+verifies = "the aircraft turns and {climb}s with little overshoot, and settles"
+gains    = ["tuned_identified"]     # also "paper", "tuned", or a file that `tune --out` wrote
+
+[flight]                            # start: {title}
+V_a_mps    = {V_a:<22g} # the aircraft flies {V_a_min:g} to {V_a_max:g} m/s
+h_m        = {h:g}
+gamma_deg  = {start:g}
+duration_s = 40.0
+
+[reference]                         # where to: each channel a constant, or a list of segments
+chi_deg   = 30.0
+gamma_deg = {end:g}
+# shape   = "feasible"              # no step: the fastest change that the limits allow
+
+[limits]                            # of the commands, on the law as on the aircraft
+{limits}
+
+[controller]
+feed_forward = true                 # adds the load factor of steady flight
+
+[tuning]                            # of tuned_identified: how fast roll can follow bounds its gain
+model     = "identified"
+roll_rate = true
+
+[[plant]]                           # the guidance law alone ...
+kind = "kinematic"
+
+[[plant]]                           # ... and the aircraft it is compared with
+kind     = "jsbsim"
+aircraft = "{aircraft}"
+
+[[expect]]                          # what both must achieve; MO: overshoot, ST: error at the end
+at_most.chi.MO_deg   = 5.0
+at_most.gamma.MO_deg = 3.0
+at_most.chi.ST_deg   = 0.5
+at_most.gamma.ST_deg = 0.5
+"""
+
+NEXT = """
+# What to do next:
+#   flighttune fly {name}                    # metrics, requirements, a recording
+#   flighttune report runs/{stem}                 # a page to send
+#   flighttune gap {name}                    # what each step from law to aircraft adds
+#   flighttune tune {name} --meet            # gains that meet [[expect]]
+#   flighttune fly {name} --gains FILE --set flight.duration_s=60
+"""
+
+
+def new_scenario(name: str, *, aircraft: str | None = None, like: str | None = None) -> Path:
+    """Write a scenario that an aircraft can fly to ``NAME.toml``, and return the file.
+
+    With `like`, the file or name of another scenario, it is that one made for the aircraft, which
+    is by default its own. Raises OutputError if there is such a file already, and InputError if the
+    aircraft or the other scenario is not there, or the aircraft cannot fly it.
+    """
+    file = Path(name if name.endswith(".toml") else f"{name}.toml")
+    if file.exists():
+        raise OutputError(f"{file}: must be a new file, there is one already; give another NAME.")
+    if like is None:
+        text = _first(aircraft or AIRCRAFT, file.parent)
+    else:
+        text = _made_for(like, aircraft, file.parent)
+    write_text(file, text + NEXT.format(name=file, stem=file.stem))
+    try:
+        load_scenario(file)
+    except ScenarioError:
+        file.unlink()
+        raise
+    return file
+
+
+def _named(aircraft: str, folder: Path) -> str:
+    """An aircraft as a scenario in `folder` names it."""
+    inside = Path(aircraft) / "aircraft.toml"
+    return os.path.relpath(aircraft, folder) if inside.is_file() else aircraft
+
+
+def _limits(config: AircraftConfig) -> dict[str, Any]:
+    """The limits of an aircraft as keys of ``[limits]``."""
+    limits = config.limits
+    values = {
+        "phi_deg": [x / DEG for x in limits.phi],
+        "phi_rate_dps": limits.phi_rate / DEG,
+        "n_z": [*limits.n_z],
+        "n_z_rate_per_s": limits.n_z_rate,
+    }
+    return rounded(values, DIGITS)
+
+
+def _design(config: AircraftConfig) -> tuple[float, float]:
+    """Airspeed (m/s) and height (m) that an aircraft is meant for."""
+    if config.design is None:
+        return sum(config.envelope.V_a) / 2.0, 1000.0
+    return config.design.V_a, config.design.h
+
+
+def _first(aircraft: str, folder: Path) -> str:
+    config = load_aircraft(aircraft)
+    V_a, h = _design(config)
+    start = level(config, V_a, h).gamma / DEG
+    climb = "climb" if config.engines.count else "descend"
+    low, high = config.envelope.V_a
+    return TEMPLATE.format(
+        climb=climb,
+        change=CLIMB,
+        title=config.title,
+        V_a=V_a,
+        V_a_min=low,
+        V_a_max=high,
+        h=h,
+        start=start,
+        end=start + (CLIMB if config.engines.count else -CLIMB),
+        limits="\n".join(f"{key:14} = {value}" for key, value in _limits(config).items()),
+        aircraft=_named(aircraft, folder),
+    )
+
+
+def _made_for(like: str, aircraft: str | None, folder: Path) -> str:
+    """The text of another scenario, with the values that depend on the aircraft replaced."""
+    source = existing_file(like, "scenario", scenario_files(), ["scenarios"])
+    scenario = load_scenario(source)
+    document: Any = tomlkit.parse(source.read_text(encoding="utf-8"))
+    flown = [plant.aircraft for plant in scenario.plant if plant.aircraft is not None]
+    aircraft = aircraft or next(iter(flown), AIRCRAFT)
+    config, other = load_aircraft(aircraft), load_aircraft(flown[0] if flown else aircraft)
+    faster = _design(config)[0] / (_design(other)[0] if flown else scenario.flight.V_a_mps)
+    V_a = scenario.flight.V_a_mps * faster
+    # A bank turns by g tan(phi) / V.
+    banks = [math.tan(of.limits.phi[1]) for of in (config, other)]
+    turn, climb = min(1.0, banks[0] / banks[1]) / faster, _climb(config, V_a, scenario)
+    document["flight"]["V_a_mps"], document["limits"] = rounded(V_a, DIGITS), _limits(config)
+    _scale(document["flight"], {"gamma_deg": climb})
+    for key, angle, rate in (("chi", 1.0, turn), ("gamma", climb, climb)):
+        reference = document["reference"]
+        _scale(reference, {f"{key}_from_deg": angle})
+        if isinstance(reference[f"{key}_deg"], list):
+            scales = {"change_deg": angle, "amplitude_deg": angle, "rate_dps": rate}
+            for segment in reference[f"{key}_deg"]:
+                _scale(segment, scales)
+        else:
+            _scale(reference, {f"{key}_deg": angle})
+    _scale(document.get("envelope", {}), {"V_a_mps": faster})
+    wind = dict.fromkeys(("chi_amplitude", "gamma_amplitude"), 1.0 / faster)
+    _scale(document.get("disturbance", {}), wind)
+    labels = {}
+    for table, plant in zip(document["plant"], scenario.plant, strict=True):
+        if plant.aircraft is not None:
+            table["aircraft"] = _named(aircraft, folder)
+            labels[plant.label] = plant_label(plant.kind, aircraft, plant.name)
+            table.get("airframe", {}).pop("coefficient_factors", None)  # functions of its model
+    for table in document.get("expect", ()):
+        table["plant"] = labels.get(table.get("plant"), table.get("plant", ""))
+        if not table["plant"]:
+            del table["plant"]
+    for i, entry in enumerate(document.get("gains", ())):
+        if isinstance(entry, str) and Path(entry).suffix in GAINS_FILES:
+            document["gains"][i] = os.path.relpath(source.parent / entry, folder)
+    for table in (*document.get("law", ()), *document["plant"]):
+        if isinstance(table, dict) and "module" in table:
+            table["module"] = os.path.relpath(source.parent / table["module"], folder)
+    document.get("tuning", {}).pop("identified", None)
+    document["title"] = f"{scenario.title} ({config.title})"
+    document.pop("verifies", None)  # a claim about the other aircraft
+    return tomlkit.dumps(document)
+
+
+def _scale(table: Any, factors: Mapping[str, float]) -> None:
+    """Multiply those keys that a table has."""
+    for key, factor in factors.items():
+        if key in table and factor != 1.0:
+            value = table[key]
+            scaled = [factor * x for x in value] if isinstance(value, list) else factor * value
+            table[key] = rounded(scaled, DIGITS)
+
+
+def _climb(config: AircraftConfig, V_a: float, scenario: Scenario) -> float:
+    """Share of a scenario's path angles that an aircraft can fly steadily at an airspeed."""
+    flight = scenario.flight
+    _, steepest = scenario.reference.steepest(flight.gamma_deg, flight.duration_s)
+    asked = {flight.gamma_deg * DEG, steepest * DEG} - {0.0}
+    for share in SHARES if asked else ():
+        gammas = [share * gamma for gamma in asked]
+        trims = trim_table(config, V_a=[V_a], gamma=gammas, h=flight.h_m)
+        if all(record["trim"] for record in trims):
+            return share
+    return 0.0 if asked else 1.0

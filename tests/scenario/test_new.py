@@ -1,0 +1,77 @@
+"""A scenario of one's own: written by ``new`` or copied, it flies at the first try."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import answer, flighttune
+from made_up import made_up_scenario
+
+from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.flight.fly import fly
+from flighttune.scenario import load_scenario
+from flighttune.shipped import aircraft_names
+
+ADOPTED = Path(__file__).parents[1] / "adopted"
+GLIDER = "glider"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("aircraft", [*aircraft_names(), ADOPTED / "c182", ADOPTED / "B747"])
+def test_a_new_scenario_meets_its_claim_at_the_first_flight(aircraft, tmp_path):
+    answer("new", "mine", "--aircraft", aircraft, cwd=tmp_path)
+    flown = answer("fly", "mine.toml", cwd=tmp_path)
+
+    assert flown["claim"]["verdict"] == "met"
+    assert flown["claim"]["requirements"] == 8
+    assert [run["plant"] for run in flown["runs"]] == ["kinematic", f"jsbsim:{Path(aircraft).name}"]
+    envelope = load_aircraft(aircraft).envelope.V_a
+    assert envelope[0] < load_scenario(tmp_path / "mine.toml").flight.V_a_mps < envelope[1]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("like", "aircraft"),
+    [("jet_pull_up", "c172p"), ("level_turn", "a4"), ("paper", "c172p"), ("feasible", "a4")],
+)
+def test_a_scenario_made_for_another_aircraft_flies(like, aircraft, tmp_path):
+    answer("new", "mine", "--aircraft", aircraft, "--like", like, cwd=tmp_path)
+    made, original = load_scenario(tmp_path / "mine.toml"), load_scenario(like)
+
+    assert {run.status for run in fly(made).runs} == {"completed"}
+    assert made.limits.limits().upper == pytest.approx(
+        load_aircraft(aircraft).limits.limits().upper
+    )
+    assert {table.aircraft for table in made.plant} <= {None, aircraft}
+    assert len(made.expect) == len(original.expect)
+    assert made.flight.duration_s == original.flight.duration_s
+
+
+def test_a_file_is_never_written_over_and_an_unknown_name_writes_none(tmp_path):
+    file = tmp_path / "mine.toml"
+    file.write_text("kept")
+
+    _, there = flighttune("new", "mine", status=2, cwd=tmp_path)
+    _, unknown = flighttune("new", "other", "--aircraft", "c172", status=2, cwd=tmp_path)
+
+    assert there.startswith("flighttune: mine.toml: must be a new file")
+    assert "did you mean c172p?" in unknown
+    assert file.read_text() == "kept"
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
+
+
+@pytest.mark.parametrize(("phi_deg", "most"), [(None, 45.0), ([-20.0, 20.0], 20.0)])
+def test_a_law_beside_an_aircraft_has_its_limits_unless_others_are_stated(phi_deg, most):
+    """A turn of 90 deg, whose first roll command is 156 deg without limits."""
+    limits = {} if phi_deg is None else {"phi_deg": phi_deg}
+    scenario = made_up_scenario(
+        gains=["paper"],
+        flight={"V_a_mps": 25.0, "duration_s": 3.0},
+        reference={"chi_deg": 90.0, "gamma_deg": 0.0},
+        limits=limits,
+        plant=[{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}],
+    )
+    run = fly(scenario).runs[0]
+
+    assert run.status == "completed"
+    assert np.rad2deg(run.signals["phi_cmd"].abs().max()) == pytest.approx(most)
