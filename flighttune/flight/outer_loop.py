@@ -47,8 +47,8 @@ def tuning_problem(scenario: Scenario, law: Law | None = None) -> TuningProblem:
     -------
     TuningProblem
         Maximise R_K of the loop about the first reference under ``I_K <= I_star`` (on the kinematic
-        law) and, where the scenario asks, the input limits at the first error. With ``robust`` in
-        [tuning] it is the problem of the first condition.
+        law), ``E_K <= E_star`` and, where the scenario asks, the input limits at the first error.
+        With ``robust`` in [tuning] it is the problem of the first condition.
 
     Notes
     -----
@@ -124,6 +124,7 @@ def _problem(
     return TuningProblem(
         model=model,
         I_star=I_star,
+        E_star=settings.E_star,
         limits=scenario.command_limits if settings.input_limits else None,
         x_0=np.array([wrap_angle(chi_ref - condition.chi), gamma_ref - condition.gamma]),
         scaling=scaling,

@@ -164,6 +164,16 @@ class Scenario(Table):
         return self
 
     @model_validator(mode="after")
+    def _errors_can_be_bounded(self) -> "Scenario":
+        law = self.laws[0]
+        if math.isfinite(self.tuning.E_star) and not law.by_gains:
+            raise ValueError(
+                f"`E_star` of [tuning] must be absent with the law {law.name}, which has no linear "
+                f"model, got {self.tuning.E_star:g}"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _scaling_fits(self) -> "Scenario":
         if self.tuning.state_scaling is not None:
             n, _, p = self.linear_model().shape

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, square_matrices
 from flighttune.errors import ShapeError
-from flighttune.theory.lyapunov import lyapunov_solution
+from flighttune.theory.lyapunov import solution_of_checked
 
 # Real, or with an imaginary part that is small beyond rounding
 Numbers: TypeAlias = Any
@@ -42,8 +42,8 @@ DEAD = math.log(1e-18)
 # Terms of the exponential series of a matrix of norm one
 TERMS = 20
 
-# Panels of a loop: one that needs more, of a damping ratio around 1e-4, has no figure.
-MAX_PANELS = 1 << 17
+# Panels of a loop: one that needs more, of a damping ratio below 3e-4, has no figure.
+MAX_PANELS = 1 << 15
 
 # Loops worked on at once, and their panels: what fits a processor's cache
 CHUNK_LOOPS, FIRST_PANELS, CHUNK_PANELS = 128, 16, 2048
@@ -92,17 +92,18 @@ def largest_errors(A_K: npt.ArrayLike, *, errors: int) -> FloatArray:
     return reached.reshape(*A_K.shape[:-2], errors)
 
 
-def error_slopes(A_K: FloatArray, in_k: FloatArray, *, errors: int) -> FloatArray:
-    """Slopes of `largest_errors` of one stable loop, shape (p, f), to about 1e-6.
+def error_slopes(
+    A_K: FloatArray, in_k: FloatArray, *, errors: int
+) -> tuple[FloatArray, FloatArray]:
+    """`largest_errors` of one loop and their slopes to about 1e-6, shapes (p,) and (p, f).
 
     `in_k` (shape (f, n + p, n + p)): slopes of `A_K` in f parameters. The integral is analytic in
     them but where the response vanishes: its value at a step along the imaginary axis has the slope
     as its imaginary part, without a difference.
     """
-    if not len(in_k):
-        return np.zeros((errors, 0))
     E, C = _entry_and_errors(A_K[None], errors)
-    return largest_outputs(A_K + 1j * STEP * in_k, E, C).imag.T / STEP
+    reached = largest_outputs(A_K + 1j * STEP * in_k, E, C)
+    return reached[0].real, reached.imag.T / STEP
 
 
 def largest_outputs(A: Numbers, E: FloatArray, C: FloatArray) -> Numbers:
@@ -120,13 +121,24 @@ def largest_outputs(A: Numbers, E: FloatArray, C: FloatArray) -> Numbers:
         part = A[start : start + CHUNK_LOOPS]
         eigenvalues = np.linalg.eigvals(part.real)
         (stable,) = np.nonzero(eigenvalues.real.max(axis=1) < 0.0)
-        spectrum = np.linalg.eigvalsh(lyapunov_solution(part.real[stable]))
+        spectrum = _lyapunov_spectra(part.real[stable])
         proven = (spectrum[:, 0] > 0.0) & np.isfinite(spectrum[:, -1])
         stable, spectrum = stable[proven], spectrum[proven]
         # ||exp(At)|| <= sqrt(cond(Q)) exp(-t / 2 lambda_max(Q))
         per_norm = 2.0 * spectrum[:, -1] * np.sqrt(spectrum[:, -1] / spectrum[:, 0])
         reached[start + stable] = _integrals(part[stable], eigenvalues[stable], per_norm, E, C)
     return reached
+
+
+def _lyapunov_spectra(A: FloatArray) -> FloatArray:
+    """Spectra of the Lyapunov solutions, shape (N, n); NaN where there is none by rounding."""
+    try:
+        Q = solution_of_checked(A, np.broadcast_to(np.eye(A.shape[-1]), A.shape))
+        return np.asarray(np.linalg.eigvalsh(Q), dtype=float)
+    except np.linalg.LinAlgError:
+        if len(A) == 1:
+            return np.full(A.shape[:2], np.nan)
+        return np.concatenate([_lyapunov_spectra(A[:1]), _lyapunov_spectra(A[1:])])
 
 
 def _integrals(

@@ -334,12 +334,15 @@ def tune_over_envelope(
     input limits are constraints as in `tune`. Without state scaling. `trim`: a single condition,
     `Envelope.at`. `starts`: searches from drawn gains, besides the one from the best gains for the
     trim. Raises InputError if the trim is not inside the envelope, or the problem has a state
-    scaling.
+    scaling or a bound on E_K.
     """
     began = time.perf_counter()
     _check_contains(envelope, trim)
     if not np.all(np.asarray(problem.scaling) == 1.0):
         raise InputError("`scaling` must be all ones for a rate over an envelope.")
+    if math.isfinite(problem.E_star):
+        got = f"{problem.E_star:g}"
+        raise InputError(f"`E_star` must be inf for a rate over an envelope, got {got}.")
     space = search_space(problem)
     nominal = tune_by_gradient(problem)
     firsts = []

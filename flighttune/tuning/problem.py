@@ -22,7 +22,7 @@ LARGEST_GAIN = 1e3
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TuningProblem:
-    """Maximise R_K over the gains, subject to I_K <= I_star, input limits and a structure.
+    """Maximise R_K over the gains under bounds on I_K and E_K, input limits and a structure.
 
     Attributes
     ----------
@@ -30,6 +30,8 @@ class TuningProblem:
         n states, m inputs, p errors; any model, with output feedback and lag states too.
     I_star : float, s^2
         Largest I_K allowed; inf for none.
+    E_star : float, s^2
+        Largest E_K allowed, of the model in plain units; inf for none.
     limits : Limits, optional
         Ranges of the m commands and rates at the first instant, from the error `x_0`.
     x_0 : ndarray, shape (p,), optional
@@ -65,6 +67,7 @@ class TuningProblem:
 
     model: LinearModel
     I_star: float = math.inf
+    E_star: float = math.inf
     limits: Limits | None = None
     x_0: FloatArray | None = None
     dt: float = 0.1
@@ -78,7 +81,7 @@ class TuningProblem:
 
     def __post_init__(self) -> None:
         n, m, p = self.model.shape
-        for name in ("I_star", "dt"):
+        for name in ("I_star", "E_star", "dt"):
             value = getattr(self, name)
             if not value > 0.0:
                 raise InputError(f"`{name}` must be positive, got {value}.")

@@ -11,6 +11,7 @@ from flighttune.arrays import FloatArray
 from flighttune.control.linear_model import LinearModel, closed_loops, velocity_form
 from flighttune.theory.indicators import indicators_batch, scaled
 from flighttune.theory.lyapunov import solution_of_checked
+from flighttune.theory.reachable import error_slopes, largest_errors
 from flighttune.tuning.cost import quadratic_cost
 from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
 
@@ -63,9 +64,9 @@ class Program:
     Parameters
     ----------
     problems : sequence of TuningProblem
-        One for each model, with the same free gains. Input limits, `I_star` and the bounds on gains
-        are those of the first; the spectra of all are bounded by the same (top, bottom,
-        sigma_floor).
+        One for each model, with the same free gains. Input limits, `I_star`, `E_star` and the
+        bounds on gains are those of the first; the spectra of all are bounded by the same (top,
+        bottom, sigma_floor).
     objective : "R_K" (maximised), "I_K", "factor", "trace" or "cost" (minimised)
         The last two are the trace of Q and the first problem's quadratic cost. ``I_K <= I_star`` is
         a constraint unless I_K is minimised.
@@ -87,6 +88,7 @@ class Program:
         self.space = space = search_space(problem)
         self._objective: Objective = objective
         self._loops = [_affine_loops(model) for model in problems]
+        self._models, self._E_star = [problem.model for problem in problems], problem.E_star
         self._I_star = math.inf if objective == "I_K" else problem.I_star
         # Limits read ``G k + offset <= bound``; a row that the factor relaxes has its bound times
         # the factor, which is linear in z as well.
@@ -143,8 +145,10 @@ class Program:
         z = np.array([*k, top.max(), bottom.min(), sigma.min(), 1.0])
         constraints = {
             "type": "ineq",
-            "fun": lambda z: np.concatenate([self.room(z), constant + self._rows @ z]),
-            "jac": lambda z: np.vstack([self.room_slopes(z), self._rows]),
+            "fun": lambda z: np.concatenate(
+                [self.room(z), constant + self._rows @ z, self._error_room(z)]
+            ),
+            "jac": lambda z: np.vstack([self.room_slopes(z), self._rows, self._error_slopes(z)]),
         }
         for _ in range(MAX_RUNS):
             run = minimize(
@@ -193,6 +197,33 @@ class Program:
         own = np.repeat(np.diag(SIGNS[:, 0]), n, axis=0)
         return np.hstack([slopes.reshape(3 * n, -1), own, np.zeros((3 * n, 1))])
 
+    def _error_room(self, z: FloatArray) -> FloatArray:
+        """``log E_star - log E_i`` of every error of every model, none where E_K is not bounded."""
+        if not math.isfinite(self._E_star):
+            return np.empty(0)
+        K = self.space.K(_parts(z)[0])
+        if not np.isfinite(K).all():
+            K = np.zeros(K.shape)  # no stable loop
+        errors = [
+            largest_errors(closed_loops(model, K), errors=len(model.errors))
+            for model in self._models
+        ]
+        logs = np.minimum(np.log(np.concatenate(errors)), UNSTABLE_LOG)
+        return math.log(self._E_star) - MARGIN - logs
+
+    def _error_slopes(self, z: FloatArray) -> FloatArray:
+        """Jacobian of `_error_room`, shape (errors of all models, f + 4)."""
+        if not math.isfinite(self._E_star):
+            return np.empty((0, len(z)))
+        k, _, _ = _parts(z)
+        slopes = []
+        for model in self._models:
+            loop, in_k = closed_loops(model, self.space.K(k)), _loop_slopes(model, self.space)
+            values, own = error_slopes(loop, in_k, errors=len(model.errors))
+            slopes.append(np.where(np.isfinite(values)[:, None], -own / values[:, None], 0.0))
+        steep = np.concatenate(slopes)
+        return np.hstack([steep, np.zeros((len(steep), 4))])
+
     def _spectra(self, k: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Logarithms of the spectra of Q, Q and A_K of all models, and their slopes in k.
 
@@ -239,12 +270,16 @@ def _log_spectra(A: FloatArray, in_k: FloatArray) -> tuple[FloatArray, FloatArra
 
 def _affine_loops(problem: TuningProblem) -> tuple[FloatArray, FloatArray]:
     """A_K without gains and its slopes in the free gains, shapes (n, n) and (f, n, n)."""
-    space = search_space(problem)
+    space, scaling = search_space(problem), np.asarray(problem.scaling)
+    base = closed_loops(problem.model, space.K(np.zeros(len(space.k_min))))
+    return scaled(base, scaling), scaled(_loop_slopes(problem.model, space), scaling)
+
+
+def _loop_slopes(model: LinearModel, space: SearchSpace) -> FloatArray:
+    """Slopes of A_K in the free gains, shape (f, n + p, n + p): it is affine in them."""
     f = len(space.k_min)
-    # A_K is affine in the gains: its values at zero and at each unit gain give all of it.
-    loops = closed_loops(problem.model, space.K(np.vstack([np.zeros(f), np.eye(f)])))
-    loops = scaled(loops, np.asarray(problem.scaling))
-    return loops[0], loops[1:] - loops[0]
+    loops = closed_loops(model, space.K(np.vstack([np.zeros(f), np.eye(f)])))
+    return loops[1:] - loops[0]
 
 
 REGULATORS = 16

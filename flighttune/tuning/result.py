@@ -31,9 +31,10 @@ class Assessment:
     # Indicators as in `flighttune.theory.indicators.Indicators`
     R_K: float
     I_K: float
+    E_K: float
     spectral_abscissa: float
-    within_limits: bool  # whether input limits and gain bounds hold, whatever I_K
-    # Constraints that bind, and limits that are exceeded: ``I_K``, ``<input>_max``,
+    within_limits: bool  # whether input limits and gain bounds hold, whatever I_K and E_K
+    # Constraints that bind, and limits that are exceeded: ``I_K``, ``E_K``, ``<input>_max``,
     # ``<input>_rate_min``, ``K_P[<input>,<error>]_max`` and the like.
     active: tuple[str, ...]
     cost: float  # quadratic cost; nan without `weights`
@@ -54,8 +55,8 @@ class TuningResult:
         The optimiser.
     gains : PIGains or None
         The best ones; if infeasible those of the smallest I_K; None if failed.
-    R_K, I_K, spectral_abscissa : float
-        Indicators of `gains`, computed anew from them; 0, inf and nan without gains.
+    R_K, I_K, E_K, spectral_abscissa : float
+        Indicators of `gains`, computed anew from them; 0, inf, inf and nan without gains.
     active : tuple of str
         Names of the constraints that bind at `gains`.
     cost : float
@@ -80,6 +81,7 @@ class TuningResult:
     gains: PIGains | None = None
     R_K: float = 0.0
     I_K: float = math.inf
+    E_K: float = math.inf
     spectral_abscissa: float = math.nan
     active: tuple[str, ...] = ()
     cost: float = math.nan
@@ -92,6 +94,7 @@ class TuningResult:
         facts = {
             "R_K": f"{number(self.R_K, '.5g')} 1/s",
             "I_K": f"{number(self.I_K, '.5g')} s²",
+            "E_K": f"{number(self.E_K, '.5g')} s²",
             "spectral abscissa": f"{number(self.spectral_abscissa, '.5g')} 1/s",
             "binding": ", ".join(self.active) or "nothing",
             "found by": f"{self.method}, {self.agreeing} of {self.starts} starts agree",
@@ -105,13 +108,18 @@ class TuningResult:
 
 def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:
     """The stacked gains K, shape (m, 2 p), measured against `problem`."""
-    measured = indicators(closed_loops(problem.model, K), scaling=problem.scaling)
+    A_K, p = closed_loops(problem.model, K), len(problem.model.errors)
+    measured = indicators(A_K, scaling=problem.scaling, errors=p)
     space = search_space(problem)
     k = K[space.free]
     slack, size = space.slack(k), np.abs(space.bound)
     lower, upper = problem.gain_bounds
-    binding = abs(measured.I_K - problem.I_star) <= BINDING * problem.I_star < math.inf
-    active = ["I_K"] if binding else []
+    bounds = {"I_K": problem.I_star, "E_K": problem.E_star}
+    active = [
+        name
+        for name, bound in bounds.items()
+        if abs(getattr(measured, name) - bound) <= BINDING * bound < math.inf
+    ]
     active += ["R_K"] if 0.0 < measured.R_K <= (1.0 + BINDING) * problem.R_min else []
     active += [name for name, low in zip(space.names, slack <= BINDING * size, strict=True) if low]
     for side, bound in zip(("min", "max"), problem.gain_bounds, strict=True):
@@ -122,6 +130,7 @@ def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:
         K=K,
         R_K=measured.R_K,
         I_K=measured.I_K,
+        E_K=measured.E_K,
         spectral_abscissa=measured.spectral_abscissa,
         within_limits=within,
         active=tuple(active) if math.isfinite(measured.I_K) else (),
@@ -137,6 +146,7 @@ def result(problem: TuningProblem, best: Assessment | None, **outcome: Any) -> T
         gains=problem.gains(best.K),
         R_K=best.R_K,
         I_K=best.I_K,
+        E_K=best.E_K,
         spectral_abscissa=best.spectral_abscissa,
         active=best.active,
         cost=best.cost,
@@ -147,13 +157,19 @@ def result(problem: TuningProblem, best: Assessment | None, **outcome: Any) -> T
 def is_feasible(problem: TuningProblem, gains: Assessment) -> bool:
     """Whether a loop is stable and meets every constraint."""
     fast = gains.R_K > 0.0 and gains.R_K >= (1.0 - ROUNDING) * problem.R_min
-    return gains.within_limits and fast and gains.I_K <= problem.I_star
+    small = gains.I_K <= problem.I_star and gains.E_K <= problem.E_star
+    return gains.within_limits and fast and small
 
 
 def why_infeasible(problem: TuningProblem, best: Assessment | None) -> str:
     """One sentence on the smallest I_K that was reached and on the limits that bind there."""
     if best is None:
         return "No stabilising gains were found within the limits."
+    if best.I_K <= problem.I_star:
+        return (
+            f"No gains were found with an E_K of at most `E_star` {problem.E_star:g}; those of the "
+            f"smallest I_K within the limits have {best.E_K:.6g}."
+        )
     at = f" with {', '.join(best.active)} binding" if best.active else ""
     return (
         f"`I_star` must be at least {best.I_K:.6g}, the smallest I_K reached{at}, "

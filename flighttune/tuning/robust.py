@@ -15,7 +15,8 @@ from flighttune.arrays import FloatArray
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loops
 from flighttune.errors import InputError
-from flighttune.theory.indicators import indicators
+from flighttune.theory.indicators import indicators, indicators_batch
+from flighttune.theory.reachable import largest_errors
 from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
 from flighttune.tuning.program import Program, stabilising_starts
 from flighttune.tuning.result import ROUNDING, TuningResult
@@ -40,8 +41,8 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
 
     `problems`: one a model, with the same inputs, errors, bounds, limits and structure, and no
     bound on I_K. Orders of the models and scalings may differ. R_K of the result is the smallest
-    over the models, I_K and the spectral abscissa are the largest. Gains between channels that do
-    not touch each other are 0. Raises InputError if the bounds on gains differ.
+    over the models, I_K, E_K and the spectral abscissa are the largest. Gains between channels that
+    do not touch each other are 0. Raises InputError if the bounds on gains differ.
     """
     began = time.perf_counter()
     whole = problems[0]
@@ -64,19 +65,21 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
     K, p = np.zeros(space.base.shape), len(whole.model.errors)
     for (inputs, errors, _), (own, _, _) in zip(split[0], solved, strict=True):
         K[inputs[:, None], np.concatenate([errors, p + errors])] = own
-    loops = [
-        indicators(closed_loops(problem.model, K), scaling=problem.scaling) for problem in problems
-    ]
+    loops = [indicators(closed_loops(at.model, K), scaling=at.scaling, errors=p) for at in problems]
     broken = [
         name for name, s in zip(space.names, space.slack(K[space.free]), strict=True) if s < 0.0
     ]
+    E_K = max(loop.E_K for loop in loops)
+    if E_K > whole.E_star:
+        broken.append("E_K")
     return TuningResult(
         status="infeasible" if broken else "optimal",
-        reason=f"No gains were found inside {', '.join(broken)}." if broken else "",
+        reason=f"No gains were found inside the bounds on {', '.join(broken)}." if broken else "",
         method=METHOD,
         gains=whole.gains(K),
         R_K=min(loop.R_K for loop in loops),
         I_K=max(loop.I_K for loop in loops),
+        E_K=E_K,
         spectral_abscissa=max(loop.spectral_abscissa for loop in loops),
         active=tuple(broken),
         starts=tried,
@@ -96,8 +99,12 @@ def _tuned(problems: list[TuningProblem], starts: int) -> tuple[FloatArray, int,
     first = candidates[np.argsort(-worst, kind="stable")][: min(starts, int((worst > 0.0).sum()))]
     if not len(first):
         return None
+    bound = problems[0].E_star
     ends, _ = Program(problems, "R_K").descend(first)
-    rates = [_worst_rate(problems, space, k) for k in ends]
+    rates = [
+        _worst_rate(problems, space, k) if _largest_error(problems, space, k) <= bound else 0.0
+        for k in ends
+    ]
     best = int(np.argmax(rates))
     agreeing = sum(rate >= (1.0 - AGREEMENT) * rates[best] for rate in rates)
     return space.K(ends[best]), len(ends), agreeing
@@ -108,8 +115,16 @@ def _worst_rate(problems: list[TuningProblem], space: SearchSpace, k: FloatArray
     if (space.slack(k) < -ROUNDING * np.abs(space.bound)).any():
         return 0.0
     return min(
-        indicators(closed_loops(problem.model, space.K(k)), scaling=problem.scaling).R_K
-        for problem in problems
+        float(indicators_batch(closed_loops(at.model, space.K(k)), scaling=at.scaling).R_K)
+        for at in problems
+    )
+
+
+def _largest_error(problems: list[TuningProblem], space: SearchSpace, k: FloatArray) -> float:
+    """Largest E_K over the models."""
+    return max(
+        float(largest_errors(closed_loops(at.model, space.K(k)), errors=len(at.model.errors)).max())
+        for at in problems
     )
 
 

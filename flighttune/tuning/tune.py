@@ -8,6 +8,7 @@ gains as long as I_K, input limits and structure are left out; a bound on the ga
 gradient method, which restores what was left out.
 """
 
+import math
 import time
 from dataclasses import replace
 from typing import get_args
@@ -19,6 +20,7 @@ from flighttune.control.linear_model import LinearModel, closed_loops, velocity_
 from flighttune.errors import InputError
 from flighttune.theory.indicators import IndicatorArrays, indicators_batch, scaled
 from flighttune.theory.lmi import blocks, largest, solve, unknown
+from flighttune.theory.reachable import largest_errors
 from flighttune.tuning.problem import Method, TuningProblem, search_space
 from flighttune.tuning.program import Objective, Program, stabilising_starts
 from flighttune.tuning.result import (
@@ -187,11 +189,11 @@ def tune_by_cost(problem: TuningProblem, *, starts: int = STARTS) -> TuningResul
 
 
 def smallest_radius(problem: TuningProblem, k: FloatArray) -> Assessment | None:
-    """The smallest I_K within limits and bounds from free gains k, shape (starts, f).
+    """The smallest I_K within limits and bounds from free gains k, shape (starts, f), whatever E_K.
 
     The search ends when two starts agree.
     """
-    best = None
+    best, problem = None, replace(problem, E_star=math.inf)
     for start in k:
         (end,) = searches(problem, start[None], "I_K")
         if not (end.within_limits and end.R_K > 0.0):
@@ -287,9 +289,17 @@ def tune_by_evolution(
         lost = np.log(UNSTABLE) + measured.spectral_abscissa
         return np.where(measured.stable, np.log(measured.I_K), lost)[None]
 
+    def log_error(k: FloatArray) -> FloatArray:
+        A_K = closed_loops(problem.model, space.K(k.T))
+        largest = largest_errors(A_K, errors=len(problem.model.errors)).max(axis=-1)
+        abscissa = np.linalg.eigvals(A_K).real.max(axis=-1)
+        return np.where(np.isinf(largest), np.log(UNSTABLE) + abscissa, np.log(largest))[None]
+
     constraints = []
     if np.isfinite(problem.I_star):
         constraints.append(NonlinearConstraint(log_radius, -np.inf, np.log(problem.I_star)))
+    if np.isfinite(problem.E_star):
+        constraints.append(NonlinearConstraint(log_error, -np.inf, np.log(problem.E_star)))
     if space.names:
         constraints.append(NonlinearConstraint(lambda k: space.slack(k.T).T, 0.0, np.inf))
     evolved = differential_evolution(

@@ -192,8 +192,9 @@ def test_the_slopes_of_a_decoupled_channel_are_those_of_its_formula():
     ]
     in_k = np.array([[[-1.0, 0.0], [0.0, 0.0]], [[0.0, -1.0], [0.0, 0.0]]])
 
-    slopes = error_slopes(np.array([[-p, -q], [1.0, 0.0]]), in_k, errors=1)
+    values, slopes = error_slopes(np.array([[-p, -q], [1.0, 0.0]]), in_k, errors=1)
 
+    assert values == pytest.approx([oscillator_error(p, q)], rel=EXACT)
     assert slopes[0] == pytest.approx(by_hand, rel=SLOPES)
 
 

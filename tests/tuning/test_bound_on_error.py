@@ -1,0 +1,102 @@
+"""Tuning under a bound on E_K, the largest error of a disturbance, by every optimiser."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import flighttune as ft
+from flighttune.control.envelope import Envelope
+from flighttune.control.inner_loop import with_input_lag
+from flighttune.errors import InputError, ScenarioError
+from flighttune.flight.outer_loop import identified_problems
+from flighttune.tuning.envelope import tune_over_envelope
+from flighttune.tuning.problem import TuningProblem, decoupled
+from flighttune.tuning.program import Program
+from flighttune.tuning.result import assessment, is_feasible, why_infeasible
+from flighttune.tuning.robust import tune_worst_case
+from flighttune.tuning.tune import tune
+
+BINDING = 1e-5
+SLOPES = 1e-4
+LEVEL = Envelope.at(V_a=25.0, gamma=0.0, phi=0.0, n_z=1.0)
+
+
+@pytest.fixture(scope="module")
+def bounded(model):
+    """Behind a lag, where the fastest gains are not those of the smallest error."""
+    lagged = with_input_lag(model, 4.0)
+    return TuningProblem(model=lagged, E_star=0.8, K_fixed=decoupled(lagged))
+
+
+@pytest.mark.parametrize(
+    "method", ["gradient", "convex", pytest.param("genetic", marks=pytest.mark.soak)]
+)
+def test_the_bound_on_the_error_is_met(bounded, method):
+    free = tune(replace(bounded, E_star=math.inf), starts=2)
+
+    result = tune(bounded, method, starts=2)
+
+    assert free.E_K > bounded.E_star
+    assert result.status == "optimal"
+    assert result.E_K <= bounded.E_star
+    assert result.gains is not None
+    loop = ft.closed_loop(bounded.model, result.gains)
+    assert ft.indicators(loop, errors=2).E_K == result.E_K
+    if method != "genetic":
+        assert "E_K" in result.active
+        assert result.E_K == pytest.approx(bounded.E_star, rel=BINDING)
+
+
+def test_the_slopes_of_the_room_for_the_error_are_those_of_differences(bounded):
+    program = Program([bounded], "R_K")
+    z = np.array([2.0, 3.0, 2.5, 4.0, 0.0, 0.0, 0.0, 1.0])
+    step = 1e-4
+    differences = [
+        (program._error_room(z + step * e) - program._error_room(z - step * e)) / (2.0 * step)
+        for e in np.eye(8)
+    ]
+
+    slopes = program._error_slopes(z)
+
+    assert slopes == pytest.approx(np.transpose(differences), rel=SLOPES, abs=SLOPES)
+
+
+def test_an_error_that_is_not_reached_is_named(model):
+    problem = TuningProblem(model=model, I_star=5.0, E_star=0.01)
+    paper = assessment(problem, ft.PAPER_GAINS.K)
+
+    assert not is_feasible(problem, paper)
+    assert "`E_star` 0.01" in why_infeasible(problem, paper)
+
+
+@pytest.mark.slow
+def test_the_error_is_bounded_on_the_identified_aircraft_too():
+    (problem,) = identified_problems(ft.load_scenario("paper_identified"))
+    free = tune_worst_case([problem], starts=2)
+
+    result = tune_worst_case([replace(problem, E_star=0.9 * free.E_K)], starts=2)
+    missed = tune_worst_case([replace(problem, E_star=1e-3)], starts=1)
+
+    assert result.status == "optimal"
+    assert result.E_K == pytest.approx(0.9 * free.E_K, rel=BINDING)
+    assert result.R_K <= free.R_K
+    assert (missed.status, missed.active) == ("infeasible", ("E_K",))
+
+
+def test_a_bound_on_the_error_that_cannot_be_is_refused(model):
+    for E_star in (0.0, -1.0, math.nan):
+        with pytest.raises(InputError, match="`E_star` must be positive"):
+            TuningProblem(model=model, E_star=E_star)
+    with pytest.raises(InputError, match="`E_star`"):
+        tune_over_envelope(TuningProblem(model=model, E_star=1.0), LEVEL, LEVEL, g=9.81)
+    with pytest.raises(ScenarioError, match="`E_star`"):
+        ft.load_scenario("paper", changes={"tuning.E_star": 0.0})
+
+
+def test_a_law_without_a_linear_model_has_no_error_to_bound(tmp_path):
+    (tmp_path / "law.py").write_text("class Mine: pass")
+    law = {"name": "mine", "kind": "python", "module": "law.py", "class": "Mine"}
+    with pytest.raises(ScenarioError, match=r"`E_star` .* law mine, .* got 1"):
+        ft.load_scenario("paper", changes={"tuning.E_star": 1.0, "law": [law]})
