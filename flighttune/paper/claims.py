@@ -1,4 +1,4 @@
-"""Every checkable sentence of the abstract and of section 5, with the verdict on it.
+"""Every checkable sentence of the abstract and of sections 2 to 5, with the verdict on it.
 
 To add one, put the sentence into ``claims.toml`` and the function that checks it, under the same
 name, into this module.
@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from flighttune.arrays import FloatArray
+from flighttune.control.linear_model import closed_loop
 from flighttune.paper import parameters as printed
 from flighttune.paper.duffing import DuffingCase
 from flighttune.paper.flight import NEAR, decay_rate, largest_share, oscillations
@@ -23,6 +24,11 @@ from flighttune.paper.parameters import DURATION, STAR, printed_limits
 from flighttune.paper.study import Study, rank_correlation
 from flighttune.plants.point_mass import turn_rates
 from flighttune.present.tables import number
+from flighttune.theory.attractor import paper_balls
+from flighttune.theory.common import common_Q
+from flighttune.theory.indicators import Indicators
+from flighttune.theory.lyapunov import lyapunov_solution
+from flighttune.theory.reachable import largest_outputs
 
 Verdict: TypeAlias = Literal["reproduced", "partly", "not reproduced", "not checkable"]
 
@@ -73,6 +79,9 @@ AS_GOOD = 1e-3
 # Distance at which two Jacobians, or a rate and zero, are the same: the error of central
 # differences with a step of 1e-6, where rounding and curvature are about equal.
 DERIVATIVE, SMALL_STEP = 1e-8, 1e-6
+
+# Random matrices on which a lemma is tried
+SAMPLES = 200
 
 # Excess of a limited command over its limit that is rounding.
 ROUNDING = 1e-9
@@ -202,6 +211,163 @@ def assesses_performance(study: Study) -> Checks:
             correlation = rank_correlation(R_K, study.of_gains(channel, measure))
             what = f"rank correlation of R_K and {measure.split('_')[0]} of {channel}"
             yield _compare(what, correlation, "≤", -CORRELATED)
+
+
+# Sections 2 to 4, the theory
+
+
+def _random_matrices() -> FloatArray:
+    """Square matrices of four states, shape (`SAMPLES`, 4, 4)."""
+    return np.random.default_rng(0).standard_normal((SAMPLES, 4, 4))
+
+
+def lemma_1(_: Study) -> Checks:
+    """P exists for stable matrices; with an eigenvalue 0 the equation has no solution at all."""
+    A = _random_matrices()
+    A = A - (np.linalg.eigvals(A).real.max(axis=-1) + 0.1)[:, None, None] * np.eye(4)
+    positive = int((np.linalg.eigvalsh(lyapunov_solution(A))[:, 0] > 0.0).sum())
+    yield Check("stable matrices with a P > 0", SAMPLES, positive, positive == SAMPLES)
+    # v' (P A + A' P + I) v = v' v > 0 where A v = 0, whatever P is.
+    A = np.diag([0.0, -1.0])
+    basis = np.array([[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [1.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]])
+    columns = (basis @ A + A.T @ basis).reshape(3, -1).T
+    nearest = np.linalg.lstsq(columns, -np.eye(2).ravel())[0]
+    left = float(np.linalg.norm(columns @ nearest + np.eye(2).ravel()))
+    yield _compare("smallest norm of P A + Aᵀ P + I, A = diag(0, -1)", left, "≤", ROUNDING)
+
+
+def lemma_2(_: Study) -> Checks:
+    """Weyl's inequality for random matrices."""
+    A, change = _random_matrices(), _random_matrices()[::-1]
+    A, change = A + A.mT, change + change.mT
+    moved = np.linalg.eigvalsh(A + change)[:, -1] - np.linalg.eigvalsh(A)[:, -1]
+    ratio = float(np.max(np.abs(moved) / np.linalg.norm(change, 2, axis=(1, 2))))
+    yield _compare("largest change of λ_max over ‖ΔA‖, 200 matrices [1]", ratio, "≤", 1.0)
+
+
+def lemma_3(study: Study) -> Checks:
+    """The Jacobian of the Duffing oscillator in the disc in which it has the smoothness stated."""
+    model = study.duffing.model
+    x1 = np.linspace(-1.0, 1.0, 201)
+    J = model.jacobian(np.stack([x1, np.zeros(x1.size)], axis=-1))
+    top = np.linalg.eigvalsh(J + J.mT)[:, -1]
+    smoothness = model.smoothness(1.0)
+    apart = np.abs(top - top[100])[x1 != 0.0] / (2.0 * smoothness * np.abs(x1[x1 != 0.0]))
+    yield _compare(
+        "largest change over 2 β_f |x|, Duffing, |x| ≤ 1 [1]", float(apart.max()), "≤", 1.0
+    )
+
+
+def lemma_4(study: Study) -> Checks:
+    """Differences of the Duffing oscillator, which is A(x) x, at the origin."""
+    model, step = study.duffing.model, SMALL_STEP * np.eye(2)
+    differences = (model.rates(step) - model.rates(-step)).T / (2.0 * SMALL_STEP)
+    off = float(np.max(np.abs(differences - model.jacobian(np.zeros(2)))))
+    yield _compare("distance of the Jacobian at 0 from A(0), Duffing", off, "≤", DERIVATIVE)
+
+
+def _slowest_decay(start: float) -> tuple[FloatArray, FloatArray]:
+    """Time and √V of ``V' = -V + √V``, where Lemma 5 with α = β = 1 holds with equality."""
+    from scipy.integrate import solve_ivp
+
+    t = np.linspace(0.0, 10.0, 101)
+    run = solve_ivp(
+        lambda _, V: -V + np.sqrt(V), (0.0, 10.0), [start], t_eval=t, rtol=1e-10, atol=1e-13
+    )
+    return t, np.sqrt(run.y[0])
+
+
+def lemma_5(_: Study) -> Checks:
+    """The bound along the motion for which the inequality is an equality."""
+    for start in (0.04, 9.0):
+        t, root = _slowest_decay(start)
+        bound = 1.0 + (math.sqrt(start) - 1.0) * np.exp(-0.5 * t)
+        ratio = float(np.max(root / bound))
+        yield _compare(f"largest √V over its bound, V_0 = {start:g}", ratio, "≤", 1.0 + DERIVATIVE)
+
+
+def lemma_5_rate(_: Study) -> Checks:
+    """The decay of √V - β/α along the same motion."""
+    t, root = _slowest_decay(9.0)
+    yield _compare("decay of √V − β/α over α [1]", decay_rate(t, root - 1.0), "≥", 1.0 - AS_GOOD)
+
+
+def _stable_loops(study: Study) -> Iterator[tuple[FloatArray, Indicators, FloatArray]]:
+    """A_K, indicators and eigenvalues of Q of each gain set that stabilises the loop."""
+    for name, gains in study.gains.items():
+        row = study.indicators[name]
+        if row.Q is not None:
+            values: FloatArray = np.asarray(np.linalg.eigvalsh(row.Q), dtype=float)
+            yield closed_loop(study.model, gains), row, values
+
+
+def theorem_1(study: Study) -> Checks:
+    """The bound against the largest ``f = A_K s`` that disturbances of the linear loops cause."""
+    ratios = []
+    for A, _, values in _stable_loops(study):
+        bound = 2.0 * np.linalg.norm(A, 2) * values[-1] ** 2 / values[0]
+        ratios.append(float(largest_outputs(A[None], A, np.eye(len(A)))[0].max() / bound))
+    worst = max(ratios, default=math.inf)
+    yield _compare("largest |f_i| possible over the bound, 7 gain sets [1]", worst, "≤", 1.0)
+
+
+def theorem_1_sufficient(study: Study) -> Checks:
+    """One P for the Jacobians of the Duffing oscillator, which are all stable."""
+    J = study.duffing.model.jacobian(np.array([[0.0, 0.0], [20.0, 0.0]]))
+    stable = float(np.linalg.eigvals(J).real.max())
+    yield _compare("largest real part of the Jacobians at x1 = 0 and 20 [1/s]", stable, "<", 0.0)
+    common = common_Q(J)
+    yield Check("rate of a P for both [1/s]", "> 0", common.R, common.R > 0.0)
+
+
+def theorem_2(study: Study) -> Checks:
+    """The largest error that disturbances cause, over the ball for each reading of L_f."""
+    for A, row, _ in _stable_loops(study):
+        if row is study.indicators[STAR]:
+            balls = paper_balls(A, study.model.A, I_K=row.I_K, L_d=1.0)
+            names = "‖A_K‖", "‖∂f/∂x + ∂f/∂u K_P‖", "‖∂f/∂x‖"
+            for name, ball in zip(names, balls.tolist(), strict=True):
+                what = f"largest |e_i| of K* over the ball, L_f = {name} [1]"
+                yield _compare(what, row.E_K / ball, "≤", 1.0)
+
+
+def theorem_2_rate(study: Study) -> Checks:
+    """The decay of the norm of s over R_K, for the slowest of the seven sets."""
+    decays = (-row.spectral_abscissa / row.R_K for _, row, _ in _stable_loops(study))
+    slowest = min(decays, default=0.0)
+    yield _compare("smallest decay of |s| over R_K, 7 gain sets [1]", slowest, "≥", 1.0)
+
+
+def global_stabilisation(study: Study) -> Checks:
+    """The manoeuvre without any limits with K*, which stabilises the linearised loop."""
+    status = study.readings["no limits"].status
+    yield Check("manoeuvre without limits", "converges", status, status != "diverged")
+
+
+def larger_attractor(study: Study) -> Checks:
+    """Steps to a higher R_K at which the largest possible error grows."""
+    order = study.indicator("R_K").sort_values().index
+    errors = study.indicator("E_K").loc[order]
+    rising = int((np.diff(errors) > 0.0).sum())
+    what = "steps to a higher R_K that raise the largest possible error"
+    yield Check(what, "≥ 1 of 6", f"{rising} of 6", rising > 0)
+
+
+def three_factors(study: Study) -> Checks:
+    """Both expressions for I_K."""
+    off = [
+        abs(float(np.linalg.norm(np.linalg.inv(A), 2)) * Q[-1] ** 2 / Q[0] / row.I_K - 1.0)
+        for A, row, Q in _stable_loops(study)
+    ]
+    worst = max(off, default=math.inf)
+    yield _compare("largest relative difference of both, 7 gain sets", float(worst), "≤", ROUNDING)
+
+
+def eigenvalue_problem(study: Study) -> Checks:
+    """R_K by semidefinite programming, over that of the Lyapunov equation."""
+    off = [abs(common_Q(A[None]).R / row.R_K - 1.0) for A, row, _ in _stable_loops(study)]
+    what = "largest relative difference from R_K of the Lyapunov equation"
+    yield _compare(what, max(off, default=math.inf), "≤", AS_GOOD)
 
 
 # Section 5.1, the Duffing oscillator

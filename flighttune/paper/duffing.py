@@ -78,6 +78,18 @@ class Duffing:
         a = (p + math.hypot(p, q)) / q**2
         return math.sqrt(a / (3.0 * self.beta)) if self.beta else math.inf
 
+    def smoothness(self, radius: float) -> float:
+        """beta_f where ``|x| <= radius``: ``|J(x) - J(y)| = 3 beta |x1^2 - y1^2|``."""
+        return 6.0 * self.beta * radius
+
+    @property
+    def smooth_region(self) -> float:
+        """Largest r with ``r <= epsilon / (2 beta_f |P|)``, beta_f that of the disc of radius r.
+
+        Lemma 3 weighted with P: the condition of Theorem 1 holds in this disc.
+        """
+        return math.sqrt(1.0 / (2.0 * self.smoothness(1.0) * float(np.linalg.norm(self.P, 2))))
+
     def bound(self, L_d: float, *, half_width: float = 0.0) -> tuple[float, float]:
         """Rate (1/s) and ultimate bound on |f| of Theorem 1 for disturbances up to `L_d`.
 

@@ -148,5 +148,6 @@ def numbers(study: Study) -> dict[str, Any]:
     }
     if named["stable"]:  # an unstable loop has neither a ball nor an ellipsoid
         named["balls"] = paper_balls(A_K, model.A, I_K=star.I_K, L_d=rate_bound)
+        named["largest_error"] = rate_bound * star.E_K
         named["ellipsoid"] = invariant_ellipsoid(A_K, disturbance_entry(model), L_d=rate_bound)
     return named

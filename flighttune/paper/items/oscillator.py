@@ -27,6 +27,7 @@ def fig3(study: Study) -> Made:
         values={
             **dict(zip(("R_f", "I_f"), case.theorem, strict=True)),
             "region_half_width": case.model.region,
+            "smooth_region": case.model.smooth_region,
             "largest_x1": {
                 "noise": case.farthest,
                 **{name: pushed.farthest for name, pushed in hard.items()},
