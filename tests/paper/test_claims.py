@@ -70,6 +70,20 @@ def test_every_verdict_is_one_of_four_and_each_kind_occurs(found):
     assert len(found["table-2"].checks) == 12
 
 
+def test_the_theory_is_judged_by_what_it_says(found):
+    computed = {name: [check.computed for check in found[name].checks] for name in found}
+
+    for name in ("lemma-2", "lemma-3", "lemma-4", "lemma-5", "theorem-1", "eigenvalue-problem"):
+        assert found[name].verdict == "reproduced"
+    assert computed["lemma-1"] == [200, pytest.approx(1.0)]
+    assert computed["lemma-5-rate"] == [pytest.approx(0.5, abs=1e-6)]
+    assert [check.holds for check in found["theorem-1-sufficient"].checks] == [True, False]
+    # 1.6714 s^2 can be reached; 2 * 0.1016 1/s * 4.916 s^2 is the ball of the open loop
+    assert [check.holds for check in found["theorem-2"].checks] == [True, True, False]
+    assert computed["theorem-2"][2] == pytest.approx(1.6714 / (2.0 * 0.10156 * 4.916), rel=1e-3)
+    assert found["larger-attractor"].verdict == "not reproduced"
+
+
 @pytest.mark.parametrize(
     ("held", "verdict"),
     [

@@ -100,3 +100,14 @@ def test_inside_a_strip_V_decays_at_the_rate_of_the_theorem_for_that_strip():
 def test_an_oscillator_without_stable_origin_is_refused(alpha, beta, delta):
     with pytest.raises(InputError, match="must"):
         Duffing(alpha=alpha, beta=beta, delta=delta)
+
+
+def test_smoothness_alone_proves_the_condition_in_a_smaller_disc():
+    r = PRINTED.smooth_region
+    x, y = np.random.default_rng(0).uniform(-r, r, (2, 10_000, 2)) / math.sqrt(2.0)
+    apart = np.linalg.norm(PRINTED.jacobian(x) - PRINTED.jacobian(y), 2, axis=(1, 2))
+
+    assert r == pytest.approx(1.0 / (math.sqrt(12.0 * DUFFING_A["beta"]) * GOLDEN), rel=ROUNDING)
+    assert np.max(apart / np.linalg.norm(x - y, axis=1)) <= PRINTED.smoothness(r)
+    assert PRINTED.margin(r) > 0.0
+    assert r < PRINTED.region
