@@ -37,6 +37,7 @@ html_title = "flighttune"
 html_show_sourcelink = False
 html_show_copyright = False
 html_copy_source = False
+html_search_scorer = str(Path(__file__).with_name("search.js"))  # Sphinx opens it as it stands
 html_math_renderer = "mathml"
 numpydoc_show_class_members = False
 autodoc_typehints = "none"
@@ -57,5 +58,7 @@ def _math(display):
 
 def setup(app):
     app.add_html_math_renderer("mathml", _math("inline"), _math("block"))
+    app.connect("html-page-context", site_reference.load_pages)
+    app.connect("build-finished", site_reference.pages_to_search)
     app.connect("source-read", site_reference.complete)
     app.connect("autodoc-process-docstring", site_reference.index_entry, priority=900)

@@ -1,6 +1,9 @@
 """Parts of the site that are made while it is built: tables of keys, and what the search needs."""
 
+import json
+import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import flighttune
@@ -18,8 +21,26 @@ SIGN = {
 }
 
 
+# Words that are explained below a heading of a page, for the search and the index.
+EXPLAINED = {
+    "scenarios/README": {
+        "# Write a scenario": "own scenario; own manoeuvre",
+        "## Requirements": "requirement; overshoot; settling time; rise time; ITAE; expect",
+    },
+    "docs/aircraft": {"# Use an aircraft of your own": "own aircraft; FlightGear aircraft"},
+    "docs/own_law": {"# Fly a law or a plant of your own": "own law; own plant"},
+    "docs/weather": {"# Fly in wind, gusts and turbulence": "wind; gust; turbulence"},
+    "docs/theory": {"# Theory in two pages": "R_K; I_K"},
+}
+
+
 def complete(_app: object, name: str, source: list[str]) -> None:
-    """Append the tables of keys to their page, from the schemas; `source` is changed."""
+    """Add index entries to a page, and the tables of keys to theirs; `source` is changed."""
+    for heading, words in EXPLAINED.get(name, {}).items():
+        entries = ", ".join(f"! {word}" for word in words.split("; "))
+        marked = f"{heading}\n\n```{{index}} {entries}\n```\n"
+        assert f"{heading}\n" in source[0], f"{name}: no heading {heading}"
+        source[0] = source[0].replace(f"{heading}\n", marked, 1)
     if name == "docs/keys":
         source[0] += "\n" + "\n".join(keys())
 
@@ -29,6 +50,33 @@ def index_entry(_app: object, _what: str, name: str, *rest: Any) -> None:
     package, _, public = name.partition(".")
     if package == "flighttune" and public in flighttune.__all__:
         rest[-1][:0] = [f".. index:: ! ft.{public}", ""]
+
+
+def pages_to_search(app: Any, error: Exception | None) -> None:
+    """Write the text of all pages for `search.js`, with the anchors that results may point to."""
+    if error is not None or app.builder.name != "html":
+        return
+    pages = {}
+    for page in sorted(app.env.found_docs):
+        whole = (Path(app.outdir) / f"{page}.html").read_text(encoding="utf-8")
+        body = whole.partition("<article")[2].partition(">")[2].partition("</article>")[0]
+        body = re.sub(r'<a class="headerlink".*?</a>', "", body)
+        body = re.sub(r"<(/?)(section|dl|dt|dd|p|span)\b([^>]*)>", _with_id_alone, body)
+        pages[page] = re.sub(r"<(?!/?(?:section|dl|dt|dd|p|span)[ >])[^>]*>", "", body)
+    text = f"const PAGES = {json.dumps(pages, ensure_ascii=False)};\n"
+    (Path(app.outdir) / "_static" / "pages.js").write_text(text, encoding="utf-8")
+
+
+def _with_id_alone(tag: re.Match[str]) -> str:
+    end, name, attributes = tag.groups()
+    anchor = re.search(r' id="[^"]*"', attributes)
+    return f"<{end}{name}{anchor[0] if anchor else ''}>"
+
+
+def load_pages(app: Any, page: str, *_: object) -> None:
+    """Let the page of the search, and no other, load the text of all pages."""
+    if page == "search":
+        app.add_js_file("pages.js")
 
 
 def keys() -> Iterator[str]:

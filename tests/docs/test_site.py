@@ -5,7 +5,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
-from urllib.parse import unquote, urlsplit
+from urllib.parse import quote, unquote, urlsplit
 
 import pytest
 from browser import headless_chromium
@@ -78,13 +78,25 @@ def test_every_public_name_is_in_the_reference_and_found_by_the_search(site):
     assert not [path for page in pages for path in re.findall(private, page)]
 
 
-def test_the_search_answers_in_a_browser_without_a_server(site):
-    page = f"{(site / 'search.html').as_uri()}?q=tube"
+@pytest.mark.parametrize(
+    ("words", "page", "excerpt"),
+    [
+        ("overshoot", "scenarios/README.html", "beyond the reference"),
+        ("requirement", "scenarios/README.html", "must achieve"),
+        ("own aircraft", "docs/aircraft.html", "flighttune adopt"),
+        ("ft.fly", "docs/api/flights.html", "every gain set"),
+        ("tube", "docs/tube.html", "flighttune tube"),
+    ],
+)
+def test_the_search_puts_what_explains_a_word_first_without_a_server(site, words, page, excerpt):
+    asked = f"{(site / 'search.html').as_uri()}?q={quote(words)}"
 
-    shown = headless_chromium()("--dump-dom", page)
+    shown = headless_chromium()("--dump-dom", asked)
 
-    results = shown.partition('class="search"')[2]
-    assert 'href="docs/tube.html"' in results
+    results = re.findall(r"<li.*?</li>", shown.partition('class="search"')[2], re.DOTALL)
+    assert f'href="{page}' in results[0]
+    assert excerpt in re.sub(r"<[^>]*>|\s+", " ", results[0]).replace("  ", " ")
+    assert all('class="context"' in result for result in results[:10])
 
 
 def test_no_key_or_column_that_is_documented_is_lost():
