@@ -44,7 +44,7 @@ def own(scenario: Scenario, start: PIGains) -> tuple[int, float]:
     """Flights and seconds of the search, with the start of its processes."""
     began, law = time.perf_counter(), scenario.laws[0]
     with WorkerPool() as pool:
-        search = Search([plan_to_meet(scenario, law)], law, pool)
+        search = Search([plan_to_meet(scenario, scenario.law_tables[0])], law, pool)
         (trial,) = search.fly([start])
 
         def until_met(trial: Trial) -> float:

@@ -28,7 +28,7 @@ from flighttune.flight.expectations import BoundCheck, bound_checks, with_loop
 from flighttune.flight.outer_loop import gain_set, tuning_problem
 from flighttune.plants.label import goes_by
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, in_rad
+from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, LawTable, in_rad
 from flighttune.theory.indicators import indicators_batch
 
 # What is minimised once all requirements are met, if it is no column of the rows: the ITAE of both
@@ -90,13 +90,13 @@ class Trial:
 Objective = Callable[[Trial], float]
 
 
-def plan_to_meet(scenario: Scenario, law: Law, table: CampaignTable | None = None) -> Plan:
-    """Flights of a scenario, dispersed as the `table` of a campaign says, yet without gains.
+def plan_to_meet(scenario: Scenario, law: LawTable, table: CampaignTable | None = None) -> Plan:
+    """Flights of a scenario by a law, dispersed as the `table` of a campaign says, without gains.
 
     The requirements are those about all gain sets, and about `TUNED_IDENTIFIED`, in whose place the
     new gains come. InputError where there is none.
     """
-    of_tuned = {None, TUNED_IDENTIFIED, *law.names_of([TUNED_IDENTIFIED])}
+    of_tuned = {None, TUNED_IDENTIFIED, *law.law().names_of([TUNED_IDENTIFIED])}
     expect = [
         requirement.model_copy(update={"gains": None, "status": None})
         for requirement in scenario.expect
@@ -107,9 +107,8 @@ def plan_to_meet(scenario: Scenario, law: Law, table: CampaignTable | None = Non
             f"{scenario.title}: [[expect]] must bound a measure for all gain sets, or for "
             f"{TUNED_IDENTIFIED}, to be met, got no such bound."
         )
-    own = [of_law for of_law in scenario.law_tables if of_law.name == law.name]
     # The gains of the scenario are not flown: the plan gets numbers.
-    changed = {"expect": expect, "gains": ["paper"], "law": own}
+    changed = {"expect": expect, "gains": ["paper"], "law": [law]}
     table = table or CampaignTable(title=scenario.title, scenario="scenario", runs=1)
     aircraft = {plant.aircraft for plant in scenario.plant if plant.aircraft is not None}
     return Plan(
@@ -361,7 +360,8 @@ def meet(
     StoppedError
         If the observer of the pool stopped the flights.
     """
-    law = scenarios[0].laws[0]
+    law_table = scenarios[0].law_tables[0]
+    law = law_table.law()
     if not law.by_gains:
         raise InputError(
             f"`law` must be {' or '.join(plain_laws())} for its gains to be tuned, got {law.name}."
@@ -369,7 +369,7 @@ def meet(
     if not 0.0 < success <= 1.0:
         raise InputError(f"`success` must be above 0 and at most 1, got {success:g}.")
     seen = table and table.model_copy(update={"design": "random", "seed": table.seed + 1})
-    plans = [plan_to_meet(scenario, law, seen) for scenario in scenarios]
+    plans = [plan_to_meet(scenario, law_table, seen) for scenario in scenarios]
     starts = start or starting_gains(scenarios[0], law)
     if not starts:
         raise InputError("`start` must be given: no gains could be tuned to start from.")
@@ -391,7 +391,7 @@ def meet(
     best, counted, start_flown = search.best(), None, trials[first]
     met, nearest = best.met, best
     if table is not None:
-        plan = plan_to_meet(scenarios[0], law, table)
+        plan = plan_to_meet(scenarios[0], law_table, table)
         groups = len(scenarios[0].gain_names) * len(scenarios[0].plant)
         fresh = whole_cycles(plan, max(COUNTED, (table.runs or 0) // groups))
         count = Search([plan], law, pool, draws=fresh)

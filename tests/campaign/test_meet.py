@@ -105,7 +105,7 @@ def test_a_turn_faster_than_the_largest_bank_allows_is_refused_with_the_nearest_
 def test_unstable_and_known_candidates_are_not_flown(overshoot):
     law = overshoot.laws[0]
     with WorkerPool(1) as pool:
-        search = Search([plan_to_meet(overshoot, law)], law, pool)
+        search = Search([plan_to_meet(overshoot, overshoot.law_tables[0])], law, pool)
         unstable, same = search.fly([shifted(PAPER_GAINS, 4.0), PAPER_GAINS])
         once = search.flights
         search.fly([PAPER_GAINS])
@@ -147,6 +147,7 @@ def test_measures_of_the_loop_are_those_of_python_control():
         tuning={"model": "identified", "identified": "aerosonde"},
     )
     gains = gain_set(identified, "tuned_identified")
+    assert gains is not None
     measured = loop_measures(identified, "tuned_identified", gains, ["phase_margin_rad"])
 
     model = identified.linear_model()
@@ -292,6 +293,7 @@ def test_ten_sets_of_requirements_are_answered_as_brute_force_answers_them(task)
     base = required(task, [1.0] * len(measures))
     law = base.laws[0]
     start = gain_set(base, law.names_of(["tuned_identified"])[0])
+    assert start is not None
     factors = np.array(list(product(STEPS, repeat=4)))
     K = start.K[start.K != 0.0] * factors
     sets = []
@@ -300,7 +302,7 @@ def test_ten_sets_of_requirements_are_answered_as_brute_force_answers_them(task)
         whole[whole != 0.0] = row
         sets.append(PIGains(K_P=whole[:, :2], K_I=whole[:, 2:], inputs=start.inputs))
     with WorkerPool() as pool:
-        search = Search([plan_to_meet(base, law)], law, pool)
+        search = Search([plan_to_meet(base, base.law_tables[0])], law, pool)
         flights = search.fly([start, *sets])
         values = np.array([[check.value for check in trial.checks[0]] for trial in flights])
         shares = values / values[0]
