@@ -199,6 +199,7 @@ class AircraftConfig(q.Table):
     _folder: Path = PrivateAttr()
     _gains: InnerLoopGains | None = PrivateAttr(default=None)
     _off_nominal: OffNominal | None = PrivateAttr(default=None)
+    _fingerprint: str = PrivateAttr(default="")
 
     @property
     def folder(self) -> Path:
@@ -221,7 +222,7 @@ class AircraftConfig(q.Table):
         engines = {"count", "command"}
         kept = {"surfaces": True, "settings": True, "declared": True, "linked": True}
         tables = self.model_dump_json(include=kept | {"engines": engines}, exclude_defaults=True)
-        return hashlib.sha256(tables.encode()).hexdigest()
+        return self._fingerprint or hashlib.sha256(tables.encode()).hexdigest()
 
     def with_gains(self, gains: InnerLoopGains) -> Self:
         """Return the aircraft with other gains of its inner loop."""
@@ -251,7 +252,9 @@ class AircraftConfig(q.Table):
                 f"`throttle_max` must lie above {low:g} and up to {high:g}, got {throttle_max}."
             )
         engines = self.engines.model_copy(update={"throttle": (low, throttle_max)})
-        return self.model_copy(update={"engines": engines})
+        changed = self.model_copy(update={"engines": engines})
+        changed._fingerprint = self.fingerprint  # of the file: the throttle is no part of the model
+        return changed
 
 
 def load_aircraft(aircraft: str | Path) -> AircraftConfig:

@@ -175,7 +175,9 @@ def _with_files(tables: dict[str, Any], path: Path) -> dict[str, Any]:
     for table, key in named:
         name = table.get(key)
         if isinstance(name, str) and os.path.isfile(path.parent / name / "aircraft.toml"):
-            table[key] = str(path.parent / name)
+            beside = path.parent / name
+            # A path without a separator is the name of an aircraft.
+            table[key] = str(beside) if len(beside.parts) > 1 else os.path.join(".", beside)
     if "gains" in tables:
         tables["gains"] = gain_entries(tables["gains"], path.parent)
     return tables

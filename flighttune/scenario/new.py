@@ -92,6 +92,8 @@ def new_scenario(name: str, *, aircraft: str | None = None, like: str | None = N
     file = Path(name if name.endswith(".toml") else f"{name}.toml")
     if file.exists():
         raise OutputError(f"{file}: must be a new file, there is one already; give another NAME.")
+    if aircraft is not None and (Path(aircraft) / "aircraft.toml").is_file():
+        aircraft = str(Path(aircraft).resolve())
     if like is None:
         text = _first(aircraft or AIRCRAFT, file.parent)
     else:
@@ -107,8 +109,7 @@ def new_scenario(name: str, *, aircraft: str | None = None, like: str | None = N
 
 def _named(aircraft: str, folder: Path) -> str:
     """An aircraft as a scenario in `folder` names it."""
-    inside = Path(aircraft) / "aircraft.toml"
-    return os.path.relpath(aircraft, folder) if inside.is_file() else aircraft
+    return os.path.relpath(aircraft, folder) if os.path.isabs(aircraft) else aircraft
 
 
 def _limits(config: AircraftConfig) -> dict[str, Any]:

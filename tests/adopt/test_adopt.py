@@ -296,6 +296,8 @@ def test_a_glider_turns_about_its_steady_glide(tmp_path):
     speeds = "--V-a", 1, "--V-a", found["V_a_mps"]
     (skipped,) = answer("identify", tmp_path / "sgs126", *speeds)["skipped"]
     assert "no steady glide at V_a 1 m/s" in skipped
+    answer("new", "mine", "--aircraft", "sgs126", cwd=tmp_path)
+    assert answer("fly", "mine.toml", cwd=tmp_path)["claim"]["verdict"] == "met"
     # The export flies what it wrote in JSBSim alone, and fails where that is another flight.
     turn, out = tmp_path / "sgs126/turn.toml", tmp_path / "alone"
     answer("export", turn, "--gains", "tuned_identified", "--out", out)

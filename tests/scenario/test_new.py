@@ -13,7 +13,6 @@ from flighttune.scenario import load_scenario
 from flighttune.shipped import aircraft_names
 
 ADOPTED = Path(__file__).parents[1] / "adopted"
-GLIDER = "glider"
 
 
 @pytest.mark.slow
@@ -58,6 +57,13 @@ def test_a_file_is_never_written_over_and_an_unknown_name_writes_none(tmp_path):
     assert "did you mean c172p?" in unknown
     assert file.read_text() == "kept"
     assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
+
+
+def test_a_weaker_engine_is_no_other_model():
+    """The A-4's file says nothing of engines: a throttle limit was once taken for another model."""
+    config = load_aircraft("a4")
+
+    assert config.with_throttle_max(0.9).fingerprint == config.fingerprint
 
 
 @pytest.mark.parametrize(("phi_deg", "most"), [(None, 45.0), ([-20.0, 20.0], 20.0)])
