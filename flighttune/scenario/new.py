@@ -177,7 +177,7 @@ def _made_for(like: str, aircraft: str | None, folder: Path) -> str:
         else:
             _scale(reference, {f"{key}_deg": angle})
     _scale(document.get("envelope", {}), {"V_a_mps": faster})
-    wind = dict.fromkeys(("chi_amplitude", "gamma_amplitude"), 1.0 / faster)
+    wind = {"chi_amplitude": 1.0 / faster, "gamma_amplitude": 1.0 / faster}  # of the same speed
     _scale(document.get("disturbance", {}), wind)
     labels = {}
     for table, plant in zip(document["plant"], scenario.plant, strict=True):
