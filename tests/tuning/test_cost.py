@@ -107,6 +107,16 @@ def integrating(model):
 
 
 @pytest.mark.slow
+def test_a_bound_on_the_largest_error_costs_more_and_holds(problem):
+    found = tune(replace(problem, R_min=0.3, E_star=0.8), starts=1)
+
+    assert found.status == "optimal"
+    assert found.E_K <= 0.8
+    assert found.active == ("E_K",)
+    assert found.cost > 1.25  # the least without the bound
+
+
+@pytest.mark.slow
 def test_a_rate_above_what_exists_is_refused_with_the_largest(problem):
     found = tune(replace(problem, I_star=5.0, R_min=0.6), starts=2)
 
