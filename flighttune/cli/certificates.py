@@ -21,7 +21,7 @@ ANY_ENVELOPE = (
 )
 INDICATOR_COLUMNS = [
     Column("units", "units of state"),
-    *columns("R_K I_K spectral_abscissa"),
+    *columns("R_K I_K E_K spectral_abscissa"),
 ]
 EIGENVALUE_COLUMNS = [
     Column("real", "real part", "1/s"),
@@ -63,7 +63,7 @@ def certify(
     ] = None,
     settings: SetOption = None,
 ) -> Answer:
-    """Compute R_K, I_K and margins of gains on the linear model of SCENARIO, and certify them.
+    """Compute R_K, I_K, E_K and margins of gains on the linear model of SCENARIO, and certify them.
 
     Exit status 1 if the loop is unstable or no certificate can be proven.
     """
@@ -86,7 +86,7 @@ def certify(
     else:
         model, flown, made = _certified_own(loaded, name, chosen, L_d)
     loop = closed_loop(model, flown)
-    decay, margins = indicators(loop), loop_margins(model, flown)
+    decay, margins = indicators(loop, errors=len(model.errors)), loop_margins(model, flown)
     if out is not None and made.certificate is not None:
         from flighttune.certificates.certificate import save_certificate
 
@@ -99,7 +99,7 @@ def certify(
         title = f"{loaded.title}; gains {name}"
         Sheet(charts=[*loop_charts(model, flown, margins), *charts], title=title).save(figure)
     certificate = made.values
-    plain = pick(decay, "R_K I_K scaling spectral_abscissa")
+    plain = pick(decay, "R_K I_K E_K scaling spectral_abscissa")
     units, scaled = [{"units": "plain", **plain}], None
     if scaling is not None:
         scaled = pick(indicators(loop, scaling=scaling), "R_K I_K scaling")

@@ -233,13 +233,13 @@ def _open(path: Path, *, port: int | None = None) -> None:
 def _flown(flown: "FlownScenario", files: "RecordedFiles", tubes: Answer, source: str) -> Answer:
     from flighttune.flight.advice import advice
 
-    unknown = {"R_K": None, "I_K": None}
+    unknown = {"R_K": None, "I_K": None, "E_K": None}
     tuning, place = flown.scenario.tuning, "steady flight on the first reference"
     loop = f"linear loop on the kinematic law, {place}"
     if tuning.model == "identified":
         place = "nominal condition" if tuning.robust else place
         loop = f"linear loop on the identified aircraft, {place}"
-    indicators = {name: pick(own, "R_K I_K") for name, own in flown.indicators.items()}
+    indicators = {name: pick(own, "R_K I_K E_K") for name, own in flown.indicators.items()}
     runs = [
         {
             "plant": run.provenance.plant,
@@ -279,7 +279,7 @@ def _flown(flown: "FlownScenario", files: "RecordedFiles", tubes: Answer, source
         },
         tables=[
             Table(RUN_COLUMNS, runs, flown.scenario.title, grouped=True),
-            Table(columns("gains R_K I_K"), gain_sets, loop),
+            Table(columns("gains R_K I_K E_K"), gain_sets, loop),
             *tubes.tables,
         ],
         notes=notes,

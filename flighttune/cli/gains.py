@@ -45,11 +45,11 @@ MARGIN_COLUMNS = [
     Column("gain_increase", "gain to"),
     *columns("phase_margin_deg delay_margin_s lag_margin_s"),
 ]
-RESULT_COLUMNS = columns("status R_K I_K spectral_abscissa active method starts wall_s")
+RESULT_COLUMNS = columns("status R_K I_K E_K spectral_abscissa active method starts wall_s")
 ENVELOPE_COLUMNS = [
     *columns("status"),
     Column("R_envelope", "rate over the envelope", "1/s"),
-    *columns("R_K I_K spectral_abscissa wall_s"),
+    *columns("R_K I_K E_K spectral_abscissa wall_s"),
 ]
 DIAGNOSIS_COLUMNS = [
     Column("smallest_I_K", "smallest I_K", "s²"),
@@ -225,7 +225,10 @@ def frontier(
     points: Annotated[int, Option(min=2, max=1000, help="Points of the frontier.")] = 25,
     settings: SetOption = None,
 ) -> Answer:
-    """Tabulate and draw the largest R_K for each I_K, with the paper's and the scenario's gains."""
+    """Tabulate and draw the largest R_K for each I_K, with the paper's and the scenario's gains.
+
+    The same gains are drawn against E_K, the largest error that a disturbance can cause.
+    """
     from flighttune.control.gains import paper_family
     from flighttune.flight.outer_loop import gain_set, tuning_problem
     from flighttune.present.chart import Sheet
@@ -249,9 +252,10 @@ def frontier(
     csv, svg = folder / "frontier.csv", folder / "frontier.svg"
     write_text(csv, table.to_csv(index=False, lineterminator="\n"))
     styles = line_styles([("", name) for name in loaded.gain_names])
-    chart = frontier_chart(table, {name: style for (_, name), style in styles.items()})
-    Sheet(charts=[chart], columns=1).save(svg)
-    shown = columns("name I_K R_K spectral_abscissa")
+    of_gains = {name: style for (_, name), style in styles.items()}
+    charts = [frontier_chart(table, of_gains, against=key) for key in ("I_K", "E_K")]
+    Sheet(charts=charts, columns=1).save(svg)
+    shown = columns("name I_K E_K R_K spectral_abscissa")
     rows = table[[column.key for column in shown]].to_dict(orient="records")
     return Answer(
         values={
@@ -278,7 +282,9 @@ def _at_trim(scenario: "Scenario") -> "tuple[PIGains | None, Answer]":
             Table(LIMIT_COLUMNS, nearest.limits, "limits"),
         ]
     values = {
-        **pick(result, "status reason R_K I_K cost spectral_abscissa active starts wall_s method"),
+        **pick(
+            result, "status reason R_K I_K E_K cost spectral_abscissa active starts wall_s method"
+        ),
         "scaling": [1.0] * (n + p) if scaling is None else scaling,
         "diagnosis": why,
     }
@@ -300,9 +306,9 @@ def _over_envelope(scenario: "Scenario") -> "tuple[PIGains | None, Answer]":
     trim, envelope = trim_and_envelope(scenario)
     problem, g = tuning_problem(scenario), scenario.flight.g_mps2
     result = tune_over_envelope(problem, envelope, trim, g=g, starts=ENVELOPE_STARTS)
-    at_trim = {"spectral_abscissa": None, "active": []}
+    at_trim = {"E_K": None, "spectral_abscissa": None, "active": []}
     if result.gains is not None:
-        at_trim = pick(assessment(problem, result.gains.K), "spectral_abscissa active")
+        at_trim = pick(assessment(problem, result.gains.K), "E_K spectral_abscissa active")
     values = {
         **pick(result, "status reason R_K I_K factor wall_s"),
         **at_trim,

@@ -49,7 +49,7 @@ class FlownScenario:
     runs : tuple of Run
         Plant by plant, gain set by gain set.
     indicators : mapping of str to Indicators
-        R_K and I_K on the linear model of the scenario, by name of the gain set.
+        R_K, I_K and E_K on the linear model of the scenario, by name of the gain set.
     tuning : TuningResult or None
         Result of the tuning of the gains ``tuned``, where the scenario asks for them.
 
@@ -139,7 +139,7 @@ def fly(
     for name, gains in sets.items():
         linear = None if gains is None else _linear_loop(scenario, name, gains)
         if linear is not None:
-            indicators_of[name] = indicators(closed_loop(*linear))
+            indicators_of[name] = indicators(closed_loop(*linear), errors=len(linear[0].errors))
     # In wind the first aircraft flies first: plants without weather replay the wind it met.
     source = scenario.wind_source
     runs: dict[tuple[str, str], Run] = {}

@@ -122,6 +122,7 @@ QUANTITIES = {
     for column in (
         Column("R_K", "R_K", "1/s", ".5g"),
         Column("I_K", "I_K", "s²", ".5g"),
+        Column("E_K", "E_K", "s²", ".5g"),
         Column("spectral_abscissa", "spectral abscissa", "1/s"),
         Column("rate", "rate", "1/s", ".6g"),
         Column("growth", "largest growth of the norm"),

@@ -41,6 +41,7 @@ GAIN_COLUMNS = [
     *columns("gains"),
     Column("R_K", "R_K", "1/s", "z.5f"),
     Column("I_K", "I_K", "s²", "z.5f"),
+    Column("E_K", "E_K", "s²", "z.5f"),
     Column("K_P", "K_P", missing="none found"),
     Column("K_I", "K_I", missing="none found"),
 ]
@@ -62,11 +63,11 @@ def scenario_page(
     runs: Sequence[Run],
     *,
     scenario: Mapping[str, Any],
-    indicators: Mapping[str, tuple[float, float] | None] | None = None,
+    indicators: Mapping[str, tuple[float, float, float] | None] | None = None,
 ) -> str:
     """The page of text in a recording, as Markdown.
 
-    `indicators` are R_K and I_K by name of the gain set, None where the loop is not stable.
+    `indicators` are R_K, I_K and E_K by name of the gain set, None where the loop is not stable.
     """
     metrics, flight = metric_tables(runs)
     parts = [f"# {scenario.get('title', 'Flight')}", *_about(scenario)]
@@ -101,13 +102,13 @@ def _runs(runs: Sequence[Run]) -> str:
     return f"{table}\n\nNo tube around the errors: `flighttune fly SCENARIO --tube` makes it."
 
 
-def _gains(runs: Sequence[Run], indicators: Mapping[str, tuple[float, float] | None]) -> str:
+def _gains(runs: Sequence[Run], indicators: Mapping[str, tuple[float, float, float] | None]) -> str:
     sets = {run.provenance.gains_name: run.provenance.gains for run in runs}
     records = []
     for name, gains in sets.items():
-        R_K, I_K = indicators.get(name) or (None, None)
+        R_K, I_K, E_K = indicators.get(name) or (None, None, None)
         matrices = {} if gains is None else gains.as_lists()
-        records.append({"gains": name, "R_K": R_K, "I_K": I_K, **matrices})
+        records.append({"gains": name, "R_K": R_K, "I_K": I_K, "E_K": E_K, **matrices})
     return Table(GAIN_COLUMNS, records).markdown()
 
 

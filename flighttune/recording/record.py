@@ -96,7 +96,7 @@ def page_of(flown: FlownScenario) -> str:
     return scenario_page(
         flown.runs,
         scenario=flown.scenario.as_dict(),
-        indicators={name: (values.R_K, values.I_K) for name, values in flown.indicators.items()},
+        indicators={name: (own.R_K, own.I_K, own.E_K) for name, own in flown.indicators.items()},
     )
 
 

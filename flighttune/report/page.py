@@ -348,7 +348,7 @@ def _certificate_section(scenario: Scenario, drawn: Drawn) -> Section:
     charts = certificate_panels(drawn, checks)
     stable = "frontier" in set(curve["name"])
     if stable:
-        charts.append(frontier_chart(curve, marks))
+        charts += [frontier_chart(curve, marks, against=key) for key in ("I_K", "E_K")]
     notes = [BOUND if checks else NO_BOUND, "" if stable else NO_CURVE]
     return Section(
         id="certificate",

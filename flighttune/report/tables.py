@@ -43,7 +43,7 @@ CONVERGENCE_COLUMNS = [
     ),
 ]
 GAIN_COLUMNS = [
-    *columns("gains R_K I_K"),
+    *columns("gains R_K I_K E_K"),
     Column("K_P", "K_P, rows φ n_z, columns χ γ"),
     Column("K_I", "K_I", "1/s"),
 ]
@@ -126,7 +126,7 @@ def gains_table(gains: Mapping[str, PIGains], curve: "pd.DataFrame") -> Table:
     """Gains with their indicators, which `curve` (from `frontier`) has."""
     marks = curve.set_index("name")
     records = [
-        {"gains": name, **marks.loc[name, ["R_K", "I_K"]].to_dict(), **own.as_lists()}
+        {"gains": name, **marks.loc[name, ["R_K", "I_K", "E_K"]].to_dict(), **own.as_lists()}
         for name, own in gains.items()
     ]
     return Table(title="Gains", name="gains", columns=GAIN_COLUMNS, records=records)

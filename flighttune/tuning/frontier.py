@@ -1,9 +1,9 @@
-"""The frontier of R_K against I_K, as a table and as a figure."""
+"""The frontier of R_K against I_K, and where it lies against E_K, as a table and as figures."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -23,6 +23,18 @@ POINTS = 25
 WIDEST = 3.0
 
 DECADE = 10.0
+
+# Title and horizontal axis of the figure over each indicator
+AXES = {
+    "I_K": (
+        "R_K against I_K: nothing can lie above the curve",
+        "I_K, the paper's bound on the ultimate set [s²]",
+    ),
+    "E_K": (
+        "The same gains against E_K, the largest error that a disturbance can cause",
+        "E_K, largest error per L_d [s²]; smaller is better",
+    ),
+}
 
 # Part of the height left for names above and below the marks
 ROOM = 0.08
@@ -44,7 +56,7 @@ def frontier(
     to show next to the frontier. `starts`: searches at each point from drawn gains, besides the one
     from the gains of the smallest I_K. Returns a row each point and marked set, columns ``name``
     (``frontier`` or the mark), ``I_star`` (nan for marks), ``I_K``, ``R_K``, ``spectral_abscissa``,
-    ``within_limits``, ``active`` (names, separated by spaces) and one for each gain,
+    ``E_K``, ``within_limits``, ``active`` (names, separated by spaces) and one for each gain,
     ``K_P[phi,chi]`` and so on. R_K never falls along the frontier. Marks alone if no stable gains
     were found within the limits. Raises InputError if `points` is less than 2.
     """
@@ -80,38 +92,45 @@ def frontier(
     return pd.DataFrame(along + rows)
 
 
-def frontier_chart(table: "pd.DataFrame", styles: Mapping[str, LineStyle]) -> Chart:
-    """Draw the frontier and the marked gains, each with its name.
+def frontier_chart(
+    table: "pd.DataFrame",
+    styles: Mapping[str, LineStyle],
+    *,
+    against: Literal["I_K", "E_K"] = "I_K",
+) -> Chart:
+    """Draw the frontier and the marked gains, each with its name, over I_K or over E_K.
 
     `table` is the result of `frontier`. `styles` are those of the gains in other figures; other
-    gains are dark. Nothing can lie above the curve. A mark that breaks the input limits is hollow,
-    one without a stable loop is left out. I_K is logarithmic where it spans more than one decade.
+    gains are dark. Over I_K nothing can lie above the curve; over E_K it has the same gains. A mark
+    that breaks the input limits is hollow, one without a stable loop is left out. The axis is
+    logarithmic where it spans more than one decade.
     """
+    title, x = AXES[against]
     along, marks = (table[(table["name"] == "frontier") == yes] for yes in (True, False))
     marks = marks[marks["R_K"] > 0.0]
-    radii = np.concatenate([np.asarray(table["I_K"], dtype=float) for table in (along, marks)])
+    radii = np.concatenate([np.asarray(table[against], dtype=float) for table in (along, marks)])
     spread = len(radii) > 1 and radii.max() > DECADE * radii.min()
     chart = Chart(
-        title="R_K against I_K: nothing can lie above the curve",
-        x="I_K, size of the ultimate set [s²]; smaller is better",
+        title=title,
+        x=x,
         y="R_K, guaranteed rate [1/s]",
         log="x" if spread else "",
     )
-    chart.line(along["I_K"], along["R_K"], NEUTRAL, width=2.4, name="largest R_K found")
-    columns = (np.asarray(marks[key]) for key in ("name", "I_K", "R_K", "within_limits"))
+    chart.line(along[against], along["R_K"], NEUTRAL, width=2.4, name="largest R_K found")
+    columns = (np.asarray(marks[key]) for key in ("name", against, "R_K", "within_limits"))
     points = list(zip(*columns, strict=True))
-    for name, I_K, R_K, within in points:
-        tip = f"{name}: R_K {R_K:.4f} 1/s, I_K {I_K:.3f} s²" + (
+    for name, size, R_K, within in points:
+        tip = f"{name}: R_K {R_K:.4f} 1/s, {against} {size:.3f} s²" + (
             "" if within else ", beyond the limits"
         )
         colour = styles[name].colour if name in styles else INK
-        chart.points(I_K, R_K, colour, run="", size=5, filled=bool(within), tips=[tip])
+        chart.points(size, R_K, colour, run="", size=5, filled=bool(within), tips=[tip])
     (low, high), (left, right) = chart.y_ends(), chart.x_ends()
     chart.y_range = (low - ROOM * (high - low), high + ROOM * (high - low))
     side = (right / left) ** ROOM if spread else 1.0
     shift = 0.0 if spread else ROOM * (right - left)
     chart.x_range = (left / side - shift, right * side + shift)
-    chart.label_points([(float(I_K), float(R_K), str(name)) for name, I_K, R_K, _ in points])
+    chart.label_points([(float(x), float(y), str(name)) for name, x, y, _ in points])
     return chart
 
 
@@ -122,6 +141,7 @@ def _row(
         "name": name,
         "I_star": I_star,
         "I_K": measured.I_K,
+        "E_K": measured.E_K,
         "R_K": measured.R_K,
         "spectral_abscissa": measured.spectral_abscissa,
         "within_limits": measured.within_limits,

@@ -15,7 +15,11 @@ def page(four_runs, cut_short, without_gains):
     return scenario_page(
         runs,
         scenario=four_runs[0].provenance.scenario,
-        indicators={"paper": (0.45993, 4.91615), "tuned": (0.53976, 5.0), "strict": None},
+        indicators={
+            "paper": (0.45993, 4.91615, 1.67143),
+            "tuned": (0.53976, 5.0, 1.23545),
+            "strict": None,
+        },
     )
 
 
@@ -53,10 +57,11 @@ def test_gains_stand_beside_their_indicators(page):
         "paper",
         "0.45993",
         "4.91615",
+        "1.67143",
         "[1.6968, 0.5906; -0.5906, 1.9556]",
         "[3.4869, 0.1784; -0.1784, 3.4869]",
     ]
-    assert found[3] == ["strict", "–", "–", "none found", "none found"]
+    assert found[3] == ["strict", "–", "–", "–", "none found", "none found"]
 
 
 def test_metrics_are_shown_in_degrees_with_their_units(page, four_runs):
