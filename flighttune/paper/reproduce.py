@@ -149,15 +149,15 @@ def numbers(study: Study) -> dict[str, Any]:
         "phi_0_deg": math.degrees(printed.PHI_0),
         "rate_bound": rate_bound,
         "stable": star.status == "stable",
+        "both_stable": {star.status, study.indicators["K1"].status} == {"stable"},
     }
     if named["stable"]:  # an unstable loop has neither a ball nor an ellipsoid
         named["balls"] = paper_balls(A_K, model.A, I_K=star.I_K, L_d=rate_bound)
         named["largest_error"] = rate_bound * star.E_K
-        fast = study.indicators["K1"]
-        named["both_stable"] = fast.status == "stable"
-        if named["both_stable"]:
-            named.update(_sharper(star, fast, disturbance_entry(model), rate_bound))
         named["ellipsoid"] = invariant_ellipsoid(A_K, disturbance_entry(model), L_d=rate_bound)
+    if named["both_stable"]:
+        E, fast = disturbance_entry(model), study.indicators["K1"]
+        named.update(_sharper(star, fast, E, rate_bound))
     return named
 
 

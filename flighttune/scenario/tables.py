@@ -597,6 +597,7 @@ class TuningTable(q.Table):
     On the kinematic law ``lag_rad_s`` puts a first-order lag of (phi, n_z) between command and
     aircraft, and ``sample_delay`` the half sample by which a sampled command is late on average.
     R_K and I_K are those of the state divided by ``state_scaling`` (s = (x', e); ones by default).
+    ``E_star`` bounds E_K, the largest error of a disturbance, on either model.
 
     On the identified model lag, delay, sampling and scaling come from ``identified`` (the name of
     an aircraft or a model file; by default the aircraft of the first jsbsim plant) and from the
