@@ -239,9 +239,10 @@ class Search:
         """
         import cma
 
-        start, objective = trial.gains, objective or self.value
+        start, objective, largest = trial.gains, objective or self.value, self._problem.K_max
         free, end = start.K != 0.0, self.flights + budget
-        top = np.log(self._problem.K_max[free])
+        assert largest is not None
+        top = np.log(largest[free])
         settings = {
             "popsize": POPULATION,
             "seed": self._problem.seed + 1,  # 0 is the time of day
