@@ -259,21 +259,32 @@ def test_the_command_prints_writes_gains_and_a_page(tmp_path, overshoot):
     assert "nearest" in shown + error
 
 
-# Scenario, aircraft and measures; a bound is a share of what `tuned_identified` flies to.
+def peak_deg(rate_dps, roll_dps, V_a, n_z):
+    """Least peak error of a ramp of course: roll grows at its largest rate, lift is the largest."""
+    rate, roll = rate_dps * DEG, roll_dps * DEG
+    return rate**2 * V_a / (2.0 * 9.81 * n_z * roll) / DEG
+
+
+# Scenario, aircraft, measures, and a value of the last one that no flight within the limits has.
+# A step of 60 deg at 45 deg of path angle and roll, 2.1 g and 25 m/s takes 1.02 s from 10 to 90 %.
 TASKS = {
-    "overshoot of both": ("paper_identified", "aerosonde", ("chi.MO_rad", "gamma.MO_rad")),
-    "overshoot and settling": (
-        "paper_identified", "aerosonde", ("chi.MO_rad", "chi.settling_s", "gamma.ITAE"),
+    "step": ("paper_identified", "aerosonde", ("gamma.MO_deg", "chi.rise_s"), 0.9),
+    "slow step": ("paper_identified", "aerosonde", ("chi.MO_deg", "gamma.ITAE", "chi.rise_s"), 1.0),
+    "in turbulence": (
+        "turbulent_climb", "aerosonde", ("gamma.peak_deg", "chi.peak_deg"),
+        peak_deg(5.0, 30.0, 25.0, 2.1),
     ),
-    "in turbulence": ("turbulent_climb", "aerosonde", ("chi.peak_rad", "gamma.peak_rad")),
-    "light aeroplane": ("c172_cruise_turn", "c172p", ("chi.peak_rad", "gamma.peak_rad")),
-    "jet": ("jet_pull_up", "a4", ("chi.ITAE", "gamma.ITAE", "flight.n_z_max")),
+    "light aeroplane": (
+        "c172_cruise_turn", "c172p", ("gamma.ITAE", "chi.peak_deg"),
+        peak_deg(4.0, 20.0, 50.0, 2.5),
+    ),
+    "jet": ("jet_pull_up", "a4", ("gamma.ITAE", "chi.peak_deg"), peak_deg(5.0, 60.0, 200.0, 5.0)),
 }  # fmt: skip
-STEPS = (0.5, 0.71, 1.0, 1.41, 2.0)
+STEPS = (0.5, 0.8, 1.25, 2.0)
 
 
 def required(task, bounds):
-    name, aircraft, measures = TASKS[task]
+    name, aircraft, measures, _ = TASKS[task]
     expect = [
         at_most(measure.split(".")[0], **{measure.split(".")[1]: bound})
         for measure, bound in zip(measures, bounds, strict=True)
@@ -284,35 +295,32 @@ def required(task, bounds):
 
 @pytest.mark.soak
 @pytest.mark.parametrize("task", TASKS)
-def test_ten_sets_of_requirements_are_answered_as_brute_force_answers_them(task):
-    """Bounds 2 % beyond the best point of a grid of 625 gain sets can be met; at 0.6 they cannot.
+def test_requirements_are_answered_as_brute_force_answers_them(task):
+    """What the best of 256 gain sets on a grid meets can be met; less than physics allows cannot.
 
-    The second is checked only as far as the grid goes: the search must come at least as near.
+    The nearest gains must be at least as near as those of the grid.
     """
-    measures = TASKS[task][2]
-    base = required(task, [1.0] * len(measures))
+    base = required(task, [1.0] * len(TASKS[task][2]))
     law = base.laws[0]
     start = gain_set(base, law.names_of(["tuned_identified"])[0])
     assert start is not None
-    factors = np.array(list(product(STEPS, repeat=4)))
-    K = start.K[start.K != 0.0] * factors
     sets = []
-    for row in K:
+    for factors in product(STEPS, repeat=4):
         whole = start.K.copy()
-        whole[whole != 0.0] = row
+        whole[whole != 0.0] *= factors
         sets.append(PIGains(K_P=whole[:, :2], K_I=whole[:, 2:], inputs=start.inputs))
     with WorkerPool() as pool:
         search = Search([plan_to_meet(base, base.law_tables[0])], law, pool)
-        flights = search.fly([start, *sets])
-        values = np.array([[check.value for check in trial.checks[0]] for trial in flights])
-        shares = values / values[0]
-        best = np.nanmin(shares.max(axis=1))
-
-        for bound, status in ((1.02 * best, "met"), (0.6 * best, "missed")):
-            task_now = required(task, values[0] * bound)
-            answered, gains, _ = meet([task_now], pool)
+        values = np.array(
+            [[check.value for check in trial.checks[0]] for trial in search.fly([start, *sets])]
+        )
+        best = np.nanmin((values / values[0]).max(axis=1))
+        can = 1.02 * best * values[0]
+        for bounds, status in (can, "met"), ([*can[:-1], TASKS[task][3]], "missed"):
+            task_now = required(task, bounds)
+            answered, gains, _ = meet([task_now], pool, budget=240)
             assert answered["status"] == status
             claim = flown(task_now, gains).claim
             assert claim.verdict == ("met" if status == "met" else "not met")
             nearest = max(-row["margin"] for row in answered["requirements"])
-            assert nearest <= best / bound - 1.0 + 1e-9
+            assert nearest <= np.nanmin((values / bounds).max(axis=1)) - 1.0 + 1e-9
