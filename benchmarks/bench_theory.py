@@ -1,4 +1,4 @@
-"""What R_K and I_K cost: the batch against loops over SciPy, python-control and cvxpy, on one core.
+"""What R_K, I_K and E_K cost: the batch against SciPy, python-control and cvxpy, on one core.
 
 Times are processor times of one thread, so that other load on the machine counts little.
 Run it with ``python benchmarks/bench_theory.py``; ``--json`` prints one object, ``--figure FILE``
@@ -25,10 +25,12 @@ from flighttune.control.linear_model import closed_loops, kinematic_model
 from flighttune.present.chart import Chart, Sheet
 from flighttune.present.palette import HUES
 from flighttune.theory.indicators import indicators_batch
+from flighttune.theory.reachable import largest_errors
 
 MILLION = 1_000_000
 STATES = range(2, 13)
 BATCH = 20_000
+ERRORS = 100_000
 REPEATS = 5
 
 Indicators = tuple[float, float, float]
@@ -131,6 +133,16 @@ def a_million() -> float:
     return time.process_time() - began
 
 
+def largest_error_cost() -> dict[str, float]:
+    """Microseconds a gain set of E_K and of I_K, for `ERRORS` gain sets, and their ratio."""
+    A_K = gain_sets(ERRORS)
+    began = time.process_time()
+    largest_errors(A_K, errors=2)
+    E_K = (time.process_time() - began) / len(A_K)
+    (I_K,) = seconds_each((indicators_batch, A_K))
+    return {"E_K_us": 1e6 * E_K, "I_K_us": 1e6 * I_K, "ratio": E_K / I_K}
+
+
 def draw(table: dict[int, dict[str, float]], path: Path) -> None:
     """Draw the cost against the number of states."""
     chart = Chart(
@@ -156,7 +168,12 @@ def main() -> None:
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
     warnings.simplefilter("ignore")
-    found = {"peers": against_peers(), "million_s": a_million(), "states_us": against_states()}
+    found = {
+        "peers": against_peers(),
+        "million_s": a_million(),
+        "states_us": against_states(),
+        "E_K": largest_error_cost(),
+    }
     if asked.figure:
         draw(found["states_us"], asked.figure)
     if asked.json:
@@ -169,6 +186,11 @@ def main() -> None:
             f"{row['R_K_distance']:12.1e}"
         )
     print(f"one million gain sets: {found['million_s']:.2f} s (asked: under 10 s)")
+    E_K = found["E_K"]
+    print(
+        f"E_K of {ERRORS} gain sets: {E_K['E_K_us']:.1f} us each, {E_K['ratio']:.1f} times I_K "
+        "(asked: at most 20)"
+    )
     print(f"{'states':>8}{'batch, us':>12}{'SciPy loop, us':>16}{'ratio':>8}")
     for n, row in found["states_us"].items():
         ratio = row["SciPy loop"] / row["batch"]

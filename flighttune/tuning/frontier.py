@@ -31,7 +31,7 @@ AXES = {
         "I_K, the paper's bound on the ultimate set [s²]",
     ),
     "E_K": (
-        "The same gains against E_K, the largest error that a disturbance can cause",
+        "The same gains against E_K, the exact largest error",
         "E_K, largest error per L_d [s²]; smaller is better",
     ),
 }
