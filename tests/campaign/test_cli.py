@@ -167,7 +167,7 @@ def test_a_dry_run_shows_plan_cost_and_room_and_writes_nothing(tmp_path, file):
     )
 
     assert (found["runs"], found["draws"], found["design"]) == (4002, 1001, "random")
-    assert found["notes"][0] == "4002 flights = 1000 draws of 4 groups"
+    assert found["notes"][0] == "4002 flights = 1000.5 draws of 4 groups"
     assert [group["plant"] for group in found["groups"]] == ["jsbsim:aerosonde"] * 2 + [
         "kinematic"
     ] * 2

@@ -54,8 +54,8 @@ class Group:
 
 def draws_in_words(flights: int, groups: int) -> str:
     """``7.5 draws of 8 groups``: what a number of flights is, as every group flies each draw."""
-    draws = flights / groups
-    return f"{draws:.4g} draw{'s' * (draws != 1)} of {groups} group{'s' * (groups != 1)}"
+    draws = round(flights / groups, 1)
+    return f"{draws:.12g} draw{'s' * (draws != 1)} of {groups} group{'s' * (groups != 1)}"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
