@@ -344,8 +344,8 @@ def loop_measures(
     if "roll_rate_rad_s" in wanted:
         law, _ = scenario.law_of(name, gains)
         measured["roll_rate_rad_s"] = _needed_roll_rate(scenario, law, gains)
-    simple = measured.keys() >= set(wanted)
-    if margins := () if simple else loop_margins(model, gains):
+    margins = () if measured.keys() >= set(wanted) else loop_margins(model, gains)
+    if margins:
         *single, together = margins
         gain = min(min(own.gain_increase, 1.0 / max(own.gain_decrease, TINY)) for own in single)
         measured |= {
@@ -362,7 +362,7 @@ def _needed_roll_rate(scenario: Scenario, law: Law, gains: PIGains) -> float:
     limits, at = scenario.command_limits, scenario.identified_models(law)[0]
     phi = min(limits.upper[0], -limits.lower[0])
     roll_per_turn = law.command_per_rate(at.V_a, scenario.flight.g_mps2)
-    K_P, K_I = gains.K[0, [0, 2]]
+    K_P, K_I = np.maximum(gains.K[0, [0, 2]], TINY)  # a gain that is 0 or below asks for no rate
     late = min(roll_per_turn / K_P, math.sqrt(roll_per_turn / (INTEGRAL_TIME * K_I)))
     if not math.isfinite(phi):
         return math.nan
