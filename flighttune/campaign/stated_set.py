@@ -87,9 +87,8 @@ def planned(
     campaign = load_campaign(source, changes=changes)
     if gains not in (None, *campaign.nominal.gain_names):
         nominal = with_gains(campaign.nominal, [gains], source, tables)
-        central = with_gains(campaign.central, [gains], source, tables)
-        chosen = {"gains": nominal.gains, "nominal": nominal, "central": central}
-        campaign = campaign.model_copy(update=chosen)
+        own = campaign.model_copy(update={"gains": nominal.gains})
+        campaign = campaign_on(own, nominal, source)
     return plan_campaign(campaign)
 
 

@@ -17,7 +17,7 @@ from flighttune.mistakes import abridged, joined, validated
 from flighttune.plants.jsbsim.plant import check_off_nominal
 from flighttune.scenario.places import leaves, with_changes
 from flighttune.scenario.schema import GainsTable, Scenario
-from flighttune.scenario.tables import PlantTable
+from flighttune.scenario.tables import LawTable, PlantTable
 from flighttune.shipped import aircraft_folders, campaign_files, nearest_name, scenario_files
 from flighttune.table_file import json_tables, toml_tables
 from flighttune.units import DEG
@@ -94,28 +94,26 @@ def with_gains(
     """
     listed = [entry for entry in scenario.gains if isinstance(entry, GainsTable)]
     own = {entry.name: entry for entry in (*listed, *tables)}
-    pairs: list[tuple[str, str | GainsTable]] = []
+    laws: dict[str, LawTable] = {}
+    entries: list[str | GainsTable] = []
+    wanted: list[str] = []
     for name in names:
+        entry: str | GainsTable
         if Path(name).suffix.lower() in GAINS_FILES:
             entry = gains_table(Path(name))
-            pairs.append((scenario.law_of("", entry.gains())[0].name, entry))
+            gains, law = entry.name, f"{scenario.law_of('', entry.gains())[0].name}:"
         else:
-            gains = split_name(name)[1]
-            pairs.append((scenario.law_table(name).name, own.get(gains, gains)))
-    laws = {law: scenario.law_table(f"{law}:") for law, _ in pairs}
-    entries: list[str | GainsTable] = []
-    for _, entry in pairs:
+            gains, law = split_name(name)[1], name
+            entry = own.get(gains, gains)
+        flown_by = scenario.law_table(law)
+        laws[flown_by.name] = flown_by
+        wanted += flown_by.law().names_of([gains])
         if entry not in entries:
             entries.append(entry)
     changed: dict[str, Any] = {"gains": entries, "expect": []}
     if [*laws] != [law.name for law in scenario.laws]:
         changed["law"] = [*laws.values()]
-    flown = scenario.model_copy(update=changed).as_dict()
-    chosen = validated(Scenario, flown, source)
-    named = [e if isinstance(e, str) else e.name for _, e in pairs]
-    wanted = [
-        laws[law].law().names_of([name])[0] for (law, _), name in zip(pairs, named, strict=True)
-    ]
+    chosen = validated(Scenario, scenario.model_copy(update=changed).as_dict(), source)
     if sorted(wanted) != sorted(chosen.gain_names):
         raise InputError(
             f"{source}: `gains` must be the same for every law ({', '.join(laws)}) and name "

@@ -186,9 +186,8 @@ def _made_for(like: str, aircraft: str | None, folder: Path) -> str:
             labels[plant.label] = plant_label(plant.kind, aircraft, plant.name)
             table.get("airframe", {}).pop("coefficient_factors", None)  # functions of its model
     for table in document.get("expect", ()):
-        table["plant"] = labels.get(table.get("plant"), table.get("plant", ""))
-        if not table["plant"]:
-            del table["plant"]
+        if table.get("plant") in labels:
+            table["plant"] = labels[table["plant"]]
     for i, entry in enumerate(document.get("gains", ())):
         if isinstance(entry, str) and Path(entry).suffix in GAINS_FILES:
             document["gains"][i] = os.path.relpath(source.parent / entry, folder)
