@@ -30,6 +30,7 @@ from flighttune.plants.label import goes_by
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, LawTable, in_rad
 from flighttune.theory.indicators import indicators_batch
+from flighttune.units import DEG
 
 # What is minimised once all requirements are met, if it is no column of the rows: the ITAE of both
 # channels, or the largest excess over a requirement
@@ -186,7 +187,7 @@ class Search:
         flown = dict(zip(names, sets, strict=True))
         plan = replace(plan, campaign=bare, gain_sets=flown, groups=groups)
         n, each = len(groups), len(plants)
-        if plan.keys:
+        if draws > 1:
             drawn, runs = None, [range(draws * n)]
         else:
             # Each candidate has a draw of its own: workers share draws out, not groups.
@@ -211,7 +212,7 @@ class Search:
                 flown = row.get("status") == "completed"
                 tables = plan.scenario.expected(row["plant"], name)
                 measured = {**(measured_in(row) if flown else {}), **loop}
-                checks.setdefault(row["draw"] if plan.keys and "draw" in row else 0, []).extend(
+                checks.setdefault(row.get("draw", 0) if self._draws > 1 else 0, []).extend(
                     replace(check, flown=flown or check.subject == "loop")
                     for check in bound_checks(tables, measured, where + row["plant"])
                 )
@@ -334,7 +335,7 @@ def meet(
         Maximum number of flights, by default `BUDGET`, with a campaign `CAMPAIGN_BUDGET`; the count
         on fresh draws comes on top.
     metric : str
-        What is minimised once all requirements are met, see `Search`.
+        What is minimised once all requirements are met, see `Search`; not with a campaign.
     table : CampaignTable, optional
         Campaign on the first scenario, which is then the only one. Gains are searched for that
         meet the requirements on as many draws as possible, and counted on the draws of the
@@ -369,6 +370,11 @@ def meet(
         )
     if not 0.0 < success <= 1.0:
         raise InputError(f"`success` must be above 0 and at most 1, got {success:g}.")
+    if table is not None and metric != ITAE:
+        raise InputError(
+            f"`metric` must be absent with a campaign, whose share of flights that succeed is "
+            f"maximised, got {metric}."
+        )
     seen = table and table.model_copy(update={"design": "random", "seed": table.seed + 1})
     plans = [plan_to_meet(scenario, law_table, seen) for scenario in scenarios]
     starts = start or starting_gains(scenarios[0], law)
@@ -445,8 +451,12 @@ def _required(scenario: Scenario) -> list[str]:
 def _metric(row: Row, metric: str) -> float:
     if metric == ITAE:
         return row["chi.ITAE"] + row["gamma.ITAE"]
-    value = math.nan if metric == MARGIN else row[in_rad(metric)]
-    return math.inf if value is None else value
+    if metric == MARGIN:
+        return math.nan
+    value = row[in_rad(metric)]
+    if value is None:
+        return math.inf
+    return value if in_rad(metric) == metric else value / DEG
 
 
 def _with_sizes(gains: PIGains, sizes: FloatArray) -> PIGains:

@@ -1,8 +1,10 @@
 """Commands that find gains; gains by name or file, and how commands print them."""
 
 import math
+import shlex
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -17,6 +19,7 @@ from flighttune.cli.options import (
     changes,
     check_ending,
     out_folder,
+    repeated,
 )
 from flighttune.cli.show import NO, campaign_pool, fail, pick
 from flighttune.errors import InputError
@@ -378,7 +381,11 @@ def _to_meet(
     if page is not None:
         from flighttune.report.meet import write_meet_page
 
-        command = f"flighttune tune {source} --meet"
+        options = [("also", name) for name in also or ()]
+        options += [("start", start), ("budget", budget), ("metric", metric)]
+        options += [("campaign", campaign), ("success", success)]
+        words = [(f"--{key}", str(value)) for key, value in options if value is not None]
+        command = f"flighttune tune {repeated(source, settings)} --meet {shlex.join(chain(*words))}"
         write_meet_page(page, first, values, tables, trials, _sentence(values), command)
     answer = Answer(
         values={
@@ -404,9 +411,7 @@ def _to_meet(
 
 def _sentence(values: dict[str, Any]) -> str:
     """Whether the requirements are met, after how many flights, and what holds the others off."""
-    n, flights = len(values["requirements"]), f"{values['flights']} flights"
-    active = [row for row in values["requirements"] if row["active"]]
-    named = listed([f"{row['measure']} on {row['run']}" for row in active])
+    requirements, flights = values["requirements"], f"{values['flights']} flights"
     if counted := values["success"]:
         own, start = (
             interval(*(100.0 * counted[key][end] for end in ("value", "lo", "hi")))
@@ -417,17 +422,18 @@ def _sentence(values: dict[str, Any]) -> str:
             f"{start} % with {values['start']}; {100.0 * counted['wanted']:g} % are wanted "
             f"({flights})."
         )
-    if values["status"] == "met":
-        of = values["metric"]
-        held = f"; {named} hold{'s' if len(active) == 1 else ''} it off" if active else ""
-        best = (
-            ""
-            if of["name"] == "margin"
-            else (f" {of['name']} is {of['value']:.4g}, {of['start']:.4g} at the start{held}.")
-        )
-        return f"All {n} requirements are met, after {flights}.{best}"
-    missed = sum(not row["margin"] >= 0.0 for row in values["requirements"])
-    return f"{missed} of {n} requirements are missed, after {flights}; these are the nearest gains."
+    n, missed = len(requirements), sum(not row["margin"] >= 0.0 for row in requirements)
+    if missed:
+        return f"{missed} of {n} requirements missed, after {flights}; these are the nearest gains."
+    met, metric = f"All {n} requirements are met, after {flights}.", values["metric"]
+    if metric["name"] == "margin":
+        return met
+    active = [f"{row['measure']} on {row['run']}" for row in requirements if row["active"]]
+    limits = f"; {listed(active)} hold{'s' * (len(active) == 1)} it off" if active else ""
+    return (
+        f"{met} {metric['name']} is {metric['value']:.4g}, {metric['start']:.4g} at the start"
+        f"{limits}."
+    )
 
 
 def chosen_gains(

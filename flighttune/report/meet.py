@@ -21,6 +21,8 @@ from flighttune.table_file import toml_text
 # Charts on the page: pairs of the requirements that are met worst
 PAIRS = 3
 
+NOTE = "A dot is a gain set that was flown, a hollow one misses another requirement."
+
 
 def write_meet_page(
     path: Path,
@@ -34,7 +36,9 @@ def write_meet_page(
     """Write a page of the answer of `flighttune.campaign.meet.meet`."""
     rows = values["requirements"]
     worst = sorted(range(len(rows)), key=lambda i: rows[i]["margin"])[:PAIRS]
-    pairs = combinations(worst, 2)
+    # The draws of a campaign on which the result is counted are not those of the candidates.
+    pairs = () if values["success"] else combinations(worst, 2)
+    charts = [chart(trials, rows, i, k) for i, k in pairs]
     return write_page(
         path,
         page_template("flighttune.report", "commands.html.jinja"),
@@ -43,8 +47,8 @@ def write_meet_page(
             Section(
                 id="candidates",
                 title="Candidates",
-                note="A dot is a gain set that was flown, a hollow one misses another requirement.",
-                charts=[chart(trials, rows, i, k) for i, k in pairs],
+                note=NOTE if charts else "",
+                charts=charts,
                 tables=tables,
                 legend=False,
                 folded=False,

@@ -114,6 +114,13 @@ def test_unstable_and_known_candidates_are_not_flown(overshoot):
     assert search.value(unstable) > search.value(same)
 
 
+def test_a_metric_in_degrees_is_told_in_degrees(overshoot):
+    values, _, trials = searched(overshoot, metric="chi.MO_deg", budget=8)
+    by_gains = {trial.gains: trial for trial in trials}
+
+    assert values["metric"]["start"] == by_gains[PAPER_GAINS].checks[0][0].value > 1.0
+
+
 def test_only_plants_with_requirements_are_flown_and_all_scenarios_are():
     one = scenario(at_most(MO_deg=6.0))
     other = scenario(
@@ -176,6 +183,8 @@ def test_the_roll_rate_that_gains_need_is_that_for_which_they_are_the_largest():
         gains = PIGains.from_lists([[K_P, 0.0], [0.0, 1.0]], [[K_I, 0.0], [0.0, 1.0]])
         measured = loop_measures(limited, "own", gains, ["roll_rate_rad_s"])
         assert measured["roll_rate_rad_s"] / DEG == pytest.approx(30.0, rel=1e-12)
+    without = PIGains.from_lists([[0.1, 0.0], [0.0, 1.0]], [[-0.1, 0.0], [0.0, 0.0]])
+    assert loop_measures(limited, "own", without, ["roll_rate_rad_s"])["roll_rate_rad_s"] < 1.0
 
 
 CAMPAIGN = """
@@ -226,11 +235,25 @@ def test_the_share_of_a_campaign_is_counted_on_draws_that_the_search_has_not_see
     assert success["share"]["lo"] < success["share"]["value"] <= success["share"]["hi"]
 
 
+def test_a_campaign_that_disperses_nothing_has_the_draws_of_its_turbulence(tmp_path):
+    file = tmp_path / "own.toml"
+    text = 'title = "t"\nscenario = "turbulent_climb"\nruns = 2\ngains = ["paper"]\n'
+    file.write_text(text + "[[success]]\nat_most.chi.peak_rad = 1.0\n")
+    level = {"flight.duration_s": 1.0, "reference.chi_deg": 0.0, "reference.gamma_deg": 0.0}
+    table = load_campaign(file, changes=level)
+    plan = plan_to_meet(table.nominal, table.nominal.law_tables[0], table)
+    with WorkerPool(1) as pool:
+        (trial,) = Search([plan], table.nominal.laws[0], pool, draws=3).fly([PAPER_GAINS])
+
+    assert len({checks[0].value for checks in trial.checks}) == len(trial.excess) == 3
+
+
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
         ({"metric": "chi.nothing"}, r"`metric`.*ITAE, margin.* 'chi.nothing'"),
         ({"success": 0.0}, "`success`.* 0"),
+        ({"table": load_campaign("robust_tuning"), "metric": "chi.MO_deg"}, "`metric`.*campaign"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(overshoot, settings, message):
@@ -238,7 +261,7 @@ def test_settings_that_cannot_be_are_refused(overshoot, settings, message):
         searched(overshoot, **settings)
 
 
-def test_a_scenario_without_requirements_and_a_law_without_gains_are_refused():
+def test_a_scenario_without_requirements_is_refused():
     with pytest.raises(InputError, match=r"\[\[expect\]\].*tuned_identified"):
         searched(scenario({"gains": "paper", **at_most(MO_deg=3.0)}))
 
