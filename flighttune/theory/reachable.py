@@ -249,16 +249,16 @@ def _norm_integrals(
     # what is left of a response that has died out is not worth halving
     moving = _exceeds(coarse, allowed)
     np.add.at(totals, row[~moving], coarse[~moving])
-    values, coarse = values[:, :, moving], coarse[moving]
+    values, coarse = np.compress(moving, values, axis=2), coarse[moving]
     row, width, allowed = row[moving], width[moving], allowed[moving]
     while len(coarse):
         width = width / 2.0
-        halves = [to_half @ values for to_half in _TO_HALVES]
+        halves = [(to_half @ values.view(float)).view(values.dtype) for to_half in _TO_HALVES]
         fine = width * np.stack([_norm_sums(half) for half in halves])
         both = fine.sum(axis=0)
         moving = _exceeds(both - coarse, allowed)
         np.add.at(totals, row[~moving], both[~moving])
-        values = np.concatenate([half[:, :, moving] for half in halves], axis=2)
+        values = np.concatenate([np.compress(moving, half, axis=2) for half in halves], axis=2)
         coarse = fine[:, moving].ravel()
         row, allowed = np.tile(row[moving], 2), np.tile(allowed[moving], 2)
         width = np.tile(width[moving], 2)
@@ -274,7 +274,9 @@ def _norm_sums(values: Numbers) -> Numbers:
     squares = values[0] * values[0]  # no conjugate: the square root is of an analytic function
     for part in values[1:]:
         squares += part * part
-    return _WEIGHTS @ np.sqrt(squares, out=squares)
+    roots = np.sqrt(squares, out=squares).view(float)
+    # A product by `@` starts threads here, and they wait for each other longer than they work.
+    return np.einsum("n,nk->k", _WEIGHTS, roots).view(values.dtype)
 
 
 def _entry_and_errors(A_K: FloatArray, errors: int) -> tuple[FloatArray, FloatArray]:

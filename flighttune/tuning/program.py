@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -135,21 +135,27 @@ class Program:
         return np.clip(ends, self.space.k_min, self.space.k_max), factor
 
     def _minimum(self, k: FloatArray, I_star: float) -> FloatArray:
-        from scipy.optimize import minimize
-
         constant = self._fixed_slack
         if math.isfinite(I_star):
             constant = np.append(constant, math.log(I_star) - MARGIN)
         # The bounds begin at the spectra themselves, so that the start is feasible but for limits.
         top, bottom, sigma = self._spectra(k)[0]
         z = np.array([*k, top.max(), bottom.min(), sigma.min(), 1.0])
-        constraints = {
+        own = {
             "type": "ineq",
-            "fun": lambda z: np.concatenate(
-                [self.room(z), constant + self._rows @ z, self._error_room(z)]
-            ),
-            "jac": lambda z: np.vstack([self.room_slopes(z), self._rows, self._error_slopes(z)]),
+            "fun": lambda z: np.concatenate([self.room(z), constant + self._rows @ z]),
+            "jac": lambda z: np.vstack([self.room_slopes(z), self._rows]),
         }
+        end = self._descended(z, [own])
+        if math.isinf(self._E_star) or self._error_room(end).min() >= 0.0:
+            return end
+        # E_K costs far more than all else, so it is a constraint only where it has to be.
+        error = {"type": "ineq", "fun": self._error_room, "jac": self._error_slopes}
+        return self._descended(z, [own, error])
+
+    def _descended(self, z: FloatArray, constraints: list[dict[str, Any]]) -> FloatArray:
+        from scipy.optimize import minimize
+
         for _ in range(MAX_RUNS):
             run = minimize(
                 self._goal,
@@ -198,9 +204,7 @@ class Program:
         return np.hstack([slopes.reshape(3 * n, -1), own, np.zeros((3 * n, 1))])
 
     def _error_room(self, z: FloatArray) -> FloatArray:
-        """``log E_star - log E_i`` of every error of every model, none where E_K is not bounded."""
-        if not math.isfinite(self._E_star):
-            return np.empty(0)
+        """``log E_star - log E_i`` of every error of every model."""
         K = self.space.K(_parts(z)[0])
         if not np.isfinite(K).all():
             K = np.zeros(K.shape)  # no stable loop
@@ -213,8 +217,6 @@ class Program:
 
     def _error_slopes(self, z: FloatArray) -> FloatArray:
         """Jacobian of `_error_room`, shape (errors of all models, f + 4)."""
-        if not math.isfinite(self._E_star):
-            return np.empty((0, len(z)))
         k, _, _ = _parts(z)
         slopes = []
         for model in self._models:

@@ -63,6 +63,15 @@ def test_the_slopes_of_the_room_for_the_error_are_those_of_differences(bounded):
     assert slopes == pytest.approx(np.transpose(differences), rel=SLOPES, abs=SLOPES)
 
 
+def test_a_bound_that_does_not_bind_is_not_integrated_at_every_step(model, monkeypatch):
+    monkeypatch.delattr("flighttune.tuning.program.error_slopes")
+
+    result = tune(TuningProblem(model=model, E_star=0.1), starts=1)
+
+    assert result.status == "optimal"
+    assert result.E_K < 0.1
+
+
 def test_an_error_that_is_not_reached_is_named(model):
     problem = TuningProblem(model=model, I_star=5.0, E_star=0.01)
     paper = assessment(problem, ft.PAPER_GAINS.K)
