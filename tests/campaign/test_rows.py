@@ -4,6 +4,7 @@ import re
 import signal
 from itertools import pairwise
 from pathlib import Path
+from unittest.mock import Mock
 
 import numpy as np
 import pyarrow as pa
@@ -26,7 +27,9 @@ from hypothesis import strategies as st
 from flighttune.campaign.flying.alone import fly_again, scenario_of_run
 from flighttune.campaign.flying.columns import row_schema, unit_of_key
 from flighttune.campaign.flying.rows import fly_runs, lost_row, table_of
+from flighttune.control.margins import loop_margins
 from flighttune.errors import InputError
+from flighttune.flight import outer_loop
 from flighttune.flight.fly import fly
 from flighttune.flight.refly import refly
 
@@ -276,3 +279,15 @@ def test_the_table_of_columns_in_the_documentation_is_the_schema():
     assert told == {
         field.name: field.metadata[b"unit"].decode() if field.metadata else None for field in schema
     }
+
+
+def test_a_bound_on_the_loop_is_in_every_row_and_its_margins_are_computed_once(monkeypatch):
+    counted = Mock(side_effect=loop_margins)
+    monkeypatch.setattr(outer_loop, "loop_margins", counted)
+    bound = {"at_least": {"loop": {"phase_margin_deg": 179.0}}}
+    plan = plan_of(tables_of((KINEMATIC,), gains=["paper", "K3"], expect=[bound]), *START, runs=8)
+
+    rows = fly_runs(plan, range(8)).to_pylist()
+
+    assert all("loop.phase_margin_deg must be at least 179" in row["missed"] for row in rows)
+    assert counted.call_count == len(plan.groups) == 2

@@ -8,6 +8,7 @@ import signal
 import time
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import lru_cache
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -240,8 +241,7 @@ def _outcome(
 ) -> Row:
     """Columns of a flight from ``status`` on, except R_K and I_K."""
     tables = scenario.expected(group.plant, group.gains)
-    gains = plan.gain_sets[group.gains]
-    measured = with_loop(result.measured, tables, plan.scenario, group.gains, gains)
+    measured = {**result.measured, **_of_loop(plan, group)}
     misses = missed(tables, result.status, result.reason, measured)
     columns = {
         f"{subject}.{name}": value
@@ -256,6 +256,14 @@ def _outcome(
         **{name: _number(columns.get(name)) for name in MEASURES},
         "wall_s": wall_s,
     }
+
+
+@lru_cache(maxsize=32)  # the same for all draws, and slower than a flight of the kernel
+def _of_loop(plan: Plan, group: Group) -> Mapping[str, Mapping[str, float]]:
+    """Measures of the undispersed loop of a group, where its requirements bound them."""
+    scenario, name = plan.scenario, group.gains
+    tables = scenario.expected(group.plant, name)
+    return with_loop({}, tables, scenario, name, plan.gain_sets[name])
 
 
 def _unflown(status: str, reason: str) -> Row:
