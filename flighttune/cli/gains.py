@@ -121,8 +121,8 @@ def tune(
     metric: Annotated[
         str | None,
         Option(
-            help="With --meet: what to minimise once all is met, ITAE, margin or a column of "
-            "campaign rows [default: ITAE].",
+            help="With --meet, without --campaign: what to minimise once all is met, ITAE, margin "
+            "or a column of campaign rows [default: ITAE].",
         ),
     ] = None,
     campaign: Annotated[
@@ -449,7 +449,7 @@ def chosen_gains(
     name = wanted or scenario.gain_names[0]
     gains = gain_set(scenario, name)
     if gains is None:
-        fail(f"--gains: `{name}` must be feasible: tuning found no such gains.", NO)
+        fail(f"{source}: `{name}` must be feasible: tuning found no such gains.", NO)
     return scenario, name, gains
 
 

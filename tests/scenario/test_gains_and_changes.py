@@ -48,7 +48,7 @@ def test_a_file_beside_the_scenario_is_a_gain_set_that_outlives_the_file(turn, t
     assert flown.label == "kinematic / my_gains"
     assert np.array_equal(flown.provenance.gains.K_P, K["K_P"])
     assert [again.difference for again in refly([flown])] == [None]
-    with pytest.raises(ScenarioError, match=r"my gains\.json: the file must be readable"):
+    with pytest.raises(ScenarioError, match=r"my gains\.json: .*readable"):
         load_scenario(turn)
 
 
