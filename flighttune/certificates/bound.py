@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from pathlib import Path
 from typing import ClassVar
 
@@ -57,7 +58,8 @@ class RateBound:
     @property
     def claim(self) -> str:
         """What is claimed, in words."""
-        what = "none exist" if self.R_bound * self.I_star <= 1.0 else f"R_K <= {self.R_bound:.6g}"
+        none = Fraction(self.R_bound) * Fraction(self.I_star) <= 1
+        what = "none exist" if none else f"R_K <= {self.R_bound:.6g}"
         return f"for all gains with I_K <= {self.I_star:g}, coupled or not: {what}"
 
 
@@ -82,7 +84,10 @@ def bound_rate(
     if not math.isfinite(I_star):
         raise InputError(f"`I_star` must be finite for a bound on R_K below 1, got {I_star}.")
     best = optimal_channel(I_star)
-    R_bound = 1.0 / I_star if best is None else best.R_K * (1.0 + GAP * (1.0 - best.R_K))
+    if best is None:  # R_K I_K >= 1 for any gains; rounded, the quotient may be above 1 / I_star
+        R_bound = math.nextafter(1.0 / I_star, 0.0)
+    else:
+        R_bound = best.R_K * (1.0 + GAP * (1.0 - best.R_K))
     proof = no_faster_gains(I_star, R_bound)
     if proof is None:
         return None

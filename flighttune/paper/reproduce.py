@@ -168,12 +168,14 @@ def _sharper(star: Indicators, fast: Indicators, E: FloatArray, L_d: float) -> d
     ``s' Q E d' <= sqrt(V) |Q^(1/2) E| L_d`` give ``sqrt(V) <= 2 lambda_max |Q^(1/2) E| L_d`` in the
     end, and ``e_i^2 <= V (Q^-1)_ii``.
     """
-    loops = {"star": (star.I_K, np.array(star.Q)), "fast": (fast.I_K, np.array(fast.Q))}
-    _, Q = loops["star"]
+    Q, loops = np.array(star.Q), {"star": star, "fast": fast}
     level = 2.0 / star.R_K * math.sqrt(np.linalg.norm(E.T @ Q @ E, 2)) * L_d
     errors = np.linalg.inv(Q).diagonal()[E.shape[1] :]
     return {
         "fast": fast,
-        "sharper": {key: I_K / math.sqrt(np.linalg.cond(Q)) for key, (I_K, Q) in loops.items()},
+        "sharper": {
+            name: loop.I_K / math.sqrt(np.linalg.cond(np.array(loop.Q)))
+            for name, loop in loops.items()
+        },
         "direct": level * math.sqrt(errors.max()),
     }

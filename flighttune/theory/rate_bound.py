@@ -121,14 +121,14 @@ def _matrices(multipliers: npt.ArrayLike) -> list[Rationals]:
 
 
 def _box_margin(box: Sequence[float], multipliers: npt.ArrayLike, I_star: float) -> Fraction:
-    """By how much the sum of a box is below zero for all W and T; -1 without positive multipliers.
+    """By how much the sum of a box is below zero for all W and T; -1 where it proves nothing.
 
     The linear terms cancel up to rounding, and ``|W_ij| <= w``, ``|T_ij| <= 2`` bounds the rest.
     """
     low, R_high, sigma_low, sigma_high = map(Fraction, box)
     w, s = Fraction(I_star) * R_high**2 * sigma_high, max(sigma_low, Fraction(0)) ** 2
     X = _matrices(multipliers)
-    if not all(map(positive_definite, X)):
+    if w <= 0 or not all(map(positive_definite, X)):
         return Fraction(-1)
     above, below, square, contraction = X
     P, M, N = contraction[:2, :2], contraction[2:, :2], contraction[2:, 2:]

@@ -88,22 +88,14 @@ class TuningProblem:
         check_not_negative(seed=self.seed, R_min=self.R_min)
         if self.limits is not None and self.limits.lower.shape != (m,):
             raise ShapeError(f"`limits` must have {m} channels, got {self.limits.lower.size}.")
-        if self.weights is not None:
-            weights = [
-                read_only_vector("weights", part, (size,))
-                for part, size in zip(self.weights, (p, m), strict=True)
-            ]
-            if not min(map(np.min, weights)) > 0.0:
-                raise InputError(f"`weights` must be positive, got {weights}.")
-            object.__setattr__(self, "weights", tuple(weights))
         if self.limits is not None or self.weights is not None:
             if self.x_0 is None:
                 raise InputError("`x_0` must be given with `limits` or `weights`.")
             object.__setattr__(self, "x_0", read_only_vector("x_0", self.x_0, (p,)))
-        if self.weights is not None and not np.any(self.x_0):
-            raise InputError(
-                "`x_0` must not be zero with `weights`: the cost is that of its decay."
-            )
+        if self.weights is not None:
+            self._check_weights(self.weights, m, p)
+        elif self.R_min:
+            raise InputError(f"`R_min` must be 0 without `weights`, got {self.R_min:g}.")
         object.__setattr__(self, "scaling", state_scaling(self.scaling, n + p))
         for name, default in (
             ("K_min", -LARGEST_GAIN),
@@ -118,6 +110,19 @@ class TuningProblem:
             object.__setattr__(self, name, value)
         if not np.all(self.gain_bounds[0] <= self.gain_bounds[1]):
             raise InputError("`K_min` must not be above `K_max`, and neither may be NaN.")
+
+    def _check_weights(self, given: tuple[FloatArray, FloatArray], m: int, p: int) -> None:
+        weights = [
+            read_only_vector("weights", part, (size,))
+            for part, size in zip(given, (p, m), strict=True)
+        ]
+        if not min(map(np.min, weights)) > 0.0:
+            raise InputError(f"`weights` must be positive, got {weights}.")
+        if not np.any(self.x_0):
+            raise InputError(
+                "`x_0` must not be zero with `weights`: the cost is that of its decay."
+            )
+        object.__setattr__(self, "weights", tuple(weights))
 
     @property
     def gain_bounds(self) -> tuple[FloatArray, FloatArray]:

@@ -291,9 +291,9 @@ def tune_by_evolution(
 
     def log_error(k: FloatArray) -> FloatArray:
         A_K = closed_loops(problem.model, space.K(k.T))
-        largest = largest_errors(A_K, errors=len(problem.model.errors)).max(axis=-1)
-        abscissa = np.linalg.eigvals(A_K).real.max(axis=-1)
-        return np.where(np.isinf(largest), np.log(UNSTABLE) + abscissa, np.log(largest))[None]
+        E_K = largest_errors(A_K, errors=len(problem.model.errors)).max(axis=-1)
+        lost = np.log(UNSTABLE) + loops(k).spectral_abscissa
+        return np.where(np.isinf(E_K), lost, np.log(E_K))[None]
 
     constraints = []
     if np.isfinite(problem.I_star):

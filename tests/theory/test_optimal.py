@@ -118,6 +118,10 @@ def with_a_negative_side(bound):
     return {"boxes": boxes}
 
 
+def without_a_width(bound):
+    return {"boxes": np.vstack([[0.0, 0.0, 0.0, 0.0], bound.boxes[1:]])}
+
+
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
@@ -126,6 +130,7 @@ def with_a_negative_side(bound):
         (lambda bound: {"multipliers": -bound.multipliers}, "no gains in any"),
         (lambda bound: {"multipliers": np.ones(bound.multipliers.shape)}, "no gains in any"),
         (lambda bound: {"I_star": 21.0}, "no gains in any"),
+        (without_a_width, "no gains in any"),
     ],
 )
 def test_a_changed_proof_is_refused(bound, change, reason):
