@@ -212,7 +212,7 @@ def _with_bound(scenario: "Scenario", answer: Answer, file: Path) -> Answer:
     problem = tuning_problem(scenario)
     bound = bound_rate(problem.model, problem.I_star, problem.scaling)
     if bound is None:
-        fail(f"--prove: `I_star` {problem.I_star:g} is too near the smallest for a proof.", NO)
+        fail(f"--prove: no proof was found for `I_star` {problem.I_star:g}.", NO)
     write(bound, file)
     return replace(
         answer,

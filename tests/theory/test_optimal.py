@@ -9,6 +9,7 @@ from flighttune.certificates.bound import bound_rate, load_bound, verify_bound
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import kinematic_model
 from flighttune.errors import InputError
+from flighttune.theory import rate_bound
 from flighttune.theory.indicators import indicators, indicators_batch
 from flighttune.theory.optimal import least_radius, optimal_channel, slowest_channel
 from flighttune.tuning.problem import TuningProblem
@@ -101,6 +102,12 @@ def test_the_bound_is_proven_within_two_percent_of_the_optimum(tmp_path, I_star)
         assert bound.R_bound * I_star == pytest.approx(1.0)
     else:
         assert optimum.R_K < bound.R_bound < 1.02 * optimum.R_K
+
+
+def test_a_search_without_a_proof_ends(monkeypatch):
+    monkeypatch.setattr(rate_bound, "MAX_BOXES", 20)
+
+    assert rate_bound.no_faster_gains(20.0, 0.99 * optimal_channel(20.0).R_K) is None
 
 
 @pytest.fixture(scope="module")
