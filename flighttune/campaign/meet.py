@@ -60,7 +60,7 @@ LOST = 1e3
 # Share of the budget after which requirements that are not all met are taken to conflict
 SEARCHED = 0.6
 
-# A requirement holds the others off if it is within this share of the one that is met worst
+# A requirement is active if it is within this share of the one that is met worst
 ACTIVE = 0.02
 
 # Requirements whose trade-offs are searched for
@@ -347,7 +347,7 @@ def meet(
     -------
     values : dict
         The answer: its ``status`` is ``met`` or ``missed``. ``requirements`` have value, bound,
-        margin relative to the bound, and whether they hold the others off; on a campaign the share
+        margin relative to the bound, and whether they are active: what holds the others off; on a campaign the share
         of draws on which each is met. ``trade_offs`` say how far each of the requirements that
         conflict can come alone, and with the others met (None if they cannot be met).
     gains : PIGains

@@ -72,7 +72,7 @@ REQUIREMENT_COLUMNS = [
     Column("value", "value"),
     Column("start", "at the start"),
     Column("margin", "margin", "%", percent),
-    Column("active", "holds the others off"),
+    Column("active", "active"),
 ]
 SHARE_COLUMNS = [
     *REQUIREMENT_COLUMNS[:4],
@@ -410,7 +410,7 @@ def _to_meet(
 
 
 def _sentence(values: dict[str, Any]) -> str:
-    """Whether the requirements are met, after how many flights, and what holds the others off."""
+    """Whether the requirements are met, after how many flights, and which are active."""
     requirements, flights = values["requirements"], f"{values['flights']} flights"
     if counted := values["success"]:
         own, start = (

@@ -73,7 +73,7 @@ def _bound(
 def _python(name: str, made: Any) -> dict[str, Any]:
     """The table of a law or plant given from Python: with the hash of its file, if it has one."""
     target = getattr(made, "func", made)  # of a functools.partial
-    table = {"name": name, "kind": "python"}
+    table: dict[str, Any] = {"name": name, "kind": "python"}
     if getattr(target, "takes_gains", False):
         table["takes_gains"] = True
     try:

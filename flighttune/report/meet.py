@@ -35,7 +35,9 @@ def write_meet_page(
 ) -> Report:
     """Write a page of the answer of `flighttune.campaign.meet.meet`."""
     rows = values["requirements"]
-    worst = sorted(range(len(rows)), key=lambda i: rows[i]["margin"])[:PAIRS]
+    worst = sorted(range(len(rows)), key=lambda i: np.nan_to_num(rows[i]["margin"], nan=-np.inf))[
+        :PAIRS
+    ]
     # The draws of a campaign on which the result is counted are not those of the candidates.
     pairs = () if values["success"] else combinations(worst, 2)
     charts = [chart(trials, rows, i, k) for i, k in pairs]
