@@ -347,8 +347,9 @@ def meet(
     -------
     values : dict
         The answer: its ``status`` is ``met`` or ``missed``. ``requirements`` have value, bound,
-        margin relative to the bound, and whether they are active: what holds the others off; on a campaign the share
-        of draws on which each is met. ``trade_offs`` say how far each of the requirements that
+        margin relative to the bound, and whether they are active, those that hold the others off;
+        on a campaign the share of draws on which each is met. ``trade_offs`` say how far each of
+        the requirements that
         conflict can come alone, and with the others met (None if they cannot be met).
     gains : PIGains
         The best ones, even if they miss a requirement.
