@@ -201,7 +201,7 @@ class Search:
         return [[row for row in rows if row["gains"] == name] for name in names]
 
     def _trial(self, gains: PIGains, rows: Sequence[Sequence[Row]]) -> Trial:
-        """What rows of each plan come to; rows without a status are those of gains not flown."""
+        """The checks of rows of each plan; rows without a status are those of gains not flown."""
         (name,) = self._law.names_of(["0"])
         checks: dict[int, list[BoundCheck]] = {}
         metric = 0.0

@@ -57,7 +57,7 @@ class RateBound:
 
     @property
     def claim(self) -> str:
-        """What is claimed, in words."""
+        """The claim in words."""
         none = Fraction(self.R_bound) * Fraction(self.I_star) <= 1
         what = "none exist" if none else f"R_K <= {self.R_bound:.6g}"
         return f"for all gains with I_K <= {self.I_star:g}, coupled or not: {what}"

@@ -1,4 +1,4 @@
-"""What to try next where flights miss what their scenario requires."""
+"""Advice where flights miss what their scenario requires."""
 
 from collections.abc import Iterator, Sequence
 

@@ -124,7 +124,7 @@ def _matrices(multipliers: npt.ArrayLike) -> list[Rationals]:
 
 
 def _box_margin(box: Sequence[float], multipliers: npt.ArrayLike, I_star: float) -> Fraction:
-    """By how much the sum of a box is below zero for all W and T; -1 where it proves nothing.
+    """Distance of the sum of a box below zero for all W and T; -1 where it proves nothing.
 
     The linear terms cancel up to rounding, and ``|W_ij| <= w``, ``|T_ij| <= 2`` bounds the rest.
     """
