@@ -124,7 +124,7 @@ def _problem(
     return TuningProblem(
         model=model,
         I_star=I_star,
-        E_star=settings.E_star,
+        E_star=settings.E_star or math.inf,
         limits=scenario.command_limits if settings.input_limits else None,
         x_0=np.array([wrap_angle(chi_ref - condition.chi), gamma_ref - condition.gamma]),
         scaling=scaling,

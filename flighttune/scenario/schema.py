@@ -166,7 +166,7 @@ class Scenario(Table):
     @model_validator(mode="after")
     def _errors_can_be_bounded(self) -> "Scenario":
         law = self.laws[0]
-        if math.isfinite(self.tuning.E_star) and not law.by_gains:
+        if self.tuning.E_star is not None and not law.by_gains:
             raise ValueError(
                 f"`E_star` of [tuning] must be absent with the law {law.name}, which has no linear "
                 f"model, got {self.tuning.E_star:g}"

@@ -611,7 +611,7 @@ class TuningTable(q.Table):
     """
 
     I_star: Annotated[float, Field(gt=0.0)] = 5.0  # may be infinite: no bound
-    E_star: Annotated[float, Field(gt=0.0)] = math.inf
+    E_star: Annotated[float, Field(gt=0.0)] | None = None
     model: TuningModel = "kinematic"
     identified: q.PathName | None = None
     robust: bool = False
