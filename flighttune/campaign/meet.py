@@ -346,11 +346,10 @@ def meet(
     Returns
     -------
     values : dict
-        The answer: its ``status`` is ``met`` or ``missed``. ``requirements`` have value, bound,
-        margin relative to the bound, and whether they are active, those that hold the others off;
-        on a campaign the share of draws on which each is met. ``trade_offs`` say how far each of
-        the requirements that
-        conflict can come alone, and with the others met (None if they cannot be met).
+        The answer: its ``status`` is ``met`` or ``missed``. ``requirements`` have value, bound, and
+        margin relative to the bound; those that are ``active`` hold the others off. On a campaign
+        they have the share of draws on which each is met. ``trade_offs`` say how far each of the
+        requirements that conflict can come alone, and with the others met (None if they cannot be).
     gains : PIGains
         The best ones, even if they miss a requirement.
     trials : list of Trial

@@ -21,7 +21,7 @@ from flighttune.table_file import toml_text
 # Charts on the page: pairs of the requirements that are met worst
 PAIRS = 3
 
-NOTE = "A dot is a gain set that was flown, a hollow one misses another requirement."
+NOTE = "Each dot is a gain set that was flown. A hollow one misses another requirement."
 
 
 def write_meet_page(
@@ -35,9 +35,8 @@ def write_meet_page(
 ) -> Report:
     """Write a page of the answer of `flighttune.campaign.meet.meet`."""
     rows = values["requirements"]
-    worst = sorted(range(len(rows)), key=lambda i: np.nan_to_num(rows[i]["margin"], nan=-np.inf))[
-        :PAIRS
-    ]
+    margins = np.nan_to_num([row["margin"] for row in rows], nan=-np.inf)
+    worst = np.argsort(margins, kind="stable")[:PAIRS].tolist()
     # The draws of a campaign on which the result is counted are not those of the candidates.
     pairs = () if values["success"] else combinations(worst, 2)
     charts = [chart(trials, rows, i, k) for i, k in pairs]
