@@ -100,7 +100,7 @@ def tune(
     settings: SetOption = None,
     meet: Annotated[
         bool,
-        Option("--meet", help="Meet the [[expect]] of the scenario, by flying candidates."),
+        Option("--meet", help="Find gains that meet the scenario's [[expect]], by flying them."),
     ] = False,
     also: Annotated[
         list[str] | None,
@@ -116,13 +116,16 @@ def tune(
     ] = None,
     budget: Annotated[
         int | None,
-        Option(min=1, help="With --meet: flights [default: 400, or 6000 with --campaign]."),
+        Option(
+            min=1,
+            help="With --meet: maximum number of flights [default: 400, or 6000 with --campaign].",
+        ),
     ] = None,
     metric: Annotated[
         str | None,
         Option(
-            help="With --meet, without --campaign: what to minimise once all is met, ITAE, margin "
-            "or a column of campaign rows [default: ITAE].",
+            help="With --meet, without --campaign: what to minimise once all requirements are met, "
+            "ITAE, margin or a column of campaign rows [default: ITAE].",
         ),
     ] = None,
     campaign: Annotated[
@@ -137,7 +140,7 @@ def tune(
         float | None, Option(help="With --campaign: share that must succeed [default: 0.95].")
     ] = None,
     page: Annotated[
-        Path | None, Option(help="With --meet: HTML page to write, with what conflicts.")
+        Path | None, Option(help="With --meet: HTML page to write, with all candidates.")
     ] = None,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
@@ -149,8 +152,8 @@ def tune(
 ) -> Answer:
     """Find the gains with the largest R_K under the constraints of SCENARIO.
 
-    With --meet: gains with which its flights meet its requirements. Exit status 1 if there are
-    none; the nearest are printed.
+    With --meet, find gains with which its flights meet its requirements; exit status 1 if none
+    are found, and the nearest are printed.
     """
     from flighttune.control.margins import loop_margins
     from flighttune.scenario import load_scenario
