@@ -23,7 +23,7 @@ from flighttune.campaign.statistics.paired import ordered_quantile
 from flighttune.control.gains import PIGains
 from flighttune.control.law import Law, plain_laws, split_name
 from flighttune.control.linear_model import closed_loop
-from flighttune.errors import FlightTuneError, InputError
+from flighttune.errors import InputError
 from flighttune.flight.expectations import BoundCheck, bound_checks, with_loop
 from flighttune.flight.outer_loop import gain_set, tuning_problem
 from flighttune.plants.label import goes_by
@@ -151,7 +151,7 @@ class Search:
         self._each = draws * sum(len(_required(plan.scenario)) for plan in plans)
         self._problem = tuning_problem(plans[0].scenario, law)
         self._model = self._problem.model
-        with suppress(ValueError, FlightTuneError):  # without an identified aircraft: [tuning]'s
+        with suppress(InputError):  # without an identified aircraft: [tuning]'s
             self._model = plans[0].scenario.identified_models(law)[0].model
 
     def fly(self, sets: Sequence[PIGains]) -> list[Trial]:
@@ -304,7 +304,7 @@ def starting_gains(scenario: Scenario, law: Law) -> dict[str, PIGains]:
     sets: dict[str, PIGains] = {}
     listed = [split_name(name)[1] for name in scenario.gain_names]
     for name in dict.fromkeys([TUNED_IDENTIFIED, TUNED, *listed]):
-        with suppress(ValueError, FlightTuneError):  # e.g. no aircraft is identified
+        with suppress(InputError):  # e.g. no aircraft is identified
             gains = gain_set(scenario, law.names_of([name])[0])
             if gains is not None:
                 sets[name] = gains

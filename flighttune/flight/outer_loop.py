@@ -347,7 +347,9 @@ def loop_measures(
     margins = () if measured.keys() >= set(wanted) else loop_margins(model, gains)
     if margins:
         *single, together = margins
-        gain = min(min(own.gain_increase, 1.0 / max(own.gain_decrease, TINY)) for own in single)
+        increase = min(own.gain_increase for own in single)
+        decrease = max(own.gain_decrease for own in single)
+        gain = min(increase, 1.0 / decrease if decrease else math.inf)
         measured |= {
             "gain_margin_dB": 20.0 * math.log10(gain),
             "phase_margin_rad": min(own.phase_margin for own in single),

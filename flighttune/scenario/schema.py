@@ -352,7 +352,7 @@ class Scenario(Table):
         flown = [plant.aircraft for plant in self.plant if plant.aircraft is not None]
         source = self.tuning.identified or next(iter(flown), None)
         if source is None:
-            raise ValueError(
+            raise InputError(
                 "`identified` of [tuning] must be given: no plant is an aircraft, got nothing"
             )
         return source

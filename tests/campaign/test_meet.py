@@ -187,6 +187,14 @@ def test_the_roll_rate_that_gains_need_is_that_for_which_they_are_the_largest():
     assert loop_measures(limited, "own", without, ["roll_rate_rad_s"])["roll_rate_rad_s"] < 1.0
 
 
+def test_a_roll_rate_without_an_identified_aircraft_is_refused():
+    bounded = scenario(
+        at_most("loop", roll_rate_dps=30.0), name="paper_as_printed", gains=["paper"]
+    )
+    with pytest.raises(InputError, match=r"`identified` of \[tuning\]"):
+        assert ft.fly(bounded).claim
+
+
 CAMPAIGN = """
 title = "Started otherwise"
 scenario = "{scenario}"
