@@ -1,0 +1,56 @@
+"""Claims from counted flights: order statistics, whatever the distribution of the flights.
+
+S. S. Wilks, "Determination of sample sizes for setting tolerance limits", Annals of Mathematical
+Statistics 12 (1941).
+"""
+
+import math
+
+import numpy as np
+from scipy.special import bdtr
+
+from flighttune.arrays import FloatArray, check_between
+from flighttune.errors import InputError
+
+
+def allowed_outside(flights: int, epsilon: float, confidence: float) -> int:
+    """Largest number r of independent flights that may lie outside; -1 if `flights` are too few.
+
+    Bounds that a flight leaves with probability above `epsilon` are left by at most r of `flights`
+    with probability ``P(Bin(flights, epsilon) <= r) <= 1 - confidence``.
+    """
+    check_between(0.0, 1.0, epsilon=epsilon, confidence=confidence)
+    r = np.arange(math.ceil(epsilon * flights) + 1)
+    return int(np.sum(bdtr(r, flights, epsilon) <= 1.0 - confidence)) - 1
+
+
+def flights_needed(epsilon: float, confidence: float, outside: int = 0) -> int:
+    """Fewest flights of which `outside` may lie outside, see `allowed_outside`."""
+    low, high = outside, outside + 1
+    while allowed_outside(high, epsilon, confidence) < outside:
+        low, high = high, 2 * high
+    while high - low > 1:
+        middle = (low + high) // 2
+        if allowed_outside(middle, epsilon, confidence) < outside:
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def counted_scale(scores: FloatArray, epsilon: float, confidence: float) -> tuple[float, int]:
+    """The score that a new flight exceeds with probability at most `epsilon`, and how many do.
+
+    `scores`, shape (N,): of independent flights that played no part in how they are scored; a
+    flight that was not completed has an infinite one. The scale is the (r + 1)-th largest score,
+    with r of `allowed_outside`: it is infinite if more than r flights were not completed. Raises
+    InputError if there are too few scores.
+    """
+    r = allowed_outside(len(scores), epsilon, confidence)
+    if r < 0:
+        raise InputError(
+            f"`flights` must be at least {flights_needed(epsilon, confidence)} for `epsilon` "
+            f"{epsilon:g} and `confidence` {confidence:.10g}, got {len(scores)}."
+        )
+    scale = float(np.partition(scores, -r - 1)[-r - 1])
+    return scale, int(np.sum(scores > scale))

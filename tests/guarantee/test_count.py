@@ -1,0 +1,36 @@
+"""Claims from counts: the published sample sizes, and how often a claim is false."""
+
+import numpy as np
+import pytest
+
+from flighttune.errors import InputError
+from flighttune.guarantee.count import allowed_outside, counted_scale, flights_needed
+
+
+def test_sample_sizes_are_the_published_ones():
+    """Wilks' one-sided 95 % / 95 %, orders 1 to 5: table of A. Guba, M. Makai and L. Pal (2003)."""
+    published = [59, 93, 124, 153, 181]
+
+    assert [flights_needed(0.05, 0.95, outside) for outside in range(5)] == published
+    assert [allowed_outside(flights, 0.05, 0.95) for flights in published] == list(range(5))
+    assert [allowed_outside(flights - 1, 0.05, 0.95) for flights in published] == list(range(-1, 4))
+
+
+def test_a_claim_is_false_no_more_often_than_its_confidence_says():
+    """Scores are uniform, so that a scale s is exceeded with probability 1 - s."""
+    scores = np.random.default_rng(0).random((20_000, 93))
+    scales = np.array([counted_scale(own, 0.05, 0.95)[0] for own in scores])
+
+    # 20,000 counts resolve the share to 0.0015, at one standard deviation
+    assert np.mean(1.0 - scales > 0.05) == pytest.approx(0.05, abs=0.006)
+
+
+def test_flights_that_were_not_completed_count():
+    scores = np.linspace(0.0, 1.0, 93)
+
+    scores[-1] = np.inf
+    assert counted_scale(scores, 0.05, 0.95) == (scores[-2], 1)
+    scores[-2] = np.inf
+    assert counted_scale(scores, 0.05, 0.95) == (np.inf, 0)
+    with pytest.raises(InputError, match=r"at least 59 .*`epsilon`"):
+        counted_scale(scores[:58], 0.05, 0.95)
