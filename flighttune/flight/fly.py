@@ -316,7 +316,7 @@ def fly_once(
             plant,
             controller,
             scenario.followed(),
-            condition=scenario.condition,
+            condition=scenario.condition if WIND[0] in plant.signals else scenario.stated_condition,
             duration=duration,
             sensors=None if scenario.sensors is None else scenario.sensors.sensors(scenario.seed),
             progress=None if progress is None else (lambda t: progress(label, t / duration)),

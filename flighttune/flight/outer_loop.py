@@ -116,7 +116,7 @@ def _problem(
     roll_gains_max: tuple[float, float] | None = None,
 ) -> TuningProblem:
     chi_ref, gamma_ref = scenario.followed().initial
-    condition, settings = scenario.condition, scenario.tuning
+    condition, settings = scenario.stated_condition, scenario.tuning
     _, m, p = model.shape
     bound = np.full((m, 2 * p), settings.gain_max or LARGEST_GAIN)
     if identified := roll_gains_max is not None:

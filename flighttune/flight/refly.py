@@ -9,7 +9,7 @@ from flighttune.control.gains import PIGains
 from flighttune.errors import RecordingError
 from flighttune.flight.fly import Progress, fly, library_versions
 from flighttune.flight.own import LawMaker, PlantMaker
-from flighttune.scenario import scenario_from
+from flighttune.scenario.load import as_recorded, scenario_from
 from flighttune.simulate.run import TUBE_SIGNALS, WORST_SIGNALS, Run
 
 
@@ -94,7 +94,7 @@ def refly(
     scenarios = [dict(run.provenance.scenario) for run in runs]
     if not runs or any(other != scenarios[0] for other in scenarios[1:]):
         raise RecordingError(f"the runs must be of one scenario, got {len(runs)} of several.")
-    scenario = scenario_from(scenarios[0])
+    scenario = scenario_from(as_recorded(scenarios[0]))
     names = scenario.gain_names
     labels = [f"{plant.label} / {name}" for plant in scenario.plant for name in names]
     for run in runs:

@@ -6,6 +6,7 @@ The tables of a scenario check the numbers of a `Weather`.
 import math
 from bisect import bisect_right
 from dataclasses import dataclass, field
+from operator import mul
 from typing import Literal, TypeAlias
 
 import numpy as np
@@ -87,6 +88,29 @@ def velocity_along(V: float, chi: float, gamma: float) -> NED:
     """Velocity (north, east, down, unit of `V`) of speed `V` along course and path angle (rad)."""
     level = V * math.cos(gamma)
     return level * math.cos(chi), level * math.sin(chi), -V * math.sin(gamma)
+
+
+def path_through_air(V_a: float, chi: float, gamma: float, wind: NED) -> tuple[float, float]:
+    """Course and path angle through the air (rad) of a flight along `chi`, `gamma` over ground.
+
+    Wind triangle: the velocity over ground is that through the air, of length `V_a` (m/s), plus
+    `wind` (m/s). Raises InputError if no speed over ground closes the triangle.
+    """
+    if wind == CALM:
+        return chi, gamma
+    path = velocity_along(1.0, chi, gamma)
+    along = sum(map(mul, wind, path))
+    across = math.dist(wind, [along * part for part in path])
+    V_g = along + math.sqrt(max(0.0, V_a**2 - across**2))
+    if not (across < V_a and V_g > 0.0):
+        raise InputError(
+            f"must let an airspeed of {V_a:g} m/s follow a course of {math.degrees(chi):g} deg and "
+            f"a path angle of {math.degrees(gamma):g} deg over ground, got {across:.3g} m/s across "
+            f"that path and {along:.3g} m/s along it"
+        )
+    north, east, down = (V_g * part - moved for part, moved in zip(path, wind, strict=True))
+    chi_air, gamma_air = course_of((north, east, down))
+    return chi + math.remainder(chi_air - chi, math.tau), gamma_air
 
 
 GustAxis: TypeAlias = Literal["ahead", "right", "down"]

@@ -239,7 +239,7 @@ def _flown_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
             aircraft.append(load_aircraft(name).title)
         except FlightTuneError:  # of somebody else's recording
             aircraft.append(name)
-    start, of = scenario.condition, "; ".join(aircraft) or "Guidance law"
+    start, of = scenario.stated_condition, "; ".join(aircraft) or "Guidance law"
     t = np.linspace(0.0, scenario.flight.duration_s, ANGLES)
     chi, gamma = scenario.followed().sampled(t)
     angles = f"{_moves('course', start.chi, chi)} and {_moves('path angle', start.gamma, gamma)}"

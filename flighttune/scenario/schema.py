@@ -16,7 +16,7 @@ from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
 from flighttune.identify.file import DesignModel, design_model, load_identified
 from flighttune.plants.base import FlightCondition
-from flighttune.plants.weather import Weather, WindProfile
+from flighttune.plants.weather import Weather, WindProfile, path_through_air
 from flighttune.quantities import FASTEST_WIND, STEEPEST_DEG, Table
 from flighttune.scenario import tables
 from flighttune.scenario.tables import LAWS, TUNED, TUNED_IDENTIFIED, GainsTable, law_named
@@ -140,6 +140,11 @@ class Scenario(Table):
                 )
         if self.wind and self.wind.level and not aircraft:
             raise ValueError("`level` of [wind] must be absent without a jsbsim plant")
+        try:
+            _ = self.condition
+        except InputError as error:
+            key = "level" if self.wind and self.wind.level else "speed_mps"
+            raise ValueError(f"`{key}` of [wind] {error}") from error
         if disturbance is None:
             return self
         if aircraft and not disturbance.as_wind:
@@ -282,7 +287,17 @@ class Scenario(Table):
 
     @property
     def condition(self) -> FlightCondition:
-        """Condition in which the flight starts."""
+        """Condition in which the flight starts in its steady wind: the path through the air."""
+        start, wind = self.stated_condition, self.wind
+        if wind is None or self.flight.start == "heading":
+            return start
+        at_start = wind.profile().at(start.h)
+        chi, gamma = path_through_air(start.V_a, start.chi, start.gamma, at_start)
+        return replace(start, chi=chi, gamma=gamma)
+
+    @property
+    def stated_condition(self) -> FlightCondition:
+        """Condition that [flight] states."""
         f = self.flight
         return FlightCondition(
             V_a=f.V_a_mps,

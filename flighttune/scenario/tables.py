@@ -47,7 +47,11 @@ Name: TypeAlias = Annotated[
 
 
 class FlightTable(q.Table):
-    """``[flight]``: start and length of the manoeuvre, and gravity of the kinematic law."""
+    """``[flight]``: start and length of the manoeuvre, and gravity of the kinematic law.
+
+    In steady wind the flight starts along its course and path angle over ground; with
+    ``start = "heading"`` it starts along them through the air.
+    """
 
     V_a_mps: q.Airspeed
     h_m: q.Height = 1000.0
@@ -55,6 +59,7 @@ class FlightTable(q.Table):
     gamma_deg: q.Inclination = 0.0
     phi_deg: q.Inclination = 0.0
     n_z: q.LoadFactor | None = None
+    start: Literal["course", "heading"] = "course"
     duration_s: q.Duration = 20.0
     ground_m: Ground = 0.0
     g_mps2: q.Gravity = G_PAPER

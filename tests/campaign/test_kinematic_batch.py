@@ -149,7 +149,7 @@ def test_flights_that_leave_the_law_say_so_as_flights_alone_do(
 
 FLIGHT = {
     "V_a_mps": 21.0, "h_m": 1500.0, "chi_deg": 33.0, "gamma_deg": 4.0, "phi_deg": 11.0, "n_z": 1.3,
-    "duration_s": 2.5, "ground_m": 100.0, "g_mps2": 9.6,
+    "duration_s": 2.5, "ground_m": 100.0, "g_mps2": 9.6, "start": "heading",
 }  # fmt: skip
 LIMITS = {
     "phi_deg": "limits.phi_deg[0]", "phi_rate_dps": "limits.phi_rate_dps[1]",
@@ -186,7 +186,9 @@ KEYS = {
 }
 """A value of every key that the flight of a law can have, other than that of `base`."""
 
-WITHOUT_EFFECT = {"flight.h_m", "flight.ground_m", "disturbance.as_wind", "disturbance.path"}
+WITHOUT_EFFECT = {
+    "flight.h_m", "flight.ground_m", "flight.start", "disturbance.as_wind", "disturbance.path",
+}  # fmt: skip
 OF_OTHERS = {
     Scenario: {"title", "verifies", "source", "seed", "gains", "law", "tuning", "envelope",
                "expect", "plant", "gust", "turbulence"},

@@ -18,7 +18,7 @@ from flighttune.flight.outer_loop import gain_sets
 from flighttune.mistakes import abridged, validated
 from flighttune.plants.label import goes_by
 from flighttune.quantities import Table
-from flighttune.scenario.load import check_aircraft
+from flighttune.scenario.load import as_recorded, check_aircraft
 from flighttune.scenario.places import Place, leaves, with_values
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
@@ -339,7 +339,9 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
     if tables.get("version") != VERSION:
         got = abridged(tables.get("version"))
         raise ScenarioError(f"{source}: `version` of a plan must be {VERSION}, got {got}.")
-    nominal, central = (validated(Scenario, tables[key], source) for key in ("nominal", "central"))
+    nominal, central = (
+        validated(Scenario, as_recorded(tables[key]), source) for key in ("nominal", "central")
+    )
     table = validated(CampaignTable, tables["campaign"], source)
     return Plan(
         campaign=Campaign.of(table, nominal=nominal, central=central),

@@ -1,0 +1,214 @@
+"""A flight in steady wind starts along its course over ground, trimmed in the moving air."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from dispersed import plan_of, tables_of, uniform
+from made_up import made_up_scenario
+
+import flighttune as ft
+from flighttune.errors import ScenarioError
+from flighttune.flight.fly import fly, fly_alone, plant_of
+from flighttune.flight.refly import refly
+from flighttune.plants.base import COMMON_SIGNALS
+from flighttune.simulate.run import Run
+
+SPEED = 8.0
+FROM = (10.0, 100.0, 190.0, 280.0)
+"""From ahead, the right, behind and the left of `CHI`."""
+
+CHI = math.radians(10.0)
+JSBSIM_DIGITS = 1e-11
+"""Rad, and relative to the airspeed: velocities go through JSBSim in ft/s, body axes and back."""
+
+STEADY = math.radians(1e-3)
+"""Rad over a second of flight with the commands of the start: what the trim leaves over."""
+
+LIMITS = {"phi_deg": [-45.0, 45.0], "n_z": [-2.1, 2.1]}
+LAW = {"kind": "kinematic"}
+AIRCRAFT = {"aerosonde": 25.0, "c172p": 45.0, "a4": 150.0}
+"""Airspeeds in m/s."""
+
+
+def windy(from_deg, plants, *, speed=SPEED, down=0.0, **flight):
+    start = {"h_m": 500.0, "chi_deg": 10.0, "duration_s": 2.0, **flight}
+    return made_up_scenario(
+        flight=start,
+        plant=plants,
+        limits=LIMITS,
+        reference={"chi_deg": start["chi_deg"], "gamma_deg": start.get("gamma_deg", 0.0)},
+        controller={"feed_forward": True},
+        wind={"speed_mps": speed, "from_deg": from_deg, "down_mps": down},
+    )
+
+
+def seen(plant):
+    return dict(zip(plant.signals, plant.observe(), strict=True))
+
+
+def through_air(now, from_deg, down=0.0):
+    """Velocity over ground less that of the wind, m/s in NED; V_g of JSBSim is level."""
+    level = now["V_g"] if "psi" in now else now["V_g"] * math.cos(now["gamma"])
+    blows = math.radians(from_deg + 180.0)
+    return np.array(
+        [
+            level * math.cos(now["chi"]) - SPEED * math.cos(blows),
+            level * math.sin(now["chi"]) - SPEED * math.sin(blows),
+            -level * math.tan(now["gamma"]) - down,
+        ]
+    )
+
+
+@pytest.mark.parametrize("gamma_deg", [0.0, 4.0])
+@pytest.mark.parametrize("from_deg", FROM)
+@pytest.mark.parametrize("aircraft", AIRCRAFT)
+def test_an_aircraft_starts_on_its_course_over_ground_and_in_trim(aircraft, from_deg, gamma_deg):
+    V_a, gamma = AIRCRAFT[aircraft], math.radians(gamma_deg)
+    table = {"kind": "jsbsim", "aircraft": aircraft}
+    scenario = windy(from_deg, [table], V_a_mps=V_a, gamma_deg=gamma_deg, down=-0.5)
+    plant = plant_of(scenario.plant[0], scenario)
+
+    plant.start(scenario.condition)
+    start = seen(plant)
+    stop = plant.advance(0.0, start["n_z"], 1.0)
+    later = seen(plant)
+
+    assert (start["chi"], start["gamma"]) == pytest.approx((CHI, gamma), abs=JSBSIM_DIGITS)
+    assert start["V_a"] == pytest.approx(V_a, rel=JSBSIM_DIGITS)
+    assert np.linalg.norm(through_air(start, from_deg, -0.5)) == pytest.approx(V_a, rel=1e-9)
+    assert stop is None
+    assert (later["chi"], later["gamma"]) == pytest.approx((CHI, gamma), abs=STEADY)
+
+
+@pytest.mark.parametrize("from_deg", FROM)
+def test_the_nose_points_into_the_wind_by_the_angle_of_the_law_of_sines(from_deg):
+    scenario = windy(from_deg, [{"kind": "jsbsim", "aircraft": "aerosonde"}])
+    plant = plant_of(scenario.plant[0], scenario)
+
+    plant.start(scenario.condition)
+
+    into_wind = math.asin(SPEED / 25.0 * math.sin(math.radians(from_deg) - CHI))
+    now = seen(plant)
+    # The thrust and the propeller leave a sideslip of this size.
+    assert now["psi"] + now["beta"] == pytest.approx(CHI + into_wind, abs=1e-4)
+
+
+@pytest.mark.parametrize("kind", ["kinematic", "point_mass", "point_mass_lag"])
+@pytest.mark.parametrize("start", ["course", "heading"])
+def test_a_point_mass_starts_along_its_course_or_with_its_nose_there(kind, start):
+    lags = {"roll_lag_rad_s": 4.0, "n_z_lag_rad_s": 8.0} if kind == "point_mass_lag" else {}
+    table = {"kind": kind, **lags}
+
+    (run,) = fly(windy(100.0, [table], gamma_deg=20.0, start=start)).runs
+
+    now = run.signals.iloc[0].to_dict()
+    level = 25.0 * math.cos(math.radians(20.0))
+    drift = 0.0 if start == "course" else -math.atan2(SPEED, level)
+    assert now["chi"] == pytest.approx(CHI + drift, abs=1e-12)
+    assert np.linalg.norm(through_air(now, 100.0)) == pytest.approx(25.0)
+    if start == "course":
+        assert now["gamma"] == pytest.approx(math.radians(20.0), abs=1e-12)
+
+
+def test_a_turn_starts_on_its_course_too():
+    aircraft = {"kind": "jsbsim", "aircraft": "aerosonde"}
+    scenario = windy(100.0, [LAW, aircraft], phi_deg=20.0, chi_deg=730.0)
+
+    for run in fly(scenario).runs:
+        now = run.signals.iloc[0]
+        assert now["chi"] == pytest.approx(math.radians(730.0), abs=JSBSIM_DIGITS)
+        assert now["phi"] == pytest.approx(math.radians(20.0), abs=1e-9)
+
+
+@pytest.mark.parametrize("wind", [None, {"speed_mps": 0.0, "from_deg": 70.0}])
+@pytest.mark.parametrize("plant", [LAW, {"kind": "jsbsim", "aircraft": "aerosonde"}])
+def test_in_calm_air_both_starts_are_one_to_the_bit(wind, plant):
+    calm = {} if wind is None else {"wind": wind}
+    on_course, by_heading = (
+        fly_alone(scenario, scenario.plant[0], ft.PAPER_GAINS, "paper").signals
+        for start in ("course", "heading")
+        for scenario in [
+            made_up_scenario(
+                flight={"gamma_deg": 7.0, "chi_deg": 33.0, "duration_s": 2.0, "start": start},
+                plant=[plant], limits=LIMITS, **calm,
+            )
+        ]
+    )  # fmt: skip
+
+    assert on_course.to_numpy().tobytes() == by_heading.to_numpy().tobytes()
+
+
+def test_turbulence_and_an_oscillating_wind_do_not_turn_the_start():
+    swing = {"chi_amplitude": 0.02, "chi_omega_rad_s": 0.3, "as_wind": True}
+    aircraft = [{"kind": "jsbsim", "aircraft": "aerosonde"}]
+    scenario = made_up_scenario(
+        plant=aircraft, disturbance=swing, turbulence={"intensity": "light"}
+    )
+
+    assert scenario.condition == scenario.stated_condition
+
+
+def test_every_draw_of_the_wind_has_a_start_of_its_own():
+    plan = plan_of(
+        tables_of(wind={"speed_mps": 5.0, "from_deg": 0.0}),
+        uniform("wind.from_deg", 0.0, 360.0),
+        runs=6,
+    )
+    scenarios = [plan.scenario_of(draw) for draw in range(3)]
+
+    assert len({scenario.condition.chi for scenario in scenarios}) == 3
+    for scenario in scenarios:
+        now = fly_alone(scenario, scenario.plant[0], ft.PAPER_GAINS, "paper").signals.iloc[0]
+        on_course = math.radians(20.0), math.radians(10.0)
+        assert (now["chi"], now["gamma"]) == pytest.approx(on_course, abs=1e-12)
+
+
+class Still(ft.PointMassPlant):
+    """A plant of the user's that knows no wind."""
+
+
+def test_a_plant_that_shows_no_wind_starts_as_the_scenario_states():
+    scenario = windy(100.0, [LAW])
+
+    flown = fly(scenario, plants={"own": Still})
+
+    now = flown["own / paper"].signals.iloc[0]
+    assert not {"wind_north"} & {*now.index}
+    assert {*COMMON_SIGNALS} <= {*now.index}
+    assert now["chi"] == pytest.approx(CHI, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("tables", "message"),
+    [
+        ({"from_deg": 100.0, "speed": 30.0}, r"`speed_mps` of \[wind\] must .*got 30 m/s across"),
+        ({"from_deg": 10.0, "speed": 26.0}, r"`speed_mps` of \[wind\] must .*-26 m/s along"),
+        ({"from_deg": 190.0, "speed": 30.0, "gamma_deg": 60.0}, r"`speed_mps` .*got 26 m/s across"),
+    ],
+)  # fmt: skip
+def test_a_wind_too_strong_for_the_course_names_its_key(tables, message):
+    with pytest.raises(ScenarioError, match=message):
+        windy(tables.pop("from_deg"), [LAW], **tables)
+    windy(100.0, [LAW], speed=30.0, start="heading")
+
+
+def test_levels_too_strong_name_their_key():
+    level = [{"h_m": 0.0, "speed_mps": 40.0, "from_deg": 90.0}]
+    with pytest.raises(ScenarioError, match=r"`level` of \[wind\] must let .*40 m/s across"):
+        made_up_scenario(plant=[{"kind": "jsbsim", "aircraft": "aerosonde"}], wind={"level": level})
+
+
+def test_a_recording_from_before_the_key_is_flown_again_as_it_was():
+    (run,) = fly(windy(100.0, [LAW], start="heading")).runs
+    tables = dict(run.provenance.scenario)
+    tables["flight"] = {k: v for k, v in tables["flight"].items() if k != "start"}
+    older = Run(
+        signals=run.signals, status=run.status, reason=run.reason,
+        provenance=replace(run.provenance, scenario=tables),
+    )  # fmt: skip
+
+    (again,) = refly([older])
+
+    assert again.difference is None
