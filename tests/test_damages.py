@@ -1,6 +1,7 @@
 """No damage and no forgery is silent: a file is refused, or says what was written or is true."""
 
 import json
+import math
 import random
 import shutil
 import sys
@@ -24,11 +25,13 @@ from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError
 from flighttune.flight.fly import fly
 from flighttune.flight.refly import refly
+from flighttune.guarantee.band import load_band, save_band
 from flighttune.recording.parquet import load_recording, parts_of, record_bytes, signals_sha256
 from flighttune.seal import BLANK, seal
 from flighttune.tube.problem import QUANTITIES
 from flighttune.tube.proof import load_tube, save_tube, verify_tube
 from flighttune.tube.store import AboutTube, read_sealed, tubes_of, write_sealed
+from tests.guarantee.test_band import band_of, random_flights, values_of, write_band
 from tests.tube.test_aircraft import conformance, flight
 from tests.tube.test_proof import arrays_of
 from tests.tube.test_soundness import flown, made_up, outside, tube
@@ -260,6 +263,43 @@ def supported(path, _):
     )
 
 
+# Bands, and what is kept of the flights that were counted.
+
+
+def band(folder):
+    rng = np.random.default_rng(5)
+    save_band(band_of(random_flights(20, rng), random_flights(93, rng)), folder / "band.npz")
+    return folder / "band.npz"
+
+
+def band_in(path):
+    return values_of(load_band(path))
+
+
+def forge_band(path, draw):
+    arrays = arrays_of(path)
+    name = draw.choice(["band", *arrays])
+    if name == "band":
+        arrays[name] = np.array(changed_text(str(arrays[name]), draw))
+    elif arrays[name].size:
+        arrays[name] = changed_rows(arrays[name], draw).astype(arrays[name].dtype)
+    write_band(path, arrays)
+
+
+def follows_from_its_flights(path, _):
+    """Whether so few flights are outside the bounds as the claim takes, in exact numbers."""
+    loaded = load_band(path)
+    about, low_high = loaded.about, loaded.extremes.astype(float)
+    bounds = loaded.bounds(about.edges[:-1])
+    inside = (low_high[..., 0] >= bounds.low) & (low_high[..., 1] <= bounds.high)
+    N, r = len(low_high), int((~inside.all(axis=(1, 2))).sum())
+    e = Fraction(about.epsilon)
+    chance = sum(math.comb(N, i) * e**i * (1 - e) ** (N - i) for i in range(r + 1))
+    # the flight on the bound may be rounded outside
+    one_less = chance - math.comb(N, r) * e**r * (1 - e) ** (N - r)
+    return one_less <= (1 - Fraction(about.confidence)) * (1 + Fraction(1, 10**9))
+
+
 # Proofs of tubes: of the law, and of an aircraft with the conformance of its boxes.
 
 
@@ -327,6 +367,7 @@ def its_flight_stays(path, _):
 KINDS = {
     "run": Kind(recorded, run_of, forge_run, flies_so),
     "recording": Kind(shown, runs_shown, forge_shown, lambda *_: False),
+    "band": Kind(band, band_in, forge_band, follows_from_its_flights),
     "tube": Kind(tube_beside, tube_drawn, forge_tube, holds_its_flight),
     "conformance": Kind(counted, counted_in, forge_counted, supported),
     "proof": Kind(proven, proven_in, forge_proof, no_flight_leaves),

@@ -13,6 +13,7 @@ from typer.core import TyperGroup
 from flighttune import __version__
 from flighttune.cli import campaign
 from flighttune.cli.aircraft import adopt, design, identify, trim
+from flighttune.cli.band import band
 from flighttune.cli.certificates import certify, verify
 from flighttune.cli.flights import fly, list_shipped, new, refly, view
 from flighttune.cli.gains import frontier, tune
@@ -92,6 +93,7 @@ COMMANDS = {
         (compare, "compare", "comparing", "compare paper@paper paper@tuned"),
         (worst, "worst", "searching", "worst first_campaign --budget 40"),
         (tube, "tube", "enclosing", "tube paper --gains paper"),
+        (band, "band", "counting", "band mission --out mission.npz"),
         (conform, "conform", "learning", "conform aerosonde --out conformance.json"),
     ],
     "Publish": [

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
+from flighttune.cli.band import band_answer
 from flighttune.cli.gains import chosen_gains, gains_table, gains_values, margins_table
 from flighttune.cli.options import GainsOption, ScenarioArgument, SetOption, check_ending
 from flighttune.cli.show import NO, fail, pick
@@ -165,7 +166,7 @@ def _rate_over_envelope(scenario: "Scenario", name: str, gains: "PIGains") -> "l
 
 def verify(
     certificate: Annotated[
-        Path, Argument(metavar="FILE", help="Certificate, bound on R_K, or proof of a tube.")
+        Path, Argument(metavar="FILE", help="Certificate, bound on R_K, proof of a tube, or band.")
     ],
     conformance: Annotated[
         Path | None,
@@ -174,11 +175,17 @@ def verify(
 ) -> Answer:
     """Check a certificate or bound without any solver, a tube without the search that found it.
 
+    The scores and the scale of a band are computed again from what its file keeps of each flight;
+    `flighttune band FILE --recount K` flies some of them again.
+
     Exit status 1 if it does not prove what it claims.
     """
     from flighttune.certificates.bound import is_bound_file
+    from flighttune.guarantee.band import is_band_file
     from flighttune.tube.proof import is_tube_file
 
+    if is_band_file(certificate):
+        return _band(certificate)
     of_tube = is_tube_file(certificate)
     if conformance is not None and not of_tube:
         raise InputError("`--conformance` must be given for the tube of an aircraft only.")
@@ -224,6 +231,24 @@ def _claim(file: Path) -> "tuple[Verification, Answer]":
             gains_table("gains", loaded.gains),
         ],
         verdict=where,
+    )
+
+
+def _band(file: Path) -> Answer:
+    """The claim of a band, which reading it has computed again; a failure if it is not its own."""
+    from flighttune.campaign.band import plan_of
+    from flighttune.guarantee.band import load_band
+
+    loaded = load_band(file)
+    answer, reason = band_answer(loaded), ""
+    try:
+        plan_of(loaded)
+    except InputError as error:
+        reason = str(error)
+    return replace(
+        answer,
+        values={"valid": not reason, "reason": reason, **answer.values},
+        failure=f"{file}: {reason}" if reason else answer.failure,
     )
 
 

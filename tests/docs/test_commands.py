@@ -35,6 +35,8 @@ NOT_RUN = {
     "python docs/figures/": "tested one by one, or minutes",
     "flighttune view ": "does not end; tests/recording/test_view.py",
     "flighttune campaign run campaign.toml --scheduler": "a cluster; tests/campaign/test_faults.py",
+    "flighttune band ": "minutes; tests/campaign/test_band.py",
+    "flighttune verify mission.npz": "after `band`; tests/campaign/test_band.py",
     "flighttune conform random_starts": "minutes",
     "flighttune conform feasible": "minutes",
     "flighttune conform c172p": "minutes",

@@ -1,0 +1,204 @@
+"""Bands of campaigns: a shape learned from some flights, and its scale counted on fresh ones."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.aircraft.aircraft import files_hash
+from flighttune.arrays import FloatArray, check_at_least, check_between
+from flighttune.campaign.conform import at_random, distribution_of
+from flighttune.campaign.engine.pool import WorkerPool
+from flighttune.campaign.flying.alone import fly_group
+from flighttune.campaign.planning.plan import Plan, plan_from
+from flighttune.campaign.stated_set import planned, rows_of
+from flighttune.errors import InputError
+from flighttune.guarantee.band import (
+    MAX_NUMBERS,
+    MIN_LEARNED,
+    PART,
+    About,
+    Band,
+    Extremes,
+    learned_shape,
+    scores_of,
+    window_edges,
+    window_extremes,
+)
+from flighttune.guarantee.bounds import ERRORS
+from flighttune.guarantee.count import counted_scale, flights_needed
+from flighttune.scenario.schema import Scenario
+from flighttune.simulate.run import SIGNAL_UNITS, Run
+
+# Flights that may lie outside by default: the scale depends less on a single one of them.
+OUTSIDE = 5
+
+# Keys that must be the same in all flights: the windows of a band are the same samples in each.
+TIME_AXIS = ("flight.duration_s", "controller.rate_hz")
+
+
+def count_band(
+    source: str,
+    pool: WorkerPool,
+    *,
+    signals: Sequence[str] = ERRORS,
+    epsilon: float = 0.01,
+    confidence: float = 0.999,
+    flights: int | None = None,
+    learn: int = 500,
+    predicted_from: Literal["wind"] | None = None,
+    gains: str | None = None,
+    plant: str | None = None,
+    seed: int | None = None,
+    **about_scenario: Any,
+) -> Band:
+    """Learn the shape of a band from flights of a campaign or scenario, and count fresh ones.
+
+    Draws are random and independent, whatever the design of the campaign; those counted come after
+    those learned from. `source`, `gains`, `plant`, `start_deg` and `changes` are as for `planned`;
+    `seed` replaces that of the campaign. Raises InputError if the claim needs more `flights`, a
+    signal is not recorded, or nothing is random. Raises StoppedError if the observer stopped it.
+    """
+    check_between(0.0, 1.0, epsilon=epsilon, confidence=confidence)
+    check_at_least(MIN_LEARNED, learn=learn)
+    flights = flights_needed(epsilon, confidence, OUTSIDE) if flights is None else flights
+    counted_scale(np.zeros(flights), epsilon, confidence)  # refuses too few before any is flown
+    plan = planned(source, plant=plant, gains=gains, **about_scenario)
+    group = plan.chosen_group(plant, gains if gains in plan.gain_sets else None)
+    campaign = at_random(plan.campaign)
+    if seed is not None:
+        campaign = campaign.model_copy(update={"seed": seed})
+    plan = replace(plan.of_group(group), campaign=campaign, runs=learn + flights)
+    distribution, central = distribution_of(plan, group.plant), campaign.central
+    drawn = any(len({*values}) > 1 for values in distribution.dispersed.values())
+    if not (drawn or central.turbulence or central.sensors):
+        raise InputError(
+            f"{source}: `start_deg` must be given for a scenario in which nothing is random: all "
+            "its flights are the same."
+        )
+    for key in {*TIME_AXIS} & {*plan.keys}:
+        raise InputError(f"{source}: `{key}` must be the same in all flights of a band.")
+    if predicted_from and not any(key.startswith("wind.") for key in distribution.dispersed):
+        raise InputError(f"{source}: the wind must be drawn for `given` wind, got one wind.")
+    run = fly_group(plan, central, group)
+    for name in signals:
+        if name not in run.signals:
+            recorded = ", ".join(map(str, run.signals.columns))
+            raise InputError(f"`signal` must be one of {recorded}, got {name!r}.")
+    samples = round(central.flight.duration_s * central.controller.rate_hz) + 1
+    edges = window_edges(samples, flights, len(signals))
+    about = About(
+        signals={name: run.units.get(name) or SIGNAL_UNITS.get(name, "") for name in signals},
+        edges=edges / central.controller.rate_hz,
+        coefficients=np.zeros((0, 0, 0)),
+        half=np.zeros((0, 0)),
+        predicted_from=predicted_from,
+        distribution=distribution.sentence,
+        plan=plan.as_dict(),
+        learned=learn,
+        readings=(flights,),
+        epsilon=epsilon,
+        confidence=confidence,
+        scale=None,
+    )
+    coefficients, half = learned_shape(
+        *_flown(pool, plan, about, range(learn), "learning"), epsilon
+    )
+    extremes, wind = _flown(pool, plan, about, range(learn, plan.runs), "counting")
+    band = Band(
+        about=replace(about, coefficients=coefficients, half=half),
+        extremes=extremes,
+        wind=wind,
+        scores=scores_of(extremes, wind, coefficients, half),
+    )
+    return band.claiming(epsilon, confidence)
+
+
+def count_more(band: Band, flights: int, pool: WorkerPool) -> Band:
+    """The band after more draws of its campaign were flown, `flights` in all, and it was read.
+
+    Raises InputError if there are not more, or the files of an aircraft have changed.
+    """
+    about, counted = band.about, len(band.scores)
+    most = MAX_NUMBERS // (2 * about.half.size)
+    if not counted < flights <= most:
+        raise InputError(
+            f"`flights` must be more than the {counted} counted and at most {most}, got {flights}."
+        )
+    plan = plan_of(band).with_runs(about.learned + flights)
+    runs = range(about.learned + counted, plan.runs)
+    return band.with_flights(*_flown(pool, plan, about, runs, "counting"))
+
+
+def recount(band: Band, flights: int, pool: WorkerPool) -> list[int]:
+    """Fly some of the counted draws again; those whose extremes differ by a bit.
+
+    Raises InputError as `plan_of` does, or if there are not so many flights.
+    """
+    about, counted = band.about, len(band.scores)
+    if not 1 <= flights <= counted:
+        raise InputError(f"`recount` must be 1 to the {counted} counted, got {flights}.")
+    plan = plan_of(band)
+    first, step = about.learned, counted // flights
+    runs = range(first, first + step * flights, step)
+    again, _ = _flown(pool, plan, about, runs, "counting again")
+    differ = (again != band.extremes[::step][:flights]).any(axis=(1, 2, 3))
+    return [run for run, other in zip(runs, differ, strict=True) if other]
+
+
+def plan_of(band: Band) -> Plan:
+    """The plan of a band; InputError if the files of an aircraft have changed since."""
+    try:
+        plan = plan_from(band.about.plan, "band")
+    except (LookupError, TypeError, AttributeError) as error:
+        raise InputError("`plan` must be that of a campaign.") from error
+    for name, sha256 in plan.aircraft.items():
+        if files_hash(name) != sha256:
+            raise InputError(
+                f"`{name}` must have the files that the band was flown with, got changed ones."
+            )
+    return plan.with_runs(band.about.learned + len(band.scores))
+
+
+def _flown(
+    pool: WorkerPool, plan: Plan, about: About, runs: range, doing: str
+) -> tuple[Extremes, FloatArray]:
+    """Extremes of some runs, and their wind where the band is given it."""
+    rate = plan.scenario.controller.rate_hz
+    edges = np.round(about.edges * rate).astype(np.intp)
+    probes: dict[str, Any] = {"extremes": partial(_extremes, list(about.signals), edges)}
+    if about.predicted_from:
+        probes["wind"] = _wind
+    shape = len(edges) - 1, len(about.signals), 2
+    extremes = np.empty((len(runs), *shape), dtype=np.float32)
+    wind = np.zeros((len(runs), 2 if about.predicted_from else 0))
+    lost = np.broadcast_to([-np.inf, np.inf], shape)
+    for first in range(0, len(runs), PART):
+        part = range(len(runs))[first : first + PART]
+        number = f", part {first // PART + 1} of {math.ceil(len(runs) / PART)}"
+        said = f"{doing}{number if len(runs) > PART else ''}"
+        rows = rows_of(pool, plan, said, runs=runs[part.start : part.stop], probes=probes)
+        for i, own in zip(part, rows["extremes"].to_pylist(), strict=True):
+            extremes[i] = lost if own is None else np.reshape(own, shape)
+        for i, own in zip(
+            part, rows["wind"].to_pylist() if about.predicted_from else (), strict=False
+        ):
+            wind[i] = own or 0.0
+    return extremes, wind
+
+
+def _extremes(
+    signals: list[str], edges: npt.NDArray[np.intp], run: Run, _: Scenario
+) -> list[float]:
+    """The extremes of the signals of a flight, window by window."""
+    return np.ravel(window_extremes(run.signals[signals].to_numpy(), edges)).tolist()
+
+
+def _wind(_: Run, scenario: Scenario) -> list[float]:
+    """North and east component of the wind in which a flight begins, m/s."""
+    assert scenario.wind is not None  # it is drawn
+    return list(scenario.wind.profile().at(scenario.flight.h_m)[:2])

@@ -1,0 +1,208 @@
+"""Bands of small campaigns: what is learned, counted, added and flown again, and the command."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from campaigns import flown_here, write_campaign
+from commands import answer, flighttune
+from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_of, uniform
+
+from flighttune.campaign import band as band_module
+from flighttune.campaign.band import count_band, count_more, recount
+from flighttune.campaign.band import plan_of as plan_of_band
+from flighttune.campaign.flying.alone import fly_group
+from flighttune.campaign.flying.rows import fly_runs
+from flighttune.errors import InputError
+from flighttune.guarantee.band import load_band, save_band
+
+START = uniform("flight.chi_deg", -5.0, 5.0), uniform("flight.gamma_deg", 3.0, 7.0)
+FEW = {"epsilon": 0.3, "confidence": 0.9, "learn": 10}
+# the least N with 0.7^N <= 0.1, and with at most five outside
+ALONE, WITH_FIVE = 7, 29
+
+
+def small_plan(*disperse, runs=12, plants=(KINEMATIC,), **tables):
+    """Half a second from random starts."""
+    scenario = tables_of(plants, **{"gains": [SOFT], **tables})
+    scenario["flight"]["duration_s"] = 0.5
+    return plan_of(scenario, *(disperse or START), runs=runs)
+
+
+def count(plan=None, rows=fly_runs, **settings):
+    """The band of a small plan, flown in this process."""
+    with flown_here(band_module, "planned", plan or small_plan(), rows) as pool:
+        return count_band("campaign", pool, **{**FEW, **settings})
+
+
+@pytest.fixture(scope="module")
+def counted():
+    return count()
+
+
+def test_fresh_flights_are_counted_and_none_is_flown_twice():
+    flown = []
+
+    def rows(plan, runs, probes):
+        flown.append(list(runs))
+        assert plan.campaign.design == "random"
+        return fly_runs(plan, runs, probes=probes)
+
+    sobol = small_plan()
+    sobol = replace(sobol, campaign=sobol.campaign.model_copy(update={"design": "sobol"}))
+    counted = count(sobol, rows)
+
+    assert flown == [list(range(10)), list(range(10, 10 + WITH_FIVE))]
+    assert counted.outside == 5
+    assert f"of {WITH_FIVE} fresh flights 5 lie outside" in counted.sentence
+    assert "(flight.chi_deg, flight.gamma_deg) in calm air" in counted.sentence
+
+
+def test_the_flights_inside_are_those_whose_errors_are(counted):
+    plan = plan_of_band(counted)
+    (group,) = plan.groups
+    bounds = counted.bounds(np.arange(26) / 50.0)
+
+    runs = [fly_group(plan, plan.scenario_of(draw), group) for draw in range(10, 10 + WITH_FIVE)]
+
+    inside = [bounds.contain(run.signals) for run in runs]
+    assert inside == (counted.scores <= counted.scale).tolist()
+
+
+def test_more_flights_are_added_to_the_count(counted):
+    with flown_here(band_module, "planned", None) as pool:
+        more = count_more(counted, 40, pool)
+        with pytest.raises(InputError, match=f"`flights` must be more than the {WITH_FIVE}"):
+            count_more(counted, WITH_FIVE, pool)
+    # one more flight is learned, so that the draws counted begin with the next one
+    at_once = count(flights=39, learn=11)
+
+    assert len(more.scores) == 40
+    assert np.array_equal(more.extremes[:WITH_FIVE], counted.extremes)
+    assert np.array_equal(more.extremes[1:], at_once.extremes)
+    assert more.about.readings == (WITH_FIVE, 40)
+    assert more.confidence == pytest.approx(0.8)
+
+
+def test_a_recount_finds_a_flight_that_differs(counted):
+    extremes = counted.extremes.copy()
+    extremes[4] = np.nextafter(extremes[4], np.inf)
+
+    with flown_here(band_module, "planned", None) as pool:
+        assert recount(counted, WITH_FIVE, pool) == []
+        assert recount(counted, 7, pool) == []  # every fourth one
+        assert recount(replace(counted, extremes=extremes), 7, pool) == [14]
+        with pytest.raises(InputError, match="`recount` must be 1 to"):
+            recount(counted, WITH_FIVE + 1, pool)
+
+
+def test_a_flight_that_does_not_complete_counts():
+    def rows(plan, runs, probes):
+        table = fly_runs(plan, runs, probes=probes)
+        lost = [None if run == 12 else own for run, own in zip(runs, table["extremes"].to_pylist())]  # noqa: B905
+        return table.set_column(
+            table.schema.get_field_index("extremes"), table.schema.field("extremes"), [lost]
+        )
+
+    counted = count(rows=rows, flights=ALONE)
+
+    assert counted.not_completed == 1
+    assert counted.about.scale is None
+    assert "1 did not complete, and at most 0 may" in counted.sentence
+
+
+def test_any_recorded_signal_has_a_band():
+    counted = count(signals=["n_z", "phi_cmd"], seed=8)
+
+    assert counted.about.signals == {"n_z": "1", "phi_cmd": "rad"}
+    assert counted.about.plan["campaign"]["seed"] == 8
+    assert np.isfinite(counted.half_widths).all()
+
+
+@pytest.mark.slow
+def test_a_band_that_is_given_the_wind_is_narrower():
+    wind = uniform("wind.speed_mps", 0.0, 8.0), uniform("wind.from_deg", 0.0, 360.0)
+    plan = small_plan(*wind, plants=[AEROSONDE], wind=WIND)
+
+    blind, knowing = (count(plan, learn=30, predicted_from=wind) for wind in (None, "wind"))
+
+    assert knowing.half_widths.max() < 0.5 * blind.half_widths.max()
+    assert "around the middle that its wind predicts" in knowing.sentence
+    speed, origin = (plan_of_band(knowing).parameters(30, 31)[key].item() for key in
+                     ("wind.speed_mps", "wind.from_deg"))  # fmt: skip
+    # air moves away from where it blows from
+    blown = -speed * np.cos(np.deg2rad(origin)), -speed * np.sin(np.deg2rad(origin))
+    assert knowing.wind[0] == pytest.approx(blown)
+
+
+@pytest.mark.parametrize(
+    ("plan", "settings", "message"),
+    [
+        (None, {"epsilon": 1.0}, "`epsilon` must be between 0 and 1, got 1.0"),
+        (None, {"confidence": 0.0}, "`confidence` must be between 0 and 1"),
+        (None, {"flights": 6}, "`flights` must be at least 7 for .* got 6"),
+        (None, {"learn": 9}, "`learn` must be at least 10, got 9"),
+        (None, {"signals": ["chi", "mood"]}, "`signal` must be one of chi, .*, got 'mood'"),
+        (None, {"predicted_from": "wind"}, "campaign: the wind must be drawn"),
+        ([one_of("flight.chi_deg", 3.0)], {}, "campaign: `start_deg` must be given"),
+        ([uniform("flight.duration_s", 1.0, 2.0)], {}, "`flight.duration_s` must be the same"),
+    ],
+)
+def test_what_cannot_be_counted_is_refused_in_one_line(plan, settings, message):
+    with pytest.raises(InputError, match=message) as caught:
+        count(plan and small_plan(*plan), **settings)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.slow
+def test_the_command_counts_reads_adds_and_verifies(tmp_path):
+    campaign = write_campaign(
+        tmp_path, aircraft=(), wind="", disperse="""
+        [[disperse]]
+        key = "flight.chi_deg"
+        distribution = "uniform"
+        lower = -5.0
+        upper = 5.0
+        """,
+    )  # fmt: skip
+    file = tmp_path / "band.npz"
+    claim = "--epsilon", 0.3, "--confidence", 0.9, "--gains", "soft"
+
+    made = answer("band", campaign, *claim, "--learn", 10, "--workers", 1, "--out", file)
+    other = answer("band", file, "--epsilon", 0.5)
+    more = answer("band", file, "--flights", 40, "--workers", 1)
+    again = answer("band", file, "--recount", 5, "--workers", 1)
+    valid = answer("verify", file)
+
+    band = load_band(file)
+    assert (made["status"], made["flights"], made["outside"]) == ("claimed", WITH_FIVE, 5)
+    assert other["scale"] < made["scale"]
+    assert [row["unit"] for row in made["half_widths"]] == ["deg", "deg"]
+    assert (more["readings"], more["confidence"]) == ([29, 40], pytest.approx(0.8))
+    assert (again["flights"], again["differ"]) == (5, [])
+    assert valid["valid"]
+    assert valid["sentence"] == more["sentence"] == band.sentence
+    widths = np.rad2deg(band.half_widths)
+    assert valid["half_widths"][1]["largest"] == pytest.approx(widths[:, 1].max())
+    assert valid["half_widths"][0]["end"] == pytest.approx(widths[-1, 0])
+
+
+def test_a_band_of_an_aircraft_that_has_changed_is_refused(counted, tmp_path):
+    plan = {**counted.about.plan, "aircraft": {"aerosonde": 64 * "0"}}
+    changed = replace(counted, about=replace(counted.about, plan=plan))
+    save_band(changed, tmp_path / "x.npz")
+
+    with pytest.raises(InputError, match="`aerosonde` must have the files"):
+        plan_of_band(changed)
+    _, stderr = flighttune("verify", tmp_path / "x.npz", status=1)
+    assert "`aerosonde` must have the files" in stderr
+
+
+def test_a_file_of_another_campaign_takes_no_options_of_a_source(counted, tmp_path):
+    save_band(counted, tmp_path / "x.npz")
+
+    for option, value in (("--gains", "soft"), ("--start-deg", 1), ("--seed", 2)):
+        _, stderr = flighttune("band", tmp_path / "x.npz", option, value, status=2)
+        assert f"`{option}` must be absent" in stderr
+    _, stderr = flighttune("band", "paper", "--start-deg", 1, "--recount", 3, status=2)
+    assert "`--recount` must be given for a band file" in stderr
