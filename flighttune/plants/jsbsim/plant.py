@@ -76,7 +76,8 @@ class JSBSimPlant:
     -----
     The Earth is flat and at rest. A flight in wind starts from the trim in still air, carried along
     by the wind at the start: airspeed, attitude and load factor are those of the trim; `chi` and
-    `gamma`, which hold over ground, differ from the condition's. `n_z` is the specific force along
+    `gamma`, which hold over ground, differ from the condition's, which a scenario chooses so that
+    the flight starts on its course over ground. `n_z` is the specific force along
     the lift axis (normal to the airspeed, in the plane of symmetry) over standard gravity: lift,
     and the small part of thrust that helps it. `chi` and `psi` run on through +-pi without a jump.
 
