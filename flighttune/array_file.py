@@ -31,7 +31,6 @@ def read_arrays(
     path: Path,
     what: str,
     kinds: Mapping[str, "np.dtype[Any]"],
-    *,
     max_bytes: int,
     max_compressed: int,
     unbounded: Collection[str] = (),
@@ -39,7 +38,8 @@ def read_arrays(
     """The arrays of a file; their sizes and names are checked before any of them is unpacked.
 
     `what` is what the file must be. `kinds`: types of the arrays that it may have; those of floats
-    must be finite unless they are `unbounded`. The first one must be there. Raises InputError.
+    must be finite unless they are `unbounded`. The first one must be there. `max_bytes` and
+    `max_compressed` bound all arrays and the file. Raises InputError.
     """
     try:
         if path.stat().st_size > max_compressed:
@@ -87,7 +87,7 @@ def _checked(
     return array
 
 
-def check_shapes(arrays: Arrays, what: str, shapes: Mapping[str, tuple[int, ...] | None]) -> None:
+def check_shapes(what: str, arrays: Arrays, shapes: Mapping[str, tuple[int, ...] | None]) -> None:
     """Refuse arrays that are missing or of another shape; of any shape where it is None."""
     for name, shape in shapes.items():
         if name not in arrays:

@@ -320,14 +320,7 @@ def load_band(path: str | Path) -> Band:
     sealed_bytes(Path(path), "band file", "count it again with flighttune band")
     size = 4 * MAX_NUMBERS + 2**24
     try:
-        arrays = read_arrays(
-            Path(path),
-            "band",
-            ARRAYS,
-            max_bytes=size,
-            max_compressed=size,
-            unbounded=("extremes", "scores"),
-        )
+        arrays = read_arrays(Path(path), "band", ARRAYS, size, size, ("extremes", "scores"))
         about = value_of(json_object(str(arrays.pop("band")), "`band`"), About)
         _check(about, arrays)
         band = Band(about=about, **arrays)
@@ -361,7 +354,7 @@ def _check(about: About, arrays: dict[str, Any]) -> None:
         "wind": (flights[-1], 2 if about.predicted_from else 0),
         "scores": (flights[-1],),
     }
-    check_shapes(arrays, "band", shapes)
+    check_shapes("band", arrays, shapes)
     low, high = np.moveaxis(arrays["extremes"], -1, 0)
     if not (low <= high).all():  # also catches NaN
         raise InputError("`extremes` must be lowest and highest values.")

@@ -4,13 +4,15 @@ import json
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeAlias
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
+from flighttune.array_file import BOOL, FLOAT, SINGLE, TEXT, Arrays, check_shapes, read_arrays
 from flighttune.arrays import FloatArray, read_only_matrix
 from flighttune.conformance import Conformance
 from flighttune.conformance.residual import COUNTED
@@ -18,7 +20,6 @@ from flighttune.control.gains import COMMANDS, PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import InputError
 from flighttune.guarantee.bounds import Bounds
-from flighttune.mistakes import shown
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.table_file import json_object
@@ -63,13 +64,14 @@ MAX_SAMPLES = 10000
 # Most numbers in the arrays of a set: four times those of a search; a split at most doubles them
 MAX_NUMBERS = 2**23
 
-FLOAT, SINGLE, BOOL, TEXT = np.dtype("<f8"), np.dtype("<f4"), np.dtype(bool), np.dtype("<U")
 ALWAYS = {"claim": TEXT, "bounds": FLOAT, "held": BOOL, "chosen": SINGLE}
 EVER = {"W": FLOAT, "centre": FLOAT, "size": FLOAT, "bounds": FLOAT, "chosen": SINGLE}
 
 # Arrays that a file may have, and their types; all but `ALWAYS` only where they are needed, those
 # of `EVER` with a set that is kept.
 MEMBERS = {**ALWAYS, "reference": FLOAT, "boxes": FLOAT} | {f"ever_{x}": EVER[x] for x in EVER}
+
+_check_shapes = partial(check_shapes, "tube")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,59 +160,13 @@ def load_tube(path: str | Path, conformance: Conformance | None = None) -> Tube:
     message names the file and what is wrong.
     """
     try:
-        arrays = _members(Path(path))
+        arrays = read_arrays(Path(path), "tube", MEMBERS, MAX_BYTES, MAX_COMPRESSED)
         claim = value_of(json_object(str(arrays["claim"]), "`claim`"), Claim)
         return _tube_from(claim, arrays, conformance)
     except OSError as error:
         raise InputError(f"{path}: the file must be readable: {error.strerror}.") from error
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-
-
-Arrays: TypeAlias = dict[str, npt.NDArray[Any]]
-
-
-def _members(path: Path) -> Arrays:
-    """The arrays of a file; their sizes and names are checked before any of them is unpacked."""
-    if path.stat().st_size > MAX_COMPRESSED:
-        raise InputError(f"the file must have at most {MAX_COMPRESSED} bytes, got more.")
-    try:
-        with zipfile.ZipFile(path) as archive:
-            entries = archive.infolist()
-            names = [entry.filename for entry in entries]
-            for name in names:
-                if name.removesuffix(".npy") not in MEMBERS or not name.endswith(".npy"):
-                    raise InputError(f"`{shown(name)}` must not be in the file of a tube.")
-                if names.count(name) > 1:
-                    raise InputError(f"`{name}` must be in the file once, got it twice.")
-            # No more than the sizes stated is ever unpacked of what is stored or deflated.
-            packed = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
-            size = sum(entry.file_size for entry in entries)
-            if size > MAX_BYTES or not {entry.compress_type for entry in entries} <= packed:
-                raise InputError(
-                    f"the arrays of a tube must be stored or deflated, and fit into {MAX_BYTES} "
-                    f"bytes, got {size} bytes."
-                )
-            arrays = {name.removesuffix(".npy"): _array(archive, name) for name in names}
-    except (InputError, OSError):
-        raise
-    except Exception as error:  # NumPy and `zipfile` raise a dozen kinds on a damaged file
-        raise InputError(f"the file must be a tube of flighttune: {error}.") from error
-    if "claim" not in arrays:
-        raise InputError("`claim.npy` must be in the file of a tube.")
-    return arrays
-
-
-def _array(archive: zipfile.ZipFile, name: str) -> npt.NDArray[Any]:
-    """One array, of the type that its name asks for, with finite numbers."""
-    kind = MEMBERS[name.removesuffix(".npy")]
-    with archive.open(name) as member:
-        array = np.lib.format.read_array(member, allow_pickle=False)
-    if array.dtype != kind and not (kind == TEXT and array.dtype.kind == "U" and array.ndim == 0):
-        raise InputError(f"`{name}` must be of type {kind.name}, got {array.dtype}.")
-    if kind in (FLOAT, SINGLE) and not np.isfinite(array).all():
-        raise InputError(f"`{name}` must be finite.")
-    return array
 
 
 def _tube_from(claim: Claim, arrays: Arrays, conformance: Conformance | None) -> Tube:
@@ -289,15 +245,6 @@ def _problem(
         reference=reference,
         stored=stored,
     )
-
-
-def _check_shapes(arrays: Arrays, shapes: Mapping[str, tuple[int, ...] | None]) -> None:
-    """Refuse arrays that are missing or of another shape; of any shape where it is None."""
-    for name, shape in shapes.items():
-        if name not in arrays:
-            raise InputError(f"`{name}.npy` must be in the file of this tube.")
-        if shape not in (None, arrays[name].shape):
-            raise InputError(f"`{name}` must have shape {shape}, got {arrays[name].shape}.")
 
 
 def _hand_over(claim: Claim, arrays: Arrays, problem: TubeProblem) -> HandOver | None:
