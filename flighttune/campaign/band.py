@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +25,6 @@ from flighttune.guarantee.band import (
     Band,
     Extremes,
     learned_shape,
-    scores_of,
     window_edges,
     window_extremes,
 )
@@ -36,6 +35,9 @@ from flighttune.simulate.run import SIGNAL_UNITS, Run
 
 # Flights that may lie outside by default: the scale depends less on a single one of them.
 OUTSIDE = 5
+
+# Keeps of a completed flight what is counted of it.
+Probe: TypeAlias = partial[list[float]]
 
 # Keys that must be the same in all flights: the windows of a band are the same samples in each.
 TIME_AXIS = ("flight.duration_s", "controller.rate_hz")
@@ -89,33 +91,27 @@ def count_band(
         if name not in run.signals:
             recorded = ", ".join(map(str, run.signals.columns))
             raise InputError(f"`signal` must be one of {recorded}, got {name!r}.")
-    samples = round(central.flight.duration_s * central.controller.rate_hz) + 1
-    edges = window_edges(samples, flights, len(signals))
+    rate = central.controller.rate_hz
+    edges = window_edges(round(central.flight.duration_s * rate) + 1, flights, len(signals))
+    probe = partial(_extremes, list(signals), edges, predicted_from is not None)
+    learned = _flown(pool, plan, probe, range(learn), "learning")
+    coefficients, half = learned_shape(*learned, epsilon)
     about = About(
         signals={name: run.units.get(name) or SIGNAL_UNITS.get(name, "") for name in signals},
-        edges=edges / central.controller.rate_hz,
-        coefficients=np.zeros((0, 0, 0)),
-        half=np.zeros((0, 0)),
+        edges=edges / rate,
+        coefficients=coefficients,
+        half=half,
         predicted_from=predicted_from,
         distribution=distribution.sentence,
         plan=plan.as_dict(),
         learned=learn,
-        readings=(flights,),
+        readings=(),
         epsilon=epsilon,
         confidence=confidence,
         scale=None,
     )
-    coefficients, half = learned_shape(
-        *_flown(pool, plan, about, range(learn), "learning"), epsilon
-    )
-    extremes, wind = _flown(pool, plan, about, range(learn, plan.runs), "counting")
-    band = Band(
-        about=replace(about, coefficients=coefficients, half=half),
-        extremes=extremes,
-        wind=wind,
-        scores=scores_of(extremes, wind, coefficients, half),
-    )
-    return band.claiming(epsilon, confidence)
+    band = Band(about=about, extremes=learned[0][:0], wind=learned[1][:0])
+    return band.with_flights(*_flown(pool, plan, probe, range(learn, plan.runs), "counting"))
 
 
 def count_more(band: Band, flights: int, pool: WorkerPool) -> Band:
@@ -131,7 +127,7 @@ def count_more(band: Band, flights: int, pool: WorkerPool) -> Band:
         )
     plan = plan_of(band).with_runs(about.learned + flights)
     runs = range(about.learned + counted, plan.runs)
-    return band.with_flights(*_flown(pool, plan, about, runs, "counting"))
+    return band.with_flights(*_flown(pool, plan, _probe(band), runs, "counting"))
 
 
 def recount(band: Band, flights: int, pool: WorkerPool) -> list[int]:
@@ -145,7 +141,7 @@ def recount(band: Band, flights: int, pool: WorkerPool) -> list[int]:
     plan = plan_of(band)
     first, step = about.learned, counted // flights
     runs = range(first, first + step * flights, step)
-    again, _ = _flown(pool, plan, about, runs, "counting again")
+    again, _ = _flown(pool, plan, _probe(band), runs, "counting again")
     differ = (again != band.extremes[::step][:flights]).any(axis=(1, 2, 3))
     return [run for run, other in zip(runs, differ, strict=True) if other]
 
@@ -164,41 +160,38 @@ def plan_of(band: Band) -> Plan:
     return plan.with_runs(band.about.learned + len(band.scores))
 
 
-def _flown(
-    pool: WorkerPool, plan: Plan, about: About, runs: range, doing: str
-) -> tuple[Extremes, FloatArray]:
-    """Extremes of some runs, and their wind where the band is given it."""
-    rate = plan.scenario.controller.rate_hz
+def _probe(band: Band) -> Probe:
+    """What is kept of each flight."""
+    about, rate = band.about, plan_of(band).scenario.controller.rate_hz
     edges = np.round(about.edges * rate).astype(np.intp)
-    probes: dict[str, Any] = {"extremes": partial(_extremes, list(about.signals), edges)}
-    if about.predicted_from:
-        probes["wind"] = _wind
-    shape = len(edges) - 1, len(about.signals), 2
-    extremes = np.empty((len(runs), *shape), dtype=np.float32)
-    wind = np.zeros((len(runs), 2 if about.predicted_from else 0))
-    lost = np.broadcast_to([-np.inf, np.inf], shape)
+    return partial(_extremes, list(about.signals), edges, about.predicted_from is not None)
+
+
+def _flown(
+    pool: WorkerPool, plan: Plan, probe: Probe, runs: range, doing: str
+) -> tuple[Extremes, FloatArray]:
+    """Extremes of some runs, and their wind where the probe has it."""
+    signals, edges, windy = probe.args
+    shape = len(edges) - 1, len(signals), 2
+    size = math.prod(shape)
+    lost = [-np.inf, np.inf] * (size // 2) + [0.0, 0.0] * windy
+    extremes, winds = [], []
     for first in range(0, len(runs), PART):
-        part = range(len(runs))[first : first + PART]
         number = f", part {first // PART + 1} of {math.ceil(len(runs) / PART)}"
         said = f"{doing}{number if len(runs) > PART else ''}"
-        rows = rows_of(pool, plan, said, runs=runs[part.start : part.stop], probes=probes)
-        for i, own in zip(part, rows["extremes"].to_pylist(), strict=True):
-            extremes[i] = lost if own is None else np.reshape(own, shape)
-        for i, own in zip(
-            part, rows["wind"].to_pylist() if about.predicted_from else (), strict=False
-        ):
-            wind[i] = own or 0.0
-    return extremes, wind
+        part = runs[first : first + PART]
+        rows = rows_of(pool, plan, said, runs=part, probes={"extremes": probe})
+        values = np.array([own or lost for own in rows["extremes"].to_pylist()])
+        extremes.append(values[:, :size].astype(np.float32).reshape(-1, *shape))
+        winds.append(values[:, size:])
+    return np.concatenate(extremes), np.concatenate(winds)
 
 
 def _extremes(
-    signals: list[str], edges: npt.NDArray[np.intp], run: Run, _: Scenario
+    signals: list[str], edges: npt.NDArray[np.intp], windy: bool, run: Run, scenario: Scenario
 ) -> list[float]:
-    """The extremes of the signals of a flight, window by window."""
-    return np.ravel(window_extremes(run.signals[signals].to_numpy(), edges)).tolist()
-
-
-def _wind(_: Run, scenario: Scenario) -> list[float]:
-    """North and east component of the wind in which a flight begins, m/s."""
-    assert scenario.wind is not None  # it is drawn
-    return list(scenario.wind.profile().at(scenario.flight.h_m)[:2])
+    """Extremes of a flight, window by window; after them the north and east wind at its start."""
+    values = np.ravel(window_extremes(run.signals[signals].to_numpy(), edges)).tolist()
+    if windy and scenario.wind is not None:
+        values += scenario.wind.profile().at(scenario.flight.h_m)[:2]
+    return values

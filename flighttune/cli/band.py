@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Argument, Option
 
@@ -109,65 +109,44 @@ def band(
     from flighttune.campaign.band import recount as count_again
     from flighttune.guarantee.band import load_band, save_band
 
-    of_source = {
-        "gains": gains,
-        "plant": plant,
-        "signal": signal,
-        "learn": learn,
-        "given": predicted_from,
-        "start-deg": start_deg or None,
-        "seed": seed,
-        "set": settings,
-    }
-    read = Path(source).suffix == ".npz"
-    if not read:
+    claim = _stated(epsilon=epsilon, confidence=confidence)
+    of_source = _stated(
+        signals=signal,
+        learn=learn,
+        predicted_from=predicted_from,
+        gains=gains,
+        plant=plant,
+        start_deg=start_deg or None,
+        seed=seed,
+        changes=changes(settings) or None,
+    )
+    if Path(source).suffix != ".npz":
         if recount is not None:
-            raise InputError("`--recount` must be given for a band file only.")
+            raise InputError("`recount` must be absent for anything but a band file.")
         with campaign_pool(workers, scheduler) as pool:
-            counted = count_band(
-                source,
-                pool,
-                signals=signal or ("chi_err", "gamma_err"),
-                epsilon=0.01 if epsilon is None else epsilon,
-                confidence=0.999 if confidence is None else confidence,
-                flights=flights,
-                learn=500 if learn is None else learn,
-                predicted_from=predicted_from,
-                gains=gains,
-                plant=plant,
-                start_deg=start_deg,
-                seed=seed,
-                changes=changes(settings),
-            )
+            counted = count_band(source, pool, flights=flights, **claim, **of_source)
         out = out or Path("runs") / f"{Path(source).stem}-band.npz"
     else:
-        for option, value in of_source.items():
-            if value is not None:
-                raise InputError(f"`--{option}` must be absent for a band file, which has its own.")
+        for name in of_source:
+            raise InputError(f"`{name}` must be absent for a band file, which has its own.")
         counted = load_band(source)
         with campaign_pool(workers, scheduler) as pool:
             if recount is not None:
-                return _recounted(source, recount, count_again(counted, recount, pool))
+                differ = count_again(counted, recount, pool)
+                says = f"{source}: {len(differ)} of {recount} flights flown again differ"
+                answer = Answer(values={"flights": recount, "differ": differ}, verdict=says)
+                return replace(answer, failure=f"{says}: {differ}" if differ else "")
             if flights is not None:
                 counted, out = count_more(counted, flights, pool), out or Path(source)
-        about = counted.about
-        counted = counted.claiming(
-            about.epsilon if epsilon is None else epsilon,
-            about.confidence if confidence is None else confidence,
-        )
+        counted = counted.claiming(**{**pick(counted.about, "epsilon confidence"), **claim})
     if out is not None:
         save_band(counted, out)
     return replace(band_answer(counted), files={"band": out})
 
 
-def _recounted(source: str, flights: int, differ: list[int]) -> Answer:
-    """How many of the flights that were flown again are those of the file."""
-    runs = ", ".join(map(str, differ))
-    return Answer(
-        values={"flights": flights, "differ": differ},
-        verdict="" if differ else f"{flights} flights again: each is that of the file to the bit",
-        failure=f"{source}: {len(differ)} of {flights} flights differ: {runs}." if differ else "",
-    )
+def _stated(**options: Any) -> dict[str, Any]:
+    """The options that were stated."""
+    return {name: value for name, value in options.items() if value is not None}
 
 
 def band_answer(counted: "Band") -> Answer:

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
@@ -45,14 +45,14 @@ LEAST_SHARE, LEAST = 1e-3, 1e-9
 # Flights scored at a time: those of the largest count do not fit into memory as doubles.
 PART = 4096
 
-# Rounding of a score between machines, relative.
+# Rounding of the scale between machines, relative.
 ROUNDING = 1e-9
 
 # Lowest and highest value of each signal in each window in single precision, shape (N, windows,
 # signals, 2) of N flights. A flight that was not completed has -inf and inf.
 Extremes: TypeAlias = npt.NDArray[np.floating]
 
-ARRAYS = {"band": TEXT, "extremes": SINGLE, "wind": FLOAT, "scores": FLOAT}
+ARRAYS = {"band": TEXT, "extremes": SINGLE, "wind": FLOAT}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +87,12 @@ class Band:
     about: About
     extremes: Extremes
     wind: FloatArray  # (N, 2), m/s north and east if the band is given the wind, else (N, 0)
-    scores: FloatArray  # (N,): scale at which each flight is just inside
+    scores: FloatArray = field(init=False)  # (N,): scale at which each flight is just inside
+
+    def __post_init__(self) -> None:
+        about = self.about
+        scores = scores_of(self.extremes, self.wind, about.coefficients, about.half)
+        object.__setattr__(self, "scores", scores)
 
     @property
     def scale(self) -> float:
@@ -151,13 +156,11 @@ class Band:
     def with_flights(self, extremes: Extremes, wind: FloatArray) -> "Band":
         """The band after more flights were counted and it was read once more."""
         about = self.about
-        scores = scores_of(extremes, wind, about.coefficients, about.half)
-        readings = (*about.readings, len(self.scores) + len(scores))
+        readings = (*about.readings, len(self.extremes) + len(extremes))
         grown = Band(
             about=replace(about, readings=readings),
             extremes=np.concatenate([self.extremes, extremes]),
             wind=np.concatenate([self.wind, wind]),
-            scores=np.concatenate([self.scores, scores]),
         )
         return grown.claiming(about.epsilon, about.confidence)
 
@@ -297,10 +300,9 @@ def _terms(wind: FloatArray) -> FloatArray:
 def save_band(band: Band, path: str | Path) -> None:
     """Write a band with its SHA-256, whole or not at all; OutputError if it cannot be written."""
     about = np.array(json.dumps(tables_of(band.about)))
-    arrays = {name: getattr(band, name) for name in ARRAYS if name != "band"}
     with whole_file(Path(path)) as part:
         with part.open("wb") as file:
-            np.savez_compressed(file, band=about, **arrays)
+            np.savez_compressed(file, band=about, extremes=band.extremes, wind=band.wind)
         with ZipFile(part, "a") as archive:
             archive.comment = BLANK.encode()  # at the end of the file, and of no checksum of it
         part.write_bytes(seal(part.read_bytes()))
@@ -312,7 +314,7 @@ def is_band_file(path: str | Path) -> bool:
 
 
 def load_band(path: str | Path) -> Band:
-    """Read a band, and compute its scores and its scale again.
+    """Read a band, and compute its scores and scale.
 
     Raises InputError if the file cannot be read, is not as it was written, is no band, or claims
     what its flights do not support; the message names the file and what is wrong.
@@ -320,15 +322,13 @@ def load_band(path: str | Path) -> Band:
     sealed_bytes(Path(path), "band file", "count it again with flighttune band")
     size = 4 * MAX_NUMBERS + 2**24
     try:
-        arrays = read_arrays(Path(path), "band", ARRAYS, size, size, ("extremes", "scores"))
+        arrays = read_arrays(Path(path), "band", ARRAYS, size, size, ("extremes",))
         about = value_of(json_object(str(arrays.pop("band")), "`band`"), About)
         _check(about, arrays)
         band = Band(about=about, **arrays)
-        scores = scores_of(band.extremes, band.wind, about.coefficients, about.half)
-        if not np.allclose(scores, band.scores, rtol=ROUNDING, atol=0.0):
-            raise InputError("`scores` must be those of the extremes in the file.")
-        if band.claiming(about.epsilon, about.confidence).scale != band.scale:
-            raise InputError(f"`scale` must be that of the scores, got {about.scale}.")
+        scale = band.claiming(about.epsilon, about.confidence).scale
+        if not np.isclose(scale, band.scale, rtol=ROUNDING, atol=0.0):
+            raise InputError(f"`scale` must be {scale} for the flights, got {about.scale}.")
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     return band
@@ -352,7 +352,6 @@ def _check(about: About, arrays: dict[str, Any]) -> None:
     shapes = {
         "extremes": (flights[-1], windows, signals, 2),
         "wind": (flights[-1], 2 if about.predicted_from else 0),
-        "scores": (flights[-1],),
     }
     check_shapes("band", arrays, shapes)
     low, high = np.moveaxis(arrays["extremes"], -1, 0)

@@ -67,8 +67,7 @@ def band_of(learned, counted, epsilon=0.05, confidence=0.95, winds=None):
         confidence=confidence,
         scale=None,
     )
-    scores = scores_of(extremes, kept[1], coefficients, half)
-    band = Band(about=about, extremes=extremes, wind=kept[1], scores=scores)
+    band = Band(about=about, extremes=extremes, wind=kept[1])
     return band.claiming(epsilon, confidence)
 
 
@@ -193,7 +192,7 @@ def test_each_reading_of_a_growing_count_spends_its_part_of_the_confidence(walks
 
 
 def values_of(band):
-    kept = [array.tobytes() for array in (band.extremes, band.wind, band.scores)]
+    kept = [array.tobytes() for array in (band.extremes, band.wind)]
     return json.dumps(tables_of(band.about)), kept
 
 
@@ -241,15 +240,14 @@ def write_band(path, arrays):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda band: {"scores": 0.9 * band.scores}, "`scores` must be those of the extremes"),
-        (lambda band: {"scores": band.scores[1:]}, r"`scores` must have shape \(93,\)"),
-        (lambda band: {"scores": band.scores.astype("f4")}, "`scores.npy` must be of type float64"),
+        (lambda band: {"extremes": band.extremes.astype(float)}, "`extremes.npy` must be of type float32"),
+        (lambda band: {"extremes": np.float32(0.9) * band.extremes}, "`scale` must be"),
         (lambda band: {"extremes": band.extremes[..., ::-1]}, "`extremes` must be lowest"),
         (lambda band: {"extremes": np.nan * band.extremes}, "`extremes` must be lowest"),
         (lambda band: {"wind": np.ones((93, 2))}, r"`wind` must have shape \(93, 0\)"),
         (lambda _: {"more": np.zeros(1)}, "`more.npy` must not be in the file of a band"),
-        (lambda band: {"about": {"scale": 0.99 * band.scale}}, "`scale` must be that"),
-        (lambda band: {"about": {"half": (0.5 * band.about.half).tolist()}}, "`scores` must be"),
+        (lambda band: {"about": {"scale": 0.99 * band.scale}}, "`scale` must be"),
+        (lambda band: {"about": {"half": (0.5 * band.about.half).tolist()}}, "`scale` must be"),
         (lambda _: {"about": {"readings": [50]}}, r"`extremes` must have shape \(50,"),
         (lambda _: {"about": {"readings": [93, 93]}}, "`readings` must rise"),
         (lambda _: {"about": {"epsilon": 0.001}}, "`flights` must be at least 2995"),
