@@ -94,7 +94,7 @@ def campaign_on(table: CampaignTable, nominal: Scenario, source: str) -> Campaig
 def _scenario_of(name: str, file: Path) -> Path:
     """The file of a campaign's scenario: beside the campaign, or shipped."""
     for beside in (file.parent / name, file.parent / f"{name}.toml"):
-        if beside.is_file():
+        if beside.is_file() and beside != file:
             return beside
     shipped = scenario_files()
     if name.removesuffix(".toml") in shipped:
