@@ -55,6 +55,6 @@ def made_up_rows(plan: Plan) -> pd.DataFrame:
     rows["chi.ITAE"] = np.where(lost, 0.1, itae)
     rows["gamma.ITAE"] = np.where(lost, np.nan, 0.2 + 0.01 * np.abs(phi))
     rows["chi.settling_s"] = np.where(lost | (V > 26.0), np.nan, 3.0)
-    rows["R_K"], rows["I_K"] = 0.6, 5.2
+    rows["R_K"], rows["I_K"], rows["E_K"] = 0.6, 5.2, 1.2
     rows["wall_s"] = 0.01
     return rows

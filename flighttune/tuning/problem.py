@@ -10,9 +10,10 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray, Floats, check_not_negative, read_only_vector
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import Limits
-from flighttune.control.linear_model import LinearModel
+from flighttune.control.linear_model import LinearModel, closed_loops
 from flighttune.errors import InputError, ShapeError
 from flighttune.theory.indicators import state_scaling
+from flighttune.theory.reachable import largest_errors
 
 Method: TypeAlias = Literal["gradient", "genetic", "convex"]
 
@@ -147,6 +148,10 @@ class TuningProblem:
         return PIGains(
             K_P=K[:, :p], K_I=K[:, p:], inputs=self.model.inputs, errors=self.model.errors
         )
+
+    def largest_errors(self, K: FloatArray) -> FloatArray:
+        """`largest_errors` of the loops that gains K (shape (..., m, 2p)) close, shape (..., p)."""
+        return largest_errors(closed_loops(self.model, K), errors=len(self.model.errors))
 
     def relaxed(self, factor: Floats, rate_factor: Floats) -> "TuningProblem":
         """The problem with limits times factors, one number or m of them; inf drops a limit."""

@@ -11,7 +11,7 @@ from flighttune.arrays import FloatArray
 from flighttune.control.linear_model import LinearModel, closed_loops, velocity_form
 from flighttune.theory.indicators import indicators_batch, scaled
 from flighttune.theory.lyapunov import solution_of_checked
-from flighttune.theory.reachable import error_slopes, largest_errors
+from flighttune.theory.reachable import error_slopes
 from flighttune.tuning.cost import quadratic_cost
 from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
 
@@ -88,7 +88,7 @@ class Program:
         self.space = space = search_space(problem)
         self._objective: Objective = objective
         self._loops = [_affine_loops(model) for model in problems]
-        self._models, self._E_star = [problem.model for problem in problems], problem.E_star
+        self._problems, self._E_star = problems, problem.E_star
         self._I_star = math.inf if objective == "I_K" else problem.I_star
         # Limits read ``G k + offset <= bound``; a row that the factor relaxes has its bound times
         # the factor, which is linear in z as well.
@@ -208,10 +208,7 @@ class Program:
         K = self.space.K(_parts(z)[0])
         if not np.isfinite(K).all():
             K = np.zeros(K.shape)  # no stable loop
-        errors = [
-            largest_errors(closed_loops(model, K), errors=len(model.errors))
-            for model in self._models
-        ]
+        errors = [problem.largest_errors(K) for problem in self._problems]
         logs = np.minimum(np.log(np.concatenate(errors)), UNSTABLE_LOG)
         return math.log(self._E_star) - MARGIN - logs
 
@@ -219,7 +216,7 @@ class Program:
         """Jacobian of `_error_room`, shape (errors of all models, f + 4)."""
         k, _, _ = _parts(z)
         slopes = []
-        for model in self._models:
+        for model in (problem.model for problem in self._problems):
             loop, in_k = closed_loops(model, self.space.K(k)), _loop_slopes(model, self.space)
             values, own = error_slopes(loop, in_k, errors=len(model.errors))
             slopes.append(np.where(np.isfinite(values)[:, None], -own / values[:, None], 0.0))

@@ -16,7 +16,6 @@ from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loops
 from flighttune.errors import InputError
 from flighttune.theory.indicators import indicators, indicators_batch
-from flighttune.theory.reachable import largest_errors
 from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
 from flighttune.tuning.program import Program, stabilising_starts
 from flighttune.tuning.result import ROUNDING, TuningResult
@@ -99,10 +98,11 @@ def _tuned(problems: list[TuningProblem], starts: int) -> tuple[FloatArray, int,
     first = candidates[np.argsort(-worst, kind="stable")][: min(starts, int((worst > 0.0).sum()))]
     if not len(first):
         return None
-    bound = problems[0].E_star
     ends, _ = Program(problems, "R_K").descend(first)
     rates = [
-        _worst_rate(problems, space, k) if _largest_error(problems, space, k) <= bound else 0.0
+        _worst_rate(problems, space, k)
+        if max(at.largest_errors(space.K(k)).max() for at in problems) <= problems[0].E_star
+        else 0.0
         for k in ends
     ]
     best = int(np.argmax(rates))
@@ -116,14 +116,6 @@ def _worst_rate(problems: list[TuningProblem], space: SearchSpace, k: FloatArray
         return 0.0
     return min(
         float(indicators_batch(closed_loops(at.model, space.K(k)), scaling=at.scaling).R_K)
-        for at in problems
-    )
-
-
-def _largest_error(problems: list[TuningProblem], space: SearchSpace, k: FloatArray) -> float:
-    """Largest E_K over the models."""
-    return max(
-        float(largest_errors(closed_loops(at.model, space.K(k)), errors=len(at.model.errors)).max())
         for at in problems
     )
 

@@ -20,7 +20,6 @@ from flighttune.control.linear_model import LinearModel, closed_loops, velocity_
 from flighttune.errors import InputError
 from flighttune.theory.indicators import IndicatorArrays, indicators_batch, scaled
 from flighttune.theory.lmi import blocks, largest, solve, unknown
-from flighttune.theory.reachable import largest_errors
 from flighttune.tuning.problem import Method, TuningProblem, search_space
 from flighttune.tuning.program import Objective, Program, stabilising_starts
 from flighttune.tuning.result import (
@@ -290,8 +289,7 @@ def tune_by_evolution(
         return np.where(measured.stable, np.log(measured.I_K), lost)[None]
 
     def log_error(k: FloatArray) -> FloatArray:
-        A_K = closed_loops(problem.model, space.K(k.T))
-        E_K = largest_errors(A_K, errors=len(problem.model.errors)).max(axis=-1)
+        E_K = problem.largest_errors(space.K(k.T)).max(axis=-1)
         lost = np.log(UNSTABLE) + loops(k).spectral_abscissa
         return np.where(np.isinf(E_K), lost, np.log(E_K))[None]
 

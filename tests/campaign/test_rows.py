@@ -99,7 +99,7 @@ def test_a_row_is_what_fly_says_of_the_scenario_of_its_draw(whole):
             assert row["missed"] == "; ".join(one.removeprefix(f"{run.label}: ") for one in said)
             assert row["success"] == (not said)
             found = flown.indicators[row["gains"]]
-            assert (row["R_K"], row["I_K"]) == (found.R_K, found.I_K)
+            assert (row["R_K"], row["I_K"], row["E_K"]) == (found.R_K, found.I_K, found.E_K)
             drawn = plan.values_of(draw)
             assert {key: row[key] for key in drawn} == drawn
 
@@ -233,7 +233,7 @@ def test_the_row_of_a_crashed_run_is_a_row_of_the_plan():
     assert found["missed"] == "crashed: the flight ended the process that flew it: SIGSEGV"
     assert not found["success"]
     assert found["chi.ITAE"] is found["wall_s"] is None
-    for name in ("run", "draw", "plant", "gains", "seed", *plan.keys, "R_K", "I_K"):
+    for name in ("run", "draw", "plant", "gains", "seed", *plan.keys, "R_K", "I_K", "E_K"):
         assert found[name] == whole[name]
 
 

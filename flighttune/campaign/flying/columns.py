@@ -39,6 +39,7 @@ OUTCOME = {
 AFTER = {
     "R_K": (pa.float64(), "1/s"),
     "I_K": (pa.float64(), "s^2"),
+    "E_K": (pa.float64(), "s^2"),
     "wall_s": (pa.float64(), "s"),
 }
 

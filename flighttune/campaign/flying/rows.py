@@ -30,6 +30,7 @@ from flighttune.metrics import measures
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 from flighttune.theory.indicators import indicators_batch
+from flighttune.theory.reachable import largest_errors
 
 # Draws whose kinematic flights are flown together: their signals stay in the processor's cache, and
 # nothing else is done here meanwhile.
@@ -41,8 +42,8 @@ SAMPLES = 4
 # Status of a run whose drawn values the scenario or an aircraft refuses
 INVALID = "invalid"
 
-# R_K and I_K
-Indicators = tuple[float | None, float | None]
+# R_K, I_K and E_K
+Indicators = tuple[float | None, float | None, float | None]
 
 # Columns of one run, as in `row_schema`; a column that is not there is null
 Row = dict[str, Any]
@@ -239,7 +240,7 @@ def _fly_alone(
 def _outcome(
     plan: Plan, scenario: Scenario, group: Group, result: FlightResult, wall_s: float
 ) -> Row:
-    """Columns of a flight from ``status`` on, except R_K and I_K."""
+    """Columns of a flight from ``status`` on, except R_K, I_K and E_K."""
     tables = scenario.expected(group.plant, group.gains)
     measured = {**result.measured, **_of_loop(plan, group)}
     misses = missed(tables, result.status, result.reason, measured)
@@ -276,11 +277,11 @@ def _invalid(error: FlightTuneError, began: float) -> Row:
 
 
 def _row(
-    plan: Plan, run: int, drawn: Drawn, outcome: Row, indicators: Indicators = (None, None)
+    plan: Plan, run: int, drawn: Drawn, outcome: Row, indicators: Indicators = (None, None, None)
 ) -> Row:
-    group, (R_K, I_K) = plan.group_of(run), indicators
+    group, (R_K, I_K, E_K) = plan.group_of(run), indicators
     names = {"run": run, "draw": plan.draw_of(run), "plant": group.plant, "gains": group.gains}
-    return {**names, **drawn, **outcome, "R_K": R_K, "I_K": I_K}
+    return {**names, **drawn, **outcome, "R_K": R_K, "I_K": I_K, "E_K": E_K}
 
 
 def _number(value: float | None) -> float | None:
@@ -289,11 +290,11 @@ def _number(value: float | None) -> float | None:
 
 
 def _indicators(plan: Plan, group: Group, scenarios: Sequence[Scenario]) -> list[Indicators]:
-    """R_K and I_K of the linear loop of a group in each scenario; None without gains or a loop."""
+    """R_K, I_K and E_K of a group's linear loop in each scenario; None without gains or a loop."""
     gains = plan.gain_sets[group.gains]
     law, _ = plan.scenario.law_of(group.gains, gains)
     if gains is None or not law.by_gains:
-        return [(None, None)] * len(scenarios)
+        return [(None, None, None)] * len(scenarios)
     # what the loop of a draw depends on: often it is not dispersed, and all draws share a loop
     keys = [
         (s.flight.V_a_mps, s.flight.g_mps2, s.followed().initial[1], s.controller)
@@ -302,6 +303,9 @@ def _indicators(plan: Plan, group: Group, scenarios: Sequence[Scenario]) -> list
     different = dict(zip(keys, scenarios, strict=True))
     loops = [closed_loop(scenario.linear_model(law), gains) for scenario in different.values()]
     both = indicators_batch(np.array(loops))
-    numbers = zip(map(_number, both.R_K.tolist()), map(_number, both.I_K.tolist()), strict=True)
+    # one by one: in a stack the last bits depend on the other loops
+    E_K = [float(largest_errors(loop, errors=len(gains.errors)).max()) for loop in loops]
+    columns = (map(_number, values) for values in (both.R_K.tolist(), both.I_K.tolist(), E_K))
+    numbers = zip(*columns, strict=True)
     by_key = dict(zip(different, numbers, strict=True))
     return [by_key[key] for key in keys]
