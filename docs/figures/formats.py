@@ -30,6 +30,7 @@ COMMANDS = (
     "frontier paper --out frontier",
     "gap paper --out gap",
     "tube paper --gains paper --out tube.npz",
+    "band paper --start-deg 2 --epsilon 0.3 --confidence 0.9 --learn 10 --out band.npz",
     "refly fly",
     "compare fly fly",
     "report fly --out report.html",

@@ -32,8 +32,8 @@ MIN_LEARNED = 10
 # Shapes that are tried: the part of the learned flights inside at each time, before it is scaled,
 # and a constant added to every half-width, as a share of the largest. Without a constant the band
 # is narrow where flights agree; with a large one it is equally wide at all times.
-INSIDE = (0.9, 0.95, 0.98, 1.0)
-ADDED = (0.0, 0.1, 0.2, 0.4, 0.8, 1.6)
+INSIDE = (0.98, 0.99, 0.995, 1.0)
+ADDED = (0.0, 0.03, 0.06, 0.1, 0.2, 0.4, 0.8, 1.6)
 
 # Parts of the learned flights; a shape is learned from all but one of them, and scaled by that one.
 FOLDS = 5
