@@ -5,10 +5,8 @@ how many flights are flown against each tube. The flights have random and bang-b
 starts in the set, half of them at its edge; others push an error at one time by the sign of its
 sensitivity to the disturbance of each sample. The loop of the kinematic law is written here a
 second time. For the Aerosonde in calm air boxes are counted first; its tubes are held against a
-fiftieth of the flights, of its model in these boxes. For light turbulence they are those of
-light_turbulence.json, which took 46 minutes: ``flighttune conform light_turbulence --epsilon 1e-4
---confidence 0.999999 --attempts 1``. Exits with 1 where a target is missed or a flight leaves a
-tube.
+fiftieth of the flights, of its model in these boxes. Exits with 1 where a target is missed or a
+flight leaves a tube.
 """
 
 import argparse
@@ -49,8 +47,6 @@ AIRCRAFT = {
     "paper_identified": (["random_starts"], (4.0, 1.5), 0.6, 60.0, 2.5),
 }
 """Of the Aerosonde in calm air, by scenario: what `conform` flies, then the same targets."""
-
-LIGHT = Path(__file__).with_name("light_turbulence.json")
 
 VERIFY_S, FILE_MB = 60.0, 50.0
 AT_ONCE = 4_000
@@ -318,7 +314,6 @@ def tube_of_aircraft(name, path, folder):
         "largest_deg": widths.max(axis=0).tolist(),
         "end_deg": widths[-1].tolist(),
         "handed_over_s": found.handed_over,
-        "counted_from_s": found.counted_from,
         "inside": flights_inside(found),
         "valid": valid,
         "verify_cpu_s": time.process_time() - began,
@@ -331,7 +326,7 @@ def calm_row(name, folder, flights):
     _, width, end, seconds, ratio = AIRCRAFT[name]
     found, measured = tube_of_aircraft(name, count(name, folder), folder)
     measured = {"row": f"Aerosonde, calm, {name}"} | measured
-    if found.status != "bounded" or found.counted_from is not None:
+    if found.status != "bounded":
         return measured | {"target_met": False}
     widths = found.bounds.half_widths[:, :2] / DEG
     errors = flown_by_model(found.problem, flights, np.random.default_rng(1))
@@ -350,13 +345,6 @@ def calm_row(name, folder, flights):
     }
 
 
-def turbulent_row(folder):
-    """The tube in light turbulence and wind, by the errors that were counted."""
-    _, measured = tube_of_aircraft("paper_identified", LIGHT, folder)
-    met = bool(measured.get("inside") and measured.get("valid"))
-    return {"row": "Aerosonde, light turbulence"} | measured | {"target_met": met}
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--json", action="store_true", help="print one object")
@@ -370,7 +358,6 @@ def main() -> int:
             made[f"Aerosonde, calm, {name}"] = partial(
                 calm_row, name, folder, options.flights // 50
             )
-        made["Aerosonde, light turbulence"] = partial(turbulent_row, folder)
         rows = [make() for name, make in made.items() if (options.row or "") in name]
     if options.json:
         print(json.dumps({"rows": rows}, indent=2))

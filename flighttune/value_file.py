@@ -58,7 +58,9 @@ def value_of(tables: Mapping[str, Any], kind: type[V]) -> V:
     fields = dict(tables)
     stated = fields.pop("format", None)
     if stated != kind.FORMAT:
-        raise InputError(f"`format` must be {kind.FORMAT!r}, got {abridged(stated)}.")
+        raise InputError(
+            f"`format` must be {kind.FORMAT!r}, got {abridged(stated)}; make the file again."
+        )
     if fields.pop("units", None) != kind.UNITS:
         raise InputError("`units` must be those of this format: nothing is converted.")
     try:

@@ -248,16 +248,21 @@ def forge_counted(path, draw):
 
 
 def supported(path, _):
-    """Whether the claim follows from the count, in exact numbers, and no box is turned round."""
+    """Whether the claim follows from the scores, in exact numbers, and no box is turned round."""
     one = load_conformance(path)
-    last = one.attempts[-1]
-    # Among N flights a share above epsilon leaves no trace with probability (1 - epsilon)^N.
-    chance = (1 - Fraction(one.epsilon)) ** min(last.flights, 20_000)
-    share = (1 - Fraction(one.confidence)) / one.planned
-    # The count needed is rounded by a part in 1e12 at most.
-    follows = chance <= share * (1 + Fraction(1, 10**9))
+    half = 0.5 * (one.learned.high - one.learned.low)
+    # Room of the boxes over those learned: the smallest scale that both sides of all of them have.
+    centre = 0.5 * (one.learned.low + one.learned.high)
+    room = np.minimum(one.boxes.high - centre, centre - one.boxes.low)
+    scale = (room[half > 0.0] / half[half > 0.0]).min(initial=np.inf)
+    flights = len(one.scores) + one.not_completed
+    outside = int((one.scores > scale * (1.0 + 1e-9)).sum()) + one.not_completed
+    # Boxes left with probability epsilon are left by so few flights with at most this probability.
+    epsilon, chance = Fraction(one.epsilon).limit_denominator(10**9), Fraction(0)
+    for k in range(outside + 1):
+        chance += math.comb(flights, k) * epsilon**k * (1 - epsilon) ** (flights - k)
     return (
-        (follows or not one.holds)
+        chance <= (1 - Fraction(one.confidence)) * (1 + Fraction(1, 10**6))
         and np.isfinite([one.boxes.low, one.boxes.high]).all()
         and bool((one.boxes.low <= one.boxes.high).all())
     )
@@ -326,7 +331,7 @@ def proven_in(path):
     problem = loaded.problem
     claim = [
         problem.scenario.as_dict(), problem.gains.as_lists(), problem.plant, problem.start,
-        problem.disturbance, problem.law.name, loaded.lost, loaded.probability, problem.model,
+        problem.disturbance, problem.law.name, loaded.probability, problem.model,
         loaded.handed_over,
     ]  # fmt: skip
     held = loaded.can_limit.tobytes()

@@ -26,6 +26,7 @@ from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.certificates.certificate import load_certificate, verify
 from flighttune.comparison.tolerance import load_tolerances
 from flighttune.conformance import load_conformance
+from flighttune.conformance.file import conformance_tables
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins
@@ -42,8 +43,8 @@ from flighttune.shipped import aircraft_folder, campaign_files, scenario_files
 from flighttune.theory.indicators import indicators
 from flighttune.units import G_0
 from flighttune.value_file import tables_of
+from tests.tube.test_aircraft import conformance, flight
 
-ROOT = Path(__file__).parents[1]
 CASES, MANY = 40, 200 * TIMES
 """Of each kind of file, in the short and in the long run."""
 
@@ -135,7 +136,7 @@ TOLERANCES = {
 }
 AIRCRAFT = tomllib.loads((aircraft_folder("aerosonde") / "aircraft.toml").read_text())
 IDENTIFIED = json.loads((aircraft_folder("aerosonde") / "identified.json").read_text())
-CONFORMANCE = json.loads((ROOT / "benchmarks/light_turbulence.json").read_text())
+CONFORMANCE = conformance_tables(conformance(flight(duration_s=1.0)))
 
 
 def certificate_of(name, **settings):

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.arrays import FloatArray, check_at_least, check_between
-from flighttune.campaign.conform import at_random, distribution_of
+from flighttune.campaign.conform import at_random, check_random, distribution_of
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.alone import fly_group
 from flighttune.campaign.planning.plan import Plan, plan_from
@@ -29,12 +29,9 @@ from flighttune.guarantee.band import (
     window_extremes,
 )
 from flighttune.guarantee.bounds import ERRORS
-from flighttune.guarantee.count import counted_scale, flights_needed
+from flighttune.guarantee.count import fresh_flights
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import SIGNAL_UNITS, Run
-
-# Flights that may lie outside by default: the scale depends less on a single one of them.
-OUTSIDE = 5
 
 # Keeps of a completed flight what is counted of it.
 Probe: TypeAlias = partial[list[float]]
@@ -67,8 +64,7 @@ def count_band(
     """
     check_between(0.0, 1.0, epsilon=epsilon, confidence=confidence)
     check_at_least(MIN_LEARNED, learn=learn)
-    flights = flights_needed(epsilon, confidence, OUTSIDE) if flights is None else flights
-    counted_scale(np.zeros(flights), epsilon, confidence)  # refuses too few before any is flown
+    flights = fresh_flights(flights, epsilon, confidence)
     plan = planned(source, plant=plant, gains=gains, **about_scenario)
     group = plan.chosen_group(plant, gains if gains in plan.gain_sets else None)
     campaign = at_random(plan.campaign)
@@ -76,12 +72,7 @@ def count_band(
         campaign = campaign.model_copy(update={"seed": seed})
     plan = replace(plan.of_group(group), campaign=campaign, runs=learn + flights)
     distribution, central = distribution_of(plan, group.plant), campaign.central
-    drawn = any(len({*values}) > 1 for values in distribution.dispersed.values())
-    if not (drawn or central.turbulence or central.sensors):
-        raise InputError(
-            f"{source}: `start_deg` must be given for a scenario in which nothing is random: all "
-            "its flights are the same."
-        )
+    check_random(source, distribution, central)
     for key in {*TIME_AXIS} & {*plan.keys}:
         raise InputError(f"{source}: `{key}` must be the same in all flights of a band.")
     if predicted_from and not any(key.startswith("wind.") for key in distribution.dispersed):

@@ -4,56 +4,32 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.arrays import FloatArray, check_at_least, check_between, check_not_negative
+from flighttune.arrays import FloatArray, check_not_negative
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.planning.load import campaign_on
-from flighttune.campaign.planning.plan import Plan, plan_campaign
-from flighttune.campaign.planning.schema import (
-    Campaign,
-    CampaignTable,
-    Choice,
-    Design,
-    Dispersion,
-    Grid,
-    Uniform,
-)
+from flighttune.campaign.planning.plan import Plan
+from flighttune.campaign.planning.schema import Campaign, Choice, Design, Dispersion, Grid, Uniform
 from flighttune.campaign.stated_set import planned, rows_of
-from flighttune.conformance.boxes import (
-    WINDOW_S,
-    Over,
-    RateBoxes,
-    ResidualSummary,
-    Windows,
-    fitted_boxes,
-)
-from flighttune.conformance.file import (
-    Attempt,
-    Conformance,
-    Distribution,
-    flights_needed,
-    flown_values,
-)
-from flighttune.conformance.residual import COUNTED, ConformantModel
+from flighttune.conformance.boxes import WINDOW_S, Over, RateBoxes, ResidualSummary, Windows
+from flighttune.conformance.file import Conformance, Distribution, boxes_at_scale, flown_values
+from flighttune.conformance.residual import RESIDUALS, ConformantModel
 from flighttune.control.law import split_name
 from flighttune.errors import InputError
+from flighttune.guarantee.count import fresh_flights, refuting_outside
 from flighttune.identify.file import identified_tables, load_identified
-from flighttune.scenario.load import check_aircraft, scenario_from
+from flighttune.scenario.load import scenario_from
 from flighttune.scenario.places import spelled
 from flighttune.scenario.schema import GainsTable, Scenario
-from flighttune.scenario.tables import INTENSITIES, TUNED_IDENTIFIED
-from flighttune.shipped import aircraft_folders
+from flighttune.scenario.tables import INTENSITIES
 from flighttune.simulate.run import Run
 from flighttune.table_file import hash_of
-from flighttune.units import DEG_PER_RAD
 
-# Column of the extremes of the residual rates of each flight, window by window.
-RESIDUALS = "residuals"
+# Column of what is kept of the residuals of each flight.
+KEPT = "residuals"
 
 CALM, STEADY_WIND = "calm", "wind"
 
@@ -69,11 +45,8 @@ UNIT_ENDS = (1e-9, 1.0 - 1e-9)
 # Draws used to decide whether the references of a campaign move at the same instants.
 SAMPLED_DRAWS = 16
 
-# Number of training flights for a scenario without a campaign.
-OWN_FLIGHTS = 500
-
-# Fresh flights flown at a time; the count ends after a part in which one is outside.
-PART = 4096
+# Number of training flights about a scenario.
+TRAINING_FLIGHTS = 500
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -81,8 +54,8 @@ class ConformSettings:
     """The claim to make, and the flights that it covers."""
 
     epsilon: float = 0.01  # 1; largest probability that a flight leaves the boxes
-    confidence: float = 0.999  # 1; confidence of the claim, shared by all attempts
-    attempts: int = 3  # maximum number of counts, fixed beforehand
+    confidence: float = 0.999  # 1; confidence of the claim
+    flights: int | None = None  # fresh flights, by default as for `fresh_flights`
     gains: str | None = None  # by default tuned_identified if the campaign has it, else its first
     plant: str | None = None  # label of an aircraft, by default the first
     air: str | None = None  # calm, wind, light, moderate or severe; by default the likeliest
@@ -95,14 +68,8 @@ class ConformSettings:
     tables: tuple[GainsTable, ...] = ()  # gain sets that the source does not have
     changes: Mapping[str, Any] = field(default_factory=dict)  # values of the scenario by dotted key
 
-    @property
-    def flights(self) -> int:
-        """Fresh flights of each attempt."""
-        return math.ceil(flights_needed(self.epsilon, self.confidence, self.attempts))
-
     def __post_init__(self) -> None:
-        check_between(0.0, 1.0, epsilon=self.epsilon, confidence=self.confidence)
-        check_at_least(1, attempts=self.attempts)
+        fresh_flights(self.flights, self.epsilon, self.confidence)
         check_not_negative(start_deg=self.start_deg)
 
 
@@ -112,8 +79,8 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
     Parameters
     ----------
     source : str
-        Folder of a campaign, whose draws are learned from; a campaign or scenario file or the name
-        of a shipped one; or an aircraft (name or folder), which flies a random campaign of its own.
+        Folder of a campaign, whose draws are learned from, or a campaign or scenario file or the
+        name of a shipped one.
     settings : ConformSettings
     pool : WorkerPool
         Flies.
@@ -121,38 +88,32 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
     Returns
     -------
     Conformance
-        Its attempts end with the first without a flight outside.
 
     Raises
     ------
     InputError, ScenarioError
-        If source, gains, plant or air are not there, or the aircraft has no identified model.
+        If source, gains, plant or air are not there, the aircraft has no identified model, or more
+        fresh flights were not completed than may lie outside.
     StoppedError
         If the observer of the pool stopped the flights.
 
     Notes
     -----
-    A plain holdout count: boxes that a flight leaves with a probability above epsilon are left by
-    none of N independent fresh flights with a probability below ``(1 - epsilon)^N``. N and the
-    number of attempts are fixed beforehand, and the flights of an attempt are used to fit the boxes
-    of the next one only, so that the error probabilities of all attempts add up to at most
-    ``1 - confidence`` (Bonferroni). Fresh flights are those of ``design = "random"``, whatever the
-    design of those learned from. A count ends early once a flight is outside: it has failed.
+    The shape of the boxes is learned from some flights. Each fresh flight then has a score, the
+    scale of that shape with which it stays inside, and the scale of the boxes is an order statistic
+    of the scores (`counted_scale`). Fresh flights are those of ``design = "random"``, whatever the
+    design of those learned from.
     """
-    learned, fresh, summary = _plans(source, settings)
-    first, each = learned.runs, settings.flights
-    attempts: list[Attempt] = []
-    training = _extremes(pool, learned, summary, range(first), "learning")
-    while True:
-        completed = training[:, ~np.isnan(training[0]).any(axis=(1, 2))]
-        boxes, widened = fitted_boxes(summary.windows, *completed, each)
-        counted = _counted(pool, fresh, summary, range(first, first + each), boxes)
-        outside, end = int(np.sum(~boxes.hold(*counted))), first + counted.shape[1]
-        attempts.append(Attempt((0, first), (first, end), outside, widened))
-        if not outside or len(attempts) == settings.attempts:
-            break
-        first = end
-        training = np.concatenate([training, counted], axis=1)
+    plan, fresh, summary = _plans(source, settings)
+    training = plan.runs
+    probe = partial(_residuals_of, summary)
+    extremes = _probed(pool, plan, partial(probe, None), range(training), "learning")
+    shape = -1, 2, summary.windows.count, len(RESIDUALS)
+    lows, highs = np.moveaxis(np.reshape([x for x in extremes if x], shape), 1, 0)
+    learned = RateBoxes.around(summary.windows, lows, highs)
+    scores = _scores(pool, fresh, partial(probe, learned), training, "counting")
+    completed = scores[np.isfinite(scores)]
+    boxes = boxes_at_scale(learned, scores, settings.epsilon, settings.confidence)
     (group,) = fresh.groups
     gains = fresh.gain_sets[group.gains]
     assert gains is not None  # of the group that was chosen
@@ -162,11 +123,13 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
         gains_name=group.gains,
         gains=gains,
         model=summary.model,
+        learned=learned,
         boxes=boxes,
         epsilon=settings.epsilon,
         confidence=settings.confidence,
-        planned=settings.attempts,
-        attempts=tuple(attempts),
+        scores=completed,
+        not_completed=len(scores) - len(completed),
+        training=training,
         seed=fresh.campaign.seed,
         distribution=distribution_of(fresh, group.plant),
         aircraft_sha256=files,
@@ -177,9 +140,10 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
 
 def recount(
     source: str, conformance: Conformance, settings: ConformSettings, pool: WorkerPool
-) -> Attempt:
+) -> dict[str, int]:
     """Fly as many flights again as were counted, of the same distribution with another seed.
 
+    Returns their number, how many are outside, and from how many on they refute the claim.
     The claim, gains, air and windows of the conformance replace those of the settings; the seed is
     by default the next one.
     """
@@ -191,7 +155,7 @@ def recount(
         settings,
         epsilon=conformance.epsilon,
         confidence=conformance.confidence,
-        attempts=conformance.planned,
+        flights=len(conformance.all_scores),
         gains=conformance.gains_name,
         tables=(kept,),
         air=conformance.distribution.air,
@@ -210,9 +174,10 @@ def recount(
             "and --plant, got another hash."
         )
     again = replace(counted, campaign=counted.campaign.model_copy(update={"seed": seed}))
-    last = conformance.attempts[-1]
-    extremes = _extremes(pool, again, summary, range(*last.counted), "counting again")
-    return replace(last, outside=int(np.sum(~conformance.boxes.hold(*extremes))))
+    probe = partial(_residuals_of, summary, conformance.boxes)
+    scores = _scores(pool, again, probe, conformance.training, "counting again")
+    refuting = refuting_outside(len(scores), conformance.epsilon, conformance.confidence)
+    return {"flights": len(scores), "outside": int(np.sum(scores > 1.0)), "refuting": refuting}
 
 
 def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan, ResidualSummary]:
@@ -220,23 +185,14 @@ def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan, Residual
 
     All are of one aircraft and one gain set.
     """
-    if source in aircraft_folders() or (Path(source) / "aircraft.toml").is_file():
-        plan = plan_campaign(own_campaign(source))
-    else:
-        chosen = {"plant": settings.plant, "start_deg": settings.start_deg}
-        chosen |= {key: getattr(settings, key) for key in ("gains", "tables", "changes")}
-        plan = planned(source, kind="jsbsim", draws=OWN_FLIGHTS, **chosen)
+    chosen = ("plant", "start_deg", "gains", "tables", "changes")
+    options = {key: getattr(settings, key) for key in chosen}
+    plan = planned(source, kind="jsbsim", draws=TRAINING_FLIGHTS, **options)
     gains = settings.gains if settings.gains in plan.gain_sets else None  # None for a file
     group = plan.chosen_group(settings.plant, gains, kind="jsbsim")
     campaign = in_air(plan.campaign, settings.air or air_of(plan.campaign.central))
     if settings.seed is not None:
         campaign = campaign.model_copy(update={"seed": settings.seed})
-    drawn = [table for table in at_random(campaign).disperse if not _is_degenerate(table)]
-    if not (drawn or campaign.nominal.turbulence or campaign.nominal.sensors):
-        raise InputError(
-            f"{source}: `start_deg` must be given for a scenario in which nothing is random: all "
-            "its flights are the same."
-        )
     in_this_air = replace(plan, campaign=campaign)
     summary = ResidualSummary(
         model=conformant_model(campaign.nominal, group.plant),
@@ -251,51 +207,43 @@ def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan, Residual
         aircraft={aircraft: plan.aircraft[aircraft]},
     )
     # Fresh draws are numbered after the training draws, whose seeds they must not share.
-    runs = plan.draws + settings.attempts * settings.flights
-    return learned, replace(learned, campaign=at_random(campaign), runs=runs), summary
+    flights = fresh_flights(settings.flights, settings.epsilon, settings.confidence)
+    fresh = replace(learned, campaign=at_random(campaign), runs=plan.draws + flights)
+    check_random(source, distribution_of(fresh, group.plant), campaign.central)
+    return learned, fresh, summary
 
 
-def _is_degenerate(table: Dispersion) -> bool:
-    """Whether a key that is drawn has the same value in every flight."""
-    if not isinstance(table, Choice):
-        return False
-    weights = table.weights or [1.0] * len(table.values)
-    return len({value for value, weight in zip(table.values, weights, strict=True) if weight}) < 2
+def check_random(source: str, distribution: Distribution, central: Scenario) -> None:
+    """Refuse flights of a source that are all the same."""
+    drawn = any(len({*values}) > 1 for values in distribution.dispersed.values())
+    if not (drawn or central.turbulence or central.sensors):
+        raise InputError(
+            f"{source}: `start_deg` must be given for a scenario in which nothing is random: all "
+            "its flights are the same."
+        )
 
 
-def _counted(
-    pool: WorkerPool, plan: Plan, summary: ResidualSummary, runs: range, boxes: RateBoxes
+def _scores(
+    pool: WorkerPool, fresh: Plan, probe: "partial[list[float]]", first: int, doing: str
 ) -> FloatArray:
-    """`_extremes` of fresh flights, `PART` at a time, until one is outside."""
-    parts: list[FloatArray] = []
-    count = math.ceil(len(runs) / PART)
-    for i in range(count):
-        doing = "counting" if count == 1 else f"counting, part {i + 1} of {count}"
-        part = runs[i * PART : (i + 1) * PART]
-        parts.append(_extremes(pool, plan, summary, part, doing))
-        if not boxes.hold(*parts[-1]).all():
-            break
-    return np.concatenate(parts, axis=1)
+    """Score of each fresh flight from a run on; infinite for one that was not completed."""
+    values = _probed(pool, fresh, probe, range(first, fresh.runs), doing)
+    return np.array([math.inf if own is None else own[0] for own in values])
 
 
-def _extremes(
-    pool: WorkerPool, plan: Plan, summary: ResidualSummary, runs: range, doing: str
-) -> FloatArray:
-    """Lowest and highest residuals of some runs, shape (2, runs, windows, 6).
-
-    NaN for a flight that was not completed.
-    """
-    probes = {RESIDUALS: partial(_residuals_of, summary)}
-    rows = rows_of(pool, plan, doing, runs=runs, probes=probes)
-    shape = 2, summary.windows.count, len(COUNTED)
-    lost = np.full(shape, np.nan)
-    values = rows[RESIDUALS].to_pylist()
-    return np.stack([lost if own is None else np.reshape(own, shape) for own in values], axis=1)
+def _probed(
+    pool: WorkerPool, plan: Plan, probe: "partial[list[float]]", runs: range, doing: str
+) -> list[list[float] | None]:
+    """What `_residuals_of` makes of some runs; None for a flight that was not completed."""
+    return rows_of(pool, plan, doing, runs=runs, probes={KEPT: probe})[KEPT].to_pylist()
 
 
-def _residuals_of(summary: ResidualSummary, run: Run, scenario: Scenario) -> list[float]:
-    """The extremes of the residual rates of a flight, lowest first."""
-    return np.ravel(summary.of_flight(run, scenario.condition)).tolist()
+def _residuals_of(
+    summary: ResidualSummary, boxes: RateBoxes | None, run: Run, scenario: Scenario
+) -> list[float]:
+    """The score of a flight in boxes; without boxes its extremes, lowest first."""
+    extremes = summary.of_flight(run, scenario.condition)
+    return np.ravel(extremes).tolist() if boxes is None else [boxes.score(*extremes)]
 
 
 def _campaign_hash(plan: Plan, summary: ResidualSummary) -> str:
@@ -415,49 +363,3 @@ def _over(plan: Plan) -> Over:
         t = np.arange(round(scenario.flight.duration_s * rate) + 1) / rate
         moving.add(np.any(np.diff(scenario.followed().sampled(t)) != 0.0, axis=0).tobytes())
     return "time" if len(moving) == 1 else "phase"
-
-
-def own_campaign(aircraft: str) -> Campaign:
-    """A campaign of an aircraft that has none: random starts and references in calm air.
-
-    Turns and changes of path angle are ramps of random rate that stay inside the limits, from
-    steady flight at the first condition of the identified model.
-    """
-    limits = load_aircraft(aircraft).limits
-    first = load_identified(aircraft).conditions[0]
-    ramp = {"shape": "ramp", "rate_dps": 0.0}
-    scenario = scenario_from(
-        {
-            "title": f"ramps of {aircraft}",
-            "gains": [TUNED_IDENTIFIED],
-            "flight": {"V_a_mps": first.V_a, "h_m": first.h, "duration_s": 20.0},
-            "reference": {
-                "chi_deg": [{**ramp, "start_s": 2.0, "duration_s": 6.0}],
-                "gamma_deg": [{**ramp, "start_s": 5.0, "duration_s": 3.0}],
-            },
-            "limits": {
-                "phi_deg": [edge * DEG_PER_RAD for edge in limits.phi],
-                "phi_rate_dps": limits.phi_rate * DEG_PER_RAD,
-                "n_z": list(limits.n_z),
-                "n_z_rate_per_s": limits.n_z_rate,
-            },
-            "controller": {"feed_forward": True},
-            "plant": [{"kind": "jsbsim", "aircraft": aircraft}],
-        }
-    )
-    check_aircraft(scenario, aircraft)
-    roll = min(-limits.phi[0], limits.phi[1])
-    turn = scenario.flight.g_mps2 * math.tan(0.5 * roll) / first.V_a * DEG_PER_RAD
-    uniform = {
-        "flight.chi_deg": 5.0,
-        "flight.gamma_deg": 2.0,
-        "reference.chi_deg[0].rate_dps": turn,
-        "reference.gamma_deg[0].rate_dps": 1.0,
-    }
-    table = CampaignTable(
-        title=f"random starts and references of {aircraft}",
-        scenario=aircraft,
-        runs=OWN_FLIGHTS,
-        disperse=[Uniform(key=key, lower=-width, upper=width) for key, width in uniform.items()],
-    )
-    return campaign_on(table, scenario, aircraft)

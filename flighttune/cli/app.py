@@ -94,7 +94,7 @@ COMMANDS = {
         (worst, "worst", "searching", "worst first_campaign --budget 40"),
         (tube, "tube", "enclosing", "tube paper --gains paper"),
         (band, "band", "counting", "band mission --out mission.npz"),
-        (conform, "conform", "learning", "conform aerosonde --out conformance.json"),
+        (conform, "conform", "learning", "conform feasible_starts --out boxes.json"),
     ],
     "Publish": [
         (report, "report", "reporting", "report runs/paper"),

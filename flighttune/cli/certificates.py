@@ -268,7 +268,7 @@ def _tube(file: Path, conformance: Path | None) -> "tuple[Verification, Answer]"
 
     loaded = load_tube(file, None if conformance is None else load_conformance(conformance))
     checked, claim = loaded.problem.aircraft_checked, enclosed(loaded, "of the file")
-    basis = "" if loaded.lost is None else "within the errors that were counted"
+    basis = ""
     if checked is False:
         basis = "for the boxes in the file; that an aircraft keeps them is not checked here"
     scenario = loaded.problem.scenario.as_dict()

@@ -49,6 +49,7 @@ DISTURBANCE_COLUMNS = [
     Column("low", "lowest", "rad/s"),
     Column("high", "highest", "rad/s"),
 ]
+LOST = "`flighttune band` bounds such flights with a probability, without a model."
 LIMIT_KEYS = ("lower", "upper", "rate_lower", "rate_upper")
 LIMIT_COLUMNS = [*columns(f"command {' '.join(LIMIT_KEYS)}"), Column("held_s", "can hold", "s")]
 RUN_COLUMNS = [
@@ -217,9 +218,8 @@ def enclosed(tube: "Tube", gains: str) -> Answer:
             zip(("phi_cmd [deg]", "n_z_cmd"), (1.0 / DEG, 1.0), limited.values(), strict=True)
         )
     ]
-    if tube.lost is not None:
-        boxes = "that flights were counted against" if counted else "in the file"
-        notes = [f"{tube.reason}: the bounds on the errors are those {boxes}."]
+    if tube.status != "bounded":
+        notes = [LOST] if problem.boxes else []
     elif tube.hand_over is None:
         notes = ["There is no claim beyond the end of the scenario: no invariant set was found."]
     else:
@@ -240,7 +240,6 @@ def enclosed(tube: "Tube", gains: str) -> Answer:
             "half_width_deg": half_widths,
             "limits_can_hold": limited,
             "handed_over_s": tube.handed_over,
-            "counted_from_s": tube.counted_from,
             "gains": problem.gains.as_lists(),
             "start_rad": problem.start,
             "disturbance_rad_s": [lowest, highest],
@@ -285,7 +284,7 @@ def tubes_around(
 
 def tubes_answer(tubes: "RunTubes", command: str, scenario: str = "") -> Answer:
     """The tubes of runs of a scenario as part of an answer; `command` computes missing ones."""
-    of_tube = "status reason model start_deg handed_over_s counted_from_s probability worst"
+    of_tube = "status reason model start_deg handed_over_s probability worst"
     values = {
         label: {
             **pick(tube.about, of_tube),
@@ -334,10 +333,8 @@ def _note(label: str, tube: "RunTube", searched: str) -> str:
     `searched`: arguments of ``worst`` that say which flights it searches.
     """
     about, sentences = tube.about, [f"{label}: its tube is that of {tube.about.model}."]
-    if about.reason and about.counted_from_s is not None:
-        sentences.append(f"It is lost, and the bounds are those counted: {about.reason}.")
-    elif about.reason:
-        sentences.append(f"It is lost: {about.reason}.")
+    if about.reason:
+        sentences.append(f"It is lost: {about.reason}. {LOST}")
     if about.probability:
         sentences.append(f"{about.probability.sentence}.")
     if about.worst is None:

@@ -4,7 +4,6 @@ import json
 import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 
@@ -12,11 +11,12 @@ import numpy as np
 from pydantic import Field
 
 from flighttune.aircraft.aircraft import files_hash
-from flighttune.arrays import check_between
+from flighttune.arrays import FloatArray, check_at_least, read_only_vector
 from flighttune.conformance.boxes import RateBoxes
-from flighttune.conformance.residual import COUNTED, ConformantModel
+from flighttune.conformance.residual import RESIDUALS, ConformantModel
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError
+from flighttune.guarantee.count import allowed_outside, counted_scale
 from flighttune.present.tables import number
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
@@ -48,45 +48,7 @@ ROUNDING_RAD = 1e-14
 # Relative difference of gains below which they are the same: tuning repeats to 1e-9.
 SAME_GAINS = 1e-6
 
-
 Count: TypeAlias = Annotated[int, Field(ge=0, le=10**9)]
-
-# Numbers of draws of a campaign: the first, and the first after the last.
-Draws: TypeAlias = tuple[Count, Count]
-
-
-@dataclass(frozen=True, slots=True)
-class Attempt:
-    """One count: boxes fitted to some draws, and fresh ones flown against them."""
-
-    learned: Draws  # draws that the boxes were fitted to
-    counted: Draws  # draws flown against the boxes; a count that failed ends early
-    outside: Count  # flights counted that left a box or did not reach their end
-    # Largest half width of a box over that of the smallest one around the flights learned from.
-    widened: Annotated[float, Field(ge=1.0, allow_inf_nan=False)] = 1.0
-
-    def __post_init__(self) -> None:
-        (first, end), (fresh, last) = self.learned, self.counted
-        if not (first < end <= fresh < last and self.outside <= last - fresh):
-            raise InputError(
-                f"`counted` must be draws after those `learned`, got {fresh} to {last} after "
-                f"{first} to {end}, {self.outside} of them outside."
-            )
-
-    @property
-    def flights(self) -> int:
-        """Number of flights counted."""
-        return self.counted[1] - self.counted[0]
-
-
-def flights_needed(epsilon: float, confidence: float, attempts: int) -> float:
-    """Fresh flights, none of them outside, that a claim takes in each of the attempts planned.
-
-    If a flight is outside with probability above epsilon, none of N flights is outside with
-    probability at most ``(1 - epsilon)^N``; this must not exceed the attempt's part of
-    ``1 - confidence``.
-    """
-    return math.log((1.0 - confidence) / attempts) / math.log1p(-epsilon)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -195,87 +157,76 @@ class Conformance:
     gains_name: str
     gains: PIGains
     model: ConformantModel  # model whose rates are subtracted; the same for all flights
-    boxes: RateBoxes
+    learned: RateBoxes  # the smallest around the training flights
+    boxes: RateBoxes  # those learned, at the scale that the scores ask for
     # `epsilon` and `confidence`: probability and confidence of the claim, in (0, 1)
     epsilon: float
     confidence: float
-    planned: Count  # number of attempts that share the confidence, fixed before the first
-    attempts: tuple[Attempt, ...]  # the boxes are those of the last one
-    seed: Count  # seed of the campaign: with their numbers it determines the draws
+    scores: FloatArray  # of the fresh flights that were completed: `RateBoxes.score` in `learned`
+    not_completed: Annotated[int, Field(ge=0, le=10**7)]  # other fresh flights: outside
+    # With the seed of the campaign the numbers of the draws determine them: draws from 0 on are
+    # training flights, those after them are fresh.
+    training: Count
+    seed: Count
     distribution: Distribution
     aircraft_sha256: str  # of the files of the aircraft
     identified_sha256: str  # of its identified model
     campaign_sha256: str  # of the plan that was flown
 
     __pydantic_config__: ClassVar = STRICT
-    FORMAT: ClassVar[str] = "flighttune conformance 5"
+    FORMAT: ClassVar[str] = "flighttune conformance 6"
     UNITS: ClassVar[Mapping[str, str]] = {
         "model": "V_a in m/s, g in m/s^2; lags of roll and load factor, in rad/s and s",
-        "boxes": "lowest and highest values by window, in columns " + ", ".join(COUNTED),
+        "boxes": "lowest and highest values by window, in columns " + ", ".join(RESIDUALS),
         "distribution": "keys of the scenario, in the units of their names",
     }
 
     def __post_init__(self) -> None:
-        check_between(0.0, 1.0, epsilon=self.epsilon, confidence=self.confidence)
+        object.__setattr__(self, "scores", read_only_vector("scores", self.scores))
+        check_at_least(1, training=self.training)
         if self.gains.K.shape != (2, 4):
             raise InputError(f"`gains` must have 2 rows and columns, got {self.gains.K_P.shape}.")
-        if not 1 <= len(self.attempts) <= self.planned:
+        boxes = self.boxes
+        least = boxes_at_scale(self.learned, self.all_scores, self.epsilon, self.confidence)
+        if boxes.windows != least.windows or not (
+            (boxes.low <= least.low).all() and (boxes.high >= least.high).all()
+        ):
             raise InputError(
-                f"`attempts` must be 1 to the {self.planned} planned, got {len(self.attempts)}."
-            )
-        for before, after in pairwise(self.attempts):
-            if not before.outside or after.counted[0] < before.counted[1]:
-                raise InputError(
-                    "`attempts` must each count new draws, after one with flights outside, got "
-                    f"draws from {after.counted[0]} on after {before.outside} outside."
-                )
-        needed = flights_needed(self.epsilon, self.confidence, self.planned)
-        if self.holds and self.attempts[-1].flights < needed:
-            raise InputError(
-                f"`counted` must be at least {needed:.0f} flights for `epsilon` {self.epsilon:g} "
-                f"and `confidence` {self.confidence:.10g} in {self.planned} attempts, got "
-                f"{self.attempts[-1].flights}."
+                "`boxes` must be at least as wide as those `learned` at the scale that the "
+                f"`scores` ask for, {self.counted[0]:.4g}, got narrower ones."
             )
 
     @property
-    def holds(self) -> bool:
-        """Whether all flights of the last attempt stayed in the boxes."""
-        return self.attempts[-1].outside == 0
+    def all_scores(self) -> FloatArray:
+        """Scores of all fresh flights; infinite of those that were not completed."""
+        return np.append(self.scores, np.full(self.not_completed, np.inf))
+
+    @property
+    def counted(self) -> tuple[float, int]:
+        """Scale of the boxes, and number of fresh flights outside: see `counted_scale`."""
+        return counted_scale(self.all_scores, self.epsilon, self.confidence)
 
     @property
     def sentence(self) -> str:
-        """The claim, or why there is none, with the distribution it is about."""
-        last, tries = self.attempts[-1], len(self.attempts)
-        flights = f"flight of {self.distribution.sentence}"
-        if not self.holds:
-            return (
-                f"of {last.flights} flights not used, {last.outside} left the boxes in the last of "
-                f"{tries} counts: nothing is claimed of a {flights}"
-            )
-        before = f" (count {tries}, after {tries - 1} with flights outside)" if tries > 1 else ""
+        """The claim in words, with the distribution it is about."""
         return (
-            f"of {last.flights} flights not used, none left the boxes{before}: a {flights} "
-            f"leaves the boxes with probability at most {number(self.epsilon)}, confidence "
-            f"{self.confidence:.10g}"
+            f"of {len(self.all_scores)} fresh flights {self.counted[1]} left the boxes: a flight "
+            f"of {self.distribution.sentence} leaves the boxes with probability at most "
+            f"{number(self.epsilon)}, confidence {self.confidence:.10g}"
         )
 
     def probability(
-        self, scenario: Scenario, plant: PlantTable, start: float, *, counted_only: bool
+        self, scenario: Scenario, plant: PlantTable, start: float
     ) -> CountedProbability:
         """Probability counted for a tube from starts within `start` (rad) of a scenario's.
 
-        It speaks of flights where the tube covers all those counted: their starts are the only
-        difference between them and the tube is from all of these, or the bounds are those counted
-        for the errors (`counted_only`) and are the same for every flight. Otherwise it speaks of
-        the residual rates alone: most flights do not even start inside a tube from one start.
+        It speaks of flights where the tube is from all starts counted, and these are the only
+        difference between the flights. Otherwise it speaks of the residual rates alone: most
+        flights do not even start inside a tube from one start.
         """
         starts = self.distribution.start_range(scenario, plant)
-        # A phase is counted from the moves of a flight's own reference.
-        same = self.boxes.windows.over == "time" or not any(
-            key.startswith("reference.") for key in self.distribution.dispersed
-        )
         from_all = starts is not None and start >= starts - ROUNDING_RAD
-        of = "flight" if from_all or (counted_only and same) else "residual_rates"
+        of = "flight" if from_all else "residual_rates"
         return CountedProbability(of=of, at_most=self.epsilon, confidence=self.confidence)
 
     def check(
@@ -310,6 +261,20 @@ class Conformance:
                     f"conformance: `start` must be at most {most:.4g} deg from `{key}`, as in the "
                     f"flights counted, got {math.degrees(start):.4g} deg."
                 )
+
+
+def boxes_at_scale(
+    learned: RateBoxes, scores: FloatArray, epsilon: float, confidence: float
+) -> RateBoxes:
+    """The boxes at the scale of `counted_scale`; InputError if too many scores are infinite."""
+    scale, _ = counted_scale(scores, epsilon, confidence)
+    if math.isinf(scale):
+        most = allowed_outside(len(scores), epsilon, confidence)
+        raise InputError(
+            f"`not_completed` must be at most {most} of {len(scores)} fresh flights for `epsilon` "
+            f"{epsilon:g} and `confidence` {confidence:.10g}, got {np.sum(np.isinf(scores))}."
+        )
+    return learned.scaled(scale)
 
 
 def save_conformance(conformance: Conformance, path: str | Path) -> None:

@@ -17,12 +17,6 @@ from flighttune.simulate.run import Run
 # Parts of a flight that the model misses; a feed-forward of the roll flown sees the last two.
 RESIDUALS = ("d_chi_rad_s", "d_gamma_rad_s", "roll_rad", "roll_change_rad")
 
-# Errors of the flight itself: what stays known of it where the model says nothing.
-ERRORS = ("chi_err_rad", "gamma_err_rad")
-
-# Quantities that have boxes.
-COUNTED = (*RESIDUALS, *ERRORS)
-
 # Corrections of a residual. Each shrinks its error by about ``g sin(gamma) dt / V``, below 0.01 at
 # 50 Hz: five leave rounding.
 ITERATIONS = 5

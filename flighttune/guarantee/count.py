@@ -7,10 +7,13 @@ Statistics 12 (1941).
 import math
 
 import numpy as np
-from scipy.special import bdtr
+from scipy.special import bdtr, bdtrc
 
 from flighttune.arrays import FloatArray, check_between
 from flighttune.errors import InputError
+
+# Flights that may lie outside by default: the scale depends less on a single one of them.
+OUTSIDE = 5
 
 
 def allowed_outside(flights: int, epsilon: float, confidence: float) -> int:
@@ -38,6 +41,30 @@ def flights_needed(epsilon: float, confidence: float, outside: int = 0) -> int:
     return high
 
 
+def fresh_flights(flights: int | None, epsilon: float, confidence: float) -> int:
+    """Number of flights to count, by default the fewest of which `OUTSIDE` may lie outside.
+
+    Raises InputError if `flights` are too few.
+    """
+    if flights is None:
+        return flights_needed(epsilon, confidence, OUTSIDE)
+    if allowed_outside(flights, epsilon, confidence) < 0:
+        raise InputError(
+            f"`flights` must be at least {flights_needed(epsilon, confidence)} for `epsilon` "
+            f"{epsilon:g} and `confidence` {confidence:.10g}, got {flights}."
+        )
+    return flights
+
+
+def refuting_outside(flights: int, epsilon: float, confidence: float) -> int:
+    """Fewest of new flights outside that refute a probability of at most `epsilon`.
+
+    With that probability so many of `flights` lie outside with one of at most ``1 - confidence``.
+    """
+    k = np.arange(flights + 1)
+    return int(np.sum(bdtrc(k - 1, flights, epsilon) > 1.0 - confidence))
+
+
 def counted_scale(scores: FloatArray, epsilon: float, confidence: float) -> tuple[float, int]:
     """The score that a new flight exceeds with probability at most `epsilon`, and how many do.
 
@@ -46,11 +73,6 @@ def counted_scale(scores: FloatArray, epsilon: float, confidence: float) -> tupl
     with r of `allowed_outside`: it is infinite if more than r flights were not completed. Raises
     InputError if there are too few scores.
     """
-    r = allowed_outside(len(scores), epsilon, confidence)
-    if r < 0:
-        raise InputError(
-            f"`flights` must be at least {flights_needed(epsilon, confidence)} for `epsilon` "
-            f"{epsilon:g} and `confidence` {confidence:.10g}, got {len(scores)}."
-        )
+    r = allowed_outside(fresh_flights(len(scores), epsilon, confidence), epsilon, confidence)
     scale = float(np.partition(scores, -r - 1)[-r - 1])
     return scale, int(np.sum(scores > scale))

@@ -17,7 +17,6 @@ from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray, check_positive
 from flighttune.conformance import Conformance
 from flighttune.conformance.file import CountedProbability, conformance_tables
-from flighttune.conformance.residual import RESIDUALS
 from flighttune.control.controller import SelfLimiting
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
@@ -47,12 +46,11 @@ MAX_PIECES, MAX_SYMBOLS = 4096, 20000
 class AircraftBoxes:
     """Boxes counted for an aircraft's flights, at the k samples of one flight."""
 
-    # Bounds on `COUNTED`: from each sample to the next on the residual rates of course and
+    # Bounds on `RESIDUALS`: from each sample to the next on the residual rates of course and
     # flight-path angle, of any shape; on the roll seen minus that behind the lag, and its change
-    # to the next sample; on the errors.
+    # to the next sample.
     bounds: Bounds
     lags: tuple[InnerLag, ...]  # of roll and load factor, in the model whose rates were subtracted
-    start_known: bool  # whether the path over ground begins where the scenario says
     # Hash of all values of the conformance, the same however its file is laid out
     conformance_sha256: str
 
@@ -60,7 +58,7 @@ class AircraftBoxes:
         """Name of the first part that differs; None if none does."""
         if not np.array_equal(self.bounds.pairs, other.bounds.pairs):
             return "boxes"
-        names = ("lags", "start_known", "conformance_sha256")
+        names = ("lags", "conformance_sha256")
         return next((x for x in names if getattr(self, x) != getattr(other, x)), None)
 
 
@@ -168,19 +166,21 @@ class TubeProblem:
     def boxes(self) -> AircraftBoxes | None:
         """Boxes counted for the flights of an aircraft; None for another plant.
 
-        Raises InputError if the conformance does not cover these flights, claims nothing, or is not
-        the one of the boxes stored.
+        Raises InputError if the conformance does not cover these flights, or is not the one of the
+        boxes stored.
         """
         conformance, scenario = self.conformance, self.scenario
         if conformance is None:
             return self.stored
         conformance.check(scenario, self.table, self.gains, self.start)
-        if not conformance.holds:
-            raise InputError(f"conformance: must hold, got: {conformance.sentence}.")
+        if conformance.distribution.windy and scenario.wind is None:
+            raise InputError(
+                "`wind` must be stated, as the flights counted had wind, got none: the path over "
+                "ground begins elsewhere than that through the air."
+            )
         boxes = AircraftBoxes(
             bounds=conformance.boxes.over(self.t, *self.reference[:, REFERENCE].T),
             lags=conformance.model.lags,
-            start_known=scenario.wind is not None or not conformance.distribution.windy,
             conformance_sha256=hash_of(conformance_tables(conformance)),
         )
         if self.stored is not None and (differs := boxes.difference(self.stored)):
@@ -265,7 +265,7 @@ class TubeProblem:
         feed_forward = controller.feed_forward and not reference[:, PLANNED].any()
         boxes = np.stack(self.disturbances, axis=2)
         if self.boxes is not None and feed_forward:
-            boxes = self.boxes.bounds.pairs[:, : len(RESIDUALS)]
+            boxes = self.boxes.bounds.pairs
         dt = 1.0 / self.scenario.controller.rate_hz
         return SampledLoop(
             law=controller._replace(feed_forward=feed_forward),
@@ -377,14 +377,6 @@ class Tube:
     chosen: npt.NDArray[np.float32]
     # Set in which the flights stay for ever; None where no such set was found
     hand_over: HandOver | None = None
-    # Sample from which on nothing is enclosed: there the errors are in the boxes counted for them,
-    # before it in both. None where the whole time is enclosed.
-    lost: int | None = None
-
-    @property
-    def counted_from(self) -> float | None:
-        """Time from which on the bounds are those counted, s."""
-        return None if self.lost is None else float(self.problem.t[self.lost])
 
     @property
     def handed_over(self) -> float | None:
@@ -396,14 +388,12 @@ class Tube:
     def probability(self) -> CountedProbability | None:
         """Probability counted for an aircraft, of its flights if all of them are in the tube.
 
-        None without a conformance.
+        None without a conformance, and for a tube that is lost.
         """
         problem = self.problem
-        if problem.conformance is None:
+        if problem.conformance is None or self.status != "bounded":
             return None
-        return problem.conformance.probability(
-            problem.scenario, problem.table, problem.start, counted_only=self.lost == 0
-        )
+        return problem.conformance.probability(problem.scenario, problem.table, problem.start)
 
     def held_intervals(self, channel: int) -> list[tuple[float, float]]:
         """Intervals, s, in which a limit can hold the command of a channel."""
@@ -416,28 +406,3 @@ class Tube:
 def bounds_of(t: FloatArray, pairs: FloatArray) -> Bounds:
     """Bounds on `QUANTITIES` from lower and upper ones, shape (k, 4, 2)."""
     return Bounds(t, pairs[..., 0], pairs[..., 1], QUANTITIES)
-
-
-def within_counted(tube: Tube) -> Tube:
-    """An unbounded tube of an aircraft, within the errors that were counted for its flights."""
-    problem, lost = tube.problem, len(tube.bounds.t)
-    pairs = counted_bounds(problem)
-    pairs[:lost] = tightest(tube.bounds.pairs, pairs[:lost])
-    can_limit = np.ones((len(pairs), 2), dtype=bool)
-    can_limit[:lost] = tube.can_limit
-    bounds = bounds_of(problem.t, pairs)
-    return replace(tube, status="bounded", bounds=bounds, can_limit=can_limit, lost=lost)
-
-
-def counted_bounds(problem: TubeProblem) -> FloatArray:
-    """Bounds on `QUANTITIES` that need no model, shape (k, 4, 2): errors counted, and limits."""
-    assert problem.boxes is not None
-    errors = problem.boxes.bounds.pairs[:, 4:6]
-    limits = np.stack([problem.limits.lower, problem.limits.upper], axis=1)
-    return np.concatenate([errors, np.broadcast_to(limits, errors.shape)], axis=1)
-
-
-def tightest(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Bounds, shape (..., 2), that hold where both of these do."""
-    low, high = np.maximum(a[..., 0], b[..., 0]), np.minimum(a[..., 1], b[..., 1])
-    return np.stack([low, high], axis=-1)

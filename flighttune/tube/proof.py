@@ -15,7 +15,7 @@ from pydantic import Field
 from flighttune.array_file import BOOL, FLOAT, SINGLE, TEXT, Arrays, check_shapes, read_arrays
 from flighttune.arrays import FloatArray, read_only_matrix
 from flighttune.conformance import Conformance
-from flighttune.conformance.residual import COUNTED
+from flighttune.conformance.residual import RESIDUALS
 from flighttune.control.gains import COMMANDS, PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import InputError
@@ -35,11 +35,9 @@ from flighttune.tube.problem import (
     Tube,
     TubeProblem,
     bounds_of,
-    counted_bounds,
     reference_of,
     sample_count,
     sample_times,
-    tightest,
 )
 from flighttune.tube.sample import Channel, Cut, SampledLoop, start_set
 from flighttune.value_file import STRICT, tables_of, value_of
@@ -85,19 +83,17 @@ class Claim:
     disturbance_rad_s: float | None
     law: str
     settings: Settings
-    lost: int | None
     # First sample of the set that is kept, and number of samples that map it into itself
     hand_over: tuple[int, Annotated[int, Field(ge=1, le=MAX_SAMPLES)]] | None
     # See `AircraftBoxes`; no lags and no hash where the plant is no aircraft
     lags: tuple[InnerLag, ...]
-    start_known: bool
     conformance_sha256: str | None
 
     __pydantic_config__: ClassVar = STRICT
-    FORMAT: ClassVar[str] = "flighttune tube 5"
+    FORMAT: ClassVar[str] = "flighttune tube 6"
     UNITS: ClassVar[Mapping[str, str]] = {
         "bounds": "lower and upper bounds of the errors (rad) and commands (rad, 1) by sample",
-        "boxes": "bounds on the rates left over (rad/s), the roll and the errors (rad) by sample",
+        "boxes": "bounds on the rates left over (rad/s) and the roll (rad) by sample",
     }
 
 
@@ -120,10 +116,8 @@ def save_tube(tube: Tube, path: str | Path) -> None:
         disturbance_rad_s=problem.disturbance,
         law=problem.law.name,
         settings=tube.settings,
-        lost=tube.lost,
         hand_over=None if ever is None else (ever.sample, ever.samples),
         lags=() if boxes is None else boxes.lags,
-        start_known=boxes is None or boxes.start_known,
         conformance_sha256=None if boxes is None else boxes.conformance_sha256,
     )
     looser = np.array([-BOUND_MARGIN, BOUND_MARGIN])
@@ -181,27 +175,22 @@ def _tube_from(claim: Claim, arrays: Arrays, conformance: Conformance | None) ->
     if scenario.reference.shape == "feasible":
         shapes["reference"] = k, 6
     if claim.conformance_sha256 is not None:
-        shapes["boxes"] = k, len(COUNTED), 2
+        shapes["boxes"] = k, len(RESIDUALS), 2
     if claim.hand_over is not None:
         shapes |= dict.fromkeys(f"ever_{name}" for name in EVER)
     for name in arrays.keys() - shapes.keys():
         raise InputError(f"`{name}.npy` must not be in the file of this tube.")
     _check_shapes(arrays, shapes)
     problem = _problem(claim, scenario, arrays, conformance)
-    if claim.lost is not None and not (problem.boxes and 0 <= claim.lost < k):
-        raise InputError("`lost` must be a sample of a tube with errors that were counted.")
     return Tube(
         problem=problem,
         status="bounded",
-        reason=""
-        if claim.lost is None
-        else f"the flights of the model are not enclosed from t = {problem.t[claim.lost]:.2f} s on",
+        reason="",
         bounds=bounds_of(problem.t, arrays["bounds"]),
         can_limit=arrays["held"],
         settings=claim.settings,
         chosen=arrays["chosen"].ravel(),
         hand_over=_hand_over(claim, arrays, problem),
-        lost=claim.lost,
     )
 
 
@@ -229,9 +218,8 @@ def _problem(
         if len(claim.lags) != 2 or not (low <= high).all():
             raise InputError("`boxes` must be lower and upper bounds, with two `lags`.")
         stored = AircraftBoxes(
-            bounds=Bounds(sample_times(scenario), low, high, COUNTED),
+            bounds=Bounds(sample_times(scenario), low, high, RESIDUALS),
             lags=claim.lags,
-            start_known=claim.start_known,
             conformance_sha256=claim.conformance_sha256,
         )
     return TubeProblem(
@@ -331,19 +319,12 @@ def verify_tube(
     starts = start_set(problem.loop, problem.start, settings.sides, settings.symbols)
     enclosure = enclosure_of(problem.loop, starts, Replay(tube.chosen))
     margins, claimed = np.full(len(QUANTITIES), np.inf), tube.bounds.pairs
-    # Errors counted hold at every sample; where the set is lost nothing else does.
-    lost, counted = len(claimed), np.broadcast_to([-np.inf, np.inf], claimed.shape)
-    if tube.lost is not None:
-        lost, counted = tube.lost, counted_bounds(problem)
     for k, t in enumerate(problem.t):
         at = f"sample {k} ({t:.2f} s)"
-        ranges, limited = counted[k], np.ones(2, dtype=bool)
-        if k < lost:
-            try:
-                proven, limited = enclosure.sample(k)
-            except (Unbounded, IndexError, InputError) as error:
-                return _refused(f"{at}: {error}")
-            ranges = tightest(proven, counted[k])
+        try:
+            ranges, limited = enclosure.sample(k)
+        except (Unbounded, IndexError, InputError) as error:
+            return _refused(f"{at}: {error}")
         broken = _broken(ranges, claimed[k])
         if broken:
             return _refused(f"{at}: {broken}")
@@ -355,7 +336,7 @@ def verify_tube(
         margins = np.minimum(margins, room.min(axis=1))
         if ever is not None and k + 1 == ever.sample:
             reached = hull(enclosure.pieces, ever.W)
-            if k >= lost or not inside(reached, ever.centre, ever.size):
+            if not inside(reached, ever.centre, ever.size):
                 return _refused(f"sample {k + 1}: the set that is kept is not proven to be reached")
     if ever is not None and (broken := _not_kept(problem.loop, ever)):
         return _refused(f"after {ever.samples} samples from sample {ever.sample} on: {broken}")

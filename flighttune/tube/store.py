@@ -57,7 +57,6 @@ class AboutTube:
     model: str
     start_deg: float  # flights start within this of the scenario's course and path angle
     handed_over_s: float | None
-    counted_from_s: float | None
     probability: CountedProbability | None
     # Width of the tube over the width that the worst flight found in it needs, for ``chi`` and
     # ``gamma``; its errors are in the columns `WORST_SIGNALS`. None unless one was searched.
@@ -234,7 +233,6 @@ def write_signals(tube: "Tube", path: Path) -> None:
         model=problem.model,
         start_deg=math.degrees(problem.start),
         handed_over_s=tube.handed_over,
-        counted_from_s=tube.counted_from,
         probability=tube.probability,
     )
     write_sealed(tube.bounds.columns, about, path)
@@ -284,7 +282,7 @@ def read_sealed(path: Path) -> tuple[AboutTube, dict[str, FloatArray]]:
     try:
         about = TypeAdapter(AboutTube).validate_json(stated)
     except ValidationError as error:
-        raise InputError(f"{path}: {mistakes(error, described)}") from error
+        raise InputError(f"{path}: {mistakes(error, described)} To mend it, {REMEDY}.") from error
     if not (len(t) and np.isfinite(bounds.pairs).all() and (np.diff(t) > 0.0).all()):
         raise InputError(f"{path}: `t` must rise and every bound must be finite; {REMEDY}.")
     if about.worst is not None and not columns.keys() >= {*WORST_SIGNALS}:

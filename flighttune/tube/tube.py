@@ -13,14 +13,7 @@ from flighttune.simulate.loop import simulate
 from flighttune.tube.exact import enclosure_of
 from flighttune.tube.hand_over import hull, settled_from
 from flighttune.tube.interval import Unbounded
-from flighttune.tube.problem import (
-    QUANTITIES,
-    Settings,
-    Tube,
-    TubeProblem,
-    bounds_of,
-    within_counted,
-)
+from flighttune.tube.problem import QUANTITIES, Settings, Tube, TubeProblem, bounds_of
 from flighttune.tube.sample import start_set
 from flighttune.tube.search import Search, coordinates, hand_over
 
@@ -29,19 +22,6 @@ DOUBLING = 0.2
 
 # Disturbances that are tried, rad/s: all of two digits
 DISTURBANCES = [float(f"{digits}e{power}") for power in range(-6, 0) for digits in range(10, 100)]
-
-UNKNOWN_START = "in wind the path over ground begins elsewhere, and the scenario states no wind"
-
-
-def tube_of(problem: TubeProblem, *, progress: Callable[[float], None] | None = None) -> Tube:
-    """Enclose all flights of a problem: the controller as it flies, with all its limits.
-
-    Where the set of the flights of an aircraft is lost, its errors are within the boxes that were
-    counted for them. `progress`: called with the share of time that is enclosed, 0 to 1.
-    """
-    result = enclosed(problem, progress=progress)
-    lost = result.status == "unbounded" and problem.boxes is not None
-    return within_counted(result) if lost else result
 
 
 def largest_disturbance(
@@ -56,9 +36,7 @@ def largest_disturbance(
     tried: dict[float, Tube] = {}
 
     def lost(size: float) -> bool:
-        tried[size] = enclosed(
-            replace(problem, disturbance=size), for_ever=False, progress=progress
-        )
+        tried[size] = tube_of(replace(problem, disturbance=size), for_ever=False, progress=progress)
         return tried[size].status == "unbounded"
 
     own = float(problem.disturbances[1].max())
@@ -67,17 +45,18 @@ def largest_disturbance(
     return [tried[size] for size in sorted(tried)]
 
 
-def enclosed(
+def tube_of(
     problem: TubeProblem,
     *,
     attempts: Sequence[Settings] = (),
     for_ever: bool = True,
     progress: Callable[[float], None] | None = None,
 ) -> Tube:
-    """The tube of a problem, with few pieces if they suffice, otherwise with many.
+    """Enclose all flights of a problem: the controller as it flies, with all its limits.
 
-    `attempts`: tried one after the other until the set is bounded; by default two. `for_ever`: look
-    for a set that holds the flights after the time of the scenario too. `progress`: see `tube_of`.
+    `attempts`: tried one after the other until the set is bounded; by default one with few pieces
+    and one with many. `for_ever`: look for a set that holds the flights after the time of the
+    scenario too. `progress`: called with the share of time that is enclosed, 0 to 1.
     """
     tried = []
     for settings in attempts or _attempts(problem):
@@ -125,9 +104,8 @@ def _attempt(
     search = Search(loop, tolerance=settings.tolerance, most=settings.most)
     starts = start_set(loop, problem.start, settings.sides, settings.symbols)
     enclosure = enclosure_of(loop, starts, search)
-    start_known = problem.boxes is None or problem.boxes.start_known
-    ranges, limits_at, reason = [], [], "" if start_known else UNKNOWN_START
-    for k in range(len(t) if start_known else 0):
+    ranges, limits_at, reason = [], [], ""
+    for k in range(len(t)):
         try:
             both, limited = enclosure.sample(k)
         except Unbounded as stop:

@@ -10,7 +10,11 @@ CASES = {
         (("random_starts", "--out", "x.json", "--air", "severe"), "`air` must be one of calm"),
         (("feasible", "--out", "x.json"), "feasible: `start_deg` must be given for a scenario in"),
         (("feasible", "--out", "x.json", "--start-deg", "-2"), "`start_deg` must not be negative"),
-        (("aerosonde", "--out", "x.json", "--start-deg", "-2"), "`start_deg` must not be negative"),
+        (("aerosonde", "--out", "x.json"), "aerosonde"),
+        (
+            ("random_starts", "--out", "x.json", "--flights", "600"),
+            "`flights` must be at least 688",
+        ),
         (("feasible_starts", "--out", "x.json", "--start-deg", "2"), "are for scenarios"),
         (("kinematic_sweep", "--out", "x.json"), "`plant` must be one of kind jsbsim"),
     ],

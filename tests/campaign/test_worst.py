@@ -206,7 +206,6 @@ def test_the_flight_nearest_to_leaving_a_tube_is_searched(tmp_path):
         model="made up",
         start_deg=0.0,
         handed_over_s=None,
-        counted_from_s=None,
         probability=None,
     )
     write_sealed(Bounds(run.t, -width, width).columns, about, tmp_path / "tube.parquet")

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pytest
-from scipy.stats import norm
 
-from flighttune.conformance.boxes import CHANCE, MARGIN, Windows, fitted_boxes, widening
+from flighttune.conformance.boxes import RateBoxes, Windows
 from flighttune.errors import InputError
 
 ROUNDING = 1e-12
@@ -33,88 +32,67 @@ def test_windows_by_phase_count_from_where_the_reference_stops():
     assert window[17:22].tolist() == [2] * 5
 
 
-def test_boxes_hold_what_they_were_fitted_to_with_a_margin():
+def test_the_smallest_boxes_hold_the_flights_they_were_learned_from():
     rng = np.random.default_rng(1)
     windows = Windows(over="time", count=3)
-    residual = rng.normal((0.5, -1.0, 0.0, 2.0, 1.0, -2.0), size=(20, 30, 6))
-    windowed = [windows.extremes(one, np.arange(30) // 10) for one in residual]
+    residual = rng.normal((0.5, -1.0, 0.0, 2.0), size=(20, 30, 4))
+    windowed = [windows.extremes(flight, np.arange(30) // 10) for flight in residual]
     lows, highs = map(np.array, zip(*windowed, strict=True))
 
-    boxes, _ = fitted_boxes(windows, lows, highs, 100)
+    boxes = RateBoxes.around(windows, lows, highs)
 
-    low = residual.reshape(20, 3, 10, 6).min(axis=(0, 2))
-    high = residual.reshape(20, 3, 10, 6).max(axis=(0, 2))
-    # Errors are those of a second before and after: here of all three windows.
-    low[:, 4:], high[:, 4:] = low[:, 4:].min(axis=0), high[:, 4:].max(axis=0)
-    centre, half = 0.5 * (low + high), MARGIN * 0.5 * (high - low)
-    assert boxes.low == pytest.approx(centre - half, abs=ROUNDING)
-    assert boxes.high == pytest.approx(centre + half, abs=ROUNDING)
-    assert boxes.hold(lows, highs).all()
+    assert boxes.low == pytest.approx(residual.reshape(20, 3, 10, 4).min(axis=(0, 2)))
+    assert boxes.high == pytest.approx(residual.reshape(20, 3, 10, 4).max(axis=(0, 2)))
+    scores = [boxes.score(*flight) for flight in windowed]
+    assert max(scores) == pytest.approx(1.0)
+    assert min(scores) < 1.0 - ROUNDING
 
 
-def test_a_flight_that_leaves_one_box_or_was_not_flown_is_outside():
+def test_no_box_is_narrower_than_a_twentieth_of_the_widest_of_its_quantity():
     windows = Windows(over="time", count=2)
-    low, high = np.full((1, 2, 6), -1.0), np.full((1, 2, 6), 1.0)
-    boxes, _ = fitted_boxes(windows, low, high, 100)
-    leaves = high.copy()
-    leaves[0, 1, 0] = MARGIN + 0.01
+    ends = np.array([[[1.0, 1.0, 1.0, 1.0], [0.0, 10.0, 0.0, 0.0]]])
 
-    flights = np.concatenate([low, low, np.full((1, 2, 6), np.nan)])
-    assert boxes.hold(flights, np.concatenate([high, leaves, flights[2:]])).tolist() == [
-        True, False, False,
-    ]  # fmt: skip
+    boxes = RateBoxes.around(windows, -ends, ends)
+
+    assert boxes.high == pytest.approx(np.array([[1.0, 1.0, 1.0, 1.0], [0.05, 10.0, 0.05, 0.05]]))
+    assert boxes.low == pytest.approx(-boxes.high)
+
+
+def test_the_score_is_the_scale_at_which_a_flight_is_just_inside():
+    windows = Windows(over="time", count=3)
+    rng = np.random.default_rng(2)
+    low, high = np.sort(rng.normal(size=(2, 3, 4)), axis=0)
+    boxes = RateBoxes(windows=windows, low=low, high=high)
+    flight = np.sort(2.0 * rng.normal(size=(2, 3, 4)), axis=0)
+    flight[:, 1] = np.array([np.inf, -np.inf])[:, None]  # the flight was never in this window
+
+    score = boxes.score(*flight)
+
+    def inside(scale):
+        wide = boxes.scaled(scale)
+        return bool(((flight[0] >= wide.low) & (flight[1] <= wide.high)).all())
+
+    assert inside(score * (1.0 + ROUNDING))
+    assert not inside(score * (1.0 - ROUNDING))
+
+
+def test_a_box_without_width_is_left_by_any_other_value():
+    boxes = RateBoxes(windows=Windows(over="time", count=1), low=[[1.0] * 4], high=[[1.0] * 4])
+
+    assert boxes.score(np.ones((1, 4)), np.ones((1, 4))) == 0.0
+    assert boxes.score(np.ones((1, 4)), np.full((1, 4), 1.1)) == np.inf
 
 
 def test_a_window_that_no_flight_was_in_is_as_wide_as_all():
     windows = Windows(over="phase", count=3)
     low, high = windows.extremes(
-        np.array([[-1.0, 0.0, 0.0, 4.0, 1.0, 2.0], [2.0, 3.0, 1.0, 4.5, 2.0, 6.0]]),
-        np.array([0, 1]),
+        np.array([[-1.0, 0.0, 0.0, 4.0], [2.0, 3.0, 1.0, 4.5]]), np.array([0, 1])
     )
 
-    boxes, _ = fitted_boxes(windows, low[None], high[None], 100)
+    boxes = RateBoxes.around(windows, low[None], high[None])
 
-    centre, half = (
-        [0.5, 1.5, 0.5, 4.25, 1.5, 4.0],
-        MARGIN * np.array([1.5, 1.5, 0.5, 0.25, 0.5, 2.0]),
-    )
-    assert boxes.low[2] == pytest.approx(centre - half)
-    assert boxes.high[2] == pytest.approx(centre + half)
-
-
-# The tail of normal residuals is lighter than the fitted one.
-@pytest.mark.parametrize(("learned", "fresh", "widest"), [(500, 797, 1.8), (2000, 138_149, 2.5)])
-def test_boxes_are_widened_as_far_as_so_many_normal_residuals_need(learned, fresh, widest):
-    rng = np.random.default_rng(3)
-    residual = rng.normal(size=(learned, 4, 2))
-    # so that each of the 8 is inside with a probability of (1 - CHANCE)^(1 / (8 fresh))
-    needed = norm.isf(0.5 * CHANCE / (8 * fresh))
-
-    widened = widening(residual, residual, fresh)
-
-    half = 0.5 * (residual.max(axis=0) - residual.min(axis=0)).mean(axis=0)
-    assert np.all((needed < widened * half) & (widened * half < widest * needed))
-
-
-def test_errors_may_come_in_a_second_later_and_residuals_may_not():
-    windows = Windows.covering("time", 4.0)
-    falls = np.repeat(np.array([4.0, 3.0, 2.0, 1.0, 0.0, 0.0, 0.0, 0.0])[:, np.newaxis], 6, axis=1)
-    boxes, _ = fitted_boxes(windows, np.stack([-falls, -falls]), np.stack([falls, falls]), 10)
-
-    later = np.concatenate([falls[:1], falls[:1], falls[:-2]])
-    as_error, as_residual = falls.copy(), falls.copy()
-    as_error[:, 4:], as_residual[:, 0] = later[:, 4:], later[:, 0]
-
-    assert boxes.hold(-as_error, as_error)
-    assert not boxes.hold(-as_residual, as_residual)
-
-
-def test_each_quantity_is_widened_by_what_it_needs_itself():
-    rng = np.random.default_rng(3)
-    normal, bounded = rng.normal(size=(500, 4, 1)), rng.uniform(-1.0, 1.0, size=(500, 4, 1))
-    both = np.concatenate([normal, bounded], axis=2)
-
-    assert widening(both, both, 797)[1] < 1.15 < 1.25 < widening(both, both, 797)[0]
+    assert boxes.low[2] == pytest.approx([-1.0, 0.0, 0.0, 4.0])
+    assert boxes.high[2] == pytest.approx([2.0, 3.0, 1.0, 4.5])
 
 
 def test_windows_may_be_shorter_but_not_shorter_than_a_sample():

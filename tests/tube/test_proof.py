@@ -193,7 +193,6 @@ def test_a_feasible_reference_in_the_file_must_be_that_of_the_scenario(tmp_path)
         ("start_rad", lambda _: float("nan"), "`start_rad`"),
         ("disturbance_rad_s", lambda _: [0.02], "`disturbance_rad_s`"),
         ("law", lambda _: 5, "`law`"),
-        ("lost", lambda _: 3, "`lost`"),
         ("hand_over", lambda _: [40.7, 5], r"`hand_over\.0`"),
         ("scenario", lambda s: {**s, "colour": "red"}, "colour"),
         ("scenario", in_table("flight", "duration_s", value=2e4), "`bounds` must have shape"),

@@ -12,8 +12,8 @@ from flighttune.identify.file import load_identified
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.simulate.loop import simulate
 from flighttune.tube.problem import tube_problem
-from flighttune.tube.tube import enclosed
-from tests.tube.test_aircraft import ERROR, ROLL, ROLL_CHANGE, conformance, flight
+from flighttune.tube.tube import tube_of
+from tests.tube.test_aircraft import ROLL, ROLL_CHANGE, conformance, flight
 from tests.tube.test_soundness import FEW_PIECES, check_cases, few_or_many
 
 FLIGHTS = 4
@@ -74,17 +74,17 @@ def conformant(draw):
     ends = np.array(draw(st.lists(RATE, min_size=4, max_size=4))).reshape(2, 2)
     rng = np.random.default_rng(draw(st.integers(0, 99)))
     scale = rng.random((2, windows.count, 2)) * np.sort(ends, axis=0)[:, None]
-    rest = np.tile([ROLL, ROLL_CHANGE, *ERROR], (windows.count, 1))
+    rest = np.tile([ROLL, ROLL_CHANGE], (windows.count, 1))
     low, high = np.hstack([scale.min(axis=0), -rest]), np.hstack([scale.max(axis=0), rest])
     boxes = RateBoxes(windows=windows, low=low, high=high)
     model = replace(known.model, lags=draw(st.sampled_from(LAGS)))
-    return scenario, replace(known, boxes=boxes, model=model)
+    return scenario, replace(known, learned=boxes.scaled(0.5), boxes=boxes, model=model)
 
 
 def check_conformant(case, seed):
     scenario, known = case
     problem = tube_problem(scenario, PAPER_GAINS, conformance=known)
-    found = enclosed(problem, attempts=FEW_PIECES, for_ever=False)
+    found = tube_of(problem, attempts=FEW_PIECES, for_ever=False)
     rng, dt, condition = np.random.default_rng(seed), problem.controller().dt, scenario.condition
     t = problem.t
     boxes = known.boxes.over(t, *scenario.followed().sampled(t))

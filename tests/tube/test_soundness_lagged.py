@@ -10,7 +10,7 @@ from flighttune.plants.point_mass import PointMassPlant
 from flighttune.scenario import scenario_from
 from flighttune.simulate.loop import simulate
 from flighttune.tube.problem import tube_problem
-from flighttune.tube.tube import enclosed
+from flighttune.tube.tube import tube_of
 from flighttune.units import DEG
 from tests.tube.test_soundness import FEW_PIECES, check_cases, few_or_many, made_up
 
@@ -85,7 +85,7 @@ def check_point_mass(case, seed):
     """No flight from the edge of the starts leaves the tube, however it is disturbed."""
     scenario, gains, start, disturbance = case
     problem = tube_problem(scenario, gains, start=start, disturbance=disturbance or None)
-    found = enclosed(problem, attempts=FEW_PIECES, for_ever=False)
+    found = tube_of(problem, attempts=FEW_PIECES, for_ever=False)
     rng, condition = np.random.default_rng(seed), scenario.condition
     for chi, gamma in start * rng.choice([-1.0, 1.0], (4, 2)):
         signals, _ = simulate(

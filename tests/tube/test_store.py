@@ -208,7 +208,7 @@ def test_flights_drawn_as_counted_are_inside_the_tube_that_says_they_are(tmp_pat
     scenario = flight(duration_s=1.5)
     file.write_text(toml_text({**scenario.as_dict(), "gains": ["paper"], "expect": []}))
     plan = planned(str(file), kind="jsbsim", start_deg=0.5, draws=60)
-    settings = ConformSettings(epsilon=0.1, confidence=0.9, attempts=3)
+    settings = ConformSettings(epsilon=0.1, confidence=0.9)
     with flown_here(conform_module, "planned", plan) as pool:
         counts = conform("turn", settings, pool)
     (run,) = fly(load_scenario(file)).runs
