@@ -16,17 +16,6 @@ FLOAT, SINGLE, BOOL, TEXT = np.dtype("<f8"), np.dtype("<f4"), np.dtype(bool), np
 Arrays: TypeAlias = dict[str, npt.NDArray[Any]]
 
 
-def has_array(path: str | Path, name: str) -> bool:
-    """Whether `path` is a file of arrays, and one of them has this name."""
-    if not zipfile.is_zipfile(path):
-        return False
-    try:
-        with zipfile.ZipFile(path) as archive:
-            return f"{name}.npy" in archive.namelist()
-    except Exception:  # a damaged file: `zipfile` raises several kinds
-        return False
-
-
 def read_arrays(
     path: Path,
     what: str,

@@ -248,6 +248,7 @@ def _band(file: Path) -> Answer:
     return replace(
         answer,
         values={"valid": not reason, "reason": reason, **answer.values},
+        notes=["The scale is that of the flights in the file.", *answer.notes],
         failure=f"{file}: {reason}" if reason else answer.failure,
     )
 

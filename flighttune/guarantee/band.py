@@ -12,13 +12,13 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import Field
 
-from flighttune.array_file import FLOAT, SINGLE, TEXT, check_shapes, has_array, read_arrays
+from flighttune.array_file import FLOAT, SINGLE, TEXT, check_shapes, read_arrays
 from flighttune.arrays import FloatArray, check_between
 from flighttune.errors import InputError
 from flighttune.guarantee.bounds import Bounds
 from flighttune.guarantee.count import allowed_outside, counted_scale
 from flighttune.present.tables import number
-from flighttune.seal import BLANK, seal, sealed_bytes
+from flighttune.seal import BLANK, MARK, seal, sealed_bytes
 from flighttune.table_file import json_object
 from flighttune.value_file import STRICT, tables_of, value_of
 from flighttune.whole_file import whole_file
@@ -309,8 +309,8 @@ def save_band(band: Band, path: str | Path) -> None:
 
 
 def is_band_file(path: str | Path) -> bool:
-    """Whether `path` is a file of the kind that `save_band` writes."""
-    return has_array(path, "band")
+    """Whether `path` is a file of the kind that `save_band` writes: its seal stands at its end."""
+    return Path(path).is_file() and Path(path).read_bytes()[-len(BLANK) :].startswith(MARK)
 
 
 def load_band(path: str | Path) -> Band:
