@@ -196,7 +196,7 @@ def lost_row(plan: Plan, run: int, drawn: Drawn, ending: int | str) -> Row:
         status, reason = "timed_out", f"the flight must end within {limit:g} s of wall time"
     elif isinstance(ending, int):
         reason = f"the flight ended the process that flew it: {ending_of(ending)}"
-    indicators = None, None
+    indicators = (None, None, None)
     with suppress(FlightTuneError):
         scenario = plan.dispersed(drawn, plan.draw_of(run))
         (indicators,) = _indicators(plan, plan.group_of(run), [scenario])
