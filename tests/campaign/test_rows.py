@@ -237,6 +237,16 @@ def test_the_row_of_a_crashed_run_is_a_row_of_the_plan():
         assert found[name] == whole[name]
 
 
+def test_a_lost_run_whose_drawn_value_is_refused_has_no_indicators():
+    plan = still_plan()
+    drawn = dict.fromkeys(plan.values_of(0), -1.0) | {"flight.V_a_mps": -1.0}
+
+    row = lost_row(plan, 0, drawn, -signal.SIGSEGV)
+
+    assert row["status"] == "crashed"
+    assert row["R_K"] is row["I_K"] is row["E_K"] is None
+
+
 @pytest.mark.parametrize("run", [2, 5, 15])
 def test_a_run_flown_for_its_signals_can_be_flown_again_from_what_it_says(whole, run):
     plan, rows = whole
