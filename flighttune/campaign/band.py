@@ -1,7 +1,7 @@
 """Bands of campaigns: a shape learned from some flights, and its scale counted on fresh ones."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 from functools import partial
 from typing import Any, Literal, TypeAlias
@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.aircraft.aircraft import files_hash
-from flighttune.arrays import FloatArray, check_at_least, check_between
+from flighttune.arrays import FloatArray, check_at_least
 from flighttune.campaign.conform import at_random, check_random, distribution_of
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.alone import fly_group
@@ -44,7 +44,7 @@ def count_band(
     source: str,
     pool: WorkerPool,
     *,
-    signals: Sequence[str] = ERRORS,
+    signals: Iterable[str] = ERRORS,
     epsilon: float = 0.01,
     confidence: float = 0.999,
     flights: int | None = None,
@@ -62,7 +62,6 @@ def count_band(
     `seed` replaces that of the campaign. Raises InputError if the claim needs more `flights`, a
     signal is not recorded, or nothing is random. Raises StoppedError if the observer stopped it.
     """
-    check_between(0.0, 1.0, epsilon=epsilon, confidence=confidence)
     check_at_least(MIN_LEARNED, learn=learn)
     flights = fresh_flights(flights, epsilon, confidence)
     plan = planned(source, plant=plant, gains=gains, **about_scenario)
@@ -77,14 +76,14 @@ def count_band(
         raise InputError(f"{source}: `{key}` must be the same in all flights of a band.")
     if predicted_from and not any(key.startswith("wind.") for key in distribution.dispersed):
         raise InputError(f"{source}: the wind must be drawn for `given` wind, got one wind.")
-    run = fly_group(plan, central, group)
+    run, signals = fly_group(plan, central, group), list(dict.fromkeys(signals))
     for name in signals:
         if name not in run.signals:
             recorded = ", ".join(map(str, run.signals.columns))
             raise InputError(f"`signal` must be one of {recorded}, got {name!r}.")
     rate = central.controller.rate_hz
     edges = window_edges(round(central.flight.duration_s * rate) + 1, flights, len(signals))
-    probe = partial(_extremes, list(signals), edges, predicted_from is not None)
+    probe = partial(_extremes, signals, edges, predicted_from is not None)
     learned = _flown(pool, plan, probe, range(learn), "learning")
     coefficients, half = learned_shape(*learned, epsilon)
     about = About(

@@ -112,7 +112,7 @@ def test_a_flight_that_does_not_complete_counts():
 
 
 def test_any_recorded_signal_has_a_band():
-    counted = count(signals=["n_z", "phi_cmd"], seed=8)
+    counted = count(signals=["n_z", "phi_cmd", "n_z"], seed=8)
 
     assert counted.about.signals == {"n_z": "1", "phi_cmd": "rad"}
     assert counted.about.plan["campaign"]["seed"] == 8

@@ -104,7 +104,7 @@ def test_a_signal_without_a_value_in_a_window_may_have_had_any():
 
 
 def test_windows_are_few_enough_for_memory():
-    assert len(window_edges(1001, 1738, 2)) == band_module.MAX_WINDOWS + 1
+    assert len(window_edges(1001, 1640, 2)) == band_module.MAX_WINDOWS + 1
     assert 2 * 2 * 1_000_000 * (len(window_edges(1001, 1_000_000, 2)) - 1) <= 2**27
     assert window_edges(3, 10, 1).tolist() == [0, 1, 2]
 
