@@ -93,7 +93,7 @@ COMMANDS = {
         (compare, "compare", "comparing", "compare paper@paper paper@tuned"),
         (worst, "worst", "searching", "worst first_campaign --budget 40"),
         (tube, "tube", "enclosing", "tube paper --gains paper"),
-        (band, "band", "counting", "band mission --out mission.npz"),
+        (band, "band", "counting", "band mission_in_wind --out mission.npz"),
         (conform, "conform", "learning", "conform feasible_starts --out boxes.json"),
     ],
     "Publish": [

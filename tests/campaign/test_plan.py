@@ -102,6 +102,14 @@ def test_draws_do_not_depend_on_where_one_begins_or_ends(campaign, more, first):
         assert longer.parameters(first, plan.draws).equals(whole.iloc[first:])
 
 
+def test_a_campaign_may_have_the_name_of_a_shipped_scenario(tmp_path):
+    file = tmp_path / "paper.toml"
+    drawn = ", ".join(f"{key} = {json.dumps(value)}" for key, value in SPEED.items())
+    file.write_text(f'title = "t"\nscenario = "paper"\nruns = 2\ndisperse = [{{ {drawn} }}]')
+
+    assert load_campaign(file).nominal.flight == load_scenario("paper").flight
+
+
 def test_every_draw_is_flown_by_every_group_plant_by_plant():
     plan = plan_of(SPEED, gains=["paper", "K4"], runs=10)
 
