@@ -92,7 +92,10 @@ def band(
     ] = None,
     out: Annotated[
         Path | None,
-        Option("--out", help="Band file (.npz) to write [default: runs/NAME-band.npz, or FILE]."),
+        Option(
+            "--out",
+            help="Band file (.npz) to write [default: runs/NAME-band.npz; FILE with --flights].",
+        ),
     ] = None,
     settings: SetOption = None,
     workers: WorkersOption = None,

@@ -169,7 +169,7 @@ class Band:
         about = self.about
         winds = np.zeros((1, 0)) if wind is None else np.reshape(wind, (1, 2))
         if (about.predicted_from is None) != (wind is None):
-            raise InputError(f"`wind` must be that of the flight if the band is given it: {wind}.")
+            raise InputError(f"`wind` must be there for a band that is given it only, got {wind}.")
         window = np.searchsorted(about.edges, t, side="right") - 1
         window = np.clip(window, 0, len(about.half) - 1)
         middle = _predicted(winds, about.coefficients)[0]
