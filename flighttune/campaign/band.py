@@ -59,12 +59,15 @@ def count_band(
 
     Draws are random and independent, whatever the design of the campaign; those counted come after
     those learned from. `source`, `gains`, `plant`, `start_deg` and `changes` are as for `planned`;
-    `seed` replaces that of the campaign. Raises InputError if the claim needs more `flights`, a
+    `seed` replaces that of the campaign. The plant is by default the first aircraft, or the first
+    plant if there is none. Raises InputError if the claim needs more `flights`, a
     signal is not recorded, or nothing is random. Raises StoppedError if the observer stopped it.
     """
     check_at_least(MIN_LEARNED, learn=learn)
     flights = fresh_flights(flights, epsilon, confidence)
-    plan = planned(source, plant=plant, gains=gains, **about_scenario)
+    plan = planned(source, plant=plant, kind="jsbsim", gains=gains, **about_scenario)
+    aircraft = (table.label for table in plan.scenario.plant if table.aircraft is not None)
+    plant = plant or next(aircraft, None)
     group = plan.chosen_group(plant, gains if gains in plan.gain_sets else None)
     campaign = at_random(plan.campaign)
     if seed is not None:

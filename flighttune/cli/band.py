@@ -50,7 +50,7 @@ def band(
         ),
     ],
     gains: CampaignGainsOption = None,
-    plant: Annotated[str | None, plant_label("the first")] = None,
+    plant: Annotated[str | None, plant_label("the first aircraft, else the first")] = None,
     signal: Annotated[
         list[str] | None,
         Option(help="Recorded signal to bound; repeatable [default: chi_err and gamma_err]."),
