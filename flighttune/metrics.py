@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 # Controlled quantity and the command that mostly moves it.
 CHANNELS = {"chi": "phi", "gamma": "n_z"}
 
+# Signals whose largest magnitude is a measure of a flight along a route.
+OFF_ROUTE = ("cross_track", "height_err")
+
 # Signals that the measures use.
 MEASURED = (
     *(f"{channel}_err" for channel in CHANNELS),
@@ -23,10 +26,18 @@ MEASURED = (
     "V_a",
     "n_z",
     "alpha",
+    *OFF_ROUTE,
 )
 
 # Names of `flight_metrics` and their units.
-FLIGHT_METRICS = {"V_a_dev_mps": "m/s", "n_z_min": "1", "n_z_max": "1", "alpha_max_rad": "rad"}
+FLIGHT_METRICS = {
+    "V_a_dev_mps": "m/s",
+    "n_z_min": "1",
+    "n_z_max": "1",
+    "alpha_max_rad": "rad",
+    "cross_track_m": "m",
+    "height_err_m": "m",
+}
 
 # Measures of a linear loop and their units; see `loop_measures` of `flighttune.flight.outer_loop`.
 LOOP_METRICS = {
@@ -155,7 +166,9 @@ def flight_metrics(run: Run) -> dict[str, float]:
     -------
     dict
         ``V_a_dev_mps``, the largest deviation of airspeed from the start; ``n_z_min``, ``n_z_max``;
-        ``alpha_max_rad``, the largest magnitude of angle of attack, where the plant has one.
+        ``alpha_max_rad``, the largest magnitude of angle of attack, where the plant has one;
+        ``cross_track_m`` and ``height_err_m``, the largest distance from a route to the side, and
+        above or below it.
 
     Examples
     --------
@@ -175,6 +188,9 @@ def _flight_measures(columns: Mapping[str, FloatArray]) -> dict[str, float]:
     }
     if "alpha" in columns:
         values["alpha_max_rad"] = float(np.max(np.abs(columns["alpha"])))
+    for name in OFF_ROUTE:
+        if name in columns:
+            values[f"{name}_m"] = float(np.max(np.abs(columns[name])))
     return values
 
 

@@ -18,6 +18,7 @@ from flighttune.cli.certificates import certify, verify
 from flighttune.cli.flights import fly, list_shipped, new, refly, view
 from flighttune.cli.gains import frontier, tune
 from flighttune.cli.pages import compare, export, gap, report, reproduce
+from flighttune.cli.route import route
 from flighttune.cli.searches import conform, worst
 from flighttune.cli.show import COULD_NOT_RUN, emit, fail, output, working
 from flighttune.cli.tube import tube
@@ -83,6 +84,7 @@ COMMANDS = {
     ],
     "Fly": [
         (fly, "fly", "flying", "fly paper"),
+        (route, "route", "planning", "route circuit"),
         (new, "new", "writing", "new my_turn --aircraft c172p"),
         (refly, "refly", "flying", "refly runs/paper"),
         (view, "view", "opening", "view runs/paper"),

@@ -35,6 +35,10 @@ RUN_COLUMNS = columns(
     "plant gains status metrics.chi.ITAE metrics.gamma.ITAE metrics.chi.MO_rad "
     "metrics.gamma.MO_rad metrics.chi.settling_s metrics.gamma.settling_s"
 )
+ROUTE_COLUMNS = columns(
+    "plant gains status metrics.flight.cross_track_m metrics.flight.height_err_m "
+    "metrics.flight.V_a_dev_mps metrics.chi.saturation_s metrics.gamma.saturation_s"
+)
 
 EQUAL = "equal to the bit"
 REFLOWN_COLUMNS = columns("run status samples result")
@@ -278,7 +282,12 @@ def _flown(flown: "FlownScenario", files: "RecordedFiles", tubes: Answer, source
             **tubes.values,
         },
         tables=[
-            Table(RUN_COLUMNS, runs, flown.scenario.title, grouped=True),
+            Table(
+                RUN_COLUMNS if flown.scenario.route is None else ROUTE_COLUMNS,
+                runs,
+                flown.scenario.title,
+                grouped=True,
+            ),
             Table(columns("gains R_K I_K E_K"), gain_sets, loop),
             *tubes.tables,
         ],

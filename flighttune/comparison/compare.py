@@ -45,7 +45,7 @@ EQUAL = 1e-12
 MANOEUVRE = ("V_a_mps", "h_m", "chi_deg", "gamma_deg", "phi_deg", "n_z", "duration_s")
 
 # Keys that are text, or are compared elsewhere.
-DESCRIPTION = ("title", "verifies", "source", "gains", "plant", "reference")
+DESCRIPTION = ("title", "verifies", "source", "gains", "plant", "reference", "route")
 
 COMPARED = (
     Column("pair", "A | B"),
@@ -402,7 +402,8 @@ def _manoeuvre(run: Run) -> dict[str, Any]:
     """Start, length and reference of a run: what must agree for a comparison."""
     scenario = run.provenance.scenario
     flight = {key: value for key, value in scenario["flight"].items() if key in MANOEUVRE}
-    return dict(leaves({"flight": flight, "reference": scenario["reference"]}))
+    followed = {key: scenario[key] for key in ("reference", "route") if key in scenario}
+    return dict(leaves({"flight": flight, **followed}))
 
 
 def _settings(run: Run) -> dict[str, Any]:

@@ -25,7 +25,7 @@ from flighttune.value_file import STRICT, read, tables_of
 from flighttune.whole_file import write_text
 
 # Tables of a scenario that must be those of the flights counted, but for what was dispersed.
-FLOWN_ALIKE = ("flight", "reference", "limits", "controller")
+FLOWN_ALIKE = ("flight", "reference", "route", "limits", "controller")
 
 # Tables that a scenario may leave out; keys that it does have must match those flights.
 AIR_AND_AIRFRAME = ("disturbance", "wind", "gust", "turbulence", "sensors", "plant")

@@ -36,7 +36,7 @@ def _ways(scenario: Scenario, run: Run, runs: Sequence[Run], source: str) -> Ite
     if not missed or run.status not in ends:
         return
     at_limit = any(measured[channel]["saturation_s"] > AT_LIMIT_S for channel in ("chi", "gamma"))
-    if at_limit and reference.shape is None:
+    if at_limit and reference is not None and reference.shape is None:
         segments = isinstance(reference.chi_deg, list) or isinstance(reference.gamma_deg, list)
         slower = "a slower change, `rate_dps` of [reference]"
         within = 'a reference within the limits, `shape = "feasible"` in [reference]'

@@ -14,7 +14,7 @@ from flighttune.errors import FlightTuneError, InputError, ScenarioError, TrimEr
 TurnLaw: TypeAlias = Literal["paper", "exact"]
 
 StopStatus: TypeAlias = Literal[
-    "diverged", "ground_contact", "left_envelope", "law_failed", "plant_failed"
+    "diverged", "ground_contact", "left_envelope", "law_failed", "plant_failed", "not_arrived"
 ]
 
 # Signals every plant shows first, in this order: SI, rad, position in local NED from the start.

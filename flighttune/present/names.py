@@ -31,6 +31,8 @@ METRIC_LABELS = {
         Column("n_z_min", "minimum n_z", "1", "z.2f"),
         Column("n_z_max", "maximum n_z", "1", "z.2f"),
         Column("alpha_max_rad", "maximum |α|", "deg", "z.1f", DEG_PER_RAD),
+        Column("cross_track_m", "farthest to the side of the route", "m", "z.2f"),
+        Column("height_err_m", "farthest above or below it", "m", "z.2f"),
     )
 }
 

@@ -15,9 +15,10 @@ from flighttune.errors import InputError, ScenarioError
 from flighttune.identify.file import load_identified
 from flighttune.mistakes import abridged, joined, validated
 from flighttune.plants.jsbsim.plant import check_off_nominal
+from flighttune.routes.files import read_route
 from flighttune.scenario.places import leaves, with_changes
 from flighttune.scenario.schema import GainsTable, Scenario
-from flighttune.scenario.tables import LawTable, PlantTable
+from flighttune.scenario.tables import TUNED_IDENTIFIED, LawTable, PlantTable
 from flighttune.shipped import aircraft_folders, campaign_files, nearest_name, scenario_files
 from flighttune.table_file import json_tables, toml_tables
 from flighttune.units import DEG
@@ -25,6 +26,9 @@ from flighttune.whole_file import reason_of
 
 # Key of [flight] for each attribute of a condition that an aircraft bounds.
 FLIGHT_KEYS = {"V_a": "V_a_mps", "h": "h_m", "phi": "phi_deg", "n_z": "n_z"}
+
+# Longest flight along the route of a file, s.
+LONGEST_S = 10_000.0
 
 # Endings of files of gains.
 GAINS_FILES = (".json", ".toml")
@@ -176,9 +180,44 @@ def _with_files(tables: dict[str, Any], path: Path) -> dict[str, Any]:
             beside = path.parent / name
             # A path without a separator is the name of an aircraft.
             table[key] = str(beside) if len(beside.parts) > 1 else os.path.join(".", beside)
+    route = tables.get("route")
+    if isinstance(route, dict) and "file" in route:
+        tables["route"] = _with_waypoints(route, path)
     if "gains" in tables:
         tables["gains"] = gain_entries(tables["gains"], path.parent)
     return tables
+
+
+def _with_waypoints(route: dict[str, Any], path: Path) -> dict[str, Any]:
+    """A route with the waypoints of its file, which lies beside the scenario."""
+    kept = {key: value for key, value in route.items() if key not in ("file", "skip")}
+    file, skip = route["file"], route.get("skip", False)
+    if "waypoint" in route or not isinstance(file, str) or not isinstance(skip, bool):
+        raise ScenarioError(f"{path}: [route] `file` must be a name in place of `waypoint`.")
+    try:
+        return {**kept, "waypoint": read_route(path.parent / file, skip=skip)}
+    except InputError as error:
+        raise ScenarioError(f"{path}: [route] `file`: {error}") from error
+
+
+def route_scenario(
+    file: Path, aircraft: str, *, skip: bool = False, changes: Mapping[str, Any] | None = None
+) -> Scenario:
+    """A scenario in which an aircraft flies the route of a file, within limits of its own."""
+    first = load_identified(aircraft).conditions[0]
+    tables = {
+        "title": file.stem,
+        "gains": [TUNED_IDENTIFIED],
+        "flight": {"V_a_mps": first.V_a, "h_m": first.h, "duration_s": LONGEST_S},
+        "route": {"waypoint": read_route(file, skip=skip)},
+        "controller": {"feed_forward": True},
+        "tuning": {"identified": aircraft},
+        "plant": [{"kind": "jsbsim", "aircraft": aircraft}],
+    }
+    tables = with_changes(tables, changes or {}, f"{file}:")
+    scenario = validated(Scenario, tables, str(file))
+    check_aircraft(scenario, str(file))
+    return scenario
 
 
 def file_sha256(path: Path) -> str:
@@ -282,7 +321,7 @@ def check_aircraft(scenario: Scenario, source: str) -> None:
     faults = dict.fromkeys(fault for plant in scenario.plant for fault in _faults(scenario, plant))
     if faults:
         raise ScenarioError(f"{source}: {joined(faults)}")
-    if scenario.reference.shape is None:
+    if scenario.route is None and not scenario.feasible:
         return
     try:
         scenario.followed()

@@ -212,6 +212,7 @@ def _scale(table: Any, factors: Mapping[str, float]) -> None:
 def _climb(config: AircraftConfig, V_a: float, scenario: Scenario) -> float:
     """Share of a scenario's path angles that an aircraft can fly steadily at an airspeed."""
     flight = scenario.flight
+    assert scenario.reference is not None  # of a scenario that ships
     _, steepest = scenario.reference.steepest(flight.gamma_deg, flight.duration_s)
     asked = {flight.gamma_deg * DEG, steepest * DEG} - {0.0}
     for share in SHARES if asked else ():

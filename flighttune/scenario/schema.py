@@ -18,7 +18,10 @@ from flighttune.identify.file import DesignModel, design_model, load_identified
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.weather import Weather, WindProfile, path_through_air
 from flighttune.quantities import FASTEST_WIND, STEEPEST_DEG, Table
+from flighttune.routes.follow import RouteReference
+from flighttune.routes.path import Ability
 from flighttune.scenario import tables
+from flighttune.scenario.route import RouteTable
 from flighttune.scenario.tables import LAWS, TUNED, TUNED_IDENTIFIED, GainsTable, law_named
 from flighttune.shipped import nearest_name
 from flighttune.simulate.feasible import FeasibleReference, Manoeuvre, feasible_reference
@@ -54,7 +57,8 @@ class Scenario(Table):
     law: tables.Laws | None = None
     gains: list[str | GainsTable] = Field(default_factory=lambda: ["paper", TUNED], min_length=1)
     flight: tables.FlightTable
-    reference: tables.ReferenceTable
+    reference: tables.ReferenceTable | None = None
+    route: RouteTable | None = None
     limits: tables.LimitsTable = tables.LimitsTable()
     controller: tables.ControllerTable = tables.ControllerTable()
     tuning: tables.TuningTable = tables.TuningTable()
@@ -104,6 +108,16 @@ class Scenario(Table):
         return self
 
     @model_validator(mode="after")
+    def _followed_once(self) -> "Scenario":
+        if (self.reference is None) == (self.route is None):
+            raise ValueError("`reference` or `route` must be given, and not both")
+        if self.route is not None and "duration_s" not in self.flight.model_fields_set:
+            raise ValueError(
+                "`duration_s` of [flight] must be given with [route]: its longest time"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _can_be_flown(self) -> "Scenario":
         duration, rate = self.flight.duration_s, self.controller.rate_hz
         if not 2.0 <= duration * rate <= MAX_SAMPLES:
@@ -111,7 +125,7 @@ class Scenario(Table):
                 "`duration_s` of [flight] must be at least two samples of the controller and at "
                 f"most {MAX_SAMPLES}, got {duration:g} s at {rate:g} Hz"
             )
-        times = list(self.reference.starts())
+        times = list(self.reference.starts() if self.reference else ())
         if self.gust:
             times.append(("[gust] `start_s`", self.gust.start_s))
         if self.disturbance:
@@ -122,7 +136,9 @@ class Scenario(Table):
                     f"{key} must lie before the end of the flight "
                     f"(`duration_s` of [flight], {duration:g} s), got {time:g} s"
                 )
-        t, gamma_deg = self.reference.steepest(self.flight.gamma_deg, duration)
+        t, gamma_deg = 0.0, self.flight.gamma_deg
+        if self.reference is not None:
+            t, gamma_deg = self.reference.steepest(gamma_deg, duration)
         if abs(gamma_deg) > STEEPEST_DEG + ROUNDING:
             raise ValueError(
                 f"[reference] `gamma_deg` must stay within +-{STEEPEST_DEG:g} deg, "
@@ -297,26 +313,51 @@ class Scenario(Table):
 
     @property
     def stated_condition(self) -> FlightCondition:
-        """Condition that [flight] states."""
+        """Condition that [flight] states; with a route, its angles count from those of its start."""
         f = self.flight
+        chi, gamma = (0.0, 0.0) if self.route is None else self.followed().initial
         return FlightCondition(
             V_a=f.V_a_mps,
             h=f.h_m,
-            chi=f.chi_deg * DEG,
-            gamma=f.gamma_deg * DEG,
+            chi=chi + f.chi_deg * DEG,
+            gamma=gamma + f.gamma_deg * DEG,
             phi=f.phi_deg * DEG,
             n_z=f.n_z,
         )
 
-    def followed(self) -> Reference | FeasibleReference:
+    @property
+    def feasible(self) -> bool:
+        """Whether the reference is the fastest change within the limits."""
+        return self.reference is not None and self.reference.shape == "feasible"
+
+    def followed(self) -> Reference | FeasibleReference | RouteReference:
         """The reference that the outer loop follows.
 
-        An InputError says that no feasible reference was found, or that it lacks limits.
+        An InputError says that no feasible reference was found, that a route cannot be flown, or
+        that limits are missing.
         """
         f = self.flight
-        if self.reference.shape == "feasible":
+        if self.feasible:
             return feasible_reference(self.manoeuvre)
+        if self.route is not None:
+            return self.route.reference(self._ability)
+        assert self.reference is not None  # one of both is there
         return self.reference.reference(chi_deg=f.chi_deg, gamma_deg=f.gamma_deg)
+
+    @property
+    def _ability(self) -> Ability:
+        """What a route may use of the limits of the scenario and of all its aircraft."""
+        assert self.route is not None
+        limits, f = self.command_limits, self.flight
+        for plant in self.plant:
+            if plant.aircraft is not None:
+                limits = limits.within(load_aircraft(plant.aircraft).limits.limits())
+        phi = float(min(limits.upper[0], -limits.lower[0]))
+        phi_rate = float(min(limits.rate_upper[0], -limits.rate_lower[0]))
+        for key, value in (("phi_deg", phi), ("phi_rate_dps", phi_rate)):
+            if not 0.0 < value < math.inf:
+                raise InputError(f"[limits] `{key}` must be given, and on both sides, for a route.")
+        return self.route.ability(V_a=f.V_a_mps, g=f.g_mps2, phi=phi, phi_rate=phi_rate)
 
     @property
     def manoeuvre(self) -> Manoeuvre:
@@ -327,6 +368,7 @@ class Scenario(Table):
         square of airspeed, as lift does.
         """
         reference, f, limits = self.reference, self.flight, self.command_limits
+        assert reference is not None  # of shape feasible
         for plant in self.plant:
             if plant.aircraft is not None:
                 limits = limits.within(_lift_and_limits(plant.aircraft, f.V_a_mps))

@@ -22,6 +22,7 @@ from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, Plant, Stop
 from flighttune.plants.sensors import MEASURED, SensedPlant, Sensors
 from flighttune.plants.weather import WIND
+from flighttune.routes.follow import ROUTE_SIGNALS, Place, RouteReference
 from flighttune.simulate.feasible import FeasibleReference
 from flighttune.simulate.reference import Reference
 
@@ -44,7 +45,7 @@ PROGRESS_EVERY = 50
 def simulate(
     plant: Plant,
     controller: Controller,
-    reference: Reference | FeasibleReference,
+    reference: Reference | FeasibleReference | RouteReference,
     *,
     condition: FlightCondition,
     duration: float,
@@ -61,8 +62,9 @@ def simulate(
         From (chi, gamma) to (phi, n_z), within limits of its own, as `Law.controller` makes it; its
         sample time is the step of the loop. It is started from the roll and load factor of
         `condition`.
-    reference : Reference or FeasibleReference
-        Course and flight-path angle to follow.
+    reference : Reference, FeasibleReference or RouteReference
+        Course and flight-path angle to follow, or a route, at whose end the flight ends; the
+        signals then also hold `ROUTE_SIGNALS`.
     condition : FlightCondition
         Start of the flight.
     duration : float, s
@@ -104,38 +106,68 @@ def simulate(
     if sensors is not None:
         plant = SensedPlant(plant, sensors.errors(count + 1, dt))
     wrapped = getattr(controller, "wrapped", (True,))[0]
-    columns = _columns(plant.signals, tuple(controller.signals))
-    row = struct.Struct(f"{len(columns)}d")
-    samples = zip(t.tolist(), _references(reference, t), strict=True)
+    route = reference if isinstance(reference, RouteReference) else None
+    of_route = () if route is None else tuple(ROUTE_SIGNALS)
+    columns = _columns(plant.signals, (*controller.signals, *of_route))
     plant.start(condition)
     try:
         controller.start(condition)
     except LawError as error:
         return _table(bytearray(), columns, t, wrapped), Stop("law_failed", str(error))
-    limiter = controller.limiter
+    rows = bytearray()
+    stop = _fly(
+        *(plant, controller, measured_of, zip(t.tolist(), _references(reference, t), strict=True)),
+        count=count,
+        follow=None if route is None else route.follower(dt, condition.h),
+        end=math.inf if route is None else route.path.length,
+        pack=struct.Struct(f"{len(columns)}d").pack,
+        rows=rows,
+        progress=progress,
+    )
+    signals = _table(rows, columns, t, wrapped)
+    if route is not None and stop is None:
+        stop = route.not_arrived(signals.index[-1], signals["along"].iloc[-1])
+    return signals, stop
+
+
+def _fly(
+    plant: Plant,
+    controller: SelfLimiting,
+    measured_of: Callable[[tuple[float, ...]], Measured],
+    samples: Iterable[tuple[float, ReferenceSample]],
+    *,
+    count: int,
+    follow: Callable[[Measured], tuple[ReferenceSample, Place]] | None,
+    end: float,
+    pack: Callable[..., bytes],
+    rows: bytearray,
+    progress: Callable[[float], None] | None,
+) -> Stop | None:
+    """Fly all samples, or to the end of a route; add them to `rows`."""
+    dt, limiter, place = controller.dt, controller.limiter, ()
     u_unsat, limited = limiter.u_unsat, limiter.limited
-    rows, stop = bytearray(), None
-    observe, advance, step, pack = plant.observe, plant.advance, controller.step, row.pack
+    observe, advance, step = plant.observe, plant.advance, controller.step
     for k, (now, ref) in enumerate(samples):
         seen = observe()
+        measured = measured_of(seen)
+        if follow is not None:
+            ref, place = follow(measured)
         try:
-            commands = step(measured_of(seen), ref, now)
+            commands = step(measured, ref, now)
         except LawError as error:
-            stop = Stop("law_failed", str(error))
-            break
+            return Stop("law_failed", str(error))
         phi_cmd, n_z_cmd = commands[0], commands[1]
         # The errors follow when all is flown: those of the signals, not those a sensor shows.
-        rows += pack(
-            *seen, ref[0], ref[1], 0.0, 0.0, phi_cmd, n_z_cmd, *u_unsat, *commands[2:], *limited
-        )
-        if k == count:
+        loop = (ref[0], ref[1], 0.0, 0.0, phi_cmd, n_z_cmd, *u_unsat)
+        rows += pack(*seen, *loop, *commands[2:], *place, *limited)
+        if k == count or (place and place[0] >= end):
             break
         stop = advance(phi_cmd, n_z_cmd, dt)
         if stop is not None:
-            break
+            return stop
         if progress is not None and k % PROGRESS_EVERY == 0:
             progress(now)
-    return _table(rows, columns, t, wrapped), stop
+    return None
 
 
 def _measured(
@@ -159,8 +191,10 @@ def _measured(
 
 
 def _references(
-    reference: Reference | FeasibleReference, t: np.ndarray
+    reference: Reference | FeasibleReference | RouteReference, t: np.ndarray
 ) -> Iterable[ReferenceSample]:
+    if isinstance(reference, RouteReference):
+        return repeat(ReferenceSample(*reference.initial), len(t))  # until it is followed
     values = np.stack([*reference.sampled(t), *reference.rates(t)])
     if isinstance(reference, FeasibleReference):
         planned = map(tuple, reference.commands(t).tolist())

@@ -24,7 +24,7 @@ _SIGNALS_BY_UNIT = {
     "rudder chi_err_low chi_err_high gamma_err_low gamma_err_high chi_err_worst gamma_err_worst",
     "1": "n_z n_z_cmd n_z_unlimited n_z_integral phi_limited n_z_limited n_y throttle",
     "m/s": "V_a V_a_meas V_g wind_north wind_east wind_down",
-    "m": "north east down h",
+    "m": "north east down h along cross_track height_err",
     "rad/s": "d_chi d_gamma p q r mismatch_chi mismatch_gamma chi_dot_integral gamma_dot_integral",
     "N": "thrust",
 }
@@ -38,7 +38,8 @@ _SIGNALS_BY_UNIT = {
 # signal itself. Positions are local NED from the start. Surfaces are positive trailing edge
 # down, the rudder trailing edge left; the aileron is the left one, so that positive rolls right.
 # ``wind_*`` is the velocity of the air: north is air that moves north. Course and path angle are
-# over ground, or through the air in runs that have ``*_ground`` too.
+# over ground, or through the air in runs that have ``*_ground`` too. On a route ``along`` is the
+# distance along it, ``cross_track`` that to its right, and ``height_err`` its height minus the own.
 SIGNAL_UNITS = {name: unit for unit, names in _SIGNALS_BY_UNIT.items() for name in names.split()}
 
 # Bounds of the errors in runs whose tube is known. They were computed, not flown.

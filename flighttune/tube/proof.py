@@ -127,7 +127,7 @@ def save_tube(tube: Tube, path: str | Path) -> None:
         "held": tube.can_limit,
         "chosen": tube.chosen,
     }
-    if problem.scenario.reference.shape == "feasible":
+    if problem.scenario.feasible:
         arrays["reference"] = problem.reference
     if boxes is not None:
         arrays["boxes"] = boxes.bounds.pairs
@@ -172,7 +172,7 @@ def _tube_from(claim: Claim, arrays: Arrays, conformance: Conformance | None) ->
         "bounds": (k, len(QUANTITIES), 2),
         "held": (k, 2),
     }
-    if scenario.reference.shape == "feasible":
+    if scenario.feasible:
         shapes["reference"] = k, 6
     if claim.conformance_sha256 is not None:
         shapes["boxes"] = k, len(RESIDUALS), 2
@@ -204,7 +204,7 @@ def _problem(
     # Files of gains on roll and load factor may name the law of rates that the scenario had.
     law, _ = scenario.law_of(f"{claim.law}:", gains if gains.inputs == COMMANDS else None)
     reference = reference_of(scenario)
-    if scenario.reference.shape == "feasible":
+    if scenario.feasible:
         off = float(np.abs(arrays["reference"] - reference).max())
         if off > SAME_REFERENCE:
             raise InputError(

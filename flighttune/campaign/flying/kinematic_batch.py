@@ -74,6 +74,7 @@ def alike(scenario: Scenario) -> Hashable:
 def _moving(scenario: Scenario) -> bool:
     """Whether the reference changes during the flight."""
     reference = scenario.reference
+    assert reference is not None  # see `batchable`
     return isinstance(reference.chi_deg, list) or isinstance(reference.gamma_deg, list)
 
 

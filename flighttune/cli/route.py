@@ -1,0 +1,107 @@
+"""The command that plans a route before it is flown."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from typer import Argument, Option
+
+from flighttune.cli.options import SetOption, changes, check_ending
+from flighttune.cli.show import pick
+from flighttune.errors import InputError
+from flighttune.present.answer import Answer
+from flighttune.present.tables import Column, Table
+from flighttune.shipped import aircraft_names, scenario_files
+from flighttune.units import DEG
+
+if TYPE_CHECKING:
+    from flighttune.routes.follow import RouteReference
+    from flighttune.scenario.schema import Scenario
+
+ROUTE_FILES = (".plan", ".json", ".geojson")
+ROUTE_COLUMNS = [
+    Column("kind", "stretch"),
+    Column("waypoint", "waypoint"),
+    Column("start_m", "begins at", "m", ".0f"),
+    Column("length_m", "length", "m", ".0f"),
+    Column("course", "course", "deg", ".0f", 1.0 / DEG),
+    Column("turn", "turn", "deg", ".0f", 1.0 / DEG),
+    Column("radius_m", "radius", "m", ".0f"),
+    Column("roll", "roll in still air", "deg", ".0f", 1.0 / DEG),
+    Column("roll_downwind", "roll downwind", "deg", ".0f", 1.0 / DEG),
+    Column("gamma", "path angle", "deg", ".1f", 1.0 / DEG),
+    Column("time_s", "time in still air", "s", ".0f"),
+]
+
+
+def route(
+    source: Annotated[
+        str,
+        Argument(
+            metavar="SCENARIO|FILE",
+            help="A scenario with a route, or a plan of QGroundControl (.plan) or GeoJSON.",
+            autocompletion=scenario_files,
+        ),
+    ],
+    aircraft: Annotated[
+        str,
+        Option(
+            help="Aircraft that is to fly a FILE, at an airspeed at which it is identified.",
+            autocompletion=aircraft_names,
+        ),
+    ] = "aerosonde",
+    skip: Annotated[
+        bool, Option("--skip", help="Leave out commands of a FILE that cannot be flown.")
+    ] = False,
+    out: Annotated[Path | None, Option(help="Path to write, .geojson or .kml.")] = None,
+    settings: SetOption = None,
+) -> Answer:
+    """Plan the route of SCENARIO or FILE: its legs, turns and times, or what cannot be flown."""
+    from flighttune.routes.files import route_geojson, route_kml
+    from flighttune.routes.follow import RouteReference
+    from flighttune.scenario.load import load_scenario, route_scenario
+    from flighttune.whole_file import write_text
+
+    check_ending(out, ".geojson", ".kml")
+    own = changes(settings)
+    if Path(source).suffix.lower() in ROUTE_FILES:
+        loaded = route_scenario(Path(source), aircraft, skip=skip, changes=own)
+    else:
+        loaded = load_scenario(source, changes=own)
+    reference, table = loaded.followed(), loaded.route
+    if table is None or not isinstance(reference, RouteReference):
+        raise InputError(f"{source}: `route` must be given, got a reference over time.")
+    if out is not None:
+        where = reference.path, table.origin, loaded.flight.h_m
+        written = route_kml if out.suffix.lower() == ".kml" else route_geojson
+        write_text(out, written(*where, loaded.title))
+    return _planned(loaded, reference, table.wind_at(reference.V_a), out)
+
+
+def _planned(
+    scenario: "Scenario", reference: "RouteReference", wind: float, out: Path | None
+) -> Answer:
+    """The stretches of a route, and how long it takes."""
+    path, V_a, g = reference.path, reference.V_a, reference.g
+    records = [
+        {
+            **pick(stretch, "kind waypoint turn gamma"),
+            "course": stretch.course % math.tau,
+            "start_m": stretch.start,
+            "length_m": stretch.length,
+            "radius_m": None if math.isinf(stretch.radius) else stretch.radius,
+            "roll": math.atan(V_a**2 / (g * stretch.radius)),
+            "roll_downwind": math.atan((V_a + wind) ** 2 / (g * stretch.radius)),
+            "time_s": stretch.length / (V_a * math.cos(stretch.gamma)),
+        }
+        for stretch in path.stretches
+    ]
+    total = sum(record["time_s"] for record in records)
+    longest = path.length / (V_a - wind) if wind < V_a else math.inf
+    return Answer(
+        values={"length_m": path.length, "time_s": total, "stretches": records},
+        tables=[Table(ROUTE_COLUMNS, records, scenario.title)],
+        verdict=f"{path.length:.0f} m, {total:.0f} s in still air, at most {longest:.0f} s in a "
+        f"wind of {wind:.3g} m/s",
+        files={"route": out},
+    )

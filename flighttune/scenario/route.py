@@ -1,0 +1,127 @@
+"""``[route]`` of a scenario: waypoints, and the path planned through them."""
+
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import Annotated, Self, TypeAlias
+
+from pydantic import Field, model_validator
+
+from flighttune import quantities as q
+from flighttune.routes.files import metres_per_degree
+from flighttune.routes.follow import RouteReference
+from flighttune.routes.path import Ability, Path, Waypoint, plan
+from flighttune.units import DEG
+
+Distance: TypeAlias = Annotated[q.Finite, Field(ge=-1e6, le=1e6)]  # m from the start
+Latitude: TypeAlias = Annotated[q.Finite, Field(ge=-85.0, le=85.0)]  # deg
+Longitude: TypeAlias = Annotated[q.Finite, Field(ge=-180.0, le=180.0)]  # deg
+
+# Share of the airspeed that turns allow for as wind by default.
+WIND_SHARE = 1.0 / 3.0
+
+# Most waypoints of a route.
+MAX_WAYPOINTS = 1000
+
+
+class WaypointTable(q.Table):
+    """``[[route.waypoint]]``: a point to pass, or to circle around."""
+
+    north_m: Distance | None = None
+    east_m: Distance | None = None
+    lat_deg: Latitude | None = None
+    lon_deg: Longitude | None = None
+    up_m: Distance = 0.0
+    turns: Annotated[q.Finite, Field(ge=-100.0, le=100.0)] = 0.0
+    radius_m: q.Length | None = None
+    climb_deg: Annotated[q.Finite, Field(gt=0.0, le=60.0)] | None = None
+
+    @model_validator(mode="after")
+    def _somewhere(self) -> Self:
+        local = self.north_m is not None and self.east_m is not None
+        geographic = self.lat_deg is not None and self.lon_deg is not None
+        keys = {"north_m", "east_m", "lat_deg", "lon_deg"} & self.model_fields_set
+        if local == geographic or len(keys) > 2:
+            raise ValueError("`north_m` and `east_m`, or `lat_deg` and `lon_deg` must be given")
+        if self.radius_m is not None and not self.turns:
+            raise ValueError("`radius_m` must be absent without `turns`")
+        return self
+
+
+class RouteTable(q.Table):
+    """``[route]``: what is flown in place of a reference over time.
+
+    The route begins at its first waypoint, where the flight starts; `lat_deg` and `lon_deg` say
+    where that is for maps, if the waypoints do not.
+    """
+
+    waypoint: Annotated[list[WaypointTable], Field(min_length=2, max_length=MAX_WAYPOINTS)]
+    wind_mps: q.WindSpeed | None = None
+    margin: Annotated[float, Field(ge=0.0, le=0.9)] = 0.2
+    gamma_deg: q.Inclinations = (-10.0, 10.0)
+    look_ahead_s: q.TimeConstant = 3.0
+    lat_deg: Latitude = 0.0
+    lon_deg: Longitude = 0.0
+
+    @model_validator(mode="after")
+    def _of_one_kind(self) -> Self:
+        if len({point.lat_deg is None for point in self.waypoint}) > 1:
+            raise ValueError("`waypoint` must be by north and east, or by latitude and longitude")
+        return self
+
+    @property
+    def origin(self) -> tuple[float, float]:
+        """Latitude and longitude of the start, deg."""
+        first = self.waypoint[0]
+        if first.lat_deg is None or first.lon_deg is None:
+            return self.lat_deg, self.lon_deg
+        return first.lat_deg, first.lon_deg
+
+    def waypoints(self) -> tuple[Waypoint, ...]:
+        """The waypoints in m and rad, from the first on."""
+        return tuple(self._waypoints())
+
+    def _waypoints(self) -> Iterator[Waypoint]:
+        first, (lat, lon) = self.waypoint[0], self.origin
+        per_lat, per_lon = metres_per_degree(lat)
+        for point in self.waypoint:
+            if point.lat_deg is not None and point.lon_deg is not None:
+                north, east = (point.lat_deg - lat) * per_lat, (point.lon_deg - lon) * per_lon
+            else:
+                north = (point.north_m or 0.0) - (first.north_m or 0.0)
+                east = (point.east_m or 0.0) - (first.east_m or 0.0)
+            yield Waypoint(
+                north=north,
+                east=east,
+                up=point.up_m - first.up_m,
+                turns=point.turns,
+                radius=point.radius_m,
+                climb=None if point.climb_deg is None else point.climb_deg * DEG,
+            )
+
+    def wind_at(self, V_a: float) -> float:
+        """Largest wind that turns allow for at an airspeed, m/s."""
+        return WIND_SHARE * V_a if self.wind_mps is None else self.wind_mps
+
+    def ability(self, *, V_a: float, g: float, phi: float, phi_rate: float) -> Ability:
+        """What turns may use of the limits on roll (rad) and its rate (rad/s), at V_a (m/s)."""
+        share = 1.0 - self.margin
+        low, high = self.gamma_deg
+        return Ability(
+            V_a=V_a,
+            wind=self.wind_at(V_a),
+            phi=share * phi,
+            phi_rate=share * phi_rate,
+            gamma=(low * DEG, high * DEG),
+            g=g,
+        )
+
+    def reference(self, ability: Ability) -> RouteReference:
+        """The reference that follows the path through the waypoints."""
+        path = planned(self.waypoints(), ability)
+        return RouteReference(path=path, V_a=ability.V_a, g=ability.g, look_ahead=self.look_ahead_s)
+
+
+@lru_cache(maxsize=8)  # the flights of a campaign fly the same path
+def planned(waypoints: tuple[Waypoint, ...], ability: Ability) -> Path:
+    """`plan`, made once for the same waypoints."""
+    return plan(waypoints, ability)
