@@ -1,7 +1,6 @@
 """Follow a path: position over ground to a reference of course and flight-path angle."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -21,8 +20,15 @@ Place = tuple[float, float, float]
 # Time by which roll is planned ahead, s: about the lag of an inner loop.
 LEAD_S = 0.2
 
-# Smallest share of the radius of a turn at which its centre counts as to the side, not ahead.
+# Smallest share of its radius at which a turn's centre may be beside the aircraft, and smallest
+# cosine of a crab angle.
 NEAREST = 0.2
+
+# Newton's steps to the nearest point of the path, from that of the sample before.
+SEARCHES = 3
+
+# Speed over ground below which the look-ahead shrinks no more, m/s.
+SLOWEST = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,80 +80,83 @@ class RouteReference:
         return np.interp(t, times, self.path.s)
 
     @cached_property
-    def _rows(self) -> list[tuple[float, ...]]:
+    def rows(self) -> list[tuple[float, ...]]:
         """Position, course, curvature, height and slope at each point of the path."""
         p = self.path
         columns = (p.north, p.east, p.course, p.curvature, p.up, p.slope)
         return list(zip(*(column.tolist() for column in columns), strict=True))
 
-    def follower(
-        self, dt: float, h_0: float
-    ) -> Callable[[Measured], tuple[ReferenceSample, Place]]:
-        r"""A function that turns measurements into the reference, sample by sample.
+    def follower(self, dt: float, h_0: float) -> "Follower":
+        """What follows the path in a flight with samples of `dt` (s) from the height `h_0` (m)."""
+        return Follower(self, dt, h_0)
 
-        Parameters
-        ----------
-        dt : float, s
-            Sample time.
-        h_0 : float, m
-            Height of the start.
 
-        Notes
-        -----
-        Look-ahead guidance about the nearest point of the path, with its course ``chi_p``:
+class Follower:
+    r"""Measurements to the reference of a law, sample by sample.
 
-        .. math:: \chi_{ref} = \chi_p - \arctan\frac{e_y}{L},\quad
-                  \gamma_{ref} = \gamma_p + \arctan\frac{e_h}{L},\quad L = V_g T
+    `reference`: the route. `dt` (s): time between samples. `h_0` (m): height of the start.
 
-        with the distance e_y to the right of the path and the height e_h below it.
-        """
-        rows, last = self._rows, len(self._rows) - 2
-        s, before = 0.0, None
-        T, g = self.look_ahead, self.g
-        V_g = self.V_a * math.cos(self.initial[1])
+    Notes
+    -----
+    Look-ahead guidance about the nearest point of the path, whose course and path angle are
+    ``chi_p`` and ``gamma_p``; T is the look-ahead and V_g the speed over ground:
 
-        def at(distance: float) -> tuple[float, ...]:
-            i = min(int(distance / STEP), last)
-            f = distance / STEP - i
-            a, b = rows[i], rows[i + 1]
-            return tuple([x + f * (y - x) for x, y in zip(a, b, strict=True)])
+    .. math:: \chi_{ref} = \chi_p - \arctan\frac{e_y}{L},\quad
+              \gamma_{ref} = \gamma_p + \arctan\frac{e_h}{L},\quad L = V_g T
 
-        def follow(m: Measured) -> tuple[ReferenceSample, Place]:
-            nonlocal s, before, V_g
-            north, east = m.position[0], m.position[1]
-            if before is not None:
-                V_g = math.hypot(north - before[0], east - before[1]) / dt
-            before = north, east
-            for _ in range(2):
-                n, e, course, kappa, up, slope = at(s)
-                c, sn = math.cos(course), math.sin(course)
-                ahead = (north - n) * c + (east - e) * sn
-                e_y = (east - e) * c - (north - n) * sn
-                s = max(s + ahead / max(1.0 - kappa * e_y, NEAREST), 0.0)
-            n, e, course, kappa, up, slope = at(s)
-            c, sn = math.cos(course), math.sin(course)
-            e_y = (east - e) * c - (north - n) * sn
-            e_h = up - (m.h - h_0)
-            L = max(V_g, 1.0) * T
-            off = m.chi - course
-            s_dot = V_g * math.cos(off) / max(1.0 - kappa * e_y, NEAREST)
-            y_dot = V_g * math.sin(off)
-            chi_dot = kappa * s_dot - y_dot / L / (1.0 + (e_y / L) ** 2)
-            chi = course - math.atan(e_y / L)
-            gamma_p = math.atan(slope)
-            h_dot = s_dot * slope - V_g * math.tan(m.gamma)
-            gamma = gamma_p + math.atan(e_h / L)
-            bend = (at(s + STEP)[5] - slope) / STEP / (1.0 + slope * slope)
-            gamma_dot = bend * s_dot + h_dot / L / (1.0 + (e_h / L) ** 2)
-            *_, kappa_ahead, _, _ = at(s + V_g * LEAD_S)
-            crab = 1.0
-            if m.wind is not None:
-                along = m.wind[0] * math.cos(m.chi) + m.wind[1] * math.sin(m.chi)
-                crab = max((V_g - along) / (m.V_a * math.cos(m.gamma)), 0.2)
-            roll = math.atan(kappa_ahead * V_g * V_g / (g * crab))
-            sample = ReferenceSample(
-                chi, gamma, chi_dot, gamma_dot, (roll, math.cos(gamma) / math.cos(m.phi))
-            )
-            return sample, (s, e_y, e_h)
+    with the distance e_y to the right of the path and the height e_h that is missing. Where course
+    and path angle are as asked, ``e_y' = -V_g sin(arctan(e_y / L))``: the distance shrinks like
+    ``exp(-t / T)`` once it is small against L (T. Fossen, *Handbook of Marine Craft Hydrodynamics
+    and Motion Control*, look-ahead-based steering). The rates of the reference are those of this
+    motion, and the roll planned is that of the curvature `LEAD_S` ahead at the speed over ground.
+    """
 
-        return follow
+    def __init__(self, reference: RouteReference, dt: float, h_0: float) -> None:
+        self._rows, self._last = reference.rows, len(reference.rows) - 2
+        self._dt, self._h_0, self._T, self._g = dt, h_0, reference.look_ahead, reference.g
+        self._s, self._before = 0.0, None
+        self._V_g = reference.V_a * math.cos(reference.initial[1])
+
+    def __call__(self, m: Measured) -> tuple[ReferenceSample, Place]:
+        """Return the reference at a sample, and where the aircraft is on the route."""
+        north, east, _ = m.position
+        if self._before is not None:
+            moved = north - self._before[0], east - self._before[1]
+            self._V_g = math.hypot(*moved) / self._dt
+        self._before, V_g = (north, east), self._V_g
+        for _ in range(SEARCHES):
+            n, e, course, curvature, up, slope = self._at(self._s)
+            c, s = math.cos(course), math.sin(course)
+            ahead, e_y = (north - n) * c + (east - e) * s, (east - e) * c - (north - n) * s
+            spread = max(1.0 - curvature * e_y, NEAREST)
+            self._s = max(self._s + ahead / spread, 0.0)
+        e_h, L = up - (m.h - self._h_0), max(V_g, SLOWEST) * self._T
+        side, below = e_y / L, e_h / L
+        forward = V_g * math.cos(m.chi - course) / spread
+        aside = V_g * math.sin(m.chi - course)
+        sinking = forward * slope - V_g * math.tan(m.gamma)
+        bend = (self._at(self._s + STEP)[5] - slope) / STEP / (1.0 + slope * slope)
+        gamma = math.atan(slope) + math.atan(below)
+        sample = ReferenceSample(
+            course - math.atan(side),
+            gamma,
+            curvature * forward - aside / (L * (1.0 + side * side)),
+            bend * forward + sinking / (L * (1.0 + below * below)),
+            (self._roll(m, V_g), math.cos(gamma) / math.cos(m.phi)),
+        )
+        return sample, (self._s, e_y, e_h)
+
+    def _at(self, s: float) -> tuple[float, ...]:
+        """North, east, course, curvature, height and slope of the path at a distance, m."""
+        i = min(int(s / STEP), self._last)
+        part = s / STEP - i
+        return tuple([a + part * (b - a) for a, b in zip(*self._rows[i : i + 2], strict=True)])
+
+    def _roll(self, m: Measured, V_g: float) -> float:
+        """Roll in which the path's next curvature is flown, crabbing where there is wind."""
+        curvature = self._at(self._s + V_g * LEAD_S)[3]
+        crab = 1.0
+        if m.wind is not None:
+            behind = m.wind[0] * math.cos(m.chi) + m.wind[1] * math.sin(m.chi)
+            crab = max((V_g - behind) / (m.V_a * math.cos(m.gamma)), NEAREST)
+        return math.atan(curvature * V_g * V_g / (self._g * crab))

@@ -313,7 +313,7 @@ class Scenario(Table):
 
     @property
     def stated_condition(self) -> FlightCondition:
-        """Condition that [flight] states; with a route, its angles count from those of its start."""
+        """Condition that [flight] states; on a route its angles count from those of its start."""
         f = self.flight
         chi, gamma = (0.0, 0.0) if self.route is None else self.followed().initial
         return FlightCondition(

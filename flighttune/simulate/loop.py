@@ -22,7 +22,7 @@ from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, Plant, Stop
 from flighttune.plants.sensors import MEASURED, SensedPlant, Sensors
 from flighttune.plants.weather import WIND
-from flighttune.routes.follow import ROUTE_SIGNALS, Place, RouteReference
+from flighttune.routes.follow import ROUTE_SIGNALS, Follower, RouteReference
 from flighttune.simulate.feasible import FeasibleReference
 from flighttune.simulate.reference import Reference
 
@@ -137,7 +137,7 @@ def _fly(
     samples: Iterable[tuple[float, ReferenceSample]],
     *,
     count: int,
-    follow: Callable[[Measured], tuple[ReferenceSample, Place]] | None,
+    follow: Follower | None,
     end: float,
     pack: Callable[..., bytes],
     rows: bytearray,
