@@ -32,7 +32,7 @@ def test_every_scenario_flies_and_comes_to_what_it_expects(name, flown):
     assert len(f"{scenario.title} Claim: {scenario.verifies} {claim.short}".split()) <= 48
     for run in flown[name].runs:
         assert (run.status == "completed") == (run.reason == "")
-        if run.status == "completed":
+        if run.status == "completed" and scenario.route is None:
             assert run.duration == pytest.approx(flown[name].scenario.flight.duration_s)
         assert np.isfinite(run.signals.to_numpy()).all()
 
