@@ -190,6 +190,7 @@ def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan, Residual
     plan = planned(source, kind="jsbsim", draws=TRAINING_FLIGHTS, **options)
     gains = settings.gains if settings.gains in plan.gain_sets else None  # None for a file
     group = plan.chosen_group(settings.plant, gains, kind="jsbsim")
+    plan.scenario.check_over_time("boxes of residual rates")
     campaign = in_air(plan.campaign, settings.air or air_of(plan.campaign.central))
     if settings.seed is not None:
         campaign = campaign.model_copy(update={"seed": settings.seed})

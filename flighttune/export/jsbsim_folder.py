@@ -87,6 +87,7 @@ def export_jsbsim(
     in Python. Raises TrimError if there is no steady flight to start from. Raises PlantError if the
     aircraft cannot be built. Raises OutputError if the folder cannot be written.
     """
+    scenario.check_over_time("an export")
     table = aircraft_table(scenario, plant)
     for key in _not_in_script(scenario):
         raise InputError(

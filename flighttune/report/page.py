@@ -56,7 +56,7 @@ LONGEST_LADDER = 6_000
 CONVERGES = (
     "A run converges if it was completed and both errors stay within their limits over the last "
     f"quarter of the flight: {100.0 * CONVERGED_PART:.0f} % of the largest error, and at least "
-    f"{CONVERGED_AT_LEAST * DEG_PER_RAD:.1f}°."
+    f"{CONVERGED_AT_LEAST * DEG_PER_RAD:.1f}°. On a route it converges if it arrives."
 )
 ERRORS = (
     "Errors are reference minus actual, the course error wrapped to ±180°. A band is the tube "

@@ -460,6 +460,11 @@ class Scenario(Table):
         """The requirements of a run of this plant and these gains."""
         return [table for table in self.expect if table.meant(plant, gains)]
 
+    def check_over_time(self, what: str) -> None:
+        """Refuse a route for what needs a reference over time."""
+        if self.route is not None:
+            raise InputError(f"`route` must be absent for {what}: it needs a reference over time.")
+
     def as_dict(self) -> dict[str, Any]:
         """The scenario as plain values, defaults filled in, as it would stand in a file."""
         return self.model_dump(mode="json", exclude_none=True)

@@ -300,6 +300,7 @@ def tube_problem(
     first of the scenario that takes the gains. Raises InputError if a value cannot be used, or the
     tube does not know the law.
     """
+    scenario.check_over_time("a tube")
     return TubeProblem(
         scenario=scenario,
         gains=gains,

@@ -1,9 +1,11 @@
 """Flights along a route, on every plant: where they are, and how they come back to it."""
 
+import json
 import math
 
 import numpy as np
 import pytest
+from commands import flighttune
 
 import flighttune as ft
 from flighttune.errors import ScenarioError
@@ -95,3 +97,19 @@ def test_a_flight_that_does_not_arrive_says_what_is_left():
 def test_a_route_that_cannot_be_read_is_refused(change, message):
     with pytest.raises(ScenarioError, match=message):
         scenario([{"kind": "kinematic"}], **change)
+
+
+@pytest.mark.parametrize("command", ["tube", "export", "conform"])
+def test_what_needs_a_reference_over_time_refuses_a_route_by_name(command, tmp_path):
+    options = {"export": ("--out", tmp_path / "out"), "conform": ("--out", tmp_path / "out.json")}
+    _, said = flighttune(command, "circuit", *options.get(command, ()), status=2)
+
+    assert "`route` must be absent" in said
+
+
+def test_the_worst_start_of_a_route_is_searched(tmp_path):
+    made = ["--start-deg", 3, "--budget", 32, "--plant", "kinematic", "--set"]
+    made += ["flight.duration_s=20", "--metric", "flight.cross_track_m"]
+    printed, _ = flighttune("worst", "circuit", *made, "--out", tmp_path / "w.toml", "--json")
+
+    assert json.loads(printed)["metric"] == "flight.cross_track_m"

@@ -25,7 +25,7 @@ ROLLED = 1
 # `tests/campaign/test_kinematic_batch.py` flies every key of a scenario both ways and fails for a
 # key it has not tried, so that a new key is either flown by the kernel or named here.
 NOT_IN_BATCH = (
-    *("wind", "gust", "turbulence", "reference.shape"),
+    *("wind", "gust", "turbulence", "reference.shape", "route"),
     *("disturbance.wave", "disturbance.chi_phase_deg", "disturbance.gamma_phase_deg"),
     *("disturbance.chi_switch_s", "disturbance.gamma_switch_s"),
 )
