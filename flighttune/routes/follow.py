@@ -25,7 +25,7 @@ LEAD_S = 0.2
 NEAREST = 0.2
 
 # Newton's steps to the nearest point of the path, from that of the sample before.
-SEARCHES = 3
+SEARCHES = 2
 
 # Speed over ground below which the look-ahead shrinks no more, m/s.
 SLOWEST = 1.0
@@ -125,11 +125,9 @@ class Follower:
             self._V_g = math.hypot(*moved) / self._dt
         self._before, V_g = (north, east), self._V_g
         for _ in range(SEARCHES):
-            n, e, course, curvature, up, slope = self._at(self._s)
-            c, s = math.cos(course), math.sin(course)
-            ahead, e_y = (north - n) * c + (east - e) * s, (east - e) * c - (north - n) * s
-            spread = max(1.0 - curvature * e_y, NEAREST)
+            ahead, _, spread, *_ = self._seen_from(north, east)
             self._s = max(self._s + ahead / spread, 0.0)
+        _, e_y, spread, course, curvature, up, slope = self._seen_from(north, east)
         e_h, L = up - (m.h - self._h_0), max(V_g, SLOWEST) * self._T
         side, below = e_y / L, e_h / L
         forward = V_g * math.cos(m.chi - course) / spread
@@ -145,6 +143,17 @@ class Follower:
             (self._roll(m, V_g), math.cos(gamma) / math.cos(m.phi)),
         )
         return sample, (self._s, e_y, e_h)
+
+    def _seen_from(self, north: float, east: float) -> tuple[float, ...]:
+        """How far ahead and to the right of its place on the path a point is, m, and what is there.
+
+        Then the change of the first per metre along the path, course, curvature, height and slope.
+        """
+        n, e, course, *others = self._at(self._s)
+        c, s = math.cos(course), math.sin(course)
+        e_y = (east - e) * c - (north - n) * s
+        spread = max(1.0 - others[0] * e_y, NEAREST)
+        return (north - n) * c + (east - e) * s, e_y, spread, course, *others
 
     def _at(self, s: float) -> tuple[float, ...]:
         """North, east, course, curvature, height and slope of the path at a distance, m."""
