@@ -154,7 +154,7 @@ def plan_of(band: Band) -> Plan:
 
 
 def _probe(band: Band) -> Probe:
-    """What is kept of each flight."""
+    """The function that keeps the extremes of each flight."""
     about, rate = band.about, plan_of(band).scenario.controller.rate_hz
     edges = np.round(about.edges * rate).astype(np.intp)
     return partial(_extremes, list(about.signals), edges, about.predicted_from is not None)

@@ -235,7 +235,7 @@ def _scores(
 def _probed(
     pool: WorkerPool, plan: Plan, probe: "partial[list[float]]", runs: range, doing: str
 ) -> list[list[float] | None]:
-    """What `_residuals_of` makes of some runs; None for a flight that was not completed."""
+    """Results of `_residuals_of` for some runs; None for a flight that was not completed."""
     return rows_of(pool, plan, doing, runs=runs, probes={KEPT: probe})[KEPT].to_pylist()
 
 

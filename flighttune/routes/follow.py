@@ -87,7 +87,7 @@ class RouteReference:
         return list(zip(*(column.tolist() for column in columns), strict=True))
 
     def follower(self, dt: float, h_0: float) -> "Follower":
-        """What follows the path in a flight with samples of `dt` (s) from the height `h_0` (m)."""
+        """Guidance of one flight with samples of `dt` (s) that starts at the height `h_0` (m)."""
         return Follower(self, dt, h_0)
 
 

@@ -66,7 +66,7 @@ class Waypoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ability:
-    """What an aircraft can do on a route.
+    """Speed and limits for which a route is planned.
 
     Attributes
     ----------
@@ -178,7 +178,7 @@ class _Piece(NamedTuple):
 
 
 class _Turn(NamedTuple):
-    """What is flown at a waypoint."""
+    """A corner, or the circles around a waypoint."""
 
     pieces: tuple[_Piece, ...] = ()
     reach: float = 0.0  # distance from its beginning to the foot of the waypoint on the leg, m

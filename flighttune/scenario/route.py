@@ -103,7 +103,7 @@ class RouteTable(q.Table):
         return WIND_SHARE * V_a if self.wind_mps is None else self.wind_mps
 
     def ability(self, *, V_a: float, g: float, phi: float, phi_rate: float) -> Ability:
-        """What turns may use of the limits on roll (rad) and its rate (rad/s), at V_a (m/s)."""
+        """Speed, and the limits on roll (rad) and its rate (rad/s) less the margin."""
         share = 1.0 - self.margin
         low, high = self.gamma_deg
         return Ability(

@@ -346,7 +346,7 @@ class Scenario(Table):
 
     @property
     def _ability(self) -> Ability:
-        """What a route may use of the limits of the scenario and of all its aircraft."""
+        """Limits of a route: the share of those of the scenario and of all its aircraft."""
         assert self.route is not None
         limits, f = self.command_limits, self.flight
         for plant in self.plant:

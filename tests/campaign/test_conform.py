@@ -123,7 +123,7 @@ def test_too_many_flights_that_are_not_completed_claim_nothing():
 
     with (
         flown_here(conform_module, "planned", small_plan(runs=1), rows) as pool,
-        pytest.raises(InputError, match=r"at most 5 of 14 fresh flights .* got 6"),
+        pytest.raises(InputError, match=r"at most 5 of 14 .* got 6"),
     ):
         conform("campaign", FEW, pool)
 
@@ -262,7 +262,7 @@ def test_boxes_that_the_scores_do_not_support_are_refused(found, tmp_path, name,
         forged = {**tables, "low": (centre - half).tolist(), "high": (centre + half).tolist()}
     path = rewritten(found, tmp_path / "boxes.json", **{name: forged})
 
-    with pytest.raises(ScenarioError, match=r"boxes\.json: `boxes` must be at least as wide"):
+    with pytest.raises(ScenarioError, match=r"boxes\.json: `boxes` .* as wide"):
         load_conformance(path)
 
 

@@ -159,7 +159,7 @@ def test_another_claim_of_the_same_count_costs_no_flight(counted):
 
     assert wider.scale == counted.scores.max()
     assert narrower.scale < counted.scale < wider.scale
-    with pytest.raises(InputError, match=r"`flights` must be at least 688 .* got 93"):
+    with pytest.raises(InputError, match=r"`flights` .* 688 .* got 93"):
         counted.claiming(0.01, 0.999)
 
 
@@ -175,7 +175,7 @@ def test_flights_that_did_not_complete_count(walks, counted):
     assert "2 did not complete, and at most 1 may: nothing is claimed" in none.sentence
     learned = extremes_of(walks[0])
     learned[band_module.MIN_LEARNED - 1 :] = lost[0]
-    with pytest.raises(InputError, match=r"`learn` must have 10 flights .* got 9"):
+    with pytest.raises(InputError, match=r"`learn` .* 10 flights .* got 9"):
         learned_shape(learned, np.zeros((60, 0)), 0.05)
 
 

@@ -107,5 +107,5 @@ def test_a_bound_on_the_error_that_cannot_be_is_refused(model):
 def test_a_law_without_a_linear_model_has_no_error_to_bound(tmp_path):
     (tmp_path / "law.py").write_text("class Mine: pass")
     law = {"name": "mine", "kind": "python", "module": "law.py", "class": "Mine"}
-    with pytest.raises(ScenarioError, match=r"`E_star` .* law mine, .* got 1"):
+    with pytest.raises(ScenarioError, match=r"`E_star` .* mine, .* 1"):
         ft.load_scenario("paper", changes={"tuning.E_star": 1.0, "law": [law], "expect": []})
