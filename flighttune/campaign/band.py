@@ -7,7 +7,6 @@ from functools import partial
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.arrays import FloatArray, check_at_least
@@ -30,8 +29,13 @@ from flighttune.guarantee.band import (
 )
 from flighttune.guarantee.bounds import ERRORS
 from flighttune.guarantee.count import fresh_flights
+from flighttune.metrics import OFF_ROUTE
+from flighttune.routes.follow import RouteReference
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import SIGNAL_UNITS, Run
+
+# Rounding of times and distances, s and m.
+SAME = 1e-9
 
 # Keeps of a completed flight what is counted of it.
 Probe: TypeAlias = partial[list[float]]
@@ -44,7 +48,7 @@ def count_band(
     source: str,
     pool: WorkerPool,
     *,
-    signals: Iterable[str] = ERRORS,
+    signals: Iterable[str] | None = None,
     epsilon: float = 0.01,
     confidence: float = 0.999,
     flights: int | None = None,
@@ -79,19 +83,24 @@ def count_band(
         raise InputError(f"{source}: `{key}` must be the same in all flights of a band.")
     if predicted_from and not any(key.startswith("wind.") for key in distribution.dispersed):
         raise InputError(f"{source}: the wind must be drawn for `given` wind, got one wind.")
-    run, signals = fly_group(plan, central, group), list(dict.fromkeys(signals))
+    run, default = fly_group(plan, central, group), OFF_ROUTE if central.route else ERRORS
+    signals = list(dict.fromkeys(signals or default))
     for name in signals:
         if name not in run.signals:
             recorded = ", ".join(map(str, run.signals.columns))
             raise InputError(f"`signal` must be one of {recorded}, got {name!r}.")
-    rate = central.controller.rate_hz
-    edges = window_edges(round(central.flight.duration_s * rate) + 1, flights, len(signals))
+    followed, over = central.followed(), "time"
+    length, per_unit = central.flight.duration_s, central.controller.rate_hz
+    if isinstance(followed, RouteReference):
+        over, length, per_unit = "along", followed.path.length, 1.0
+    edges = window_edges(round(length * per_unit) + 1, flights, len(signals)) / per_unit
     probe = partial(_extremes, signals, edges, predicted_from is not None)
     learned = _flown(pool, plan, probe, range(learn), "learning")
     coefficients, half = learned_shape(*learned, epsilon)
     about = About(
         signals={name: run.units.get(name) or SIGNAL_UNITS.get(name, "") for name in signals},
-        edges=edges / rate,
+        over=over,
+        edges=edges,
         coefficients=coefficients,
         half=half,
         predicted_from=predicted_from,
@@ -155,9 +164,8 @@ def plan_of(band: Band) -> Plan:
 
 def _probe(band: Band) -> Probe:
     """The function that keeps the extremes of each flight."""
-    about, rate = band.about, plan_of(band).scenario.controller.rate_hz
-    edges = np.round(about.edges * rate).astype(np.intp)
-    return partial(_extremes, list(about.signals), edges, about.predicted_from is not None)
+    about = band.about
+    return partial(_extremes, list(about.signals), about.edges, about.predicted_from is not None)
 
 
 def _flown(
@@ -181,10 +189,14 @@ def _flown(
 
 
 def _extremes(
-    signals: list[str], edges: npt.NDArray[np.intp], windy: bool, run: Run, scenario: Scenario
+    signals: list[str], edges: FloatArray, windy: bool, run: Run, scenario: Scenario
 ) -> list[float]:
     """Extremes of a flight, window by window; after them the north and east wind at its start."""
-    values = np.ravel(window_extremes(run.signals[signals].to_numpy(), edges)).tolist()
+    axis = run.t
+    if "along" in run.signals:  # the nearest point of a route may go back a little
+        axis = np.maximum.accumulate(run.signals["along"].to_numpy())
+    samples = np.searchsorted(axis, edges - SAME).clip(max=len(axis) - 1)
+    values = np.ravel(window_extremes(run.signals[signals].to_numpy(), samples)).tolist()
     if windy and scenario.wind is not None:
         values += scenario.wind.profile().at(scenario.flight.h_m)[:2]
     return values

@@ -53,7 +53,10 @@ def band(
     plant: Annotated[str | None, plant_label("the first aircraft, else the first")] = None,
     signal: Annotated[
         list[str] | None,
-        Option(help="Recorded signal to bound; repeatable [default: chi_err and gamma_err]."),
+        Option(
+            help="Recorded signal to bound; repeatable [default: chi_err and gamma_err, on a route "
+            "cross_track and height_err]."
+        ),
     ] = None,
     epsilon: Annotated[
         float | None,

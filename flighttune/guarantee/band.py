@@ -23,6 +23,9 @@ from flighttune.table_file import json_object
 from flighttune.value_file import STRICT, tables_of, value_of
 from flighttune.whole_file import whole_file
 
+# Axis of the windows.
+Over: TypeAlias = Literal["time", "along"]
+
 # Most windows of a flight, and most numbers kept of all flights that are counted.
 MAX_WINDOWS, MAX_NUMBERS = 200, 2**27
 
@@ -60,7 +63,8 @@ class About:
     """The shape of a band, the flights that it is about, and its claim."""
 
     signals: dict[str, str]  # units by name
-    edges: FloatArray  # (windows + 1,), s
+    over: Over = "time"  # axis of the windows: time, or the distance along a route
+    edges: FloatArray  # (windows + 1,), s or m
     # (1 or 10, windows, signals): the middle of the band, by the terms of the wind
     coefficients: FloatArray
     half: FloatArray  # (windows, signals): half-width at scale 1
@@ -77,7 +81,7 @@ class About:
 
     __pydantic_config__: ClassVar = STRICT
     FORMAT: ClassVar[str] = "flighttune band 1"
-    UNITS: ClassVar[Mapping[str, str]] = {"edges": "s", "half": "as in signals"}
+    UNITS: ClassVar[Mapping[str, str]] = {"edges": "s, or m along", "half": "as in signals"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -165,7 +169,10 @@ class Band:
         return grown.claiming(about.epsilon, about.confidence)
 
     def bounds(self, t: FloatArray, wind: FloatArray | None = None) -> Bounds:
-        """The band at the times `t` (s); `wind`, (2,), is the wind that it is given, if any."""
+        """The band at the times `t` (s), or the distances along a route (m).
+
+        `wind`, (2,), is the wind that it is given, if any.
+        """
         about = self.about
         winds = np.zeros((1, 0)) if wind is None else np.reshape(wind, (1, 2))
         if (about.predicted_from is None) != (wind is None):

@@ -156,11 +156,6 @@ class Scenario(Table):
                 )
         if self.wind and self.wind.level and not aircraft:
             raise ValueError("`level` of [wind] must be absent without a jsbsim plant")
-        try:
-            _ = self.condition
-        except InputError as error:
-            key = "level" if self.wind and self.wind.level else "speed_mps"
-            raise ValueError(f"`{key}` of [wind] {error}") from error
         if disturbance is None:
             return self
         if aircraft and not disturbance.as_wind:
@@ -182,6 +177,19 @@ class Scenario(Table):
                     f"[disturbance] `{channel}_amplitude` must be that of a wind of at most "
                     f"{FASTEST_WIND:g} m/s with as_wind, got one of {wind:.3g} m/s"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _starts_in_its_wind(self) -> "Scenario":
+        try:
+            _ = self.stated_condition
+        except InputError:  # a route that cannot be flown: `check_aircraft` says why
+            return self
+        try:
+            _ = self.condition
+        except InputError as error:
+            key = "level" if self.wind and self.wind.level else "speed_mps"
+            raise ValueError(f"`{key}` of [wind] {error}") from error
         return self
 
     @model_validator(mode="after")

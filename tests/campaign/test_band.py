@@ -13,6 +13,7 @@ from flighttune.campaign.band import count_band, count_more, recount
 from flighttune.campaign.band import plan_of as plan_of_band
 from flighttune.campaign.flying.alone import fly_group
 from flighttune.campaign.flying.rows import fly_runs
+from flighttune.campaign.stated_set import planned
 from flighttune.errors import InputError
 from flighttune.guarantee.band import load_band, save_band
 
@@ -214,3 +215,17 @@ def test_a_file_of_another_campaign_takes_no_options_of_a_source(counted, tmp_pa
         assert f"`{name}` must be absent for a band file" in stderr
     _, stderr = flighttune("band", "paper", "--start-deg", 1, "--recount", 3, status=2)
     assert "`recount` must be absent" in stderr
+
+
+def test_a_band_on_a_route_follows_the_distance_along_it():
+    corner = [{"north_m": n, "east_m": e} for n, e in ((0.0, 0.0), (500.0, 0.0), (500.0, 500.0))]
+    changes = {"route.waypoint": corner, "flight.duration_s": 60.0}
+    plan = planned("circuit", plant="kinematic", start_deg=3.0, changes=changes)
+    band = count(plan)
+    path = plan.scenario.followed().path
+
+    assert band.about.signals == {"cross_track": "m", "height_err": "m"}
+    assert (band.about.over, band.about.edges[-1]) == ("along", round(path.length))
+    for run, score in enumerate(band.scores, start=band.about.learned):
+        signals = fly_group(plan, plan_of_band(band).scenario_of(run), plan.groups[0]).signals
+        assert band.bounds(signals["along"].to_numpy()).contain(signals) == (score <= band.scale)
