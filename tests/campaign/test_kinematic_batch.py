@@ -191,10 +191,10 @@ WITHOUT_EFFECT = {
 }  # fmt: skip
 OF_OTHERS = {
     Scenario: {"title", "verifies", "source", "seed", "gains", "law", "tuning", "envelope",
-               "expect", "plant", "gust", "turbulence"},
+               "expect", "plant", "gust", "turbulence", "route"},
     WindTable: {"level"},
 }  # fmt: skip
-"""What is not dispersed, or needs an aircraft."""
+"""What is not dispersed, needs an aircraft, or is flown alone."""
 
 
 def base(key):

@@ -38,11 +38,12 @@ assert len(ADOPTED) >= 10
 
 
 def flights():
-    """Every scenario in still air with each of its aircraft, its first gains by a law of ours."""
+    """Scenarios over time in still air with each aircraft, the first gains by a law of ours."""
     for name, file in scenario_files().items():
         scenario = ft.scenario_from(tomllib.loads(file.read_text()))
         gains, *_ = (one for one in scenario.gain_names if scenario.law_of(one)[0].kind != "python")
-        for table in scenario.plant if scenario.weather() is None else ():
+        of_time = scenario.route is None and scenario.weather() is None
+        for table in scenario.plant if of_time else ():
             if table.kind == "jsbsim":
                 yield name, gains, table.label
 
