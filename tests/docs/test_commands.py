@@ -57,6 +57,7 @@ NOT_RUN = {
     "flighttune adopt Aircraft/": "an aircraft of FlightGear",
     "flighttune design mine": "an aircraft of the reader's own",
     "flighttune identify mine": "an aircraft of the reader's own",
+    "flighttune route mission.plan": "a file of the reader's own",
     "flighttune compare baseline/paper": "files of the reader's own",
     "flighttune report runs/mine": "of the flight of a page's Python",
 }
