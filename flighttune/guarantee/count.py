@@ -57,9 +57,9 @@ def fresh_flights(flights: int | None, epsilon: float, confidence: float) -> int
 
 
 def refuting_outside(flights: int, epsilon: float, confidence: float) -> int:
-    """Fewest of new flights outside that refute a probability of at most `epsilon`.
+    """Fewest of `flights` outside that refute the claim that a flight leaves with `epsilon`.
 
-    With that probability so many of `flights` lie outside with one of at most ``1 - confidence``.
+    If the claim is true, so many lie outside with a probability of at most ``1 - confidence``.
     """
     k = np.arange(flights + 1)
     return int(np.sum(bdtrc(k - 1, flights, epsilon) > 1.0 - confidence))

@@ -240,6 +240,9 @@ def _flown_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
         except FlightTuneError:  # of somebody else's recording
             aircraft.append(name)
     start, of = scenario.stated_condition, "; ".join(aircraft) or "Guidance law"
+    if scenario.route is not None:
+        passed = len(scenario.route.waypoint)
+        return f"{of}: at {start.V_a:g} m/s in {_air_in_words(scenario)}, {passed} waypoints."
     t = np.linspace(0.0, scenario.flight.duration_s, ANGLES)
     chi, gamma = scenario.followed().sampled(t)
     angles = f"{_moves('course', start.chi, chi)} and {_moves('path angle', start.gamma, gamma)}"

@@ -116,7 +116,10 @@ def simulate(
         return _table(bytearray(), columns, t, wrapped), Stop("law_failed", str(error))
     rows = bytearray()
     stop = _fly(
-        *(plant, controller, measured_of, zip(t.tolist(), _references(reference, t), strict=True)),
+        plant,
+        controller,
+        measured_of,
+        zip(t.tolist(), _references(reference, t), strict=True),
         count=count,
         follow=None if route is None else route.follower(dt, condition.h),
         end=math.inf if route is None else route.path.length,
