@@ -1,7 +1,7 @@
 """Bands of campaigns: a shape learned from some flights, and its scale counted on fresh ones."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, Literal, TypeAlias
@@ -13,8 +13,9 @@ from flighttune.arrays import FloatArray, check_at_least
 from flighttune.campaign.conform import at_random, check_random, distribution_of
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.alone import fly_group
-from flighttune.campaign.planning.plan import Plan, plan_from
+from flighttune.campaign.planning.plan import TUNING_ROUNDING, Plan, plan_from
 from flighttune.campaign.stated_set import planned, rows_of
+from flighttune.control.law import split_name
 from flighttune.errors import InputError
 from flighttune.guarantee.band import (
     MAX_NUMBERS,
@@ -27,12 +28,14 @@ from flighttune.guarantee.band import (
     window_edges,
     window_extremes,
 )
-from flighttune.guarantee.bounds import ERRORS
+from flighttune.guarantee.bounds import ERRORS, with_columns
 from flighttune.guarantee.count import fresh_flights
 from flighttune.metrics import OFF_ROUTE
 from flighttune.routes.follow import RouteReference
+from flighttune.scenario.load import scenario_from
+from flighttune.scenario.places import leaves
 from flighttune.scenario.schema import Scenario
-from flighttune.simulate.run import SIGNAL_UNITS, Run
+from flighttune.simulate.run import BAND_ENDS, SIGNAL_UNITS, Run
 
 # Rounding of times and distances, s and m.
 SAME = 1e-9
@@ -42,6 +45,9 @@ Probe: TypeAlias = partial[list[float]]
 
 # Keys that must be the same in all flights: the windows of a band are the same samples in each.
 TIME_AXIS = ("flight.duration_s", "controller.rate_hz")
+
+# Tables of a scenario that a run must share with the flights of a band drawn around it.
+SHARED = ("flight", "reference", "route", "law", "limits", "controller")
 
 
 def count_band(
@@ -162,6 +168,59 @@ def plan_of(band: Band) -> Plan:
     return plan.with_runs(band.about.learned + len(band.scores))
 
 
+def around(band: Band, runs: Sequence[Run]) -> tuple[list[Run], dict[str, bool]]:
+    """The runs with the band as signals (`BAND_ENDS`), and by label whether they are inside.
+
+    A run has the band if it differs from the flights counted by no more than their dispersions and
+    its air. InputError if there is none, with what the first one differs in.
+    """
+    plan = plan_of(band)
+    if band.about.scale is None:
+        raise InputError("`band` must have a claim: too many of its flights were not completed.")
+    scenarios = [scenario_from(dict(run.provenance.scenario)) for run in runs]
+    other = [_other(plan, *of_run) for of_run in zip(runs, scenarios, strict=True)]
+    if all(other):
+        raise InputError(f"`band` must be of the same {other[0]} as the run.")
+    inside, drawn = {}, []
+    for run, scenario, differs in zip(runs, scenarios, other, strict=True):
+        if differs:
+            drawn.append(run)
+            continue
+        wind = np.array(_wind(scenario)) if band.about.predicted_from else None
+        bounds = band.bounds(_axis(run), wind)
+        inside[run.label] = bounds.contain(run.signals)
+        columns = {
+            f"{name}{end}": values[:, i]
+            for i, name in enumerate(bounds.names)
+            for end, values in zip(BAND_ENDS, (bounds.low, bounds.high), strict=True)
+        }
+        units = {
+            f"{name}{end}": unit for name, unit in band.about.signals.items() for end in BAND_ENDS
+        }
+        drawn.append(replace(with_columns(run, columns), units={**run.units, **units}))
+    return drawn, inside
+
+
+def _other(plan: Plan, run: Run, scenario: Scenario) -> str:
+    """What a run has other than the flights of a plan of one group; empty if it is one of them."""
+    (group,), made = plan.groups, run.provenance
+    theirs, own = (
+        dict(leaves({key: tables[key] for key in SHARED if key in tables}))
+        for tables in (plan.scenario.as_dict(), scenario.as_dict())
+    )
+    differ = (key for key in theirs | own if theirs.get(key) != own.get(key))
+    gains, flown = plan.gain_sets[group.gains], made.gains
+    if run.status != "completed":
+        return "status"
+    if group.plant != made.plant:
+        return "plant"
+    if split_name(group.gains)[0] != split_name(made.gains_name)[0]:
+        return "law"
+    if gains is None or flown is None or not np.allclose(gains.K, flown.K, rtol=TUNING_ROUNDING):
+        return "gains"
+    return next((key for key in differ if key not in plan.keys), "")
+
+
 def _probe(band: Band) -> Probe:
     """The function that keeps the extremes of each flight."""
     about = band.about
@@ -192,11 +251,22 @@ def _extremes(
     signals: list[str], edges: FloatArray, windy: bool, run: Run, scenario: Scenario
 ) -> list[float]:
     """Extremes of a flight, window by window; after them the north and east wind at its start."""
-    axis = run.t
-    if "along" in run.signals:  # the nearest point of a route may go back a little
-        axis = np.maximum.accumulate(run.signals["along"].to_numpy())
+    axis = _axis(run)
     samples = np.searchsorted(axis, edges - SAME).clip(max=len(axis) - 1)
     values = np.ravel(window_extremes(run.signals[signals].to_numpy(), samples)).tolist()
-    if windy and scenario.wind is not None:
-        values += scenario.wind.profile().at(scenario.flight.h_m)[:2]
-    return values
+    return [*values, *_wind(scenario)] if windy else values
+
+
+def _axis(run: Run) -> FloatArray:
+    """Time of each sample, or its distance along a route."""
+    if "along" not in run.signals:
+        return run.t
+    # the nearest point of a route may go back a little
+    return np.maximum.accumulate(run.signals["along"].to_numpy())
+
+
+def _wind(scenario: Scenario) -> Sequence[float]:
+    """North and east wind at the start, m/s."""
+    if scenario.wind is None:
+        return 0.0, 0.0
+    return scenario.wind.profile().at(scenario.flight.h_m)[:2]

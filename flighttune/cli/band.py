@@ -1,5 +1,6 @@
 """The command that counts bands of campaigns, and answers about them."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -25,6 +26,7 @@ from flighttune.shipped import campaign_files, scenario_files
 
 if TYPE_CHECKING:
     from flighttune.guarantee.band import Band
+    from flighttune.simulate.run import Run
 
 WIDTH_COLUMNS = [
     Column("signal", "signal"),
@@ -148,6 +150,25 @@ def band(
     if out is not None:
         save_band(counted, out)
     return replace(band_answer(counted), files={"band": out})
+
+
+def band_around(runs: "Sequence[Run]", file: Path | None) -> tuple["list[Run]", Answer]:
+    """The runs with the band of a file around them, and its part of the answer of a command."""
+    if file is None:
+        return list(runs), Answer()
+    from flighttune.campaign.band import around
+    from flighttune.guarantee.band import load_band
+
+    counted = load_band(file)
+    try:
+        drawn, inside = around(counted, runs)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from error
+    said = [
+        f"{label}: {'inside' if held else 'outside'} the band" for label, held in inside.items()
+    ]
+    values = {"file": str(file), "inside": inside, **band_answer(counted).values}
+    return drawn, Answer(values={"band": values}, notes=[*said, f"Band: {counted.sentence}"])
 
 
 def _stated(**options: Any) -> dict[str, Any]:

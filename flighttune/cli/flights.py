@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
+from flighttune.cli.band import band_around
 from flighttune.cli.options import (
+    BandOption,
     ConformanceOption,
     GainSetsOption,
     ScenarioArgument,
@@ -51,6 +53,7 @@ def fly(
     view: Annotated[bool, Option("--view", help="Open the recording in the viewer.")] = False,
     tube: TubeOption = False,
     conformance: ConformanceOption = None,
+    band: BandOption = None,
     settings: SetOption = None,
 ) -> None:
     """Fly every gain set of SCENARIO on each of its plants and record it."""
@@ -76,9 +79,10 @@ def fly(
         conformance=conformance,
         scenario=source if listed else "",
     )
-    flown = replace(flown, runs=tubes.runs)
+    runs, of_band = band_around(tubes.runs, band)
+    flown = replace(flown, runs=tuple(runs))
     files = record(flown, folder, name=name)
-    answer = _flown(flown, files, tubes_answer, source)
+    answer = _flown(flown, files, tubes_answer, of_band, source)
     show(answer)
     if view:
         _open(files.recording)
@@ -234,7 +238,9 @@ def _open(path: Path, *, port: int | None = None) -> None:
         viewer.wait()
 
 
-def _flown(flown: "FlownScenario", files: "RecordedFiles", tubes: Answer, source: str) -> Answer:
+def _flown(
+    flown: "FlownScenario", files: "RecordedFiles", tubes: Answer, of_band: Answer, source: str
+) -> Answer:
     from flighttune.flight.advice import advice
 
     unknown = {"R_K": None, "I_K": None, "E_K": None}
@@ -258,7 +264,7 @@ def _flown(flown: "FlownScenario", files: "RecordedFiles", tubes: Answer, source
     ]
     gain_sets = [{"gains": name, **own} for name, own in indicators.items()]
     notes = [f"{run.label}: {run.outcome}" for run in flown.runs if run.status != "completed"]
-    notes += tubes.notes
+    notes += [*tubes.notes, *of_band.notes]
     if any(run.provenance.aircraft for run in flown.runs):
         notes.append(f"Why aircraft and law differ: flighttune gap {source}")
     notes.append(f"A page to send: flighttune report {files.recording.parent}")
@@ -280,6 +286,7 @@ def _flown(flown: "FlownScenario", files: "RecordedFiles", tubes: Answer, source
             },
             "missed": missed,
             **tubes.values,
+            **of_band.values,
         },
         tables=[
             Table(

@@ -100,6 +100,11 @@ def check_ending(out: Path | None, *endings: str, option: str = "--out") -> None
         raise InputError(f"{out}: {option} must end in {endings[0]}.")
 
 
+BandOption = Annotated[
+    Path | None,
+    Option(help="File of `flighttune band`, which is drawn around the runs that it is about."),
+]
+
 TubeOption = Annotated[
     bool,
     Option("--tube", help="Compute the tube of each flight and draw it around the errors."),

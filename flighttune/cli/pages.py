@@ -7,9 +7,11 @@ from typing import Annotated, Literal
 
 from typer import Argument, Option
 
+from flighttune.cli.band import band_around
 from flighttune.cli.gains import chosen_gains
 from flighttune.cli.options import (
     AircraftPlantOption,
+    BandOption,
     ConformanceOption,
     GainsOption,
     ScenarioArgument,
@@ -44,6 +46,7 @@ def gap(
     ] = None,
     tube: TubeOption = False,
     conformance: ConformanceOption = None,
+    band: BandOption = None,
     settings: SetOption = None,
 ) -> Answer:
     """Fly gains on plants from the paper's law to the aircraft; show what each step adds.
@@ -70,10 +73,12 @@ def gap(
         conformance=conformance,
         scenario=source if gains in (None, name) else "",
     )
-    explained = replace(explained, runs=(*explained.runs[:-1], *tubes.runs))
+    runs, of_band = band_around(tubes.runs, band)
+    explained = replace(explained, runs=(*explained.runs[:-1], *runs))
     files = record(explained.flown(), folder, name=stem)
     values = gap_values(explained, files.signals)
-    tables, notes = gap_tables(explained, values), [*causes(explained), *tubes_answer.notes]
+    tables = gap_tables(explained, values)
+    notes = [*causes(explained), *tubes_answer.notes, *of_band.notes]
     figure = page = None
     if explained.steps:
         figure, page = folder / "gap.svg", folder / "gap.html"
@@ -84,7 +89,7 @@ def gap(
             notes.insert(0, f"No metrics of, from or to a rung that failed: {why}")
     ended = "" if explained.status == "explained" else f"{scenario}: {explained.reason}"
     return Answer(
-        values={**values, **tubes_answer.values},
+        values={**values, **tubes_answer.values, **of_band.values},
         tables=[*tables, *tubes_answer.tables],
         notes=notes,
         files={"recording": files.recording, "figure": figure, "page": page},
@@ -183,6 +188,7 @@ def report(
     out: Annotated[Path, Option("--out", "-o", help="HTML file to write.")] = Path("report.html"),
     tube: TubeOption = False,
     conformance: ConformanceOption = None,
+    band: BandOption = None,
     settings: SetOption = None,
 ) -> Answer:
     """Write one page about runs: headline, figures, tables and how to fly them again.
@@ -201,10 +207,11 @@ def report(
     tubes, tubes_answer = tubes_around(
         source.runs, folder, command, make=tube, conformance=conformance
     )
+    runs, of_band = band_around(tubes.runs, band)
     page = write_report(
-        replace(source, runs=tubes.runs),
+        replace(source, runs=tuple(runs)),
         out,
-        tubes=tubes_answer.notes,
+        tubes=[*tubes_answer.notes, *of_band.notes],
         at_a_glance=tubes.at_a_glance,
         tube_table=tubes_answer.tables[0],
     )
@@ -216,12 +223,13 @@ def report(
             "sections": page.sections,
             "tables": {table.name: table.records for table in named},
             **tubes_answer.values,
+            **of_band.values,
         },
         tables=[
             *(replace(table, name="") for table in named if table.name in PRINTED),
             *tubes_answer.tables,
         ],
-        notes=[*page.summary, *tubes_answer.notes],
+        notes=[*page.summary, *tubes_answer.notes, *of_band.notes],
         files={"report": page.path},
         failure=tubes_answer.failure,
     )

@@ -10,7 +10,7 @@ from flighttune.errors import RecordingError
 from flighttune.flight.fly import Progress, fly, library_versions
 from flighttune.flight.own import LawMaker, PlantMaker
 from flighttune.scenario.load import as_recorded, scenario_from
-from flighttune.simulate.run import TUBE_SIGNALS, WORST_SIGNALS, Run
+from flighttune.simulate.run import Run, is_claimed
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +147,7 @@ def _in_signals(recorded: Run, reflown: Run) -> Iterator[Difference]:
     if not n:
         return
     columns = [
-        [name for name in map(str, run.signals) if name not in (*TUBE_SIGNALS, *WORST_SIGNALS)]
+        [name for name in map(str, run.signals) if not is_claimed(name)]
         for run in (recorded, reflown)
     ]
     if columns[0] != columns[1]:

@@ -48,6 +48,14 @@ TUBE_SIGNALS = ("chi_err_low", "chi_err_high", "gamma_err_low", "gamma_err_high"
 # Errors of the flight found that comes nearest to leaving the tube, in runs where it is known.
 WORST_SIGNALS = ("chi_err_worst", "gamma_err_worst")
 
+# Endings of the bounds of a signal in runs around which a counted band is drawn.
+BAND_ENDS = ("_band_low", "_band_high")
+
+
+def is_claimed(signal: str) -> bool:
+    """Whether a signal was not flown: a bound of a tube or a band, or the worst flight in one."""
+    return signal in (*TUBE_SIGNALS, *WORST_SIGNALS) or signal.endswith(BAND_ENDS)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:
