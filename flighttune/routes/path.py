@@ -28,8 +28,8 @@ FINE = 8
 # Time for which a path goes on straight beyond its end, s.
 BEYOND_S = 10.0
 
-# Time over which a change of the climb is spread, s.
-PULL_UP_S = 2.0
+# Shortest time over which a change of the climb is spread, s, and the load factor that it may add.
+PULL_UP_S, PULL_UP_N_Z = 2.0, 0.2
 
 # Largest change of course at a corner, rad: its turn begins some six radii before the waypoint.
 SHARPEST = 160.0 * DEG
@@ -362,7 +362,9 @@ def _path(
     counts = list(accumulate(map(len, pieces), initial=0))
     ends = begins[counts]
     at, up = _profile(kinds, ends, waypoints, ability)
-    half = 0.5 * PULL_UP_S * ability.V_a
+    bend = np.abs(np.diff(np.arctan(np.diff(up) / np.diff(at)))).max()
+    pull_up = max(PULL_UP_S, ability.V_a * bend / (ability.g * PULL_UP_N_Z))
+    half = 0.5 * pull_up * ability.V_a
     height, slope = _rounded(s[::FINE], at, up, half)
     climbs = np.diff(np.interp(ends, at, up)) / np.maximum(np.diff(ends), NO_LENGTH)
     curved = np.maximum(np.abs(k), np.abs(k_end))

@@ -6,14 +6,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import tomlkit
 
 from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft
-from flighttune.errors import OutputError, ScenarioError
+from flighttune.arrays import FloatArray
+from flighttune.errors import InputError, OutputError, ScenarioError
 from flighttune.identify.file import rounded
 from flighttune.plants.jsbsim.trim import level, trim_table
 from flighttune.plants.label import plant_label
+from flighttune.routes.follow import RouteReference
 from flighttune.scenario.load import GAINS_FILES, existing_file, load_scenario
+from flighttune.scenario.route import RouteTable
 from flighttune.scenario.schema import Scenario
 from flighttune.shipped import scenario_files
 from flighttune.units import DEG
@@ -161,21 +165,23 @@ def _made_for(like: str, aircraft: str | None, folder: Path) -> str:
     aircraft = aircraft or next(iter(flown), AIRCRAFT)
     config, other = load_aircraft(aircraft), load_aircraft(flown[0] if flown else aircraft)
     faster = _design(config)[0] / (_design(other)[0] if flown else scenario.flight.V_a_mps)
-    V_a = scenario.flight.V_a_mps * faster
+    flight = scenario.flight
+    V_a = flight.V_a_mps * faster
     # A bank turns by g tan(phi) / V.
     banks = [math.tan(of.limits.phi[1]) for of in (config, other)]
     turn, climb = min(1.0, banks[0] / banks[1]) / faster, _climb(config, V_a, scenario)
     document["flight"]["V_a_mps"], document["limits"] = rounded(V_a, DIGITS), _limits(config)
     _scale(document["flight"], {"gamma_deg": climb})
-    for key, angle, rate in (("chi", 1.0, turn), ("gamma", climb, climb)):
-        reference = document["reference"]
-        _scale(reference, {f"{key}_from_deg": angle})
-        if isinstance(reference[f"{key}_deg"], list):
-            scales = {"change_deg": angle, "amplitude_deg": angle, "rate_dps": rate}
-            for segment in reference[f"{key}_deg"]:
-                _scale(segment, scales)
-        else:
-            _scale(reference, {f"{key}_deg": angle})
+    if scenario.route is None:
+        _scale_reference(document["reference"], turn, climb)
+    else:
+        room = (
+            _room(scenario.route, speed, flight.g_mps2, of)
+            for speed, of in ((V_a, config), (flight.V_a_mps, other))
+        )
+        size = float((next(room) / next(room)).max())
+        _scale_route(document["route"], size, climb)
+        _scale(document["flight"], {"duration_s": size / faster})
     _scale(document.get("envelope", {}), {"V_a_mps": faster})
     wind = {"chi_amplitude": 1.0 / faster, "gamma_amplitude": 1.0 / faster}  # of the same speed
     _scale(document.get("disturbance", {}), wind)
@@ -200,6 +206,38 @@ def _made_for(like: str, aircraft: str | None, folder: Path) -> str:
     return tomlkit.dumps(document)
 
 
+def _scale_reference(reference: Any, turn: float, climb: float) -> None:
+    """Multiply the turn rates of a reference, and its path angles."""
+    for key, angle, rate in (("chi", 1.0, turn), ("gamma", climb, climb)):
+        _scale(reference, {f"{key}_from_deg": angle})
+        if isinstance(reference[f"{key}_deg"], list):
+            scales = {"change_deg": angle, "amplitude_deg": angle, "rate_dps": rate}
+            for segment in reference[f"{key}_deg"]:
+                _scale(segment, scales)
+        else:
+            _scale(reference, {f"{key}_deg": angle})
+
+
+def _scale_route(route: Any, size: float, climb: float) -> None:
+    """Multiply the distances of a route, and its path angles."""
+    if "waypoint" not in route:
+        raise InputError("`route` must have waypoints of its own for another aircraft, got a file.")
+    for point in route["waypoint"]:
+        _scale(point, dict.fromkeys(("north_m", "east_m", "radius_m"), size))
+        _scale(point, {"up_m": size * climb, "climb_deg": climb})
+        for key in {"lat_deg", "lon_deg"} & {*point}:
+            first = route["waypoint"][0][key]
+            point[key] = round(first + size * (point[key] - first), 8)
+
+
+def _room(route: RouteTable, V_a: float, g: float, config: AircraftConfig) -> FloatArray:
+    """Radius of a turn on a route, and what half a turn takes with its roll-in, m."""
+    phi, phi_rate = config.limits.phi[1], config.limits.phi_rate
+    ability = route.ability(V_a=V_a, g=g, phi=phi, phi_rate=phi_rate)
+    radius = 1.0 / ability.curvature
+    return np.array([radius, radius + ability.rolling(ability.curvature)])
+
+
 def _scale(table: Any, factors: Mapping[str, float]) -> None:
     """Multiply those keys that a table has."""
     for key, factor in factors.items():
@@ -212,9 +250,14 @@ def _scale(table: Any, factors: Mapping[str, float]) -> None:
 def _climb(config: AircraftConfig, V_a: float, scenario: Scenario) -> float:
     """Share of a scenario's path angles that an aircraft can fly steadily at an airspeed."""
     flight = scenario.flight
-    assert scenario.reference is not None  # of a scenario that ships
-    _, steepest = scenario.reference.steepest(flight.gamma_deg, flight.duration_s)
-    asked = {flight.gamma_deg * DEG, steepest * DEG} - {0.0}
+    if scenario.route is None:
+        assert scenario.reference is not None  # one of both is there
+        _, steepest = scenario.reference.steepest(flight.gamma_deg, flight.duration_s)
+        asked = {flight.gamma_deg * DEG, steepest * DEG} - {0.0}
+    else:
+        route = scenario.followed()
+        assert isinstance(route, RouteReference)
+        asked = {math.atan(route.path.slope.max()), math.atan(route.path.slope.min())} - {0.0}
     for share in SHARES if asked else ():
         gammas = [share * gamma for gamma in asked]
         trims = trim_table(config, V_a=[V_a], gamma=gammas, h=flight.h_m)
