@@ -116,7 +116,10 @@ def _sentence(
     # "List should have at least 1 item after validation, ..." becomes "must have at least 1 item".
     message = re.sub("^(Input|List|Tuple|String) | after validation.*", "", message)
     message = message.replace("should", "must", 1)
-    return f"{where} {message}, got {abridged(problem.get('input'))}"
+    got = problem.get("input")
+    if kind == "too_long" and isinstance(got, list):
+        return f"{where} {message}, got {len(got)}"
+    return f"{where} {message}, got {abridged(got)}"
 
 
 def _named(keys: list[str], model: type[BaseModel] | None) -> str:

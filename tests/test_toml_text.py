@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from flighttune.scenario import scenario_from
+from flighttune.scenario import load_scenario, scenario_from
 from flighttune.shipped import scenario_files
 from flighttune.table_file import toml_text
 
@@ -29,7 +29,7 @@ def test_every_table_of_plain_values_comes_back_from_its_text(tables):
 
 @pytest.mark.parametrize("name", scenario_files())
 def test_every_shipped_scenario_comes_back_with_its_hash(name):
-    scenario = scenario_from(tomllib.loads(scenario_files()[name].read_text()))
+    scenario = load_scenario(name)
 
     again = scenario_from(tomllib.loads(toml_text(scenario.as_dict())))
 

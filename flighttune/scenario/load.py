@@ -318,15 +318,16 @@ def check_aircraft(scenario: Scenario, source: str) -> None:
     Steady flight at the start is not required here: without it a run ends with a status. The
     ScenarioError names `source`, the file of the scenario, and every key.
     """
-    faults = dict.fromkeys(fault for plant in scenario.plant for fault in _faults(scenario, plant))
-    if faults:
-        raise ScenarioError(f"{source}: {joined(faults)}")
-    if scenario.route is None and not scenario.feasible:
-        return
     try:
-        scenario.followed()
+        if scenario.route is not None:
+            scenario.followed()
+        faults = {fault: None for plant in scenario.plant for fault in _faults(scenario, plant)}
+        if scenario.feasible and not faults:
+            scenario.followed()
     except InputError as error:
         raise ScenarioError(f"{source}: {error}") from error
+    if faults:
+        raise ScenarioError(f"{source}: {joined(faults)}")
 
 
 def check_identified(scenario: Scenario, source: str) -> None:

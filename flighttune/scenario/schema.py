@@ -348,7 +348,14 @@ class Scenario(Table):
         if self.feasible:
             return feasible_reference(self.manoeuvre)
         if self.route is not None:
-            return self.route.reference(self._ability)
+            route = self.route.reference(self._ability)
+            heights = f.h_m + route.path.up[route.path.s <= route.path.length]
+            if (lowest := heights.min()) <= f.ground_m:
+                raise InputError(
+                    f"`up_m` of [[route.waypoint]] must be above `ground_m` {f.ground_m:g} m "
+                    f"everywhere on the route, got a height of {lowest:.0f} m."
+                )
+            return route
         assert self.reference is not None  # one of both is there
         return self.reference.reference(chi_deg=f.chi_deg, gamma_deg=f.gamma_deg)
 

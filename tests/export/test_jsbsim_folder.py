@@ -7,7 +7,6 @@ import shlex
 import shutil
 import subprocess
 import sys
-import tomllib
 from pathlib import Path
 from types import SimpleNamespace
 from xml.etree import ElementTree
@@ -39,8 +38,8 @@ assert len(ADOPTED) >= 10
 
 def flights():
     """Scenarios over time in still air with each aircraft, the first gains by a law of ours."""
-    for name, file in scenario_files().items():
-        scenario = ft.scenario_from(tomllib.loads(file.read_text()))
+    for name in scenario_files():
+        scenario = ft.load_scenario(name)
         gains, *_ = (one for one in scenario.gain_names if scenario.law_of(one)[0].kind != "python")
         of_time = scenario.route is None and scenario.weather() is None
         for table in scenario.plant if of_time else ():

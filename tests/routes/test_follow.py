@@ -9,6 +9,7 @@ from commands import flighttune
 
 import flighttune as ft
 from flighttune.errors import ScenarioError
+from flighttune.shipped import scenario_files
 
 DEG = math.pi / 180.0
 ROUTE = {
@@ -113,6 +114,16 @@ def test_the_worst_start_of_a_route_is_searched(tmp_path):
     printed, _ = flighttune("worst", "circuit", *made, "--out", tmp_path / "w.toml", "--json")
 
     assert json.loads(printed)["metric"] == "flight.cross_track_m"
+
+
+def test_a_route_below_the_ground_is_refused_by_its_height(tmp_path):
+    text = scenario_files()["circuit"].read_text()
+    file = tmp_path / "low.toml"
+    file.write_text(text.replace("up_m    = 10.0", "up_m    = -10.0"))
+
+    assert ft.load_scenario(file, changes={"flight.ground_m": 980.0}).route is not None
+    with pytest.raises(ScenarioError, match=r"low.toml.*: `up_m` .* `ground_m` 995 m .* 990 m"):
+        ft.load_scenario(file, changes={"flight.ground_m": 995.0})
 
 
 def test_a_route_that_cannot_be_flown_in_wind_is_refused_by_its_waypoint(tmp_path):

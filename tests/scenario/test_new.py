@@ -46,6 +46,17 @@ def test_a_scenario_made_for_another_aircraft_flies(like, aircraft, tmp_path):
     assert made.flight.duration_s == original.flight.duration_s
 
 
+@pytest.mark.slow
+def test_a_route_made_for_a_faster_aircraft_is_larger_and_flown(tmp_path):
+    answer("new", "mine", "--aircraft", "c172p", "--like", "circuit", cwd=tmp_path)
+    made, original = load_scenario(tmp_path / "mine.toml"), load_scenario("circuit")
+    radii = [made.followed().path.stretches[1].radius, original.followed().path.stretches[1].radius]
+
+    # (V + W)^2, at the same roll: 61^2 / 36^2
+    assert radii[0] / radii[1] == pytest.approx((61.0 / 36.0) ** 2, rel=1e-6)
+    assert {run.status for run in fly(made).runs} == {"completed"}
+
+
 def test_a_file_is_never_written_over_and_an_unknown_name_writes_none(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text("kept")

@@ -2,7 +2,6 @@
 
 import math
 import pickle
-import tomllib
 
 import pytest
 from made_up import scenario_tables
@@ -46,7 +45,7 @@ def test_sensors_are_in_radians_and_draw_from_the_seed_of_the_scenario():
 
 @pytest.mark.parametrize("name", scenario_files())
 def test_scenarios_without_the_keys_say_nothing_of_them(name):
-    values = scenario_from(tomllib.loads(scenario_files()[name].read_text())).as_dict()
+    values = load_scenario(name).as_dict()
 
     assert ("sensors" in values) == (name == "sensor_noise")
     for key in ("airframe", "name"):
