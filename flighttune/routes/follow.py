@@ -20,6 +20,9 @@ Place = tuple[float, float, float]
 # Time by which roll is planned ahead, s: about the lag of an inner loop.
 LEAD_S = 0.2
 
+# Columns of `RouteReference.rows`.
+CURVATURE, SLOPE = 3, 5
+
 # Smallest share of its radius at which a turn's centre may be beside the aircraft, and smallest
 # cosine of a crab angle.
 NEAREST = 0.2
@@ -114,58 +117,69 @@ class Follower:
     def __init__(self, reference: RouteReference, dt: float, h_0: float) -> None:
         self._rows, self._last = reference.rows, len(reference.rows) - 2
         self._dt, self._h_0, self._T, self._g = dt, h_0, reference.look_ahead, reference.g
-        self._s, self._before = 0.0, None
+        self._s, self._nearest = 0.0, self._at(0.0)
+        self._before: tuple[float, float] | None = None
         self._V_g = reference.V_a * math.cos(reference.initial[1])
 
     def __call__(self, m: Measured) -> tuple[ReferenceSample, Place]:
         """Return the reference at a sample, and where the aircraft is on the route."""
-        north, east, _ = m.position
+        chi, gamma, V_a, phi, _, h, (north, east, _), wind = m
         if self._before is not None:
-            moved = north - self._before[0], east - self._before[1]
-            self._V_g = math.hypot(*moved) / self._dt
+            n, e = self._before
+            self._V_g = math.hypot(north - n, east - e) / self._dt
         self._before, V_g = (north, east), self._V_g
-        for _ in range(SEARCHES):
-            ahead, _, spread, *_ = self._seen_from(north, east)
-            self._s = max(self._s + ahead / spread, 0.0)
-        _, e_y, spread, course, curvature, up, slope = self._seen_from(north, east)
-        e_h, L = up - (m.h - self._h_0), max(V_g, SLOWEST) * self._T
+        s, nearest, searches = self._s, self._nearest, SEARCHES
+        while True:
+            n, e, course, c_n, c_e, curvature, up, slope = nearest
+            n, e = north - n, east - e
+            e_y = e * c_n - n * c_e
+            spread = max(1.0 - curvature * e_y, NEAREST)
+            if not searches:
+                break
+            searches -= 1
+            s = max(s + (n * c_n + e * c_e) / spread, 0.0)
+            nearest = self._at(s)
+        self._s, self._nearest = s, nearest
+        e_h, L = up - (h - self._h_0), max(V_g, SLOWEST) * self._T
         side, below = e_y / L, e_h / L
-        forward = V_g * math.cos(m.chi - course) / spread
-        aside = V_g * math.sin(m.chi - course)
-        sinking = forward * slope - V_g * math.tan(m.gamma)
-        bend = (self._at(self._s + STEP)[5] - slope) / STEP / (1.0 + slope * slope)
-        gamma = math.atan(slope) + math.atan(below)
-        sample = ReferenceSample(
+        forward = V_g * math.cos(chi - course) / spread
+        aside = V_g * math.sin(chi - course)
+        sinking = forward * slope - V_g * math.tan(gamma)
+        bend = (self._column(SLOPE, s + STEP) - slope) / STEP / (1.0 + slope * slope)
+        gamma_ref = math.atan(slope) + math.atan(below)
+        crab = 1.0
+        if wind is not None:
+            behind = wind[0] * math.cos(chi) + wind[1] * math.sin(chi)
+            crab = max((V_g - behind) / (V_a * math.cos(gamma)), NEAREST)
+        next_curvature = self._column(CURVATURE, s + V_g * LEAD_S)
+        sample = (
             course - math.atan(side),
-            gamma,
+            gamma_ref,
             curvature * forward - aside / (L * (1.0 + side * side)),
             bend * forward + sinking / (L * (1.0 + below * below)),
-            (self._roll(m, V_g), math.cos(gamma) / math.cos(m.phi)),
+            (
+                math.atan(next_curvature * V_g * V_g / (self._g * crab)),
+                math.cos(gamma_ref) / math.cos(phi),
+            ),
         )
-        return sample, (self._s, e_y, e_h)
-
-    def _seen_from(self, north: float, east: float) -> tuple[float, ...]:
-        """How far ahead and to the right of its place on the path a point is, m, and what is there.
-
-        Then the change of the first per metre along the path, course, curvature, height and slope.
-        """
-        n, e, course, *others = self._at(self._s)
-        c, s = math.cos(course), math.sin(course)
-        e_y = (east - e) * c - (north - n) * s
-        spread = max(1.0 - others[0] * e_y, NEAREST)
-        return (north - n) * c + (east - e) * s, e_y, spread, course, *others
+        return tuple.__new__(ReferenceSample, sample), (s, e_y, e_h)
 
     def _at(self, s: float) -> tuple[float, ...]:
-        """North, east, course, curvature, height and slope of the path at a distance, m."""
+        """The path at a distance, m.
+
+        North, east, course, its cosine and sine, curvature, height, slope.
+        """
         i = min(int(s / STEP), self._last)
         part = s / STEP - i
-        return tuple([a + part * (b - a) for a, b in zip(*self._rows[i : i + 2], strict=True)])
+        n, e, course, k, up, slope = self._rows[i]
+        n_1, e_1, course_1, k_1, up_1, slope_1 = self._rows[i + 1]
+        course += part * (course_1 - course)
+        c_n, c_e = math.cos(course), math.sin(course)
+        n, e, k = n + part * (n_1 - n), e + part * (e_1 - e), k + part * (k_1 - k)
+        return n, e, course, c_n, c_e, k, up + part * (up_1 - up), slope + part * (slope_1 - slope)
 
-    def _roll(self, m: Measured, V_g: float) -> float:
-        """Roll in which the path's next curvature is flown, crabbing where there is wind."""
-        curvature = self._at(self._s + V_g * LEAD_S)[3]
-        crab = 1.0
-        if m.wind is not None:
-            behind = m.wind[0] * math.cos(m.chi) + m.wind[1] * math.sin(m.chi)
-            crab = max((V_g - behind) / (m.V_a * math.cos(m.gamma)), NEAREST)
-        return math.atan(curvature * V_g * V_g / (self._g * crab))
+    def _column(self, column: int, s: float) -> float:
+        """A column of the path at a distance, m."""
+        i = min(int(s / STEP), self._last)
+        value, following = self._rows[i][column], self._rows[i + 1][column]
+        return value + (s / STEP - i) * (following - value)

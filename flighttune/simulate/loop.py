@@ -161,8 +161,8 @@ def _fly(
             return Stop("law_failed", str(error))
         phi_cmd, n_z_cmd = commands[0], commands[1]
         # The errors follow when all is flown: those of the signals, not those a sensor shows.
-        loop = (ref[0], ref[1], 0.0, 0.0, phi_cmd, n_z_cmd, *u_unsat)
-        rows += pack(*seen, *loop, *commands[2:], *place, *limited)
+        loop = ref[0], ref[1], 0.0, 0.0, phi_cmd, n_z_cmd
+        rows += pack(*seen, *loop, *u_unsat, *commands[2:], *place, *limited)
         if k == count or (place and place[0] >= end):
             break
         stop = advance(phi_cmd, n_z_cmd, dt)

@@ -1,7 +1,8 @@
 """Weather on a JSBSim aircraft: a start in wind from a trim in still air, and the air after it."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import count
 
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.weather import NED, Gust, Turbulence, Weather
@@ -80,16 +81,15 @@ def _gusty(fdm: Fdm, gust: Gust, rate: float, run: Callable[[], bool]) -> Callab
     for name, value in settings.items():
         fdm.writer(f"atmosphere/cosine-gust/{name}")(value)
     begin = fdm.writer("atmosphere/cosine-gust/start")
-    steps_left = max(1, round(gust.start * rate))
+    first = max(1, round(gust.start * rate))
 
-    def step() -> bool:
-        nonlocal steps_left
-        steps_left -= 1
-        if steps_left == 0:
-            begin(1.0)
-        return run()
+    def steps() -> Iterator[bool]:
+        for k in count(1):
+            if k == first:
+                begin(1.0)
+            yield run()
 
-    return step
+    return steps().__next__
 
 
 def _changing(
@@ -99,29 +99,28 @@ def _changing(
 
     It is exact at instants `_REFRESH` steps apart, and linear in between.
     """
-    writers, h_ft = wind_writers(fdm), fdm.reader("position/h-sl-ft")
-    k, left = 0, 0  # number of integration steps planned so far, and of those still to fly
-    h_last = h_ft()
+    (write_north, write_east, write_down), h_ft = wind_writers(fdm), fdm.reader("position/h-sl-ft")
+    h_start = h_ft()
 
     def wind_at(t: float, h: float) -> list[float]:
         return [component / FT for component in weather.deterministic(t, h * FT + fdm.ground)]
 
-    # In ft/s, as JSBSim has it, and its change in one integration step.
-    wind, change = wind_at(0.0, h_last), [0.0, 0.0, 0.0]
-
-    def step() -> bool:
-        nonlocal k, left, h_last, change
-        if not left:
+    def steps() -> Iterator[bool]:
+        h_last, (north, east, down) = h_start, wind_at(0.0, h_start)  # ft/s, as JSBSim has it
+        for k in count(_REFRESH, _REFRESH):
             h = h_ft()
             # The wind is needed at the end of the next steps, whose height is extrapolated.
-            h_ahead, h_last, left = 2.0 * h - h_last, h, _REFRESH
-            k += _REFRESH
-            ahead = wind_at(k / rate, h_ahead)
-            change = [(b - a) / _REFRESH for a, b in zip(wind, ahead, strict=True)]
-        left -= 1
-        for i, write in enumerate(writers):
-            wind[i] += change[i]
-            write(wind[i])
-        return run()
+            ahead = wind_at(k / rate, 2.0 * h - h_last)
+            d_north, d_east, d_down = (
+                (b - a) / _REFRESH for a, b in zip((north, east, down), ahead, strict=True)
+            )
+            h_last = h
+            for _ in range(_REFRESH):
+                # Written out: a loop over three components takes as long as all the rest.
+                north, east, down = north + d_north, east + d_east, down + d_down
+                write_north(north)
+                write_east(east)
+                write_down(down)
+                yield run()
 
-    return step
+    return steps().__next__

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from math import cos, isfinite, remainder, sin, tau
+from operator import itemgetter
 
 from flighttune.aircraft.aircraft import SURFACES
 from flighttune.plants.base import StopStatus
@@ -37,7 +38,10 @@ def signal_reader(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[fl
     PlantError if the aircraft lacks a property.
     """
     read = fdm.reader
-    plain = [(name, read(place), factor) for name, (place, factor) in _READ.items()]
+    plain = [(read(place), factor) for place, factor in _READ.values()]
+    names = (*_READ, "chi", "psi", "h", "down", "n_y", "n_z", "thrust")
+    in_order = itemgetter(*map(names.index, properties.SIGNALS))
+    i_alpha = names.index("alpha")
     chi, psi = read("flight-path/psi-gt-rad"), read("attitude/psi-rad")
     # Not accelerations/N*: JSBSim computes those from the forces of the step before.
     F_x, F_y, F_z = (read(f"forces/fb{axis}-total-lbs") for axis in "xyz")
@@ -45,20 +49,18 @@ def signal_reader(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[fl
     engines = range(fdm.config.engines.count)
     thrusts = [read(f"propulsion/engine[{i}]/thrust-lbs") for i in engines]
     ground, h_0 = fdm.ground, h_ft() * FT
-    now = {"chi": chi_0, "psi": psi_0}
+    chi_now, psi_now = chi_0, psi_0
 
     def observe() -> tuple[float, ...]:
-        for name, signal, factor in plain:
-            now[name] = signal() * factor
+        nonlocal chi_now, psi_now
+        now = [signal() * factor for signal, factor in plain]
         # JSBSim's angles jump at a whole turn; the nearest continuation does not.
-        now["chi"] += remainder(chi() - now["chi"], tau)
-        now["psi"] += remainder(psi() - now["psi"], tau)
-        h, alpha, weight = h_ft() * FT, now["alpha"], mass_slug() * _G_0_FPS2
-        now["h"], now["down"] = h + ground, h_0 - h
-        now["n_y"] = F_y() / weight
-        now["n_z"] = (F_x() * sin(alpha) - F_z() * cos(alpha)) / weight
-        now["thrust"] = sum(thrust() for thrust in thrusts) * LBF
-        return tuple([now[name] for name in properties.SIGNALS])
+        chi_now += remainder(chi() - chi_now, tau)
+        psi_now += remainder(psi() - psi_now, tau)
+        h, alpha, weight = h_ft() * FT, now[i_alpha], mass_slug() * _G_0_FPS2
+        n_y, n_z = F_y() / weight, (F_x() * sin(alpha) - F_z() * cos(alpha)) / weight
+        thrust = sum([thrust() for thrust in thrusts]) * LBF
+        return in_order((*now, chi_now, psi_now, h + ground, h_0 - h, n_y, n_z, thrust))
 
     return observe
 
