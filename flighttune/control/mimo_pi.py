@@ -233,12 +233,12 @@ class MimoPI(StatefulPI):
 
     def step(self, measured: Measured, reference: ReferenceSample, _t: float, /) -> Sequence[float]:
         """Return roll and load-factor command after all limits, and the values of `signals`."""
-        gamma_ref, u_ff = reference[1], LEVEL
-        if self.feed_forward:
-            if gamma_ref != self._gamma_ref:
+        u_ff = reference[4] if self.feed_forward else LEVEL
+        if u_ff is None:
+            if reference[1] != self._gamma_ref:
                 # NumPy's cosine, as ever: that of math may differ in the last bit.
-                self._gamma_ref, self._lift = gamma_ref, float(np.cos(gamma_ref))
-            u_ff = reference[4] or (0.0, self._lift / math.cos(measured[3]))
+                self._gamma_ref, self._lift = reference[1], float(np.cos(reference[1]))
+            u_ff = 0.0, self._lift / math.cos(measured[3])
         state = self.state
         # Both begin with course and path angle: a slice of each would cost as much as an error.
         pi_step(self.law, state, reference, measured, u_ff, measured[2])

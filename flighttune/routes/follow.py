@@ -20,8 +20,8 @@ Place = tuple[float, float, float]
 # Time by which roll is planned ahead, s: about the lag of an inner loop.
 LEAD_S = 0.2
 
-# Columns of `RouteReference.rows`.
-CURVATURE, SLOPE = 3, 5
+COLUMNS = ("north", "east", "course", "curvature", "up", "slope")
+_CURVATURE, _SLOPE = map(COLUMNS.index, ("curvature", "slope"))
 
 # Smallest share of its radius at which a turn's centre may be beside the aircraft, and smallest
 # cosine of a crab angle.
@@ -83,11 +83,10 @@ class RouteReference:
         return np.interp(t, times, self.path.s)
 
     @cached_property
-    def rows(self) -> list[tuple[float, ...]]:
-        """Position, course, curvature, height and slope at each point of the path."""
-        p = self.path
-        columns = (p.north, p.east, p.course, p.curvature, p.up, p.slope)
-        return list(zip(*(column.tolist() for column in columns), strict=True))
+    def rows(self) -> list[list[float]]:
+        """`COLUMNS` at each point of the path but the last, then their changes to the next."""
+        values = np.stack([getattr(self.path, name) for name in COLUMNS], axis=1)
+        return np.hstack([values[:-1], np.diff(values, axis=0)]).tolist()
 
     def follower(self, dt: float, h_0: float) -> "Follower":
         """Guidance of one flight with samples of `dt` (s) that starts at the height `h_0` (m)."""
@@ -115,7 +114,7 @@ class Follower:
     """
 
     def __init__(self, reference: RouteReference, dt: float, h_0: float) -> None:
-        self._rows, self._last = reference.rows, len(reference.rows) - 2
+        self._rows, self._last = reference.rows, len(reference.rows) - 1
         self._dt, self._h_0, self._T, self._g = dt, h_0, reference.look_ahead, reference.g
         self._s, self._nearest = 0.0, self._at(0.0)
         self._before: tuple[float, float] | None = None
@@ -133,11 +132,15 @@ class Follower:
             n, e, course, c_n, c_e, curvature, up, slope = nearest
             n, e = north - n, east - e
             e_y = e * c_n - n * c_e
-            spread = max(1.0 - curvature * e_y, NEAREST)
+            spread = 1.0 - curvature * e_y
+            if spread < NEAREST:
+                spread = NEAREST
             if not searches:
                 break
             searches -= 1
-            s = max(s + (n * c_n + e * c_e) / spread, 0.0)
+            s += (n * c_n + e * c_e) / spread
+            if s < 0.0:
+                s = 0.0
             nearest = self._at(s)
         self._s, self._nearest = s, nearest
         e_h, L = up - (h - self._h_0), max(V_g, SLOWEST) * self._T
@@ -145,13 +148,13 @@ class Follower:
         forward = V_g * math.cos(chi - course) / spread
         aside = V_g * math.sin(chi - course)
         sinking = forward * slope - V_g * math.tan(gamma)
-        bend = (self._column(SLOPE, s + STEP) - slope) / STEP / (1.0 + slope * slope)
+        bend = (self._column(_SLOPE, s + STEP) - slope) / STEP / (1.0 + slope * slope)
         gamma_ref = math.atan(slope) + math.atan(below)
         crab = 1.0
         if wind is not None:
             behind = wind[0] * math.cos(chi) + wind[1] * math.sin(chi)
             crab = max((V_g - behind) / (V_a * math.cos(gamma)), NEAREST)
-        next_curvature = self._column(CURVATURE, s + V_g * LEAD_S)
+        next_curvature = self._column(_CURVATURE, s + V_g * LEAD_S)
         sample = (
             course - math.atan(side),
             gamma_ref,
@@ -171,15 +174,14 @@ class Follower:
         """
         i = min(int(s / STEP), self._last)
         part = s / STEP - i
-        n, e, course, k, up, slope = self._rows[i]
-        n_1, e_1, course_1, k_1, up_1, slope_1 = self._rows[i + 1]
-        course += part * (course_1 - course)
+        n, e, course, k, up, slope, d_n, d_e, turn, d_k, rise, d_slope = self._rows[i]
+        course += part * turn
         c_n, c_e = math.cos(course), math.sin(course)
-        n, e, k = n + part * (n_1 - n), e + part * (e_1 - e), k + part * (k_1 - k)
-        return n, e, course, c_n, c_e, k, up + part * (up_1 - up), slope + part * (slope_1 - slope)
+        n, e, k = n + part * d_n, e + part * d_e, k + part * d_k
+        return n, e, course, c_n, c_e, k, up + part * rise, slope + part * d_slope
 
     def _column(self, column: int, s: float) -> float:
         """A column of the path at a distance, m."""
         i = min(int(s / STEP), self._last)
-        value, following = self._rows[i][column], self._rows[i + 1][column]
-        return value + (s / STEP - i) * (following - value)
+        row = self._rows[i]
+        return row[column] + (s / STEP - i) * row[column + len(COLUMNS)]
