@@ -21,7 +21,7 @@ from flighttune.cli.show import campaign_pool, pick
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
 from flighttune.present.names import shown_unit
-from flighttune.present.tables import Column, Table
+from flighttune.present.tables import Column, Table, number
 from flighttune.shipped import campaign_files, scenario_files
 
 if TYPE_CHECKING:
@@ -38,6 +38,18 @@ WIDTH_COLUMNS = [
 
 # Part of the time whose largest half-width is printed too: flights have settled by then.
 LAST_QUARTER = 0.75
+
+# Options that say what is planned.
+PLANNED = ("gains", "plant", "start_deg", "changes")
+
+NEAREST_COLUMNS = [
+    Column("what", "nearest to the fence"),
+    Column("margin_m", "margin", "m", "z.2f"),
+    Column("side", "to the"),
+    Column("edge", "edge"),
+    Column("along_m", "along", "m", ".0f"),
+    Column("stretch", "stretch"),
+]
 
 
 def band(
@@ -102,6 +114,13 @@ def band(
             help="Band file (.npz) to write [default: runs/NAME-band.npz; FILE with --flights].",
         ),
     ] = None,
+    fence: Annotated[
+        Path | None,
+        Option(
+            help="Polygon (.geojson): answer with which probability a flight along a route stays "
+            "inside, and where it is nearest."
+        ),
+    ] = None,
     settings: SetOption = None,
     workers: WorkersOption = None,
     scheduler: SchedulerOption = None,
@@ -110,11 +129,16 @@ def band(
 
     Its shape is learned from some flights, and its scale counted on fresh ones: it holds for all
     signals at all times, for any law, plant and weather. Exit status 1 if too many flights did not
-    complete for any claim, or a flight of a recount differs.
+    complete for any claim, a flight of a recount differs, or the count does not support that a
+    flight stays inside the fence with a probability of at least 1 - epsilon.
     """
     check_ending(out, ".npz")
+    if fence is not None and recount is not None:
+        raise InputError("`recount` must be absent with a fence.")
     from flighttune.campaign.band import count_band, count_more
     from flighttune.campaign.band import recount as count_again
+    from flighttune.campaign.fence import fence_of
+    from flighttune.campaign.stated_set import planned
     from flighttune.guarantee.band import load_band, save_band
 
     claim = _stated(epsilon=epsilon, confidence=confidence)
@@ -131,6 +155,9 @@ def band(
     if Path(source).suffix != ".npz":
         if recount is not None:
             raise InputError("`recount` must be absent for anything but a band file.")
+        if fence is not None:  # refuse it before a flight
+            own = {key: of_source[key] for key in of_source if key in PLANNED}
+            fence_of(planned(source, **own), fence, signal)
         with campaign_pool(workers, scheduler) as pool:
             counted = count_band(source, pool, flights=flights, **claim, **of_source)
         out = out or Path("runs") / f"{Path(source).stem}-band.npz"
@@ -149,7 +176,8 @@ def band(
         counted = counted.claiming(**{**pick(counted.about, "epsilon confidence"), **claim})
     if out is not None:
         save_band(counted, out)
-    return replace(band_answer(counted), files={"band": out})
+    answer = band_answer(counted) if fence is None else fence_answer(counted, fence)
+    return replace(answer, files={"band": out})
 
 
 def band_around(runs: "Sequence[Run]", file: Path | None) -> tuple["list[Run]", Answer]:
@@ -206,4 +234,24 @@ def band_answer(counted: "Band") -> Answer:
         notes=notes,
         verdict=counted.sentence if claims else "",
         failure="" if claims else counted.sentence,
+    )
+
+
+def fence_answer(counted: "Band", file: Path) -> Answer:
+    """The answer of a band, and whether its flights stay inside a fence; a failure if not."""
+    from flighttune.campaign.fence import count_inside
+
+    answer, count, flights = band_answer(counted), count_inside(counted, file), len(counted.scores)
+    sentence = (
+        f"of {flights} fresh flights {flights - count.outside} are certainly inside the fence: a "
+        f"new flight leaves it with probability at most {number(count.epsilon)}, confidence "
+        f"{counted.confidence:.10g}"
+    )
+    return replace(
+        answer,
+        values={**answer.values, "fence": count._asdict()},
+        tables=[*answer.tables, Table(NEAREST_COLUMNS, count.nearest, "fence")],
+        notes=[*answer.notes, answer.verdict or answer.failure],
+        verdict=sentence if count.supported else "",
+        failure="" if count.supported else f"{sentence}; {counted.about.epsilon:g} was asked for",
     )

@@ -54,15 +54,23 @@ def route(
         bool, Option("--skip", help="Leave out commands of a FILE that cannot be flown.")
     ] = False,
     out: Annotated[Path | None, Option(help="Path to write, .geojson or .kml.")] = None,
+    band: Annotated[
+        Path | None,
+        Option(help="Band file (.npz) of this route, whose corridor is written with the path."),
+    ] = None,
     settings: SetOption = None,
 ) -> Answer:
     """Plan the route of SCENARIO or FILE: its legs, turns and times, or what cannot be flown."""
+    from flighttune.campaign.fence import corridor_of
+    from flighttune.guarantee.band import load_band
     from flighttune.routes.files import route_geojson, route_kml
     from flighttune.routes.follow import RouteReference
     from flighttune.scenario.load import load_scenario, route_scenario
     from flighttune.whole_file import write_text
 
     check_ending(out, ".geojson", ".kml")
+    if band is not None and out is None:
+        raise InputError("`--out` must be given with `--band`.")
     own = changes(settings)
     if Path(source).suffix.lower() in ROUTE_FILES:
         loaded = route_scenario(Path(source), aircraft, skip=skip, changes=own)
@@ -74,7 +82,8 @@ def route(
     if out is not None:
         where = reference.path, table.origin, loaded.flight.h_m
         written = route_kml if out.suffix.lower() == ".kml" else route_geojson
-        write_text(out, written(*where, loaded.title))
+        corridor = None if band is None else corridor_of(load_band(band), where)
+        write_text(out, written(where, loaded.title, corridor))
     return _planned(loaded, reference, table.wind_at(reference.V_a), out)
 
 

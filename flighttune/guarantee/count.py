@@ -7,7 +7,7 @@ Statistics 12 (1941).
 import math
 
 import numpy as np
-from scipy.special import bdtr, bdtrc
+from scipy.special import bdtr, bdtrc, bdtri
 
 from flighttune.arrays import FloatArray, check_between
 from flighttune.errors import InputError
@@ -25,6 +25,14 @@ def allowed_outside(flights: int, epsilon: float, confidence: float) -> int:
     check_between(0.0, 1.0, epsilon=epsilon, confidence=confidence)
     r = np.arange(math.ceil(epsilon * flights) + 1)
     return int(np.sum(bdtr(r, flights, epsilon) <= 1.0 - confidence)) - 1
+
+
+def supported_epsilon(outside: int, flights: int, confidence: float) -> float:
+    """Smallest epsilon that so many of `flights` outside support: the bound of Clopper and Pearson.
+
+    `allowed_outside` with this epsilon is `outside`; it is 1 if all flights are outside.
+    """
+    return 1.0 if outside == flights else float(bdtri(outside, flights, 1.0 - confidence))
 
 
 def flights_needed(epsilon: float, confidence: float, outside: int = 0) -> int:

@@ -3,14 +3,16 @@
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeAlias
 from xml.etree import ElementTree
 
 import numpy as np
 
-from flighttune.arrays import FloatArray
+from flighttune.arrays import FloatArray, Floats
 from flighttune.errors import InputError
+from flighttune.routes.path import STEP
 from flighttune.routes.path import Path as Route
 from flighttune.table_file import json_tables
 from flighttune.units import DEG
@@ -27,8 +29,22 @@ ABOVE_SEA, ABOVE_HOME = (0, 5), (3, 6)
 # Distance between the points of a file that is written, m.
 APART = 10.0
 
+# Largest change of course between two points of a corridor, rad.
+CHORD = 1.0 * DEG
+
 # Values of a row of the table `waypoint` of [route].
 Row = dict[str, float]
+
+# A path, latitude and longitude of its start, deg, and the height of its start, m.
+Where: TypeAlias = tuple[Route, tuple[float, float], float]
+
+
+class Corridor(NamedTuple):
+    """Bounds in windows of distance along a path, all in m."""
+
+    windows: FloatArray  # (windows, 2): from where to where
+    low: FloatArray  # (windows, 2): distances to the right of the path and below it
+    high: FloatArray
 
 
 def metres_per_degree(lat_deg: float) -> tuple[float, float]:
@@ -61,18 +77,22 @@ def read_route(path: Path, *, skip: bool = False) -> list[Row]:
         If the file cannot be read or is none of these, or has a command that cannot be flown.
     """
     tables = json_tables(path)
-    try:
+    with reading(path, "a plan of QGroundControl or GeoJSON with a LineString"):
         rows = _plan_rows(tables, skip) if "mission" in tables else _line_rows(tables)
         rows = [{key: float(value) for key, value in row.items()} for row in rows]
+    start = rows[0]["up_m"] if rows else 0.0
+    return [{**row, "up_m": row["up_m"] - start} for row in rows]
+
+
+@contextmanager
+def reading(path: Path, kind: str) -> Iterator[None]:
+    """Refuse a file in which something is missing or of another type, in one line with its name."""
+    try:
+        yield
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-        raise InputError(
-            f"{path}: must be a plan of QGroundControl or GeoJSON with a LineString, got "
-            f"{type(error).__name__} {error}."
-        ) from error
-    start = rows[0]["up_m"] if rows else 0.0
-    return [{**row, "up_m": row["up_m"] - start} for row in rows]
+        raise InputError(f"{path}: must be {kind}, got {type(error).__name__} {error}.") from error
 
 
 def _plan_rows(tables: Mapping[str, Any], skip: bool) -> list[Row]:
@@ -110,7 +130,8 @@ def _simple_items(items: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, A
 
 
 def _line_rows(tables: Mapping[str, Any]) -> list[Row]:
-    lines = [shape for shape in geometries(tables) if shape["type"] == "LineString"]
+    shapes = [feature["geometry"] for feature in features(tables)]
+    lines = [shape for shape in shapes if shape["type"] == "LineString"]
     if len(lines) != 1:
         raise InputError(f"`features` must have one LineString, got {len(lines)}.")
     return [
@@ -119,37 +140,85 @@ def _line_rows(tables: Mapping[str, Any]) -> list[Row]:
     ]
 
 
-def geometries(tables: Mapping[str, Any]) -> Iterable[Mapping[str, Any]]:
-    """The shapes of a GeoJSON object."""
+def features(tables: Mapping[str, Any]) -> Iterable[Mapping[str, Any]]:
+    """The features of a GeoJSON object; a shape alone is one without properties."""
     if tables["type"] == "FeatureCollection":
-        return [feature["geometry"] for feature in tables["features"]]
-    return [tables["geometry"] if tables["type"] == "Feature" else tables]
+        return tables["features"]
+    return [tables if tables["type"] == "Feature" else {"geometry": tables}]
 
 
-def route_geojson(path: Route, origin: tuple[float, float], h_0: float, title: str) -> str:
-    """A path as GeoJSON, with heights above sea level."""
-    shape = {"type": "LineString", "coordinates": _coordinates(path, origin, h_0).tolist()}
-    feature = {"type": "Feature", "properties": {"name": title}, "geometry": shape}
-    return json.dumps({"type": "FeatureCollection", "features": [feature]}) + "\n"
+def route_geojson(where: Where, title: str, corridor: Corridor | None = None) -> str:
+    """A path as GeoJSON, with heights above sea level, and its corridor window by window."""
+    shapes = [({"name": title}, "LineString", _line(where).tolist())]
+    for properties, floor, _ in _pieces(where, corridor):
+        shapes.append((properties, "Polygon", [floor[:, :2].tolist()]))
+    written = [
+        {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": at}}
+        for properties, kind, at in shapes
+    ]
+    return json.dumps({"type": "FeatureCollection", "features": written}) + "\n"
 
 
-def route_kml(path: Route, origin: tuple[float, float], h_0: float, title: str) -> str:
-    """A path as KML, at heights above sea level."""
+def route_kml(where: Where, title: str, corridor: Corridor | None = None) -> str:
+    """A path as KML, at heights above sea level, and floor and ceiling of its corridor."""
     kml = ElementTree.Element("kml", xmlns="http://www.opengis.net/kml/2.2")
-    mark = ElementTree.SubElement(ElementTree.SubElement(kml, "Document"), "Placemark")
+    document = ElementTree.SubElement(kml, "Document")
+    mark = ElementTree.SubElement(document, "Placemark")
     ElementTree.SubElement(mark, "name").text = title
-    line = ElementTree.SubElement(mark, "LineString")
-    ElementTree.SubElement(line, "altitudeMode").text = "absolute"
-    points = _coordinates(path, origin, h_0).tolist()
-    text = " ".join(",".join(map(str, point)) for point in points)
-    ElementTree.SubElement(line, "coordinates").text = text
+    _add_shape(mark, ["LineString"], _line(where))
+    for properties, *rings in _pieces(where, corridor):
+        mark = ElementTree.SubElement(document, "Placemark")
+        ElementTree.SubElement(mark, "name").text = "corridor from {from_m} m".format(**properties)
+        shapes = ElementTree.SubElement(mark, "MultiGeometry")
+        for ring in rings:
+            _add_shape(shapes, ["Polygon", "outerBoundaryIs", "LinearRing"], ring)
     return ElementTree.tostring(kml, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def _coordinates(path: Route, origin: tuple[float, float], h_0: float) -> FloatArray:
-    """Longitude and latitude, deg, and height, m, of points of a path, shape (n, 3)."""
-    s = np.append(np.arange(0.0, path.length, APART), path.length)
-    north, east, up = (np.interp(s, path.s, x) for x in (path.north, path.east, path.up))
+def _add_shape(parent: ElementTree.Element, names: Sequence[str], points: FloatArray) -> None:
+    """Add a shape at absolute heights; its coordinates are in the last of the nested `names`."""
+    shape = ElementTree.SubElement(parent, names[0])
+    ElementTree.SubElement(shape, "altitudeMode").text = "absolute"
+    for name in (*names[1:], "coordinates"):
+        shape = ElementTree.SubElement(shape, name)
+    shape.text = " ".join(",".join(map(str, point)) for point in points.tolist())
+
+
+def _line(where: Where) -> FloatArray:
+    """Coordinates of points of a path."""
+    length = where[0].length
+    return _coordinates(where, np.append(np.arange(0.0, length, APART), length))
+
+
+def _pieces(
+    where: Where, corridor: Corridor | None
+) -> Iterator[tuple[dict[str, Any], FloatArray, FloatArray]]:
+    """Properties of each window of a corridor, and the closed rings of its floor and ceiling.
+
+    The rings are counterclockwise, as GeoJSON asks for. Loiters overlap themselves, windows do not.
+    """
+    path = where[0]
+    for (begin, end), low, high in zip(*corridor, strict=True) if corridor else ():
+        own = slice(int(begin / STEP), int(end / STEP) + 2)
+        turn, up = np.abs(path.curvature[own]).max() * (end - begin), path.up[own]
+        s = np.linspace(begin, end, 2 + int(max((end - begin) / APART, turn / CHORD)))
+        right = np.repeat([high[0], low[0], high[0]], [len(s), len(s), 1])
+        s = np.concatenate([s, s[::-1], s[:1]])
+        floor, ceiling = (_coordinates(where, s, right, below) for below in (high[1], low[1]))
+        numbers = (begin, end, up.min() - high[1], up.max() - low[1])
+        keys = ("from_m", "to_m", "min_up_m", "max_up_m")
+        rounded = {key: round(float(x), 2) for key, x in zip(keys, numbers, strict=True)}
+        yield {"name": "corridor", **rounded}, floor, ceiling
+
+
+def _coordinates(
+    where: Where, s: FloatArray, right: Floats = 0.0, below: float = 0.0
+) -> FloatArray:
+    """Longitude and latitude, deg, and height, m, of points beside a path, shape (n, 3)."""
+    path, origin, h_0 = where
+    table = (path.north, path.east, path.up, path.course)
+    north, east, up, course = (np.interp(s, path.s, x) for x in table)
+    north, east = north - right * np.sin(course), east + right * np.cos(course)
     per_lat, per_lon = metres_per_degree(origin[0])
     lat, lon = origin[0] + north / per_lat, origin[1] + east / per_lon
-    return np.column_stack([lon.round(8), lat.round(8), (h_0 + up).round(2)])
+    return np.column_stack([lon.round(8), lat.round(8), (h_0 + up - below).round(2)])

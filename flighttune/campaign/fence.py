@@ -1,0 +1,104 @@
+"""Bands on a route: the corridor that they claim, and the count of flights inside a fence."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flighttune.campaign.band import plan_of
+from flighttune.campaign.planning.plan import Plan
+from flighttune.errors import InputError
+from flighttune.guarantee.band import Band
+from flighttune.guarantee.count import supported_epsilon
+from flighttune.metrics import OFF_ROUTE
+from flighttune.routes.fence import AWAY, Fence, read_fence, room_along
+from flighttune.routes.files import Corridor, Where
+from flighttune.routes.follow import RouteReference
+from flighttune.scenario.schema import Scenario
+
+# Distance in samples, at the airspeed, by which positions may lie beyond the edges of a window.
+BEYOND = 2.0
+
+
+class FenceCount(NamedTuple):
+    """The flights of a band that are not certainly inside a fence."""
+
+    outside: int
+    epsilon: float  # probability of leaving the fence that the count supports
+    supported: bool  # whether it is at most that of the band
+    nearest: list[dict[str, Any]]  # of the completed flights, and of the band if it has a corridor
+
+
+def where_of(scenario: Scenario) -> Where:
+    """Path, start and height of a scenario with a route."""
+    route = scenario.followed()
+    if scenario.route is None or not isinstance(route, RouteReference):
+        raise InputError("`route` must be given for a corridor, got a reference over time.")
+    return route.path, scenario.route.origin, scenario.flight.h_m
+
+
+def fence_of(plan: Plan, file: Path, signals: Iterable[str] | None = None) -> Fence:
+    """The fence in a file about the flights of a plan, of which a band bounds `signals`."""
+    _, origin, _ = where_of(plan.campaign.central)
+    check_off_route(signals or OFF_ROUTE)
+    return read_fence(file, origin)
+
+
+def corridor_of(band: Band, where: Where | None = None) -> Corridor:
+    """The corridor that a band claims, in any wind, about the route `where`.
+
+    Raises InputError if it claims none, or is one of another route.
+    """
+    about = band.about
+    if about.predicted_from or about.scale is None:
+        claim = "one around a prediction from the wind" if about.predicted_from else "no claim"
+        raise InputError(f"the band must claim one corridor for all flights, got {claim}.")
+    if where and where != where_of(plan_of(band).campaign.central):  # a path is planned once
+        raise InputError("the band must be of this route and start, got one of another.")
+    bounds, columns = band.bounds(about.edges[:-1]), _columns(band)
+    windows = np.column_stack([about.edges[:-1], about.edges[1:]])
+    return Corridor(windows, bounds.low[:, columns], bounds.high[:, columns])
+
+
+def count_inside(band: Band, file: Path) -> FenceCount:
+    """Count the flights of a band that are not certainly inside the fence in a file.
+
+    A flight is if the path is, and in each window the box from the lowest to the highest
+    distances off it; one that was not completed is not. Raises InputError if the band is not of a
+    route, its flights plan different paths, or the file has no fence around their start.
+    """
+    about, plan = band.about, plan_of(band)
+    central, columns = plan.campaign.central, _columns(band)
+    fence, (path, *_) = fence_of(plan, file), where_of(central)
+    for run in range(about.learned, plan.runs):
+        if where_of(plan.scenario_of(run))[0] is not path:  # the same path is planned once
+            raise InputError(f"all flights must have the same path for a fence, got draw {run}.")
+    away, completed = AWAY * band.extremes[:, :, columns], np.isfinite(band.scores)
+    reaches = {"completed flights": away[completed].max(axis=0)} if completed.any() else {}
+    if about.scale is not None and not about.predicted_from:
+        corridor = corridor_of(band)
+        reaches["band"] = AWAY * np.stack([corridor.low, corridor.high], axis=-1)
+    widest = max([0.0, *(float(reach[:, 0].max()) for reach in reaches.values())])
+    overlap = BEYOND * central.flight.V_a_mps / central.controller.rate_hz
+    room = room_along(fence, path, about.edges, widest=widest, overlap=overlap)
+    inside = (away <= room.limits).all(axis=(1, 2, 3)) & completed
+    outside = int(np.sum(~inside))
+    epsilon = supported_epsilon(outside, len(inside), about.confidence)
+    nearest = [{"what": what, **room.nearest(reach)} for what, reach in reaches.items()]
+    return FenceCount(outside, epsilon, epsilon <= about.epsilon, nearest)
+
+
+def check_off_route(signals: Iterable[str], over: str = "along") -> None:
+    """Refuse a band without the distances from a route."""
+    if over != "along" or not {*OFF_ROUTE} <= {*signals}:
+        raise InputError(
+            f"the band must be of {' and '.join(OFF_ROUTE)} along a route, got one of "
+            f"{', '.join(signals)} over {'time' if over == 'time' else 'the distance along it'}."
+        )
+
+
+def _columns(band: Band) -> list[int]:
+    """Where the distances from a route are among the signals of a band."""
+    check_off_route(band.about.signals, band.about.over)
+    return [list(band.about.signals).index(name) for name in OFF_ROUTE]

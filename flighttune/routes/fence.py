@@ -1,0 +1,223 @@
+"""Fences: a polygon over ground with zones not to enter, and the room it leaves along a path."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.arrays import FloatArray
+from flighttune.errors import InputError
+from flighttune.routes.files import features, metres_per_degree, reading
+from flighttune.routes.path import Path as Route
+from flighttune.table_file import json_tables
+
+# Distance between the points of a path across which the fence is looked for, m.
+FINE = 0.1
+
+# Most corners of a fence: each edge takes about 10 ms on a route of 16 km.
+MAX_CORNERS = 1000
+
+# Signs of lowest and highest values with which both are distances from the path.
+AWAY = np.array([-1.0, 1.0], dtype=np.float32)
+
+# Cosine in place of zero, for an edge along the path or across it.
+TINY = 1e-12
+
+SIDES = ("left", "right", "up", "down")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fence:
+    """Where flights may be, in m from the start.
+
+    Attributes
+    ----------
+    start, end : ndarray, shape (edges, 2)
+        North and east of where the edges of the polygon begin and end, and of its zones.
+    names : tuple of str, length edges + 2
+        Of the edges, and of ceiling and floor.
+    low, high : float
+        Lowest and highest height.
+    """
+
+    start: FloatArray
+    end: FloatArray
+    names: tuple[str, ...]
+    low: float
+    high: float
+
+
+class Room(NamedTuple):
+    """Distances from a path within which a flight is certainly inside a fence.
+
+    Arrays have the shape (windows, 2, 2): to the left and right, up and down.
+    """
+
+    limits: FloatArray  # m; -inf where the path is outside
+    along: FloatArray  # where they are, m
+    edges: npt.NDArray[np.str_]  # names of those of the fence
+    path: Route
+
+    def nearest(self, away: FloatArray) -> dict[str, Any]:
+        """Where a flight that is so far from the path has the least margin, or is least inside.
+
+        The margin, m, is measured across the path; -inf if the path itself is outside.
+        """
+        margins = self.limits - away
+        i = int(np.argmin(margins))
+        along = float(self.along.flat[i])
+        on = [stretch for stretch in self.path.stretches if stretch.start <= along][-1]
+        return {
+            "margin_m": float(margins.flat[i]),
+            "side": SIDES[i % 4],
+            "edge": str(self.edges.flat[i]),
+            "along_m": along,
+            "stretch": f"{on.kind} {'to' if on.kind == 'leg' else 'at'} waypoint {on.waypoint}",
+        }
+
+
+def read_fence(path: Path, origin: tuple[float, float]) -> Fence:
+    """The fence of a GeoJSON file, about the start of a flight.
+
+    Parameters
+    ----------
+    path : Path
+        One Polygon in longitude and latitude, of which inner rings are zones not to enter. The
+        properties ``min_up_m`` and ``max_up_m`` of its feature are heights above the start.
+    origin : tuple of two floats, deg
+        Latitude and longitude of the start.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is none of these, or is no fence around the start.
+    """
+    tables = json_tables(path)
+    with reading(path, "GeoJSON with a Polygon"):
+        shapes = [own for own in features(tables) if own["geometry"]["type"] == "Polygon"]
+        if len(shapes) != 1:
+            raise InputError(f"`features` must have one Polygon, got {len(shapes)}.")
+        rings = [_ring(points) for points in shapes[0]["geometry"]["coordinates"]]
+        if sum(map(len, rings)) > MAX_CORNERS:
+            raise InputError(f"`coordinates` must have at most {MAX_CORNERS} corners.")
+        rings = [(ring - origin) * metres_per_degree(origin[0]) for ring in rings]
+        stated = shapes[0].get("properties") or {}
+        low, high = float(stated.get("min_up_m", -np.inf)), float(stated.get("max_up_m", np.inf))
+        if not (low <= 0.0 <= high and low < high):  # also catches NaN
+            raise InputError(
+                "`min_up_m` must be at most 0, the height of the start, and `max_up_m` at least 0 "
+                f"and higher, got {low:g} and {high:g}."
+            )
+        start, end = (np.concatenate([np.roll(ring, -i, axis=0) for ring in rings]) for i in (0, 1))
+        of = ["", *(f" of zone {i}" for i in range(1, len(rings)))]
+        names = [f"edge {i + 1}{of[k]}" for k, ring in enumerate(rings) for i in range(len(ring))]
+        _check_crossing(start, end, names)
+        if [_surrounds(ring) for ring in rings] != [True] + [False] * (len(rings) - 1):
+            raise InputError(f"`coordinates`: the start must be inside, got one at {origin} deg.")
+    return Fence(start=start, end=end, names=(*names, "ceiling", "floor"), low=low, high=high)
+
+
+def _ring(points: Iterable[Any]) -> FloatArray:
+    """Latitude and longitude of the corners of a ring, deg, each once."""
+    ring = np.array([[float(point[1]), float(point[0])] for point in points]).reshape(-1, 2)
+    wrong = ~(np.abs(ring) <= (85.0, 180.0)).all(axis=1)  # also catches NaN
+    if wrong.any():
+        raise InputError(
+            "`coordinates` must be longitudes up to 180 and latitudes up to 85 deg, got {1:g} and "
+            "{0:g}.".format(*ring[wrong][0])
+        )
+    ring = ring[(ring != np.roll(ring, 1, axis=0)).any(axis=1)]
+    if len(ring) < 3:
+        raise InputError(f"`coordinates` must have at least three corners, got {len(ring)}.")
+    return ring
+
+
+def _check_crossing(start: FloatArray, end: FloatArray, names: list[str]) -> None:
+    """Refuse edges that cross each other; those that meet in a corner do not."""
+    a, b = start[:, None], end[:, None]
+    apart = _side(a, b, start) * _side(a, b, end) < 0.0  # edge j ends on both sides of edge i
+    for i, j in np.argwhere(apart & apart.T)[:1]:
+        raise InputError(f"`coordinates` must not cross, got {names[i]} and {names[j]}.")
+
+
+def _side(a: FloatArray, b: FloatArray, point: FloatArray) -> FloatArray:
+    """On which side of lines from `a` to `b` points are."""
+    along, to = b - a, point - a
+    return np.sign(along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0])
+
+
+def _surrounds(ring: FloatArray) -> bool:
+    """Whether a ring surrounds the start: a line from there to the east crosses it an odd number
+    of times."""
+    a, b = ring, np.roll(ring, -1, axis=0)
+    upward = b[:, 0] > 0.0
+    crossed = (a[:, 0] > 0.0) != upward
+    west_of_it = _side(a, b, np.zeros(2)) == np.where(upward, -1.0, 1.0)
+    return bool(np.sum(crossed & west_of_it) % 2)
+
+
+def room_along(
+    fence: Fence, path: Route, windows: FloatArray, *, widest: float, overlap: float
+) -> Room:
+    r"""How far from a path flights are certainly inside a fence.
+
+    Parameters
+    ----------
+    fence : Fence
+    path : Route
+    windows : ndarray, shape (windows + 1,), m
+        Edges of windows of distance along the path.
+    widest : float, m
+        Largest distance to the side of the flights that are judged.
+    overlap : float, m
+        Distance by which the path of a window is looked at beyond both its edges.
+
+    Notes
+    -----
+    A place at the distance e to the right of the path is at most ``FINE / 2 (1 + k e)`` from the
+    place with the same e at the nearest point of the table, with the largest curvature k. Edges
+    are therefore widened by this at ``e = widest``. If the line across the path at each point is
+    clear of all widened edges as far as the flights come, the surface that these lines sweep
+    is clear of the edges, and inside like the start.
+    """
+    s = FINE * np.arange(int((path.length + overlap) / FINE) + 2)
+    table = (path.north, path.east, path.up, path.course)
+    north, east, up, course = (np.interp(s, path.s, values) for values in table)
+    wide = 0.5 * FINE * (1.0 + np.abs(path.curvature).max() * widest)
+    steep = 0.5 * FINE * np.abs(path.slope).max()
+    free = np.full((len(s), 2, 2), np.inf)
+    free[:, 1] = np.column_stack([fence.high - up, up - fence.low]) - steep
+    edges = np.zeros(free.shape, dtype=np.intp) + len(fence.start) + np.arange(2)
+    places, aside = np.stack([[north, east], [-np.sin(course), np.cos(course)]]).swapaxes(1, 2)
+    for edge, ends in enumerate(zip(fence.start, fence.end, strict=True)):
+        low, high = _met(places, aside, *ends, wide)
+        for side, (near, far) in enumerate(((-high, -low), (low, high))):
+            nearest = np.where(near > 0.0, near, -np.inf)
+            nearer = (low <= high) & (far >= 0.0) & (nearest < free[:, 0, side])
+            free[nearer, 0, side], edges[nearer, 0, side] = nearest[nearer], edge
+    first = np.floor((windows[:-1] - overlap) / FINE).clip(min=0.0).astype(int)
+    last = np.ceil((windows[1:] + overlap) / FINE).astype(int) + 1
+    at = np.array([i + free[i:j].argmin(axis=0) for i, j in zip(first, last, strict=True)])
+    limits, of = (np.take_along_axis(values, at, axis=0) for values in (free, edges))
+    return Room(limits, np.minimum(s[at], path.length), np.array(fence.names)[of], path)
+
+
+def _met(
+    places: FloatArray, aside: FloatArray, start: FloatArray, end: FloatArray, wide: float
+) -> tuple[FloatArray, FloatArray]:
+    """From where to where lines through `places` are in the rectangle around an edge, m.
+
+    The first is larger than the second for a line that misses it.
+    """
+    length = float(np.hypot(*(end - start)))
+    along = (end - start) / length
+    low, high = np.full(len(places), -np.inf), np.full(len(places), np.inf)
+    for axis, half in ((along, 0.5 * length + wide), (along[::-1] * (-1.0, 1.0), wide)):
+        offset, speed = (places - 0.5 * (start + end)) @ axis, aside @ axis
+        speed[np.abs(speed) < TINY] = TINY
+        ends = (-half - offset) / speed, (half - offset) / speed
+        low, high = np.maximum(low, np.minimum(*ends)), np.minimum(high, np.maximum(*ends))
+    return low, high
