@@ -17,7 +17,7 @@ from flighttune.table_file import json_tables
 # Distance between the points of a path across which the fence is looked for, m.
 FINE = 0.1
 
-# Most corners of a fence: each edge takes about 10 ms on a route of 16 km.
+# Most corners of a fence: each edge takes about 20 ms on a route of 16 km.
 MAX_CORNERS = 1000
 
 # Signs of lowest and highest values with which both are distances from the path.
@@ -129,7 +129,7 @@ def _ring(points: Iterable[Any]) -> FloatArray:
             "`coordinates` must be longitudes up to 180 and latitudes up to 85 deg, got {1:g} and "
             "{0:g}.".format(*ring[wrong][0])
         )
-    ring = ring[(ring != np.roll(ring, 1, axis=0)).any(axis=1)]
+    ring = ring[(ring != np.roll(ring, -1, axis=0)).any(axis=1)]
     if len(ring) < 3:
         raise InputError(f"`coordinates` must have at least three corners, got {len(ring)}.")
     return ring

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.stats import binomtest
 
 from flighttune.errors import InputError
 from flighttune.guarantee.count import (
@@ -9,6 +10,7 @@ from flighttune.guarantee.count import (
     counted_scale,
     flights_needed,
     refuting_outside,
+    supported_epsilon,
 )
 
 
@@ -52,3 +54,14 @@ def test_flights_that_were_not_completed_count():
 )
 def test_so_many_outside_refute_a_probability(flights, epsilon, confidence, refuting):
     assert refuting_outside(flights, epsilon, confidence) == refuting
+
+
+@pytest.mark.parametrize(("outside", "flights"), [(0, 40), (3, 40), (5, 1640), (40, 40)])
+def test_the_epsilon_that_a_count_supports_is_the_bound_of_clopper_and_pearson(outside, flights):
+    exact = binomtest(outside, flights, alternative="less").proportion_ci(0.999, method="exact")
+
+    epsilon = supported_epsilon(outside, flights, 0.999)
+    assert epsilon == pytest.approx(exact.high, rel=1e-9)
+    if epsilon < 1.0:  # as `allowed_outside` counts
+        assert allowed_outside(flights, epsilon * 1.0001, 0.999) == outside
+        assert allowed_outside(flights, epsilon * 0.9999, 0.999) == outside - 1
