@@ -82,9 +82,9 @@ def count_inside(band: Band, file: Path) -> FenceCount:
     widest = max([0.0, *(float(reach[:, 0].max()) for reach in reaches.values())])
     overlap = BEYOND * central.flight.V_a_mps / central.controller.rate_hz
     room = room_along(fence, path, about.edges, widest=widest, overlap=overlap)
-    inside = (away <= room.limits).all(axis=(1, 2, 3)) & completed
-    outside = int(np.sum(~inside))
-    epsilon = supported_epsilon(outside, len(inside), about.confidence)
+    # The limits to the sides are finite: flights that were not completed are outside.
+    outside = int(np.sum(~(away <= room.limits).all(axis=(1, 2, 3))))
+    epsilon = supported_epsilon(outside, len(away), about.confidence)
     nearest = [{"what": what, **room.nearest(reach)} for what, reach in reaches.items()]
     return FenceCount(outside, epsilon, epsilon <= about.epsilon, nearest)
 

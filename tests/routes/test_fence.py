@@ -85,16 +85,18 @@ def band():
 def test_a_leg_in_a_rectangle_has_the_distances_of_its_edges(tmp_path):
     leg = plan([Waypoint(north=0.0, east=0.0), Waypoint(north=800.0, east=0.0, up=16.0)], ABILITY)
     zone = ((300.0, 25.0), (310.0, 25.0), (310.0, 35.0), (300.0, 35.0))
-    file = fence_file(tmp_path / "f.geojson", BOX, zone, min_up_m=-20.0, max_up_m=50.0)
+    needle = ((150.04, 28.0), (150.06, 28.0), (150.05, 27.0))  # between two points of the path
+    heights = {"min_up_m": -20.0, "max_up_m": 50.0}
+    file = fence_file(tmp_path / "f.geojson", BOX, zone, needle, **heights)
     windows = np.array([0.0, 200.0, 400.0, 800.0])
     room = room_along(read_fence(file, ORIGIN), leg, windows, widest=50.0, overlap=0.0)
 
     # left, right; up to the ceiling where the window is highest, down to the floor where lowest
-    expected = [[30, 40, 46, 20], [30, 25, 42, 24], [30, 40, 34, 28]]
+    expected = [[30, 27, 46, 20], [30, 25, 42, 24], [30, 40, 34, 28]]
     assert room.limits.reshape(3, 4) == pytest.approx(np.array(expected), abs=FINE)
-    nearest = room.nearest(np.array([[10.0, 20.0], [5.0, 5.0]]))
+    nearest = room.nearest(np.array([[10.0, 21.0], [5.0, 5.0]]))
     assert nearest == {
-        "margin_m": pytest.approx(5.0, abs=FINE),
+        "margin_m": pytest.approx(4.0, abs=FINE),
         "side": "right",
         "edge": "edge 1 of zone 1",
         "along_m": pytest.approx(305.0, abs=5.0 + FINE),
