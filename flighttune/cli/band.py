@@ -242,6 +242,11 @@ def fence_answer(counted: "Band", file: Path) -> Answer:
     from flighttune.campaign.fence import count_inside
 
     answer, count, flights = band_answer(counted), count_inside(counted, file), len(counted.scores)
+    said = [
+        f"The band itself is {'inside' if nearest['margin_m'] >= 0.0 else 'not inside'} the fence."
+        for nearest in count.nearest
+        if nearest["what"] == "band"
+    ]
     sentence = (
         f"of {flights} fresh flights {flights - count.outside} are certainly inside the fence: a "
         f"new flight leaves it with probability at most {number(count.epsilon)}, confidence "
@@ -251,7 +256,7 @@ def fence_answer(counted: "Band", file: Path) -> Answer:
         answer,
         values={**answer.values, "fence": count._asdict()},
         tables=[*answer.tables, Table(NEAREST_COLUMNS, count.nearest, "fence")],
-        notes=[*answer.notes, answer.verdict or answer.failure],
+        notes=[*answer.notes, answer.verdict or answer.failure, *said],
         verdict=sentence if count.supported else "",
         failure="" if count.supported else f"{sentence}; {counted.about.epsilon:g} was asked for",
     )
