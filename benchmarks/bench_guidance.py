@@ -1,0 +1,175 @@
+"""Published guidance flown against that of the package: the same routes, wind and aircraft.
+
+Run it with ``python benchmarks/bench_guidance.py``; ``--time`` flies the package's with other
+look-ahead times on three aircraft. Exits with 1 where the package's guidance leaves a route by
+more than `WIDEST` m. The laws and results: design/guidance.md.
+"""
+
+import math
+import sys
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+import flighttune as ft
+from flighttune.flight.fly import plant_of
+from flighttune.flight.outer_loop import gain_sets, law_setup
+from flighttune.routes.follow import LEAD_S, RouteReference
+from flighttune.simulate.loop import simulate
+
+WIDEST = 8.0
+SHARE = 60.0 / 90.0  # course towards the path far from it, over 90 deg, in the vector field
+ASIDE, NEAR = 50.0, 2.0  # beside the path at the start; from it where it is reached, m
+LEGS = {"five": [(900, 0), (900, 90), (800, 164), (1100, 56), (700, 142)], "line": [(1500, 0)]}
+SCALES = {"aerosonde": (25.0, 1.0), "c172p": (50.0, 4.0), "a4": (200.0, 24.0)}  # m/s, of LEGS
+AIRFRAMES = [
+    {"mass_factor": 1.06, "lift_factor": 0.9, "roll_moment_factor": 0.8},
+    {"cg_aft_m": 0.01, "pitch_moment_factor": 0.8, "actuator_lag_factor": 1.5},
+    {"mass_factor": 0.94, "roll_moment_factor": 1.2, "cg_aft_m": -0.01},
+    {"yaw_moment_factor": 0.8, "thrust_factor": 0.85, "drag_factor": 1.2},
+]
+COLUMNS = "largest cross track, m | height, m | RMS, m | roll rate RMS, deg/s"
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Guided(RouteReference):
+    """A route and the guidance that follows it."""
+
+    guidance: object
+
+    def follower(self, dt, h_0):
+        inner = super().follower(dt, h_0)
+        return inner if self.guidance is None else self.guidance(self, inner, dt)
+
+
+class VectorField:
+    """Nelson, Barber, McLain, Beard 2007, with the slope of the package's law on the path."""
+
+    def __init__(self, route, inner, dt):
+        self.route, self.inner, self.dt, self.before, self.chi = route, inner, dt, None, None
+
+    def __call__(self, m):
+        sample, place = self.inner(m)
+        position, self.before = self.before, m.position[:2]
+        self.V_g = math.dist(position, self.before) / self.dt if position else self.route.V_a
+        return self.turned(m, sample, *place[:2], self.V_g * self.route.look_ahead), place
+
+    def turned(self, m, sample, _along, e_y, L):
+        chi_p, (angle, slope) = sample.chi + math.atan(e_y / L), self.field(e_y, L)
+        slope -= L / (L * L + e_y * e_y)
+        rate = sample.chi_dot - slope * self.V_g * math.sin(m.chi - chi_p)
+        return sample._replace(chi=chi_p - angle, chi_dot=rate)
+
+    def field(self, e_y, L):
+        """Angle towards the path, and its change per metre."""
+        part = e_y / (SHARE * L)
+        return SHARE * math.atan(part), 1.0 / (L * (1.0 + part * part))
+
+
+class NPFG(VectorField):
+    """The bearing of PX4's (Stastny, Siegwart 2019), with the same slope on the path."""
+
+    def field(self, e_y, L):
+        part = min(abs(e_y) / (math.pi * L), 1.0)
+        return math.copysign(0.5 * math.pi * part * (2.0 - part), e_y), (1.0 - part) / L
+
+
+class L1(VectorField):
+    """Park, Deyst, How 2004: a course that turns at 2 V sin(eta) / L towards a point L away."""
+
+    def turned(self, m, sample, along, _e_y, L):
+        path, self.chi = self.route.path, sample.chi if self.chi is None else self.chi
+        ahead = slice(int(along), int(along + L) + 2)  # the points of a path are 1 m apart
+        to = path.north[ahead] - m.position[0], path.east[ahead] - m.position[1]
+        i = np.abs(np.hypot(*to) - L).argmin()
+        rate = 2.0 * self.V_g / L * math.sin(math.atan2(to[1][i], to[0][i]) - self.chi)
+        chi, self.chi = self.chi, self.chi + rate * self.dt
+        planned = math.atan(self.V_g * rate / self.route.g), sample.planned[1]
+        return sample._replace(chi=chi, chi_dot=rate, planned=planned)
+
+
+class RateAhead(VectorField):
+    """The package's, with the course rate of the curvature `LEAD_S` ahead."""
+
+    def turned(self, _m, sample, along, _e_y, _L):
+        path, distances = self.route.path, (along, along + self.V_g * LEAD_S)
+        here, there = np.interp(distances, path.s, path.curvature)
+        return sample._replace(chi_dot=sample.chi_dot + (there - here) * self.V_g)
+
+
+GUIDANCE = {"look-ahead": None, "vector field": VectorField, "NPFG": NPFG, "L1": L1}
+GUIDANCE |= {"look-ahead, rate ahead": RateAhead}
+
+
+def flown(
+    route, wind, airframe, aircraft="aerosonde", law="paper", guidance=None, T=3.0, aside=0.0
+):
+    """Signals of a flight, which begins `aside` m to the right of the path."""
+    (V_a, scale), tables = SCALES[aircraft], ft.load_scenario("circuit").as_dict()
+    tables |= {"law": law, "expect": [], "tuning": {"identified": aircraft}}
+    tables["plant"] = [{"kind": "jsbsim", "aircraft": aircraft, "airframe": airframe}]
+    tables["flight"] |= {"V_a_mps": V_a, "duration_s": 2000.0}
+    if wind is not None:
+        tables["wind"] = {"speed_mps": 8.0, "from_deg": wind}
+    if airframe is not None:
+        tables |= {"turbulence": {"intensity": "light"}, "seed": 10 + int(wind)}
+    if aircraft != "aerosonde":
+        del tables["limits"]
+    if route in LEGS:
+        ends = np.cumsum([0.0, *(scale * d * np.exp(1j * math.radians(c)) for d, c in LEGS[route])])
+        tables["route"]["waypoint"] = [{"north_m": p.real, "east_m": p.imag} for p in ends.tolist()]
+    made = ft.scenario_from({k: v for k, v in tables.items() if k not in ("verifies", "source")})
+    ((name, gains),) = gain_sets(made)[0].items()
+    r, plant = made.followed(), plant_of(made.plant[0], made)
+    path = replace(r.path, east=r.path.east - aside)
+    setup = law_setup(made, gains, made.command_limits.within(plant.limits))
+    signals, stop = simulate(
+        plant, made.law_of(name, gains)[0].controller(setup),
+        Guided(path=path, V_a=r.V_a, g=r.g, look_ahead=T, guidance=guidance),
+        condition=made.condition, duration=2000.0,
+    )  # fmt: skip
+    return signals if stop is None else signals * math.nan
+
+
+def measures(flights):
+    """Of some flights, in the order of `COLUMNS`."""
+    errors = [s[["cross_track", "height_err"]].abs().to_numpy() for s in flights]
+    e_y, e_h = np.concatenate(errors).T
+    roll = np.concatenate([np.diff(s["phi"]) for s in flights])
+    rms = math.sqrt(np.mean(e_y**2)), 50.0 * math.degrees(math.sqrt(np.mean(roll**2)))
+    return [float(e_y.max()), float(e_h.max()), *rms]
+
+
+def compared():
+    """Rows of the guidance laws: law, weather and measures, and the distance to the path."""
+    rough = list(zip((0.0, 90.0, 180.0, 270.0), AIRFRAMES, strict=True))
+    steady = [(None, None), *((wind, None) for wind, _ in rough)]
+    for name, guidance in GUIDANCE.items():
+        for law in ("paper", "exact"):
+            s = flown("line", *steady[0], law=law, guidance=guidance, aside=ASIDE)
+            away = float(s["along"][s["cross_track"].abs() > NEAR].max())
+            for air, weather in (("steady", steady), ("turbulence", rough)):
+                for route in ("five", "circuit"):
+                    flights = (flown(route, *w, law=law, guidance=guidance) for w in weather)
+                    yield f"{name}; {law} law; {route}; {air}", [*measures([*flights]), away]
+
+
+def look_ahead_times():
+    """Rows of the package's guidance with other times."""
+    for aircraft in SCALES:
+        for T in (1.5, 2.0, 2.5, 3.0, 4.0, 5.0):
+            for air, w in (("steady", (90.0, None)), ("turbulence", (90.0, {}))):
+                yield f"{aircraft}; {T} s; {air}", measures([flown("five", *w, aircraft, T=T)])
+
+
+def main() -> int:
+    times, widest = "--time" in sys.argv, 0.0
+    print(COLUMNS + ("" if times else f" | m of the path from {ASIDE:g} m beside to {NEAR:g} m"))
+    for name, values in look_ahead_times() if times else compared():
+        print(f"{name:48}" + "".join(f"{value:9.2f}" for value in values), flush=True)
+        widest = max(widest, values[0] if name.startswith("look-ahead;") else 0.0)
+    return int(not widest <= WIDEST)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
