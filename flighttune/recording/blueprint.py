@@ -10,10 +10,17 @@ from rerun.blueprint.encodings import TextLogColumnKind
 
 from flighttune.recording import entities, scene
 from flighttune.recording.entities import DrawnRun
-from flighttune.recording.plots import COMMANDS_TAB, Plot, value_range
+from flighttune.recording.plots import COMMANDS_TAB, Plot, has_band, value_range
+from flighttune.recording.route import WIDE, DrawnRoute
 
 PAGE_TAB = "Scenario and metrics"
+ROUTE_TAB, MAP_TAB = "Route", "Map"
 ERRORS = ("chi_err", "gamma_err")  # plots on Overview
+CHARTS = {
+    "cross_track": "Off the route over distance [m], right positive, band dashed",
+    "height_err": "Off the route over distance [m], too low positive, band dashed",
+}
+CLOSE = 1.8  # the camera in a corridor stands so much further back than that behind an aircraft
 AIRSPEED = "V_a"  # a plot on Overview too, where a flight ended early
 
 # Shares of a tab's height, for a window of 1280 by 720, the smallest in which everything must fit.
@@ -27,12 +34,15 @@ COLUMNS_PER_ROW = 1.36
 SIDE, MIDDLE = 0.23, 0.31  # shares of the width: the column of lanes, the plots on Overview
 
 
-def blueprint(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) -> rrb.Blueprint:
+def blueprint(
+    drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]], route: DrawnRoute | None = None
+) -> rrb.Blueprint:
     """Lay out the runs that flew, with the plots of each tab; without runs only the page."""
     page = rrb.TextDocumentView(origin=entities.PAGE, name=PAGE_TAB)
     if not drawn:
         return _layout([page])
-    tabs = {name: _tab(name, shown, drawn) for name, shown in plots.items()}
+    tabs = _route_tabs(drawn, geographic=route.geographic) if route else {}
+    tabs |= {name: _tab(name, shown, drawn) for name, shown in plots.items()}
     beside_lanes = [
         rrb.Horizontal(tab, _lanes(drawn), column_shares=[1.0 - SIDE, SIDE], name=name)
         for name, tab in {**tabs, PAGE_TAB: page}.items()
@@ -40,9 +50,39 @@ def blueprint(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) ->
     return _layout([_overview(drawn, plots), *beside_lanes])
 
 
+def _route_tabs(
+    drawn: Sequence[DrawnRun], *, geographic: bool
+) -> dict[str, rrb.Container | rrb.View]:
+    """A plan view, an aircraft in its corridor, and errors over distance; a map if geographic."""
+    # Of the aircraft, one with a corridor is followed.
+    followed = leader([one for one in drawn if has_band([one.run])] or drawn)
+    above, ahead = scene.eye_above(scene.all_positions(drawn)), (1.0, 0.0, 0.0)
+    of_plan = f"/{entities.WORLD}/**", f"- /{entities.SHADOWS}/**"
+    plan = _scene_view("From above, north up", above, *of_plan, up=ahead)
+    behind = _scene_view(
+        f"In the corridor, true size: {followed.number} {followed.run.provenance.gains_name}",
+        scene.chase_eye(CLOSE * scene.span_of(followed.run)),
+        *(f"/{folder}/**" for folder in (entities.TRUE_SIZE, entities.ROUTE, entities.PATHS)),
+        origin=f"{entities.TRUE_SIZE}/{followed.key}",
+    )
+    bounds = rrb.VisualBounds2D(x_range=(-0.03 * WIDE, 1.03 * WIDE), y_range=(-1.4, 1.6))
+    charts = [
+        rrb.Spatial2DView(origin=f"{entities.ALONG}/{name}", name=words, visual_bounds=bounds)
+        for name, words in CHARTS.items()
+    ]
+    tabs = {ROUTE_TAB: rrb.Vertical(rrb.Horizontal(plan, behind), *charts, row_shares=[5, 2, 2])}
+    map_view = rrb.MapView(origin=entities.MAP, name="OpenStreetMap")
+    return {**tabs, MAP_TAB: map_view} if geographic else tabs
+
+
 def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) -> rrb.Container:
     followed = leader(drawn)
-    whole = _scene_view("Paths and aircraft", scene.overview(drawn), f"/{entities.WORLD}/**")
+    whole = _scene_view(
+        "Paths and aircraft",
+        scene.overview(drawn),
+        f"/{entities.WORLD}/**",
+        f"- /{entities.TRUE_SIZE}/**",
+    )
     chase = _scene_view(
         f"Behind {followed.number} {followed.run.provenance.gains_name}",
         scene.chase_eye(scene.drawn_scale(drawn) * scene.span_of(followed.run)),
@@ -51,7 +91,8 @@ def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) ->
         origin=f"{entities.AIRCRAFT}/{followed.key}",
     )
     runs = [drawn_run.run for drawn_run in drawn]
-    signals = (*ERRORS, *([AIRSPEED] if any(run.status != "completed" for run in runs) else []))
+    errors = CHARTS if any("along" in run.signals for run in runs) else ERRORS
+    signals = (*errors, *([AIRSPEED] if any(run.status != "completed" for run in runs) else []))
     by_signal = {plot.signal: plot for tab in plots.values() for plot in tab}
     beside = [by_signal[name] for name in signals if name in by_signal]
     table = min(TABLE + TABLE_ROW * (2 + len(runs)), LONGEST_TABLE)
@@ -133,7 +174,11 @@ def _layout(tabs: Sequence[rrb.Container | rrb.View]) -> rrb.Blueprint:
 
 
 def _scene_view(
-    name: str, eye: scene.Eye, *contents: str, origin: str = entities.WORLD
+    name: str,
+    eye: scene.Eye,
+    *contents: str,
+    origin: str = entities.WORLD,
+    up: tuple[float, float, float] = (0.0, 0.0, -1.0),  # z of NED goes down
 ) -> rrb.Spatial3DView:
     """A 3D view of entities from a camera, in the axes of `origin`."""
     return rrb.Spatial3DView(
@@ -145,6 +190,6 @@ def _scene_view(
             kind=rrb.Eye3DKind.Orbital,
             position=eye[0],
             look_target=eye[1],
-            eye_up=(0.0, 0.0, -1.0),  # z of NED goes down
+            eye_up=up,
         ),
     )

@@ -25,6 +25,10 @@ AIRCRAFT = f"{WORLD}/aircraft"  # frames that move with each aircraft and turn w
 BODY = "body"  # below such a frame: the aircraft with its attitude
 
 GROUND = f"{WORLD}/ground"
+ROUTE = f"{WORLD}/route"  # planned path, waypoints and corridor
+TRUE_SIZE = "true_size"  # the aircraft again, as large as they are
+ALONG = "along"  # charts over the distance along a route, drawn as lines in a plane
+MAP = "map"
 PLOTS = "plots"
 
 # Lines that belong to no run, and measured signals. The viewer draws in the order of names: with

@@ -14,7 +14,7 @@ from flighttune.present.palette import hue_tells_gains
 from flighttune.present.tables import Column, Table
 from flighttune.present.thinning import evenly
 from flighttune.recording.entities import NOW, READING, DrawnRun, times
-from flighttune.recording.plots import displayed, unit_of
+from flighttune.recording.plots import displayed, has_band, in_calm_air, unit_of
 from flighttune.recording.scene import all_positions, drawn_scale, ground_grid
 from flighttune.simulate.run import TUBE_SIGNALS, Run, run_styles
 from flighttune.table_file import toml_text
@@ -35,6 +35,17 @@ the grey one the wind, four times longer.
 
 Faint lines behind course, path angle and airspeed are what sensors gave the controller. Errors
 and metrics are of the true values."""
+
+NO_TUBE = "No tube around the errors: `flighttune fly SCENARIO --tube` makes it."
+TUBE = "Thin lines around the errors of an aircraft: the tube of the run."
+CALM_TUBE = (
+    f"{TUBE} It is one in calm air. In wind and turbulence a band bounds them (`flighttune band`)."
+)
+BAND = (
+    "Dashed lines around a signal: the counted band. It holds for flights drawn from the "
+    "distribution of its campaign, in the wind and turbulence of that campaign, with the "
+    "probability that `flighttune band FILE` prints."
+)
 
 RUN_COLUMNS = [*columns("run colour"), Column("flown_s", "flown", "s", ".2f"), *columns("outcome")]
 GAIN_COLUMNS = [
@@ -96,10 +107,9 @@ def _runs(runs: Sequence[Run]) -> str:
         }
         for run in runs
     ]
-    table = Table(RUN_COLUMNS, records).markdown()
-    if any(set(TUBE_SIGNALS) <= set(run.signals) for run in runs):
-        return f"{table}\n\nThin lines around the errors of an aircraft: the tube of the run."
-    return f"{table}\n\nNo tube around the errors: `flighttune fly SCENARIO --tube` makes it."
+    tubes = [run for run in runs if set(TUBE_SIGNALS) <= set(run.signals)]
+    said = [NO_TUBE if not tubes else CALM_TUBE if all(map(in_calm_air, tubes)) else TUBE]
+    return "\n\n".join([Table(RUN_COLUMNS, records).markdown(), *said, *[BAND] * has_band(runs)])
 
 
 def _gains(runs: Sequence[Run], indicators: Mapping[str, tuple[float, float, float] | None]) -> str:
@@ -176,6 +186,8 @@ def reading_line(drawn: Sequence[DrawnRun]) -> str:
         parts = ["**Hue:** gains"]
     if any(made.aircraft is None for made in made_by):
         parts.append("**dashed, outline:** a law")
+    if has_band([drawn_run.run for drawn_run in drawn]):
+        parts.append("**dashed around a signal:** counted band")
     factor = drawn_scale(drawn)
     spacing = ground_grid(all_positions(drawn))[1]
     parts += [

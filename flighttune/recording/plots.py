@@ -13,8 +13,9 @@ from flighttune.guarantee.flight_check import FlightCheck
 from flighttune.guarantee.mismatch import CHANNELS, trim_of
 from flighttune.plants.point_mass import turn_rates
 from flighttune.plants.sensors import MEASURED, SENSED
+from flighttune.plants.weather import WIND
 from flighttune.present.names import shown_unit
-from flighttune.simulate.run import SIGNAL_UNITS, TUBE_SIGNALS, WORST_SIGNALS, Run
+from flighttune.simulate.run import BAND_ENDS, SIGNAL_UNITS, TUBE_SIGNALS, WORST_SIGNALS, Run
 
 if TYPE_CHECKING:
     from flighttune.recording.entities import DrawnRun
@@ -43,16 +44,19 @@ class Plot:
     thin: str | None = None  # second signal of each run, drawn thin in the same colour
     common: str | None = None  # signal that is the same for every run, drawn once in grey
     limit: str | None = None  # key of the scenario's [limits] without unit, drawn as two lines
-    band: tuple[str, ...] = ()  # signals that bound it, drawn thin in the same colour
+    tube: tuple[str, ...] = ()  # signals that bound it, drawn thin in the same colour
+    calm: bool = False  # whether the tube is one in calm air
+    band: tuple[str, ...] = ()  # counted bounds, drawn dashed in the same colour
     measured: str | None = None  # what sensors gave, drawn faintly behind it in the same colour
     unit: str | None = None  # of a signal that SIGNAL_UNITS does not have; not converted
 
     @property
     def heading(self) -> str:
         """Title with symbol and unit, for example ``Course chi [deg]``."""
-        faint = (", tube thin" if self.band else "") + (", measured faint" if self.measured else "")
+        tube = "calm-air tube thin" if self.calm else "tube thin"
+        words = {tube: self.tube, "band dashed": self.band, "measured faint": self.measured}
         unit = shown_unit(unit_of(self.signal))[0] if self.unit is None else self.unit
-        return f"{self.title} [{unit}]{faint}"
+        return ", ".join([f"{self.title} [{unit}]", *(word for word, has in words.items() if has)])
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -88,13 +92,15 @@ TABS: dict[str, tuple[Plot, ...]] = {
         Plot(
             "chi_err",
             "Course error",
-            band=(*TUBE_SIGNALS[:2], WORST_SIGNALS[0]),
+            tube=(*TUBE_SIGNALS[:2], WORST_SIGNALS[0]),
         ),
         Plot(
             "gamma_err",
             "Path angle error",
-            band=(*TUBE_SIGNALS[2:], WORST_SIGNALS[1]),
+            tube=(*TUBE_SIGNALS[2:], WORST_SIGNALS[1]),
         ),
+        Plot("cross_track", "Off the route, right positive"),
+        Plot("height_err", "Off the route, too low positive"),
     ),
     COMMANDS_TAB: (
         Plot("phi", "Roll phi flown, command thin, limits red", thin="phi_cmd", limit="phi"),
@@ -151,7 +157,12 @@ def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
             return bool(having)
         return any(bool((np.abs(values.to_numpy()) > CALMEST).any()) for values in having)
 
-    own = {name: unit for run in runs for name, unit in run.units.items()}
+    own = {
+        name: unit
+        for run in runs
+        for name, unit in run.units.items()
+        if not name.endswith(BAND_ENDS)
+    }
     of_laws = tuple(Plot(name, name, unit=unit) for name, unit in own.items())
     shown = {
         tab: tuple(
@@ -168,11 +179,26 @@ def _as_flown(plot: Plot, runs: Sequence[Run]) -> Plot:
     """The plot with the measured signal and the bounds that a run has."""
     there = {name for run in runs for name in run.signals}
     measured = SEEN_AS.get(plot.signal)
+    tube = tuple(name for name in plot.tube if name in there)
+    bands = (f"{plot.signal}{end}" for end in BAND_ENDS)
     return replace(
         plot,
         measured=measured if measured in there else None,
-        band=tuple(name for name in plot.band if name in there),
+        tube=tube,
+        calm=bool(tube) and all(map(in_calm_air, runs)),
+        band=tuple(name for name in bands if name in there),
     )
+
+
+def has_band(runs: Sequence[Run]) -> bool:
+    """Whether a counted band is drawn around a signal of a run."""
+    return any(str(name).endswith(BAND_ENDS) for run in runs for name in run.signals)
+
+
+def in_calm_air(run: Run) -> bool:
+    """Whether a run met no wind."""
+    met = run.signals[[name for name in WIND if name in run.signals]].to_numpy()
+    return not bool((np.abs(met) > CALMEST).any())
 
 
 def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
@@ -191,6 +217,8 @@ def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
 
 def unit_of(name: str) -> str:
     """SI unit of a signal, recorded or derived."""
+    for end in BAND_ENDS:
+        name = name.removesuffix(end)
     return SIGNAL_UNITS.get(name) or UNITS.get(name, "")
 
 
@@ -202,7 +230,8 @@ def value_range(plot: Plot, runs: Sequence[Run], *, share: float) -> tuple[float
     power of ten: between -9 and 9 that is a lonely 0.
     """
     having = [run for run in runs if plot.signal in run.signals]
-    drawn = [*plot.signals, *filter(None, (plot.common, plot.measured)), *plot.band]
+    drawn = [*plot.signals, *filter(None, (plot.common, plot.measured))]
+    drawn += [*plot.tube, *plot.band]
     values = [
         displayed(run.signals, name) for run in having for name in drawn if name in run.signals
     ]

@@ -24,12 +24,14 @@ from flighttune.recording.events import log_events, log_lanes
 from flighttune.recording.page import log_readout, scenario_page
 from flighttune.recording.parquet import ORIGIN, parts_of, record_bytes, signal_files
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots, with_derived
+from flighttune.recording.route import log_route, route_of
 from flighttune.recording.scene import log_scene
-from flighttune.simulate.run import Run
+from flighttune.simulate.run import BAND_ENDS, Run
 from flighttune.whole_file import whole_file
 
 FAINT = 150  # opacity of thin lines, of 255
 FAINTEST = 110  # opacity of measured signals
+DASH = 0.5  # length of a dash of a band and of the gap after it, s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -146,7 +148,8 @@ def log_recording(
     flown = runs_to_draw(runs)
     drawn = with_derived(flown)
     plots = shown_plots([drawn_run.run for drawn_run in drawn])
-    _send_layout(stream, blueprint(drawn, plots))
+    route = route_of(drawn)
+    _send_layout(stream, blueprint(drawn, plots, route))
     stream.send_recording_name(title)
     stream.log(entities.PAGE, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
     if drawn:
@@ -154,6 +157,8 @@ def log_recording(
         log_lanes(stream, drawn)
         log_readout(stream, drawn)
         log_events(stream, drawn)
+    if route is not None:
+        log_route(stream, drawn, route)
     for plot in dict.fromkeys(plot for tab in plots.values() for plot in tab):
         _log_plot(stream, plot, drawn)
 
@@ -187,7 +192,8 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun])
         for path, signals, opacity in (
             (strong, plot.signals, FAINT),
             (f"{folder}/{entities.MEASURED}/{key}", [plot.measured or ""], FAINTEST),
-            (f"{folder}/{key}_tube", plot.band, FAINT),
+            (f"{folder}/{key}_tube", plot.tube, FAINT),
+            (f"{folder}/{key}_band", plot.band, FAINT),
         ):
             names = [name for name in signals if name in run.signals]
             if not names:
@@ -217,7 +223,10 @@ def _log_signals(
 ) -> None:
     values = np.column_stack([displayed(run.signals, name) for name in names])
     kept = peaks(values)
-    log_lines(stream, path, style, run.signals.index[kept], values[kept])
+    t, values = run.t[kept], values[kept]
+    if str(names[0]).endswith(BAND_ENDS):
+        values[t // DASH % 2.0 == 1.0] = np.nan
+    log_lines(stream, path, style, t, values)
 
 
 @catch_and_log_exceptions(strict=True)

@@ -105,7 +105,7 @@ def enlargement(points: FloatArray, span: float) -> float:
     `points` are all positions, and `span` is that of the widest aircraft, m.
     """
     factor = float(np.linalg.norm(np.ptp(points, axis=0))) * SHARE_OF_FLIGHT / span
-    return max(1.0, _round_below(factor, FINELY_ROUND))
+    return max(1.0, round_below(factor, FINELY_ROUND))
 
 
 def ground_grid(points: FloatArray) -> tuple[list[FloatArray], float]:
@@ -114,7 +114,7 @@ def ground_grid(points: FloatArray) -> tuple[list[FloatArray], float]:
     Each line is its two ends, shape (2, 3), m; the spacing is 1, 2 or 5 times a power of ten.
     """
     longest = float(np.ptp(points[:, :2], axis=0).max())
-    spacing = _round_below(max(longest, 1.0) * 2.0 / GROUND_LINES)
+    spacing = round_below(max(longest, 1.0) * 2.0 / GROUND_LINES)
     low = np.floor(points[:, :2].min(axis=0) / spacing) * spacing
     high = np.ceil(points[:, :2].max(axis=0) / spacing) * spacing
     high = np.maximum(high, low + AXES * spacing)
@@ -127,7 +127,7 @@ def ground_grid(points: FloatArray) -> tuple[list[FloatArray], float]:
     return lines, spacing
 
 
-def _round_below(value: float, steps: tuple[float, ...] = ROUND) -> float:
+def round_below(value: float, steps: tuple[float, ...] = ROUND) -> float:
     """Largest of `steps` times a power of ten that is not above `value`."""
     decade = 10.0 ** math.floor(math.log10(value)) if value > 0.0 else 1.0
     return decade * max(factor for factor in steps if factor * decade <= value or factor == 1.0)
@@ -165,6 +165,15 @@ def overview_eye(points: FloatArray, *, margin: float) -> Eye:
     return centre + distance * back, centre
 
 
+def eye_above(points: FloatArray) -> Eye:
+    """Camera that sees `points`, shape (n, 3), m, from above; north is up."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    centre = (low + high) / 2.0
+    reach = max(high[0] - low[0], (high[1] - low[1]) / ASPECT) / 2.0
+    back = np.array([0.0, 0.0, -1.1 * reach / math.tan(FIELD_OF_VIEW / 2.0)])
+    return centre + back, centre
+
+
 def chase_eye(width: float) -> Eye:
     """Camera behind and above an aircraft `width` m wide, in axes that turn with its course.
 
@@ -197,8 +206,7 @@ def log_scene(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
         signals = signals.loc[np.isfinite(positions(signals)).all(axis=1)]
         width = factor * span_of(drawn_run.run)
         _log_path(stream, drawn_run, signals, floor=float(corner[2]))
-        _log_aircraft(stream, drawn_run, signals, width=width)
-        _log_arrows(stream, drawn_run, signals, width=width)
+        log_aircraft(stream, drawn_run, signals, f"{entities.AIRCRAFT}/{drawn_run.key}", width)
 
 
 def _log_path(
@@ -207,9 +215,9 @@ def _log_path(
     path = positions(signals)
     path = path[evenly(len(path), most=PATH_POINTS)]
     # A law is dashed, so that both show where its path lies on that of an aircraft.
-    dashes = [path] if _is_aircraft(drawn_run) else _dashes(path)
+    pieces = [path] if _is_aircraft(drawn_run) else dashes(path)
     width = on_screen(drawn_run.style.width if _is_aircraft(drawn_run) else 1.0)
-    line = rr.LineStrips3D(dashes, radii=width, colors=[drawn_run.style.rgb])
+    line = rr.LineStrips3D(pieces, radii=width, colors=[drawn_run.style.rgb])
     stream.log(f"{entities.PATHS}/{drawn_run.key}", line, static=True)
     # Paths often end together: each number stands a little before the one of the run above.
     place = len(path) - 1 - (drawn_run.number - 1) * len(path) // NUMBERS % len(path)
@@ -226,11 +234,13 @@ def _log_path(
     stream.log(f"{entities.SHADOWS}/{drawn_run.key}", line, static=True)
 
 
-def _log_aircraft(
-    stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.DataFrame, *, width: float
+def log_aircraft(
+    stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.DataFrame, frame: str, width: float
 ) -> None:
+    """Log the moving aircraft of a run, `width` (m) wide, with the arrows of velocity and wind."""
+    _log_arrows(stream, drawn_run, signals, frame, width)
     signals = signals.iloc[evenly(len(signals))]
-    frame, time = f"{entities.AIRCRAFT}/{drawn_run.key}", times(signals.index)
+    time = times(signals.index)
     carried = rr.Transform3D.columns(translation=positions(signals), quaternion=headings(signals))
     stream.send_columns(frame, [time], carried)
     turned = rr.Transform3D.columns(quaternion=attitudes(signals))
@@ -260,7 +270,7 @@ def _ghost(width: float) -> list[FloatArray]:
     return [width * part for part in (*flat, fin)]
 
 
-def _dashes(path: FloatArray) -> list[FloatArray]:
+def dashes(path: FloatArray) -> list[FloatArray]:
     """Pieces of a path with gaps of the same length between them."""
     edges = np.linspace(0, len(path) - 1, 2 * DASHES).astype(int)
     pieces = [path[a : b + 1] for a, b in zip(edges[::2], edges[1::2], strict=True)]
@@ -268,14 +278,13 @@ def _dashes(path: FloatArray) -> list[FloatArray]:
 
 
 def _log_arrows(
-    stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.DataFrame, *, width: float
+    stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.DataFrame, frame: str, width: float
 ) -> None:
     """Log the arrows of velocity and wind, in axes that turn with the course."""
     signals = signals.iloc[evenly(len(signals), most=INSTANTS)]
     V = float(drawn_run.run.signals["V_a"].iloc[0])
     scale = REACH * width / V if math.isfinite(V) and V > 0.0 else 0.0  # m per m/s
     time = times(signals.index)
-    frame = f"{entities.AIRCRAFT}/{drawn_run.key}"
     chi, gamma = (signals[name].to_numpy(dtype=float) for name in ("chi", "gamma"))
     # With columns over ground beside them, `chi` and `gamma` are through the air: so is the speed.
     over_ground = "V_g" in signals and OVER_GROUND[0] not in signals

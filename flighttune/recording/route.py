@@ -1,0 +1,202 @@
+"""A route in a recording: planned path, corridor, errors over distance, map."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import rerun as rr
+
+from flighttune.arrays import FloatArray
+from flighttune.metrics import OFF_ROUTE
+from flighttune.present.palette import NEUTRAL, rgb
+from flighttune.present.thinning import evenly, peaks
+from flighttune.recording.entities import ALONG, MAP, ROUTE, TRUE_SIZE, DrawnRun, on_screen, times
+from flighttune.recording.plots import positions
+from flighttune.recording.scene import GROUND_COLOUR, dashes, log_aircraft, round_below, span_of
+from flighttune.routes.files import metres_per_degree
+from flighttune.routes.follow import RouteReference
+from flighttune.routes.path import Path
+from flighttune.scenario.load import scenario_from
+from flighttune.scenario.route import RouteTable
+from flighttune.simulate.run import BAND_ENDS
+
+APART = 5.0  # distance between points of the planned path and of the corridor, m
+RIB = 5  # points of the corridor from one cross-section that is outlined to the next
+WALL = 25  # opacity of a wall of the corridor, of 255
+
+# Proportions of a chart, because a view keeps those of a plane: so wide, and from -1 to 1.
+WIDE = 20.0
+TICKS = 10.0  # most numbers along the distance
+POINTS = 3000  # points of a line in a chart
+
+GREY = [rgb(NEUTRAL)]
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnRoute:
+    """The route that all runs of a recording fly."""
+
+    path: Path
+    table: RouteTable
+
+    @property
+    def geographic(self) -> bool:
+        """Whether it is known where on earth it is."""
+        return self.table.origin != (0.0, 0.0)
+
+    @property
+    def s(self) -> FloatArray:
+        """Distances along the route at which it is drawn, m."""
+        return np.append(np.arange(0.0, self.path.length, APART), self.path.length)
+
+    @property
+    def points(self) -> FloatArray:
+        """North, east and down of the waypoints, shape (n, 3), m."""
+        return np.array([[p.north, p.east, -p.up] for p in self.table.waypoints()])
+
+    def beside(self, s: FloatArray, right: FloatArray, above: FloatArray) -> FloatArray:
+        """North, east and down of points beside the path, shape (n, 3), m."""
+        p = self.path
+        north, east, up, chi = (np.interp(s, p.s, x) for x in (p.north, p.east, p.up, p.course))
+        return np.column_stack(
+            [north - right * np.sin(chi), east + right * np.cos(chi), -up - above]
+        )
+
+    def on_earth(self, points: FloatArray) -> FloatArray:
+        """Latitude and longitude of points, shape (n, 2), deg."""
+        points = points[evenly(len(points)), :2]
+        return np.array(self.table.origin) + points / metres_per_degree(self.table.origin[0])
+
+
+def route_of(drawn: Sequence[DrawnRun]) -> DrawnRoute | None:
+    """The route of the runs, which are of one scenario; None if they fly none."""
+    scenario = drawn[0].run.provenance.scenario if drawn else {}
+    if "route" not in scenario:
+        return None
+    loaded = scenario_from(dict(scenario))
+    followed = loaded.followed()
+    assert isinstance(followed, RouteReference)
+    assert loaded.route is not None
+    return DrawnRoute(followed.path, loaded.route)
+
+
+def log_route(stream: rr.RecordingStream, drawn: Sequence[DrawnRun], route: DrawnRoute) -> None:
+    """Log path, waypoints, corridors, charts over distance, and a map where the place is known."""
+    path = route.beside(route.s, 0.0 * route.s, 0.0 * route.s)
+    line = rr.LineStrips3D([path], colors=GREY, radii=on_screen(1.0))
+    stream.log(f"{ROUTE}/path", line, static=True)
+    points, names = route.points, [f"WP{number}" for number in range(1, len(route.points) + 1)]
+    marks = rr.Points3D(points, labels=names, show_labels=True, colors=GREY, radii=on_screen(3.0))
+    stream.log(f"{ROUTE}/waypoints", marks, static=True)
+    for drawn_run in drawn:
+        signals, frame = drawn_run.run.signals, f"{TRUE_SIZE}/{drawn_run.key}"
+        signals = signals.loc[np.isfinite(positions(signals)).all(axis=1)]
+        log_aircraft(stream, drawn_run, signals, frame, span_of(drawn_run.run))
+        _log_corridor(stream, drawn_run, route)
+    for signal in OFF_ROUTE:
+        _log_chart(stream, signal, drawn, route)
+    if route.geographic:
+        _log_map(stream, drawn, route, path)
+
+
+def _log_corridor(stream: rr.RecordingStream, drawn_run: DrawnRun, route: DrawnRoute) -> None:
+    """Log the band around cross-track and height as a tube about the path, of the run's colour."""
+    signals, folder = drawn_run.run.signals, f"{ROUTE}/corridor/{drawn_run.key}"
+    names = [f"{name}{end}" for name in OFF_ROUTE for end in BAND_ENDS]
+    if not {*names} <= {*signals}:
+        return
+    # The nearest point of a route may go back a little.
+    along = np.maximum.accumulate(signals["along"].to_numpy())
+    s = route.s[route.s <= along[-1]]
+    left, right, high, low = (np.interp(s, along, signals[name].to_numpy()) for name in names)
+    # Seen along the path, clockwise from the upper left. A positive height error is too low.
+    sides = (left, -high), (right, -high), (right, -low), (left, -low)
+    corners = np.stack([route.beside(s, *side) for side in sides], axis=1)
+    # A wall from one cross-section to the next is two triangles.
+    i, j = (4 * np.arange(len(s) - 1)[:, None] + (np.arange(4) + k) % 4 for k in (0, 1))
+    triangles = np.stack([i, j, i + 4, j, j + 4, i + 4], axis=-1).reshape(-1, 3)
+    colour = (*drawn_run.style.rgb, WALL)
+    walls = rr.Mesh3D(
+        vertex_positions=corners.reshape(-1, 3), triangle_indices=triangles, albedo_factor=colour
+    )
+    stream.log(f"{folder}/walls", walls, static=True)
+    edges = [*corners.transpose(1, 0, 2), *corners[::RIB, [0, 1, 2, 3, 0]]]
+    lines = rr.LineStrips3D(edges, colors=[drawn_run.style.rgb], radii=on_screen(0.5))
+    stream.log(f"{folder}/edges", lines, static=True)
+
+
+def _log_chart(
+    stream: rr.RecordingStream, signal: str, drawn: Sequence[DrawnRun], route: DrawnRoute
+) -> None:
+    """Log an error over distance as lines in a plane: plots have the time on their axis."""
+    names = [signal, *(f"{signal}{end}" for end in BAND_ENDS)]
+    charted = [drawn_run.run.signals.filter(["along", *names]) for drawn_run in drawn]
+    largest = max(float(lines.drop(columns="along").abs().max().max()) for lines in charted) or 1.0
+    scale = np.array([WIDE / route.path.length, -1.0 / largest])  # y of a plane goes down
+    _log_axes(stream, f"{ALONG}/{signal}", route.path, largest, scale)
+    for drawn_run, signals in zip(drawn, charted, strict=True):
+        path, colours = f"{ALONG}/{signal}/{drawn_run.key}", [drawn_run.style.rgb]
+        kept = peaks(signals[signal].to_numpy(), most=POINTS)
+        flown, *band = (
+            signals.iloc[kept][["along", name]].to_numpy() * scale
+            for name in names
+            if name in signals
+        )
+        width = on_screen(drawn_run.style.width / 2.0)
+        stream.log(path, rr.LineStrips2D([flown], colors=colours, radii=width), static=True)
+        pieces = [piece for line in band for piece in dashes(line)]
+        line = rr.LineStrips2D(pieces, colors=colours, radii=on_screen(0.7))
+        stream.log(f"{path}_band", line, static=True)
+        # A line across the chart is where the aircraft is.
+        there = np.stack([flown * [1.0, 0.0] + [0.0, end] for end in (-1.0, 1.0)], axis=1)
+        line = rr.LineStrips2D.from_fields(colors=colours, radii=on_screen(0.7))
+        stream.log(f"{path}/now", line, static=True)
+        now = rr.LineStrips2D.columns(strips=there)
+        stream.send_columns(f"{path}/now", [times(signals.index[kept])], now)
+
+
+def _log_axes(
+    stream: rr.RecordingStream, folder: str, path: Path, largest: float, scale: FloatArray
+) -> None:
+    """Log the lines and numbers of both axes of a chart, and where the waypoints are."""
+    off = round_below(largest)
+    xs = np.arange(0.0, path.length, round_below(2.0 * path.length / TICKS))
+    ys = off * np.arange(-(largest // off), largest // off + 1.0)
+    lines = [[[0.0, y], [path.length, y]] for y in ys]
+    lines += [[[x, -largest], [x, largest]] for x in xs]
+    grid = rr.LineStrips2D(np.array(lines) * scale, colors=[GROUND_COLOUR], radii=on_screen(0.4))
+    stream.log(f"{folder}/_axes", grid, static=True)
+    # A waypoint is passed in the middle of a turn, and left at the end of circles around it.
+    ends = {
+        part.waypoint: part.start + part.length * (0.5 if part.kind == "turn" else 1.0)
+        for part in path.stretches
+    }
+    labels = {f"{y:g}": (-0.01 * path.length, y) for y in ys}
+    labels |= {f"{x:g} m": (x, -1.1 * largest) for x in xs}
+    labels |= {f"WP{number}": (s, 1.3 * largest) for number, s in {1: 0.0, **ends}.items()}
+    marks = rr.Points2D(
+        np.array([*labels.values()]) * scale,
+        labels=[*labels],
+        show_labels=True,
+        colors=GREY,
+        radii=on_screen(0.5),
+    )
+    stream.log(f"{folder}/_numbers", marks, static=True)
+
+
+def _log_map(
+    stream: rr.RecordingStream, drawn: Sequence[DrawnRun], route: DrawnRoute, path: FloatArray
+) -> None:
+    line = rr.GeoLineStrings(lat_lon=[route.on_earth(path)], colors=GREY, radii=on_screen(1.0))
+    stream.log(f"{MAP}/_path", line, static=True)
+    marks = rr.GeoPoints(lat_lon=route.on_earth(route.points), colors=GREY, radii=on_screen(4.0))
+    stream.log(f"{MAP}/_waypoints", marks, static=True)
+    for drawn_run in drawn:
+        signals, colours = drawn_run.run.signals, [drawn_run.style.rgb]
+        flown, name = route.on_earth(positions(signals)), f"{MAP}/{drawn_run.key}"
+        line = rr.GeoLineStrings(lat_lon=[flown], colors=colours, radii=on_screen(1.0))
+        stream.log(name, line, static=True)
+        dot = rr.GeoPoints.from_fields(colors=colours, radii=on_screen(6.0))
+        stream.log(f"{name}/now", dot, static=True)
+        time = times(signals.index[evenly(len(signals))])
+        stream.send_columns(f"{name}/now", [time], rr.GeoPoints.columns(positions=flown))
