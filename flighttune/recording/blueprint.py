@@ -20,7 +20,7 @@ CHARTS = {
     "cross_track": "Off the route over distance [m], right positive, band dashed",
     "height_err": "Off the route over distance [m], too low positive, band dashed",
 }
-CLOSE = 1.8  # the camera in a corridor stands so much further back than that behind an aircraft
+CLOSE = 1.2  # the camera in a corridor stands so much further back than that behind an aircraft
 AIRSPEED = "V_a"  # a plot on Overview too, where a flight ended early
 
 # Shares of a tab's height, for a window of 1280 by 720, the smallest in which everything must fit.
@@ -70,9 +70,9 @@ def _route_tabs(
         rrb.Spatial2DView(origin=f"{entities.ALONG}/{name}", name=words, visual_bounds=bounds)
         for name, words in CHARTS.items()
     ]
-    tabs = {ROUTE_TAB: rrb.Vertical(rrb.Horizontal(plan, behind), *charts, row_shares=[5, 2, 2])}
+    views = rrb.Vertical(rrb.Horizontal(plan, behind), *charts, row_shares=[5, 2, 2])
     map_view = rrb.MapView(origin=entities.MAP, name="OpenStreetMap")
-    return {**tabs, MAP_TAB: map_view} if geographic else tabs
+    return {ROUTE_TAB: views, **({MAP_TAB: map_view} if geographic else {})}
 
 
 def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) -> rrb.Container:

@@ -25,13 +25,13 @@ from flighttune.recording.page import log_readout, scenario_page
 from flighttune.recording.parquet import ORIGIN, parts_of, record_bytes, signal_files
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots, with_derived
 from flighttune.recording.route import log_route, route_of
-from flighttune.recording.scene import log_scene
+from flighttune.recording.scene import log_scene, somewhere
 from flighttune.simulate.run import BAND_ENDS, Run
 from flighttune.whole_file import whole_file
 
 FAINT = 150  # opacity of thin lines, of 255
 FAINTEST = 110  # opacity of measured signals
-DASH = 0.5  # length of a dash of a band and of the gap after it, s
+DASH, GAP = 0.35, 0.15  # length of a dash of a band, and of the gap after it, s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -153,12 +153,12 @@ def log_recording(
     stream.send_recording_name(title)
     stream.log(entities.PAGE, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
     if drawn:
-        log_scene(stream, flown)
+        log_scene(stream, [somewhere(drawn_run) for drawn_run in flown])
         log_lanes(stream, drawn)
         log_readout(stream, drawn)
         log_events(stream, drawn)
     if route is not None:
-        log_route(stream, drawn, route)
+        log_route(stream, [somewhere(drawn_run) for drawn_run in drawn], route)
     for plot in dict.fromkeys(plot for tab in plots.values() for plot in tab):
         _log_plot(stream, plot, drawn)
 
@@ -193,7 +193,7 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun])
             (strong, plot.signals, FAINT),
             (f"{folder}/{entities.MEASURED}/{key}", [plot.measured or ""], FAINTEST),
             (f"{folder}/{key}_tube", plot.tube, FAINT),
-            (f"{folder}/{key}_band", plot.band, FAINT),
+            (f"{folder}/{key}_band", plot.band, 255),
         ):
             names = [name for name in signals if name in run.signals]
             if not names:
@@ -225,7 +225,7 @@ def _log_signals(
     kept = peaks(values)
     t, values = run.t[kept], values[kept]
     if str(names[0]).endswith(BAND_ENDS):
-        values[t // DASH % 2.0 == 1.0] = np.nan
+        values[t % (DASH + GAP) > DASH] = np.nan
     log_lines(stream, path, style, t, values)
 
 

@@ -22,7 +22,7 @@ from flighttune.simulate.run import BAND_ENDS
 
 APART = 5.0  # distance between points of the planned path and of the corridor, m
 RIB = 5  # points of the corridor from one cross-section that is outlined to the next
-WALL = 25  # opacity of a wall of the corridor, of 255
+WALL = 15  # opacity of a wall of the corridor, of 255
 
 # Proportions of a chart, because a view keeps those of a plane: so wide, and from -1 to 1.
 WIDE = 20.0
@@ -83,20 +83,24 @@ def route_of(drawn: Sequence[DrawnRun]) -> DrawnRoute | None:
 def log_route(stream: rr.RecordingStream, drawn: Sequence[DrawnRun], route: DrawnRoute) -> None:
     """Log path, waypoints, corridors, charts over distance, and a map where the place is known."""
     path = route.beside(route.s, 0.0 * route.s, 0.0 * route.s)
-    line = rr.LineStrips3D([path], colors=GREY, radii=on_screen(1.0))
-    stream.log(f"{ROUTE}/path", line, static=True)
-    points, names = route.points, [f"WP{number}" for number in range(1, len(route.points) + 1)]
-    marks = rr.Points3D(points, labels=names, show_labels=True, colors=GREY, radii=on_screen(3.0))
-    stream.log(f"{ROUTE}/waypoints", marks, static=True)
+    _log(stream, f"{ROUTE}/path", rr.LineStrips3D([path], colors=GREY, radii=on_screen(1.0)))
+    names: dict[tuple[float, ...], str] = {}
+    for number, point in enumerate(map(tuple, route.points), start=1):  # it may end at its start
+        names[point] = f"{names[point]}, {number}" if point in names else f"WP{number}"
+    labels = {"labels": [*names.values()], "show_labels": True, "colors": GREY}
+    _log(stream, f"{ROUTE}/waypoints", rr.Points3D([*names], radii=on_screen(3.0), **labels))
     for drawn_run in drawn:
-        signals, frame = drawn_run.run.signals, f"{TRUE_SIZE}/{drawn_run.key}"
-        signals = signals.loc[np.isfinite(positions(signals)).all(axis=1)]
-        log_aircraft(stream, drawn_run, signals, frame, span_of(drawn_run.run))
+        run, frame = drawn_run.run, f"{TRUE_SIZE}/{drawn_run.key}"
+        log_aircraft(stream, drawn_run, run.signals, frame, span_of(run))
         _log_corridor(stream, drawn_run, route)
     for signal in OFF_ROUTE:
         _log_chart(stream, signal, drawn, route)
     if route.geographic:
         _log_map(stream, drawn, route, path)
+
+
+def _log(stream: rr.RecordingStream, path: str, drawing: rr.AsComponents) -> None:
+    stream.log(path, drawing, static=True)
 
 
 def _log_corridor(stream: rr.RecordingStream, drawn_run: DrawnRun, route: DrawnRoute) -> None:
@@ -115,14 +119,16 @@ def _log_corridor(stream: rr.RecordingStream, drawn_run: DrawnRun, route: DrawnR
     # A wall from one cross-section to the next is two triangles.
     i, j = (4 * np.arange(len(s) - 1)[:, None] + (np.arange(4) + k) % 4 for k in (0, 1))
     triangles = np.stack([i, j, i + 4, j, j + 4, i + 4], axis=-1).reshape(-1, 3)
-    colour = (*drawn_run.style.rgb, WALL)
+    colour = drawn_run.style.rgb
     walls = rr.Mesh3D(
-        vertex_positions=corners.reshape(-1, 3), triangle_indices=triangles, albedo_factor=colour
+        vertex_positions=corners.reshape(-1, 3),
+        triangle_indices=triangles,
+        albedo_factor=(*colour, WALL),
     )
-    stream.log(f"{folder}/walls", walls, static=True)
+    _log(stream, f"{folder}/walls", walls)
     edges = [*corners.transpose(1, 0, 2), *corners[::RIB, [0, 1, 2, 3, 0]]]
-    lines = rr.LineStrips3D(edges, colors=[drawn_run.style.rgb], radii=on_screen(0.5))
-    stream.log(f"{folder}/edges", lines, static=True)
+    thin = on_screen(0.5)
+    _log(stream, f"{folder}/edges", rr.LineStrips3D(edges, colors=[colour], radii=thin))
 
 
 def _log_chart(
@@ -143,14 +149,12 @@ def _log_chart(
             if name in signals
         )
         width = on_screen(drawn_run.style.width / 2.0)
-        stream.log(path, rr.LineStrips2D([flown], colors=colours, radii=width), static=True)
-        pieces = [piece for line in band for piece in dashes(line)]
-        line = rr.LineStrips2D(pieces, colors=colours, radii=on_screen(0.7))
-        stream.log(f"{path}_band", line, static=True)
+        _log(stream, path, rr.LineStrips2D([flown], colors=colours, radii=width))
+        pieces, thin = [piece for line in band for piece in dashes(line)], on_screen(0.7)
+        _log(stream, f"{path}_band", rr.LineStrips2D(pieces, colors=colours, radii=thin))
         # A line across the chart is where the aircraft is.
         there = np.stack([flown * [1.0, 0.0] + [0.0, end] for end in (-1.0, 1.0)], axis=1)
-        line = rr.LineStrips2D.from_fields(colors=colours, radii=on_screen(0.7))
-        stream.log(f"{path}/now", line, static=True)
+        _log(stream, f"{path}/now", rr.LineStrips2D.from_fields(colors=colours, radii=thin))
         now = rr.LineStrips2D.columns(strips=there)
         stream.send_columns(f"{path}/now", [times(signals.index[kept])], now)
 
@@ -164,39 +168,33 @@ def _log_axes(
     ys = off * np.arange(-(largest // off), largest // off + 1.0)
     lines = [[[0.0, y], [path.length, y]] for y in ys]
     lines += [[[x, -largest], [x, largest]] for x in xs]
-    grid = rr.LineStrips2D(np.array(lines) * scale, colors=[GROUND_COLOUR], radii=on_screen(0.4))
-    stream.log(f"{folder}/_axes", grid, static=True)
-    # A waypoint is passed in the middle of a turn, and left at the end of circles around it.
+    strips, thin = [*(np.array(lines) * scale)], on_screen(0.4)
+    _log(stream, f"{folder}/_axes", rr.LineStrips2D(strips, colors=[GROUND_COLOUR], radii=thin))
+    # A waypoint is in the middle of its turn or circles.
     ends = {
-        part.waypoint: part.start + part.length * (0.5 if part.kind == "turn" else 1.0)
+        part.waypoint: part.start + part.length * (1.0 if part.kind == "leg" else 0.5)
         for part in path.stretches
     }
     labels = {f"{y:g}": (-0.01 * path.length, y) for y in ys}
-    labels |= {f"{x:g} m": (x, -1.1 * largest) for x in xs}
+    labels |= {f"{x:g} m": (x, -1.1 * largest) for x in xs[1:]}
     labels |= {f"WP{number}": (s, 1.3 * largest) for number, s in {1: 0.0, **ends}.items()}
-    marks = rr.Points2D(
-        np.array([*labels.values()]) * scale,
-        labels=[*labels],
-        show_labels=True,
-        colors=GREY,
-        radii=on_screen(0.5),
-    )
-    stream.log(f"{folder}/_numbers", marks, static=True)
+    points, style = np.array([*labels.values()]) * scale, {"colors": GREY, "radii": thin}
+    marks = rr.Points2D(points, labels=[*labels], show_labels=True, **style)
+    _log(stream, f"{folder}/_numbers", marks)
 
 
 def _log_map(
     stream: rr.RecordingStream, drawn: Sequence[DrawnRun], route: DrawnRoute, path: FloatArray
 ) -> None:
-    line = rr.GeoLineStrings(lat_lon=[route.on_earth(path)], colors=GREY, radii=on_screen(1.0))
-    stream.log(f"{MAP}/_path", line, static=True)
-    marks = rr.GeoPoints(lat_lon=route.on_earth(route.points), colors=GREY, radii=on_screen(4.0))
-    stream.log(f"{MAP}/_waypoints", marks, static=True)
+    line, points = route.on_earth(path), route.on_earth(route.points)
+    thin, size = on_screen(1.0), on_screen(4.0)
+    _log(stream, f"{MAP}/_path", rr.GeoLineStrings(lat_lon=[line], colors=GREY, radii=thin))
+    _log(stream, f"{MAP}/_waypoints", rr.GeoPoints(lat_lon=points, colors=GREY, radii=size))
     for drawn_run in drawn:
         signals, colours = drawn_run.run.signals, [drawn_run.style.rgb]
         flown, name = route.on_earth(positions(signals)), f"{MAP}/{drawn_run.key}"
-        line = rr.GeoLineStrings(lat_lon=[flown], colors=colours, radii=on_screen(1.0))
-        stream.log(name, line, static=True)
+        _log(stream, name, rr.GeoLineStrings(lat_lon=[flown], colors=colours, radii=thin))
         dot = rr.GeoPoints.from_fields(colors=colours, radii=on_screen(6.0))
-        stream.log(f"{name}/now", dot, static=True)
+        _log(stream, f"{name}/now", dot)
         time = times(signals.index[evenly(len(signals))])
         stream.send_columns(f"{name}/now", [time], rr.GeoPoints.columns(positions=flown))

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import TypeAlias
@@ -182,6 +183,13 @@ def chase_eye(width: float) -> Eye:
     return width * np.array([-2.0, -0.9, -1.0]), width * np.array([0.3, 0.0, 0.0])
 
 
+def somewhere(drawn_run: DrawnRun) -> DrawnRun:
+    """The run where its position is finite: in a plot a NaN is a gap, but it breaks a camera."""
+    signals = drawn_run.run.signals
+    signals = signals.loc[np.isfinite(positions(signals)).all(axis=1)]
+    return replace(drawn_run, run=replace(drawn_run.run, signals=signals))
+
+
 def log_scene(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
     """Log world axes (x north, y east, z down), paths and moving aircraft of all runs."""
     points = all_positions(drawn)
@@ -201,9 +209,7 @@ def log_scene(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
     )
     stream.log(f"{entities.GROUND}/axes", arrows, static=True)
     for drawn_run in drawn:
-        # In a plot a NaN is only a gap, but it breaks the camera of a 3D view.
         signals = drawn_run.run.signals
-        signals = signals.loc[np.isfinite(positions(signals)).all(axis=1)]
         width = factor * span_of(drawn_run.run)
         _log_path(stream, drawn_run, signals, floor=float(corner[2]))
         log_aircraft(stream, drawn_run, signals, f"{entities.AIRCRAFT}/{drawn_run.key}", width)

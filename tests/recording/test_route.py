@@ -1,0 +1,165 @@
+"""What a recording shows of a route and of bands."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flighttune.flight.fly import fly
+from flighttune.recording.page import scenario_page
+from flighttune.recording.plots import shown_plots
+from flighttune.recording.record import write_recording
+from flighttune.recording.route import WIDE
+from flighttune.scenario.load import scenario_from
+from flighttune.simulate.run import TUBE_SIGNALS
+
+from .test_rrd import Contents, blueprint_values
+
+KEY = "kinematic_paper"
+
+FLOAT32 = 1e-3
+"""Positions are float32 in Rerun: 0.03 mm at 500 m, m."""
+
+DISTANCE_FOUND = 1.0
+"""A flight in still air is this near to its route, m."""
+
+LEG = 500.0
+"""Length of the first leg, towards east, m."""
+
+# In m: at most 3 to the left of the route and 5 to its right, 1 too high and 2 too low.
+BAND = {"cross_track": (-3.0, 5.0), "height_err": (-1.0, 2.0)}
+
+SCENARIO = {
+    "title": "East, then south",
+    "gains": ["paper"],
+    "flight": {"V_a_mps": 25.0, "h_m": 100.0, "duration_s": 200.0},
+    "route": {
+        "waypoint": [
+            {"north_m": 0.0, "east_m": 0.0},
+            {"north_m": 0.0, "east_m": LEG},
+            {"north_m": -LEG, "east_m": LEG},
+        ]
+    },
+    "limits": {"phi_deg": [-45.0, 45.0], "phi_rate_dps": 60.0},
+    "plant": [{"kind": "kinematic"}],
+}
+
+
+def banded(run, **bands):
+    ends = zip(("_band_low", "_band_high"), zip(*bands.values(), strict=True), strict=True)
+    columns = {
+        f"{name}{end}": value
+        for end, values in ends
+        for name, value in zip(bands, values, strict=True)
+    }
+    return replace(run, signals=run.signals.assign(**columns))
+
+
+@pytest.fixture(scope="module")
+def run():
+    (run,) = fly(scenario_from(SCENARIO)).runs
+    return banded(run, **BAND)
+
+
+def contents_of(run, folder):
+    path = folder / "route.rrd"
+    write_recording([run], path, page="", title="Route")
+    return Contents(path)
+
+
+@pytest.fixture(scope="module")
+def contents(run, tmp_path_factory):
+    return contents_of(run, tmp_path_factory.mktemp("route"))
+
+
+def test_the_corridor_is_the_band_to_the_right_of_the_path_and_below_it(contents):
+    walls = contents.static[f"/world/route/corridor/{KEY}/walls"]
+    corners = np.array(walls["Mesh3D:vertex_positions"].to_pylist()[0]).reshape(-1, 4, 3)
+    (section,) = corners[np.isclose(corners[:, 0, 1], 200.0)]
+
+    # Towards east the left is north. Down is positive.
+    upper_left, lower_right = [3.0, 200.0, -1.0], [-5.0, 200.0, 2.0]
+    assert section[0] == pytest.approx(upper_left, abs=FLOAT32)
+    assert section[2] == pytest.approx(lower_right, abs=FLOAT32)
+    assert section[1] == pytest.approx([-5.0, 200.0, -1.0], abs=FLOAT32)
+    assert section[3] == pytest.approx([3.0, 200.0, 2.0], abs=FLOAT32)
+    last = corners[-1].mean(
+        axis=0
+    )  # the band is wider to the right, and on a leg south that is west
+    assert last == pytest.approx([-LEG, LEG - 1.0, 0.5], abs=FLOAT32 * LEG)
+
+
+def test_waypoints_are_where_the_scenario_has_them_with_their_numbers(contents):
+    marks = contents.static["/world/route/waypoints"]
+
+    assert marks["Points3D:positions"].to_pylist() == [[[0, 0, 0], [0, LEG, 0], [-LEG, LEG, 0]]]
+    assert marks["Points3D:labels"].to_pylist() == [["WP1", "WP2", "WP3"]]
+
+
+def test_errors_and_their_band_are_charted_over_distance(contents, run):
+    chart = f"/along/cross_track/{KEY}"
+    (line,) = contents.static[chart]["LineStrips2D:strips"].to_pylist()[0]
+    band = contents.static[f"{chart}_band"]["LineStrips2D:strips"].to_pylist()[0]
+    moved = contents.values(f"{chart}/now", "LineStrips2D:strips")
+    now = np.searchsorted(contents.nanoseconds(f"{chart}/now"), 8_000_000_000)
+    length = run.signals["along"].iloc[-1]
+
+    # The largest value is drawn at 1, and the right of the route below its left.
+    assert np.array(line)[:now, 1] == pytest.approx(
+        0.0, abs=DISTANCE_FOUND / max(BAND["cross_track"])
+    )
+    heights = np.unique(np.round([y for piece in band for _, y in piece], 6))
+    assert heights == pytest.approx([-1.0, 0.6], abs=1e-6)
+    # After 8 s at 25 m/s the line across the chart is at 200 m.
+    assert moved[now].reshape(-1, 2)[:, 0] == pytest.approx(
+        200.0 * WIDE / length, abs=2.0 * DISTANCE_FOUND * WIDE / length
+    )
+
+
+def names_of(contents):
+    names = ("ViewBlueprint:display_name", "ContainerBlueprint:display_name")
+    return {name for place in names for (name,) in blueprint_values(contents, place)}
+
+
+@pytest.mark.slow
+def test_a_route_has_a_tab_and_a_map_only_where_its_place_is_known(contents, run, tmp_path):
+    place = {**SCENARIO, "route": {**SCENARIO["route"], "lat_deg": 47.0, "lon_deg": 8.0}}
+    known = replace(run, provenance=replace(run.provenance, scenario=place))
+    on_map = contents_of(known, tmp_path)
+    (points,) = on_map.static["/map/_waypoints"]["GeoPoints:positions"].to_pylist()
+
+    assert {"Route", "From above, north up"} <= names_of(contents)
+    assert any(name.startswith("Off the route over distance") for name in names_of(contents))
+    assert names_of(on_map) - names_of(contents) == {"Map", "OpenStreetMap"}
+    assert not [path for path in contents.static if path.startswith("/map")]
+    # At 47 deg a degree of longitude is 76.06 km on WGS 84, and one of latitude 111.17 km.
+    assert points[0] == pytest.approx([47.0, 8.0])
+    assert points[2] == pytest.approx([47.0 - 0.5 / 111.17, 8.0 + 0.5 / 76.06], abs=1e-5)
+
+
+@pytest.mark.slow
+def test_a_band_is_dashed_around_any_signal_in_the_unit_of_the_signal(four_runs, tmp_path):
+    run = banded(four_runs[1], chi_err=(-0.2, 0.1), V_a=(24.0, 26.0))
+    drawn = contents_of(run, tmp_path)
+    course = drawn.values("/plots/chi_err/jsbsim_aerosonde_paper_band")
+    speed = drawn.values("/plots/V_a/jsbsim_aerosonde_paper_band")
+
+    assert np.nanmin(course, axis=0) == pytest.approx(np.rad2deg([-0.2, 0.1]))
+    assert np.nanmax(speed, axis=0) == pytest.approx([24.0, 26.0])
+    assert 0.2 < np.isnan(course).mean() < 0.4
+    assert "/plots/gamma_err/jsbsim_aerosonde_paper_band" not in drawn.timed
+
+
+@pytest.mark.parametrize("calm", [True, False], ids=["calm air", "wind"])
+def test_a_tube_in_calm_air_is_called_one_and_a_band_is_explained_beside_it(four_runs, calm):
+    run = banded(four_runs[1], chi_err=(-0.2, 0.1))
+    run = replace(run, signals=run.signals.assign(**dict.fromkeys(TUBE_SIGNALS, 0.01)))
+    if not calm:
+        run = replace(run, signals=run.signals.assign(wind_north=5.0))
+    page = scenario_page([run], scenario={"title": "Tube"})
+    (heading,) = [p.heading for p in shown_plots([run])["Tracking"] if p.signal == "chi_err"]
+
+    assert ("calm air" in page.split("## Gains")[0]) is calm
+    assert "the counted band" in page
+    tube = "calm-air tube thin" if calm else "tube thin"
+    assert heading == f"Course error [deg], {tube}, band dashed"
