@@ -28,6 +28,7 @@ WALL = 15  # opacity of a wall of the corridor, of 255
 WIDE = 20.0
 TICKS = 10.0  # most numbers along the distance
 POINTS = 3000  # points of a line in a chart
+DASHES = 150  # dashes of a band in a chart
 
 GREY = [rgb(NEUTRAL)]
 
@@ -150,7 +151,7 @@ def _log_chart(
         )
         width = on_screen(drawn_run.style.width / 2.0)
         _log(stream, path, rr.LineStrips2D([flown], colors=colours, radii=width))
-        pieces, thin = [piece for line in band for piece in dashes(line)], on_screen(0.7)
+        pieces, thin = [piece for line in band for piece in dashes(line, DASHES)], on_screen(0.7)
         _log(stream, f"{path}_band", rr.LineStrips2D(pieces, colors=colours, radii=thin))
         # A line across the chart is where the aircraft is.
         there = np.stack([flown * [1.0, 0.0] + [0.0, end] for end in (-1.0, 1.0)], axis=1)

@@ -35,6 +35,7 @@ LANES = "Runs: limits, bound"
 FIRST_TABS = ["Overview", "Tracking", "Commands and limits", "Why"]
 LAST_TABS = ["Scenario and metrics"]
 IN_CALM_FLIGHT = [*FIRST_TABS, "Certificate", "Aircraft", "Controller", *LAST_TABS]
+ON_A_ROUTE = ["Overview", "Route", *IN_CALM_FLIGHT[1:]]
 IN_TURBULENCE = [*FIRST_TABS, "Aircraft", "Controller", "Weather", *LAST_TABS]
 
 LAPTOP = 1280, 720
@@ -87,6 +88,12 @@ def in_turbulence(viewer, tmp_path_factory):
 def on_a_ladder(viewer, tmp_path_factory):
     found = explain_gap(load_scenario("paper"), PAPER_GAINS, name="paper")
     yield from in_a_viewer(found.flown(), tmp_path_factory.mktemp("ladder"))
+
+
+@pytest.fixture(scope="module")
+def on_a_route(viewer, tmp_path_factory):
+    flown = fly(load_scenario("circuit"))
+    yield from in_a_viewer(flown, tmp_path_factory.mktemp("route"))
 
 
 @pytest.fixture(scope="module")
@@ -157,9 +164,10 @@ def test_no_view_is_empty_and_nothing_is_complained_of(viewer, flown):
         ("in_turbulence", IN_TURBULENCE, "Overview"),
         ("in_turbulence", IN_TURBULENCE, "Weather"),
         ("on_a_ladder", IN_CALM_FLIGHT, "Why"),
+        ("on_a_route", ON_A_ROUTE, "Route"),
     ],
 )
-def test_no_view_of_turbulence_or_a_ladder_is_empty(request, flight, tabs, tab):
+def test_no_view_of_turbulence_a_ladder_or_a_route_is_empty(request, flight, tabs, tab):
     opened = request.getfixturevalue(flight)
 
     assert list(opened.tabs) == tabs
