@@ -17,8 +17,8 @@ PAGE_TAB = "Scenario and metrics"
 ROUTE_TAB, MAP_TAB = "Route", "Map"
 ERRORS = ("chi_err", "gamma_err")  # plots on Overview
 CHARTS = {
-    "cross_track": "Off the route over distance [m], right positive, band dashed",
-    "height_err": "Off the route over distance [m], too low positive, band dashed",
+    "cross_track": "Off the route over distance [m], right positive",
+    "height_err": "Off the route over distance [m], too low positive",
 }
 CLOSE = 1.2  # the camera in a corridor stands so much further back than that behind an aircraft
 AIRSPEED = "V_a"  # a plot on Overview too, where a flight ended early
@@ -55,19 +55,22 @@ def _route_tabs(
 ) -> dict[str, rrb.Container | rrb.View]:
     """A plan view, an aircraft in its corridor, and errors over distance; a map if geographic."""
     # Of the aircraft, one with a corridor is followed.
-    followed = leader([one for one in drawn if has_band([one.run])] or drawn)
+    banded = [drawn_run for drawn_run in drawn if has_band([drawn_run.run])]
+    followed, dashed = leader(banded or drawn), ", band dashed" if banded else ""
     above, ahead = scene.eye_above(scene.all_positions(drawn)), (1.0, 0.0, 0.0)
     of_plan = f"/{entities.WORLD}/**", f"- /{entities.SHADOWS}/**"
     plan = _scene_view("From above, north up", above, *of_plan, up=ahead)
     behind = _scene_view(
-        f"In the corridor, true size: {followed.number} {followed.run.provenance.gains_name}",
+        f"True size, behind {followed.number} {followed.run.provenance.gains_name}",
         scene.chase_eye(CLOSE * scene.span_of(followed.run)),
         *(f"/{folder}/**" for folder in (entities.TRUE_SIZE, entities.ROUTE, entities.PATHS)),
         origin=f"{entities.TRUE_SIZE}/{followed.key}",
     )
     bounds = rrb.VisualBounds2D(x_range=(-0.03 * WIDE, 1.03 * WIDE), y_range=(-1.4, 1.6))
     charts = [
-        rrb.Spatial2DView(origin=f"{entities.ALONG}/{name}", name=words, visual_bounds=bounds)
+        rrb.Spatial2DView(
+            origin=f"{entities.ALONG}/{name}", name=words + dashed, visual_bounds=bounds
+        )
         for name, words in CHARTS.items()
     ]
     views = rrb.Vertical(rrb.Horizontal(plan, behind), *charts, row_shares=[5, 2, 2])
@@ -77,12 +80,7 @@ def _route_tabs(
 
 def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) -> rrb.Container:
     followed = leader(drawn)
-    whole = _scene_view(
-        "Paths and aircraft",
-        scene.overview(drawn),
-        f"/{entities.WORLD}/**",
-        f"- /{entities.TRUE_SIZE}/**",
-    )
+    whole = _scene_view("Paths and aircraft", scene.overview(drawn), f"/{entities.WORLD}/**")
     chase = _scene_view(
         f"Behind {followed.number} {followed.run.provenance.gains_name}",
         scene.chase_eye(scene.drawn_scale(drawn) * scene.span_of(followed.run)),

@@ -185,7 +185,7 @@ def _as_flown(plot: Plot, runs: Sequence[Run]) -> Plot:
         plot,
         measured=measured if measured in there else None,
         tube=tube,
-        calm=bool(tube) and all(map(in_calm_air, runs)),
+        calm=bool(tube) and all(in_calm_air(run) for run in runs if {*tube} & {*run.signals}),
         band=tuple(name for name in bands if name in there),
     )
 
