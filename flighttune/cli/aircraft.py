@@ -1,10 +1,8 @@
 """Commands about an aircraft: adopt one, trim it, design and identify its inner loop."""
 
-import json
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any
@@ -17,7 +15,7 @@ from flighttune.errors import InputError
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table, figures
-from flighttune.shipped import aircraft_names, is_shipped, models_of_jsbsim
+from flighttune.shipped import aircraft_names, is_shipped
 from flighttune.units import DEG
 
 # Share of the variance, in percent, below which the answer of `identify` is no.
@@ -229,27 +227,18 @@ def identify(
 
 def adopt(
     model: Annotated[
-        str | None,
+        str,
         Argument(
-            metavar="[MODEL|FILE.xml|FOLDER]",
+            metavar="MODEL|FILE.xml|FOLDER",
             help="A model that comes with JSBSim, or the main file of another; also the file "
             "NAME-set.xml of an aircraft of FlightGear, or the folder that holds it.",
-            show_default=False,
         ),
-    ] = None,
+    ],
     V_a: Annotated[
         float | None, Option("--V-a", help="Airspeed in m/s [default: chosen by the model].")
     ] = None,
     h: HeightOption = 1000.0,
-    all_models: Annotated[
-        bool, Option("--all", help="Adopt all models that come with JSBSim; write one table.")
-    ] = False,
-    out: Annotated[
-        Path | None,
-        Option(
-            "--out", help="Folder to write to [default: aircraft/MODEL; runs/hangar with --all]."
-        ),
-    ] = None,
+    out: Annotated[Path | None, out_folder("aircraft/MODEL")] = None,
 ) -> Answer:
     """Make an aircraft from a JSBSim model: find its surfaces and engines, tune it and fly it.
 
@@ -257,30 +246,19 @@ def adopt(
     identified, the outer loop is tuned on the identified model and flown in a turn, compared with
     the paper's gains scaled with airspeed.
     """
-    if (model is None) == (not all_models):
-        raise InputError("adopt takes a model, or --all.")
-    try:
-        with on_interrupt():
-            if model is None:
-                return _adopt_all(out or Path("runs") / "hangar", h)
-            name = Path(os.path.abspath(model)).stem.removesuffix("-set")
-            return _adopt_one(out or Path("aircraft") / name, h, model, V_a, _progress)
-    except KeyboardInterrupt:
-        fail("interrupted; what is written is whole", INTERRUPTED)
-
-
-def _adopt_one(
-    folder: Path,
-    h: float,
-    model: str,
-    V_a: float | None = None,
-    say: Callable[[str], object] = lambda _: None,
-) -> Answer:
     from flighttune.adopt.adopt import TURN
     from flighttune.adopt.adopt import adopt as adopt_model
     from flighttune.adopt.page import flights_table, write_adoption
 
-    adoption = adopt_model(model, folder, V_a=V_a, h=h, say=say)
+    name = Path(os.path.abspath(model)).stem.removesuffix("-set")
+    try:
+        with on_interrupt():
+            adoption = adopt_model(
+                model, out or Path("aircraft") / name, V_a=V_a, h=h, say=_progress
+            )
+            page = write_adoption(adoption) if adoption.folder else None
+    except KeyboardInterrupt:
+        fail("interrupted; what is written is whole", INTERRUPTED)
     failure = f"{model}: {adoption.status}: {adoption.reason}"
     return Answer(
         values={
@@ -294,28 +272,10 @@ def _adopt_one(
         files={
             "folder": adoption.folder,
             "scenario": adoption.folder / TURN if adoption.folder else None,
-            "page": write_adoption(adoption) if adoption.folder else None,
+            "page": page,
         },
         failure="" if adoption.status == "adopted" else failure,
     )
-
-
-def _adopt_all(out: Path, h: float) -> Answer:
-    from flighttune.adopt.hangar import TABLE, adopt_all, counts, hangar_text
-    from flighttune.whole_file import made_folder, write_text
-
-    def show(adopted: dict[str, Any]) -> None:
-        reason = f": {adopted['reason']}" if adopted["reason"] else ""
-        _progress(f"{adopted['model']}: {adopted['status']}{reason}")
-
-    answers = adopt_all(models_of_jsbsim(), partial(_adopted, made_folder(out), h), show)
-    write_text(out / TABLE, hangar_text(answers))
-    return Answer(values={"models": answers}, verdict=counts(answers), files={"table": out / TABLE})
-
-
-def _adopted(out: Path, h: float, model: str) -> dict[str, Any]:
-    """The answer for one of all models, which is adopted in a process of its own."""
-    return json.loads(_adopt_one(out / model, h, model).json())
 
 
 def _progress(line: str) -> None:

@@ -10,7 +10,6 @@ import jsbsim
 import pytest
 from commands import answer, flighttune
 
-from flighttune.adopt.hangar import hangar_text
 from flighttune.adopt.survey import survey
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.scenario.load import load_scenario
@@ -344,28 +343,6 @@ def test_an_aircraft_that_was_not_adopted_is_not_written_over(tmp_path):
 
     assert "must not hold an aircraft that `adopt` did not make" in err
     assert (folder / "aircraft.toml").read_text() == before
-
-
-def test_the_table_has_a_row_for_every_model():
-    answers = [
-        {"model": "a", "status": "refused", "reason": "no|engine"},
-        {
-            "model": "b", "status": "adopted", "reason": "", "engines": 2, "V_a_mps": 100.0,
-            "fit_percent": {"phi": 99.0, "n_z": 98.0}, "seconds": 2.0, "notes": ["x"],
-            "flown": {
-                "tuned": {"status": "completed", "ITAE": {"chi": 1.0, "gamma": 0.5}},
-                "paper": {"status": "left_envelope", "ITAE": {"chi": 2.0, "gamma": 1.0}},
-            },
-        },
-    ]  # fmt: skip
-
-    text = hangar_text(answers)
-    rows = [line for line in text.splitlines() if line.startswith("| ")][2:]
-
-    assert "1 adopted, 0 flies, 1 refused, of 2" in text
-    assert rows[0].startswith("| b | adopted | 2 | 100 | 99.0 | 98.0 | 1 | 0.5 | 2 | 1 |")
-    assert rows[0].endswith("| left_envelope | 2 | x |")
-    assert rows[1].endswith("| no\\|engine |")
 
 
 def test_the_table_of_the_docs_names_every_model_of_the_wheel():

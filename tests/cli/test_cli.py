@@ -210,8 +210,6 @@ def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
         ("compare paper@K1 nowhere.parquet", "nowhere.parquet: must be a Parquet file"),
         ("identify aerosonde --gamma -30", "no steady flight at V_a 25 m/s"),
         ("identify aerosonde --out model.txt", "model.txt: --out must end in .json"),
-        ("adopt --out x", "adopt takes a model, or --all"),
-        ("adopt 737 --all --out x", "adopt takes a model, or --all"),
         ("adopt concorde9 --out x", "Concorde"),
         ("adopt nowhere/x8.xml --out x", "nowhere/x8.xml"),
         ("export paper --gains exact:paper --format c --out x", "got the law 'exact'"),
