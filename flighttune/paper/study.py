@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from functools import cached_property
 
-import numpy as np
 import pandas as pd
 
 from flighttune.control.gains import PAPER_EPSILON, PAPER_GAINS, PIGains, shifted
@@ -134,7 +133,6 @@ class Study:
 
 def rank_correlation(x: pd.Series, y: pd.Series) -> float:
     """Spearman's rank correlation of two series with one index; 0 where one is constant."""
-    ranks = np.array([x.rank(), y.loc[x.index].rank()], dtype=float)
-    if np.ptp(ranks, axis=1).min() == 0.0:
+    if min(x.nunique(), y.nunique()) < 2:
         return 0.0
-    return float(np.corrcoef(ranks)[0, 1])
+    return float(x.corr(y, method="spearman"))

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, TypeAlias, get_args
 import numpy as np
 import numpy.typing as npt
 from pydantic import Field, field_validator, model_validator
-from scipy.special import log_ndtr, logsumexp, ndtr, ndtri, ndtri_exp
+from scipy.special import ndtri
 
 from flighttune.arrays import FloatArray
 from flighttune.metrics import FLIGHT_METRICS
@@ -95,8 +95,10 @@ class Normal(DisperseTable):
             return self.mean + self.sd * ndtri(u)
         low, high = self._bounds
         a, b = (low - self.mean) / self.sd, (high - self.mean) / self.sd
+        from scipy.stats import truncnorm
+
         # clipped: in the tail rounding may put a value outside its bound
-        return np.clip(self.mean + self.sd * _truncated(u, a, b), low, high)
+        return np.clip(self.mean + self.sd * truncnorm.ppf(u, a, b), low, high)
 
 
 class LogNormal(DisperseTable):
@@ -309,22 +311,6 @@ class Campaign(CampaignTable):
     def of(cls, table: CampaignTable, *, nominal: Scenario, central: Scenario) -> "Campaign":
         """The campaign of a file's tables and its scenarios."""
         return cls(**{**vars(table), "nominal": nominal, "central": central})
-
-
-def _truncated(u: FloatArray, a: float, b: float) -> FloatArray:
-    """Standard normal distribution between `a` and `b`, at points `u` of the open unit interval.
-
-    As `scipy.stats.truncnorm.ppf`, but scipy.stats takes as long to import as ten flights. In
-    logarithms, as probabilities far out are lost next to 1.
-    """
-    low, high = (-b, -a) if a > 0.0 else (a, b)
-    if high <= 0.0:
-        mass = log_ndtr(high) + np.log1p(-np.exp(log_ndtr(low) - log_ndtr(high)))
-    else:
-        mass = np.log1p(-ndtr(low) - ndtr(-high))
-    # counted from the end in the left half, of the distribution or of its mirror image
-    sign, end, logs = (1.0, a, np.log(u)) if a < 0.0 else (-1.0, -b, np.log1p(-u))
-    return sign * ndtri_exp(logsumexp(np.broadcast_arrays(log_ndtr(end), logs + mass), axis=0))
 
 
 def _check_rising(low: float, high: float) -> None:

@@ -107,19 +107,16 @@ def _sensitivity(flights: Flights, rows: pd.DataFrame, name: str) -> dict[str, A
         values_of(independent, name),
         confidence=flights.confidence,
     )
-    indices = None
-    if plan.factors:
-        values = np.full((plan.cycle, int(block.max()) + 1), np.nan)
-        values[place, block] = values_of(rows, name)
-        A, B, *AB = values
-        seed = plan.campaign.seed
-        indices = sobol_indices(A, B, np.array(AB), confidence=flights.confidence, seed=seed)
-    if indices is None:
+    if not plan.factors:
         return {"ranks": ranks, "sobol": None}
-    blocks, first, total = indices
-    sobol = {
-        factor: {"first": first[:, i].tolist(), "total": total[:, i].tolist(), "blocks": blocks}
-        for i, factor in enumerate(plan.factors)
+    values = np.full((plan.cycle, int(block.max()) + 1), np.nan)
+    values[place, block] = values_of(rows, name)
+    A, B, *AB = values
+    seed = plan.campaign.seed
+    indices = sobol_indices(A, B, np.array(AB), confidence=flights.confidence, seed=seed)
+    sobol = indices and {
+        factor: {"first": first.tolist(), "total": total.tolist(), "blocks": indices[0]}
+        for factor, first, total in zip(plan.factors, indices[1].T, indices[2].T, strict=True)
     }
     return {"ranks": ranks, "sobol": sobol}
 
