@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from flighttune.aircraft.aircraft import files_hash
 from flighttune.arrays import FloatArray
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.rows import Row
 from flighttune.campaign.planning.draws import SEED
 from flighttune.campaign.planning.load import campaign_on
-from flighttune.campaign.planning.plan import Group, Plan
+from flighttune.campaign.planning.plan import Group, Plan, aircraft_hashes
 from flighttune.campaign.planning.schema import MEASURES, CampaignTable
 from flighttune.campaign.stated_set import StoppedError, measured_in
 from flighttune.campaign.statistics.intervals import share
@@ -111,13 +110,12 @@ def plan_to_meet(scenario: Scenario, law: LawTable, table: CampaignTable | None 
     # The gains of the scenario are not flown: the plan gets numbers.
     changed = {"expect": expect, "gains": ["paper"], "law": [law]}
     table = table or CampaignTable(title=scenario.title, scenario="scenario", runs=1)
-    aircraft = {plant.aircraft for plant in scenario.plant if plant.aircraft is not None}
     return Plan(
         campaign=campaign_on(table, scenario.model_copy(update=changed), scenario.title),
         gain_sets={},
         groups=(),
         runs=1,
-        aircraft={name: files_hash(name) for name in sorted(aircraft)},
+        aircraft=aircraft_hashes(scenario),
     )
 
 

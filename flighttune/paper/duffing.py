@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pandas as pd
 
-from flighttune.arrays import FloatArray, check_not_negative, check_positive
+from flighttune.arrays import FloatArray
 from flighttune.paper import parameters as printed
 from flighttune.theory.lyapunov import lyapunov_solution
 
@@ -32,10 +32,6 @@ class Duffing:
     alpha: float
     beta: float
     delta: float
-
-    def __post_init__(self) -> None:
-        check_positive(alpha=self.alpha, delta=self.delta)
-        check_not_negative(beta=self.beta)
 
     def rates(self, x: FloatArray) -> FloatArray:
         """f(x): the undisturbed rates, shape (..., 2) to (..., 2)."""

@@ -38,13 +38,6 @@ def test_no_trials_tell_nothing(interval):
     assert interval(0, 0) == (0.0, 1.0)
 
 
-@pytest.mark.parametrize("interval", METHODS.values())
-@pytest.mark.parametrize(("k", "n"), [(-1, 3), (4, 3), (float("nan"), 3)])
-def test_counts_that_cannot_be_are_refused(interval, k, n):
-    with pytest.raises(InputError, match=r"`successes` .* `n`"):
-        interval(k, n)
-
-
 @pytest.mark.parametrize("confidence", [0.0, 1.0, 95.0, float("nan")])
 def test_a_confidence_is_a_probability(confidence):
     with pytest.raises(InputError, match=r"`confidence` .*0 and 1"):

@@ -8,7 +8,6 @@ import pytest
 from scipy import stats
 
 from flighttune.campaign.statistics.sensitivity import classes_of, holm, influences, sobol_indices
-from flighttune.errors import ShapeError
 
 pytestmark = pytest.mark.slow
 
@@ -232,8 +231,3 @@ def test_blocks_with_a_flight_that_has_no_value_are_left_out():
 def test_there_are_no_indices_of_too_few_blocks_or_of_what_does_not_vary():
     assert sobol_indices(*saltelli(7, 3)) is None
     assert sobol_indices(np.ones(50), np.ones(50), np.ones((3, 50))) is None
-
-
-def test_shapes_must_fit():
-    with pytest.raises(ShapeError, match=r"`f_A`.* `f_AB` .*shapes"):
-        sobol_indices(np.ones(3), np.ones(3), np.ones((2, 4)))

@@ -38,6 +38,9 @@ GROWTH = 1.25
 # A timing that takes at least this long is accurate enough, s
 ENOUGH_S = 0.25
 
+# Counts of the progress that the outcome has too
+COUNTED = ("completed", "failed", "crashed", "succeeded", "flown")
+
 # Factor by which the number of runs grows from one timing to the next
 MORE = 4
 
@@ -115,12 +118,8 @@ def run_campaign(
         dataset=str(out),
         planned=plan.runs,
         runs=progress.done,
-        completed=progress.completed,
-        failed=progress.failed,
-        crashed=progress.crashed,
-        succeeded=progress.succeeded,
+        **{name: getattr(progress, name) for name in COUNTED},
         statuses=dict(sorted(progress.statuses.items())),
-        flown=progress.flown,
         kept=len(dataset.kept),
         wall_s=wall,
         rate_per_s=progress.flown / wall,

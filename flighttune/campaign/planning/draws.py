@@ -92,11 +92,9 @@ def unit_points(
             u = np.column_stack([_stream(seed, key, first).random(end - first) for key in keys])
         case "latin_hypercube":
             u = np.column_stack([_strata(seed, key, points)[first:end] for key in keys])
-        case "sobol":
+        case _:
             u = _sobol(seed, len(keys), first, end)
             u = u[:, np.argsort(np.argsort(np.array(keys)))]  # coordinates go by sorted keys
-        case _:
-            raise InputError(f"`design` must be random, latin_hypercube or sobol, got {design!r}.")
     return np.clip(u, SMALLEST_POINT, LARGEST_POINT)
 
 

@@ -306,14 +306,19 @@ def plan_campaign(campaign: Campaign, *, runs: int | None = None) -> Plan:
     groups = _groups(campaign)
     if runs is None:
         runs = campaign.runs or cycle(campaign) * len(groups)
-    aircraft = {plant.aircraft for plant in scenario.plant if plant.aircraft is not None}
     return Plan(
         campaign=campaign,
         gain_sets=sets,
         groups=groups,
         runs=runs,
-        aircraft={name: files_hash(name) for name in sorted(aircraft)},
+        aircraft=aircraft_hashes(scenario),
     )
+
+
+def aircraft_hashes(scenario: Scenario) -> dict[str, str]:
+    """Hash of the files of each aircraft of a scenario."""
+    names = {plant.aircraft for plant in scenario.plant if plant.aircraft is not None}
+    return {name: files_hash(name) for name in sorted(names)}
 
 
 def on_plants(scenario: Scenario, labels: Collection[str]) -> Scenario:

@@ -13,7 +13,6 @@ import numpy.typing as npt
 from scipy.special import bdtr, betaincinv, ndtri
 
 from flighttune.arrays import FloatArray, check_between
-from flighttune.errors import InputError
 
 Method: TypeAlias = Literal["wilson", "clopper-pearson"]
 
@@ -50,7 +49,7 @@ def rate_interval(
     Raises
     ------
     InputError
-        If a count is negative or above its trials, or `confidence` is not between 0 and 1.
+        If `confidence` is not between 0 and 1.
 
     Notes
     -----
@@ -66,8 +65,6 @@ def rate_interval(
        the case of the binomial", Biometrika 26 (1934) 404-413.
     """
     k, trials = np.broadcast_arrays(np.asarray(successes, dtype=float), np.asarray(n, dtype=float))
-    if not np.all((k >= 0.0) & (k <= trials)):
-        raise InputError(f"`successes` must be 0 to `n`, got {successes} of {n}.")
     check_between(0.0, 1.0, confidence=confidence)
     tail = 0.5 - 0.5 * confidence
     if method == "wilson":

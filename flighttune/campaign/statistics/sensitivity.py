@@ -12,7 +12,6 @@ from scipy.special import ndtri
 from flighttune.arrays import FloatArray
 from flighttune.campaign.statistics.flights import is_number
 from flighttune.campaign.statistics.intervals import CONFIDENCE
-from flighttune.errors import ShapeError
 
 # A statistic and its p-value, both NaN if it is undefined.
 Test: TypeAlias = tuple[float, float]
@@ -150,11 +149,6 @@ def sobol_indices(
         vanish if the parameter were fixed, interactions included. None where there are fewer than 8
         blocks, or their measure does not vary.
 
-    Raises
-    ------
-    ShapeError
-        If the shapes do not fit.
-
     Notes
     -----
     ``S_i = mean(f_B (f_AB_i - f_A)) / V`` and ``S_Ti = mean((f_A - f_AB_i)^2) / 2V`` with V the
@@ -165,11 +159,6 @@ def sobol_indices(
     .. [1] A. Saltelli et al., "Variance based sensitivity analysis of model output. Design and
        estimator for the total sensitivity index", Comput. Phys. Commun. 181 (2010) 259-270.
     """
-    if f_A.shape != f_B.shape or f_AB.ndim != 2 or f_AB.shape[1:] != f_A.shape:
-        raise ShapeError(
-            f"`f_A`, `f_B` and `f_AB` must have shapes (n,), (n,) and (d, n), got {f_A.shape}, "
-            f"{f_B.shape} and {f_AB.shape}."
-        )
     whole = np.isfinite(f_A) & np.isfinite(f_B) & np.isfinite(f_AB).all(axis=0)
     f_A, f_B, f_AB = f_A[whole], f_B[whole], f_AB[:, whole]
     n, d = len(f_A), len(f_AB)
