@@ -168,8 +168,8 @@ def plan_of(band: Band) -> Plan:
     return plan.with_runs(band.about.learned + len(band.scores))
 
 
-def around(band: Band, runs: Sequence[Run]) -> tuple[list[Run], dict[str, bool]]:
-    """The runs with the band as signals (`BAND_ENDS`), and by label whether they are inside.
+def around(band: Band, runs: Sequence[Run]) -> list[Run]:
+    """The runs with the band as signals (`BAND_ENDS`), and its claim.
 
     A run has the band if it differs from the flights counted by no more than their dispersions and
     its air. InputError if there is none, with what the first one differs in.
@@ -181,14 +181,13 @@ def around(band: Band, runs: Sequence[Run]) -> tuple[list[Run], dict[str, bool]]
     other = [_other(plan, *of_run) for of_run in zip(runs, scenarios, strict=True)]
     if all(other):
         raise InputError(f"`band` must be of the same {other[0]} as the run.")
-    inside, drawn = {}, []
+    drawn = []
     for run, scenario, differs in zip(runs, scenarios, other, strict=True):
         if differs:
             drawn.append(run)
             continue
         wind = np.array(_wind(scenario)) if band.about.predicted_from else None
         bounds = band.bounds(_axis(run), wind)
-        inside[run.label] = bounds.contain(run.signals)
         columns = {
             f"{name}{end}": values[:, i]
             for i, name in enumerate(bounds.names)
@@ -197,8 +196,9 @@ def around(band: Band, runs: Sequence[Run]) -> tuple[list[Run], dict[str, bool]]
         units = {
             f"{name}{end}": unit for name, unit in band.about.signals.items() for end in BAND_ENDS
         }
-        drawn.append(replace(with_columns(run, columns), units={**run.units, **units}))
-    return drawn, inside
+        units = {**run.units, **units}
+        drawn.append(replace(with_columns(run, columns), units=units, band=band.sentence))
+    return drawn
 
 
 def _other(plan: Plan, run: Run, scenario: Scenario) -> str:

@@ -182,21 +182,20 @@ def band(
 
 def band_around(runs: "Sequence[Run]", file: Path | None) -> tuple["list[Run]", Answer]:
     """The runs with the band of a file around them, and its part of the answer of a command."""
+    from flighttune.guarantee.bounds import band_notes, inside_bands
+
     if file is None:
-        return list(runs), Answer()
+        return list(runs), Answer(notes=band_notes(runs))
     from flighttune.campaign.band import around
     from flighttune.guarantee.band import load_band
 
     counted = load_band(file)
     try:
-        drawn, inside = around(counted, runs)
+        drawn = around(counted, runs)
     except InputError as error:
         raise InputError(f"{file}: {error}") from error
-    said = [
-        f"{label}: {'inside' if held else 'outside'} the band" for label, held in inside.items()
-    ]
-    values = {"file": str(file), "inside": inside, **band_answer(counted).values}
-    return drawn, Answer(values={"band": values}, notes=[*said, f"Band: {counted.sentence}"])
+    values = {"file": str(file), "inside": inside_bands(drawn), **band_answer(counted).values}
+    return drawn, Answer(values={"band": values}, notes=band_notes(drawn))
 
 
 def _stated(**options: Any) -> dict[str, Any]:

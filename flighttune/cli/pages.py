@@ -211,7 +211,7 @@ def report(
     page = write_report(
         replace(source, runs=tuple(runs)),
         out,
-        tubes=[*tubes_answer.notes, *of_band.notes],
+        tubes=tubes_answer.notes,
         at_a_glance=tubes.at_a_glance,
         tube_table=tubes_answer.tables[0],
     )

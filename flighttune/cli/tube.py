@@ -284,6 +284,8 @@ def tubes_around(
 
 def tubes_answer(tubes: "RunTubes", command: str, scenario: str = "") -> Answer:
     """The tubes of runs of a scenario as part of an answer; `command` computes missing ones."""
+    from flighttune.scenario.load import scenario_from
+
     of_tube = "status reason model start_deg handed_over_s probability worst"
     values = {
         label: {
@@ -315,7 +317,8 @@ def tubes_answer(tubes: "RunTubes", command: str, scenario: str = "") -> Answer:
             start, made = tube.about.start_deg, flown[label]
             drawn = f"--start-deg {start:g}" if start else "--disturbance RAD_PER_S"
             searched = f"{scenario} --gains {made.gains_name} --plant {made.plant} {drawn}"
-        notes.append(_note(label, tube, searched))
+        air = scenario_from(dict(flown[label].scenario)).air
+        notes.append(_note(label, tube, air, searched))
     notes += [f"{label}: no tube: {why}" for label, why in tubes.why_not.items()]
     outside = ", ".join(tubes.outside)
     records = [{"run": label, **own} for label, own in values.items()]
@@ -327,12 +330,12 @@ def tubes_answer(tubes: "RunTubes", command: str, scenario: str = "") -> Answer:
     )
 
 
-def _note(label: str, tube: "RunTube", searched: str) -> str:
+def _note(label: str, tube: "RunTube", air: str, searched: str) -> str:
     """The model of a tube, where it is lost, its probability, and how to find its worst flight.
 
     `searched`: arguments of ``worst`` that say which flights it searches.
     """
-    about, sentences = tube.about, [f"{label}: its tube is that of {tube.about.model}."]
+    about, sentences = tube.about, [f"{label}: its tube is that of {tube.about.model}, in {air}."]
     if about.reason:
         sentences.append(f"It is lost: {about.reason}. {LOST}")
     if about.probability:

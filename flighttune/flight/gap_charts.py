@@ -4,11 +4,12 @@ import numpy as np
 
 from flighttune.errors import InputError
 from flighttune.flight.gap import Gap
+from flighttune.guarantee.bounds import inside_bands
 from flighttune.metrics import channel_metrics
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS
 from flighttune.present.palette import INK, LIMIT, NEUTRAL
-from flighttune.simulate.run import run_styles
+from flighttune.simulate.run import BAND_ENDS, run_styles
 from flighttune.units import DEG_PER_RAD
 
 BAR_NAMES = ("paper's\nlaw", "+ exact\nlift", "+ inner\nloop", "+ six\nd.o.f.", "aircraft")
@@ -90,13 +91,18 @@ def bound_chart(gap: Gap, channel: str) -> Chart:
     if set(bounds) <= set(run.signals):
         low, high = (run.signals[name].to_numpy() * DEG_PER_RAD for name in bounds)
         left = bool(((error < low) | (error > high)).any())
-        name = f"its tube, {'left' if left else 'flight inside'}"
+        name = f"its tube in {gap.scenario.air}, {'left' if left else 'flight inside'}"
         chart.band(run.t, low, high, LIMIT, name=name)
         if f"{channel}_err_worst" in run.signals:
             worst = run.signals[f"{channel}_err_worst"].to_numpy() * DEG_PER_RAD
             chart.line(run.t, worst, LIMIT, dash=DASHED, name="worst flight found in it")
-    else:
-        chart.title += "; no tube yet"
+    band = [f"{channel}_err{end}" for end in BAND_ENDS]
+    if set(band) <= set(run.signals):
+        low, high = (run.signals[name].to_numpy() * DEG_PER_RAD for name in band)
+        inside = "flight inside" if inside_bands([run])[run.label] else "left"
+        chart.band(run.t, low, high, NEUTRAL, name=f"counted band, {inside}")
+    elif bounds[0] not in run.signals:
+        chart.title += "; no tube or band yet"
     return chart
 
 

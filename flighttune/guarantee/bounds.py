@@ -1,13 +1,13 @@
 """Bounds of signals over time: of a tube, a certificate, counted boxes, and a flight's share."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.simulate.run import Run
+from flighttune.simulate.run import BAND_ENDS, Run
 
 ERRORS = ("chi_err", "gamma_err")
 
@@ -97,6 +97,25 @@ class Bounds:
         ratios = self.half_widths.max(axis=0) / self.distances(run).max(axis=0)
         names = [name.removesuffix("_err") for name in self.names]
         return dict(zip(names, ratios.tolist(), strict=True))
+
+
+def inside_bands(runs: Sequence[Run]) -> dict[str, bool]:
+    """Whether each run around which a counted band is drawn is inside, by label."""
+    inside = {}
+    for run in runs:
+        low, high = (run.signals.filter(regex=f"{end}$") for end in BAND_ENDS)
+        names = [str(name).removesuffix(BAND_ENDS[0]) for name in low]
+        if names:
+            bounds = Bounds(run.t, low.to_numpy(), high.to_numpy(), tuple(names))
+            inside[run.label] = bounds.contain(run.signals)
+    return inside
+
+
+def band_notes(runs: Sequence[Run]) -> list[str]:
+    """Whether runs are inside the counted bands drawn around them, and what these claim."""
+    inside = inside_bands(runs)
+    said = [f"{label}: {'in' if held else 'out'}side the band" for label, held in inside.items()]
+    return said + [f"Band: {claim}" for claim in dict.fromkeys(run.band for run in runs) if claim]
 
 
 def with_columns(run: Run, columns: Mapping[str, FloatArray]) -> Run:

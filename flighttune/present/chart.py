@@ -149,6 +149,15 @@ class Chart:
         if name:
             self.legend.append((name, colour, "band"))
 
+    def area(self, x: npt.ArrayLike, y: npt.ArrayLike, colour: str, *, name: str = "") -> None:
+        """Fill a closed line, and draw it thin: an area narrower than a pixel is seen too."""
+        xs, ys = np.asarray(x, dtype=float), np.asarray(y, dtype=float)
+        self._seen.append((xs, ys))
+        look = f' style="fill:{css_colour(colour)}" fill-opacity="0.3"{_stroke(colour, 0.6)}'
+        self._marks.append(lambda a: f'<path d="{_path(a.sx(xs), a.sy(ys))}Z"{look}/>')
+        if name:
+            self.legend.append((name, colour, "band"))
+
     def level(
         self, value: float, colour: str = LIMIT, *, dash: str = LONG, run: str = "", name: str = ""
     ) -> None:

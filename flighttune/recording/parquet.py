@@ -75,6 +75,7 @@ def parts_of(run: Run) -> Parts:
         "reason": run.reason,
         "provenance": asdict(run.provenance),
         "columns": {"t": "s", **{str(name): units.get(str(name)) for name in run.signals}},
+        **({"band": run.band} if run.band else {}),
     }
     text = json.dumps(description, ensure_ascii=False, default=_listed)
     rows = np.column_stack([run.signals.index, run.signals]).astype(float)
@@ -175,6 +176,7 @@ def run_of(parts: Parts) -> Run:
         reason=entry["reason"],
         provenance=Provenance(**provenance, gains=gains),
         units={name: columns[name] for name in names if name not in SIGNAL_UNITS and columns[name]},
+        band=entry.get("band", ""),
     )
 
 

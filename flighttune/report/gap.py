@@ -11,13 +11,14 @@ from flighttune.identify.file import lag_table
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS, columns
 from flighttune.present.tables import Column, Table
+from flighttune.report.panels import areas_in_words
 from flighttune.report.tables import provenance_table
 from flighttune.simulate.run import run_styles
 from flighttune.table_file import toml_text
 
 TUBE_NOTE = (
-    "The error of the aircraft is drawn in its tube where there is one: "
-    "flighttune gap SCENARIO --tube --conformance FILE makes it."
+    "The error of the aircraft is drawn in its tube and in a counted band where there are any: "
+    "flighttune gap SCENARIO takes --tube --conformance FILE and --band FILE."
 )
 
 # Metrics of the tables; ``--json`` has them all.
@@ -133,7 +134,7 @@ def write_gap_page(gap: Gap, tables: Sequence[Table], path: str | Path) -> Repor
             Section(
                 id="runs",
                 title="",
-                note=TUBE_NOTE,
+                note=" ".join([TUBE_NOTE, *areas_in_words([gap.aircraft])]),
                 charts=gap_charts(gap),
                 legend=False,
                 folded=False,

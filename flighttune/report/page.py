@@ -17,11 +17,21 @@ from flighttune.flight.gap import Gap, explain_flight
 from flighttune.flight.gap_charts import bound_chart, itae_chart, steps_chart
 from flighttune.flight.outer_loop import tuning_problem
 from flighttune.guarantee.flight_check import flight_check
+from flighttune.present.chart import Chart
 from flighttune.present.frame import Report, Section, page_template, write_page
-from flighttune.present.names import CHANNEL_SYMBOLS, listed
+from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.present.tables import Table
 from flighttune.report.gap import causes, step_table
-from flighttune.report.panels import Drawn, certificate_panels, commands, errors, paths, tracking
+from flighttune.report.panels import (
+    Drawn,
+    areas_in_words,
+    certificate_panels,
+    commands,
+    errors,
+    paths,
+    tracking,
+)
+from flighttune.report.route_charts import planned_path, route_charts
 from flighttune.report.tables import (
     CONVERGED_AT_LEAST,
     CONVERGED_PART,
@@ -58,10 +68,7 @@ CONVERGES = (
     f"quarter of the flight: {100.0 * CONVERGED_PART:.0f} % of the largest error, and at least "
     f"{CONVERGED_AT_LEAST * DEG_PER_RAD:.1f}°. On a route it converges if it arrives."
 )
-ERRORS = (
-    "Errors are reference minus actual, the course error wrapped to ±180°. A band is the tube "
-    "of a run: every flight of its model is in it."
-)
+ERRORS = "Errors are reference minus actual, the course error wrapped to ±180°."
 GAP = (
     "The same gains under the same limits in the same air, on the paper's law, the exact point "
     "mass, the point mass behind the inner loop and the aircraft. Red: the tube of the aircraft, "
@@ -134,6 +141,9 @@ def write_report(
     converged = sum(record["converges"] for record in convergence.records)
     gaps, without_gap = _gaps(scenario, runs)
     certificate = _certificate_section(scenario, drawn)
+    areas, on_route = areas_in_words(runs), ""
+    if scenario.route is not None:  # the band is drawn at the top
+        areas, on_route = [], " ".join(areas)
     made = runs[0].provenance
     return write_page(
         Path(path),
@@ -149,12 +159,17 @@ def write_report(
         criterion=CONVERGES,
         sections=[
             Section(
-                id="runs", title="", charts=tracking(drawn), tables=[convergence], folded=False
+                id="runs",
+                title="",
+                note=on_route,
+                charts=_overview(drawn),
+                tables=[convergence],
+                folded=False,
             ),
             Section(
                 id="tracking",
                 title="Errors and metrics",
-                note=" ".join([ERRORS, *tubes]),
+                note=" ".join([ERRORS, *areas, *tubes]),
                 charts=errors(drawn),
                 tables=[
                     tracking_table(runs),
@@ -196,13 +211,14 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
             Section(
                 id="runs",
                 title="",
-                charts=tracking(drawn),
+                charts=_overview(drawn),
                 tables=[pairs_table(comparison)],
                 folded=False,
             ),
             Section(
                 id="metrics",
                 title="Errors and metrics",
+                note=" ".join([ERRORS, *areas_in_words(runs)]),
                 charts=errors(drawn),
                 tables=[comparison_table("metrics", comparison.metrics)],
             ),
@@ -242,24 +258,11 @@ def _flown_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
     start, of = scenario.stated_condition, "; ".join(aircraft) or "Guidance law"
     if scenario.route is not None:
         passed = len(scenario.route.waypoint)
-        return f"{of}: at {start.V_a:g} m/s in {_air_in_words(scenario)}, {passed} waypoints."
+        return f"{of}: at {start.V_a:g} m/s in {scenario.air}, {passed} waypoints."
     t = np.linspace(0.0, scenario.flight.duration_s, ANGLES)
     chi, gamma = scenario.followed().sampled(t)
     angles = f"{_moves('course', start.chi, chi)} and {_moves('path angle', start.gamma, gamma)}"
-    return f"{of}: at {start.V_a:g} m/s in {_air_in_words(scenario)}, {angles}."
-
-
-def _air_in_words(scenario: Scenario) -> str:
-    disturbance = scenario.disturbance
-    blows = disturbance is not None and disturbance.as_wind
-    air = {
-        "wind": scenario.wind,
-        "an oscillating wind": blows,
-        "a gust": scenario.gust,
-        "turbulence": scenario.turbulence,
-    }
-    weather = listed([name for name, table in air.items() if table]) or "calm air"
-    return f"{weather}, with a disturbance" if disturbance and not blows else weather
+    return f"{of}: at {start.V_a:g} m/s in {scenario.air}, {angles}."
 
 
 def _moves(name: str, start: float, reference: FloatArray) -> str:
@@ -310,9 +313,15 @@ def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[list[Gap], list[str]
     return gaps, without
 
 
+def _overview(drawn: Drawn) -> list[Chart]:
+    """The charts at the top: of a route on a map and along it, else of course and path angle."""
+    return route_charts(drawn) or tracking(drawn)
+
+
 def _commands_section(drawn: Drawn, note: str = "") -> Section:
-    charts = [*commands(drawn), *paths(drawn)]
-    return Section(id="commands", title="Commands and path", note=note, charts=charts)
+    path = [] if planned_path(drawn) else paths(drawn)  # that of a route is drawn at the top
+    title = "Commands and path" if path else "Commands"
+    return Section(id="commands", title=title, note=note, charts=[*commands(drawn), *path])
 
 
 def _gap_section(gaps: Sequence[Gap], runs: Sequence[Run]) -> Section:

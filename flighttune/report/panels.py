@@ -8,12 +8,15 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
 from flighttune.flight.fly import FlownScenario
+from flighttune.guarantee.bounds import band_notes
 from flighttune.guarantee.flight_check import FlightCheck
 from flighttune.present.chart import DASHED, DOTTED, Chart, Sheet, dashes
+from flighttune.present.names import listed, shown_unit
 from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle
 from flighttune.present.thinning import MAX_DRAWN
 from flighttune.recording.plots import displayed, limits_of
-from flighttune.simulate.run import Run, run_styles
+from flighttune.scenario.load import scenario_from
+from flighttune.simulate.run import BAND_ENDS, SIGNAL_UNITS, TUBE_SIGNALS, Run, run_styles
 from flighttune.units import DEG_PER_RAD
 
 ANGLES = (
@@ -73,12 +76,37 @@ def errors(drawn: Drawn) -> list[Chart]:
             if set(bounds) <= set(run.signals):
                 low, high = (run.signals[name].to_numpy() * DEG_PER_RAD for name in bounds)
                 chart.band(run.t, low, high, style.colour, run=run.label)
+            counted_band(chart, run, run.t, signal)
             if f"{signal}_worst" in run.signals:
                 worst = displayed(run.signals, f"{signal}_worst")
                 chart.run_line(run.t, worst, style, run.label, dash=DASHED, width=1.2)
                 chart.title = f"{title}; dashed: the worst flight found in the tube"
         charts.append(_with_runs(chart, drawn, signal))
     return charts
+
+
+def counted_band(chart: Chart, run: Run, x: FloatArray, signal: str) -> None:
+    """The band around a signal of a run, grey with an edge, if there is one."""
+    ends = [f"{signal}{end}" for end in BAND_ENDS]
+    if not set(ends) <= set(run.signals):
+        return
+    _, factor = shown_unit(SIGNAL_UNITS[signal])
+    low, high = (factor * run.signals[end].to_numpy() for end in ends)
+    chart.band(x, low, high, NEUTRAL, run=run.label, name="counted band")
+    for edge in (low, high):
+        chart.line(x, edge, NEUTRAL, run=run.label, dash=DOTTED, width=1.2, hover=False)
+
+
+def areas_in_words(runs: Sequence[Run]) -> list[str]:
+    """What the areas around signals of runs are, and what they hold for."""
+    tubed = [run for run in runs if TUBE_SIGNALS[0] in run.signals]
+    airs = dict.fromkeys(scenario_from(dict(run.provenance.scenario)).air for run in tubed)
+    tubes = [
+        "An area in the colour of a run is its tube: every flight of its model in "
+        f"{listed(list(airs), 'or')} is in it."
+    ]
+    notes = [f"{note}." for note in band_notes(runs)]
+    return [*(tubes if tubed else []), *notes]
 
 
 def commands(drawn: Drawn) -> list[Chart]:

@@ -17,6 +17,7 @@ from flighttune.errors import InputError
 from flighttune.identify.file import DesignModel, design_model, load_identified
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.weather import Weather, WindProfile, path_through_air
+from flighttune.present.names import listed
 from flighttune.quantities import FASTEST_WIND, STEEPEST_DEG, Table
 from flighttune.routes.follow import RouteReference
 from flighttune.routes.path import Ability
@@ -300,6 +301,20 @@ class Scenario(Table):
             turbulence=self.turbulence.turbulence() if self.turbulence else None,
             oscillation=swing.sinusoid().as_wind(V_a, chi, gamma) if swing else None,
         )
+
+    @property
+    def air(self) -> str:
+        """The air flown in, in words."""
+        disturbance = self.disturbance
+        blows = disturbance is not None and disturbance.as_wind
+        air = {
+            "wind": self.wind,
+            "an oscillating wind": blows,
+            "a gust": self.gust,
+            "turbulence": self.turbulence,
+        }
+        weather = listed([name for name, table in air.items() if table]) or "calm air"
+        return f"{weather}, with a disturbance" if disturbance and not blows else weather
 
     @property
     def command_limits(self) -> Limits:

@@ -134,6 +134,8 @@ class Run:
         Scenario, plant and gains that made the run.
     units : mapping of str to str
         Units of signals that `SIGNAL_UNITS` does not know: those of a user's own law.
+    band : str
+        Claim of the counted band among its signals, in words; empty if there is none.
 
     Examples
     --------
@@ -147,6 +149,7 @@ class Run:
     reason: str
     provenance: Provenance = field(repr=False)
     units: Mapping[str, str] = field(default_factory=dict, repr=False)
+    band: str = field(default="", repr=False)
 
     def __post_init__(self) -> None:
         from flighttune.simulate.signal_table import SignalTable  # pandas, 0.2 s, where one flies

@@ -1,0 +1,148 @@
+"""Charts of a route: a map, and height and distances from it along the way."""
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.present.chart import Chart
+from flighttune.present.palette import INK, NEUTRAL
+from flighttune.report.panels import Drawn, counted_band, most_points
+from flighttune.routes.follow import RouteReference
+from flighttune.routes.path import Path
+from flighttune.scenario.load import scenario_from
+from flighttune.scenario.schema import Scenario
+from flighttune.simulate.run import BAND_ENDS
+
+ERRORS = (
+    ("cross_track", "To the right of the route", "e_y [m]"),
+    ("height_err", "Below the route", "e_h [m]"),
+)
+
+# The three charts along the route stand beside the map, in three rows of the page.
+ROW_HEIGHT, MAP_HEIGHT = 150.0, 510.0
+
+KM = 1000.0
+
+# Points of the corridor's edges.
+EDGE_POINTS = 2000
+
+# Length of the wind arrow as a share of the map.
+ARROW = 0.12
+
+
+def planned_path(drawn: Drawn) -> Path | None:
+    """The path of the route that runs fly, if they fly one."""
+    followed = _scenario(drawn).followed()
+    return followed.path if isinstance(followed, RouteReference) else None
+
+
+def route_charts(drawn: Drawn) -> list[Chart]:
+    """Map, height, and distances from the route of flights along it; none without a route."""
+    path = planned_path(drawn)
+    return [] if path is None else [_map(drawn, path), _height(drawn, path), *_errors(drawn, path)]
+
+
+def _map(drawn: Drawn, path: Path) -> Chart:
+    """Seen from above, north up: corridor, planned path, flights, waypoints and wind."""
+    scenario, most = _scenario(drawn), most_points(len(drawn))
+    chart = Chart(title="Map", x="east [m]", y="north [m]", equal=True, height=MAP_HEIGHT)
+    s, (low, high) = _corridor(drawn, path, "cross_track")
+    course, north, east = (
+        np.interp(s, path.s, values) for values in (path.course, path.north, path.east)
+    )
+    if len(s):
+        sides = np.concatenate([low, high[::-1]])
+        course, north, east = (np.append(line, line[::-1]) for line in (course, north, east))
+        across, up = east + sides * np.cos(course), north - sides * np.sin(course)
+        chart.area(across, up, NEUTRAL, name="corridor")
+    flown = path.s <= path.length
+    east, north = path.east[flown], path.north[flown]
+    chart.line(east, north, NEUTRAL, name="planned path", width=2.2, most=most)
+    for run, style in drawn:
+        chart.run_line(run.signals["east"], run.signals["north"], style, run.label, most=most)
+    assert scenario.route is not None
+    points = scenario.route.waypoints()
+    places = [point.east for point in points], [point.north for point in points]
+    chart.points(*places, INK, name="waypoints", size=2.0)
+    chart.label_points([(p.east, p.north, f"{i}") for i, p in enumerate(points, start=1)])
+    if scenario.wind is not None:
+        _wind_arrow(chart, np.array(scenario.wind.profile().at(scenario.flight.h_m)[:2]))
+    return chart
+
+
+def _wind_arrow(chart: Chart, wind: FloatArray) -> None:
+    """An arrow with the wind in the upper left corner, and its speed."""
+    speed = float(np.hypot(*wind))
+    if speed == 0.0:
+        return
+    (left, right), (_, top) = chart.x_ends(), chart.y_ends()
+    size = ARROW * (right - left)
+    ahead = size * wind[::-1] / speed  # east and north
+    aside = 0.2 * ahead[::-1] * [-1.0, 1.0]
+    tail = np.array([left, top]) + 0.7 * size * np.array([1.0, -1.0]) - 0.5 * ahead
+    head, neck = tail + ahead, tail + 0.7 * ahead
+    for line in ([tail, head], [neck + aside, head, neck - aside]):
+        across, up = np.transpose(line)
+        chart.line(across, up, INK, width=1.8)
+    at = (left + 1.4 * size, top - 0.7 * size)
+    chart.text(*at, f"wind at the start {speed:.3g} m/s", shift=(0.0, 4.0))
+
+
+def _height(drawn: Drawn, path: Path) -> Chart:
+    """Height over the start along the route, in its corridor; turns have the waypoint's number."""
+    chart = _along(path, "Height over the start", "h [m]")
+    s, (low, high) = _corridor(drawn, path, "height_err")
+    up = np.interp(s, path.s, path.up)
+    if len(s):
+        chart.band(s / KM, up - high, up - low, NEUTRAL, name="corridor")
+    chart.line(path.s / KM, path.up, NEUTRAL, name="planned", width=2.2)
+    for run, style in drawn:
+        along, down = (run.signals[name].to_numpy() for name in ("along", "down"))
+        chart.run_line(along / KM, -down, style, run.label, most=most_points(len(drawn)))
+    around = [turn for turn in path.stretches if turn.kind != "leg"]
+    middles = [turn.start + 0.5 * turn.length for turn in around]
+    heights = np.interp(middles, path.s, path.up).tolist()
+    for middle, height, turn in zip(middles, heights, around, strict=True):
+        number = f"{turn.waypoint}"
+        chart.text(middle / KM, height, number, anchor="middle", shift=(0.0, -5.0))
+    low, high = chart.y_ends()
+    chart.y_range = low, high + 0.15 * (high - low)  # room for the numbers
+    return chart
+
+
+def _errors(drawn: Drawn, path: Path) -> list[Chart]:
+    """Distances of flights from the route along it, in the band counted for them."""
+    charts = []
+    for signal, title, unit in ERRORS:
+        chart = _along(path, title, unit)
+        chart.level(0.0, NEUTRAL, dash="")
+        for run, style in drawn:
+            along = run.signals["along"].to_numpy() / KM
+            counted_band(chart, run, along, signal)
+            values, most = run.signals[signal].to_numpy(), most_points(len(drawn))
+            chart.run_line(along, values, style, run.label, most=most)
+        charts.append(chart)
+    return charts
+
+
+def _along(path: Path, title: str, unit: str) -> Chart:
+    """An empty chart over the distance along the route."""
+    ends = 0.0, path.length / KM
+    return Chart(title=title, x="along the route [km]", y=unit, x_range=ends, height=ROW_HEIGHT)
+
+
+def _corridor(
+    drawn: Drawn, path: Path, signal: str
+) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
+    """Distances along the route, and the ends of the band of a signal there; empty without one."""
+    ends = [f"{signal}{end}" for end in BAND_ENDS]
+    run = next((run for run, _ in drawn if set(ends) <= set(run.signals)), None)
+    if run is None:
+        return np.zeros(0), (np.zeros(0), np.zeros(0))
+    along = np.maximum.accumulate(run.signals["along"].to_numpy())
+    s = np.linspace(0.0, path.length, EDGE_POINTS)
+    low, high = (np.interp(s, along, run.signals[end].to_numpy()) for end in ends)
+    return s, (low, high)
+
+
+def _scenario(drawn: Drawn) -> Scenario:
+    return scenario_from(dict(drawn[0][0].provenance.scenario))
