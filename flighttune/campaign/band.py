@@ -25,6 +25,7 @@ from flighttune.guarantee.band import (
     Band,
     Extremes,
     learned_shape,
+    scores_of,
     window_edges,
     window_extremes,
 )
@@ -199,6 +200,14 @@ def around(band: Band, runs: Sequence[Run]) -> list[Run]:
         units = {**run.units, **units}
         drawn.append(replace(with_columns(run, columns), units=units, band=band.sentence))
     return drawn
+
+
+def score(band: Band, run: Run, scenario: Scenario) -> float:
+    """Scale at which a flight is just inside a band."""
+    about = band.about
+    extremes, wind = np.split(np.array(_probe(band)(run, scenario)), [2 * about.half.size])
+    shape = 1, *about.half.shape, 2
+    return float(scores_of(extremes.reshape(shape), wind[None], about.coefficients, about.half)[0])
 
 
 def _other(plan: Plan, run: Run, scenario: Scenario) -> str:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ import pandas as pd
 from scipy.special import chdtri, ndtr
 
 from flighttune.arrays import FloatArray, check_at_least
+from flighttune.campaign.band import plan_of, score
 from flighttune.campaign.bang_bang import search_bang_bang
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.alone import scenario_of_run
@@ -22,6 +24,7 @@ from flighttune.campaign.planning.schema import MEASURES
 from flighttune.campaign.stated_set import measured_in, planned, rows_of
 from flighttune.errors import InputError
 from flighttune.flight.expectations import bound_checks
+from flighttune.guarantee.band import Band, load_band
 from flighttune.guarantee.bounds import ERRORS, Bounds
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
@@ -32,6 +35,9 @@ MARGIN = "margin"
 
 # Metric: share of a tube that the errors use; beyond 1 they leave it.
 TUBE = "tube"
+
+# Metric: share of a band that a flight uses; beyond 1 it is outside.
+BAND = "band"
 
 # Share of the stated distribution inside the region searched.
 REGION = 0.999
@@ -69,6 +75,8 @@ class StatedSet:
     off by up to `start_deg` and the rates of which are disturbed by up to `disturbance` (rad/s).
     The metric is a column of the rows or `MARGIN`; by default the margin where there are
     requirements with bounds, else chi.ITAE. With a tube it is the share of it that a flight uses.
+    A `source` that is a band file stands for the campaign counted, and its metric is the share of
+    the band.
     A flight that ends early is the worst, or with `completed` the best.
     """
 
@@ -92,14 +100,20 @@ class StatedSet:
             raise InputError(
                 f"`metric` must be {MARGIN} or one of {', '.join(MEASURES)}, got {metric!r}."
             )
-        plan = planned(
-            source,
-            plant=plant,
-            start_deg=start_deg,
-            disturbance=disturbance,
-            gains=gains,
-            changes=changes,
-        )
+        band = load_band(source) if Path(source).suffix == ".npz" else None
+        if band is not None:
+            if tube or metric or gains or start_deg or disturbance or changes:
+                raise InputError(f"{source}: a band has its flights and metric: give no other.")
+            plan = plan_of(band)
+        else:
+            plan = planned(
+                source,
+                plant=plant,
+                start_deg=start_deg,
+                disturbance=disturbance,
+                gains=gains,
+                changes=changes,
+            )
         group = plan.chosen_group(plant, gains if gains in plan.gain_sets else None)
         if not plan.keys:
             raise InputError(
@@ -118,6 +132,8 @@ class StatedSet:
         self.reach = np.zeros(2)
         self._start_deg, self._lost = start_deg, -FAILED if completed else FAILED
         self._probes: Probes = {TUBE: partial(_use_of, tube)} if tube else {}
+        if band is not None:
+            self.metric, self._probes = BAND, {BAND: partial(_share_of, band.without_flights)}
         self._pool = pool
 
     def values(self, z: FloatArray, seeds: Seeds) -> FloatArray:
@@ -133,7 +149,7 @@ class StatedSet:
         """Search bang-bang disturbances with at most `budget` flights."""
         scenario = self.plan.scenario
         # In a tube one channel at a time: otherwise only the one nearer to its bound is searched.
-        channels = (0, 1) if self._probes else (None,)
+        channels = (0, 1) if TUBE in self._probes else (None,)
         for channel in channels:
             search_bang_bang(
                 lambda flights, of=channel: self._fly(*self._switched(flights), of),
@@ -176,7 +192,7 @@ class StatedSet:
         i = int(np.argmax(values))
         if values[i] > self.worst["value"]:
             self.worst, self.made_by = {**rows[i], "value": float(values[i])}, (plan, draws[i])
-        if not self._probes:
+        if TUBE not in self._probes:
             return values
         reach = np.array([row[TUBE][1:] if row[TUBE] else (np.nan, np.nan) for row in rows])
         self.reach = np.fmax(self.reach, np.fmax.reduce(reach))
@@ -415,15 +431,20 @@ def _use_of(tube: Bounds, run: Run, _: Scenario) -> list[float]:
     return [tube.share(run), *tube.reach(run).tolist()]
 
 
+def _share_of(band: Band, run: Run, scenario: Scenario) -> list[float]:
+    """Share of a band that a flight uses."""
+    return [score(band, run, scenario) / band.scale]
+
+
 def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:
-    """Value of a metric (a column, ``margin`` or ``tube``) in a row; larger is worse.
+    """Value of a metric (a column, ``margin``, ``tube`` or ``band``) in a row; larger is worse.
 
     It is `FAILED` for a flight without a value.
     """
     if row["status"] != "completed":
         return FAILED
     if metric != MARGIN:
-        value = row[TUBE][0] if metric == TUBE else row[metric]
+        value = row[metric][0] if metric in (TUBE, BAND) else row[metric]
         return FAILED if value is None else float(value)
     checks = bound_checks(scenario.expected(row["plant"], row["gains"]), measured_in(row))
     margins = (FAILED if math.isnan(check.margin) else check.margin for check in checks)

@@ -17,10 +17,10 @@ from flighttune.cli.options import (
     check_ending,
     plant_label,
 )
-from flighttune.cli.show import campaign_pool, pick
+from flighttune.cli.show import campaign_pool, pick, progress_bar
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
-from flighttune.present.names import shown_unit
+from flighttune.present.names import columns, shown_unit
 from flighttune.present.tables import Column, Table, number
 from flighttune.shipped import campaign_files, scenario_files
 
@@ -176,8 +176,12 @@ def band(
         counted = counted.claiming(**{**pick(counted.about, "epsilon confidence"), **claim})
     if out is not None:
         save_band(counted, out)
-    answer = band_answer(counted) if fence is None else fence_answer(counted, fence)
-    return replace(answer, files={"band": out})
+    file = out or source
+    answer = band_answer(counted, file)
+    if fence is not None:
+        answer = fence_answer(counted, fence, answer)
+    page = [f"A page with its flights: flighttune report {file}"]
+    return replace(answer, notes=[*answer.notes, *page], files={"band": out})
 
 
 def band_around(runs: "Sequence[Run]", file: Path | None) -> tuple["list[Run]", Answer]:
@@ -198,13 +202,54 @@ def band_around(runs: "Sequence[Run]", file: Path | None) -> tuple["list[Run]", 
     return drawn, Answer(values={"band": values}, notes=band_notes(drawn))
 
 
+def fly_draw(file: Path, draw: int, out: Path | None) -> Answer:
+    """Fly a draw of the band in a file again, and record it with the band around it."""
+    from flighttune.campaign.band import plan_of
+    from flighttune.campaign.flying.alone import fly_again
+    from flighttune.guarantee.band import load_band
+    from flighttune.recording.record import record
+
+    plan, name = plan_of(load_band(file)), f"{file.stem}-run-{draw}"
+    with progress_bar() as progress:
+        flown = fly_again(plan, draw, progress=progress)
+    run = flown[plan.group_of(draw).label]
+    runs, around = list(flown.runs), Answer(notes=[f"{run.label}: {run.outcome}"])
+    if run.status == "completed":
+        runs, around = band_around(runs, file)
+    files = record(replace(flown, runs=tuple(runs)), out or Path("runs") / name, name=name)
+    of_draw = plan.values_of(draw)
+    drawn = [{"parameter": key, "value": of_draw[key]} for key in plan.keys]
+    return Answer(
+        values={
+            "run": draw,
+            **pick(run, "status reason"),
+            "signals": files.signals,
+            **around.values,
+        },
+        tables=[Table(columns("parameter value"), drawn, f"draw {draw}: {run.label}")],
+        notes=[*around.notes, "A band keeps no row of a flight to compare it with."],
+        files={"recording": files.recording},
+    )
+
+
+def band_page(file: str, out: Path) -> Answer:
+    """Write the page of the band in a file."""
+    from flighttune.guarantee.band import load_band
+    from flighttune.report.band import write_band_page
+
+    counted = load_band(file)
+    answer = band_answer(counted, file)
+    page = write_band_page(counted, file, out, answer.tables, answer.notes)
+    return replace(answer, files={"report": page.path})
+
+
 def _stated(**options: Any) -> dict[str, Any]:
     """The options that were stated."""
     return {name: value for name, value in options.items() if value is not None}
 
 
-def band_answer(counted: "Band") -> Answer:
-    """The half-widths of a band and its claim; a failure if nothing is claimed."""
+def band_answer(counted: "Band", file: str | Path = "FILE") -> Answer:
+    """The half-widths of a band in a file and its claim; a failure if nothing is claimed."""
     about, claims = counted.about, counted.about.scale is not None
     records = []
     for (name, unit), widths in zip(about.signals.items(), counted.half_widths.T, strict=True):
@@ -219,7 +264,7 @@ def band_answer(counted: "Band") -> Answer:
     if claims:
         notes.append(
             f"Of the flights inside, draw {counted.nearest} (seed {about.plan['campaign']['seed']})"
-            " is nearest to leaving."
+            f" is nearest to leaving: flighttune campaign fly {file} --run {counted.nearest}"
         )
     return Answer(
         values={
@@ -236,11 +281,11 @@ def band_answer(counted: "Band") -> Answer:
     )
 
 
-def fence_answer(counted: "Band", file: Path) -> Answer:
-    """The answer of a band, and whether its flights stay inside a fence; a failure if not."""
+def fence_answer(counted: "Band", file: Path, answer: Answer) -> Answer:
+    """The answer of a band with whether its flights stay inside a fence; a failure if not."""
     from flighttune.campaign.fence import count_inside
 
-    answer, count, flights = band_answer(counted), count_inside(counted, file), len(counted.scores)
+    count, flights = count_inside(counted, file), len(counted.scores)
     said = [
         f"The band itself is {'inside' if nearest['margin_m'] >= 0.0 else 'not inside'} the fence."
         for nearest in count.nearest

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Argument, Option
 
+from flighttune.cli.band import fly_draw
 from flighttune.cli.options import (
     CampaignArgument,
     GainSetsOption,
@@ -95,14 +96,22 @@ def report(
 
 
 def fly(
-    folder: Annotated[str, Argument(metavar="DIR", help="Folder of a campaign.")],
-    run: Annotated[int, Option(help="Number of the run, as in the column `run`.", min=0)],
+    folder: Annotated[
+        str,
+        Argument(metavar="DIR|FILE", help="Folder of a campaign, or a band file (.npz)."),
+    ],
+    run: Annotated[
+        int, Option(help="Number of the run, as in the column `run`; of a band its draw.", min=0)
+    ],
     out: Annotated[Path | None, out_folder("runs/NAME-run-N")] = None,
 ) -> Answer:
     """Fly a run of the campaign in DIR again, record it and compare it with its row.
 
-    Exit status 1 if they are not equal to the bit; every difference is listed.
+    Exit status 1 if they are not equal to the bit; every difference is listed. A draw of a band
+    has no row: it is recorded with the band around it.
     """
+    if Path(folder).suffix == ".npz":
+        return fly_draw(Path(folder), run, out)
     from flighttune.campaign.dataset import open_dataset
     from flighttune.campaign.flying.alone import fly_again
     from flighttune.campaign.flying.rows import row_differences

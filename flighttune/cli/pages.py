@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from typer import Argument, Option
 
-from flighttune.cli.band import band_around
+from flighttune.cli.band import band_around, band_page
 from flighttune.cli.gains import chosen_gains
 from flighttune.cli.options import (
     AircraftPlantOption,
@@ -182,7 +182,8 @@ def report(
         str,
         Argument(
             metavar="PATH",
-            help="A run folder, a recording or a Parquet file; or SCENARIO@GAINS, which is flown.",
+            help="A run folder, a recording or a Parquet file; SCENARIO@GAINS, which is flown; or "
+            "a band file (.npz).",
         ),
     ],
     out: Annotated[Path, Option("--out", "-o", help="HTML file to write.")] = Path("report.html"),
@@ -191,7 +192,7 @@ def report(
     band: BandOption = None,
     settings: SetOption = None,
 ) -> Answer:
-    """Write one page about runs: headline, figures, tables and how to fly them again.
+    """Write one page about runs or a band: headline, figures, tables, how to fly them again.
 
     The page is one file and needs no network.
     """
@@ -199,6 +200,8 @@ def report(
     from flighttune.report.page import write_report
 
     check_ending(out, ".html", ".htm")
+    if Path(path).suffix == ".npz":
+        return band_page(path, out)
     source = load_source(path, changes=changes(settings))
     folder = Path(path)
     if not folder.is_dir():

@@ -48,9 +48,10 @@ def worst(
     source: Annotated[
         str,
         Argument(
-            metavar="SCENARIO|CAMPAIGN",
-            help="A campaign (file, shipped name or folder), whose dispersions are searched, or a "
-            "scenario with --start-deg or --disturbance.",
+            metavar="SCENARIO|CAMPAIGN|FILE",
+            help="A campaign (file, shipped name or folder), whose dispersions are searched, a "
+            "scenario with --start-deg or --disturbance, or a band file (.npz): its flights are "
+            "searched for the one nearest to its edge.",
             autocompletion=lambda: [*scenario_files(), *campaign_files()],
         ),
     ],

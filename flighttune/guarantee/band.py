@@ -148,6 +148,11 @@ class Band:
             f"{number(about.epsilon)}, confidence {self.confidence:.10g}{read}"
         )
 
+    @property
+    def without_flights(self) -> "Band":
+        """The band alone, which is small."""
+        return replace(self, extremes=self.extremes[:0], wind=self.wind[:0])
+
     def claiming(self, epsilon: float, confidence: float) -> "Band":
         """The same count with another claim; InputError if its flights are too few."""
         scale, _ = counted_scale(self.scores, epsilon, confidence)
@@ -179,7 +184,7 @@ class Band:
             raise InputError(f"`wind` must be there for a band that is given it only, got {wind}.")
         window = np.searchsorted(about.edges, t, side="right") - 1
         window = np.clip(window, 0, len(about.half) - 1)
-        middle = _predicted(winds, about.coefficients)[0]
+        middle = predicted(winds, about.coefficients)[0]
         low, high = (middle + sign * self.half_widths for sign in (-1.0, 1.0))
         return Bounds(np.asarray(t, dtype=float), low[window], high[window], tuple(about.signals))
 
@@ -218,7 +223,7 @@ def scores_of(
     parts = [np.zeros(0)]
     for first in range(0, len(extremes), PART):
         part = slice(first, first + PART)
-        middle = _predicted(wind[part], coefficients)
+        middle = predicted(wind[part], coefficients)
         away = np.abs(extremes[part] - middle[..., None]).max(axis=-1)
         parts.append((away / half).max(axis=(1, 2)))
     return np.concatenate(parts)
@@ -244,7 +249,7 @@ def learned_shape(
     middles = extremes.mean(axis=-1, dtype=float)
     fit, *_ = np.linalg.lstsq(_terms(wind), middles.reshape(len(middles), -1), rcond=None)
     coefficients = fit.reshape(-1, *middles.shape[1:])
-    away = extremes - _predicted(wind, coefficients)[..., None]
+    away = extremes - predicted(wind, coefficients)[..., None]
     shapes = [_narrowest(away[:, :, i], epsilon) for i in range(away.shape[2])]
     centres, halves = (np.stack(columns, axis=1) for columns in zip(*shapes, strict=True))
     coefficients[0] += centres
@@ -291,7 +296,7 @@ def _widened(half: FloatArray, added: float) -> FloatArray:
     return np.maximum(half, LEAST_SHARE * largest) + added * largest
 
 
-def _predicted(wind: FloatArray, coefficients: FloatArray) -> FloatArray:
+def predicted(wind: FloatArray, coefficients: FloatArray) -> FloatArray:
     """Middles of the band in these winds, shape (N, windows, signals)."""
     return np.einsum("nc,cws->nws", _terms(wind), coefficients)
 

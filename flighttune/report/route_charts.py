@@ -20,10 +20,13 @@ ERRORS = (
 # The three charts along the route stand beside the map, in three rows of the page.
 ROW_HEIGHT, MAP_HEIGHT = 150.0, 510.0
 
-KM = 1000.0
+ALONG, KM = "along the route [km]", 1000.0
 
 # Points of the corridor's edges.
 EDGE_POINTS = 2000
+
+# Factors on the width of a corridor, and its largest width then as a share of the map.
+WIDER, SEEN = (2, 5, 10, 20, 50, 100), 0.02
 
 # Length of the wind arrow as a share of the map.
 ARROW = 0.12
@@ -52,8 +55,14 @@ def _map(drawn: Drawn, path: Path) -> Chart:
     if len(s):
         sides = np.concatenate([low, high[::-1]])
         course, north, east = (np.append(line, line[::-1]) for line in (course, north, east))
-        across, up = east + sides * np.cos(course), north - sides * np.sin(course)
-        chart.area(across, up, NEUTRAL, name="corridor")
+        seen = SEEN * max(np.ptp(east), np.ptp(north)) / np.abs(sides).max()
+        wider = max((times for times in WIDER if times <= seen), default=1)
+        across, up = (
+            east + wider * sides * np.cos(course),
+            north - wider * sides * np.sin(course),
+        )
+        name = "corridor" if wider == 1 else f"corridor, drawn {wider} times as wide"
+        chart.area(across, up, NEUTRAL, name=name)
     flown = path.s <= path.length
     east, north = path.east[flown], path.north[flown]
     chart.line(east, north, NEUTRAL, name="planned path", width=2.2, most=most)
@@ -62,7 +71,7 @@ def _map(drawn: Drawn, path: Path) -> Chart:
     assert scenario.route is not None
     points = scenario.route.waypoints()
     places = [point.east for point in points], [point.north for point in points]
-    chart.points(*places, INK, name="waypoints", size=2.0)
+    chart.points(*places, INK, size=2.0)
     chart.label_points([(p.east, p.north, f"{i}") for i, p in enumerate(points, start=1)])
     if scenario.wind is not None:
         _wind_arrow(chart, np.array(scenario.wind.profile().at(scenario.flight.h_m)[:2]))
@@ -127,7 +136,7 @@ def _errors(drawn: Drawn, path: Path) -> list[Chart]:
 def _along(path: Path, title: str, unit: str) -> Chart:
     """An empty chart over the distance along the route."""
     ends = 0.0, path.length / KM
-    return Chart(title=title, x="along the route [km]", y=unit, x_range=ends, height=ROW_HEIGHT)
+    return Chart(title=title, x=ALONG, y=unit, x_range=ends, height=ROW_HEIGHT)
 
 
 def _corridor(
