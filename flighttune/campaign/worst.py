@@ -103,7 +103,10 @@ class StatedSet:
         band = load_band(source) if Path(source).suffix == ".npz" else None
         if band is not None:
             if tube or metric or gains or start_deg or disturbance or changes:
-                raise InputError(f"{source}: a band has its flights and metric: give no other.")
+                raise InputError(
+                    f"{source}: metric, tube, gains, start and changes must be absent for a band "
+                    "file, which has its own."
+                )
             plan = plan_of(band)
         else:
             plan = planned(

@@ -299,8 +299,14 @@ def tubes_answer(tubes: "RunTubes", command: str, scenario: str = "") -> Answer:
         for label, tube in tubes.tubes.items()
     }
     flown = {run.label: run.provenance for run in tubes.runs}
-    if any(made.aircraft for made in flown.values()):
-        source = scenario or "SCENARIO"
+    source = scenario or "SCENARIO"
+    if any(made.scenario.get("route") for made in flown.values()):
+        drawn = f"{command.removesuffix(' --tube')} --band FILE"
+        hint = (
+            "To count how wide the corridor of the route is: "
+            f"flighttune band {source} --start-deg 1 --out FILE, then {drawn}"
+        )
+    elif any(made.aircraft for made in flown.values()):
         hint = (
             "To bound the errors of an aircraft, which takes minutes of flights: "
             f"flighttune conform {source} --start-deg 1 --out FILE, then "

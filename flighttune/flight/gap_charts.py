@@ -14,6 +14,12 @@ from flighttune.units import DEG_PER_RAD
 
 BAR_NAMES = ("paper's\nlaw", "+ exact\nlift", "+ inner\nloop", "+ six\nd.o.f.", "aircraft")
 
+# Errors of a flight along a route by the channel that corrects them: signal, words and symbol.
+ON_ROUTE = {
+    "chi": ("cross_track", "distance to the right of the route", "e_y [m]"),
+    "gamma": ("height_err", "distance below the route", "e_h [m]"),
+}
+
 
 def colours(gap: Gap) -> tuple[str, ...]:
     """Colour of each rung, lowest first, as in the recording; a step has that of its upper rung."""
@@ -81,24 +87,28 @@ def steps_chart(gap: Gap, channel: str) -> Chart:
 
 
 def bound_chart(gap: Gap, channel: str) -> Chart:
-    """The error on the aircraft in its tube, and whether the flight stayed inside."""
+    """The error on the aircraft in its tube and its band, and whether the flight stayed inside."""
     run, own = gap.aircraft, colours(gap)[-1]
-    title = f"{gap.name}: {CHANNEL_NAMES[channel]} error on the aircraft"
-    chart = _over_time(gap, title, f"e_{CHANNEL_SYMBOLS[channel]} [deg]")
-    error = run.signals[f"{channel}_err"].to_numpy() * DEG_PER_RAD
+    signal, words = f"{channel}_err", f"{CHANNEL_NAMES[channel]} error"
+    symbol, factor = f"e_{CHANNEL_SYMBOLS[channel]} [deg]", DEG_PER_RAD
+    if gap.scenario.route is not None:
+        signal, words, symbol = ON_ROUTE[channel]
+        factor = 1.0
+    chart = _over_time(gap, f"{gap.name}: {words} on the aircraft", symbol)
+    error = run.signals[signal].to_numpy() * factor
     chart.line(run.t, error, own, name="error", width=1.8)
-    bounds = [f"{channel}_err_{end}" for end in ("low", "high")]
+    bounds = [f"{signal}_{end}" for end in ("low", "high")]
     if set(bounds) <= set(run.signals):
-        low, high = (run.signals[name].to_numpy() * DEG_PER_RAD for name in bounds)
+        low, high = (run.signals[name].to_numpy() * factor for name in bounds)
         left = bool(((error < low) | (error > high)).any())
         name = f"its tube in {gap.scenario.air}, {'left' if left else 'flight inside'}"
         chart.band(run.t, low, high, LIMIT, name=name)
-        if f"{channel}_err_worst" in run.signals:
-            worst = run.signals[f"{channel}_err_worst"].to_numpy() * DEG_PER_RAD
+        if f"{signal}_worst" in run.signals:
+            worst = run.signals[f"{signal}_worst"].to_numpy() * factor
             chart.line(run.t, worst, LIMIT, dash=DASHED, name="worst flight found in it")
-    band = [f"{channel}_err{end}" for end in BAND_ENDS]
+    band = [f"{signal}{end}" for end in BAND_ENDS]
     if set(band) <= set(run.signals):
-        low, high = (run.signals[name].to_numpy() * DEG_PER_RAD for name in band)
+        low, high = (run.signals[name].to_numpy() * factor for name in band)
         inside = "flight inside" if inside_bands([run])[run.label] else "left"
         chart.band(run.t, low, high, NEUTRAL, name=f"counted band, {inside}")
     elif bounds[0] not in run.signals:

@@ -141,9 +141,7 @@ def write_report(
     converged = sum(record["converges"] for record in convergence.records)
     gaps, without_gap = _gaps(scenario, runs)
     certificate = _certificate_section(scenario, drawn)
-    areas, on_route = areas_in_words(runs), ""
-    if scenario.route is not None:  # the band is drawn at the top
-        areas, on_route = [], " ".join(areas)
+    at_top, below = _areas(runs)
     made = runs[0].provenance
     return write_page(
         Path(path),
@@ -161,7 +159,7 @@ def write_report(
             Section(
                 id="runs",
                 title="",
-                note=on_route,
+                note=at_top,
                 charts=_overview(drawn),
                 tables=[convergence],
                 folded=False,
@@ -169,7 +167,7 @@ def write_report(
             Section(
                 id="tracking",
                 title="Errors and metrics",
-                note=" ".join([ERRORS, *areas, *tubes]),
+                note=" ".join([ERRORS, *below, *tubes]),
                 charts=errors(drawn),
                 tables=[
                     tracking_table(runs),
@@ -204,6 +202,7 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
     drawn = [(run, styles[run.label]) for run in runs]
     scenario = runs[0].provenance.scenario
     sources = sources_of(comparison)
+    at_top, below = _areas(runs)
     return write_page(
         Path(path),
         page_template("flighttune.report", "commands.html.jinja"),
@@ -211,6 +210,7 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
             Section(
                 id="runs",
                 title="",
+                note=at_top,
                 charts=_overview(drawn),
                 tables=[pairs_table(comparison)],
                 folded=False,
@@ -218,7 +218,7 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
             Section(
                 id="metrics",
                 title="Errors and metrics",
-                note=" ".join([ERRORS, *areas_in_words(runs)]),
+                note=" ".join([ERRORS, *below]),
                 charts=errors(drawn),
                 tables=[comparison_table("metrics", comparison.metrics)],
             ),
@@ -311,6 +311,12 @@ def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[list[Gap], list[str]
         except FlightTuneError as error:
             without.append(f"{run.label}: {error}")
     return gaps, without
+
+
+def _areas(runs: Sequence[Run]) -> tuple[str, list[str]]:
+    """What the areas on a page are: the note at its top on a route, and that below the errors."""
+    words = areas_in_words(runs)
+    return (" ".join(words), []) if "along" in runs[0].signals else ("", words)
 
 
 def _overview(drawn: Drawn) -> list[Chart]:
