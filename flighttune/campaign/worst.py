@@ -136,7 +136,8 @@ class StatedSet:
         self._start_deg, self._lost = start_deg, -FAILED if completed else FAILED
         self._probes: Probes = {TUBE: partial(_use_of, tube)} if tube else {}
         if band is not None:
-            self.metric, self._probes = BAND, {BAND: partial(_share_of, band.without_flights)}
+            small = replace(band, extremes=band.extremes[:0], wind=band.wind[:0])
+            self.metric, self._probes = BAND, {BAND: partial(_share_of, small)}
         self._pool = pool
 
     def values(self, z: FloatArray, seeds: Seeds) -> FloatArray:

@@ -112,7 +112,7 @@ def bound_chart(gap: Gap, channel: str) -> Chart:
         inside = "flight inside" if inside_bands([run])[run.label] else "left"
         chart.band(run.t, low, high, NEUTRAL, name=f"counted band, {inside}")
     elif bounds[0] not in run.signals:
-        chart.title += "; no tube or band yet"
+        chart.title += "; no tube yet"
     return chart
 
 

@@ -148,11 +148,6 @@ class Band:
             f"{number(about.epsilon)}, confidence {self.confidence:.10g}{read}"
         )
 
-    @property
-    def without_flights(self) -> "Band":
-        """The band alone, which is small."""
-        return replace(self, extremes=self.extremes[:0], wind=self.wind[:0])
-
     def claiming(self, epsilon: float, confidence: float) -> "Band":
         """The same count with another claim; InputError if its flights are too few."""
         scale, _ = counted_scale(self.scores, epsilon, confidence)

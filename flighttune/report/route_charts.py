@@ -1,6 +1,7 @@
 """Charts of a route: a map, and height and distances from it along the way."""
 
 import numpy as np
+import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.present.chart import Chart
@@ -48,23 +49,17 @@ def _map(drawn: Drawn, path: Path) -> Chart:
     """Seen from above, north up: corridor, planned path, flights, waypoints and wind."""
     scenario, most = _scenario(drawn), most_points(len(drawn))
     chart = Chart(title="Map", x="east [m]", y="north [m]", equal=True, height=MAP_HEIGHT)
-    s, (low, high) = _corridor(drawn, path, "cross_track")
-    course, north, east = (
-        np.interp(s, path.s, values) for values in (path.course, path.north, path.east)
-    )
-    if len(s):
-        sides = np.concatenate([low, high[::-1]])
-        course, north, east = (np.append(line, line[::-1]) for line in (course, north, east))
-        seen = SEEN * max(np.ptp(east), np.ptp(north)) / np.abs(sides).max()
-        wider = max((times for times in WIDER if times <= seen), default=1)
-        across, up = (
-            east + wider * sides * np.cos(course),
-            north - wider * sides * np.sin(course),
-        )
-        name = "corridor" if wider == 1 else f"corridor, drawn {wider} times as wide"
-        chart.area(across, up, NEUTRAL, name=name)
     flown = path.s <= path.length
     east, north = path.east[flown], path.north[flown]
+    at, low, high = _corridor(drawn, path, "cross_track")
+    if len(at):
+        there, sides = np.append(at, at[::-1]), np.append(low, high[::-1])
+        seen = SEEN * max(np.ptp(east), np.ptp(north)) / np.abs(sides).max()
+        wider = max((times for times in WIDER if times <= seen), default=1)
+        aside, course = wider * sides, path.course[there]
+        across, up = east[there] + aside * np.cos(course), north[there] - aside * np.sin(course)
+        name = "corridor" if wider == 1 else f"corridor, drawn {wider} times as wide"
+        chart.area(across, up, NEUTRAL, name=name)
     chart.line(east, north, NEUTRAL, name="planned path", width=2.2, most=most)
     for run, style in drawn:
         chart.run_line(run.signals["east"], run.signals["north"], style, run.label, most=most)
@@ -99,20 +94,19 @@ def _wind_arrow(chart: Chart, wind: FloatArray) -> None:
 def _height(drawn: Drawn, path: Path) -> Chart:
     """Height over the start along the route, in its corridor; turns have the waypoint's number."""
     chart = _along(path, "Height over the start", "h [m]")
-    s, (low, high) = _corridor(drawn, path, "height_err")
-    up = np.interp(s, path.s, path.up)
-    if len(s):
-        chart.band(s / KM, up - high, up - low, NEUTRAL, name="corridor")
+    at, low, high = _corridor(drawn, path, "height_err")
+    if len(at):
+        s, up = path.s[at] / KM, path.up[at]
+        chart.band(s, up - high, up - low, NEUTRAL, name="corridor")
     chart.line(path.s / KM, path.up, NEUTRAL, name="planned", width=2.2)
     for run, style in drawn:
         along, down = (run.signals[name].to_numpy() for name in ("along", "down"))
         chart.run_line(along / KM, -down, style, run.label, most=most_points(len(drawn)))
-    around = [turn for turn in path.stretches if turn.kind != "leg"]
-    middles = [turn.start + 0.5 * turn.length for turn in around]
-    heights = np.interp(middles, path.s, path.up).tolist()
-    for middle, height, turn in zip(middles, heights, around, strict=True):
-        number = f"{turn.waypoint}"
-        chart.text(middle / KM, height, number, anchor="middle", shift=(0.0, -5.0))
+    for turn in path.stretches:
+        if turn.kind != "leg":
+            middle = turn.start + 0.5 * turn.length
+            height, number = float(np.interp(middle, path.s, path.up)), f"{turn.waypoint}"
+            chart.text(middle / KM, height, number, anchor="middle", shift=(0.0, -5.0))
     low, high = chart.y_ends()
     chart.y_range = low, high + 0.15 * (high - low)  # room for the numbers
     return chart
@@ -141,16 +135,16 @@ def _along(path: Path, title: str, unit: str) -> Chart:
 
 def _corridor(
     drawn: Drawn, path: Path, signal: str
-) -> tuple[FloatArray, tuple[FloatArray, FloatArray]]:
-    """Distances along the route, and the ends of the band of a signal there; empty without one."""
+) -> tuple[npt.NDArray[np.intp], FloatArray, FloatArray]:
+    """Points of the path, and the ends of the band of a signal there; empty without a band."""
     ends = [f"{signal}{end}" for end in BAND_ENDS]
-    run = next((run for run, _ in drawn if set(ends) <= set(run.signals)), None)
-    if run is None:
-        return np.zeros(0), (np.zeros(0), np.zeros(0))
-    along = np.maximum.accumulate(run.signals["along"].to_numpy())
-    s = np.linspace(0.0, path.length, EDGE_POINTS)
-    low, high = (np.interp(s, along, run.signals[end].to_numpy()) for end in ends)
-    return s, (low, high)
+    for run, _ in drawn:
+        if set(ends) <= set(run.signals):
+            at = np.linspace(0, np.sum(path.s <= path.length) - 1, EDGE_POINTS).astype(np.intp)
+            along = np.maximum.accumulate(run.signals["along"].to_numpy())
+            low, high = (np.interp(path.s[at], along, run.signals[end]) for end in ends)
+            return at, low, high
+    return np.zeros(0, np.intp), np.zeros(0), np.zeros(0)
 
 
 def _scenario(drawn: Drawn) -> Scenario:

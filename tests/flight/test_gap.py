@@ -12,7 +12,7 @@ from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.errors import InputError
 from flighttune.flight.fly import fly
 from flighttune.flight.gap import explain_gap
-from flighttune.flight.gap_charts import gap_charts, gap_sheet, itae_chart
+from flighttune.flight.gap_charts import bound_chart, gap_charts, gap_sheet, itae_chart
 from flighttune.metrics import METRICS, channel_metrics
 from flighttune.present.palette import line_styles
 from flighttune.recording.entities import runs_to_draw
@@ -233,3 +233,16 @@ def test_the_recording_shows_what_each_step_adds(paper_gap, tmp_path):
     assert {plot.signal for plot in shown_plots(drawn)["Why"]} >= {"step_chi", "lift_chi"}
     for step, one in zip(paper_gap.steps, drawn[1:], strict=True):
         assert one.signals["step_chi"].to_numpy() == pytest.approx(step.chi, abs=1e-12)
+
+
+def test_the_error_on_the_aircraft_is_drawn_in_its_band(paper_gap):
+    run = paper_gap.aircraft
+    error = run.signals["chi_err"]
+    columns = {"chi_err_band_low": error - 0.1, "chi_err_band_high": error - 0.05}
+    banded = replace(run, signals=run.signals.assign(**columns))
+
+    chart = bound_chart(replace(paper_gap, runs=(*paper_gap.runs[:-1], banded)), "chi")
+
+    assert "counted band, left" in [name for name, *_ in chart.legend]
+    assert "no tube yet" not in chart.title
+    assert "no tube yet" in bound_chart(paper_gap, "chi").title

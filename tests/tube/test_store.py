@@ -105,7 +105,7 @@ def test_the_gap_figure_shows_the_tube_in_place_of_the_certified_set(flown, tube
 
     legend = [name for name, *_ in bound_chart(gap, "chi").legend]
 
-    assert legend == ["error", "its tube, flight inside"]
+    assert legend == ["error", "its tube in calm air, flight inside"]
 
 
 def test_the_worst_flight_found_is_drawn_beside_its_tube(flown, tubes, folder, tmp_path):

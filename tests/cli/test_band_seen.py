@@ -1,0 +1,100 @@
+"""A counted band around runs: recorded with its claim, on pages, and draw by draw."""
+
+import html
+from pathlib import Path
+
+import numpy as np
+import pytest
+from campaigns import write_campaign
+from commands import answer, flighttune
+
+from flighttune.guarantee.band import load_band
+from flighttune.recording.parquet import load_recording
+
+pytestmark = pytest.mark.slow
+
+STARTS = """
+[[disperse]]
+key = "flight.chi_deg"
+distribution = "uniform"
+lower = -5.0
+upper = 5.0
+"""
+
+
+@pytest.fixture(scope="module")
+def file(tmp_path_factory):
+    """A band of a turn on the law, five of 29 flights outside."""
+    folder = tmp_path_factory.mktemp("band")
+    campaign = write_campaign(folder, aircraft=(), wind="", disperse=STARTS)
+    claim = "--epsilon", 0.3, "--confidence", 0.9, "--learn", 10
+    out = folder / "band.npz"
+    answer("band", campaign, *claim, "--gains", "soft", "--workers", 1, "--out", out)
+    return out
+
+
+def page_text(page):
+    return html.unescape(Path(page).read_text(encoding="utf-8"))
+
+
+def test_a_draw_of_a_band_is_flown_with_the_band_around_it(file, tmp_path):
+    band = load_band(file)
+    outside = band.about.learned + int(np.argmax(band.scores))
+
+    for draw, inside in ((band.nearest, True), (outside, False)):
+        out = tmp_path / str(draw)
+        found = answer("campaign", "fly", file, "--run", draw, "--out", out)
+        (run,) = load_recording(out).runs
+        assert found["band"]["inside"] == {run.label: inside}
+        assert run.band == band.sentence
+        assert bool(_share(run) <= 1.0) is inside
+    assert answer("refly", out)["equal"]
+
+    _, told = flighttune("campaign", "fly", file, "--run", 39, "--out", tmp_path, status=2)
+    assert "`run` must be 0 to 38, got 39" in told
+
+
+def test_a_page_of_a_recorded_run_states_the_claim_of_its_band_again(file, tmp_path):
+    band = load_band(file)
+    answer("campaign", "fly", file, "--run", band.nearest, "--out", tmp_path)
+
+    made = answer("report", tmp_path, "--out", tmp_path / "r.html")
+
+    page = page_text(made["report"])
+    assert f"Band: {band.sentence}." in page
+    assert "in calm air leaves the band" in page
+    assert page.count("counted band") == 2  # a chart for each error
+    assert any(band.sentence in note for note in made["notes"])
+
+
+def test_the_page_of_a_band_names_the_flight_nearest_to_leaving(file, tmp_path):
+    band = load_band(file)
+
+    made = answer("report", file, "--out", tmp_path / "b.html")
+
+    page = page_text(made["report"])
+    assert f"flighttune campaign fly {file} --run {band.nearest}" in page
+    assert page.count(f"draw {band.nearest}, nearest to leaving</span>") == 2
+    assert page.count("24 of 24 inside</span>") == page.count(" 5 outside</span>") == 2
+
+
+def test_the_draw_nearest_to_the_edge_of_a_band_is_searched(file, tmp_path):
+    toml = tmp_path / "worst.toml"
+
+    found = answer("worst", file, "--budget", 32, "--workers", 1, "--out", toml)
+
+    again = answer("fly", toml, "--band", file, "--out", tmp_path)
+    assert found["metric"] == "band"
+    assert again["band"]["inside"] == {"kinematic / soft": found["value"] <= 1.0}
+    assert found["value"] == pytest.approx(_share(load_recording(tmp_path).runs[0]), rel=1e-4)
+    _, told = flighttune("worst", file, "--metric", "chi.ITAE", status=2)
+    assert "must be absent for a band file" in told
+
+
+def _share(run):
+    """Largest distance from the middle of the band over its half-width at that sample."""
+    shares = []
+    for name in ("chi_err", "gamma_err"):
+        low, high = (run.signals[f"{name}_band_{end}"] for end in ("low", "high"))
+        shares.append(np.abs(2.0 * run.signals[name] - low - high) / (high - low))
+    return np.max(shares)
