@@ -82,9 +82,9 @@ def _chart(band: Band, i: int) -> Chart:
     chart.band(x, low, high, NEUTRAL, name="counted band")
     for edge in (low, high):
         chart.line(x, edge, NEUTRAL, dash=DOTTED, width=1.2, hover=False)
-    inside = np.flatnonzero(band.scores <= band.scale)
+    completed, within = np.isfinite(band.scores), band.scores <= band.scale
+    inside, outside = (np.flatnonzero(completed & those) for those in (within, ~within))
     some = inside[:: max(1, len(inside) // DRAWN)]
-    outside = np.flatnonzero(np.isfinite(band.scores) & (band.scores > band.scale))
     _lines(chart, x, factor * flights[some], LIGHT, f"{len(some)} of {len(inside)} inside", 0.5)
     _lines(chart, x, factor * flights[outside], LIMIT, f"{len(outside)} outside", 0.9)
     if about.scale is not None:

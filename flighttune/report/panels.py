@@ -15,6 +15,7 @@ from flighttune.present.names import listed, shown_unit
 from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle
 from flighttune.present.thinning import MAX_DRAWN
 from flighttune.recording.plots import displayed, limits_of
+from flighttune.routes.follow import ROUTE_SIGNALS
 from flighttune.scenario.load import scenario_from
 from flighttune.simulate.run import BAND_ENDS, SIGNAL_UNITS, TUBE_SIGNALS, Run, run_styles
 from flighttune.units import DEG_PER_RAD
@@ -66,7 +67,7 @@ def tracking(drawn: Drawn) -> list[Chart]:
 
 
 def errors(drawn: Drawn) -> list[Chart]:
-    """Both errors, each in the tube of its run where that is known."""
+    """Both errors in tubes and bands, where there are any, and other signals that have a band."""
     charts = []
     for signal, title, unit in ERRORS:
         chart = over_time(drawn, title, unit)
@@ -82,6 +83,15 @@ def errors(drawn: Drawn) -> list[Chart]:
                 chart.run_line(run.t, worst, style, run.label, dash=DASHED, width=1.2)
                 chart.title = f"{title}; dashed: the worst flight found in the tube"
         charts.append(_with_runs(chart, drawn, signal))
+    shown = {*ROUTE_SIGNALS, *(signal for signal, *_ in ERRORS)}
+    for signal in SIGNAL_UNITS:
+        banded = [(run, style) for run, style in drawn if f"{signal}{BAND_ENDS[0]}" in run.signals]
+        if banded and signal not in shown:
+            unit, _ = shown_unit(SIGNAL_UNITS[signal])
+            chart = over_time(banded, signal, f"{signal} [{unit}]")
+            for run, _ in banded:
+                counted_band(chart, run, run.t, signal)
+            charts.append(_with_runs(chart, banded, signal))
     return charts
 
 

@@ -10,7 +10,7 @@ from flighttune.guarantee.bounds import with_columns
 from flighttune.present.chart import Chart
 from flighttune.present.palette import INK
 from flighttune.report.page import write_report
-from flighttune.report.panels import areas_in_words
+from flighttune.report.panels import areas_in_words, errors
 from flighttune.report.route_charts import route_charts
 from flighttune.simulate.run import TUBE_SIGNALS, run_styles
 
@@ -91,3 +91,14 @@ def test_a_tube_is_never_shown_without_its_air(run, air):
     first, *_ = areas_in_words([replace(with_columns(run, columns), provenance=made)])
 
     assert f"every flight of its model in {air} is in it" in first
+
+
+def test_a_band_of_another_signal_has_a_chart_of_its_own(run):
+    columns = {
+        f"V_a_band_{end}": np.full(len(run.signals), V) for end, V in (("low", 24), ("high", 26))
+    }
+
+    *_, chart = errors(drawn(with_columns(run, columns)))
+
+    assert (chart.title, chart.y) == ("V_a", "V_a [m/s]")
+    assert chart.y_ends()[0] < 24.0 < 26.0 < chart.y_ends()[1] < 27.0
