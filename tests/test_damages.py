@@ -19,8 +19,7 @@ from fuzzing import EDGES, TEXTS, TIMES, damaged, digit_changed
 from made_up import made_up_scenario
 
 from flighttune import record
-from flighttune.conformance import load_conformance, save_conformance
-from flighttune.conformance.file import conformance_tables
+from flighttune.conformance.file import conformance_tables, load_conformance, save_conformance
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError
 from flighttune.flight.fly import fly

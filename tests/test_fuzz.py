@@ -25,8 +25,7 @@ from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.certificates.certificate import load_certificate, verify
 from flighttune.comparison.tolerance import load_tolerances
-from flighttune.conformance import load_conformance
-from flighttune.conformance.file import conformance_tables
+from flighttune.conformance.file import conformance_tables, load_conformance
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins

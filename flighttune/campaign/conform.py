@@ -14,9 +14,9 @@ from flighttune.campaign.planning.load import campaign_on
 from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.planning.schema import Campaign, Choice, Design, Dispersion, Grid, Uniform
 from flighttune.campaign.stated_set import planned, rows_of
-from flighttune.conformance.boxes import WINDOW_S, Over, RateBoxes, ResidualSummary, Windows
+from flighttune.conformance.boxes import WINDOW_S, Over, RateBoxes, Windows
 from flighttune.conformance.file import Conformance, Distribution, boxes_at_scale, flown_values
-from flighttune.conformance.residual import RESIDUALS, ConformantModel
+from flighttune.conformance.residual import RESIDUALS, ConformantModel, residuals_of
 from flighttune.control.law import split_name
 from flighttune.errors import InputError
 from flighttune.guarantee.count import fresh_flights, refuting_outside
@@ -104,13 +104,15 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
     of the scores (`counted_scale`). Fresh flights are those of ``design = "random"``, whatever the
     design of those learned from.
     """
-    plan, fresh, summary = _plans(source, settings)
+    plan, fresh, model, windows = _plans(source, settings)
     training = plan.runs
-    probe = partial(_residuals_of, summary)
-    extremes = _probed(pool, plan, partial(probe, None), range(training), "learning")
-    shape = -1, 2, summary.windows.count, len(RESIDUALS)
-    lows, highs = np.moveaxis(np.reshape([x for x in extremes if x], shape), 1, 0)
-    learned = RateBoxes.around(summary.windows, lows, highs)
+    probe = partial(_residuals_of, model, windows)
+    rows = rows_of(
+        pool, plan, "learning", runs=range(training), probes={KEPT: partial(probe, None)}
+    )
+    extremes = [kept for kept in rows[KEPT].to_pylist() if kept]
+    lows, highs = np.moveaxis(np.reshape(extremes, (-1, 2, windows.count, len(RESIDUALS))), 1, 0)
+    learned = RateBoxes.around(windows, lows, highs)
     scores = _scores(pool, fresh, partial(probe, learned), training, "counting")
     completed = scores[np.isfinite(scores)]
     boxes = boxes_at_scale(learned, scores, settings.epsilon, settings.confidence)
@@ -122,7 +124,7 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
         aircraft=aircraft,
         gains_name=group.gains,
         gains=gains,
-        model=summary.model,
+        model=model,
         learned=learned,
         boxes=boxes,
         epsilon=settings.epsilon,
@@ -134,7 +136,7 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
         distribution=distribution_of(fresh, group.plant),
         aircraft_sha256=files,
         identified_sha256=hash_of(identified_tables(load_identified(aircraft))),
-        campaign_sha256=_campaign_hash(fresh, summary),
+        campaign_sha256=_campaign_hash(fresh, model, windows),
     )
 
 
@@ -163,25 +165,25 @@ def recount(
         window=conformance.boxes.windows.length,
         seed=conformance.seed,
     )
-    _, counted, summary = _plans(source, settings)
+    _, counted, model, windows = _plans(source, settings)
     # The last digits of tuned gains depend on the machine, and the hash depends on them.
     counted = counted.with_tuned_gains_of(
         replace(counted, gain_sets={conformance.gains_name: conformance.gains})
     )
-    if _campaign_hash(counted, summary) != conformance.campaign_sha256:
+    if _campaign_hash(counted, model, windows) != conformance.campaign_sha256:
         raise InputError(
             f"{source}: must be the source of the conformance, with the same aircraft, --start-deg "
             "and --plant, got another hash."
         )
     again = replace(counted, campaign=counted.campaign.model_copy(update={"seed": seed}))
-    probe = partial(_residuals_of, summary, conformance.boxes)
+    probe = partial(_residuals_of, model, windows, conformance.boxes)
     scores = _scores(pool, again, probe, conformance.training, "counting again")
     refuting = refuting_outside(len(scores), conformance.epsilon, conformance.confidence)
     return {"flights": len(scores), "outside": int(np.sum(scores > 1.0)), "refuting": refuting}
 
 
-def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan, ResidualSummary]:
-    """Plans of the training and of the fresh flights, and the summary made of each flight.
+def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan, ConformantModel, Windows]:
+    """Plans of the training and of the fresh flights, and the model and windows of the residuals.
 
     All are of one aircraft and one gain set.
     """
@@ -195,12 +197,8 @@ def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan, Residual
     if settings.seed is not None:
         campaign = campaign.model_copy(update={"seed": settings.seed})
     in_this_air = replace(plan, campaign=campaign)
-    summary = ResidualSummary(
-        model=conformant_model(campaign.nominal, group.plant),
-        windows=Windows.covering(
-            settings.over or _over(in_this_air), campaign.nominal.flight.duration_s, settings.window
-        ),
-    )
+    over = settings.over or _over(in_this_air)
+    windows = Windows.covering(over, campaign.nominal.flight.duration_s, settings.window)
     aircraft = campaign.nominal.plant_table(group.plant).aircraft or ""
     learned = replace(
         in_this_air.of_group(group),
@@ -211,7 +209,7 @@ def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan, Residual
     flights = fresh_flights(settings.flights, settings.epsilon, settings.confidence)
     fresh = replace(learned, campaign=at_random(campaign), runs=plan.draws + flights)
     check_random(source, distribution_of(fresh, group.plant), campaign.central)
-    return learned, fresh, summary
+    return learned, fresh, conformant_model(campaign.nominal, group.plant), windows
 
 
 def check_random(source: str, distribution: Distribution, central: Scenario) -> None:
@@ -228,32 +226,30 @@ def _scores(
     pool: WorkerPool, fresh: Plan, probe: "partial[list[float]]", first: int, doing: str
 ) -> FloatArray:
     """Score of each fresh flight from a run on; infinite for one that was not completed."""
-    values = _probed(pool, fresh, probe, range(first, fresh.runs), doing)
-    return np.array([math.inf if own is None else own[0] for own in values])
-
-
-def _probed(
-    pool: WorkerPool, plan: Plan, probe: "partial[list[float]]", runs: range, doing: str
-) -> list[list[float] | None]:
-    """Results of `_residuals_of` for some runs; None for a flight that was not completed."""
-    return rows_of(pool, plan, doing, runs=runs, probes={KEPT: probe})[KEPT].to_pylist()
+    rows = rows_of(pool, fresh, doing, runs=range(first, fresh.runs), probes={KEPT: probe})
+    return np.array([math.inf if kept is None else kept[0] for kept in rows[KEPT].to_pylist()])
 
 
 def _residuals_of(
-    summary: ResidualSummary, boxes: RateBoxes | None, run: Run, scenario: Scenario
+    model: ConformantModel,
+    windows: Windows,
+    boxes: RateBoxes | None,
+    run: Run,
+    scenario: Scenario,
 ) -> list[float]:
     """The score of a flight in boxes; without boxes its extremes, lowest first."""
-    extremes = summary.of_flight(run, scenario.condition)
+    references = (run.signals[name].to_numpy() for name in ("chi_ref", "gamma_ref"))
+    window = windows.of_samples(run.t, *references)
+    extremes = windows.extremes(residuals_of(model, run, scenario.condition), window)
     return np.ravel(extremes).tolist() if boxes is None else [boxes.score(*extremes)]
 
 
-def _campaign_hash(plan: Plan, summary: ResidualSummary) -> str:
+def _campaign_hash(plan: Plan, model: ConformantModel, windows: Windows) -> str:
     """Hash of the flights that are counted, and of what is counted of them."""
-    model = summary.model
     phi, n_z = map(asdict, model.lags)
     counted = {
         "model": {"V_a_mps": model.V_a, "g_mps2": model.g, "phi": phi, "n_z": n_z},
-        "windows": asdict(summary.windows),
+        "windows": asdict(windows),
     }
     return hash_of({**plan.as_dict(), "residuals": counted})
 

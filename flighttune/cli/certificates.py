@@ -264,7 +264,7 @@ def _bound(file: Path) -> "tuple[Verification, Answer]":
 
 def _tube(file: Path, conformance: Path | None) -> "tuple[Verification, Answer]":
     """The check of the proof of a tube, and what it claims."""
-    from flighttune.conformance import load_conformance
+    from flighttune.conformance.file import load_conformance
     from flighttune.tube.proof import load_tube, verify_tube
 
     loaded = load_tube(file, None if conformance is None else load_conformance(conformance))

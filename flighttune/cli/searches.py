@@ -227,8 +227,7 @@ def conform(
     from flighttune.campaign.conform import ConformSettings
     from flighttune.campaign.conform import conform as conform_source
     from flighttune.campaign.conform import recount as count_again
-    from flighttune.conformance import load_conformance, save_conformance
-    from flighttune.conformance.file import conformance_tables
+    from flighttune.conformance.file import conformance_tables, load_conformance, save_conformance
 
     claim = ConformSettings(
         epsilon=epsilon,

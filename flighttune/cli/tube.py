@@ -99,7 +99,7 @@ def tube(
 
     Exit status 1 if the set cannot be bounded for the whole time, or if a flight leaves it.
     """
-    from flighttune.conformance import load_conformance
+    from flighttune.conformance.file import load_conformance
     from flighttune.tube import tube as tube_module
     from flighttune.tube.problem import tube_problem
     from flighttune.tube.proof import save_tube
@@ -273,7 +273,7 @@ def tubes_around(
     them. A flight outside its tube is a failure. `scenario`: the one that was flown, where it is
     clear which.
     """
-    from flighttune.conformance import load_conformance
+    from flighttune.conformance.file import load_conformance
     from flighttune.tube.store import tubes_of
 
     boxes = None if conformance is None else load_conformance(conformance)

@@ -7,12 +7,10 @@ from typing import Literal, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, check_at_least, read_only_matrix
-from flighttune.conformance.residual import RESIDUALS, ConformantModel, residuals_of
+from flighttune.arrays import FloatArray, check_at_least, set_read_only
+from flighttune.conformance.residual import RESIDUALS
 from flighttune.errors import InputError
 from flighttune.guarantee.bounds import Bounds
-from flighttune.plants.base import FlightCondition
-from flighttune.simulate.run import Run
 
 Over: TypeAlias = Literal["time", "phase"]
 
@@ -85,20 +83,6 @@ class Windows:
         return low, high
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ResidualSummary:
-    """Summary of a flight: the extremes of its residuals in each window."""
-
-    model: ConformantModel
-    windows: Windows
-
-    def of_flight(self, run: Run, start: FlightCondition) -> tuple[FloatArray, FloatArray]:
-        """`Windows.extremes` of the quantities `RESIDUALS` in a flight that began at `start`."""
-        references = (run.signals[name].to_numpy() for name in ("chi_ref", "gamma_ref"))
-        window = self.windows.of_samples(run.t, *references)
-        return self.windows.extremes(residuals_of(self.model, run, start), window)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RateBoxes:
     """Bounds on the quantities `RESIDUALS` in flights, window by window."""
@@ -110,9 +94,7 @@ class RateBoxes:
 
     def __post_init__(self) -> None:
         shape = self.windows.count, len(RESIDUALS)
-        for name in ("low", "high"):
-            value = read_only_matrix(name, getattr(self, name), shape)
-            object.__setattr__(self, name, value)
+        set_read_only(self, low=shape, high=shape)
         if not (self.low <= self.high).all():
             raise InputError("`low` must not be above `high`.")
 

@@ -8,7 +8,6 @@ import numpy as np
 
 from flighttune.arrays import FloatArray, check_positive
 from flighttune.control.inner_loop import InnerLag
-from flighttune.errors import InputError
 from flighttune.identify.fit import lag_response
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import turn_rates
@@ -50,8 +49,7 @@ def residual_rates(
     `dt` (s): sample time of the controller. `flown` (shape (n, 2), rad): course and flight-path
     angle at the samples; the course may jump by whole turns. `commands` (shape (n, 2), rad and 1):
     roll and load factor commanded at each sample, held until the next one. `start` (rad and 1):
-    roll and load factor in force before the first sample; the lags are at rest there. Raises
-    InputError if there are fewer than two samples.
+    roll and load factor in force before the first sample; the lags are at rest there.
 
     Returns
     -------
@@ -64,13 +62,13 @@ def residual_rates(
         lead from the flown course and path angle to those one sample later. At the samples the
         flight therefore *is* one of the model under these disturbances.
     """
-    if len(flown) < 2:
-        raise InputError(f"`flown` must have 2 samples, got {len(flown)}.")
     late = {lag.delay % dt for lag in model.lags}
     edges = sorted({0.0, *late, dt})
     offsets = sorted({t for a, b in pairwise(edges) for t in (a, 0.5 * (a + b), b)})
+    # The response `at` seconds into a sample is that at the next sample of a lag that is delayed by
+    # the rest of the sample.
     phi, n_z = (
-        {at: _within_samples(lag, dt, column, before, at) for at in offsets}
+        {at: lag_response(lag.delayed(dt - at), dt, column, before)[1:] for at in offsets}
         for lag, column, before in zip(model.lags, commands.T, start, strict=True)
     )
     turn = np.diff(flown[:, 0])
@@ -109,12 +107,3 @@ def residuals_of(model: ConformantModel, run: Run, start: FlightCondition) -> Fl
     rates = residual_rates(model, dt, flown, commands, (start.phi, start.n_z_start))
     roll = signals["phi"].to_numpy() - lag_response(model.lags[0], dt, commands[:, 0], start.phi)
     return np.column_stack([rates, roll[:-1], np.diff(roll)])
-
-
-def _within_samples(
-    lag: InnerLag, dt: float, commands: FloatArray, start: float, at: float
-) -> FloatArray:
-    """Response of a lag `at` seconds after each sample but the last, shape (n - 1,)."""
-    # The response `at` seconds into a sample is that at the next sample of a lag that is delayed by
-    # the rest of the sample.
-    return lag_response(lag.delayed(dt - at), dt, commands, start)[1:]

@@ -15,8 +15,7 @@ from pydantic import Field
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray, check_positive
-from flighttune.conformance import Conformance
-from flighttune.conformance.file import CountedProbability, conformance_tables
+from flighttune.conformance.file import Conformance, CountedProbability, conformance_tables
 from flighttune.control.controller import SelfLimiting
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag

@@ -27,7 +27,7 @@ from flighttune.value_file import STRICT
 from flighttune.whole_file import whole_file
 
 if TYPE_CHECKING:
-    from flighttune.conformance import Conformance
+    from flighttune.conformance.file import Conformance
     from flighttune.tube.problem import Tube
 
 # Subfolder with the tubes of the runs in a folder

@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pyarrow as pa
@@ -24,9 +25,8 @@ from flighttune.campaign.conform import (
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
-from flighttune.conformance import Windows, load_conformance, save_conformance
-from flighttune.conformance.boxes import ResidualSummary
-from flighttune.conformance.file import conformance_tables
+from flighttune.conformance.boxes import Windows
+from flighttune.conformance.file import conformance_tables, load_conformance, save_conformance
 from flighttune.errors import InputError, ScenarioError
 from flighttune.seal import BLANK, seal
 
@@ -56,8 +56,8 @@ def made_up_rows(size_of, flown=None):
 
     def rows(plan, runs, probes):
         (probe,) = probes.values()
-        summary, boxes = probe.args
-        shape = 2, summary.windows.count, 4
+        _, windows, boxes = probe.args
+        shape = 2, windows.count, 4
         kept = []
         for run in runs:
             size = size_of(run)
@@ -128,25 +128,21 @@ def test_too_many_flights_that_are_not_completed_claim_nothing():
         conform("campaign", FEW, pool)
 
 
-def summary_of(plan):
+def residuals_kept(plan):
     """What is kept of the residuals of each flight."""
     model = conformant_model(plan.scenario, plan.groups[0].plant)
-    return ResidualSummary(model=model, windows=Windows.covering("time", 1.0))
+    windows = Windows.covering("time", 1.0)
+    return partial(conform_module._residuals_of, model, windows, None)
 
 
 def test_residuals_are_one_more_column_and_change_no_other():
     plan = small_plan(runs=3)
-    summary = summary_of(plan)
 
-    rows = fly_runs(
-        plan,
-        range(3),
-        probes={"low": lambda run, start: summary.of_flight(run, start.condition)[0].ravel()},
-    )
+    rows = fly_runs(plan, range(3), probes={"kept": residuals_kept(plan)})
 
-    # 2 windows of 4 residuals
-    assert [len(one) for one in rows["low"].to_pylist()] == [8] * 3
-    rest = rows.drop_columns(["wall_s", "low"])
+    # The lowest and the highest of 4 residuals in 2 windows
+    assert [len(one) for one in rows["kept"].to_pylist()] == [16] * 3
+    rest = rows.drop_columns(["wall_s", "kept"])
     assert rest.equals(fly_runs(plan, range(3)).drop_columns("wall_s"))
 
 

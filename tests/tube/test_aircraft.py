@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 
 from flighttune.aircraft.aircraft import files_hash
-from flighttune.conformance import (
+from flighttune.conformance.boxes import RateBoxes, Windows
+from flighttune.conformance.file import (
     Conformance,
-    ConformantModel,
-    RateBoxes,
-    Windows,
+    Distribution,
+    conformance_tables,
+    flown_values,
     load_conformance,
     save_conformance,
 )
-from flighttune.conformance.file import Distribution, conformance_tables, flown_values
+from flighttune.conformance.residual import ConformantModel
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.errors import InputError
 from flighttune.identify.file import load_identified
@@ -89,7 +90,7 @@ def test_the_aircraft_flies_inside_its_tube_which_is_proven_again(tmp_path, feed
     assert flights_inside(found)
     assert "probability at most 0.01" in found.problem.model
     save_tube(found, tmp_path / "tube.npz")
-    assert verify_tube(tmp_path / "tube.npz").valid
+    assert verify_tube(load_tube(tmp_path / "tube.npz")).valid
 
 
 @pytest.mark.slow

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
-from flighttune.conformance import RateBoxes, Windows, residual_rates
+from flighttune.conformance.boxes import RateBoxes, Windows
+from flighttune.conformance.residual import residual_rates
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.identify.file import load_identified
 from flighttune.plants.point_mass import PointMassPlant
