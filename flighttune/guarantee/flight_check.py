@@ -16,7 +16,7 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.control.linear_model import closed_loop, disturbance_entry
 from flighttune.errors import InputError
-from flighttune.guarantee.mismatch import CHANNELS, LEAST_SAMPLES, MODELLED, trim_of
+from flighttune.guarantee.mismatch import CHANNELS, LEAST_SAMPLES, trim_of
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.run import Run
 from flighttune.theory.attractor import Ellipsoid, invariant_ellipsoid
@@ -100,7 +100,7 @@ def stated_L_d(run: Run) -> float | None:
     scenario, law = run.provenance.scenario, run.provenance.law
     kind = run.provenance.plant.partition(":")[0]
     others = ("wind", "gust", "turbulence", "sensors")
-    if kind not in MODELLED or kind != law.plant or any(scenario.get(key) for key in others):
+    if kind != law.plant or any(scenario.get(key) for key in others):
         return None
     stated = scenario.get("disturbance") or {}
     if stated.get("as_wind"):

@@ -1,19 +1,16 @@
 """Mismatch of the kinematic law: rates flown minus rates of the law under the same commands."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.control.law import Trim
 from flighttune.errors import InputError
+from flighttune.plants.base import PLANT_KINDS
 from flighttune.plants.point_mass import turn_rates
 from flighttune.simulate.run import Run
 from flighttune.units import G_PAPER
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 CHANNELS = ("chi", "gamma")
 
@@ -45,9 +42,8 @@ class Mismatch:
     """The disturbance under which the kinematic law flies just as the aircraft did."""
 
     t: FloatArray  # (n,), s: Start of each sample interval
-    # (n, 2), rad/s: Mean rates of course and of flight-path angle flown in the interval
-    rates: FloatArray
-    d: FloatArray  # (n, 2), rad/s: `rates` minus those of the law
+    # (n, 2), rad/s: Mean rates of course and flight-path angle in the interval, minus the law's
+    d: FloatArray
     # (n - 1, 2), rad/s^2: Change of d from each interval to the next, over the sample time
     d_dot: FloatArray
 
@@ -92,25 +88,13 @@ def mismatch(run: Run) -> Mismatch:
     flown = np.diff(signals[list(CHANNELS)].to_numpy(), axis=0) / dt
     level = np.cos(signals["gamma"].to_numpy())
     level = 0.5 * (level[:-1] + level[1:])
-    modelled = MODELLED[run.provenance.law.plant](signals.iloc[:-1], level, trim)
-    d = flown - np.column_stack(modelled)
-    return Mismatch(t=t[:-1], rates=flown, d=d, d_dot=np.diff(d, axis=0) / dt[:-1])
-
-
-def _kinematic(signals: "pd.DataFrame", level: FloatArray, trim: Trim) -> tuple[FloatArray, ...]:
-    """Mean rates of the kinematic law under the commands of each interval, (n,) each, rad/s."""
-    phi, n_z = (signals[name].to_numpy() for name in ("phi_cmd", "n_z_cmd"))
+    held, turn = signals.iloc[:-1], PLANT_KINDS[run.provenance.law.plant].turn
+    # The point mass flies at the airspeed that its law measured.
+    V_a = held["V_a"].to_numpy() if turn == "exact" else trim.V_a
+    phi, n_z = (held[name].to_numpy() for name in ("phi_cmd", "n_z_cmd"))
     # asked at gamma = 0, whose cosine is replaced by the mean over the interval
-    chi_dot, gamma_dot = turn_rates(trim.V_a, 0.0, phi, n_z, g=trim.g)
-    return chi_dot, gamma_dot + trim.g / trim.V_a * (1.0 - level)
-
-
-def _point_mass(signals: "pd.DataFrame", level: FloatArray, trim: Trim) -> tuple[FloatArray, ...]:
-    """Mean rates of the point mass at the airspeed flown: those that its inversion wanted."""
-    V_a, phi, n_z = (signals[name].to_numpy() for name in ("V_a", "phi_cmd", "n_z_cmd"))
-    chi_dot, gamma_dot = turn_rates(V_a, 0.0, phi, n_z, turn="exact", g=trim.g)
-    return chi_dot / level, gamma_dot + trim.g / V_a * (1.0 - level)
-
-
-# Rates under the commands of a flight, by the kind of plant that a law is made for
-MODELLED = {"kinematic": _kinematic, "point_mass": _point_mass}
+    chi_dot, gamma_dot = turn_rates(V_a, 0.0, phi, n_z, turn=turn, g=trim.g)
+    chi_dot = chi_dot / level if turn == "exact" else chi_dot
+    gamma_dot = gamma_dot + trim.g / V_a * (1.0 - level)
+    d = flown - np.column_stack([chi_dot, gamma_dot])
+    return Mismatch(t=t[:-1], d=d, d_dot=np.diff(d, axis=0) / dt[:-1])
