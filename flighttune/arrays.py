@@ -67,7 +67,7 @@ def check_upright(**angles: float) -> None:
     _check(lambda angle: abs(angle) < math.pi / 2, "lie inside +-pi/2", angles, "rad")
 
 
-def check_finite(**values: npt.ArrayLike) -> None:
+def check_finite(**values: npt.ArrayLike | None) -> None:
     """Refuse the first of `values`, numbers or tuples, that is not finite; None is skipped."""
     _check(lambda value: bool(np.isfinite(value).all()), "be finite", values)
 
@@ -94,9 +94,20 @@ def read_only_vector(
     return read_only_matrix(name, value, shape, axes=1)
 
 
-def square_matrices(name: str, value: npt.ArrayLike) -> FloatArray:
-    """Return `value` as a finite float array of shape (..., n, n), n >= 1."""
+def set_read_only(value: object, **shapes: tuple[int, ...]) -> None:
+    """Replace arrays of a frozen `value` by finite, read-only copies of `shapes`; None is kept."""
+    for name, shape in shapes.items():
+        array = getattr(value, name)
+        if array is not None:
+            array = read_only_matrix(name, array, shape, axes=len(shape))
+        object.__setattr__(value, name, array)
+
+
+def square_matrices(name: str, value: npt.ArrayLike, axes: int | None = None) -> FloatArray:
+    """Return `value` as a finite float array of shape (..., n, n), n >= 1, with `axes` if given."""
     matrices = np.asarray(value, dtype=float)
+    if axes not in (None, matrices.ndim):
+        raise ShapeError(f"`{name}` must have {axes} axes, got shape {matrices.shape}.")
     if matrices.ndim < 2 or matrices.shape[-1] != matrices.shape[-2] or matrices.shape[-1] == 0:
         raise ShapeError(f"`{name}` must have shape (..., n, n), got {matrices.shape}.")
     if not np.isfinite(matrices).all():

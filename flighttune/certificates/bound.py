@@ -9,7 +9,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from flighttune.arrays import FloatArray, check_positive, read_only_matrix
+from flighttune.arrays import FloatArray, check_positive, set_read_only
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
 from flighttune.table_file import json_tables
@@ -51,9 +51,8 @@ class RateBound:
 
     def __post_init__(self) -> None:
         check_positive(I_star=self.I_star, R_bound=self.R_bound)
-        for name, columns in (("boxes", 4), ("multipliers", NUMBERS)):
-            shape = max(len(self.boxes), 1), columns
-            object.__setattr__(self, name, read_only_matrix(name, getattr(self, name), shape))
+        count = max(len(self.boxes), 1)
+        set_read_only(self, boxes=(count, 4), multipliers=(count, NUMBERS))
 
     @property
     def claim(self) -> str:

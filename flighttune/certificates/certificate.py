@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar
 import numpy as np
 from pydantic import Field
 
-from flighttune.arrays import FloatArray, check_positive, read_only_matrix
+from flighttune.arrays import FloatArray, check_positive, set_read_only
 from flighttune.control.envelope import ENTRIES, Envelope, JacobianHull
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LAW_NAMES, LinearModel, disturbance_entry
@@ -157,10 +157,7 @@ class Certificate:
     def __post_init__(self) -> None:
         self._check_model()
         n, _, p = self.model.shape
-        for name in ("Q", "W"):
-            if getattr(self, name) is not None:
-                matrix = read_only_matrix(name, getattr(self, name), (n + p, n + p))
-                object.__setattr__(self, name, matrix)
+        set_read_only(self, Q=(n + p, n + p), W=(n + p, n + p))
         absent = [self.claim.radius is None, self.W is None, self.multiplier is None]
         if len(set(absent)) > 1:
             raise InputError("`radius`, `W` and `multiplier` must be given together.")
@@ -319,12 +316,7 @@ def _ends(hull: JacobianHull) -> list[tuple[float, float]]:
 def _closed_loop(
     A: Rationals, B: Rationals, C: Rationals, K_P: Rationals, K_I: Rationals
 ) -> Rationals:
-    n, p = len(A), len(C)
-    A_K = exact(np.zeros((n + p, n + p)))
-    A_K[:n, :n] = A + B @ K_P @ C
-    A_K[:n, n:] = B @ K_I
-    A_K[n:, :n] = C
-    return A_K
+    return np.block([[A + B @ K_P @ C, B @ K_I], [C, exact(np.zeros((len(C), len(C))))]])
 
 
 def _jacobians(entries: Sequence[Fraction]) -> tuple[Rationals, Rationals]:

@@ -95,8 +95,6 @@ def certify(
     'certified'
     """
     models = tuple(model for _, model in conditions)
-    if (envelope is None) != (g is None):
-        raise InputError("`envelope` and `g` must be given together.")
     if any(other.states != model.states for other in models):
         raise InputError("`conditions` must have models with the states of `model`.")
     polytope = None

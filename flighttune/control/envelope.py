@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flighttune.arrays import FloatArray, check_positive, check_upright, read_only_vector
+from flighttune.arrays import FloatArray, check_positive, check_upright, set_read_only
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel, closed_loop, entry_model
 from flighttune.errors import InputError
@@ -117,9 +117,7 @@ class JacobianHull:
     upper: FloatArray
 
     def __post_init__(self) -> None:
-        for name in ("lower", "upper"):
-            ends = read_only_vector(name, getattr(self, name), (len(ENTRIES),))
-            object.__setattr__(self, name, ends)
+        set_read_only(self, lower=(len(ENTRIES),), upper=(len(ENTRIES),))
         if not (self.lower <= self.upper).all():
             raise InputError(
                 f"`lower` must not exceed `upper`, got {self.lower.tolist()} "

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, check_positive, read_only_matrix
+from flighttune.arrays import FloatArray, check_positive, read_only_matrix, set_read_only
 from flighttune.units import G_PAPER
 
 # Commands that gains of the paper's law act on.
@@ -53,8 +53,7 @@ class PIGains:
 
     def __post_init__(self) -> None:
         shape = len(self.inputs), len(self.errors)
-        for name in ("K_P", "K_I"):
-            object.__setattr__(self, name, read_only_matrix(name, getattr(self, name), shape))
+        set_read_only(self, K_P=shape, K_I=shape)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, PIGains) and self._key == other._key

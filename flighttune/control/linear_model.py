@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, check_positive, check_upright, read_only_matrix
+from flighttune.arrays import FloatArray, check_positive, check_upright, set_read_only
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ShapeError
 
@@ -43,8 +43,7 @@ class LinearModel:
 
     def __post_init__(self) -> None:
         n, m, p = len(self.states), len(self.inputs), len(self.errors)
-        for name, shape in (("A", (n, n)), ("B", (n, m)), ("C", (p, n))):
-            object.__setattr__(self, name, read_only_matrix(name, getattr(self, name), shape))
+        set_read_only(self, A=(n, n), B=(n, m), C=(p, n))
 
     @property
     def names(self) -> tuple[tuple[str, ...], ...]:

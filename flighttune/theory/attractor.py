@@ -71,7 +71,7 @@ def paper_balls(A_K: npt.ArrayLike, A: npt.ArrayLike, *, I_K: float, L_d: float)
     Theorem 2 of arXiv 2411.13140. Its statement uses L_f = ||df(0)/dx||; its proof applies
     Theorem 1 to ``s' = A_K s + d_s``, whose Jacobian is A_K.
     """
-    A_K, A = _matrix("A_K", A_K), _matrix("A", A)
+    A_K, A = square_matrices("A_K", A_K, 2), square_matrices("A", A, 2)
     n = len(A)
     check_positive(L_d=L_d)
     norms = [np.linalg.norm(jacobian, 2) for jacobian in (A_K, A_K[:n, :n], A)]
@@ -115,9 +115,14 @@ def invariant_ellipsoid(
     """
     from scipy.optimize import minimize_scalar
 
-    A, E = stable_system(A, E)
+    A, E = square_matrices("A", A, 2), read_only_matrix("E", E)
+    if len(E) != len(A) or not E.any():
+        raise ShapeError(f"`E` must have {len(A)} rows and not vanish, got shape {E.shape}.")
+    rightmost = float(np.linalg.eigvals(A).real.max())
+    if not rightmost < 0.0:
+        raise InputError(f"`A` must be stable, got spectral abscissa {rightmost:.6g} 1/s.")
     check_positive(L_d=L_d)
-    widest = -2.0 * float(np.linalg.eigvals(A).real.max())
+    widest = -2.0 * rightmost
 
     entry = E @ E.T
     entry = entry + slack * float(np.linalg.norm(entry, 2)) * np.eye(len(A))
@@ -134,27 +139,3 @@ def invariant_ellipsoid(
     a = widest / (1.0 + math.exp(-best.x))
     W = W_of(a)
     return Ellipsoid(W=W, multiplier=a, radius=math.sqrt(float(np.linalg.eigvalsh(W)[-1])))
-
-
-def stable_system(A: npt.ArrayLike, E: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """A and E as checked arrays, A stable.
-
-    Raises
-    ------
-    ShapeError, InputError
-        If they do not fit, are not finite, or an eigenvalue of A is not in the left half plane.
-    """
-    A, E = _matrix("A", A), read_only_matrix("E", E)
-    if len(E) != len(A) or not E.any():
-        raise ShapeError(f"`E` must have {len(A)} rows and not vanish, got shape {E.shape}.")
-    rightmost = np.linalg.eigvals(A).real.max()
-    if not rightmost < 0.0:
-        raise InputError(f"`A` must be stable, got spectral abscissa {rightmost:.6g} 1/s.")
-    return A, E
-
-
-def _matrix(name: str, value: npt.ArrayLike) -> FloatArray:
-    matrix = square_matrices(name, value)
-    if matrix.ndim != 2:
-        raise ShapeError(f"`{name}` must have 2 axes, got shape {matrix.shape}.")
-    return matrix

@@ -76,7 +76,7 @@ def common_Q(vertices: npt.ArrayLike) -> CommonQ:
     always feasible, with R = 0 where there is no common Q. For any X_k >= 0 whose traces add up to
     one, R is at most the sum of the positive eigenvalues of ``-sum(A_k X_k + X_k A_k')``.
     """
-    A = _vertex_matrices(vertices)
+    A = square_matrices("vertices", vertices, 3)
     L, speed = _coordinates(A)
     program = _rate_program(*A.shape[:2])
     for loop, value in zip(program.loops, _transformed(A, L) / speed, strict=True):
@@ -135,7 +135,7 @@ def common_ellipsoid(
     A linear matrix inequality in W for every multiplier a, and a one-dimensional search over a;
     S. Boyd et al., *Linear Matrix Inequalities in System and Control Theory*, section 6.1.2.
     """
-    A = _vertex_matrices(vertices)
+    A = square_matrices("vertices", vertices, 3)
     E = read_only_matrix("E", E)
     if E.shape[0] != A.shape[-1]:
         raise ShapeError(f"`E` must have {A.shape[-1]} rows, got shape {E.shape}.")
@@ -286,10 +286,3 @@ def _rate_bound(A: FloatArray, multipliers: FloatArray) -> float:
     X = X / max(float(np.trace(X, axis1=1, axis2=2).sum()), 1e-300)
     flow = -(A @ X).sum(axis=0)
     return float(np.maximum(np.linalg.eigvalsh(flow + flow.T), 0.0).sum())
-
-
-def _vertex_matrices(vertices: npt.ArrayLike) -> FloatArray:
-    A = square_matrices("vertices", vertices)
-    if A.ndim != 3 or not len(A):
-        raise ShapeError(f"`vertices` must have shape (k, n, n), got {A.shape}.")
-    return A

@@ -88,15 +88,12 @@ def positive_definite(matrix: Rationals) -> bool:
     """
     if not np.array_equal(matrix, matrix.T):
         return False
-    rows = integers(matrix)[0].tolist()
-    previous = 1
-    for k in range(len(rows)):
-        pivot = rows[k][k]
+    rest, previous = integers(matrix)[0], 1
+    while len(rest):
+        pivot = rest[0, 0]
         if pivot <= 0:
             return False
-        for i in range(k + 1, len(rows)):
-            for j in range(k + 1, len(rows)):
-                rows[i][j] = (rows[i][j] * pivot - rows[i][k] * rows[k][j]) // previous
+        rest = (rest[1:, 1:] * pivot - np.outer(rest[1:, 0], rest[0, 1:])) // previous
         previous = pivot
     return True
 
@@ -164,10 +161,6 @@ class Check:
     name: str
     margin: float
     exact: bool
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "margin", float(self.margin))
-        object.__setattr__(self, "exact", bool(self.exact))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -272,7 +265,7 @@ def radius_checks(
     """
     positive = {"radius": radius, "multiplier": multiplier, "L_d": L_d}
     checks = [
-        Check(name=f"{name} > 0", margin=value, exact=value > 0.0)
+        Check(name=f"{name} > 0", margin=value, exact=bool(value > 0.0))
         for name, value in positive.items()
     ]
     if not all(check.exact for check in checks):

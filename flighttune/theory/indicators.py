@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, read_only_vector, square_matrices
-from flighttune.errors import InputError, ShapeError
+from flighttune.errors import InputError
 from flighttune.theory.lyapunov import lyapunov_solution
 from flighttune.theory.reachable import largest_errors
 
@@ -130,9 +130,7 @@ def indicators(
     >>> round(loop.R_K, 3), round(loop.E_K, 3)
     (0.46, 1.671)
     """
-    A_K = square_matrices("A_K", A_K)
-    if A_K.ndim != 2:
-        raise ShapeError(f"`A_K` must have 2 axes, got shape {A_K.shape}.")
+    A_K = square_matrices("A_K", A_K, 2)
     scale = state_scaling(scaling, len(A_K))
     figures = indicators_batch(A_K, scaling=scale)
     eigenvalues = np.asarray(np.linalg.eigvals(A_K), dtype=complex)

@@ -92,18 +92,18 @@ def bound_checks(
     Positive multipliers with which the sum is negative for all of them refute the box.
     """
     edges = np.unique(boxes[:, 2:])
-    gap = max(edges[0], 1.0 - edges[-1])
+    gap = float(max(edges[0], 1.0 - edges[-1]))
     for low, high in itertools.pairwise(edges):
         strip = boxes[(boxes[:, 2] <= low) & (high <= boxes[:, 3])]
         strip = strip[np.argsort(strip[:, 0])]
         reached = np.maximum.accumulate([R_bound, *strip[:, 1]])
-        gap = max(gap, np.max([*strip[:, 0], 1.0] - reached))
+        gap = max(gap, float(np.max([*strip[:, 0], 1.0] - reached)))
     margins = [
         _box_margin(box, numbers, I_star)
         for box, numbers in zip(boxes.tolist(), multipliers, strict=True)
     ]
     return [
-        Check(name=f"boxes cover {R_bound:.6g} <= R_K <= 1", margin=-float(gap), exact=gap <= 0.0),
+        Check(name=f"boxes cover {R_bound:.6g} <= R_K <= 1", margin=-gap, exact=gap <= 0.0),
         Check(
             name=f"no gains in any of {len(margins)} boxes",
             margin=float(min(margins)),
