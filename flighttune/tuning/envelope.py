@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from flighttune.arrays import FloatArray, check_positive
+from flighttune.arrays import FloatArray
 from flighttune.control.envelope import Envelope, jacobian_hull, vertex_loops
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel, closed_loops
@@ -24,11 +24,11 @@ from flighttune.errors import InputError
 from flighttune.present.chart import DASHED, Chart
 from flighttune.present.palette import HUES, NEUTRAL
 from flighttune.theory.common import CommonQ, common_Q
-from flighttune.theory.indicators import indicators
+from flighttune.theory.indicators import Indicators, indicators
 from flighttune.theory.lmi import combination, largest, parameter, solve, unknown
 from flighttune.theory.lyapunov import lyapunov_solution
 from flighttune.tuning.problem import TuningProblem, search_space
-from flighttune.tuning.program import stabilising_starts
+from flighttune.tuning.program import loop_slopes, stabilising_starts
 from flighttune.tuning.tune import tune_by_gradient
 
 # Relative accuracy of the largest factor
@@ -37,8 +37,8 @@ FACTOR_TOLERANCE = 1e-3
 # An envelope is not grown beyond this
 LARGEST_FACTOR = 64.0
 
-# Points of a curve of rates
-SAMPLES = 41
+# Points of a curve of rates, and its largest factor
+SAMPLES, UP_TO = 41, 2.0
 
 # Accuracy of the largest factor: any closer, the rate is lost in that of the solver
 END_SHOWN = 0.995
@@ -60,13 +60,8 @@ class Point:
     """Free gains that meet every constraint, with their rates."""
 
     k: FloatArray  # shape (f,)
-    Q: FloatArray  # shape (n, n), s: common to the vertices
-    # `R` and `R_bound` (1/s): rate of Q, and a bound on the rate of any other
-    R: float
-    R_bound: float
-    # `R_K` and `I_K` (1/s and s^2): indicators at the trim
-    R_K: float
-    I_K: float
+    common: CommonQ  # of the vertices; it has a Q
+    trim: Indicators
 
 
 def point(problem: TuningProblem, models: Sequence[LinearModel], k: FloatArray) -> Point | None:
@@ -76,20 +71,11 @@ def point(problem: TuningProblem, models: Sequence[LinearModel], k: FloatArray) 
     if not inside:
         return None
     K = space.K(k)
-    at_trim = indicators(closed_loops(problem.model, K))
-    if not at_trim.I_K <= problem.I_star:
+    trim = indicators(closed_loops(problem.model, K))
+    if not trim.I_K <= problem.I_star:
         return None
     common = common_Q(np.array([closed_loops(model, K) for model in models]))
-    if common.Q is None:
-        return None
-    return Point(
-        k=k,
-        Q=common.Q,
-        R=common.R,
-        R_bound=common.R_bound,
-        R_K=at_trim.R_K,
-        I_K=at_trim.I_K,
-    )
+    return None if common.Q is None else Point(k=k, common=common, trim=trim)
 
 
 def ascend(problem: TuningProblem, models: Sequence[LinearModel], start: Point) -> Point:
@@ -103,8 +89,8 @@ def ascend(problem: TuningProblem, models: Sequence[LinearModel], start: Point) 
     for _ in range(ITERATIONS):
         k = program.step(best, step, excess)
         better = None if k is None else point(problem, models, k)
-        if better is not None and better.R > best.R:
-            idle = idle + 1 if better.R < (1.0 + MIN_GAIN) * best.R else 0
+        if better is not None and better.common.R > best.common.R:
+            idle = idle + 1 if better.common.R < (1.0 + MIN_GAIN) * best.common.R else 0
             best, step, excess = better, min(2.0 * step, 1.0), excess / 2.0
         else:
             # Linearised, the bound on I_K may be missed: it is tightened by the excess seen.
@@ -125,7 +111,7 @@ class _Linearised:
         self._problem, self._models = problem, models
         self._space = search_space(problem)
         self._limited = math.isfinite(problem.I_star)
-        self._trim_slopes = self._slopes(problem.model)
+        self._trim_slopes = loop_slopes(problem.model, self._space)
         f, n = len(self._trim_slopes), len(self._trim_slopes[0])
         self._dk, Q, R = unknown(f), unknown(n, n, symmetric=True), unknown()
         self._loops = [parameter(n, n) for _ in models]
@@ -138,18 +124,12 @@ class _Linearised:
             self._slack = parameter(len(self._space.G))
             constraints.append(self._space.G @ self._dk <= self._slack)
         for A, model in zip(self._loops, models, strict=True):
-            dA = combination(self._dk, self._slopes(model).reshape(f, n * n))
+            dA = combination(self._dk, loop_slopes(model, self._space).reshape(f, n * n))
             moved = dA.T @ self._Q0 + self._Q0 @ dA
             constraints.append(A.T @ Q + Q @ A + moved + R * np.eye(n) << 0)
         if self._limited:
             constraints += self._radius_constraints(f, n)
         self._program = largest(R, constraints)
-
-    def _slopes(self, model: LinearModel) -> FloatArray:
-        """Derivatives of the closed loop by each free gain, shape (f, n, n)."""
-        unit = np.eye(self._space.free.sum())
-        K = self._space.K
-        return closed_loops(model, K(unit)) - closed_loops(model, K(0.0 * unit))
 
     def _radius_constraints(self, f: int, n: int) -> list[Any]:
         """``log I_K <= log I_star - excess`` at the trim, in bounds on Q0 and on A'A.
@@ -179,7 +159,7 @@ class _Linearised:
         self._lower.value = -np.minimum(trust, at.k - space.k_min)
         if len(space.G):
             self._slack.value = space.slack(at.k)
-        self._Q0.value = at.Q * at.R
+        self._Q0.value = np.asarray(at.common.Q) * at.common.R
         for A, model in zip(self._loops, self._models, strict=True):
             A.value = closed_loops(model, space.K(at.k))
         if self._limited:
@@ -210,7 +190,7 @@ class _Linearised:
         for (matrix, slopes), (value, now, change) in zip(self._trim, factors, strict=True):
             matrix.value = now / value
             slopes.value = change.reshape(slopes.shape) / value
-        self._room.value = math.log(self._problem.I_star / at.I_K) - excess
+        self._room.value = math.log(self._problem.I_star / at.trim.I_K) - excess
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -276,20 +256,18 @@ def _check_contains(envelope: Envelope, trim: Envelope) -> None:
 
 
 def rate_curve(
-    gains: PIGains, envelope: Envelope, trim: Envelope, *, g: float, up_to: float = 2.0
+    gains: PIGains, envelope: Envelope, trim: Envelope, *, g: float
 ) -> tuple[FloatArray, FloatArray]:
-    """The certified rate (1/s) from the trim alone up to a multiple of an envelope.
+    """The certified rate (1/s) from the trim alone up to `UP_TO` times an envelope.
 
     `g` (m/s^2). `envelope`, `trim`: the envelope at factor one, and the condition it is scaled
-    about. `up_to`: largest factor sampled, positive. Returns factors and rates, shape (k,); the
-    last rate is 0 where no common Q is found any more. Raises InputError if the trim is not inside
-    the envelope or `up_to` is not positive.
+    about. Returns factors and rates, shape (k,); the last rate is 0 where no common Q is found any
+    more. Raises InputError if the trim is not inside the envelope.
     """
-    check_positive(up_to=up_to)
     end = largest_factor(gains, envelope, trim, g=g)
-    factors = np.linspace(0.0, END_SHOWN * end if end < up_to else up_to, SAMPLES)
+    factors = np.linspace(0.0, END_SHOWN * end if end < UP_TO else UP_TO, SAMPLES)
     rates = [envelope_rate(gains, envelope.scaled(trim, factor), g=g).R for factor in factors]
-    if end < up_to:
+    if end < UP_TO:
         factors, rates = np.append(factors, end), [*rates, 0.0]
     return factors, np.array(rates)
 
@@ -357,17 +335,17 @@ def tune_over_envelope(
             reason=nominal.reason or "No gains met the constraints.",
             wall_s=time.perf_counter() - began,
         )
-    factor, best = max(reached, key=lambda search: (search[0], search[1].R))
+    factor, best = max(reached, key=lambda search: (search[0], search[1].common.R))
     certified = factor >= 1.0
     beyond = f"No common Q was found beyond {factor:.3g} of the envelope about the trim."
     return EnvelopeTuning(
         status="found" if certified else "infeasible",
         reason="" if certified else beyond,
         gains=problem.gains(space.K(best.k)),
-        R=best.R if certified else 0.0,
-        R_bound=best.R_bound if certified else math.inf,
-        R_K=best.R_K,
-        I_K=best.I_K,
+        R=best.common.R if certified else 0.0,
+        R_bound=best.common.R_bound if certified else math.inf,
+        R_K=best.trim.R_K,
+        I_K=best.trim.I_K,
         factor=factor,
         wall_s=time.perf_counter() - began,
     )

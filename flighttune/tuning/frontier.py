@@ -44,7 +44,6 @@ def frontier(
     problem: TuningProblem,
     *,
     points: int = POINTS,
-    I_max: float | None = None,
     marked: Mapping[str, PIGains] | None = None,
     starts: int = 1,
 ) -> "pd.DataFrame":
@@ -70,10 +69,9 @@ def frontier(
     smallest = smallest_radius(problem, k)
     if smallest is None:
         return pd.DataFrame(rows)
-    if I_max is None:
-        finite = [measured.I_K for measured in marks.values() if math.isfinite(measured.I_K)]
-        I_max = max([WIDEST * smallest.I_K, *finite])
-    growth = np.linspace(0.0, 1.0, points) ** 2 * math.log(max(I_max / smallest.I_K, 1.0))
+    finite = [measured.I_K for measured in marks.values() if math.isfinite(measured.I_K)]
+    I_max = max([WIDEST * smallest.I_K, *finite])
+    growth = np.linspace(0.0, 1.0, points) ** 2 * math.log(I_max / smallest.I_K)
     I_star = smallest.I_K * np.exp(growth)
     # At the smallest I_K there is nothing left to search.
     best, along = smallest, [_row(problem, "frontier", smallest.I_K, smallest)]
@@ -137,14 +135,11 @@ def frontier_chart(
 def _row(
     problem: TuningProblem, name: str, I_star: float, measured: Assessment
 ) -> dict[str, object]:
+    figures = ("I_K", "E_K", "R_K", "spectral_abscissa", "within_limits")
     return {
         "name": name,
         "I_star": I_star,
-        "I_K": measured.I_K,
-        "E_K": measured.E_K,
-        "R_K": measured.R_K,
-        "spectral_abscissa": measured.spectral_abscissa,
-        "within_limits": measured.within_limits,
+        **{figure: getattr(measured, figure) for figure in figures},
         "active": " ".join(name for name in measured.active if name != "I_K"),
         **dict(zip(problem.gain_names.flat, measured.K.flat, strict=True)),
     }

@@ -233,18 +233,16 @@ def _limit_rows(problem: TuningProblem) -> tuple[tuple[str, ...], FloatArray, Fl
         return (), np.empty((0, m, 2 * p)), np.empty(0)
     at_start = np.concatenate([x_0, x_0 * problem.dt])
     rate_at_start = np.concatenate([np.zeros(p), x_0])
-    names, rows, bounds = [], [], []
-    for i, channel in enumerate(problem.model.inputs):
+    finite = [
+        (f"{channel}_{name}", np.outer(np.eye(m)[i], direction), bound)
+        for i, channel in enumerate(problem.model.inputs)
         for name, direction, bound in (
-            (f"{channel}_max", at_start, limits.upper[i]),
-            (f"{channel}_min", -at_start, -limits.lower[i]),
-            (f"{channel}_rate_max", rate_at_start, limits.rate_upper[i]),
-            (f"{channel}_rate_min", -rate_at_start, -limits.rate_lower[i]),
-        ):
-            if np.isfinite(bound):
-                row = np.zeros((m, 2 * p))
-                row[i] = direction
-                names.append(name)
-                rows.append(row)
-                bounds.append(bound)
-    return tuple(names), np.array(rows).reshape(-1, m, 2 * p), np.array(bounds)
+            ("max", at_start, limits.upper[i]),
+            ("min", -at_start, -limits.lower[i]),
+            ("rate_max", rate_at_start, limits.rate_upper[i]),
+            ("rate_min", -rate_at_start, -limits.rate_lower[i]),
+        )
+        if np.isfinite(bound)
+    ]
+    names, rows, bounds = zip(*finite, strict=True) if finite else ((), (), ())
+    return names, np.array(rows).reshape(-1, m, 2 * p), np.array(bounds)

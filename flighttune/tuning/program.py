@@ -17,14 +17,13 @@ from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
 
 Objective = Literal["R_K", "I_K", "factor", "trace", "cost"]
 
-# Cost of (top, bottom, sigma_floor, factor) for each objective
+# Cost of (top, bottom, sigma_floor, factor) for each objective that is linear in them
 COSTS = {
     "R_K": (1.0, 0.0, 0.0, 0.0),
     "I_K": (2.0, -1.0, -1.0, 0.0),
     "factor": (0.0, 0.0, 0.0, 1.0),
-    "trace": (0.0, 0.0, 0.0, 0.0),
-    "cost": (0.0, 0.0, 0.0, 0.0),
 }
+FREE = np.zeros(4)
 
 SMALLEST_FACTOR = 1e-6
 
@@ -178,7 +177,7 @@ class Program:
             J, slope = quadratic_cost(self._problem, self.space.K(k))
             if not math.isfinite(J):
                 return UNSTABLE_LOG, np.zeros(len(z))
-            return math.log(J), np.append(slope[self.space.free] / J, COSTS["cost"])
+            return math.log(J), np.append(slope[self.space.free] / J, FREE)
         if self._objective != "trace":
             slope = np.array([*np.zeros(len(k)), *COSTS[self._objective]])
             return float(slope @ z), slope
@@ -187,7 +186,7 @@ class Program:
         eigenvalues = np.exp(logs[0])
         # slopes are those of log(lambda_i): d(sum lambda) = sum lambda_i d(log lambda_i).
         in_k = eigenvalues @ slopes[0] / eigenvalues.sum()
-        return math.log(eigenvalues.sum()), np.append(in_k, COSTS["trace"])
+        return math.log(eigenvalues.sum()), np.append(in_k, FREE)
 
     def room(self, z: FloatArray) -> FloatArray:
         """Slack of the bounds on the spectra, shape (3 n,)."""
@@ -217,7 +216,7 @@ class Program:
         k, _, _ = _parts(z)
         slopes = []
         for model in (problem.model for problem in self._problems):
-            loop, in_k = closed_loops(model, self.space.K(k)), _loop_slopes(model, self.space)
+            loop, in_k = closed_loops(model, self.space.K(k)), loop_slopes(model, self.space)
             values, own = error_slopes(loop, in_k, errors=len(model.errors))
             slopes.append(np.where(np.isfinite(values)[:, None], -own / values[:, None], 0.0))
         steep = np.concatenate(slopes)
@@ -271,10 +270,10 @@ def _affine_loops(problem: TuningProblem) -> tuple[FloatArray, FloatArray]:
     """A_K without gains and its slopes in the free gains, shapes (n, n) and (f, n, n)."""
     space, scaling = search_space(problem), np.asarray(problem.scaling)
     base = closed_loops(problem.model, space.K(np.zeros(len(space.k_min))))
-    return scaled(base, scaling), scaled(_loop_slopes(problem.model, space), scaling)
+    return scaled(base, scaling), scaled(loop_slopes(problem.model, space), scaling)
 
 
-def _loop_slopes(model: LinearModel, space: SearchSpace) -> FloatArray:
+def loop_slopes(model: LinearModel, space: SearchSpace) -> FloatArray:
     """Slopes of A_K in the free gains, shape (f, n + p, n + p): it is affine in them."""
     f = len(space.k_min)
     loops = closed_loops(model, space.K(np.vstack([np.zeros(f), np.eye(f)])))

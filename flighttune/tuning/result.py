@@ -142,16 +142,9 @@ def result(problem: TuningProblem, best: Assessment | None, **outcome: Any) -> T
     """A `TuningResult` of an outcome (its other attributes) with the figures of its best gains."""
     if best is None:
         return TuningResult(**outcome)
-    return TuningResult(
-        gains=problem.gains(best.K),
-        R_K=best.R_K,
-        I_K=best.I_K,
-        E_K=best.E_K,
-        spectral_abscissa=best.spectral_abscissa,
-        active=best.active,
-        cost=best.cost,
-        **outcome,
-    )
+    names = ("R_K", "I_K", "E_K", "spectral_abscissa", "active", "cost")
+    figures = {name: getattr(best, name) for name in names}
+    return TuningResult(gains=problem.gains(best.K), **figures, **outcome)
 
 
 def is_feasible(problem: TuningProblem, gains: Assessment) -> bool:

@@ -259,16 +259,13 @@ def state_feedback(
     return None if unsolved else np.linalg.solve(W.value, Y.value.T).T / scale
 
 
-def tune_by_evolution(
-    problem: TuningProblem, *, largest_gain: float = EVOLVED_GAIN, generations: int = GENERATIONS
-) -> TuningResult:
+def tune_by_evolution(problem: TuningProblem, *, generations: int = GENERATIONS) -> TuningResult:
     """Gains of the largest R_K, by SciPy's differential evolution with constraints.
 
     arXiv 2411.13140, section 4, uses a genetic algorithm on the same optimisation model. Whole
     generations are evaluated at once by the batched indicators.
 
-    `largest_gain`: size of the box searched, inside the problem's own bounds. The same problem
-    gives the same result.
+    The same problem gives the same result.
     """
     from scipy.optimize import NonlinearConstraint, differential_evolution
 
@@ -283,28 +280,27 @@ def tune_by_evolution(
         measured = loops(k)
         return np.where(measured.stable, -measured.R_K, UNSTABLE + measured.spectral_abscissa)
 
+    def logs(values: FloatArray, measured: IndicatorArrays) -> FloatArray:
+        lost = np.log(UNSTABLE) + measured.spectral_abscissa
+        return np.where(np.isinf(values), lost, np.log(values))[None]
+
     def log_radius(k: FloatArray) -> FloatArray:
         measured = loops(k)
-        lost = np.log(UNSTABLE) + measured.spectral_abscissa
-        return np.where(measured.stable, np.log(measured.I_K), lost)[None]
+        return logs(measured.I_K, measured)
 
     def log_error(k: FloatArray) -> FloatArray:
-        E_K = problem.largest_errors(space.K(k.T)).max(axis=-1)
-        lost = np.log(UNSTABLE) + loops(k).spectral_abscissa
-        return np.where(np.isinf(E_K), lost, np.log(E_K))[None]
+        return logs(problem.largest_errors(space.K(k.T)).max(axis=-1), loops(k))
 
-    constraints = []
-    if np.isfinite(problem.I_star):
-        constraints.append(NonlinearConstraint(log_radius, -np.inf, np.log(problem.I_star)))
-    if np.isfinite(problem.E_star):
-        constraints.append(NonlinearConstraint(log_error, -np.inf, np.log(problem.E_star)))
+    constraints = [
+        NonlinearConstraint(log, -np.inf, np.log(bound))
+        for log, bound in ((log_radius, problem.I_star), (log_error, problem.E_star))
+        if np.isfinite(bound)
+    ]
     if space.names:
         constraints.append(NonlinearConstraint(lambda k: space.slack(k.T).T, 0.0, np.inf))
     evolved = differential_evolution(
         lost_rate,
-        np.column_stack(
-            [np.maximum(space.k_min, -largest_gain), np.minimum(space.k_max, largest_gain)]
-        ),
+        np.clip([space.k_min, space.k_max], -EVOLVED_GAIN, EVOLVED_GAIN).T,
         constraints=constraints,
         maxiter=generations,
         popsize=POPULATION,

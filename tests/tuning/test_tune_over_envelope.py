@@ -129,7 +129,7 @@ def test_ascents_from_different_gains_end_at_one_rate(model):
     tops = []
     for I_star in (6.0, 9.9):
         nominal = tune_by_gradient(TuningProblem(model=model, I_star=I_star))
-        tops.append(ascend(problem, models, point(problem, models, nominal.gains.K[free])).R)
+        tops.append(ascend(problem, models, point(problem, models, nominal.gains.K[free])).common.R)
 
     assert tops == pytest.approx([0.7066, 0.7066], rel=LOCAL)
 
