@@ -22,12 +22,12 @@ from pathlib import Path
 import numpy as np
 
 import flighttune as ft
-from flighttune.conformance import load_conformance
+from flighttune.conformance.file import load_conformance
 from flighttune.flight.outer_loop import gain_set
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.simulate.loop import simulate
 from flighttune.tube.problem import tube_problem
-from flighttune.tube.proof import save_tube, verify_tube
+from flighttune.tube.proof import load_tube, save_tube, verify_tube
 from flighttune.tube.tube import flights_inside, tube_of
 from flighttune.units import DEG
 
@@ -208,7 +208,7 @@ def row(name, folder, flights):
         path = Path(folder) / "tube.npz"
         save_tube(found, path)
         began = time.process_time()
-        valid = verify_tube(path).valid
+        valid = verify_tube(load_tube(path)).valid
         verify_s, size = time.process_time() - began, path.stat().st_size / 1e6
         measured |= {"verify_cpu_s": verify_s, "file_MB": size}
         reached = {"random": random_flights(found, flights)}
@@ -309,7 +309,7 @@ def tube_of_aircraft(name, path, folder):
     file = Path(folder) / "aircraft.npz"
     save_tube(found, file)
     began = time.process_time()
-    valid = verify_tube(file).valid
+    valid = verify_tube(load_tube(file)).valid
     return found, measured | {
         "largest_deg": widths.max(axis=0).tolist(),
         "end_deg": widths[-1].tolist(),

@@ -92,11 +92,6 @@ def one_over(values: Interval) -> Interval:
     return Interval.point(np.ones_like(values.low)) / values
 
 
-def sine(angle: Interval) -> Interval:
-    """Contains the sines of angles inside +-`LARGEST_ANGLE`."""
-    return sine_and_cosine(angle)[0]
-
-
 def cosine(angle: Interval) -> Interval:
     """Contains the cosines of angles inside +-`LARGEST_ANGLE`."""
     return sine_and_cosine(angle)[1]

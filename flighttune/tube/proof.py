@@ -14,7 +14,7 @@ from pydantic import Field
 
 from flighttune.array_file import BOOL, FLOAT, SINGLE, TEXT, Arrays, check_shapes, read_arrays
 from flighttune.arrays import FloatArray, read_only_matrix
-from flighttune.conformance import Conformance
+from flighttune.conformance.file import Conformance
 from flighttune.conformance.residual import RESIDUALS
 from flighttune.control.gains import COMMANDS, PIGains
 from flighttune.control.inner_loop import InnerLag
@@ -302,19 +302,12 @@ class Replay:
 
 # A number too large for floats is inf or NaN in the set, which no bound holds.
 @np.errstate(over="ignore", invalid="ignore")
-def verify_tube(
-    tube: Tube | str | Path,
-    *,
-    conformance: Conformance | None = None,
-) -> Verification:
+def verify_tube(tube: Tube) -> Verification:
     """Prove every sample of a tube again from the choices in it.
 
-    `tube`: the value, or the file it was written to. `conformance`: see `load_tube`, for a file.
     The tube is valid if at every sample the set proven is inside the bounds; else the reason names
-    the sample and the inequality. Raises InputError as `load_tube` does.
+    the sample and the inequality.
     """
-    if not isinstance(tube, Tube):
-        tube = load_tube(tube, conformance)
     problem, settings, ever = tube.problem, tube.settings, tube.hand_over
     starts = start_set(problem.loop, problem.start, settings.sides, settings.symbols)
     enclosure = enclosure_of(problem.loop, starts, Replay(tube.chosen))

@@ -38,7 +38,14 @@ from flighttune.tube.functions import (
     secant_change,
     tangent,
 )
-from flighttune.tube.interval import LARGEST_ANGLE, Interval, Unbounded, cosine, one_over, sine
+from flighttune.tube.interval import (
+    LARGEST_ANGLE,
+    Interval,
+    Unbounded,
+    cosine,
+    one_over,
+    sine_and_cosine,
+)
 from flighttune.tube.lag import SampledLag
 from flighttune.tube.point_mass import point_mass_sample
 
@@ -137,6 +144,21 @@ class SampledLoop:
     def lift(self, k: int) -> float:
         """``cos(gamma_ref)`` of the feed-forward at sample k; 0 without one."""
         return math.cos(self.reference[max(k, 0), GAMMA]) if self.law.feed_forward else 0.0
+
+    @property
+    def steady(self) -> FloatArray:
+        """State of steady flight on the last reference."""
+        at = np.zeros(self.rows)
+        chi, gamma, phi, planned = self.reference[-1, :4]
+        n_z = planned or np.cos(gamma)
+        extra = n_z - self.lift(len(self.reference) - 1)
+        at[[CHI, GAMMA, PHI, EXTRA_LIFT]] = chi, gamma, phi, extra
+        at[N_Z_INTEGRAL] = 0.0 if self.law.inverts else extra - planned
+        for own, queue, lag, value in zip(*self.layout, self.lags, (phi, n_z), strict=False):
+            at[own], at[queue] = lag.rest * value, value
+        if self.sees_roll:
+            at[-1] = self.boxes[-1, ROLL].mean()
+        return at
 
 
 class Channel(NamedTuple):
@@ -552,7 +574,7 @@ class Enclosure:
         # Gronwall: f grows with y by at most g/V.
         farthest = h * fastest * math.exp(rate * h) * UP
         # d(cos gamma) = -sin(gamma) d gamma: the slope of f in gamma, taken at its middle.
-        slope = sine(climb.values)
+        slope = sine_and_cosine(climb.values)[0]
         bend = 0.5 * h * h * rate
         rest = (
             bend * (rate * farthest * (1.0 + 0.5 * farthest) + d_radius[1])

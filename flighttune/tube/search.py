@@ -17,14 +17,9 @@ from flighttune.tube.forms import Form, Indices, Pieces
 from flighttune.tube.hand_over import SYMBOLS, HandOver, for_ever, inside, return_map, settled
 from flighttune.tube.interval import Interval, Unbounded
 from flighttune.tube.sample import (
-    CHI,
     CHI_ERR,
     EXTRA_LIFT,
-    GAMMA,
     GAMMA_ERR,
-    N_Z_INTEGRAL,
-    PHI,
-    ROLL,
     SPLITS,
     Channel,
     Cut,
@@ -185,8 +180,7 @@ def coordinates(loop: SampledLoop) -> tuple[FloatArray, int] | None:
 
     Any W will do; in this one the linear loop shrinks the norm of ``W z``.
     """
-    at = _steady(loop)
-    n = len(at)
+    at, n = loop.steady, loop.rows
     pieces = Pieces(at[np.newaxis], 0, SYMBOLS)
     pieces.values[0, :, 1 : 1 + n] = LINEARISED_SIZE * np.eye(n)
     pieces.used = n
@@ -224,21 +218,6 @@ def _contracting(A: FloatArray, *, slow: bool) -> FloatArray:
     rows, block = Q[:, :count].T, T[:count, :count].T
     slower = block / (0.5 * (1.0 + np.abs(np.linalg.eigvals(block)).max()))
     return np.linalg.cholesky(solve_discrete_lyapunov(slower.T, np.eye(count))).T @ rows
-
-
-def _steady(loop: SampledLoop) -> FloatArray:
-    """Steady flight on the last reference."""
-    at = np.zeros(loop.rows)
-    chi, gamma, phi, planned = loop.reference[-1, :4]
-    n_z = planned or np.cos(gamma)
-    extra = n_z - loop.lift(len(loop.reference) - 1)
-    at[[CHI, GAMMA, PHI, EXTRA_LIFT]] = chi, gamma, phi, extra
-    at[N_Z_INTEGRAL] = 0.0 if loop.law.inverts else extra - planned
-    for own, queue, lag, value in zip(*loop.layout, loop.lags, (phi, n_z), strict=False):
-        at[own], at[queue] = lag.rest * value, value
-    if loop.sees_roll:
-        at[-1] = loop.boxes[-1, ROLL].mean()
-    return at
 
 
 def new_search(loop: SampledLoop) -> Search:

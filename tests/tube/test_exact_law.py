@@ -5,7 +5,7 @@ import pytest
 from flighttune.control.gains import PAPER_GAINS, rate_gains
 from flighttune.errors import InputError
 from flighttune.scenario import scenario_from
-from flighttune.tube.proof import save_tube, verify_tube
+from flighttune.tube.proof import load_tube, save_tube, verify_tube
 from tests.tube.test_soundness import made_up, tube
 
 EXACT_PAPER = rate_gains(PAPER_GAINS, V_a=25.0)
@@ -35,7 +35,7 @@ def test_in_a_turn_its_tube_is_narrower_than_that_of_the_paper_s_law_and_is_prov
     assert narrower[0] < 0.9
     assert narrower[1] < 1.05
     save_tube(found, tmp_path / "tube.npz")
-    assert verify_tube(tmp_path / "tube.npz").valid
+    assert verify_tube(load_tube(tmp_path / "tube.npz")).valid
 
 
 @pytest.mark.slow

@@ -86,7 +86,7 @@ def test_it_is_in_the_file_and_proven_again(found, path):
 def test_a_set_that_is_not_kept_or_not_reached_is_refused(path, tmp_path, name, change, said):
     changed = {name: change(arrays_of(path)[name])}
 
-    verdict = verify_tube(rewritten(path, changed, tmp_path / "changed.npz"))
+    verdict = verify_tube(load_tube(rewritten(path, changed, tmp_path / "changed.npz")))
 
     assert not verdict.valid
     assert re.search(said, verdict.reason)
@@ -102,7 +102,7 @@ def test_a_hand_over_before_the_last_change_or_after_the_last_sample_is_refused(
     rewritten(path, {}, tmp_path / "changed.npz", hand_over=[sample, samples])
 
     with pytest.raises(InputError, match=f"`hand_over`.*101.*sample {sample}"):
-        verify_tube(tmp_path / "changed.npz")
+        verify_tube(load_tube(tmp_path / "changed.npz"))
 
 
 def test_nothing_is_claimed_for_ever_of_a_reference_that_still_moves(scenario):

@@ -41,7 +41,6 @@ def test_a_step_is_answered_as_in_flight_at_every_sample_and_on_average(lag):
     for k in range(12):
         command = 1.0 if k < 5 else -0.5
         channel.order(k * DT, command)
-        channel.move_to(k * DT)
         given.insert(0, command)
         inputs = np.array([*state, given[sampled.older + 1], given[sampled.older]])
         states, edges = sampled.transition @ inputs, sorted(channel.switches((k + 1) * DT))

@@ -76,7 +76,7 @@ def test_a_tube_reads_back_and_is_proven_again(proven):
     assert is_tube_file(path)
     assert again.bounds.pairs == pytest.approx(found.bounds.pairs, abs=1e-8)
     assert (again.can_limit == found.can_limit).all()
-    assert verify_tube(path).valid
+    assert verify_tube(load_tube(path)).valid
 
 
 @pytest.mark.parametrize(
@@ -90,14 +90,14 @@ def test_a_tube_reads_back_and_is_proven_again(proven):
 def test_a_bound_made_narrower_is_refused_with_sample_and_inequality(
     changed, index, by, inequality
 ):
-    found = verify_tube(changed("bounds", with_entry(index, lambda bound: bound + by)))
+    found = verify_tube(load_tube(changed("bounds", with_entry(index, lambda bound: bound + by))))
 
     assert not found.valid
     assert re.search(inequality, found.reason)
 
 
 def test_a_limit_said_not_to_hold_is_refused(changed):
-    found = verify_tube(changed("held", with_entry((0, 0), lambda _: False)))
+    found = verify_tube(load_tube(changed("held", with_entry((0, 0), lambda _: False))))
 
     assert not found.valid
     assert "sample 0" in found.reason
@@ -106,8 +106,8 @@ def test_a_limit_said_not_to_hold_is_refused(changed):
 
 @pytest.mark.slow
 def test_what_is_wrong_in_the_choices_makes_the_set_wider_and_is_refused(changed):
-    assert not verify_tube(changed("chosen", lambda chosen: chosen * 0.9)).valid
-    assert "early" in verify_tube(changed("chosen", lambda chosen: chosen[:-40])).reason
+    assert not verify_tube(load_tube(changed("chosen", lambda chosen: chosen * 0.9))).valid
+    assert "early" in verify_tube(load_tube(changed("chosen", lambda chosen: chosen[:-40]))).reason
 
 
 def in_table(*path, value):
@@ -146,7 +146,7 @@ def test_another_loop_than_the_one_enclosed_is_refused(changed, key, change):
         label = scenario_from(claim_of(path)["scenario"]).plant[0].label
         path = rewritten(path, {}, plant=label)
 
-    assert "is not proven" in verify_tube(path).reason
+    assert "is not proven" in verify_tube(load_tube(path)).reason
 
 
 def test_a_disturbance_that_is_left_out_is_that_of_the_scenario(proven, tmp_path):
@@ -155,7 +155,7 @@ def test_a_disturbance_that_is_left_out_is_that_of_the_scenario(proven, tmp_path
     path = tmp_path / "changed.npz"
 
     rewritten(proven[1], {}, path, scenario=scenario, disturbance_rad_s=None)
-    assert "is not proven" in verify_tube(path).reason
+    assert "is not proven" in verify_tube(load_tube(path)).reason
     rewritten(proven[1], {}, path, scenario=scenario)
     with pytest.raises(InputError, match=r"changed\.npz: `disturbance`.* 0.5 "):
         load_tube(path)
@@ -174,7 +174,7 @@ def test_a_feasible_reference_in_the_file_must_be_that_of_the_scenario(tmp_path)
     again = load_tube(rewritten(path, {"reference": near}, tmp_path / "near.npz"))
 
     assert (again.problem.reference == near).all()
-    assert verify_tube(path).valid
+    assert verify_tube(load_tube(path)).valid
     with pytest.raises(InputError, match=r"far\.npz: `reference`.*1e-05"):
         load_tube(rewritten(path, {"reference": far}, tmp_path / "far.npz"))
 
@@ -201,7 +201,7 @@ def test_a_feasible_reference_in_the_file_must_be_that_of_the_scenario(tmp_path)
 )
 def test_what_is_no_tube_is_refused_in_one_line(changed, name, change, what):
     with pytest.raises(InputError, match=what) as refused:
-        verify_tube(changed(name, change))
+        verify_tube(load_tube(changed(name, change)))
 
     assert "changed.npz: " in str(refused.value)
     assert "\n" not in str(refused.value)
@@ -284,7 +284,7 @@ def test_choices_that_split_the_set_without_end_are_refused(proven, tmp_path):
     endless = np.ones(6_000_000, dtype=np.float32)
     path = rewritten(proven[1], {"chosen": endless}, tmp_path / "changed.npz")
 
-    assert "the choices make the set too large" in verify_tube(path).reason
+    assert "the choices make the set too large" in verify_tube(load_tube(path)).reason
 
 
 def test_a_damaged_file_is_refused(proven, tmp_path):
