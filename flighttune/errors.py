@@ -8,7 +8,6 @@ FlightTuneError
 │   └── OutputError              ... because the file to write cannot be written
 ├── PlantError (RuntimeError)    the simulated aircraft failed
 │   └── TrimError                ... to reach the steady flight asked for
-├── SolverError (RuntimeError)   an optimiser broke down (infeasible is a status)
 └── CampaignError (RuntimeError) a campaign was cut short: its cluster is gone
 """
 
@@ -54,10 +53,6 @@ class PlantError(FlightTuneError, RuntimeError):
 
 class TrimError(PlantError):
     """No steady flight was found at the condition asked for."""
-
-
-class SolverError(FlightTuneError, RuntimeError):
-    """An optimiser broke down; an infeasible problem is a status instead."""
 
 
 class CampaignError(FlightTuneError, RuntimeError):

@@ -44,10 +44,8 @@ class FlightCondition:
 
     def __post_init__(self) -> None:
         check_positive("m/s", V_a=self.V_a)
-        check_finite(h=self.h, chi=self.chi, gamma=self.gamma, phi=self.phi)
+        check_finite(h=self.h, chi=self.chi, gamma=self.gamma, phi=self.phi, n_z=self.n_z)
         check_upright(gamma=self.gamma, phi=self.phi)
-        if self.n_z is not None:
-            check_finite(n_z=self.n_z)
 
     @property
     def n_z_start(self) -> float:

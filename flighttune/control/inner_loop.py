@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from flighttune.arrays import (
     FloatArray,
-    check_at_least,
     check_not_negative,
     check_positive,
     read_only_vector,
@@ -46,8 +45,8 @@ def with_input_lag(model: LinearModel, bandwidths: npt.ArrayLike) -> LinearModel
     return with_inner_loop(model, [InnerLag(order=1, natural_frequency=w) for w in each])
 
 
-def with_input_delay(model: LinearModel, delay: npt.ArrayLike, *, sections: int = 1) -> LinearModel:
-    """The model behind a delay of its inputs, by Pade sections.
+def with_input_delay(model: LinearModel, delay: npt.ArrayLike) -> LinearModel:
+    """The model behind a delay of its inputs, by a Pade section.
 
     A sampled controller with zero-order hold delays its command by half its sample time on
     average; add the time it computes. The delay stands after the command: apply this to a model
@@ -58,30 +57,24 @@ def with_input_delay(model: LinearModel, delay: npt.ArrayLike, *, sections: int 
     model : LinearModel
         n states, m inputs, p errors.
     delay : array_like, shape (m,) or (), s
-        Delay of each input, positive.
-    sections : int
-        Number of first-order Pade sections ``(1 - s h/2) / (1 + s h/2)`` in a row, ``h = delay /
-        sections``; the phase error falls with its square.
+        Delay h of each input, positive: a first-order Pade section ``(1 - s h/2) / (1 + s h/2)``.
 
     Returns
     -------
     LinearModel
-        n + m `sections` states; a section's own state is its command behind a lag of h/2, so that
-        it has the unit of the input.
+        n + m states; a section's own state is its command behind a lag of h/2, so that it has the
+        unit of the input.
 
     Raises
     ------
     ShapeError
         If `delay` is not one number or m of them.
     InputError
-        If a delay is not positive and finite, or `sections` not at least 1.
+        If a delay is not positive and finite.
     """
-    check_at_least(1, sections=sections)
-    each = _one_per_input("delay", delay, len(model.inputs)) / sections
-    for section in range(sections, 0, -1):
-        late = [(np.array([[-2.0 / h]]), np.array([2.0 / h]), [2.0], -1.0) for h in each]
-        model = _behind(model, late, [[f"{name}_delay_{section}"] for name in model.inputs])
-    return model
+    each = _one_per_input("delay", delay, len(model.inputs))
+    late = [(np.array([[-2.0 / h]]), np.array([2.0 / h]), [2.0], -1.0) for h in each]
+    return _behind(model, late, [[f"{name}_delay_1"] for name in model.inputs])
 
 
 # State space A (k, k), B (k,), C (k,), D of what stands between a command and an input.

@@ -14,6 +14,7 @@ from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer, computed_field
 
+from flighttune import quantities as q
 from flighttune.aircraft.aircraft import GAINS_FILE, load_aircraft
 from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag, Order, with_inner_loop
@@ -23,16 +24,6 @@ from flighttune.errors import ScenarioError
 from flighttune.mistakes import abridged, shown, validated
 from flighttune.present.names import columns
 from flighttune.present.tables import Table
-from flighttune.quantities import (
-    Airspeed,
-    Bandwidth,
-    Damping,
-    Delay,
-    Finite,
-    Height,
-    Inclination,
-    TimeConstant,
-)
 from flighttune.shipped import aircraft_folder
 from flighttune.table_file import json_tables, stamp
 from flighttune.units import DEG_PER_RAD, G_0
@@ -61,10 +52,10 @@ class LagTable(_Table):
     """A lag in a file; None for a parameter that its order does not have."""
 
     order: Order
-    natural_frequency_rad_s: Bandwidth
-    damping: Damping | None
-    lag_s: TimeConstant | None
-    delay_s: Delay
+    natural_frequency_rad_s: q.Bandwidth
+    damping: q.Damping | None
+    lag_s: q.TimeConstant | None
+    delay_s: q.Delay
 
     @property
     def lag(self) -> InnerLag:
@@ -94,11 +85,11 @@ class IdentifiedChannel(LagTable):
     """One channel: the identified lag, and how well it fits."""
 
     # %: share of the variance explained on a manoeuvre that was not used for the fit
-    fit_percent: Finite
-    residual: Finite  # 1: root mean square distance between fitted and measured frequency response
+    fit_percent: q.Finite
+    residual: q.Finite  # 1: root mean square distance between fitted and measured response
     # unit of the other channel over that of this one: largest response of the other channel to this
     # one's command over the band
-    cross: Finite
+    cross: q.Finite
     simpler: LagTable  # the best lag of at most second order; the lag itself where that is one
 
     @computed_field
@@ -111,12 +102,12 @@ class IdentifiedChannel(LagTable):
 class IdentifiedCondition(_Table):
     """The inner loop at one flight condition."""
 
-    V_a: Airspeed = Field(alias="V_a_mps")  # m/s: airspeed
+    V_a: q.Airspeed = Field(alias="V_a_mps")  # m/s: airspeed
     # rad: flight-path angle, climb positive
-    gamma: Annotated[Inclination, AfterValidator(math.radians), PlainSerializer(math.degrees)] = (
+    gamma: Annotated[q.Inclination, AfterValidator(math.radians), PlainSerializer(math.degrees)] = (
         Field(alias="gamma_deg")
     )
-    h: Height = Field(alias="h_m")  # m: height above sea level
+    h: q.Height = Field(alias="h_m")  # m: height above sea level
     channels: Annotated[dict[Channel, IdentifiedChannel], Field(min_length=2)]
 
     @property

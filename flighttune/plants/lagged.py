@@ -59,8 +59,9 @@ class LaggedChannel:
         self._responses = lru_cache(MAX_TRANSITIONS)(partial(_responses, lag))
 
     def order(self, t: float, command: float) -> None:
-        """Give a command at time `t` (s); it takes effect after the delay."""
+        """Give a command at time `t` (s), and move there; it takes effect after the delay."""
         self._pending.append((t + self._lag.delay, command))
+        self.move_to(t)
 
     def switches(self, end: float) -> list[float]:
         """Times before `end` (s) at which a command takes effect."""
@@ -143,7 +144,6 @@ class LaggedPlant(WrappedPlant):
         """Fly `duration` seconds with the command held; return why the flight ended, if it did."""
         for channel, command in zip(self._channels, (phi_cmd, n_z_cmd), strict=True):
             channel.order(self._t, command)
-            channel.move_to(self._t)
         end = self._t + duration
         switches = {t for channel in self._channels for t in channel.switches(end)}
         for until in [*sorted(switches), end]:

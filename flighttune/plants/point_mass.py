@@ -208,9 +208,11 @@ class PointMassPlant:
         self._command = (phi_cmd, n_z_cmd)
         for channel, command in zip(self._channels, self._command, strict=False):
             channel.order(self._t, command)
-            channel.move_to(self._t)
         end = self._t + duration
-        for instant in self._breaks(end):
+        # Between these instants commands and slope of the wind are constant.
+        inside = set(self._wind.knots(self._t, end)) if self._windy else set[float]()
+        inside.update(*(channel.switches(end) for channel in self._channels))
+        for instant in [*sorted(inside), end]:
             self._fly_to(instant)
             stop = self._stop()
             if stop is not None:
@@ -232,13 +234,6 @@ class PointMassPlant:
                 "straight up or down there is no course.",
             )
         return None
-
-    def _breaks(self, end: float) -> list[float]:
-        """Instants up to `end` between which commands and slope of the wind are constant."""
-        inside = set(self._wind.knots(self._t, end)) if self._windy else set[float]()
-        for channel in self._channels:
-            inside.update(channel.switches(end))
-        return [*sorted(inside), end]
 
     def _fly_to(self, end: float) -> None:
         # Without the 1e-9, rounding would add a step to a duration of whole steps.

@@ -50,8 +50,9 @@ def test_first_order_without_delay_is_the_plain_input_lag():
 
 @pytest.mark.parametrize("sections", [1, 2, 4])
 def test_a_delay_is_all_pass_and_its_phase_error_falls_with_the_sections(sections):
-    omega, delay = 2.0, np.array([0.1, 0.3])
-    delayed = with_input_delay(MODEL, delay, sections=sections)
+    omega, delay, delayed = 2.0, np.array([0.1, 0.3]), MODEL
+    for _ in range(sections):
+        delayed = with_input_delay(delayed, delay / sections)
 
     ratio = np.diag(response(delayed, 1j * omega)) / np.diag(response(MODEL, 1j * omega))
 
@@ -114,7 +115,6 @@ def test_a_lag_counts_by_the_turn_it_causes():
         (lambda: with_input_lag(MODEL, [4.0, 0.0]), InputError, "`bandwidths` must be positive"),
         (lambda: with_input_lag(MODEL, [4.0] * 3), ShapeError, "`bandwidths` must have shape"),
         (lambda: with_input_delay(MODEL, -0.1), InputError, "`delay` must be positive"),
-        (lambda: with_input_delay(MODEL, 0.1, sections=0), InputError, "`sections` must be at"),
     ],
 )
 def test_impossible_lags_are_refused(call, error, message):

@@ -20,6 +20,7 @@ from flighttune.plants.jsbsim.model_files import (
     missing_parts,
     model_folders,
     source_folders,
+    unchanged,
 )
 
 # ICAO standard atmosphere: K/m, K, Pa and g/(R L).
@@ -79,7 +80,7 @@ class Fdm:
         check_loads(config)
         self.config = config
         # Systems of the model itself may have a memory.
-        self.own_flight_control = has_flight_control(config)
+        self.own_flight_control = has_flight_control(unchanged(config))
         self.ground = ground
         self.steps = steps
         self.rate = config.inner_loop_rate * steps  # integration steps a second

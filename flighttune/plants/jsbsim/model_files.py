@@ -176,31 +176,32 @@ def missing_parts(config: AircraftConfig, said: str) -> list[str]:
     ]
 
 
-def model_hash(config: AircraftConfig) -> str:
-    """Hash of an aircraft's model, and of what its file says about surfaces and engines.
-
-    Raises PlantError if the main file cannot be read.
-    """
-    return _hash(Unchanged(config, (config.fingerprint, stamps(file_tree(config)))))
-
-
-def has_flight_control(config: AircraftConfig) -> bool:
-    """Whether an aircraft's model has systems of its own, which may have a memory."""
-    return _has_flight_control(Unchanged(config, stamps(file_tree(config))))
-
-
-@lru_cache(maxsize=256)
-def _has_flight_control(what: "Unchanged") -> bool:
-    root = main_root(what.config)
-    return any(root.find(tag) is not None for tag in ("flight_control", "autopilot", "system"))
-
-
 @dataclass(frozen=True, slots=True)
 class Unchanged:
     """An aircraft as the key of a cache: equal to itself while `key` stays the same."""
 
     config: AircraftConfig = field(compare=False)
     key: Hashable
+
+
+def unchanged(config: AircraftConfig, *further: Hashable) -> Unchanged:
+    """An aircraft as the key of a cache, for as long as its files and `further` do not change."""
+    return Unchanged(config, (config.fingerprint, stamps(file_tree(config)), *further))
+
+
+@lru_cache(maxsize=256)
+def has_flight_control(what: Unchanged) -> bool:
+    """Whether an aircraft's model has systems of its own, which may have a memory."""
+    root = main_root(what.config)
+    return any(root.find(tag) is not None for tag in ("flight_control", "autopilot", "system"))
+
+
+def model_hash(config: AircraftConfig) -> str:
+    """Hash of an aircraft's model, and of what its file says about surfaces and engines.
+
+    Raises PlantError if the main file cannot be read.
+    """
+    return _hash(unchanged(config))
 
 
 @lru_cache(maxsize=256)
@@ -277,8 +278,7 @@ def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str:
     off = config.off_nominal or _NOMINAL
     # Values are filled in behind the cache: dispersed flights share one template.
     factors = (off.loaded, *off.scaled, *off.coefficient_factors)
-    key = (config.model, config.fingerprint, factors, stamps(file_tree(config)))
-    template, balance = _template(Unchanged(config, key), weigh, steps)
+    template, balance = _template(unchanged(config, config.model, factors), weigh, steps)
     coefficients = {f"{COEFFICIENT}{name}": by for name, by in off.coefficient_factors.items()}
     values = coefficients | off.scaled | {"actuator_rate": 1.0 / off.actuator_lag_factor}
     return filled(template, values | balance.values(off) if balance else values)
@@ -343,7 +343,7 @@ def check_loads(config: AircraftConfig) -> None:
     """
     if is_trusted(config.folder) or not sys.executable:
         return
-    how = _end_of_trial(Unchanged(config, stamps(file_tree(config))))
+    how = _end_of_trial(unchanged(config))
     if how:
         raise PlantError(f"{source_folders(config).file}: JSBSim must load it, but {how}.")
 

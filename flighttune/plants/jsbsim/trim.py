@@ -304,11 +304,8 @@ class _TrimProblem:
         def left_over(six: FloatArray) -> FloatArray:
             return self.residuals(np.append(six, throttle))
 
-        def unbalanced(six: FloatArray) -> FloatArray:
-            return left_over(six)[1:]
-
-        at, widths = start[:-1], self.widths[:-1]
-        six = interior_root(unbalanced, at, bounds, widths=widths, enough=self.enough)
+        at, widths, enough = start[:-1], self.widths[:-1], self.enough
+        six = interior_root(lambda x: left_over(x)[1:], at, bounds, widths=widths, enough=enough)
         if six is None:
             six = _least_squares(left_over, at, bounds)
         return np.append(six, throttle)

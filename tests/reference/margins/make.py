@@ -81,7 +81,7 @@ def main():
     rng = np.random.default_rng(0)
     paper = kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
     lagged = with_input_lag(paper, (4.0, 8.0))
-    delayed = with_input_delay(lagged, 0.05, sections=2)
+    delayed = with_input_delay(with_input_delay(lagged, 0.025), 0.025)
     family = paper_family()
     cases = {
         "paper": case(paper, family["paper"].K),
