@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias
 
 import numpy as np
 
-from flighttune.arrays import FloatArray, read_only_matrix, read_only_vector
+from flighttune.arrays import FloatArray, set_read_only
 from flighttune.errors import InputError
 
 NED: TypeAlias = tuple[float, float, float]
@@ -39,18 +39,15 @@ class WindRecord:
     _pieces: tuple[WindPiece, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        t = read_only_vector("t", self.t)
-        wind = read_only_matrix("wind", self.wind, (len(t), len(WIND)))
-        if not (len(t) and (np.diff(t) > 0.0).all()):
+        set_read_only(self, t=(len(self.t),), wind=(len(self.t), len(WIND)))
+        if not (len(self.t) and (np.diff(self.t) > 0.0).all()):
             raise InputError("`t` of a wind record must rise from sample to sample.")
-        times, rates = t.tolist(), np.zeros_like(wind)
-        rates[:-1] = np.diff(wind, axis=0) / np.diff(t)[:, None]
-        pieces = zip(times, map(tuple, wind.tolist()), map(tuple, rates.tolist()), strict=True)
-        first = (times[0], tuple(wind[0].tolist()), CALM)
-        object.__setattr__(self, "t", t)
-        object.__setattr__(self, "wind", wind)
+        times, rates = self.t.tolist(), np.zeros_like(self.wind)
+        rates[:-1] = np.diff(self.wind, axis=0) / np.diff(self.t)[:, None]
+        winds = self.wind.tolist()
+        pieces = zip(times, map(tuple, winds), map(tuple, rates.tolist()), strict=True)
         object.__setattr__(self, "_times", times)
-        object.__setattr__(self, "_pieces", (first, *pieces))
+        object.__setattr__(self, "_pieces", ((times[0], tuple(winds[0]), CALM), *pieces))
 
     @classmethod
     def steady(cls, *, north: float = 0.0, east: float = 0.0, down: float = 0.0) -> "WindRecord":

@@ -397,10 +397,9 @@ class Tube:
 
     def held_intervals(self, channel: int) -> list[tuple[float, float]]:
         """Intervals, s, in which a limit can hold the command of a channel."""
-        edges = np.diff(np.concatenate([[False], self.can_limit[:, channel], [False]]).astype(int))
-        begins, ends = np.flatnonzero(edges > 0), np.flatnonzero(edges < 0) - 1
-        t = self.bounds.t
-        return [(float(t[a]), float(t[b])) for a, b in zip(begins, ends, strict=True)]
+        t, limited = self.bounds.t.tolist(), self.can_limit[:, channel].astype(int)
+        edges = np.flatnonzero(np.diff(limited, prepend=0, append=0))
+        return [(t[a], t[b - 1]) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def bounds_of(t: FloatArray, pairs: FloatArray) -> Bounds:
