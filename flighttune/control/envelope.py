@@ -74,12 +74,10 @@ class Envelope:
         return np.array([getattr(self, name) for name in RANGES])
 
     @classmethod
-    def at(
-        cls, *, V_a: float, gamma: float, phi: float = 0.0, n_z: float | None = None
-    ) -> "Envelope":
-        """The envelope of a single condition; n_z by default the steady cos(gamma)/cos(phi)."""
-        n_z = math.cos(gamma) / math.cos(phi) if n_z is None else n_z
-        return cls(V_a=(V_a, V_a), gamma=(gamma, gamma), phi=(phi, phi), n_z=(n_z, n_z))
+    def at(cls, *, V_a: float, gamma: float) -> "Envelope":
+        """The envelope of steady wings-level flight alone."""
+        n_z = math.cos(gamma)
+        return cls(V_a=(V_a, V_a), gamma=(gamma, gamma), phi=(0.0, 0.0), n_z=(n_z, n_z))
 
     def scaled(self, trim: "Envelope", factor: float) -> "Envelope":
         """Every end moved to ``trim + factor (end - trim)``.

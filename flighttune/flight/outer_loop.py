@@ -230,7 +230,7 @@ def trim_and_envelope(scenario: Scenario) -> tuple[Envelope, Envelope]:
             f"claim over an envelope, got one with the states {', '.join(states)}."
         )
     _, gamma = scenario.followed().initial
-    trim = Envelope.at(V_a=scenario.flight.V_a_mps, gamma=gamma, phi=0.0, n_z=math.cos(gamma))
+    trim = Envelope.at(V_a=scenario.flight.V_a_mps, gamma=gamma)
     envelope = scenario.envelope.envelope()
     if not envelope.contains(trim):
         raise ScenarioError(

@@ -10,6 +10,7 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
+from flighttune.control.limits import Limits
 from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
 from flighttune.tuning.program import Program, stabilising_starts
 from flighttune.tuning.result import Assessment, assessment, is_feasible
@@ -102,13 +103,17 @@ def _smallest_factor(
 
 
 def _relaxed(problem: TuningProblem, groups: Sequence[str], factor: float) -> TuningProblem:
-    """The problem with some of its limits multiplied."""
-    inputs = problem.model.inputs
-    factors = [
-        np.array([factor if f"{name}{kind}" in groups else 1.0 for name in inputs])
-        for kind in ("", "_rate")
-    ]
-    return problem.relaxed(*factors)
+    """The problem with some of its limits multiplied; inf drops a limit."""
+    if problem.limits is None:
+        return problem
+    limits = {}
+    for end in ("lower", "upper", "rate_lower", "rate_upper"):
+        kind = "_rate" if end.startswith("rate") else ""
+        chosen = np.array([f"{name}{kind}" in groups for name in problem.model.inputs])
+        bound = getattr(problem.limits, end)
+        dropped = -math.inf if end.endswith("lower") else math.inf
+        limits[end] = np.where(chosen, dropped if math.isinf(factor) else factor * bound, bound)
+    return replace(problem, limits=Limits(**limits))
 
 
 def _use(space: SearchSpace, gains: Assessment | None) -> dict[str, float]:

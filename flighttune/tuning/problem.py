@@ -1,13 +1,13 @@
 """The tuning problem, one for every optimiser, and the space of its free gains."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, Floats, check_not_negative, read_only_vector
+from flighttune.arrays import FloatArray, check_not_negative, read_only_vector
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loops
@@ -152,24 +152,6 @@ class TuningProblem:
     def largest_errors(self, K: FloatArray) -> FloatArray:
         """`largest_errors` of the loops that gains K (shape (..., m, 2p)) close, shape (..., p)."""
         return largest_errors(closed_loops(self.model, K), errors=len(self.model.errors))
-
-    def relaxed(self, factor: Floats, rate_factor: Floats) -> "TuningProblem":
-        """The problem with limits times factors, one number or m of them; inf drops a limit."""
-        if self.limits is None:
-            return self
-        limits = Limits(
-            lower=-_relaxed(-self.limits.lower, factor),
-            upper=_relaxed(self.limits.upper, factor),
-            rate_lower=-_relaxed(-self.limits.rate_lower, rate_factor),
-            rate_upper=_relaxed(self.limits.rate_upper, rate_factor),
-        )
-        return replace(self, limits=limits)
-
-
-def _relaxed(bound: FloatArray, factor: Floats) -> FloatArray:
-    """`bound` times `factor`; none at all where either is infinite."""
-    with np.errstate(invalid="ignore"):
-        return np.where(np.isinf(bound) | np.isinf(factor), np.inf, bound * factor)
 
 
 def decoupled(model: LinearModel) -> FloatArray:

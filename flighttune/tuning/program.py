@@ -23,7 +23,7 @@ COSTS = {
     "I_K": (2.0, -1.0, -1.0, 0.0),
     "factor": (0.0, 0.0, 0.0, 1.0),
 }
-FREE = np.zeros(4)
+NO_COST = np.zeros(4)
 
 SMALLEST_FACTOR = 1e-6
 
@@ -177,7 +177,7 @@ class Program:
             J, slope = quadratic_cost(self._problem, self.space.K(k))
             if not math.isfinite(J):
                 return UNSTABLE_LOG, np.zeros(len(z))
-            return math.log(J), np.append(slope[self.space.free] / J, FREE)
+            return math.log(J), np.append(slope[self.space.free] / J, NO_COST)
         if self._objective != "trace":
             slope = np.array([*np.zeros(len(k)), *COSTS[self._objective]])
             return float(slope @ z), slope
@@ -186,7 +186,7 @@ class Program:
         eigenvalues = np.exp(logs[0])
         # slopes are those of log(lambda_i): d(sum lambda) = sum lambda_i d(log lambda_i).
         in_k = eigenvalues @ slopes[0] / eigenvalues.sum()
-        return math.log(eigenvalues.sum()), np.append(in_k, FREE)
+        return math.log(eigenvalues.sum()), np.append(in_k, NO_COST)
 
     def room(self, z: FloatArray) -> FloatArray:
         """Slack of the bounds on the spectra, shape (3 n,)."""

@@ -20,7 +20,7 @@ from flighttune.tuning.tune import tune
 
 BINDING = 1e-5
 SLOPES = 1e-4
-LEVEL = Envelope.at(V_a=25.0, gamma=0.0, phi=0.0, n_z=1.0)
+LEVEL = Envelope.at(V_a=25.0, gamma=0.0)
 
 
 @pytest.fixture(scope="module")
