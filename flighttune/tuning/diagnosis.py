@@ -70,7 +70,7 @@ def diagnosis(problem: TuningProblem, *, starts: int = STARTS) -> Diagnosis:
 def _limit_diagnosis(
     problem: TuningProblem, name: str, k: FloatArray, use: float
 ) -> dict[str, Any]:
-    without = smallest_radius(_relaxed(problem, (name,), math.inf), k)
+    without = smallest_radius(relaxed(problem, (name,), math.inf), k)
     alone = math.inf
     if without is not None and without.I_K <= problem.I_star:
         free = search_space(problem).free
@@ -95,14 +95,14 @@ def _smallest_factor(
     task = Program([problem], "factor", relaxable=relaxable)
     best: tuple[float, Assessment | None] = (math.inf, None)
     for gains, factor in zip(*task.descend(k), strict=True):
-        relaxed = _relaxed(problem, groups, factor)
-        measured = assessment(relaxed, space.K(gains))
-        if factor < best[0] and is_feasible(relaxed, measured):
+        wider = relaxed(problem, groups, factor)
+        measured = assessment(wider, space.K(gains))
+        if factor < best[0] and is_feasible(wider, measured):
             best = float(factor), measured
     return best
 
 
-def _relaxed(problem: TuningProblem, groups: Sequence[str], factor: float) -> TuningProblem:
+def relaxed(problem: TuningProblem, groups: Sequence[str], factor: float) -> TuningProblem:
     """The problem with some of its limits multiplied; inf drops a limit."""
     if problem.limits is None:
         return problem

@@ -7,6 +7,8 @@ from flighttune.control.limits import Limits
 from flighttune.control.linear_model import kinematic_model
 from flighttune.tuning.problem import TuningProblem
 
+ALL_LIMITS = ("phi", "n_z", "phi_rate", "n_z_rate")
+
 
 @pytest.fixture(scope="session")
 def model():

@@ -6,8 +6,10 @@ import pytest
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import LinearModel, closed_loops
 from flighttune.theory.indicators import indicators, indicators_batch
+from flighttune.tuning.diagnosis import relaxed
 from flighttune.tuning.problem import TuningProblem, decoupled
 from flighttune.tuning.tune import convex_starts, state_feedback, tune
+from tests.tuning.conftest import ALL_LIMITS
 
 SAME_OPTIMUM = 1e-6
 SOLVER = 1e-5
@@ -18,7 +20,7 @@ SOLVER = 1e-5
 def test_the_convex_start_leads_to_the_optimum_of_the_random_ones(model, printed, factor):
     problem = TuningProblem(model=model, I_star=5.0)
     if factor is not None:
-        problem = printed.relaxed(factor, factor)
+        problem = relaxed(printed, ALL_LIMITS, factor)
 
     convex, drawn = tune(problem, "convex"), tune(problem)
 

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flighttune.tuning.diagnosis import diagnosis
+from flighttune.tuning.diagnosis import diagnosis, relaxed
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.tune import tune
+from tests.tuning.conftest import ALL_LIMITS
 
 pytestmark = pytest.mark.slow
 
@@ -23,8 +24,8 @@ def test_the_printed_problem_needs_between_5_5_and_6_times_its_limits(printed, p
     factor = printed_diagnosis.common_factor
 
     assert 5.5 < factor < 6.0
-    assert tune(printed.relaxed(ABOVE * factor, ABOVE * factor)).status == "optimal"
-    assert tune(printed.relaxed(BELOW * factor, BELOW * factor)).status == "infeasible"
+    assert tune(relaxed(printed, ALL_LIMITS, ABOVE * factor)).status == "optimal"
+    assert tune(relaxed(printed, ALL_LIMITS, BELOW * factor)).status == "infeasible"
     assert printed_diagnosis.binding == ("phi_rate_min",)
 
 
@@ -38,7 +39,7 @@ def test_the_roll_rate_limit_is_the_one_worth_relaxing(printed, printed_diagnosi
 
     assert worst["name"] == "phi_rate"
     assert worst["use"] == pytest.approx(printed_diagnosis.common_factor, rel=1e-6)
-    dropped = tune(printed.relaxed(1.0, np.array([np.inf, 1.0])))
+    dropped = tune(relaxed(printed, ("phi_rate",), np.inf))
     assert dropped.smallest_I_K == pytest.approx(worst["smallest_I_K_without"], rel=1e-6)
     assert {one["name"] for one in printed_diagnosis.limits} == {
         "phi",
@@ -50,7 +51,7 @@ def test_the_roll_rate_limit_is_the_one_worth_relaxing(printed, printed_diagnosi
 
 
 def test_a_single_limit_in_the_way_has_a_factor_of_its_own(printed):
-    generous = printed.relaxed(20.0, np.array([1.0, 20.0]))
+    generous = relaxed(printed, ("phi", "n_z", "n_z_rate"), 20.0)
 
     found = diagnosis(generous)
 
@@ -58,7 +59,7 @@ def test_a_single_limit_in_the_way_has_a_factor_of_its_own(printed):
     assert worst["name"] == "phi_rate"
     assert worst["factor_alone"] == pytest.approx(found.common_factor, rel=1e-6)
     for factor, status in ((ABOVE, "optimal"), (BELOW, "infeasible")):
-        one = generous.relaxed(1.0, np.array([factor * worst["factor_alone"], 1.0]))
+        one = relaxed(generous, ("phi_rate",), factor * worst["factor_alone"])
         assert tune(one).status == status
 
 

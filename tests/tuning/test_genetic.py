@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from flighttune.tuning.diagnosis import relaxed
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.tune import tune, tune_by_evolution
+from tests.tuning.conftest import ALL_LIMITS
 
 pytestmark = pytest.mark.slow
 
@@ -24,7 +26,7 @@ def test_evolution_ends_just_below_the_gradient_method(model):
 
 @pytest.mark.soak
 def test_evolution_keeps_the_input_limits_too(printed):
-    problem = printed.relaxed(7.0, 7.0)
+    problem = relaxed(printed, ALL_LIMITS, 7.0)
 
     evolved, descended = tune(problem, "genetic"), tune(problem)
 

@@ -10,8 +10,10 @@ from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import closed_loop, closed_loops
 from flighttune.errors import InputError
 from flighttune.theory.indicators import indicators, indicators_batch
+from flighttune.tuning.diagnosis import relaxed
 from flighttune.tuning.problem import TuningProblem, decoupled, search_space
 from flighttune.tuning.tune import tune
+from tests.tuning.conftest import ALL_LIMITS
 
 FIFTH_DIGIT = 1e-5
 THIRD_DIGIT = 1e-3
@@ -80,14 +82,14 @@ def test_the_printed_limits_are_infeasible_and_the_binding_ones_are_named(printe
 @pytest.mark.slow
 @pytest.mark.parametrize(("factor", "R_K"), [(7.0, 0.526), (8.0, 0.540)])
 def test_relaxed_limits_cost_what_they_are_known_to(printed, factor, R_K):
-    relaxed = printed.relaxed(factor, factor)
+    wider = relaxed(printed, ALL_LIMITS, factor)
 
-    found = tune(relaxed)
+    found = tune(wider)
 
     assert found.status == "optimal"
     assert found.R_K == pytest.approx(R_K, abs=5e-4)
     assert found.I_K <= 5.0
-    assert search_space(relaxed).slack(found.gains.K.ravel()).min() >= 0.0
+    assert search_space(wider).slack(found.gains.K.ravel()).min() >= 0.0
 
 
 def test_gains_tuned_for_the_lag_are_well_damped_where_the_papers_are_not(model):
@@ -159,7 +161,7 @@ def test_a_loop_that_cannot_be_stabilised_is_a_failure_with_a_reason(model, with
 @pytest.mark.slow
 @pytest.mark.parametrize("method", ["gradient", "convex"])
 def test_the_same_problem_gives_the_same_bits(printed, method):
-    first, second = (tune(printed.relaxed(7.0, 7.0), method) for _ in range(2))
+    first, second = (tune(relaxed(printed, ALL_LIMITS, 7.0), method) for _ in range(2))
 
     assert np.array_equal(first.gains.K, second.gains.K)
 

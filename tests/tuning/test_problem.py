@@ -8,6 +8,7 @@ from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import closed_loops
 from flighttune.errors import InputError, ShapeError
+from flighttune.tuning.diagnosis import relaxed
 from flighttune.tuning.problem import TuningProblem, decoupled, search_space
 from flighttune.tuning.program import stabilising_starts
 
@@ -70,10 +71,10 @@ def test_starts_are_stable_inside_the_bounds_and_the_same_for_one_seed(model, se
 
 
 def test_relaxed_limits_are_multiplied_by_their_factors(printed):
-    relaxed = printed.relaxed(2.0, np.array([3.0, 1.0]))
+    wider = relaxed(relaxed(printed, ("phi", "n_z"), 2.0), ("phi_rate",), 3.0)
 
-    assert relaxed.limits.upper == pytest.approx([np.pi / 2.0, 4.2])
-    assert relaxed.limits.rate_lower == pytest.approx([-np.pi / 2.0, -1.0])
+    assert wider.limits.upper == pytest.approx([np.pi / 2.0, 4.2])
+    assert wider.limits.rate_lower == pytest.approx([-np.pi / 2.0, -1.0])
 
 
 @pytest.mark.parametrize(

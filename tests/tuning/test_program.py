@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from flighttune.control.inner_loop import with_input_lag
+from flighttune.tuning.diagnosis import relaxed
 from flighttune.tuning.problem import TuningProblem, decoupled, search_space
 from flighttune.tuning.program import Program, stabilising_starts
 from flighttune.tuning.tune import searches
+from tests.tuning.conftest import ALL_LIMITS
 
 STEP = 1e-5
 TRUNCATION = 1e-6
@@ -52,7 +54,7 @@ def test_coupled_gains_are_never_worse_than_decoupled_ones(model, seed):
 
 
 def test_starts_outside_the_limits_end_inside_where_there_is_room(printed):
-    problem = printed.relaxed(7.0, 7.0)
+    problem = relaxed(printed, ALL_LIMITS, 7.0)
     space = search_space(problem)
     k = stabilising_starts(problem, space, 12)
     outside = k[space.slack(k).min(axis=1) < 0.0]
