@@ -37,8 +37,8 @@ FACTOR_TOLERANCE = 1e-3
 # An envelope is not grown beyond this
 LARGEST_FACTOR = 64.0
 
-# Points of a curve of rates, and its largest factor
-SAMPLES, UP_TO = 41, 2.0
+# Points of a curve of rates
+SAMPLES = 41
 
 # Accuracy of the largest factor: any closer, the rate is lost in that of the solver
 END_SHOWN = 0.995
@@ -256,18 +256,18 @@ def _check_contains(envelope: Envelope, trim: Envelope) -> None:
 
 
 def rate_curve(
-    gains: PIGains, envelope: Envelope, trim: Envelope, *, g: float
+    gains: PIGains, envelope: Envelope, trim: Envelope, *, g: float, up_to: float = 2.0
 ) -> tuple[FloatArray, FloatArray]:
-    """The certified rate (1/s) from the trim alone up to `UP_TO` times an envelope.
+    """The certified rate (1/s) from the trim alone up to a multiple of an envelope.
 
     `g` (m/s^2). `envelope`, `trim`: the envelope at factor one, and the condition it is scaled
-    about. Returns factors and rates, shape (k,); the last rate is 0 where no common Q is found any
-    more. Raises InputError if the trim is not inside the envelope.
+    about. `up_to`: largest factor sampled. Returns factors and rates, shape (k,); the last rate is
+    0 where no common Q is found any more. Raises InputError if the trim is not inside the envelope.
     """
     end = largest_factor(gains, envelope, trim, g=g)
-    factors = np.linspace(0.0, END_SHOWN * end if end < UP_TO else UP_TO, SAMPLES)
+    factors = np.linspace(0.0, END_SHOWN * end if end < up_to else up_to, SAMPLES)
     rates = [envelope_rate(gains, envelope.scaled(trim, factor), g=g).R for factor in factors]
-    if end < UP_TO:
+    if end < up_to:
         factors, rates = np.append(factors, end), [*rates, 0.0]
     return factors, np.array(rates)
 

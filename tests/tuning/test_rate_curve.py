@@ -6,7 +6,6 @@ import pytest
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.linear_model import closed_loop
 from flighttune.theory.indicators import indicators
-from flighttune.tuning import envelope
 from flighttune.tuning.envelope import rate_curve
 from tests.tuning.test_tune_over_envelope import MODERATE, TRIM, TUNED, G
 
@@ -17,12 +16,10 @@ SOLVER = 1e-5
 
 @pytest.fixture(scope="module")
 def curves():
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(envelope, "UP_TO", 1.2)
-        return {
-            name: rate_curve(gains, MODERATE, TRIM, g=G)
-            for name, gains in (("paper", PAPER_GAINS), ("tuned", TUNED))
-        }
+    return {
+        name: rate_curve(gains, MODERATE, TRIM, g=G, up_to=1.2)
+        for name, gains in (("paper", PAPER_GAINS), ("tuned", TUNED))
+    }
 
 
 def test_a_curve_starts_at_the_trims_own_rate_and_falls(model, curves):
