@@ -117,7 +117,7 @@ def test_no_gains_nearby_are_better(model, tuned):
 
     nearby = [point(problem, models, k + step) for step in sizes * rng.normal(size=(150, 8))]
 
-    feasible = [one.R for one in nearby if one is not None]
+    feasible = [one.common.R for one in nearby if one is not None]
     assert len(feasible) > 10
     assert max(feasible) < (1.0 + LOCAL) * tuned.R
 
