@@ -14,7 +14,7 @@ import numpy as np
 import flighttune as ft
 from flighttune.flight.fly import plant_of
 from flighttune.flight.outer_loop import gain_sets, law_setup
-from flighttune.routes.follow import LEAD_S, RouteReference
+from flighttune.routes.follow import RouteReference
 from flighttune.simulate.loop import simulate
 
 WIDEST = 8.0
@@ -88,17 +88,7 @@ class L1(VectorField):
         return sample._replace(chi=chi, chi_dot=rate, planned=planned)
 
 
-class RateAhead(VectorField):
-    """The package's, with the course rate of the curvature `LEAD_S` ahead."""
-
-    def turned(self, _m, sample, along, _e_y, _L):
-        path, distances = self.route.path, (along, along + self.V_g * LEAD_S)
-        here, there = np.interp(distances, path.s, path.curvature)
-        return sample._replace(chi_dot=sample.chi_dot + (there - here) * self.V_g)
-
-
 GUIDANCE = {"look-ahead": None, "vector field": VectorField, "NPFG": NPFG, "L1": L1}
-GUIDANCE |= {"look-ahead, rate ahead": RateAhead}
 
 
 def flown(

@@ -110,7 +110,8 @@ class Follower:
     and path angle are as asked, ``e_y' = -V_g sin(arctan(e_y / L))``: the distance shrinks like
     ``exp(-t / T)`` once it is small against L (T. Fossen, *Handbook of Marine Craft Hydrodynamics
     and Motion Control*, look-ahead-based steering). The rates of the reference are those of this
-    motion, and the roll planned is that of the curvature `LEAD_S` ahead at the speed over ground.
+    motion, with the curvature `LEAD_S` ahead, as roll lags. The roll planned is that of the same
+    curvature at the speed over ground, and the load factor that of the change of the climb.
     """
 
     def __init__(self, reference: RouteReference, dt: float, h_0: float) -> None:
@@ -155,14 +156,15 @@ class Follower:
             behind = wind[0] * math.cos(chi) + wind[1] * math.sin(chi)
             crab = max((V_g - behind) / (V_a * math.cos(gamma)), NEAREST)
         next_curvature = self._column(_CURVATURE, s + V_g * LEAD_S)
+        lift = math.cos(gamma_ref) + V_g * bend * forward / self._g
         sample = (
             course - math.atan(side),
             gamma_ref,
-            curvature * forward - aside / (L * (1.0 + side * side)),
+            next_curvature * forward - aside / (L * (1.0 + side * side)),
             bend * forward + sinking / (L * (1.0 + below * below)),
             (
                 math.atan(next_curvature * V_g * V_g / (self._g * crab)),
-                math.cos(gamma_ref) / math.cos(phi),
+                lift / math.cos(phi),
             ),
         )
         return tuple.__new__(ReferenceSample, sample), (s, e_y, e_h)
