@@ -99,7 +99,7 @@ def count_band(
     followed, over = central.followed(), "time"
     length, per_unit = central.flight.duration_s, central.controller.rate_hz
     if isinstance(followed, RouteReference):
-        over, length, per_unit = "along", followed.path.length, 1.0
+        over, length, per_unit = "along", math.ceil(followed.path.length), 1.0
     edges = window_edges(round(length * per_unit) + 1, flights, len(signals)) / per_unit
     probe = partial(_extremes, signals, edges, predicted_from is not None)
     learned = _flown(pool, plan, probe, range(learn), "learning")

@@ -78,6 +78,8 @@ class Distribution:
             drawn[MAX_NAMED_KEYS - 1 :] = [f"{len(drawn) - MAX_NAMED_KEYS + 1} more keys"]
         keys = ", ".join(drawn) or "nothing"
         air = {"calm": "calm air", "wind": "steady wind"}.get(self.air, f"{self.air} turbulence")
+        if self.windy and self.air not in ("calm", "wind"):
+            air = f"wind and {air}"
         return f'"{self.title}", drawn at random ({keys}) in {air}'
 
     def start_range(self, scenario: Scenario, plant: PlantTable) -> float | None:

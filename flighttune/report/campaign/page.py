@@ -106,10 +106,7 @@ def notes(findings: Findings) -> tuple[str, ...]:
             "are those of independent draws, which is conservative."
         )
     if any(plan.scenario.plant_table(group.plant).aircraft for group in plan.groups):
-        lines.append(
-            "How far an aircraft can be off: flighttune conform CAMPAIGN --out FILE, then "
-            "flighttune tube SCENARIO --conformance FILE."
-        )
+        lines.append("How far an aircraft can be off: flighttune band CAMPAIGN.")
     return tuple(lines)
 
 
