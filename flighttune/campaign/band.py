@@ -29,7 +29,7 @@ from flighttune.guarantee.band import (
     window_edges,
     window_extremes,
 )
-from flighttune.guarantee.bounds import ERRORS, with_columns
+from flighttune.guarantee.bounds import ERRORS, along_route, with_columns
 from flighttune.guarantee.count import fresh_flights
 from flighttune.metrics import OFF_ROUTE
 from flighttune.routes.follow import RouteReference
@@ -268,10 +268,7 @@ def _extremes(
 
 def _axis(run: Run) -> FloatArray:
     """Time of each sample, or its distance along a route."""
-    if "along" not in run.signals:
-        return run.t
-    # the nearest point of a route may go back a little
-    return np.maximum.accumulate(run.signals["along"].to_numpy())
+    return along_route(run) if "along" in run.signals else run.t
 
 
 def _wind(scenario: Scenario) -> Sequence[float]:

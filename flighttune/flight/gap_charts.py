@@ -4,12 +4,12 @@ import numpy as np
 
 from flighttune.errors import InputError
 from flighttune.flight.gap import Gap
-from flighttune.guarantee.bounds import inside_bands
+from flighttune.guarantee.bounds import band_of, inside_bands
 from flighttune.metrics import channel_metrics
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS
 from flighttune.present.palette import INK, LIMIT, NEUTRAL
-from flighttune.simulate.run import BAND_ENDS, run_styles
+from flighttune.simulate.run import run_styles
 from flighttune.units import DEG_PER_RAD
 
 BAR_NAMES = ("paper's\nlaw", "+ exact\nlift", "+ inner\nloop", "+ six\nd.o.f.", "aircraft")
@@ -106,9 +106,8 @@ def bound_chart(gap: Gap, channel: str) -> Chart:
         if f"{signal}_worst" in run.signals:
             worst = run.signals[f"{signal}_worst"].to_numpy() * factor
             chart.line(run.t, worst, LIMIT, dash=DASHED, name="worst flight found in it")
-    band = [f"{signal}{end}" for end in BAND_ENDS]
-    if set(band) <= set(run.signals):
-        low, high = (run.signals[name].to_numpy() * factor for name in band)
+    if (band := band_of(run, signal)) is not None:
+        low, high = band * factor
         inside = "flight inside" if inside_bands([run])[run.label] else "left"
         chart.band(run.t, low, high, NEUTRAL, name=f"counted band, {inside}")
     elif bounds[0] not in run.signals:

@@ -99,6 +99,24 @@ class Bounds:
         return dict(zip(names, ratios.tolist(), strict=True))
 
 
+def band_of(run: Run, signal: str) -> FloatArray | None:
+    """Lower and upper end of the counted band around a signal, shape (2, samples)."""
+    names = [f"{signal}{end}" for end in BAND_ENDS]
+    return run.signals[names].to_numpy().T if {*names} <= {*run.signals} else None
+
+
+def band_along(run: Run, signal: str, s: FloatArray) -> FloatArray | None:
+    """Both ends of the band around a signal at distances along a route (m), shape (2, n)."""
+    if (ends := band_of(run, signal)) is None:
+        return None
+    return np.array([np.interp(s, along_route(run), end) for end in ends])
+
+
+def along_route(run: Run) -> FloatArray:
+    """Distance of each sample along the route, m; its nearest point may go back a little."""
+    return np.maximum.accumulate(run.signals["along"].to_numpy())
+
+
 def inside_bands(runs: Sequence[Run]) -> dict[str, bool]:
     """Whether each run around which a counted band is drawn is inside, by label."""
     inside = {}

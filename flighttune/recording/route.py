@@ -7,13 +7,14 @@ import numpy as np
 import rerun as rr
 
 from flighttune.arrays import FloatArray
+from flighttune.guarantee.bounds import band_along
 from flighttune.metrics import OFF_ROUTE
 from flighttune.present.palette import NEUTRAL, rgb
 from flighttune.present.thinning import evenly, peaks
 from flighttune.recording.entities import ALONG, MAP, ROUTE, TRUE_SIZE, DrawnRun, on_screen, times
 from flighttune.recording.plots import positions
 from flighttune.recording.scene import GROUND_COLOUR, dashes, log_aircraft, round_below, span_of
-from flighttune.routes.files import metres_per_degree
+from flighttune.routes.files import on_earth
 from flighttune.routes.follow import RouteReference
 from flighttune.routes.path import Path
 from flighttune.scenario.load import scenario_from
@@ -31,6 +32,7 @@ POINTS = 3000  # points of a line in a chart
 DASHES = 150  # dashes of a band in a chart
 
 GREY = [rgb(NEUTRAL)]
+TO_NED = np.array([1.0, 1.0, -1.0])  # of north, east and up
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,27 +48,13 @@ class DrawnRoute:
         return self.table.origin != (0.0, 0.0)
 
     @property
-    def s(self) -> FloatArray:
-        """Distances along the route at which it is drawn, m."""
-        return np.append(np.arange(0.0, self.path.length, APART), self.path.length)
-
-    @property
     def points(self) -> FloatArray:
         """North, east and down of the waypoints, shape (n, 3), m."""
         return np.array([[p.north, p.east, -p.up] for p in self.table.waypoints()])
 
-    def beside(self, s: FloatArray, right: FloatArray, above: FloatArray) -> FloatArray:
-        """North, east and down of points beside the path, shape (n, 3), m."""
-        p = self.path
-        north, east, up, chi = (np.interp(s, p.s, x) for x in (p.north, p.east, p.up, p.course))
-        return np.column_stack(
-            [north - right * np.sin(chi), east + right * np.cos(chi), -up - above]
-        )
-
     def on_earth(self, points: FloatArray) -> FloatArray:
         """Latitude and longitude of points, shape (n, 2), deg."""
-        points = points[evenly(len(points)), :2]
-        return np.array(self.table.origin) + points / metres_per_degree(self.table.origin[0])
+        return on_earth(points[evenly(len(points))], self.table.origin)
 
 
 def route_of(drawn: Sequence[DrawnRun]) -> DrawnRoute | None:
@@ -83,7 +71,7 @@ def route_of(drawn: Sequence[DrawnRun]) -> DrawnRoute | None:
 
 def log_route(stream: rr.RecordingStream, drawn: Sequence[DrawnRun], route: DrawnRoute) -> None:
     """Log path, waypoints, corridors, charts over distance, and a map where the place is known."""
-    path = route.beside(route.s, 0.0 * route.s, 0.0 * route.s)
+    path = route.path.beside(route.path.points(APART)) * TO_NED
     _log(stream, f"{ROUTE}/path", rr.LineStrips3D([path], colors=GREY, radii=on_screen(1.0)))
     names: dict[tuple[float, ...], str] = {}
     for number, point in enumerate(map(tuple, route.points), start=1):  # it may end at its start
@@ -93,7 +81,7 @@ def log_route(stream: rr.RecordingStream, drawn: Sequence[DrawnRun], route: Draw
     for drawn_run in drawn:
         run, frame = drawn_run.run, f"{TRUE_SIZE}/{drawn_run.key}"
         log_aircraft(stream, drawn_run, run.signals, frame, span_of(run))
-        _log_corridor(stream, drawn_run, route)
+        _log_corridor(stream, drawn_run, route.path)
     for signal in OFF_ROUTE:
         _log_chart(stream, signal, drawn, route)
     if route.geographic:
@@ -104,19 +92,18 @@ def _log(stream: rr.RecordingStream, path: str, drawing: rr.AsComponents) -> Non
     stream.log(path, drawing, static=True)
 
 
-def _log_corridor(stream: rr.RecordingStream, drawn_run: DrawnRun, route: DrawnRoute) -> None:
+def _log_corridor(stream: rr.RecordingStream, drawn_run: DrawnRun, path: Path) -> None:
     """Log the band around cross-track and height as a tube about the path, of the run's colour."""
-    signals, folder = drawn_run.run.signals, f"{ROUTE}/corridor/{drawn_run.key}"
-    names = [f"{name}{end}" for name in OFF_ROUTE for end in BAND_ENDS]
-    if not {*names} <= {*signals}:
+    folder = f"{ROUTE}/corridor/{drawn_run.key}"
+    s = path.points(APART)
+    s = s[s <= drawn_run.run.signals["along"].max()]
+    to_sides, below = (band_along(drawn_run.run, name, s) for name in OFF_ROUTE)
+    if to_sides is None or below is None:
         return
-    # The nearest point of a route may go back a little.
-    along = np.maximum.accumulate(signals["along"].to_numpy())
-    s = route.s[route.s <= along[-1]]
-    left, right, high, low = (np.interp(s, along, signals[name].to_numpy()) for name in names)
-    # Seen along the path, clockwise from the upper left. A positive height error is too low.
-    sides = (left, -high), (right, -high), (right, -low), (left, -low)
-    corners = np.stack([route.beside(s, *side) for side in sides], axis=1)
+    (left, right), (high, low) = to_sides, below
+    # Seen along the path, clockwise from the upper left.
+    sides = (left, high), (right, high), (right, low), (left, low)
+    corners = np.stack([path.beside(s, *side) * TO_NED for side in sides], axis=1)
     # A wall from one cross-section to the next is two triangles.
     i, j = (4 * np.arange(len(s) - 1)[:, None] + (np.arange(4) + k) % 4 for k in (0, 1))
     triangles = np.stack([i, j, i + 4, j, j + 4, i + 4], axis=-1).reshape(-1, 3)

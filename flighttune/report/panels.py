@@ -8,7 +8,7 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
 from flighttune.flight.fly import FlownScenario
-from flighttune.guarantee.bounds import band_notes
+from flighttune.guarantee.bounds import band_notes, band_of
 from flighttune.guarantee.flight_check import FlightCheck
 from flighttune.present.chart import DASHED, DOTTED, Chart, Sheet, dashes
 from flighttune.present.names import listed, shown_unit
@@ -17,7 +17,7 @@ from flighttune.present.thinning import MAX_DRAWN
 from flighttune.recording.plots import displayed, limits_of
 from flighttune.routes.follow import ROUTE_SIGNALS
 from flighttune.scenario.load import scenario_from
-from flighttune.simulate.run import BAND_ENDS, SIGNAL_UNITS, TUBE_SIGNALS, Run, run_styles
+from flighttune.simulate.run import SIGNAL_UNITS, TUBE_SIGNALS, Run, run_styles
 from flighttune.units import DEG_PER_RAD
 
 ANGLES = (
@@ -85,7 +85,7 @@ def errors(drawn: Drawn) -> list[Chart]:
         charts.append(_with_runs(chart, drawn, signal))
     shown = {*ROUTE_SIGNALS, *(signal for signal, *_ in ERRORS)}
     for signal in SIGNAL_UNITS:
-        banded = [(run, style) for run, style in drawn if f"{signal}{BAND_ENDS[0]}" in run.signals]
+        banded = [(run, style) for run, style in drawn if band_of(run, signal) is not None]
         if banded and signal not in shown:
             unit, _ = shown_unit(SIGNAL_UNITS[signal])
             chart = over_time(banded, signal, f"{signal} [{unit}]")
@@ -97,11 +97,9 @@ def errors(drawn: Drawn) -> list[Chart]:
 
 def counted_band(chart: Chart, run: Run, x: FloatArray, signal: str) -> None:
     """The band around a signal of a run, grey with an edge, if there is one."""
-    ends = [f"{signal}{end}" for end in BAND_ENDS]
-    if not set(ends) <= set(run.signals):
+    if (ends := band_of(run, signal)) is None:
         return
-    _, factor = shown_unit(SIGNAL_UNITS[signal])
-    low, high = (factor * run.signals[end].to_numpy() for end in ends)
+    low, high = shown_unit(SIGNAL_UNITS[signal])[1] * ends
     chart.band(x, low, high, NEUTRAL, run=run.label, name="counted band")
     for edge in (low, high):
         chart.line(x, edge, NEUTRAL, run=run.label, dash=DOTTED, width=1.2, hover=False)

@@ -1,9 +1,9 @@
 """Charts of a route: a map, and height and distances from it along the way."""
 
 import numpy as np
-import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
+from flighttune.guarantee.bounds import band_along
 from flighttune.present.chart import Chart
 from flighttune.present.palette import INK, NEUTRAL
 from flighttune.report.panels import Drawn, counted_band, most_points
@@ -11,7 +11,6 @@ from flighttune.routes.follow import RouteReference
 from flighttune.routes.path import Path
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
-from flighttune.simulate.run import BAND_ENDS
 
 ERRORS = (
     ("cross_track", "To the right of the route", "e_y [m]"),
@@ -23,8 +22,8 @@ ROW_HEIGHT, MAP_HEIGHT = 150.0, 510.0
 
 ALONG, KM = "along the route [km]", 1000.0
 
-# Points of the corridor's edges.
-EDGE_POINTS = 2000
+# Distance between points of the corridor's edges, m.
+APART = 10.0
 
 # Factors on the width of a corridor, and its largest width then as a share of the map.
 WIDER, SEEN = (2, 5, 10, 20, 50, 100), 0.02
@@ -51,13 +50,12 @@ def _map(drawn: Drawn, path: Path) -> Chart:
     chart = Chart(title="Map", x="east [m]", y="north [m]", equal=True, height=MAP_HEIGHT)
     flown = path.s <= path.length
     east, north = path.east[flown], path.north[flown]
-    at, low, high = _corridor(drawn, path, "cross_track")
-    if len(at):
-        there, sides = np.append(at, at[::-1]), np.append(low, high[::-1])
+    s = path.points(APART)
+    if (corridor := _corridor(drawn, "cross_track", s)) is not None:
+        sides = np.append(corridor[0], corridor[1, ::-1])
         seen = SEEN * max(np.ptp(east), np.ptp(north)) / np.abs(sides).max()
         wider = max((times for times in WIDER if times <= seen), default=1)
-        aside, course = wider * sides, path.course[there]
-        across, up = east[there] + aside * np.cos(course), north[there] - aside * np.sin(course)
+        up, across, _ = path.beside(np.append(s, s[::-1]), wider * sides).T
         name = "corridor" if wider == 1 else f"corridor, drawn {wider} times as wide"
         chart.area(across, up, NEUTRAL, name=name)
     chart.line(east, north, NEUTRAL, name="planned path", width=2.2, most=most)
@@ -94,10 +92,10 @@ def _wind_arrow(chart: Chart, wind: FloatArray) -> None:
 def _height(drawn: Drawn, path: Path) -> Chart:
     """Height over the start along the route, in its corridor; turns have the waypoint's number."""
     chart = _along(path, "Height over the start", "h [m]")
-    at, low, high = _corridor(drawn, path, "height_err")
-    if len(at):
-        s, up = path.s[at] / KM, path.up[at]
-        chart.band(s, up - high, up - low, NEUTRAL, name="corridor")
+    s = path.points(APART)
+    if (corridor := _corridor(drawn, "height_err", s)) is not None:
+        high, low = (path.beside(s, below=end)[:, 2] for end in corridor)
+        chart.band(s / KM, low, high, NEUTRAL, name="corridor")
     chart.line(path.s / KM, path.up, NEUTRAL, name="planned", width=2.2)
     for run, style in drawn:
         along, down = (run.signals[name].to_numpy() for name in ("along", "down"))
@@ -133,18 +131,10 @@ def _along(path: Path, title: str, unit: str) -> Chart:
     return Chart(title=title, x=ALONG, y=unit, x_range=ends, height=ROW_HEIGHT)
 
 
-def _corridor(
-    drawn: Drawn, path: Path, signal: str
-) -> tuple[npt.NDArray[np.intp], FloatArray, FloatArray]:
-    """Points of the path, and the ends of the band of a signal there; empty without a band."""
-    ends = [f"{signal}{end}" for end in BAND_ENDS]
-    for run, _ in drawn:
-        if set(ends) <= set(run.signals):
-            at = np.linspace(0, np.sum(path.s <= path.length) - 1, EDGE_POINTS).astype(np.intp)
-            along = np.maximum.accumulate(run.signals["along"].to_numpy())
-            low, high = (np.interp(path.s[at], along, run.signals[end]) for end in ends)
-            return at, low, high
-    return np.zeros(0, np.intp), np.zeros(0), np.zeros(0)
+def _corridor(drawn: Drawn, signal: str, s: FloatArray) -> FloatArray | None:
+    """Both ends of the first band around a signal of a run, at distances along the route."""
+    bands = (band_along(run, signal, s) for run, _ in drawn)
+    return next((band for band in bands if band is not None), None)
 
 
 def _scenario(drawn: Drawn) -> Scenario:

@@ -55,6 +55,11 @@ def metres_per_degree(lat_deg: float) -> tuple[float, float]:
     return along * DEG, across * math.cos(lat_deg * DEG) * DEG
 
 
+def on_earth(points: FloatArray, origin: tuple[float, float]) -> FloatArray:
+    """Latitude and longitude, deg, of points north and east of `origin`, m."""
+    return np.array(origin) + points[:, :2] / metres_per_degree(origin[0])
+
+
 def read_route(path: Path, *, skip: bool = False) -> list[Row]:
     """Waypoints of a file, as rows of ``waypoint`` in [route].
 
@@ -186,8 +191,7 @@ def _add_shape(parent: ElementTree.Element, names: Sequence[str], points: FloatA
 
 def _line(where: Where) -> FloatArray:
     """Coordinates of points of a path."""
-    length = where[0].length
-    return _coordinates(where, np.append(np.arange(0.0, length, APART), length))
+    return _coordinates(where, where[0].points(APART))
 
 
 def _pieces(
@@ -216,9 +220,6 @@ def _coordinates(
 ) -> FloatArray:
     """Longitude and latitude, deg, and height, m, of points beside a path, shape (n, 3)."""
     path, origin, h_0 = where
-    table = (path.north, path.east, path.up, path.course)
-    north, east, up, course = (np.interp(s, path.s, x) for x in table)
-    north, east = north - right * np.sin(course), east + right * np.cos(course)
-    per_lat, per_lon = metres_per_degree(origin[0])
-    lat, lon = origin[0] + north / per_lat, origin[1] + east / per_lon
-    return np.column_stack([lon.round(8), lat.round(8), (h_0 + up - below).round(2)])
+    places = path.beside(s, right, below)
+    lat, lon = on_earth(places, origin).T
+    return np.column_stack([lon.round(8), lat.round(8), (h_0 + places[:, 2]).round(2)])

@@ -13,7 +13,7 @@ from typing import Literal, NamedTuple, TypeAlias
 
 import numpy as np
 
-from flighttune.arrays import FloatArray, check_not_negative, check_positive
+from flighttune.arrays import FloatArray, Floats, check_not_negative, check_positive
 from flighttune.errors import InputError
 from flighttune.units import DEG
 
@@ -167,6 +167,17 @@ class Path:
     def s(self) -> FloatArray:
         """Distance along the route of each point, shape (n,), m."""
         return STEP * np.arange(len(self.north), dtype=np.float64)
+
+    def points(self, apart: float) -> FloatArray:
+        """Distances along the route that are so far apart, and its end, m."""
+        return np.append(np.arange(0.0, self.length, apart), self.length)
+
+    def beside(self, s: FloatArray, right: Floats = 0.0, below: Floats = 0.0) -> FloatArray:
+        """North, east and up of points beside the path at distances along it, shape (n, 3), m."""
+        table = self.north, self.east, self.up, self.course
+        north, east, up, course = (np.interp(s, self.s, values) for values in table)
+        aside = -right * np.sin(course), right * np.cos(course)
+        return np.column_stack([north + aside[0], east + aside[1], up - below])
 
 
 class _Piece(NamedTuple):
