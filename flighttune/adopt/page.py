@@ -54,7 +54,6 @@ def write_adoption(adoption: Adoption) -> Path:
         charts=[*errors(drawn), *flown_signals(drawn, SIGNALS)] if drawn else (),
         tables=[flights_table(adoption)],
         columns=3,
-        folded=False,
     )
     inner_loop = Section(
         id="inner_loop",

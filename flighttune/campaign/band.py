@@ -29,7 +29,7 @@ from flighttune.guarantee.band import (
     window_edges,
     window_extremes,
 )
-from flighttune.guarantee.bounds import ERRORS, along_route, with_columns
+from flighttune.guarantee.bounds import ERRORS, along_route
 from flighttune.guarantee.count import fresh_flights
 from flighttune.metrics import OFF_ROUTE
 from flighttune.routes.follow import RouteReference
@@ -189,16 +189,12 @@ def around(band: Band, runs: Sequence[Run]) -> list[Run]:
             continue
         wind = np.array(_wind(scenario)) if band.about.predicted_from else None
         bounds = band.bounds(_axis(run), wind)
-        columns = {
-            f"{name}{end}": values[:, i]
-            for i, name in enumerate(bounds.names)
-            for end, values in zip(BAND_ENDS, (bounds.low, bounds.high), strict=True)
-        }
-        units = {
+        named = replace(bounds, names=tuple(f"{name}_band" for name in bounds.names))
+        of_band = {
             f"{name}{end}": unit for name, unit in band.about.signals.items() for end in BAND_ENDS
         }
-        units = {**run.units, **units}
-        drawn.append(replace(with_columns(run, columns), units=units, band=band.sentence))
+        units = {**run.units, **of_band}
+        drawn.append(replace(named.around(run), units=units, band=band.sentence))
     return drawn
 
 

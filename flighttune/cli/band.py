@@ -10,6 +10,7 @@ from typer import Argument, Option
 from flighttune.cli.options import (
     CampaignGainsOption,
     SchedulerOption,
+    SeedOption,
     SetOption,
     StartOption,
     WorkersOption,
@@ -98,9 +99,7 @@ def band(
         ),
     ] = None,
     start_deg: StartOption = 0.0,
-    seed: Annotated[
-        int | None, Option(help="Seed of the draws [default: the campaign's].", min=0)
-    ] = None,
+    seed: SeedOption = None,
     recount: Annotated[
         int | None,
         Option(

@@ -171,11 +171,7 @@ def refly(
     )
 
 
-def list_shipped(
-    verbose: Annotated[
-        bool, Option("--verbose", "-v", help="Show what each scenario verifies.")
-    ] = False,
-) -> Answer:
+def list_shipped() -> Answer:
     """List the scenarios and campaigns that come with the package, and all aircraft found."""
     from flighttune.shipped import aircraft_folders, campaign_files, is_shipped
 
@@ -184,11 +180,12 @@ def list_shipped(
     places = [
         name if is_shipped(folder) else f"{name} ({folder})" for name, folder in folders.items()
     ]
-    shown = columns("name title verifies" if verbose else "name title")
     return Answer(
         values={"aircraft": list(folders)},
         tables=[
-            Table(shown, [_heading(path) for path in files.values()], kind, name=kind)
+            Table(
+                columns("name title"), [_heading(path) for path in files.values()], kind, name=kind
+            )
             for kind, files in listed.items()
         ],
         notes=[f"aircraft: {', '.join(places)}"],
@@ -251,16 +248,8 @@ def _flown(
         loop = f"linear loop on the identified aircraft, {place}"
     indicators = {name: pick(own, "R_K I_K E_K") for name, own in flown.indicators.items()}
     runs = [
-        {
-            "plant": run.provenance.plant,
-            "gains": run.provenance.gains_name,
-            **pick(run, "status reason"),
-            "duration_s": run.duration,
-            "signals": files.signals.get(run.label),
-            "metrics": flown.metrics_of(run),
-            "indicators": indicators.get(run.provenance.gains_name, unknown),
-        }
-        for run in flown.runs
+        {**record, "indicators": indicators.get(record["gains"], unknown)}
+        for record in flown.records(files.signals)
     ]
     gain_sets = [{"gains": name, **own} for name, own in indicators.items()]
     notes = [f"{run.label}: {run.outcome}" for run in flown.runs if run.status != "completed"]

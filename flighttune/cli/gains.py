@@ -176,7 +176,7 @@ def tune(
         for option, value in (("--envelope", envelope), ("--method", method), ("--prove", prove)):
             if value:
                 raise InputError(f"{option}: must be absent with --meet.")
-        return _to_meet(scenario, settings, out=out, **of_meet)
+        return _to_meet(scenario, settings, out, of_meet)
     for option, value in of_meet.items():
         if value is not None:
             raise InputError(f"--{option}: must be absent without --meet.")
@@ -327,21 +327,9 @@ def _over_envelope(scenario: "Scenario") -> "tuple[PIGains | None, Answer]":
 
 
 def _to_meet(
-    source: str,
-    settings: list[str] | None,
-    *,
-    also: list[str] | None,
-    start: str | None,
-    budget: int | None,
-    metric: str | None,
-    campaign: str | None,
-    success: float | None,
-    page: Path | None,
-    out: Path | None,
-    workers: int | None,
-    scheduler: str | None,
+    source: str, settings: list[str] | None, out: Path | None, asked: dict[str, Any]
 ) -> Answer:
-    """The answer of `tune --meet`."""
+    """The answer of `tune --meet`, whose options are `asked`."""
     from flighttune.campaign.meet import ITAE, SUCCESS, meet
     from flighttune.campaign.planning.load import load_campaign
     from flighttune.control.linear_model import closed_loop
@@ -350,23 +338,24 @@ def _to_meet(
     from flighttune.scenario import load_scenario
     from flighttune.theory.indicators import indicators
 
+    also, campaign, success, page = (asked[key] for key in ("also", "campaign", "success", "page"))
     if campaign and also:
         raise InputError("--also: must be absent with --campaign, which is about one scenario.")
     if success is not None and not campaign:
         raise InputError("--success: must be absent without --campaign.")
     scenario, starts = load_scenario(source, changes=changes(settings)), None
-    if start is not None:
-        _, name, gains = chosen_gains(source, start, settings)
+    if asked["start"] is not None:
+        _, name, gains = chosen_gains(source, asked["start"], settings)
         starts = {name: gains}
     table = load_campaign(campaign, scenario) if campaign else None
     first = table.nominal if table else scenario
-    with campaign_pool(workers, scheduler) as pool:
+    with campaign_pool(asked["workers"], asked["scheduler"]) as pool:
         values, gains, trials = meet(
             [first, *map(load_scenario, also or [])],
             pool,
             start=starts,
-            budget=budget,
-            metric=metric or ITAE,
+            budget=asked["budget"],
+            metric=asked["metric"] or ITAE,
             table=table,
             success=SUCCESS if success is None else success,
         )
@@ -385,7 +374,7 @@ def _to_meet(
         from flighttune.report.meet import write_meet_page
 
         options = [("also", name) for name in also or ()]
-        options += [("start", start), ("budget", budget), ("metric", metric)]
+        options += [(key, asked[key]) for key in ("start", "budget", "metric")]
         options += [("campaign", campaign), ("success", success)]
         words = [(f"--{key}", str(value)) for key, value in options if value is not None]
         command = f"flighttune tune {repeated(source, settings)} --meet {shlex.join(chain(*words))}"

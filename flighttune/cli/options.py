@@ -53,6 +53,9 @@ StartOption = Annotated[
     float,
     Option(help="Largest deviation from a scenario's start, course and path angle, deg."),
 ]
+SeedOption = Annotated[
+    int | None, Option(help="Seed of the draws [default: the campaign's].", min=0)
+]
 CampaignGainsOption = Annotated[
     str | None,
     Option("--gains", help=f"{GAINS_HELP} [default: tuned_identified, else the first]."),

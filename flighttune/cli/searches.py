@@ -10,6 +10,7 @@ from flighttune.cli.options import (
     AircraftPlantOption,
     CampaignGainsOption,
     SchedulerOption,
+    SeedOption,
     SetOption,
     StartOption,
     WorkersOption,
@@ -201,9 +202,7 @@ def conform(
         float, Option(help="Length of the windows of the boxes, s; shorter ones are narrower.")
     ] = 0.5,
     start_deg: StartOption = 0.0,
-    seed: Annotated[
-        int | None, Option(help="Seed of the draws [default: the campaign's].", min=0)
-    ] = None,
+    seed: SeedOption = None,
     recount: Annotated[
         Path | None,
         Option(

@@ -7,7 +7,9 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import pandas as pd
 
@@ -82,6 +84,21 @@ class FlownScenario:
     def claim(self) -> ClaimCheck:
         """The runs against the ``[[expect]]`` tables of the scenario."""
         return check_claim(self.scenario, self.runs)
+
+    def records(self, files: Mapping[str, Path]) -> list[dict[str, Any]]:
+        """How each run ended and what was measured; `files` of signals are by label."""
+        return [
+            {
+                "plant": run.provenance.plant,
+                "gains": run.provenance.gains_name,
+                "status": run.status,
+                "reason": run.reason,
+                "duration_s": run.duration,
+                "signals": files.get(run.label),
+                "metrics": self.metrics_of(run),
+            }
+            for run in self.runs
+        ]
 
     def metrics_of(self, run: Run) -> dict[str, dict[str, float]]:
         """Measures of one run as numbers: ``chi``, ``gamma`` and ``flight``; empty if not flown."""

@@ -20,14 +20,13 @@ if TYPE_CHECKING:
 class Section:
     """A part of the page."""
 
-    id: str  # its anchor
-    title: str
+    id: str = "runs"  # its anchor
+    title: str = ""  # of all sections but the first it is all that is seen at first
     note: str = ""  # how to read it
     charts: Sequence[Chart] = ()
     tables: Sequence[Table] = ()
     legend: bool = True  # whether the runs are named above the charts
     columns: int = 2  # charts side by side on a wide screen, 2 or 3
-    folded: bool = True  # only the title is seen at first; folded sections come last
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,7 +82,7 @@ def write_page(
     # The content security policy of the page allows this script alone.
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     page = template.render(
-        **{"about": (), "claim": "", "legend": (), **more},
+        **{"about": (), "claim": "", "legend": (), "styles": {}, "scenario_text": "", **more},
         summary=summary,
         sections=sections,
         style=f"{style()}\n{look}",

@@ -48,14 +48,10 @@ def write_band_page(
         Path(path),
         page_template("flighttune.report", "commands.html.jinja"),
         summary=(f"{band.sentence[:1].upper()}{band.sentence[1:]}.",),
-        sections=[
-            Section(id="runs", title="", note=note, charts=charts, tables=tables, folded=False)
-        ],
+        sections=[Section(note=note, charts=charts, tables=tables)],
         title=f"Counted band: {about.plan['campaign']['title']}",
-        styles={},
         provenance=facts_table("Provenance", facts),
         commands=f"flighttune verify {source}\nflighttune band {source} --recount 20",
-        scenario_text="",
     )
 
 

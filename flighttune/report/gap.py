@@ -41,22 +41,11 @@ MISMATCH_COLUMNS = [Column("bound", "largest |d|", "rad/s"), *columns("L_d")]
 
 def gap_values(gap: Gap, signals: Mapping[str, Path]) -> dict[str, Any]:
     """A gap as ``--json`` has it; `signals` are the files of the rungs by label."""
-    flown = gap.flown()
     values: dict[str, Any] = {
         "status": gap.status,
         "reason": gap.reason,
         "gains": gap.aircraft.provenance.gains_name,
-        "ladder": [
-            {
-                "plant": run.provenance.plant,
-                "status": run.status,
-                "reason": run.reason,
-                "duration_s": run.duration,
-                "signals": signals.get(run.label),
-                "metrics": flown.metrics_of(run),
-            }
-            for run in gap.runs
-        ],
+        "ladder": gap.flown().records(signals),
         "inner_loop": None,
         "contributions": [_step(step) for step in gap.steps],
         "whole": None if gap.whole is None else _step(gap.whole),
@@ -132,12 +121,9 @@ def write_gap_page(gap: Gap, tables: Sequence[Table], path: str | Path) -> Repor
         summary=causes(gap),
         sections=[
             Section(
-                id="runs",
-                title="",
                 note=" ".join([TUBE_NOTE, *areas_in_words([gap.aircraft])]),
                 charts=gap_charts(gap),
                 legend=False,
-                folded=False,
             ),
             Section(id="numbers", title="Numbers", tables=tables, legend=False),
         ],

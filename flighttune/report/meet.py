@@ -52,11 +52,9 @@ def write_meet_page(
                 charts=charts,
                 tables=tables,
                 legend=False,
-                folded=False,
             )
         ],
         title=f"Requirements and gains: {scenario.title}",
-        styles={},
         provenance=facts_table(
             "Provenance",
             {

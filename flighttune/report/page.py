@@ -156,14 +156,7 @@ def write_report(
         missed=(*claim.missed, *filter(None, [advice(scenario, source.runs, "SCENARIO")])),
         criterion=CONVERGES,
         sections=[
-            Section(
-                id="runs",
-                title="",
-                note=at_top,
-                charts=_overview(drawn),
-                tables=[convergence],
-                folded=False,
-            ),
+            Section(note=at_top, charts=_overview(drawn), tables=[convergence]),
             Section(
                 id="tracking",
                 title="Errors and metrics",
@@ -207,14 +200,7 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
         Path(path),
         page_template("flighttune.report", "commands.html.jinja"),
         sections=[
-            Section(
-                id="runs",
-                title="",
-                note=at_top,
-                charts=_overview(drawn),
-                tables=[pairs_table(comparison)],
-                folded=False,
-            ),
+            Section(note=at_top, charts=_overview(drawn), tables=[pairs_table(comparison)]),
             Section(
                 id="metrics",
                 title="Errors and metrics",

@@ -117,7 +117,7 @@ def _sections(findings: Findings) -> list[Section]:
         tables.influence_table(groups, name) for name in (findings.measure, SUCCESS) if name
     ]
     return [
-        Section(id="runs", title="", charts=rates(findings), folded=False),
+        Section(charts=rates(findings)),
         Section(
             id="rates",
             title="How often",
