@@ -7,17 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Argument, Option
 
-from flighttune.cli.options import (
-    CampaignGainsOption,
-    SchedulerOption,
-    SeedOption,
-    SetOption,
-    StartOption,
-    WorkersOption,
-    changes,
-    check_ending,
-    plant_label,
-)
+from flighttune.cli import options
 from flighttune.cli.show import campaign_pool, pick, progress_bar
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
@@ -64,8 +54,8 @@ def band(
             autocompletion=lambda: [*campaign_files(), *scenario_files()],
         ),
     ],
-    gains: CampaignGainsOption = None,
-    plant: Annotated[str | None, plant_label("the first aircraft, else the first")] = None,
+    gains: options.CampaignGainsOption = None,
+    plant: Annotated[str | None, options.plant_label("the first aircraft, else the first")] = None,
     signal: Annotated[
         list[str] | None,
         Option(
@@ -98,8 +88,8 @@ def band(
             "--given", help="Put the band around a middle predicted from the wind of each flight."
         ),
     ] = None,
-    start_deg: StartOption = 0.0,
-    seed: SeedOption = None,
+    start_deg: options.StartOption = 0.0,
+    seed: options.SeedOption = None,
     recount: Annotated[
         int | None,
         Option(
@@ -120,9 +110,9 @@ def band(
             "inside, and where it is nearest."
         ),
     ] = None,
-    settings: SetOption = None,
-    workers: WorkersOption = None,
-    scheduler: SchedulerOption = None,
+    settings: options.SetOption = None,
+    workers: options.WorkersOption = None,
+    scheduler: options.SchedulerOption = None,
 ) -> Answer:
     """Count the band that a flight of a campaign leaves with at most a stated probability.
 
@@ -131,7 +121,7 @@ def band(
     complete for any claim, a flight of a recount differs, or the count does not support that a
     flight stays inside the fence with a probability of at least 1 - epsilon.
     """
-    check_ending(out, ".npz")
+    options.check_ending(out, ".npz")
     if fence is not None and recount is not None:
         raise InputError("`recount` must be absent with a fence.")
     from flighttune.campaign.band import count_band, count_more
@@ -149,7 +139,7 @@ def band(
         plant=plant,
         start_deg=start_deg or None,
         seed=seed,
-        changes=changes(settings) or None,
+        changes=options.changes(settings) or None,
     )
     if Path(source).suffix != ".npz":
         if recount is not None:
@@ -242,9 +232,9 @@ def band_page(file: str, out: Path) -> Answer:
     return replace(answer, files={"report": page.path})
 
 
-def _stated(**options: Any) -> dict[str, Any]:
+def _stated(**given: Any) -> dict[str, Any]:
     """The options that were stated."""
-    return {name: value for name, value in options.items() if value is not None}
+    return {name: value for name, value in given.items() if value is not None}
 
 
 def band_answer(counted: "Band", file: str | Path = "FILE") -> Answer:

@@ -6,17 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Argument, Option
 
+from flighttune.cli import options
 from flighttune.cli.band import fly_draw
-from flighttune.cli.options import (
-    CampaignArgument,
-    GainSetsOption,
-    SchedulerOption,
-    SetOption,
-    WorkersOption,
-    changes,
-    check_ending,
-    out_folder,
-)
 from flighttune.cli.show import (
     INTERRUPTED,
     NO,
@@ -71,7 +62,7 @@ def report(
 
     The page is one file and needs no network.
     """
-    check_ending(out, ".html", ".htm")
+    options.check_ending(out, ".html", ".htm")
     from flighttune.campaign.dataset import dataset_hash
     from flighttune.campaign.statistics.findings import findings
     from flighttune.campaign.statistics.flights import load_flights
@@ -103,7 +94,7 @@ def fly(
     run: Annotated[
         int, Option(help="Number of the run, as in the column `run`; of a band its draw.", min=0)
     ],
-    out: Annotated[Path | None, out_folder("runs/NAME-run-N")] = None,
+    out: Annotated[Path | None, options.out_folder("runs/NAME-run-N")] = None,
 ) -> Answer:
     """Fly a run of the campaign in DIR again, record it and compare it with its row.
 
@@ -172,12 +163,12 @@ def fly(
 
 
 def run(
-    file: CampaignArgument,
+    file: options.CampaignArgument,
     runs: Annotated[
         int | None, Option(help="Flights in total [default: the file's].", min=1)
     ] = None,
-    workers: WorkersOption = None,
-    scheduler: SchedulerOption = None,
+    workers: options.WorkersOption = None,
+    scheduler: options.SchedulerOption = None,
     out: Annotated[str | None, Option(help="Folder of the dataset [default: runs/NAME].")] = None,
     resume: Annotated[bool, Option("--resume", help="Fly the runs that --out lacks.")] = False,
     until_halfwidth: Annotated[
@@ -187,8 +178,8 @@ def run(
             help="Stop when the 95 % interval of every success rate is at most +-H wide.",
         ),
     ] = None,
-    gains: GainSetsOption = None,
-    settings: SetOption = None,
+    gains: options.GainSetsOption = None,
+    settings: options.SetOption = None,
     dry_run: Annotated[
         bool, Option("--dry-run", help="Show plan, time and disk space; write nothing.")
     ] = False,
@@ -205,7 +196,7 @@ def run(
     from flighttune.simulate.batch import cores
 
     folder = out or str(Path("runs") / Path(file).stem)
-    campaign = load_campaign(file, changes=changes(settings), gains=gains or ())
+    campaign = load_campaign(file, changes=options.changes(settings), gains=gains or ())
     plan, file_of_plan = plan_campaign(campaign, runs=runs), Path(folder) / CAMPAIGN
     if resume and runs is None and file_of_plan.exists():
         # a campaign that was extended by --runs keeps its length

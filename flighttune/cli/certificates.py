@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
+from flighttune.cli import options
 from flighttune.cli.band import band_answer
 from flighttune.cli.gains import chosen_gains, gains_table, gains_values, margins_table
-from flighttune.cli.options import GainsOption, ScenarioArgument, SetOption, check_ending
 from flighttune.cli.show import NO, fail, pick
 from flighttune.cli.tube import enclosed
 from flighttune.errors import InputError
@@ -44,8 +44,8 @@ if TYPE_CHECKING:
 
 
 def certify(
-    scenario: ScenarioArgument,
-    gains: GainsOption = None,
+    scenario: options.ScenarioArgument,
+    gains: options.GainsOption = None,
     envelope: Annotated[
         bool,
         Option("--envelope", help="Certify over the envelope, or at every identified condition."),
@@ -62,7 +62,7 @@ def certify(
         Path | None,
         Option(help="SVG file to write: Bode and Nyquist diagrams, eigenvalues, certified rate."),
     ] = None,
-    settings: SetOption = None,
+    settings: options.SetOption = None,
 ) -> Answer:
     """Compute R_K, I_K, E_K and margins of gains on the linear model of SCENARIO, and certify them.
 
@@ -73,7 +73,7 @@ def certify(
     from flighttune.flight.outer_loop import certify_scenario, largest_certified, tuning_scaling
     from flighttune.theory.indicators import indicators
 
-    check_ending(figure, ".svg", option="--figure")
+    options.check_ending(figure, ".svg", option="--figure")
     loaded, name, chosen = chosen_gains(scenario, gains, settings)
     law, _ = loaded.law_of(name, chosen)
     identified = law.by_gains and loaded.tuning.model == "identified"

@@ -8,18 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
+from flighttune.cli import options
 from flighttune.cli.band import band_around
-from flighttune.cli.options import (
-    BandOption,
-    ConformanceOption,
-    GainSetsOption,
-    ScenarioArgument,
-    SetOption,
-    TubeOption,
-    changes,
-    out_folder,
-    repeated,
-)
 from flighttune.cli.show import fail, on_interrupt, pick, progress_bar, say, show, tell
 from flighttune.cli.tube import tubes_around
 from flighttune.errors import RecordingError, ScenarioError
@@ -47,28 +37,28 @@ REFLOWN_COLUMNS = columns("run status samples result")
 
 
 def fly(
-    scenario: ScenarioArgument,
-    gains: GainSetsOption = None,
-    out: Annotated[Path | None, out_folder("runs/NAME")] = None,
+    scenario: options.ScenarioArgument,
+    gains: options.GainSetsOption = None,
+    out: Annotated[Path | None, options.out_folder("runs/NAME")] = None,
     view: Annotated[bool, Option("--view", help="Open the recording in the viewer.")] = False,
-    tube: TubeOption = False,
-    conformance: ConformanceOption = None,
-    band: BandOption = None,
-    settings: SetOption = None,
+    tube: options.TubeOption = False,
+    conformance: options.ConformanceOption = None,
+    band: options.BandOption = None,
+    settings: options.SetOption = None,
 ) -> None:
     """Fly every gain set of SCENARIO on each of its plants and record it."""
     from flighttune.flight.fly import fly as fly_scenario
     from flighttune.recording.record import record
     from flighttune.scenario import load_scenario
 
-    loaded = load_scenario(scenario, changes=changes(settings), gains=gains or ())
+    loaded = load_scenario(scenario, changes=options.changes(settings), gains=gains or ())
     for note in loaded.notes:
         tell(f"{scenario}: {note}")
     name = Path(scenario).stem
     folder = out or Path("runs") / name
     with progress_bar() as progress:
         flown = fly_scenario(loaded, progress=progress)
-    source = repeated(scenario, settings)
+    source = options.repeated(scenario, settings)
     command = f"flighttune fly {source} --tube"
     listed = {*(gains or ())} <= {*loaded.gain_names}  # others come from files
     tubes, tubes_answer = tubes_around(

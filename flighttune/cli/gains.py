@@ -10,17 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from typer import Option
 
-from flighttune.cli.options import (
-    GainsFileOption,
-    ScenarioArgument,
-    SchedulerOption,
-    SetOption,
-    WorkersOption,
-    changes,
-    check_ending,
-    out_folder,
-    repeated,
-)
+from flighttune.cli import options
 from flighttune.cli.show import NO, campaign_pool, fail, pick
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
@@ -89,7 +79,7 @@ OF_CERTIFICATE = columns("status rate growth radius")
 
 
 def tune(
-    scenario: ScenarioArgument,
+    scenario: options.ScenarioArgument,
     method: Annotated[
         Literal["gradient", "genetic", "convex"] | None,
         Option(help="Optimiser [default: the scenario's, else gradient]."),
@@ -97,7 +87,7 @@ def tune(
     envelope: Annotated[
         bool, Option("--envelope", help="Maximise the rate over the scenario's envelope.")
     ] = False,
-    settings: SetOption = None,
+    settings: options.SetOption = None,
     meet: Annotated[
         bool,
         Option("--meet", help="Find gains that meet the scenario's [[expect]], by flying them."),
@@ -142,9 +132,9 @@ def tune(
     page: Annotated[
         Path | None, Option(help="With --meet: HTML page to write, with all candidates.")
     ] = None,
-    workers: WorkersOption = None,
-    scheduler: SchedulerOption = None,
-    out: GainsFileOption = None,
+    workers: options.WorkersOption = None,
+    scheduler: options.SchedulerOption = None,
+    out: options.GainsFileOption = None,
     prove: Annotated[
         Path | None,
         Option(help="File for a proof that bounds R_K over all gains; `verify` checks it."),
@@ -158,9 +148,9 @@ def tune(
     from flighttune.control.margins import loop_margins
     from flighttune.scenario import load_scenario
 
-    check_ending(out, ".json")
-    check_ending(prove, ".json")
-    check_ending(page, ".html", option="--page")
+    options.check_ending(out, ".json")
+    options.check_ending(prove, ".json")
+    options.check_ending(page, ".html", option="--page")
     of_meet = {
         "also": also,
         "start": start,
@@ -182,7 +172,7 @@ def tune(
             raise InputError(f"--{option}: must be absent without --meet.")
     if envelope and method is not None:
         raise InputError("--method: must be absent with --envelope, which has a method of its own.")
-    loaded = load_scenario(scenario, changes=changes(settings))
+    loaded = load_scenario(scenario, changes=options.changes(settings))
     if method is not None:
         changed = loaded.tuning.model_copy(update={"method": method})
         loaded = loaded.model_copy(update={"tuning": changed})
@@ -226,10 +216,10 @@ def _with_bound(scenario: "Scenario", answer: Answer, file: Path) -> Answer:
 
 
 def frontier(
-    scenario: ScenarioArgument,
-    out: Annotated[Path | None, out_folder("runs/NAME")] = None,
+    scenario: options.ScenarioArgument,
+    out: Annotated[Path | None, options.out_folder("runs/NAME")] = None,
     points: Annotated[int, Option(min=2, max=1000, help="Points of the frontier.")] = 25,
-    settings: SetOption = None,
+    settings: options.SetOption = None,
 ) -> Answer:
     """Tabulate and draw the largest R_K for each I_K, with the paper's and the scenario's gains.
 
@@ -244,7 +234,7 @@ def frontier(
     from flighttune.tuning.frontier import frontier_chart
     from flighttune.whole_file import write_text
 
-    loaded = load_scenario(scenario, changes=changes(settings))
+    loaded = load_scenario(scenario, changes=options.changes(settings))
     law, flight = loaded.laws[0], loaded.flight
     own = [name for name in loaded.gain_names if loaded.law_of(name)[0].by_gains]
     sets = {**paper_family(), **{name: gain_set(loaded, name) for name in own}}
@@ -343,7 +333,7 @@ def _to_meet(
         raise InputError("--also: must be absent with --campaign, which is about one scenario.")
     if success is not None and not campaign:
         raise InputError("--success: must be absent without --campaign.")
-    scenario, starts = load_scenario(source, changes=changes(settings)), None
+    scenario, starts = load_scenario(source, changes=options.changes(settings)), None
     if asked["start"] is not None:
         _, name, gains = chosen_gains(source, asked["start"], settings)
         starts = {name: gains}
@@ -373,11 +363,12 @@ def _to_meet(
     if page is not None:
         from flighttune.report.meet import write_meet_page
 
-        options = [("also", name) for name in also or ()]
-        options += [(key, asked[key]) for key in ("start", "budget", "metric")]
-        options += [("campaign", campaign), ("success", success)]
-        words = [(f"--{key}", str(value)) for key, value in options if value is not None]
-        command = f"flighttune tune {repeated(source, settings)} --meet {shlex.join(chain(*words))}"
+        told = [("also", name) for name in also or ()]
+        told += [(key, asked[key]) for key in ("start", "budget", "metric")]
+        told += [("campaign", campaign), ("success", success)]
+        words = [(f"--{key}", str(value)) for key, value in told if value is not None]
+        flown = f"{options.repeated(source, settings)} --meet {shlex.join(chain(*words))}"
+        command = f"flighttune tune {flown}"
         write_meet_page(page, first, values, tables, trials, _sentence(values), command)
     answer = Answer(
         values={
@@ -435,7 +426,7 @@ def chosen_gains(
     from flighttune.flight.outer_loop import gain_set
     from flighttune.scenario.load import load_scenario, with_gains
 
-    scenario = load_scenario(source, changes=changes(settings))
+    scenario = load_scenario(source, changes=options.changes(settings))
     if wanted not in (None, *scenario.gain_names):
         scenario, wanted = with_gains(scenario, [wanted], source), None
     name = wanted or scenario.gain_names[0]

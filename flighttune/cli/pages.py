@@ -7,21 +7,9 @@ from typing import Annotated, Literal
 
 from typer import Argument, Option
 
+from flighttune.cli import options
 from flighttune.cli.band import band_around, band_page
 from flighttune.cli.gains import chosen_gains
-from flighttune.cli.options import (
-    AircraftPlantOption,
-    BandOption,
-    ConformanceOption,
-    GainsOption,
-    ScenarioArgument,
-    SetOption,
-    TubeOption,
-    changes,
-    check_ending,
-    out_folder,
-    repeated,
-)
 from flighttune.cli.show import COULD_NOT_RUN, NO, pick, progress_bar, tell
 from flighttune.cli.tube import tubes_around
 from flighttune.present.answer import Answer
@@ -33,10 +21,10 @@ PRINTED = ("convergence", "certificates", "aircraft")
 
 
 def gap(
-    scenario: ScenarioArgument,
-    gains: GainsOption = None,
-    plant: AircraftPlantOption = None,
-    out: Annotated[Path | None, out_folder("runs/NAME-gap")] = None,
+    scenario: options.ScenarioArgument,
+    gains: options.GainsOption = None,
+    plant: options.AircraftPlantOption = None,
+    out: Annotated[Path | None, options.out_folder("runs/NAME-gap")] = None,
     lag: Annotated[
         Literal["identified", "fitted"] | None,
         Option(
@@ -44,10 +32,10 @@ def gap(
             "this flight [default: the model file, if there is one]."
         ),
     ] = None,
-    tube: TubeOption = False,
-    conformance: ConformanceOption = None,
-    band: BandOption = None,
-    settings: SetOption = None,
+    tube: options.TubeOption = False,
+    conformance: options.ConformanceOption = None,
+    band: options.BandOption = None,
+    settings: options.SetOption = None,
 ) -> Answer:
     """Fly gains on plants from the paper's law to the aircraft; show what each step adds.
 
@@ -61,7 +49,7 @@ def gap(
     loaded, name, chosen = chosen_gains(scenario, gains, settings)
     for note in loaded.notes:
         tell(f"{scenario}: {note}")
-    stem, source = f"{Path(scenario).stem}-gap", repeated(scenario, settings)
+    stem, source = f"{Path(scenario).stem}-gap", options.repeated(scenario, settings)
     folder = out or Path("runs") / stem
     with progress_bar() as progress:
         explained = explain_gap(loaded, chosen, name=name, plant=plant, lag=lag, progress=progress)
@@ -130,7 +118,7 @@ def compare(
     from flighttune.comparison.compare import comparison_table, pairs_table
     from flighttune.comparison.tolerance import load_tolerances, violations
 
-    check_ending(out, ".rrd", ".html")
+    options.check_ending(out, ".rrd", ".html")
     allowed = None if tolerance is None else load_tolerances(tolerance)
     comparison = compare_sources(first, *(others or ()))
     broken = violations(comparison, allowed) if allowed else []
@@ -187,10 +175,10 @@ def report(
         ),
     ],
     out: Annotated[Path, Option("--out", "-o", help="HTML file to write.")] = Path("report.html"),
-    tube: TubeOption = False,
-    conformance: ConformanceOption = None,
-    band: BandOption = None,
-    settings: SetOption = None,
+    tube: options.TubeOption = False,
+    conformance: options.ConformanceOption = None,
+    band: options.BandOption = None,
+    settings: options.SetOption = None,
 ) -> Answer:
     """Write one page about runs or a band: headline, figures, tables, how to fly them again.
 
@@ -199,14 +187,14 @@ def report(
     from flighttune.comparison import load_source
     from flighttune.report.page import write_report
 
-    check_ending(out, ".html", ".htm")
+    options.check_ending(out, ".html", ".htm")
     if Path(path).suffix == ".npz":
         return band_page(path, out)
-    source = load_source(path, changes=changes(settings))
+    source = load_source(path, changes=options.changes(settings))
     folder = Path(path)
     if not folder.is_dir():
         folder = folder.parent if folder.exists() else out.parent
-    command = f"flighttune report {repeated(path, settings)} --tube"
+    command = f"flighttune report {options.repeated(path, settings)} --tube"
     tubes, tubes_answer = tubes_around(
         source.runs, folder, command, make=tube, conformance=conformance
     )
@@ -275,15 +263,15 @@ def reproduce(
 
 
 def export(
-    scenario: ScenarioArgument,
-    gains: GainsOption = None,
-    plant: AircraftPlantOption = None,
+    scenario: options.ScenarioArgument,
+    gains: options.GainsOption = None,
+    plant: options.AircraftPlantOption = None,
     form: Annotated[
         Literal["jsbsim", "c"],
         Option("--format", help="A folder that JSBSim flies by itself, or one C99 file."),
     ] = "jsbsim",
-    out: Annotated[Path | None, out_folder("runs/NAME-export")] = None,
-    settings: SetOption = None,
+    out: Annotated[Path | None, options.out_folder("runs/NAME-export")] = None,
+    settings: options.SetOption = None,
 ) -> Answer:
     """Write one flight of SCENARIO for JSBSim alone, or its outer loop in C.
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
-from flighttune.cli.options import SetOption, changes, check_ending
+from flighttune.cli import options
 from flighttune.cli.show import pick
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
@@ -58,7 +58,7 @@ def route(
         Path | None,
         Option(help="Band file (.npz) of this route, whose corridor is written with the path."),
     ] = None,
-    settings: SetOption = None,
+    settings: options.SetOption = None,
 ) -> Answer:
     """Plan the route of SCENARIO or FILE: its legs, turns and times, or what cannot be flown."""
     from flighttune.campaign.fence import corridor_of
@@ -68,10 +68,10 @@ def route(
     from flighttune.scenario.load import load_scenario, route_scenario
     from flighttune.whole_file import write_text
 
-    check_ending(out, ".geojson", ".kml")
+    options.check_ending(out, ".geojson", ".kml")
     if band is not None and out is None:
         raise InputError("`--out` must be given with `--band`.")
-    own = changes(settings)
+    own = options.changes(settings)
     if Path(source).suffix.lower() in ROUTE_FILES:
         loaded = route_scenario(Path(source), aircraft, skip=skip, changes=own)
     else:

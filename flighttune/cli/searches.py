@@ -6,18 +6,7 @@ from typing import Annotated, Any, Literal
 
 from typer import Argument, Option
 
-from flighttune.cli.options import (
-    AircraftPlantOption,
-    CampaignGainsOption,
-    SchedulerOption,
-    SeedOption,
-    SetOption,
-    StartOption,
-    WorkersOption,
-    changes,
-    check_ending,
-    plant_label,
-)
+from flighttune.cli import options
 from flighttune.cli.show import campaign_pool
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
@@ -65,12 +54,12 @@ def worst(
             "else chi.ITAE]."
         ),
     ] = None,
-    gains: CampaignGainsOption = None,
-    plant: Annotated[str | None, plant_label("the first")] = None,
+    gains: options.CampaignGainsOption = None,
+    plant: Annotated[str | None, options.plant_label("the first")] = None,
     completed: Annotated[
         bool, Option("--completed", help="Consider only completed flights.")
     ] = False,
-    start_deg: StartOption = 0.0,
+    start_deg: options.StartOption = 0.0,
     disturbance: Annotated[
         float,
         Option(help="Largest disturbance of a scenario's two rates, rad/s: bang-bang or square."),
@@ -88,15 +77,15 @@ def worst(
     out: Annotated[
         Path | None, Option(help="Scenario to write [default: runs/NAME-worst.toml].")
     ] = None,
-    settings: SetOption = None,
-    workers: WorkersOption = None,
-    scheduler: SchedulerOption = None,
+    settings: options.SetOption = None,
+    workers: options.WorkersOption = None,
+    scheduler: options.SchedulerOption = None,
 ) -> Answer:
     """Search dispersions and disturbances for the flight with the smallest margin.
 
     Writes that flight as a scenario for `flighttune fly`.
     """
-    check_ending(out, ".toml")
+    options.check_ending(out, ".toml")
     from flighttune.campaign.worst import StatedSet, find_worst, rare_miss
     from flighttune.flight.fly import fly
     from flighttune.table_file import toml_text
@@ -115,7 +104,7 @@ def worst(
             completed=completed,
             start_deg=start_deg,
             disturbance=disturbance,
-            changes=changes(settings),
+            changes=options.changes(settings),
         )
         if rare:
             return _rare(rare_miss(searched, threshold=threshold, budget=budget, seed=seed))
@@ -182,8 +171,8 @@ def conform(
             min=1,
         ),
     ] = None,
-    gains: CampaignGainsOption = None,
-    plant: AircraftPlantOption = None,
+    gains: options.CampaignGainsOption = None,
+    plant: options.AircraftPlantOption = None,
     air: Annotated[
         str | None,
         Option(
@@ -201,8 +190,8 @@ def conform(
     window: Annotated[
         float, Option(help="Length of the windows of the boxes, s; shorter ones are narrower.")
     ] = 0.5,
-    start_deg: StartOption = 0.0,
-    seed: SeedOption = None,
+    start_deg: options.StartOption = 0.0,
+    seed: options.SeedOption = None,
     recount: Annotated[
         Path | None,
         Option(
@@ -210,9 +199,9 @@ def conform(
             "seed [default: the next one] and count those that leave its boxes."
         ),
     ] = None,
-    settings: SetOption = None,
-    workers: WorkersOption = None,
-    scheduler: SchedulerOption = None,
+    settings: options.SetOption = None,
+    workers: options.WorkersOption = None,
+    scheduler: options.SchedulerOption = None,
 ) -> Answer:
     """Learn bounds (boxes) on the part of an aircraft's rates that its identified model misses.
 
@@ -222,7 +211,7 @@ def conform(
     """
     if (out is None) == (recount is None):
         raise InputError("`--out` must be given, or `--recount` in its place.")
-    check_ending(out, ".json")
+    options.check_ending(out, ".json")
     from flighttune.campaign.conform import ConformSettings
     from flighttune.campaign.conform import conform as conform_source
     from flighttune.campaign.conform import recount as count_again
@@ -239,7 +228,7 @@ def conform(
         window=window,
         start_deg=start_deg,
         seed=seed,
-        changes=changes(settings),
+        changes=options.changes(settings),
     )
     with campaign_pool(workers, scheduler) as pool:
         if recount is not None:

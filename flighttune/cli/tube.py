@@ -8,15 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 from typer import Option
 
+from flighttune.cli import options
 from flighttune.cli.gains import chosen_gains, gains_table
-from flighttune.cli.options import (
-    GainsOption,
-    ScenarioArgument,
-    SetOption,
-    StartOption,
-    check_ending,
-    plant_label,
-)
 from flighttune.cli.show import NO, fail, pick, progress_bar
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
@@ -71,10 +64,10 @@ RUN_COLUMNS = [
 
 
 def tube(
-    scenario: ScenarioArgument,
-    gains: GainsOption = None,
-    plant: Annotated[str | None, plant_label("the first that is not an aircraft")] = None,
-    start_deg: StartOption = 0.0,
+    scenario: options.ScenarioArgument,
+    gains: options.GainsOption = None,
+    plant: Annotated[str | None, options.plant_label("the first that is not an aircraft")] = None,
+    start_deg: options.StartOption = 0.0,
     disturbance: Annotated[
         float | None,
         Option(help="Bound on the disturbance of each rate, rad/s [default: the scenario's]."),
@@ -93,7 +86,7 @@ def tube(
             help="Search, to two digits, for the largest disturbance for which the set is bounded.",
         ),
     ] = False,
-    settings: SetOption = None,
+    settings: options.SetOption = None,
 ) -> Answer:
     """Enclose all flights of SCENARIO with one gain set, limits included; prove the bounds.
 
@@ -105,7 +98,7 @@ def tube(
     from flighttune.tube.proof import save_tube
     from flighttune.tube.store import write_signals
 
-    check_ending(out, ".npz")
+    options.check_ending(out, ".npz")
     loaded, name, chosen = chosen_gains(scenario, gains, settings)
     law, _ = loaded.law_of(name, chosen)
     place = f"{scenario}: gains {name}"
