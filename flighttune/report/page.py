@@ -21,29 +21,9 @@ from flighttune.present.chart import Chart
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.present.tables import Table
+from flighttune.report import panels, tables
 from flighttune.report.gap import causes, step_table
-from flighttune.report.panels import (
-    Drawn,
-    areas_in_words,
-    certificate_panels,
-    commands,
-    errors,
-    paths,
-    tracking,
-)
 from flighttune.report.route_charts import planned_path, route_charts
-from flighttune.report.tables import (
-    CONVERGED_AT_LEAST,
-    CONVERGED_PART,
-    certificates_table,
-    convergence_table,
-    gains_table,
-    kept_table,
-    paths_table,
-    provenance_table,
-    runs_table,
-    tracking_table,
-)
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
@@ -65,8 +45,8 @@ LONGEST_LADDER = 6_000
 
 CONVERGES = (
     "A run converges if it was completed and both errors stay within their limits over the last "
-    f"quarter of the flight: {100.0 * CONVERGED_PART:.0f} % of the largest error, and at least "
-    f"{CONVERGED_AT_LEAST * DEG_PER_RAD:.1f}°. On a route it converges if it arrives."
+    f"quarter of the flight: {100.0 * tables.CONVERGED_PART:.0f} % of the largest error, and at "
+    f"least {tables.CONVERGED_AT_LEAST * DEG_PER_RAD:.1f}°. On a route it converges if it arrives."
 )
 ERRORS = "Errors are reference minus actual, the course error wrapped to ±180°."
 GAP = (
@@ -137,7 +117,7 @@ def write_report(
     styles = run_styles(source.runs)
     drawn = [(run, styles[run.label]) for run in runs]
     claim = check_claim(scenario, source.runs)
-    convergence = convergence_table(source.runs, claim)
+    convergence = tables.convergence_table(source.runs, claim)
     converged = sum(record["converges"] for record in convergence.records)
     gaps, without_gap = _gaps(scenario, runs)
     certificate = _certificate_section(scenario, drawn)
@@ -161,10 +141,10 @@ def write_report(
                 id="tracking",
                 title="Errors and metrics",
                 note=" ".join([ERRORS, *below, *tubes]),
-                charts=errors(drawn),
+                charts=panels.errors(drawn),
                 tables=[
-                    tracking_table(runs),
-                    runs_table(source.runs),
+                    tables.tracking_table(runs),
+                    tables.runs_table(source.runs),
                     *([tube_table] if tube_table else []),
                 ],
             ),
@@ -178,7 +158,7 @@ def write_report(
         styles=styles,
         without_gap=without_gap,
         missing=source.missing,
-        provenance=provenance_table(source.name, scenario, runs),
+        provenance=tables.provenance_table(source.name, scenario, runs),
         scenario_text=toml_text(made.scenario),
         first_gains=next((run.provenance.gains_name for run in runs if run.provenance.gains), None),
         version=made.versions.get("flighttune", ""),
@@ -205,7 +185,7 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
                 id="metrics",
                 title="Errors and metrics",
                 note=" ".join([ERRORS, *below]),
-                charts=errors(drawn),
+                charts=panels.errors(drawn),
                 tables=[comparison_table("metrics", comparison.metrics)],
             ),
             _commands_section(drawn),
@@ -213,7 +193,7 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
         title=f"{scenario.get('title', 'Flight')}: comparison",
         legend=list(styles.items()),
         styles=styles,
-        provenance=provenance_table(", ".join(sources), scenario_from(dict(scenario)), runs),
+        provenance=tables.provenance_table(", ".join(sources), scenario_from(dict(scenario)), runs),
         commands=f"flighttune compare {' '.join(sources)}",
         scenario_text=toml_text(scenario),
     )
@@ -301,19 +281,19 @@ def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[list[Gap], list[str]
 
 def _areas(runs: Sequence[Run]) -> tuple[str, list[str]]:
     """What the areas on a page are: the note at its top on a route, and that below the errors."""
-    words = areas_in_words(runs)
+    words = panels.areas_in_words(runs)
     return (" ".join(words), []) if "along" in runs[0].signals else ("", words)
 
 
-def _overview(drawn: Drawn) -> list[Chart]:
+def _overview(drawn: panels.Drawn) -> list[Chart]:
     """The charts at the top: of a route on a map and along it, else of course and path angle."""
-    return route_charts(drawn) or tracking(drawn)
+    return route_charts(drawn) or panels.tracking(drawn)
 
 
-def _commands_section(drawn: Drawn, note: str = "") -> Section:
-    path = [] if planned_path(drawn) else paths(drawn)  # that of a route is drawn at the top
+def _commands_section(drawn: panels.Drawn, note: str = "") -> Section:
+    path = [] if planned_path(drawn) else panels.paths(drawn)  # that of a route is drawn at the top
     title = "Commands and path" if path else "Commands"
-    return Section(id="commands", title=title, note=note, charts=[*commands(drawn), *path])
+    return Section(id="commands", title=title, note=note, charts=[*panels.commands(drawn), *path])
 
 
 def _gap_section(gaps: Sequence[Gap], runs: Sequence[Run]) -> Section:
@@ -331,12 +311,12 @@ def _gap_section(gaps: Sequence[Gap], runs: Sequence[Run]) -> Section:
             for kind in (itae_chart, steps_chart, bound_chart)
         ],
         columns=3,
-        tables=[replace(step_table(gaps), name="gap"), paths_table(runs)],
+        tables=[replace(step_table(gaps), name="gap"), tables.paths_table(runs)],
         legend=False,
     )
 
 
-def _certificate_section(scenario: Scenario, drawn: Drawn) -> Section:
+def _certificate_section(scenario: Scenario, drawn: panels.Drawn) -> Section:
     """Certificates of the gains, bounds of flights of the law, and the frontier with the gains."""
     sets = {run.provenance.gains_name: run.provenance.gains for run, _ in drawn}
     gains = {name: gain_set for name, gain_set in sets.items() if gain_set is not None}
@@ -349,7 +329,7 @@ def _certificate_section(scenario: Scenario, drawn: Drawn) -> Section:
     )
     # A gain set has the style of its run on the last plant, the strongest.
     marks = {run.provenance.gains_name: style for run, style in drawn}
-    charts = certificate_panels(drawn, checks)
+    charts = panels.certificate_panels(drawn, checks)
     stable = "frontier" in set(curve["name"])
     if stable:
         charts += [frontier_chart(curve, marks, against=key) for key in ("I_K", "E_K")]
@@ -359,5 +339,9 @@ def _certificate_section(scenario: Scenario, drawn: Drawn) -> Section:
         title="Certificate",
         note=" ".join(filter(None, notes)),
         charts=charts,
-        tables=[gains_table(gains, curve), certificates_table(scenario, gains), kept_table(checks)],
+        tables=[
+            tables.gains_table(gains, curve),
+            tables.certificates_table(scenario, gains),
+            tables.kept_table(checks),
+        ],
     )

@@ -13,15 +13,7 @@ from flighttune.campaign.statistics.findings import SUCCESS, Findings
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import key_words
 from flighttune.present.tables import MISSING, Table, facts_table
-from flighttune.report.campaign import tables
-from flighttune.report.campaign.panels import (
-    convergence,
-    distributions,
-    rates,
-    scatter_panels,
-    split_panels,
-    styles_of,
-)
+from flighttune.report.campaign import panels, tables
 from flighttune.shipped import scenario_files
 from flighttune.table_file import toml_text
 
@@ -37,7 +29,7 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
     Raises OutputError if the file cannot be written.
     """
     flown, campaign = findings.flights, findings.flights.plan.campaign
-    styles = styles_of(findings)
+    styles = panels.styles_of(findings)
     shipped = campaign.scenario.removesuffix(".toml") in scenario_files()
     return write_page(
         Path(path),
@@ -117,7 +109,7 @@ def _sections(findings: Findings) -> list[Section]:
         tables.influence_table(groups, name) for name in (findings.measure, SUCCESS) if name
     ]
     return [
-        Section(charts=rates(findings)),
+        Section(charts=panels.rates(findings)),
         Section(
             id="rates",
             title="How often",
@@ -143,7 +135,7 @@ def _sections(findings: Findings) -> list[Section]:
             note="Curves count all flights: where some were not completed they end below 100 %. "
             "The table is of completed flights that have a value; --json has the confidence "
             "interval of each percentile.",
-            charts=distributions(findings),
+            charts=panels.distributions(findings),
             tables=[tables.metrics_table(findings, groups)],
         ),
         Section(
@@ -153,7 +145,7 @@ def _sections(findings: Findings) -> list[Section]:
             "parameter explains alone, over ten classes of its values, whatever the shape. First "
             "Sobol indices are what a parameter explains alone, total ones with its interactions. "
             "Red crosses ended early.",
-            charts=[*split_panels(findings), *scatter_panels(findings)],
+            charts=[*panels.split_panels(findings), *panels.scatter_panels(findings)],
             tables=[*influences, tables.sobol_table(groups)],
         ),
         Section(
@@ -169,7 +161,7 @@ def _sections(findings: Findings) -> list[Section]:
             title="Convergence",
             note="Estimates from the first flights of each group, with intervals: enough have "
             "flown where the band is as narrow as the question needs.",
-            charts=convergence(findings),
+            charts=panels.convergence(findings),
         ),
     ]
 
