@@ -93,7 +93,7 @@ def test_a_recording_has_them_as_bands_and_flies_again(flown, tubes, tmp_path):
 
     runs = load_recording(tmp_path).runs
     (plot,) = (one for one in shown_plots(runs)["Tracking"] if one.signal == "chi_err")
-    assert plot.band[:2] == TUBE_SIGNALS[:2]
+    assert plot.tube[:2] == TUBE_SIGNALS[:2]
     low, high = value_range(plot, runs, share=0.4)
     widest = max(np.rad2deg(run.signals["chi_err_high"].max()) for run in runs)
     assert low < widest < high
