@@ -42,6 +42,7 @@ CONVERGENCE_COLUMNS = [
         )
     ),
 ]
+ROUTE_COLUMNS = columns("run flight requirements cross_track_m height_err_m V_a_dev_mps")
 GAIN_COLUMNS = [
     *columns("gains R_K I_K E_K"),
     Column("K_P", "K_P, rows φ n_z, columns χ γ"),
@@ -87,12 +88,15 @@ def convergence_table(runs: Sequence[Run], claim: ClaimCheck) -> Table:
                 for channel in CHANNELS
             }
             record |= channel_metrics(run)[["ITAE", "settling_s"]].to_dict(orient="index")
+            record |= flight_metrics(run) if "along" in run.signals else {}
         if run.status == "completed":
             record["flight"] = "converges" if record["converges"] else "does not converge"
         elif len(run.signals):
             record["flight"] += f" at {run.duration:.1f} s"
         records.append(record)
-    return _by_run("convergence", "", CONVERGENCE_COLUMNS, records)
+    on_route = any("along" in run.signals for run in runs)
+    shown = ROUTE_COLUMNS if on_route else CONVERGENCE_COLUMNS
+    return _by_run("convergence", "", shown, records)
 
 
 def final_errors(run: Run) -> dict[str, Any]:
