@@ -69,6 +69,8 @@ MADE_BY = {
     "runs/first_campaign": "flighttune campaign run first_campaign",
     "gains.json": "flighttune tune paper --out gains.json",
     "certificate.json": "flighttune certify paper --out certificate.json",
+    "runs/circuit-band.npz": "flighttune band circuit --start-deg 2 --plant kinematic "
+    "--epsilon 0.1 --confidence 0.9 --learn 20 --flights 22",
 }
 """Commands of other pages that make what a page begins with."""
 
