@@ -157,7 +157,7 @@ def main() -> int:
     print(COLUMNS + ("" if times else f" | m of the path from {ASIDE:g} m beside to {NEAR:g} m"))
     for name, values in look_ahead_times() if times else compared():
         print(f"{name:48}" + "".join(f"{value:9.2f}" for value in values), flush=True)
-        widest = max(widest, values[0] if name.startswith("look-ahead;") else 0.0)
+        widest = np.maximum(widest, values[0] if name.startswith("look-ahead;") else 0.0)
     return int(not widest <= WIDEST)
 
 

@@ -1,6 +1,7 @@
 """Bands of campaigns: a shape learned from some flights, and its scale counted on fresh ones."""
 
 import math
+import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -48,7 +49,7 @@ Probe: TypeAlias = partial[list[float]]
 TIME_AXIS = ("flight.duration_s", "controller.rate_hz")
 
 # Tables of a scenario that a run must share with the flights of a band drawn around it.
-SHARED = ("flight", "reference", "route", "law", "limits", "controller")
+SHARED = ("flight", "reference", "route", "law", "limits", "controller", "sensors")
 
 
 def count_band(
@@ -111,7 +112,7 @@ def count_band(
         coefficients=coefficients,
         half=half,
         predicted_from=predicted_from,
-        distribution=distribution.sentence,
+        distribution=f"{group.label} in {distribution.sentence}",
         plan=plan.as_dict(),
         learned=learn,
         readings=(),
@@ -172,12 +173,15 @@ def plan_of(band: Band) -> Plan:
 def around(band: Band, runs: Sequence[Run]) -> list[Run]:
     """The runs with the band as signals (`BAND_ENDS`), and its claim.
 
-    A run has the band if it differs from the flights counted by no more than their dispersions and
-    its air. InputError if there is none, with what the first one differs in.
+    A run has the band if it differs from the flights counted only in keys that they draw, whatever
+    its value, and in its wind, gust, turbulence and disturbance. InputError if there is none, with
+    what the first one differs in.
     """
     plan = plan_of(band)
     if band.about.scale is None:
         raise InputError("`band` must have a claim: too many of its flights were not completed.")
+    if all(run.status != "completed" for run in runs):
+        raise InputError("`run` must be completed to have a band.")
     scenarios = [scenario_from(dict(run.provenance.scenario)) for run in runs]
     other = [_other(plan, *of_run) for of_run in zip(runs, scenarios, strict=True)]
     if all(other):
@@ -209,11 +213,6 @@ def score(band: Band, run: Run, scenario: Scenario) -> float:
 def _other(plan: Plan, run: Run, scenario: Scenario) -> str:
     """What a run has other than the flights of a plan of one group; empty if it is one of them."""
     (group,), made = plan.groups, run.provenance
-    theirs, own = (
-        dict(leaves({key: tables[key] for key in SHARED if key in tables}))
-        for tables in (plan.scenario.as_dict(), scenario.as_dict())
-    )
-    differ = (key for key in theirs | own if theirs.get(key) != own.get(key))
     gains, flown = plan.gain_sets[group.gains], made.gains
     if run.status != "completed":
         return "status"
@@ -223,7 +222,18 @@ def _other(plan: Plan, run: Run, scenario: Scenario) -> str:
         return "law"
     if gains is None or flown is None or not np.allclose(gains.K, flown.K, rtol=TUNING_ROUNDING):
         return "gains"
-    return next((key for key in differ if key not in plan.keys), "")
+    counted, own = (_stated(of, group.plant) for of in (plan.scenario, scenario))
+    drawn = {re.sub(r"\[.*?\]", "", key) for key in plan.keys}
+    differ = (key for key in counted | own if counted.get(key) != own.get(key))
+    return next((key for key in differ if key not in drawn), "")
+
+
+def _stated(scenario: Scenario, plant: str) -> dict[str, Any]:
+    """What the flights of a plant share, whatever the air, by dotted key."""
+    tables = scenario.as_dict()
+    tables = {key: tables[key] for key in SHARED if key in tables}
+    tables["plant"] = scenario.plant_table(plant).model_dump(mode="json", exclude_none=True)
+    return dict(leaves(tables))
 
 
 def _probe(band: Band) -> Probe:
@@ -258,6 +268,7 @@ def _extremes(
     """Extremes of a flight, window by window; after them the north and east wind at its start."""
     axis = _axis(run)
     samples = np.searchsorted(axis, edges - SAME).clip(max=len(axis) - 1)
+    samples[:-1] = samples[:-1].clip(max=len(axis) - 2)  # a window has a sample before its last
     values = np.ravel(window_extremes(run.signals[signals].to_numpy(), samples)).tolist()
     return [*values, *_wind(scenario)] if windy else values
 

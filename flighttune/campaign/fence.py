@@ -64,9 +64,9 @@ def corridor_of(band: Band, where: Where | None = None) -> Corridor:
 def count_inside(band: Band, file: Path) -> FenceCount:
     """Count the flights of a band that are not certainly inside the fence in a file.
 
-    A flight is if the path is, and in each window the box from the lowest to the highest
-    distances off it; one that was not completed is not. Raises InputError if the band is not of a
-    route, its flights plan different paths, or the file has no fence around their start.
+    A flight is certainly inside if the path is and, in each window, the box from its lowest to its
+    highest distances. A flight that was not completed is not. Raises InputError if the band is not
+    of a route, its flights plan different paths, or the file has no fence around their start.
     """
     about, plan = band.about, plan_of(band)
     central, columns = plan.campaign.central, _columns(band)

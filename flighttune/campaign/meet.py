@@ -1,6 +1,7 @@
 """Gains that meet the requirements of scenarios, found by flying them."""
 
 import math
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
@@ -236,6 +237,7 @@ class Search:
 
         Covariance matrix adaptation (N. Hansen, arXiv 1604.00772) on the logarithms of the gains.
         """
+        warnings.filterwarnings("ignore", "Could not import matplotlib")  # of cma
         import cma
 
         start, objective, largest = trial.gains, objective or self.value, self._problem.K_max

@@ -1,6 +1,7 @@
 """The worst flight of a stated set, searched for, and the probability of a rare miss."""
 
 import math
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -107,6 +108,8 @@ class StatedSet:
                     f"{source}: metric, tube, gains, start and changes must be absent for a band "
                     "file, which has its own."
                 )
+            if band.about.scale is None:
+                raise InputError(f"{source}: the band must have a claim, got none.")
             plan = plan_of(band)
         else:
             plan = planned(
@@ -295,6 +298,7 @@ def search_worst(
     The results are the worst point, its seed and the largest value of the first generation.
     `budget` is the maximum number of points.
     """
+    warnings.filterwarnings("ignore", "Could not import matplotlib")  # of cma
     import cma
 
     rng, radius = np.random.default_rng(seed), region_radius(dimension)

@@ -24,6 +24,8 @@ WIDTH_COLUMNS = [
     Column("largest", "largest half-width", digits=".2f"),
     Column("last_quarter", "in the last quarter", digits=".2f"),
     Column("end", "at the end", digits=".2f"),
+    Column("low", "lowest bound", digits=".2f"),
+    Column("high", "highest bound", digits=".2f"),
     Column("unit", "unit"),
 ]
 
@@ -124,7 +126,7 @@ def band(
     options.check_ending(out, ".npz")
     if fence is not None and recount is not None:
         raise InputError("`recount` must be absent with a fence.")
-    from flighttune.campaign.band import count_band, count_more
+    from flighttune.campaign.band import count_band, count_more, plan_of
     from flighttune.campaign.band import recount as count_again
     from flighttune.campaign.fence import fence_of
     from flighttune.campaign.stated_set import planned
@@ -154,6 +156,8 @@ def band(
         for name in of_source:
             raise InputError(f"`{name}` must be absent for a band file, which has its own.")
         counted = load_band(source)
+        if fence is not None and flights is not None:  # refuse it before a flight
+            fence_of(plan_of(counted), fence, counted.about.signals)
         with campaign_pool(workers, scheduler) as pool:
             if recount is not None:
                 differ = count_again(counted, recount, pool)
@@ -198,12 +202,13 @@ def fly_draw(file: Path, draw: int, out: Path | None) -> Answer:
     from flighttune.guarantee.band import load_band
     from flighttune.recording.record import record
 
-    plan, name = plan_of(load_band(file)), f"{file.stem}-run-{draw}"
+    counted, name = load_band(file), f"{file.stem}-run-{draw}"
+    plan = plan_of(counted)
     with progress_bar() as progress:
         flown = fly_again(plan, draw, progress=progress)
     run = flown[plan.group_of(draw).label]
     runs, around = list(flown.runs), Answer(notes=[f"{run.label}: {run.outcome}"])
-    if run.status == "completed":
+    if run.status == "completed" and counted.about.scale is not None:
         runs, around = band_around(runs, file)
     files = record(replace(flown, runs=tuple(runs)), out or Path("runs") / name, name=name)
     of_draw = plan.values_of(draw)
@@ -245,6 +250,10 @@ def band_answer(counted: "Band", file: str | Path = "FILE") -> Answer:
         shown, factor = shown_unit(unit)
         late = about.edges[:-1] >= LAST_QUARTER * about.edges[-1]
         ends = {"largest": widths.max(), "last_quarter": widths[late].max(), "end": widths[-1]}
+        if not about.predicted_from:
+            bounds = counted.bounds(about.edges[:-1])
+            at = bounds.names.index(name)
+            ends |= {"low": bounds.low[:, at].min(), "high": bounds.high[:, at].max()}
         in_unit = {key: float(width) * factor for key, width in ends.items()}
         records.append({"signal": name, **in_unit, "unit": shown})
     notes = []

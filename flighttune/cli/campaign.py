@@ -92,14 +92,14 @@ def fly(
         Argument(metavar="DIR|FILE", help="Folder of a campaign, or a band file (.npz)."),
     ],
     run: Annotated[
-        int, Option(help="Number of the run, as in the column `run`; of a band its draw.", min=0)
+        int, Option(help="Number of the run (column `run`), or of the draw of a band.", min=0)
     ],
     out: Annotated[Path | None, options.out_folder("runs/NAME-run-N")] = None,
 ) -> Answer:
     """Fly a run of the campaign in DIR again, record it and compare it with its row.
 
     Exit status 1 if they are not equal to the bit; every difference is listed. A draw of a band
-    has no row: it is recorded with the band around it.
+    is recorded with the band around it; there is no row to compare it with.
     """
     if Path(folder).suffix == ".npz":
         return fly_draw(Path(folder), run, out)

@@ -105,7 +105,7 @@ def check_ending(out: Path | None, *endings: str, option: str = "--out") -> None
 
 BandOption = Annotated[
     Path | None,
-    Option(help="File of `flighttune band`, which is drawn around the runs that it is about."),
+    Option(help="Band file (.npz) to draw around the runs of its scenario, plant and gains."),
 ]
 
 TubeOption = Annotated[

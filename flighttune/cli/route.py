@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from flighttune.routes.follow import RouteReference
     from flighttune.scenario.schema import Scenario
 
+# Aircraft that flies a file by default.
+AIRCRAFT = "aerosonde"
+
 ROUTE_FILES = (".plan", ".json", ".geojson")
 ROUTE_COLUMNS = [
     Column("kind", "stretch"),
@@ -44,12 +47,13 @@ def route(
         ),
     ],
     aircraft: Annotated[
-        str,
+        str | None,
         Option(
-            help="Aircraft that is to fly a FILE, at an airspeed at which it is identified.",
+            help="Aircraft that is to fly a FILE, at an airspeed at which it is identified "
+            "[default: aerosonde].",
             autocompletion=aircraft_names,
         ),
-    ] = "aerosonde",
+    ] = None,
     skip: Annotated[
         bool, Option("--skip", help="Leave out commands of a FILE that cannot be flown.")
     ] = False,
@@ -73,7 +77,9 @@ def route(
         raise InputError("`--out` must be given with `--band`.")
     own = options.changes(settings)
     if Path(source).suffix.lower() in ROUTE_FILES:
-        loaded = route_scenario(Path(source), aircraft, skip=skip, changes=own)
+        loaded = route_scenario(Path(source), aircraft or AIRCRAFT, skip=skip, changes=own)
+    elif aircraft is not None or skip:
+        raise InputError(f"{source}: `--aircraft` and `--skip` must be absent for a scenario.")
     else:
         loaded = load_scenario(source, changes=own)
     reference, table = loaded.followed(), loaded.route

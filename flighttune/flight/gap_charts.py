@@ -4,7 +4,7 @@ import numpy as np
 
 from flighttune.errors import InputError
 from flighttune.flight.gap import Gap
-from flighttune.guarantee.bounds import band_of, inside_bands
+from flighttune.guarantee.bounds import band_of
 from flighttune.metrics import channel_metrics
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS
@@ -108,8 +108,9 @@ def bound_chart(gap: Gap, channel: str) -> Chart:
             chart.line(run.t, worst, LIMIT, dash=DASHED, name="worst flight found in it")
     if (band := band_of(run, signal)) is not None:
         low, high = band * factor
-        inside = "flight inside" if inside_bands([run])[run.label] else "left"
-        chart.band(run.t, low, high, NEUTRAL, name=f"counted band, {inside}")
+        left = bool(((error < low) | (error > high)).any())
+        name = f"counted band, {'left' if left else 'flight inside'}"
+        chart.band(run.t, low, high, NEUTRAL, name=name)
     elif bounds[0] not in run.signals:
         chart.title += "; no tube yet"
     return chart

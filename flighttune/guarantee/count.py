@@ -30,7 +30,7 @@ def allowed_outside(flights: int, epsilon: float, confidence: float) -> int:
 def supported_epsilon(outside: int, flights: int, confidence: float) -> float:
     """Smallest epsilon that so many of `flights` outside support: the bound of Clopper and Pearson.
 
-    `allowed_outside` with this epsilon is `outside`; it is 1 if all flights are outside.
+    `allowed_outside` is `outside` for an epsilon just above it. It is 1 if all flights are outside.
     """
     return 1.0 if outside == flights else float(bdtri(outside, flights, 1.0 - confidence))
 

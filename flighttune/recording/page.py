@@ -39,7 +39,8 @@ and metrics are of the true values."""
 NO_TUBE = "No tube around the errors: `flighttune fly SCENARIO --tube` makes it."
 TUBE = "Thin lines around the errors of an aircraft: the tube of the run."
 CALM_TUBE = (
-    f"{TUBE} It is one in calm air. In wind and turbulence a band bounds them (`flighttune band`)."
+    f"{TUBE} It holds in calm air; in wind and turbulence a counted band bounds the errors "
+    "(`flighttune band`)."
 )
 BAND = (
     "Dashed lines around a signal: the counted band. It holds for flights drawn from the "

@@ -25,7 +25,7 @@ DRAWN = 100
 TITLES = {name: (title, label) for name, title, label in (*ERRORS, *ROUTE_ERRORS)}
 
 NOTE = "A line joins the lowest and the highest value of a counted flight in each window."
-GIVEN = "Signals are minus the middle that is predicted from the wind of each flight."
+GIVEN = "The middle predicted from the wind of each flight is subtracted."
 
 
 def write_band_page(

@@ -110,8 +110,8 @@ def areas_in_words(runs: Sequence[Run]) -> list[str]:
     tubed = [run for run in runs if TUBE_SIGNALS[0] in run.signals]
     airs = dict.fromkeys(scenario_from(dict(run.provenance.scenario)).air for run in tubed)
     tubes = [
-        "An area in the colour of a run is its tube: every flight of its model in "
-        f"{listed(list(airs), 'or')} is in it."
+        "An area in the colour of a run is its tube: it bounds every flight of its model from its "
+        f"start and on its reference, in {listed(list(airs), 'or')}."
     ]
     notes = [f"{note}." for note in band_notes(runs)]
     return [*(tubes if tubed else []), *notes]

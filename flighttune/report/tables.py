@@ -91,6 +91,7 @@ def convergence_table(runs: Sequence[Run], claim: ClaimCheck) -> Table:
             record |= flight_metrics(run) if "along" in run.signals else {}
         if run.status == "completed":
             record["flight"] = "converges" if record["converges"] else "does not converge"
+            record["flight"] = "arrives" if "along" in run.signals else record["flight"]
         elif len(run.signals):
             record["flight"] += f" at {run.duration:.1f} s"
         records.append(record)

@@ -20,10 +20,10 @@ FINE = 0.1
 # Most corners of a fence: each edge takes about 20 ms on a route of 16 km.
 MAX_CORNERS = 1000
 
-# Signs of lowest and highest values with which both are distances from the path.
+# Signs that turn lowest and highest values into distances to the left and right, up and down.
 AWAY = np.array([-1.0, 1.0], dtype=np.float32)
 
-# Cosine in place of zero, for an edge along the path or across it.
+# Smallest cosine to divide by: an edge may be parallel to the path or across it.
 TINY = 1e-12
 
 SIDES = ("left", "right", "up", "down")
@@ -62,7 +62,7 @@ class Room(NamedTuple):
     path: Route
 
     def nearest(self, away: FloatArray) -> dict[str, Any]:
-        """Where a flight that is so far from the path has the least margin, or is least inside.
+        """Where flights with the distances `away` have the smallest margin.
 
         The margin, m, is measured across the path; -inf if the path itself is outside.
         """

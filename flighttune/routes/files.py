@@ -148,7 +148,7 @@ def _line_rows(tables: Mapping[str, Any]) -> list[Row]:
 def features(tables: Mapping[str, Any]) -> Iterable[Mapping[str, Any]]:
     """The features of a GeoJSON object; a shape alone is one without properties."""
     if tables["type"] == "FeatureCollection":
-        return tables["features"]
+        return [feature for feature in tables["features"] if feature["geometry"] is not None]
     return [tables if tables["type"] == "Feature" else {"geometry": tables}]
 
 

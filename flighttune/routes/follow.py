@@ -23,8 +23,8 @@ LEAD_S = 0.2
 COLUMNS = ("north", "east", "course", "curvature", "up", "slope")
 _CURVATURE, _SLOPE = map(COLUMNS.index, ("curvature", "slope"))
 
-# Smallest share of its radius at which a turn's centre may be beside the aircraft, and smallest
-# cosine of a crab angle.
+# Smallest 1 - curvature e_y, which is zero at the centre of a turn, and smallest cosine of a crab
+# angle.
 NEAREST = 0.2
 
 # Newton's steps to the nearest point of the path, from that of the sample before.

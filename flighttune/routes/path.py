@@ -219,7 +219,8 @@ def plan(waypoints: Sequence[Waypoint], ability: Ability) -> Path:
     Corners have the smallest radius that the ability allows, and every turn takes its roll in and
     out at the largest rate. A leg is the line that touches what is flown at both ends: it goes
     through a point that is passed, and beside circles by their radius and what the roll-in adds.
-    A height is reached in the middle of a corner, or before circles, which are level.
+    The climb changes in the middle of a corner, or before circles, which are level; the change is
+    rounded, so that the path passes the waypoint a little above or below its height.
     """
     if len(waypoints) < 2:
         raise InputError(f"`waypoints` must be at least 2, got {len(waypoints)}.")
@@ -373,9 +374,11 @@ def _path(
     counts = list(accumulate(map(len, pieces), initial=0))
     ends = begins[counts]
     at, up = _profile(kinds, ends, waypoints, ability)
-    bend = np.abs(np.diff(np.arctan(np.diff(up) / np.diff(at)))).max()
-    pull_up = max(PULL_UP_S, ability.V_a * bend / (ability.g * PULL_UP_N_Z))
-    half = 0.5 * pull_up * ability.V_a
+    half = _half_pull_up(at, up, ability)
+    # on as at the ends, for as far as the mean reaches
+    (before, after), far = _climbs(at, up)[[0, -1]], BEYOND_S * ability.speed + 2.0 * half
+    at = np.concatenate([[-far], at, [at[-1] + far]])
+    up = np.concatenate([[up[0] - far * before], up, [up[-1] + far * after]])
     height, slope = _rounded(s[::FINE], at, up, half)
     climbs = np.diff(np.interp(ends, at, up)) / np.maximum(np.diff(ends), NO_LENGTH)
     curved = np.maximum(np.abs(k), np.abs(k_end))
@@ -423,11 +426,26 @@ def _profile(
         elif kind == "loiter":
             at.append(float(ends[i + 1]))
             up.append(point.up)
-    # on as at the ends
-    before, after = (up[1] - up[0]) / (at[1] - at[0]), (up[-1] - up[-2]) / (at[-1] - at[-2])
-    far = 2.0 * BEYOND_S * ability.speed
-    at, up = [-far, *at, at[-1] + far], [up[0] - far * before, *up, up[-1] + far * after]
-    return np.array(at), np.array(up)
+    distinct = np.append(True, np.diff(at) > NO_LENGTH)
+    return np.array(at)[distinct], np.array(up)[distinct]
+
+
+def _climbs(at: FloatArray, up: FloatArray) -> FloatArray:
+    """Slopes between these distances and heights."""
+    return np.diff(up) / np.diff(at)
+
+
+def _half_pull_up(at: FloatArray, up: FloatArray, ability: Ability) -> float:
+    """Half the distance over which each change of the climb is spread, m."""
+    bends = np.abs(np.diff(np.arctan(_climbs(at, up))))
+    pull_up = max(PULL_UP_S, ability.V_a * bends.max(initial=0.0) / (ability.g * PULL_UP_N_Z))
+    apart = np.diff(at[1:-1][bends > NO_TURN]).min(initial=math.inf)
+    if pull_up > PULL_UP_S and pull_up * ability.V_a > apart:
+        raise InputError(
+            f"`waypoints`: changes of the climb must be {pull_up * ability.V_a:.0f} m apart at "
+            f"{ability.V_a:g} m/s, got {apart:.0f} m; gentler climbs may be closer."
+        )
+    return 0.5 * pull_up * ability.V_a
 
 
 def _climb(

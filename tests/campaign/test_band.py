@@ -1,5 +1,6 @@
 """Bands of small campaigns: what is learned, counted, added and flown again, and the command."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -9,13 +10,15 @@ from commands import answer, flighttune
 from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_of, uniform
 
 from flighttune.campaign import band as band_module
-from flighttune.campaign.band import count_band, count_more, recount
+from flighttune.campaign.band import around, count_band, count_more, recount
 from flighttune.campaign.band import plan_of as plan_of_band
-from flighttune.campaign.flying.alone import fly_group
+from flighttune.campaign.flying.alone import fly_group, scenario_of_run
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.stated_set import planned
 from flighttune.errors import InputError
+from flighttune.flight.fly import fly
 from flighttune.guarantee.band import load_band, save_band
+from flighttune.scenario.load import scenario_from
 
 START = uniform("flight.chi_deg", -5.0, 5.0), uniform("flight.gamma_deg", 3.0, 7.0)
 FEW = {"epsilon": 0.3, "confidence": 0.9, "learn": 10}
@@ -225,7 +228,36 @@ def test_a_band_on_a_route_follows_the_distance_along_it():
     path = plan.scenario.followed().path
 
     assert band.about.signals == {"cross_track": "m", "height_err": "m"}
-    assert (band.about.over, band.about.edges[-1]) == ("along", round(path.length))
+    assert (band.about.over, band.about.edges[-1]) == ("along", math.ceil(path.length))
     for run, score in enumerate(band.scores, start=band.about.learned):
         signals = fly_group(plan, plan_of_band(band).scenario_of(run), plan.groups[0]).signals
         assert band.bounds(signals["along"].to_numpy()).contain(signals) == (score <= band.scale)
+
+
+def test_a_route_shorter_than_a_window_of_each_metre_is_counted():
+    short = [{"north_m": n, "east_m": 0.0} for n in (0.0, 100.2)]
+    changes = {"route.waypoint": short, "flight.duration_s": 60.0}
+    band = count(planned("circuit", plant="kinematic", start_deg=3.0, changes=changes))
+
+    assert band.not_completed == 0
+
+
+@pytest.mark.slow
+def test_a_band_is_not_drawn_around_a_run_of_another_airframe_or_with_sensors():
+    counted = count(small_plan(plants=(AEROSONDE,)))
+    plan = plan_of_band(counted)
+    tables = scenario_of_run(plan, counted.nearest).as_dict()
+    label = plan.groups[0].plant
+
+    def flown(**changes):
+        made = scenario_from({**tables, **changes})
+        return [run for run in fly(made).runs if run.provenance.plant == label]
+
+    assert counted.sentence == around(counted, flown())[0].band
+    heavy = [plant | {"airframe": {"mass_factor": 1.3}} for plant in tables["plant"]]
+    for key, changes in (
+        ("plant.airframe.mass_factor", {"plant": heavy}),
+        ("sensors.chi_bias_deg", {"sensors": {"chi_bias_deg": 1.0}}),
+    ):
+        with pytest.raises(InputError, match=rf"`band` must be of the same {key}"):
+            around(counted, flown(**changes))

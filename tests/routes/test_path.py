@@ -1,6 +1,7 @@
 """Paths through waypoints against Fresnel's integrals and circles, and what is refused."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -95,3 +96,22 @@ def test_a_climb_of_its_own_angle_ends_before_the_waypoint():
 def test_what_cannot_be_flown_is_refused_by_the_number_of_its_waypoint(route, message):
     with pytest.raises(InputError, match=message):
         plan(route, ABILITY)
+
+
+@pytest.mark.parametrize("leg", [20_000.0, 60_000.0])
+def test_a_fast_aircraft_begins_and_ends_on_the_heights_and_slopes_of_its_route(leg):
+    fast = replace(ABILITY, V_a=200.0, wind=66.0, gamma=(-0.5, 0.5))
+    route = [Waypoint(north=0.0, east=0.0), Waypoint(north=leg, east=0.0, up=leg / 10.0)]
+    path = plan([*route, Waypoint(north=2.0 * leg, east=0.0)], fast)
+
+    end = np.searchsorted(path.s, path.length)
+    assert path.up[[0, end]] == pytest.approx([0.0, 0.0], abs=0.2)  # m: a point is up to 1 m off
+    assert path.slope[[0, end]] == pytest.approx([0.1, -0.1], abs=1e-9)
+
+
+def test_climbs_that_change_faster_than_the_load_factor_allows_are_refused():
+    fast = replace(ABILITY, V_a=200.0, wind=66.0, gamma=(-0.5, 0.5))
+    heights = zip((0.0, 3000.0, 0.0, 0.0), (0.0, 9000.0, 18_000.0, 30_000.0), strict=True)
+
+    with pytest.raises(InputError, match=r"changes of the climb must be \d+ m apart .* got 9000 m"):
+        plan([Waypoint(north=north, east=0.0, up=up) for up, north in heights], fast)
