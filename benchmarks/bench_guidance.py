@@ -1,8 +1,8 @@
 """Published guidance flown against that of the package: the same routes, wind and aircraft.
 
 Run it with ``python benchmarks/bench_guidance.py``; ``--time`` flies the package's with other
-look-ahead times on three aircraft. Exits with 1 where the package's guidance leaves a route by
-more than `WIDEST` m. The laws and results: design/guidance.md.
+look-ahead times on three aircraft. Without it, exits with 1 where the package's guidance leaves a
+route by more than `WIDEST` m. The laws and results: design/guidance.md.
 """
 
 import math

@@ -32,13 +32,13 @@ WIDTH_COLUMNS = [
 # Part of the time whose largest half-width is printed too: flights have settled by then.
 LAST_QUARTER = 0.75
 
-# Options that say what is planned.
+# Options that `planned` takes.
 PLANNED = ("gains", "plant", "start_deg", "changes")
 
 NEAREST_COLUMNS = [
     Column("what", "nearest to the fence"),
     Column("margin_m", "margin", "m", "z.2f"),
-    Column("side", "to the"),
+    Column("side", "side"),
     Column("edge", "edge"),
     Column("along_m", "along", "m", ".0f"),
     Column("stretch", "stretch"),
@@ -108,8 +108,8 @@ def band(
     fence: Annotated[
         Path | None,
         Option(
-            help="Polygon (.geojson): answer with which probability a flight along a route stays "
-            "inside, and where it is nearest."
+            help="GeoJSON polygon: bound the probability that a flight along a route leaves it, "
+            "and find where flights come nearest."
         ),
     ] = None,
     settings: options.SetOption = None,
@@ -120,8 +120,8 @@ def band(
 
     Its shape is learned from some flights, and its scale counted on fresh ones: it holds for all
     signals at all times, for any law, plant and weather. Exit status 1 if too many flights did not
-    complete for any claim, a flight of a recount differs, or the count does not support that a
-    flight stays inside the fence with a probability of at least 1 - epsilon.
+    complete for any claim, or a flight of a recount differs. With a fence it is 1 only if the count
+    does not support that a flight leaves it with a probability of at most epsilon.
     """
     options.check_ending(out, ".npz")
     if fence is not None and recount is not None:

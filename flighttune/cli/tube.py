@@ -293,7 +293,9 @@ def tubes_answer(tubes: "RunTubes", command: str, scenario: str = "") -> Answer:
     }
     flown = {run.label: run.provenance for run in tubes.runs}
     source = scenario or "SCENARIO"
-    if any(made.scenario.get("route") for made in flown.values()):
+    if any(run.band for run in tubes.runs):
+        hint = ""
+    elif any(made.scenario.get("route") for made in flown.values()):
         drawn = f"{command.removesuffix(' --tube')} --band FILE"
         hint = (
             "To count how wide the corridor of the route is: "

@@ -316,7 +316,8 @@ def check_aircraft(scenario: Scenario, source: str) -> None:
     """Refuse a scenario that one of its aircraft cannot start.
 
     Steady flight at the start is not required here: without it a run ends with a status. The
-    ScenarioError names `source`, the file of the scenario, and every key.
+    ScenarioError names `source`, the file of the scenario, and every key, or the first reason why a
+    route cannot be planned.
     """
     try:
         if scenario.route is not None:
