@@ -2,7 +2,7 @@
 
 Run it with ``python benchmarks/bench_guidance.py``; ``--time`` flies the package's with other
 look-ahead times on three aircraft. Without it, exits with 1 where the package's guidance leaves a
-route by more than `WIDEST` m. The laws and results: design/guidance.md.
+route by more than `MAX_CROSS_TRACK` m. The laws and results: design/guidance.md.
 """
 
 import math
@@ -17,7 +17,7 @@ from flighttune.flight.outer_loop import gain_sets, law_setup
 from flighttune.routes.follow import RouteReference
 from flighttune.simulate.loop import simulate
 
-WIDEST = 8.0
+MAX_CROSS_TRACK = 8.0
 SHARE = 60.0 / 90.0  # course towards the path far from it, over 90 deg, in the vector field
 ASIDE, NEAR = 50.0, 2.0  # beside the path at the start; from it where it is reached, m
 LEGS = {"five": [(900, 0), (900, 90), (800, 164), (1100, 56), (700, 142)], "line": [(1500, 0)]}
@@ -158,7 +158,7 @@ def main() -> int:
     for name, values in look_ahead_times() if times else compared():
         print(f"{name:48}" + "".join(f"{value:9.2f}" for value in values), flush=True)
         widest = np.maximum(widest, values[0] if name.startswith("look-ahead;") else 0.0)
-    return int(not widest <= WIDEST)
+    return int(not widest <= MAX_CROSS_TRACK)
 
 
 if __name__ == "__main__":

@@ -12,13 +12,13 @@ from flighttune.errors import InputError
 from flighttune.guarantee.band import Band
 from flighttune.guarantee.count import supported_epsilon
 from flighttune.metrics import OFF_ROUTE
-from flighttune.routes.fence import AWAY, Fence, read_fence, room_along
+from flighttune.routes.fence import DISTANCE_SIGNS, Fence, read_fence, room_along
 from flighttune.routes.files import Corridor, Where
 from flighttune.routes.follow import RouteReference
 from flighttune.scenario.schema import Scenario
 
 # Distance in samples, at the airspeed, by which positions may lie beyond the edges of a window.
-BEYOND = 2.0
+OVERLAP_SAMPLES = 2.0
 
 
 class FenceCount(NamedTuple):
@@ -74,13 +74,13 @@ def count_inside(band: Band, file: Path) -> FenceCount:
     for run in range(about.learned, plan.runs):
         if where_of(plan.scenario_of(run))[0] is not path:  # the same path is planned once
             raise InputError(f"all flights must have the same path for a fence, got draw {run}.")
-    away, completed = AWAY * band.extremes[:, :, columns], np.isfinite(band.scores)
+    away, completed = DISTANCE_SIGNS * band.extremes[:, :, columns], np.isfinite(band.scores)
     reaches = {"completed flights": away[completed].max(axis=0)} if completed.any() else {}
     if about.scale is not None and not about.predicted_from:
         corridor = corridor_of(band)
-        reaches["band"] = AWAY * np.stack([corridor.low, corridor.high], axis=-1)
+        reaches["band"] = DISTANCE_SIGNS * np.stack([corridor.low, corridor.high], axis=-1)
     widest = max([0.0, *(float(reach[:, 0].max()) for reach in reaches.values())])
-    overlap = BEYOND * central.flight.V_a_mps / central.controller.rate_hz
+    overlap = OVERLAP_SAMPLES * central.flight.V_a_mps / central.controller.rate_hz
     room = room_along(fence, path, about.edges, widest=widest, overlap=overlap)
     # The limits to the sides are finite: flights that were not completed are outside.
     outside = int(np.sum(~(away <= room.limits).all(axis=(1, 2, 3))))

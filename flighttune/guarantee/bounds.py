@@ -132,7 +132,8 @@ def inside_bands(runs: Sequence[Run]) -> dict[str, bool]:
 def band_notes(runs: Sequence[Run]) -> list[str]:
     """Whether runs are inside the counted bands drawn around them, and what these claim."""
     inside = inside_bands(runs)
-    said = [f"{label}: {'in' if held else 'out'}side the band" for label, held in inside.items()]
+    words = {True: "inside", False: "outside"}
+    said = [f"{label}: {words[is_inside]} the band" for label, is_inside in inside.items()]
     return said + [f"Band: {claim}" for claim in dict.fromkeys(run.band for run in runs) if claim]
 
 

@@ -13,11 +13,10 @@ from flighttune.present.names import shown_unit
 from flighttune.present.palette import HUES, LIMIT, NEUTRAL
 from flighttune.present.tables import Table, facts_table
 from flighttune.report.panels import ERRORS
-from flighttune.report.route_charts import ALONG, KM
-from flighttune.report.route_charts import ERRORS as ROUTE_ERRORS
+from flighttune.report.route_charts import DISTANCE_AXIS, KM, ROUTE_ERRORS
 
-# Flights drawn inside the band.
-DRAWN = 100
+# Fewest flights drawn inside the band, if so many are.
+MIN_DRAWN = 100
 
 (STRONG, _), (LIGHT, _) = HUES[0]
 
@@ -63,7 +62,7 @@ def _chart(band: Band, i: int) -> Chart:
     title, label = TITLES.get(name, (name, f"{name} [{unit}]"))
     edges, axis = about.edges, "t [s]"
     if about.over == "along":
-        edges, axis = about.edges / KM, ALONG
+        edges, axis = about.edges / KM, DISTANCE_AXIS
     chart = Chart(title=title, x=axis, y=label, linked=True)
     flights = band.extremes[..., i, :].astype(float)
     middle = predicted(band.wind, about.coefficients)[..., i]
@@ -79,9 +78,9 @@ def _chart(band: Band, i: int) -> Chart:
     for edge in (low, high):
         chart.line(x, edge, NEUTRAL, dash=DOTTED, width=1.2, hover=False)
     completed, within = np.isfinite(band.scores), band.scores <= band.scale
-    inside, outside = (np.flatnonzero(completed & those) for those in (within, ~within))
-    some = inside[:: max(1, len(inside) // DRAWN)]
-    _lines(chart, x, factor * flights[some], LIGHT, f"{len(some)} of {len(inside)} inside", 0.5)
+    inside, outside = (np.flatnonzero(completed & side) for side in (within, ~within))
+    shown = inside[:: max(1, len(inside) // MIN_DRAWN)]
+    _lines(chart, x, factor * flights[shown], LIGHT, f"{len(shown)} of {len(inside)} inside", 0.5)
     _lines(chart, x, factor * flights[outside], LIMIT, f"{len(outside)} outside", 0.9)
     if about.scale is not None:
         nearest = factor * flights[band.nearest - about.learned]

@@ -12,7 +12,7 @@ from flighttune.routes.path import Path
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 
-ERRORS = (
+ROUTE_ERRORS = (
     ("cross_track", "To the right of the route", "e_y [m]"),
     ("height_err", "Below the route", "e_h [m]"),
 )
@@ -20,13 +20,13 @@ ERRORS = (
 # The three charts along the route stand beside the map, in three rows of the page.
 ROW_HEIGHT, MAP_HEIGHT = 150.0, 510.0
 
-ALONG, KM = "along the route [km]", 1000.0
+DISTANCE_AXIS, KM = "along the route [km]", 1000.0
 
 # Distance between points of the corridor's edges, m.
 APART = 10.0
 
 # Factors on the width of a corridor, and its largest width then as a share of the map.
-WIDER, SEEN = (2, 5, 10, 20, 50, 100), 0.02
+CORRIDOR_FACTORS, MAX_CORRIDOR_SHARE = (2, 5, 10, 20, 50, 100), 0.02
 
 # Length of the wind arrow as a share of the map.
 ARROW = 0.12
@@ -53,8 +53,8 @@ def _map(drawn: Drawn, path: Path) -> Chart:
     s = path.points(APART)
     if (corridor := _corridor(drawn, "cross_track", s)) is not None:
         sides = np.append(corridor[0], corridor[1, ::-1])
-        seen = SEEN * max(np.ptp(east), np.ptp(north)) / np.abs(sides).max()
-        wider = max((times for times in WIDER if times <= seen), default=1)
+        seen = MAX_CORRIDOR_SHARE * max(np.ptp(east), np.ptp(north)) / np.abs(sides).max()
+        wider = max((times for times in CORRIDOR_FACTORS if times <= seen), default=1)
         up, across, _ = path.beside(np.append(s, s[::-1]), wider * sides).T
         name = "corridor" if wider == 1 else f"corridor, drawn {wider} times as wide"
         chart.area(across, up, NEUTRAL, name=name)
@@ -113,7 +113,7 @@ def _height(drawn: Drawn, path: Path) -> Chart:
 def _errors(drawn: Drawn, path: Path) -> list[Chart]:
     """Distances of flights from the route along it, in the band counted for them."""
     charts = []
-    for signal, title, unit in ERRORS:
+    for signal, title, unit in ROUTE_ERRORS:
         chart = _along(path, title, unit)
         chart.level(0.0, NEUTRAL, dash="")
         for run, style in drawn:
@@ -128,7 +128,7 @@ def _errors(drawn: Drawn, path: Path) -> list[Chart]:
 def _along(path: Path, title: str, unit: str) -> Chart:
     """An empty chart over the distance along the route."""
     ends = 0.0, path.length / KM
-    return Chart(title=title, x=ALONG, y=unit, x_range=ends, height=ROW_HEIGHT)
+    return Chart(title=title, x=DISTANCE_AXIS, y=unit, x_range=ends, height=ROW_HEIGHT)
 
 
 def _corridor(drawn: Drawn, signal: str, s: FloatArray) -> FloatArray | None:

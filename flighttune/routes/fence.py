@@ -15,13 +15,13 @@ from flighttune.routes.path import Path as Route
 from flighttune.table_file import json_tables
 
 # Distance between the points of a path across which the fence is looked for, m.
-FINE = 0.1
+SCAN_STEP = 0.1
 
 # Most corners of a fence: each edge takes about 20 ms on a route of 16 km.
 MAX_CORNERS = 1000
 
 # Signs that turn lowest and highest values into distances to the left and right, up and down.
-AWAY = np.array([-1.0, 1.0], dtype=np.float32)
+DISTANCE_SIGNS = np.array([-1.0, 1.0], dtype=np.float32)
 
 # Smallest cosine to divide by: an edge may be parallel to the path or across it.
 TINY = 1e-12
@@ -177,17 +177,17 @@ def room_along(
 
     Notes
     -----
-    A place at the distance e to the right of the path is at most ``FINE / 2 (1 + k e)`` from the
+    A place at the distance e to the right of the path is at most ``SCAN_STEP / 2 (1 + k e)`` from the
     place with the same e at the nearest point of the table, with the largest curvature k. Edges
     are therefore widened by this at ``e = widest``. If the line across the path at each point is
     clear of all widened edges as far as the flights come, the surface that these lines sweep
     is clear of the edges, and inside like the start.
     """
-    s = FINE * np.arange(int((path.length + overlap) / FINE) + 2)
+    s = SCAN_STEP * np.arange(int((path.length + overlap) / SCAN_STEP) + 2)
     table = (path.north, path.east, path.up, path.course)
     north, east, up, course = (np.interp(s, path.s, values) for values in table)
-    wide = 0.5 * FINE * (1.0 + np.abs(path.curvature).max() * widest)
-    steep = 0.5 * FINE * np.abs(path.slope).max()
+    wide = 0.5 * SCAN_STEP * (1.0 + np.abs(path.curvature).max() * widest)
+    steep = 0.5 * SCAN_STEP * np.abs(path.slope).max()
     free = np.full((len(s), 2, 2), np.inf)
     free[:, 1] = np.column_stack([fence.high - up, up - fence.low]) - steep
     edges = np.zeros(free.shape, dtype=np.intp) + len(fence.start) + np.arange(2)
@@ -198,8 +198,8 @@ def room_along(
             nearest = np.where(near > 0.0, near, -np.inf)
             nearer = (low <= high) & (far >= 0.0) & (nearest < free[:, 0, side])
             free[nearer, 0, side], edges[nearer, 0, side] = nearest[nearer], edge
-    first = np.floor((windows[:-1] - overlap) / FINE).clip(min=0.0).astype(int)
-    last = np.ceil((windows[1:] + overlap) / FINE).astype(int) + 1
+    first = np.floor((windows[:-1] - overlap) / SCAN_STEP).clip(min=0.0).astype(int)
+    last = np.ceil((windows[1:] + overlap) / SCAN_STEP).astype(int) + 1
     at = np.array([i + free[i:j].argmin(axis=0) for i, j in zip(first, last, strict=True)])
     limits, of = (np.take_along_axis(values, at, axis=0) for values in (free, edges))
     return Room(limits, np.minimum(s[at], path.length), np.array(fence.names)[of], path)

@@ -23,15 +23,15 @@ LEAD_S = 0.2
 COLUMNS = ("north", "east", "course", "curvature", "up", "slope")
 _CURVATURE, _SLOPE = map(COLUMNS.index, ("curvature", "slope"))
 
-# Smallest 1 - curvature e_y, which is zero at the centre of a turn, and smallest cosine of a crab
-# angle.
-NEAREST = 0.2
+# Lower bounds of 1 - curvature e_y, which is zero at the centre of a turn, and of the cosine of the
+# crab angle.
+MIN_SPREAD, MIN_CRAB_COSINE = 0.2, 0.2
 
 # Newton's steps to the nearest point of the path, from that of the sample before.
 SEARCHES = 2
 
 # Speed over ground below which the look-ahead shrinks no more, m/s.
-SLOWEST = 1.0
+MIN_SPEED = 1.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -128,14 +128,16 @@ class Follower:
             n, e = self._before
             self._V_g = math.hypot(north - n, east - e) / self._dt
         self._before, V_g = (north, east), self._V_g
+        # The point of the path found last serves the next sample too, so that there is one
+        # reading of the path for each search.
         s, nearest, searches = self._s, self._nearest, SEARCHES
         while True:
             n, e, course, c_n, c_e, curvature, up, slope = nearest
             n, e = north - n, east - e
             e_y = e * c_n - n * c_e
             spread = 1.0 - curvature * e_y
-            if spread < NEAREST:
-                spread = NEAREST
+            if spread < MIN_SPREAD:
+                spread = MIN_SPREAD
             if not searches:
                 break
             searches -= 1
@@ -144,7 +146,7 @@ class Follower:
                 s = 0.0
             nearest = self._at(s)
         self._s, self._nearest = s, nearest
-        e_h, L = up - (h - self._h_0), max(V_g, SLOWEST) * self._T
+        e_h, L = up - (h - self._h_0), max(V_g, MIN_SPEED) * self._T
         side, below = e_y / L, e_h / L
         forward = V_g * math.cos(chi - course) / spread
         aside = V_g * math.sin(chi - course)
@@ -154,7 +156,7 @@ class Follower:
         crab = 1.0
         if wind is not None:
             behind = wind[0] * math.cos(chi) + wind[1] * math.sin(chi)
-            crab = max((V_g - behind) / (V_a * math.cos(gamma)), NEAREST)
+            crab = max((V_g - behind) / (V_a * math.cos(gamma)), MIN_CRAB_COSINE)
         next_curvature = self._column(_CURVATURE, s + V_g * LEAD_S)
         lift = math.cos(gamma_ref) + V_g * bend * forward / self._g
         sample = (

@@ -23,7 +23,7 @@ Kind: TypeAlias = Literal["leg", "turn", "loiter"]
 STEP = 1.0
 
 # Points of the integration in a step.
-FINE = 8
+SUBSTEPS = 8
 
 # Time for which a path goes on straight beyond its end, s.
 BEYOND_S = 10.0
@@ -362,13 +362,13 @@ def _path(
     lengths, k, k_end = np.array([piece for own in pieces for piece in own] + [beyond]).T
     begins = np.concatenate([[0.0], np.cumsum(lengths)])
     turned = np.concatenate([[course], course + np.cumsum(0.5 * (k + k_end) * lengths)])
-    s = np.arange(math.ceil(begins[-1] / STEP) * FINE + 1) * (STEP / FINE)
+    s = np.arange(math.ceil(begins[-1] / STEP) * SUBSTEPS + 1) * (STEP / SUBSTEPS)
     of = np.clip(np.searchsorted(begins, s, side="right") - 1, 0, len(lengths) - 1)
     inside = s - begins[of]
     change = (k_end - k) / np.maximum(lengths, NO_LENGTH)
     courses = turned[of] + inside * (k[of] + 0.5 * change[of] * inside)
     north, east = (
-        np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]))]) * (STEP / FINE)
+        np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]))]) * (STEP / SUBSTEPS)
         for rate in (np.cos(courses), np.sin(courses))
     )
     counts = list(accumulate(map(len, pieces), initial=0))
@@ -379,7 +379,7 @@ def _path(
     (before, after), far = _climbs(at, up)[[0, -1]], BEYOND_S * ability.speed + 2.0 * half
     at = np.concatenate([[-far], at, [at[-1] + far]])
     up = np.concatenate([[up[0] - far * before], up, [up[-1] + far * after]])
-    height, slope = _rounded(s[::FINE], at, up, half)
+    height, slope = _rounded(s[::SUBSTEPS], at, up, half)
     climbs = np.diff(np.interp(ends, at, up)) / np.maximum(np.diff(ends), NO_LENGTH)
     curved = np.maximum(np.abs(k), np.abs(k_end))
     stretches = tuple(
@@ -399,11 +399,11 @@ def _path(
     )
     return Path(
         length=float(ends[-1]),
-        north=waypoints[0].north + north[::FINE],
-        east=waypoints[0].east + east[::FINE],
+        north=waypoints[0].north + north[::SUBSTEPS],
+        east=waypoints[0].east + east[::SUBSTEPS],
         up=height,
-        course=courses[::FINE],
-        curvature=(k[of] + change[of] * inside)[::FINE],
+        course=courses[::SUBSTEPS],
+        curvature=(k[of] + change[of] * inside)[::SUBSTEPS],
         slope=slope,
         stretches=stretches,
     )

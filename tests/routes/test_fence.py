@@ -14,7 +14,7 @@ from flighttune.campaign.fence import corridor_of, count_inside, where_of
 from flighttune.campaign.stated_set import planned
 from flighttune.errors import InputError
 from flighttune.guarantee.band import About, Band, save_band
-from flighttune.routes.fence import FINE, read_fence, room_along
+from flighttune.routes.fence import SCAN_STEP, read_fence, room_along
 from flighttune.routes.files import metres_per_degree, route_geojson, route_kml
 from flighttune.routes.path import Ability, Waypoint, plan
 
@@ -93,13 +93,13 @@ def test_a_leg_in_a_rectangle_has_the_distances_of_its_edges(tmp_path):
 
     # left, right; up to the ceiling where the window is highest, down to the floor where lowest
     expected = [[30, 27, 46, 20], [30, 25, 42, 24], [30, 40, 34, 28]]
-    assert room.limits.reshape(3, 4) == pytest.approx(np.array(expected), abs=FINE)
+    assert room.limits.reshape(3, 4) == pytest.approx(np.array(expected), abs=SCAN_STEP)
     nearest = room.nearest(np.array([[10.0, 21.0], [5.0, 5.0]]))
     assert nearest == {
-        "margin_m": pytest.approx(4.0, abs=FINE),
+        "margin_m": pytest.approx(4.0, abs=SCAN_STEP),
         "side": "right",
         "edge": "edge 1 of zone 1",
-        "along_m": pytest.approx(305.0, abs=5.0 + FINE),
+        "along_m": pytest.approx(305.0, abs=5.0 + SCAN_STEP),
         "stretch": "leg to waypoint 2",
     }
 
@@ -141,10 +141,10 @@ def test_flights_are_counted_of_which_it_is_certain(band, box):
     assert counted.epsilon == pytest.approx(bound, rel=1e-9)
     assert counted.supported == (bound <= 0.25)
     of_flights, of_band = counted.nearest
-    assert of_flights["margin_m"] == pytest.approx(40.0 - 45.0, abs=FINE)
+    assert of_flights["margin_m"] == pytest.approx(40.0 - 45.0, abs=SCAN_STEP)
     assert (of_flights["side"], of_flights["edge"]) == ("right", "edge 2")
-    assert 400.0 - 1.0 - FINE <= of_flights["along_m"] <= 500.0
-    assert of_band["margin_m"] == pytest.approx(30.0 - band.scale, abs=FINE)
+    assert 400.0 - 1.0 - SCAN_STEP <= of_flights["along_m"] <= 500.0
+    assert of_band["margin_m"] == pytest.approx(30.0 - band.scale, abs=SCAN_STEP)
 
 
 def test_the_answer_is_no_where_the_count_does_not_support_it(band, box, tmp_path):
