@@ -177,8 +177,8 @@ def room_along(
 
     Notes
     -----
-    A place at the distance e to the right of the path is at most ``SCAN_STEP / 2 (1 + k e)`` from the
-    place with the same e at the nearest point of the table, with the largest curvature k. Edges
+    A place at the distance e to the right of the path is at most ``SCAN_STEP / 2 (1 + k e)`` from
+    the place with the same e at the nearest point of the table, with the largest curvature k. Edges
     are therefore widened by this at ``e = widest``. If the line across the path at each point is
     clear of all widened edges as far as the flights come, the surface that these lines sweep
     is clear of the edges, and inside like the start.
