@@ -11,7 +11,6 @@ on the machine makes both worse, so the script exits with 1 only where the error
 processor time misses a limit by more than 30 % (`SLACK`).
 """
 
-import argparse
 import math
 import os
 import statistics
@@ -22,16 +21,17 @@ import time
 
 import control
 import numpy as np
+import running
 
 from flighttune.control.gains import PAPER_GAINS, paper_family
 from flighttune.control.limits import Limits
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import PointMassPlant
+from flighttune.references.segments import Reference
 from flighttune.simulate.batch import SIGNALS, fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.loop import simulate
-from flighttune.simulate.reference import Reference
 
 DT, DURATION = 0.01, 20.0
 T = np.arange(round(DURATION / DT) + 1) * DT
@@ -47,6 +47,7 @@ FAMILY = paper_family()
 TIMES_AS_FAST = 100.0
 MANY, SECONDS = 10_000, 5.0
 SLACK = 1.3
+PART = 500
 SAME = 1e-9  # rad
 FIRST_CALL = """
 import time
@@ -105,6 +106,12 @@ def control_loop(gains):
     return control.nlsys(next_state, errors, inputs=1, outputs=2, states=6, dt=DT)
 
 
+def in_parts(flown, laws, *more):
+    """Fly many in parts: the signals of all would take 2 GB."""
+    for first in range(0, len(laws), PART):
+        flown(laws[first : first + PART], *more)
+
+
 def against_control(flights, repeats):
     """Time of python-control over that of the batch; return whether it missed a limit."""
     names = list(FAMILY)
@@ -115,8 +122,8 @@ def against_control(flights, repeats):
         settings = {"duration": DURATION, "disturbances": [WAVES], **more}
         return fly_sampled(laws, [START], REF, **settings)
 
-    cost, _ = timed(lambda: flown(many), repeats)
-    few = flown(laws, trajectories=True)
+    cost, _ = timed(lambda: in_parts(flown, many), repeats)
+    few = flown(laws)
     costs, worst = [], 0.0
     for i, name in enumerate(names):
         e_0 = REF - [START.chi, START.gamma]  # the integrator takes nothing at the first sample
@@ -128,6 +135,7 @@ def against_control(flights, repeats):
             ),
             repeats,
         )
+        assert response is not None
         costs.append(spent)
         for j, signal in enumerate(("chi_err", "gamma_err")):
             worst = max(worst, np.abs(response.outputs[j] - few.signal(signal)[i]).max())
@@ -150,7 +158,7 @@ def against_single_run(flights, repeats):
         return fly_sampled(laws, [START], REF, duration=duration, disturbances=[WAVES], **more)
 
     flown(many, DT)
-    cost, _ = timed(lambda: flown(many, DURATION), repeats)
+    cost, _ = timed(lambda: in_parts(flown, many, DURATION), repeats)
     wall, busy = cost * MANY / flights
     print(f"{flights} flights of 20 s at 100 Hz: {cost[0]:.2f} s wall, {cost[1]:.2f} s processor")
     print(f"  {cost[1] / flights / len(T) * 1e9:.0f} ns a sample")
@@ -166,8 +174,10 @@ def against_single_run(flights, repeats):
             duration=DURATION,
         )
 
-    (_, single), (signals, _) = timed(alone, repeats)
-    batch = flown([MimoPI(PAPER_GAINS, PRINTED, dt=DT)], DURATION, trajectories=True)
+    (_, single), flight = timed(alone, repeats)
+    assert flight is not None
+    signals, _ = flight
+    batch = flown([MimoPI(PAPER_GAINS, PRINTED, dt=DT)], DURATION)
     difference = max(
         np.abs(batch.signal(name)[0] - signals[name]).max() for name in SIGNALS if name in signals
     )
@@ -179,13 +189,13 @@ def against_single_run(flights, repeats):
 
 def main():
     """Print all of it; return what the shell gets."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--flights", type=int, default=10_000)
-    parser.add_argument("--repeats", type=int, default=3)
+    parser = running.options(__doc__)
+    parser.add_argument("--flights", type=int, default=100 if running.QUICK else 10_000)
+    parser.add_argument("--repeats", type=int, default=1 if running.QUICK else 3)
     options = parser.parse_args()
     print(f"{os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}")
     with tempfile.TemporaryDirectory() as folder:
-        environment = {**os.environ, "NUMBA_CACHE_DIR": folder}
+        environment = {**os.environ} if running.QUICK else {**os.environ, "NUMBA_CACHE_DIR": folder}
         for note in ("first call in a new installation:", "first call in a later process:"):
             print(note, flush=True)
             subprocess.run([sys.executable, "-c", FIRST_CALL], check=True, env=environment)
@@ -195,4 +205,4 @@ def main():
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    running.end(main)

@@ -15,22 +15,18 @@ Exits with 1 where a ratio is above its limit in `HIGHEST_RATIO`, or kinematic f
 more processor time than is in `SECONDS`.
 """
 
-import argparse
 import json
 import math
 import multiprocessing
 import os
 import resource
-import sys
 import tempfile
 import time
 from itertools import pairwise
 from pathlib import Path
 
 import pyarrow.parquet as pq
-
-sys.path.insert(0, str(Path(__file__).parent))
-
+import running
 from bench_jsbsim import bare
 
 from flighttune.campaign.flying.rows import fly_runs
@@ -39,9 +35,9 @@ from flighttune.campaign.planning.schema import Campaign, CampaignTable
 from flighttune.scenario import load_scenario, scenario_from
 
 STEPS, BARE_SECONDS = 4000, 60.0
-BLOCK, REPEATS = 25, 8
+BLOCK, REPEATS = (1, 1) if running.QUICK else (25, 8)
 HIGHEST_RATIO = {"still air": 1.6, "airframe dispersed": 1.6}
-MANY, SECONDS, CHUNK = 100_000, 60.0, 2000
+MANY, SECONDS, CHUNK = 100 if running.QUICK else 100_000, 60.0, 2000
 
 
 def dispersed(key: str, lower: float, upper: float) -> dict[str, object]:
@@ -124,7 +120,7 @@ def kinematic_rows(rate_hz: float, runs: int) -> tuple[float, float]:
         took = time.perf_counter() - began, (_children_s() - busy) / cores
         there = sum(pq.read_metadata(path).num_rows for path in Path(folder).iterdir())
     if there != runs or any(share.exitcode for share in shares):
-        raise SystemExit(f"{there} of {runs} rows are there")
+        raise RuntimeError(f"{there} of {runs} rows are there")
     return took
 
 
@@ -134,8 +130,7 @@ def _children_s() -> float:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", action="store_true", help="print one object")
+    parser = running.options(__doc__)
     parser.add_argument("--flights", type=int, default=MANY, help="kinematic flights")
     asked = parser.parse_args()
 
@@ -173,4 +168,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    running.end(main)

@@ -14,7 +14,6 @@ plain processes over that of all processes of the campaign, and how it is divide
 with 1 where the ratio by the clock, start of the workers included, is below `LOWEST`.
 """
 
-import argparse
 import json
 import os
 import subprocess
@@ -27,11 +26,12 @@ from typing import Any
 
 import psutil
 import pyarrow.parquet as pq
+import running
 
 from flighttune.campaign.engine.flyer import THREADS
 
-RUNS, LOWEST = 2000, 0.9
-LOOK_S = 0.5
+RUNS, LOWEST = 100 if running.QUICK else 2000, 0.9
+LOOK_S = 0.02 if running.QUICK else 0.5
 CAMPAIGN = """
 title = "Scaling"
 scenario = "paper"
@@ -114,7 +114,7 @@ def campaign(file: Path, out: Path, workers: int) -> dict[str, Any]:
     ended = time.perf_counter()
     said = json.loads(process.communicate()[0])
     if process.returncode or first_row is None or said["crashed"]:
-        raise SystemExit(f"not all flights could be flown: {said}")
+        raise RuntimeError(f"not all flights could be flown: {said}")
     since, there = first_row
     shares: dict[str, float] = {}
     for who, used in busy.values():
@@ -154,8 +154,7 @@ def _note(main: psutil.Process, busy: dict[int, tuple[str, float]]) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", action="store_true", help="print one object")
+    parser = running.options(__doc__)
     parser.add_argument("--runs", type=int, default=RUNS)
     parser.add_argument("--workers", type=int, default=2)
     asked = parser.parse_args()
@@ -194,4 +193,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    running.end(main)

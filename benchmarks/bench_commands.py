@@ -10,14 +10,15 @@ a process of its own. They take turns, so that other work on the machine slows a
 fastest of each counts. Exits with 1 where a bar is missed.
 """
 
-import argparse
 import json
 import subprocess
 import sys
 import tempfile
 import time
 
-REPEATS = 5
+import running
+
+REPEATS = 1 if running.QUICK else 5
 TIMES_IMPORTS = 3.0
 REPORT_S = 4.0
 CAMPAIGN_TO_FLY = 3.0
@@ -36,6 +37,9 @@ LIBRARIES = {
     "report": f"{FLYING}, cvxpy, jinja2",
 }
 """Libraries of each command."""
+
+if running.QUICK:
+    LIBRARIES = {name: LIBRARIES[name] for name in ("--help", "fly paper", "report")}
 
 AGAIN = """
 import contextlib, io, sys, time
@@ -69,10 +73,12 @@ def measured(folder: str) -> tuple[dict[str, dict[str, float]], float]:
     """Shortest times of each command, of its imports and of its own work, s; of the campaign."""
     runs = f"{folder}/runs"
     seconds("-m", "flighttune", "fly", "paper", "--out", runs)
-    commands = {name: name.split() for name in LIBRARIES}
-    commands["fly paper"] += ["--out", f"{folder}/fly"]
-    commands["gap paper"] += ["--out", f"{folder}/gap"]
-    commands["report"] += [runs, "--out", f"{folder}/report.html"]
+    more = {
+        "fly paper": ["--out", f"{folder}/fly"],
+        "gap paper": ["--out", f"{folder}/gap"],
+        "report": [runs, "--out", f"{folder}/report.html"],
+    }
+    commands = {name: [*name.split(), *more.get(name, [])] for name in LIBRARIES}
     campaign, times = [], {name: [] for name in LIBRARIES}
     for turn in range(REPEATS):
         for name, arguments in commands.items():
@@ -84,16 +90,15 @@ def measured(folder: str) -> tuple[dict[str, dict[str, float]], float]:
             seconds("-m", "flighttune", "campaign", "run", "first_campaign", "--out", out)
         )
     kinds = "command_s", "imports_s", "own_work_s"
-    rows = {
+    fastest: dict[str, dict[str, float]] = {
         name: dict(zip(kinds, map(min, zip(*rows, strict=True)), strict=True))
         for name, rows in times.items()
     }
-    return rows, min(campaign)
+    return fastest, min(campaign)
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", action="store_true", help="print one object")
+    parser = running.options(__doc__)
     as_json = parser.parse_args().json
 
     with tempfile.TemporaryDirectory() as folder:
@@ -113,4 +118,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    running.end(main)

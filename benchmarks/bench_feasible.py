@@ -11,23 +11,22 @@ Interpolation between path angles makes it longer; its error falls with their di
 distance is halved, and the two are extrapolated to none.
 """
 
-import argparse
 import json
 import math
-import sys
 from dataclasses import replace
 
 import numpy as np
+import running
 
+from flighttune.references.feasible import Manoeuvre, feasible_reference
 from flighttune.scenario import load_scenario
-from flighttune.simulate.feasible import Manoeuvre, feasible_reference
 
 MOST = 1.05
 PRICE = 1.0
-ROLL_CELLS = 24
+ROLL_CELLS = 4 if running.QUICK else 24
 """Steps from wings level to the largest roll."""
 
-DISTANCES_DEG = 1.0, 0.5
+DISTANCES_DEG = (4.0, 2.0) if running.QUICK else (1.0, 0.5)
 GAMMA_DEG = -10.0, 60.0
 LONGEST_S = 20.0
 NEVER = -1e6
@@ -37,11 +36,12 @@ def shortest(manoeuvre: Manoeuvre, distance: float) -> float:
     """The shortest time (s) on a grid whose path angles are `distance` (rad) apart."""
     turn, (_, gamma_end) = abs(manoeuvre.change[0]), manoeuvre.end
     c = manoeuvre.g / manoeuvre.V_a
-    h = manoeuvre.phi[1] / manoeuvre.phi_rate[1] / ROLL_CELLS
-    roll_step, n_z_step = manoeuvre.phi_rate[1] * h, manoeuvre.n_z_rate[1] * h
+    h = manoeuvre.upper[0] / manoeuvre.rate_upper[0] / ROLL_CELLS
+    roll_step, n_z_step = (rate * h for rate in manoeuvre.rate_upper)
     level = math.cos(gamma_end)
     below, above = (
-        math.ceil(abs(edge - level) / n_z_step - 1e-9) for edge in manoeuvre.n_z
+        math.ceil(abs(edge[1] - level) / n_z_step - 1e-9)
+        for edge in (manoeuvre.lower, manoeuvre.upper)
     )  # a step beyond the range: the grid may do more than the aircraft
     phi = np.arange(-ROLL_CELLS, ROLL_CELLS + 1) * roll_step
     n_z = level + np.arange(-below, above + 1) * n_z_step
@@ -55,7 +55,7 @@ def shortest(manoeuvre: Manoeuvre, distance: float) -> float:
         for a in (-1, 0, 1)
         for b in (-1, 0, 1)
     ]
-    at = (manoeuvre.n_z_0 - level) / n_z_step + below
+    at = (manoeuvre.u_0[1] - level) / n_z_step + below
     starts = {math.floor(at), math.ceil(at)}
     before = -math.inf
     for k in range(1, math.ceil(LONGEST_S / h)):
@@ -95,8 +95,7 @@ def _move(phi, n_z, gamma, cells, steps, c, h):
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", action="store_true", help="print one object")
+    parser = running.options(__doc__)
     as_json = parser.parse_args().json
 
     manoeuvre = replace(load_scenario("feasible").manoeuvre, lags=None)
@@ -118,4 +117,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    running.end(main)

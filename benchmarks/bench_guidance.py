@@ -6,21 +6,24 @@ route by more than `MAX_CROSS_TRACK` m. The laws and results: design/guidance.md
 """
 
 import math
-import sys
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
+import running
 
 import flighttune as ft
 from flighttune.flight.fly import plant_of
 from flighttune.flight.outer_loop import gain_sets, law_setup
-from flighttune.routes.follow import RouteReference
+from flighttune.references.follow import RouteReference
 from flighttune.simulate.loop import simulate
 
 MAX_CROSS_TRACK = 8.0
 SHARE = 60.0 / 90.0  # course towards the path far from it, over 90 deg, in the vector field
 ASIDE, NEAR = 50.0, 2.0  # beside the path at the start; from it where it is reached, m
 LEGS = {"five": [(900, 0), (900, 90), (800, 164), (1100, 56), (700, 142)], "line": [(1500, 0)]}
+if running.QUICK:
+    LEGS = {"five": [(300, 0), (300, 90)], "line": [(400, 0)]}
 SCALES = {"aerosonde": (25.0, 1.0), "c172p": (50.0, 4.0), "a4": (200.0, 24.0)}  # m/s, of LEGS
 AIRFRAMES = [
     {"mass_factor": 1.06, "lift_factor": 0.9, "roll_moment_factor": 0.8},
@@ -35,9 +38,9 @@ COLUMNS = "largest cross track, m | height, m | RMS, m | roll rate RMS, deg/s"
 class Guided(RouteReference):
     """A route and the guidance that follows it."""
 
-    guidance: object
+    guidance: type["VectorField"] | None
 
-    def follower(self, dt, h_0):
+    def follower(self, dt: float, h_0: float) -> Any:
         inner = super().follower(dt, h_0)
         return inner if self.guidance is None else self.guidance(self, inner, dt)
 
@@ -52,9 +55,10 @@ class VectorField:
         sample, place = self.inner(m)
         position, self.before = self.before, m.position[:2]
         self.V_g = math.dist(position, self.before) / self.dt if position else self.route.V_a
-        return self.turned(m, sample, *place[:2], self.V_g * self.route.look_ahead), place
+        along, e_y, *_ = place
+        return self.turned(m, sample, along, e_y, self.V_g * self.route.look_ahead), place
 
-    def turned(self, m, sample, _along, e_y, L):
+    def turned(self, m, sample, along, e_y, L):  # noqa: ARG002
         chi_p, (angle, slope) = sample.chi + math.atan(e_y / L), self.field(e_y, L)
         slope -= L / (L * L + e_y * e_y)
         rate = sample.chi_dot - slope * self.V_g * math.sin(m.chi - chi_p)
@@ -77,7 +81,7 @@ class NPFG(VectorField):
 class L1(VectorField):
     """Park, Deyst, How 2004: a course that turns at 2 V sin(eta) / L towards a point L away."""
 
-    def turned(self, m, sample, along, _e_y, L):
+    def turned(self, m, sample, along, e_y, L):  # noqa: ARG002
         path, self.chi = self.route.path, sample.chi if self.chi is None else self.chi
         ahead = slice(int(along), int(along + L) + 2)  # the points of a path are 1 m apart
         to = path.north[ahead] - m.position[0], path.east[ahead] - m.position[1]
@@ -92,7 +96,7 @@ GUIDANCE = {"look-ahead": None, "vector field": VectorField, "NPFG": NPFG, "L1":
 
 
 def flown(
-    route, wind, airframe, aircraft="aerosonde", law="paper", guidance=None, T=3.0, aside=0.0
+    route, wind, airframe: Any, aircraft="aerosonde", law="paper", guidance=None, T=3.0, aside=0.0
 ):
     """Signals of a flight, which begins `aside` m to the right of the path."""
     (V_a, scale), tables = SCALES[aircraft], ft.load_scenario("circuit").as_dict()
@@ -102,7 +106,7 @@ def flown(
     if wind is not None:
         tables["wind"] = {"speed_mps": 8.0, "from_deg": wind}
     if airframe is not None:
-        tables |= {"turbulence": {"intensity": "light"}, "seed": 10 + int(wind)}
+        tables |= {"turbulence": {"intensity": "light"}, "seed": 10 + int(wind or 0.0)}
     if aircraft != "aerosonde":
         del tables["limits"]
     if route in LEGS:
@@ -111,6 +115,8 @@ def flown(
     made = ft.scenario_from({k: v for k, v in tables.items() if k not in ("verifies", "source")})
     ((name, gains),) = gain_sets(made)[0].items()
     r, plant = made.followed(), plant_of(made.plant[0], made)
+    assert isinstance(r, RouteReference)
+    assert gains is not None
     path = replace(r.path, east=r.path.east - aside)
     setup = law_setup(made, gains, made.command_limits.within(plant.limits))
     signals, stop = simulate(
@@ -132,14 +138,16 @@ def measures(flights):
 
 def compared():
     """Rows of the guidance laws: law, weather and measures, and the distance to the path."""
-    rough = list(zip((0.0, 90.0, 180.0, 270.0), AIRFRAMES, strict=True))
-    steady = [(None, None), *((wind, None) for wind, _ in rough)]
+    rough = list(zip((0.0, 90.0, 180.0, 270.0), AIRFRAMES, strict=True))[
+        : 1 if running.QUICK else 4
+    ]
+    steady: list[tuple[Any, Any]] = [(None, None), *((wind, None) for wind, _ in rough)]
     for name, guidance in GUIDANCE.items():
         for law in ("paper", "exact"):
             s = flown("line", *steady[0], law=law, guidance=guidance, aside=ASIDE)
             away = float(s["along"][s["cross_track"].abs() > NEAR].max())
             for air, weather in (("steady", steady), ("turbulence", rough)):
-                for route in ("five", "circuit"):
+                for route in ("five",) if running.QUICK else ("five", "circuit"):
                     flights = (flown(route, *w, law=law, guidance=guidance) for w in weather)
                     yield f"{name}; {law} law; {route}; {air}", [*measures([*flights]), away]
 
@@ -148,12 +156,17 @@ def look_ahead_times():
     """Rows of the package's guidance with other times."""
     for aircraft in SCALES:
         for T in (1.5, 2.0, 2.5, 3.0, 4.0, 5.0):
-            for air, w in (("steady", (90.0, None)), ("turbulence", (90.0, {}))):
-                yield f"{aircraft}; {T} s; {air}", measures([flown("five", *w, aircraft, T=T)])
+            for air, airframe in (("steady", None), ("turbulence", {})):
+                yield (
+                    f"{aircraft}; {T} s; {air}",
+                    measures([flown("five", 90.0, airframe, aircraft, T=T)]),
+                )
 
 
 def main() -> int:
-    times, widest = "--time" in sys.argv, 0.0
+    parser = running.options(__doc__)
+    parser.add_argument("--time", action="store_true", help="other look-ahead times")
+    times, widest = parser.parse_args().time, 0.0
     print(COLUMNS + ("" if times else f" | m of the path from {ASIDE:g} m beside to {NEAR:g} m"))
     for name, values in look_ahead_times() if times else compared():
         print(f"{name:48}" + "".join(f"{value:9.2f}" for value in values), flush=True)
@@ -162,4 +175,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    running.end(main)

@@ -5,7 +5,6 @@ where the command takes longer than `LONGEST_S`. Beside it: the flights alone, a
 integration steps of JSBSim.
 """
 
-import argparse
 import json
 import subprocess
 import sys
@@ -14,15 +13,17 @@ import time
 from functools import partial
 from pathlib import Path
 
-from flighttune.identify.experiment import DT
-from flighttune.identify.identify import identify
+import running
+
+from flighttune.identification.experiment import DT
+from flighttune.identification.identify import identify_plant
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.jsbsim.trim import trim
 
 LONGEST_S = 10.0
-REPEATS = 3
+REPEATS = 1 if running.QUICK else 3
 
 
 def command_s() -> float:
@@ -41,7 +42,7 @@ def identification_s() -> tuple[float, float]:
     """Return the time of one condition, s, and of its steps flown without anything around, s."""
     condition, plant = FlightCondition(V_a=25.0), JSBSimPlant()
     began = time.perf_counter()
-    found = identify(partial(JSBSimPlant, "aerosonde"), condition, plant.limits)
+    found = identify_plant(partial(JSBSimPlant, "aerosonde"), condition, plant.limits)
     took = time.perf_counter() - began
     flown = (len(found.check["flown"]) * DT + 40.0) * plant.config.inner_loop_rate
     fdm = Fdm(plant.config)
@@ -53,8 +54,7 @@ def identification_s() -> tuple[float, float]:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", action="store_true", help="print one object")
+    parser = running.options(__doc__)
     as_json = parser.parse_args().json
 
     whole = min(command_s() for _ in range(REPEATS))
@@ -73,4 +73,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    running.end(main)

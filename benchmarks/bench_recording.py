@@ -4,7 +4,6 @@ Run it with ``python benchmarks/bench_recording.py``; ``--json`` prints one obje
 a limit is not kept.
 """
 
-import argparse
 import json
 import sys
 import tempfile
@@ -14,15 +13,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import rerun as rr
+import running
 
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.recording.entities import TIMELINE
-from flighttune.recording.parquet import load_recording, write_run
 from flighttune.recording.record import write_recording
+from flighttune.records.parquet import load_recording, write_run
 from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run
 
 DT = 0.02
-REPEATS = 5
+REPEATS = 1 if running.QUICK else 5
 LIMITS = {"columns_600s_s": 1.0, "columns_600s_MB": 30.0}
 """Most that 600 s at 50 Hz with every signal (40 or more) may cost: s and MB."""
 
@@ -34,7 +34,7 @@ SCENARIO = {
 
 def made_up(gains_name: str, seconds: float) -> Run:
     """Return a smooth flight with every signal that a run may hold."""
-    t = np.arange(round(seconds / DT) + 1) * DT
+    t = np.arange(round((0.02 if running.QUICK else 1.0) * seconds / DT) + 1) * DT
     names = list(SIGNAL_UNITS)
     slow = np.linspace(0.01, 0.05, len(names))
     values = 0.3 * np.sin(2.0 * np.pi * slow * t[:, None] + np.arange(len(names)))
@@ -110,10 +110,9 @@ def measured(folder: Path) -> dict[str, float]:
     return found
 
 
-def main() -> None:
+def main() -> int:
     """Measure, print, and hold against the limits."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true")
+    parser = running.options(__doc__)
     wanted = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
         found = measured(Path(folder))
@@ -125,8 +124,8 @@ def main() -> None:
     over = [name for name, limit in LIMITS.items() if found[name] > limit]
     for name in over:
         print(f"{name} must be at most {LIMITS[name]:g}, got {found[name]:.3f}", file=sys.stderr)
-    sys.exit(1 if over else 0)
+    return int(bool(over))
 
 
 if __name__ == "__main__":
-    main()
+    running.end(main)

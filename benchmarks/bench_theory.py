@@ -5,7 +5,6 @@ Run it with ``python benchmarks/bench_theory.py``; ``--json`` prints one object,
 draws the cost as SVG against the number of states.
 """
 
-import argparse
 import json
 import os
 import time
@@ -18,6 +17,7 @@ os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import control
 import cvxpy as cp
 import numpy as np
+import running
 from scipy.linalg import solve_continuous_lyapunov
 
 from flighttune.control.gains import PAPER_GAINS
@@ -27,11 +27,11 @@ from flighttune.present.palette import HUES
 from flighttune.theory.indicators import indicators_batch
 from flighttune.theory.reachable import largest_errors
 
-MILLION = 1_000_000
-STATES = range(2, 13)
-BATCH = 20_000
-ERRORS = 100_000
-REPEATS = 5
+MILLION = 1000 if running.QUICK else 1_000_000
+STATES = range(2, 4 if running.QUICK else 13)
+BATCH = 100 if running.QUICK else 20_000
+ERRORS = 100 if running.QUICK else 100_000
+REPEATS = 1 if running.QUICK else 5
 
 Indicators = tuple[float, float, float]
 
@@ -78,6 +78,7 @@ def by_cvxpy(A: np.ndarray) -> np.ndarray:
     flow = A.T @ Q + Q @ A + np.eye(n)
     problem = cp.Problem(cp.Minimize(top), [top * np.eye(n) - Q >> 0, -(flow + flow.T) / 2 >> 0])
     problem.solve(solver="CLARABEL")
+    assert Q.value is not None
     return Q.value
 
 
@@ -96,8 +97,8 @@ def seconds_each(*runs: tuple[Callable[[np.ndarray], object], np.ndarray]) -> li
 def against_peers() -> dict[str, dict[str, float]]:
     """Time a loop and ratio to the batch, for each peer, and how far R_K is from the batch's."""
     peers = {
-        "SciPy loop": (by_scipy, 2000),
-        "python-control lyap loop": (by_python_control, 2000),
+        "SciPy loop": (by_scipy, min(BATCH, 2000)),
+        "python-control lyap loop": (by_python_control, min(BATCH, 2000)),
         "cvxpy + Clarabel, a problem a loop": (by_cvxpy, 30),
     }
     table = {}
@@ -159,10 +160,9 @@ def draw(table: dict[int, dict[str, float]], path: Path) -> None:
     Sheet(charts=[chart], columns=1).save(path)
 
 
-def main() -> None:
+def main() -> int:
     """Measure, and print a table or JSON."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true")
+    parser = running.options(__doc__)
     parser.add_argument("--figure", type=Path)
     asked = parser.parse_args()
     if hasattr(os, "sched_setaffinity"):
@@ -178,7 +178,7 @@ def main() -> None:
         draw(found["states_us"], asked.figure)
     if asked.json:
         print(json.dumps(found))
-        return
+        return 0
     print(f"{'one core, 4 states':38}{'us a loop':>11}{'batch':>8}{'ratio':>8}{'R_K off by':>12}")
     for name, row in found["peers"].items():
         print(
@@ -195,7 +195,8 @@ def main() -> None:
     for n, row in found["states_us"].items():
         ratio = row["SciPy loop"] / row["batch"]
         print(f"{n:8}{row['batch']:12.2f}{row['SciPy loop']:16.1f}{ratio:8.1f}")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    running.end(main)

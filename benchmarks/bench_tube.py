@@ -9,7 +9,6 @@ fiftieth of the flights, of its model in these boxes. Exits with 1 where a targe
 flight leaves a tube.
 """
 
-import argparse
 import json
 import subprocess
 import sys
@@ -18,17 +17,19 @@ import time
 from functools import partial
 from itertools import product
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import running
 
 import flighttune as ft
-from flighttune.conformance.file import load_conformance
+from flighttune.claims.conformance import load_conformance
 from flighttune.flight.outer_loop import gain_set
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.simulate.loop import simulate
-from flighttune.tube.problem import tube_problem
-from flighttune.tube.proof import load_tube, save_tube, verify_tube
-from flighttune.tube.tube import flights_inside, tube_of
+from flighttune.tubes.problem import tube_problem
+from flighttune.tubes.proof import load_tube, save_tube, verify_tube
+from flighttune.tubes.tube import flights_inside, tube_of
 from flighttune.units import DEG
 
 ROWS = {
@@ -47,6 +48,14 @@ AIRCRAFT = {
     "paper_identified": (["random_starts"], (4.0, 1.5), 0.6, 60.0, 2.5),
 }
 """Of the Aerosonde in calm air, by scenario: what `conform` flies, then the same targets."""
+
+# In the quick mode the flights, the rows and the counts are few.
+SHORTER = {"flight.duration_s": 7.0} if running.QUICK else None
+TINY = ["--epsilon", "0.3", "--confidence", "0.9", "--set", "flight.duration_s=7"]
+COUNT = TINY if running.QUICK else []
+if running.QUICK:
+    ROWS = {name: ROWS[name] for name in [*ROWS][2:3]}
+    AIRCRAFT = {"feasible": AIRCRAFT["feasible"]}
 
 VERIFY_S, FILE_MB = 60.0, 50.0
 AT_ONCE = 4_000
@@ -84,10 +93,10 @@ def drawn(found, count, rng):
 def flown(found, d, starts):
     """Errors of flights by the kinematic law, shape (k, 2, count): one way to write it."""
     loop, count = found.problem.loop, d.shape[2]
-    K_P = np.array([law.K_P for law in loop.channels])
-    K_I_half = np.array([law.K_I_half for law in loop.channels])
+    K_P = np.array([law.K_P for law in loop.law.channels])
+    K_I_half = np.array([law.K_I_half for law in loop.law.channels])
     low, high, step = (
-        np.array([getattr(law, name) for law in loop.channels])[:, np.newaxis]
+        np.array([getattr(law, name) for law in loop.law.channels])[:, np.newaxis]
         for name in ("lower", "upper", "step_up")
     )
     x = np.array(loop.start[:2])[:, np.newaxis] + starts
@@ -187,7 +196,7 @@ def sensitivities(found, d):
 def row(name, folder, flights):
     """One tube: measured, proven again, and flown against."""
     gains, start, disturbance, width, end, seconds, ratio = ROWS[name]
-    scenario = ft.load_scenario("paper_identified")
+    scenario = ft.load_scenario("paper_identified", changes=SHORTER)
     wall, cpu = time.perf_counter(), time.process_time()
     found = tube(
         scenario, gain_set(scenario, gains), start=start * DEG, disturbance=disturbance or None
@@ -203,7 +212,7 @@ def row(name, folder, flights):
         "largest_deg": widths.max(axis=0).tolist(),
         "end_deg": widths[-1].tolist(),
     }
-    met = width is None or found.status == "bounded"
+    met, ratios = width is None or found.status == "bounded", np.zeros(2)
     if found.status == "bounded":
         path = Path(folder) / "tube.npz"
         save_tube(found, path)
@@ -291,18 +300,20 @@ def flown_by_model(problem, count, rng):
 def count(name, folder):
     """The file of a count for a scenario of the Aerosonde in calm air."""
     path = Path(folder) / f"{name}.json"
-    command = ["conform", *AIRCRAFT[name][0], "--window", "0.1", "--out", str(path)]
+    command = ["conform", *AIRCRAFT[name][0], *COUNT, "--window", "0.1", "--out", str(path)]
     subprocess.run([sys.executable, "-m", "flighttune", *command], check=True, capture_output=True)
     return path
 
 
 def tube_of_aircraft(name, path, folder):
     """The tube of the Aerosonde in the boxes of a file, and what was measured."""
-    scenario, known = ft.load_scenario(name), load_conformance(path)
+    scenario, known = ft.load_scenario(name, changes=SHORTER), load_conformance(path)
     began = time.process_time()
     found = tube(scenario, gain_set(scenario, "tuned_identified"), conformance=known)
     cpu = time.process_time() - began
-    measured = {"status": found.status, "reason": found.reason, "cpu_s": cpu}
+    measured: dict[str, Any] = {
+        "status": found.status, "reason": found.reason, "cpu_s": cpu,
+    }  # fmt: skip
     if found.status != "bounded":
         return found, measured
     widths = found.bounds.half_widths[:, :2] / DEG
@@ -325,7 +336,7 @@ def calm_row(name, folder, flights):
     """The tube in calm air, and how wide the flights of the model are in its boxes."""
     _, width, end, seconds, ratio = AIRCRAFT[name]
     found, measured = tube_of_aircraft(name, count(name, folder), folder)
-    measured = {"row": f"Aerosonde, calm, {name}"} | measured
+    measured: dict[str, Any] = {"row": f"Aerosonde, calm, {name}", **measured}
     if found.status != "bounded":
         return measured | {"target_met": False}
     widths = found.bounds.half_widths[:, :2] / DEG
@@ -346,9 +357,10 @@ def calm_row(name, folder, flights):
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--json", action="store_true", help="print one object")
-    parser.add_argument("--flights", type=int, default=20_000, help="against each tube")
+    parser = running.options(__doc__)
+    parser.add_argument(
+        "--flights", type=int, default=100 if running.QUICK else 20_000, help="against each tube"
+    )
     parser.add_argument("--row", help="only the rows with this in their name")
     options = parser.parse_args()
 
@@ -368,4 +380,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    running.end(main)

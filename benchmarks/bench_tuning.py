@@ -1,29 +1,30 @@
-"""What tuning costs: gradient and convex start against differential evolution, over ten seeds.
+"""What tuning costs: gradients against differential evolution, over ten seeds.
 
 Run it with ``python benchmarks/bench_tuning.py``; ``--json`` prints one object.
 """
 
-import argparse
 import json
 import time
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import running
 
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import kinematic_model
 from flighttune.control.margins import loop_margins
+from flighttune.paper.evolution import tune_by_evolution
 from flighttune.tuning.diagnosis import diagnosis, relaxed
 from flighttune.tuning.frontier import frontier
-from flighttune.tuning.problem import Method, TuningProblem
+from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.result import TuningResult
 from flighttune.tuning.tune import tune
 
-SEEDS = range(10)
-METHODS: tuple[Method, ...] = ("gradient", "genetic", "convex")
+SEEDS = range(1 if running.QUICK else 10)
+METHODS = {"gradient": tune, "genetic": tune_by_evolution}
 FEASIBLE_FACTOR = 7.0
 ALL_LIMITS = ("phi", "n_z", "phi_rate", "n_z_rate")
 
@@ -60,8 +61,8 @@ def over_seeds(problem: TuningProblem) -> dict[str, dict[str, float | str | None
     """Median time and spread of R_K over the seeds; the methods take turns."""
     found = {method: [] for method in METHODS}
     for seed in SEEDS:
-        for method in METHODS:
-            found[method].append(tune(replace(problem, seed=seed), method))
+        for method, search in METHODS.items():
+            found[method].append(search(replace(problem, seed=seed)))
     return {
         method: {
             "status": "/".join(sorted({one.status for one in results})),
@@ -72,7 +73,7 @@ def over_seeds(problem: TuningProblem) -> dict[str, dict[str, float | str | None
     }
 
 
-def seconds(run: Callable[[], object], repeats: int = 3) -> float:
+def seconds(run: Callable[[], object], repeats: int = 1 if running.QUICK else 3) -> float:
     """Median time of a call."""
     took = []
     for _ in range(repeats):
@@ -87,9 +88,10 @@ def measured() -> dict[str, dict]:
     cases = problems()
     free, printed = cases["I* = 5"], cases["I* = 5, printed limits"]
     lagged = with_input_lag(free.model, (4.0, 8.0))
-    for method in METHODS:
-        tune(replace(free, I_star=6.0), method)
-    methods = {name: over_seeds(case) for name, case in cases.items()}
+    for search in METHODS.values():
+        search(replace(free, I_star=6.0))
+    judged = ["I* = 5"] if running.QUICK else [*cases]
+    methods = {name: over_seeds(cases[name]) for name in judged}
     others = {
         "tune with lag, 6 states": seconds(lambda: tune(TuningProblem(model=lagged))),
         "diagnosis, printed limits": seconds(lambda: diagnosis(printed)),
@@ -99,14 +101,13 @@ def measured() -> dict[str, dict]:
     return {"methods": methods, "seconds": others}
 
 
-def main() -> None:
+def main() -> int:
     """Measure, and print a table or JSON."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--json", action="store_true")
+    parser = running.options(__doc__)
     found = measured()
     if parser.parse_args().json:
         print(json.dumps(found))
-        return
+        return 0
     print(f"{'median of ten seeds':34}{'s':>8}{'x gradient':>12}{'R_K worst':>12}{'best':>10}")
     for problem, methods in found["methods"].items():
         print(problem)
@@ -122,7 +123,8 @@ def main() -> None:
             )
     for name, took in found["seconds"].items():
         print(f"{name:34}{took:8.3f}")
+    return 0
 
 
 if __name__ == "__main__":
-    main()
+    running.end(main)

@@ -48,7 +48,7 @@ def complete(_app: object, name: str, source: list[str]) -> None:
 def index_entry(_app: object, _what: str, name: str, *rest: Any) -> None:
     """Let the search find a public name as it is written in a program: ``ft.fly``."""
     package, _, public = name.partition(".")
-    if package == "flighttune" and public in flighttune.__all__:
+    if package == "flighttune" and public in dir(flighttune):
         rest[-1][:0] = [f".. index:: ! ft.{public}", ""]
 
 
@@ -121,9 +121,8 @@ def _kind(schema: dict[str, Any]) -> str:
         return f"`{schema['const']}`"
     if "enum" in schema:
         return ", ".join(f"`{one}`" for one in schema["enum"])
-    kind = {"array": "list", "string": "text", "object": "table"}.get(
-        schema.get("type", ""), schema.get("type", "any")
-    )
+    named: str = schema.get("type", "any")
+    kind = {"array": "list", "string": "text", "object": "table"}.get(named, named)
     if isinstance(schema.get("items"), dict):
         kind += f" of {_kind(schema['items'])}"
     bounds = [f"{SIGN[one]} {schema[one]:g}" for one in SHOWN if one in schema]

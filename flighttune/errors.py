@@ -6,6 +6,7 @@ FlightTuneError
 │   ├── ScenarioError            ... and it came from a scenario file: names file and key
 │   ├── RecordingError           ... and it came from a recording or run folder
 │   └── OutputError              ... because the file to write cannot be written
+├── InfeasibleError              there are no such gains: their tuning is infeasible
 ├── PlantError (RuntimeError)    the simulated aircraft failed
 │   └── TrimError                ... to reach the steady flight asked for
 └── CampaignError (RuntimeError) a campaign was cut short: its cluster is gone
@@ -45,6 +46,10 @@ class RecordingError(InputError):
 
 class OutputError(InputError):
     """A file cannot be written; what stood there before still does."""
+
+
+class InfeasibleError(FlightTuneError):
+    """The gains asked for do not exist: their tuning problem is infeasible."""
 
 
 class PlantError(FlightTuneError, RuntimeError):

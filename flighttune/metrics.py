@@ -1,13 +1,20 @@
 """Tracking measures of a run: those of the paper and the usual step measures."""
 
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.simulate.measures import METRICS, error_measures
+from flighttune.simulate.measures import (
+    METRICS,
+    NO_STEP,
+    SETTLING_BAND,
+    STEADY_FROM,
+    error_measures,
+)
 from flighttune.simulate.run import Run
+from flighttune.units import DEG
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -39,6 +46,9 @@ FLIGHT_METRICS = {
     "height_err_m": "m",
 }
 
+# Measures that say why a response does not settle; see `settling_measures`.
+UNSETTLED = ("settling_band_rad", "late_rad")
+
 # Measures of a linear loop and their units; see `loop_measures` of `flighttune.flight.outer_loop`.
 LOOP_METRICS = {
     "R_K": "1/s",
@@ -58,7 +68,7 @@ def unit_of(subject: str, name: str) -> str:
         return FLIGHT_METRICS[name]
     if name == "effort_rms":
         return "rad" if subject == "chi" else "1"
-    return {**METRICS, "peak_rad": "rad"}[name]
+    return METRICS.get(name, "rad" if name.endswith("_rad") else "s")
 
 
 def metric_tables(runs: Sequence[Run]) -> "tuple[pd.DataFrame, pd.DataFrame]":
@@ -138,17 +148,74 @@ def measures(run: Run) -> dict[str, dict[str, float]]:
     """All measures of a run, as numbers.
 
     Returns ``chi`` and ``gamma``: `channel_metrics` and ``peak_rad``, the largest magnitude of the
-    error; ``flight``: `flight_metrics`. Empty for a run of fewer than two samples.
+    error; ``flight``: `flight_metrics`. A channel whose settling time the scenario bounds has its
+    `settling_measures` too. Empty for a run of fewer than two samples.
     """
     if len(run.signals) < 2:
         return {}
-    columns = signal_arrays(run, MEASURED)
+    settling = settling_names(run.provenance.scenario.get("expect", ()))
+    return measures_of(run.t, signal_arrays(run, MEASURED), settling)
+
+
+def measures_of(
+    t: FloatArray, columns: Mapping[str, FloatArray], settling: Mapping[str, Sequence[str]]
+) -> dict[str, dict[str, float]]:
+    """`measures` of two or more samples of signals; `settling` are `settling_names`."""
     channels = {
-        channel: _channel_measures(run.t, columns, channel)
+        channel: _channel_measures(t, columns, channel)
         | {"peak_rad": float(np.max(np.abs(columns[f"{channel}_err"])))}
+        | settling_measures(t, columns[f"{channel}_err"], settling.get(channel, ()))
         for channel in CHANNELS
     }
     return {**channels, "flight": _flight_measures(columns)}
+
+
+def stated_bounds(limits: Mapping[str, float]) -> dict[str, float]:
+    """Bounds of a channel by measure; ``settling_s`` beside a ``band_deg`` is named for both."""
+    band = f"settling_s within {limits.get('band_deg', 0.0):.12g} deg"
+    return {
+        band if name == "settling_s" and "band_deg" in limits else name: bound
+        for name, bound in limits.items()
+        if name != "band_deg"
+    }
+
+
+def settling_names(expect: Iterable[Mapping[str, Any]]) -> dict[str, list[str]]:
+    """Names of `settling_measures` by channel, where ``[[expect]]`` bounds its settling time."""
+    names: dict[str, list[str]] = {}
+    for table in expect:
+        bounds = (*table.get("at_most", {}).items(), *table.get("at_least", {}).items())
+        for subject, limits in bounds:
+            if "settling_s" in limits:
+                banded = filter(settling_band, stated_bounds(limits))
+                names[subject] = [*dict.fromkeys([*names.get(subject, UNSETTLED), *banded])]
+    return names
+
+
+def settling_band(name: str) -> float | None:
+    """Band of a settling time, rad, from its name; None for 5 % of the change."""
+    return float(name.split()[2]) * DEG if name.startswith("settling_s within") else None
+
+
+def settling_measures(t: FloatArray, error: FloatArray, names: Sequence[str]) -> dict[str, float]:
+    """Settling times within bands of their own, and why a response does not settle, by name.
+
+    ``settling_band_rad`` is 5 % of the first error larger than 1e-6 rad, from which times count;
+    ``late_rad`` is the largest error over the last quarter of the time. Empty without `names`.
+    """
+    if not names:
+        return {}
+    size, begin = np.abs(error), int(np.argmax(np.abs(error) > NO_STEP))
+    values = {
+        "settling_band_rad": SETTLING_BAND * float(size[begin]),
+        "late_rad": float(size[t >= STEADY_FROM * t[-1]].max()),
+    }
+    after = np.append(t[begin:] - t[begin], np.nan)  # by the number of samples before
+    for name in names:
+        if (band := settling_band(name)) is not None:
+            outside = np.flatnonzero(size[begin:] > band)
+            values[name] = float(after[np.append(-1, outside)[-1] + 1])
+    return values
 
 
 def signal_arrays(run: Run, names: Sequence[str]) -> dict[str, FloatArray]:
@@ -167,8 +234,8 @@ def flight_metrics(run: Run) -> dict[str, float]:
     dict
         ``V_a_dev_mps``, the largest deviation of airspeed from the start; ``n_z_min``, ``n_z_max``;
         ``alpha_max_rad``, the largest magnitude of angle of attack, where the plant has one;
-        ``cross_track_m`` and ``height_err_m``, the largest distance from a route to the side, and
-        above or below it.
+        ``cross_track_m`` and ``height_err_m``, the largest distance from a route to the side, from
+        its start where the flight is behind it, and above or below it.
 
     Examples
     --------

@@ -19,8 +19,8 @@ from flighttune.campaign.engine import pool as pool_module
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
+from flighttune.files.shipped import aircraft_folder
 from flighttune.plants.jsbsim.model_files import model_hash
-from flighttune.shipped import aircraft_folder
 
 SCENARIO = """
 title = "A short turn in wind"

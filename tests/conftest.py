@@ -8,7 +8,7 @@ import os
 
 from hypothesis import settings
 
-from flighttune.shipped import TRUST_AIRCRAFT
+from flighttune.files.shipped import TRUST_AIRCRAFT
 
 settings.register_profile("here", deadline=None, derandomize=True, database=None)
 settings.load_profile("here")

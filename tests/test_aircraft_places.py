@@ -6,8 +6,8 @@ import pytest
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import InputError
+from flighttune.files.shipped import OWN_AIRCRAFT, aircraft_folder, aircraft_folders, scenario_files
 from flighttune.scenario.load import load_scenario
-from flighttune.shipped import OWN_AIRCRAFT, aircraft_folder, aircraft_folders, scenario_files
 
 
 @pytest.fixture

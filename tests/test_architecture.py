@@ -16,7 +16,7 @@ ONLY_IN = {
     "distributed": "campaign/engine/cluster",
     "jsbsim": "plants/jsbsim",
     "numba": "simulate/kernel.py",
-    "rerun": "recording",
+    "rerun": ("recording", "records/parquet.py"),  # a recording names the runs it was drawn from
 }  # a file, or the folder it may be used in
 
 

@@ -7,7 +7,6 @@ import shutil
 import sys
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import asdict
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,21 +18,19 @@ from fuzzing import EDGES, TEXTS, TIMES, damaged, digit_changed
 from made_up import made_up_scenario
 
 from flighttune import record
-from flighttune.conformance.file import conformance_tables, load_conformance, save_conformance
+from flighttune.claims.band import save_band
+from flighttune.claims.conformance import conformance_tables, load_conformance, save_conformance
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError
+from flighttune.files.seal import BLANK, seal
 from flighttune.flight.fly import fly
-from flighttune.flight.refly import refly
-from flighttune.guarantee.band import load_band, save_band
-from flighttune.recording.parquet import load_recording, parts_of, record_bytes, signals_sha256
-from flighttune.seal import BLANK, seal
-from flighttune.tube.problem import QUANTITIES
-from flighttune.tube.proof import load_tube, save_tube, verify_tube
-from flighttune.tube.store import AboutTube, read_sealed, tubes_of, write_sealed
-from tests.guarantee.test_band import band_of, random_flights, values_of, write_band
-from tests.tube.test_aircraft import conformance, flight
-from tests.tube.test_proof import arrays_of
-from tests.tube.test_soundness import flown, made_up, outside, tube
+from flighttune.records.parquet import load_recording, parts_of, record_bytes, signals_sha256
+from flighttune.records.refly import refly
+from flighttune.tubes.proof import load_tube, save_tube, verify_tube
+from tests.claims.test_band import band_of, load_walks, random_flights, values_of, write_band
+from tests.tubes.test_aircraft import conformance, flight
+from tests.tubes.test_proof import arrays_of
+from tests.tubes.test_soundness import flown, made_up, outside, tube
 
 SEED = 26
 FEW, MANY = 10, 50 * TIMES
@@ -176,57 +173,6 @@ def forge_shown(path, draw):
     forge_run(path.with_name("kinematic-paper.parquet"), draw)
 
 
-# Tubes beside a recording.
-
-
-def tube_beside(folder):
-    recorded(folder)
-    made = tubes_of(load_recording(folder).runs[:1], folder, make=True)
-    return next(iter(made.tubes.values())).file
-
-
-def tube_drawn(path):
-    folder = path.parents[1]
-    found = tubes_of(load_recording(folder / "kinematic-paper.parquet").runs, folder)
-    if not found.tubes:
-        raise InputError(next(iter(found.why_not.values()), f"{path}: not of this flight"))
-    ((label, drawn),) = found.tubes.items()
-    said = {**asdict(drawn.about), "inside": drawn.inside, "outside": found.outside == (label,)}
-    columns = {name: values.tobytes() for name, values in read_sealed(path)[1].items()}
-    return said, columns, found.runs[0].signals.to_numpy().tobytes()
-
-
-def forge_tube(path, draw):
-    about, columns = read_sealed(path)
-    if draw.random() < 0.3:
-        about = AboutTube(**json.loads(changed_text(json.dumps(asdict(about)), draw)))
-    elif draw.random() < 0.2:
-        del columns[draw.choice(list(columns))]
-    else:
-        rows = changed_rows(np.column_stack(list(columns.values())), draw)
-        columns = dict(zip(columns, rows.T, strict=True))
-    write_sealed(columns, about, path)
-
-
-def holds_its_flight(path, said):
-    """Whether a drawn tube can be one of the flight, and says rightly whether it is inside."""
-    signals = load_recording(path.parents[1] / "kinematic-paper.parquet").runs[0].signals
-    columns = read_sealed(path)[1]
-    names = QUANTITIES[:2]
-    pairs = [(columns[f"{name}_low"], columns[f"{name}_high"]) for name in names]
-    n, inside = len(columns["t"]), True
-    for name, (low, high) in zip(names, pairs, strict=True):
-        values = signals[name].to_numpy()[:n]
-        inside &= bool(((low <= values) & (values <= high)).all())
-    return (
-        np.isfinite(pairs).all()
-        and all((low <= high).all() for low, high in pairs)
-        and np.allclose(columns["t"], signals.index[:n], rtol=0.0, atol=1.1e-9)
-        and (n == len(signals) or said[0]["status"] == "unbounded")
-        and said[0]["inside"] == inside != said[0]["outside"]
-    )
-
-
 # Boxes of an aircraft, and what was counted.
 
 
@@ -277,7 +223,7 @@ def band(folder):
 
 
 def band_in(path):
-    return values_of(load_band(path))
+    return values_of(load_walks(path))
 
 
 def forge_band(path, draw):
@@ -292,9 +238,9 @@ def forge_band(path, draw):
 
 def follows_from_its_flights(path, _):
     """Whether so few flights are outside the bounds as the claim takes, in exact numbers."""
-    loaded = load_band(path)
+    loaded = load_walks(path)
     about, low_high = loaded.about, loaded.extremes.astype(float)
-    bounds = loaded.bounds(about.edges[:-1])
+    bounds = loaded.bounds(loaded.axis.edges[:-1])
     inside = (low_high[..., 0] >= bounds.low) & (low_high[..., 1] <= bounds.high)
     N, r = len(low_high), int((~inside.all(axis=(1, 2))).sum())
     e = Fraction(about.epsilon)
@@ -363,7 +309,7 @@ def no_flight_leaves(path, _):
 
 
 def its_flight_stays(path, _):
-    from flighttune.tube.tube import flights_inside
+    from flighttune.tubes.tube import flights_inside
 
     return flights_inside(load_tube(path))
 
@@ -372,7 +318,6 @@ KINDS = {
     "run": Kind(recorded, run_of, forge_run, flies_so),
     "recording": Kind(shown, runs_shown, forge_shown, lambda *_: False),
     "band": Kind(band, band_in, forge_band, follows_from_its_flights),
-    "tube": Kind(tube_beside, tube_drawn, forge_tube, holds_its_flight),
     "conformance": Kind(counted, counted_in, forge_counted, supported),
     "proof": Kind(proven, proven_in, forge_proof, no_flight_leaves),
     "proof of an aircraft": Kind(proven_of_aircraft, proven_in, forge_proof, its_flight_stays),

@@ -95,7 +95,7 @@ def test_the_example_of_a_public_name_runs_as_it_is_printed(name, tmp_path, monk
     if name == "show":
         pytest.importorskip("rerun_notebook", reason="needs flighttune[notebook]")
         # Outside of a notebook the widget would be printed; tests/test_notebook.py shows it.
-        monkeypatch.setattr("rerun.RecordingStream.notebook_show", lambda self, **size: None)
+        monkeypatch.setattr("rerun.notebook.Viewer.display", lambda self: None)
     monkeypatch.chdir(tmp_path)
     value, page = getattr(flighttune, name), REFERENCE[name].read_text()
     text = inspect.getdoc(value) if callable(value) else page.partition(f".{name}\n")[2]

@@ -24,25 +24,24 @@ from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.certificates.certificate import load_certificate, verify
-from flighttune.comparison.tolerance import load_tolerances
-from flighttune.conformance.file import conformance_tables, load_conformance
+from flighttune.claims.conformance import conformance_tables, load_conformance
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins
 from flighttune.errors import FlightTuneError, InputError
+from flighttune.files.seal import BLANK, seal
+from flighttune.files.shipped import aircraft_folder, campaign_files, scenario_files
+from flighttune.files.value import tables_of
 from flighttune.flight.fly import fly
 from flighttune.flight.outer_loop import certify_scenario, tune_scenario
-from flighttune.identify.file import design_model, load_identified
+from flighttune.identification.file import design_model, load_identified
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.jsbsim.trim import trim_table
 from flighttune.scenario import load_gains, load_scenario, scenario_from
-from flighttune.seal import BLANK, seal
-from flighttune.shipped import aircraft_folder, campaign_files, scenario_files
 from flighttune.theory.indicators import indicators
 from flighttune.units import G_0
-from flighttune.value_file import tables_of
-from tests.tube.test_aircraft import conformance, flight
+from tests.tubes.test_aircraft import conformance, flight
 
 CASES, MANY = 40, 200 * TIMES
 """Of each kind of file, in the short and in the long run."""
@@ -127,11 +126,6 @@ CAMPAIGN = {
     "runs": 8,
     "gains": ["paper", {"name": "mine", **GAINS}],
     "overrides": {"flight": {"duration_s": 12.0}},
-}
-TOLERANCES = {
-    "ITAE": {"relative": 0.02},
-    "chi": {"MO_rad": {"absolute": 0.01, "only_worse": True}},
-    "max_distance_m": {"absolute": 1.0},
 }
 AIRCRAFT = tomllib.loads((aircraft_folder("aerosonde") / "aircraft.toml").read_text())
 IDENTIFIED = json.loads((aircraft_folder("aerosonde") / "identified.json").read_text())
@@ -302,7 +296,6 @@ KINDS = {
         lambda dataset: first_runs(dataset.plan),
         lambda dataset: first_runs(dataset.plan, 8),
     ),
-    "tolerances": Kind("x.toml", lambda _: TOLERANCES, to_toml, load_tolerances),
     "aircraft": Kind(
         "aircraft.toml", of_aircraft, to_toml, in_folder(load_aircraft), started, trimmed
     ),

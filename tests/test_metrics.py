@@ -7,7 +7,13 @@ import numpy as np
 import pytest
 from made_up import made_up_run
 
-from flighttune.metrics import METRICS, channel_metrics, flight_metrics, measures
+from flighttune.metrics import (
+    METRICS,
+    channel_metrics,
+    flight_metrics,
+    measures,
+    settling_measures,
+)
 
 SAMPLING = 2e-4
 T = np.linspace(0.0, 20.0, 200_001)
@@ -53,6 +59,18 @@ def test_an_exponential_has_the_integrals_and_times_of_its_formula():
     mean = (math.exp(-rate * 15.0) - left) / (rate * 5.0)
     assert found["MS_rad"] == pytest.approx(mean, rel=1e-3)
     assert found["ST_rad"] == pytest.approx(math.sqrt(np.mean(last**2) - np.mean(last) ** 2))
+
+
+def test_settling_within_a_band_of_its_own_is_the_last_time_an_error_leaves_it():
+    rate, name = 0.8, "settling_s within 5 deg"
+
+    found = settling_measures(T, np.exp(-rate * T), [name])
+    wavy = settling_measures(T, np.deg2rad(6.0) * np.cos(math.tau * T), [name])
+
+    assert found[name] == pytest.approx(math.log(1.0 / math.radians(5.0)) / rate, abs=SAMPLING)
+    assert math.isnan(wavy[name])
+    assert wavy["late_rad"] == pytest.approx(math.radians(6.0))
+    assert wavy["settling_band_rad"] == pytest.approx(0.05 * math.radians(6.0))
 
 
 def test_the_spread_of_a_sine_over_whole_periods_is_its_amplitude_over_root_two():

@@ -6,16 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flighttune.comparison import compare, load_source
+import flighttune as ft
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.fly import fly
-from flighttune.flight.gap import explain_gap
-from flighttune.flight.refly import refly
 from flighttune.plants.label import aircraft_of, label_of, plant_label
 from flighttune.recording.entities import runs_to_draw
-from flighttune.recording.parquet import load_recording
 from flighttune.recording.record import record
+from flighttune.records.compare import compare, load_source
+from flighttune.records.parquet import load_recording
+from flighttune.records.refly import refly
 from flighttune.scenario import load_scenario, scenario_from
 
 NOMINAL, HEAVY = "jsbsim:aerosonde", "jsbsim:aerosonde:heavy_aft"
@@ -133,14 +133,14 @@ def test_one_is_compared_with_the_other(folder):
 def test_the_gap_is_that_of_the_plant_asked_for(tables, flown):
     scenario = scenario_from(tables)
 
-    gap = explain_gap(scenario, PAPER_GAINS, name="paper", plant=HEAVY)
+    gap = ft.gap(scenario, PAPER_GAINS, name="paper", plant=HEAVY)
 
     assert [run.provenance.plant for run in gap.runs][-2:] == ["point_mass_lag", HEAVY]
     heavy = next(run for run in flown.runs if run.label == f"{HEAVY} / paper")
     assert np.array_equal(gap.runs[-1].signals[[*heavy.signals]], heavy.signals)
-    assert explain_gap(scenario, PAPER_GAINS).runs[-1].provenance.plant == NOMINAL
+    assert ft.gap(scenario, PAPER_GAINS).runs[-1].provenance.plant == NOMINAL
     with pytest.raises(InputError, match=rf"`plant` .* {NOMINAL}, {HEAVY}, .*h"):
-        explain_gap(scenario, PAPER_GAINS, plant="h")
+        ft.gap(scenario, PAPER_GAINS, plant="h")
 
 
 @pytest.mark.slow

@@ -1,6 +1,7 @@
 """What a notebook shows of runs, tunings, certificates and comparisons; and the tour, run whole."""
 
 import dataclasses
+import os
 import re
 import time
 import xml.etree.ElementTree as ET
@@ -115,18 +116,22 @@ def test_a_flight_is_drawn_with_a_line_a_run(flown):
 
 
 def test_a_recording_is_shown_in_a_cell_where_the_viewer_is_installed(flown, monkeypatch):
-    shown = []
     monkeypatch.setattr("flighttune.extras.find_spec", lambda name: None)
     with pytest.raises(ft.FlightTuneError, match=r"flighttune\[notebook\]"):
         ft.show(flown)
 
-    monkeypatch.setattr("flighttune.extras.find_spec", lambda name: name)
-    monkeypatch.setattr(
-        "rerun.RecordingStream.notebook_show", lambda self, **size: shown.append(size)
-    )
-    ft.show(flown)
 
-    assert shown == [{"width": 1280, "height": 720}]
+@pytest.mark.slow
+def test_a_recording_that_was_shown_keeps_no_thread(flown, monkeypatch):
+    pytest.importorskip("rerun_notebook", reason="needs flighttune[notebook]")
+    shown, threads = [], []
+    monkeypatch.setattr("IPython.display.display", shown.append)
+    for _ in range(3):
+        ft.show(flown)
+        threads.append(len(os.listdir("/proc/self/task")))
+
+    assert len(shown) >= 3
+    assert threads[-1] == threads[0]
 
 
 SHOWN = """

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import pytest
 
+import flighttune as ft
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.flight.fly import fly
-from flighttune.flight.gap import explain_gap
-from flighttune.flight.refly import refly
 from flighttune.plants.sensors import MEASURED, SENSED
-from flighttune.recording.parquet import load_recording
 from flighttune.recording.record import record
+from flighttune.records.parquet import load_recording
+from flighttune.records.refly import refly
 from flighttune.scenario import load_scenario, scenario_from
 
 PAGE = (Path(__file__).parents[1] / "docs" / "off_nominal.md").read_text(encoding="utf-8")
@@ -67,7 +67,7 @@ def test_every_plant_and_every_aircraft_has_the_same_errors_and_its_own_flight(s
 
 
 def test_the_gap_is_explained_through_the_same_sensors_on_every_rung(short):
-    gap = explain_gap(scenario_from(short), PAPER_GAINS)
+    gap = ft.gap(scenario_from(short), PAPER_GAINS)
 
     assert gap.status == "explained"
     assert gap.residual < 1e-9

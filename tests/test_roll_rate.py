@@ -7,7 +7,7 @@ import pytest
 
 from flighttune.flight.fly import fly
 from flighttune.flight.outer_loop import gain_set
-from flighttune.identify.file import load_identified
+from flighttune.identification.file import load_identified
 from flighttune.scenario.load import load_scenario
 
 FOLDER = Path(__file__).parent / "adopted" / "B747"

@@ -6,9 +6,10 @@ from runpy import run_path
 import numpy as np
 import pytest
 
+from flighttune.files.shipped import scenario_files
+from flighttune.flight.advice import mistake
 from flighttune.flight.fly import fly
 from flighttune.scenario import load_scenario
-from flighttune.shipped import scenario_files
 
 pytestmark = pytest.mark.slow
 
@@ -35,6 +36,11 @@ def test_every_scenario_flies_and_comes_to_what_it_expects(name, flown):
         if run.status == "completed" and scenario.route is None:
             assert run.duration == pytest.approx(flown[name].scenario.flight.duration_s)
         assert np.isfinite(run.signals.to_numpy()).all()
+
+
+@pytest.mark.parametrize("name", scenario_files())
+def test_no_law_that_flies_a_scenario_is_suspected_of_a_mistake(name, flown):
+    assert [mistake(run) for run in flown[name].runs] == [""] * len(flown[name].runs)
 
 
 def test_tuned_gains_converge_on_the_full_aircraft(flown):

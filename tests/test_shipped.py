@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from flighttune import shipped
 from flighttune.errors import InputError
+from flighttune.files import shipped
 
 REPOSITORY = Path(__file__).parents[1]
 
@@ -39,7 +39,7 @@ from pathlib import Path
 import flighttune
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant
-from flighttune.shipped import campaign_files, scenario_files
+from flighttune.files.shipped import campaign_files, scenario_files
 print(Path(flighttune.__file__).parent)
 plant = JSBSimPlant("aerosonde")
 plant.start(FlightCondition(V_a=25.0))

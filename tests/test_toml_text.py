@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from flighttune.files.shipped import scenario_files
+from flighttune.files.table import toml_text
 from flighttune.scenario import load_scenario, scenario_from
-from flighttune.shipped import scenario_files
-from flighttune.table_file import toml_text
 
 TEXT = st.text(st.characters(exclude_categories=("Cs",)), max_size=12)
 SCALARS = st.one_of(

@@ -17,13 +17,13 @@ from flighttune.certificates.make import certify
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError, ScenarioError
+from flighttune.files.value import tables_of, value_of
 from flighttune.flight.fly import fly
 from flighttune.flight.outer_loop import certify_scenario, identified_problems, tune_scenario
-from flighttune.identify.file import load_identified
+from flighttune.identification.file import load_identified
 from flighttune.scenario import load_scenario, scenario_from
 from flighttune.theory.common import common_Q
 from flighttune.theory.indicators import indicators, scaled
-from flighttune.value_file import tables_of, value_of
 
 pytestmark = pytest.mark.slow
 

@@ -15,8 +15,8 @@ from flighttune.cli.app import app
 PAGE = Path(__file__).parents[1] / "commands.md"
 HEAD = """# Commands
 
-Exit status: 0 fine; 1 the answer is no (infeasible, unstable, refused, ended early, out of
-tolerance); 2 the command could not run: one line on stderr names the file and the key. With
+Exit status: 0 fine; 1 the answer is no (infeasible, unstable, refused, ended
+early); 2 the command could not run: one line on stderr names the file and the key. With
 `--json` a command prints one object on stdout and nothing else (with status 2, nothing on stdout).
 `-q` prints failures only. A gains file is JSON or TOML with `K_P` and `K_I`; the output of
 `tune --json` is one. Tables fit the terminal; in a pipe they are 120 characters wide, or as wide as

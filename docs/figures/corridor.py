@@ -8,9 +8,9 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.campaign.band import plan_of
+from flighttune.campaign.band import load_band, plan_of
 from flighttune.campaign.fence import corridor_of, where_of
-from flighttune.guarantee.band import Band, load_band
+from flighttune.claims.band import Band
 from flighttune.present.chart import Chart, Sheet
 from flighttune.present.palette import HUES, INK
 
@@ -51,7 +51,7 @@ def route(band: Band) -> Chart:
 
 def flights(band: Band) -> Chart:
     """Distances of some counted flights from the route, and the corridor that all of them set."""
-    about, corridor = band.about, corridor_of(band)
+    axis, corridor = band.axis, corridor_of(band)
     chart = Chart(
         title=f"How far {len(band.scores)} flights in wind and turbulence come from it",
         x="along the route [km]",
@@ -63,8 +63,8 @@ def flights(band: Band) -> Chart:
     # evenly spaced by how near they are to leaving, the nearest first
     inside = np.argsort(band.scores)[: np.sum(band.scores <= band.scale)][::-1]
     some = inside[:: -(-len(inside) // MAX_FLIGHTS)]
-    distances = band.extremes[some, :, list(about.signals).index("cross_track")]
-    x = np.linspace(about.edges[0], about.edges[-1], 2 * len(middles)) / KM
+    distances = band.extremes[some, :, list(band.about.signals).index("cross_track")]
+    x = np.linspace(axis.edges[0], axis.edges[-1], 2 * len(middles)) / KM
     # one line that is broken between two flights
     lines = np.pad(distances.reshape(len(some), -1), ((0, 0), (0, 1)), constant_values=np.nan)
     xs = np.tile(np.append(x, np.nan), len(some))

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.flight.gap import Gap, explain_gap
-from flighttune.flight.gap_charts import gap_sheet
+import flighttune as ft
 from flighttune.flight.outer_loop import gain_set
-from flighttune.report.gap import causes
+from flighttune.gaps.gap import Gap
+from flighttune.reports.gap_charts import gap_sheet
 from flighttune.scenario import load_scenario
 from flighttune.simulate.run import Run
 from flighttune.units import DEG_PER_RAD
@@ -29,7 +29,7 @@ def paper_gap() -> Gap:
     gains = gain_set(scenario, GAINS)
     if gains is None:
         raise SystemExit(f"there are no gains named {GAINS}")
-    return explain_gap(scenario, gains, name=GAINS)
+    return ft.gap(scenario, gains, name=GAINS)
 
 
 def rows(gap: Gap) -> list[tuple[str, list[float]]]:
@@ -70,7 +70,7 @@ def reading(gap: Gap) -> str:
     waits = [f"{first_turn(run):.1f} s on `{run.provenance.plant}`" for run in gap.runs]
     return "\n".join(
         [
-            *causes(gap),
+            *gap.causes,
             f"The first {TURNED * DEG_PER_RAD:.0f} deg of turn "
             f"take {', '.join(waits)}. The {gap.lag_source} lag accounts for "
             f"{phi:.1f} % of the variance of φ in this flight and for "

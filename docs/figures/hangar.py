@@ -14,9 +14,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from flighttune.files.shipped import models_of_jsbsim
 from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table
-from flighttune.shipped import models_of_jsbsim
 
 PAGE = Path(__file__).parents[1] / "hangar.md"
 
@@ -42,6 +42,7 @@ def adopted(model: str) -> dict[str, Any]:
     """The answer of the command for a model; a crash or an endless flight refuses it."""
     with TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "flighttune", "adopt", model, "--json", "--out"]
+        done = None
         try:
             done = subprocess.run(
                 [*command, f"{folder}/{model}"], capture_output=True, text=True, timeout=MAX_TIME_S
@@ -50,6 +51,7 @@ def adopted(model: str) -> dict[str, Any]:
         except subprocess.TimeoutExpired:
             answer = {"status": "refused", "reason": f"it took over {MAX_TIME_S:g} s"}
         except json.JSONDecodeError:
+            assert done is not None
             reason = f"its process ended with status {done.returncode}: {done.stderr}"
             answer = {"status": "refused", "reason": reason}
     print(f"{model}: {answer['status']}", flush=True)

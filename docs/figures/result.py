@@ -13,11 +13,11 @@ from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.campaign.statistics.intervals import rate_interval
+from flighttune.files.shipped import campaign_files
 from flighttune.flight.fly import fly
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.palette import HUES, INK, NEUTRAL
 from flighttune.scenario import load_scenario
-from flighttune.shipped import campaign_files
 from flighttune.simulate.run import Run
 from flighttune.units import DEG_PER_RAD
 

@@ -16,14 +16,14 @@ from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import InputError, PlantError, ShapeError
 from flighttune.flight.outer_loop import tune_scenario
-from flighttune.identify.file import design_model, load_identified
+from flighttune.identification.file import design_model, load_identified
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant, steps_for
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.palette import HUES, NEUTRAL
+from flighttune.references.segments import Reference
 from flighttune.scenario import load_scenario
 from flighttune.simulate.loop import simulate
-from flighttune.simulate.reference import Reference
 from flighttune.units import DEG, G_0
 
 AIRCRAFT = "aerosonde"

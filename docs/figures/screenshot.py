@@ -5,6 +5,11 @@ Run it with ``python docs/figures/screenshot.py runs/paper/paper.rrd picture.png
 
 import argparse
 import io
+import os
+import shutil
+import socket
+import subprocess
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,10 +22,10 @@ from typing import TYPE_CHECKING, Any
 from packaging.version import Version
 
 from flighttune.errors import RecordingError
+from flighttune.files.whole import whole_file
 from flighttune.recording.entities import TIMELINE
-from flighttune.recording.parquet import check_recording
-from flighttune.recording.viewer import ViewerProcess, free_port, stream_url
-from flighttune.whole_file import whole_file
+from flighttune.recording.viewer import LOCAL, rerun_program, stream_url
+from flighttune.records.parquet import check_recording
 
 if TYPE_CHECKING:
     from rerun.experimental import ViewerState
@@ -39,6 +44,84 @@ LAYOUTS = Version(version("rerun-sdk")) >= Version("0.41")
 
 POLL = 0.1
 LOADING_GRACE = 10.0
+
+
+START_TIMEOUT = 30.0
+
+# A word in an error that the viewer logs on every machine without a desktop; it means nothing.
+NOISE = "XDG_RUNTIME_DIR"
+
+
+def free_port() -> int:
+    """A TCP port on which nothing listens now."""
+    with socket.socket() as probe:
+        probe.bind((LOCAL, 0))
+        return probe.getsockname()[1]
+
+
+class ViewerProcess:
+    """A viewer without window, which ends with the thread that started it where `setpriv` is."""
+
+    def __init__(self, arguments: list[str], *, port: int) -> None:
+        setpriv = shutil.which("setpriv")
+        tie = [] if setpriv is None else [setpriv, "--pdeathsig", "KILL", "--"]
+        # A file, because a pipe that nobody reads would block the viewer when it is full.
+        self._output = tempfile.TemporaryFile()  # noqa: SIM115
+        self._process = subprocess.Popen(
+            [*tie, rerun_program(), "--port", str(port), "--bind", LOCAL, *arguments],
+            env={**os.environ, "CI": "true", "RUST_LOG": "error"},
+            stdin=subprocess.DEVNULL,
+            stdout=self._output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+        try:
+            self._await(port)
+        except BaseException:
+            self.close()
+            raise
+
+    def _await(self, port: int) -> None:
+        end = time.monotonic() + START_TIMEOUT
+        while time.monotonic() < end:
+            if self._process.poll() is not None:
+                raise RecordingError(f"the Rerun viewer must start, got: {self.last_error()}.")
+            try:
+                socket.create_connection((LOCAL, port), timeout=1.0).close()
+            except OSError:
+                time.sleep(POLL)
+            else:
+                return
+        raise RecordingError(f"the Rerun viewer must answer within {START_TIMEOUT:g} s.")
+
+    @property
+    def ended(self) -> bool:
+        """Whether the process has ended; a crashing viewer has a second to do so."""
+        try:
+            self._process.wait(timeout=1.0)
+        except subprocess.TimeoutExpired:
+            return False
+        return True
+
+    def last_error(self) -> str:
+        """The line of its output that says why it ended, or the last one."""
+        self._output.seek(0)
+        lines = self._output.read().decode(errors="replace").strip().splitlines()
+        panics = [line for line in lines if "panicked" in line]
+        errors = [line for line in lines if "error" in line.lower() and NOISE not in line]
+        line, *_ = panics[:1] or errors[-1:] or lines[-1:] or [f"status {self._process.poll()}"]
+        return line.strip().rstrip(".")
+
+    def close(self) -> None:
+        """End the viewer if it still runs."""
+        if self._process.poll() is None:
+            self._process.terminate()
+            try:
+                self._process.wait(timeout=5.0)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+        self._output.close()
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +183,6 @@ class HeadlessViewer:
         self._process = ViewerProcess(
             ["--headless", "--hide-welcome-screen", "--window-size", window],
             port=port,
-            environment={"CI": "true", "RUST_LOG": "error"},
         )
         try:
             self._client = viewer_client(stream_url(port))

@@ -16,11 +16,12 @@ from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.control.controller import FlightCondition
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
-from flighttune.mistakes import validated
-from flighttune.shipped import aircraft_folder
-from flighttune.table_file import hash_of, json_tables, stamp, toml_tables
+from flighttune.files.mistakes import validated
+from flighttune.files.shipped import aircraft_folder
+from flighttune.files.table import hash_of, json_tables, stamp, toml_tables
+from flighttune.files.whole import write_text
+from flighttune.present.tables import printable
 from flighttune.units import DEG
-from flighttune.whole_file import write_text
 
 _LEVEL = r"[A-Za-z_][A-Za-z0-9_.-]*(\[\d+\])?"
 # Names JSBSim takes; it ends the process over any other.
@@ -39,6 +40,14 @@ def _name_or_file(model: str) -> str:
     return model
 
 
+def _one_line(text: str) -> str:
+    if printable(text) != text or "\n" in text:
+        raise ValueError("must be one line of printable characters")
+    return text
+
+
+# A text is printed, and goes into other files.
+Text = Annotated[str, AfterValidator(_one_line)]
 SurfaceAngle = Annotated[q.Finite, Field(gt=-math.pi, lt=math.pi)]
 SurfaceAngles = Annotated[
     tuple[SurfaceAngle, SurfaceAngle], Field(strict=False), AfterValidator(_through_zero)
@@ -169,13 +178,14 @@ class AircraftConfig(q.Table):
     """One aircraft as its ``aircraft.toml`` describes it, in SI and radians."""
 
     # Description of the aircraft, and source of its numbers
-    title: str
-    source: str
+    title: Text
+    source: Text
     # Aircraft of JSBSim's own set by name, or the path of a main file from the folder, which ends
     # in ``.xml``.
     model: Annotated[
         q.PathName,
-        Field(pattern=r"^[^\x00-\x1f{}]+$", max_length=500),
+        Field(pattern=r"^[^{}]+$", max_length=500),
+        AfterValidator(_one_line),
         AfterValidator(_name_or_file),
     ]
     # 1/s: samples of the computer that runs the inner loop. JSBSim's steps are this or a whole

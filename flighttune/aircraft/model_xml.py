@@ -14,7 +14,7 @@ from flighttune.aircraft.aircraft import SURFACES
 from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, PlantError
-from flighttune.shipped import nearest_name
+from flighttune.files.shipped import nearest_name
 from flighttune.units import FT, SLUG
 
 _PLACEHOLDER = re.compile(r"\{\{(.+?)\*(.+?)\}\}")

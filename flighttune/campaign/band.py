@@ -5,45 +5,55 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
 import numpy as np
 
-from flighttune.aircraft.aircraft import files_hash
 from flighttune.arrays import FloatArray, check_at_least
 from flighttune.campaign.conform import at_random, check_random, distribution_of
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.alone import fly_group
-from flighttune.campaign.planning.plan import TUNING_ROUNDING, Plan, plan_from
+from flighttune.campaign.planning.load import campaign_on
+from flighttune.campaign.planning.plan import TUNING_ROUNDING, Plan, aircraft_hashes, plan_from
 from flighttune.campaign.stated_set import planned, rows_of
-from flighttune.control.law import split_name
-from flighttune.errors import InputError
-from flighttune.guarantee.band import (
+from flighttune.claims.band import (
+    DOUBLED,
     MAX_NUMBERS,
     MIN_LEARNED,
     PART,
     About,
+    Axis,
     Band,
     Extremes,
     learned_shape,
+    read_band,
     scores_of,
     window_edges,
     window_extremes,
 )
-from flighttune.guarantee.bounds import ERRORS, along_route
-from flighttune.guarantee.count import fresh_flights
+from flighttune.claims.count import fresh_flights
+from flighttune.control.law import split_name
+from flighttune.errors import InputError
 from flighttune.metrics import OFF_ROUTE
-from flighttune.routes.follow import RouteReference
-from flighttune.scenario.load import scenario_from
+from flighttune.present.names import listed
+from flighttune.references.follow import SAME_PLACE, RouteReference
 from flighttune.scenario.places import leaves
 from flighttune.scenario.schema import Scenario
-from flighttune.simulate.run import BAND_ENDS, SIGNAL_UNITS, Run
+from flighttune.simulate.bounds import ERRORS
+from flighttune.simulate.run import SIGNAL_UNITS, Run, along_route
+
+# Numbers of flights named in the refusal of another one.
+SHOWN = 3
 
 # Rounding of times and distances, s and m.
 SAME = 1e-9
 
 # Keeps of a completed flight what is counted of it.
 Probe: TypeAlias = partial[list[float]]
+
+# Extremes of a signal of a flight that is outside of any band.
+LOST = [-np.inf, np.inf]
 
 # Keys that must be the same in all flights: the windows of a band are the same samples in each.
 TIME_AXIS = ("flight.duration_s", "controller.rate_hz")
@@ -85,7 +95,7 @@ def count_band(
     if seed is not None:
         campaign = campaign.model_copy(update={"seed": seed})
     plan = replace(plan.of_group(group), campaign=campaign, runs=learn + flights)
-    distribution, central = distribution_of(plan, group.plant), campaign.central
+    distribution, central = distribution_of(campaign, group.plant), campaign.central
     check_random(source, distribution, central)
     for key in {*TIME_AXIS} & {*plan.keys}:
         raise InputError(f"{source}: `{key}` must be the same in all flights of a band.")
@@ -97,31 +107,54 @@ def count_band(
         if name not in run.signals:
             recorded = ", ".join(map(str, run.signals.columns))
             raise InputError(f"`signal` must be one of {recorded}, got {name!r}.")
-    followed, over = central.followed(), "time"
-    length, per_unit = central.flight.duration_s, central.controller.rate_hz
-    if isinstance(followed, RouteReference):
-        over, length, per_unit = "along", math.ceil(followed.path.length), 1.0
-    edges = window_edges(round(length * per_unit) + 1, flights, len(signals)) / per_unit
-    probe = partial(_extremes, signals, edges, predicted_from is not None)
-    learned = _flown(pool, plan, probe, range(learn), "learning")
+    axis = _axis_of(plan, len(signals), flights)
+    probe = partial(_extremes, signals, axis.edges, predicted_from is not None)
+    learned = _flown(pool, plan, partial(probe, anywhere=True), range(learn), "learning")
     coefficients, half = learned_shape(*learned, epsilon)
     about = About(
         signals={name: run.units.get(name) or SIGNAL_UNITS.get(name, "") for name in signals},
-        over=over,
-        edges=edges,
         coefficients=coefficients,
         half=half,
         predicted_from=predicted_from,
-        distribution=f"{group.label} in {distribution.sentence}",
         plan=plan.as_dict(),
         learned=learn,
-        readings=(),
         epsilon=epsilon,
         confidence=confidence,
-        scale=None,
     )
-    band = Band(about=about, extremes=learned[0][:0], wind=learned[1][:0])
-    return band.with_flights(*_flown(pool, plan, probe, range(learn, plan.runs), "counting"))
+    extremes, wind = _flown(pool, plan, probe, range(learn, plan.runs), "counting")
+    return Band(about=about, axis=axis, extremes=extremes, wind=wind)
+
+
+def _axis_of(plan: Plan, signals: int, flights: int) -> Axis:
+    """The axis of a band of so many signals, of which so many `flights` are to be counted first."""
+    (group,), central = plan.groups, plan.campaign.central
+    over, length, per_unit = "time", central.flight.duration_s, central.controller.rate_hz
+    followed = central.followed()
+    if isinstance(followed, RouteReference):
+        over, length, per_unit = "along", math.ceil(followed.path.length), 1.0
+    edges = window_edges(round(length * per_unit) + 1, flights, signals) / per_unit
+    distribution = distribution_of(plan.campaign, group.plant)
+    return Axis(
+        over=over,
+        edges=edges,
+        distribution=distribution.sentence(group.label),
+        flights=distribution.table(group.label),
+    )
+
+
+def load_band(path: str | Path) -> Band:
+    """Read a band; its axis, and the words for its flights, are those of its plan.
+
+    Raises InputError as `read_band` does, or if the plan is none of flights to count.
+    """
+
+    def windows(about: About) -> Axis:
+        plan = _plan(about)
+        first = plan.runs - about.learned
+        check_at_least(1, runs=first)
+        return _axis_of(plan, len(about.signals), first)
+
+    return read_band(path, windows)
 
 
 def count_more(band: Band, flights: int, pool: WorkerPool) -> Band:
@@ -129,89 +162,77 @@ def count_more(band: Band, flights: int, pool: WorkerPool) -> Band:
 
     Raises InputError if there are not more, or the files of an aircraft have changed.
     """
-    about, counted = band.about, len(band.scores)
-    most = MAX_NUMBERS // (2 * about.half.size)
-    if not counted < flights <= most:
+    counted = len(band.scores)
+    most = MAX_NUMBERS // (2 * band.about.half.size)
+    allowed = [n for n in (counted * DOUBLED[1:]).tolist() if n <= most]
+    if flights not in allowed:
         raise InputError(
-            f"`flights` must be more than the {counted} counted and at most {most}, got {flights}."
+            f"`flights` must be one of the numbers fixed when the count was planned, "
+            f"{', '.join(map(str, allowed[:SHOWN]))} ..., got {flights}: a number chosen after "
+            "looking at a count would make its confidence false."
         )
-    plan = plan_of(band).with_runs(about.learned + flights)
-    runs = range(about.learned + counted, plan.runs)
-    return band.with_flights(*_flown(pool, plan, _probe(band), runs, "counting"))
+    runs = band.draws_of(flights)[counted:].tolist()
+    plan = plan_of(band).with_runs(runs[-1] + 1)
+    return band.with_flights(*_flown(pool, plan, _probe(band.about, band.axis), runs, "counting"))
 
 
 def recount(band: Band, flights: int, pool: WorkerPool) -> list[int]:
-    """Fly some of the counted draws again; those whose extremes differ by a bit.
+    """Fly some of the counted draws again, chosen at random; those that differ by a bit.
 
-    Raises InputError as `plan_of` does, or if there are not so many flights.
+    Where flights are equal to the bit, so many of the repeated ones are flown again too: they may
+    be copies. Raises InputError as `plan_of` does, or if there are not so many flights.
     """
-    about, counted = band.about, len(band.scores)
+    counted = len(band.scores)
     if not 1 <= flights <= counted:
         raise InputError(f"`recount` must be 1 to the {counted} counted, got {flights}.")
-    plan = plan_of(band)
-    first, step = about.learned, counted // flights
-    runs = range(first, first + step * flights, step)
-    again, _ = _flown(pool, plan, _probe(band), runs, "counting again")
-    differ = (again != band.extremes[::step][:flights]).any(axis=(1, 2, 3))
+    rng, lost = np.random.default_rng(), np.isinf(band.scores)
+    rows = band.extremes.reshape(counted, -1)
+    _, first = np.unique(rows, axis=0, return_index=True)
+    repeated = np.setdiff1d(np.flatnonzero(~lost), first)
+    kinds = np.arange(counted), repeated
+    some = [rng.choice(kind, min(flights, len(kind)), replace=False) for kind in kinds]
+    chosen = np.unique(np.concatenate(some))
+    runs = band.draws[chosen].tolist()
+    again, wind = _flown(pool, plan_of(band), _probe(band.about, band.axis), runs, "counting again")
+    differ = (again != band.extremes[chosen]).any(axis=(1, 2, 3))
+    differ |= (wind != band.wind[chosen]).any(axis=1) & ~lost[chosen]
     return [run for run, other in zip(runs, differ, strict=True) if other]
 
 
 def plan_of(band: Band) -> Plan:
     """The plan of a band; InputError if the files of an aircraft have changed since."""
+    plan = _plan(band.about)
+    if plan.aircraft != aircraft_hashes(plan.scenario):
+        raise InputError(
+            f"`{listed(list(plan.aircraft))}` must have the files that the band was flown with, "
+            "got changed ones."
+        )
+    return plan.with_runs(int(band.draws[-1]) + 1)
+
+
+def _plan(about: About) -> Plan:
+    """The plan in the file of a band; its scenario at the median is computed again."""
     try:
-        plan = plan_from(band.about.plan, "band")
-    except (LookupError, TypeError, AttributeError) as error:
+        plan = plan_from(about.plan, "`plan`")
+        campaign = campaign_on(plan.campaign, plan.scenario, "`plan`")
+        (group,) = plan.groups
+        plan.chosen_group(group.plant, group.gains)  # refuses gains that are not there
+    except InputError:
+        raise
+    except (LookupError, TypeError, AttributeError, ValueError) as error:
         raise InputError("`plan` must be that of a campaign.") from error
-    for name, sha256 in plan.aircraft.items():
-        if files_hash(name) != sha256:
-            raise InputError(
-                f"`{name}` must have the files that the band was flown with, got changed ones."
-            )
-    return plan.with_runs(band.about.learned + len(band.scores))
+    return replace(plan, campaign=campaign)
 
 
-def around(band: Band, runs: Sequence[Run]) -> list[Run]:
-    """The runs with the band as signals (`BAND_ENDS`), and its claim.
-
-    A run has the band if it differs from the flights counted only in keys that they draw, whatever
-    its value, and in its wind, gust, turbulence and disturbance. InputError if there is none, with
-    what the first one differs in.
-    """
-    plan = plan_of(band)
-    if band.about.scale is None:
-        raise InputError("`band` must have a claim: too many of its flights were not completed.")
-    if all(run.status != "completed" for run in runs):
-        raise InputError("`run` must be completed to have a band.")
-    scenarios = [scenario_from(dict(run.provenance.scenario)) for run in runs]
-    other = [_other(plan, *of_run) for of_run in zip(runs, scenarios, strict=True)]
-    if all(other):
-        raise InputError(f"`band` must be of the same {other[0]} as the run.")
-    drawn = []
-    for run, scenario, differs in zip(runs, scenarios, other, strict=True):
-        if differs:
-            drawn.append(run)
-            continue
-        wind = np.array(_wind(scenario)) if band.about.predicted_from else None
-        bounds = band.bounds(_axis(run), wind)
-        named = replace(bounds, names=tuple(f"{name}_band" for name in bounds.names))
-        of_band = {
-            f"{name}{end}": unit for name, unit in band.about.signals.items() for end in BAND_ENDS
-        }
-        units = {**run.units, **of_band}
-        drawn.append(replace(named.around(run), units=units, band=band.sentence))
-    return drawn
-
-
-def score(band: Band, run: Run, scenario: Scenario) -> float:
+def score(about: About, axis: Axis, run: Run, scenario: Scenario) -> float:
     """Scale at which a flight is just inside a band."""
-    about = band.about
-    extremes, wind = np.split(np.array(_probe(band)(run, scenario)), [2 * about.half.size])
+    extremes, wind = np.split(np.array(_probe(about, axis)(run, scenario)), [2 * about.half.size])
     shape = 1, *about.half.shape, 2
     return float(scores_of(extremes.reshape(shape), wind[None], about.coefficients, about.half)[0])
 
 
-def _other(plan: Plan, run: Run, scenario: Scenario) -> str:
-    """What a run has other than the flights of a plan of one group; empty if it is one of them."""
+def difference(plan: Plan, run: Run, scenario: Scenario) -> str:
+    """First key in which a run differs from the flights of a plan; empty if it is one of them."""
     (group,), made = plan.groups, run.provenance
     gains, flown = plan.gain_sets[group.gains], made.gains
     if run.status != "completed":
@@ -229,27 +250,26 @@ def _other(plan: Plan, run: Run, scenario: Scenario) -> str:
 
 
 def _stated(scenario: Scenario, plant: str) -> dict[str, Any]:
-    """What the flights of a plant share, whatever the air, by dotted key."""
+    """Values that all flights of a plant share, whatever the air, by dotted key."""
     tables = scenario.as_dict()
     tables = {key: tables[key] for key in SHARED if key in tables}
     tables["plant"] = scenario.plant_table(plant).model_dump(mode="json", exclude_none=True)
     return dict(leaves(tables))
 
 
-def _probe(band: Band) -> Probe:
+def _probe(about: About, axis: Axis) -> Probe:
     """The function that keeps the extremes of each flight."""
-    about = band.about
-    return partial(_extremes, list(about.signals), about.edges, about.predicted_from is not None)
+    return partial(_extremes, list(about.signals), axis.edges, about.predicted_from is not None)
 
 
 def _flown(
-    pool: WorkerPool, plan: Plan, probe: Probe, runs: range, doing: str
+    pool: WorkerPool, plan: Plan, probe: Probe, runs: Sequence[int], doing: str
 ) -> tuple[Extremes, FloatArray]:
     """Extremes of some runs, and their wind where the probe has it."""
     signals, edges, windy = probe.args
     shape = len(edges) - 1, len(signals), 2
     size = math.prod(shape)
-    lost = [-np.inf, np.inf] * (size // 2) + [0.0, 0.0] * windy
+    lost = LOST * (size // 2) + [0.0, 0.0] * windy
     extremes, winds = [], []
     for first in range(0, len(runs), PART):
         number = f", part {first // PART + 1} of {math.ceil(len(runs) / PART)}"
@@ -263,22 +283,40 @@ def _flown(
 
 
 def _extremes(
-    signals: list[str], edges: FloatArray, windy: bool, run: Run, scenario: Scenario
+    signals: list[str],
+    edges: FloatArray,
+    windy: bool,
+    run: Run,
+    scenario: Scenario,
+    *,
+    anywhere: bool = False,
 ) -> list[float]:
-    """Extremes of a flight, window by window; after them the north and east wind at its start."""
-    axis = _axis(run)
+    """Extremes of a flight, window by window; after them the north and east wind at its start.
+
+    Those of distances from a route are infinite if they do not give the positions of the flight,
+    unless it may be `anywhere`.
+    """
+    axis = axis_of(run)
     samples = np.searchsorted(axis, edges - SAME).clip(max=len(axis) - 1)
     samples[:-1] = samples[:-1].clip(max=len(axis) - 2)  # a window has a sample before its last
     values = np.ravel(window_extremes(run.signals[signals].to_numpy(), samples)).tolist()
-    return [*values, *_wind(scenario)] if windy else values
+    route = scenario.followed()
+    if (
+        not anywhere
+        and isinstance(route, RouteReference)
+        and {*OFF_ROUTE} & {*signals}
+        and route.displacement(run.signals) > SAME_PLACE
+    ):
+        values = LOST * (len(values) // 2)
+    return [*values, *wind_at_start(scenario)] if windy else values
 
 
-def _axis(run: Run) -> FloatArray:
+def axis_of(run: Run) -> FloatArray:
     """Time of each sample, or its distance along a route."""
     return along_route(run) if "along" in run.signals else run.t
 
 
-def _wind(scenario: Scenario) -> Sequence[float]:
+def wind_at_start(scenario: Scenario) -> Sequence[float]:
     """North and east wind at the start, m/s."""
     if scenario.wind is None:
         return 0.0, 0.0

@@ -11,22 +11,24 @@ import numpy as np
 from flighttune.arrays import FloatArray, check_not_negative
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.planning.load import campaign_on
+from flighttune.campaign.planning.places import dispersed_places
 from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.planning.schema import Campaign, Choice, Design, Dispersion, Grid, Uniform
 from flighttune.campaign.stated_set import planned, rows_of
-from flighttune.conformance.boxes import WINDOW_S, Over, RateBoxes, Windows
-from flighttune.conformance.file import Conformance, Distribution, boxes_at_scale, flown_values
-from flighttune.conformance.residual import RESIDUALS, ConformantModel, residuals_of
+from flighttune.claims.boxes import WINDOW_S, Over, RateBoxes, Windows
+from flighttune.claims.conformance import Conformance, boxes_at_scale
+from flighttune.claims.count import fresh_flights, refuting_outside
+from flighttune.claims.distribution import Distribution, flown_values
 from flighttune.control.law import split_name
 from flighttune.errors import InputError
-from flighttune.guarantee.count import fresh_flights, refuting_outside
-from flighttune.identify.file import identified_tables, load_identified
+from flighttune.files.table import hash_of
+from flighttune.gaps.residual import RESIDUALS, ConformantModel, residuals_of
+from flighttune.identification.file import identified_tables, load_identified
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.places import spelled
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import INTENSITIES
 from flighttune.simulate.run import Run
-from flighttune.table_file import hash_of
 
 # Column of what is kept of the residuals of each flight.
 KEPT = "residuals"
@@ -133,7 +135,7 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
         not_completed=len(scores) - len(completed),
         training=training,
         seed=fresh.campaign.seed,
-        distribution=distribution_of(fresh, group.plant),
+        distribution=distribution_of(fresh.campaign, group.plant),
         aircraft_sha256=files,
         identified_sha256=hash_of(identified_tables(load_identified(aircraft))),
         campaign_sha256=_campaign_hash(fresh, model, windows),
@@ -208,7 +210,7 @@ def _plans(source: str, settings: ConformSettings) -> tuple[Plan, Plan, Conforma
     # Fresh draws are numbered after the training draws, whose seeds they must not share.
     flights = fresh_flights(settings.flights, settings.epsilon, settings.confidence)
     fresh = replace(learned, campaign=at_random(campaign), runs=plan.draws + flights)
-    check_random(source, distribution_of(fresh, group.plant), campaign.central)
+    check_random(source, distribution_of(fresh.campaign, group.plant), campaign.central)
     return learned, fresh, conformant_model(campaign.nominal, group.plant), windows
 
 
@@ -310,29 +312,32 @@ def _rebuilt(
     return campaign_on(campaign.model_copy(update=changed), nominal, campaign.title)
 
 
-def distribution_of(plan: Plan, plant: str) -> Distribution:
-    """The keys with one value in all flights of a plan, and the distributions of all other keys."""
-    position = [table.label for table in plan.scenario.plant].index(plant)
+def distribution_of(campaign: Campaign, plant: str) -> Distribution:
+    """The keys with one value in all flights of a plant, and how all other keys are drawn."""
+    position = [table.label for table in campaign.nominal.plant].index(plant)
     # A table that is only there because one of its keys is drawn has its other keys too.
     nominal, fixed = (
         flown_values(scenario, scenario.plant[position])
-        for scenario in (plan.scenario, plan.campaign.central)
+        for scenario in (campaign.nominal, campaign.central)
     )
+    places = dispersed_places(campaign.disperse, campaign.nominal, campaign.title)
     dispersed: dict[str, list[Any]] = {}
-    for table in plan.campaign.disperse:
-        for place in plan.places[table.key]:
-            if place[0] == "plant" and place[1] != position:
-                continue
+    disperse: list[dict[str, Any]] = []
+    for table in campaign.disperse:
+        own = [place for place in places[table.key] if place[0] != "plant" or place[1] == position]
+        for place in own:
             key = spelled(("plant", *place[2:]) if place[0] == "plant" else place)
             fixed.pop(key, None)
             dispersed[key] = _range(table, nominal.get(key))
-    tables = plan.campaign.model_dump(mode="json", include={"disperse", "correlation"})
+        disperse += [table.model_dump(mode="json")] * bool(own)
+    correlation = campaign.model_dump(mode="json", include={"correlation"})
     return Distribution(
-        title=plan.campaign.title,
-        air=air_of(plan.campaign.central),
+        title=campaign.title,
+        air=air_of(campaign.central),
         fixed=fixed,
         dispersed=dispersed,
-        **tables,
+        disperse=disperse,
+        **correlation,
     )
 
 

@@ -23,9 +23,9 @@ from filelock import FileLock, Timeout
 
 from flighttune.campaign.planning.plan import Plan, plan_from
 from flighttune.errors import InputError, OutputError, RecordingError, ScenarioError
-from flighttune.mistakes import abridged
-from flighttune.table_file import hash_of, json_tables
-from flighttune.whole_file import reason_of, whole_file
+from flighttune.files.mistakes import abridged
+from flighttune.files.table import hash_of, json_tables
+from flighttune.files.whole import reason_of, whole_file
 
 FORMAT = 3
 CAMPAIGN, LOCK = "campaign.json", "campaign.lock"

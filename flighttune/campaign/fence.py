@@ -2,20 +2,27 @@
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from flighttune.campaign.band import plan_of
 from flighttune.campaign.planning.plan import Plan
+from flighttune.claims.band import Band
+from flighttune.claims.count import supported_epsilon
 from flighttune.errors import InputError
-from flighttune.guarantee.band import Band
-from flighttune.guarantee.count import supported_epsilon
 from flighttune.metrics import OFF_ROUTE
-from flighttune.routes.fence import DISTANCE_SIGNS, Fence, read_fence, room_along
-from flighttune.routes.files import Corridor, Where
-from flighttune.routes.follow import RouteReference
+from flighttune.present.tables import number, printable
+from flighttune.references.fence import DISTANCE_SIGNS, Fence, read_fence, room_along
+from flighttune.references.follow import RouteReference
+from flighttune.references.maps import Corridor, Where
 from flighttune.scenario.schema import Scenario
+
+# GeoJSON as it is read.
+Tables: TypeAlias = dict[str, Any]
+
+# Stands for the file of a fence that is kept with its band.
+KEPT = Path("fence")
 
 # Distance in samples, at the airspeed, by which positions may lie beyond the edges of a window.
 OVERLAP_SAMPLES = 2.0
@@ -24,6 +31,7 @@ OVERLAP_SAMPLES = 2.0
 class FenceCount(NamedTuple):
     """The flights of a band that are not certainly inside a fence."""
 
+    heights: str  # floor and ceiling of the fence in words
     outside: int
     epsilon: float  # probability of leaving the fence that the count supports
     supported: bool  # whether it is at most that of the band
@@ -38,11 +46,11 @@ def where_of(scenario: Scenario) -> Where:
     return route.path, scenario.route.origin, scenario.flight.h_m
 
 
-def fence_of(plan: Plan, file: Path, signals: Iterable[str] | None = None) -> Fence:
-    """The fence in a file about the flights of a plan, of which a band bounds `signals`."""
+def fence_of(plan: Plan, tables: Tables, file: Path = KEPT, *signals: str) -> Fence:
+    """The fence in the tables of a file about the flights of a plan; a band bounds `signals`."""
     _, origin, _ = where_of(plan.campaign.central)
     check_off_route(signals or OFF_ROUTE)
-    return read_fence(file, origin)
+    return read_fence(file, origin, tables)
 
 
 def corridor_of(band: Band, where: Where | None = None) -> Corridor:
@@ -51,18 +59,19 @@ def corridor_of(band: Band, where: Where | None = None) -> Corridor:
     Raises InputError if it claims none, or is one of another route.
     """
     about = band.about
-    if about.predicted_from or about.scale is None:
+    if about.predicted_from or not band.claims:
         claim = "one around a prediction from the wind" if about.predicted_from else "no claim"
         raise InputError(f"the band must claim one corridor for all flights, got {claim}.")
     if where and where != where_of(plan_of(band).campaign.central):  # a path is planned once
         raise InputError("the band must be of this route and start, got one of another.")
-    bounds, columns = band.bounds(about.edges[:-1]), _columns(band)
-    windows = np.column_stack([about.edges[:-1], about.edges[1:]])
-    return Corridor(windows, bounds.low[:, columns], bounds.high[:, columns])
+    edges, columns = band.axis.edges, _columns(band)
+    bounds, windows = band.bounds(edges[:-1]), np.column_stack([edges[:-1], edges[1:]])
+    low, high = bounds.low[:, columns], bounds.high[:, columns]
+    return Corridor(windows, low, high, printable(band.sentence))
 
 
-def count_inside(band: Band, file: Path) -> FenceCount:
-    """Count the flights of a band that are not certainly inside the fence in a file.
+def count_inside(band: Band, tables: Tables, file: Path = KEPT) -> FenceCount:
+    """Count the flights of a band that are not certainly inside the fence in the tables of a file.
 
     A flight is certainly inside if the path is and, in each window, the box from its lowest to its
     highest distances. A flight that was not completed is not. Raises InputError if the band is not
@@ -70,23 +79,33 @@ def count_inside(band: Band, file: Path) -> FenceCount:
     """
     about, plan = band.about, plan_of(band)
     central, columns = plan.campaign.central, _columns(band)
-    fence, (path, *_) = fence_of(plan, file), where_of(central)
-    for run in range(about.learned, plan.runs):
-        if where_of(plan.scenario_of(run))[0] is not path:  # the same path is planned once
-            raise InputError(f"all flights must have the same path for a fence, got draw {run}.")
+    fence, where = fence_of(plan, tables, file), where_of(central)
+    for run in band.draws.tolist():
+        if where_of(plan.scenario_of(run))[:2] != where[:2]:  # the same path is planned once
+            raise InputError(f"a fence must have one path and start for all, got draw {run}.")
     away, completed = DISTANCE_SIGNS * band.extremes[:, :, columns], np.isfinite(band.scores)
     reaches = {"completed flights": away[completed].max(axis=0)} if completed.any() else {}
-    if about.scale is not None and not about.predicted_from:
+    if band.claims and not about.predicted_from:
         corridor = corridor_of(band)
         reaches["band"] = DISTANCE_SIGNS * np.stack([corridor.low, corridor.high], axis=-1)
     widest = max([0.0, *(float(reach[:, 0].max()) for reach in reaches.values())])
     overlap = OVERLAP_SAMPLES * central.flight.V_a_mps / central.controller.rate_hz
-    room = room_along(fence, path, about.edges, widest=widest, overlap=overlap)
+    room = room_along(fence, where[0], band.axis.edges, widest=widest, overlap=overlap)
     # The limits to the sides are finite: flights that were not completed are outside.
     outside = int(np.sum(~(away <= room.limits).all(axis=(1, 2, 3))))
     epsilon = supported_epsilon(outside, len(away), about.confidence)
     nearest = [{"what": what, **room.nearest(reach)} for what, reach in reaches.items()]
-    return FenceCount(outside, epsilon, epsilon <= about.epsilon, nearest)
+    return FenceCount(fence.heights, outside, epsilon, epsilon <= about.epsilon, nearest)
+
+
+def inside_sentence(band: Band, count: FenceCount) -> str:
+    """The result of a count of flights inside a fence, in words."""
+    flights = len(band.scores)
+    return (
+        f"of {flights} fresh flights {flights - count.outside} are certainly inside the fence: a "
+        f"new flight leaves it with probability at most {number(count.epsilon)}, confidence "
+        f"{band.confidence:.10g}{band.shared}"
+    )
 
 
 def check_off_route(signals: Iterable[str], over: str = "along") -> None:
@@ -100,5 +119,5 @@ def check_off_route(signals: Iterable[str], over: str = "along") -> None:
 
 def _columns(band: Band) -> list[int]:
     """Where the distances from a route are among the signals of a band."""
-    check_off_route(band.about.signals, band.about.over)
+    check_off_route(band.about.signals, band.axis.over)
     return [list(band.about.signals).index(name) for name in OFF_ROUTE]

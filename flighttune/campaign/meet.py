@@ -2,12 +2,13 @@
 
 import math
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import pyarrow as pa
 
 from flighttune.arrays import FloatArray
@@ -28,43 +29,54 @@ from flighttune.flight.expectations import BoundCheck, bound_checks, with_loop
 from flighttune.flight.outer_loop import gain_set, tuning_problem
 from flighttune.plants.label import goes_by
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, LawTable, in_rad
+from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, ExpectTable, LawTable, in_rad
 from flighttune.theory.indicators import indicators_batch
 from flighttune.units import DEG
 
-# What is minimised once all requirements are met, if it is no column of the rows: the ITAE of both
-# channels, or the largest excess over a requirement
+# What is minimised once all requirements are met with the margin `WANTED`, if it is no column of
+# the rows: the ITAE of both channels; or `MARGIN`, whatever the margin: the largest excess
 ITAE, MARGIN = "ITAE", "margin"
+
+# Margin of the requirement met worst, relative to its bound, that comes before the metric
+WANTED = 0.2
+
+# Margins of the linear loop that are required unless the scenario states others, and how their rows
+# are named
+MARGINS = {"gain_margin_dB": 6.0, "phase_margin_deg": 35.0}
+BY_DEFAULT = "default"
 
 # Share of the draws of a campaign on which gains must meet all requirements, by default
 SUCCESS = 0.95
 
 # Flights of a search by default, without and with a campaign
-BUDGET, CAMPAIGN_BUDGET = 400, 6000
+BUDGET, CAMPAIGN_BUDGET = 600, 6000
 
 # Draws on which each candidate of a search over a campaign is flown, and the least for the count
 DRAWS, COUNTED = 32, 200
 
-# Candidates of a generation: enough to keep workers busy, and usual for 4 to 8 gains
-POPULATION = 8
+# Candidates of a generation of the first descent, and its first step in the logarithm of the gains.
+# Each restart has twice as much of both, up to steps by `MAX_SPREAD`.
+POPULATION = 12
+SPREAD, MAX_SPREAD = 1.0, 4.0
 
-# First step of a search in the logarithm of the gains: one candidate in three changes one by 1.3
-SPREAD = 0.25
+# Generations without a gain of `GAIN` of the objective after which a descent ends
+STALLED, GAIN = 8, 2e-3
 
-# Relative change of the gains at which a search ends
-FINEST = 1e-3
+# Factors on K_P and K_I of the starts: overshoot often asks for a hundredth of the tuned K_I, which
+# a descent from large K_I does not reach
+FACTORS = (1.0, 1.0), (1.0, 1.0 / 30.0), (0.5, 0.5), (0.5, 1.0 / 60.0)
+
+# Gains this much smaller than the largest are rounding of a tuning, and are not searched
+ROUNDING = 1e-5
+
+# Relative change of the gains at which a descent ends
+FINEST = 1e-2
 
 # Excess over a requirement of a flight that was not flown to its end, relative to its bound
 LOST = 1e3
 
-# Share of the budget after which requirements that are not all met are taken to conflict
-SEARCHED = 0.6
-
 # A requirement is active if it is within this share of the one that is met worst
 ACTIVE = 0.02
-
-# Requirements whose trade-offs are searched for
-TRADED = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -86,9 +98,10 @@ class Trial:
         """Whether all requirements are met on all draws."""
         return bool(self.worst.max() <= 0.0)
 
-
-# What a search minimises
-Objective = Callable[[Trial], float]
+    @property
+    def default(self) -> npt.NDArray[np.bool_]:
+        """Which requirements are `MARGINS`, which no flight decides."""
+        return np.array([check.run.endswith(BY_DEFAULT) for check in self.checks[0]])
 
 
 def plan_to_meet(scenario: Scenario, law: LawTable, table: CampaignTable | None = None) -> Plan:
@@ -180,8 +193,13 @@ class Search:
         plants = _required(scenario)
         groups = tuple(Group(plant, name) for name in names for plant in plants)
         # The requirements are checked by `_trial`: those on the loop once, not in every flight.
+        senses = "at_most", "at_least"
+        expect = [
+            table.model_copy(update={x: {**getattr(table, x), "loop": {}} for x in senses})
+            for table in scenario.expect
+        ]
         bare = plan.campaign.model_copy(
-            update={"nominal": scenario.model_copy(update={"expect": []})}
+            update={"nominal": scenario.model_copy(update={"expect": expect})}
         )
         flown = dict(zip(names, sets, strict=True))
         plan = replace(plan, campaign=bare, gain_sets=flown, groups=groups)
@@ -205,7 +223,9 @@ class Search:
         checks: dict[int, list[BoundCheck]] = {}
         metric = 0.0
         for plan, of_plan in zip(self._plans, rows, strict=True):
-            loop = with_loop({}, plan.scenario.expect, plan.scenario, name, gains)
+            margins = _default_margins(plan.scenario)
+            bounds = [*plan.scenario.expect, *margins]
+            loop = with_loop({}, bounds, plan.scenario, name, gains)
             where = f"{plan.scenario.title}: " if len(self._plans) > 1 else ""
             for row in of_plan:
                 flown = row.get("status") == "completed"
@@ -216,75 +236,104 @@ class Search:
                     for check in bound_checks(tables, measured, where + row["plant"])
                 )
                 metric += _metric(row, self._metric) if flown else math.inf
+            for of_draw in checks.values():
+                of_draw.extend(bound_checks(margins, loop, where + BY_DEFAULT))
         by_draw = tuple(map(tuple, checks.values()))
         excess = [[check.margin if check.flown else LOST for check in of] for of in by_draw]
         finite = np.nan_to_num(np.array(excess), nan=LOST, posinf=LOST)
         return Trial(gains=gains, excess=finite, checks=by_draw, metric=metric)
 
     def value(self, trial: Trial) -> float:
-        """Draws on which a requirement is missed, then by how much; then the metric, below 0."""
+        """Draws on which a requirement is missed, then the excess; then the metric, below -1."""
         missed = int((trial.worst > 0.0).sum())
-        if not missed and self._metric != MARGIN and self._draws == 1:
-            return 0.5 * _squeezed(trial.metric) - 0.5
-        return missed + 0.5 + 0.5 * _squeezed(float(ordered_quantile(trial.worst, self._success)))
+        excess = float(ordered_quantile(trial.worst, self._success))
+        if self._metric != MARGIN and self._draws == 1 and excess <= -WANTED:
+            return 0.5 * _squeezed(trial.metric) - 1.5
+        if excess == LOST:  # a requirement has no value: what is nearer to having one is better
+            excess += 0.5 * LOST * _squeezed(trial.metric)
+        return missed + 0.5 * _squeezed(excess)
 
-    def best(self, objective: Objective | None = None) -> Trial:
+    def best(self) -> Trial:
         """The best candidate so far."""
-        return min(self.trials.values(), key=objective or self.value)
+        return min(self.trials.values(), key=self.value)
 
-    def descend(self, trial: Trial, budget: float, objective: Objective | None = None) -> None:
-        """Search from a candidate with at most `budget` flights; its gains that are 0 stay so.
+    def search(self, starts: Sequence[PIGains], budget: float) -> None:
+        """Descend from the starts and `FACTORS` of them, best first, and from the best so far.
+
+        The search ends at `budget` flights, or where the margin is `WANTED` and a restart gains
+        nothing.
+        """
+        varied = [_varied(gains, *factors) for gains in starts for factors in FACTORS]
+        varied = varied[: max(0, int((budget - self.flights) // self._each))]
+        trials = self.fly(varied)
+        ranked = [trial.gains for trial in sorted(trials, key=self.value)]
+        spread, population, start = SPREAD, POPULATION, self.best().gains
+        for restart in range(2 * len(ranked)):
+            if self.flights + population * self._each > budget:
+                population = POPULATION  # what is left of the budget is not left lying
+            before = self.value(self.best())
+            self.descend(start, budget, spread, population)
+            best = self.best()
+            if best.worst.max() <= -WANTED and self.value(best) > before - GAIN and restart:
+                return
+            spread, population = min(2.0 * spread, MAX_SPREAD), 2 * population
+            start = ranked[(restart + 1) // 2 % len(ranked)] if restart % 2 else best.gains
+
+    def descend(
+        self, start: PIGains, end: float, spread: float = SPREAD, population: int = POPULATION
+    ) -> None:
+        """Search from gains, up to `end` flights of this search; gains that are 0 stay so.
 
         Covariance matrix adaptation (N. Hansen, arXiv 1604.00772) on the logarithms of the gains.
         """
         warnings.filterwarnings("ignore", "Could not import matplotlib")  # of cma
         import cma
 
-        start, objective, largest = trial.gains, objective or self.value, self._problem.K_max
-        free, end = start.K != 0.0, self.flights + budget
+        free, largest = start.K != 0.0, self._problem.K_max
         assert largest is not None
         top = np.log(largest[free])
         settings = {
-            "popsize": POPULATION,
-            "seed": self._problem.seed + 1,  # 0 is the time of day
+            "popsize": population,
+            "seed": self._problem.seed + 1 + self.flights,  # 0 is the time of day
             "tolx": FINEST,
             "bounds": [None, top.tolist()],
             "verbose": -9,
         }
         first = np.minimum(np.log(np.abs(start.K[free])), top)
-        strategy = cma.CMAEvolutionStrategy(first, SPREAD, settings)
-        while not strategy.stop() and self.flights + POPULATION * self._each <= end:
+        strategy = cma.CMAEvolutionStrategy(first, spread, settings)
+        least, stalled = math.inf, 0
+        while not strategy.stop() and stalled < STALLED:
+            if self.flights + population * self._each > end:
+                return
             asked = strategy.ask()
             trials = self.fly([_with_sizes(start, np.exp(x)) for x in asked])
-            strategy.tell(asked, [objective(of_gains) for of_gains in trials])
+            values = [self.value(trial) for trial in trials]
+            strategy.tell(asked, values)
+            stalled = 0 if min(values) < least - GAIN else stalled + 1
+            least = min(least, *values)
 
     def conflicting(self, trial: Trial) -> list[int]:
         """Requirements of one draw that are missed or hold the others off, met worst first."""
         excess = trial.excess[0]
-        least = min(excess.max() - ACTIVE, 0.0) if excess.max() > 0.0 else -ACTIVE
+        least = min(max(excess.max(), -WANTED) - ACTIVE, 0.0)
         return [int(i) for i in np.argsort(-excess, kind="stable") if excess[i] >= least]
 
-    def trade_offs(self, nearest: Trial, budget: float) -> dict[int, tuple[float, float | None]]:
-        """How far each conflicting requirement can come alone, and while the others are met."""
-        conflicting = self.conflicting(nearest)[:TRADED]
-        ends = {}
-        for i in conflicting:
+    def trade_offs(self, nearest: Trial) -> Iterator[dict[str, Any]]:
+        """The conflicting requirements with their best values among all candidates.
 
-            def alone(trial: Trial, i: int = i) -> float:
-                return float(trial.excess[0, i])
-
-            def beside(trial: Trial, i: int = i) -> float:
-                missed = np.delete(trial.excess[0], i).max(initial=-LOST)
-                return LOST + missed if missed > 0.0 else alone(trial, i)
-
-            for objective in (alone, beside):
-                self.descend(self.best(objective), budget / (2 * len(conflicting)), objective)
-            with_others = self.best(beside)
-            ends[i] = (
-                self.best(alone).checks[0][i].value,
-                with_others.checks[0][i].value if beside(with_others) < LOST else None,
-            )
-        return ends
+        That alone, and that of a candidate that meets the others; None if there is none.
+        """
+        trials = list(self.trials.values())
+        excess = np.array([trial.excess[0] for trial in trials])
+        for i in self.conflicting(nearest):
+            others = np.delete(excess, i, axis=1).max(axis=1, initial=-LOST) <= 0.0
+            alone = np.argmin(excess[:, i])
+            beside = np.argmin(np.where(others, excess[:, i], np.inf))
+            yield {
+                **stated(nearest.checks[0][i]),
+                "alone": trials[alone].checks[0][i].value,
+                "beside": trials[beside].checks[0][i].value if others.any() else None,
+            }
 
 
 def stated(check: BoundCheck) -> dict[str, Any]:
@@ -296,6 +345,7 @@ def stated(check: BoundCheck) -> dict[str, Any]:
         "bound": check.bound,
         "value": check.value if check.flown else math.nan,
         "margin": -check.margin if check.flown else math.nan,
+        "why": "" if check.met else check.why,
     }
 
 
@@ -335,21 +385,25 @@ def meet(
         Maximum number of flights, by default `BUDGET`, with a campaign `CAMPAIGN_BUDGET`; the count
         on fresh draws comes on top.
     metric : str
-        What is minimised once all requirements are met, see `Search`; not with a campaign.
+        What is minimised once all requirements are met with the margin `WANTED`, see `Search`; not
+        with a campaign.
     table : CampaignTable, optional
         Campaign on the first scenario, which is then the only one. Gains are searched for that
         meet the requirements on as many draws as possible, and counted on the draws of the
         campaign, none of which the search has seen.
     success : float, 1
-        Share of the draws on which gains must meet all requirements.
+        Share of the draws on which gains must meet all requirements: the lower end of its interval
+        must reach it, or the estimate where no count of so many draws has such an end.
 
     Returns
     -------
     values : dict
-        The answer: its ``status`` is ``met`` or ``missed``. ``requirements`` have value, bound, and
-        margin relative to the bound; those that are ``active`` hold the others off. On a campaign
-        they have the share of draws on which each is met. ``trade_offs`` say how far each of the
-        requirements that conflict can come alone, and with the others met (None if they cannot be).
+        The answer: its ``status`` is ``met`` or ``missed``; ``start_met`` says whether the best of
+        the starts meets all. ``requirements`` have value, bound, and margin relative to the bound;
+        those that are ``active`` hold the others off, and those whose run is `BY_DEFAULT` are
+        `MARGINS`. On a campaign they have the share of draws on which each is met. ``trade_offs``
+        say how far each of the requirements that conflict came in this search, in any candidate and
+        in those that met the others (None if none did).
     gains : PIGains
         The best ones, even if they miss a requirement.
     trials : list of Trial
@@ -384,19 +438,10 @@ def meet(
     search = Search(plans, law, pool, metric=metric, draws=draws, success=success)
     budget = budget or (BUDGET if table is None else CAMPAIGN_BUDGET)
     trials = dict(zip(starts, search.fly([*starts.values()]), strict=True))
-    first, *others = sorted(trials, key=lambda name: search.value(trials[name]))
-    until = budget if table is not None else SEARCHED * budget
-    search.descend(trials[first], until - search.flights)
-    for name in others:
-        if not search.best().met:
-            search.descend(trials[name], until - search.flights)
-    traded: dict[int, tuple[float, float | None]] = {}
-    if table is None and not search.best().met:
-        traded = search.trade_offs(search.best(), budget - search.flights)
-    if search.best().met:
-        search.descend(search.best(), budget - search.flights)
-    best, counted, start_flown = search.best(), None, trials[first]
-    met, nearest = best.met, best
+    first = min(trials, key=lambda name: search.value(trials[name]))
+    search.search([*starts.values()], budget)
+    best, counted, by, start_flown = search.best(), None, "", trials[first]
+    met, start_met, nearest = best.met, start_flown.met, best
     if table is not None:
         plan = plan_to_meet(scenarios[0], law_table, table)
         groups = len(scenarios[0].gain_names) * len(scenarios[0].plant)
@@ -404,22 +449,27 @@ def meet(
         count = Search([plan], law, pool, draws=fresh)
         nearest, start_flown = count.fly([best.gains, start_flown.gains])
         cycles = np.arange(fresh) // plan.cycle
-        counted = [asdict(share(x.worst <= 0.0, cycles)) for x in (nearest, start_flown)]
-        met = counted[0]["value"] >= success
+        flown = ~nearest.default
+        # The lower end of the interval decides, unless it is below `success` for any count.
+        by = "lo" if share(np.ones(fresh, dtype=bool), cycles).lo >= success else "value"
+        both = nearest, start_flown
+        counted = [asdict(share(x.excess[:, flown].max(axis=1) <= 0.0, cycles)) for x in both]
+        met, start_met = (
+            own[by] >= success and bool((x.excess[:, ~flown] <= 0.0).all())
+            for own, x in zip(counted, both, strict=True)
+        )
         search.flights += count.flights
     values = {
         "status": "met" if met else "missed",
         "start": first,
+        "start_met": start_met,
         "flights": search.flights,
         "candidates": search.candidates,
         "metric": {"name": metric, "value": nearest.metric, "start": start_flown.metric},
         "requirements": [*_requirements(nearest, start_flown, search.conflicting(nearest))],
-        "trade_offs": [
-            {**stated(best.checks[0][i]), "alone": alone, "beside": beside}
-            for i, (alone, beside) in traded.items()
-            if not met
-        ],
-        "success": counted and {"share": counted[0], "of_start": counted[1], "wanted": success},
+        "trade_offs": [] if met or table else [*search.trade_offs(best)],
+        "success": counted
+        and {"share": counted[0], "of_start": counted[1], "wanted": success, "by": by},
     }
     return values, best.gains, [*search.trials.values()]
 
@@ -448,6 +498,13 @@ def _required(scenario: Scenario) -> list[str]:
     return [label for label in labels if any(goes_by(label, x.plant) for x in scenario.expect)]
 
 
+def _default_margins(scenario: Scenario) -> list[ExpectTable]:
+    """`MARGINS` as a requirement, without those that the scenario bounds itself."""
+    bounded = {in_rad(name) for table in scenario.expect for name in table.at_least.get("loop", ())}
+    left = {name: bound for name, bound in MARGINS.items() if in_rad(name) not in bounded}
+    return [ExpectTable(at_least={"loop": left})] if left else []
+
+
 def _metric(row: Row, metric: str) -> float:
     if metric == ITAE:
         return row["chi.ITAE"] + row["gamma.ITAE"]
@@ -464,6 +521,13 @@ def _with_sizes(gains: PIGains, sizes: FloatArray) -> PIGains:
     K, p = gains.K.copy(), len(gains.errors)
     K[K != 0.0] = np.sign(K[K != 0.0]) * sizes
     return replace(gains, K_P=K[:, :p], K_I=K[:, p:])
+
+
+def _varied(gains: PIGains, proportional: float, integral: float) -> PIGains:
+    """Gains with a factor on K_P and on K_I, without those that are rounding."""
+    K = np.where(np.abs(gains.K) < ROUNDING * np.abs(gains.K).max(), 0.0, gains.K)
+    p = len(gains.errors)
+    return replace(gains, K_P=proportional * K[:, :p], K_I=integral * K[:, p:])
 
 
 def _squeezed(x: float) -> float:

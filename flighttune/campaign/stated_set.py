@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 
 from flighttune.arrays import check_not_negative
@@ -20,10 +21,10 @@ from flighttune.campaign.planning.schema import (
     Uniform,
 )
 from flighttune.errors import InputError
+from flighttune.files.shipped import campaign_files, scenario_files
+from flighttune.files.table import toml_tables
 from flighttune.scenario.load import load_scenario, scenario_from, with_gains
 from flighttune.scenario.schema import GainsTable, Scenario
-from flighttune.shipped import campaign_files, scenario_files
-from flighttune.table_file import toml_tables
 
 # Angular frequencies of a disturbance without a stated one, rad/s.
 FREQUENCIES = (0.05, 6.0)
@@ -34,15 +35,18 @@ class StoppedError(Exception):
 
 
 def rows_of(
-    pool: WorkerPool, plan: Plan, doing: str, *, runs: range | None = None, **more: Any
+    pool: WorkerPool, plan: Plan, doing: str, *, runs: Sequence[int] | None = None, **more: Any
 ) -> pa.Table:
-    """Rows of consecutive runs, by default of all, in order of ``run``.
+    """Rows of some runs in rising order, by default of all.
 
     `more` are probes and draws for `WorkerPool.fly_rows`. Raises StoppedError if the observer
     stopped the flights.
     """
     tables: list[pa.Table] = []
-    if not pool.fly_rows(plan, [runs or range(plan.runs)], tables.append, doing=doing, **more):
+    some = np.array(runs or range(plan.runs))
+    parts = np.split(some, np.flatnonzero(np.diff(some) != 1) + 1)
+    ranges = [range(part[0], part[-1] + 1) for part in parts]
+    if not pool.fly_rows(plan, ranges, tables.append, doing=doing, **more):
         raise StoppedError
     return pa.concat_tables(tables).sort_by("run")
 
@@ -127,8 +131,9 @@ def _about(
 def measured_in(row: Mapping[str, Any]) -> dict[str, dict[str, float]]:
     """The measures of a row by their subject, as `flighttune.metrics.measures` has them."""
     measured: dict[str, dict[str, float]] = {}
-    for column in MEASURES:
-        subject, name = column.split(".")
+    settling = (column for column in row if column.startswith(("chi.", "gamma.")))
+    for column in dict.fromkeys((*MEASURES, *settling)):
+        subject, name = column.split(".", 1)
         value = row.get(column)
         measured.setdefault(subject, {})[name] = math.nan if value is None else value
     return measured

@@ -1,4 +1,4 @@
-"""The worst flight of a stated set, searched for, and the probability of a rare miss."""
+"""The worst flight of a stated set, searched for."""
 
 import math
 import warnings
@@ -14,7 +14,7 @@ import pandas as pd
 from scipy.special import chdtri, ndtr
 
 from flighttune.arrays import FloatArray, check_at_least
-from flighttune.campaign.band import plan_of, score
+from flighttune.campaign.band import load_band, plan_of, score
 from flighttune.campaign.bang_bang import search_bang_bang
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.alone import scenario_of_run
@@ -23,12 +23,13 @@ from flighttune.campaign.planning.draws import LARGEST_POINT, SEED, SMALLEST_POI
 from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.planning.schema import MEASURES
 from flighttune.campaign.stated_set import measured_in, planned, rows_of
+from flighttune.claims.band import About, Axis
 from flighttune.errors import InputError
 from flighttune.flight.expectations import bound_checks
-from flighttune.guarantee.band import Band, load_band
-from flighttune.guarantee.bounds import ERRORS, Bounds
+from flighttune.plants.jsbsim.plant import LARGEST_SEED
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
+from flighttune.simulate.bounds import ERRORS, Bounds
 from flighttune.simulate.run import Run
 
 # Metric: largest excess over a requirement relative to its bound; 0 just meets it.
@@ -54,13 +55,6 @@ SPREAD = 0.5
 
 # Value of a flight that was not flown to its end, beyond all others.
 FAILED = 1e3
-
-# Share of the flights of a level of subset simulation from which the next level starts.
-LEVEL = 0.1
-
-# Step of the chains of subset simulation, in standard deviations; 1 is an independent draw.
-STRIDE = 0.6
-
 
 Seeds = npt.NDArray[np.int64]
 
@@ -108,7 +102,7 @@ class StatedSet:
                     f"{source}: metric, tube, gains, start and changes must be absent for a band "
                     "file, which has its own."
                 )
-            if band.about.scale is None:
+            if not band.claims:
                 raise InputError(f"{source}: the band must have a claim, got none.")
             plan = plan_of(band)
         else:
@@ -139,8 +133,8 @@ class StatedSet:
         self._start_deg, self._lost = start_deg, -FAILED if completed else FAILED
         self._probes: Probes = {TUBE: partial(_use_of, tube)} if tube else {}
         if band is not None:
-            small = replace(band, extremes=band.extremes[:0], wind=band.wind[:0])
-            self.metric, self._probes = BAND, {BAND: partial(_share_of, small)}
+            share = partial(_share_of, band.about, band.axis, band.scale)
+            self.metric, self._probes = BAND, {BAND: share}
         self._pool = pool
 
     def values(self, z: FloatArray, seeds: Seeds) -> FloatArray:
@@ -149,7 +143,7 @@ class StatedSet:
         u = np.clip(ndtr(z), SMALLEST_POINT, LARGEST_POINT)
         u = correlated(u, list(campaign.keys), campaign.correlation)
         columns = {table.key: table.at(u[:, i]) for i, table in enumerate(campaign.disperse)}
-        draws = pd.DataFrame(columns | {SEED: seeds}).to_dict("records")
+        draws = pd.DataFrame(columns | {SEED: seeds % (LARGEST_SEED + 1)}).to_dict("records")
         return self._fly(self.plan.with_runs(len(draws)), draws)
 
     def fly_bang_bang(self, budget: int) -> None:
@@ -274,17 +268,6 @@ def find_worst(searched: StatedSet, *, budget: int, seed: int) -> tuple[dict[str
     return values, scenario.model_copy(update={"title": title})
 
 
-def rare_miss(searched: StatedSet, *, threshold: float, budget: int, seed: int) -> dict[str, Any]:
-    """Probability that a flight of a stated set reaches a threshold: `subset_simulation` of it.
-
-    The threshold is a value of the metric: 0 for the margin.
-    """
-    check_at_least(POPULATION, budget=budget)
-    keys = len(searched.plan.keys)
-    miss = subset_simulation(searched.values, keys, threshold=threshold, budget=budget, seed=seed)
-    return {"metric": searched.metric, "threshold": threshold, **miss}
-
-
 def region_radius(dimension: int) -> float:
     """Radius of the ball that holds `REGION` of a standard normal distribution."""
     return math.sqrt(float(chdtri(dimension, 1.0 - REGION)))
@@ -339,96 +322,6 @@ def search_worst(
     return best, chance, first
 
 
-def subset_simulation(
-    values: Objective, dimension: int, *, threshold: float, budget: int, seed: int
-) -> dict[str, Any]:
-    r"""Probability that `values` of a standard normal distribution reach a threshold.
-
-    Parameters
-    ----------
-    values : callable
-    dimension : int
-    threshold : float
-    budget : int
-        Maximum number of points, a fifth of them per level.
-    seed : int
-
-    Returns
-    -------
-    dict
-        The ``probability``, its 95 % interval from ``low`` to ``high`` as a log-normal one, its
-        coefficient of ``variation``, the values ``levels`` at which the levels began, and the
-        number of ``flights``. If the budget ends before the threshold is reached, the probability
-        is 0 and the upper end of its interval is that of the last level.
-
-    Notes
-    -----
-    S.-K. Au and J. L. Beck, "Estimation of small failure probabilities in high dimensions by subset
-    simulation", Prob. Eng. Mech. 16 (2001) 263-277; its Eqs. (27) to (30) for the coefficient of
-    variation. The chains move by ``z' = sqrt(1 - s^2) z + s w``, w standard normal, which leaves
-    the normal distribution as it is (S. L. Cotter et al., Stat. Sci. 28 (2013) 424-446); every
-    second move also draws a new seed.
-    """
-    rng = np.random.default_rng(seed)
-    size = max(budget // 5, 20)
-    heads = max(round(LEVEL * size), 2)
-    length = size // heads
-    size = heads * length  # whole chains
-    z, seeds = rng.standard_normal((size, dimension)), rng.integers(0, 2**31, size)
-    objective = values(z, seeds)
-    spent, probability, squares, levels = size, 1.0, 0.0, []
-    chains = size  # at first each flight is a chain of its own
-    while True:
-        order = np.argsort(-objective)
-        # No level lies beyond the threshold: the last one counts the misses themselves.
-        begins = min(float(objective[order[heads - 1]]), threshold)
-        reached = objective >= begins
-        levels.append(begins)
-        probability *= float(reached.mean())
-        # Points are stored step by step: those of one chain are `chains` apart.
-        squares += _variation(reached.reshape(-1, chains).T) ** 2
-        if begins >= threshold or spent + size - heads > budget:
-            break
-        chains = heads
-        steps = [(z[order[:heads]], seeds[order[:heads]], objective[order[:heads]])]
-        for _ in range(length - 1):
-            z_now, seeds_now, now = steps[-1]
-            moved = math.sqrt(1.0 - STRIDE**2) * z_now
-            moved = moved + STRIDE * rng.standard_normal(z_now.shape)
-            other = np.where(rng.random(heads) < 0.5, rng.integers(0, 2**31, heads), seeds_now)
-            there = values(moved, other)
-            spent += heads
-            moves = there >= begins
-            z_now = np.where(moves[:, None], moved, z_now)
-            steps.append((z_now, np.where(moves, other, seeds_now), np.where(moves, there, now)))
-        z, seeds, objective = (np.concatenate(parts) for parts in zip(*steps, strict=True))
-    factor = math.exp(1.96 * math.sqrt(math.log1p(squares)))
-    estimate = probability if begins >= threshold else 0.0
-    return {
-        "probability": estimate,
-        "low": estimate / factor,
-        "high": probability * factor,
-        "variation": math.sqrt(squares),
-        "levels": levels,
-        "flights": spent,
-    }
-
-
-def _variation(reached: npt.NDArray[np.bool_]) -> float:
-    """Coefficient of variation of the share of `reached`, shape (chains, length)."""
-    count, length = reached.shape
-    share = reached.mean()
-    if share in (0.0, 1.0):
-        return 0.0
-    spread = reached - share
-    variance = share * (1.0 - share)
-    correlation = sum(
-        2.0 * (1.0 - k / length) * float((spread[:, k:] * spread[:, :-k]).mean()) / variance
-        for k in range(1, length)
-    )
-    return math.sqrt(max(variance * (1.0 + correlation), 0.0) / (count * length)) / float(share)
-
-
 def _errors_of(run: Run, _: Scenario) -> list[float]:
     """Errors of a flight, sample by sample."""
     return run.signals[list(ERRORS)].to_numpy().ravel().tolist()
@@ -436,12 +329,12 @@ def _errors_of(run: Run, _: Scenario) -> list[float]:
 
 def _use_of(tube: Bounds, run: Run, _: Scenario) -> list[float]:
     """Share of a tube that a flight uses, and its reach in both channels."""
-    return [tube.share(run), *tube.reach(run).tolist()]
+    return [tube.share(run.signals), *tube.reach(run.signals).tolist()]
 
 
-def _share_of(band: Band, run: Run, scenario: Scenario) -> list[float]:
+def _share_of(about: About, axis: Axis, scale: float, run: Run, scenario: Scenario) -> list[float]:
     """Share of a band that a flight uses."""
-    return [score(band, run, scenario) / band.scale]
+    return [score(about, axis, run, scenario) / scale]
 
 
 def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:

@@ -12,12 +12,12 @@ import numpy as np
 from flighttune.arrays import FloatArray, check_positive, set_read_only
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
-from flighttune.table_file import json_tables
+from flighttune.files.table import json_tables
+from flighttune.files.value import STRICT, read
 from flighttune.theory.exact import Verification
 from flighttune.theory.indicators import scaled
 from flighttune.theory.optimal import optimal_channel
 from flighttune.theory.rate_bound import NUMBERS, bound_checks, no_faster_gains
-from flighttune.value_file import STRICT, read
 
 # The bound is above the optimum by this share of R_K (1 - R_K): by 1 % at I* = 5.
 GAP = 0.02

@@ -14,8 +14,15 @@ from pydantic import Field
 from flighttune.arrays import FloatArray, check_positive, set_read_only
 from flighttune.control.envelope import ENTRIES, Envelope, JacobianHull
 from flighttune.control.gains import PIGains
-from flighttune.control.linear_model import LAW_NAMES, LinearModel, disturbance_entry
+from flighttune.control.linear_model import (
+    LAW_NAMES,
+    LinearModel,
+    closed_loop,
+    disturbance_entry,
+)
 from flighttune.errors import InputError
+from flighttune.files.value import STRICT, read, write
+from flighttune.present.names import listed
 from flighttune.present.tables import facts_table, matrix, number
 from flighttune.theory.exact import (
     Check,
@@ -30,9 +37,17 @@ from flighttune.theory.exact import (
     rate_checks,
     sine,
 )
-from flighttune.value_file import STRICT, read, write
 
 KINDS = "states", "inputs", "errors"
+
+# Longest time for a proven rate to halve errors, s: no leg or turn is flown for longer.
+MAX_HALVING_S = 60.0
+
+# Largest growth of an error before it decays: 3 deg then become 90 deg, and no linear model holds.
+MAX_GROWTH = 30.0
+
+# Largest I_K, s^2: the disturbance of the paper, 0.015 rad/s^2, is then bounded by a half turn.
+MAX_I_K = 200.0
 
 # The exact check takes seconds at this size, and grows with its fourth power.
 MAX_STATES = 24
@@ -189,10 +204,33 @@ class Certificate:
                     f"got {', '.join(names)}."
                 )
 
+    @property
+    def growth(self) -> float:
+        """Largest factor by which the norm of s may grow before it decays."""
+        return math.sqrt(float(np.linalg.cond(self.Q)))
+
+    @property
+    def in_words(self) -> str:
+        """``certified``, and what that is worth where it is little."""
+        halving_s = 2.0 * math.log(2.0) / self.claim.rate  # the norm decays at half the rate
+        alone = self.claim.envelope is None and not self.claim.conditions
+        sigma_min = np.linalg.svd(closed_loop(self.model, self.gains), compute_uv=False)[-1]
+        I_K = self.growth**2 / (self.claim.rate * sigma_min) if alone else 0.0
+        worth = []
+        if halving_s > MAX_HALVING_S:
+            hours = f"{halving_s / 3600.0:.2g} hours"
+            lasts = hours if halving_s > 3600.0 else f"{halving_s / 60.0:.2g} minutes"
+            worth.append(f"the proven rate halves errors in {lasts}")
+        if self.growth > MAX_GROWTH:
+            worth.append(f"an error may first grow {self.growth:.0f}-fold")
+        if I_K > MAX_I_K:
+            worth.append(f"I_K of {I_K:.2g} s² is no useful bound under a disturbance")
+        return f"certified, but {listed(worth)}" if worth else "certified"
+
     def _repr_html_(self) -> str:
         claim = self.claim
         rate = f"{number(claim.rate, '.6g')} 1/s; the norm decays at half of it or faster"
-        facts = {"rate": rate}
+        facts = {"rate": rate, "worth": self.in_words}
         if claim.radius is not None and claim.L_d is not None:
             within = f"{number(claim.radius)} under a disturbance of rate {number(claim.L_d)}"
             facts["ultimate radius"] = within

@@ -33,6 +33,11 @@ class Certification:
     verification: Verification | None  # the checks of the certificate
 
     @property
+    def in_words(self) -> str:
+        """The status, and what a certificate is worth where it is little."""
+        return self.status if self.certificate is None else self.certificate.in_words
+
+    @property
     def values(self) -> dict[str, Any]:
         """The claim and its checks, for a command and a page; null where nothing is proven.
 
@@ -40,9 +45,10 @@ class Certification:
         """
         values = dict.fromkeys(("rate", "radius", "L_d", "holds", "growth"))
         values |= {"status": self.status, "reason": self.reason, "conditions": [], "checks": []}
+        values["in_words"] = self.in_words
         if self.certificate is not None and self.verification is not None:
             values |= self.certificate.claim.values
-            values["growth"] = math.sqrt(float(np.linalg.cond(self.certificate.Q)))
+            values["growth"] = self.certificate.growth
             values["checks"] = [asdict(check) for check in self.verification.checks]
         return values
 

@@ -20,12 +20,12 @@ from flighttune.cli.gains import frontier, tune
 from flighttune.cli.pages import compare, export, gap, report, reproduce
 from flighttune.cli.route import route
 from flighttune.cli.searches import conform, worst
-from flighttune.cli.show import COULD_NOT_RUN, emit, fail, output, working
+from flighttune.cli.show import COULD_NOT_RUN, NO, emit, fail, output, working
 from flighttune.cli.tube import tube
-from flighttune.errors import FlightTuneError
+from flighttune.errors import FlightTuneError, InfeasibleError
 from flighttune.extras import missing_extra
+from flighttune.files.whole import reason_of
 from flighttune.present.answer import Answer
-from flighttune.whole_file import reason_of
 
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else.")]
 QuietOption = Annotated[
@@ -180,43 +180,15 @@ def main() -> None:
             setattr(sys, name, io.StringIO())
         elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # an encoding may lack Greek letters
-            if stream is getattr(sys, f"__{name}__") and not stream.isatty():
-                setattr(sys, name, _outlives_its_reader(stream))
     try:
         app(prog_name="flighttune")
     except Exception as error:
         if "--debug" in sys.argv:
             raise
-        fail(_reason(error), COULD_NOT_RUN)
+        fail(_reason(error), NO if isinstance(error, InfeasibleError) else COULD_NOT_RUN)
     finally:
         with output():
             pass  # what help and completion left in the buffer
-
-
-class _Descriptor(io.FileIO):
-    """A file descriptor that drops what is written once nobody reads it any more.
-
-    On stderr it drops what a full disk does not take: the exit status still says how it went.
-    """
-
-    def write(self, data: Any, /) -> int | None:
-        """Write bytes, or drop them."""
-        try:
-            return super().write(data)
-        except OSError as error:
-            if self.fileno() == 2 or isinstance(error, BrokenPipeError):
-                return len(data)
-            raise
-
-
-def _outlives_its_reader(stream: io.TextIOWrapper) -> io.TextIOWrapper:
-    """A standard stream for which it is no failure that nobody reads it any more."""
-    return io.TextIOWrapper(
-        io.BufferedWriter(_Descriptor(stream.fileno(), "wb", closefd=False)),
-        encoding=stream.encoding,
-        errors="replace",
-        line_buffering=stream.line_buffering or stream.write_through,
-    )
 
 
 def _reason(error: Exception) -> str:

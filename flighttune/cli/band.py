@@ -1,6 +1,5 @@
 """The command that counts bands of campaigns, and answers about them."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -8,16 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from typer import Argument, Option
 
 from flighttune.cli import options
-from flighttune.cli.show import campaign_pool, pick, progress_bar
+from flighttune.cli.show import campaign_pool, pick
 from flighttune.errors import InputError
+from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.present.answer import Answer
-from flighttune.present.names import columns, shown_unit
-from flighttune.present.tables import Column, Table, number
-from flighttune.shipped import campaign_files, scenario_files
+from flighttune.present.names import shown_unit
+from flighttune.present.tables import Column, Table
 
 if TYPE_CHECKING:
-    from flighttune.guarantee.band import Band
-    from flighttune.simulate.run import Run
+    from flighttune.claims.band import Band
 
 WIDTH_COLUMNS = [
     Column("signal", "signal"),
@@ -77,7 +75,7 @@ def band(
         int | None,
         Option(
             help="Flights to count in all [default: as many as the claim needs with five of them "
-            "outside].",
+            "outside]; of FILE 2, 4, 8 ... times as many as were planned.",
             min=1,
         ),
     ] = None,
@@ -126,11 +124,12 @@ def band(
     options.check_ending(out, ".npz")
     if fence is not None and recount is not None:
         raise InputError("`recount` must be absent with a fence.")
-    from flighttune.campaign.band import count_band, count_more, plan_of
+    from flighttune.campaign.band import count_band, count_more, load_band, plan_of
     from flighttune.campaign.band import recount as count_again
-    from flighttune.campaign.fence import fence_of
+    from flighttune.campaign.fence import count_inside, fence_of
     from flighttune.campaign.stated_set import planned
-    from flighttune.guarantee.band import load_band, save_band
+    from flighttune.claims.band import save_band
+    from flighttune.files.table import json_tables
 
     claim = _stated(epsilon=epsilon, confidence=confidence)
     of_source = _stated(
@@ -148,93 +147,39 @@ def band(
             raise InputError("`recount` must be absent for anything but a band file.")
         if fence is not None:  # refuse it before a flight
             own = {key: of_source[key] for key in of_source if key in PLANNED}
-            fence_of(planned(source, **own), fence, signal)
+            fence_of(planned(source, **own), json_tables(fence), fence, *signal or ())
         with campaign_pool(workers, scheduler) as pool:
-            counted = count_band(source, pool, flights=flights, **claim, **of_source)
-        out = out or Path("runs") / f"{Path(source).stem}-band.npz"
+            kept = count_band(source, pool, flights=flights, **claim, **of_source)
+        file = out = out or Path("runs") / f"{Path(source).stem}-band.npz"
+        save_band(kept, file)
     else:
         for name in of_source:
             raise InputError(f"`{name}` must be absent for a band file, which has its own.")
-        counted = load_band(source)
+        kept, file = load_band(source), Path(source)
         if fence is not None and flights is not None:  # refuse it before a flight
-            fence_of(plan_of(counted), fence, counted.about.signals)
+            fence_of(plan_of(kept), json_tables(fence), fence, *kept.about.signals)
         with campaign_pool(workers, scheduler) as pool:
             if recount is not None:
-                differ = count_again(counted, recount, pool)
+                differ = count_again(kept, recount, pool)
                 says = f"{source}: {len(differ)} of {recount} flights flown again differ"
                 answer = Answer(values={"flights": recount, "differ": differ}, verdict=says)
                 return replace(answer, failure=f"{says}: {differ}" if differ else "")
             if flights is not None:
-                counted, out = count_more(counted, flights, pool), out or Path(source)
-        counted = counted.claiming(**{**pick(counted.about, "epsilon confidence"), **claim})
+                kept, out = count_more(kept, flights, pool), out or file
+                save_band(kept, file)  # whatever else is written: its readings are those of FILE
+    if fence is not None:
+        kept = kept.with_fence(json_tables(fence))
+        count_inside(kept, kept.about.fences[-1], fence)  # refuses it before it is kept
+        save_band(kept, file)
+    counted = kept.claiming(**{**pick(kept.about, "epsilon confidence"), **claim})
     if out is not None:
         save_band(counted, out)
-    file = out or source
+    file = out or file
     answer = band_answer(counted, file)
     if fence is not None:
-        answer = fence_answer(counted, fence, answer)
+        answer = fence_answer(counted, answer)
     page = [f"A page with its flights: flighttune report {file}"]
     return replace(answer, notes=[*answer.notes, *page], files={"band": out})
-
-
-def band_around(runs: "Sequence[Run]", file: Path | None) -> tuple["list[Run]", Answer]:
-    """The runs with the band of a file around them, and its part of the answer of a command."""
-    from flighttune.guarantee.bounds import band_notes, inside_bands
-
-    if file is None:
-        return list(runs), Answer(notes=band_notes(runs))
-    from flighttune.campaign.band import around
-    from flighttune.guarantee.band import load_band
-
-    counted = load_band(file)
-    try:
-        drawn = around(counted, runs)
-    except InputError as error:
-        raise InputError(f"{file}: {error}") from error
-    values = {"file": str(file), "inside": inside_bands(drawn), **band_answer(counted).values}
-    return drawn, Answer(values={"band": values}, notes=band_notes(drawn))
-
-
-def fly_draw(file: Path, draw: int, out: Path | None) -> Answer:
-    """Fly a draw of the band in a file again, and record it with the band around it."""
-    from flighttune.campaign.band import plan_of
-    from flighttune.campaign.flying.alone import fly_again
-    from flighttune.guarantee.band import load_band
-    from flighttune.recording.record import record
-
-    counted, name = load_band(file), f"{file.stem}-run-{draw}"
-    plan = plan_of(counted)
-    with progress_bar() as progress:
-        flown = fly_again(plan, draw, progress=progress)
-    run = flown[plan.group_of(draw).label]
-    runs, around = list(flown.runs), Answer(notes=[f"{run.label}: {run.outcome}"])
-    if run.status == "completed" and counted.about.scale is not None:
-        runs, around = band_around(runs, file)
-    files = record(replace(flown, runs=tuple(runs)), out or Path("runs") / name, name=name)
-    of_draw = plan.values_of(draw)
-    drawn = [{"parameter": key, "value": of_draw[key]} for key in plan.keys]
-    return Answer(
-        values={
-            "run": draw,
-            **pick(run, "status reason"),
-            "signals": files.signals,
-            **around.values,
-        },
-        tables=[Table(columns("parameter value"), drawn, f"draw {draw}: {run.label}")],
-        notes=[*around.notes, "A band keeps no row of a flight to compare it with."],
-        files={"recording": files.recording},
-    )
-
-
-def band_page(file: str, out: Path) -> Answer:
-    """Write the page of the band in a file."""
-    from flighttune.guarantee.band import load_band
-    from flighttune.report.band import write_band_page
-
-    counted = load_band(file)
-    answer = band_answer(counted, file)
-    page = write_band_page(counted, file, out, answer.tables, answer.notes)
-    return replace(answer, files={"report": page.path})
 
 
 def _stated(**given: Any) -> dict[str, Any]:
@@ -244,14 +189,14 @@ def _stated(**given: Any) -> dict[str, Any]:
 
 def band_answer(counted: "Band", file: str | Path = "FILE") -> Answer:
     """The half-widths of a band in a file and its claim; a failure if nothing is claimed."""
-    about, claims = counted.about, counted.about.scale is not None
+    about, claims, edges = counted.about, counted.claims, counted.axis.edges
     records = []
     for (name, unit), widths in zip(about.signals.items(), counted.half_widths.T, strict=True):
         shown, factor = shown_unit(unit)
-        late = about.edges[:-1] >= LAST_QUARTER * about.edges[-1]
+        late = edges[:-1] >= LAST_QUARTER * edges[-1]
         ends = {"largest": widths.max(), "last_quarter": widths[late].max(), "end": widths[-1]}
         if not about.predicted_from:
-            bounds = counted.bounds(about.edges[:-1])
+            bounds = counted.bounds(edges[:-1])
             at = bounds.names.index(name)
             ends |= {"low": bounds.low[:, at].min(), "high": bounds.high[:, at].max()}
         in_unit = {key: float(width) * factor for key, width in ends.items()}
@@ -267,33 +212,36 @@ def band_answer(counted: "Band", file: str | Path = "FILE") -> Answer:
     return Answer(
         values={
             "status": "claimed" if claims else "nothing_claimed",
-            **pick(about, "epsilon scale predicted_from learned readings distribution"),
-            **pick(counted, "confidence outside not_completed sentence"),
+            **pick(about, "epsilon predicted_from learned"),
+            **pick(counted, "scale readings confidence outside not_completed sentence"),
+            "distribution": counted.axis.distribution,
             "flights": len(counted.scores),
             "nearest_draw": counted.nearest if claims else None,
         },
-        tables=[Table(WIDTH_COLUMNS, records if claims else [], "band", name="half_widths")],
+        tables=[
+            Table(WIDTH_COLUMNS, records if claims else [], "band", name="half_widths"),
+            counted.axis.flights,
+        ],
         notes=notes,
         verdict=counted.sentence if claims else "",
         failure="" if claims else counted.sentence,
     )
 
 
-def fence_answer(counted: "Band", file: Path, answer: Answer) -> Answer:
-    """The answer of a band with whether its flights stay inside a fence; a failure if not."""
-    from flighttune.campaign.fence import count_inside
+def fence_answer(counted: "Band", answer: Answer) -> Answer:
+    """The answer of a band and of its last fence; a failure if flights may leave it."""
+    from flighttune.campaign.fence import count_inside, inside_sentence
 
-    count, flights = count_inside(counted, file), len(counted.scores)
+    count = count_inside(counted, counted.about.fences[-1])
     said = [
         f"The band itself is {'inside' if nearest['margin_m'] >= 0.0 else 'not inside'} the fence."
         for nearest in count.nearest
         if nearest["what"] == "band"
     ]
-    sentence = (
-        f"of {flights} fresh flights {flights - count.outside} are certainly inside the fence: a "
-        f"new flight leaves it with probability at most {number(count.epsilon)}, confidence "
-        f"{counted.confidence:.10g}"
-    )
+    said.append(f"The fence has {count.heights}.")
+    if counted.not_completed:
+        said.append(f"Of the flights {counted.lost}: they count as outside.")
+    sentence = inside_sentence(counted, count)
     return replace(
         answer,
         values={**answer.values, "fence": count._asdict()},

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from typer import Argument, Option
 
 from flighttune.cli import options
-from flighttune.cli.band import fly_draw
+from flighttune.cli.claims import fly_draw
 from flighttune.cli.show import (
     INTERRUPTED,
-    NO,
     campaign_display,
     duration,
     pick,
@@ -66,8 +65,8 @@ def report(
     from flighttune.campaign.dataset import dataset_hash
     from flighttune.campaign.statistics.findings import findings
     from flighttune.campaign.statistics.flights import load_flights
-    from flighttune.report.campaign import tables
-    from flighttune.report.campaign.page import notes, summary, write_campaign_report
+    from flighttune.reports.campaign import tables
+    from flighttune.reports.campaign.page import notes, summary, write_campaign_report
 
     made = findings(load_flights(folder), method=interval, confidence=confidence)
     if out is None and Path(folder).is_dir():
@@ -106,8 +105,8 @@ def fly(
     from flighttune.campaign.dataset import open_dataset
     from flighttune.campaign.flying.alone import fly_again
     from flighttune.campaign.flying.rows import row_differences
-    from flighttune.flight.refly import changed_versions
     from flighttune.recording.record import record
+    from flighttune.records.refly import changed_versions
 
     dataset = open_dataset(folder)
     part = next((part for part in dataset.parts if run in part.runs), None)
@@ -171,13 +170,6 @@ def run(
     scheduler: options.SchedulerOption = None,
     out: Annotated[str | None, Option(help="Folder of the dataset [default: runs/NAME].")] = None,
     resume: Annotated[bool, Option("--resume", help="Fly the runs that --out lacks.")] = False,
-    until_halfwidth: Annotated[
-        float | None,
-        Option(
-            metavar="H",
-            help="Stop when the 95 % interval of every success rate is at most +-H wide.",
-        ),
-    ] = None,
     gains: options.GainSetsOption = None,
     settings: options.SetOption = None,
     dry_run: Annotated[
@@ -186,8 +178,8 @@ def run(
 ) -> Answer:
     """Fly CAMPAIGN and write a dataset with one row per run.
 
-    A flight that fails is a result: the exit status stays 0. It is 1 if --until-halfwidth was not
-    reached, 2 if the campaign was cut short, 130 after Ctrl-C; --resume flies the missing runs.
+    A flight that fails is a result: the exit status stays 0. It is 2 if the campaign was
+    cut short, 130 after Ctrl-C; --resume flies the missing runs.
     """
     from flighttune.campaign.dataset import CAMPAIGN, open_dataset
     from flighttune.campaign.engine.engine import campaign_cost, run_campaign
@@ -202,7 +194,8 @@ def run(
         # a campaign that was extended by --runs keeps its length
         plan = plan.with_runs(max(plan.runs, open_dataset(folder).plan.runs))
     if dry_run:
-        return _plan(plan, campaign_cost(plan, workers or cores()))
+        # An estimate flies a few runs, and a dry run shall not run code of somebody else.
+        return _plan(plan, {} if plan.code else campaign_cost(plan, workers or cores()))
     try:
         with campaign_display() as observer:
             done = run_campaign(
@@ -211,7 +204,6 @@ def run(
                 workers=workers,
                 scheduler=scheduler,
                 resume=resume,
-                until_halfwidth=until_halfwidth,
                 observer=observer,
             )
     except (CampaignError, OutputError) as error:
@@ -229,17 +221,10 @@ def run(
         notes.append(f"flown now: {done.flown} in {duration(done.wall_s)}, {speed}")
     else:
         notes.append("nothing was missing")
-    if done.halfwidth is not None:
-        notes.append(f"half width of the success rates: at most {done.halfwidth:.3g}")
     if done.interrupted:
         failure = (
             f"interrupted, {done.runs} of {done.planned} runs are in {dataset}; go on with the "
             "same command and --resume"
-        )
-    elif until_halfwidth is not None and not (done.halfwidth or 1.0) <= until_halfwidth:
-        failure = (
-            f"the half width must be at most {until_halfwidth:g}, got {done.halfwidth:.3g} after "
-            f"all {done.runs} runs; give more --runs"
         )
     return Answer(
         values=values,
@@ -247,7 +232,7 @@ def run(
         notes=notes,
         files={"dataset": dataset},
         failure=failure,
-        status=INTERRUPTED if done.interrupted else NO,
+        status=INTERRUPTED,
     )
 
 
@@ -266,17 +251,21 @@ def _plan(plan: "Plan", cost: dict[str, Any]) -> Answer:
         "keep": keep.model_dump(mode="json"),
         **cost,
     }
+    tables = [
+        Table(columns("runs draws design seed time_limit_s"), [values], campaign.title),
+        Table(columns(keys), disperse, "dispersed"),
+    ]
+    if cost:
+        title = f"cost, from {cost['timed_runs']} runs flown now"
+        tables.insert(1, Table(columns("plant gains run_s"), cost["groups"], "groups"))
+        tables.append(Table(COST_COLUMNS, [values], title))
     return Answer(
         values=values,
-        tables=[
-            Table(columns("runs draws design seed time_limit_s"), [values], campaign.title),
-            Table(columns("plant gains run_s"), cost["groups"], "groups"),
-            Table(columns(keys), disperse, "dispersed"),
-            Table(COST_COLUMNS, [values], f"cost, from {cost['timed_runs']} runs flown now"),
-        ],
+        tables=tables,
         notes=[
             f"{plan.runs} flights = {counted}",
             f"signals kept: the first {keep.failures} failures, the worst {keep.worst} by "
             f"{keep.worst_by}, a sample of {keep.sample}",
+            *(f"time and space are not estimated: that runs the code of {x}" for x in plan.code),
         ],
     )

@@ -8,12 +8,16 @@ from typer import Argument, Option
 
 from flighttune.cli import options
 from flighttune.cli.band import band_answer
-from flighttune.cli.gains import chosen_gains, gains_table, gains_values, margins_table
-from flighttune.cli.show import NO, fail, pick
-from flighttune.cli.tube import enclosed
+from flighttune.cli.gains import (
+    CERTIFICATE_STATUS,
+    chosen_gains,
+    gains_values,
+    margins_table,
+)
+from flighttune.cli.show import NO, campaign_pool, fail, pick
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
-from flighttune.present.names import columns
+from flighttune.present.names import columns, listed
 from flighttune.present.tables import Column, Table
 
 ANY_ENVELOPE = (
@@ -29,9 +33,13 @@ EIGENVALUE_COLUMNS = [
     Column("imaginary", "imaginary part", "rad/s"),
 ]
 CERTIFICATE_COLUMNS = [
-    *columns("status rate growth radius L_d"),
+    *CERTIFICATE_STATUS,
+    *columns("radius L_d"),
     Column("largest_factor", "largest certified envelope"),
 ]
+# Flights of a band that are flown again.
+FLOWN_AGAIN = 5
+
 CHECK_COLUMNS = [Column("name", "check"), *columns("margin exact")]
 
 if TYPE_CHECKING:
@@ -94,7 +102,7 @@ def certify(
         save_certificate(made.certificate, out)
     if figure is not None:
         from flighttune.present.chart import Sheet
-        from flighttune.report.loop_charts import loop_charts
+        from flighttune.reports.loop_charts import loop_charts
 
         charts = _rate_over_envelope(loaded, name, chosen) if largest else []
         title = f"{loaded.title}; gains {name}"
@@ -172,20 +180,24 @@ def verify(
         Path | None,
         Option(help="File of `flighttune conform` that confirms the boxes of an aircraft's tube."),
     ] = None,
+    run_code: Annotated[
+        bool,
+        Option("--run-code", help="Fly flights of a band again that run Python files it names."),
+    ] = False,
 ) -> Answer:
     """Check a certificate or bound without any solver, a tube without the search that found it.
 
-    The scores and the scale of a band are computed again from what its file keeps of each flight;
-    `flighttune band FILE --recount K` flies some of them again.
+    The claim of a band is computed again from its plan and what its file keeps of each flight. A
+    few flights, chosen at random, are flown again; `flighttune band FILE --recount K` flies more.
 
     Exit status 1 if it does not prove what it claims.
     """
     from flighttune.certificates.bound import is_bound_file
-    from flighttune.guarantee.band import is_band_file
-    from flighttune.tube.proof import is_tube_file
+    from flighttune.claims.band import is_band_file
+    from flighttune.tubes.proof import is_tube_file
 
     if is_band_file(certificate):
-        return _band(certificate)
+        return _band(certificate, run_code)
     of_tube = is_tube_file(certificate)
     if conformance is not None and not of_tube:
         raise InputError("`--conformance` must be given for the tube of an aircraft only.")
@@ -209,6 +221,7 @@ def verify(
 def _claim(file: Path) -> "tuple[Verification, Answer]":
     """The check of a certificate, and what it claims."""
     from flighttune.certificates.certificate import load_certificate, verify
+    from flighttune.control.gains import gains_table
 
     loaded = load_certificate(file)
     claim, states = loaded.claim, ", ".join(loaded.model.states)
@@ -224,32 +237,45 @@ def _claim(file: Path) -> "tuple[Verification, Answer]":
         "gains": pick(loaded.gains, "inputs errors K_P K_I"),
         "model": pick(loaded.model, "states inputs errors A B C"),
     }
-    return verify(loaded), Answer(
+    verification = verify(loaded)
+    return verification, Answer(
         values={"claim": values},
         tables=[
             Table(columns("rate radius L_d"), [values], "claim"),
             gains_table("gains", loaded.gains),
         ],
+        notes=[loaded.in_words] if verification.valid else [],
         verdict=where,
     )
 
 
-def _band(file: Path) -> Answer:
-    """The claim of a band, which reading it has computed again; a failure if it is not its own."""
-    from flighttune.campaign.band import plan_of
-    from flighttune.guarantee.band import load_band
+def _band(file: Path, run_code: bool) -> Answer:
+    """The claims of a band, computed from its plan and flights; some of these are flown again."""
+    from flighttune.campaign.band import load_band, plan_of, recount
+    from flighttune.campaign.fence import count_inside, inside_sentence
 
-    loaded = load_band(file)
-    answer, reason = band_answer(loaded), ""
+    loaded, reason = load_band(file), ""
+    answer, again = band_answer(loaded, file), min(FLOWN_AGAIN, len(loaded.scores))
+    said = f"{again} of its flights, chosen at random, were flown again: equal to the bit."
     try:
-        plan_of(loaded)
+        code = plan_of(loaded).code
+        fences = [inside_sentence(loaded, count_inside(loaded, x)) for x in loaded.about.fences]
+        if code and not run_code:
+            again, said = 0, f"No flight was flown again: --run-code runs {listed(code)} for it."
+        else:
+            with campaign_pool(1, None) as pool:
+                differ = recount(loaded, again, pool)
+            if differ:
+                reason = f"flights flown again must be equal to the bit, draw {differ[0]} is not"
     except InputError as error:
-        reason = str(error)
+        reason, fences = str(error), []
+    if reason:
+        values = {"valid": False, "reason": reason, "flown_again": again}
+        return Answer(values=values, failure=f"{file}: {reason}")
     return replace(
         answer,
-        values={"valid": not reason, "reason": reason, **answer.values},
-        notes=["The scale is that of the flights in the file.", *answer.notes],
-        failure=f"{file}: {reason}" if reason else answer.failure,
+        values={"valid": True, "reason": "", "flown_again": again, **answer.values},
+        notes=["The scale is that of the flights in the file.", said, *fences, *answer.notes],
     )
 
 
@@ -264,11 +290,14 @@ def _bound(file: Path) -> "tuple[Verification, Answer]":
 
 def _tube(file: Path, conformance: Path | None) -> "tuple[Verification, Answer]":
     """The check of the proof of a tube, and what it claims."""
-    from flighttune.conformance.file import load_conformance
-    from flighttune.tube.proof import load_tube, verify_tube
+    from flighttune.claims.conformance import load_conformance
+    from flighttune.tubes.proof import load_tube, verify_tube
 
     loaded = load_tube(file, None if conformance is None else load_conformance(conformance))
-    checked, claim = loaded.problem.aircraft_checked, enclosed(loaded, "of the file")
+    checked, claim = (
+        loaded.problem.aircraft_checked,
+        loaded.answer("of the file"),
+    )
     basis = ""
     if checked is False:
         basis = "for the boxes in the file; that an aircraft keeps them is not checked here"

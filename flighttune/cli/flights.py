@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Annotated
 from typer import Argument, Option
 
 from flighttune.cli import options
-from flighttune.cli.band import band_around
+from flighttune.cli.claims import runs_within
 from flighttune.cli.show import fail, on_interrupt, pick, progress_bar, say, show, tell
-from flighttune.cli.tube import tubes_around
 from flighttune.errors import RecordingError, ScenarioError
+from flighttune.files.shipped import aircraft_names, scenario_files
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Table
-from flighttune.shipped import aircraft_names, scenario_files
 
 if TYPE_CHECKING:
     from flighttune.flight.fly import FlownScenario
@@ -41,9 +40,7 @@ def fly(
     gains: options.GainSetsOption = None,
     out: Annotated[Path | None, options.out_folder("runs/NAME")] = None,
     view: Annotated[bool, Option("--view", help="Open the recording in the viewer.")] = False,
-    tube: options.TubeOption = False,
-    conformance: options.ConformanceOption = None,
-    band: options.BandOption = None,
+    claim: options.ClaimOption = None,
     settings: options.SetOption = None,
 ) -> None:
     """Fly every gain set of SCENARIO on each of its plants and record it."""
@@ -58,21 +55,10 @@ def fly(
     folder = out or Path("runs") / name
     with progress_bar() as progress:
         flown = fly_scenario(loaded, progress=progress)
-    source = options.repeated(scenario, settings)
-    command = f"flighttune fly {source} --tube"
-    listed = {*(gains or ())} <= {*loaded.gain_names}  # others come from files
-    tubes, tubes_answer = tubes_around(
-        flown.runs,
-        folder,
-        command,
-        make=tube,
-        conformance=conformance,
-        scenario=source if listed else "",
-    )
-    runs, of_band = band_around(tubes.runs, band)
-    flown = replace(flown, runs=tuple(runs))
+    runs, claims = runs_within(flown.runs, claim)
+    flown = replace(flown, runs=runs)
     files = record(flown, folder, name=name)
-    answer = _flown(flown, files, tubes_answer, of_band, source)
+    answer = _flown(flown, files, claims, options.repeated(scenario, settings))
     show(answer)
     if view:
         _open(files.recording)
@@ -118,8 +104,8 @@ def refly(
 
     Exit status 1 if a bit differs; the first difference is shown.
     """
-    from flighttune.flight.refly import refly as fly_again
-    from flighttune.recording.parquet import load_recording
+    from flighttune.records.parquet import load_recording
+    from flighttune.records.refly import refly as fly_again
 
     source = load_recording(recording)
     try:
@@ -163,7 +149,7 @@ def refly(
 
 def list_shipped() -> Answer:
     """List the scenarios and campaigns that come with the package, and all aircraft found."""
-    from flighttune.shipped import aircraft_folders, campaign_files, is_shipped
+    from flighttune.files.shipped import aircraft_folders, campaign_files, is_shipped
 
     listed = {"scenarios": scenario_files(), "campaigns": campaign_files()}
     folders = aircraft_folders()
@@ -190,7 +176,7 @@ def view(
             min=1,
             max=65534,
             help="Serve the viewer to a browser at this port, its data at the next one; both can "
-            "be tunnelled [default: a window; without a screen, a browser at free ports].",
+            "be tunnelled [default: a window; without a screen, a browser at 9090].",
         ),
     ] = None,
 ) -> None:
@@ -206,28 +192,23 @@ def _heading(path: Path) -> dict[str, str]:
 
 
 def _open(path: Path, *, port: int | None = None) -> None:
-    from flighttune.recording.parquet import recording_in
-    from flighttune.recording.viewer import view as open_viewer
+    from flighttune.recording.viewer import run_viewer, viewer
+    from flighttune.records.parquet import recording_in
 
     recording = recording_in(path) if path.is_dir() else path
     if recording is None:
         raise RecordingError(f"{path}: the folder must hold a recording, got none.")
-    with (
-        on_interrupt(),
-        open_viewer(recording, port=port) as viewer,
-        suppress(KeyboardInterrupt),
-    ):
-        if port is not None:
-            tunnel = " ".join(f"-L {p}:127.0.0.1:{p}" for p in (port, port + 1))
-            say(f"open {viewer.url} in a browser, from elsewhere after: ssh {tunnel} HOST")
-        elif viewer.url:
-            say(f"no screen here; open {viewer.url} in a browser on this machine, Ctrl-C ends it")
-        viewer.wait()
+    command, url = viewer(recording, port=port)
+    if port is not None:
+        tunnel = " ".join(f"-L {p}:127.0.0.1:{p}" for p in (port, port + 1))
+        say(f"open {url} in a browser, from elsewhere after: ssh {tunnel} HOST")
+    elif url:
+        say(f"no screen here; open {url} in a browser on this machine, Ctrl-C ends it")
+    with on_interrupt(), suppress(KeyboardInterrupt):
+        run_viewer(recording, command)
 
 
-def _flown(
-    flown: "FlownScenario", files: "RecordedFiles", tubes: Answer, of_band: Answer, source: str
-) -> Answer:
+def _flown(flown: "FlownScenario", files: "RecordedFiles", claims: Answer, source: str) -> Answer:
     from flighttune.flight.advice import advice
 
     unknown = {"R_K": None, "I_K": None, "E_K": None}
@@ -243,7 +224,7 @@ def _flown(
     ]
     gain_sets = [{"gains": name, **own} for name, own in indicators.items()]
     notes = [f"{run.label}: {run.outcome}" for run in flown.runs if run.status != "completed"]
-    notes += [*tubes.notes, *of_band.notes]
+    notes += claims.notes
     if any(run.provenance.aircraft for run in flown.runs):
         notes.append(f"Why aircraft and law differ: flighttune gap {source}")
     notes.append(f"A page to send: flighttune report {files.recording.parent}")
@@ -251,7 +232,7 @@ def _flown(
     bounds = [
         pick(bound, "run subject measure sense bound value met flown") for bound in claim.bounds
     ]
-    next_step = advice(flown.scenario, flown.runs, source) if missed else ""
+    next_step = advice(flown.scenario, flown.runs, source)
     more = f" ({len(missed) - 1} more)" if missed[1:] else ""
     return Answer(
         values={
@@ -264,8 +245,7 @@ def _flown(
                 "next": next_step,
             },
             "missed": missed,
-            **tubes.values,
-            **of_band.values,
+            **claims.values,
         },
         tables=[
             Table(
@@ -275,10 +255,9 @@ def _flown(
                 grouped=True,
             ),
             Table(columns("gains R_K I_K E_K"), gain_sets, loop),
-            *tubes.tables,
         ],
         notes=notes,
         verdict=f"{claim.sentence}. {next_step}" if next_step else claim.sentence,
         files={"recording": files.recording},
-        failure=tubes.failure or (f"{missed[0]}{more}" if missed else ""),
+        failure=claims.failure or (f"{missed[0]}{more}" if missed else ""),
     )

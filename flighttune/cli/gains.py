@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
@@ -25,13 +25,6 @@ if TYPE_CHECKING:
 # Searches over an envelope, besides the one from the gains tuned at the trim.
 ENVELOPE_STARTS = 2
 
-GAINS_COLUMNS = (
-    Column("command", "command"),
-    Column("P.0", "e_chi", digits="z.4f"),
-    Column("P.1", "e_gamma", digits="z.4f"),
-    Column("I.0", "int e_chi", digits="z.4f"),
-    Column("I.1", "int e_gamma", digits="z.4f"),
-)
 MARGIN_COLUMNS = [
     *columns("loop"),
     Column("gain_decrease", "gain from"),
@@ -71,19 +64,20 @@ SHARE_COLUMNS = [
 ]
 TRADE_COLUMNS = [
     *REQUIREMENT_COLUMNS[:5],
-    Column("alone", "best alone"),
-    Column("beside", "best with the others met", missing="none"),
+    Column("alone", "best seen"),
+    Column("beside", "best seen with the others met", missing="none"),
 ]
+BY_DEFAULT_NOTE = (
+    "Margins of the linear loop of 6 dB and 35 deg are required by default: others under "
+    "at_least.loop of [[expect]] replace them."
+)
 OF_LOOP = columns("R_K I_K E_K spectral_abscissa")
-OF_CERTIFICATE = columns("status rate growth radius")
+CERTIFICATE_STATUS = [Column("in_words", "status"), *columns("rate growth")]
+OF_CERTIFICATE = [*CERTIFICATE_STATUS, *columns("radius")]
 
 
 def tune(
     scenario: options.ScenarioArgument,
-    method: Annotated[
-        Literal["gradient", "genetic", "convex"] | None,
-        Option(help="Optimiser [default: the scenario's, else gradient]."),
-    ] = None,
     envelope: Annotated[
         bool, Option("--envelope", help="Maximise the rate over the scenario's envelope.")
     ] = False,
@@ -108,14 +102,15 @@ def tune(
         int | None,
         Option(
             min=1,
-            help="With --meet: maximum number of flights [default: 400, or 6000 with --campaign].",
+            help="With --meet: maximum number of flights [default: 600, or 6000 with --campaign].",
         ),
     ] = None,
     metric: Annotated[
         str | None,
         Option(
-            help="With --meet, without --campaign: what to minimise once all requirements are met, "
-            "ITAE, margin or a column of campaign rows [default: ITAE].",
+            help="With --meet, without --campaign: what to minimise once all requirements are met "
+            "by 20 %, ITAE or a column of campaign rows; or margin, which maximises the margin "
+            "further [default: ITAE].",
         ),
     ] = None,
     campaign: Annotated[
@@ -145,6 +140,7 @@ def tune(
     With --meet, find gains with which its flights meet its requirements; exit status 1 if none
     are found, and the nearest are printed.
     """
+    from flighttune.control.gains import gains_table
     from flighttune.control.margins import loop_margins
     from flighttune.scenario import load_scenario
 
@@ -163,19 +159,14 @@ def tune(
         "scheduler": scheduler,
     }
     if meet:
-        for option, value in (("--envelope", envelope), ("--method", method), ("--prove", prove)):
+        for option, value in (("--envelope", envelope), ("--prove", prove)):
             if value:
                 raise InputError(f"{option}: must be absent with --meet.")
         return _to_meet(scenario, settings, out, of_meet)
     for option, value in of_meet.items():
         if value is not None:
             raise InputError(f"--{option}: must be absent without --meet.")
-    if envelope and method is not None:
-        raise InputError("--method: must be absent with --envelope, which has a method of its own.")
     loaded = load_scenario(scenario, changes=options.changes(settings))
-    if method is not None:
-        changed = loaded.tuning.model_copy(update={"method": method})
-        loaded = loaded.model_copy(update={"tuning": changed})
     if envelope and loaded.tuning.objective != "R_K":
         raise InputError("--envelope: `objective` of [tuning] must be R_K, got cost.")
     gains, search = _over_envelope(loaded) if envelope else _at_trim(loaded)
@@ -199,8 +190,8 @@ def tune(
 def _with_bound(scenario: "Scenario", answer: Answer, file: Path) -> Answer:
     """The answer with a proven bound on R_K over all gains, whose proof is written to `file`."""
     from flighttune.certificates.bound import bound_rate
+    from flighttune.files.value import write
     from flighttune.flight.outer_loop import tuning_problem
-    from flighttune.value_file import write
 
     problem = tuning_problem(scenario)
     bound = bound_rate(problem.model, problem.I_star, problem.scaling)
@@ -226,13 +217,13 @@ def frontier(
     The same gains are drawn against E_K, the largest error that a disturbance can cause.
     """
     from flighttune.control.gains import paper_family
+    from flighttune.files.whole import write_text
     from flighttune.flight.outer_loop import gain_set, tuning_problem
     from flighttune.present.chart import Sheet
     from flighttune.present.palette import line_styles
     from flighttune.scenario import load_scenario
     from flighttune.tuning.frontier import frontier as frontier_table
     from flighttune.tuning.frontier import frontier_chart
-    from flighttune.whole_file import write_text
 
     loaded = load_scenario(scenario, changes=options.changes(settings))
     law, flight = loaded.laws[0], loaded.flight
@@ -320,8 +311,10 @@ def _to_meet(
     source: str, settings: list[str] | None, out: Path | None, asked: dict[str, Any]
 ) -> Answer:
     """The answer of `tune --meet`, whose options are `asked`."""
-    from flighttune.campaign.meet import ITAE, SUCCESS, meet
+    from flighttune.campaign.conform import distribution_of
+    from flighttune.campaign.meet import BY_DEFAULT, ITAE, SUCCESS, meet
     from flighttune.campaign.planning.load import load_campaign
+    from flighttune.control.gains import gains_table
     from flighttune.control.linear_model import closed_loop
     from flighttune.control.margins import loop_margins
     from flighttune.flight.outer_loop import certify_scenario
@@ -354,22 +347,19 @@ def _to_meet(
     loop = indicators(closed_loop(model, gains), errors=len(model.errors))
     of_loop = pick(loop, "R_K I_K E_K spectral_abscissa")
     made = certify_scenario(first, gains, law=law)
-    name = Path(source).stem
+    name, rows = Path(source).stem, values["requirements"]
     tables = [
-        Table(SHARE_COLUMNS if table else REQUIREMENT_COLUMNS, values["requirements"], name),
-        Table(TRADE_COLUMNS, values["trade_offs"], "what each could be, one at a time"),
+        Table(
+            SHARE_COLUMNS if table else REQUIREMENT_COLUMNS,
+            rows,
+            _of_start(values) or name,
+        ),
+        Table(TRADE_COLUMNS, values["trade_offs"], "the best of each among the gains flown here"),
         gains_table("gains", gains),
     ]
-    if page is not None:
-        from flighttune.report.meet import write_meet_page
-
-        told = [("also", name) for name in also or ()]
-        told += [(key, asked[key]) for key in ("start", "budget", "metric")]
-        told += [("campaign", campaign), ("success", success)]
-        words = [(f"--{key}", str(value)) for key, value in told if value is not None]
-        flown = f"{options.repeated(source, settings)} --meet {shlex.join(chain(*words))}"
-        command = f"flighttune tune {flown}"
-        write_meet_page(page, first, values, tables, trials, _sentence(values), command)
+    if table:
+        labels = [plant.label for plant in table.nominal.plant]
+        tables += [distribution_of(table, label).table(label) for label in labels]
     answer = Answer(
         values={
             **values,
@@ -383,38 +373,64 @@ def _to_meet(
             margins_table(loop_margins(model, gains)),
             Table(OF_CERTIFICATE, [made.values], "certificate"),
         ],
+        notes=[
+            *(f"{row['measure']} on {row['run']}: {row['why']}" for row in rows if row["why"]),
+            *[BY_DEFAULT_NOTE] * any(row["run"].endswith(BY_DEFAULT) for row in rows),
+        ],
         verdict=_sentence(values),
         files={"out": out, "page": page},
         failure="" if values["status"] == "met" else f"{source}: {_sentence(values)}",
     )
-    if out is not None:
+    if out is not None:  # before the page: a fault in it must not lose the search
         save_answer(out, answer)
+    if page is not None:
+        from flighttune.reports.meet import write_meet_page
+
+        told = [("also", name) for name in also or ()]
+        told += [(key, asked[key]) for key in ("start", "budget", "metric")]
+        told += [("campaign", campaign), ("success", success)]
+        words = [(f"--{key}", str(value)) for key, value in told if value is not None]
+        flown = f"{options.repeated(source, settings)} --meet {shlex.join(chain(*words))}"
+        command = f"flighttune tune {flown}"
+        summary = [text for text in (_of_start(values), _sentence(values)) if text]
+        write_meet_page(page, first, values, tables, trials, summary, command)
     return answer
+
+
+def _of_start(values: dict[str, Any]) -> str:
+    """That the gains of the start need no search, if they do not."""
+    n = len(values["requirements"])
+    return f"{values['start']} already meets all {n} requirements" if values["start_met"] else ""
 
 
 def _sentence(values: dict[str, Any]) -> str:
     """Whether the requirements are met, after how many flights, and which are active."""
     requirements, flights = values["requirements"], f"{values['flights']} flights"
+    n, missed = len(requirements), sum(not row["margin"] >= 0.0 for row in requirements)
     if counted := values["success"]:
         own, start = (
             interval(*(100.0 * counted[key][end] for end in ("value", "lo", "hi")))
             for key in ("share", "of_start")
         )
+        by = "lower end of the interval" if counted["by"] == "lo" else "estimate"
         return (
             f"On {counted['share']['n']} fresh draws {own} % of the flights meet all requirements, "
-            f"{start} % with {values['start']}; {100.0 * counted['wanted']:g} % are wanted "
-            f"({flights})."
+            f"{start} % with {values['start']}; {100.0 * counted['wanted']:g} % are wanted, by the "
+            f"{by} ({flights})."
         )
-    n, missed = len(requirements), sum(not row["margin"] >= 0.0 for row in requirements)
     if missed:
         return f"{missed} of {n} requirements missed, after {flights}; these are the nearest gains."
-    met, metric = f"All {n} requirements are met, after {flights}.", values["metric"]
+    least = 100.0 * min(row["margin"] for row in requirements)
+    met, metric = (
+        f"All {n} requirements are met by {least:.1f} %, after {flights}",
+        values["metric"],
+    )
     if metric["name"] == "margin":
-        return met
+        return f"{met}."
     active = [f"{row['measure']} on {row['run']}" for row in requirements if row["active"]]
     limits = f"; {listed(active)} hold{'s' * (len(active) == 1)} it off" if active else ""
     return (
-        f"{met} {metric['name']} is {metric['value']:.4g}, {metric['start']:.4g} at the start"
+        f"{met}. {metric['name']} is {metric['value']:.4g}, {metric['start']:.4g} at the start"
         f"{limits}."
     )
 
@@ -423,31 +439,14 @@ def chosen_gains(
     source: str, wanted: str | None, settings: list[str] | None
 ) -> "tuple[Scenario, str, PIGains]":
     """Scenario, and the name and gains of ``--gains``; exit status 1 if tuning finds none."""
-    from flighttune.flight.outer_loop import gain_set
-    from flighttune.scenario.load import load_scenario, with_gains
+    from flighttune.flight.outer_loop import scenario_and_gains
 
-    scenario = load_scenario(source, changes=options.changes(settings))
-    if wanted not in (None, *scenario.gain_names):
-        scenario, wanted = with_gains(scenario, [wanted], source), None
-    name = wanted or scenario.gain_names[0]
-    gains = gain_set(scenario, name)
-    if gains is None:
-        fail(f"{source}: `{name}` must be feasible: tuning found no such gains.", NO)
-    return scenario, name, gains
+    return scenario_and_gains(source, wanted, options.changes(settings))
 
 
 def gains_values(gains: "PIGains | None") -> dict[str, Any]:
     """``K_P`` and ``K_I`` as nested lists, null where there are no gains."""
     return {"K_P": None, "K_I": None} if gains is None else dict(gains.as_lists())
-
-
-def gains_table(title: str, gains: "PIGains | None") -> Table:
-    """Gains as a table, a row a command; no rows where there are no gains."""
-    if gains is None:
-        return Table(GAINS_COLUMNS, [], title)
-    rows = zip(gains.labels, gains.K_P.tolist(), gains.K_I.tolist(), strict=True)
-    records = [{"command": name, "P": K_P, "I": K_I} for name, K_P, K_I in rows]
-    return Table(GAINS_COLUMNS, records, title)
 
 
 def margins_table(margins: "Sequence[Margins]") -> Table:
@@ -470,6 +469,6 @@ def margins_table(margins: "Sequence[Margins]") -> Table:
 
 def save_answer(path: Path, answer: Answer) -> None:
     """Write the JSON object of an answer to a file, whole or not at all."""
-    from flighttune.whole_file import write_text
+    from flighttune.files.whole import write_text
 
     write_text(path, answer.json() + "\n")

@@ -1,14 +1,13 @@
 """Arguments and options that several commands have."""
 
 import shlex
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any
 
 from typer import Argument, Option
 
 from flighttune.errors import InputError
-from flighttune.shipped import campaign_files, scenario_files
+from flighttune.files.shipped import campaign_files, scenario_files
 
 ScenarioArgument = Annotated[
     str,
@@ -67,15 +66,15 @@ GainsFileOption = Annotated[
 
 def changes(settings: list[str] | None) -> dict[str, Any]:
     """The values of ``--set`` by key, read as TOML; a word that is not TOML is a string."""
+    from flighttune.files.mistakes import shown
+    from flighttune.files.table import toml_value
+
     values = {}
     for setting in settings or ():
         key, sign, text = map(str.strip, setting.partition("="))
         if not (key and sign and text) or "\n" in setting:
             raise InputError(f"--set: must be KEY=VALUE in one line, got {setting!r}.")
-        try:
-            values[key] = tomllib.loads(f"value = {text}")["value"]
-        except tomllib.TOMLDecodeError:
-            values[key] = text
+        values[key] = toml_value(text, f"--set: `{shown(key)}`")
     return values
 
 
@@ -103,17 +102,11 @@ def check_ending(out: Path | None, *endings: str, option: str = "--out") -> None
         raise InputError(f"{out}: {option} must end in {endings[0]}.")
 
 
-BandOption = Annotated[
-    Path | None,
-    Option(help="Band file (.npz) to draw around the runs of its scenario, plant and gains."),
-]
-
-TubeOption = Annotated[
-    bool,
-    Option("--tube", help="Compute the tube of each flight and draw it around the errors."),
-]
-
-ConformanceOption = Annotated[
-    Path | None,
-    Option(help="With --tube: file of `flighttune conform`, for the tube of an aircraft."),
+ClaimOption = Annotated[
+    list[Path] | None,
+    Option(
+        "--claim",
+        metavar="FILE",
+        help="File of a tube or band: draw its bounds around the runs that it covers; repeatable.",
+    ),
 ]

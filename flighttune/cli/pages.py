@@ -8,10 +8,8 @@ from typing import Annotated, Literal
 from typer import Argument, Option
 
 from flighttune.cli import options
-from flighttune.cli.band import band_around, band_page
-from flighttune.cli.gains import chosen_gains
-from flighttune.cli.show import COULD_NOT_RUN, NO, pick, progress_bar, tell
-from flighttune.cli.tube import tubes_around
+from flighttune.cli.claims import claim_page, runs_within
+from flighttune.cli.show import COULD_NOT_RUN, pick, progress_bar, tell
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Table
@@ -32,56 +30,46 @@ def gap(
             "this flight [default: the model file, if there is one]."
         ),
     ] = None,
-    tube: options.TubeOption = False,
-    conformance: options.ConformanceOption = None,
-    band: options.BandOption = None,
+    claim: options.ClaimOption = None,
     settings: options.SetOption = None,
 ) -> Answer:
     """Fly gains on plants from the paper's law to the aircraft; show what each step adds.
 
     Exit status 1 if a flight ends early, or the aircraft leaves its tube.
     """
-    from flighttune.flight.gap import explain_gap
-    from flighttune.flight.gap_charts import gap_sheet
+    from flighttune.gaps.ladder import gap as explain_gap
     from flighttune.recording.record import record
-    from flighttune.report.gap import causes, gap_tables, gap_values, write_gap_page
+    from flighttune.reports.gap import write_gap_page
+    from flighttune.reports.gap_charts import gap_sheet
 
-    loaded, name, chosen = chosen_gains(scenario, gains, settings)
-    for note in loaded.notes:
-        tell(f"{scenario}: {note}")
-    stem, source = f"{Path(scenario).stem}-gap", options.repeated(scenario, settings)
+    stem = f"{Path(scenario).stem}-gap"
     folder = out or Path("runs") / stem
     with progress_bar() as progress:
-        explained = explain_gap(loaded, chosen, name=name, plant=plant, lag=lag, progress=progress)
-    tubes, tubes_answer = tubes_around(
-        explained.runs[-1:],
-        folder,
-        f"flighttune gap {source} --tube",
-        make=tube,
-        conformance=conformance,
-        scenario=source if gains in (None, name) else "",
-    )
-    runs, of_band = band_around(tubes.runs, band)
+        explained = explain_gap(
+            scenario,
+            gains,
+            plant=plant,
+            lag=lag,
+            changes=options.changes(settings),
+            progress=progress,
+        )
+    for note in explained.scenario.notes:
+        tell(f"{scenario}: {note}")
+    runs, claims = runs_within(explained.runs[-1:], claim)
     explained = replace(explained, runs=(*explained.runs[:-1], *runs))
     files = record(explained.flown(), folder, name=stem)
-    values = gap_values(explained, files.signals)
-    tables = gap_tables(explained, values)
-    notes = [*causes(explained), *tubes_answer.notes, *of_band.notes]
+    answer = explained.answer(files.signals)
     figure = page = None
     if explained.steps:
         figure, page = folder / "gap.svg", folder / "gap.html"
         gap_sheet(explained).save(figure)
-        write_gap_page(explained, tables, page)
-        if failed := explained.failed:
-            why = "; ".join(f"{plant} {reason}" for plant, reason in failed.items())
-            notes.insert(0, f"No metrics of, from or to a rung that failed: {why}")
-    ended = "" if explained.status == "explained" else f"{scenario}: {explained.reason}"
-    return Answer(
-        values={**values, **tubes_answer.values, **of_band.values},
-        tables=[*tables, *tubes_answer.tables],
-        notes=notes,
+        write_gap_page(explained, answer.tables, page)
+    return replace(
+        answer,
+        values={**answer.values, **claims.values},
+        notes=[*answer.notes, *claims.notes],
         files={"recording": files.recording, "figure": figure, "page": page},
-        failure=tubes_answer.failure or ended,
+        failure=claims.failure or answer.failure,
     )
 
 
@@ -101,10 +89,6 @@ def compare(
             help="What to compare A with [default: the first run of A with each other].",
         ),
     ] = None,
-    tolerance: Annotated[
-        Path | None,
-        Option(help="TOML file of allowed changes; exit status 1 if one is exceeded."),
-    ] = None,
     out: Annotated[
         Path | None,
         Option(help="Recording (.rrd) or page (.html) to write, with all runs overlaid."),
@@ -114,20 +98,17 @@ def compare(
 
     Exit status 2 if manoeuvre or aircraft differ.
     """
-    from flighttune.comparison import compare as compare_sources
-    from flighttune.comparison.compare import comparison_table, pairs_table
-    from flighttune.comparison.tolerance import load_tolerances, violations
+    from flighttune.records.compare import compare as compare_sources
+    from flighttune.records.compare import comparison_table, pairs_table
 
     options.check_ending(out, ".rrd", ".html")
-    allowed = None if tolerance is None else load_tolerances(tolerance)
     comparison = compare_sources(first, *(others or ()))
-    broken = violations(comparison, allowed) if allowed else []
     files: dict[str, Path | None] = {"recording": None, "page": None}
     if out is not None and comparison.comparable:
         if out.suffix.lower() == ".html":
-            from flighttune.report.page import write_comparison_page as write
+            from flighttune.reports.page import write_comparison_page as write
         else:
-            from flighttune.comparison.compare import write_overlay as write
+            from flighttune.recording.overlay import write_overlay as write
         write(comparison, out)
         files["page" if out.suffix.lower() == ".html" else "recording"] = out
     differs = {
@@ -135,33 +116,22 @@ def compare(
         for pair in comparison.pairs
         for key, (first, second) in pair.differs.items()
     }
-    failure, status = "", COULD_NOT_RUN
-    if not comparison.comparable:
-        failure = comparison.reason
-    elif allowed and comparison.unpaired:
-        unpaired = ", ".join(comparison.unpaired)
-        failure = f"{tolerance}: every run must have a partner to be checked, got none: {unpaired}."
-    elif broken:
-        more = f" ({len(broken) - 1} more)" if len(broken) > 1 else ""
-        failure, status = f"{tolerance}: {broken[0].sentence}{more}", NO
     return Answer(
         values={
             **pick(comparison, "comparable reason"),
             "metrics": comparison.metrics.to_dict(orient="records"),
             "max_distance_m": comparison.max_distance,
             **pick(comparison, "unpaired missing"),
-            "violations": broken,
         },
         tables=[pairs_table(comparison), comparison_table("metrics", comparison.metrics)],
         notes=[
             *sorted(differs),
             *(f"missing: {line}" for line in comparison.missing),
             *(f"no partner: {line}" for line in comparison.unpaired),
-            *(f"out of tolerance: {violation.sentence}" for violation in broken),
         ],
         files=files,
-        failure=failure,
-        status=status,
+        failure=comparison.reason,
+        status=COULD_NOT_RUN,
     )
 
 
@@ -171,41 +141,27 @@ def report(
         Argument(
             metavar="PATH",
             help="A run folder, a recording or a Parquet file; SCENARIO@GAINS, which is flown; or "
-            "a band file (.npz).",
+            "a file of a tube or band.",
         ),
     ],
     out: Annotated[Path, Option("--out", "-o", help="HTML file to write.")] = Path("report.html"),
-    tube: options.TubeOption = False,
-    conformance: options.ConformanceOption = None,
-    band: options.BandOption = None,
+    claim: options.ClaimOption = None,
     settings: options.SetOption = None,
 ) -> Answer:
-    """Write one page about runs or a band: headline, figures, tables, how to fly them again.
+    """Write one page about runs, a tube or a band: headline, figures, tables, how to do it again.
 
     The page is one file and needs no network.
     """
-    from flighttune.comparison import load_source
-    from flighttune.report.page import write_report
+    from flighttune.campaign.claims import is_claim_file
+    from flighttune.records.compare import load_source
+    from flighttune.reports.page import write_report
 
     options.check_ending(out, ".html", ".htm")
-    if Path(path).suffix == ".npz":
-        return band_page(path, out)
+    if is_claim_file(path):
+        return claim_page(path, out)
     source = load_source(path, changes=options.changes(settings))
-    folder = Path(path)
-    if not folder.is_dir():
-        folder = folder.parent if folder.exists() else out.parent
-    command = f"flighttune report {options.repeated(path, settings)} --tube"
-    tubes, tubes_answer = tubes_around(
-        source.runs, folder, command, make=tube, conformance=conformance
-    )
-    runs, of_band = band_around(tubes.runs, band)
-    page = write_report(
-        replace(source, runs=tuple(runs)),
-        out,
-        tubes=tubes_answer.notes,
-        at_a_glance=tubes.at_a_glance,
-        tube_table=tubes_answer.tables[0],
-    )
+    runs, claims = runs_within(source.runs, claim)
+    page = write_report(replace(source, runs=runs), out)
     named = [table for table in page.tables if table.name]
     return Answer(
         values={
@@ -213,16 +169,12 @@ def report(
             "summary": page.summary,
             "sections": page.sections,
             "tables": {table.name: table.records for table in named},
-            **tubes_answer.values,
-            **of_band.values,
+            **claims.values,
         },
-        tables=[
-            *(replace(table, name="") for table in named if table.name in PRINTED),
-            *tubes_answer.tables,
-        ],
-        notes=[*page.summary, *tubes_answer.notes, *of_band.notes],
+        tables=[replace(table, name="") for table in named if table.name in PRINTED],
+        notes=[*page.summary, *claims.notes],
         files={"report": page.path},
-        failure=tubes_answer.failure,
+        failure=claims.failure,
     )
 
 
@@ -277,27 +229,9 @@ def export(
 
     JSBSim flies the folder at once: exit status 1 if its flight is not that of `fly`.
     """
-    from flighttune.export import COLUMNS, CSV, README, SCRIPT, export_c, export_jsbsim
+    from flighttune.exports.export import export as export_flight
 
-    loaded, name, chosen = chosen_gains(scenario, gains, settings)
     folder = out or Path("runs") / f"{Path(scenario).stem}-export"
-    if form == "c":
-        source = export_c(loaded, name, chosen, folder, plant=plant)
-        return Answer(files={"folder": folder, "source": source})
-    folder = folder.absolute()
-    made = export_jsbsim(loaded, name, chosen, folder, plant=plant)
-    return Answer(
-        values={
-            "start_s": made.start,
-            "csv": folder / CSV,
-            "differences": {COLUMNS[name]: value for name, value in made.differences.items()},
-        },
-        notes=[
-            f"The command flies it and writes {folder / CSV}, which has the flight from "
-            f"Time = {made.start:g} s on.",
-            *([made.verdict] if made.same else ()),
-        ],
-        command=made.command,
-        files={"folder": folder, "script": folder / SCRIPT, "readme": folder / README},
-        failure="" if made.same else f"{folder}: {made.verdict} The folder is kept.",
-    )
+    changed = options.changes(settings)
+    written = export_flight(scenario, gains, out=folder, plant=plant, form=form, changes=changed)
+    return written.answer()

@@ -2,17 +2,17 @@
 
 import math
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from typer import Argument, Option
 
 from flighttune.cli import options
 from flighttune.cli.show import campaign_pool
 from flighttune.errors import InputError
+from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.present.answer import Answer
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
-from flighttune.present.tables import Column, Table, number
-from flighttune.shipped import campaign_files, scenario_files
+from flighttune.present.tables import Column, Table
 
 WORST_COLUMNS = [
     *columns("plant gains value"),
@@ -25,10 +25,6 @@ WORST_COLUMNS = [
     Column("ratio_of_search.chi", "over the widest flight of the search χ"),
     Column("ratio_of_search.gamma", "over the widest flight of the search γ"),
     Column("family", "disturbance"),
-]
-RARE_COLUMNS = [
-    Column("probability", "probability", ends=("low", "high")),
-    *columns("flights levels"),
 ]
 RATE_COLUMNS = columns("channel low_rad_s high_rad_s widest_rad_s narrowest_rad_s last_rad_s")
 COUNT_COLUMNS = columns("training flights outside scale")
@@ -64,14 +60,14 @@ def worst(
         float,
         Option(help="Largest disturbance of a scenario's two rates, rad/s: bang-bang or square."),
     ] = 0.0,
-    rare: Annotated[bool, Option("--rare", help="Estimate the probability of a miss.")] = False,
-    threshold: Annotated[float, Option(help="Metric at which --rare counts a miss.")] = 0.0,
     seed: Annotated[int, Option(help="Seed of the search.", min=0)] = 1,
     tube: Annotated[
         Path | None,
         Option(
-            help="Signals of a tube (Parquet): search for the flight closest to its bounds, and "
-            "print how many times wider the tube is."
+            "--claim",
+            metavar="FILE",
+            help="File of a tube: search for the flight closest to its bounds, and print how many "
+            "times wider the tube is.",
         ),
     ] = None,
     out: Annotated[
@@ -86,13 +82,14 @@ def worst(
     Writes that flight as a scenario for `flighttune fly`.
     """
     options.check_ending(out, ".toml")
-    from flighttune.campaign.worst import StatedSet, find_worst, rare_miss
+    from flighttune.campaign.worst import StatedSet, find_worst
+    from flighttune.files.table import toml_text
+    from flighttune.files.whole import write_text
     from flighttune.flight.fly import fly
-    from flighttune.table_file import toml_text
-    from flighttune.tube.store import read_bounds, write_worst
-    from flighttune.whole_file import write_text
+    from flighttune.simulate.bounds import ERRORS
+    from flighttune.tubes.proof import load_tube
 
-    bounds = None if tube is None else read_bounds(tube)
+    bounds = None if tube is None else load_tube(tube).bounds.of(ERRORS)
     with campaign_pool(workers, scheduler) as pool:
         searched = StatedSet(
             source,
@@ -106,16 +103,13 @@ def worst(
             disturbance=disturbance,
             changes=options.changes(settings),
         )
-        if rare:
-            return _rare(rare_miss(searched, threshold=threshold, budget=budget, seed=seed))
         values, flight = find_worst(searched, budget=budget, seed=seed)
     written = out or Path("runs") / f"{Path(source).stem}-worst.toml"
     write_text(written, toml_text(flight.as_dict()))
     values |= {"ratio": None, "ratio_of_search": None}
     if tube is not None and bounds is not None:
         run = fly(flight).runs[0]
-        values["ratio"] = bounds.ratios(run)
-        write_worst(tube, run, values["ratio"])
+        values["ratio"] = bounds.ratios(run.signals)
         values["ratio_of_search"] = {
             channel: 1.0 / share if share else math.inf  # no flight came to its end
             for channel, share in zip(CHANNEL_SYMBOLS, searched.reach.tolist(), strict=True)
@@ -134,19 +128,6 @@ def worst(
         ],
         verdict=values["missed"] or "no requirement is missed",
         files={"scenario": written},
-    )
-
-
-def _rare(miss: dict[str, Any]) -> Answer:
-    event = f"P({miss['metric']} >= {number(miss['threshold'])})"
-    ceiling = (
-        f"{event} is below the end of its interval: the levels reached {number(miss['levels'][-1])}"
-        "; give more --budget"
-    )
-    return Answer(
-        values=miss,
-        tables=[Table(RARE_COLUMNS, [miss], event)],
-        verdict="" if miss["probability"] else ceiling,
     )
 
 
@@ -215,7 +196,8 @@ def conform(
     from flighttune.campaign.conform import ConformSettings
     from flighttune.campaign.conform import conform as conform_source
     from flighttune.campaign.conform import recount as count_again
-    from flighttune.conformance.file import conformance_tables, load_conformance, save_conformance
+    from flighttune.claims.boxes import LEAST_SHARE
+    from flighttune.claims.conformance import conformance_tables, load_conformance, save_conformance
 
     claim = ConformSettings(
         epsilon=epsilon,
@@ -265,6 +247,10 @@ def conform(
         tables=[
             Table(RATE_COLUMNS, rates, title),
             Table(COUNT_COLUMNS, [{"training": counted.training, **count}], "count of new flights"),
+        ],
+        notes=[
+            f"No box is narrower than {LEAST_SHARE:g} times the widest of its rate: a narrowest or "
+            "last box of that width is not measured."
         ],
         verdict=counted.sentence,
         files={"out": out},

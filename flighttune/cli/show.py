@@ -8,16 +8,19 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
+from functools import cache
 from shutil import get_terminal_size
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress
+from flighttune.files.whole import reason_of
+from flighttune.flight.notice import NOTICE
 from flighttune.present.answer import Answer
+from flighttune.present.answer import pick as pick  # for the commands
 from flighttune.present.tables import printable
-from flighttune.whole_file import reason_of
 
 if TYPE_CHECKING:
     from flighttune.campaign.engine.pool import WorkerPool
@@ -28,7 +31,7 @@ FINE, NO, COULD_NOT_RUN, INTERRUPTED = 0, 1, 2, 130
 PLAIN_WIDTH = 120
 
 # Characters of a line about a failure.
-MAX_REASON = 1500
+MAX_REASON = 680
 
 LINE_EVERY_S = 10.0
 
@@ -46,6 +49,8 @@ _DOING: ContextVar[str] = ContextVar("doing", default="")
 def working(doing: str, *, quiet: bool, as_json: bool = False) -> Iterator[None]:
     """Show on a terminal, from the start, what a command is `doing`, such as ``tuning``."""
     asked, form = _QUIET.set(quiet), _JSON.set(as_json)
+    # Once a file, and with -q too: the file may be a stranger's.
+    notice = NOTICE.set(cache(lambda file: tell(f"runs the Python code of {file}")))
     shown = _DOING.set(f"{doing} ..." if watched() else "")
     if _DOING.get():
         print(_DOING.get(), end="", file=sys.stderr, flush=True)
@@ -54,6 +59,7 @@ def working(doing: str, *, quiet: bool, as_json: bool = False) -> Iterator[None]
     finally:
         clear()
         _DOING.reset(shown)
+        NOTICE.reset(notice)
         _QUIET.reset(asked)
         _JSON.reset(form)
 
@@ -96,19 +102,16 @@ def show(answer: Answer) -> None:
 
 @contextmanager
 def output() -> Iterator[None]:
-    """Write what the block prints on stdout; a full disk ends the command."""
+    """Write what the block prints on stdout; a full disk ends the command, not a closed pipe."""
     try:
         yield
         sys.stdout.flush()
     except OSError as error:
         # what is left cannot be written: Python would complain about it once more
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if isinstance(error, BrokenPipeError):
+            return
         fail(f"standard output must be writable, got {reason_of(error)}.", COULD_NOT_RUN)
-
-
-def pick(value: object, names: str) -> dict[str, Any]:
-    """Attributes of `value` by name; `names` are separated by spaces."""
-    return {name: getattr(value, name) for name in names.split()}
 
 
 def say(line: str) -> None:
@@ -120,9 +123,10 @@ def say(line: str) -> None:
 
 
 def tell(line: str) -> None:
-    """Print one line on stderr, for someone who watches."""
-    clear()
-    print(printable(line), file=sys.stderr)
+    """Print one line on stderr, for someone who watches; a campaign goes on where nobody does."""
+    with suppress(BrokenPipeError):
+        clear()
+        print(printable(line), file=sys.stderr, flush=True)
 
 
 def fail(reason: str, status: int) -> NoReturn:

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, check_positive, read_only_matrix, set_read_only
+from flighttune.present.tables import Column, Table
 from flighttune.units import G_PAPER
 
 # Commands that gains of the paper's law act on.
@@ -23,6 +24,15 @@ LABELS = {COMMANDS: ("phi [rad]", "n_z [1]"), RATES: ("chi' [1/s]", "gamma' [1/s
 
 # Names in files for the inputs of gains: the built-in law with these inputs.
 LAW_OF_INPUTS = {COMMANDS: "paper", RATES: "exact"}
+
+
+GAINS_COLUMNS = (
+    Column("command", "command"),
+    Column("P.0", "e_chi", digits="z.4f"),
+    Column("P.1", "e_gamma", digits="z.4f"),
+    Column("I.0", "int e_chi", digits="z.4f"),
+    Column("I.1", "int e_gamma", digits="z.4f"),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -180,3 +190,12 @@ def _acting_on(inputs: tuple[str, str], gains: PIGains, factor: float) -> PIGain
     if gains.inputs == inputs:
         return gains
     return PIGains(K_P=gains.K_P * factor, K_I=gains.K_I * factor, inputs=inputs)
+
+
+def gains_table(title: str, gains: PIGains | None) -> Table:
+    """Gains as a table, a row a command; no rows where there are no gains."""
+    if gains is None:
+        return Table(GAINS_COLUMNS, [], title)
+    rows = zip(gains.labels, gains.K_P.tolist(), gains.K_I.tolist(), strict=True)
+    records = [{"command": name, "P": K_P, "I": K_I} for name, K_P, K_I in rows]
+    return Table(GAINS_COLUMNS, records, title)

@@ -72,7 +72,7 @@ class OuterLoop(NamedTuple):
     Attributes
     ----------
     components : str or None
-        File of `flighttune.export` whose components take the place of those of the paper's law.
+        File of `flighttune.exports` whose components take the place of those of the paper's law.
     rows : tuple of two str
         Names of the properties that its gains act on.
     values : mapping of str to float

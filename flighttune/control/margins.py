@@ -116,7 +116,15 @@ def loop_margins(model: LinearModel, gains: PIGains) -> tuple[Margins, ...]:
         lag_margin=lag_margin(model, gains),
         disk_margin=disk,
     )
-    return *(_channel_margins(loop, i, name) for i, name in enumerate(model.inputs)), together
+    return *channel_margins(model, gains), together
+
+
+def channel_margins(model: LinearModel, gains: PIGains) -> tuple[Margins, ...]:
+    """The first margins of `loop_margins`, of one input at a time, in a quarter of its time."""
+    if not _is_stable(closed_loop(model, gains)):
+        return ()
+    loop = _opened(model, gains)
+    return tuple(_channel_margins(loop, i, name) for i, name in enumerate(model.inputs))
 
 
 def channel_responses(

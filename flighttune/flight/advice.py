@@ -1,6 +1,9 @@
 """Advice where flights miss what their scenario requires."""
 
+import math
 from collections.abc import Iterator, Sequence
+
+import numpy as np
 
 from flighttune.control.gains import PAPER_SPEED, paper_family
 from flighttune.control.law import split_name
@@ -9,6 +12,7 @@ from flighttune.metrics import measures
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED_IDENTIFIED
 from flighttune.simulate.run import Run
+from flighttune.units import DEG
 
 # Time that a command spends at a limit, s, from which the limit counts as a cause.
 AT_LIMIT_S = 0.5
@@ -16,14 +20,52 @@ AT_LIMIT_S = 0.5
 # Relative difference of airspeeds from which gains count as those of another airspeed.
 OTHER_AIRSPEED = 0.15
 
+# A mistake in a law shows in this time from the first error of this size on, s and rad.
+FIRST_S, FIRST_ERROR = 1.0, 1.0 * DEG
+
+# Roll commands beyond half a turn and so many times the error are degrees: laws have gains of 1 to
+# 5, which become 57 to 290.
+NO_ROLL, NO_GAIN = math.pi, 20.0
+
 
 def advice(scenario: Scenario, runs: Sequence[Run], source: str) -> str:
     """One line with what may help the runs that miss an upper bound; empty if nothing is known to.
 
-    `source` is the scenario as the commands in the line name it.
+    It begins with likely mistakes in laws of the user. `source` is the scenario as the commands in
+    the line name it.
     """
-    ways = dict.fromkeys(way for run in runs for way in _ways(scenario, run, runs, source))
-    return f"To try next: {'; '.join(ways)}." if ways else ""
+    lines, sound = dict[str, None](), list[Run]()
+    for run in runs:
+        name = run.provenance.gains_name
+        doubt = mistake(run) if scenario.law_table(name).of_the_user else ""
+        if doubt:
+            lines[f"{name}: {doubt}"] = None
+        else:
+            sound.append(run)
+    ways = dict.fromkeys(way for run in sound for way in _ways(scenario, run, runs, source))
+    return " ".join([*lines, *([f"To try next: {'; '.join(ways)}."] if ways else [])])
+
+
+def mistake(run: Run) -> str:
+    """A likely mistake in the law of a run: its sign, or degrees; empty if none shows."""
+    columns = run.signals
+    if len(columns) < 2:
+        return ""
+    roll = columns["phi_unlimited"].to_numpy()
+    lift = columns["n_z_unlimited"] * np.cos(columns["phi"]) - np.cos(columns["gamma"])
+    for channel, turn in (("chi", roll), ("gamma", lift.to_numpy())):
+        error = columns[f"{channel}_err"].to_numpy()
+        size = np.abs(error)
+        begun = np.flatnonzero(size > FIRST_ERROR)[:1]
+        for k in begun:  # none or one
+            end = int(np.searchsorted(run.t, run.t[k] + FIRST_S))
+            away = (error * turn)[k:end] < 0.0
+            if away.all() and (size[end - 1 :] > size[k]).all():
+                return "the law turns away from the reference: is the sign of its output right?"
+            least = max(NO_ROLL, NO_GAIN * np.median(size[k:end]))
+            if channel == "chi" and np.median(np.abs(roll[k:end])) > least:
+                return "its roll commands are more than half a turn: are they degrees?"
+    return ""
 
 
 def _ways(scenario: Scenario, run: Run, runs: Sequence[Run], source: str) -> Iterator[str]:

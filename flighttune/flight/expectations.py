@@ -7,7 +7,7 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 
 from flighttune.control.gains import PIGains
 from flighttune.flight.outer_loop import loop_measures
-from flighttune.metrics import measures
+from flighttune.metrics import CHANNELS, measures, settling_band, stated_bounds
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import ExpectTable, in_rad
 from flighttune.simulate.run import Run
@@ -28,6 +28,7 @@ class BoundCheck:
     # Both in the unit of `measure`; the value is NaN if the run has none
     bound: float
     value: float
+    why: str = ""  # Why a response did not settle before the last quarter of the flight
     flown: bool = True  # False for a run that did not end as it must: it has no value to compare
 
     @property
@@ -53,7 +54,8 @@ class BoundCheck:
             got = "nan (there is no value)"
         else:
             got = f"{self.value:.4g}" + ("" if self.met else f" (missed by {self.beyond:.3g})")
-        return f"{self.subject}.{self.measure} must be {wanted}, got {got}"
+        why = f": {self.why}" if self.why and not self.met else ""
+        return f"{self.subject}.{self.measure} must be {wanted}, got {got}{why}"
 
 
 class Counts(NamedTuple):
@@ -82,6 +84,16 @@ class ClaimCheck:
         return Counts(*(sum(numbers) for numbers in zip(*self.counts, strict=True)))
 
     @property
+    def lower(self) -> list[BoundCheck]:
+        """Bounds below an error or time that has none above, which a poor flight meets."""
+        above = {(x.run, x.subject, x.measure) for x in self.bounds if x.sense == "at_most"}
+        return [
+            x
+            for x in self.bounds
+            if x.subject in CHANNELS and (x.run, x.subject, x.measure) not in above
+        ]
+
+    @property
     def short(self) -> str:
         """The verdict with the number of requirements that are met, missed and not flown."""
         if self.verdict == "not tested":
@@ -89,7 +101,9 @@ class ClaimCheck:
         n, met, not_flown = self.total
         of = f"{n} requirement{'s' if n > 1 else ''}"
         if self.verdict == "met":
-            return f"Claim met: {met} of {of}"
+            poor = len(self.lower)
+            lower = f" ({poor} lower bound{'s' * (poor > 1)})" if poor else ""
+            return f"Claim met: {met} of {of}{lower}"
         counts = {"met": met, "missed": n - met - not_flown}
         counts |= {"not flown": not_flown} if not_flown else {}
         words = ", ".join(f"{number} {what}" for what, number in counts.items())
@@ -103,7 +117,9 @@ class ClaimCheck:
         if not self.bounds:
             return self.short
         tightest = max(self.bounds, key=lambda check: check.margin)
-        return f"{self.short}; closest to its bound: {tightest.run}: {tightest.sentence}"
+        closest = f"closest to its bound: {tightest.run}: {tightest.sentence}"
+        poor = bool(self.lower)
+        return f"{self.short}; {'a poor flight meets a lower bound; ' * poor}{closest}"
 
 
 def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
@@ -188,9 +204,9 @@ def bound_checks(
     for table in tables:
         for sense in get_args(Sense):
             for subject, limits in getattr(table, sense).items():
-                for name, bound in limits.items():
-                    own = in_rad(name)
-                    value = measured.get(subject, {}).get(own, math.nan)
+                for name, bound in stated_bounds(limits).items():
+                    own, of_subject = in_rad(name), measured.get(subject, {})
+                    value = of_subject.get(own, math.nan)
                     yield BoundCheck(
                         run=run,
                         subject=subject,
@@ -198,4 +214,16 @@ def bound_checks(
                         sense=sense,
                         bound=bound,
                         value=value if own == name else value / DEG,
+                        why=_unsettled(name, of_subject),
                     )
+
+
+def _unsettled(name: str, measured: Mapping[str, float]) -> str:
+    """Why a response was not settled before the last quarter of its flight; else empty."""
+    band, late = settling_band(name), measured.get("late_rad", 0.0)
+    least = measured.get("settling_band_rad", math.inf) if band is None else band
+    if not (name.startswith("settling_s") and late > least):
+        return ""
+    what = "the band" if band else "5 % of the change"
+    left = f"errors in the last quarter of the flight reach {late / DEG:.2g} deg"
+    return f"{what} is {least / DEG:.2g} deg, {left}"

@@ -30,6 +30,7 @@ from flighttune.plants.weather import WIND, WindRecord
 from flighttune.scenario.load import check_aircraft
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, PlantTable
+from flighttune.simulate.claim import Claim, with_claims
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
 from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run, RunStatus
 from flighttune.theory.indicators import Indicators, indicators
@@ -84,6 +85,10 @@ class FlownScenario:
     def claim(self) -> ClaimCheck:
         """The runs against the ``[[expect]]`` tables of the scenario."""
         return check_claim(self.scenario, self.runs)
+
+    def within(self, *claims: Claim) -> "FlownScenario":
+        """The flights with what is claimed of them; an InputError says why a claim covers none."""
+        return replace(self, runs=with_claims(self.runs, claims))
 
     def records(self, files: Mapping[str, Path]) -> list[dict[str, Any]]:
         """How each run ended and what was measured; `files` of signals are by label."""

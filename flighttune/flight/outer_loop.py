@@ -1,7 +1,9 @@
 """The outer loop that a scenario asks for: its tuning problem, its gains, and their guarantees."""
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -13,12 +15,13 @@ from flighttune.control.gains import COMMANDS, LAW_OF_INPUTS, PAPER_GAINS, PIGai
 from flighttune.control.law import Law
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loop
-from flighttune.control.margins import loop_margins
-from flighttune.errors import InputError, ScenarioError
-from flighttune.identify.file import DesignModel
+from flighttune.control.margins import channel_margins, loop_margins
+from flighttune.errors import InfeasibleError, InputError, ScenarioError
+from flighttune.files.shipped import nearest_name
+from flighttune.identification.file import DesignModel
+from flighttune.scenario.load import load_scenario, with_gains
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, TuningModel
-from flighttune.shipped import nearest_name
 from flighttune.theory.indicators import indicators
 from flighttune.tuning.envelope import largest_factor
 from flighttune.tuning.problem import LARGEST_GAIN, TuningProblem, decoupled
@@ -164,7 +167,7 @@ def tune_scenario(
     settings = scenario.tuning
     if (model or settings.model) == "identified":
         return tune_worst_case(identified_problems(scenario, law), starts=settings.starts)
-    return tune(tuning_problem(scenario, law), method=settings.method, starts=settings.starts)
+    return tune(tuning_problem(scenario, law), starts=settings.starts)
 
 
 def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResult | None]:
@@ -209,6 +212,32 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
             f"`gains` must be one of {', '.join(names)}, got {name!r}{nearest_name(own, names)}"
         )
     return law.gains_from(available[own], V_a=scenario.flight.V_a_mps, g=scenario.flight.g_mps2)
+
+
+def scenario_and_gains(
+    source: Scenario | str | Path,
+    wanted: PIGains | str | None,
+    changes: Mapping[str, Any] | None = None,
+) -> tuple[Scenario, str, PIGains]:
+    """A scenario, the name of one gain set, and its gains.
+
+    `source` is a scenario, a file or the name of a shipped one, and `changes` are values to set in
+    it; `wanted` is a gain set by name or file, by default the first, or gains. Raises
+    InfeasibleError if tuning finds no such gains.
+    """
+    if isinstance(source, Scenario):
+        scenario, place = source, source.title
+    else:
+        scenario, place = load_scenario(source, changes=changes), str(source)
+    if isinstance(wanted, PIGains):
+        return scenario, "gains", wanted
+    if wanted not in (None, *scenario.gain_names):
+        scenario, wanted = with_gains(scenario, [wanted], place), None
+    name = wanted or scenario.gain_names[0]
+    gains = gain_set(scenario, name)
+    if gains is None:
+        raise InfeasibleError(f"{place}: `{name}` must be feasible: tuning found no such gains.")
+    return scenario, name, gains
 
 
 def trim_and_envelope(scenario: Scenario) -> tuple[Envelope, Envelope]:
@@ -329,7 +358,7 @@ def loop_measures(
     """Measures of the linear loop of a gain set, as ``loop`` of ``[[expect]]`` bounds them.
 
     They are `LOOP_METRICS`, on the model that [tuning] names; empty for a law without a loop.
-    Margins and roll rate, which take longer, are there only if one of them is `wanted`. The
+    Margins and roll rate, which take longer, are there only if they are `wanted`. The
     gain, phase and delay margins are the smallest of one input at a time; the disk margin is that
     of all. The roll rate is that which lets the identified roll follow the gains at the largest
     bank (design/roll_rate.md). An unstable loop has no margins.
@@ -344,9 +373,10 @@ def loop_measures(
     if "roll_rate_rad_s" in wanted:
         law, _ = scenario.law_of(name, gains)
         measured["roll_rate_rad_s"] = _needed_roll_rate(scenario, law, gains)
-    margins = () if measured.keys() >= set(wanted) else loop_margins(model, gains)
-    if margins:
-        *single, together = margins
+    if "disk_margin" in wanted and (margins := loop_margins(model, gains)):
+        measured["disk_margin"] = margins[-1].disk_margin or 0.0
+    single = () if measured.keys() >= set(wanted) else channel_margins(model, gains)
+    if single:
         increase = min(own.gain_increase for own in single)
         decrease = max(own.gain_decrease for own in single)
         gain = min(increase, 1.0 / decrease if decrease else math.inf)
@@ -354,7 +384,6 @@ def loop_measures(
             "gain_margin_dB": 20.0 * math.log10(gain),
             "phase_margin_rad": min(own.phase_margin for own in single),
             "delay_margin_s": min(own.delay_margin for own in single),
-            "disk_margin": together.disk_margin or 0.0,
         }
     return measured
 

@@ -13,11 +13,12 @@ from typing import Any, TypeVar
 from flighttune.control.controller import Controller
 from flighttune.control.guarded import FAILURES, failure
 from flighttune.errors import ScenarioError
+from flighttune.files.whole import reason_of
+from flighttune.flight.notice import before_running
 from flighttune.plants.base import Plant
 from flighttune.scenario.load import file_sha256
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import LawTable, PlantTable
-from flighttune.whole_file import reason_of
 
 # Called with a `LawSetup` and the parameters of a scenario's table, for every flight.
 LawMaker = Callable[..., Controller]
@@ -105,6 +106,7 @@ def _loaded(title: str, key: str, table: LawTable | PlantTable) -> Any:
             f"{where}: `module` must be the file that was planned or recorded with, {table.module} "
             "has other contents now."
         )
+    before_running([table.module])
     try:
         return getattr(_module(str(path.resolve()), digest), table.class_)
     except FAILURES as error:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from flighttune.control.linear_model import closed_loop, disturbance_entry
+from flighttune.files.whole import write_text
 from flighttune.paper import parameters as printed
 from flighttune.paper.claims import CLAIMS, VERDICTS, Finding, judge, text_of
 from flighttune.paper.flight import initial_commands, largest_share
@@ -23,7 +24,6 @@ from flighttune.paper.study import Study
 from flighttune.present.frame import page_template, write_page
 from flighttune.present.tables import Column, Table
 from flighttune.theory.attractor import invariant_ellipsoid, paper_balls
-from flighttune.whole_file import write_text
 
 TITLE = (
     "Robust Convergency Indicator using MIMO-PI Controller in the presence of disturbances, "

@@ -3,7 +3,9 @@
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from html import escape
 from pathlib import Path
+from shlex import quote
 from textwrap import fill
 from typing import Any
 
@@ -62,8 +64,32 @@ class Answer:
             yield self.command
         for key, path in self.files.items():
             if path is not None:
-                how = f"   (flighttune {READ_BY[key]} {path})" if key in READ_BY else ""
+                how = f"   (flighttune {READ_BY[key]} {quote(str(path))})" if key in READ_BY else ""
                 yield f"{key.replace('_', ' ')}: {path}{how}"
+
+    def html(self) -> str:
+        """Tables and sentences for a notebook."""
+        tables = [table.html() for table in self.tables if table.records]
+        sentences = (*self.notes, self.verdict, self.failure)
+        return "".join([*tables, *(f"<p>{escape(text)}</p>" for text in sentences if text)])
+
+
+class Answering:
+    """A result that terminal, ``--json`` and notebooks show by its `answer`."""
+
+    __slots__ = ()
+
+    def answer(self) -> Answer:
+        """Values, tables, notes and verdict, as they are shown."""
+        raise NotImplementedError
+
+    def _repr_html_(self) -> str:
+        return self.answer().html()
+
+
+def pick(value: object, names: str) -> dict[str, Any]:
+    """Attributes of `value` by name; `names` are separated by spaces."""
+    return {name: getattr(value, name) for name in names.split()}
 
 
 def _plain(value: Any) -> Any:

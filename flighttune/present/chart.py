@@ -16,10 +16,10 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
+from flighttune.files.whole import write_text
 from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle, css_colour, css_variables
 from flighttune.present.tables import printable
 from flighttune.present.thinning import MAX_DRAWN, peaks, thinned
-from flighttune.whole_file import write_text
 
 Range: TypeAlias = tuple[float, float]
 Ticks: TypeAlias = Sequence[tuple[float, str]]

@@ -8,9 +8,9 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from flighttune.files.whole import write_text
 from flighttune.present.chart import Chart, dashes, key, marked_up, style
 from flighttune.present.tables import Table
-from flighttune.whole_file import write_text
 
 if TYPE_CHECKING:
     from jinja2 import Template

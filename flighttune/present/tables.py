@@ -169,6 +169,8 @@ class Table:
         columns follows in a second table, each with the first column. Columns without any value
         are left out.
         """
+        # one line, for a title of a file must not look like a line of ours
+        title = [" ".join(self.title.split())] if self.title else []
         first, *others = shown = self.filled.columns
         least = dict(zip(shown, replace(self, columns=shown)._least(), strict=True))
         if self.grouped and sum(least[c] + len(GAP) for c in shown) > width + len(GAP):
@@ -179,7 +181,7 @@ class Table:
                 replace(self, title=name, columns=others, records=own, grouped=False).text(width)
                 for name, own in groups.items()
             ]
-            return "\n\n".join([self.title, *tables] if self.title else tables)
+            return "\n\n".join([*title, *tables])
         blocks, room = [[first]], width - least[first]
         for column in others:
             room -= least[column] + len(GAP)
@@ -188,7 +190,7 @@ class Table:
                 room = width - least[first] - least[column] - len(GAP)
             blocks[-1].append(column)
         lines = [line for block in blocks for line in replace(self, columns=block)._lines(width)]
-        return "\n".join([self.title, *lines] if self.title else lines)
+        return "\n".join([*title, *lines])
 
     def _least(self) -> list[int]:
         """Width to which each column may be wrapped: numbers are never broken, words may be."""

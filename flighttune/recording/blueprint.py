@@ -10,7 +10,7 @@ from rerun.blueprint.encodings import TextLogColumnKind
 
 from flighttune.recording import entities, scene
 from flighttune.recording.entities import DrawnRun
-from flighttune.recording.plots import COMMANDS_TAB, Plot, has_band, value_range
+from flighttune.recording.plots import COMMANDS_TAB, Plot, value_range
 from flighttune.recording.route import WIDE, DrawnRoute
 
 PAGE_TAB = "Scenario and metrics"
@@ -55,8 +55,8 @@ def _route_tabs(
 ) -> dict[str, rrb.Container | rrb.View]:
     """A plan view, an aircraft in its corridor, and errors over distance; a map if geographic."""
     # Of the aircraft, one with a corridor is followed.
-    banded = [drawn_run for drawn_run in drawn if has_band([drawn_run.run])]
-    followed, dashed = leader(banded or drawn), ", band dashed" if banded else ""
+    banded = [drawn_run for drawn_run in drawn if drawn_run.run.claims]
+    followed, dashed = leader(banded or drawn), ", claims dashed" if banded else ""
     above, ahead = scene.eye_above(scene.all_positions(drawn)), (1.0, 0.0, 0.0)
     of_plan = f"/{entities.WORLD}/**", f"- /{entities.SHADOWS}/**"
     plan = _scene_view("From above, north up", above, *of_plan, up=ahead)
@@ -140,7 +140,7 @@ def _tab(name: str, plots: Sequence[Plot], drawn: Sequence[DrawnRun]) -> rrb.Con
 def _lanes(drawn: Sequence[DrawnRun]) -> rrb.StateTimelineView:
     """Lanes over the same time axis as the plots, which name the runs in their colours."""
     return rrb.StateTimelineView(
-        name="Runs: limits, bound",
+        name="Runs: limits",
         contents=[f"/{entities.lane_name(drawn_run, len(drawn))}" for drawn_run in drawn],
         time_view=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
     )

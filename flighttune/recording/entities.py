@@ -9,7 +9,6 @@ import numpy as np
 import numpy.typing as npt
 import rerun as rr
 
-from flighttune.guarantee.flight_check import FlightCheck, flight_check
 from flighttune.present.names import distinct
 from flighttune.present.palette import LineStyle
 from flighttune.simulate.run import Run, run_styles
@@ -88,7 +87,6 @@ class DrawnRun:
     key: str  # its name in the tree of the recording, unique
     style: LineStyle
     number: int  # its place among the runs drawn, from 1 on
-    check: FlightCheck | None = None  # the bound of its gains, for a flight of the law
 
 
 def runs_to_draw(runs: Sequence[Run]) -> list[DrawnRun]:
@@ -97,8 +95,7 @@ def runs_to_draw(runs: Sequence[Run]) -> list[DrawnRun]:
     styles = run_styles(runs)
     flew = [(run, key) for run, key in zip(runs, keys, strict=True) if len(run.signals) > 1]
     return [
-        DrawnRun(run, key, styles[run.label], number, flight_check(run))
-        for number, (run, key) in enumerate(flew, 1)
+        DrawnRun(run, key, styles[run.label], number) for number, (run, key) in enumerate(flew, 1)
     ]
 
 

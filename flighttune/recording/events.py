@@ -1,4 +1,4 @@
-"""Lanes and events of flights: limits that hold, bounds, steps, gusts, settling, ends."""
+"""Lanes and events of flights: limits that hold, steps, gusts, settling, ends."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -8,7 +8,6 @@ import numpy as np
 import rerun as rr
 
 from flighttune.arrays import FloatArray
-from flighttune.guarantee.flight_check import FlightCheck
 from flighttune.metrics import channel_metrics
 from flighttune.plants.weather import WIND
 from flighttune.present.names import CHANNEL_NAMES
@@ -31,10 +30,10 @@ MEASURED = (
 )
 
 # Log level of each sort of event: the viewer has no other classes.
-SORTS = {"end": "ERROR", "bound": "WARN", "limit": "WARN", "wind": "INFO", "track": "INFO"}
+SORTS = {"end": "ERROR", "limit": "WARN", "wind": "INFO", "track": "INFO"}
 
 
-EXCEEDED, BOUND_HELD, FREE, ENDED = "bound exceeded", "bound held", "within limits", "ended"
+FREE, ENDED = "within limits", "ended"
 # Code of the limits that act: a sum of signals times factors (0 free, 1 magnitude, 2 rate).
 LIMITED = {"phi_limited": 1, "n_z_limited": 3}
 HOLDING = [
@@ -56,13 +55,9 @@ class Event:
     text: str
 
 
-def events(run: Run, check: FlightCheck | None = None) -> list[Event]:
+def events(run: Run) -> list[Event]:
     """All events of a run with at least two samples, in order of time."""
     listed = [*_reference(run), *_held(run), *_gust(run), *_converged(run)]
-    if check is not None and check.t_broken is not None:
-        share = f"{100.0 * check.share_broken:.1f} % of the time that has one"
-        text = f"bound of the linear loop first exceeded; in total for {share}"
-        listed.append(Event(check.t_broken, "bound", text))
     if run.status != "completed":
         listed.append(Event(run.duration, "end", run.outcome))
     return sorted(listed, key=lambda event: event.t)
@@ -73,11 +68,7 @@ def log_events(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
 
     A change of the wind that several runs meet is listed once, with the first of them.
     """
-    lines = [
-        (event, drawn_run)
-        for drawn_run in drawn
-        for event in events(drawn_run.run, drawn_run.check)
-    ]
+    lines = [(event, drawn_run) for drawn_run in drawn for event in events(drawn_run.run)]
     lines.sort(key=lambda line: line[0].t)
     # All runs of a scenario meet the same wind: the first run of each such event stands for them.
     first = dict(reversed(lines))
@@ -167,11 +158,11 @@ def log_lanes(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
     end = END * max(drawn_run.run.duration for drawn_run in drawn)
     for drawn_run in drawn:
         run, colour = drawn_run.run, drawn_run.style.rgb
-        t, states = lane(run, drawn_run.check)
+        t, states = lane(run)
         after = "" if run.status == "completed" else run.status.replace("_", " ")
         t, states = np.append(t, [run.duration, end]), [*states, after, ENDED]
         dimmed = tuple(round(DIMMED * part) for part in colour)
-        colours = {BOUND_HELD: colour, FREE: colour, EXCEEDED: rgb(LIMIT), after: rgb(LIMIT)}
+        colours = {FREE: colour, after: rgb(LIMIT)}
         shown = [state for state in dict.fromkeys(states) if state not in ("", ENDED)]
         style = rr.StateConfiguration(
             values=[*shown, "", ENDED],
@@ -184,25 +175,21 @@ def log_lanes(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
         stream.send_columns(path, [times(t)], rr.StateChange.columns(state=states))
 
 
-def lane(run: Run, check: FlightCheck | None) -> tuple[FloatArray, list[str]]:
+def lane(run: Run) -> tuple[FloatArray, list[str]]:
     """When the state of a run begins and changes (s), and to what.
 
-    A state names the limits that hold commands, such as ``roll rate``. Otherwise it is `EXCEEDED`
-    or `BOUND_HELD` where the flight has a bound, else `FREE`.
+    A state names the limits that hold commands, such as ``roll rate``; else it is `FREE`.
     """
-    t, words = run.t[:-1], [*HOLDING, BOUND_HELD, EXCEEDED]
+    t = run.t[:-1]
     now = np.zeros(len(t), dtype=int)
     for name, factor in LIMITED.items():
         if name in run.signals:
             now += factor * run.signals[name].to_numpy()[:-1].astype(int)
-    if check is not None:
-        now[(now == 0) & np.isfinite(check.bound)] = words.index(BOUND_HELD)
-        now[check.broken] = words.index(EXCEEDED)
     begun, codes = runs_of_equal(t, now)
     kept = np.diff(begun, append=run.duration) >= SHORTEST
     kept[0] = True
     begun, codes = runs_of_equal(begun[kept], codes[kept])
-    return begun, [words[code] for code in codes.tolist()]
+    return begun, [HOLDING[code] for code in codes.tolist()]
 
 
 def runs_of_equal(t: FloatArray, values: np.ndarray) -> tuple[FloatArray, np.ndarray]:

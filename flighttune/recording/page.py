@@ -8,16 +8,16 @@ import pandas as pd
 import rerun as rr
 
 from flighttune.arrays import FloatArray
+from flighttune.files.table import toml_text
 from flighttune.metrics import metric_tables
 from flighttune.present.names import METRIC_LABELS, SYMBOLS, columns, shown_unit
 from flighttune.present.palette import hue_tells_gains
 from flighttune.present.tables import Column, Table
 from flighttune.present.thinning import evenly
 from flighttune.recording.entities import NOW, READING, DrawnRun, times
-from flighttune.recording.plots import displayed, has_band, in_calm_air, unit_of
+from flighttune.recording.plots import displayed, unit_of
 from flighttune.recording.scene import all_positions, drawn_scale, ground_grid
-from flighttune.simulate.run import TUBE_SIGNALS, Run, run_styles
-from flighttune.table_file import toml_text
+from flighttune.simulate.run import Run, claim_notes, run_styles
 
 ABOUT = {"verifies": "Verifies", "source": "Source"}
 
@@ -28,24 +28,16 @@ Plots show angles in degrees; files keep radians. Positions are local north, eas
 the start, in m. Errors are reference minus actual.
 
 Every run has a colour of its own, the same in 3D and in every plot; the lanes name them. A lane
-is dark while a limit holds a command of the run, and says which one; it is red where a law
-exceeds the bound of its linear loop, and after a flight that ended early. Laws without an aircraft
-are drawn as outlines, and their paths dashed. The arrow of an aircraft is its velocity over ground,
-the grey one the wind, four times longer.
+is dark while a limit holds a command of the run, and says which one; it is red after a flight that
+ended early. Laws without an aircraft are drawn as outlines, and their paths dashed. The arrow of an
+aircraft is its velocity over ground, the grey one the wind, four times longer.
 
 Faint lines behind course, path angle and airspeed are what sensors gave the controller. Errors
 and metrics are of the true values."""
 
-NO_TUBE = "No tube around the errors: `flighttune fly SCENARIO --tube` makes it."
-TUBE = "Thin lines around the errors of an aircraft: the tube of the run."
-CALM_TUBE = (
-    f"{TUBE} It holds in calm air; in wind and turbulence a counted band bounds the errors "
-    "(`flighttune band`)."
-)
-BAND = (
-    "Dashed lines around a signal: the counted band. It holds for flights drawn from the "
-    "distribution of its campaign, in the wind and turbulence of that campaign, with the "
-    "probability that `flighttune band FILE` prints."
+CLAIMS = (
+    "Lines around a signal are what is claimed of it: thin ones are proven (a tube), dashed ones "
+    "are counted (a band)."
 )
 
 RUN_COLUMNS = [*columns("run colour"), Column("flown_s", "flown", "s", ".2f"), *columns("outcome")]
@@ -108,9 +100,9 @@ def _runs(runs: Sequence[Run]) -> str:
         }
         for run in runs
     ]
-    tubes = [run for run in runs if set(TUBE_SIGNALS) <= set(run.signals)]
-    said = [NO_TUBE if not tubes else CALM_TUBE if all(map(in_calm_air, tubes)) else TUBE]
-    return "\n\n".join([Table(RUN_COLUMNS, records).markdown(), *said, *[BAND] * has_band(runs)])
+    notes = claim_notes(runs)
+    table = Table(RUN_COLUMNS, records).markdown()
+    return "\n\n".join([table, CLAIMS, *notes] if notes else [table])
 
 
 def _gains(runs: Sequence[Run], indicators: Mapping[str, tuple[float, float, float] | None]) -> str:
@@ -187,7 +179,10 @@ def reading_line(drawn: Sequence[DrawnRun]) -> str:
         parts = ["**Hue:** gains"]
     if any(made.aircraft is None for made in made_by):
         parts.append("**dashed, outline:** a law")
-    if has_band([drawn_run.run for drawn_run in drawn]):
+    claims = {claim.kind for drawn_run in drawn for claim in drawn_run.run.claims}
+    if "proven" in claims:
+        parts.append("**thin around a signal:** proven tube")
+    if "counted" in claims:
         parts.append("**dashed around a signal:** counted band")
     factor = drawn_scale(drawn)
     spacing = ground_grid(all_positions(drawn))[1]

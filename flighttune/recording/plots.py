@@ -9,13 +9,12 @@ import numpy as np
 import pandas as pd
 
 from flighttune.arrays import FloatArray
-from flighttune.guarantee.flight_check import FlightCheck
-from flighttune.guarantee.mismatch import CHANNELS, trim_of
+from flighttune.gaps.mismatch import CHANNELS, trim_of
 from flighttune.plants.point_mass import turn_rates
 from flighttune.plants.sensors import MEASURED, SENSED
-from flighttune.plants.weather import WIND
 from flighttune.present.names import shown_unit
-from flighttune.simulate.run import BAND_ENDS, SIGNAL_UNITS, TUBE_SIGNALS, WORST_SIGNALS, Run
+from flighttune.simulate.bounds import claims_around
+from flighttune.simulate.run import SIGNAL_UNITS, Run
 
 if TYPE_CHECKING:
     from flighttune.recording.entities import DrawnRun
@@ -28,8 +27,6 @@ UNITS = {
     **{f"{part}_{channel}": "rad/s" for part in PARTS for channel in CHANNELS},
     **{f"step_{channel}": "rad" for channel in CHANNELS},
     "distance": "m",
-    "log_s": "1",
-    "log_s_bound": "1",
 }
 SMALLEST = 1e-4  # norms of s below this (rad and rad/s) are drawn as this: they go down for ever
 FLOWN = ("phi", "n_z", "phi_cmd", "n_z_cmd", "V_a", "gamma")
@@ -44,19 +41,16 @@ class Plot:
     thin: str | None = None  # second signal of each run, drawn thin in the same colour
     common: str | None = None  # signal that is the same for every run, drawn once in grey
     limit: str | None = None  # key of the scenario's [limits] without unit, drawn as two lines
-    tube: tuple[str, ...] = ()  # signals that bound it, drawn thin in the same colour
-    calm: bool = False  # whether the tube is one in calm air
-    band: tuple[str, ...] = ()  # counted bounds, drawn dashed in the same colour
+    claims: tuple[str, ...] = ()  # titles of the claims that bound it, drawn in the same colour
     measured: str | None = None  # what sensors gave, drawn faintly behind it in the same colour
     unit: str | None = None  # of a signal that SIGNAL_UNITS does not have; not converted
 
     @property
     def heading(self) -> str:
         """Title with symbol and unit, for example ``Course chi [deg]``."""
-        tube = "calm-air tube thin" if self.calm else "tube thin"
-        words = {tube: self.tube, "band dashed": self.band, "measured faint": self.measured}
         unit = shown_unit(unit_of(self.signal))[0] if self.unit is None else self.unit
-        return ", ".join([f"{self.title} [{unit}]", *(word for word, has in words.items() if has)])
+        measured = ["measured faint"] if self.measured else []
+        return ", ".join([f"{self.title} [{unit}]", *self.claims, *measured])
 
     @property
     def signals(self) -> tuple[str, ...]:
@@ -72,7 +66,7 @@ LABELS = 28.0  # an axis as high as a tab of a small window has room for so many
 LONGEST = 2.2  # an axis longer than this, over the range drawn, gets no second label
 SMALLEST_SPAN = 1e-6
 
-COMMANDS_TAB, LAW_TAB, CERTIFICATE_TAB = "Commands and limits", "Controller", "Certificate"
+COMMANDS_TAB, LAW_TAB = "Commands and limits", "Controller"
 
 # Why aircraft and law differ: the rates that lift, inner loop and the rest add to those of the law
 # under the same commands, and the resulting differences of course, path angle and path.
@@ -89,16 +83,8 @@ TABS: dict[str, tuple[Plot, ...]] = {
     "Tracking": (
         Plot("chi", "Course chi, reference grey", common="chi_ref"),
         Plot("gamma", "Path angle gamma, reference grey", common="gamma_ref"),
-        Plot(
-            "chi_err",
-            "Course error",
-            tube=(*TUBE_SIGNALS[:2], WORST_SIGNALS[0]),
-        ),
-        Plot(
-            "gamma_err",
-            "Path angle error",
-            tube=(*TUBE_SIGNALS[2:], WORST_SIGNALS[1]),
-        ),
+        Plot("chi_err", "Course error"),
+        Plot("gamma_err", "Path angle error"),
         Plot("cross_track", "Off the route, right positive"),
         Plot("height_err", "Off the route, too low positive"),
     ),
@@ -116,7 +102,6 @@ TABS: dict[str, tuple[Plot, ...]] = {
             for part, words in PARTS.items()
         ),
     ),
-    CERTIFICATE_TAB: (Plot("log_s", "log10 |s|, bound thin", thin="log_s_bound"),),
     "Aircraft": (
         *(Plot(name, name) for name in ("V_a", "V_g", "alpha", "beta")),
         LOAD_FACTOR,
@@ -157,13 +142,8 @@ def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
             return bool(having)
         return any(bool((np.abs(values.to_numpy()) > CALMEST).any()) for values in having)
 
-    own = {
-        name: unit
-        for run in runs
-        for name, unit in run.units.items()
-        if not name.endswith(BAND_ENDS)
-    }
-    of_laws = tuple(Plot(name, name, unit=unit) for name, unit in own.items())
+    units = {name: unit for run in runs for name, unit in run.units.items()}
+    of_laws = tuple(Plot(name, name, unit=unit) for name, unit in units.items())
     shown = {
         tab: tuple(
             _as_flown(plot, runs)
@@ -176,29 +156,15 @@ def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
 
 
 def _as_flown(plot: Plot, runs: Sequence[Run]) -> Plot:
-    """The plot with the measured signal and the bounds that a run has."""
+    """The plot with the measured signal and the claims that a run has."""
     there = {name for run in runs for name in run.signals}
     measured = SEEN_AS.get(plot.signal)
-    tube = tuple(name for name in plot.tube if name in there)
-    bands = (f"{plot.signal}{end}" for end in BAND_ENDS)
-    return replace(
-        plot,
-        measured=measured if measured in there else None,
-        tube=tube,
-        calm=bool(tube) and all(in_calm_air(run) for run in runs if {*tube} & {*run.signals}),
-        band=tuple(name for name in bands if name in there),
-    )
-
-
-def has_band(runs: Sequence[Run]) -> bool:
-    """Whether a counted band is drawn around a signal of a run."""
-    return any(str(name).endswith(BAND_ENDS) for run in runs for name in run.signals)
-
-
-def in_calm_air(run: Run) -> bool:
-    """Whether a run met no wind."""
-    met = run.signals[[name for name in WIND if name in run.signals]].to_numpy()
-    return not bool((np.abs(met) > CALMEST).any())
+    claims = {
+        f"{claim.title} {'dashed' if claim.kind == 'counted' else 'thin'}": None
+        for run in runs
+        for claim, _ in claims_around(run.claims, plot.signal)
+    }
+    return replace(plot, measured=measured if measured in there else None, claims=tuple(claims))
 
 
 def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
@@ -217,8 +183,6 @@ def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
 
 def unit_of(name: str) -> str:
     """SI unit of a signal, recorded or derived."""
-    for end in BAND_ENDS:
-        name = name.removesuffix(end)
     return SIGNAL_UNITS.get(name) or UNITS.get(name, "")
 
 
@@ -231,11 +195,12 @@ def value_range(plot: Plot, runs: Sequence[Run], *, share: float) -> tuple[float
     """
     having = [run for run in runs if plot.signal in run.signals]
     drawn = [*plot.signals, *filter(None, (plot.common, plot.measured))]
-    drawn += [*plot.tube, *plot.band]
     values = [
         displayed(run.signals, name) for run in having for name in drawn if name in run.signals
     ]
+    factor = shown_unit(unit_of(plot.signal))[1]
     for run in having:
+        values += [factor * ends.ravel() for _, ends in claims_around(run.claims, plot.signal)]
         bounds = limits_of(run.provenance.scenario, plot.limit) if plot.limit else None
         values += [np.array(bounds)] if bounds else []
     everything = np.concatenate(values) if values else np.zeros(0)
@@ -277,7 +242,7 @@ def with_derived(drawn: "Sequence[DrawnRun]") -> "list[DrawnRun]":
 
     A run is compared with that of the same gains on the plant before it: `step_chi` and
     `step_gamma` are its course and path angle minus theirs. `distance` is that from the path on the
-    first plant. `log_s` is the norm of s in decades, with its bound.
+    first plant.
     """
     before: dict[str, list[Run]] = {}
     extended = []
@@ -285,7 +250,6 @@ def with_derived(drawn: "Sequence[DrawnRun]") -> "list[DrawnRun]":
         run = drawn_run.run
         lower = before.setdefault(run.provenance.gains_name, [])
         columns = {**_over_ground(run), **_parts(run), **_compared(run, lower)}
-        columns |= _bounded(drawn_run.check)
         lower.append(run)
         shown = replace(run, signals=run.signals.assign(**columns)) if columns else run
         extended.append(replace(drawn_run, run=shown))
@@ -326,18 +290,6 @@ def _parts(run: Run) -> dict[str, FloatArray]:
         f"{part}_{channel}": steps[k + 1][i] - steps[k][i]
         for k, part in enumerate(PARTS)
         for i, channel in enumerate(CHANNELS)
-    }
-
-
-def _bounded(check: FlightCheck | None) -> dict[str, FloatArray]:
-    """The norm of s of a law with its bound, in decades."""
-    if check is None:
-        return {}
-    lines = {"log_s": check.size, "log_s_bound": check.bound}
-    # They are about the time between two samples: there are none at the last one.
-    return {
-        name: np.append(np.log10(np.maximum(line, SMALLEST)), np.nan)
-        for name, line in lines.items()
     }
 
 

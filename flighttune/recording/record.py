@@ -13,8 +13,11 @@ import rerun.blueprint as rrb
 import rerun_bindings
 from rerun.error_utils import catch_and_log_exceptions
 
+from flighttune.arrays import FloatArray
 from flighttune.extras import need
+from flighttune.files.whole import whole_file
 from flighttune.flight.fly import FlownScenario
+from flighttune.present.names import shown_unit
 from flighttune.present.palette import LIMIT, NEUTRAL, rgb
 from flighttune.present.thinning import peaks
 from flighttune.recording import entities
@@ -22,12 +25,12 @@ from flighttune.recording.blueprint import blueprint
 from flighttune.recording.entities import DrawnRun, application, log_lines, runs_to_draw, times
 from flighttune.recording.events import log_events, log_lanes
 from flighttune.recording.page import log_readout, scenario_page
-from flighttune.recording.parquet import ORIGIN, parts_of, record_bytes, signal_files
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots, with_derived
 from flighttune.recording.route import log_route, route_of
 from flighttune.recording.scene import log_scene, somewhere
-from flighttune.simulate.run import BAND_ENDS, Run
-from flighttune.whole_file import whole_file
+from flighttune.records.parquet import ORIGIN, parts_of, record_bytes, signal_files
+from flighttune.simulate.bounds import RunClaim, claims_around
+from flighttune.simulate.run import Run
 
 FAINT = 150  # opacity of thin lines, of 255
 FAINTEST = 110  # opacity of measured signals
@@ -192,8 +195,6 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun])
         for path, signals, opacity in (
             (strong, plot.signals, FAINT),
             (f"{folder}/{entities.MEASURED}/{key}", [plot.measured or ""], FAINTEST),
-            (f"{folder}/{key}_tube", plot.tube, FAINT),
-            (f"{folder}/{key}_band", plot.band, 255),
         ):
             names = [name for name in signals if name in run.signals]
             if not names:
@@ -206,6 +207,9 @@ def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun])
                 colours[0] = (*drawn_run.style.rgb, 255)
             style = rr.SeriesLines(colors=colours, widths=widths, names=labels)
             _log_signals(stream, path, style, run, names)
+        for place, (claim, ends) in enumerate(claims_around(run.claims, plot.signal)):
+            values = shown_unit(claim.units[plot.signal])[1] * ends.T
+            _log_claim(stream, f"{strong}_claim_{place}", claim, values, drawn_run)
     longest = max((drawn_run.run for drawn_run in having), key=lambda run: run.duration)
     if plot.common is not None and plot.common in longest.signals:
         style = rr.SeriesLines(colors=[rgb(NEUTRAL)], widths=[2.0], names=["reference"])
@@ -224,12 +228,23 @@ def _log_signals(
     values = np.column_stack([displayed(run.signals, name) for name in names])
     kept = peaks(values)
     t, values = run.t[kept], values[kept]
-    if str(names[0]).endswith(BAND_ENDS):
-        values[t % (DASH + GAP) > DASH] = np.nan
     log_lines(stream, path, style, t, values)
 
 
-@catch_and_log_exceptions(strict=True)
+def _log_claim(
+    stream: rr.RecordingStream, path: str, claim: RunClaim, values: FloatArray, drawn: DrawnRun
+) -> None:
+    """Log the bounds of a signal: dashed where they are counted, thin where they are proven."""
+    kept, counted = peaks(values), claim.kind == "counted"
+    t, values = drawn.run.t[kept], values[kept]
+    if counted:
+        values[t % (DASH + GAP) > DASH] = np.nan
+    labels = [f"{drawn.run.label}, {claim.title}: {end}" for end in ("lowest", "highest")]
+    colours = [(*drawn.style.rgb, 255 if counted else FAINT)] * 2
+    style = rr.SeriesLines(colors=colours, widths=[1.0, 1.0], names=labels)
+    log_lines(stream, path, style, t, values)
+
+
 def show(flown: FlownScenario, *, width: int = 1280, height: int = 720) -> None:
     """Show the recording of flights in the output of a notebook's cell.
 
@@ -250,7 +265,10 @@ def show(flown: FlownScenario, *, width: int = 1280, height: int = 720) -> None:
     >>> ft.show(flown, height=500)  # the last line of a cell
     """
     need("`show`", "rerun_notebook")
-    title = flown.scenario.title
-    with rr.RecordingStream(application(title), recording_id=uuid.uuid4()) as stream:
-        log_recording(stream, flown.runs, page=page_of(flown), title=title)
-        stream.notebook_show(width=width, height=height)
+    from rerun.notebook import Viewer
+
+    drawn = recording_bytes(flown.runs, page=page_of(flown), title=flown.scenario.title)
+    # A viewer of a stream would keep the stream and its threads for as long as the notebook runs.
+    viewer = Viewer(width=width, height=height, use_global_recording=False)
+    viewer._viewer.send_rrd(drawn)
+    viewer.display()

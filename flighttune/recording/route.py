@@ -7,19 +7,19 @@ import numpy as np
 import rerun as rr
 
 from flighttune.arrays import FloatArray
-from flighttune.guarantee.bounds import band_along
 from flighttune.metrics import OFF_ROUTE
 from flighttune.present.palette import NEUTRAL, rgb
 from flighttune.present.thinning import evenly, peaks
 from flighttune.recording.entities import ALONG, MAP, ROUTE, TRUE_SIZE, DrawnRun, on_screen, times
 from flighttune.recording.plots import positions
 from flighttune.recording.scene import GROUND_COLOUR, dashes, log_aircraft, round_below, span_of
-from flighttune.routes.files import on_earth
-from flighttune.routes.follow import RouteReference
-from flighttune.routes.path import Path
+from flighttune.references.follow import RouteReference
+from flighttune.references.maps import on_earth
+from flighttune.references.path import Path
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.route import RouteTable
-from flighttune.simulate.run import BAND_ENDS
+from flighttune.simulate.bounds import claims_around
+from flighttune.simulate.run import claimed_along
 
 APART = 5.0  # distance between points of the planned path and of the corridor, m
 RIB = 5  # points of the corridor from one cross-section that is outlined to the next
@@ -97,7 +97,7 @@ def _log_corridor(stream: rr.RecordingStream, drawn_run: DrawnRun, path: Path) -
     folder = f"{ROUTE}/corridor/{drawn_run.key}"
     s = path.points(APART)
     s = s[s <= drawn_run.run.signals["along"].max()]
-    to_sides, below = (band_along(drawn_run.run, name, s) for name in OFF_ROUTE)
+    to_sides, below = (next(claimed_along(drawn_run.run, name, s), None) for name in OFF_ROUTE)
     if to_sides is None or below is None:
         return
     (left, right), (high, low) = to_sides, below
@@ -123,19 +123,18 @@ def _log_chart(
     stream: rr.RecordingStream, signal: str, drawn: Sequence[DrawnRun], route: DrawnRoute
 ) -> None:
     """Log an error over distance as lines in a plane: plots have the time on their axis."""
-    names = [signal, *(f"{signal}{end}" for end in BAND_ENDS)]
-    charted = [drawn_run.run.signals.filter(["along", *names]) for drawn_run in drawn]
-    largest = max(float(lines.drop(columns="along").abs().max().max()) for lines in charted) or 1.0
+    charted = []
+    for run in (drawn_run.run for drawn_run in drawn):
+        ends = [end for _, pair in claims_around(run.claims, signal) for end in pair]
+        charted.append(np.column_stack([run.signals[signal], *ends]))
+    largest = max(float(np.nanmax(np.abs(lines))) for lines in charted) or 1.0
     scale = np.array([WIDE / route.path.length, -1.0 / largest])  # y of a plane goes down
     _log_axes(stream, f"{ALONG}/{signal}", route.path, largest, scale)
-    for drawn_run, signals in zip(drawn, charted, strict=True):
+    for drawn_run, lines in zip(drawn, charted, strict=True):
         path, colours = f"{ALONG}/{signal}/{drawn_run.key}", [drawn_run.style.rgb]
-        kept = peaks(signals[signal].to_numpy(), most=POINTS)
-        flown, *band = (
-            signals.iloc[kept][["along", name]].to_numpy() * scale
-            for name in names
-            if name in signals
-        )
+        kept = peaks(lines[:, 0], most=POINTS)
+        signals = drawn_run.run.signals.iloc[kept]
+        flown, *band = (np.column_stack([signals["along"], x]) * scale for x in lines[kept].T)
         width = on_screen(drawn_run.style.width / 2.0)
         _log(stream, path, rr.LineStrips2D([flown], colors=colours, radii=width))
         pieces, thin = [piece for line in band for piece in dashes(line, DASHES)], on_screen(0.7)
@@ -143,8 +142,8 @@ def _log_chart(
         # A line across the chart is where the aircraft is.
         there = np.stack([flown * [1.0, 0.0] + [0.0, end] for end in (-1.0, 1.0)], axis=1)
         _log(stream, f"{path}/now", rr.LineStrips2D.from_fields(colors=colours, radii=thin))
-        now = rr.LineStrips2D.columns(strips=there)
-        stream.send_columns(f"{path}/now", [times(signals.index[kept])], now)
+        now = rr.LineStrips2D.columns(strips=there.astype(np.float32))
+        stream.send_columns(f"{path}/now", [times(signals.index)], now)
 
 
 def _log_axes(

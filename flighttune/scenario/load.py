@@ -12,17 +12,20 @@ from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft, start_fa
 from flighttune.control.gains import PIGains
 from flighttune.control.law import DEFAULT, split_name
 from flighttune.errors import InputError, ScenarioError
-from flighttune.identify.file import load_identified
-from flighttune.mistakes import abridged, joined, validated
+from flighttune.files.mistakes import abridged, joined, validated
+from flighttune.files.shipped import aircraft_folders, campaign_files, nearest_name, scenario_files
+from flighttune.files.table import json_tables, toml_tables
+from flighttune.files.whole import reason_of
+from flighttune.identification.file import load_identified
 from flighttune.plants.jsbsim.plant import check_off_nominal
-from flighttune.routes.files import read_route
+from flighttune.references.mission import read_route
 from flighttune.scenario.places import leaves, with_changes
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import TUNED_IDENTIFIED, LawTable, PlantTable
-from flighttune.shipped import aircraft_folders, campaign_files, nearest_name, scenario_files
-from flighttune.table_file import json_tables, toml_tables
 from flighttune.units import DEG
-from flighttune.whole_file import reason_of
+
+# Largest difference of the height that a scenario states for its start from that of a file, m.
+SAME_HEIGHT = 1.0
 
 # Key of [flight] for each attribute of a condition that an aircraft bounds.
 FLIGHT_KEYS = {"V_a": "V_a_mps", "h": "h_m", "phi": "phi_deg", "n_z": "n_z"}
@@ -182,34 +185,44 @@ def _with_files(tables: dict[str, Any], path: Path) -> dict[str, Any]:
             table[key] = str(beside) if len(beside.parts) > 1 else os.path.join(".", beside)
     route = tables.get("route")
     if isinstance(route, dict) and "file" in route:
-        tables["route"] = _with_waypoints(route, path)
+        _add_waypoints(tables, route, path)
     if "gains" in tables:
         tables["gains"] = gain_entries(tables["gains"], path.parent)
     return tables
 
 
-def _with_waypoints(route: dict[str, Any], path: Path) -> dict[str, Any]:
-    """A route with the waypoints of its file, which lies beside the scenario."""
+def _add_waypoints(tables: dict[str, Any], route: dict[str, Any], path: Path) -> None:
+    """Replace the file of a route, beside the scenario, by its waypoints, and add its heights."""
     kept = {key: value for key, value in route.items() if key not in ("file", "skip")}
     file, skip = route["file"], route.get("skip", False)
     if "waypoint" in route or not isinstance(file, str) or not isinstance(skip, bool):
         raise ScenarioError(f"{path}: [route] `file` must be a name in place of `waypoint`.")
     try:
-        return {**kept, "waypoint": read_route(path.parent / file, skip=skip)}
+        mission = read_route(path.parent / file, skip=skip)
     except InputError as error:
         raise ScenarioError(f"{path}: [route] `file`: {error}") from error
+    tables["route"] = {**kept, "waypoint": mission.waypoint, "notes": mission.notes}
+    if isinstance(tables.get("flight"), dict):
+        tables["flight"] = flight = mission.flight | tables["flight"]
+        h, start = flight.get("h_m"), mission.flight.get("h_m")
+        if start is not None and isinstance(h, int | float) and abs(h - start) > SAME_HEIGHT:
+            raise ScenarioError(
+                f"{path}: [flight] `h_m` must be {start:g}, the height of the first waypoint in "
+                f"{file}, or absent, got {h:g} m."
+            )
 
 
 def route_scenario(
     file: Path, aircraft: str, *, skip: bool = False, changes: Mapping[str, Any] | None = None
 ) -> Scenario:
     """A scenario in which an aircraft flies the route of a file, within limits of its own."""
-    first = load_identified(aircraft).conditions[0]
+    first, mission = load_identified(aircraft).conditions[0], read_route(file, skip=skip)
+    condition = {"V_a_mps": first.V_a, "h_m": first.h, "duration_s": LONGEST_S}
     tables = {
         "title": file.stem,
         "gains": [TUNED_IDENTIFIED],
-        "flight": {"V_a_mps": first.V_a, "h_m": first.h, "duration_s": LONGEST_S},
-        "route": {"waypoint": read_route(file, skip=skip)},
+        "flight": condition | mission.flight,
+        "route": {"waypoint": mission.waypoint, "notes": mission.notes},
         "controller": {"feed_forward": True},
         "tuning": {"identified": aircraft},
         "plant": [{"kind": "jsbsim", "aircraft": aircraft}],

@@ -2,6 +2,7 @@
 
 import math
 import os
+import shlex
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -12,16 +13,16 @@ import tomlkit
 from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, OutputError, ScenarioError
-from flighttune.identify.file import rounded
+from flighttune.files.shipped import scenario_files
+from flighttune.files.whole import write_text
+from flighttune.identification.file import rounded
 from flighttune.plants.jsbsim.trim import level, trim_table
 from flighttune.plants.label import plant_label
-from flighttune.routes.follow import RouteReference
+from flighttune.references.follow import RouteReference
 from flighttune.scenario.load import GAINS_FILES, existing_file, load_scenario
 from flighttune.scenario.route import RouteTable
 from flighttune.scenario.schema import Scenario
-from flighttune.shipped import scenario_files
 from flighttune.units import DEG
-from flighttune.whole_file import write_text
 
 AIRCRAFT = "aerosonde"
 
@@ -35,25 +36,29 @@ DIGITS = 5
 # them steadily.
 SHARES = (1.0, 0.75, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
 
+# A first scenario; `_first` replaces the values and comments that depend on the aircraft.
 TEMPLATE = """\
 # Units are at the end of a key; all keys: scenarios/README.md, or the page "Keys" of the docs.
-title    = "Turn right by 30 deg and {climb} by {change:g} deg"
-verifies = "the aircraft turns and {climb}s with little overshoot, and settles"
+title    = ""
+verifies = ""
 gains    = ["tuned_identified"]     # also "paper", "tuned", or a file that `tune --out` wrote
 
-[flight]                            # start: {title}
-V_a_mps    = {V_a:<22g} # the aircraft flies {V_a_min:g} to {V_a_max:g} m/s
-h_m        = {h:g}
-gamma_deg  = {start:g}
+[flight]
+V_a_mps    = 25.0
+h_m        = 1000.0
+gamma_deg  = 0.0
 duration_s = 40.0
 
 [reference]                         # where to: each channel a constant, or a list of segments
 chi_deg   = 30.0
-gamma_deg = {end:g}
+gamma_deg = 0.0
 # shape   = "feasible"              # no step: the fastest change that the limits allow
 
 [limits]                            # of the commands, on the law as on the aircraft
-{limits}
+phi_deg        = []
+phi_rate_dps   = 0.0
+n_z            = []
+n_z_rate_per_s = 0.0
 
 [controller]
 feed_forward = true                 # adds the load factor of steady flight
@@ -67,7 +72,7 @@ kind = "kinematic"
 
 [[plant]]                           # ... and the aircraft it is compared with
 kind     = "jsbsim"
-aircraft = "{aircraft}"
+aircraft = ""
 
 [[expect]]                          # what both must achieve; MO: overshoot, ST: error at the end
 at_most.chi.MO_deg   = 5.0
@@ -79,7 +84,7 @@ at_most.gamma.ST_deg = 0.5
 NEXT = """
 # What to do next:
 #   flighttune fly {name}                    # metrics, requirements, a recording
-#   flighttune report runs/{stem}                 # a page to send
+#   flighttune report {run}                 # a page to send
 #   flighttune gap {name}                    # what each step from law to aircraft adds
 #   flighttune tune {name} --meet            # gains that meet [[expect]]
 #   flighttune fly {name} --gains FILE --set flight.duration_s=60
@@ -91,10 +96,16 @@ def new_scenario(name: str, *, aircraft: str | None = None, like: str | None = N
 
     With `like`, the file or name of another scenario, it is that one made for the aircraft, which
     is by default its own. Raises OutputError if there is such a file already, and InputError if the
-    aircraft or the other scenario is not there, or the aircraft cannot fly it.
+    aircraft or the other scenario is not there, the aircraft cannot fly it, or the name is empty or
+    has a control character.
     """
-    file = Path(name if name.endswith(".toml") else f"{name}.toml")
-    if file.exists():
+    if not name.isprintable():
+        raise InputError(f"`NAME` must have printable characters only, got {name!r}.")
+    stem = name.removesuffix(".toml")
+    if not os.path.basename(stem).strip(" ."):
+        raise InputError(f"`NAME` must be that of a file, got {name!r}.")
+    file = Path(f"{stem}.toml")
+    if os.path.exists(file):  # which a name that is too long does not; writing says so
         raise OutputError(f"{file}: must be a new file, there is one already; give another NAME.")
     if aircraft is not None and (Path(aircraft) / "aircraft.toml").is_file():
         aircraft = str(Path(aircraft).resolve())
@@ -102,7 +113,8 @@ def new_scenario(name: str, *, aircraft: str | None = None, like: str | None = N
         text = _first(aircraft or AIRCRAFT, file.parent)
     else:
         text = _made_for(like, aircraft, file.parent)
-    write_text(file, text + NEXT.format(name=file, stem=file.stem))
+    names = {"name": shlex.quote(str(file)), "run": shlex.quote(f"runs/{file.stem}")}
+    write_text(file, text + NEXT.format(**names))
     try:
         load_scenario(file)
     except ScenarioError:
@@ -136,24 +148,22 @@ def _design(config: AircraftConfig) -> tuple[float, float]:
 
 
 def _first(aircraft: str, folder: Path) -> str:
+    """The template with the values of an aircraft; as values, for its texts may hold quotes."""
     config = load_aircraft(aircraft)
+    document: Any = tomlkit.parse(TEMPLATE)
+    flight, (low, high) = document["flight"], config.envelope.V_a
     V_a, h = _design(config)
     start = level(config, V_a, h).gamma / DEG
-    climb = "climb" if config.engines.count else "descend"
-    low, high = config.envelope.V_a
-    return TEMPLATE.format(
-        climb=climb,
-        change=CLIMB,
-        title=config.title,
-        V_a=V_a,
-        V_a_min=low,
-        V_a_max=high,
-        h=h,
-        start=start,
-        end=start + (CLIMB if config.engines.count else -CLIMB),
-        limits="\n".join(f"{key:14} = {value}" for key, value in _limits(config).items()),
-        aircraft=_named(aircraft, folder),
-    )
+    climb, change = ("climb", CLIMB) if config.engines.count else ("descend", -CLIMB)
+    document["title"] = f"Turn right by 30 deg and {climb} by {CLIMB:g} deg"
+    document["verifies"] = f"the aircraft turns and {climb}s with little overshoot, and settles"
+    flight.comment(f"start: {config.title}")
+    flight.update(rounded({"V_a_mps": V_a, "h_m": h, "gamma_deg": start}, DIGITS + 1))
+    flight["V_a_mps"].comment(f"the aircraft flies {low:g} to {high:g} m/s")
+    document["reference"]["gamma_deg"] = rounded(start + change, DIGITS + 1)
+    document["limits"].update(_limits(config))
+    document["plant"][1]["aircraft"] = _named(aircraft, folder)
+    return tomlkit.dumps(document)
 
 
 def _made_for(like: str, aircraft: str | None, folder: Path) -> str:

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 from pydantic import ValidationError
 
 from flighttune.errors import InputError, ScenarioError
-from flighttune.mistakes import mistakes, shown
+from flighttune.files.mistakes import mistakes, shown
 from flighttune.scenario.tables import PlantTable
 
 # Names of tables and positions in arrays from the top of a scenario to a value
@@ -103,10 +103,11 @@ def _walked(steps: tuple[str, ...], tables: Mapping[str, Any]) -> Place:
         if isinstance(at, list):
             if not step.startswith("["):
                 raise InputError(f"must say which of `{where}` is meant, by its position: [0], ...")
-            labels = [PlantTable.model_validate(each).label for each in at if where == "plant"]
-            position = labels.index(name) if name in labels else int(name) if name.isdigit() else -1
+            labels = [_label(each) for each in at if where == "plant"]
+            digits = name.isascii() and name.isdigit()
+            position = labels.index(name) if name in labels else int(name) if digits else -1
             if not 0 <= position < len(at):
-                label = f" or a label ({', '.join(labels)})" if labels else ""
+                label = f" or a label ({', '.join(filter(None, labels))})" if labels else ""
                 raise InputError(
                     f"must be a position, 0 to {len(at) - 1},{label} of `{where}`, got {step}"
                 )
@@ -118,6 +119,14 @@ def _walked(steps: tuple[str, ...], tables: Mapping[str, Any]) -> Place:
         else:
             raise InputError(f"must be a key of a table, but `{where}` is {at!r}")
     return tuple(place)
+
+
+def _label(plant: Any) -> str:
+    """The label of a plant's table; none as long as a value in it is wrong."""
+    try:
+        return PlantTable.model_validate(plant).label
+    except ValidationError:
+        return ""
 
 
 def _of_plants(

@@ -1,5 +1,6 @@
 """``[route]`` of a scenario: waypoints, and the path planned through them."""
 
+import math
 from collections.abc import Iterator
 from functools import lru_cache
 from typing import Annotated, Self, TypeAlias
@@ -7,9 +8,9 @@ from typing import Annotated, Self, TypeAlias
 from pydantic import Field, model_validator
 
 from flighttune import quantities as q
-from flighttune.routes.files import metres_per_degree
-from flighttune.routes.follow import RouteReference
-from flighttune.routes.path import Ability, Path, Waypoint, plan
+from flighttune.references.earth import LatLon, north_east
+from flighttune.references.follow import RouteReference
+from flighttune.references.path import Ability, Path, Waypoint, check_length, plan
 from flighttune.units import DEG
 
 Distance: TypeAlias = Annotated[q.Finite, Field(ge=-1e6, le=1e6)]  # m from the start
@@ -51,7 +52,8 @@ class RouteTable(q.Table):
     """``[route]``: what is flown in place of a reference over time.
 
     The route begins at its first waypoint, where the flight starts; `lat_deg` and `lon_deg` say
-    where that is for maps, if the waypoints do not.
+    where that is for maps, if the waypoints do not. `notes` say what is not flown of the file that
+    the waypoints were read from.
     """
 
     waypoint: Annotated[list[WaypointTable], Field(min_length=2, max_length=MAX_WAYPOINTS)]
@@ -61,6 +63,7 @@ class RouteTable(q.Table):
     look_ahead_s: q.TimeConstant = 3.0
     lat_deg: Latitude = 0.0
     lon_deg: Longitude = 0.0
+    notes: Annotated[list[str], Field(default_factory=list)]
 
     @model_validator(mode="after")
     def _of_one_kind(self) -> Self:
@@ -69,7 +72,7 @@ class RouteTable(q.Table):
         return self
 
     @property
-    def origin(self) -> tuple[float, float]:
+    def origin(self) -> LatLon:
         """Latitude and longitude of the start, deg."""
         first = self.waypoint[0]
         if first.lat_deg is None or first.lon_deg is None:
@@ -81,11 +84,10 @@ class RouteTable(q.Table):
         return tuple(self._waypoints())
 
     def _waypoints(self) -> Iterator[Waypoint]:
-        first, (lat, lon) = self.waypoint[0], self.origin
-        per_lat, per_lon = metres_per_degree(lat)
+        first = self.waypoint[0]
         for point in self.waypoint:
             if point.lat_deg is not None and point.lon_deg is not None:
-                north, east = (point.lat_deg - lat) * per_lat, (point.lon_deg - lon) * per_lon
+                north, east = north_east((point.lat_deg, point.lon_deg), self.origin)
             else:
                 north = (point.north_m or 0.0) - (first.north_m or 0.0)
                 east = (point.east_m or 0.0) - (first.east_m or 0.0)
@@ -102,7 +104,9 @@ class RouteTable(q.Table):
         """Largest wind that turns allow for at an airspeed, m/s."""
         return WIND_SHARE * V_a if self.wind_mps is None else self.wind_mps
 
-    def ability(self, *, V_a: float, g: float, phi: float, phi_rate: float) -> Ability:
+    def ability(
+        self, *, V_a: float, g: float, phi: float, phi_rate: float, duration: float = math.inf
+    ) -> Ability:
         """Speed, and the limits on roll (rad) and its rate (rad/s) less the margin."""
         share = 1.0 - self.margin
         low, high = self.gamma_deg
@@ -113,11 +117,14 @@ class RouteTable(q.Table):
             phi_rate=share * phi_rate,
             gamma=(low * DEG, high * DEG),
             g=g,
+            duration=duration,
         )
 
     def reference(self, ability: Ability) -> RouteReference:
         """The reference that follows the path through the waypoints."""
         path = planned(self.waypoints(), ability)
+        ends = ((stretch.waypoint, stretch.start + stretch.length) for stretch in path.stretches)
+        check_length(ends, ability)  # a path that was planned for a longer time
         return RouteReference(path=path, V_a=ability.V_a, g=ability.g, look_ahead=self.look_ahead_s)
 
 

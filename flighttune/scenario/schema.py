@@ -14,20 +14,20 @@ from flighttune.control.law import DEFAULT, Law, Trim, law_name, made_law, split
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
-from flighttune.identify.file import DesignModel, design_model, load_identified
+from flighttune.files.shipped import nearest_name
+from flighttune.files.table import hash_of
+from flighttune.identification.file import DesignModel, design_model, load_identified
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.weather import Weather, WindProfile, path_through_air
 from flighttune.present.names import listed
 from flighttune.quantities import FASTEST_WIND, STEEPEST_DEG, Table
-from flighttune.routes.follow import RouteReference
-from flighttune.routes.path import Ability
+from flighttune.references.feasible import FeasibleReference, Manoeuvre, feasible_reference
+from flighttune.references.follow import RouteReference
+from flighttune.references.path import Ability
+from flighttune.references.segments import Reference
 from flighttune.scenario import tables
 from flighttune.scenario.route import RouteTable
 from flighttune.scenario.tables import LAWS, TUNED, TUNED_IDENTIFIED, GainsTable, law_named
-from flighttune.shipped import nearest_name
-from flighttune.simulate.feasible import FeasibleReference, Manoeuvre, feasible_reference
-from flighttune.simulate.reference import Reference
-from flighttune.table_file import hash_of
 from flighttune.units import DEG
 
 # Samples of the controller in a flight: five and a half hours at 50 Hz, 200 MB of signals.
@@ -217,14 +217,22 @@ class Scenario(Table):
     @property
     def notes(self) -> tuple[str, ...]:
         """One sentence for each deviation of the flight from the file."""
+        of_route = tuple(self.route.notes) if self.route is not None else ()
         duration, dt = self.flight.duration_s, 1.0 / self.controller.rate_hz
         flown = round(duration / dt) * dt
         if math.isclose(flown, duration, rel_tol=ROUNDING):
-            return ()
+            return of_route
         return (
+            *of_route,
             f"[flight] `duration_s` {duration:g} is no whole number of samples at "
             f"{self.controller.rate_hz:g} Hz: {flown:.6g} s are flown",
         )
+
+    @property
+    def code(self) -> tuple[str, ...]:
+        """Python files of its laws and plants, which run when it is flown."""
+        listed = (*self.law_tables, *self.plant)
+        return tuple(dict.fromkeys(table.module for table in listed if table.module))
 
     @property
     def law_tables(self) -> tuple[tables.LawTable, ...]:
@@ -387,7 +395,9 @@ class Scenario(Table):
         for key, value in (("phi_deg", phi), ("phi_rate_dps", phi_rate)):
             if not 0.0 < value < math.inf:
                 raise InputError(f"[limits] `{key}` must be given, and on both sides, for a route.")
-        return self.route.ability(V_a=f.V_a_mps, g=f.g_mps2, phi=phi, phi_rate=phi_rate)
+        return self.route.ability(
+            V_a=f.V_a_mps, g=f.g_mps2, phi=phi, phi_rate=phi_rate, duration=f.duration_s
+        )
 
     @property
     def manoeuvre(self) -> Manoeuvre:

@@ -26,16 +26,15 @@ from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import DEFAULT, Law, law_kinds, made_law, plain_laws
 from flighttune.control.limits import Limits
-from flighttune.metrics import FLIGHT_METRICS, LOOP_METRICS, METRICS
+from flighttune.metrics import CHANNELS, FLIGHT_METRICS, LOOP_METRICS, METRICS
 from flighttune.plants.base import PLANT_KINDS, PlantKind
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, HIGHEST_GROUND, LARGEST_SEED
 from flighttune.plants.label import goes_by, plant_label
 from flighttune.plants.sensors import Sensors
 from flighttune.plants.weather import NED, Gust, Turbulence, TurbulenceModel, WindProfile
+from flighttune.references.segments import Reference, Segment
 from flighttune.simulate.disturbance import Sinusoid
-from flighttune.simulate.reference import Reference, Segment
 from flighttune.simulate.run import RunStatus
-from flighttune.tuning.problem import Method
 from flighttune.units import DEG, G_PAPER
 
 Seed: TypeAlias = Annotated[int, Field(ge=0, le=LARGEST_SEED)]
@@ -627,7 +626,6 @@ class TuningTable(q.Table):
     gain_max: q.PositiveGain | None = None
     roll_rate: bool = False
     state_scaling: list[q.Scale] | None = None
-    method: Method = "gradient"
     objective: Literal["R_K", "cost"] = "R_K"
     error_weights: Weights | None = None
     command_weights: Weights | None = None
@@ -648,8 +646,7 @@ class TuningTable(q.Table):
         of_cost = [
             key for key in ("error_weights", "command_weights", "R_min") if getattr(self, key)
         ]
-        foreign = {"I_star", "lag_rad_s", "sample_delay", "state_scaling", "structure", "method"}
-        foreign |= {"objective"}
+        foreign = {"I_star", "lag_rad_s", "sample_delay", "state_scaling", "structure", "objective"}
         changed = [
             name
             for name in sorted(foreign & self.model_fields_set)
@@ -659,8 +656,6 @@ class TuningTable(q.Table):
             raise ValueError(f"`{changed[0]}` must be absent with model identified")
         if self.objective == "R_K" and of_cost:
             raise ValueError(f'`{of_cost[0]}` must be absent without objective = "cost"')
-        if self.objective == "cost" and self.method != "gradient":
-            raise ValueError(f'`method` must be gradient with objective cost, got "{self.method}"')
         return self
 
 
@@ -702,7 +697,8 @@ class ExpectTable(q.Table):
 
     Bounds are grouped by ``chi``, ``gamma`` (measures of the channel, and ``peak_rad``, the largest
     error), ``flight`` and ``loop`` (indicators and margins on the model of ``[tuning]``); a measure
-    in rad may be given in deg under that ending, one in rad/s under ``_dps``.
+    in rad may be given in deg under that ending, one in rad/s under ``_dps``. ``band_deg`` beside
+    ``settling_s`` is the error within which a response counts as settled, in place of 5 %.
     """
 
     plant: Annotated[str, Field(min_length=1)] | None = None
@@ -718,7 +714,14 @@ class ExpectTable(q.Table):
         for bounds in (self.at_most, self.at_least):
             for subject, limits in bounds.items():
                 measures = MEASURES_OF.get(subject, CHANNEL_MEASURES)
-                for name in limits:
+                if "band_deg" in limits and not (
+                    "settling_s" in limits and subject in CHANNELS and limits["band_deg"] > 0.0
+                ):
+                    raise ValueError(
+                        f"`{subject}.band_deg` must be positive and beside `settling_s` of a "
+                        f"channel, got {limits['band_deg']:g}"
+                    )
+                for name in limits.keys() - {"band_deg"}:
                     if in_rad(name) not in measures:
                         raise ValueError(
                             f"`{subject}.{name}` must be one of {', '.join(measures)} "

@@ -18,7 +18,6 @@ from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import LONGEST_STEP
 from flighttune.plants.sensors import SENSED, Sensors
 from flighttune.simulate.disturbance import Sinusoid
-from flighttune.simulate.measures import ErrorMeasures
 from flighttune.units import G_PAPER
 
 # Columns of a trajectory: as in a run, and the rates of the errors by the law, rad/s.
@@ -61,22 +60,12 @@ class BatchResult(NamedTuple):
     """Results of N flights as arrays."""
 
     t: FloatArray  # (k,), s: Times of the samples
-    # (N, 2, 10): `ErrorMeasures` of the course (0) and of the flight-path angle (1); NaN where a
-    # measure has no value or the flight has fewer than two samples
-    measures: FloatArray
     # (N,): Samples of each flight, k unless it ended before its time
     samples: npt.NDArray[np.int64]
     # (N,): 0 where the flight was completed, 1 where it ended at 90 deg of roll, 2 where an angle
     # went beyond 1000 rad
     ends: npt.NDArray[np.int64]
-    last: FloatArray  # (N, 14): `SIGNALS` at the last sample
-    # (N, k, 14): `SIGNALS` over time, NaN after the end; of no flight where only measures were
-    # asked for
-    trajectories: FloatArray
-
-    def measure(self, name: str) -> FloatArray:
-        """One of `ErrorMeasures`, shape (N, 2): course, flight-path angle."""
-        return self.measures[..., ErrorMeasures._fields.index(name)]
+    trajectories: FloatArray  # (N, k, 14): `SIGNALS` over time, NaN after the end
 
     def signal(self, name: str) -> FloatArray:
         """One of `SIGNALS` over time, shape (N, k)."""
@@ -92,7 +81,6 @@ def fly_sampled(
     ref_rates: npt.ArrayLike | None = None,
     disturbances: Sequence[Sinusoid] = (Sinusoid(),),
     sensors: Sequence[Sensors] = (),
-    trajectories: bool = False,
     g: npt.ArrayLike = G_PAPER,
     threads: int | None = None,
 ) -> BatchResult:
@@ -110,8 +98,6 @@ def fly_sampled(
         Time to fly, at least a sample; rounded to whole samples.
     ref_rates : array_like, shape of `ref`, rad/s, optional
         Their rates, which the exact law follows.
-    trajectories : bool
-        Keep all signals over time: 112 bytes a sample and flight.
     g : float or array_like, shape (N,), m/s^2
         Acceleration of gravity.
     threads : int, optional
@@ -120,8 +106,8 @@ def fly_sampled(
     Returns
     -------
     BatchResult
-        Trajectories and measures are those of the single run but for rounding (1e-12), and the same
-        bits for any number of threads. Integrals of the exact law (rad/s) stand in
+        Trajectories, of 112 bytes a sample, are those of the single run but for rounding (1e-12),
+        the same bits for any number of threads. Integrals of the exact law (rad/s) stand in
         ``phi_integral`` and ``n_z_integral``.
 
     Raises
@@ -148,8 +134,8 @@ def fly_sampled(
     followed = followed if followed.ndim == 3 else followed.reshape(1, -1, 2)
     if followed.shape[1:] not in ((1, 2), (len(t), 2)):
         raise ShapeError(f"`ref` must have 1 or {len(t)} samples, got {followed.shape[1]}.")
-    if any(wave.chi_switches or wave.gamma_switches for wave in disturbances):
-        raise InputError("`disturbances` must have no switching times: a batch flies sinusoids.")
+    if not all(wave.batched for wave in disturbances):
+        raise InputError("`disturbances` must be sinusoids without phases or switching times.")
     laws = np.zeros((len(laws_read), LAW_NUMBERS))
     for row, controller in zip(laws, laws_read, strict=True):
         numbers = list(_numbers(controller.law))
@@ -178,11 +164,9 @@ def fly_sampled(
     )
     result = BatchResult(
         t=t,
-        measures=np.empty((N, 2, len(ErrorMeasures._fields))),
         samples=np.zeros(N, dtype=np.int64),
         ends=np.zeros(N, dtype=np.int64),
-        last=np.empty((N, len(SIGNALS))),
-        trajectories=np.full((N if trajectories else 0, len(t), len(SIGNALS)), np.nan),
+        trajectories=np.full((N, len(t), len(SIGNALS)), np.nan),
     )
     from flighttune.simulate.kernel import fly_block
 

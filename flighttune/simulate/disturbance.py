@@ -41,6 +41,12 @@ class Sinusoid:
     chi_switches: tuple[float, ...] | None = None
     gamma_switches: tuple[float, ...] | None = None
 
+    @property
+    def batched(self) -> bool:
+        """Whether the compiled kernel flies it: plain sinusoids."""
+        switches = self.chi_switches is not None or self.gamma_switches is not None
+        return not (self.square or self.chi_phase or self.gamma_phase or switches)
+
     def __call__(self, t: float) -> tuple[float, float]:
         """Return (d_chi, d_gamma) in rad/s at time `t` in s."""
         chi = math.sin(self.chi_omega * t + self.chi_phase)

@@ -19,8 +19,6 @@ from flighttune.control.exact_law import RateLaw
 from flighttune.control.mimo_pi import ChannelLaw, PILaw, PIState
 from flighttune.plants import point_mass
 from flighttune.plants.point_mass import LOST
-from flighttune.simulate import measures
-from flighttune.simulate.measures import error_measures
 from flighttune.units import wrap_angle
 
 try:
@@ -36,10 +34,7 @@ except ImportError:
 SOURCES = (
     Path(__file__),
     Path(__file__).with_name("batch.py"),
-    *(
-        Path(str(module.__file__))
-        for module in (exact_law, limits, measures, mimo_pi, point_mass, units)
-    ),
+    *(Path(str(module.__file__)) for module in (exact_law, limits, mimo_pi, point_mass, units)),
 )
 DIGEST = sha256(b"".join(path.read_bytes() for path in SOURCES)).hexdigest()[:12]
 
@@ -48,9 +43,6 @@ COMPLETED, ROLLED, DIVERGED = 0, 1, 2
 
 register_jitable(wrap_angle)
 register_jitable(limits.limit_command)
-register_jitable(measures._first_below)
-register_jitable(measures._step_measures)
-register_jitable(error_measures)
 exact_step = register_jitable(inline="always")(exact_law.exact_step)
 pi_step = register_jitable(inline="always")(mimo_pi.pi_step)
 
@@ -75,29 +67,10 @@ def fly_block(first, end, sensor_errors, flights, result):
     `sensor_errors` is measured minus true course, flight-path angle and airspeed, one row a flight
     of the block and one a sample; of no flight where the controller sees the true values.
     """
-    t, keep = result.t, len(result.trajectories) > 0
-    scratch = np.empty((0 if keep else len(t), result.last.shape[1]))
     for i in range(first, end):
-        rows = result.trajectories[i] if keep else scratch
         seen = sensor_errors[i - first] if len(sensor_errors) else sensor_errors.reshape((0, 3))
-        samples, result.ends[i] = _fly(i, seen, flights, t, rows)
-        result.samples[i] = samples
-        result.last[i] = rows[samples - 1]
-        _measure(t[:samples], rows[:samples], _reference(flights, i), result.measures[i])
-
-
-@njit
-def _measure(t, rows, ref, measures):
-    measures[:] = math.nan
-    if len(t) < 2:
-        return
-    for j in range(2):
-        effort = rows[:, 6 + j].copy()
-        if j == 1:
-            effort -= np.cos(ref[: len(t), 1])  # of one row where the reference is constant
-        of_channel = error_measures(t, rows[:, 2 + j].copy(), effort, rows[:, 12 + j].copy())
-        for m in range(len(of_channel)):
-            measures[j, m] = of_channel[m]
+        rows = result.trajectories[i]
+        result.samples[i], result.ends[i] = _fly(i, seen, flights, result.t, rows)
 
 
 @njit

@@ -22,9 +22,9 @@ from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, Plant, Stop
 from flighttune.plants.sensors import MEASURED, SensedPlant, Sensors
 from flighttune.plants.weather import WIND
-from flighttune.routes.follow import ROUTE_SIGNALS, Follower, RouteReference
-from flighttune.simulate.feasible import FeasibleReference
-from flighttune.simulate.reference import Reference
+from flighttune.references.feasible import FeasibleReference
+from flighttune.references.follow import ROUTE_SIGNALS, Follower, RouteReference
+from flighttune.references.segments import Reference
 
 # Signals that the loop adds to those of the plant, one row per sample of the controller.
 #

@@ -1,8 +1,4 @@
-"""Measures of a tracking error over time: plain NumPy that Numba compiles too.
-
-`flighttune.metrics` states the definitions and takes them of a run; the batch takes them of every
-flight by this very function, compiled.
-"""
+"""Measures of a tracking error over time; `flighttune.metrics` states the definitions."""
 
 import math
 from collections import namedtuple

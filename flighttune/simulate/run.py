@@ -1,8 +1,10 @@
 """A flown time history that cannot be changed afterwards."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+
+import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
@@ -11,6 +13,7 @@ from flighttune.plants.base import StopStatus
 from flighttune.plants.label import aircraft_of
 from flighttune.present.palette import LineStyle, line_styles
 from flighttune.present.tables import facts_table, matrix, number
+from flighttune.simulate.bounds import RunClaim, claims_around
 from flighttune.units import DEG
 
 if TYPE_CHECKING:
@@ -21,7 +24,7 @@ RunStatus: TypeAlias = Literal["completed", "no_gains", "no_trim"] | StopStatus
 _SIGNALS_BY_UNIT = {
     "rad": "chi gamma phi chi_ref gamma_ref chi_err gamma_err phi_cmd phi_unlimited phi_integral "
     "chi_meas gamma_meas alpha beta theta psi chi_ground gamma_ground aileron elevator "
-    "rudder chi_err_low chi_err_high gamma_err_low gamma_err_high chi_err_worst gamma_err_worst",
+    "rudder",
     "1": "n_z n_z_cmd n_z_unlimited n_z_integral phi_limited n_z_limited n_y throttle",
     "m/s": "V_a V_a_meas V_g wind_north wind_east wind_down",
     "m": "north east down h along cross_track height_err",
@@ -41,20 +44,6 @@ _SIGNALS_BY_UNIT = {
 # over ground, or through the air in runs that have ``*_ground`` too. On a route ``along`` is the
 # distance along it, ``cross_track`` that to its right, and ``height_err`` its height minus the own.
 SIGNAL_UNITS = {name: unit for unit, names in _SIGNALS_BY_UNIT.items() for name in names.split()}
-
-# Bounds of the errors in runs whose tube is known. They were computed, not flown.
-TUBE_SIGNALS = ("chi_err_low", "chi_err_high", "gamma_err_low", "gamma_err_high")
-
-# Errors of the flight found that comes nearest to leaving the tube, in runs where it is known.
-WORST_SIGNALS = ("chi_err_worst", "gamma_err_worst")
-
-# Endings of the bounds of a signal in runs around which a counted band is drawn.
-BAND_ENDS = ("_band_low", "_band_high")
-
-
-def is_claimed(signal: str) -> bool:
-    """Whether a signal was not flown: a bound of a tube or a band, or the worst flight in one."""
-    return signal in (*TUBE_SIGNALS, *WORST_SIGNALS) or signal.endswith(BAND_ENDS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -134,8 +123,8 @@ class Run:
         Scenario, plant and gains that made the run.
     units : mapping of str to str
         Units of signals that `SIGNAL_UNITS` does not know: those of a user's own law.
-    band : str
-        Claim of the counted band among its signals, in words; empty if there is none.
+    claims : tuple of RunClaim
+        What is claimed of flights like it: tubes and bands around its signals.
 
     Examples
     --------
@@ -149,7 +138,7 @@ class Run:
     reason: str
     provenance: Provenance = field(repr=False)
     units: Mapping[str, str] = field(default_factory=dict, repr=False)
-    band: str = field(default="", repr=False)
+    claims: tuple[RunClaim, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
         from flighttune.simulate.signal_table import SignalTable  # pandas, 0.2 s, where one flies
@@ -189,6 +178,33 @@ class Run:
         if made.gains is not None:
             facts["gains"] = f"K_P {matrix(made.gains.K_P)}, K_I {matrix(made.gains.K_I)}"
         return facts_table(self.label, facts).html()
+
+
+def along_route(run: Run) -> FloatArray:
+    """Distance of each sample along the route, m; its nearest point may go back a little."""
+    return np.maximum.accumulate(run.signals["along"].to_numpy())
+
+
+def claimed_along(run: Run, signal: str, s: FloatArray) -> Iterator[FloatArray]:
+    """Bounds claimed of a signal at distances along a route (m), shape (2, n) for each claim."""
+    for _, ends in claims_around(run.claims, signal):
+        yield np.array([np.interp(s, along_route(run), end) for end in ends])
+
+
+def claim_notes(runs: Iterable[Run]) -> list[str]:
+    """Whether runs are inside what is claimed of them, and the claims in words."""
+    runs = list(runs)
+    inside = [
+        f"{run.label}: {'inside' if claim.contains(run.signals) else 'outside'} the {claim.title}."
+        for run in runs
+        for claim in run.claims
+    ]
+    claims = [
+        f"{claim.title[0].upper()}{claim.title[1:]}: {claim.sentence}."
+        for run in runs
+        for claim in run.claims
+    ]
+    return [*inside, *dict.fromkeys(claims)]
 
 
 def run_styles(runs: Iterable[Run]) -> dict[str, LineStyle]:

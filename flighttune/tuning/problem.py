@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,8 +14,6 @@ from flighttune.control.linear_model import LinearModel, closed_loops
 from flighttune.errors import InputError, ShapeError
 from flighttune.theory.indicators import state_scaling
 from flighttune.theory.reachable import largest_errors
-
-Method: TypeAlias = Literal["gradient", "genetic", "convex"]
 
 # Default bound on the size of every gain: the problem has no optimum among unbounded ones
 LARGEST_GAIN = 1e3

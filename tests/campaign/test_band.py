@@ -10,15 +10,17 @@ from commands import answer, flighttune
 from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_of, uniform
 
 from flighttune.campaign import band as band_module
-from flighttune.campaign.band import around, count_band, count_more, recount
+from flighttune.campaign.band import count_band, count_more, load_band, recount
 from flighttune.campaign.band import plan_of as plan_of_band
+from flighttune.campaign.claims import BandClaim
 from flighttune.campaign.flying.alone import fly_group, scenario_of_run
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.stated_set import planned
+from flighttune.claims.band import save_band
 from flighttune.errors import InputError
 from flighttune.flight.fly import fly
-from flighttune.guarantee.band import load_band, save_band
 from flighttune.scenario.load import scenario_from
+from flighttune.simulate.claim import with_claims
 
 START = uniform("flight.chi_deg", -5.0, 5.0), uniform("flight.gamma_deg", 3.0, 7.0)
 FEW = {"epsilon": 0.3, "confidence": 0.9, "learn": 10}
@@ -59,7 +61,7 @@ def test_fresh_flights_are_counted_and_none_is_flown_twice():
     assert flown == [list(range(10)), list(range(10, 10 + WITH_FIVE))]
     assert counted.outside == 5
     assert f"of {WITH_FIVE} fresh flights 5 lie outside" in counted.sentence
-    assert "(flight.chi_deg, flight.gamma_deg) in calm air" in counted.sentence
+    assert "in calm air; drawn at random: initial course -5 to 5 deg and" in counted.sentence
 
 
 def test_the_flights_inside_are_those_whose_errors_are(counted):
@@ -83,16 +85,17 @@ def test_the_aircraft_is_flown_unless_another_plant_is_named(plant, flown):
 
 def test_more_flights_are_added_to_the_count(counted):
     with flown_here(band_module, "planned", None) as pool:
-        more = count_more(counted, 40, pool)
-        with pytest.raises(InputError, match=f"`flights` must be more than the {WITH_FIVE}"):
-            count_more(counted, WITH_FIVE, pool)
-    # one more flight is learned, so that the draws counted begin with the next one
-    at_once = count(flights=39, learn=11)
+        more = count_more(counted, 2 * WITH_FIVE, pool)
+        for other in (WITH_FIVE, 40, 3 * WITH_FIVE):
+            with pytest.raises(
+                InputError, match=r"`flights` must be one of .*, 58, 116, 232 \.\.\."
+            ):
+                count_more(counted, other, pool)
+    # the draws of this one begin with the second half of that: a draw between them is left out
+    after = count(flights=WITH_FIVE, learn=10 + WITH_FIVE + 1)
 
-    assert len(more.scores) == 40
-    assert np.array_equal(more.extremes[:WITH_FIVE], counted.extremes)
-    assert np.array_equal(more.extremes[1:], at_once.extremes)
-    assert more.about.readings == (WITH_FIVE, 40)
+    assert np.array_equal(more.extremes, np.concatenate([counted.extremes, after.extremes]))
+    assert more.readings == (WITH_FIVE, 2 * WITH_FIVE)
     assert more.confidence == pytest.approx(0.8)
 
 
@@ -102,8 +105,7 @@ def test_a_recount_finds_a_flight_that_differs(counted):
 
     with flown_here(band_module, "planned", None) as pool:
         assert recount(counted, WITH_FIVE, pool) == []
-        assert recount(counted, 7, pool) == []  # every fourth one
-        assert recount(replace(counted, extremes=extremes), 7, pool) == [14]
+        assert recount(replace(counted, extremes=extremes), WITH_FIVE, pool) == [14]
         with pytest.raises(InputError, match="`recount` must be 1 to"):
             recount(counted, WITH_FIVE + 1, pool)
 
@@ -119,7 +121,7 @@ def test_a_flight_that_does_not_complete_counts():
     counted = count(rows=rows, flights=ALONE)
 
     assert counted.not_completed == 1
-    assert counted.about.scale is None
+    assert not counted.claims
     assert "1 did not complete, and at most 0 may" in counted.sentence
 
 
@@ -182,7 +184,7 @@ def test_the_command_counts_reads_adds_and_verifies(tmp_path):
 
     made = answer("band", campaign, *claim, "--learn", 10, "--workers", 1, "--out", file)
     other = answer("band", file, "--epsilon", 0.5)
-    more = answer("band", file, "--flights", 40, "--workers", 1)
+    more = answer("band", file, "--flights", 58, "--workers", 1, "--out", tmp_path / "other.npz")
     again = answer("band", file, "--recount", 5, "--workers", 1)
     valid = answer("verify", file)
 
@@ -190,9 +192,9 @@ def test_the_command_counts_reads_adds_and_verifies(tmp_path):
     assert (made["status"], made["flights"], made["outside"]) == ("claimed", WITH_FIVE, 5)
     assert other["scale"] < made["scale"]
     assert [row["unit"] for row in made["half_widths"]] == ["deg", "deg"]
-    assert (more["readings"], more["confidence"]) == ([29, 40], pytest.approx(0.8))
+    assert (more["readings"], more["confidence"]) == ([29, 58], pytest.approx(0.8))
     assert (again["flights"], again["differ"]) == (5, [])
-    assert valid["valid"]
+    assert (valid["valid"], valid["flown_again"]) == (True, 5)
     assert valid["sentence"] == more["sentence"] == band.sentence
     widths = np.rad2deg(band.half_widths)
     assert valid["half_widths"][1]["largest"] == pytest.approx(widths[:, 1].max())
@@ -228,7 +230,7 @@ def test_a_band_on_a_route_follows_the_distance_along_it():
     path = plan.scenario.followed().path
 
     assert band.about.signals == {"cross_track": "m", "height_err": "m"}
-    assert (band.about.over, band.about.edges[-1]) == ("along", math.ceil(path.length))
+    assert (band.axis.over, band.axis.edges[-1]) == ("along", math.ceil(path.length))
     for run, score in enumerate(band.scores, start=band.about.learned):
         signals = fly_group(plan, plan_of_band(band).scenario_of(run), plan.groups[0]).signals
         assert band.bounds(signals["along"].to_numpy()).contain(signals) == (score <= band.scale)
@@ -253,11 +255,13 @@ def test_a_band_is_not_drawn_around_a_run_of_another_airframe_or_with_sensors():
         made = scenario_from({**tables, **changes})
         return [run for run in fly(made).runs if run.provenance.plant == label]
 
-    assert counted.sentence == around(counted, flown())[0].band
+    claim = BandClaim(band=counted)
+    (run, *_) = with_claims(flown(), [claim])
+    assert run.claims[0].sentence == counted.sentence
     heavy = [plant | {"airframe": {"mass_factor": 1.3}} for plant in tables["plant"]]
     for key, changes in (
         ("plant.airframe.mass_factor", {"plant": heavy}),
         ("sensors.chi_bias_deg", {"sensors": {"chi_bias_deg": 1.0}}),
     ):
-        with pytest.raises(InputError, match=rf"`band` must be of the same {key}"):
-            around(counted, flown(**changes))
+        with pytest.raises(InputError, match=rf"must cover a run: .*: its {key} must be"):
+            with_claims(flown(**changes), [claim])

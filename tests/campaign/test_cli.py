@@ -180,15 +180,6 @@ def test_a_dry_run_shows_plan_cost_and_room_and_writes_nothing(tmp_path, file):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_half_width_that_is_not_reached_is_the_answer_no(tmp_path, file, address):
-    _, said = flighttune(
-        "campaign", "run", file, "--runs", 8, "--scheduler", address, "--out", tmp_path,
-        "--until-halfwidth", 0.01, status=1,
-    )  # fmt: skip
-
-    assert "the half width must be at most 0.01, got 0." in said.splitlines()[-1]
-
-
 @pytest.mark.parametrize("address", ["nonsense", "tcp://host:many"])
 def test_what_is_no_address_is_one_line_and_leaves_no_folder(tmp_path, file, address):
     out = tmp_path / "out"

@@ -25,10 +25,10 @@ from flighttune.campaign.conform import (
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
-from flighttune.conformance.boxes import Windows
-from flighttune.conformance.file import conformance_tables, load_conformance, save_conformance
+from flighttune.claims.boxes import Windows
+from flighttune.claims.conformance import conformance_tables, load_conformance, save_conformance
 from flighttune.errors import InputError, ScenarioError
-from flighttune.seal import BLANK, seal
+from flighttune.files.seal import BLANK, seal
 
 GAINS = {"name": "soft", "K_P": [[0.5, 0.0], [0.0, 0.5]], "K_I": [[0.1, 0.0], [0.0, 0.1]]}
 START = uniform("flight.chi_deg", -5.0, 5.0), uniform("flight.gamma_deg", 3.0, 7.0)
@@ -159,7 +159,7 @@ def test_a_file_comes_back_as_it_was_written(found, tmp_path):
 def test_a_wind_that_is_drawn_may_be_stated():
     plan = plan_campaign(load_campaign("light_turbulence"))
     (plant,) = plan.scenario.plant
-    known = distribution_of(plan, plant.label)
+    known = distribution_of(plan.campaign, plant.label)
 
     def difference(**wind):
         scenario = conform_module.scenario_from({**plan.scenario.as_dict(), "wind": wind})
@@ -322,6 +322,7 @@ def test_workers_fly_what_is_learned_and_counted(tmp_path):
     options = ("--epsilon", 0.5, "--confidence", 0.75, "--workers", 1)
 
     said = answer("conform", still, *options, "--out", tmp_path / "boxes.json")
+    assert "0.05 times the widest" in said["notes"][0]
     again = answer("conform", still, "--recount", tmp_path / "boxes.json", "--workers", 1)
 
     assert said["training"] == 10  # 20 runs are 10 draws of two gain sets

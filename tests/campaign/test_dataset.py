@@ -12,7 +12,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from campaigns import Notes, bits, parts, plan
-from scipy.stats import binomtest
 
 from flighttune.campaign.dataset import Dataset, dataset_hash, locked, missing, open_dataset
 from flighttune.campaign.engine.engine import run_campaign
@@ -20,7 +19,7 @@ from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.statistics.flights import load_flights
 from flighttune.errors import InputError, OutputError, RecordingError
 from flighttune.flight.fly import library_versions
-from flighttune.recording.parquet import read_run
+from flighttune.records.parquet import read_run
 
 pytestmark = pytest.mark.slow
 
@@ -294,31 +293,6 @@ def test_the_hash_sees_every_bit_but_the_time_flights_took(tmp_path, ours, rows)
     assert digest("null", changed("chi.ITAE", None)) != plain
     assert digest("text", changed("reason", "another")) != plain
     assert digest("truth", changed("success", not rows.column("success")[3].as_py())) != plain
-
-
-def halfwidth(rows, group, n):
-    """By scipy: half width of Wilson's interval of the first n flights of a group."""
-    successes = int(rows["success"][rows["run"] % 4 == group][:n].sum())
-    interval = binomtest(successes, n).proportion_ci(method="wilson")
-    return (interval.high - interval.low) / 2.0
-
-
-def test_a_campaign_ends_at_the_first_look_that_is_sure_enough(tmp_path, address):
-    ours = plan(tmp_path, runs=4000, duration=0.2)
-
-    done = run_campaign(ours, tmp_path / "out", scheduler=address, until_halfwidth=0.016)
-
-    rows = open_dataset(tmp_path / "out").rows().to_pandas()
-    widths = [max(halfwidth(rows, group, n) for group in range(4)) for n in (100, 125)]
-    assert widths[0] > 0.016 >= widths[1]
-    assert rows["run"].tolist() == list(range(500))
-    assert done.halfwidth == pytest.approx(widths[1], abs=1e-12)
-    assert done.planned == 4000
-
-    again = run_campaign(
-        ours, tmp_path / "out", scheduler=address, until_halfwidth=0.016, resume=True
-    )
-    assert (again.flown, again.runs) == (0, 500)
 
 
 def test_what_is_missing_is_what_no_file_holds():

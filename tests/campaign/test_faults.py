@@ -45,7 +45,7 @@ from flighttune.errors import CampaignError
 
 pytestmark = pytest.mark.slow  # real clusters, processes that are killed
 
-RUNS = 160
+RUNS, WORKERS = 160, 2
 ENDINGS = [
     *((who, signal.SIGKILL) for who in ("all", "command", "worker", "workers")),
     *(("command", number) for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)),
@@ -141,6 +141,15 @@ class Level:
 """
 
 
+def with_own_law(scenario):
+    """Add a law of the user's to a scenario; its file."""
+    law = scenario.with_name("level.py")
+    law.write_text(OWN_LAW)
+    tables = '[[law]]\nname = "level"\nkind = "python"\nmodule = "level.py"\nclass = "Level"\n'
+    scenario.write_text(scenario.read_text() + tables)
+    return law
+
+
 @pytest.mark.parametrize(
     ("change", "said"),
     [
@@ -153,11 +162,7 @@ def test_a_worker_that_lacks_the_law_of_a_campaign_refuses_it_by_name(
     tmp_path, address, change, said
 ):
     file = write_campaign(tmp_path, runs=4, wind="")
-    scenario = tmp_path / "short_turn_in_wind.toml"
-    law = tmp_path / "level.py"
-    law.write_text(OWN_LAW)
-    tables = '[[law]]\nname = "level"\nkind = "python"\nmodule = "level.py"\nclass = "Level"\n'
-    scenario.write_text(scenario.read_text() + tables)
+    law = with_own_law(tmp_path / "short_turn_in_wind.toml")
     ours = plan_campaign(load_campaign(file))
     change(law)
 
@@ -166,6 +171,26 @@ def test_a_worker_that_lacks_the_law_of_a_campaign_refuses_it_by_name(
 
     law.write_text(OWN_LAW)
     assert run_campaign(ours, tmp_path / "out", scheduler=address, resume=True).completed == 4
+
+
+def test_a_law_whose_file_changes_meanwhile_ends_the_count_at_once(tmp_path):
+    file = write_campaign(tmp_path, runs=RUNS, wind="")
+    law = with_own_law(tmp_path / "short_turn_in_wind.toml")
+    ours = plan_campaign(load_campaign(file))
+
+    def change(progress):
+        if progress.done:
+            law.write_text(OWN_LAW + "# other")
+        return False
+
+    with pytest.raises(CampaignError, match=r"\[\[law\]\] level: .* has other contents now"):
+        run_campaign(ours, tmp_path / "out", workers=WORKERS, observer=Notes(change))
+
+    rows = rows_of(tmp_path / "out").to_pylist()
+    assert sum(row["status"] == "invalid" for row in rows) <= WORKERS  # flights of that moment
+    law.write_text(OWN_LAW)
+    done = run_campaign(ours, tmp_path / "out", workers=WORKERS, resume=True)
+    assert done.statuses["completed"] >= RUNS - WORKERS
 
 
 def test_a_process_killed_in_mid_chunk_costs_nothing(tmp_path, ours, undisturbed):

@@ -4,7 +4,7 @@ import pytest
 from dispersed import WIND, one_of, plan_of, tables_of, uniform
 
 from flighttune.campaign.flying.columns import OUTCOME
-from flighttune.campaign.flying.kinematic_batch import NOT_IN_BATCH, batchable
+from flighttune.campaign.flying.kinematic_batch import batchable
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.schema import MEASURES
 from flighttune.scenario.schema import Scenario
@@ -121,6 +121,18 @@ def test_draws_of_everything_at_once_are_flown_as_flights_alone(tables, disperse
     assert_flown_as_alone(rows, plan)
     assert len({outcome(row) for row in rows}) > 0.9 * plan.runs
     assert 0 < sum(row["success"] for row in rows) < plan.runs or "expect" not in tables
+
+
+def test_settling_within_a_band_of_its_own_is_a_column_of_both():
+    bounds = {"settling_s": 8.0, "band_deg": 2.0}
+    tables = tables_of(expect=[{"at_most": {"chi": bounds}}])
+    plan = plan_of(tables, uniform("flight.chi_deg", -60.0, 60.0), runs=12)
+
+    rows = rows_of(plan)
+
+    assert_flown_as_alone(rows, plan)
+    assert len({row["chi.settling_s within 2 deg"] for row in rows}) > 3
+    assert all(row["chi.late_rad"] is not None for row in rows)
 
 
 @pytest.mark.parametrize(
@@ -243,4 +255,3 @@ def test_no_key_of_a_scenario_is_left_out_of_these_tests():
         assert tried == set(table.model_fields) - OF_OTHERS.get(table, set())
     tops = {key.split(".")[0] for key in KEYS}
     assert tops == set(Scenario.model_fields) - OF_OTHERS[Scenario]
-    assert {key.split(".")[0] for key in NOT_IN_BATCH} <= set(Scenario.model_fields)

@@ -3,6 +3,7 @@
 import json
 import math
 from itertools import product
+from unittest import mock
 
 import control
 import numpy as np
@@ -17,9 +18,10 @@ from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.control.gains import PAPER_GAINS, PIGains, rate_gains, shifted
 from flighttune.errors import InputError
+from flighttune.files.table import toml_text
 from flighttune.flight.outer_loop import gain_set, loop_measures, tuning_problem
+from flighttune.reports.meet import write_meet_page
 from flighttune.scenario import load_gains, load_scenario, scenario_from
-from flighttune.table_file import toml_text
 from flighttune.units import DEG
 
 pytestmark = pytest.mark.slow
@@ -65,7 +67,7 @@ def test_gains_meet_the_requirements_when_they_are_flown(overshoot, met):
 
     assert values["status"] == "met"
     assert again.claim.verdict == "met"
-    chi, gamma = values["requirements"]
+    chi, gamma, *_ = values["requirements"]
     metrics = again.metrics.loc[again.runs[0].label, "MO_rad"] / DEG
     # the kernel and a single flight differ by rounding
     assert [chi["value"], gamma["value"]] == pytest.approx([*metrics], abs=1e-6)
@@ -73,12 +75,100 @@ def test_gains_meet_the_requirements_when_they_are_flown(overshoot, met):
     assert chi["margin"] == pytest.approx(1.0 - chi["value"] / 3.0)
 
 
-def test_the_metric_is_minimised_among_gains_that_meet_all(met):
+def test_the_metric_is_minimised_among_gains_that_meet_all_by_a_fifth(met):
     values, gains, trials = met
     (best,) = [trial for trial in trials if trial.gains == gains]
 
-    assert best.metric == min(trial.metric for trial in trials if trial.met)
+    assert best.metric == min(trial.metric for trial in trials if trial.worst.max() <= -0.2)
     assert values["flights"] == values["candidates"] <= 160
+
+
+def test_margins_of_the_loop_are_required_unless_others_are_stated(overshoot, met):
+    stated = scenario(at_most(MO_deg=3.0), {"at_least": {"loop": {"phase_margin_rad": 0.1}}})
+
+    rows = [searched(stated, budget=2)[0]["requirements"], met[0]["requirements"]]
+
+    default, both = (
+        [(x["measure"], x["bound"]) for x in of if x["run"] == "default"] for of in rows
+    )
+    assert default == [("loop.gain_margin_dB", 6.0)]
+    assert both == [("loop.gain_margin_dB", 6.0), ("loop.phase_margin_deg", 35.0)]
+    least = loop_measures(overshoot, "tuned", met[1], ["phase_margin_rad"])["phase_margin_rad"]
+    assert rows[1][-1]["value"] == pytest.approx(least / DEG)
+
+
+def step(V_a, chi, gamma, phi_rate, n_z_rate, lags, *bounds, n_z=(-1.0, 2.5), time=15.0):
+    """A step of course and path angle, deg, of the point mass behind `lags` or by the law."""
+    lag = lags and dict(zip(("roll_lag_rad_s", "n_z_lag_rad_s"), lags, strict=True))
+    return scenario_from({
+        "title": "Step",
+        "gains": ["paper"],
+        "flight": {"V_a_mps": V_a, "duration_s": time, "chi_deg": 0.0, "gamma_deg": 0.0},
+        "reference": {"chi_deg": chi, "gamma_deg": gamma},
+        "limits": {
+            "phi_deg": [-45.0, 45.0], "phi_rate_dps": phi_rate,
+            "n_z": [*n_z], "n_z_rate_per_s": n_z_rate,
+        },
+        "controller": {"rate_hz": 50.0, "feed_forward": True},
+        "plant": [{"kind": "point_mass_lag", **lag} if lag else LAW],
+        "expect": [at_most(**bounds[0]), at_most("gamma", **bounds[1])],
+    })  # fmt: skip
+
+
+def both(MO_chi, settling_chi, MO_gamma, settling_gamma):
+    return (
+        {"MO_deg": MO_chi, "settling_s": settling_chi},
+        {"MO_deg": MO_gamma, "settling_s": settling_gamma},
+    )
+
+
+# Sets of requirements, with the smallest excess of the worst one over its bound that 9000 to 12000
+# flights of plain CMA-ES found (three or four runs of `cma` on the logarithms of the four gains on
+# the diagonals, from (1.5, 1.8, 0.4, 0.8) and (3, 5, 0.01, 0.01), first step 0.7 to 2, population
+# 16 or 32), with a simulation of its own of point mass, lags, limits and law.
+SETS = {
+    "law, met": (step(25, 30, 10, 60, 2, (), *both(0.2, 3.5, 0.1, 2.5)), -0.48),
+    "law, missed": (step(25, 30, 10, 60, 2, (), *both(0.2, 1.5, 0.1, 0.9)), 0.2),
+    "law, too fast": (
+        step(25, 30, 10, 60, 2, (),
+             {"rise_s": 1.1, "MO_deg": 0.1}, {"ITAE": 0.025, "MO_deg": 0.05}),
+        0.075,
+    ),
+}  # fmt: skip
+LAGGED_SETS = {
+    "slow roll": (step(25, 40, 8, 40, 2, (4, 6), *both(0.5, 4.5, 0.3, 4.5)), -0.4),
+    "climb": (step(25, 30, 10, 60, 2, (7, 6), *both(0.2, 3.4, 0.2, 3.4)), -0.441),
+    "left turn": (
+        step(20, -45, 10, 60, 2, (3, 4), *both(0.4, 2.8, 0.4, 2.0), n_z=(-1, 3)), 0.156,
+    ),
+    "slow limits": (
+        step(50, 45, 3, 20, 1, (4, 4),
+             {"rise_s": 4.5, "MO_deg": 0.4}, {"settling_s": 5.0, "MO_deg": 0.2},
+             n_z=(0, 2), time=25.0),
+        0.008,
+    ),
+    "fast": (
+        step(100, 20, 2, 45, 2, (3, 2), {"settling_s": 6.0}, {"MO_deg": 0.02, "settling_s": 3.0},
+             n_z=(-1, 3), time=40.0),
+        0.8,
+    ),
+}  # fmt: skip
+
+# Of value over bound
+NEAREST = 1.1
+
+
+@pytest.mark.parametrize(
+    "name", [*SETS, *(pytest.param(name, marks=pytest.mark.soak) for name in LAGGED_SETS)]
+)
+def test_a_no_is_within_a_tenth_of_a_long_independent_search(name):
+    required, best = (SETS | LAGGED_SETS)[name]
+
+    values, gains, _ = searched(required, start=None, budget=None, workers=None)
+
+    worst = max(-row["margin"] for row in values["requirements"])
+    assert worst <= 0.0 or 1.0 + worst <= NEAREST * (1.0 + best)
+    assert flown(required, gains).claim.verdict == values["status"].replace("missed", "not met")
 
 
 def test_the_answer_does_not_depend_on_the_workers(overshoot, met):
@@ -96,10 +186,27 @@ def test_a_turn_faster_than_the_largest_bank_allows_is_refused_with_the_nearest_
     rise = values["requirements"][0]
     assert rise["active"]
     (trade,) = [row for row in values["trade_offs"] if row["measure"] == "chi.rise_s"]
+    seen = [trial.checks[0][0].value for trial in trials]
+    assert trade["alone"] == np.nanmin(seen)
     # climbing at 45 deg of path angle, course turns faster than in level flight: by 1/cos(gamma)
     assert least * math.cos(45.0 * DEG) < trade["alone"] <= trade["beside"]
     worst = min(trial.worst.max() for trial in trials)
     assert -min(row["margin"] for row in values["requirements"]) == pytest.approx(worst)
+
+
+def test_settling_that_moving_air_forbids_is_said_why_and_is_met_within_a_band_of_its_own():
+    wavy = {"gamma_amplitude": 0.1, "gamma_omega_rad_s": 3.0}
+    never = scenario(at_most("gamma", settling_s=10.0), disturbance=wavy)
+    banded = scenario(at_most("gamma", settling_s=10.0, band_deg=5.0), disturbance=wavy)
+
+    why, *_ = (row["why"] for row in searched(never, budget=1)[0]["requirements"])
+    values, gains, _ = searched(banded, budget=24)
+
+    assert why.startswith("5 % of the change is 1.5 deg, errors in the last quarter of the flight")
+    assert values["status"] == "met"
+    row, *_ = values["requirements"]
+    assert (row["measure"], row["why"]) == ("gamma.settling_s within 5 deg", "")
+    assert flown(banded, gains).claim.bounds[0].value == pytest.approx(row["value"])
 
 
 def test_unstable_and_known_candidates_are_not_flown(overshoot):
@@ -131,7 +238,8 @@ def test_only_plants_with_requirements_are_flown_and_all_scenarios_are():
 
     values, gains, _ = searched(one, other, budget=160)
 
-    assert [row["run"].split(": ")[0] for row in values["requirements"]] == [one.title, "Faster"]
+    runs = [row["run"] for row in values["requirements"] if not row["run"].endswith("default")]
+    assert [run.split(": ")[0] for run in runs] == [one.title, "Faster"]
     assert values["flights"] == 2 * values["candidates"]
     assert values["status"] == "met"
     assert flown(one, gains).claim.verdict == flown(other, gains).claim.verdict == "met"
@@ -225,7 +333,7 @@ def test_the_share_of_a_campaign_is_counted_on_draws_that_the_search_has_not_see
     file.write_text(CAMPAIGN.format(scenario="base.toml"), encoding="utf-8")
     table = load_campaign(file)
 
-    values, gains, _ = searched(table.nominal, table=table, budget=1500)
+    values, gains, trials = searched(table.nominal, table=table, budget=1500)
 
     tables = [{"name": "tuned", **gains.as_lists()}, "paper"]
     file.write_text(
@@ -241,6 +349,9 @@ def test_the_share_of_a_campaign_is_counted_on_draws_that_the_search_has_not_see
     assert success["share"]["value"] == counted["tuned"] > counted["paper"]
     assert success["of_start"]["value"] == counted["paper"]
     assert success["share"]["lo"] < success["share"]["value"] <= success["share"]["hi"]
+    page = tmp_path / "own.html"
+    write_meet_page(page, table.nominal, values, [], trials, "", "")
+    assert page.read_text().count("<circle") == len(trials) + 1  # that of the legend
 
 
 def test_a_campaign_that_disperses_nothing_has_the_draws_of_its_turbulence(tmp_path):
@@ -283,11 +394,59 @@ def test_the_command_prints_writes_gains_and_a_page(tmp_path, overshoot):
     assert said["status"] == "met"
     assert load_gains(out).K_P.tolist() == said["K_P"]
     assert json.loads(out.read_text()) == said
+    assert said["start_met"] is False
     assert "gamma.MO_deg against" in page.read_text() or "against gamma.MO_deg" in page.read_text()
     shown, error = flighttune(
         "tune", file, "--meet", "--budget", 10, "--start", "K6", "--metric", "margin", status=1
     )
     assert "nearest" in shown + error
+
+
+def test_that_the_start_meets_everything_is_the_first_line(tmp_path, overshoot):
+    file = tmp_path / "own.toml"
+    file.write_text(toml_text(scenario(at_most(MO_deg=30.0)).as_dict()), encoding="utf-8")
+
+    shown, _ = flighttune("tune", file, "--meet", "--budget", 2, "--start", "tuned_identified")
+
+    assert shown.splitlines()[0] == "tuned_identified already meets all 3 requirements"
+
+
+def test_requirements_that_no_flight_reaches_draw_a_page_and_a_faulty_page_keeps_the_gains(
+    tmp_path, overshoot
+):
+    """In 1 s no flight settles: no candidate has a value of either requirement."""
+    short = scenario(
+        at_most(settling_s=0.5),
+        at_most("gamma", settling_s=0.5),
+        flight={**overshoot.as_dict()["flight"], "duration_s": 1.0},
+    )
+    file, out, page = tmp_path / "own.toml", tmp_path / "gains.json", tmp_path / "own.html"
+    file.write_text(toml_text(short.as_dict()), encoding="utf-8")
+    command = ("tune", file, "--meet", "--budget", 8, "--start", "paper", "--out", out)
+
+    answer(*command, "--page", page, status=1)
+
+    assert "chi.settling_s" in page.read_text()
+    out.unlink()
+    with mock.patch("flighttune.reports.meet.write_meet_page", side_effect=ValueError):
+        flighttune(*command, "--page", page, status=2)
+    assert load_gains(out).K_P.shape == (2, 2)
+
+
+@pytest.mark.slow
+def test_the_page_of_a_campaign_has_the_table_of_its_flights(tmp_path, overshoot):
+    file, crowd, page = (tmp_path / name for name in ("base.toml", "crowd.toml", "own.html"))
+    file.write_text(toml_text(overshoot.as_dict()), encoding="utf-8")
+    crowd.write_text(CAMPAIGN.format(scenario="base.toml"), encoding="utf-8")
+
+    command = "tune", file, "--meet", "--campaign", crowd, "--success", 0.01
+    said = answer(*command, "--budget", 32, "--page", page)
+
+    assert {"quantity": "initial path angle", "values": "25 to 45 deg", "drawn": "uniform"} in said[
+        "dispersions"
+    ]
+    assert "initial path angle" in page.read_text()
+    assert "25 to 45 deg" in page.read_text()
 
 
 def peak_deg(rate_dps, roll_dps, V_a, n_z):
@@ -324,6 +483,10 @@ def required(task, bounds):
     return scenario(*expect, plant=plant, name=name, gains=["tuned_identified"])
 
 
+NEAR_GRID = 0.05
+"""Relative excess by which 160 flights, shared by all starts, may end above the best of 81."""
+
+
 @pytest.mark.soak
 @pytest.mark.parametrize("task", TASKS)
 def test_requirements_are_answered_as_brute_force_answers_them(task):
@@ -342,9 +505,14 @@ def test_requirements_are_answered_as_brute_force_answers_them(task):
         sets.append(PIGains(K_P=whole[:, :2], K_I=whole[:, 2:], inputs=start.inputs))
     with WorkerPool() as pool:
         search = Search([plan_to_meet(base, base.law_tables[0])], law, pool)
-        values = np.array(
-            [[check.value for check in trial.checks[0]] for trial in search.fly([start, *sets])]
-        )
+        stable = [
+            trial
+            for trial in search.fly([start, *sets])
+            if not trial.excess[:, trial.default].max() > 0.0
+        ]
+        values = np.array([[check.value for check in trial.checks[0]] for trial in stable])[
+            :, ~stable[0].default
+        ]
         best = np.nanmin((values / values[0]).max(axis=1))
         can = 1.02 * best * values[0]
         for bounds, status in (can, "met"), ([*can[:-1], TASKS[task][3]], "missed"):
@@ -354,4 +522,4 @@ def test_requirements_are_answered_as_brute_force_answers_them(task):
             claim = flown(task_now, gains).claim
             assert claim.verdict == ("met" if status == "met" else "not met")
         nearest = max(-row["margin"] for row in answered["requirements"])
-        assert nearest <= np.nanmin((values / bounds).max(axis=1)) - 1.0 + 1e-9
+        assert nearest <= np.nanmin((values / bounds).max(axis=1)) - 1.0 + NEAR_GRID

@@ -29,9 +29,7 @@ CASES = {
     ],
     "tune": [
         (("paper", "--out", "gains.txt"), "gains.txt: --out must end in .json"),
-        (("paper", "--envelope", "--method", "convex"), "--method: must be absent"),
         (("paper", "--budget", "10"), "--budget: must be absent without --meet"),
-        (("paper", "--meet", "--method", "convex"), "--method: must be absent with --meet"),
         (("paper", "--meet", "--success", "0.5"), "--success: must be absent without --campaign"),
         (("paper", "--meet", "--page", "page.pdf"), "page.pdf: --page must end in .html"),
         (("gust_in_turn", "--meet"), "[[expect]] must bound a measure"),

@@ -17,8 +17,8 @@ from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.statistics.findings import findings
 from flighttune.campaign.statistics.flights import flights_of, load_flights
 from flighttune.errors import RecordingError
-from flighttune.report.campaign.page import notes, write_campaign_report
-from flighttune.report.campaign.tables import success_sentences
+from flighttune.reports.campaign.page import notes, write_campaign_report
+from flighttune.reports.campaign.tables import success_sentences
 from flighttune.scenario.tables import ExpectTable
 
 pytestmark = pytest.mark.slow
@@ -46,7 +46,7 @@ def told(flown_folder):
 @pytest.fixture(scope="module")
 def made_up():
     """Findings of rows that were made up, with everything in them that a report can show."""
-    made = made_up_plan(design="saltelli", runs=4 * 5 * 40)
+    made = made_up_plan(runs=4 * 200)
     return findings(flights_of(made_up_rows(made), made))
 
 

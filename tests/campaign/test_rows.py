@@ -27,11 +27,11 @@ from hypothesis import strategies as st
 from flighttune.campaign.flying.alone import fly_again, scenario_of_run
 from flighttune.campaign.flying.columns import row_schema, unit_of_key
 from flighttune.campaign.flying.rows import fly_runs, lost_row, table_of
-from flighttune.control.margins import loop_margins
+from flighttune.control.margins import channel_margins
 from flighttune.errors import InputError
 from flighttune.flight import outer_loop
 from flighttune.flight.fly import fly
-from flighttune.flight.refly import refly
+from flighttune.records.refly import refly
 
 BOUNDS = {"at_most": {"chi": {"peak_deg": 21.0}, "flight": {"alpha_max_rad": 0.3}}}
 START = (uniform("flight.chi_deg", 10.0, 30.0), uniform("flight.V_a_mps", 23.0, 27.0))
@@ -292,8 +292,8 @@ def test_the_table_of_columns_in_the_documentation_is_the_schema():
 
 
 def test_a_bound_on_the_loop_is_in_every_row_and_its_margins_are_computed_once(monkeypatch):
-    counted = Mock(side_effect=loop_margins)
-    monkeypatch.setattr(outer_loop, "loop_margins", counted)
+    counted = Mock(side_effect=channel_margins)
+    monkeypatch.setattr(outer_loop, "channel_margins", counted)
     bound = {"at_least": {"loop": {"phase_margin_deg": 179.0}}}
     plan = plan_of(tables_of((KINEMATIC,), gains=["paper", "K3"], expect=[bound]), *START, runs=8)
 

@@ -97,14 +97,6 @@ def test_the_example_of_the_page_is_a_campaign(load):
         ),
         ('title = "t"\nscenario = "paper"\n', "`runs` must be given: only `design`"),
         (HEAD + 'design = "grid"\n' + SPEED, "`design` must not be 'grid' where no"),
-        (
-            HEAD + 'design = "saltelli"\n' + GRID,
-            "`design` must not be 'saltelli' .* a grid of `flight.V_a_mps`",
-        ),
-        (
-            HEAD + 'design = "saltelli"\n',
-            r"\[\[disperse\]\] must be given with `design` 'saltelli'",
-        ),
         (HEAD + 'gains = ["paper", "K9"]\n', "`gains` must be one of tuned, paper, .*, got 'K9'."),
         (HEAD + "overrides.flight.V_a = 3.0\n", r"\[flight\] `V_a` is not a known key; did you"),
         (HEAD + "overrides.flight.V_a_mps = 1.0\n", r"\[flight\] `V_a_mps` must lie in 15 to 45"),

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from flighttune.campaign.statistics.sensitivity import classes_of, holm, influences, sobol_indices
+from flighttune.campaign.statistics.sensitivity import classes_of, holm, influences
 
 pytestmark = pytest.mark.slow
 
@@ -166,68 +166,3 @@ def test_classes_are_of_equal_size_and_keep_the_order():
     assert classes_of(pd.Series([3.0, 1.0, 3.0, 2.0] * 5)).tolist() == [2, 0, 2, 1] * 5
     assert classes_of(pd.Series(range(10))).tolist() == [0] * 5 + [1] * 5
     assert classes_of(pd.Series(["b", "a", "b"])).tolist() == [1, 0, 1]
-
-
-def ishigami(x):
-    return np.sin(x[0]) + 7.0 * np.sin(x[1]) ** 2 + 0.1 * x[2] ** 4 * np.sin(x[0])
-
-
-def ishigami_truth(a=7.0, b=0.1):
-    """Closed form of T. Ishigami, T. Homma, ISUMA 1990: first and total indices."""
-    alone_1 = 0.5 * (1.0 + b * np.pi**4 / 5.0) ** 2
-    alone_2 = a**2 / 8.0
-    together = b**2 * np.pi**8 * (1.0 / 18.0 - 1.0 / 50.0)
-    whole = alone_1 + alone_2 + together
-    first = np.array([alone_1, alone_2, 0.0]) / whole
-    total = np.array([alone_1 + together, alone_2, together]) / whole
-    return first, total
-
-
-def saltelli(n, seed, f=ishigami, d=3):
-    points = np.random.default_rng(seed).uniform(-np.pi, np.pi, (2, d, n))
-    a, b = points
-    mixed = []
-    for i in range(d):
-        ab = a.copy()
-        ab[i] = b[i]
-        mixed.append(f(ab))
-    return f(a), f(b), np.array(mixed)
-
-
-def test_intervals_of_the_indices_cover_the_closed_form():
-    truth = np.hstack(ishigami_truth())
-    hits = np.zeros(6)
-    for seed in range(150):
-        _, low, high = np.hstack(sobol_indices(*saltelli(256, seed), resamples=200)[1:])
-        hits += (low <= truth) & (truth <= high)
-
-    assert np.all(hits / 150 > 0.88)
-
-
-def test_indices_are_those_of_scipy():
-    f_A, f_B, f_AB = saltelli(1024, 2)
-
-    _, first, total = sobol_indices(f_A, f_B, f_AB, resamples=8)
-
-    expected = stats.sobol_indices(
-        func={"f_A": f_A[None], "f_B": f_B[None], "f_AB": f_AB[:, None]}, n=1024
-    )
-    assert first[0] == pytest.approx(expected.first_order, abs=ROUNDING)
-    assert total[0] == pytest.approx(expected.total_order, abs=ROUNDING)
-
-
-def test_blocks_with_a_flight_that_has_no_value_are_left_out():
-    f_A, f_B, f_AB = saltelli(200, 3)
-    kept = np.delete(np.arange(200), [3, 50, 120])
-    _, _, expected = sobol_indices(f_A[kept], f_B[kept], f_AB[:, kept])
-
-    f_A[3], f_B[50], f_AB[1, 120] = np.nan, np.inf, np.nan
-    blocks, _, total = sobol_indices(f_A, f_B, f_AB)
-
-    assert blocks == 197
-    assert total.tolist() == expected.tolist()
-
-
-def test_there_are_no_indices_of_too_few_blocks_or_of_what_does_not_vary():
-    assert sobol_indices(*saltelli(7, 3)) is None
-    assert sobol_indices(np.ones(50), np.ones(50), np.ones((3, 50))) is None

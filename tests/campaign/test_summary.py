@@ -191,36 +191,6 @@ def test_the_findings_name_what_rows_were_made_of(told):
     assert last["centres"] == sorted(last["centres"])
 
 
-@pytest.mark.slow
-def test_a_saltelli_design_gives_indices_and_wider_intervals():
-    """Variance of ITAE comes from airspeed alone."""
-    plan = made_up_plan(design="saltelli", runs=4 * 5 * 256)
-
-    group = findings(flights_of(made_up_rows(plan), plan)).values["groups"][0]
-
-    sensitivity = group["sensitivity"]["chi.ITAE"]
-    assert list(sensitivity["sobol"]) == list(plan.factors)
-    for truth, indices in zip((1.0, 0.0, 0.0), sensitivity["sobol"].values(), strict=True):
-        assert indices["blocks"] == 256
-        assert indices["first"][0] == pytest.approx(truth, abs=0.05)
-        assert indices["total"][0] == pytest.approx(truth, abs=0.05)
-    assert sensitivity["ranks"][0]["n"] == 512
-    plain = rate_interval(group["successes"], group["n"])
-    assert group["hi"] - group["lo"] > 1.5 * (plain[1] - plain[0])
-
-
-@pytest.mark.slow
-def test_indices_come_from_the_cycles_that_have_flown():
-    plan = made_up_plan(design="saltelli", runs=4 * 5 * 64)
-    rows = made_up_rows(plan)
-    half = rows[(rows["run"] < 4 * 5 * 32 - 3) | (rows["run"] >= 4 * 5 * 40)]
-
-    groups = findings(flights_of(half, plan)).values["groups"]
-
-    sobol = [group["sensitivity"]["chi.ITAE"]["sobol"]["flight.V_a_mps"] for group in groups]
-    assert (sobol[0]["blocks"], sobol[-1]["blocks"]) == (32 + 24, 31 + 24)
-
-
 def test_rows_without_any_measure_still_tell_who_failed(plan):
     rows = made_up_rows(plan).assign(status="invalid", reason="`flight.V_a_mps` must be finite")
     rows[["chi.ITAE", "gamma.ITAE", "chi.settling_s"]] = np.nan

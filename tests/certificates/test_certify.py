@@ -20,10 +20,11 @@ from flighttune.certificates.certificate import (
 from flighttune.certificates.make import certify
 from flighttune.control.envelope import Envelope
 from flighttune.control.gains import PAPER_GAINS, PIGains
-from flighttune.control.linear_model import LinearModel
+from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.errors import InputError
+from flighttune.files.value import tables_of, value_of
+from flighttune.theory.indicators import indicators
 from flighttune.tuning.envelope import largest_factor
-from flighttune.value_file import tables_of, value_of
 
 G = 9.81
 TUNED = PIGains(K_P=np.diag([2.2209, 2.4797]), K_I=3.8753 * np.eye(2))
@@ -62,6 +63,19 @@ def test_the_papers_gains_are_certified_for_their_rate_and_the_ellipsoids_radius
     assert at_trim.claim.rate == pytest.approx(0.4599306, rel=CLAIMED_LESS)
     assert at_trim.claim.radius == pytest.approx(0.0333, abs=5e-5)
     assert verify(at_trim).valid
+
+
+def test_a_weak_certificate_says_what_it_is_worth(at_trim):
+    weak = PIGains(K_P=PAPER_GAINS.K_P, K_I=2e-5 * np.eye(2))
+
+    made = certify(MODEL, weak)
+
+    hours = 2.0 * np.log(2.0) / indicators(closed_loop(MODEL, weak)).R_K / 3600.0
+    assert hours > 24.0
+    assert at_trim.in_words == "certified"
+    assert f"certified, but the proven rate halves errors in {hours:.2g} hours" in made.in_words
+    assert f"an error may first grow {made.values['growth']:.0f}-fold" in made.in_words
+    assert "s² is no useful bound under a disturbance" in made.in_words
 
 
 def test_the_tuned_gains_are_certified_over_an_envelope(over_envelope):

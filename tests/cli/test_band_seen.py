@@ -1,6 +1,7 @@
 """A counted band around runs: recorded with its claim, on pages, and draw by draw."""
 
 import html
+from hashlib import sha256
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,8 @@ import pytest
 from campaigns import write_campaign
 from commands import answer, flighttune
 
-from flighttune.guarantee.band import load_band
-from flighttune.recording.parquet import load_recording
+from flighttune.campaign.band import load_band
+from flighttune.records.parquet import load_recording
 
 pytestmark = pytest.mark.slow
 
@@ -45,8 +46,9 @@ def test_a_draw_of_a_band_is_flown_with_the_band_around_it(file, tmp_path):
         out = tmp_path / str(draw)
         found = answer("campaign", "fly", file, "--run", draw, "--out", out)
         (run,) = load_recording(out).runs
-        assert found["band"]["inside"] == {run.label: inside}
-        assert run.band == band.sentence
+        (claim,) = run.claims
+        assert [claim["inside"] for claim in found["claims"]] == [inside]
+        assert (claim.kind, claim.sentence) == ("counted", band.sentence)
         assert bool(_share(run) <= 1.0) is inside
     assert answer("refly", out)["equal"]
 
@@ -61,9 +63,9 @@ def test_a_page_of_a_recorded_run_states_the_claim_of_its_band_again(file, tmp_p
     made = answer("report", tmp_path, "--out", tmp_path / "r.html")
 
     page = page_text(made["report"])
-    assert f"Band: {band.sentence}." in page
-    assert "in calm air leaves the band" in page
-    assert page.count("counted band") == 2  # a chart for each error
+    assert f"Counted band: {band.sentence}." in page
+    assert "in calm air; drawn at random: initial course -5 to 5 deg" in page
+    assert page.count("counted band</span>") == 2  # a chart for each error
     assert any(band.sentence in note for note in made["notes"])
 
 
@@ -75,6 +77,8 @@ def test_the_page_of_a_band_names_the_flight_nearest_to_leaving(file, tmp_path):
     page = page_text(made["report"])
     assert f"flighttune campaign fly {file} --run {band.nearest}" in page
     assert page.count(f"draw {band.nearest}, nearest to leaving</span>") == 2
+    assert sha256(file.read_bytes()).hexdigest() in page
+    assert "<td>initial course" in page or "initial course</t" in page
     assert page.count("24 of 24 inside</span>") == page.count(" 5 outside</span>") == 2
 
 
@@ -83,9 +87,9 @@ def test_the_draw_nearest_to_the_edge_of_a_band_is_searched(file, tmp_path):
 
     found = answer("worst", file, "--budget", 32, "--workers", 1, "--out", toml)
 
-    again = answer("fly", toml, "--band", file, "--out", tmp_path)
+    again = answer("fly", toml, "--claim", file, "--out", tmp_path)
     assert found["metric"] == "band"
-    assert again["band"]["inside"] == {"kinematic / soft": found["value"] <= 1.0}
+    assert [claim["inside"] for claim in again["claims"]] == [found["value"] <= 1.0]
     assert found["value"] == pytest.approx(_share(load_recording(tmp_path).runs[0]), rel=1e-4)
     _, told = flighttune("worst", file, "--metric", "chi.ITAE", status=2)
     assert "must be absent for a band file" in told
@@ -95,6 +99,6 @@ def _share(run):
     """Largest distance from the middle of the band over its half-width at that sample."""
     shares = []
     for name in ("chi_err", "gamma_err"):
-        low, high = (run.signals[f"{name}_band_{end}"] for end in ("low", "high"))
-        shares.append(np.abs(2.0 * run.signals[name] - low - high) / (high - low))
+        low, high = run.claims[0].around(name)
+        shares.append(np.abs(2.0 * run.signals[name].to_numpy() - low - high) / (high - low))
     return np.max(shares)

@@ -12,9 +12,9 @@ from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_
 from flighttune.campaign.dataset import Dataset
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.flight.fly import library_versions
-from flighttune.flight.refly import refly
 from flighttune.metrics import channel_metrics
-from flighttune.recording.parquet import load_recording
+from flighttune.records.parquet import load_recording
+from flighttune.records.refly import refly
 
 CHANGED, REFUSED = 3, 8
 

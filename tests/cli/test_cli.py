@@ -19,8 +19,8 @@ from printed import LAST_DIGIT_I, LAST_DIGIT_R, TABLE_2
 from flighttune.cli import main
 from flighttune.cli.app import app
 from flighttune.errors import ScenarioError
-from flighttune.recording.parquet import read_run
-from flighttune.shipped import campaign_files, scenario_files
+from flighttune.files.shipped import campaign_files, scenario_files
+from flighttune.records.parquet import read_run
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import shutil
 import pytest
 from commands import flighttune
 
-from flighttune.shipped import aircraft_folder
+from flighttune.files.shipped import aircraft_folder
 
 pytestmark = pytest.mark.slow
 

@@ -5,7 +5,7 @@ import json
 import pytest
 from commands import flighttune
 
-from flighttune.shipped import scenario_files
+from flighttune.files.shipped import scenario_files
 
 
 @pytest.mark.slow

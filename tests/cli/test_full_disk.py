@@ -7,8 +7,8 @@ import pytest
 from commands import flighttune
 from made_up import shortened
 
-from flighttune.recording.parquet import load_recording
-from flighttune.table_file import toml_text
+from flighttune.files.table import toml_text
+from flighttune.records.parquet import load_recording
 
 pytestmark = pytest.mark.slow
 

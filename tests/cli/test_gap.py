@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from commands import answer, flighttune
 
-from flighttune.recording.parquet import read_run
+from flighttune.records.parquet import read_run
 
 pytestmark = pytest.mark.slow
 
@@ -43,12 +43,9 @@ def test_the_cause_is_the_step_that_the_chart_of_itae_shows_as_the_largest(found
     assert "rms_rad" not in str(found["contributions"])
 
 
-def test_the_mismatch_has_its_size_and_the_tube_is_one_command_away(found):
+def test_the_mismatch_has_its_size_and_nothing_is_claimed_unasked(found):
     assert found["mismatch"].keys() == {"L_d", "bound"}
-    assert found["tubes"] == {}
-    (note,) = (note for note in found["notes"] if "--tube" in note)
-    assert "conform paper --start-deg 1 --out FILE" in note
-    assert note.endswith("gap paper --tube --conformance FILE")
+    assert found["claims"] == []
 
 
 def test_figure_recording_and_signals_are_where_it_says(found):

@@ -5,7 +5,7 @@ import json
 import pytest
 from commands import flighttune
 
-from flighttune.identify.file import load_identified
+from flighttune.identification.file import load_identified
 
 pytestmark = pytest.mark.slow
 

@@ -9,9 +9,9 @@ from commands import answer, flighttune
 from made_up import shortened
 
 from flighttune.flight.fly import fly
-from flighttune.flight.refly import Reflight
-from flighttune.recording.parquet import load_recording, write_run
 from flighttune.recording.record import record
+from flighttune.records.parquet import load_recording, write_run
+from flighttune.records.refly import Reflight
 
 pytestmark = pytest.mark.slow
 

@@ -14,8 +14,8 @@ from flighttune.control.limits import Limits
 from flighttune.control.linear_model import closed_loop, kinematic_model
 from flighttune.errors import InputError, ShapeError
 from flighttune.plants.point_mass import PointMassPlant, turn_rates
+from flighttune.references.segments import Reference
 from flighttune.simulate.loop import simulate
-from flighttune.simulate.reference import Reference
 
 G = 9.81
 ROUNDING = 1e-12

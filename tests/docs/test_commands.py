@@ -43,7 +43,6 @@ NOT_RUN = {
     "flighttune tube feasible": "minutes, after `conform feasible_starts`",
     "flighttune tube paper --gains paper --disturbance": "minutes",
     "flighttune verify proof.npz": "after `tube`; tests/tube",
-    "flighttune worst aerosonde_dispersed": "minutes",
     "flighttune fly runs/aerosonde_dispersed-worst.toml": "after `worst`; tests/campaign",
     "flighttune worst paper": "minutes",
     "flighttune tune paper_identified --meet --campaign": "minutes",
@@ -58,7 +57,6 @@ NOT_RUN = {
     "flighttune design mine": "an aircraft of the reader's own",
     "flighttune identify mine": "an aircraft of the reader's own",
     "flighttune route mission.plan": "a file of the reader's own",
-    "flighttune compare baseline/paper": "files of the reader's own",
     "flighttune report runs/mine": "of the flight of a page's Python",
 }
 """Commands that no test runs, by how they begin, and why."""

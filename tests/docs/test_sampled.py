@@ -10,8 +10,8 @@ from flighttune.control.linear_model import closed_loop, kinematic_model
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import PointMassPlant
+from flighttune.references.segments import Reference
 from flighttune.simulate.loop import simulate
-from flighttune.simulate.reference import Reference
 
 LAW = kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
 LAGS = (

@@ -1,10 +1,13 @@
 """What is said to try next where a requirement is missed: only what would help."""
 
+import math
+
 import pytest
 from made_up import made_up_scenario
 
 from flighttune.flight.advice import advice
 from flighttune.flight.fly import fly
+from flighttune.scenario import load_scenario, scenario_from
 
 TURN = {"chi_deg": 60.0, "gamma_deg": 0.0}
 RAMP = {"chi_deg": [{"shape": "ramp", "duration_s": 2.0, "rate_dps": 20.0}], "gamma_deg": 0.0}
@@ -42,3 +45,37 @@ def test_what_may_help_is_said_and_nothing_else(change, bound, said):
     assert {way for way in ways if way in line} == said
     assert line.count("\n") == 0
     assert bool(line) == bool(said)
+
+
+SIGN = "mine:paper: the law turns away from the reference: is the sign of its output right?"
+DEGREES = "mine:paper: its roll commands are more than half a turn: are they degrees?"
+
+
+@pytest.mark.parametrize(
+    ("roll_by", "pull_by", "line"),
+    [(-1.0, 1.0, SIGN), (1.0, -1.0, SIGN), (180.0 / math.pi, 1.0, DEGREES), (1.0, 1.0, "")],
+    ids=["roll the wrong way", "pull the wrong way", "degrees", "sound"],
+)
+def test_a_law_with_the_wrong_sign_or_in_degrees_gets_that_hint(roll_by, pull_by, line):
+    class Mine:
+        def __init__(self, setup):
+            self.dt, self.signals = setup.dt, {}
+
+        def start(self, condition):
+            pass
+
+        def step(self, measured, reference, t):
+            e_chi = math.remainder(reference.chi - measured.chi, math.tau)
+            lift = math.cos(measured.gamma) / math.cos(measured.phi)
+            e_gamma = reference.gamma - measured.gamma
+            return 1.5 * roll_by * e_chi, lift + 1.5 * pull_by * e_gamma
+
+    expect = [{"at_most": {"chi": {"MO_deg": 1.0}}}]
+    tables = load_scenario("paper").as_dict() | {"gains": ["paper"], "expect": expect}
+    scenario = scenario_from(tables | {"plant": [{"kind": "kinematic"}]})
+    flown = fly(scenario, laws={"mine": Mine})
+    runs = [run for run in flown.runs if "mine" in run.label]
+
+    found = advice(flown.scenario, runs, "x.toml")
+
+    assert found == line if line else "mine" not in found

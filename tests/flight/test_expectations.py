@@ -1,12 +1,14 @@
 """What a scenario expects is held against what was flown, and said in one line each."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from made_up import made_up_run, made_up_scenario
 
 from flighttune.errors import ScenarioError
 from flighttune.flight.expectations import check_claim
-from flighttune.report.tables import convergence_table
+from flighttune.reports.tables import convergence_table
 
 T = np.linspace(0.0, 10.0, 101)
 
@@ -42,6 +44,27 @@ def flown(chi_err=0.0, n_z=1.0, gains="paper", status="completed", reason=""):
 def test_a_bound_is_met_or_missed_by_so_much(bounds, missed):
     # 2 deg of error for 10 s: the integral of t |e| is 50 s^2 times 0.0349 rad.
     found = check_claim(scenario(bounds), [flown(np.deg2rad(2.0), n_z=1.2)]).missed
+
+    assert found == (() if missed is None else (f"kinematic / paper: {missed}",))
+
+
+@pytest.mark.parametrize(
+    ("band", "missed"),
+    [
+        ({}, "chi.settling_s must be at most 5, got nan (there is no value): 5 % of the change is "
+         "0.15 deg, errors in the last quarter of the flight reach 0.6 deg"),
+        ({"band_deg": 0.5}, "chi.settling_s within 0.5 deg must be at most 5, got nan (there is no "
+         "value): the band is 0.5 deg, errors in the last quarter of the flight reach 0.6 deg"),
+        ({"band_deg": 1.0}, None),
+    ],
+)  # fmt: skip
+def test_a_response_that_never_settles_is_said_why_and_may_have_a_band_of_its_own(band, missed):
+    of = scenario({"at_most": {"chi": {"settling_s": 5.0, **band}}})
+    swing = np.where(T < 1.0, 3.0, 0.6 * np.cos(2.0 * np.pi * T))
+    run = flown(np.deg2rad(swing))
+    made = dataclasses.replace(run.provenance, scenario=of.as_dict())
+
+    found = check_claim(of, [dataclasses.replace(run, provenance=made)]).missed
 
     assert found == (() if missed is None else (f"kinematic / paper: {missed}",))
 
@@ -131,6 +154,22 @@ def test_requirements_in_the_table_of_runs_add_up_to_those_of_the_claim():
     assert claim.short == "Claim met: 2 of 2 requirements"
 
 
+def test_a_claim_that_a_flight_is_poor_does_not_read_as_if_it_were_good():
+    both = {"MO_deg": -1.0}
+    poor = {
+        "at_least": {"chi": {"peak_deg": 1.0, **both}, "flight": {"n_z_min": -9.0}},
+        "at_most": {"chi": {"MO_deg": 9.0}},
+    }
+    runs = [flown(np.deg2rad(2.0))]
+
+    claim = check_claim(scenario(poor), runs)
+
+    (row,) = convergence_table(runs, claim).records
+    assert claim.short == "Claim met: 4 of 4 requirements (1 lower bound)"
+    assert "a poor flight meets a lower bound" in claim.sentence
+    assert row["requirements"] == "4 of 4 met (1 lower bound)"
+
+
 @pytest.mark.parametrize(
     ("table", "message"),
     [
@@ -140,6 +179,9 @@ def test_requirements_in_the_table_of_runs_add_up_to_those_of_the_claim():
         ({"at_most": {"psi": {"ITAE": 1.0}}}, "'chi', 'gamma', 'flight' or 'loop'"),
         ({"gains": "K6", "status": "completed"}, "paper, K5, got 'K6'"),
         ({"plant": "jsbsim:f16", "status": "completed"}, "one of kinematic, got"),
+        ({"at_most": {"chi": {"band_deg": 1.0}}}, "`chi.band_deg` must be .* beside `settling_s`"),
+        ({"at_most": {"chi": {"settling_s": 5.0, "band_deg": 0.0}}}, "must be positive"),
+        ({"at_most": {"flight": {"n_z_max": 2.0, "band_deg": 1.0}}}, "`flight.band_deg` must be"),
         ({"status": "crashed"}, "`status` must be 'completed', "),
     ],
 )

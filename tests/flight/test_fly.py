@@ -5,9 +5,9 @@ import tomllib
 import numpy as np
 import pytest
 
+from flighttune.files.shipped import scenario_files
 from flighttune.flight.fly import fly
 from flighttune.scenario import scenario_from
-from flighttune.shipped import scenario_files
 
 ROUNDING = 1e-12
 

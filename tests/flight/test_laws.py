@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from made_up import made_up_scenario
 
+from flighttune.claims.linear_loop import flight_check
 from flighttune.control.gains import PAPER_GAINS, rate_gains
 from flighttune.errors import ScenarioError
 from flighttune.flight.fly import fly
 from flighttune.flight.outer_loop import certify_scenario, gain_set, tune_scenario
-from flighttune.flight.refly import refly
-from flighttune.guarantee.flight_check import flight_check
 from flighttune.metrics import METRICS
-from flighttune.recording.parquet import read_run, write_run
+from flighttune.records.parquet import read_run, write_run
+from flighttune.records.refly import refly
 from flighttune.scenario import load_gains, scenario_from
 
 ENVELOPE = {

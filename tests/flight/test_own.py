@@ -16,15 +16,15 @@ from plain_members import Glider, Proportional
 from flighttune import COMMON_SIGNALS, InnerLag, LaggedPlant, PointMassPlant, record
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign, plan_from
+from flighttune.claims.linear_loop import flight_check
 from flighttune.control.controller import FlightCondition
 from flighttune.errors import InputError, PlantError, ScenarioError
 from flighttune.flight import apart
 from flighttune.flight.fly import fly
 from flighttune.flight.own import with_own
-from flighttune.flight.refly import refly
-from flighttune.guarantee.flight_check import flight_check
-from flighttune.recording.parquet import load_recording
 from flighttune.recording.plots import LAW_TAB, displayed, shown_plots
+from flighttune.records.parquet import load_recording
+from flighttune.records.refly import refly
 from flighttune.scenario import load_scenario, scenario_from
 
 SCENARIO = """

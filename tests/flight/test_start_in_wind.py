@@ -11,8 +11,8 @@ from made_up import made_up_scenario
 import flighttune as ft
 from flighttune.errors import ScenarioError
 from flighttune.flight.fly import fly, fly_alone, plant_of
-from flighttune.flight.refly import refly
 from flighttune.plants.base import COMMON_SIGNALS
+from flighttune.records.refly import refly
 from flighttune.simulate.run import Run
 
 SPEED = 8.0

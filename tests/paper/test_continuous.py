@@ -12,8 +12,8 @@ from flighttune.paper import parameters as printed
 from flighttune.paper.flight import ContinuousLoop, fly, integrate
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import PointMassPlant
+from flighttune.references.segments import Reference
 from flighttune.simulate.loop import simulate
-from flighttune.simulate.reference import Reference
 
 TRAJECTORY = 1e-6  # rad, what the reproduction of the paper asks for
 STEEPNESS = 1e5  # 1/s: an error of the softened law of some 1e-5 rad, in proportion to its inverse

@@ -116,6 +116,17 @@ def test_a_column_without_any_value_is_left_out():
     assert text.splitlines()[0].split() == ["name", "n"]
 
 
+@pytest.mark.parametrize("grouped", [False, True])
+def test_a_title_is_one_line_of_the_text(grouped):
+    """A title of a file with a line break would print a line that looks like the command's."""
+    table = Table(
+        [Column("x"), Column("y")], [{"x": "a", "y": 1.0}], "s\nclaim: met", grouped=grouped
+    )
+
+    for width in (4, 80):
+        assert table.text(width).splitlines()[0] == "s claim: met"
+
+
 def test_a_table_in_a_notebook_is_escaped_and_names_its_rows():
     table = ET.fromstring(facts_table("<b>", {"a": "b & c"}).html())
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flighttune.guarantee.flight_check import flight_check
 from flighttune.recording.events import MAX_HOLDS, events
 from flighttune.recording.record import write_recording
 from flighttune.recording.scene import INSTANTS, MODEL_SPAN, REACH, WIND_TIMES, span_of
@@ -15,8 +14,8 @@ from .test_rrd import Contents
 HALF_A_SAMPLE = 0.01
 
 
-def texts(run, claim=None):
-    return [event.text for event in events(run, claim)]
+def texts(run):
+    return [event.text for event in events(run)]
 
 
 def test_the_first_steps_and_an_early_end_are_told(cut_short):
@@ -72,15 +71,6 @@ def test_a_gust_is_told_when_it_begins_and_at_its_peak(four_runs):
     assert peak.text == "wind has changed by 4.0 m/s since the start"
 
 
-def test_a_bound_that_is_exceeded_is_an_event(four_runs):
-    claim = flight_check(four_runs[0])
-    broken = replace(claim, bound=np.where(claim.t > 12.0, 0.0, np.inf))
-
-    told = [event for event in events(four_runs[0], broken) if event.sort == "bound"]
-
-    assert [event.t for event in told] == [pytest.approx(12.01)]
-
-
 def test_the_span_is_that_of_the_aircraft_file(four_runs):
     run = four_runs[0]
     other = replace(run.provenance, plant="jsbsim:c172p")
@@ -124,12 +114,3 @@ def test_events_are_in_the_recording_and_a_shared_gust_once(contents):
     assert sum("wind has changed by 4.0 m/s" in text for text in told) == 1
     assert any(text.startswith("jsbsim:aerosonde / tuned: roll command held") for text in told)
     assert contents.nanoseconds("/events").tolist() == sorted(contents.nanoseconds("/events"))
-
-
-def test_the_certificate_is_drawn_in_decades(contents, four_runs):
-    claim = flight_check(gusty(four_runs[0]))
-    size, bound = contents.values("/plots/log_s/kinematic_paper")[:-1].T
-
-    assert size == pytest.approx(np.log10(np.maximum(claim.size, 1e-4)))
-    assert np.array_equal(np.isnan(bound), np.isnan(claim.bound))
-    assert "/plots/log_s/jsbsim_aerosonde_paper" not in contents.timed

@@ -7,8 +7,8 @@ from made_up import shortened
 
 from flighttune.errors import OutputError, RecordingError
 from flighttune.flight.fly import fly
-from flighttune.recording.parquet import load_recording
 from flighttune.recording.record import record
+from flighttune.records.parquet import load_recording
 
 pytestmark = pytest.mark.slow
 

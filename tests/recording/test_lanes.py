@@ -5,8 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flighttune.guarantee.flight_check import flight_check
-from flighttune.guarantee.mismatch import mismatch
+from flighttune.gaps.mismatch import mismatch
 from flighttune.recording.entities import runs_to_draw
 from flighttune.recording.events import SHORTEST, lane
 from flighttune.recording.plots import PARTS, with_derived
@@ -31,7 +30,7 @@ def at(states, t):
 def test_a_lane_names_the_limits_that_hold(four_runs):
     short = 6.0, 6.0 + SHORTEST / 2.0, 1.0  # left out: nobody would see it
     run = held(four_runs[1], phi=[(1.0, 3.0, 2.0), (3.0, 4.0, 1.0), short], n_z=[(2.0, 3.5, 1.0)])
-    states = lane(run, None)
+    states = lane(run)
 
     wanted = {
         0.5: "within limits",
@@ -43,21 +42,6 @@ def test_a_lane_names_the_limits_that_hold(four_runs):
         6.1: "within limits",
     }
     assert {t: at(states, t) for t in wanted} == wanted
-
-
-def test_a_lane_says_where_the_bound_of_a_law_holds_and_where_it_is_exceeded(four_runs):
-    run = held(four_runs[0], phi=[(1.0, 3.0, 2.0)], n_z=[])
-    check = flight_check(run)
-    broken = replace(check, bound=np.where(check.t > 10.0, 0.0, check.bound))
-
-    assert at(lane(run, check), 2.0) == "roll rate"
-    assert at(lane(run, check), 8.0) == "bound held"
-    assert at(lane(run, broken), 8.0) == "bound held"
-    assert at(lane(run, broken), 12.0) == "bound exceeded"
-    assert (
-        at(lane(run, replace(check, bound=np.full_like(check.bound, np.nan))), 8.0)
-        == "within limits"
-    )
 
 
 def test_the_parts_of_the_gap_add_up_to_what_the_law_leaves_out(four_runs):

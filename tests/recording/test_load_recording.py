@@ -12,8 +12,8 @@ from made_up import shortened
 import flighttune
 from flighttune.errors import RecordingError
 from flighttune.flight.fly import fly as fly_scenario
-from flighttune.recording.parquet import load_recording, write_run
 from flighttune.recording.record import record
+from flighttune.records.parquet import load_recording, write_run
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,8 @@ import pytest
 
 from flighttune.control.gains import PIGains
 from flighttune.errors import OutputError, RecordingError
-from flighttune.recording.parquet import (
+from flighttune.files.seal import BLANK, MARK, seal
+from flighttune.records.parquet import (
     DESCRIPTION,
     RUN_SHA256,
     SEAL,
@@ -21,7 +22,6 @@ from flighttune.recording.parquet import (
     read_run,
     write_run,
 )
-from flighttune.seal import BLANK, MARK, seal
 from flighttune.simulate.run import SIGNAL_UNITS
 
 
@@ -113,7 +113,7 @@ def sealed_file(path, description):
     ("description", "words"),
     [
         ("{", "of a run, got JSONDecodeError"),
-        ('{"format": 99}', "layout must be 2 or older, got 99"),
+        ('{"format": 99}', "layout must be 3 or older, got 99"),
         ('{"format": 2, "status": "completed", "columns": {}}', "KeyError: 'provenance'"),
         ("[]", "of a run, got TypeError"),
     ],

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from claimed import SENTENCE, claimed
 
 from flighttune.flight.fly import fly
 from flighttune.recording.page import scenario_page
@@ -11,7 +12,6 @@ from flighttune.recording.plots import shown_plots
 from flighttune.recording.record import write_recording
 from flighttune.recording.route import WIDE
 from flighttune.scenario.load import scenario_from
-from flighttune.simulate.run import TUBE_SIGNALS
 
 from .test_rrd import Contents, blueprint_values
 
@@ -48,21 +48,11 @@ SCENARIO = {
 }
 
 
-def banded(run, **bands):
-    ends = zip(("_band_low", "_band_high"), zip(*bands.values(), strict=True), strict=True)
-    columns = {
-        f"{name}{end}": value
-        for end, values in ends
-        for name, value in zip(bands, values, strict=True)
-    }
-    return replace(run, signals=run.signals.assign(**columns))
-
-
 @pytest.fixture(scope="module")
 def run():
     (run,) = fly(scenario_from(SCENARIO)).runs
     beside = replace(run, signals=run.signals.assign(cross_track=BESIDE))
-    return banded(beside, **BAND)
+    return claimed(beside, **BAND)
 
 
 def contents_of(run, folder):
@@ -139,27 +129,23 @@ def test_a_route_has_a_tab_and_a_map_only_where_its_place_is_known(contents, run
 
 @pytest.mark.slow
 def test_a_band_is_dashed_around_any_signal_in_the_unit_of_the_signal(four_runs, tmp_path):
-    run = banded(four_runs[1], chi_err=(-0.2, 0.1), V_a=(24.0, 26.0))
+    run = claimed(four_runs[1], chi_err=(-0.2, 0.1), V_a=(24.0, 26.0))
     drawn = contents_of(run, tmp_path)
-    course = drawn.values("/plots/chi_err/jsbsim_aerosonde_paper_band")
-    speed = drawn.values("/plots/V_a/jsbsim_aerosonde_paper_band")
+    course = drawn.values("/plots/chi_err/jsbsim_aerosonde_paper_claim_0")
+    speed = drawn.values("/plots/V_a/jsbsim_aerosonde_paper_claim_0")
 
     assert np.nanmin(course, axis=0) == pytest.approx(np.rad2deg([-0.2, 0.1]))
     assert np.nanmax(speed, axis=0) == pytest.approx([24.0, 26.0])
     assert 0.2 < np.isnan(course).mean() < 0.4
-    assert "/plots/gamma_err/jsbsim_aerosonde_paper_band" not in drawn.timed
+    assert "/plots/gamma_err/jsbsim_aerosonde_paper_claim_0" not in drawn.timed
 
 
-@pytest.mark.parametrize("calm", [True, False], ids=["calm air", "wind"])
-def test_a_tube_in_calm_air_is_called_one_and_a_band_is_explained_beside_it(four_runs, calm):
-    run = banded(four_runs[1], chi_err=(-0.2, 0.1))
-    run = replace(run, signals=run.signals.assign(**dict.fromkeys(TUBE_SIGNALS, 0.01)))
-    if not calm:
-        run = replace(run, signals=run.signals.assign(wind_north=5.0))
+def test_a_tube_is_named_with_its_air_and_a_band_is_explained_beside_it(four_runs):
+    run = claimed(four_runs[1], "proven", "tube in wind", chi_err=(-0.01, 0.01))
+    run = claimed(run, chi_err=(-0.2, 0.1))
     page = scenario_page([run], scenario={"title": "Tube"})
     (heading,) = [p.heading for p in shown_plots([run])["Tracking"] if p.signal == "chi_err"]
 
-    assert ("calm air" in page.split("## Gains")[0]) is calm
-    assert "the counted band" in page
-    tube = "calm-air tube thin" if calm else "tube thin"
-    assert heading == f"Course error [deg], {tube}, band dashed"
+    assert f"Tube in wind: {SENTENCE}." in page
+    assert f"Counted band: {SENTENCE}." in page
+    assert heading == "Course error [deg], tube in wind thin, counted band dashed"

@@ -12,9 +12,9 @@ from rerun.error_utils import strict_mode
 from flighttune.present.palette import line_styles
 from flighttune.present.thinning import MOST
 from flighttune.recording.entities import TIMELINE, runs_to_draw
-from flighttune.recording.parquet import check_recording
 from flighttune.recording.plots import TABS, shown_plots, with_derived
 from flighttune.recording.record import write_recording
+from flighttune.records.parquet import check_recording
 from flighttune.simulate.run import SIGNAL_UNITS
 
 FLOAT32_POSITION = 1e-4

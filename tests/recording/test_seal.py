@@ -4,15 +4,14 @@ import hashlib
 import random
 import re
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
 from fuzzing import TIMES, digit_changed
 
 from flighttune.errors import RecordingError
-from flighttune.recording.parquet import load_recording, parts_of, run_of, write_run
-from flighttune.recording.viewer import view
+from flighttune.recording.viewer import viewer
+from flighttune.records.parquet import load_recording, parts_of, run_of, write_run
 
 SEED = 12
 FEW, MANY = 40, 500 * TIMES
@@ -79,7 +78,7 @@ def test_bytes_behind_the_end_are_refused(sealed, tmp_path):
 def test_what_is_no_recording_is_refused_in_the_same_words_by_all(data, tmp_path):
     path, said = tmp_path / "odd.rrd", set()
     path.write_bytes(data)
-    for refuse in (load_recording, partial(view, web=True)):
+    for refuse in (load_recording, viewer):
         with pytest.raises(RecordingError) as caught:
             refuse(path)
         said.add(str(caught.value))

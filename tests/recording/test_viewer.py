@@ -5,10 +5,10 @@ import pytest
 from figures.screenshot import HeadlessViewer
 from pictures import FLAT, opened_recording, pixels, skip_without_tabs
 
+import flighttune as ft
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import RecordingError
 from flighttune.flight.fly import fly
-from flighttune.flight.gap import explain_gap
 from flighttune.present.palette import LIMIT, NEUTRAL, rgb
 from flighttune.recording.blueprint import leader
 from flighttune.recording.entities import runs_to_draw
@@ -30,11 +30,11 @@ ERRORS = (
 )
 NEVER_HIDDEN = {"Course chi, reference grey [deg]", *ERRORS}
 SCENE = "Paths and aircraft"
-LANES = "Runs: limits, bound"
+LANES = "Runs: limits"
 
 FIRST_TABS = ["Overview", "Tracking", "Commands and limits", "Why"]
 LAST_TABS = ["Scenario and metrics"]
-IN_CALM_FLIGHT = [*FIRST_TABS, "Certificate", "Aircraft", "Controller", *LAST_TABS]
+IN_CALM_FLIGHT = [*FIRST_TABS, "Aircraft", "Controller", *LAST_TABS]
 ON_A_ROUTE = ["Overview", "Route", *IN_CALM_FLIGHT[1:]]
 IN_TURBULENCE = [*FIRST_TABS, "Aircraft", "Controller", "Weather", *LAST_TABS]
 
@@ -86,7 +86,7 @@ def in_turbulence(viewer, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def on_a_ladder(viewer, tmp_path_factory):
-    found = explain_gap(load_scenario("paper"), PAPER_GAINS, name="paper")
+    found = ft.gap(load_scenario("paper"), PAPER_GAINS, name="paper")
     yield from in_a_viewer(found.flown(), tmp_path_factory.mktemp("ladder"))
 
 
@@ -282,7 +282,7 @@ def test_the_whole_flight_is_in_the_picture(viewer, flown):
 @pytest.mark.usefixtures("viewer")
 @pytest.mark.soak
 def test_a_single_run_and_a_page_alone_can_be_looked_at(four_runs, without_gains, tmp_path):
-    for runs, tab, count in (([four_runs[0]], "Certificate", 2), ([without_gains], None, 1)):
+    for runs, tab, count in (([four_runs[0]], "Tracking", 5), ([without_gains], None, 1)):
         path = tmp_path / f"{len(runs[0].signals)}.rrd"
         write_recording(runs, path, page="# Page\n", title="Few")
         with HeadlessViewer(path) as opened:

@@ -14,8 +14,8 @@ from flighttune.control.gains import PAPER_EPSILON, PAPER_GAINS
 from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.fly import fly
 from flighttune.flight.outer_loop import gain_set
-from flighttune.flight.refly import refly
-from flighttune.recording.parquet import load_recording
+from flighttune.records.parquet import load_recording
+from flighttune.records.refly import refly
 from flighttune.scenario import load_scenario
 from flighttune.scenario.load import with_gains
 
@@ -107,6 +107,11 @@ def test_values_set_by_key_are_flown_and_named_in_the_title(turn):
         ("flight.V_a_mps=fast", "[flight] `V_a_mps` must be a valid number, got 'fast'"),
         ("plant[3].kind=kinematic", "`plant[3].kind` must be a position, 0 to 0"),
         ("plant.aircrft=a4", "did you mean `aircraft`?"),
+        ("plant[²].kind=kinematic", "`plant[²].kind` must be a position, 0 to 0"),
+        (f"seed={'[' * 3000}", "--set: `seed` must not be nested so deeply"),
+        (f"seed={{{'a.' * 3000}a=1}}", "--set: `seed` must not be nested so deeply"),
+        (f"seed={'9' * 5000}", "--set: `seed` must be valid TOML: Exceeds the limit"),
+        (f"seed=0x{'f' * 5000}", "`value` must be an integer of at most 64 bits"),
         ("seed", "--set: must be KEY=VALUE in one line, got 'seed'"),
         ("seed=", "--set: must be KEY=VALUE"),
     ],
@@ -115,6 +120,14 @@ def test_a_value_that_cannot_be_set_gets_one_line(setting, message, turn):
     _, err = flighttune("fly", turn, "--set", setting, status=2)
 
     assert message in err
+    assert err.count("\n") == 1
+
+
+def test_a_label_is_not_asked_of_a_plant_with_a_wrong_value(turn):
+    wrong = ("--set", "plant[0].aircraft=[45, -45]", "--set", "plant[0].kind=x")
+    _, err = flighttune("fly", turn, *wrong, status=2)
+
+    assert "`aircraft` must be a valid string, got [45, -45]" in err
     assert err.count("\n") == 1
 
 

@@ -10,8 +10,8 @@ from fuzzing import to_toml
 
 from flighttune.control.gains import PAPER_GAINS, paper_family
 from flighttune.errors import ScenarioError
+from flighttune.files.shipped import scenario_files
 from flighttune.scenario import load_gains, load_scenario, scenario_from
-from flighttune.shipped import scenario_files
 
 ROUNDING = 1e-12
 

@@ -1,16 +1,20 @@
 """A scenario of one's own: written by ``new`` or copied, it flies at the first try."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+import tomlkit
 from commands import answer, flighttune
 from made_up import made_up_scenario
 
 from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.errors import InputError
+from flighttune.files.shipped import aircraft_folders, aircraft_names
 from flighttune.flight.fly import fly
 from flighttune.scenario import load_scenario
-from flighttune.shipped import aircraft_names
+from flighttune.scenario.new import new_scenario
 
 ADOPTED = Path(__file__).parents[1] / "adopted"
 
@@ -68,6 +72,71 @@ def test_a_file_is_never_written_over_and_an_unknown_name_writes_none(tmp_path):
     assert "did you mean c172p?" in unknown
     assert file.read_text() == "kept"
     assert [path.name for path in tmp_path.iterdir()] == ["mine.toml"]
+
+
+HOSTILE = """Aerosonde
+duration_s = 4.0
+[[law]]
+name = "e"
+kind = "python"
+module = "evil.py"
+class = "Law"
+[law.parameters]"""
+
+
+def stranger(folder, **texts):
+    """A copy of the Aerosonde with other texts in its aircraft.toml."""
+    shutil.copytree(aircraft_folders()["aerosonde"], folder)
+    document = tomlkit.parse((folder / "aircraft.toml").read_text())
+    document.update(texts)
+    (folder / "aircraft.toml").write_text(tomlkit.dumps(document))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("key", "text"), [("title", HOSTILE), ("source", "a\u2028b"), ("model", "a\u009b1m.xml")]
+)
+def test_an_aircraft_whose_texts_have_control_characters_is_refused(key, text, tmp_path):
+    stranger(tmp_path / "theirs", **{key: text})
+
+    _, reason = flighttune("new", "mine", "--aircraft", "theirs", status=2, cwd=tmp_path)
+
+    assert f"aircraft.toml: `{key}` must be one line of printable characters" in reason
+    assert [path.name for path in tmp_path.iterdir()] == ["theirs"]
+
+
+def test_the_texts_of_an_aircraft_stay_values_and_comments(tmp_path):
+    """A folder and a title of quotes and brackets, which once went into the file as they were."""
+    theirs = stranger(tmp_path / "e\"]'v", title="\"\"\"'''] # [[law]] {h}")
+
+    new_scenario(str(tmp_path / "mine of two words"), aircraft=str(theirs))
+    text = (tmp_path / "mine of two words.toml").read_text()
+
+    made = load_scenario(tmp_path / "mine of two words.toml")
+    assert made.law is None
+    assert load_aircraft(made.plant[1].aircraft).folder == theirs
+    assert f"flighttune fly '{tmp_path}/mine of two words.toml' " in text
+
+
+def test_a_name_with_a_line_break_is_refused(tmp_path):
+    with pytest.raises(InputError, match="`NAME` must have printable characters only"):
+        new_scenario(str(tmp_path / "mine\n[[law]]"))
+
+
+@pytest.mark.parametrize("name", ["", ".", "..", "below/", "x" * 300])
+def test_a_name_that_no_file_can_have_is_refused_in_one_line(name, tmp_path):
+    _, err = flighttune("new", name, status=2, cwd=tmp_path)
+
+    assert err.count("\n") == 1
+    assert "`NAME` must be" in err or "must be writable" in err
+    assert not [*tmp_path.iterdir()]
+
+
+def test_the_next_commands_can_be_pasted_whatever_the_name(tmp_path):
+    out, _ = flighttune("new", "a b", cwd=tmp_path)
+    lines = (tmp_path / "a b.toml").read_text(), out
+
+    assert all("flighttune fly 'a b.toml'" in text for text in lines)
 
 
 def test_a_weaker_engine_is_no_other_model():

@@ -7,10 +7,10 @@ import pytest
 from made_up import scenario_tables
 
 from flighttune.errors import ScenarioError
+from flighttune.files.shipped import scenario_files
 from flighttune.flight.fly import fly
 from flighttune.plants.sensors import Sensors
 from flighttune.scenario import load_scenario, scenario_from
-from flighttune.shipped import scenario_files
 
 DEG = math.pi / 180.0
 

@@ -4,19 +4,17 @@ import math
 
 import numpy as np
 import pytest
-from made_up import made_up_run
 
 from flighttune.control.gains import PAPER_GAINS, PIGains, paper_family
 from flighttune.control.limits import Limits
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import InputError, ShapeError
-from flighttune.metrics import channel_metrics
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import PointMassPlant
+from flighttune.references.segments import Reference, Segment
 from flighttune.simulate.batch import SIGNALS, fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.loop import simulate
-from flighttune.simulate.reference import Reference, Segment
 
 SAME = 1e-12
 RANGE = ([-math.pi / 4, -2.1], [math.pi / 4, 2.1])
@@ -104,7 +102,6 @@ def test_a_batch_flies_what_the_single_run_flies(dt, settings, anti_windup):
         np.column_stack(MANOEUVRE.sampled(samples)),
         duration=8.0,
         disturbances=[case[3] for case in cases],
-        trajectories=True,
     )
 
     shared = [name for name in SIGNALS if not name.endswith("_rate")]
@@ -116,9 +113,6 @@ def test_a_batch_flies_what_the_single_run_flies(dt, settings, anti_windup):
         for name in shared:
             alone = signals[name].to_numpy()
             assert batch.signal(name)[i, :n] == pytest.approx(alone, rel=SAME, abs=SAME), name
-        if n > 1:
-            expected = channel_metrics(made_up_run(signals)).to_numpy()
-            assert batch.measures[i] == pytest.approx(expected, rel=SAME, abs=SAME, nan_ok=True)
 
 
 def test_random_cases_meet_every_kind_of_limit_and_divergence():
@@ -126,26 +120,17 @@ def test_random_cases_meet_every_kind_of_limit_and_divergence():
     cases = list(random_cases(12, seed=10))
     laws = [MimoPI(gains, limits, dt=0.01) for gains, _, limits, _ in cases]
     conditions = [case[1] for case in cases]
-    batch = fly_sampled(laws, conditions, (3.0, 0.1), duration=8.0, trajectories=True)
+    batch = fly_sampled(laws, conditions, (3.0, 0.1), duration=8.0)
 
     assert {0.0, 1.0, 2.0} <= set(batch.signal("phi_limited")[batch.ends == 0].ravel())
     assert {0, 1} <= set(batch.ends.tolist())
-
-
-def test_metrics_alone_are_the_metrics_of_the_trajectories():
-    batch = [paper(duration=20.0, trajectories=kept) for kept in (False, True)]
-
-    assert len(batch[0].trajectories) == 0
-    assert np.array_equal(batch[0].measures, batch[1].measures, equal_nan=True)
-    assert np.array_equal(batch[0].last, batch[1].last)
-    assert np.array_equal(batch[1].last[0], batch[1].trajectories[0, -1])
 
 
 def test_the_number_of_threads_does_not_change_a_bit():
     gains = list(paper_family().values()) * 10
 
     one, two, five = (
-        paper(0.02, MAGNITUDE, gains, duration=5.0, threads=n).measures for n in (1, 2, 5)
+        paper(0.02, MAGNITUDE, gains, duration=5.0, threads=n).trajectories for n in (1, 2, 5)
     )
 
     assert np.array_equal(one, two, equal_nan=True)
@@ -153,19 +138,18 @@ def test_the_number_of_threads_does_not_change_a_bit():
 
 
 def test_the_error_rate_is_what_the_error_does_next():
-    batch = paper(1e-4, duration=0.05, trajectories=True)
+    batch = paper(1e-4, duration=0.05)
 
     slope = np.diff(batch.signal("chi_err")[0]) / 1e-4
     assert batch.signal("chi_err_rate")[0, :-1] == pytest.approx(slope, abs=1e-4)
 
 
 def test_a_roll_beyond_90_deg_is_reported_as_a_value():
-    batch = paper(limits=None, trajectories=True)
+    batch = paper(limits=None)
 
     assert batch.ends[0] == 1
-    assert batch.last[0, SIGNALS.index("phi_cmd")] == pytest.approx(math.radians(-119.5), abs=1e-3)
+    assert batch.signal("phi_cmd")[0, 0] == pytest.approx(math.radians(-119.5), abs=1e-3)
     assert batch.samples[0] == 1
-    assert np.isnan(batch.measures).all()
     assert np.isnan(batch.trajectories[0, 1:]).all()
 
 
@@ -175,7 +159,10 @@ def test_a_roll_beyond_90_deg_is_reported_as_a_value():
         ({"duration": 0.001}, "`duration`"),
         ({"threads": 0}, "`threads`"),
         ({"g": [0.0]}, "`g`"),
-        ({"disturbances": [Sinusoid(gamma_amplitude=0.1, gamma_switches=(1.0,))]}, "switching"),
+        (
+            {"disturbances": [Sinusoid(gamma_amplitude=0.1, gamma_switches=(1.0,))]},
+            "phases or switching",
+        ),
         ({"gains": [PAPER_GAINS] * 3, "g": [9.8, 9.8]}, "3 flights"),
     ],
 )
@@ -203,5 +190,5 @@ def test_gravity_and_speed_of_the_schedule_can_be_one_a_flight():
 
     for i in range(3):
         alone = fly_sampled([laws[i]], [START], REF, duration=4.0, g=g[i])
-        assert alone.measures[0].tobytes() == together.measures[i].tobytes()
-    assert len(np.unique(together.measures[:, 0, 0])) == 3
+        assert alone.trajectories[0].tobytes() == together.trajectories[i].tobytes()
+    assert len(np.unique(together.signal("chi")[:, -1])) == 3

@@ -15,8 +15,8 @@ from flighttune.control.limits import Limits
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import InputError, ScenarioError
 from flighttune.plants.point_mass import PointMassPlant
+from flighttune.references.feasible import Manoeuvre, feasible_reference
 from flighttune.scenario.load import check_aircraft, scenario_from
-from flighttune.simulate.feasible import Manoeuvre, feasible_reference
 from flighttune.simulate.loop import simulate
 from flighttune.units import DEG
 

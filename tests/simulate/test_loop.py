@@ -12,9 +12,9 @@ from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import InputError
 from flighttune.plants.base import FlightCondition, Stop
 from flighttune.plants.point_mass import PointMassPlant
+from flighttune.references.segments import Reference
 from flighttune.scenario import load_scenario
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
-from flighttune.simulate.reference import Reference
 from flighttune.simulate.run import SIGNAL_UNITS
 
 PEAK_TOLERANCE = 0.002

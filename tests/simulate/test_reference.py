@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
+from flighttune.references.segments import Reference, Segment
 from flighttune.simulate.disturbance import Sinusoid
-from flighttune.simulate.reference import Reference, Segment
 
 
 def test_segments_add_to_the_start_value():

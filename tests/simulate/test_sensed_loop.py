@@ -10,9 +10,9 @@ from flighttune.errors import ShapeError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.plants.sensors import MEASURED, SENSED, Sensors
+from flighttune.references.segments import Reference, Segment
 from flighttune.simulate.batch import SIGNALS, fly_sampled
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
-from flighttune.simulate.reference import Reference, Segment
 from flighttune.units import wrap_angle
 
 DT, DURATION = 0.02, 8.0
@@ -105,7 +105,7 @@ def test_flights_of_a_batch_are_the_single_ones(threads, monkeypatch):
 
     batch = fly_sampled(
         laws, [START], np.stack(TURN.sampled(t), axis=-1), duration=DURATION, sensors=sensors,
-        trajectories=True, threads=threads,
+        threads=threads,
     )  # fmt: skip
 
     for i, one in enumerate(sensors):
@@ -118,7 +118,8 @@ def test_one_set_of_sensors_serves_all_flights_and_the_wrong_number_is_refused()
     laws = [MimoPI(PAPER_GAINS, LIMITS, dt=DT)] * 3
 
     def last(sensors):
-        return fly_sampled(laws, [START], (2.6, 0.1), duration=1.0, sensors=sensors).last
+        batch = fly_sampled(laws, [START], (2.6, 0.1), duration=1.0, sensors=sensors)
+        return batch.trajectories[:, -1]
 
     assert np.array_equal(last([NOISY]), last([NOISY] * 3))
     with pytest.raises(ShapeError, match="3 flights"):

@@ -9,12 +9,12 @@ from flighttune.certificates.bound import bound_rate, load_bound, verify_bound
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import kinematic_model
 from flighttune.errors import InputError
+from flighttune.files.value import write
 from flighttune.theory import rate_bound
 from flighttune.theory.indicators import indicators, indicators_batch
 from flighttune.theory.optimal import least_radius, optimal_channel, slowest_channel
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.tune import tune
-from flighttune.value_file import write
 
 MODEL = kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
 ROUNDING = 1e-9

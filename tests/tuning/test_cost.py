@@ -11,8 +11,8 @@ from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import closed_loops
 from flighttune.errors import InputError
+from flighttune.files.shipped import scenario_files
 from flighttune.scenario import load_scenario
-from flighttune.shipped import scenario_files
 from flighttune.tuning.cost import quadratic_cost
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.tune import tune
@@ -139,11 +139,6 @@ def test_a_cost_that_means_nothing_is_refused(problem, changes, message):
         replace(problem, **changes)
 
 
-def test_another_method_is_refused(problem):
-    with pytest.raises(InputError, match="`method` must be gradient"):
-        tune(problem, method="genetic")
-
-
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
@@ -151,7 +146,6 @@ def test_another_method_is_refused(problem):
             'objective = "cost"\nerror_weights = [1.0, 0.0]',
             "`error_weights` must be greater than 0",
         ),
-        ('objective = "cost"\nmethod = "genetic"', "`method` must be gradient"),
         ("R_min = 0.3", "`R_min` must be absent"),
     ],
 )

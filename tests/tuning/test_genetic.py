@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+from flighttune.paper.evolution import tune_by_evolution
 from flighttune.tuning.diagnosis import relaxed
 from flighttune.tuning.problem import TuningProblem
-from flighttune.tuning.tune import tune, tune_by_evolution
+from flighttune.tuning.tune import tune
 from tests.tuning.conftest import ALL_LIMITS
 
 pytestmark = pytest.mark.slow
@@ -17,7 +18,7 @@ NEVER_WORSE_BY = 1e-4
 def test_evolution_ends_just_below_the_gradient_method(model):
     problem = TuningProblem(model=model, I_star=5.0)
 
-    evolved, descended = tune(problem, "genetic"), tune(problem)
+    evolved, descended = tune_by_evolution(problem), tune(problem)
 
     assert evolved.status == "optimal"
     assert evolved.I_K <= 5.0
@@ -28,7 +29,7 @@ def test_evolution_ends_just_below_the_gradient_method(model):
 def test_evolution_keeps_the_input_limits_too(printed):
     problem = relaxed(printed, ALL_LIMITS, 7.0)
 
-    evolved, descended = tune(problem, "genetic"), tune(problem)
+    evolved, descended = tune_by_evolution(problem), tune(problem)
 
     assert evolved.status == "optimal"
     assert descended.R_K - 1e-3 < evolved.R_K < descended.R_K + NEVER_WORSE_BY

@@ -1,15 +1,11 @@
 """Fly a plan into a folder, here or on a cluster; runs that have a row are not repeated."""
 
-import math
 import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pyarrow as pa
 
-from flighttune.arrays import check_between
 from flighttune.campaign.dataset import (
     CAMPAIGN,
     RUNS,
@@ -24,16 +20,9 @@ from flighttune.campaign.dataset import (
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignOutcome
 from flighttune.campaign.planning.plan import Plan
-from flighttune.campaign.statistics.intervals import rate_interval
 from flighttune.errors import InputError, RecordingError
 from flighttune.flight.fly import library_versions
-from flighttune.flight.refly import changed_versions
-
-# Draws at the first interim analysis
-FIRST_DRAWS = 100
-
-# Runs at an interim analysis over those at the one before
-GROWTH = 1.25
+from flighttune.records.refly import changed_versions
 
 # A timing that takes at least this long is accurate enough, s
 ENOUGH_S = 0.25
@@ -52,7 +41,6 @@ def run_campaign(
     workers: int | None = None,
     scheduler: str | None = None,
     resume: bool = False,
-    until_halfwidth: float | None = None,
     observer: CampaignObserver | None = None,
 ) -> CampaignOutcome:
     """Fly a campaign, or the runs that are missing from it.
@@ -69,8 +57,6 @@ def run_campaign(
         Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
     resume : bool
         Continue the campaign in `out`, if there is one.
-    until_halfwidth : float, optional, 1
-        Stop as soon as the 95 % interval of every group's success rate has this half width.
     observer : CampaignObserver, optional
         Receives the progress; may stop the campaign.
 
@@ -95,23 +81,13 @@ def run_campaign(
     4
     """
     began = time.perf_counter()
-    interim = list(interim_analyses(plan, until_halfwidth))
-    halfwidth, done = None, True
     with WorkerPool(workers, scheduler, observer) as pool, locked(Path(out)):
         dataset = _dataset(out, plan, resume=resume)
         dataset.clean()
         _count(dataset, pool)
         plan = dataset.plan
-        for runs in interim:
-            gaps = missing((part.runs for part in dataset.parts), runs)
-            done = pool.fly_rows(plan, gaps, dataset.write_part)
-            if not done or until_halfwidth is None:
-                break
-            halfwidth = _widest(dataset, runs)
-            if halfwidth <= until_halfwidth:
-                break
-        if done:
-            done = _keep_signals(dataset, pool)
+        gaps = missing((part.runs for part in dataset.parts), plan.runs)
+        done = pool.fly_rows(plan, gaps, dataset.write_part) and _keep_signals(dataset, pool)
         dataset.clean()
     wall, progress = time.perf_counter() - began, pool.progress
     return CampaignOutcome(
@@ -123,36 +99,8 @@ def run_campaign(
         kept=len(dataset.kept),
         wall_s=wall,
         rate_per_s=progress.flown / wall,
-        halfwidth=halfwidth,
         interrupted=not done,
     )
-
-
-def interim_analyses(plan: Plan, halfwidth: float | None) -> Iterator[int]:
-    """Numbers of runs at the interim analyses of the success rates; the last is that of the plan.
-
-    They depend on the plan alone, so that a campaign stops at the same run wherever it is flown.
-    `halfwidth` is the half width asked for; without it there is no interim analysis.
-    """
-    if halfwidth is None:
-        yield plan.runs
-        return
-    check_between(0.0, 0.5, until_halfwidth=halfwidth)
-    cycle = plan.cycle * len(plan.groups)
-    at = FIRST_DRAWS * len(plan.groups)
-    while (whole := math.ceil(at / cycle) * cycle) < plan.runs:
-        yield whole
-        at = max(whole + 1, round(whole * GROWTH))
-    yield plan.runs
-
-
-def _widest(dataset: Dataset, runs: int) -> float:
-    """Largest half width of Wilson's interval of a group's success rate in the first `runs`."""
-    rows = dataset.rows(["success"]).to_pandas()
-    rows = rows.loc[rows["run"] < runs]
-    success = rows["success"].groupby(rows["run"] % len(dataset.plan.groups))
-    low, high = rate_interval(success.sum(), success.count())
-    return float(np.max(high - low) / 2.0)
 
 
 def _keep_signals(dataset: Dataset, pool: WorkerPool) -> bool:

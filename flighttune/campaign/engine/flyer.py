@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from flighttune.errors import PlantError, ending_of
-from flighttune.shipped import TRUST_AIRCRAFT
-from flighttune.whole_file import lock, reason_of, scratch_folder, scratch_place
+from flighttune.files.shipped import TRUST_AIRCRAFT
+from flighttune.files.whole import lock, reason_of, scratch_folder, scratch_place
 
 if TYPE_CHECKING:
     from flighttune.campaign.flying.rows import Draw, Probes, Row

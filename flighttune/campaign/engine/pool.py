@@ -24,6 +24,7 @@ from flighttune.campaign.flying.rows import (
 )
 from flighttune.campaign.planning.plan import Plan
 from flighttune.errors import InputError
+from flighttune.flight.notice import before_running
 from flighttune.simulate.batch import cores
 
 # Tasks handed to each worker: one in flight, and one ready for when that ends
@@ -125,6 +126,7 @@ class WorkerPool:
         if doing:
             progress.statuses.clear()
             progress.succeeded = 0
+        before_running(plan.code)
         progress.runs = progress.done + sum(map(len, gaps))
         buffer = _Buffer(gaps, lambda rows: keep(table_of(plan, rows, probes)))
 

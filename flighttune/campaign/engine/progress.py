@@ -85,5 +85,4 @@ class CampaignOutcome:
     kept: int  # runs whose signals are kept
     wall_s: float  # s, of this time
     rate_per_s: float  # 1/s, flown / wall_s
-    halfwidth: float | None = None  # largest of the 95 % intervals of a group's success rate
     interrupted: bool = False  # stopped before its end

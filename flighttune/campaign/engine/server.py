@@ -14,11 +14,12 @@ from multiprocessing.connection import Connection
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.campaign.flying.alone import fly_again
 from flighttune.campaign.flying.rows import Draw, Row, fly_draw, warm_up
+from flighttune.campaign.planning.plan import Plan
 from flighttune.errors import FlightTuneError, PlantError
 from flighttune.flight.fly import library_versions
 from flighttune.flight.own import with_own
-from flighttune.flight.refly import changed_versions
-from flighttune.recording.parquet import parquet_bytes
+from flighttune.records.parquet import parquet_bytes
+from flighttune.records.refly import changed_versions
 
 # Longest time to load a plan, s. The first samples of its flights have another limit: that of a
 # flight and START_S for the aircraft.
@@ -33,7 +34,8 @@ def serve(pipe: Connection) -> None:
             work, draw = pipe.recv()
             try:
                 with _time_limit(PREPARE_S):
-                    limit, fly = _prepared(work)
+                    plan, fly = _prepared(work)
+                    with_own(plan.scenario)  # refuses a law whose file has changed since
             except Exception as error:
                 pipe.send(str(error) if isinstance(error, FlightTuneError) else repr(error))
                 continue
@@ -41,7 +43,7 @@ def serve(pipe: Connection) -> None:
             answers = fly(draw)
             try:
                 for _ in draw.runs:
-                    with _time_limit(limit):
+                    with _time_limit(plan.campaign.time_limit_s):
                         answer = next(answers)
                     pipe.send(answer)
             except Exception as error:  # whatever a run does, it is the outcome of that run
@@ -50,8 +52,8 @@ def serve(pipe: Connection) -> None:
 
 
 @lru_cache(maxsize=2)
-def _prepared(work: bytes) -> tuple[float, Callable[[Draw], Iterator[Row | bytes]]]:
-    """Time limit of a flight, and a function that flies the runs of a draw.
+def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]]]:
+    """The plan, and a function that flies the runs of a draw.
 
     FlightTuneError if rows would be others than elsewhere.
     """
@@ -65,9 +67,7 @@ def _prepared(work: bytes) -> tuple[float, Callable[[Draw], Iterator[Row | bytes
     for name, was in plan.aircraft.items():
         if files_hash(name) != was:
             raise PlantError(f"the files of aircraft {name} must be those it was planned with")
-    with_own(plan.scenario)
-    limit = plan.campaign.time_limit_s
-    with _time_limit(START_S + limit):
+    with _time_limit(START_S + plan.campaign.time_limit_s):
         warm_up(plan)
 
     def fly(draw: Draw) -> Iterator[Row | bytes]:
@@ -75,7 +75,7 @@ def _prepared(work: bytes) -> tuple[float, Callable[[Draw], Iterator[Row | bytes
             return fly_draw(plan, draw, probes)
         return (parquet_bytes(fly_again(plan, n)[plan.group_of(n).label]) for n in draw.runs)
 
-    return limit, fly
+    return plan, fly
 
 
 @contextmanager

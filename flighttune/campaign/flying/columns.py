@@ -6,7 +6,7 @@ import pyarrow as pa
 
 from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.planning.schema import MEASURES, Choice, Dispersion, Grid
-from flighttune.metrics import unit_of
+from flighttune.metrics import settling_names, unit_of
 from flighttune.present.names import UNIT_OF_SUFFIX
 
 # Unit of a key of a scenario by how it ends, longest ending first
@@ -46,12 +46,17 @@ AFTER = {
 
 def row_schema(plan: Plan, probes: Iterable[str] = ()) -> pa.Schema:
     """The schema of the rows of a plan and its probes; a field has its ``unit`` as metadata."""
+    settling = settling_names([table.model_dump() for table in plan.scenario.expect])
+    more = [f"{channel}.{name}" for channel, names in settling.items() for name in names]
     return pa.schema(
         [
             *(pa.field(name, kind, nullable=False) for name, kind in BEFORE.items()),
             *(_of_key(table) for table in plan.campaign.disperse),
             *(pa.field(name, kind, nullable=False) for name, kind in OUTCOME.items()),
-            *(_field(name, pa.float64(), unit_of(*name.split("."))) for name in MEASURES),
+            *(
+                _field(name, pa.float64(), unit_of(*name.split(".", 1)))
+                for name in [*MEASURES, *more]
+            ),
             *(_field(name, kind, unit) for name, (kind, unit) in AFTER.items()),
             *(_field(name, pa.list_(pa.float64()), None) for name in probes),
         ]

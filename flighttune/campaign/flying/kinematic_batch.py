@@ -1,16 +1,14 @@
 """Draws of the kinematic law, flown many at once."""
 
-from collections.abc import Collection, Hashable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.law import Law
 from flighttune.flight.outer_loop import law_setup
-from flighttune.metrics import METRICS
-from flighttune.plants.base import FlightCondition
+from flighttune.metrics import MEASURED, measures_of, settling_names
 from flighttune.plants.point_mass import rolled_over
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
@@ -20,15 +18,9 @@ from flighttune.simulate.disturbance import Sinusoid
 # `BatchResult.ends` of a flight that ended at 90 deg of roll
 ROLLED = 1
 
-# Keys of a scenario that the kernel does not fly: with one of them a flight is flown alone.
-#
-# `tests/campaign/test_kinematic_batch.py` flies every key of a scenario both ways and fails for a
-# key it has not tried, so that a new key is either flown by the kernel or named here.
-NOT_IN_BATCH = (
-    *("wind", "gust", "turbulence", "reference.shape", "route"),
-    *("disturbance.wave", "disturbance.chi_phase_deg", "disturbance.gamma_phase_deg"),
-    *("disturbance.chi_switch_s", "disturbance.gamma_switch_s"),
-)
+
+# Signals of a batch that measures are taken of
+MEASURED_HERE = tuple(name for name in SIGNALS if name in MEASURED)
 
 
 class FlightResult(NamedTuple):
@@ -39,30 +31,12 @@ class FlightResult(NamedTuple):
     measured: Mapping[str, Mapping[str, float]]  # as `flighttune.metrics.measures`
 
 
-def batchable(
-    scenario: Scenario,
-    table: PlantTable,
-    law: Law,
-    dispersed: Collection[str] = (),
-) -> bool:
-    """Whether the kernel knows the law, the plant, and everything in the scenario.
-
-    Keys decide and their values do not, so that the answer is the same for all draws that give
-    values to the `dispersed` keys.
-    """
-    if not (law.batched and table.family.batched):
-        return False
-    return not any(
-        _has(scenario, key) or any(f"{other}.".startswith(f"{key}.") for other in dispersed)
-        for key in NOT_IN_BATCH
-    )
-
-
-def _has(scenario: Scenario, key: str) -> bool:
-    value: Any = scenario
-    for name in key.split("."):
-        value = getattr(value, name, None)
-    return value is not None
+def batchable(scenario: Scenario, table: PlantTable, law: Law) -> bool:
+    """Whether law, plant, air, disturbance and reference are ones that the kernel flies."""
+    acting = scenario.disturbance.sinusoid() if scenario.disturbance else Sinusoid()
+    planned = scenario.feasible or scenario.route is not None
+    kernel_knows = law.batched and table.family.batched and acting.batched
+    return kernel_knows and not (scenario.windy or planned)
 
 
 def alike(scenario: Scenario) -> Hashable:
@@ -102,49 +76,27 @@ def fly_batch(
         ref_rates=np.array([np.column_stack(reference.rates(at)) for reference in references]),
         disturbances=[s.disturbance.sinusoid() if s.disturbance else Sinusoid() for s in scenarios],
         sensors=[s.sensors.sensors(s.seed) for s in scenarios if s.sensors is not None],
-        trajectories=True,
         g=np.array([scenario.flight.g_mps2 for scenario in scenarios]),
         threads=1,
     )
-    measures = _measured(conditions, batch)
+    settling = settling_names([table.model_dump() for table in scenarios[0].expect])
     for i in range(len(scenarios)):
         if batch.ends[i] > ROLLED:
             yield None
             continue
-        measured = {
-            subject: {name: float(values[i]) for name, values in columns.items()}
-            for subject, columns in (measures.items() if batch.samples[i] > 1 else ())
-        }
+        n = batch.samples[i]
+        columns = {name: batch.signal(name)[i, :n].copy() for name in MEASURED_HERE}
+        columns["V_a"] = np.full(n, conditions[i].V_a)  # what the law assumes
+        columns["n_z"] = np.append(conditions[i].n_z_start, columns["n_z_cmd"][:-1])
+        columns["gamma_ref"] = np.broadcast_to(ref[i, :n, 1], n)
+        measured = measures_of(t[:n], columns, settling) if n > 1 else {}
         yield FlightResult(*_status(batch, i), measured)
-
-
-def _measured(
-    conditions: Sequence[FlightCondition], batch: BatchResult
-) -> dict[str, dict[str, FloatArray]]:
-    """Measures of each flight, shape (N,) each, as `flighttune.metrics.measures` names them."""
-    N = len(conditions)
-    n_z_cmd = batch.signal("n_z_cmd").copy()
-    n_z_cmd[np.arange(N), batch.samples - 1] = np.nan  # not flown any more
-    n_z = np.column_stack([[condition.n_z_start for condition in conditions], n_z_cmd])
-    both = {name: batch.measure(name) for name in METRICS}
-    both["peak_rad"] = np.column_stack(
-        [np.fmax.reduce(np.abs(batch.signal(name)), axis=1) for name in ("chi_err", "gamma_err")]
-    )
-    flight = {
-        "V_a_dev_mps": np.zeros(N),
-        "n_z_min": np.fmin.reduce(n_z, axis=1),
-        "n_z_max": np.fmax.reduce(n_z, axis=1),
-    }
-    channels = {
-        channel: {name: values[:, i] for name, values in both.items()}
-        for i, channel in enumerate(("chi", "gamma"))
-    }
-    return {**channels, "flight": flight}
 
 
 def _status(batch: BatchResult, i: int) -> tuple[str, str]:
     """Status and reason of a flight that was completed or rolled over."""
     if batch.ends[i] != ROLLED:
         return "completed", ""
-    phi, n_z = (float(batch.last[i, SIGNALS.index(name)]) for name in ("phi_cmd", "n_z_cmd"))
-    return "diverged", rolled_over(phi, n_z, float(batch.t[batch.samples[i] - 1])).reason
+    last = batch.samples[i] - 1
+    phi, n_z = (float(batch.signal(name)[i, last]) for name in ("phi_cmd", "n_z_cmd"))
+    return "diverged", rolled_over(phi, n_z, float(batch.t[last])).reason

@@ -25,8 +25,8 @@ from flighttune.control.law import split_name
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import FlightTuneError, ending_of
 from flighttune.flight.expectations import missed, with_loop
-from flighttune.flight.refly import Difference
 from flighttune.metrics import measures
+from flighttune.records.refly import Difference
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 from flighttune.theory.indicators import indicators_batch
@@ -128,16 +128,18 @@ def table_of(plan: Plan, rows: Iterable[Row], probes: Collection[str] = ()) -> p
 def batched_groups(
     plan: Plan, probes: Collection[str] = (), draws: Sequence[Drawn] | None = None
 ) -> frozenset[Group]:
-    """The groups whose flights the compiled kernel flies."""
-    keys = {*plan.keys, *(key for drawn in draws or () for key in drawn)}
+    """The groups whose flights the compiled kernel flies, judged by the first of `draws`."""
+    scenario = plan.scenario
+    with suppress(FlightTuneError):
+        scenario = plan.dispersed(draws[0], 0) if draws else scenario
+    flown = [group for group in plan.groups if plan.gain_sets[group.gains] is not None]
+    able = (group for group in flown if _batchable(plan, scenario, group))
+    return frozenset() if probes else frozenset(able)
 
-    def batched(group: Group) -> bool:
-        table = plan.scenario.plant_table(group.plant)
-        law, _ = plan.scenario.law_of(group.gains)
-        flown = plan.gain_sets[group.gains] is not None
-        return flown and batchable(plan.scenario, table, law, keys)
 
-    return frozenset() if probes else frozenset(filter(batched, plan.groups))
+def _batchable(plan: Plan, scenario: Scenario, group: Group) -> bool:
+    law, _ = plan.scenario.law_of(group.gains)
+    return batchable(scenario, plan.scenario.plant_table(group.plant), law)
 
 
 def _fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
@@ -152,8 +154,11 @@ def _fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
             rows += [_row(plan, run, drawn, _invalid(error, began)) for run in runs]
             continue
         for run in runs:
-            key = plan.group_of(run), alike(scenario)
-            batches.setdefault(key, []).append((run, drawn, scenario))
+            group = plan.group_of(run)
+            if _batchable(plan, scenario, group):
+                batches.setdefault((group, alike(scenario)), []).append((run, drawn, scenario))
+            else:  # a draw of something that the kernel does not fly
+                rows += fly_draw(plan, Draw((run,), drawn), {})
     for (group, _), flights in batches.items():
         gains = plan.gain_sets[group.gains]
         assert gains is not None
@@ -254,7 +259,7 @@ def _outcome(
         "reason": result.reason,
         "success": not misses,
         "missed": "; ".join(misses),
-        **{name: _number(columns.get(name)) for name in MEASURES},
+        **{name: _number(columns.get(name)) for name in (*MEASURES, *columns)},
         "wall_s": wall_s,
     }
 

@@ -17,9 +17,9 @@ from scipy.special import ndtr, ndtri
 from flighttune.arrays import FloatArray
 from flighttune.campaign.planning.schema import Campaign, CorrelationTable, Grid
 from flighttune.errors import InputError
-from flighttune.scenario.schema import Scenario
+from flighttune.plants.jsbsim.plant import LARGEST_SEED
 
-# Column of the seeds, and the factor that stands for chance in a Saltelli design
+# Column of the seeds
 SEED = "seed"
 
 # Points of the unit interval are kept this far from 0, and `1 - LARGEST_POINT` from 1: an inverse
@@ -34,17 +34,8 @@ SOBOL_BITS = 32
 Column = npt.NDArray[np.generic]
 
 
-def factors(campaign: Campaign) -> tuple[str, ...]:
-    """Factors of a Saltelli design: the dispersed keys, and `SEED` where chance plays a part."""
-    if campaign.design != "saltelli":
-        return ()
-    return (*campaign.keys, SEED) if _by_chance(campaign.central) else campaign.keys
-
-
 def cycle(campaign: Campaign) -> int:
-    """Draws that belong together: the cells of the grid, or A, B and the AB of each factor."""
-    if campaign.design == "saltelli":
-        return len(factors(campaign)) + 2
+    """Draws that belong together: the cells of the grid."""
     return math.prod(len(grid.levels) for grid in campaign.grids)
 
 
@@ -57,19 +48,16 @@ def drawn(campaign: Campaign, first: int, end: int, *, draws: int) -> pd.DataFra
     length = cycle(campaign)
     point, place = np.divmod(np.arange(first, end), length)
     low, high = first // length, -(-end // length)
-    if campaign.design == "saltelli":
-        columns = _saltelli(campaign, low, high, point - low, place)
-    else:
-        sampled = [table for table in campaign.disperse if not isinstance(table, Grid)]
-        keys = [table.key for table in sampled]
-        design = "random" if campaign.design == "grid" else campaign.design
-        u = unit_points(
-            design, keys, seed=campaign.seed, first=low, end=high, points=-(-draws // length)
-        )
-        u = correlated(u, keys, campaign.correlation)
-        columns = {table.key: table.at(u[:, i])[point - low] for i, table in enumerate(sampled)}
-        columns |= _cells(campaign.grids, place)
-        columns[SEED] = run_seeds(campaign.seed, low, high)[point - low]
+    sampled = [table for table in campaign.disperse if not isinstance(table, Grid)]
+    keys = [table.key for table in sampled]
+    design = "random" if campaign.design == "grid" else campaign.design
+    u = unit_points(
+        design, keys, seed=campaign.seed, first=low, end=high, points=-(-draws // length)
+    )
+    u = correlated(u, keys, campaign.correlation)
+    columns = {table.key: table.at(u[:, i])[point - low] for i, table in enumerate(sampled)}
+    columns |= _cells(campaign.grids, place)
+    columns[SEED] = run_seeds(campaign.seed, low, high)[point - low]
     return pd.DataFrame(
         {name: _series(columns[name]) for name in (*campaign.keys, SEED)},
         index=pd.RangeIndex(first, max(end, first), name="draw"),
@@ -98,13 +86,13 @@ def unit_points(
     return np.clip(u, SMALLEST_POINT, LARGEST_POINT)
 
 
-def run_seeds(seed: int, first: int, end: int, *, name: str = "seed") -> npt.NDArray[np.int64]:
-    """Seeds of points `first` to `end`, 0 to 2^31 - 1.
+def run_seeds(seed: int, first: int, end: int) -> npt.NDArray[np.int64]:
+    """Seeds of points `first` to `end`, 0 to `LARGEST_SEED`.
 
-    Each depends on the campaign's seed, the point and the name of the stream alone.
+    Each depends on the campaign's seed and the point alone.
     """
-    raw = _stream(seed, name, first).bit_generator.random_raw(max(end - first, 0))
-    return (np.atleast_1d(raw) >> np.uint64(33)).astype(np.int64)
+    raw = _stream(seed, SEED, first).bit_generator.random_raw(max(end - first, 0))
+    return (np.atleast_1d(raw) >> np.uint64(33)).astype(np.int64) % (LARGEST_SEED + 1)
 
 
 def correlated(
@@ -206,13 +194,6 @@ def _series(values: Column) -> Column | pd.api.extensions.ExtensionArray:
     return pd.array(values, dtype="str") if values.dtype == object else values
 
 
-def _by_chance(scenario: Scenario) -> bool:
-    """Whether a flight depends on the scenario's seed."""
-    sensors = scenario.sensors
-    noises = () if sensors is None else sensors.sensors(0).noise_sd
-    return scenario.turbulence is not None or any(noises)
-
-
 def _cells(grids: Sequence[Grid], place: npt.NDArray[np.intp]) -> dict[str, Column]:
     if not grids:
         return {}
@@ -222,26 +203,3 @@ def _cells(grids: Sequence[Grid], place: npt.NDArray[np.intp]) -> dict[str, Colu
         grid.key: grid.at((cell + 0.5) / count)
         for grid, cell, count in zip(grids, cells, counts, strict=True)
     }
-
-
-def _saltelli(
-    campaign: Campaign,
-    low: int,
-    high: int,
-    point: npt.NDArray[np.intp],
-    place: npt.NDArray[np.intp],
-) -> dict[str, Column]:
-    """Points of block j: A_j, B_j, and A_j with one factor of B_j in turn."""
-    keys, seed = campaign.keys, campaign.seed
-    names = [f"{block}:{key}" for block in "AB" for key in keys]
-    u = unit_points("sobol", names, seed=seed, first=low, end=high, points=high)
-    seeds = run_seeds(seed, low, high)
-    columns: dict[str, Column] = {SEED: seeds[point]}
-    for i, name in enumerate(factors(campaign)):
-        if name == SEED:
-            a, b = seeds, run_seeds(seed, low, high, name="seed of B")
-        else:
-            table = campaign.disperse[i]
-            a, b = table.at(u[:, i]), table.at(u[:, len(keys) + i])
-        columns[name] = np.where((place == 1) | (place == 2 + i), b[point], a[point])
-    return columns

@@ -8,7 +8,9 @@ from flighttune.campaign.planning.draws import copula_factor
 from flighttune.campaign.planning.places import dispersed_places, with_drawn
 from flighttune.campaign.planning.schema import DISTRIBUTIONS, Campaign, CampaignTable
 from flighttune.errors import InputError, ScenarioError
-from flighttune.mistakes import abridged, shown, validated
+from flighttune.files.mistakes import abridged, shown, validated
+from flighttune.files.shipped import campaign_files, scenario_files
+from flighttune.files.table import toml_tables
 from flighttune.plants.label import goes_by
 from flighttune.scenario.load import (
     check_aircraft,
@@ -22,8 +24,6 @@ from flighttune.scenario.load import (
 from flighttune.scenario.places import with_changes
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
-from flighttune.shipped import campaign_files, scenario_files
-from flighttune.table_file import toml_tables
 
 
 def load_campaign(

@@ -9,20 +9,20 @@ import numpy as np
 import pandas as pd
 
 from flighttune.aircraft.aircraft import files_hash
-from flighttune.campaign.planning.draws import cycle, drawn, factors
+from flighttune.campaign.planning.draws import cycle, drawn
 from flighttune.campaign.planning.places import dispersed_places, with_drawn
 from flighttune.campaign.planning.schema import Campaign, CampaignTable
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
+from flighttune.files.mistakes import abridged, validated
+from flighttune.files.table import hash_of
 from flighttune.flight.outer_loop import gain_sets
-from flighttune.mistakes import abridged, validated
 from flighttune.plants.label import goes_by
 from flighttune.quantities import Table
 from flighttune.scenario.load import as_recorded, check_aircraft
 from flighttune.scenario.places import Place, leaves, with_values
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
-from flighttune.table_file import hash_of
 
 # Version of the plain values of a plan; other versions are refused
 VERSION = 1
@@ -106,6 +106,11 @@ class Plan:
         return self.campaign.nominal
 
     @property
+    def code(self) -> tuple[str, ...]:
+        """Python files of its laws and plants, which run when one of its runs is flown."""
+        return tuple(dict.fromkeys((*self.scenario.code, *self.campaign.central.code)))
+
+    @property
     def keys(self) -> tuple[str, ...]:
         """The dispersed keys: columns of `parameters`."""
         return self.campaign.keys
@@ -120,20 +125,11 @@ class Plan:
         """Whether draws are independent of `runs`: a longer campaign then begins with the same."""
         return self.campaign.design != "latin_hypercube"
 
-    @property
-    def factors(self) -> tuple[str, ...]:
-        """Factors of a Saltelli design in order of their blocks; none in other designs.
-
-        The dispersed keys, and ``seed`` where chance plays a part in flight.
-        """
-        return factors(self.campaign)
-
     @cached_property
     def cycle(self) -> int:
         """Number of draws that belong together; a design consists of whole cycles of them.
 
-        A grid has one per cell; a Saltelli design one for A, for B and for each factor; others
-        have cycles of 1.
+        A grid has one per cell; others have cycles of 1.
         """
         return cycle(self.campaign)
 

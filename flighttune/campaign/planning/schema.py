@@ -2,7 +2,7 @@
 
 import math
 from abc import abstractmethod
-from typing import Annotated, Any, Literal, TypeAlias, get_args
+from typing import Annotated, Any, Literal, Self, TypeAlias, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,7 @@ Values: TypeAlias = Annotated[list[Value], Field(min_length=1)]
 
 Key: TypeAlias = Annotated[str, Field(min_length=1, max_length=MAX_KEY)]
 Acts: TypeAlias = Literal["sets", "adds", "multiplies"]
-Design: TypeAlias = Literal["random", "latin_hypercube", "sobol", "saltelli", "grid"]
+Design: TypeAlias = Literal["random", "latin_hypercube", "sobol", "grid"]
 Runs: TypeAlias = Annotated[int, Field(ge=1, le=10**9)]
 Count: TypeAlias = Annotated[int, Field(ge=0)]
 
@@ -51,6 +51,12 @@ class DisperseTable(Table):
 
     key: Key
     acts: Acts = "sets"
+
+    @model_validator(mode="after")
+    def _draws_no_code(self) -> Self:
+        if self.key.endswith("module"):  # `Plan.code` must be all that runs
+            raise ValueError(f"`key` must not name a file of code, got {self.key}")
+        return self
 
     @property
     def central(self) -> Value:
@@ -257,11 +263,6 @@ class CampaignTable(Table):
             raise ValueError(
                 "`design` must not be 'grid' where no [[disperse]] has the distribution grid"
             )
-        if self.design == "saltelli" and (self.grids or self.correlation):
-            what = f"grid of `{self.grids[0].key}`" if self.grids else "[[correlation]]"
-            raise ValueError(f"`design` must not be 'saltelli' where there is a {what}")
-        if self.design == "saltelli" and not self.disperse:
-            raise ValueError("[[disperse]] must be given with `design` 'saltelli'")
         if self.runs is None and self.design != "grid":
             raise ValueError("`runs` must be given: only `design` 'grid' can do without")
         return self

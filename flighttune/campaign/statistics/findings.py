@@ -8,12 +8,11 @@ import numpy as np
 import pandas as pd
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.planning.draws import SEED
 from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.flights import Flights, is_number
 from flighttune.campaign.statistics.intervals import CONFIDENCE, Method
 from flighttune.campaign.statistics.paired import paired, scores
-from flighttune.campaign.statistics.sensitivity import classes_of, influences, sobol_indices
+from flighttune.campaign.statistics.sensitivity import classes_of, influences
 from flighttune.campaign.statistics.summary import convergence, requirements, summary
 
 SUCCESS = "success"
@@ -50,12 +49,12 @@ def findings(
     groups, splits = [], []
     for group, rows in flights.groups():
         sensitivity = {
-            name: _sensitivity(flights, rows, name) for name in (SUCCESS, measure) if name
+            name: {"ranks": _ranks(flights, rows, name)} for name in (SUCCESS, measure) if name
         }
         worst = _worst(flights, rows, measure) if measure else []
         groups.append({**summary(flights, group, rows), "worst": worst, "sensitivity": sensitivity})
         apart = [rank["parameter"] for rank in sensitivity[SUCCESS]["ranks"] if rank["apart"]]
-        splits += [_split(flights, group, rows, key) for key in apart if key != SEED][:1]
+        splits += [_split(flights, group, rows, key) for key in apart[:1]]
     return Findings(
         flights=flights,
         measure=measure,
@@ -96,29 +95,10 @@ def _worst(flights: Flights, rows: pd.DataFrame, measure: str) -> list[dict[str,
     ]
 
 
-def _sensitivity(flights: Flights, rows: pd.DataFrame, name: str) -> dict[str, Any]:
-    """Influence of each parameter by ranks; Sobol indices of the whole cycles that have flown."""
-    plan = flights.plan
-    block, place = np.divmod(rows["draw"].to_numpy(), plan.cycle)
-    # In Saltelli's design only the points A and B of a block are independent of each other.
-    independent = rows.loc[place < 2] if plan.factors else rows
-    ranks = influences(
-        independent.loc[:, list(plan.keys)],
-        values_of(independent, name),
-        confidence=flights.confidence,
-    )
-    if not plan.factors:
-        return {"ranks": ranks, "sobol": None}
-    values = np.full((plan.cycle, int(block.max()) + 1), np.nan)
-    values[place, block] = values_of(rows, name)
-    A, B, *AB = values
-    seed = plan.campaign.seed
-    indices = sobol_indices(A, B, np.array(AB), confidence=flights.confidence, seed=seed)
-    sobol = indices and {
-        factor: {"first": first.tolist(), "total": total.tolist(), "blocks": indices[0]}
-        for factor, first, total in zip(plan.factors, indices[1].T, indices[2].T, strict=True)
-    }
-    return {"ranks": ranks, "sobol": sobol}
+def _ranks(flights: Flights, rows: pd.DataFrame, name: str) -> list[dict[str, Any]]:
+    """Influence of each parameter by ranks."""
+    parameters = rows.loc[:, list(flights.plan.keys)]
+    return influences(parameters, values_of(rows, name), confidence=flights.confidence)
 
 
 def _split(flights: Flights, group: Group, rows: pd.DataFrame, parameter: str) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Influence of parameters on a metric: rank statistics and Sobol indices (Saltelli)."""
+"""Influence of parameters on a metric: rank statistics."""
 
 import math
 from collections.abc import Mapping
@@ -26,12 +26,6 @@ MIN_FLIGHTS = 10
 
 # Condition number of the correlations of ranks from which on they tell no partial ones.
 COLLINEAR = 1e10
-
-# scipy.stats.sobol_indices gives the same indices, but only of 2^k blocks, and its intervals
-# cannot be seeded: a campaign that is still flying has any number of blocks, and its report must
-# say the same twice.
-RESAMPLES = 1000
-MIN_BLOCKS = 8
 
 
 def influences(
@@ -117,66 +111,6 @@ def strength(influence: Mapping[str, Any]) -> float:
     return round(max((each for each in strengths if math.isfinite(each)), default=0.0), 9)
 
 
-def sobol_indices(
-    f_A: FloatArray,
-    f_B: FloatArray,
-    f_AB: FloatArray,
-    *,
-    confidence: float = CONFIDENCE,
-    resamples: int = RESAMPLES,
-    seed: int = 0,
-) -> tuple[int, FloatArray, FloatArray] | None:
-    r"""First and total indices of a measure flown on Saltelli's design.
-
-    Parameters
-    ----------
-    f_A, f_B : ndarray, shape (n,)
-        The measure at n points A, and at n independent points B.
-    f_AB : ndarray, shape (d, n)
-        At the points A with the i-th parameter of B.
-    confidence : float, 1
-        Confidence of the intervals.
-    resamples : int
-        Number of resamples of the blocks (A, B and all A_B of one row together).
-    seed : int
-        Seed of the resampling.
-
-    Returns
-    -------
-    tuple of int and two ndarrays, shape (3, d), 1; or None
-        Number of blocks in which every flight has a value; first indices, the share of the variance
-        explained by each parameter alone, with its interval; total indices, the share that would
-        vanish if the parameter were fixed, interactions included. None where there are fewer than 8
-        blocks, or their measure does not vary.
-
-    Notes
-    -----
-    ``S_i = mean(f_B (f_AB_i - f_A)) / V`` and ``S_Ti = mean((f_A - f_AB_i)^2) / 2V`` with V the
-    variance over A and B, eqs. (b) and (f) of table 2 in [1]_; the mean is taken off `f` first.
-
-    References
-    ----------
-    .. [1] A. Saltelli et al., "Variance based sensitivity analysis of model output. Design and
-       estimator for the total sensitivity index", Comput. Phys. Commun. 181 (2010) 259-270.
-    """
-    whole = np.isfinite(f_A) & np.isfinite(f_B) & np.isfinite(f_AB).all(axis=0)
-    f_A, f_B, f_AB = f_A[whole], f_B[whole], f_AB[:, whole]
-    n, d = len(f_A), len(f_AB)
-    if n < MIN_BLOCKS or np.ptp([f_A, f_B]) == 0.0:
-        return None
-    mean = 0.5 * (f_A.mean() + f_B.mean())
-    a, b, ab = f_A - mean, f_B - mean, f_AB - mean
-    terms = np.vstack([b * (ab - a), 0.5 * (a - ab) ** 2, 0.5 * (a + b), 0.5 * (a**2 + b**2)])
-    estimate = _indices(terms.mean(axis=1)[None], d)[0]
-    tail = 0.5 - 0.5 * confidence
-    rng = np.random.default_rng(np.random.SeedSequence(seed))
-    drawn = (rng.multinomial(n, np.full(n, 1.0 / n)) for _ in range(resamples))
-    resampled = np.array([terms @ weights / n for weights in drawn])
-    ends = np.nanquantile(_indices(resampled, d), [tail, 1.0 - tail], axis=0)
-    both = np.vstack([estimate, ends])
-    return n, both[:, :d], both[:, d:]
-
-
 def holm(p: npt.ArrayLike) -> FloatArray:
     """P-values corrected together; those that are NaN take no part and become 1."""
     values = np.asarray(p, dtype=float)
@@ -247,10 +181,3 @@ def _interval(rho: FloatArray, n: int, confidence: float) -> tuple[FloatArray, F
     with np.errstate(divide="ignore"):
         middle = np.arctanh(rho)  # infinite where |rho| = 1, which then is both ends
     return np.tanh(middle - half), np.tanh(middle + half)
-
-
-def _indices(means: FloatArray, d: int) -> FloatArray:
-    """First, then total indices, shape (resamples, 2 d), from the means of the terms."""
-    variance = means[:, -1] - means[:, -2] ** 2
-    variance[variance <= 0.0] = np.nan
-    return means[:, : 2 * d] / variance[:, None]

@@ -31,7 +31,7 @@ _NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|(?<=[\s=
 def summary(flights: Flights, group: Group, rows: pd.DataFrame) -> dict[str, Any]:
     """Counts, rates and metrics of the flights of a group, as ``--json`` has them.
 
-    Where draws of a design belong together (the blocks of Saltelli's, the cells of a grid), counts
+    Where draws of a design belong together (the cells of a grid), counts
     are replaced by effective ones, see `flighttune.campaign.statistics.intervals.effective_size`.
     Points of a Latin hypercube or Sobol sequence are taken as if they were independent: their
     intervals are wider than they need be.

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from flighttune.errors import InputError
+from flighttune.files.shipped import nearest_name
 from flighttune.paper import parameters as printed
 from flighttune.paper.items import flights, gains, oscillator
 from flighttune.paper.items.base import Made
 from flighttune.paper.study import Study
-from flighttune.shipped import nearest_name
 
 # Functions by name: an item is made by that of its own name.
 MAKERS = {**vars(oscillator), **vars(gains), **vars(flights)}

@@ -35,9 +35,9 @@ from flighttune.aircraft.model_xml import (
 from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.aircraft.systems import put_in_front
 from flighttune.errors import PlantError, ending_of
-from flighttune.shipped import is_trusted
+from flighttune.files.shipped import is_trusted
+from flighttune.files.whole import scratch_folder, scratch_place
 from flighttune.units import FT
-from flighttune.whole_file import scratch_folder, scratch_place
 
 # Elements by which JSBSim opens files and sockets on its first evaluation.
 CONNECTIONS = ("output", "input")

@@ -27,8 +27,9 @@ _GUARD_INTERVAL = 0.02
 # Most integration steps of JSBSim in one sample of the inner loop.
 MAX_STEPS = 20
 
-# Largest seed that JSBSim takes.
-LARGEST_SEED = 2**31 - 1
+# Largest seed. The generator of JSBSim has 2^31 - 2 states, and 0 is none of them: its seeds 0, 1
+# and 2^31 - 1 give the same turbulence.
+LARGEST_SEED = 2**31 - 3
 
 # Largest depth below and height above sea level of the ground, m.
 DEEPEST_GROUND, HIGHEST_GROUND = 500.0, 6000.0
@@ -237,7 +238,7 @@ class JSBSimPlant:
         return self._end(*why)
 
     def _write_settings(self, fdm: Fdm, settings: dict[str, float]) -> None:
-        fdm.writer("simulation/randomseed")(float(self._seed))
+        fdm.writer("simulation/randomseed")(float(self._seed or LARGEST_SEED + 1))
         for name, value in settings.items():
             fdm.writer(name)(value)
         missing = [name for name in fdm.names(properties.GAINS) if name not in settings]

@@ -10,10 +10,10 @@ import pytest
 
 from flighttune.aircraft.aircraft import load_aircraft, save_gains
 from flighttune.errors import FlightTuneError
+from flighttune.files.shipped import aircraft_folder
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.model_files import model_hash
 from flighttune.plants.jsbsim.plant import JSBSimPlant
-from flighttune.shipped import aircraft_folder
 
 
 def of_this_model(folder):

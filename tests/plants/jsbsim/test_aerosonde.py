@@ -8,8 +8,8 @@ import pytest
 from published_aerosonde import MASS, accelerations, evaluated
 
 from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.files.shipped import aircraft_folder
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.shipped import aircraft_folder
 from flighttune.units import LBF
 
 DEG = math.pi / 180.0

@@ -9,7 +9,7 @@ from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import InputError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.plant import JSBSimPlant
+from flighttune.plants.jsbsim.plant import LARGEST_SEED, JSBSimPlant
 from flighttune.plants.weather import Gust, OscillatingWind, Turbulence, Weather, WindProfile
 from flighttune.simulate.disturbance import Sinusoid
 
@@ -222,6 +222,17 @@ def test_turbulence_is_the_same_for_one_seed_and_another_for_another(fly):
     for name in first.signals:
         assert np.array_equal(first[name], again[name]), name
     assert not np.array_equal(first["wind_down"], other["wind_down"])
+
+
+def test_seeds_that_the_generator_of_jsbsim_takes_for_one_are_kept_apart(fly):
+    """The minimal standard generator has no state 0, and takes it for 1."""
+    weather = Weather(turbulence=Turbulence(severity=4, wind_20ft=15.0))
+
+    winds = [
+        fly((0.0, 1.0), duration=1.0, weather=weather, seed=seed)["wind_down"]
+        for seed in (0, 1, LARGEST_SEED)
+    ]
+    assert len({wind.tobytes() for wind in winds}) == len(winds)
 
 
 def test_turbulence_has_the_same_axes_whatever_the_start(fly):

@@ -14,11 +14,11 @@ from published_aerosonde import accelerations, evaluated
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.errors import InputError, PlantError
+from flighttune.files.shipped import aircraft_folder
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.jsbsim.trim import trim
-from flighttune.shipped import aircraft_folder
 from flighttune.units import FT, G_0, LBF, SLUG
 
 DEG = math.pi / 180.0

@@ -5,9 +5,9 @@ from commands import flighttune
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import InputError
+from flighttune.files.shipped import TRUST_AIRCRAFT
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.model_files import model_files
-from flighttune.shipped import TRUST_AIRCRAFT
 
 SCENARIO = """
 title = "x"

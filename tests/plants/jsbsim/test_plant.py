@@ -183,8 +183,8 @@ def test_duration_must_be_whole_integration_steps(duration):
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"seed": -1}, r"`seed` .* 2147483647"),
-        ({"seed": 2**31}, r"`seed` .* 2147483647"),
+        ({"seed": -1}, r"`seed` .* 2147483645"),
+        ({"seed": 2**31 - 2}, r"`seed` .* 2147483645"),
         ({"steps": 0}, r"`steps` .* 1 to 20"),
         ({"steps": 21}, r"`steps` .* 1 to 20"),
     ],

@@ -8,9 +8,9 @@ from commands import flighttune
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import PlantError
+from flighttune.files.shipped import TRUST_AIRCRAFT, aircraft_folder, aircraft_names
 from flighttune.plants.jsbsim import model_files
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.shipped import TRUST_AIRCRAFT, aircraft_folder, aircraft_names
 
 CRASHES = (
     "<aerodynamics>",

@@ -1,0 +1,529 @@
+"""Adoption of a model: survey, trims, inner loop, identification, outer loop, a turn."""
+
+import json
+import math
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+import tomlkit
+
+from flighttune.adoption.survey import SOURCE, Refusal, Survey, survey
+from flighttune.aircraft.aircraft import GAINS_FILE, aircraft_from, load_aircraft, save_gains
+from flighttune.aircraft.model_xml import read_xml
+from flighttune.control.gains import PAPER_GAINS, PAPER_SPEED
+from flighttune.errors import InputError, PlantError, TrimError
+from flighttune.files.mistakes import shown
+from flighttune.files.shipped import models_of_jsbsim, nearest_name
+from flighttune.files.table import toml_tables
+from flighttune.files.whole import made_folder, write_text
+from flighttune.flight.fly import FlownScenario, fly
+from flighttune.identification.design import Airframe, airframe, design
+from flighttune.identification.file import FILE_NAME, rounded, save_identified
+from flighttune.identification.identify import GOOD_FIT, AircraftIdentification, identify
+from flighttune.identification.steps import StepResponse
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.model_files import model_hash
+from flighttune.plants.jsbsim.trim import level, trim_table
+from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.names import CHANNEL_SYMBOLS, columns
+from flighttune.present.tables import Column, Table
+from flighttune.scenario.load import load_scenario
+from flighttune.units import DEG
+
+TURN = "turn.toml"
+
+SET = "-set.xml"  # ending of the file that describes an aircraft to FlightGear
+
+# Largest number of files that describe an aircraft to FlightGear, included in one another.
+MAX_INCLUDED = 20
+
+TUNED, PAPER = "tuned_identified", "paper_scaled"  # gain sets of the turn
+
+
+_COMMENTS = {
+    "surfaces": "stops in deg; positions at the commands -1 and +1 in rad",
+    "engines": "time they take to a steady thrust",
+    "settings": "JSBSim properties, for the whole flight",
+    "declared": "properties of another simulator that the model refers to",
+    "linked": "properties of another simulator that follow one of JSBSim",
+    "envelope": "leaving it ends a flight",
+    "limits": "of the commands the inner loop follows",
+    "design": "what `flighttune design` makes the gains for",
+}
+
+Status: TypeAlias = Literal["adopted", "flies", "refused"]
+
+FLIGHT_COLUMNS = [
+    *columns("gains status"),
+    Column("ITAE.chi", "ITAE χ", "rad\u00a0s²"),
+    Column("ITAE.gamma", "ITAE γ", "rad\u00a0s²"),
+    Column("ST_deg.chi", "ST χ", "deg"),
+    Column("ST_deg.gamma", "ST γ", "deg"),
+]
+
+# Largest standard deviation of the course error over the last quarter of the turn, deg.
+CALM_DEG = 0.5
+
+RECORD = "adoption.json"
+
+# Largest derivative of an airframe, in SI and rad.
+MAX_SLOPE = 1e9
+
+DIGITS = 5  # significant digits of the files written
+
+# Files that every try writes.
+WRITTEN = ("aircraft.toml", GAINS_FILE, FILE_NAME, TURN)
+
+# Shares of the bandwidths that are tried in turn, until a flight meets the criteria.
+BANDWIDTH_SHARES = (1.0, 0.7, 0.5)
+
+# Factors on the chosen airspeed for last tries after them.
+AIRSPEED_FACTORS = 1.25, 1.4
+
+# No further try begins after this time, s.
+TIME_LEFT = 100.0
+
+# Smallest and largest bandwidth of roll and of load factor, rad/s.
+ROLL_BANDWIDTHS, LOAD_BANDWIDTHS = (0.5, 4.0), (0.8, 8.0)
+
+MAX_ROLL_RATE = 30.0 * DEG
+
+# Share of the roll rate at full aileron that commands use.
+ROLL_RATE_USED = 0.4
+
+# Share of full aileron that commands use to start a roll.
+AILERON_USED = 0.8
+
+# Share of the lift that the commands use.
+LIFT_USED = 0.85
+
+MAX_LOAD_FACTOR, MIN_LOAD_FACTOR = 3.0, -1.0
+
+# Smallest load factor that must be available for a turn.
+MIN_TURN_LOAD_FACTOR = 1.5
+
+# Largest bandwidth of load factor over the zero of the elevator in the right half plane.
+NON_MINIMUM_PHASE = 0.6
+MAX_BANK = 45.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Adoption(Answering):
+    """Result of adopting a model."""
+
+    name: str
+    status: Status
+    reason: str = ""  # why it is not adopted; empty where it is
+    folder: Path | None = None  # of the aircraft; None where nothing was written
+    V_a: float = math.nan  # m/s: airspeed; NaN if none was chosen
+    engines: int = 0
+    fit_percent: Mapping[str, float] = field(default_factory=dict)  # of ``phi`` and ``n_z``
+    # ``tuned`` and ``paper``: ``status``, and by channel ``ITAE`` (rad s^2) and ``ST_deg``
+    flown: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()  # what was done to the model, a sentence each
+    seconds: float = 0.0  # wall time of the adoption
+    # Results of the stages, for the page; None where a stage was not reached
+    steps: Sequence[StepResponse] = ()
+    identified: AircraftIdentification | None = None
+    turn: FlownScenario | None = None
+    trims: Sequence[Mapping[str, Any]] = ()
+
+    @property
+    def turn_name(self) -> str:
+        """Manoeuvre of the turn."""
+        return f"course of 20 deg, {'climb' if self.engines else 'steeper glide'} of 3 deg"
+
+    @property
+    def flights(self) -> Table:
+        """Results of the turn by gain set."""
+        return Table(
+            title=f"{self.name} at {self.V_a:.0f} m/s: {self.turn_name}",
+            columns=FLIGHT_COLUMNS,
+            records=list(self.flown.values()),
+        )
+
+    def answer(self) -> Answer:
+        """How the aircraft flies its turn; a failure unless it is adopted."""
+        folder = self.folder
+        return Answer(
+            values={
+                **pick(self, "status reason engines seconds"),
+                "V_a_mps": self.V_a,
+                **pick(self, "fit_percent flown"),
+            },
+            tables=[self.flights],
+            notes=self.notes,
+            verdict=f"{self.status} in {self.seconds:.0f} s",
+            files={"folder": folder, "scenario": folder / TURN if folder else None},
+            failure="" if self.status == "adopted" else f"{self.status}: {self.reason}",
+        )
+
+
+def adopt(
+    model: str,
+    folder: Path,
+    *,
+    V_a: float | None = None,
+    h: float = 1000.0,
+    say: Callable[[str], object] = lambda _: None,
+) -> Adoption:
+    """Make an aircraft from a JSBSim model, and fly it; this takes about a minute.
+
+    ``aircraft.toml``, gains, identified model, the turn as a scenario and the record are written.
+
+    Parameters
+    ----------
+    model : str
+        Name of one that comes with JSBSim, the path of a main file, which ends in ``.xml``, or that
+        of a ``-set.xml`` of FlightGear or of its folder.
+    folder : Path
+        Folder of the aircraft; made if need be.
+    V_a : float, m/s, optional
+        Airspeed; by default one is chosen.
+    h : float, m
+        Height above sea level.
+    say : callable
+        Called with the name of each stage.
+
+    Returns
+    -------
+    Adoption
+        A model that is no aeroplane is refused in it, with the reason.
+
+    Raises
+    ------
+    InputError
+        If there is no such model, or the folder holds an aircraft of another origin.
+    OutputError
+        If a file cannot be written.
+
+    Examples
+    --------
+    >>> from pathlib import Path
+    >>> ft.adopt("ball", Path("aircraft/ball")).status
+    'refused'
+    """
+    began = time.monotonic()
+    models = models_of_jsbsim()
+    if model.endswith(SET) or (model not in models and os.path.isdir(model)):
+        model = str(_of_flightgear(Path(model)))
+    if model.endswith(".xml"):
+        if not os.path.isfile(model):  # a name may be too long for `Path`
+            raise InputError(f"{model}: must be the main file of a model, got no file.")
+        model = os.path.relpath(Path(model).resolve(), folder.resolve())
+    elif model not in models:
+        raise InputError(
+            f"{model}: must be a model of JSBSim's set, or the path of a main file (.xml)"
+            f"{nearest_name(model, models)}"
+        )
+    file = made_folder(folder) / "aircraft.toml"
+    if file.exists() and toml_tables(file).get("source") != SOURCE:
+        raise InputError(f"{folder}: must not hold an aircraft that `adopt` did not make.")
+    facts: dict[str, Any] = {}
+    try:
+        surveyed = survey(model, folder, h=h, V_a=V_a, say=say)
+        engines = surveyed.tables["engines"]["count"]
+        facts = {"V_a": surveyed.V_a, "engines": engines, "notes": surveyed.notes}
+        made = _best(surveyed, folder, h, say, began)
+    except PlantError as error:
+        file = folder / model if model.endswith(".xml") else ""
+        reason = str(error).removesuffix(".").removeprefix(f"{os.path.normpath(file)}: ")
+        if isinstance(error, TrimError):
+            # File and condition stand before it.
+            reason = f"{reason.split(': ', 1)[-1]}; another airspeed (`--V-a`) may do"
+        with suppress(OSError):  # what is not ours in it stays
+            folder.rmdir()
+        made = Adoption(name=folder.name, status="refused", reason=reason, **facts)
+    return replace(made, seconds=time.monotonic() - began)
+
+
+def _of_flightgear(path: Path) -> Path:
+    """The main file that a ``-set.xml``, or that in a folder, names for JSBSim."""
+    if not os.path.exists(path):
+        raise InputError(f"{path}: must be a file or folder of FlightGear's, got no such file.")
+    files = sorted(path.glob(f"*{SET}")) if path.is_dir() else [path]
+    named = {
+        file: values.get("aero", "")
+        for file in files
+        if (values := _settings(file)).get("flight-model") == "jsb"
+    }
+    if len({*named.values()}) != 1:
+        several = ", ".join(file.name for file in named) or "none"
+        raise InputError(f"{path}: must hold one aircraft of JSBSim's (*{SET}), got {several}.")
+    file, aero = next(iter(named.items()))
+    main = file.parent / f"{aero}.xml"
+    beside = Path(os.path.realpath(main)).is_relative_to(os.path.realpath(file.parent))
+    if not (beside and os.path.isfile(main)):
+        raise InputError(f'{file}: `aero` must name a file in its folder, got "{shown(aero)}".')
+    return main
+
+
+def _settings(file: Path) -> dict[str, str]:
+    """Values in the table ``sim`` of a file of FlightGear, and of those in its folder it includes.
+
+    The first file that has a value sets it.
+    """
+    values: dict[str, str] = {}
+    files = [Path(os.path.realpath(file))]
+    for path in files:
+        root = read_xml(path, str(path))
+        for element in root.iterfind("sim/*"):
+            if text := (element.text or "").strip():
+                values.setdefault(element.tag, text)
+        for element in (root, *root.iterfind("sim")):
+            included = Path(os.path.realpath(path.parent / element.get("include", "")))
+            inside = included.is_relative_to(files[0].parent) and os.path.isfile(included)
+            if inside and included not in files:
+                files.append(included)
+        if len(files) > MAX_INCLUDED:
+            raise InputError(f"{file}: must include at most {MAX_INCLUDED} files, got more.")
+    return values
+
+
+def _best(
+    surveyed: Survey, folder: Path, h: float, say: Callable[[str], object], began: float
+) -> Adoption:
+    """The best of the tries; its files are left in the folder."""
+    best, files, refused = None, {}, None
+    tries = [(share, surveyed.V_a) for share in BANDWIDTH_SHARES]
+    tries += [(1.0, factor * surveyed.V_a) for factor in AIRSPEED_FACTORS]
+    for share, V_a in tries:
+        if best is not None and time.monotonic() - began > TIME_LEFT:
+            break
+        say(f"trimming at {V_a:.0f} m/s" + (f", bandwidths times {share:g}" if best else ""))
+        try:
+            tried = _tried(replace(surveyed, V_a=V_a), folder, h, share, say)
+        except PlantError as error:
+            refused = refused or error
+            continue
+        if best is None or _merit(tried) > _merit(best):
+            best = tried
+            files = {folder / name: (folder / name).read_bytes() for name in WRITTEN}
+        if best.status == "adopted":
+            break
+    if best is None:
+        assert refused is not None
+        raise refused
+    for file, content in files.items():
+        file.write_bytes(content)
+    say("trimming over the envelope")
+    speeds = np.linspace(0.85, 1.3, 4) * best.V_a
+    config = load_aircraft(folder)
+    climbs = (-3.0 * DEG, 0.0, 3.0 * DEG) if config.engines.count else None
+    trims = trim_table(config, V_a=speeds.tolist(), gamma=climbs, h=h)
+    # Criteria of the adoption, with the versions and the hash of the model it was made with.
+    record = {
+        "format": "flighttune adoption 2",
+        "status": best.status,
+        "reason": best.reason,
+        "model": model_hash(config),
+        "versions": {name: version(name) for name in ("flighttune", "jsbsim")},
+        "V_a_mps": best.V_a,
+        "stall_mps": surveyed.lift.V_s,
+        "spare_thrust": surveyed.spare_thrust,
+        "fit_percent": best.fit_percent,
+        "flown": best.flown,
+        "notes": best.notes,
+        "trims": trims,
+    }
+    write_text(folder / RECORD, json.dumps(record, indent=2) + "\n")
+    return replace(best, trims=trims)
+
+
+def _merit(tried: Adoption) -> tuple[bool, float]:
+    """Order of the tries: by status, then by the worse of the two fits."""
+    return tried.status == "adopted", min(tried.fit_percent.values())
+
+
+def _tried(
+    surveyed: Survey, folder: Path, h: float, share: float, say: Callable[[str], object]
+) -> Adoption:
+    """One try: a folder with an aircraft, and how it flies."""
+    wide = aircraft_from(surveyed.tables, folder)
+    condition = level(wide, surveyed.V_a, h)
+    at = airframe(Fdm(wide), condition)
+    for what, row in at.slopes.items():
+        for by, slope in row.items():
+            if MAX_SLOPE < abs(slope) < math.inf:
+                raise Refusal(f"the slope of {what} by {by} is {slope:.2g}, which no aircraft has")
+    tables = final_tables(surveyed, at, h, share)
+    for stale in (GAINS_FILE, FILE_NAME, RECORD):
+        (folder / stale).unlink(missing_ok=True)
+    write_text(folder / "aircraft.toml", aircraft_text(tables, surveyed.notes))
+    say("designing the inner loop")
+    designed = design(folder)
+    save_gains(designed.gains, folder)
+    say("identifying roll and load factor")
+    identified = identify(folder, h=h)
+    save_identified(identified.identified, folder / FILE_NAME)
+    write_text(folder / TURN, turn_text(folder.name, condition, tables))
+    say("flying the turn")
+    flown = fly(load_scenario(folder / TURN))
+    nominal = identified.identified.conditions[0]
+    fits = {name: channel.fit_percent for name, channel in nominal.channels.items()}
+    flights = {
+        name: _measures(flown, gains, f"jsbsim:{folder.name} / {gains}")
+        for name, gains in (("tuned", TUNED), ("paper", PAPER))
+    }
+    missed = "; ".join(_missed(fits, **flights))
+    return Adoption(
+        name=folder.name,
+        status="flies" if missed else "adopted",
+        reason=missed,
+        folder=folder,
+        V_a=surveyed.V_a,
+        engines=tables["engines"]["count"],
+        notes=surveyed.notes,
+        fit_percent=fits,
+        flown=flights,
+        steps=designed.steps,
+        identified=identified,
+        turn=flown,
+    )
+
+
+def _measures(flown: FlownScenario, gains: str, label: str) -> dict[str, Any]:
+    run = flown[label]
+    measured = flown.metrics_of(run)
+    channels = [channel for channel in CHANNEL_SYMBOLS if channel in measured]
+    return {
+        "gains": gains,
+        "status": run.status,
+        "reason": run.reason,
+        "ITAE": {channel: measured[channel]["ITAE"] for channel in channels},
+        "ST_deg": {channel: measured[channel]["ST_rad"] / DEG for channel in channels},
+    }
+
+
+def _missed(
+    fits: Mapping[str, float], tuned: Mapping[str, Any], paper: Mapping[str, Any]
+) -> Iterator[str]:
+    """Criteria of an adoption that are not met, a sentence each."""
+    for channel, fit in fits.items():
+        if not fit >= GOOD_FIT:
+            yield f"a lag explains {fit:.1f} % of {channel}, less than {GOOD_FIT:g} %"
+    if tuned["status"] != "completed":
+        yield f"the turn ended early: {tuned['reason'].removesuffix('.')}"
+        return
+    swing = tuned["ST_deg"]["chi"]
+    if not swing <= CALM_DEG:
+        yield f"the course error swings by {swing:.2f} deg in the last quarter of the turn"
+    if paper["status"] == "completed":
+        for channel, ours in tuned["ITAE"].items():
+            theirs = paper["ITAE"][channel]
+            if not ours < theirs:
+                yield f"ITAE of {channel} is {ours:.3g}, with the paper's scaled gains {theirs:.3g}"
+
+
+def final_tables(surveyed: Survey, at: Airframe, h: float, share: float) -> dict[str, Any]:
+    """Tables of the ``aircraft.toml``: envelope and limits, and bandwidths times `share`."""
+    lift = surveyed.lift
+    ratio = (surveyed.V_a / lift.V_s) ** 2
+    n_z_max = min(LIFT_USED * ratio, MAX_LOAD_FACTOR)
+    if n_z_max < MIN_TURN_LOAD_FACTOR:
+        raise Refusal(
+            f"at {surveyed.V_a:.0f} m/s it lifts {ratio:.2f} times its weight, a turn needs "
+            f"{MIN_TURN_LOAD_FACTOR / LIFT_USED:.2f}"
+        )
+    lowest = float(np.interp(lift.negative_stall, lift.alpha, lift.lift))
+    n_z_min = max(min(LIFT_USED * ratio * lowest, 0.4), MIN_LOAD_FACTOR)
+    travel = surveyed.tables["surfaces"]["aileron"]["travel_deg"]
+    power = abs(at.of("p_dot", "aileron")) * min(map(abs, travel)) * DEG
+    damping = max(-at.of("p_dot", "p"), 0.1)
+    rate = min(MAX_ROLL_RATE, ROLL_RATE_USED * power / damping)
+    roll = share * np.clip(AILERON_USED * power / rate - damping, *ROLL_BANDWIDTHS)
+    load = share * np.clip(NON_MINIMUM_PHASE * elevator_zero(at), *LOAD_BANDWIDTHS)
+    load_rate = np.clip(0.12 * load, 0.3, 1.0)
+    return surveyed.tables | {
+        "envelope": {
+            "alpha_deg": [lift.negative_stall / DEG - 1.0, lift.stall / DEG],
+            "V_a_mps": [1.05 * lift.V_s, 1.8 * surveyed.V_a],
+            "n_z": [n_z_min - 1.0, n_z_max + 1.0],
+            "theta_deg": [-60.0, 60.0],
+        },
+        "limits": {
+            "phi_deg": [-MAX_BANK, MAX_BANK],
+            "phi_rate_dps": rate / DEG,
+            "n_z": [n_z_min, n_z_max],
+            "n_z_rate_per_s": load_rate,
+        },
+        "design": {
+            "V_a_mps": surveyed.V_a,
+            "h_m": h,
+            "V_a_shown_mps": [surveyed.V_a],
+            "roll_rad_s": roll,
+            "n_z_rad_s": load,
+            "speed_rad_s": np.clip(15.0 / surveyed.V_a, 0.1, 0.5),
+            "roll_t90_s": 30.0 * DEG / rate + 3.0 / roll,
+            "roll_overshoot": 0.1,
+            "n_z_t90_s": 0.5 / load_rate + 5.0 / load,
+            "n_z_overshoot": 0.15,
+        },
+    }
+
+
+def elevator_zero(at: Airframe) -> float:
+    """Zero in the right half plane from elevator to load factor, rad/s; inf where there is none.
+
+    The zero belongs to the short period: with n_z held at zero, the elevator is
+    ``-n_alpha/n_e alpha`` and the zeros are the roots of the remaining motion.
+    """
+    n_e = at.of("n_z", "elevator")
+    if not n_e > 0.0:
+        return math.inf
+    stiffness = at.of("q_dot", "alpha") - at.of("q_dot", "elevator") * at.of("n_z", "alpha") / n_e
+    damping = at.of("q_dot", "q")
+    root = 0.25 * damping**2 + stiffness
+    return 0.5 * damping + math.sqrt(root) if root > 0.0 and stiffness > 0.0 else math.inf
+
+
+def aircraft_text(tables: Mapping[str, Any], notes: Sequence[str]) -> str:
+    """The text of an ``aircraft.toml``, with what was done to the model as comments."""
+    document = tomlkit.document()
+    document.update({key: tables[key] for key in ("title", "source", "model")})
+    for note in notes:
+        document.add(tomlkit.comment(note))
+    for name, comment in _COMMENTS.items():
+        if tables.get(name):
+            table = tomlkit.table()
+            table.comment(comment)
+            for key, value in rounded(tables[name], DIGITS).items():
+                table[key] = tomlkit.inline_table() | value if isinstance(value, dict) else value
+            document.add(tomlkit.nl())
+            document[name] = table
+    return tomlkit.dumps(document)
+
+
+def turn_text(aircraft: str, start: FlightCondition, tables: Mapping[str, Any]) -> str:
+    """The text of a scenario: a turn of 20 deg with a climb of 3 deg, both as a step.
+
+    Without an engine the descent of the glide at its `start` gets steeper by 3 deg instead.
+    `aircraft` is the folder that the scenario stands in, `tables` are those of its
+    ``aircraft.toml``.
+    """
+    K_P, K_I = (start.V_a / PAPER_SPEED * getattr(PAPER_GAINS, key) for key in ("K_P", "K_I"))
+    glide = start.gamma / DEG
+    what, gamma = ("climb", 3.0) if tables["engines"]["count"] else ("steeper glide", glide - 3.0)
+    scenario = {
+        "title": f"A turn of 20 deg with a {what} of 3 deg",
+        "verifies": "gains tuned on the identified aircraft against those of the paper, scaled "
+        "with airspeed",
+        "source": SOURCE,
+        "gains": [TUNED, {"name": PAPER, "K_P": K_P.tolist(), "K_I": K_I.tolist()}],
+        "flight": {"V_a_mps": start.V_a, "h_m": start.h, "duration_s": 40.0}
+        | ({"gamma_deg": glide} if glide else {}),
+        "reference": {"chi_deg": 20.0, "gamma_deg": gamma},
+        "limits": tables["limits"],
+        "controller": {"feed_forward": True},
+        "tuning": {"model": "identified", "roll_rate": True},
+        "plant": [{"kind": "jsbsim", "aircraft": f"../{aircraft}"}],
+    }
+    return tomlkit.dumps(rounded(scenario, DIGITS))

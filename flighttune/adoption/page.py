@@ -1,0 +1,92 @@
+"""One page on an adopted aircraft: whether it is adopted, how it flies, what was measured."""
+
+from importlib.metadata import version
+from pathlib import Path
+
+from flighttune.adoption.adopt import CALM_DEG, TURN, Adoption
+from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.identification.figure import held_out
+from flighttune.identification.file import lags_table
+from flighttune.identification.identify import GOOD_FIT
+from flighttune.identification.steps import steps_table
+from flighttune.present.frame import Section, page_template, write_page
+from flighttune.present.names import columns
+from flighttune.present.tables import Table, facts_table
+from flighttune.reports.panels import FLOWN, errors, flown_signals
+from flighttune.simulate.run import run_styles
+
+PAGE = "adoption.html"
+
+TRIM_COLUMNS = columns("V_a_mps gamma_deg trim.alpha_deg trim.throttle reason")
+
+SIGNALS = (
+    *FLOWN,
+    ("V_a", "Airspeed", "V_a [m/s]"),
+    ("throttle", "Throttle", "throttle [1]"),
+)
+
+CRITERION = (
+    f"Adopted means: both fits reach {GOOD_FIT:g} %, the turn is completed, the standard deviation "
+    f"of the course error in its last quarter is below {CALM_DEG:g} deg, and the ITAE of both "
+    "channels is below that of the paper's gains."
+)
+
+
+def write_adoption(adoption: Adoption) -> Path:
+    """Write the page of an aircraft into its folder, and return it."""
+    assert adoption.folder is not None
+    assert adoption.identified is not None
+    assert adoption.turn is not None
+    config = load_aircraft(adoption.folder)
+    verdict = f"{adoption.status}: {adoption.reason}" if adoption.reason else adoption.status
+    styles = run_styles(adoption.turn.runs)
+    drawn = [(run, styles[run.label]) for run in adoption.turn.runs if len(run.signals)]
+    turn = Section(
+        id="turn",
+        title=f"The turn: {adoption.turn_name}",
+        note=CRITERION,
+        charts=[*errors(drawn), *flown_signals(drawn, SIGNALS)] if drawn else (),
+        tables=[adoption.flights],
+        columns=3,
+    )
+    inner_loop = Section(
+        id="inner_loop",
+        title="The inner loop",
+        note="Steps flown against what was asked for, and the manoeuvre that checks the fit.",
+        charts=[held_out(adoption.identified.conditions[0], i) for i in range(2)],
+        tables=(steps_table(adoption.steps), lags_table(adoption.identified.identified)),
+        legend=False,
+    )
+    trims = Section(
+        id="trims",
+        title="Where it flies",
+        note="Steady flight about the airspeed chosen.",
+        tables=[Table(title="Trims", columns=TRIM_COLUMNS, records=adoption.trims)],
+        legend=False,
+    )
+    page = write_page(
+        adoption.folder / PAGE,
+        page_template("flighttune.adoption", "page.html.jinja"),
+        summary=(f"{verdict[0].upper()}{verdict[1:]}.",),
+        sections=[turn, inner_loop, trims],
+        title=f"{config.title} at {adoption.V_a:.0f} m/s",
+        legend=list(styles.items()),
+        styles=styles,
+        notes=adoption.notes,
+        provenance=facts_table(
+            "",
+            {
+                "airspeed": f"{adoption.V_a:.4g} m/s",
+                "engines": str(adoption.engines),
+                "flighttune": version("flighttune"),
+                "JSBSim": version("jsbsim"),
+            },
+        ),
+        name=adoption.name,
+        model=config.model,
+        V_a=f"{adoption.V_a:.4g}",
+        version=version("flighttune"),
+        aircraft_text=config.file.read_text(encoding="utf-8"),
+        turn_text=(adoption.folder / TURN).read_text(encoding="utf-8"),
+    )
+    return page.path

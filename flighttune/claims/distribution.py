@@ -1,0 +1,237 @@
+"""The distribution of the flights behind a count: its keys, and its words."""
+
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from flighttune.errors import InputError
+from flighttune.present.names import columns, key_words, listed
+from flighttune.present.tables import Table
+from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import PlantTable
+
+# Tables of a scenario that must be those of the flights counted, but for what was dispersed.
+FLOWN_ALIKE = ("flight", "reference", "route", "limits", "controller")
+
+# Tables that a scenario may leave out; keys that it does have must match those flights.
+AIR_AND_AIRFRAME = ("disturbance", "wind", "gust", "turbulence", "sensors", "plant")
+
+# Keys of the start of a flight.
+STARTS = ("flight.chi_deg", "flight.gamma_deg")
+
+# Distributions whose stated range holds every draw, not all but a few in 1e9.
+BOUNDED = ("uniform", "choice")
+
+# Degrees by which the ends of a range may be rounded.
+ROUNDING_DEG = 1e-6
+
+# Keys that are drawn, beside those of the air, and named in the sentence of a claim.
+MAX_NAMED = 5
+
+AIRSPEED = "flight.V_a_mps"
+
+# What a sentence says of the air.
+AIR = {
+    "wind": "wind {}",
+    "gust": "a gust of {}",
+    "turbulence": "{} turbulence",
+    "sensors": "measured with {}",
+    "disturbance": "rates disturbed by {}",
+}
+
+# Without any of these the air is calm.
+MOVING = ("wind", "gust", "turbulence")
+
+# Keys whose ranges stand with the air or the airspeed.
+NAMED_APART = (*(f"{name}." for name in AIR), AIRSPEED)
+
+# Range of directions that are all directions.
+FULL_CIRCLE_DEG = 360.0
+
+# A place within a key: of a plant, or of one of two limits.
+PLACE = re.compile(r"\[.*?\]")
+
+# Columns of the table of flights.
+DRAWN: tuple[str, ...] = "quantity", "values", "drawn"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Distribution:
+    """Distribution of the flights that a count holds for."""
+
+    title: str  # title of the campaign
+    air: str  # ``calm``, ``wind``, or the intensity of the turbulence
+    fixed: dict[str, Any]  # keys of the scenario that are the same in all flights, by dotted path
+    # The lowest and the highest value of a key that is drawn, or all values where they are words
+    dispersed: dict[str, Annotated[list[Any], Field(min_length=1)]]
+    # `disperse` and `correlation`: the tables of these names in the campaign, which say how keys
+    # are drawn.
+    disperse: list[dict[str, Any]]
+    correlation: list[dict[str, Any]]
+
+    def __post_init__(self) -> None:
+        for key in self.dispersed:
+            if self._table_of(key) is None:
+                raise InputError(f"`disperse` must say how `{key}` is drawn, got no table of it.")
+
+    @property
+    def windy(self) -> bool:
+        """Whether any of its flights has wind."""
+        return any(key.startswith("wind.") for key in (*self.fixed, *self.dispersed))
+
+    def sentence(self, flown: str) -> str:
+        """The distribution in words; `flown` names the plant and its gains."""
+        air = [AIR[name].format(text) for name, text in self._air.items()]
+        if not {*MOVING} & {*self._air}:
+            air.insert(0, "calm air")
+        drawn = [
+            f"{words} {values}" + (f" ({how})" if how != "uniform" else "")
+            for key, words, values, how in self._drawn
+            if not key.startswith(NAMED_APART)
+        ]
+        if len(drawn) > MAX_NAMED:
+            drawn[MAX_NAMED - 1 :] = [f"{len(drawn) - MAX_NAMED + 1} more in the table of flights"]
+        keys = f"; drawn at random: {listed(drawn)}" if drawn else ""
+        return f'"{self.title}": {flown} at {self._range(AIRSPEED)} in {", ".join(air)}{keys}'
+
+    def table(self, flown: str) -> Table:
+        """Plant, airspeed, air, and every key that is drawn with its range and unit."""
+        rows = [
+            ("flown", flown, ""),
+            ("airspeed", self._range(AIRSPEED), ""),
+            *((name, text, "") for name, text in (self._air or {"air": "calm"}).items()),
+            *(row for _, *row in self._drawn),
+        ]
+        for pair in self.correlation:
+            words = f"rank correlation of {listed([_words(key) for key in pair['keys']])}"
+            rows.append((words, f"{pair['rank']:g}", ""))
+        records = [dict(zip(DRAWN, row, strict=True)) for row in rows]
+        return Table(columns(" ".join(DRAWN)), records, "flights", name="dispersions")
+
+    @property
+    def _drawn(self) -> list[tuple[str, str, str, str]]:
+        """Each key that is drawn: key, words, range, and how."""
+        tables = {key: self._table_of(key) or {} for key in self.dispersed}
+        return [(key, _words(key), self._range(key), _how(tables[key])) for key in tables]
+
+    def _table_of(self, key: str) -> Mapping[str, Any] | None:
+        """The table that says how a key is drawn: its own, or one of all plants or limits."""
+        tables = {table.get("key"): table for table in self.disperse}
+        bare = {PLACE.sub("", str(name)): table for name, table in tables.items()}
+        return tables.get(key) or bare.get(PLACE.sub("", key))
+
+    @property
+    def _air(self) -> dict[str, str]:
+        """What moves the air, what disturbs the rates and what the sensors add."""
+        intensity = self._range("turbulence.intensity")
+        if severity := self._range("turbulence.severity"):
+            intensity = f"severity {severity} ({self._range('turbulence.wind_20ft_mps')} at 20 ft)"
+        errors = [key for key in self.fixed | self.dispersed if key.startswith("sensors.")]
+        errors = [f"{_words(key)} {self._range(key)}" for key in errors if any(self._values(key))]
+        largest = max(map(abs, self._values("disturbance.", "_amplitude")), default=0.0)
+        said = {
+            "wind": self._range("wind.", "speed_mps"),
+            "gust": self._range("gust.peak_mps"),
+            "turbulence": intensity,
+            "sensors": ", ".join(errors),
+            "disturbance": f"up to {largest:g} rad/s" if largest else "",
+        }
+        if said["wind"]:
+            origins = self._values("wind.", "from_deg")
+            anywhere = max(origins) - min(origins) >= FULL_CIRCLE_DEG
+            said["wind"] += f" from {'anywhere' if anywhere else _spread(origins, 'deg')}"
+        if said["gust"]:
+            said["gust"] += f" ({self._range('gust.axis')})"
+        return {name: text for name, text in said.items() if text}
+
+    def _values(self, start: str, end: str = "") -> list[Any]:
+        """Both ends of the range, or the value, of each key that begins and ends so."""
+        ranges = {key: [value] for key, value in self.fixed.items()} | self.dispersed
+        keys = [key for key in ranges if key.startswith(start) and key.endswith(end)]
+        return [value for key in keys for value in ranges[key]]
+
+    def _range(self, start: str, end: str = "") -> str:
+        """The range of all these values with their unit; empty if no flight has such a key."""
+        values = self._values(start, end)
+        return _spread(values, columns(PLACE.sub("", end or start))[0].unit) if values else ""
+
+    def start_range(self, scenario: Scenario, plant: PlantTable) -> float | None:
+        """Distance of its starts from a scenario's course and path angle, rad.
+
+        None unless its flights are those of the scenario in calm air in all but their starts, which
+        are drawn within as much to either side in both angles.
+        """
+        own, drawn = flown_values(scenario, plant), set(self.dispersed)
+        alike = drawn <= set(STARTS) and {*own} == {*self.fixed} | drawn and self.air == "calm"
+        if not alike or any(table.get("distribution") not in BOUNDED for table in self.disperse):
+            return None
+        ranges = ((own[key], self.dispersed.get(key, [own[key]])) for key in STARTS)
+        away = [abs(end - start) for start, ends in ranges for end in (ends[0], ends[-1])]
+        return math.radians(max(away)) if max(away) - min(away) <= ROUNDING_DEG else None
+
+    def difference(self, scenario: Scenario, plant: PlantTable) -> str | None:
+        """Why no flight of the distribution can be one of this scenario; None if one can."""
+        own = flown_values(scenario, plant)
+        for key in dict.fromkeys([*own, *self.fixed]):
+            if key in self.dispersed:
+                drawn = self.dispersed[key]
+                words = any(isinstance(value, str) for value in drawn)
+                if own[key] not in drawn if words else not drawn[0] <= own[key] <= drawn[-1]:
+                    allowed = f"one of {drawn}" if words else f"{drawn[0]:g} to {drawn[-1]:g}"
+                    return f"`{key}` must be {allowed}, got {own[key]!r}"
+            elif key.split(".")[0] in FLOWN_ALIKE or key in own:
+                if own.get(key) != self.fixed.get(key):
+                    return f"`{key}` must be {self.fixed.get(key)!r}, got {own.get(key)!r}"
+        return None
+
+
+def flown_values(scenario: Scenario, plant: PlantTable) -> dict[str, Any]:
+    """Keys of a scenario that determine a flight, by dotted path; the plant is in ``plant``."""
+    tables = scenario.as_dict()
+    tables["plant"] = plant.model_dump(mode="json", exclude_none=True, exclude={"name", "aircraft"})
+    kept = {name: tables[name] for name in (*FLOWN_ALIKE, *AIR_AND_AIRFRAME) if name in tables}
+    return dict(_leaves(kept, ""))
+
+
+def _leaves(value: Any, above: str) -> Iterator[tuple[str, Any]]:
+    if isinstance(value, Mapping):
+        for name, item in value.items():
+            yield from _leaves(item, f"{above}.{name}" if above else name)
+    elif isinstance(value, list) and any(isinstance(item, Mapping) for item in value):
+        for i, item in enumerate(value):
+            yield from _leaves(item, f"{above}[{i}]")
+    else:
+        yield above, value
+
+
+def _words(key: str) -> str:
+    """A key in words: a factor is called one."""
+    words = key_words(key).removeprefix("sensor ").replace(",", "")
+    return words + " factor" * key.endswith("_factor")
+
+
+def _spread(values: Sequence[Any], unit: str) -> str:
+    """``0 to 8 m/s``, ``light or severe``."""
+    if any(isinstance(value, str | bool | list) for value in values):
+        return listed(list(dict.fromkeys(map(str, values))), "or")
+    ends = dict.fromkeys(f"{end:.6g}" for end in (min(values), max(values)))
+    return f"{' to '.join(ends)} {unit}".rstrip()
+
+
+def _how(table: Mapping[str, Any]) -> str:
+    """How a key is drawn, by its table in the campaign."""
+    kind, sd = table.get("distribution", "drawn"), table.get("sd") or table.get("sd_log")
+    if sd is not None:
+        share = " of its value" if table.get("acts") == "multiplies" else ""
+        unit = (
+            columns(PLACE.sub("", table.get("key", "")))[0].unit
+            if "sd" in table and not share
+            else ""
+        )
+        return f"{kind.replace('_', '-')}, sd {sd:g} {unit}".rstrip() + share
+    values = table.get("count") or len(table.get("values") or ())
+    return kind if kind == "uniform" else f"one of {values} values"

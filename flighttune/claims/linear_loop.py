@@ -1,0 +1,173 @@
+"""The bound that a certificate states for the linear loop, and the check of flights against it.
+
+The bound follows from the gains, the linearised law, the start of each stretch and the disturbance
+that the scenario states: nothing of it is measured in the flight. It is checked where the flight is
+what the statement is about: the model of the law in still air, with true values measured. An
+aircraft has no such check: it does not keep the airspeed, roll and load factor that the law
+assumes. Its tube bounds its errors.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.arrays import FloatArray
+from flighttune.control.linear_model import closed_loop, disturbance_entry
+from flighttune.errors import InputError
+from flighttune.gaps.mismatch import CHANNELS, LEAST_SAMPLES, trim_of
+from flighttune.simulate.disturbance import Sinusoid
+from flighttune.simulate.run import Run
+from flighttune.theory.attractor import Ellipsoid, invariant_ellipsoid
+from flighttune.theory.indicators import Indicators, indicators
+
+# Part by which a bound may be exceeded before it counts as exceeded
+ROUNDING = 1e-6
+
+# Change of slope of the reference, rad a sample, beyond which it counts as moved.
+#
+# A step of the reference is a jump of s that no disturbance explains: the bound starts anew.
+REFERENCE_MOVED = 1e-9
+
+NEEDED = ("chi", "gamma", "chi_ref", "gamma_ref", "chi_err", "gamma_err", "phi_cmd", "n_z_cmd")
+LIMITED = ("phi_limited", "n_z_limited")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FlightCheck:
+    """The norm of s = (e', e) in a flight of the law, and the bound that its gains give it."""
+
+    t: FloatArray  # (n,), s: Middle of each sample interval
+    size: FloatArray  # (n,): ``||s||`` there, in rad/s and rad
+    # (n,): Upper bound of `size`; NaN where there is none, because the reference moves or a command
+    # is at a limit
+    bound: FloatArray
+    radius: float  # Largest norm of s in the ultimate set of the stated disturbance
+
+    @property
+    def broken(self) -> npt.NDArray[np.bool_]:
+        """Where `size` is above `bound`, shape (n,)."""
+        return self.size > self.bound * (1.0 + ROUNDING) + ROUNDING**2
+
+    @property
+    def t_broken(self) -> float | None:
+        """When the bound is first exceeded, s; None where it holds."""
+        return round(float(self.t[self.broken.argmax()]), 9) if self.broken.any() else None
+
+
+def flight_check(run: Run) -> FlightCheck | None:
+    """Check a run against the bound of its gains.
+
+    Parameters
+    ----------
+    run : Run
+        A flight whose scenario says ``V_a_mps`` in its table ``flight``.
+
+    Returns
+    -------
+    FlightCheck or None
+        None if there is no bound: another plant than the model of the law, wind, sensors, a
+        disturbance that jumps, no gains, an unstable loop, a flight of fewer than four samples, or
+        signals of the loop that are missing.
+    """
+    trim, gains, L_d = trim_of(run), run.provenance.gains, stated_L_d(run)
+    signals = run.signals
+    if trim is None or gains is None or L_d is None or len(signals) < LEAST_SAMPLES:
+        return None
+    if not set(NEEDED) <= set(signals) or not np.isfinite(signals[list(NEEDED)].to_numpy()).all():
+        return None
+    try:
+        model = run.provenance.law.linear_model(trim)
+        A_K = closed_loop(model, gains)
+    except InputError:  # a first reference at the vertical, gains of other channels
+        return None
+    values = indicators(A_K)
+    if values.status != "stable":
+        return None
+    unit = invariant_ellipsoid(A_K, disturbance_entry(model), L_d=1.0)
+    return check_against(run, values, unit, L_d)
+
+
+def stated_L_d(run: Run) -> float | None:
+    """L_d of the disturbance in the scenario of a run; None where there is no such bound."""
+    scenario, law = run.provenance.scenario, run.provenance.law
+    kind = run.provenance.plant.partition(":")[0]
+    others = ("wind", "gust", "turbulence", "sensors")
+    if kind != law.plant or any(scenario.get(key) for key in others):
+        return None
+    stated = scenario.get("disturbance") or {}
+    if stated.get("as_wind"):
+        return None
+    bound = Sinusoid.of_table(stated).rate_bound
+    return bound if math.isfinite(bound) else None
+
+
+def check_against(run: Run, indicators: Indicators, unit: Ellipsoid, L_d: float) -> FlightCheck:
+    """Compare a run with the bound of its loop.
+
+    Parameters
+    ----------
+    indicators : Indicators
+        R_K and I_K of the loop in velocity form, ``s' = A_K s + E v``, which is stable.
+    unit : Ellipsoid
+        Its invariant ellipsoid for ``|v| <= 1``.
+    L_d : float
+        Bound of the norm of the derivative of the disturbance, rad/s^2.
+
+    Notes
+    -----
+    By superposition s is the free response from the start of a stretch plus what the disturbance
+    adds from rest. With ``A_K' Q + Q A_K + I = 0`` the free response obeys
+    ``||s|| <= sqrt(s_0' Q s_0 / lambda_min(Q)) exp(-R_K (t - t_0) / 2)``. With W of
+    `invariant_ellipsoid` and its multiplier a, ``V = s' W^-1 s`` of the rest obeys
+    ``V' <= a (L_d^2 - V)`` from V = 0.
+
+    The loop is linear: a stretch begins behind every move of the reference and where a limit lets
+    go of a command, and there is no bound while a limit holds one.
+    """
+    states, moved = error_states(run)
+    limited = (run.signals.filter(items=LIMITED).to_numpy()[:-1] != 0.0).any(axis=1)
+    t, Q = run.t[:-1] + 0.5 * np.diff(run.t), indicators.Q
+    assert Q is not None  # of a stable loop
+    free = ~(moved | limited)
+    begins = free & ~np.concatenate([[False], free[:-1]])
+    start = np.maximum.accumulate(np.where(begins, np.arange(len(t)), 0))
+    since = t - t[start]
+    level = np.einsum("ni,ij,nj->n", states, Q, states)[start] / np.linalg.eigvalsh(Q)[0]
+    added = unit.radius * L_d * np.sqrt(-np.expm1(-unit.multiplier * since))
+    bound = np.sqrt(level) * np.exp(-0.5 * indicators.R_K * since) + added
+    return FlightCheck(
+        t=t,
+        size=np.linalg.norm(states, axis=1),
+        bound=np.where(free, bound, math.nan),
+        radius=unit.radius * L_d,
+    )
+
+
+def error_states(run: Run) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
+    """The states s = (e', e) of a flight, errors and their rates, and where the reference moves.
+
+    Returns
+    -------
+    states : ndarray, shape (n, 4), rad/s and rad
+        Rates of the errors of course and flight-path angle, and the errors, in the middle of each
+        interval.
+    moved : ndarray of bool, shape (n,)
+        Where the reference changes its slope.
+
+    Notes
+    -----
+    No derivative of a sampled signal is estimated: the mean rate of an angle over an interval is
+    its increment over the sample time, exactly. It is the rate in the middle of the interval to
+    second order in the sample time, and the error there is that at its start plus half the change.
+    """
+    dt = np.diff(run.t)[:, None]
+    angles, references, errors = (
+        run.signals[[f"{channel}{end}" for channel in CHANNELS]].to_numpy()
+        for end in ("", "_ref", "_err")
+    )
+    step = np.diff(references, axis=0)
+    slopes = (step - np.diff(angles, axis=0)) / dt
+    bends = np.abs(np.diff(step, axis=0, prepend=step[:1])) > REFERENCE_MOVED
+    return np.hstack([slopes, errors[:-1] + 0.5 * dt * slopes]), bends.any(axis=1)

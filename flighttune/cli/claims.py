@@ -1,0 +1,96 @@
+"""Claims from files around the runs of a command."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flighttune.cli.band import band_answer
+from flighttune.cli.show import pick, progress_bar
+from flighttune.errors import InputError
+from flighttune.present.answer import Answer
+from flighttune.present.names import columns
+from flighttune.present.tables import Table
+
+if TYPE_CHECKING:
+    from flighttune.simulate.run import Run
+
+
+def runs_within(
+    runs: "Sequence[Run]", files: Sequence[Path] | None
+) -> "tuple[tuple[Run, ...], Answer]":
+    """The runs with the claims in files around them, and their part of the answer of a command.
+
+    A run outside a proven tube is a failure.
+    """
+    from flighttune.campaign.claims import load_claim
+    from flighttune.simulate.claim import with_claims
+    from flighttune.simulate.run import claim_notes
+
+    for file in files or ():
+        try:
+            runs = with_claims(runs, [load_claim(file)])
+        except InputError as error:
+            reason = str(error).removeprefix(f"{file}: ")
+            raise InputError(f"{file}: {reason}") from error
+    claims = [
+        {"run": run.label, **pick(claim, "kind title sentence"), "inside": inside}
+        for run in runs
+        for claim in run.claims
+        for inside in [claim.contains(run.signals)]
+    ]
+    left = [c for c in claims if c["kind"] == "proven" and not c["inside"]]
+    proofs = [f"{file} is drawn as it states: flighttune verify {file}" for file in files or ()]
+    return tuple(runs), Answer(
+        values={"claims": claims},
+        notes=[*claim_notes(runs), *proofs],
+        failure=f"{left[0]['run']}: the flight leaves its {left[0]['title']}." if left else "",
+    )
+
+
+def claim_page(file: str, out: Path) -> Answer:
+    """Write the page of the tube or band in a file."""
+    from flighttune.campaign.claims import BandClaim, load_claim
+    from flighttune.reports.band import write_band_page
+    from flighttune.reports.tube import write_tube_page
+
+    claim = load_claim(file)
+    if isinstance(claim, BandClaim):
+        answer = band_answer(claim.band, file)
+        page = write_band_page(claim.band, file, out, answer.tables, answer.notes)
+    else:
+        answer, page = claim.answer(), write_tube_page(claim, file, out)
+    return replace(answer, files={"report": page.path})
+
+
+def fly_draw(file: Path, draw: int, out: Path | None) -> Answer:
+    """Fly a draw of the band in a file again, and record it with the band around it."""
+    from flighttune.campaign.band import load_band, plan_of
+    from flighttune.campaign.flying.alone import fly_again
+    from flighttune.recording.record import record
+
+    counted, name = load_band(file), f"{file.stem}-run-{draw}"
+    plan = plan_of(counted)
+    with progress_bar() as progress:
+        flown = fly_again(plan, draw, progress=progress)
+    run = flown[plan.group_of(draw).label]
+    claimed = run.status == "completed" and counted.claims
+    runs, around = runs_within(flown.runs, [file] if claimed else [])
+    files = record(replace(flown, runs=runs), out or Path("runs") / name, name=name)
+    of_draw = plan.values_of(draw)
+    drawn = [{"parameter": key, "value": of_draw[key]} for key in plan.keys]
+    return Answer(
+        values={
+            "run": draw,
+            **pick(run, "status reason"),
+            "signals": files.signals,
+            **around.values,
+        },
+        tables=[Table(columns("parameter value"), drawn, f"draw {draw}: {run.label}")],
+        notes=[
+            *([] if claimed else [f"{run.label}: {run.outcome}"]),
+            *around.notes,
+            "A band keeps no row of a flight to compare it with.",
+        ],
+        files={"recording": files.recording},
+    )

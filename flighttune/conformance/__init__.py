@@ -1,1 +1,0 @@
-"""Boxes of an aircraft's residual rates against the exact point mass behind its identified lag."""

@@ -1,7 +1,0 @@
-"""Export of gains: a flight for JSBSim alone, the outer loop as a C file."""
-
-from flighttune.export.c_source import c_source, export_c
-from flighttune.export.check import COLUMNS
-from flighttune.export.jsbsim_folder import CSV, README, SCRIPT, export_jsbsim
-
-__all__ = ["COLUMNS", "CSV", "README", "SCRIPT", "c_source", "export_c", "export_jsbsim"]

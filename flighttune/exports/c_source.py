@@ -1,0 +1,78 @@
+"""The outer loop as one C99 file, for a board."""
+
+from collections.abc import Iterable
+from pathlib import Path
+from string import Template
+
+from flighttune import __version__
+from flighttune.control.gains import PIGains
+from flighttune.control.mimo_pi import MimoPI
+from flighttune.files.whole import write_text
+from flighttune.flight.fly import aircraft_table, plant_of
+from flighttune.flight.outer_loop import law_setup
+from flighttune.scenario.schema import Scenario
+
+SOURCE = "ft_outer_loop.c"
+
+_TEMPLATE = Path(__file__).with_name("outer_loop.c")
+_USED = "V_a is the airspeed."
+_UNUSED = "V_a is not used: the gains are not scheduled."
+
+
+def export_c(
+    scenario: Scenario, name: str, gains: PIGains, folder: Path, *, plant: str | None = None
+) -> Path:
+    """Write the outer loop of one gain set as a C file.
+
+    `name` is that of the gain set with its law. The `folder` is made if there is none. `plant`:
+    label of the aircraft whose limits hold as well; by default the first, if there is one. Raises
+    InputError if the scenario has no such aircraft, or the law is another than the paper's. Raises
+    OutputError if the file cannot be written.
+    """
+    limits = scenario.command_limits
+    if plant is not None or any(table.aircraft is not None for table in scenario.plant):
+        limits = limits.within(plant_of(aircraft_table(scenario, plant), scenario).limits)
+    law, _ = scenario.law_of(name, gains)
+    controller = law.discrete_pi(law_setup(scenario, gains, limits))
+    if controller is None:
+        raise law.refusal("discrete_pi", "exported")
+    write_text(folder / SOURCE, c_source(controller, title=scenario.title, gains=name))
+    return folder / SOURCE
+
+
+def c_source(law: MimoPI, *, title: str, gains: str) -> str:
+    """The C99 text of a controller, which needs nothing but the C library's ``math.h``.
+
+    The `law` turns the errors of course and path angle into two commands. `title` and `gains` are
+    names of the scenario and the gain set, for the comment at the top.
+    """
+    values, channels = law.law, law.law.channels
+    return Template(_TEMPLATE.read_text(encoding="utf-8")).substitute(
+        title=_comment(title),
+        gains=_comment(gains),
+        version=__version__,
+        uses_V_a=_USED if values.per_speed else _UNUSED,
+        dt=_number(law.dt),
+        conditional=int(values.conditional),
+        tracking_gain=_number(values.tracking_gain),
+        per_speed=_number(values.per_speed),
+        feed_forward=int(law.feed_forward),
+        K_P=", ".join(f"{{{_numbers(channel.K_P)}}}" for channel in channels),
+        K_I_half=", ".join(f"{{{_numbers(channel.K_I_half)}}}" for channel in channels),
+        **{
+            name: _numbers(getattr(channel, name) for channel in channels)
+            for name in ("lower", "upper", "step_down", "step_up")
+        },
+    )
+
+
+def _comment(text: str) -> str:
+    return " ".join(text.replace("*/", "* /").split())
+
+
+def _numbers(values: Iterable[float]) -> str:
+    return ", ".join(map(_number, values))
+
+
+def _number(value: float) -> str:
+    return repr(value).replace("inf", "INFINITY")

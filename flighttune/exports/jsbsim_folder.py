@@ -1,0 +1,410 @@
+"""A flight as a folder that JSBSim flies by itself: aircraft, inner and outer loop, script."""
+
+import math
+import os
+import shlex
+import shutil
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Set
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from xml.etree import ElementTree
+from xml.etree.ElementTree import Element
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from flighttune import __version__
+from flighttune.aircraft.aircraft import AircraftConfig
+from flighttune.aircraft.model_xml import template_of
+from flighttune.arrays import FloatArray
+from flighttune.control.controller import LawSetup
+from flighttune.control.gains import PIGains
+from flighttune.control.law import OuterLoop
+from flighttune.errors import InputError
+from flighttune.exports.check import COLUMNS, differences
+from flighttune.files.whole import whole_file, write_text
+from flighttune.flight.fly import aircraft_table, fly_once, plant_of
+from flighttune.flight.outer_loop import law_setup
+from flighttune.plants.jsbsim import properties
+from flighttune.plants.jsbsim.fdm import STARTER, STARTING, Fdm, weigh
+from flighttune.plants.jsbsim.model_files import model_files, model_folders, source_folders
+from flighttune.plants.jsbsim.plant import JSBSimPlant, inner_loop_settings
+from flighttune.present.answer import Answer, Answering
+from flighttune.present.tables import printable
+from flighttune.references.feasible import FeasibleReference
+from flighttune.scenario.schema import Scenario
+from flighttune.units import FT, G_0
+
+SCRIPT, CSV, START, OUTER_LOOP = "flight.xml", "flight.csv", "start", "ft_outer_loop"
+README = "README.md"
+
+# Time for which the aircraft is held still before the flight, plus that of its engine, s: delays of
+# sensors fill, gear and flaps move, and filters of the model's own flight control settle.
+AT_REST = 40.0
+
+# Departure from a straight line above which a sample of a reference has a row of its own.
+STRAIGHT = 1e-15
+
+_OUTER_LOOP, _SCRIPT, _README = (
+    Path(__file__).with_name(name) for name in ("outer_loop.xml", "flight.xml", "readme.md")
+)
+
+# Components of the outer loop that every law has.
+_MEASURED = {
+    *(f"ft/outer/{name}" for name in ("sample", "chi-rad", "gamma-rad", "gain")),
+    *(f"ft/outer/{name}-mps" for name in ("V_a", "wind-along", "ahead")),
+    *(f"ft/outer/{name}-rad" for name in ("half-turn-less", "chi-err", "gamma-err")),
+    *(f"ft/outer/{u}/{name}" for u in ("phi", "n_z") for name in ("in-force", "low", "high")),
+}
+
+# The wind of `fly`: JSBSim resets its ``wind-*`` in every evaluation.
+WIND = [f"atmosphere/gust-{axis}-fps" for axis in ("north", "east", "down")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExportedFlight(Answering):
+    """A folder that JSBSim flew, and how its flight compares with that of `fly`."""
+
+    folder: Path
+    command: str  # flies the folder, from any working directory
+    start: float  # s: JSBSim's time at the start of the flight
+    # Largest difference by signal, rad and 1; empty if JSBSim did not fly it to the end
+    differences: Mapping[str, float]
+    verdict: str  # sentence about the comparison
+    same: bool  # whether the flights are the same but for rounding
+
+    def answer(self) -> Answer:
+        """The command that flies the folder; a failure if its flight is not that of `fly`."""
+        folder = self.folder
+        return Answer(
+            values={
+                "start_s": self.start,
+                "csv": folder / CSV,
+                "differences": {COLUMNS[name]: value for name, value in self.differences.items()},
+            },
+            notes=[
+                f"The command flies it and writes {folder / CSV}, which has the flight from "
+                f"Time = {self.start:g} s on.",
+                *([self.verdict] if self.same else ()),
+            ],
+            command=self.command,
+            files={"folder": folder, "script": folder / SCRIPT, "readme": folder / README},
+            failure="" if self.same else f"{folder}: {self.verdict} The folder is kept.",
+        )
+
+
+def export_jsbsim(
+    scenario: Scenario, name: str, gains: PIGains, folder: Path, *, plant: str | None = None
+) -> ExportedFlight:
+    """Write the flight of one gain set on one aircraft as files that JSBSim flies by itself.
+
+    JSBSim flies the folder, and the flight is compared with that of `fly`.
+
+    `name` is that of the gain set with its law. The `folder` is made if there is none; files of the
+    same names are replaced. `plant`: label of the aircraft; by default the first of the scenario.
+    Raises InputError if the scenario has no such aircraft or a wind that changes, or the law is one
+    in Python. Raises TrimError if there is no steady flight to start from. Raises PlantError if the
+    aircraft cannot be built. Raises OutputError if the folder cannot be written.
+    """
+    scenario.check_over_time("an export")
+    table = aircraft_table(scenario, plant)
+    for key in _not_in_script(scenario):
+        raise InputError(
+            f"`{key}` must be absent from a scenario that is exported: the only moving air in "
+            "JSBSim's script is a steady wind."
+        )
+    flown = plant_of(table, scenario)
+    assert isinstance(flown, JSBSimPlant)
+    law, _ = scenario.law_of(name, gains)
+    setup = law_setup(scenario, gains, scenario.command_limits.within(flown.limits))
+    loop = law.outer_loop(setup)
+    if loop is None:
+        raise law.refusal("outer_loop", "exported")
+    flown.start(scenario.condition)
+    fdm, folder = flown.fdm, folder.absolute()
+    assert fdm is not None
+    frames = round(fdm.rate * setup.dt)
+    # Whole samples of both computers, so that both have one at the start.
+    whole = frames * fdm.steps
+    still = AT_REST + 4.0 * fdm.engine_settles
+    t_0 = math.ceil(still * fdm.rate / whole) * whole / fdm.rate
+    sampled = _sampled(scenario, setup, loop)
+    values = _values(scenario, setup, loop, fdm)
+    if "ft/outer/plan/n_z" in sampled:
+        values["ft/outer/planned"] = 1.0
+    with model_folders(fdm.config, weigh, fdm.steps) as folders:
+        aircraft = folder / "aircraft" / folders.name
+        root = _parsed(folders.file)
+    _copy_parts(fdm.config, folder)
+    last = max(i for i, element in enumerate(root) if element.tag == "system")
+    root.insert(last + 1, Element("system", file=OUTER_LOOP))
+    declared: set[str] = set()
+    for tree, file in (
+        (root, aircraft / f"{folders.name}.xml"),
+        (_outer_loop(loop, frames), folder / "systems" / f"{OUTER_LOOP}.xml"),
+    ):
+        declared |= _declare(tree, values)
+        ElementTree.indent(tree)
+        write_text(file, template_of(tree))
+    write_text(aircraft / f"{START}.xml", _start(fdm))
+    script = _script(scenario, setup, fdm, folders.name, t_0, values, declared, sampled)
+    write_text(folder / SCRIPT, script)
+    # The console command takes no step from a script, and writes to its root.
+    options = [f"--simulation-rate={fdm.rate!r}", f"--script={SCRIPT}"]
+    at_folder = [f"--root={folder}", *options]
+    run = fly_once(scenario, flown, gains, plant_label=table.label, gains_name=name)
+    largest, differs = differences(at_folder, folder / CSV, t_0, run)
+    if differs:
+        verdict = f"JSBSim's flight is not that of `flighttune fly`: {differs}."
+    else:
+        verdict = (
+            "JSBSim flew the folder: its flight is that of `flighttune fly` to within "
+            f"{max(largest.values()):.1g} (rad, and 1 for the load factor)."
+        )
+    if largest and run.status != "completed":
+        verdict += f" They were compared until `flighttune fly` ended the flight: {run.reason}"
+    readme = _README.read_text(encoding="utf-8").format(
+        title=printable(scenario.title),
+        model=folders.name,
+        gains=name,
+        version=__version__,
+        verdict=verdict,
+        command=shlex.join(["jsbsim", "--root=.", *options]),
+        jsbsim=version("jsbsim"),
+        csv=CSV,
+        rate=1.0 / setup.dt,
+        start=t_0,
+        duration=scenario.flight.duration_s,
+    )
+    write_text(folder / README, readme)
+    console = shutil.which("jsbsim", path=Path(sys.executable).parent) or "jsbsim"
+    return ExportedFlight(
+        folder=folder,
+        command=shlex.join([console, *at_folder]),
+        start=t_0,
+        differences=largest,
+        verdict=verdict,
+        same=not differs,
+    )
+
+
+def _not_in_script(scenario: Scenario) -> Iterator[str]:
+    """Keys of moving air that the script does not have."""
+    if weather := scenario.weather():
+        moves = {
+            "gust": weather.gust,
+            "turbulence": weather.turbulence,
+            "wind.level": weather.wind.varies,
+            "disturbance.as_wind": weather.oscillation,
+        }
+        yield from (key for key, moved in moves.items() if moved)
+
+
+def _outer_loop(loop: OuterLoop, frames: int) -> Element:
+    """The law as a system: the paper's, or another one behind the same measurements."""
+    outer = _parsed(_OUTER_LOOP)
+    (channel,) = outer.iterfind("channel")
+    channel.set("execrate", str(frames))
+    if loop.components is not None:
+        for component in channel.findall("fcs_function"):
+            if component.get("name") not in _MEASURED:
+                channel.remove(component)
+        own = _parsed(_OUTER_LOOP.with_name(loop.components))
+        channel.extend(own.iterfind("channel/fcs_function"))
+        outer[0:0] = own.iterfind("property")
+    return outer
+
+
+def _values(scenario: Scenario, setup: LawSetup, loop: OuterLoop, fdm: Fdm) -> dict[str, float]:
+    """Properties of the aircraft at rest before the flight, and those of the law."""
+    condition, limits, gains = scenario.condition, setup.limits, setup.gains
+    assert gains is not None
+    values = {**fdm.settings, **inner_loop_settings(fdm.config)}
+    for trim_name, law_name in zip(properties.TRIMS, properties.LAWS, strict=True):
+        values[trim_name] = fdm.reader(trim_name)() + fdm.reader(law_name)()
+    values |= _read(fdm, (properties.PHI_CMD, properties.N_Z_CMD, properties.V_A_CMD))
+    values |= {
+        "ft/outer/dt-s": setup.dt,
+        "ft/outer/phi/start": condition.phi,
+        "ft/outer/n_z/start": condition.n_z_start,
+        **loop.values,
+    }
+    bounds = (limits.lower, limits.upper, limits.rate_lower, limits.rate_upper)
+    for i, command in enumerate(("phi", "n_z")):
+        for j, error in enumerate(("chi", "gamma")):
+            entry = f"{loop.rows[i]}-{error}"
+            values[f"ft/outer/K_P/{entry}"] = float(gains.K_P[i, j])
+            values[f"ft/outer/K_I/{entry}"] = float(gains.K_I[i, j])
+        for bound, limit in zip(("min", "max", "rate-min", "rate-max"), bounds, strict=True):
+            values[f"ft/outer/{command}/{bound}"] = float(limit[i])
+    return values
+
+
+def _read(fdm: Fdm, names: Iterable[str]) -> dict[str, float]:
+    """Properties of the aircraft at its start."""
+    return {name: fdm.reader(name)() for name in names}
+
+
+def _times(scenario: Scenario, setup: LawSetup) -> FloatArray:
+    return np.arange(round(scenario.flight.duration_s / setup.dt) + 1, dtype=float) * setup.dt
+
+
+def _sampled(scenario: Scenario, setup: LawSetup, loop: OuterLoop) -> dict[str, FloatArray]:
+    """Inputs of the law at every sample that are not measured, by property."""
+    t, followed = _times(scenario, setup), scenario.followed()
+    chi, gamma = followed.sampled(t)
+    sampled = {"ft/outer/chi-ref-rad": chi, "ft/outer/gamma-ref-rad": gamma}
+    if loop.takes_rates:
+        rates = followed.rates(t)
+        for name, rate in zip(("chi", "gamma"), rates, strict=True):
+            sampled[f"ft/outer/{name}-ref-rate-rad_sec"] = rate
+    if loop.takes_plan and isinstance(followed, FeasibleReference):
+        sampled["ft/outer/plan/phi-rad"], sampled["ft/outer/plan/n_z"] = followed.commands(t).T
+    if scenario.sensors is not None:
+        errors = scenario.sensors.sensors(scenario.seed).errors(len(t), setup.dt)
+        for name, error in zip(("chi-rad", "gamma-rad", "V_a-mps"), errors.T, strict=True):
+            sampled[f"ft/outer/sensor/{name}"] = error
+    return sampled
+
+
+def _start(fdm: Fdm) -> str:
+    lines = (
+        f'  <{tag} unit="{unit}"> {fdm.reader(f"ic/{name}")()!r} </{tag}>'
+        for tag, unit, name in (
+            ("altitudeMSL", "FT", "h-sl-ft"),
+            *((f"{axis}body", "FT/SEC", f"{axis}-fps") for axis in "uvw"),
+            ("phi", "RAD", "phi-rad"),
+            ("theta", "RAD", "theta-rad"),
+            ("psi", "RAD", "psi-true-rad"),
+        )
+    )
+    head = '<?xml version="1.0"?>', f'<initialize name="{START}">'
+    return "\n".join([*head, *lines, "</initialize>\n"])
+
+
+def _script(
+    scenario: Scenario,
+    setup: LawSetup,
+    fdm: Fdm,
+    model: str,
+    t_0: float,
+    values: Mapping[str, float],
+    declared: Set[str],
+    sampled: Mapping[str, FloatArray],
+) -> str:
+    """The script: the aircraft at rest with `values` until `t_0`, then the flight."""
+    t, half = _times(scenario, setup), 0.5 / fdm.rate
+    moving = {name: read() for name, (_, read) in fdm.integrators.items()}
+    tanks = [name for name in fdm.names("propulsion/tank") if name.endswith("/contents-lbs")]
+    at_start = {
+        **_read(fdm, properties.TRIMS),
+        properties.ENGAGED: 1.0,
+        "ft/outer/engaged": 1.0,
+        "simulation/output/log_rate_hz": 1.0 / setup.dt,
+    }
+    rates = _read(fdm, [f"ic/{axis}-rad_sec" for axis in "pqr"])
+    rest = {name: value for name, value in values.items() if name not in declared}
+    at_rest = {**rest, **rates, **_read(fdm, WIND), **dict.fromkeys(moving, 0.0)}
+    return _SCRIPT.read_text(encoding="utf-8").format(
+        title=escape(printable(scenario.title), {'"': "&quot;"}),
+        model=escape(model),
+        start=START,
+        end=t_0 + float(t[-1]),
+        rate=fdm.rate,
+        dt=1.0 / fdm.rate,
+        shorter=0.999 / fdm.rate,
+        longer=1.001 / fdm.rate,
+        csv=CSV,
+        at_rest="\n".join(
+            f'<property value="{value!r}"> {name} </property>' for name, value in at_rest.items()
+        ),
+        t_0=t_0,
+        engines=_engines(fdm, values),
+        before=t_0 - half,
+        after=t_0 + half,
+        sample=setup.dt,
+        tanks=_sets(_read(fdm, tanks)),
+        at_start=_sets(at_start),
+        moving=_sets(moving),
+        references="\n".join(_reference(name, t, values) for name, values in sampled.items()),
+        g=G_0 / FT,
+    )
+
+
+def _engines(fdm: Fdm, at_rest: Mapping[str, float]) -> str:
+    """Events that start the engines and settle them at the throttle of the trim, as `fly` does."""
+    numbers = range(fdm.config.engines.count)
+    if not numbers:
+        return ""
+    lines = "\n".join(f"propulsion/engine[{i}]/set-running eq 0" for i in numbers)
+    stopped = f'<condition logic="OR"> {lines} </condition>'
+    piston = fdm.has("propulsion/magneto_cmd")
+    starting = STARTING if piston else 0.0
+    events = []
+    if piston:
+        events += [
+            ("starter", 0.0, stopped, STARTER),
+            ("starter off", starting, "", {"propulsion/starter_cmd": 0.0}),
+        ]
+    # JSBSim's own start stops some propellers: it comes last.
+    events += [("engines that did not start", starting, stopped, {"propulsion/set-running": -1.0})]
+    if settle := fdm.engine_settles:
+        # Some propellers have two steady states at one throttle. The trim comes from full throttle.
+        trim = {properties.THROTTLE_TRIM: at_rest[properties.THROTTLE_TRIM]}
+        full = dict.fromkeys(trim, 1.0)
+        events += [("full throttle", 0.0, "", full), ("trim", starting + settle, "", trim)]
+    return "\n".join(
+        f'<event name="{name}"> <condition logic="AND"> simulation/sim-time-sec gt {after!r} '
+        f"{only_if} </condition> {_sets(values)} </event>"
+        for name, after, only_if, values in events
+    )
+
+
+def _reference(name: str, t: FloatArray, values: FloatArray) -> str:
+    """A property looked up by the time since the start; rows on a straight line are left out."""
+    bends = np.abs(np.diff(values, 2)) > STRAIGHT
+    rows = np.column_stack([t, values])[np.array([True, *bends, True])]
+    table = "\n".join(f"{at!r} {value!r}" for at, value in rows.tolist())
+    return (
+        f'<set name="{name}"> <function> <table> <independentVar> ft/outer/t-s </independentVar> '
+        f"<tableData>\n{table}\n</tableData> </table> </function> </set>"
+    )
+
+
+def _sets(values: Mapping[str, float]) -> str:
+    return "\n".join(f'<set name="{name}" value="{value!r}"/>' for name, value in values.items())
+
+
+def _parsed(file: Path) -> Element:
+    """Root of a file, with its comments."""
+    parser = ElementTree.XMLParser(target=ElementTree.TreeBuilder(insert_comments=True))
+    return ElementTree.parse(file, parser).getroot()
+
+
+def _declare(root: Element, values: Mapping[str, float]) -> set[str]:
+    """Give the properties that systems declare their values; return their names."""
+    names = set()
+    for system in (*root.iter("system"), *root.iter("flight_control")):
+        for declared in system.iterfind("property"):
+            name = (declared.text or "").strip()
+            if name in values:
+                declared.set("value", repr(values[name]))
+                names.add(name)
+    return names
+
+
+def _copy_parts(config: AircraftConfig, folder: Path) -> None:
+    """Copy all files of a model but the main one to where JSBSim finds them in the folder."""
+    folders = source_folders(config)
+    shared = folder / "engine", folder / "systems"
+    places = {
+        folders.model: folder / "aircraft" / folders.name,
+        **dict(zip((*folders.near, folders.engines, folders.systems), shared * 2, strict=False)),
+    }
+    for file in model_files(config)[1:]:
+        part = Path(os.path.normpath(file))
+        place = next(place for place in places if part.is_relative_to(place))
+        with whole_file(places[place] / part.relative_to(place)) as copy:
+            shutil.copyfile(file, copy)

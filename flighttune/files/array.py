@@ -1,0 +1,85 @@
+"""Arrays in files (.npz), read strictly: names, sizes and types before anything is used."""
+
+import zipfile
+from collections.abc import Collection, Mapping
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.errors import InputError
+from flighttune.files.mistakes import shown
+
+FLOAT, SINGLE, BOOL, TEXT = np.dtype("<f8"), np.dtype("<f4"), np.dtype(bool), np.dtype("<U")
+
+Arrays: TypeAlias = dict[str, npt.NDArray[Any]]
+
+
+def read_arrays(
+    path: Path,
+    what: str,
+    kinds: Mapping[str, "np.dtype[Any]"],
+    max_bytes: int,
+    max_compressed: int,
+    unbounded: Collection[str] = (),
+) -> Arrays:
+    """The arrays of a file; their sizes and names are checked before any of them is unpacked.
+
+    `what` is what the file must be. `kinds`: types of the arrays that it may have; those of floats
+    must be finite unless they are `unbounded`. The first one must be there. `max_bytes` and
+    `max_compressed` bound all arrays and the file. Raises InputError.
+    """
+    try:
+        if path.stat().st_size > max_compressed:
+            raise InputError(f"the file must have at most {max_compressed} bytes, got more.")
+        with zipfile.ZipFile(path) as archive:
+            entries = archive.infolist()
+            names = [entry.filename for entry in entries]
+            for name in names:
+                if name.removesuffix(".npy") not in kinds or not name.endswith(".npy"):
+                    raise InputError(f"`{shown(name)}` must not be in the file of a {what}.")
+                if names.count(name) > 1:
+                    raise InputError(f"`{name}` must be in the file once, got it twice.")
+            # No more than the sizes stated is ever unpacked of what is stored or deflated.
+            packed = {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}
+            size = sum(entry.file_size for entry in entries)
+            if size > max_bytes or not {entry.compress_type for entry in entries} <= packed:
+                raise InputError(
+                    f"the arrays of a {what} must be stored or deflated, and fit into {max_bytes} "
+                    f"bytes, got {size} bytes."
+                )
+            arrays: Arrays = {}
+            for name in names:
+                with archive.open(name) as member:
+                    array = np.lib.format.read_array(member, allow_pickle=False)
+                key = name.removesuffix(".npy")
+                arrays[key] = _checked(name, array, kinds[key], key not in unbounded)
+    except (InputError, OSError):
+        raise
+    except Exception as error:  # NumPy and `zipfile` raise a dozen kinds on a damaged file
+        raise InputError(f"the file must be a {what} of flighttune: {error}.") from error
+    first = next(iter(kinds))
+    if first not in arrays:
+        raise InputError(f"`{first}.npy` must be in the file of a {what}.")
+    return arrays
+
+
+def _checked(
+    name: str, array: npt.NDArray[Any], kind: "np.dtype[Any]", finite: bool
+) -> npt.NDArray[Any]:
+    """The array, if it is of the type that its name asks for, with finite numbers where asked."""
+    if array.dtype != kind and not (kind == TEXT and array.dtype.kind == "U" and array.ndim == 0):
+        raise InputError(f"`{name}` must be of type {kind.name}, got {array.dtype}.")
+    if finite and kind.kind == "f" and not np.isfinite(array).all():
+        raise InputError(f"`{name}` must be finite.")
+    return array
+
+
+def check_shapes(what: str, arrays: Arrays, shapes: Mapping[str, tuple[int, ...] | None]) -> None:
+    """Refuse arrays that are missing or of another shape; of any shape where it is None."""
+    for name, shape in shapes.items():
+        if name not in arrays:
+            raise InputError(f"`{name}.npy` must be in the file of this {what}.")
+        if shape not in (None, arrays[name].shape):
+            raise InputError(f"`{name}` must have shape {shape}, got {arrays[name].shape}.")

@@ -1,0 +1,224 @@
+"""The ladder from the paper's law to an aircraft: the same gains flown on each rung."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.control.gains import PIGains
+from flighttune.control.inner_loop import InnerLag
+from flighttune.control.law import Law
+from flighttune.control.linear_model import closed_loop
+from flighttune.errors import InputError
+from flighttune.flight.fly import (
+    Progress,
+    aircraft_table,
+    fly_alone,
+    fly_once,
+    plant_of,
+    steered,
+    wind_met,
+)
+from flighttune.flight.outer_loop import scenario_and_gains
+from flighttune.gaps.gap import Gap, LagSource, Step, failure_of
+from flighttune.gaps.mismatch import CHANNELS, Mismatch, mismatch
+from flighttune.identification.file import FILE_NAME, load_identified
+from flighttune.identification.fit import fitted_lag
+from flighttune.metrics import channel_metrics, flight_metrics
+from flighttune.plants.point_mass import PointMassPlant
+from flighttune.scenario.schema import Scenario
+from flighttune.simulate.run import Run
+from flighttune.theory.indicators import Indicators, indicators
+
+# A shorter flight cannot be compared, and no lag can be fitted to it.
+LEAST_SAMPLES = 12
+
+# Effects that each rung models and the one below it does not.
+ADDS = ("turning with actual lift", "lag of the inner loop", "six degrees of freedom")
+
+
+def gap(
+    scenario: Scenario | str | Path,
+    gains: PIGains | str | None = None,
+    *,
+    name: str = "",
+    plant: str | None = None,
+    lag: LagSource | None = None,
+    changes: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+) -> Gap:
+    """Fly the same gains up the ladder and measure the effect of each step.
+
+    Parameters
+    ----------
+    scenario : Scenario, str or Path
+        With a jsbsim plant, the top of the ladder; also a file, or the name of a shipped one. Its
+        limits and those of the aircraft hold on every rung.
+    gains : PIGains or str, optional
+        The gains flown, or a gain set by name or file; by default the first of the scenario.
+    name : str
+        Name in labels of gains that are given as numbers.
+    plant : str, optional
+        Label of the jsbsim plant; by default the first one.
+    lag : {"identified", "fitted"}, optional
+        Source of the lag of the third rung: the aircraft's model file, or a fit to this flight; by
+        default the model file, if there is one.
+    changes : mapping of str to value, optional
+        Values to set in a scenario that is read from a file, by dotted key.
+    progress : callable, optional
+        Called with the progress of each run.
+
+    Returns
+    -------
+    Gap
+        Also where the aircraft does not trim or a rung ends early: its status says so.
+
+    Raises
+    ------
+    InputError
+        If the scenario has no such jsbsim plant.
+    InfeasibleError
+        If tuning finds no such gains.
+    PlantError
+        If the aircraft cannot be built.
+
+    Examples
+    --------
+    >>> found = ft.gap("paper", ft.PAPER_GAINS)
+    >>> [step.adds for step in found.steps]
+    ['turning with actual lift', 'lag of the inner loop', 'six degrees of freedom']
+    """
+    scenario, found, gains = scenario_and_gains(scenario, gains, changes)
+    name = name or found
+    table = aircraft_table(scenario, plant)
+    aircraft = fly_alone(scenario, table, gains, name, progress=progress)
+    if len(aircraft.signals) >= LEAST_SAMPLES:
+        return explain_flight(scenario, aircraft, lag=lag, progress=progress)
+    law, _ = scenario.law_of(name, gains)
+    return Gap(scenario=scenario, runs=(aircraft,), indicators=_indicators(scenario, law, gains))
+
+
+def explain_flight(
+    scenario: Scenario,
+    aircraft: Run,
+    *,
+    lag: LagSource | None = None,
+    progress: Progress | None = None,
+) -> Gap:
+    """Explain the gap of an aircraft that has flown: fly the rungs below it in the wind it met.
+
+    `aircraft` is a run of one of the scenario's jsbsim plants; `lag` is as for `gap`. An
+    InputError says that a flight is too short or has no gains.
+    """
+    made_by = aircraft.provenance
+    if made_by.gains is None:
+        raise InputError(f"`aircraft` must have gains, got none for {aircraft.label}.")
+    _check_length(aircraft)
+    table = aircraft_table(scenario, made_by.plant)
+    lag_source, lags = _inner_loop(table.aircraft or "", scenario, aircraft, lag)
+    limits = scenario.command_limits.within(plant_of(table, scenario).limits)
+    g = scenario.flight.g_mps2
+    # In still air JSBSim records a wind of rounding errors; to fly in it takes twice as long.
+    wind = None if scenario.weather() is None else wind_met(aircraft)
+    lower = {
+        "kinematic": PointMassPlant(turn="paper", wind=wind, g=g),
+        "point_mass": PointMassPlant(wind=wind, g=g),
+        "point_mass_lag": PointMassPlant((lags["phi"][0], lags["n_z"][0]), wind=wind, g=g),
+    }
+    runs = [
+        fly_once(
+            scenario,
+            plant if wind is None else steered(plant, scenario),
+            made_by.gains,
+            plant_label=label,
+            gains_name=made_by.gains_name,
+            limits=limits,
+            progress=progress,
+        )
+        for label, plant in lower.items()
+    ]
+    runs.append(aircraft)
+    shortest = min(runs, key=lambda run: len(run.signals))
+    _check_length(shortest)
+    cut = [replace(run, signals=run.signals.iloc[: len(shortest.signals)]) for run in runs]
+    measured = mismatch(cut[-1])
+    steps = zip(pairwise(cut), ADDS, strict=True)
+    return Gap(
+        scenario=scenario,
+        runs=(*cut[:-1], _with_mismatch(cut[-1], measured)),
+        indicators=_indicators(scenario, made_by.law, made_by.gains),
+        steps=tuple(_step(below, above, adds) for (below, above), adds in steps),
+        whole=_step(cut[0], cut[-1], "total"),
+        lags=lags,
+        lag_source=lag_source,
+        mismatch=measured,
+    )
+
+
+def _check_length(run: Run) -> None:
+    if len(run.signals) < LEAST_SAMPLES:
+        raise InputError(
+            f"{run.label} must have flown {LEAST_SAMPLES} samples, got {len(run.signals)}: "
+            f"{run.reason}"
+        )
+
+
+def _indicators(scenario: Scenario, law: Law, gains: PIGains) -> Indicators:
+    return indicators(closed_loop(scenario.kinematic_model(law), gains))
+
+
+def _inner_loop(
+    aircraft: str, scenario: Scenario, run: Run, wanted: LagSource | None
+) -> tuple[LagSource, dict[str, tuple[InnerLag, float]]]:
+    """Lags of an aircraft that has flown, and their source.
+
+    The condition of the model file is the one nearest to the airspeed and first climb angle of the
+    scenario. A ScenarioError says that the file is required and missing, or cannot be used.
+    """
+    flown = {
+        name: (run.signals[f"{name}_cmd"].to_numpy(), run.signals[name].to_numpy())
+        for name in ("phi", "n_z")
+    }
+    if wanted is None:
+        file = load_aircraft(aircraft).folder / FILE_NAME
+        wanted = "identified" if file.exists() else "fitted"
+    lags = None, None
+    if wanted == "identified":
+        _, gamma = scenario.followed().initial
+        lags = load_identified(aircraft).nearest(scenario.flight.V_a_mps, gamma).lags
+    return wanted, {
+        name: fitted_lag(run.t, *signals, lag=lag)
+        for (name, signals), lag in zip(flown.items(), lags, strict=True)
+    }
+
+
+def _step(lower: Run, upper: Run, adds: str) -> Step:
+    below, above = pd.Series(flight_metrics(lower)), pd.Series(flight_metrics(upper))
+    # Only these are measured on every rung: a point mass has no angle of attack.
+    shared = ["V_a_dev_mps", "n_z_min", "n_z_max"]
+    validity = math.nan if failure_of(lower) or failure_of(upper) else 1.0
+    return Step(
+        lower=lower.provenance.plant,
+        upper=upper.provenance.plant,
+        adds=adds,
+        chi=(upper.signals["chi"] - lower.signals["chi"]).to_numpy(),
+        gamma=(upper.signals["gamma"] - lower.signals["gamma"]).to_numpy(),
+        metrics=validity * (channel_metrics(upper) - channel_metrics(lower)),
+        flight=validity * (above - below).loc[shared],
+    )
+
+
+def _with_mismatch(run: Run, mismatch: Mismatch) -> Run:
+    """The run with the mismatch as signals.
+
+    Values that are constant over a sample interval are stored at its start; the last is repeated.
+    """
+    columns = {f"mismatch_{name}": mismatch.d[:, i] for i, name in enumerate(CHANNELS)}
+    added = {key: np.append(values, values[-1]) for key, values in columns.items()}
+    return replace(run, signals=run.signals.assign(**added))

@@ -1,0 +1,358 @@
+"""Design of the inner loop: derivatives of the airframe, gains, step responses, file."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from flighttune.aircraft.aircraft import (
+    AircraftConfig,
+    InnerLoopGains,
+    load_aircraft,
+    save_gains,
+)
+from flighttune.aircraft.aircraft import Design as DesignTable
+from flighttune.arrays import FloatArray
+from flighttune.errors import InputError, PlantError
+from flighttune.identification.steps import (
+    FIGURE,
+    StepResponse,
+    check_steps,
+    step_figure,
+    steps_table,
+)
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.jsbsim.bench import AirframeState, Bench, slopes
+from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.model_files import model_hash
+from flighttune.plants.jsbsim.trim import level, trim
+from flighttune.present.answer import Answer, Answering
+from flighttune.present.names import columns
+from flighttune.present.tables import Table
+from flighttune.units import G_0
+
+# A gain up to this size is the rounding of a difference and written as 0.
+NO_GAIN = 1e-9
+
+# Significant digits of the gains in the file; these are the ones flown.
+DIGITS = 4
+
+_MEASURED = ("p_dot", "q_dot", "r_dot", "u_dot", "n_z", "n_y")
+
+# Signs of the slopes that this inner loop needs.
+SIGNS = (
+    *((1, "p_dot", "aileron"), (1, "u_dot", "throttle"), (1, "n_z", "alpha")),
+    *((-1, "q_dot", "elevator"), (-1, "r_dot", "rudder"), (-1, "n_y", "beta")),
+)
+
+# Half-widths of the central differences: rad/s, rad and 1.
+_HALF_WIDTHS = dict.fromkeys(
+    ("p", "q", "r", "alpha", "beta", "aileron", "elevator", "rudder"), 1e-3
+) | {"throttle": 0.05}
+
+# Bandwidth of the surface actuators, rad/s.
+ACTUATOR = 25.0
+
+# Natural frequency of the roll error over the bandwidth of the roll model, where not given.
+ROLL_STIFFNESS = 2.3
+
+WELL_DAMPED = 0.9
+DUTCH_ROLL_DAMPING = 0.7
+
+# Bandwidth at which the rudder takes the lateral load factor to zero, rad/s.
+SIDE_FORCE = 1.0
+
+# Yaw acceleration by sideslip that the rudder makes up for, 1/s^2.
+MIN_WEATHERCOCK = 0.5
+
+# Delay of the lateral load factor, s: two samples and half a hold.
+ACCELEROMETER = 0.015
+
+YAW_MARGIN = 1.3  # factor on the gains at which the yaw loop is still stable
+MIN_YAW_SHARE = 0.02
+
+# Largest gain from pitch rate to pitch acceleration over the bandwidth of the actuator.
+MAX_DAMPER = 0.6
+
+# Bandwidth of the load-factor model over that of the response asked for, at most 20 rad/s.
+MODEL_LEAD = 2.0
+
+_SPAN, _STEP = 2.0, 0.01
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Airframe:
+    """Derivatives of accelerations and load factors about wings-level flight, SI and rad."""
+
+    # m/s and rad: airspeed and angle of attack
+    V_a: float
+    alpha: float
+    # ``slopes[what][by]``: of ``p_dot``, ``q_dot``, ``r_dot`` (rad/s^2), ``u_dot`` (m/s^2),
+    # ``n_z``, ``n_y`` (1), by ``p``, ``q``, ``r`` (rad/s), ``alpha``, ``beta``, ``aileron``,
+    # ``elevator``, ``rudder`` (rad) and ``throttle`` (1)
+    slopes: dict[str, dict[str, float]]
+
+    def of(self, what: str, by: str) -> float:
+        """Return the derivative of `what` by `by`."""
+        return self.slopes[what][by]
+
+
+def airframe(fdm: Fdm, condition: FlightCondition) -> Airframe:
+    """Return the derivatives of `fdm` about wings-level flight at `condition`.
+
+    Central differences of evaluations in the trimmed state, actuators and engine settled.
+    """
+    at = trim(fdm, condition)
+    bench = Bench(fdm, condition.h)
+
+    def measure(state: AirframeState) -> FloatArray:
+        measured = bench.accelerations(state)
+        return np.array([measured[name] for name in _MEASURED])
+
+    by = slopes(measure, at, _HALF_WIDTHS)
+    named = {
+        what: {name: float(column[i]) for name, column in by.items()}
+        for i, what in enumerate(_MEASURED)
+    }
+    if not fdm.config.engines.count:  # an engine of any power would need no throttle
+        named["u_dot"]["throttle"] = math.inf
+    return Airframe(V_a=condition.V_a, alpha=at.alpha, slopes=named)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DesignedAircraft(Answering):
+    """An aircraft with the inner loop designed for it.
+
+    Attributes
+    ----------
+    config : AircraftConfig
+        The aircraft with its new gains.
+    steps : tuple of StepResponse
+        Its step responses, flown with them.
+    before : mapping of str to float
+        Gains that the aircraft had, by name; empty without.
+    """
+
+    config: AircraftConfig
+    steps: tuple[StepResponse, ...]
+    before: Mapping[str, float]
+
+    @property
+    def gains(self) -> InnerLoopGains:
+        """The gains designed."""
+        assert self.config.gains is not None  # a design makes them
+        return self.config.gains
+
+    @property
+    def missed(self) -> str:
+        """The first step that misses its requirement, in words; empty if all meet it."""
+        for step in self.steps:
+            if not step.met:
+                ended = f": {step.ended}" if step.ended else ""
+                return (
+                    f"{step.name}: t90 must be at most {step.t90_allowed:g} s and the overshoot "
+                    f"{100.0 * step.overshoot_allowed:g} %, got {step.t90:.2f} s and "
+                    f"{100.0 * step.overshoot:.1f} %{ended}; nothing is written"
+                )
+        return ""
+
+    def save(self, folder: Path) -> dict[str, Path]:
+        """Write gains and a figure of the steps into the folder of an aircraft.
+
+        Returns the files by kind. Raises OutputError if one cannot be written.
+        """
+        written, figure = save_gains(self.gains, folder), folder / FIGURE
+        step_figure(self.config, self.steps).save(figure)
+        return {"written": written, "figure": figure}
+
+    def answer(self) -> Answer:
+        """Gains designed and before, and the steps; a failure if a step misses."""
+        compared = [
+            {"gain": name, "designed": value, "before": self.before.get(name)}
+            for name, value in self.gains.gains.items()
+        ]
+        return Answer(
+            values={"gains": self.gains.gains},
+            tables=[
+                Table(columns("gain designed before"), compared, self.config.title),
+                steps_table(self.steps),
+            ],
+            failure=self.missed,
+        )
+
+
+def design(aircraft: AircraftConfig | str | Path) -> DesignedAircraft:
+    """Design the gains of an aircraft's inner loop, and fly its step responses.
+
+    Gains that it has already do not matter: the same file gives the same design.
+
+    Parameters
+    ----------
+    aircraft : AircraftConfig, str or Path
+        An aircraft, its name, or its folder; its file has a table ``design``.
+
+    Returns
+    -------
+    DesignedAircraft
+        Nothing is written; its `save` does.
+
+    Raises
+    ------
+    InputError
+        If there is no such aircraft, or it does not say what to make the gains for.
+    PlantError
+        If a slope of the airframe has the wrong sign for this inner loop.
+
+    Examples
+    --------
+    >>> designed = ft.design("aerosonde")
+    >>> designed.gains.gains["roll/model-rad_sec"] > 0.0, designed.missed
+    (True, '')
+    """
+    config = aircraft if isinstance(aircraft, AircraftConfig) else load_aircraft(aircraft)
+    goals = config.design
+    if goals is None:
+        raise InputError(f"{config.file}: `design` must be given: what to make the gains for.")
+    trimmed = airframe(Fdm(config), level(config, goals.V_a, goals.h))
+    gains = {
+        name: float(f"{value:.{DIGITS}g}") if abs(value) > NO_GAIN else 0.0
+        for name, value in inner_loop_gains(trimmed, goals).items()
+    }
+    designed = config.with_gains(
+        InnerLoopGains(made_for=model_hash(config), jsbsim=version("jsbsim"), gains=gains)
+    )
+    before = config.gains.gains if config.gains else {}
+    return DesignedAircraft(config=designed, steps=check_steps(designed), before=before)
+
+
+def inner_loop_gains(airframe: Airframe, design: DesignTable) -> dict[str, float]:
+    """Return the gains by name, SI and rad.
+
+    Roll: the error of the roll model obeys ``e'' + 2 zeta omega e' + omega^2 e = 0``, omega being
+    `roll_error` of the design; the integrator is an order slower than the model. Pitch: least
+    squares of the linear step response, with actuator, to that of two equal real poles. Yaw:
+    damping of the dutch roll, and the static effect of the rudder on the lateral load factor.
+    Rolling at the rate p without sideslip takes the yaw rate
+    ``r = g/V phi + alpha p``: the feed-forward of the rudder meets the yaw moment of p, of that r
+    and of the aileron, and ``r' = g/V p``. Speed: a first-order loop on the slope of thrust.
+    """
+    of = airframe.of
+    for sign, what, by in SIGNS:
+        if not sign * of(what, by) > 0.0:
+            raise PlantError(
+                f"the slope of {what} by {by} must be {'positive' if sign > 0 else 'negative'} "
+                f"for this inner loop, got {of(what, by):g}."
+            )
+    damping, effect, thrust = -of("p_dot", "p"), of("p_dot", "aileron"), of("u_dot", "throttle")
+    omega = design.roll_error or min(ROLL_STIFFNESS * design.roll, 0.5 * ACTUATOR)
+    k_p = omega**2 / effect
+    return {
+        "V_a-design-mps": airframe.V_a,
+        "roll/model-rad_sec": design.roll,
+        "roll/k_ff": damping / effect,
+        "roll/k_p": k_p,
+        "roll/k_i": 0.1 * design.roll * k_p,
+        "roll/k_d": max(0.0, 2.0 * WELL_DAMPED * omega - damping) / effect,
+        **_pitch(airframe, design.n_z),
+        **_yaw(airframe, damping / effect),
+        "speed/k_gamma": G_0 / thrust,
+        "speed/k_p": design.speed / thrust,
+        "speed/k_i": 0.25 * design.speed**2 / thrust,
+    }
+
+
+def _pitch(airframe: Airframe, bandwidth: float) -> dict[str, float]:
+    from scipy.optimize import least_squares
+
+    effect, lift = -airframe.of("q_dot", "elevator"), airframe.of("n_z", "alpha")
+    model = min(MODEL_LEAD * bandwidth, 20.0)
+    t = np.arange(0.0, _SPAN, _STEP)
+    goal = 1.0 - (1.0 + bandwidth * t) * np.exp(-bandwidth * t)
+    scale = np.array([1.0, bandwidth / lift, bandwidth**2 / lift]) * bandwidth / effect
+
+    def error(log_gains: FloatArray) -> FloatArray:
+        k_q, k_p, k_i = scale * np.exp(log_gains)
+        response = _n_z_step(airframe, model, k_q, k_p, k_i, len(t))
+        return np.append(np.clip(response - goal, -10.0, 10.0), 0.02 * log_gains)
+
+    highest = [math.log(MAX_DAMPER * ACTUATOR / bandwidth), 2.0, 2.0]
+    fitted = least_squares(error, np.minimum(0.0, np.array(highest) - 0.1), bounds=(-4.0, highest))
+    k_q, k_p, k_i = (scale * np.exp(fitted.x)).tolist()
+    return {"pitch/model-rad_sec": model, "pitch/k_p": k_p, "pitch/k_i": k_i, "pitch/k_q": k_q}
+
+
+def _n_z_step(
+    airframe: Airframe, model: float, k_q: float, k_p: float, k_i: float, count: int
+) -> FloatArray:
+    """Load factor of the linear short period after a step of its command, shape (count,)."""
+    from scipy.linalg import expm
+
+    of, g_over_V = airframe.of, G_0 / airframe.V_a
+    n_alpha, n_e = of("n_z", "alpha"), of("n_z", "elevator")
+    m_alpha, m_q, m_e = of("q_dot", "alpha"), of("q_dot", "q"), of("q_dot", "elevator")
+    alpha, q, elevator, n_model, integral, command = range(6)
+    A = np.zeros((6, 6))
+    n_z = np.zeros(6)
+    n_z[[alpha, elevator]] = n_alpha, n_e
+    A[alpha] = -g_over_V * n_z
+    A[alpha, q] = 1.0
+    A[q, [alpha, q, elevator]] = m_alpha, m_q, m_e
+    A[n_model, [n_model, command]] = -model, model
+    n_z_error = -n_z
+    n_z_error[n_model] += 1.0
+    A[integral] = n_z_error
+    law = -k_p * n_z_error
+    law[q] += k_q
+    law[n_model] -= k_q * g_over_V
+    law[integral] -= k_i
+    A[elevator] = ACTUATOR * law
+    A[elevator, elevator] -= ACTUATOR
+    step = expm(A * _STEP)
+    x = np.zeros(6)
+    x[command] = 1.0
+    response = np.empty(count)
+    for k in range(count):
+        response[k] = n_z @ x
+        x = step @ x
+    return np.nan_to_num(response, nan=10.0, posinf=10.0, neginf=-10.0)
+
+
+def _yaw(airframe: Airframe, roll_k_ff: float) -> dict[str, float]:
+    of = airframe.of
+    effect, weathercock = -of("r_dot", "rudder"), of("r_dot", "beta")
+    side = of("n_y", "beta")
+    damping = -of("r_dot", "r") - side * G_0 / airframe.V_a
+    # An airframe without weathercock stability gets it from the lateral load factor.
+    lacking = max(0.0, MIN_WEATHERCOCK - weathercock)
+    stiffness = weathercock + lacking
+    goal = 2.0 * DUTCH_ROLL_DAMPING * math.sqrt(stiffness)
+    static = abs(side * effect / stiffness)
+    adverse = of("r_dot", "p") + of("r_dot", "aileron") * roll_k_ff
+    k_r = max(0.0, goal - damping) / effect
+    straight = adverse - G_0 / airframe.V_a + airframe.alpha * of("r_dot", "r")
+    k_p, k_i = 0.75 * SIDE_FORCE / static, SIDE_FORCE / static
+    k_p += lacking / abs(side * effect)
+    share = 1.0
+    while share > MIN_YAW_SHARE and not _yaw_is_stable(airframe, k_r, share * k_p, share * k_i):
+        share *= 0.8
+    k_ff = straight / effect - airframe.alpha * k_r
+    return {"yaw/k_ff": k_ff, "yaw/k_r": k_r, "yaw/k_p": share * k_p, "yaw/k_i": share * k_i}
+
+
+def _yaw_is_stable(airframe: Airframe, k_r: float, k_p: float, k_i: float) -> bool:
+    """Whether sideslip and yaw rate are, behind actuator and accelerometer and with a margin."""
+    of, g_over_V = airframe.of, G_0 / airframe.V_a
+    beta, r, rudder, n_y, integral = range(5)
+    side, direct = of("n_y", "beta"), of("n_y", "rudder")
+    A = np.zeros((5, 5))
+    A[beta, [beta, r, rudder]] = g_over_V * side, -1.0, g_over_V * direct
+    A[r, [beta, r, rudder]] = of("r_dot", "beta"), of("r_dot", "r"), of("r_dot", "rudder")
+    A[rudder, [r, rudder, n_y, integral]] = np.array([k_r, -1.0, k_p, 1.0]) * ACTUATOR
+    A[n_y, [beta, rudder, n_y]] = np.array([side, direct, -1.0]) / ACCELEROMETER
+    A[integral, n_y] = k_i
+    more = A.copy()
+    more[rudder, [n_y, integral]] *= YAW_MARGIN
+    return bool(np.linalg.eigvals([A, more]).real.max() < 0.0)

@@ -1,0 +1,365 @@
+"""An aircraft's inner loop as it was identified, at one or more flight conditions, and its file.
+
+The classes are the JSON file too: the keys have the units, and the file is written whole or not at
+all.
+"""
+
+import json
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer, computed_field
+
+from flighttune import quantities as q
+from flighttune.aircraft.aircraft import GAINS_FILE, load_aircraft
+from flighttune.arrays import FloatArray
+from flighttune.control.inner_loop import InnerLag, Order, with_inner_loop
+from flighttune.control.law import Law, Trim, made_law
+from flighttune.control.linear_model import LinearModel
+from flighttune.errors import ScenarioError
+from flighttune.files.mistakes import abridged, shown, validated
+from flighttune.files.shipped import aircraft_folder
+from flighttune.files.table import json_tables, stamp
+from flighttune.files.whole import write_text
+from flighttune.present.names import columns
+from flighttune.present.tables import Table
+from flighttune.units import DEG_PER_RAD, G_0
+
+Channel: TypeAlias = Literal["phi", "n_z"]
+
+# Difference of climb that counts like a doubling of airspeed in `nearest`.
+ANGLE_PER_SPEED = math.radians(60.0)
+
+UNITS = {
+    "cross": "largest answer of the other channel to this command: 1/rad (phi), rad (n_z)",
+    "model": "states, inputs and errors in rad, n_z in 1, time in s; g 9.80665 m/s^2",
+}
+
+
+class _Table(BaseModel):
+    """A value that is its file: units in the keys, what is derived from it besides."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="ignore", strict=True, validate_by_name=True, serialize_by_alias=True
+    )
+
+
+class LagTable(_Table):
+    """A lag in a file; None for a parameter that its order does not have."""
+
+    order: Order
+    natural_frequency_rad_s: q.Bandwidth
+    damping: q.Damping | None
+    lag_s: q.TimeConstant | None
+    delay_s: q.Delay
+
+    @property
+    def lag(self) -> InnerLag:
+        """The lag; what its order does not have keeps the default."""
+        return InnerLag(
+            order=self.order,
+            natural_frequency=self.natural_frequency_rad_s,
+            damping=self.damping or 1.0,
+            lag=self.lag_s or 1.0,
+            delay=self.delay_s,
+        )
+
+
+def lag_table(lag: InnerLag) -> dict[str, Any]:
+    """The keys of a `LagTable` and ``bandwidth_rad_s``."""
+    return {
+        "order": lag.order,
+        "natural_frequency_rad_s": lag.natural_frequency,
+        "damping": lag.damping if lag.order > 1 else None,
+        "lag_s": lag.lag if lag.order > 2 else None,
+        "delay_s": lag.delay,
+        "bandwidth_rad_s": lag.bandwidth,
+    }
+
+
+class IdentifiedChannel(LagTable):
+    """One channel: the identified lag, and how well it fits."""
+
+    # %: share of the variance explained on a manoeuvre that was not used for the fit
+    fit_percent: q.Finite
+    residual: q.Finite  # 1: root mean square distance between fitted and measured response
+    # unit of the other channel over that of this one: largest response of the other channel to this
+    # one's command over the band
+    cross: q.Finite
+    simpler: LagTable  # the best lag of at most second order; the lag itself where that is one
+
+    @computed_field
+    @property
+    def bandwidth_rad_s(self) -> float:
+        """Frequency from which on the magnitude stays below 1/sqrt(2)."""
+        return self.lag.bandwidth
+
+
+class IdentifiedCondition(_Table):
+    """The inner loop at one flight condition."""
+
+    V_a: q.Airspeed = Field(alias="V_a_mps")  # m/s: airspeed
+    # rad: flight-path angle, climb positive
+    gamma: Annotated[q.Inclination, AfterValidator(math.radians), PlainSerializer(math.degrees)] = (
+        Field(alias="gamma_deg")
+    )
+    h: q.Height = Field(alias="h_m")  # m: height above sea level
+    channels: Annotated[dict[Channel, IdentifiedChannel], Field(min_length=2)]
+
+    @property
+    def lags(self) -> tuple[InnerLag, InnerLag]:
+        """Lags of roll and load factor."""
+        return self.channels["phi"].lag, self.channels["n_z"].lag
+
+    @computed_field
+    @property
+    def model(self) -> dict[str, Any]:
+        """The linear model of the paper's law behind the lags, for other programs."""
+        model = design_model(self, g=G_0).model
+        return {
+            "states": model.states,
+            "inputs": [f"{name}_cmd" for name in model.inputs],
+            "errors": model.errors,
+            **{name: getattr(model, name).tolist() for name in ("A", "B", "C")},
+        }
+
+
+class IdentifiedAircraft(_Table):
+    """An aircraft's inner loop at every condition identified."""
+
+    format: Literal["flighttune identified aircraft 1"] = "flighttune identified aircraft 1"
+    aircraft: str
+    seed: int = 0  # of the excitation
+    # Hash of the inner loop's gains; empty where it is not known
+    gains: str = Field(alias="gains_sha256", default="")
+    # The first is the nominal one
+    conditions: Annotated[tuple[IdentifiedCondition, ...], Field(strict=False, min_length=1)]
+
+    @computed_field
+    @property
+    def units(self) -> dict[str, str]:
+        """Units of what has none in its key."""
+        return UNITS
+
+    def nearest(self, V_a: float, gamma: float) -> IdentifiedCondition:
+        """The condition nearest to an airspeed (m/s) and a flight-path angle (rad)."""
+
+        def distance(condition: IdentifiedCondition) -> float:
+            octaves = math.log2(condition.V_a / V_a)
+            return math.hypot(octaves, (condition.gamma - gamma) / ANGLE_PER_SPEED)
+
+        return min(self.conditions, key=distance)
+
+
+LAG_COLUMNS = columns(
+    "V_a_mps gamma_deg channel order natural_frequency_rad_s damping lag_s delay_s bandwidth_rad_s "
+    "cross fit_percent"
+)
+
+
+def lags_table(aircraft: IdentifiedAircraft) -> Table:
+    """Every lag with its fit, a row each channel of a condition."""
+    records = [
+        {
+            "V_a_mps": at.V_a,
+            "gamma_deg": at.gamma * DEG_PER_RAD,
+            "channel": name,
+            **channel.model_dump(exclude={"simpler"}),
+        }
+        for at in aircraft.conditions
+        for name, channel in at.channels.items()
+    ]
+    title = f"{aircraft.aircraft}: identified inner loop"
+    return Table(title=title, columns=LAG_COLUMNS, records=records)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DesignModel:
+    """The chi/gamma law behind an identified inner loop: what gains are designed on."""
+
+    model: LinearModel  # states (chi, gamma, lags), inputs (phi, n_z) commands, errors (chi, gamma)
+    scaling: FloatArray  # (n + 2,): as `flighttune.control.inner_loop.inner_loop_scaling`
+    # m/s and rad: airspeed and flight-path angle of the law
+    V_a: float
+    gamma: float
+    roll_lag: float  # s: whole lag and delay of roll
+
+
+def design_model(
+    condition: IdentifiedCondition,
+    *,
+    g: float,
+    V_a: float | None = None,
+    gamma: float | None = None,
+    hold: float = 0.0,
+    schedule_speed: float | None = None,
+    law: Law | None = None,
+) -> DesignModel:
+    """Return the plant of the outer loop: the chi/gamma law behind the identified inner loop.
+
+    Parameters
+    ----------
+    condition : IdentifiedCondition
+    g : float, m/s^2
+    V_a, gamma : float, m/s and rad, optional
+        Condition of the law, by default `condition`.
+    hold : float, s
+        Delay added to both channels: half the sample time of the controller.
+    schedule_speed : float, m/s, optional
+        Airspeed for which gains that grow with airspeed are stated: the inputs of the law are then
+        scaled by ``V_a / schedule_speed``, which is the same loop.
+    law : Law, optional
+        Law whose error dynamics stand behind the lags of roll and of load factor; by default the
+        paper's.
+    """
+    V_a = condition.V_a if V_a is None else V_a
+    gamma = condition.gamma if gamma is None else gamma
+    law = law or made_law("paper")
+    model = law.linear_model(Trim(V_a=V_a, gamma=gamma, g=g, schedule_speed=schedule_speed))
+    lags = [lag.delayed(hold) for lag in condition.lags]
+    return DesignModel(
+        model=with_inner_loop(model, lags),
+        scaling=law.state_scaling(model, lags),
+        V_a=V_a,
+        gamma=gamma,
+        roll_lag=lags[0].whole,
+    )
+
+
+FILE_NAME = "identified.json"
+
+# Significant digits written: more than a flight gives, fewer than two machines differ in.
+DIGITS = 6
+
+EXACT = ("V_a_mps", "h_m")
+
+# Share by which a number may differ from the one that the rounded lags give.
+ROUNDING = 1e-4
+
+
+def identified_tables(aircraft: IdentifiedAircraft) -> dict[str, Any]:
+    """An identified aircraft as the object of its file."""
+    tables = aircraft.model_dump()
+    if not aircraft.gains:
+        del tables["gains_sha256"]
+    return rounded(tables, DIGITS, EXACT)
+
+
+def save_identified(aircraft: IdentifiedAircraft, path: str | Path) -> None:
+    """Write an identified aircraft as JSON, under a temporary name until it is whole.
+
+    Parameters
+    ----------
+    aircraft : IdentifiedAircraft
+    path : str or Path
+        Its folder is made if missing.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> ft.save_identified(ft.load_identified("aerosonde"), "model.json")
+    >>> ft.load_identified("model.json").aircraft
+    'aerosonde'
+    """
+    text = json.dumps(identified_tables(aircraft), indent=2, allow_nan=False) + "\n"
+    write_text(Path(path), text)
+
+
+def load_identified(source: str | Path) -> IdentifiedAircraft:
+    """Read an identified aircraft.
+
+    Parameters
+    ----------
+    source : str or Path
+        A JSON file as `save_identified` writes it, the folder of an aircraft that holds one named
+        ``identified.json``, or the name of a shipped aircraft.
+
+    Raises
+    ------
+    InputError
+        If there is no such aircraft.
+    ScenarioError
+        If the file cannot be read or does not hold an identified aircraft; the message names file
+        and key.
+
+    Examples
+    --------
+    >>> identified = ft.load_identified("aerosonde")
+    >>> round(identified.conditions[0].channels["phi"].fit_percent)
+    100
+    """
+    path = Path(source)
+    if path.name == str(source) and path.suffix != ".json":
+        path = aircraft_folder(str(source))
+    if path.is_dir():
+        path = path / FILE_NAME
+    if not path.exists():
+        raise ScenarioError(f"{path}: must be there; `flighttune identify` writes one.")
+    aircraft = _read(path, stamp(path))
+    _check_gains(aircraft, path)
+    return aircraft
+
+
+@lru_cache(maxsize=32)  # every flight behind a reference of shape feasible asks for its lags
+def _read(path: Path, _stamp: tuple[int, ...]) -> IdentifiedAircraft:
+    """The identified aircraft of a file, read anew when it was written to."""
+    tables = json_tables(path)
+    aircraft = validated(IdentifiedAircraft, tables, path)
+    for fault in _contradictions(tables, identified_tables(aircraft)):
+        raise ScenarioError(f"{path}: {fault}.")
+    return aircraft
+
+
+def _check_gains(aircraft: IdentifiedAircraft, path: Path) -> None:
+    """Refuse a model that was measured with other gains than those of the aircraft beside it."""
+    if not (aircraft.gains and (path.parent / "aircraft.toml").is_file()):
+        return
+    gains = load_aircraft(path.parent).gains
+    if gains is None or gains.sha256 != aircraft.gains:
+        raise ScenarioError(
+            f"{path}: must be identified with the gains in {GAINS_FILE}, got others; "
+            "`flighttune identify` measures it anew."
+        )
+
+
+def _contradictions(stated: Any, derived: Any, key: str = "") -> Iterator[str]:
+    """Entries of a file that contradict its lags: its matrices are for other programs."""
+    if isinstance(stated, dict) and isinstance(derived, dict):
+        for name, value in stated.items():
+            inside = f"{key}.{name}".removeprefix(".")
+            if name in derived:
+                yield from _contradictions(value, derived[name], inside)
+            else:
+                yield f"`{shown(inside)}` is not a known key; the keys are {', '.join(derived)}"
+    elif isinstance(stated, list) and isinstance(derived, list) and len(stated) == len(derived):
+        for i, (entry, other) in enumerate(zip(stated, derived, strict=True)):
+            yield from _contradictions(entry, other, f"{key}[{i}]")
+    elif not _same(stated, derived):
+        got = abridged(stated)
+        yield f"`{key}` must be {abridged(derived)}, as the lags of the file make it, got {got}"
+
+
+def _same(stated: Any, derived: Any) -> bool:
+    if isinstance(stated, float | int) and isinstance(derived, float):
+        return math.isclose(stated, derived, rel_tol=ROUNDING, abs_tol=ROUNDING)
+    return stated == derived
+
+
+def rounded(value: Any, digits: int, exact: Sequence[str] = ()) -> Any:
+    """Plain nested values, floats to so many significant digits but for the `exact` keys."""
+    if isinstance(value, Mapping):
+        return {
+            key: item if key in exact else rounded(item, digits, exact)
+            for key, item in value.items()
+        }
+    if isinstance(value, Sequence) and not isinstance(value, str):
+        return [rounded(item, digits, exact) for item in value]
+    return float(f"{value:.{digits}g}") if isinstance(value, float) else value

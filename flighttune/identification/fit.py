@@ -1,0 +1,240 @@
+"""Lags with a delay, fitted to a frequency response or to a flight; the data choose the order.
+
+Both fits are nonlinear least squares over the same parameters: log frequency (rad/s), delay (s),
+log damping and log lag (s), as many of them as the order needs.
+"""
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import TypeAlias, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.arrays import FloatArray
+from flighttune.control.inner_loop import NO_DELAY, InnerLag, Order
+from flighttune.errors import InputError
+from flighttune.identification.experiment import DT, PERIOD, Lines
+from flighttune.plants.lagged import rest, transition
+
+SAMPLES = round(PERIOD / DT)
+
+# Starts of the fit in frequency: delays in s; frequency over the corner, damping, lag times it.
+START_DELAYS = 0.0, 0.1
+START_SHAPES = (1.0, 0.7, 0.3), (2.0, 0.5, 1.0)
+
+# Distance between responses below which an order does not earn a further parameter.
+FINEST = 1e-3
+
+# Starts of the fit in time, rad/s.
+START_FREQUENCIES = 4.0, 12.0
+
+# In time, the second order is taken where it leaves less than this share of the first's error.
+SECOND_ORDER_GAIN = 0.95
+
+# Range of a command, rad or 1, up to which the channel counts as not commanded.
+SILENT = 1e-6
+
+# Lag of a channel that was not commanded: no data show it, and nothing depends on it.
+UNEXCITED = InnerLag(order=1, natural_frequency=10.0)
+
+# Relative step, gain and gradient that end the search: the default of 1e-8 leaves a lag whose fifth
+# digit depends on rounding.
+_CONVERGED = 1e-12
+
+Parameters: TypeAlias = tuple[float, float, float, float]
+
+_FREQUENCY_BOUNDS: tuple[Parameters, Parameters] = (
+    (math.log(0.05), 0.0, math.log(0.2), math.log(1e-3)),
+    (math.log(200.0), 1.0, math.log(5.0), math.log(10.0)),
+)
+_TIME_BOUNDS: tuple[Parameters, Parameters] = (
+    (math.log(0.2), 0.0, math.log(0.05), 0.0),
+    (math.log(200.0), 0.2, math.log(5.0), 0.0),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrequencyResponse:
+    """Measured frequency response at the lines of one channel."""
+
+    omega: FloatArray  # (lines,), rad/s
+    own: npt.NDArray[np.complex128]  # (lines,), 1: from the command of the channel to its response
+    # (lines,), unit of the other channel over that of this one: from the command of the channel to
+    # the response of the other one, beyond the response of the other one to its own command
+    other: npt.NDArray[np.complex128]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LagCandidate:
+    """A lag fitted at one order."""
+
+    lag: InnerLag
+    residual: float  # 1: root mean square distance from the measured response over the lines
+    bic: float  # 1: Bayesian information criterion; the lowest wins
+
+
+def frequency_responses(
+    flown: tuple[FloatArray, FloatArray], lines: Lines
+) -> tuple[FrequencyResponse, FrequencyResponse]:
+    """Return the responses of roll and load factor from the last period of a multisine flight.
+
+    `flown` are commands and response of two periods at least, so that the last one is in the steady
+    state. The responses are corrected for the sample-and-hold of the commands.
+    """
+    if len(flown[1]) < 2 * SAMPLES or not all(len(line) for line in lines):
+        raise InputError(
+            f"`flown` must be two periods of {PERIOD:g} s of multisines, got "
+            f"{len(flown[1]) * DT:g} s."
+        )
+    commanded, measured = (np.fft.rfft(signals[-SAMPLES:], axis=0) for signals in flown)
+    omegas = [line.astype(np.float64) * (2.0 * math.pi / PERIOD) for line in lines]
+    own = [measured[lines[i], i] / commanded[lines[i], i] for i in range(2)]
+    responses = []
+    for i, j in ((0, 1), (1, 0)):
+        expected = _interpolated(omegas[i], omegas[j], own[j]) * commanded[lines[i], j]
+        other = (measured[lines[i], j] - expected) / commanded[lines[i], i]
+        hold = np.sinc(omegas[i] * DT / (2.0 * math.pi)) * np.exp(-0.5j * omegas[i] * DT)
+        responses.append(FrequencyResponse(omega=omegas[i], own=own[i] / hold, other=other / hold))
+    return responses[0], responses[1]
+
+
+def candidates(response: FrequencyResponse) -> tuple[LagCandidate, ...]:
+    """Return the best lag of each order, the lowest information criterion first.
+
+    Least squares of the complex error, which is ``N log(rss / N) + k log N`` (G. Schwarz, *Annals
+    of Statistics* 6, 1978) for ``N = 2 lines`` numbers and k parameters: lines, not samples of
+    time, are independent of each other.
+    """
+    fitted = [_fitted(response, order) for order in get_args(Order)]
+    return tuple(sorted(fitted, key=lambda candidate: candidate.bic))
+
+
+def fitted_lag(
+    t: FloatArray, commanded: FloatArray, measured: FloatArray, *, lag: InnerLag | None = None
+) -> tuple[InnerLag, float]:
+    """Return the lag whose response to `commanded` is nearest to `measured` in the least squares.
+
+    The samples are evenly spaced; commands are held from each to the next, and the first measured
+    value is taken as at rest. The lag is of second order where that is worth it, and `UNEXCITED`
+    where nothing was commanded; a `lag` from elsewhere is kept as it is. Returns the lag and the
+    share of the variance of the response that it explains, in percent; NaN where the channel was
+    not commanded.
+    """
+    if not len(t) > 10:
+        raise InputError(f"`t` must have more than 10 samples, got {len(t)}.")
+    if np.ptp(commanded) <= SILENT:
+        return lag or UNEXCITED, math.nan
+    dt = float(t[-1] - t[0]) / (len(t) - 1)
+
+    def response(lag: InnerLag) -> FloatArray:
+        return lag_response(lag, dt, commanded, float(measured[0]))
+
+    if lag is None:
+        starts = [(math.log(w), 0.5 * dt, 0.0, 0.0) for w in START_FREQUENCIES]
+        (first, first_rss), (second, second_rss) = (
+            _best_lag(lambda lag: response(lag) - measured, order, starts, _TIME_BOUNDS)
+            for order in (1, 2)
+        )
+        lag = second if second_rss < SECOND_ORDER_GAIN * first_rss else first
+    return lag, fit_percent(measured, response(lag))
+
+
+def fit_percent(measured: FloatArray, model: FloatArray) -> float:
+    """Share of the variance of `measured` (samples,) that `model` explains, in percent."""
+    total = float(np.var(measured))
+    return 100.0 * (1.0 - float(np.mean((measured - model) ** 2)) / total) if total else -math.inf
+
+
+def lag_response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) -> FloatArray:
+    """Return the exact response of a lag to commands that are held over samples of `dt` seconds.
+
+    `start` is the command and the response before the first sample.
+    """
+    # The delay is `whole` samples and a fraction: over each sample the command before it acts for
+    # `late` seconds still, then the one of the sample. Both enter the state at its end.
+    whole = math.floor(lag.delay / dt)
+    late = lag.delay - whole * dt
+    step, after = transition(lag, dt), transition(lag, dt - late)
+    at_rest = rest(lag)
+    new = at_rest - after @ at_rest
+    old = after @ (at_rest - transition(lag, late) @ at_rest)
+    change = np.concatenate([np.zeros(whole), commanded - start])[: len(commanded)]
+    states = np.zeros((len(change), lag.order))
+    states[1:] = np.outer(change[:-1], new)
+    states[2:] += np.outer(change[:-2], old)
+    # Every state is the sum of what entered before, each carried on by a power of `step`: twice as
+    # many samples of it in each pass.
+    passed = 1
+    while passed < len(states):
+        states[passed:] += states[:-passed] @ step.T
+        step, passed = step @ step, 2 * passed
+    return start + states[:, 0]
+
+
+def _fitted(response: FrequencyResponse, order: Order) -> LagCandidate:
+    size, count = order + 1, 2 * len(response.omega)
+
+    def error(lag: InnerLag) -> FloatArray:
+        gap = lag.response(response.omega) - response.own
+        return np.concatenate([gap.real, gap.imag])
+
+    corner = _corner(response)
+    starts = {
+        (math.log(corner * faster), delay, math.log(damping), math.log(part / corner))
+        for delay, (faster, damping, part) in product(START_DELAYS, START_SHAPES)
+    }
+    lag, rss = _best_lag(error, order, sorted(starts), _FREQUENCY_BOUNDS)
+    mean_square = rss / count
+    return LagCandidate(
+        lag=lag,
+        residual=math.sqrt(2.0 * mean_square),
+        bic=count * math.log(max(mean_square, FINEST**2)) + size * math.log(count),
+    )
+
+
+def _best_lag(
+    error: Callable[[InnerLag], FloatArray],
+    order: Order,
+    starts: Iterable[Parameters],
+    bounds: tuple[Parameters, Parameters],
+) -> tuple[InnerLag, float]:
+    """Lag of the least squares of `error` from the best of `starts`, and the sum of squares."""
+    from scipy.optimize import least_squares
+
+    lower, upper = (np.array(edge[: order + 1]) for edge in bounds)
+    inside = [np.clip(start[: order + 1], lower + 1e-3, upper - 1e-3) for start in starts]
+    tight = dict.fromkeys(("xtol", "ftol", "gtol"), _CONVERGED)
+    runs = [
+        least_squares(lambda p: error(_lag(p, order)), start, bounds=(lower, upper), **tight)
+        for start in inside
+    ]
+    best = min(runs, key=lambda run: run.cost)
+    lag = _lag(best.x, order)
+    return lag if lag.delay >= NO_DELAY else replace(lag, delay=0.0), 2.0 * float(best.cost)
+
+
+def _lag(p: FloatArray, order: Order) -> InnerLag:
+    return InnerLag(
+        order=order,
+        natural_frequency=math.exp(p[0]),
+        delay=float(p[1]),
+        damping=math.exp(p[2]) if order > 1 else 1.0,
+        lag=math.exp(p[3]) if order > 2 else 1.0,
+    )
+
+
+def _corner(response: FrequencyResponse) -> float:
+    """First line with a magnitude below 1/sqrt(2), or the end of the band, rad/s."""
+    low = np.flatnonzero(np.abs(response.own) < math.sqrt(0.5))
+    return float(response.omega[low[0]] if len(low) else response.omega[-1])
+
+
+def _interpolated(
+    at: FloatArray, omega: FloatArray, values: npt.NDArray[np.complex128]
+) -> npt.NDArray[np.complex128]:
+    magnitude = np.interp(at, omega, np.abs(values))
+    phase = np.interp(at, omega, np.unwrap(np.angle(values)))
+    return np.asarray(magnitude * np.exp(1j * phase), dtype=complex)

@@ -1,0 +1,479 @@
+"""The comparison: pairs of runs with their metrics, differences and distances."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from operator import attrgetter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from flighttune.errors import InputError, RecordingError
+from flighttune.flight.fly import FlownScenario, fly
+from flighttune.metrics import FLIGHT_METRICS, METRICS, measures, unit_of
+from flighttune.present.names import columns, shown_unit
+from flighttune.present.tables import Column, Table, facts_table, number
+from flighttune.records.parquet import load_recording
+from flighttune.scenario.load import load_scenario
+from flighttune.scenario.places import leaves
+from flighttune.simulate.run import Run
+
+RECORDED = (".parquet", ".rrd")
+
+# Metrics shown in a notebook; `Comparison.metrics` has them all.
+SHOWN = ("ITAE", "MO_rad", "settling_s", "ST_rad")
+
+# Pairs shown in a notebook.
+MAX_PAIRS = 3
+
+# Better direction of each metric. A time that is never reached is worse than any other.
+BETTER_IF = {
+    **dict.fromkeys((*METRICS, *FLIGHT_METRICS), "low"),
+    **dict.fromkeys(("PT_s", "n_z_min", "n_z_max"), "neither"),
+    "MS_rad": "near zero",
+}
+
+# Metrics whose missing value means that it was never reached.
+NEVER = ("rise_s", "settling_s")
+
+# Relative difference up to which neither is better.
+EQUAL = 1e-12
+
+# Keys of ``[flight]`` that belong to the manoeuvre, as does all of ``[reference]``.
+MANOEUVRE = ("V_a_mps", "h_m", "chi_deg", "gamma_deg", "phi_deg", "n_z", "duration_s")
+
+# Keys that are text, or are compared elsewhere.
+DESCRIPTION = ("title", "verifies", "source", "gains", "plant", "reference", "route")
+
+COMPARED = (
+    Column("pair", "A | B"),
+    *columns("channel metric unit"),
+    Column("a", "A", digits=".4f", missing="never"),
+    Column("b", "B", digits=".4f", missing="never"),
+    Column("diff", "B − A", digits=".4f", missing="-"),
+    *columns("better"),
+)
+PAIR_COLUMNS = [
+    Column("run_a", "run of A"),
+    Column("run_b", "run of B"),
+    Column("source_a", "A"),
+    Column("source_b", "B"),
+    *columns("compared_s max_distance_m max_distance_at_s"),
+    Column("better.a", "A better in", digits=".0f"),
+    Column("better.b", "B better in", digits=".0f"),
+]
+COLUMNS = ("pair", "run_a", "run_b", "channel", "name", "unit", "a", "b", "diff", "better")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Source:
+    """Runs that belong together, under the name the user gave."""
+
+    name: str  # the name that the user gave: a path, or ``scenario@gains``
+    runs: tuple[Run, ...]  # in the order of the scenario if it is known
+    missing: tuple[str, ...] = ()  # runs that were recorded and cannot be read
+    # Whether the gains were chosen; False for a scenario flown without an ``@``
+    chosen: bool = True
+
+    @property
+    def gain_sets(self) -> tuple[str, ...]:
+        """Names of the gains flown, each once."""
+        return tuple(dict.fromkeys(run.provenance.gains_name for run in self.runs))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Pair:
+    """Two runs of one manoeuvre, compared."""
+
+    # `a` and `b`: cut to the time both flew
+    a: Run
+    b: Run
+    # Names of the sources of `a` and `b`
+    source_a: str
+    source_b: str
+    # s: time that each of the two flew; `a` and `b` have no more than the shorter
+    durations: tuple[float, float]
+    max_distance: float  # m: largest distance of the two at the same time after the start
+    t_max_distance: float  # s: when that was
+    # Settings of the two scenarios that are not the same, by dotted key
+    differs: dict[str, tuple[Any, Any]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Comparison:
+    """Runs side by side.
+
+    Attributes
+    ----------
+    reason : str
+        Why the sources cannot be compared: another manoeuvre, another aircraft; empty otherwise.
+    pairs : tuple of Pair
+        Every run of the first source with its partner in each of the others.
+    metrics : DataFrame
+        A row each pair, channel and metric; columns ``pair`` (its place in `pairs`), ``run_a``,
+        ``run_b``, ``channel``, ``name``, ``unit``, ``a``, ``b``, ``diff`` (b minus a), ``better``
+        (a, b, same, or empty).
+    unpaired : tuple of str
+        Runs without a partner, as ``source: label``.
+    missing : tuple of str
+        Runs that the sources recorded and cannot give.
+
+    Examples
+    --------
+    >>> comparison = ft.compare("paper_as_printed@paper", "paper_as_printed@K1")
+    >>> comparison.comparable, round(comparison.max_distance, 1)
+    (True, 10.4)
+    """
+
+    reason: str = ""
+    pairs: tuple[Pair, ...] = ()
+    metrics: pd.DataFrame = field(default_factory=lambda: pd.DataFrame(columns=list(COLUMNS)))
+    unpaired: tuple[str, ...] = ()
+    missing: tuple[str, ...] = ()
+
+    @property
+    def comparable(self) -> bool:
+        """Whether the flights can be compared."""
+        return not self.reason
+
+    @property
+    def max_distance(self) -> float:
+        """Largest distance of any pair, m; nan without pairs."""
+        return max((pair.max_distance for pair in self.pairs), default=math.nan)
+
+    def _repr_html_(self) -> str:
+        if not self.comparable:
+            return facts_table("Comparison: not comparable", {"reason": self.reason}).html()
+        title = f"Comparison: paths at most {number(self.max_distance)} m apart"
+        if len(self.pairs) > MAX_PAIRS:
+            title += f"; {len(self.pairs) - MAX_PAIRS} more pairs in `metrics`"
+        shown = self.metrics["name"].isin(SHOWN) & (self.metrics["pair"] < MAX_PAIRS)
+        return comparison_table(title, self.metrics[shown]).html()
+
+
+def comparison_table(title: str, metrics: pd.DataFrame) -> Table:
+    """Metrics of pairs side by side, from rows of `Comparison.metrics`; angles in degrees."""
+    records = []
+    for row in metrics.to_dict(orient="records"):
+        unit, factor = shown_unit(str(row["unit"]))
+        records.append(
+            {
+                "pair": f"{row['run_a']} | {row['run_b']}",
+                "channel": row["channel"],
+                "metric": row["name"].removesuffix("_rad"),
+                "unit": unit,
+                **{key: row[key] * factor for key in ("a", "b", "diff")},
+                "better": {"a": "A", "b": "B"}.get(str(row["better"]), row["better"]),
+            }
+        )
+    return Table(title=title, columns=COMPARED, records=records, grouped=True)
+
+
+def pairs_table(comparison: Comparison) -> Table:
+    """Which runs were compared, how far apart they flew, and in how many metrics each is better."""
+    better = comparison.metrics.groupby(["pair", "better"]).size()
+    records = [
+        {
+            "run_a": pair.a.label,
+            "run_b": pair.b.label,
+            "source_a": pair.source_a,
+            "source_b": pair.source_b,
+            "status_a": pair.a.status,
+            "status_b": pair.b.status,
+            "compared_s": pair.a.duration,
+            "max_distance_m": pair.max_distance,
+            "max_distance_at_s": pair.t_max_distance,
+            "better": {side: int(better.get((place, side), 0)) for side in ("a", "b", "same")},
+            "differs": pair.differs,
+        }
+        for place, pair in enumerate(comparison.pairs)
+    ]
+    return Table(title="pairs", name="pairs", columns=PAIR_COLUMNS, records=records)
+
+
+def load_source(name: str | Path, *, changes: Mapping[str, Any] | None = None) -> Source:
+    """Find the runs of a name.
+
+    `name`: a run folder of ``flighttune fly``, a Parquet file of one run, a recording (.rrd), or a
+    scenario, which is flown. Behind an ``@`` a gain set, a plant or the label of a run chooses
+    among its runs; of a scenario also a file of gains, or a set it does not list. The source has at
+    least one run. Raises RecordingError if a file or folder holds no runs, or none of that choice.
+    Raises ScenarioError if there is no such scenario or gains file.
+
+    `changes`: values to set by dotted key in a scenario that is flown.
+    """
+    name = str(name)
+    place, _, choice = name.partition("@") if not Path(name).exists() else (name, "", "")
+    path = Path(place)
+    if not (path.is_dir() or path.suffix.lower() in RECORDED):
+        return Source(name=name, runs=_runs_of(place, choice, changes), chosen=bool(choice))
+    if changes:
+        raise InputError(f"{name}: `--set` must be absent where runs are read, not flown.")
+    recording = load_recording(path)
+    runs = tuple(
+        run
+        for run in recording.runs
+        if choice in ("", run.provenance.gains_name, run.provenance.plant, run.label)
+    )
+    if not runs:
+        labels = ", ".join(dict.fromkeys(run.label for run in recording.runs)) or "no runs"
+        raise RecordingError(
+            f"{name}: {choice or 'it'!r} must be a gain set, a plant or a run, got {labels}."
+        )
+    return Source(name=name, runs=runs, missing=recording.missing)
+
+
+def _runs_of(place: str, choice: str, changes: Mapping[str, Any] | None) -> tuple[Run, ...]:
+    scenario = load_scenario(place, changes=changes, gains=[choice] if choice else ())
+    try:
+        return fly(scenario).runs
+    except InputError as error:
+        raise InputError(f"{place}@{choice}: {error}") from error
+
+
+def compare(
+    a: str | Path | Run | FlownScenario | Source, *others: str | Path | Run | FlownScenario | Source
+) -> Comparison:
+    """Hold runs against those of the first source.
+
+    Parameters
+    ----------
+    a : str, path-like, Run, FlownScenario or Source
+        Source that the others are compared with. A string is anything `load_source` takes: a run
+        folder, a Parquet file, a recording or ``scenario@gains``.
+    others : str, path-like, Run, FlownScenario or Source
+        Further sources. Without any, the first run of `a` is compared with each of its others.
+
+    Returns
+    -------
+    Comparison
+        With `comparable` False and a reason where the manoeuvres (start, length, reference) or
+        aircraft differ. A kinematic plant may be compared with an aircraft. Where one of two
+        runs ended early, both are measured over the time both flew.
+
+    Raises
+    ------
+    InputError
+        If there is nothing to compare with, or a source cannot be read or flown.
+
+    Examples
+    --------
+    >>> comparison = ft.compare(ft.fly(ft.load_scenario("level_turn")))
+    >>> [pair.b.label for pair in comparison.pairs]
+    ['kinematic / tuned', 'jsbsim:aerosonde / paper', 'jsbsim:aerosonde / tuned']
+    """
+    first, *rest = (_source(runs_of, place) for place, runs_of in enumerate((a, *others)))
+    if not rest:
+        first, *rest = _each_run(first)
+    pairs: list[Pair] = []
+    unpaired: dict[str, None] = {}
+    for other in rest:
+        matched = _paired(first.runs, other.runs)
+        reason = _why_not(first, other, matched)
+        if reason:
+            return Comparison(reason=reason)
+        pairs += [_pair(first, other, *two) for two in matched]
+        used = {id(run) for two in matched for run in two}
+        for source in (first, other):
+            alone = [run.label for run in source.runs if id(run) not in used]
+            unpaired |= dict.fromkeys(f"{source.name}: {label}" for label in alone)
+    rows = [
+        {"pair": place, "run_a": pair.a.label, "run_b": pair.b.label, **row}
+        for place, pair in enumerate(pairs)
+        for row in _metric_rows(pair.a, pair.b)
+    ]
+    return Comparison(
+        pairs=tuple(pairs),
+        metrics=pd.DataFrame(rows, columns=list(COLUMNS)),
+        unpaired=tuple(unpaired),
+        missing=tuple(line for source in (first, *rest) for line in source.missing),
+    )
+
+
+def better(name: str, a: float, b: float) -> str:
+    """Better of two values of a metric: ``a``, ``b``, ``same``, or empty if there is none."""
+    if name in NEVER:
+        a, b = (math.inf if math.isnan(value) else value for value in (a, b))
+    if BETTER_IF[name] == "neither" or math.isnan(a) or math.isnan(b):
+        return ""
+    if BETTER_IF[name] == "near zero":
+        a, b = abs(a), abs(b)
+    if math.isclose(a, b, rel_tol=EQUAL):
+        return "same"
+    return "a" if a < b else "b"
+
+
+def largest_distance(a: Run, b: Run) -> tuple[float, float]:
+    """Largest distance of two runs at the same time after the start, m, and that time, s.
+
+    The samples of both count, over the time both flew; positions between samples are linear.
+    """
+    t = np.union1d(a.t, b.t)
+    t = t[t <= min(a.duration, b.duration)]
+
+    def path(run: Run) -> list[Any]:
+        axes = ("north", "east", "down")
+        return [np.interp(t, run.t, run.signals[axis].to_numpy()) for axis in axes]
+
+    distance = np.linalg.norm(np.subtract(path(b), path(a)), axis=0)
+    at = int(np.argmax(distance))
+    return float(distance[at]), float(t[at])
+
+
+def _source(runs_of: str | Path | Run | FlownScenario | Source, place: int) -> Source:
+    letter = chr(ord("A") + place)
+    if isinstance(runs_of, Source):
+        return runs_of
+    if isinstance(runs_of, Run):
+        return Source(name=f"{letter}: {runs_of.label}", runs=(runs_of,))
+    if isinstance(runs_of, FlownScenario):
+        return Source(name=f"{letter}: {runs_of.scenario.title}", runs=runs_of.runs)
+    return load_source(runs_of)
+
+
+def _each_run(source: Source) -> list[Source]:
+    """Each run of a source as a source; the first has what is missing, and what has not flown."""
+    runs = [run for run in source.runs if len(run.signals) > 1]
+    if len(runs) < 2:
+        labels = ", ".join(run.label for run in runs) or "none"
+        raise InputError(f"{source.name}: at least two runs must have flown, got {labels}.")
+    still = (f"{run.label}: {run.outcome}" for run in source.runs if run not in runs)
+    missing = *source.missing, *still
+    return [
+        Source(name=source.name, runs=(run,), missing=() if place else missing)
+        for place, run in enumerate(runs)
+    ]
+
+
+def _paired(a: Sequence[Run], b: Sequence[Run]) -> list[tuple[Run, Run]]:
+    """Pair two single runs; else the runs of equal label, plant or gains.
+
+    Plants pair runs where each side has a single gain set, and gains where it has a single plant.
+    """
+    if len(a) == len(b) == 1:
+        return [(a[0], b[0])]
+
+    def by(*keys: str) -> list[tuple[Run, Run]]:
+        name = attrgetter(*(f"provenance.{key}" for key in keys))
+        partners = {name(run): run for run in b}
+        return [(run, partners[name(run)]) for run in a if name(run) in partners]
+
+    plants, gain_sets = (
+        max(len({getattr(run.provenance, key) for run in side}) for side in (a, b))
+        for key in ("plant", "gains_name")
+    )
+    pairs = by("plant", "gains_name")
+    if not pairs and gain_sets == 1:
+        pairs = by("plant")
+    if not pairs and plants == 1:
+        pairs = by("gains_name")
+    return pairs
+
+
+def _why_not(a: Source, b: Source, pairs: Sequence[tuple[Run, Run]]) -> str:
+    """Why two sources cannot be compared, in one sentence; empty where they can."""
+    between = f"{a.name} and {b.name}"
+    for source, other in ((a, b), (b, a)):
+        several = not source.chosen and len(source.gain_sets) > 1
+        if several and set(source.gain_sets) != set(other.gain_sets):
+            choices = ", ".join(f"{source.name}@{gains}" for gains in source.gain_sets)
+            return f"{between}: {source.name} has several gain sets, name one of {choices}."
+    if not pairs:
+        labels = " | ".join(", ".join(run.label for run in side.runs) for side in (a, b))
+        return (
+            f"{between}: no run of one has the plant and gains of one of the other, got {labels}; "
+            "choose with SOURCE@GAINS."
+        )
+    for pair in pairs:
+        for source, run in zip((a, b), pair, strict=True):
+            if len(run.signals) < 2:
+                return f"{source.name}: {run.label} must have flown, got {run.status}: {run.reason}"
+        aircraft = [run.provenance.aircraft for run in pair]
+        if all(aircraft) and aircraft[0] != aircraft[1]:
+            return f"{between}: the aircraft must be the same, got {aircraft[0]} and {aircraft[1]}."
+        for key, (value, got) in _changes(*map(_manoeuvre, pair)).items():
+            return f"{between}: the manoeuvre must be the same, `{key}` is {value} and {got}."
+    return ""
+
+
+def _manoeuvre(run: Run) -> dict[str, Any]:
+    """Start, length and reference of a run: what must agree for a comparison."""
+    scenario = run.provenance.scenario
+    flight = {key: value for key, value in scenario["flight"].items() if key in MANOEUVRE}
+    followed = {key: scenario[key] for key in ("reference", "route") if key in scenario}
+    return dict(leaves({"flight": flight, **followed}))
+
+
+def _settings(run: Run) -> dict[str, Any]:
+    scenario = run.provenance.scenario.items()
+    return dict(leaves({key: value for key, value in scenario if key not in DESCRIPTION}))
+
+
+def _changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> dict[str, tuple[Any, Any]]:
+    return {key: (a.get(key), b.get(key)) for key in sorted({*a, *b}) if a.get(key) != b.get(key)}
+
+
+def _pair(first: Source, second: Source, a: Run, b: Run) -> Pair:
+    end = min(a.duration, b.duration)
+    distance, at = largest_distance(a, b)
+    cut = [
+        run if run.duration <= end else replace(run, signals=run.signals.loc[:end])
+        for run in (a, b)
+    ]
+    return Pair(
+        a=cut[0],
+        b=cut[1],
+        source_a=first.name,
+        source_b=second.name,
+        durations=(a.duration, b.duration),
+        max_distance=distance,
+        t_max_distance=at,
+        differs=_changes(_settings(a), _settings(b)),
+    )
+
+
+def _metric_rows(a: Run, b: Run) -> list[dict[str, Any]]:
+    """Metrics that both runs have, side by side."""
+    first, second = measures(a), measures(b)
+    return [
+        {
+            "channel": channel,
+            "name": name,
+            "unit": unit_of(channel, name),
+            "a": value,
+            "b": second[channel][name],
+            "diff": second[channel][name] - value,
+            "better": better(name, value, second[channel][name]),
+        }
+        for channel, own in first.items()
+        for name, value in own.items()
+        if name in BETTER_IF and name in second[channel]
+    ]
+
+
+def sources_of(comparison: Comparison) -> list[str]:
+    """Names of the sources, the first one before all others."""
+    firsts = [pair.source_a for pair in comparison.pairs]
+    return list(dict.fromkeys([*firsts, *(pair.source_b for pair in comparison.pairs)]))
+
+
+def overlaid(comparison: Comparison) -> list[Run]:
+    """Every run of a comparison once, with a letter for the source if runs share a label.
+
+    The first source is A, the next one B and so on.
+    """
+    letters = {name: chr(ord("A") + i) for i, name in enumerate(sources_of(comparison))}
+    runs: dict[tuple[str, str], Run] = {}
+    for pair in comparison.pairs:
+        for source, run in ((pair.source_a, pair.a), (pair.source_b, pair.b)):
+            earlier = runs.get((source, run.label))
+            if earlier is None or earlier.duration < run.duration:
+                runs[source, run.label] = run
+    labels = [label for _, label in runs]
+    for (source, label), run in runs.items():
+        if labels.count(label) > 1:
+            name = f"{run.provenance.gains_name} ({letters[source]})"
+            runs[source, label] = replace(run, provenance=replace(run.provenance, gains_name=name))
+    return list(runs.values())

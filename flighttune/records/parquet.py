@@ -1,0 +1,369 @@
+"""One Parquet file per run, the record, exact to the bit; and the runs of a folder."""
+
+import hashlib
+import json
+import re
+import textwrap
+import warnings
+from base64 import b64decode, b64encode
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from flighttune.arrays import FloatArray
+from flighttune.control.gains import PIGains
+from flighttune.errors import RecordingError
+from flighttune.files.seal import BLANK, file_bytes, seal, sealed_bytes
+from flighttune.files.whole import whole_file
+from flighttune.present.names import distinct
+from flighttune.simulate.bounds import Bounds, RunClaim
+from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run
+
+PARQUET, RECORDING = ".parquet", ".rrd"
+PARQUET_FILE, RECORDING_FILE = "Parquet file", "recording (.rrd)"
+FORMAT = 3  # version of the layout; a file with a higher one is from a newer flighttune
+LONGEST_REASON = 160  # characters of a library's error message that are repeated
+
+# Endings of columns with bounds in files up to layout 2
+OLD_BOUNDS = ("_err_low", "_err_high", "_err_worst", "_band_low", "_band_high")
+
+# Keys in the metadata of the schema, in the order of the file: the seal must be the last one.
+DESCRIPTION = b"flighttune.run"
+RUN_SHA256 = b"flighttune.run.sha256"
+FLIGHT = b"flighttune.flight"  # JSON: the SHA-256 of all runs flown with this one, in order
+SEAL = b"flighttune.file"
+
+# Errors at a file that is damaged or of another program.
+UNREADABLE = (pa.ArrowException, OSError, LookupError, TypeError, ValueError, AttributeError)
+
+ORIGIN = "record"  # the property of a recording that says which runs it shows
+
+# A run as its file holds it: a description (JSON: format, status, reason, provenance, name and unit
+# of each column), time in s and signals as the columns of an array, and the SHA-256 of both.
+Parts: TypeAlias = tuple[str, FloatArray, str]
+
+
+def signal_files(runs: Sequence[Run], folder: Path) -> list[Path]:
+    """Paths of the Parquet files of the runs of one recording: ``PLANT-GAINS.parquet``."""
+    names = (f"{run.provenance.plant}-{run.provenance.gains_name}" for run in runs)
+    stems = distinct(re.sub(r"[^A-Za-z0-9.+-]+", "_", name) for name in names)
+    return [folder / f"{stem}.parquet" for stem in stems]
+
+
+def write_run(run: Run, path: str | Path) -> None:
+    """Write `run` to one Parquet file: signals as float64 columns, the rest as JSON in the schema.
+
+    The signals may be empty. An existing file is replaced, and parent folders are made.
+    """
+    data = parquet_bytes(run)
+    with whole_file(Path(path)) as part:
+        part.write_bytes(data)
+
+
+def parquet_bytes(run: Run) -> bytes:
+    """The file that `write_run` writes."""
+    return record_bytes(parts_of(run))
+
+
+def parts_of(run: Run) -> Parts:
+    """Parts of the file of a run; RecordingError if JSON cannot hold its scenario."""
+    units = {**run.units, **SIGNAL_UNITS}
+    description = {
+        "format": FORMAT,
+        "status": run.status,
+        "reason": run.reason,
+        "provenance": asdict(run.provenance),
+        "columns": {"t": "s", **{str(name): units.get(str(name)) for name in run.signals}},
+        **({"claims": [*map(_described, run.claims)]} if run.claims else {}),
+    }
+    text = json.dumps(description, ensure_ascii=False, default=_listed)
+    rows = np.column_stack([run.signals.index, run.signals]).astype(float)
+    return text, rows, signals_sha256(text, rows)
+
+
+def _described(claim: RunClaim) -> dict[str, Any]:
+    """A claim as JSON holds it, its bounds as text of their bytes."""
+    ends = np.ascontiguousarray(claim.bounds.pairs, dtype="<f8").tobytes()
+    return {
+        **{key: getattr(claim, key) for key in ("kind", "title", "sentence")},
+        "units": dict(claim.units),
+        "bounds": b64encode(ends).decode(),
+    }
+
+
+def _claim_of(described: dict[str, Any], t: FloatArray) -> RunClaim:
+    """The claim that `_described` describes, about a flight with samples at `t` (s)."""
+    names = tuple(described["units"])
+    values = np.frombuffer(b64decode(described.pop("bounds"), validate=True), dtype="<f8")
+    low, high = np.moveaxis(values.reshape(len(t), len(names), 2), -1, 0)
+    return RunClaim(**described, bounds=Bounds(t, low, high, names))
+
+
+def _listed(value: Any) -> Any:
+    if isinstance(value, (np.generic, np.ndarray)):
+        return value.tolist()
+    raise RecordingError(f"the scenario must hold plain values, got {value!r}.")
+
+
+def signals_sha256(description: str, rows: FloatArray) -> str:
+    """SHA-256 over a description in UTF-8 and then the rows as little-endian float64."""
+    digest = hashlib.sha256(description.encode())
+    digest.update(np.ascontiguousarray(rows, dtype="<f8").tobytes())
+    return digest.hexdigest()
+
+
+def record_bytes(parts: Parts, flight: Sequence[str] = ()) -> bytes:
+    """The file of a run; `flight` has the SHA-256 of all runs that belong together."""
+    description, rows, sha256 = parts
+    schema = pa.schema(
+        [
+            pa.field(name, pa.float64(), metadata={"unit": unit} if unit else None)
+            for name, unit in json.loads(description)["columns"].items()
+        ],
+        metadata={
+            DESCRIPTION: description,
+            RUN_SHA256: sha256,
+            FLIGHT: json.dumps(list(flight)),
+            SEAL: BLANK,
+        },
+    )
+    values = [pa.array(column) for column in np.ascontiguousarray(rows.T)]
+    sink = pa.BufferOutputStream()
+    # Without a dictionary: signals hardly repeat a value.
+    table = pa.table(values, schema=schema)
+    pq.write_table(table, sink, compression="zstd", use_dictionary=False)
+    return seal(sink.getvalue().to_pybytes())
+
+
+def read_run(path: str | Path) -> Run:
+    """Return the run that `write_run` wrote to `path`, equal to the bit.
+
+    A RecordingError says in one line if there is no such file, it is not as flighttune wrote it
+    (damaged, edited, of another program or of flighttune 0.1.0), or it has a newer layout.
+    """
+    return _read(Path(path))[0]
+
+
+def _read(path: Path) -> tuple[Run, str, tuple[str, ...]]:
+    """The run in a Parquet file, its SHA-256, and those of all runs of its flight.
+
+    The latter are empty if the file was written on its own.
+    """
+    data = sealed_bytes(path, PARQUET_FILE)
+    try:
+        table = pq.ParquetFile(pa.BufferReader(data)).read()
+        stated = table.schema.metadata
+        rows = np.column_stack([column.to_numpy() for column in table.columns])
+        parts = stated[DESCRIPTION].decode(), rows, stated[RUN_SHA256].decode()
+        return run_of(parts), parts[2], tuple(json.loads(stated.get(FLIGHT, b"[]")))
+    except RecordingError as error:
+        raise RecordingError(f"{path}: {error}") from error
+    except UNREADABLE as error:
+        got = f"{type(error).__name__}: {_first_line(error)}"
+        raise RecordingError(f"{path}: must be a {PARQUET_FILE} of a run, got {got}.") from error
+
+
+def run_of(parts: Parts) -> Run:
+    """The run, with signals equal to the bit, if its SHA-256 is that of the other parts."""
+    description, rows, sha256 = parts
+    if sha256 != signals_sha256(description, rows):
+        raise RecordingError(
+            "description and signals must have the SHA-256 that was recorded, got another one; "
+            "fly it again."
+        )
+    entry = json.loads(description)
+    if entry["format"] > FORMAT:
+        raise RecordingError(
+            f"layout must be {FORMAT} or older, got {entry['format']}; "
+            "read it with a newer flighttune."
+        )
+    columns, provenance = entry["columns"], entry["provenance"]
+    for name, unit in columns.items():
+        if unit != SIGNAL_UNITS.get(name, unit):
+            raise RecordingError(f"`{name}` must be in {SIGNAL_UNITS[name]}, got {unit}.")
+    gains = provenance.pop("gains")
+    if gains is not None:
+        gains |= {key: tuple(gains[key]) for key in ("inputs", "errors")}
+        gains = PIGains(**gains)
+    # Up to layout 2 bounds were columns; they can be drawn again from the file of their claim.
+    names = [name for name in columns if not (entry["format"] < 3 and name.endswith(OLD_BOUNDS))]
+    rows = rows[:, [[*columns].index(name) for name in names]]
+    _, *names = names
+    index = pd.Index(rows[:, 0], name="t", dtype=np.float64)
+    return Run(
+        signals=pd.DataFrame(dict(zip(names, rows[:, 1:].T, strict=True)), index=index),
+        status=entry["status"],
+        reason=entry["reason"],
+        provenance=Provenance(**provenance, gains=gains),
+        units={name: columns[name] for name in names if name not in SIGNAL_UNITS and columns[name]},
+        claims=tuple(_claim_of(claim, rows[:, 0]) for claim in entry.get("claims", ())),
+    )
+
+
+def _first_line(text: object) -> str:
+    """The first line of a library's message, cut to a readable length."""
+    line = next(iter(str(text).splitlines()), "no reason")
+    return textwrap.shorten(line, LONGEST_REASON, placeholder=" ...").rstrip(".")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recording:
+    """Runs read back, and the parts of their folder that were not read.
+
+    Attributes
+    ----------
+    path : Path
+        The file or folder.
+    runs : tuple of Run
+        In the order in which they were recorded. Signals are equal to the bit to those written.
+    missing : tuple of str
+        Runs of the flight whose files are not there, and files of other flights in the folder.
+
+    Examples
+    --------
+    >>> files = ft.record(ft.fly(ft.load_scenario("paper_as_printed")), "runs/mine")
+    >>> ft.load_recording("runs/mine").missing
+    ()
+    """
+
+    path: Path
+    runs: tuple[Run, ...]
+    missing: tuple[str, ...] = ()
+
+    def __getitem__(self, label: str) -> Run:
+        """The run of that label, ``plant / gains``; the message of a KeyError lists the labels."""
+        for run in self.runs:
+            if run.label == label:
+                return run
+        raise KeyError(f"{label!r} is not one of {', '.join(run.label for run in self.runs)}")
+
+
+def load_recording(path: str | Path) -> Recording:
+    """Read the runs of a run folder or of a Parquet file.
+
+    Parameters
+    ----------
+    path : path-like
+        Output of ``flighttune fly`` or `record`: a folder, or one of its ``.parquet`` files. A
+        ``.rrd`` file stands for the Parquet files beside it from which it was drawn.
+
+    Returns
+    -------
+    Recording
+        For a folder the runs of one flight: if there are files of several, those of a complete
+        one, and of complete ones those of the newest. Files that were written on their own belong
+        together. Files whose names begin with a dot are left over from a killed command and not
+        read.
+
+    Raises
+    ------
+    RecordingError
+        If there is nothing to read, a ``.rrd`` file is without its Parquet files, or a file is
+        not as flighttune wrote it: cut off, damaged, edited, of another program or of flighttune
+        0.1.0.
+
+    Examples
+    --------
+    >>> files = ft.record(ft.fly(ft.load_scenario("paper_as_printed")), "runs/mine")
+    >>> [run.label for run in ft.load_recording("runs/mine").runs]
+    ['kinematic / paper']
+    """
+    path = Path(path)
+    if path.is_dir():
+        return _in_folder(path)
+    if path.suffix.lower() == PARQUET:
+        return Recording(path=path, runs=(read_run(path),))
+    return _drawn_in(path)
+
+
+def recording_in(folder: Path) -> Path | None:
+    """The recording (.rrd) in a run folder, if there is one; several are an error."""
+    recordings = _files(folder, RECORDING)
+    if len(recordings) > 1:
+        names = ", ".join(path.name for path in recordings)
+        raise RecordingError(f"{folder}: the folder must hold one recording, got {names}.")
+    return recordings[0] if recordings else None
+
+
+def _files(folder: Path, ending: str) -> list[Path]:
+    # A name with a dot in front is that of a file which was not finished.
+    return sorted(folder.glob(f"[!.]*{ending}"))
+
+
+def _by_flight(files: Iterable[Path]) -> dict[tuple[str, ...], dict[str, tuple[Path, Run]]]:
+    """Files and their runs by the SHA-256 of the run, for each flight among them."""
+    flights: dict[tuple[str, ...], dict[str, tuple[Path, Run]]] = {}
+    for file in files:
+        run, sha256, flight = _read(file)
+        flights.setdefault(flight, {})[sha256] = file, run
+    return flights
+
+
+def _in_folder(folder: Path) -> Recording:
+    files = _files(folder, PARQUET)
+    if not files:
+        raise RecordingError(f"{folder}: the folder must hold Parquet files of runs, got none.")
+    flights = _by_flight(files)
+
+    def rank(flight: tuple[str, ...]) -> tuple[bool, float]:
+        there = flights[flight]
+        newest = max(file.stat().st_mtime for file, _ in there.values())
+        return set(flight) <= set(there), newest
+
+    flight = max(flights, key=rank)
+    there = flights[flight]
+    order = flight or tuple(there)
+    runs = tuple(there[sha256][1] for sha256 in order if sha256 in there)
+    lost, taken = len(order) - len(runs), [file for file, _ in there.values()]
+    missing = [f"{folder}: {lost} of the {len(order)} runs are not there"] if lost else []
+    missing += [f"{file}: of another flight" for file in files if file not in taken]
+    return Recording(path=folder, runs=runs, missing=tuple(missing))
+
+
+def _drawn_in(path: Path) -> Recording:
+    """The runs that a ``.rrd`` file was drawn from, if their Parquet files are beside it."""
+    check_recording(path)
+    origin = _origin(path)
+    if origin is None:
+        raise RecordingError(
+            f"{path}: the runs must be loaded from Parquet files, got a recording (.rrd) that was "
+            "written without any, which only shows the runs."
+        )
+    folder, flight = origin
+    there = _by_flight(_files(path.parent, PARQUET)).get(flight, {})
+    if not set(flight) <= set(there):
+        raise RecordingError(
+            f"{path}: the runs must be loaded from the Parquet files of the folder {folder}, got a "
+            "recording (.rrd) alone, which only shows the runs."
+        )
+    return Recording(path=path, runs=tuple(there[sha256][1] for sha256 in flight))
+
+
+def check_recording(path: str | Path) -> None:
+    """Refuse a file that is no Rerun recording; the viewer reports faults inside one."""
+    if not file_bytes(Path(path), RECORDING_FILE).startswith(b"RRF"):
+        raise RecordingError(f"{path}: must be a {RECORDING_FILE}, got another file.")
+
+
+def _origin(path: Path) -> tuple[str, tuple[str, ...]] | None:
+    """Folder and SHA-256 of the runs in a recording; None if they were not recorded with it."""
+    from rerun.chunk import RrdReader
+
+    try:
+        with warnings.catch_warnings(action="ignore"):  # the error that follows says why
+            reader = RrdReader(path)
+        store = reader.store(store=reader.recordings()[0])
+        for chunk in store.stream().filter(content=f"/__properties/{ORIGIN}").to_chunks():
+            stated = chunk.to_record_batch()
+            (folder,), sha256 = (stated.column(key)[0].as_py() for key in ("folder", "sha256"))
+            return folder, tuple(sha256)
+    except (RuntimeError, ValueError, KeyError, IndexError, pa.ArrowException) as error:
+        got = _first_line(error)
+        raise RecordingError(f"{path}: must be a {RECORDING_FILE}, got: {got}.") from error
+    return None

@@ -1,0 +1,287 @@
+"""Fences: a polygon over ground with zones not to enter, and the room it leaves along a path."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.arrays import FloatArray
+from flighttune.errors import InputError
+from flighttune.files.table import json_tables
+from flighttune.references.earth import LatLon, north_east
+from flighttune.references.maps import features, json_number, reading
+from flighttune.references.path import Path as Route
+
+# Distance between the points of a path across which the fence is looked for, m.
+SCAN_STEP = 0.1
+
+# Most edges of a fence: each takes about 20 ms on a route of 16 km.
+MAX_EDGES = 1000
+
+# Largest distance, m, of an edge, straight in latitude and longitude, from those that replace it.
+MAX_SAG = 0.05
+
+# Properties of a fence.
+HEIGHTS = ("min_up_m", "max_up_m")
+KNOWN = (*HEIGHTS, "name")
+
+# Signs that turn lowest and highest values into distances to the left and right, up and down.
+DISTANCE_SIGNS = np.array([-1.0, 1.0], dtype=np.float32)
+
+# Smallest cosine to divide by: an edge may be parallel to the path or across it.
+TINY = 1e-12
+
+# Heights without a floor or ceiling.
+FAR = (-np.inf, np.inf)
+
+SIDES = ("left", "right", "up", "down")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fence:
+    """Where flights may be, in m from the start.
+
+    Attributes
+    ----------
+    start, end : ndarray, shape (edges, 2)
+        North and east of where the edges of the polygon begin and end, and of its zones.
+    sag : ndarray, shape (edges,)
+        Distance of each from the line that is straight in latitude and longitude.
+    names : tuple of str, length edges + 2
+        Of the edges, and of ceiling and floor.
+    low, high : float
+        Lowest and highest height.
+    """
+
+    start: FloatArray
+    end: FloatArray
+    sag: FloatArray
+    names: tuple[str, ...]
+    low: float
+    high: float
+
+    @property
+    def heights(self) -> str:
+        """Its floor and ceiling in words."""
+        ends = {"floor": self.low, "ceiling": self.high}.items()
+        return " and ".join(
+            f"no {name}" if np.isinf(height) else f"a {name} at {height:g} m above the start"
+            for name, height in ends
+        )
+
+
+class Room(NamedTuple):
+    """Distances from a path within which a flight is certainly inside a fence.
+
+    Arrays have the shape (windows, 2, 2): to the left and right, up and down.
+    """
+
+    limits: FloatArray  # m; -inf where the path is outside
+    along: FloatArray  # where they are, m
+    edges: npt.NDArray[np.str_]  # names of those of the fence
+    path: Route
+
+    def nearest(self, away: FloatArray) -> dict[str, Any]:
+        """Where flights with the distances `away` have the smallest margin.
+
+        The margin, m, is measured across the path; -inf if the path itself is outside.
+        """
+        margins = self.limits - away
+        i = int(np.argmin(margins))
+        along = float(self.along.flat[i])
+        on = [stretch for stretch in self.path.stretches if stretch.start <= along][-1]
+        return {
+            "margin_m": float(margins.flat[i]),
+            "side": SIDES[i % 4],
+            "edge": str(self.edges.flat[i]),
+            "along_m": along,
+            "stretch": f"{on.kind} {'to' if on.kind == 'leg' else 'at'} waypoint {on.waypoint}",
+        }
+
+
+def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
+    """The fence of a GeoJSON file, about the start of a flight.
+
+    Parameters
+    ----------
+    path : Path
+        One Polygon in longitude and latitude, of which inner rings are zones not to enter. The
+        properties ``min_up_m`` and ``max_up_m`` of its feature are heights above the start. Edges
+        are straight in longitude and latitude, the shorter way round the Earth.
+    origin : tuple of two floats, deg
+        Latitude and longitude of the start.
+    tables : dict, optional
+        What the file holds, if it has been read.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, is none of these, or is no fence around the start.
+    """
+    tables = tables or json_tables(path)
+    with reading(path, "GeoJSON with a Polygon"):
+        shapes = [own for own in features(tables) if own["geometry"]["type"] == "Polygon"]
+        if len(shapes) != 1:
+            raise InputError(f"`features` must have one Polygon, got {len(shapes)}.")
+        stated = dict(shapes[0].get("properties") or {})
+        if unknown := [key for key in stated if key not in KNOWN]:
+            raise InputError(f"`properties` may be {', '.join(KNOWN)}, got {unknown[0]!r}.")
+        low, high = (
+            json_number(stated[key], f"`{key}`") if key in stated else far
+            for key, far in zip(HEIGHTS, FAR, strict=True)
+        )
+        if not (low <= 0.0 <= high and low < high):  # also catches NaN
+            raise InputError(
+                "`min_up_m` must be at most 0, the height of the start, and `max_up_m` at least 0 "
+                f"and higher, got {low:g} and {high:g}."
+            )
+        names: list[str] = []
+        rings, sags = [], []
+        for zone, points in enumerate(shapes[0]["geometry"]["coordinates"]):
+            ring, sag, numbers = _edges(_ring(points), origin, MAX_EDGES - len(names))
+            names += [f"edge {i + 1}{f' of zone {zone}' * (zone > 0)}" for i in numbers]
+            rings.append(ring)
+            sags.append(sag)
+        start, end = (np.concatenate([np.roll(ring, -i, axis=0) for ring in rings]) for i in (0, 1))
+        _check_crossing(start, end, names)
+        if [_surrounds(ring) for ring in rings] != [True] + [False] * (len(rings) - 1):
+            raise InputError(f"`coordinates`: the start must be inside, got one at {origin} deg.")
+    names += ["ceiling", "floor"]
+    sag = np.concatenate(sags)
+    return Fence(start=start, end=end, sag=sag, names=tuple(names), low=low, high=high)
+
+
+def _edges(
+    ring: FloatArray, origin: LatLon, most: int
+) -> tuple[FloatArray, FloatArray, npt.NDArray[np.intp]]:
+    """Corners of a ring, north and east, m, with those between which edges are straight in m.
+
+    Returns the sag of each edge from there on and the number of the corner it belongs to, too.
+    `ring`: latitudes and longitudes of its corners, deg.
+    """
+    turned = (ring[:, 1] - origin[1] + 180.0) % 360.0 - 180.0
+    ring = np.column_stack([ring[:, 0], turned + origin[1]])
+    middle, corners = 0.5 * (ring + np.roll(ring, -1, axis=0)), _north_east(ring, origin)
+    straight = 0.5 * (corners + np.roll(corners, -1, axis=0))
+    sag = np.hypot(*(_north_east(middle, origin) - straight).T)
+    # The sag falls with the square of the length.
+    parts = np.ceil(np.sqrt(sag / MAX_SAG)).clip(min=1.0).astype(int)
+    if parts.sum() > most:
+        raise InputError(
+            f"`coordinates` must have at most {MAX_EDGES} corners, with those that long edges need."
+        )
+    numbers = np.repeat(np.arange(len(ring)), parts)
+    share = np.concatenate([np.arange(n) / n for n in parts])[:, None]
+    placed = (1.0 - share) * ring[numbers] + share * np.roll(ring, -1, axis=0)[numbers]
+    return _north_east(placed, origin), (sag / parts**2)[numbers], numbers
+
+
+def _north_east(places: FloatArray, origin: LatLon) -> FloatArray:
+    return np.array([north_east((lat, lon), origin) for lat, lon in places.tolist()])
+
+
+def _ring(points: Iterable[Any]) -> FloatArray:
+    """Latitude and longitude of the corners of a ring, deg, each once."""
+    corners = [[json_number(point[i], "every coordinate") for i in (1, 0)] for point in points]
+    ring = np.array(corners).reshape(-1, 2)
+    wrong = ~(np.abs(ring) <= (85.0, 180.0)).all(axis=1)  # also catches NaN
+    if wrong.any():
+        raise InputError(
+            "`coordinates` must be longitudes up to 180 and latitudes up to 85 deg, got {1:g} and "
+            "{0:g}.".format(*ring[wrong][0])
+        )
+    ring = ring[(ring != np.roll(ring, -1, axis=0)).any(axis=1)]
+    if len(ring) < 3:
+        raise InputError(f"`coordinates` must have at least three corners, got {len(ring)}.")
+    return ring
+
+
+def _check_crossing(start: FloatArray, end: FloatArray, names: list[str]) -> None:
+    """Refuse edges that cross each other; those that meet in a corner do not."""
+    a, b = start[:, None], end[:, None]
+    apart = _side(a, b, start) * _side(a, b, end) < 0.0  # edge j ends on both sides of edge i
+    for i, j in np.argwhere(apart & apart.T)[:1]:
+        raise InputError(f"`coordinates` must not cross, got {names[i]} and {names[j]}.")
+
+
+def _side(a: FloatArray, b: FloatArray, point: FloatArray) -> FloatArray:
+    """On which side of lines from `a` to `b` points are."""
+    along, to = b - a, point - a
+    return np.sign(along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0])
+
+
+def _surrounds(ring: FloatArray) -> bool:
+    """Whether a ring surrounds the start: a line from there to the east crosses it an odd number
+    of times."""
+    a, b = ring, np.roll(ring, -1, axis=0)
+    upward = b[:, 0] > 0.0
+    crossed = (a[:, 0] > 0.0) != upward
+    west_of_it = _side(a, b, np.zeros(2)) == np.where(upward, -1.0, 1.0)
+    return bool(np.sum(crossed & west_of_it) % 2)
+
+
+def room_along(
+    fence: Fence, path: Route, windows: FloatArray, *, widest: float, overlap: float
+) -> Room:
+    r"""How far from a path flights are certainly inside a fence.
+
+    Parameters
+    ----------
+    fence : Fence
+    path : Route
+    windows : ndarray, shape (windows + 1,), m
+        Edges of windows of distance along the path.
+    widest : float, m
+        Largest distance to the side of the flights that are judged.
+    overlap : float, m
+        Distance by which the path of a window is looked at beyond both its edges.
+
+    Notes
+    -----
+    A place at the distance e to the right of the path is at most ``SCAN_STEP / 2 (1 + k e)`` from
+    the place with the same e at the nearest point of the table, with the largest curvature k. Edges
+    are therefore widened by this at ``e = widest``. If the line across the path at each point is
+    clear of all widened edges as far as the flights come, the surface that these lines sweep
+    is clear of the edges, and inside like the start.
+    """
+    s = SCAN_STEP * np.arange(int((path.length + overlap) / SCAN_STEP) + 2)
+    table = (path.north, path.east, path.up, path.course)
+    north, east, up, course = (np.interp(s, path.s, values) for values in table)
+    wide = 0.5 * SCAN_STEP * (1.0 + np.abs(path.curvature).max() * widest)
+    steep = 0.5 * SCAN_STEP * np.abs(path.slope).max()
+    free = np.full((len(s), 2, 2), np.inf)
+    free[:, 1] = np.column_stack([fence.high - up, up - fence.low]) - steep
+    edges = np.zeros(free.shape, dtype=np.intp) + len(fence.start) + np.arange(2)
+    places, aside = np.stack([[north, east], [-np.sin(course), np.cos(course)]]).swapaxes(1, 2)
+    for edge, ends in enumerate(zip(fence.start, fence.end, strict=True)):
+        low, high = _met(places, aside, *ends, wide + fence.sag[edge])
+        for side, (near, far) in enumerate(((-high, -low), (low, high))):
+            nearest = np.where(near > 0.0, near, -np.inf)
+            nearer = (low <= high) & (far >= 0.0) & (nearest < free[:, 0, side])
+            free[nearer, 0, side], edges[nearer, 0, side] = nearest[nearer], edge
+    first = np.floor((windows[:-1] - overlap) / SCAN_STEP).clip(min=0.0).astype(int)
+    last = np.ceil((windows[1:] + overlap) / SCAN_STEP).astype(int) + 1
+    at = np.array([i + free[i:j].argmin(axis=0) for i, j in zip(first, last, strict=True)])
+    limits, of = (np.take_along_axis(values, at, axis=0) for values in (free, edges))
+    return Room(limits, np.minimum(s[at], path.length), np.array(fence.names)[of], path)
+
+
+def _met(
+    places: FloatArray, aside: FloatArray, start: FloatArray, end: FloatArray, wide: float
+) -> tuple[FloatArray, FloatArray]:
+    """From where to where lines through `places` are in the rectangle around an edge, m.
+
+    The first is larger than the second for a line that misses it.
+    """
+    length = float(np.hypot(*(end - start)))
+    along = (end - start) / length
+    low, high = np.full(len(places), -np.inf), np.full(len(places), np.inf)
+    for axis, half in ((along, 0.5 * length + wide), (along[::-1] * (-1.0, 1.0), wide)):
+        offset, speed = (places - 0.5 * (start + end)) @ axis, aside @ axis
+        speed[np.abs(speed) < TINY] = TINY
+        ends = (-half - offset) / speed, (half - offset) / speed
+        low, high = np.maximum(low, np.minimum(*ends)), np.minimum(high, np.maximum(*ends))
+    return low, high

@@ -1,0 +1,208 @@
+"""Follow a path: position over ground to a reference of course and flight-path angle."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+
+from flighttune.arrays import FloatArray
+from flighttune.control.controller import Measured, ReferenceSample
+from flighttune.plants.base import Stop
+from flighttune.references.path import STEP, Path
+
+# Signals of a flight along a route, and their units.
+ROUTE_SIGNALS = {"along": "m", "cross_track": "m", "height_err": "m"}
+
+# Distances along the route, to the right of it, and below it, m.
+Place = tuple[float, float, float]
+
+# Distance between a position and the one that its place gives, up to which they are the same, m.
+SAME_PLACE = 0.01
+
+# Time by which roll is planned ahead, s: about the lag of an inner loop.
+LEAD_S = 0.2
+
+COLUMNS = ("north", "east", "course", "curvature", "up", "slope")
+_CURVATURE, _SLOPE = map(COLUMNS.index, ("curvature", "slope"))
+
+# Lower bounds of 1 - curvature e_y, which is zero at the centre of a turn, and of the cosine of the
+# crab angle.
+MIN_SPREAD, MIN_CRAB_COSINE = 0.2, 0.2
+
+# Newton's steps to the nearest point of the path, from that of the sample before.
+SEARCHES = 2
+
+# Speed over ground below which the look-ahead shrinks no more, m/s.
+MIN_SPEED = 1.0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RouteReference:
+    """The reference of a flight along a path.
+
+    Attributes
+    ----------
+    path : Path
+    V_a : float, m/s
+        Airspeed of the flight.
+    look_ahead : float, s
+        Time in which an error of position would be flown off at the speed of the flight.
+    g : float, m/s^2
+        Acceleration of gravity.
+    """
+
+    path: Path
+    V_a: float
+    look_ahead: float
+    g: float
+
+    @property
+    def initial(self) -> tuple[float, float]:
+        """Course and path angle at the start, rad."""
+        return float(self.path.course[0]), math.atan(self.path.slope[0])
+
+    def sampled(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Course and path angle at times `t` (s) of a flight in still air, each of its shape."""
+        s = self._flown(t)
+        course = np.interp(s, self.path.s, self.path.course)
+        return course, np.arctan(np.interp(s, self.path.s, self.path.slope))
+
+    def rates(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Their rates from times `t` (s) on, rad/s."""
+        chi, gamma = (np.gradient(values, t) for values in self.sampled(t))
+        return chi, gamma
+
+    def not_arrived(self, t: float, along: float) -> Stop | None:
+        """Why a flight that lasted `t` (s) and came to `along` (m) did not fly all of it."""
+        left = self.path.length - along
+        if left <= 0.0:
+            return None
+        return Stop("not_arrived", f"t = {t:g} s: {left:.0f} m of the route are left.")
+
+    def displacement(self, signals: pd.DataFrame) -> float:
+        """Largest distance, m, of the positions of a flight from those that its places give.
+
+        The distance along the route counts as never decreasing, as in the windows of a band: it is
+        that of the start behind it, and the largest so far of a flight carried back by the wind.
+        """
+        along, *off = signals[[*ROUTE_SIGNALS]].to_numpy().T
+        positions = signals[["north", "east", "down"]].to_numpy() * (1.0, 1.0, -1.0)
+        places = self.path.beside(np.maximum.accumulate(along), *off)
+        return float(np.linalg.norm(positions - places, axis=1).max())
+
+    def _flown(self, t: FloatArray) -> FloatArray:
+        speed = self.V_a * np.cos(np.arctan(self.path.slope))
+        times = np.concatenate([[0.0], np.cumsum(STEP / speed[:-1])])
+        return np.interp(t, times, self.path.s)
+
+    @cached_property
+    def rows(self) -> list[list[float]]:
+        """`COLUMNS` at each point of the path but the last, then their changes to the next."""
+        values = np.stack([getattr(self.path, name) for name in COLUMNS], axis=1)
+        return np.hstack([values[:-1], np.diff(values, axis=0)]).tolist()
+
+    def follower(self, dt: float, h_0: float) -> "Follower":
+        """Guidance of one flight with samples of `dt` (s) that starts at the height `h_0` (m)."""
+        return Follower(self, dt, h_0)
+
+
+class Follower:
+    r"""Measurements to the reference of a law, sample by sample.
+
+    `reference`: the route. `dt` (s): time between samples. `h_0` (m): height of the start.
+
+    Notes
+    -----
+    Look-ahead guidance about the nearest point of the path, whose course and path angle are
+    ``chi_p`` and ``gamma_p``; T is the look-ahead and V_g the speed over ground:
+
+    .. math:: \chi_{ref} = \chi_p - \arctan\frac{e_y}{L},\quad
+              \gamma_{ref} = \gamma_p + \arctan\frac{e_h}{L},\quad L = V_g T
+
+    with the distance e_y to the right of the path and the height e_h that is missing. Where course
+    and path angle are as asked, ``e_y' = -V_g sin(arctan(e_y / L))``: the distance shrinks like
+    ``exp(-t / T)`` once it is small against L (T. Fossen, *Handbook of Marine Craft Hydrodynamics
+    and Motion Control*, look-ahead-based steering). The rates of the reference are those of this
+    motion, with the curvature `LEAD_S` ahead, as roll lags. The roll planned is that of the same
+    curvature at the speed over ground, and the load factor that of the change of the climb.
+    """
+
+    def __init__(self, reference: RouteReference, dt: float, h_0: float) -> None:
+        self._rows, self._last = reference.rows, len(reference.rows) - 1
+        self._dt, self._h_0, self._T, self._g = dt, h_0, reference.look_ahead, reference.g
+        self._s, self._nearest = 0.0, self._at(0.0)
+        self._before: tuple[float, float] | None = None
+        self._V_g = reference.V_a * math.cos(reference.initial[1])
+
+    def __call__(self, m: Measured) -> tuple[ReferenceSample, Place]:
+        """Return the reference at a sample, and where the aircraft is on the route."""
+        chi, gamma, V_a, phi, _, h, (north, east, _), wind = m
+        if self._before is not None:
+            n, e = self._before
+            self._V_g = math.hypot(north - n, east - e) / self._dt
+        self._before, V_g = (north, east), self._V_g
+        # The point of the path found last serves the next sample too, so that there is one
+        # reading of the path for each search.
+        s, nearest, searches = self._s, self._nearest, SEARCHES
+        while True:
+            n, e, course, c_n, c_e, curvature, up, slope = nearest
+            n, e = north - n, east - e
+            ahead, e_y = n * c_n + e * c_e, e * c_n - n * c_e
+            spread = 1.0 - curvature * e_y
+            if spread < MIN_SPREAD:
+                spread = MIN_SPREAD
+            if not searches:
+                break
+            searches -= 1
+            s += ahead / spread
+            if s < 0.0:
+                s = 0.0
+            nearest = self._at(s)
+        self._s, self._nearest = s, nearest
+        e_h, L = up - (h - self._h_0), max(V_g, MIN_SPEED) * self._T
+        side, below = e_y / L, e_h / L
+        forward = V_g * math.cos(chi - course) / spread
+        aside = V_g * math.sin(chi - course)
+        sinking = forward * slope - V_g * math.tan(gamma)
+        bend = (self._column(_SLOPE, s + STEP) - slope) / STEP / (1.0 + slope * slope)
+        gamma_ref = math.atan(slope) + math.atan(below)
+        crab = 1.0
+        if wind is not None:
+            behind = wind[0] * math.cos(chi) + wind[1] * math.sin(chi)
+            crab = max((V_g - behind) / (V_a * math.cos(gamma)), MIN_CRAB_COSINE)
+        next_curvature = self._column(_CURVATURE, s + V_g * LEAD_S)
+        lift = math.cos(gamma_ref) + V_g * bend * forward / self._g
+        sample = (
+            course - math.atan(side),
+            gamma_ref,
+            next_curvature * forward - aside / (L * (1.0 + side * side)),
+            bend * forward + sinking / (L * (1.0 + below * below)),
+            (
+                math.atan(next_curvature * V_g * V_g / (self._g * crab)),
+                lift / math.cos(phi),
+            ),
+        )
+        # Behind the start the distance from the route is that from the start.
+        off = e_y if abs(ahead) < SAME_PLACE else math.copysign(math.hypot(e_y, ahead), e_y)
+        return tuple.__new__(ReferenceSample, sample), (s, off, e_h)
+
+    def _at(self, s: float) -> tuple[float, ...]:
+        """The path at a distance, m.
+
+        North, east, course, its cosine and sine, curvature, height, slope.
+        """
+        i = min(int(s / STEP), self._last)
+        part = s / STEP - i
+        n, e, course, k, up, slope, d_n, d_e, turn, d_k, rise, d_slope = self._rows[i]
+        course += part * turn
+        c_n, c_e = math.cos(course), math.sin(course)
+        n, e, k = n + part * d_n, e + part * d_e, k + part * d_k
+        return n, e, course, c_n, c_e, k, up + part * rise, slope + part * d_slope
+
+    def _column(self, column: int, s: float) -> float:
+        """A column of the path at a distance, m."""
+        i = min(int(s / STEP), self._last)
+        row = self._rows[i]
+        return row[column] + (s / STEP - i) * row[column + len(COLUMNS)]

@@ -1,0 +1,145 @@
+"""Files of maps: GeoJSON and KML of a path and its corridor."""
+
+import json
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple, TypeAlias
+from xml.etree import ElementTree
+
+import numpy as np
+
+from flighttune.arrays import FloatArray, Floats
+from flighttune.errors import InputError
+from flighttune.files.mistakes import abridged
+from flighttune.references.earth import LatLon, on_earth
+from flighttune.references.path import STEP
+from flighttune.references.path import Path as Route
+from flighttune.units import DEG
+
+# Distance between the points of a file that is written, m.
+APART = 10.0
+
+# Numbers of a file are smaller in size.
+TOO_LARGE = 1e9
+
+# Largest change of course between two points of a corridor, rad.
+CHORD = 1.0 * DEG
+
+# A path, latitude and longitude of its start, deg, and the height of its start, m.
+Where: TypeAlias = tuple[Route, LatLon, float]
+
+
+class Corridor(NamedTuple):
+    """Bounds in windows of distance along a path, all in m."""
+
+    windows: FloatArray  # (windows, 2): from where to where
+    low: FloatArray  # (windows, 2): distances to the right of the path and below it
+    high: FloatArray
+    claim: str  # what it is of, in words
+
+
+def json_number(value: object, name: str) -> float:
+    """A number of a file; InputError if it is text, true or false, or too large."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < TOO_LARGE:
+        raise InputError(f"{name} must be a number, got {abridged(value)}.")
+    return float(value)
+
+
+@contextmanager
+def reading(path: Path, kind: str) -> Iterator[None]:
+    """Refuse a file in which something is missing or of another type, in one line with its name."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    except KeyError as error:
+        raise InputError(f"{path}: must be {kind}, got none with `{error.args[0]}`.") from error
+    except (TypeError, ValueError, IndexError, AttributeError, OverflowError) as error:
+        raise InputError(f"{path}: must be {kind}, got values of another kind.") from error
+
+
+def features(tables: Mapping[str, Any]) -> Iterable[Mapping[str, Any]]:
+    """The features of a GeoJSON object; a shape alone is one without properties."""
+    if tables["type"] == "FeatureCollection":
+        return [feature for feature in tables["features"] if feature["geometry"] is not None]
+    return [tables if tables["type"] == "Feature" else {"geometry": tables}]
+
+
+def route_geojson(where: Where, title: str, corridor: Corridor | None = None) -> str:
+    """A path as GeoJSON, with heights above sea level, and its corridor window by window."""
+    claim = {"corridor": corridor.claim} if corridor else {}
+    shapes = [({"name": title, **claim}, "LineString", _line(where).tolist())]
+    for properties, floor, _ in _pieces(where, corridor):
+        shapes.append((properties, "Polygon", [floor[:, :2].tolist()]))
+    written = [
+        {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": at}}
+        for properties, kind, at in shapes
+    ]
+    return json.dumps({"type": "FeatureCollection", "features": written}) + "\n"
+
+
+def route_kml(where: Where, title: str, corridor: Corridor | None = None) -> str:
+    """A path as KML, at heights above sea level, and floor and ceiling of its corridor."""
+    kml = ElementTree.Element("kml", xmlns="http://www.opengis.net/kml/2.2")
+    document = ElementTree.SubElement(kml, "Document")
+    mark = ElementTree.SubElement(document, "Placemark")
+    ElementTree.SubElement(mark, "name").text = title
+    if corridor:
+        ElementTree.SubElement(mark, "description").text = f"Corridor: {corridor.claim}."
+    _add_shape(mark, ["LineString"], _line(where))
+    for properties, *rings in _pieces(where, corridor):
+        mark = ElementTree.SubElement(document, "Placemark")
+        ElementTree.SubElement(mark, "name").text = "corridor from {from_m} m".format(**properties)
+        shapes = ElementTree.SubElement(mark, "MultiGeometry")
+        for ring in rings:
+            _add_shape(shapes, ["Polygon", "outerBoundaryIs", "LinearRing"], ring)
+    return ElementTree.tostring(kml, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _add_shape(parent: ElementTree.Element, names: Sequence[str], points: FloatArray) -> None:
+    """Add a shape at absolute heights; its coordinates are in the last of the nested `names`."""
+    shape = ElementTree.SubElement(parent, names[0])
+    ElementTree.SubElement(shape, "altitudeMode").text = "absolute"
+    for name in (*names[1:], "coordinates"):
+        shape = ElementTree.SubElement(shape, name)
+    shape.text = " ".join(",".join(map(str, point)) for point in points.tolist())
+
+
+def _line(where: Where) -> FloatArray:
+    """Coordinates of points of a path."""
+    (line,) = _coordinates(where, where[0].points(APART), 0.0, 0.0)
+    return line
+
+
+def _pieces(
+    where: Where, corridor: Corridor | None
+) -> Iterator[tuple[dict[str, Any], FloatArray, FloatArray]]:
+    """Properties of each window of a corridor, and the closed rings of its floor and ceiling.
+
+    The rings are counterclockwise, as GeoJSON asks for. Loiters overlap themselves, windows do not.
+    """
+    path = where[0]
+    for (begin, end), low, high in zip(*corridor[:3], strict=True) if corridor else ():
+        own = slice(int(begin / STEP), int(end / STEP) + 2)
+        turn, up = np.abs(path.curvature[own]).max() * (end - begin), path.up[own]
+        s = np.linspace(begin, end, 2 + int(max((end - begin) / APART, turn / CHORD)))
+        right = np.repeat([high[0], low[0], high[0]], [len(s), len(s), 1])
+        s = np.concatenate([s, s[::-1], s[:1]])
+        floor, ceiling = _coordinates(where, s, right, high[1], low[1])
+        numbers = (begin, end, up.min() - high[1], up.max() - low[1])
+        keys = ("from_m", "to_m", "min_up_m", "max_up_m")
+        rounded = {key: round(float(x), 2) for key, x in zip(keys, numbers, strict=True)}
+        yield {"name": "corridor", **rounded}, floor, ceiling
+
+
+def _coordinates(
+    where: Where, s: FloatArray, right: Floats, *distances_below: float
+) -> list[FloatArray]:
+    """Longitude and latitude, deg, and height, m, of points beside a path, and below it by each of
+    some distances, shape (n, 3)."""
+    path, origin, h_0 = where
+    places = path.beside(s, right)
+    lat, lon = on_earth(places, origin).T.round(8)
+    heights = h_0 + places[:, 2]
+    return [np.column_stack([lon, lat, (heights - x).round(2)]) for x in distances_below]

@@ -1,0 +1,123 @@
+"""The page of a counted band: its signals with the flights that were counted, and its claim."""
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.campaign.band import plan_of
+from flighttune.campaign.fence import count_inside, fence_of, inside_sentence, where_of
+from flighttune.claims.band import Band, predicted
+from flighttune.present.chart import DOTTED, Chart
+from flighttune.present.frame import Report, Section, page_template, write_page
+from flighttune.present.names import shown_unit
+from flighttune.present.palette import HUES, LIMIT, NEUTRAL
+from flighttune.present.tables import Table, facts_table
+from flighttune.reports.panels import ERRORS
+from flighttune.reports.route_charts import APART, DISTANCE_AXIS, KM, ROUTE_ERRORS, route_map
+
+# Fewest flights drawn inside the band, if so many are.
+MIN_DRAWN = 100
+
+(STRONG, _), (LIGHT, _) = HUES[0]
+
+# Titles and labels of signals; others have their names.
+TITLES = {name: (title, label) for name, title, label in (*ERRORS, *ROUTE_ERRORS)}
+
+NOTE = "A line joins the lowest and the highest value of a counted flight in each window."
+GIVEN = "The middle predicted from the wind of each flight is subtracted."
+
+
+def write_band_page(
+    band: Band, source: str, path: str | Path, tables: Sequence[Table], notes: Sequence[str]
+) -> Report:
+    """Write one self-contained page about the band in the file `source`.
+
+    Raises OutputError if the file cannot be written.
+    """
+    about = band.about
+    facts = {
+        "band": source,
+        "its SHA-256": hashlib.sha256(Path(source).read_bytes()).hexdigest(),
+        "flights": f"{len(band.scores)} counted, {about.learned} learned from",
+        "flights lost": band.lost,
+        "seed": f"{about.plan['campaign']['seed']}",
+    }
+    note = " ".join([NOTE, *([GIVEN] if about.predicted_from else []), *notes])
+    charts = [_chart(band, i) for i in range(len(about.signals))]
+    if band.axis.over == "along":
+        charts.insert(0, _map(band))
+    fences = [inside_sentence(band, count_inside(band, tables)) for tables in about.fences]
+    return write_page(
+        Path(path),
+        page_template("flighttune.reports", "commands.html.jinja"),
+        summary=tuple(f"{claim[:1].upper()}{claim[1:]}." for claim in (band.sentence, *fences)),
+        sections=[Section(note=note, charts=charts, tables=tables)],
+        title=f"Counted band: {about.plan['campaign']['title']}",
+        provenance=facts_table("Provenance", facts),
+        commands=f"flighttune verify {source}\nflighttune band {source} --recount 20",
+    )
+
+
+def _chart(band: Band, i: int) -> Chart:
+    """One signal: the band, and flights in it, outside of it and nearest to leaving it."""
+    about = band.about
+    name, si = list(about.signals.items())[i]
+    unit, factor = shown_unit(si)
+    title, label = TITLES.get(name, (name, f"{name} [{unit}]"))
+    edges, axis = band.axis.edges, "t [s]"
+    if band.axis.over == "along":
+        edges, axis = edges / KM, DISTANCE_AXIS
+    chart = Chart(title=title, x=axis, y=label, linked=True)
+    flights = band.extremes[..., i, :].astype(float)
+    middle = predicted(band.wind, about.coefficients)[..., i]
+    if about.predicted_from:
+        flights, middle = flights - middle[..., None], np.zeros_like(middle)
+    # both extremes of a window, one after the other
+    flights = flights.reshape(len(flights), -1)
+    x = np.linspace(edges[0], edges[-1], flights.shape[1])
+    low, high = (
+        factor * np.repeat(middle[0] + sign * band.half_widths[:, i], 2) for sign in (-1.0, 1.0)
+    )
+    chart.band(x, low, high, NEUTRAL, name="counted band")
+    for edge in (low, high):
+        chart.line(x, edge, NEUTRAL, dash=DOTTED, width=1.2, hover=False)
+    completed, within = np.isfinite(band.scores), band.scores <= band.scale
+    inside, outside = (np.flatnonzero(completed & side) for side in (within, ~within))
+    shown = inside[:: max(1, len(inside) // MIN_DRAWN)]
+    _lines(chart, x, factor * flights[shown], LIGHT, f"{len(shown)} of {len(inside)} inside", 0.5)
+    _lines(chart, x, factor * flights[outside], LIMIT, f"{len(outside)} outside", 0.9)
+    if band.claims:
+        nearest = factor * flights[band.draws.tolist().index(band.nearest)]
+        chart.line(x, nearest, STRONG, name=f"draw {band.nearest}, nearest to leaving")
+    return chart
+
+
+def _map(band: Band) -> Chart:
+    """The route from above with the corridor that the band claims, if it does, and its fences."""
+    plan, about = plan_of(band), band.about
+    path, *_ = where_of(plan.campaign.central)
+    s, sides = path.points(APART), None
+    if "cross_track" in about.signals and band.claims and not about.predicted_from:
+        bounds, i = band.bounds(s), list(about.signals).index("cross_track")
+        sides = np.stack([bounds.low[:, i], bounds.high[:, i]])
+    chart = route_map(plan.campaign.central, path, s, sides)
+    for tables in about.fences:
+        fence = fence_of(plan, tables)
+        ends = np.stack([fence.start, fence.end, np.full_like(fence.end, np.nan)], axis=1)
+        north, east = ends.reshape(-1, 2).T
+        chart.line(east, north, LIMIT, name="fence", most=len(north), hover=False)
+    return chart
+
+
+def _lines(
+    chart: Chart, x: FloatArray, flights: FloatArray, colour: str, name: str, width: float
+) -> None:
+    """A line for each flight, as one line that is broken between them."""
+    if len(flights):
+        gap = np.full((len(flights), 1), np.nan)
+        ys = np.hstack([flights, gap]).ravel()
+        xs = np.tile(np.append(x, np.nan), len(flights))
+        chart.line(xs, ys, colour, name=name, width=width, most=len(xs), hover=False)

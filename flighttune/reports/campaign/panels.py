@@ -1,0 +1,233 @@
+"""Charts of a campaign's report: success, distributions, pairs, convergence, influences."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.campaign.flying.columns import unit_of_key
+from flighttune.campaign.planning.plan import Group
+from flighttune.campaign.statistics.findings import Findings, values_of
+from flighttune.campaign.statistics.flights import is_number
+from flighttune.campaign.statistics.intervals import Estimate
+from flighttune.campaign.statistics.paired import scores
+from flighttune.present.chart import DASHED, HEAD_AND_FOOT, HEIGHT, Chart
+from flighttune.present.names import key_words, metric_label
+from flighttune.present.palette import LIMIT, LineStyle, line_styles
+from flighttune.present.tables import percent
+from flighttune.reports.campaign.tables import (
+    about,
+    bound_words,
+    influential_parameters,
+    measure_words,
+)
+
+# Least height of a row with a name and a share, and how far the share is below it, pixels.
+ROW, BELOW = 30.0, 9.0
+
+# Measures whose distributions are drawn.
+SPREAD = ("chi.ITAE", "gamma.ITAE", "chi.MO_rad", "gamma.MO_rad")
+
+# Ratio of the largest to the smallest value from which on an axis is logarithmic.
+MANY_TIMES = 30.0
+
+# Flights of a group in a chart of dots.
+DOTS = 400
+
+# Parameters over which a measure is drawn.
+SCATTERED = 2
+
+
+def styles_of(findings: Findings) -> dict[str, LineStyle]:
+    """Line style of every group by its label, as in the report of its scenario."""
+    plan = findings.flights.plan
+    pairs = [(plant.label, name) for plant in plan.scenario.plant for name in plan.gain_sets]
+    return {Group(*pair).label: style for pair, style in line_styles(pairs).items()}
+
+
+def arrays_of(estimates: Sequence[Estimate], factor: float) -> FloatArray:
+    """Values, lower and upper ends of estimates times a factor, shape (3, n)."""
+    return factor * np.array([(e.value, e.lo, e.hi) for e in estimates]).T
+
+
+def rates(findings: Findings) -> list[Chart]:
+    """Success rate of every group, and the measure that decides it."""
+    groups, styles = findings.values["groups"], styles_of(findings)
+    success = {group["group"]: (group["success"], group["lo"], group["hi"]) for group in groups}
+    charts = [_shares("Flights that succeed", success, styles)]
+    bounds = findings.values["requirements"]
+    decides = bounds[0]["measure"] if bounds else findings.measure
+    return charts + ([_distribution(findings, decides)] if decides else [])
+
+
+def distributions(findings: Findings) -> list[Chart]:
+    """Cumulative distribution of a metric over all flights, a panel a metric."""
+    wanted = dict.fromkeys([findings.measure, *SPREAD])
+    measures = [name for name in wanted if name and name in findings.flights.measures]
+    return [_distribution(findings, name) for name in measures]
+
+
+def convergence(findings: Findings) -> list[Chart]:
+    """Success rate and the 95th percentile of the measure from the first flights on."""
+    if findings.measure is None:
+        return []
+    how = metric_label(findings.measure)
+    title = f"95th percentile of {how.name}"
+    return [
+        _convergence(findings, "Success rate", "flights that succeed [%]", "success", 100.0),
+        _convergence(findings, title, how.heading, "p95", how.factor),
+    ]
+
+
+def split_panels(findings: Findings) -> list[Chart]:
+    """Success rate over the values of the most influential parameter."""
+    styles, charts = styles_of(findings), []
+    for parameter in dict.fromkeys(split["parameter"] for split in findings.splits):
+        own = [split for split in findings.splits if split["parameter"] == parameter]
+        chart = Chart(
+            title=f"Success over {key_words(parameter)}",
+            x=_axis(parameter),
+            y="flights that succeed [%]",
+            y_range=(-3.0, 103.0),
+        )
+        for split in own:
+            label, centres = split["group"], np.asarray(split["centres"], dtype=float)
+            rate, lo, hi = arrays_of(split["success"], 100.0)
+            # each interval a line of its own: NaN between them
+            across = np.column_stack([centres, centres, np.full(len(centres), np.nan)]).ravel()
+            up = np.column_stack([lo, hi, np.full(len(centres), np.nan)]).ravel()
+            chart.line(across, up, styles[label].colour, run=label, width=1.2, hover=False)
+            chart.run_line(centres, rate, styles[label], label, width=1.4)
+            chart.points(centres, rate, styles[label].colour, run=label)
+        if not is_number(findings.flights.rows[parameter]):
+            centres = own[0]["centres"]
+            chart.x_ticks = list(zip(centres, own[0]["labels"], strict=True))
+            chart.x_range = (min(centres) - 0.5, max(centres) + 0.5)
+        charts.append(chart)
+    return charts
+
+
+def scatter_panels(findings: Findings) -> list[Chart]:
+    """The metric over the most influential parameters, a dot a flight."""
+    if findings.measure is None:
+        return []
+    how, styles, charts = metric_label(findings.measure), styles_of(findings), []
+    values = how.factor * values_of(findings.flights.rows, findings.measure)
+    highest = np.max(values[np.isfinite(values)], initial=-np.inf)
+    if np.isinf(highest):
+        return []
+    for key in influential_parameters(findings)[:SCATTERED]:
+        if not is_number(findings.flights.rows[key]):
+            continue
+        chart = Chart(
+            title=f"{measure_words(how)} over {key_words(key)}",
+            x=_axis(key),
+            y=how.heading,
+            x_room=0.03,
+        )
+        for group, rows in findings.flights.groups():
+            label, some = group.label, rows.iloc[:: len(rows) // DOTS + 1]
+            x = some[key].to_numpy(dtype=float)
+            y = how.factor * values_of(some, findings.measure)
+            # commands that fly each row again, as tips under the pointer
+            again = f"flighttune campaign fly {findings.flights.url} --run"
+            tips = np.array([f"run {run}: {again} {run}" for run in some["run"]])
+            flown = np.isfinite(y)
+            dots = {"size": 2.6, "opacity": 0.6, "tips": tips[flown].tolist()}
+            chart.points(x[flown], y[flown], styles[label].colour, run=label, **dots)
+            # flights that ended early have no value: they stand as high as the worst one
+            top, lost = np.full(len(x), highest), {"shape": "cross", "tips": tips[~flown].tolist()}
+            chart.points(x[~flown], top[~flown], LIMIT, run=label, **lost)
+        charts.append(chart)
+    return charts
+
+
+def _shares(
+    title: str, of: dict[str, tuple[float, float, float]], styles: dict[str, LineStyle]
+) -> Chart:
+    """A row a group, from the top: its name, and below it the share with its interval."""
+    height = max(HEIGHT, HEAD_AND_FOOT + ROW * len(of))
+    row = (height - HEAD_AND_FOOT) / len(of)
+    chart = Chart(
+        title=title,
+        x="share [%], with interval",
+        height=height,
+        y_range=(0.0, float(len(of))),
+        y_ticks=(),
+        downwards=True,
+    )
+    for place, (label, shares) in enumerate(of.items()):
+        (value, lo, hi), colour = (100.0 * share for share in shares), styles[label].colour
+        y = place + 0.5 + BELOW / row
+        shown = f"{percent(shares[0])} % [{percent(shares[1])}, {percent(shares[2])}]"
+        chart.name_row(place + 0.5, f"{label}: {shown}")
+        chart.line([lo, hi], [y, y], colour, run=label, hover=False)
+        chart.points(value, y, colour, run=label, size=4.0)
+    low, high = min(lo for _, lo, _ in of.values()), max(hi for _, _, hi in of.values())
+    room = 6.0 * max(high - low, 0.01)
+    chart.x_range = max(-2.0, 100.0 * low - room), min(102.0, 100.0 * high + 2.5 * room)
+    return chart
+
+
+def _distribution(findings: Findings, measure: str) -> Chart:
+    """Curves end below 100 % where flights were not completed or have no value."""
+    how, styles = metric_label(measure), styles_of(findings)
+    curves = {}
+    for group, rows in findings.flights.groups():
+        values = np.sort(how.factor * scores(rows, measure))
+        share = 100.0 * np.arange(1, len(values) + 1) / len(values)
+        kept = np.isfinite(values)
+        if kept.any():
+            curves[group.label] = values[kept], share[kept]
+    chart = Chart(
+        title=f"Flights by {measure_words(how)}",
+        x=how.heading,
+        y="flights at or below [%]",
+        y_range=(0, 102),
+    )
+    bounds = {}
+    for own in findings.values["requirements"]:
+        if own["measure"] == measure:
+            whose = f" ({about(own)})" if about(own) else ""
+            bounds[bound_words(own) + whose] = how.factor * own["bound"]
+    for words, bound in bounds.items():
+        chart.legend.append((words, LIMIT, DASHED))
+        chart.upright(bound, LIMIT, dash=DASHED)
+    if curves or bounds:
+        shown = [values for values, _ in curves.values()]
+        chart.x_range, chart.log = _scale(shown, list(bounds.values()))
+    for label, (values, share) in curves.items():
+        # a step at every value, from the share of the value before
+        x, y = np.repeat(values, 2), np.repeat(np.append(0.0, share), 2)[1:-1]
+        chart.run_line(x, y, styles[label], label)
+    return chart
+
+
+def _convergence(findings: Findings, title: str, y: str, name: str, factor: float) -> Chart:
+    styles = styles_of(findings)
+    chart = Chart(title=title, x="flights of a group", y=y, log="x")
+    for curve in findings.convergence:
+        label, n = curve["group"], np.array(curve["n"], dtype=float)
+        value, lo, hi = arrays_of(curve[name], factor)
+        bounded = np.isfinite(lo) & np.isfinite(hi)
+        low, high = (np.where(bounded, side, np.nan) for side in (lo, hi))
+        chart.band(n, low, high, styles[label].colour, run=label)
+        chart.run_line(n, value, styles[label], label)
+    return chart
+
+
+def _scale(
+    values: Sequence[FloatArray], bounds: Sequence[float]
+) -> tuple[tuple[float, float], str]:
+    """Ends around all bounds and all values but the outer 0.5 %, and the logarithmic axes."""
+    inner = np.quantile(np.concatenate(values), [0.005, 0.995]).tolist() if values else []
+    low, high = min([*inner, *bounds]), max([*inner, *bounds])
+    if low > 0.0 and high / low > MANY_TIMES:
+        return (low / 1.1, high * 1.1), "x"
+    room = 0.04 * (high - low) or 0.1 * abs(high) or 1.0
+    return (low - room, high + room), ""
+
+
+def _axis(key: str) -> str:
+    unit = unit_of_key(key)
+    return f"{key_words(key)} [{unit}]" if unit != "1" else key_words(key)

@@ -1,0 +1,341 @@
+"""Reports as self-contained HTML files: on the runs of a scenario, and on a comparison of runs."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.arrays import FloatArray
+from flighttune.claims.linear_loop import flight_check
+from flighttune.errors import FlightTuneError, RecordingError
+from flighttune.files.table import toml_text
+from flighttune.flight.advice import advice
+from flighttune.flight.expectations import check_claim
+from flighttune.flight.outer_loop import tuning_problem
+from flighttune.gaps.gap import Gap, step_table
+from flighttune.gaps.ladder import explain_flight
+from flighttune.present.chart import Chart
+from flighttune.present.frame import Report, Section, page_template, write_page
+from flighttune.present.names import CHANNEL_SYMBOLS
+from flighttune.records.compare import (
+    Comparison,
+    Source,
+    comparison_table,
+    load_source,
+    overlaid,
+    pairs_table,
+    sources_of,
+)
+from flighttune.reports import panels, tables
+from flighttune.reports.gap_charts import bound_chart, itae_chart, steps_chart
+from flighttune.reports.route_charts import planned_path, route_charts
+from flighttune.scenario.load import scenario_from
+from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
+from flighttune.simulate.run import Run, claim_notes, run_styles
+from flighttune.tuning.frontier import frontier, frontier_chart
+from flighttune.units import DEG_PER_RAD
+
+# Gain sets whose gap is drawn; the table has all of them.
+MAX_GAPS = 3
+
+FRONTIER_POINTS = 9
+
+# Samples of a reference that is described in words.
+ANGLES = 2001
+
+# Longest aircraft run for which the ladder is flown: beyond it a report would take minutes.
+LONGEST_LADDER = 6_000
+
+CONVERGES = (
+    "A run converges if it was completed and both errors stay within their limits over the last "
+    f"quarter of the flight: {100.0 * tables.CONVERGED_PART:.0f} % of the largest error, and at "
+    f"least {tables.CONVERGED_AT_LEAST * DEG_PER_RAD:.1f}°. On a route it converges if it arrives."
+)
+ERRORS = "Errors are reference minus actual, the course error wrapped to ±180°."
+GAP = (
+    "The same gains under the same limits in the same air, on the paper's law, the exact point "
+    "mass, the point mass behind the inner loop and the aircraft. Red: the tube of the aircraft, "
+    "where one covers it; flighttune report takes --claim FILE."
+)
+BOUND = (
+    "The proof is about the linear loop. s stacks error rates and errors of flights of the law in "
+    "still air. Dashed: its bound, i.e. the decay of the linear loop plus what the disturbance in "
+    "the scenario can add (at most the dotted level). It pauses while a command is limited and "
+    "restarts when the reference changes slope. A red cross marks where a flight first exceeds it. "
+    "An aircraft has no such bound; its tube bounds its errors."
+)
+NO_BOUND = (
+    "The proof is about the linear loop. No flight here is one of the law in still air with true "
+    "values measured, so none is compared with the bound."
+)
+NO_CURVE = (
+    "There is no curve of R_K against I_K: no stable gains were found within the limits of the "
+    "scenario's tuning."
+)
+
+
+def write_report(
+    source: str | Path | Source,
+    path: str | Path,
+) -> Report:
+    """Write one self-contained page about the runs of a scenario.
+
+    Parameters
+    ----------
+    source : str, path-like or Source
+        A source as of `compare`: a run folder, a recording, a Parquet
+        file or ``scenario@gains``.
+    path : path-like
+        HTML file to write or replace; parent folders are made.
+
+    Returns
+    -------
+    Report
+
+    Raises
+    ------
+    RecordingError
+        If no run flew, the runs are of several scenarios, or the file cannot be written.
+    ScenarioError
+        If the recorded scenario is not valid any more.
+
+    Examples
+    --------
+    >>> ft.write_report("paper_as_printed@paper", "report.html").summary[0]
+    'Claim met: 4 of 4 requirements.'
+    """
+    source = source if isinstance(source, Source) else load_source(source)
+    runs = [run for run in source.runs if len(run.signals) > 1]
+    scenario = _scenario(source, runs)
+    styles = run_styles(source.runs)
+    drawn = [(run, styles[run.label]) for run in runs]
+    claim = check_claim(scenario, source.runs)
+    convergence = tables.convergence_table(source.runs, claim)
+    converged = sum(record["converges"] for record in convergence.records)
+    gaps, without_gap = _gaps(scenario, runs)
+    certificate = _certificate_section(scenario, drawn)
+    at_top, below = _areas(runs)
+    made = runs[0].provenance
+    return write_page(
+        Path(path),
+        page_template("flighttune.reports", "page.html.jinja"),
+        about=(_flown_in_words(scenario, runs), _gains_in_words(scenario, runs)),
+        summary=(
+            f"{claim.short}.",
+            f"{converged} of {len(source.runs)} runs converge.",
+        ),
+        closest=f"{claim.sentence}." if claim.verdict == "met" else "",
+        missed=(*claim.missed, *filter(None, [advice(scenario, source.runs, "SCENARIO")])),
+        criterion=CONVERGES,
+        sections=[
+            Section(note=at_top, charts=_overview(drawn), tables=[convergence]),
+            Section(
+                id="tracking",
+                title="Errors and metrics",
+                note=" ".join([ERRORS, *below]),
+                charts=panels.errors(drawn),
+                tables=[tables.tracking_table(runs), tables.runs_table(source.runs)],
+            ),
+            _commands_section(drawn, "Commands after magnitude and rate limits."),
+            *([_gap_section(gaps, runs)] if gaps else []),
+            certificate,
+        ],
+        title=scenario.title,
+        claim=scenario.verifies,
+        legend=[(run.label, style) for run, style in drawn],
+        styles=styles,
+        without_gap=without_gap,
+        missing=source.missing,
+        provenance=tables.provenance_table(source.name, scenario, runs),
+        scenario_text=toml_text(made.scenario),
+        first_gains=next((run.provenance.gains_name for run in runs if run.provenance.gains), None),
+        version=made.versions.get("flighttune", ""),
+    )
+
+
+def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
+    """Write one self-contained page about comparable runs; parent folders are made.
+
+    Raises OutputError if the file cannot be written.
+    """
+    runs = overlaid(comparison)
+    styles = run_styles(runs)
+    drawn = [(run, styles[run.label]) for run in runs]
+    scenario = runs[0].provenance.scenario
+    sources = sources_of(comparison)
+    at_top, below = _areas(runs)
+    return write_page(
+        Path(path),
+        page_template("flighttune.reports", "commands.html.jinja"),
+        sections=[
+            Section(note=at_top, charts=_overview(drawn), tables=[pairs_table(comparison)]),
+            Section(
+                id="metrics",
+                title="Errors and metrics",
+                note=" ".join([ERRORS, *below]),
+                charts=panels.errors(drawn),
+                tables=[comparison_table("metrics", comparison.metrics)],
+            ),
+            _commands_section(drawn),
+        ],
+        title=f"{scenario.get('title', 'Flight')}: comparison",
+        legend=list(styles.items()),
+        styles=styles,
+        provenance=tables.provenance_table(", ".join(sources), scenario_from(dict(scenario)), runs),
+        commands=f"flighttune compare {' '.join(sources)}",
+        scenario_text=toml_text(scenario),
+    )
+
+
+def _scenario(source: Source, runs: Sequence[Run]) -> Scenario:
+    """The one scenario of all runs, whatever their gains."""
+    if not runs:
+        raise RecordingError(f"{source.name}: a run must have flown, got none.")
+    first, *others = ({**run.provenance.scenario, "gains": None} for run in runs)
+    for run, other in zip(runs[1:], others, strict=True):
+        if other != first:
+            raise RecordingError(
+                f"{source.name}: the runs must be of one scenario, got another one for "
+                f"{run.label} than for {runs[0].label}; use compare for those."
+            )
+    return scenario_from(dict(runs[0].provenance.scenario))
+
+
+def _flown_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
+    """Aircraft, airspeed, manoeuvre and weather of a scenario in one line."""
+    aircraft = []
+    for name in dict.fromkeys(filter(None, (run.provenance.aircraft for run in runs))):
+        try:
+            aircraft.append(load_aircraft(name).title)
+        except FlightTuneError:  # of somebody else's recording
+            aircraft.append(name)
+    start, of = scenario.stated_condition, "; ".join(aircraft) or "Guidance law"
+    if scenario.route is not None:
+        passed = len(scenario.route.waypoint)
+        return f"{of}: at {start.V_a:g} m/s in {scenario.air}, {passed} waypoints."
+    t = np.linspace(0.0, scenario.flight.duration_s, ANGLES)
+    chi, gamma = scenario.followed().sampled(t)
+    course, climb = _moves("course", start.chi, chi), _moves("path angle", start.gamma, gamma)
+    if "goes from" in course:
+        climb = climb.replace("goes from", "from")  # the page has no room to say it twice
+    angles = f"{course} and {climb}"
+    return f"{of}: at {start.V_a:g} m/s in {scenario.air}, {angles}."
+
+
+def _moves(name: str, start: float, reference: FloatArray) -> str:
+    """Words for the reference of an angle, in degrees, from the angle at the start."""
+    path = np.round(DEG_PER_RAD * np.append(start, reference), 1) + 0.0
+    first, last, low, high = (f"{end:g}°" for end in (path[0], path[-1], path.min(), path.max()))
+    if low == high:
+        return f"the {name} stays at {first}"
+    if {first, last} == {low, high}:
+        return f"the {name} goes from {first} to {last}"
+    if first == last and first in (low, high):
+        return f"the {name} goes from {first} to {high if first == low else low} and back"
+    return f"the {name} moves between {low} and {high}"
+
+
+def _gains_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
+    """Where the gains of the runs come from, in one line."""
+    identified = "largest R_K on the identified aircraft"
+    on_the_law = f"largest R_K with I_K ≤ {scenario.tuning.I_star:g} on the guidance law"
+    origins = {
+        "paper": "K*, arXiv 2411.13140",
+        TUNED: identified if scenario.tuning.model == "identified" else on_the_law,
+        TUNED_IDENTIFIED: identified,
+    }
+    names = dict.fromkeys(run.provenance.gains_name.split(":")[-1] for run in runs)
+    sets = (f"{origins.get(name, 'those of the scenario')} ({name})" for name in names)
+    return f"Gains: {', '.join(sets)}."
+
+
+def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[list[Gap], list[str]]:
+    """Gaps of the first aircraft, nominal and off-nominal; reasons for the missing ones."""
+    gaps, without = [], []
+    aircraft = [table for table in scenario.plant if table.aircraft is not None]
+    plants = {table.label for table in aircraft if table.aircraft == aircraft[0].aircraft}
+    for run in runs:
+        if run.provenance.plant not in plants:
+            continue
+        if len(run.signals) > LONGEST_LADDER:
+            without.append(
+                f"{run.label}: {len(run.signals)} samples are more than {LONGEST_LADDER}; "
+                "flighttune gap flies the ladder of a flight of any length."
+            )
+            continue
+        try:
+            gaps.append(explain_flight(scenario, run))
+        except FlightTuneError as error:
+            without.append(f"{run.label}: {error}")
+    return gaps, without
+
+
+def _areas(runs: Sequence[Run]) -> tuple[str, list[str]]:
+    """What the areas on a page are: the note at its top on a route, and that below the errors."""
+    words = claim_notes(runs)
+    return (" ".join(words), []) if "along" in runs[0].signals else ("", words)
+
+
+def _overview(drawn: panels.Drawn) -> list[Chart]:
+    """The charts at the top: of a route on a map and along it, else of course and path angle."""
+    return route_charts(drawn) or panels.tracking(drawn)
+
+
+def _commands_section(drawn: panels.Drawn, note: str = "") -> Section:
+    path = [] if planned_path(drawn) else panels.paths(drawn)  # that of a route is drawn at the top
+    title = "Commands and path" if path else "Commands"
+    return Section(id="commands", title=title, note=note, charts=[*panels.commands(drawn), *path])
+
+
+def _gap_section(gaps: Sequence[Gap], runs: Sequence[Run]) -> Section:
+    more = len(gaps) - MAX_GAPS
+    return Section(
+        id="gap",
+        title="From the law to the aircraft",
+        note=GAP
+        + "".join(f" {sentence}" for gap in gaps[:MAX_GAPS] for sentence in gap.causes)
+        + (f" The tables have {more} more." if more > 0 else ""),
+        charts=[
+            kind(gap, channel)
+            for gap in gaps[:MAX_GAPS]
+            for channel in CHANNEL_SYMBOLS
+            for kind in (itae_chart, steps_chart, bound_chart)
+        ],
+        columns=3,
+        tables=[replace(step_table(gaps), name="gap"), tables.paths_table(runs)],
+        legend=False,
+    )
+
+
+def _certificate_section(scenario: Scenario, drawn: panels.Drawn) -> Section:
+    """Certificates of the gains, bounds of flights of the law, and the frontier with the gains."""
+    sets = {run.provenance.gains_name: run.provenance.gains for run, _ in drawn}
+    gains = {name: gain_set for name, gain_set in sets.items() if gain_set is not None}
+    checks = {run.label: check for run, _ in drawn if (check := flight_check(run)) is not None}
+    curve = frontier(
+        tuning_problem(scenario),
+        points=FRONTIER_POINTS,
+        marked=gains,
+        starts=0,  # drawn gains find the same curve in twice the time
+    )
+    # A gain set has the style of its run on the last plant, the strongest.
+    marks = {run.provenance.gains_name: style for run, style in drawn}
+    charts = panels.certificate_panels(drawn, checks)
+    stable = "frontier" in set(curve["name"])
+    if stable:
+        charts += [frontier_chart(curve, marks, against=key) for key in ("I_K", "E_K")]
+    notes = [BOUND if checks else NO_BOUND, "" if stable else NO_CURVE]
+    return Section(
+        id="certificate",
+        title="Certificate",
+        note=" ".join(filter(None, notes)),
+        charts=charts,
+        tables=[
+            tables.gains_table(gains, curve),
+            tables.certificates_table(scenario, gains),
+            tables.kept_table(checks),
+        ],
+    )

@@ -1,0 +1,248 @@
+"""Charts over time and of the path: tracking, commands with limits, paths, certificates."""
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.claims.linear_loop import FlightCheck
+from flighttune.errors import InputError
+from flighttune.flight.fly import FlownScenario
+from flighttune.present.chart import DASHED, DOTTED, Chart, Sheet, dashes
+from flighttune.present.names import shown_unit
+from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle
+from flighttune.present.thinning import MAX_DRAWN
+from flighttune.recording.plots import displayed, limits_of
+from flighttune.references.follow import ROUTE_SIGNALS
+from flighttune.simulate.bounds import claims_around
+from flighttune.simulate.run import Run, run_styles
+
+ANGLES = (
+    ("chi", "Course; reference grey", "χ [deg]"),
+    ("gamma", "Path angle; reference grey", "γ [deg]"),
+)
+ERRORS = (("chi_err", "Course error", "e_χ [deg]"), ("gamma_err", "Path-angle error", "e_γ [deg]"))
+COMMANDS = (
+    ("phi", "Roll command; limits dashed, bars: limited", "φ_cmd [deg]"),
+    ("n_z", "Load-factor command; limits dashed, bars: limited", "n_z,cmd [1]"),
+)
+FLOWN = (("phi", "Roll", "φ [deg]"), ("n_z", "Load factor", "n_z [1]"))
+
+# Height of the bar of one run as a part of the panel.
+LANE = 0.035
+
+FEW_RUNS = 4
+
+# Lower end of the logarithmic axis of ``||s||``.
+FLOOR = 1e-4
+
+TINY = 1e-9
+
+# Bars that fit next to each other in a flight.
+FINEST = 300
+
+
+# Runs that flew and are drawn together, each with its line.
+Drawn: TypeAlias = Sequence[tuple[Run, LineStyle]]
+
+
+def most_points(runs: int) -> int:
+    """Points a line may have, so that the page of many long runs stays small."""
+    return MAX_DRAWN * FEW_RUNS // max(FEW_RUNS, runs)
+
+
+def tracking(drawn: Drawn) -> list[Chart]:
+    """Course and path angle with their references."""
+    longest = max((run for run, _ in drawn), key=lambda run: run.duration)
+    charts = []
+    for signal, title, unit in ANGLES:
+        chart = over_time(drawn, title, unit)
+        reference = displayed(longest.signals, f"{signal}_ref")
+        chart.line(longest.t, reference, NEUTRAL, width=2.2, most=most_points(len(drawn)))
+        charts.append(_with_runs(chart, drawn, signal))
+    return charts
+
+
+def errors(drawn: Drawn) -> list[Chart]:
+    """Both errors with what is claimed of them, and other signals of which something is claimed."""
+    charts = []
+    for signal, title, unit in ERRORS:
+        chart = over_time(drawn, title, unit)
+        chart.level(0.0, NEUTRAL, dash="")
+        for run, style in drawn:
+            draw_claims(chart, run, run.t, signal, style.colour)
+        charts.append(_with_runs(chart, drawn, signal))
+    shown = {*ROUTE_SIGNALS, *(signal for signal, *_ in ERRORS)}
+    claimed = {
+        name: claim.units[name]
+        for run, _ in drawn
+        for claim in run.claims
+        for name in claim.bounds.names
+        if name not in shown
+    }
+    for signal, si_unit in claimed.items():
+        bounded = [(run, style) for run, style in drawn if any(claims_around(run.claims, signal))]
+        chart = over_time(bounded, signal, f"{signal} [{shown_unit(si_unit)[0]}]")
+        for run, style in bounded:
+            draw_claims(chart, run, run.t, signal, style.colour)
+        charts.append(_with_runs(chart, bounded, signal))
+    return charts
+
+
+def draw_claims(chart: Chart, run: Run, x: FloatArray, signal: str, colour: str) -> None:
+    """The bounds claimed of a signal: a tube in the colour of its run, a band grey with edges."""
+    for claim, ends in claims_around(run.claims, signal):
+        low, high = shown_unit(claim.units[signal])[1] * ends
+        counted = claim.kind == "counted"
+        chart.band(x, low, high, NEUTRAL if counted else colour, run=run.label, name=claim.title)
+        for edge in (low, high) if counted else ():
+            chart.line(x, edge, NEUTRAL, run=run.label, dash=DOTTED, width=1.2, hover=False)
+
+
+def commands(drawn: Drawn) -> list[Chart]:
+    """Commands after their limits, the limits, and bars while a command is limited."""
+    charts = []
+    for name, title, unit in COMMANDS:
+        chart = _with_runs(over_time(drawn, title, unit), drawn, f"{name}_cmd")
+        limits = limits_of(drawn[0][0].provenance.scenario, name) or ()
+        for limit in limits:
+            chart.level(limit)
+        low, high = chart.y_ends()
+        room = LANE * (len(drawn) + 1)
+        chart.y_range = low - room / (1.0 - room) * (high - low), high
+        for place, (run, style) in enumerate(drawn):
+            limited = run.signals[f"{name}_limited"].to_numpy() != 0.0
+            chart.spans(_spans(run.t, limited), LANE * (place + 0.8), style.colour, run=run.label)
+        charts.append(chart)
+    return charts
+
+
+def paths(drawn: Drawn) -> list[Chart]:
+    """The paths from above, and their heights."""
+    height = over_time(drawn, "Height over the start", "height [m]")
+    for run, style in drawn:
+        down = run.signals["down"].to_numpy()
+        height.run_line(run.t, -down, style, run.label, most=most_points(len(drawn)))
+    return [_from_above(drawn), height]
+
+
+def plot(flown: FlownScenario | Run | Iterable[Run]) -> Sheet:
+    """Draw both errors, roll and load factor of flights over time, with their limits.
+
+    Parameters
+    ----------
+    flown : FlownScenario, Run or iterable of Run
+
+    Returns
+    -------
+    Sheet
+        Angles in degrees; a notebook shows it, ``save`` writes an SVG file.
+
+    Raises
+    ------
+    InputError
+        If no run has flown.
+
+    Examples
+    --------
+    >>> ft.plot(ft.fly(ft.load_scenario("paper_as_printed"))).save("flight.svg")
+    """
+    runs = flown.runs if isinstance(flown, FlownScenario) else flown
+    runs = (runs,) if isinstance(runs, Run) else tuple(runs)
+    styles = run_styles(runs)
+    drawn = [(run, styles[run.label]) for run in runs if len(run.signals) > 1]
+    if not drawn:
+        raise InputError("`flown` must have a run that flew, got none.")
+    charts = [*errors(drawn), *flown_signals(drawn)]
+    for chart in charts:
+        chart.legend = [(run.label, style.colour, dashes(style)) for run, style in drawn]
+    return Sheet(charts=charts)
+
+
+def flown_signals(drawn: Drawn, signals: Sequence[tuple[str, str, str]] = FLOWN) -> Iterator[Chart]:
+    """Signals (name, title and unit) of flights over time, with their limits."""
+    for name, title, unit in signals:
+        chart = over_time(drawn, title, unit)
+        for limit in limits_of(drawn[0][0].provenance.scenario, name) or ():
+            chart.level(limit)
+        yield _with_runs(chart, [(run, style) for run, style in drawn if name in run.signals], name)
+
+
+def certificate_panels(drawn: Drawn, checks: Mapping[str, FlightCheck]) -> list[Chart]:
+    """The norm of s against its bound on the linear loop, a chart per gain set."""
+    charts = []
+    for name in dict.fromkeys(run.provenance.gains_name for run, _ in drawn):
+        own = [
+            (run, style, checks[run.label])
+            for run, style in drawn
+            if run.provenance.gains_name == name and run.label in checks
+        ]
+        if not own:
+            continue
+        chart = Chart(
+            title=f"{name}: ‖s‖ of the law, bound of the linear loop dashed",
+            y="‖(e′, e)‖ [rad/s, rad]",
+            x_range=(0.0, max(run.duration for run, *_ in own)),
+            log="y",
+            linked=True,
+        )
+        look: dict[str, Any] = {"most": most_points(len(drawn))}
+        for run, style, check in own:
+            label = run.label
+            chart.run_line(check.t, np.maximum(check.size, TINY), style, label, dash="", **look)
+            chart.run_line(check.t, check.bound, style, label, dash=DASHED, width=1.2, **look)
+            if check.radius > 0.0:
+                chart.level(check.radius, style.colour, dash=DOTTED, run=label)
+            if check.t_broken is not None:
+                at = float(np.interp(check.t_broken, check.t, check.size))
+                chart.points(check.t_broken, at, LIMIT, shape="cross", size=5, run=label)
+        low, high = chart.y_ends()
+        chart.y_range = max(low, FLOOR), high
+        charts.append(chart)
+    return charts
+
+
+def over_time(drawn: Drawn, title: str, unit: str) -> Chart:
+    """An empty chart over the longest flight."""
+    longest = max(run.duration for run, _ in drawn)
+    return Chart(title=title, y=unit, x_range=(0.0, longest), linked=True)
+
+
+def _with_runs(chart: Chart, drawn: Drawn, signal: str) -> Chart:
+    for run, style in drawn:
+        chart.run_line(
+            run.t, displayed(run.signals, signal), style, run.label, most=most_points(len(drawn))
+        )
+    return chart
+
+
+def _from_above(drawn: Drawn) -> Chart:
+    """North up, or to the right where the flight is longer that way."""
+    points = np.vstack([run.signals[["north", "east"]].to_numpy() for run, _ in drawn])
+    north, east = np.ptp(points, axis=0)
+    x, y = ("north", "east") if north > east else ("east", "north")
+    chart = Chart(
+        title="From above, start at the cross",
+        x=f"{x} [m]",
+        y=f"{y} [m]",
+        equal=True,
+        downwards=y == "east",  # with north to the right, east is down
+    )
+    for run, style in drawn:
+        across, up = (run.signals[name].to_numpy() for name in (x, y))
+        chart.run_line(across, up, style, run.label, most=most_points(len(drawn)))
+    chart.points(0.0, 0.0, NEUTRAL, shape="plus", size=6)
+    return chart
+
+
+def _spans(t: FloatArray, flag: np.ndarray) -> Sequence[tuple[float, float]]:
+    """Start and end of every stretch in which `flag` is true; close ones are joined."""
+    edges = np.flatnonzero(np.diff(flag.astype(int), prepend=0, append=0))
+    ends = np.append(t, t[-1])[edges].tolist()
+    spans: list[tuple[float, float]] = []
+    for start, end in zip(ends[::2], ends[1::2], strict=True):
+        if spans and start - spans[-1][1] < t[-1] / FINEST:
+            start = spans.pop()[0]
+        spans.append((start, end))
+    return spans

@@ -1,0 +1,314 @@
+"""A tube: bounds proven for all flights of a problem, what they say, and of which runs."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from flighttune.arrays import FloatArray
+from flighttune.claims.conformance import STARTS, CountedProbability, flown_values
+from flighttune.control.gains import gains_table
+from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.names import CHANNEL_SYMBOLS, columns
+from flighttune.present.tables import Column, Table, number
+from flighttune.scenario.load import scenario_from
+from flighttune.simulate.bounds import ERRORS, Bounds, Kind, RunClaim
+from flighttune.simulate.run import Run
+from flighttune.tubes.hand_over import HandOver
+from flighttune.tubes.problem import (
+    MAX_PIECES,
+    MAX_SYMBOLS,
+    QUANTITIES,
+    SAME_REFERENCE,
+    TubeProblem,
+    reference_of,
+)
+from flighttune.units import DEG, DEG_PER_RAD
+
+WIDTH_COLUMNS = [
+    *columns("error"),
+    Column("max", "largest half-width", "deg"),
+    Column("end", "at the end", "deg"),
+    Column("ever", "ever after", "deg"),
+]
+FLIGHT_COLUMNS = [
+    *columns("plant duration_s V_a_mps rate_hz"),
+    Column("start.chi", "course at the start", "deg", factor=DEG_PER_RAD),
+    Column("start.gamma", "path angle at the start", "deg", factor=DEG_PER_RAD),
+    Column("within", "start within", "deg", factor=DEG_PER_RAD),
+    Column("end.chi", "course of the reference at the end", "deg", factor=DEG_PER_RAD),
+    Column("end.gamma", "path angle of the reference at the end", "deg", factor=DEG_PER_RAD),
+]
+DISTURBANCE_COLUMNS = [
+    *columns("channel"),
+    Column("low", "lowest", "rad/s"),
+    Column("high", "highest", "rad/s"),
+]
+LIMIT_KEYS = ("lower", "upper", "rate_lower", "rate_upper")
+LIMIT_COLUMNS = [*columns(f"command {' '.join(LIMIT_KEYS)}"), Column("held_s", "can hold", "s")]
+LOST = "`flighttune band` bounds such flights with a probability, without a model."
+
+# Relative rounding of numbers in a scenario that was written and read again.
+ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """Settings of an enclosure."""
+
+    sides: Annotated[int, Field(ge=1, le=64)]  # pieces of the starts along each axis
+    symbols: Annotated[int, Field(ge=1, le=MAX_SYMBOLS)]  # most symbols of a piece
+    tolerance: float  # see `Search`
+    most: Annotated[int, Field(ge=1, le=MAX_PIECES)]  # most pieces, see `Search`
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tube(Answering):
+    """Bounds that hold for every flight of a problem: a claim that is proven.
+
+    Attributes
+    ----------
+    problem : TubeProblem
+        The flights enclosed.
+    status : {"bounded", "unbounded"}
+        Whether the bounds last for the whole time.
+    reason : str
+        Time and cause where they do not.
+    bounds : Bounds
+        Bounds on the errors (rad) and the commands (rad and 1) up to where they last. The errors
+        stay between the straight lines from sample to sample, measured to the reference that moves
+        straight as well.
+    can_limit : ndarray of bool, shape (k, 2)
+        Whether a limit can hold the command of roll and of load factor.
+    settings : Settings
+        How the enclosure was made.
+    chosen : ndarray of float32, shape (n,)
+        Choices that make the proof short: slopes, splits, symbols given up.
+    hand_over : HandOver or None
+        Set in which the flights stay for ever; None where no such set was found.
+
+    Examples
+    --------
+    >>> tube = ft.tube("paper", "paper", changes={"flight.duration_s": 2.0})
+    >>> flown = ft.fly(tube.problem.scenario).within(tube)
+    >>> [claim.kind for claim in flown.runs[0].claims]
+    ['proven']
+    """
+
+    problem: TubeProblem
+    status: Literal["bounded", "unbounded"]
+    reason: str
+    bounds: Bounds
+    can_limit: npt.NDArray[np.bool_]
+    settings: Settings
+    chosen: npt.NDArray[np.float32]
+    hand_over: HandOver | None = None
+
+    kind: ClassVar[Kind] = "proven"
+
+    @property
+    def half_widths(self) -> dict[str, dict[str, float | None]]:
+        """Half-widths of both errors in deg: the largest, at the end, and for ever after."""
+        widths = self.bounds.half_widths * DEG_PER_RAD
+        ever = self.hand_over and 0.5 * DEG_PER_RAD * np.ptp(self.hand_over.bounds, axis=1)
+        return {
+            channel: {
+                "max": float(widths[:, i].max()),
+                "end": float(widths[-1, i]),
+                "ever": None if ever is None else float(ever[i]),
+            }
+            for i, channel in enumerate(CHANNEL_SYMBOLS)
+            if len(widths)
+        }
+
+    @property
+    def sentence(self) -> str:
+        """The claim in words: which flights stay within which bounds, and on what it rests."""
+        problem = self.problem
+        if self.status != "bounded":
+            return f"nothing is claimed of the flights of {problem.model}: {self.reason}"
+        low, high = problem.disturbances
+        worst = float(np.abs([low, high]).max())
+        within = " and ".join(
+            f"{symbol} within {_rounded_up(self.half_widths[channel]['max'] or 0.0)} deg"
+            for channel, symbol in CHANNEL_SYMBOLS.items()
+        )
+        starts = f"from starts within {number(problem.start * DEG_PER_RAD)} deg of its start"
+        shaken = f" and under any disturbance of at most {number(worst)} rad/s" if worst else ""
+        words = (
+            f'every flight of {problem.model} in "{problem.scenario.title}" at '
+            f"{problem.scenario.flight.V_a_mps:g} m/s with these gains, "
+            f"{starts if problem.start else 'from its start'}{shaken}, in {problem.scenario.air}, "
+            f"keeps {within} of the middle of its tube"
+        )
+        if problem.aircraft_checked is False:
+            words += "; that an aircraft keeps the boxes in the file is not checked"
+        return words if self.probability is None else f"{words}; {self.probability.sentence}"
+
+    def why_not(self, run: Run) -> str:
+        """Why the tube says nothing of a run; empty if the run is one of its flights."""
+        problem, made = self.problem, run.provenance
+        if self.status != "bounded":
+            return f"the set is not bounded: {self.reason}"
+        if len(run.signals) < 2:
+            return f"it did not fly: {run.outcome}"
+        if made.gains is None or made.law.kind != problem.law.kind:
+            return f"its law must be {problem.law.name}, got {made.law.name}"
+        if not np.array_equal(made.gains.K, problem.gains.K):
+            return "its gains must be those of the tube, got others"
+        scenario = scenario_from(dict(made.scenario))
+        plant, counted = scenario.plant_table(made.plant), problem.conformance
+        if (plant.kind, plant.aircraft) != (problem.table.kind, problem.table.aircraft):
+            return f"its plant must be {problem.plant}, got {made.plant}"
+        if counted is not None:
+            return counted.distribution.difference(scenario, plant) or ""
+        flown = flown_values(scenario, plant)
+        enclosed = flown_values(problem.scenario, problem.table)
+        for key in dict.fromkeys([*flown, *enclosed]):
+            if not self._allows(key, flown.get(key), enclosed.get(key)):
+                return f"`{key}` must be {enclosed.get(key)!r}, got {flown.get(key)!r}"
+        reference = reference_of(scenario)
+        same = reference.shape == problem.reference.shape
+        if not same or np.abs(reference - problem.reference).max() > SAME_REFERENCE:
+            return "its reference must be that of the tube, got another"
+        return ""
+
+    def _allows(self, key: str, flown: Any, enclosed: Any) -> bool:
+        """Whether a value of a scenario is one of those that the tube encloses."""
+        if flown == enclosed:
+            return True
+        numbers = isinstance(flown, float | int) and isinstance(enclosed, float | int)
+        if key in STARTS and numbers:
+            return abs(flown - enclosed) * DEG <= self.problem.start + ROUNDING
+        if key == "disturbance.as_wind":
+            return not flown
+        if key.startswith("disturbance."):
+            # Of any shape, as long as it is within the bound of its channel.
+            bounds = self.problem.disturbances[1].max(axis=0)
+            channel, _, quantity = key.removeprefix("disturbance.").partition("_")
+            bound = dict(zip(CHANNEL_SYMBOLS, bounds, strict=True)).get(channel, 0.0)
+            return quantity != "amplitude" or abs(flown or 0.0) <= bound
+        # The reference is compared by its values.
+        return key.startswith("reference.")
+
+    def on(self, run: Run) -> RunClaim:
+        """The bounds of both errors at the samples of a run."""
+        return RunClaim(
+            kind=self.kind,
+            title=f"tube in {self.problem.scenario.air}",
+            sentence=self.sentence,
+            bounds=self.bounds.of(ERRORS).lasting(run.t),
+            units=dict.fromkeys(ERRORS, "rad"),
+        )
+
+    def answer(self, gains: str = "") -> Answer:
+        """The flights enclosed and the widths; a failure if the set is not bounded.
+
+        `gains` is their name, if it is known.
+        """
+        problem, widths = self.problem, self.half_widths
+        flight, limits, counted = problem.scenario.flight, problem.limits, problem.conformance
+        low, high = problem.disturbances
+        lowest, highest = low.min(axis=0).tolist(), high.max(axis=0).tolist()
+        limited = {name: self.held_intervals(i) for i, name in enumerate(("phi_cmd", "n_z_cmd"))}
+        about = {
+            "plant": problem.plant,
+            **pick(flight, "duration_s V_a_mps"),
+            "rate_hz": problem.scenario.controller.rate_hz,
+            "start": dict(zip(CHANNEL_SYMBOLS, problem.path_at_start, strict=True)),
+            "within": problem.start,
+            "end": dict(zip(CHANNEL_SYMBOLS, problem.reference[-1, :2].tolist(), strict=True)),
+        }
+        disturbance = [
+            {"channel": channel, "low": lower, "high": upper}
+            for channel, lower, upper in zip(CHANNEL_SYMBOLS, lowest, highest, strict=True)
+        ]
+        commands = [
+            {
+                "command": name,
+                **{key: float(getattr(limits, key)[i]) * unit for key in LIMIT_KEYS},
+                "held_s": [f"{begin:g} to {end:g}" for begin, end in intervals] or "never",
+            }
+            for i, (name, unit, intervals) in enumerate(
+                zip(("phi_cmd [deg]", "n_z_cmd"), (DEG_PER_RAD, 1.0), limited.values(), strict=True)
+            )
+        ]
+        if self.status != "bounded":
+            notes = [LOST] if problem.boxes else []
+        elif self.hand_over is None:
+            notes = [
+                "Nothing is claimed beyond the end of the scenario: no invariant set was found."
+            ]
+        else:
+            notes = [
+                f"From {self.handed_over:.2f} s on no limit ever holds a command, under "
+                "disturbances within those at the end."
+            ]
+        if counted is not None:
+            notes.append(f"counted: {counted.sentence}")
+        if self.probability is not None:
+            notes.append(self.probability.sentence)
+        family = problem.table.family.enclosed
+        flown = f"gains {gains}, {family}" if gains else family
+        title = f"{problem.scenario.title!r}; {flown}: {self.status}"
+        return Answer(
+            values={
+                **pick(self, "status reason probability"),
+                "model": problem.model,
+                "half_width_deg": widths,
+                "limits_can_hold": limited,
+                "handed_over_s": self.handed_over,
+                "gains": problem.gains.as_lists(),
+                "start_rad": problem.start,
+                "disturbance_rad_s": [lowest, highest],
+                "counted": counted.sentence if counted else None,
+            },
+            tables=[
+                Table(WIDTH_COLUMNS, [{"error": key, **row} for key, row in widths.items()], title),
+                Table(FLIGHT_COLUMNS, [about], "flights"),
+                Table(DISTURBANCE_COLUMNS, disturbance, "any disturbance of the rates"),
+                Table(LIMIT_COLUMNS, commands, "limits, rates per second"),
+                gains_table("gains", problem.gains),
+            ],
+            notes=notes,
+            failure="" if self.status == "bounded" else self.reason,
+        )
+
+    @property
+    def handed_over(self) -> float | None:
+        """Time from which on the flights are in a set that they never leave, s."""
+        dt = 1.0 / self.problem.scenario.controller.rate_hz
+        return None if self.hand_over is None else self.hand_over.sample * dt
+
+    @property
+    def probability(self) -> CountedProbability | None:
+        """Probability counted for an aircraft, of its flights if all of them are in the tube.
+
+        None without a conformance, and for a tube that is lost.
+        """
+        problem = self.problem
+        if problem.conformance is None or self.status != "bounded":
+            return None
+        return problem.conformance.probability(problem.scenario, problem.table, problem.start)
+
+    def held_intervals(self, channel: int) -> list[tuple[float, float]]:
+        """Intervals, s, in which a limit can hold the command of a channel."""
+        t, limited = self.bounds.t.tolist(), self.can_limit[:, channel].astype(int)
+        edges = np.flatnonzero(np.diff(limited, prepend=0, append=0))
+        return [(t[a], t[b - 1]) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _rounded_up(bound: float) -> str:
+    """A bound in two figures, which is not below it."""
+    if bound <= 0.0:
+        return "0"
+    place = 10.0 ** (math.floor(math.log10(bound)) - 1)
+    return f"{math.ceil(bound / place - ROUNDING) * place:.2g}"
+
+
+def bounds_of(t: FloatArray, pairs: FloatArray) -> Bounds:
+    """Bounds on `QUANTITIES` from lower and upper ones, shape (k, 4, 2)."""
+    return Bounds(t, pairs[..., 0], pairs[..., 1], QUANTITIES)

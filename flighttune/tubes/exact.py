@@ -1,0 +1,262 @@
+r"""One sample of the exact law for a whole set of flights.
+
+The commanded rates are affine in errors and integrals; roll ``atan(a/b)`` and load factor
+``b / cos(phi)`` follow from the lifts a and b that they need, and the point mass turns them back
+into the commanded rates, so that the errors of enclosing these functions cancel to second order.
+While a command is limited, the integrator of its channel is stopped. That is a discontinuity: a
+piece with flights on both sides is split, and each half records its side.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from flighttune.control.exact_law import RateLaw
+from flighttune.tubes.forms import UP, Flags, Form, Pieces, Quantity, combined
+from flighttune.tubes.functions import arctangent, cosine_of, positive_part, product, secant
+from flighttune.tubes.interval import Interval, Unbounded, cosine, one_over
+from flighttune.tubes.sample import (
+    CLIMB,
+    COMPUTED,
+    EXTRA_LIFT,
+    FRESH_SYMBOLS,
+    GAMMA,
+    PHI,
+    PHI_INTEGRAL,
+    RATES,
+    Channel,
+    Controlled,
+    Cut,
+    Enclosure,
+    Plan,
+    SampledLoop,
+    ordered,
+)
+
+# Overlap of the halves of a piece, rad and 1: by rounding, a computed flight may be on the other
+# side of a limit than the exact one.
+OVERLAP = 1e-9
+
+# Number of symbols that a sample adds after those of the roll command: two integrals, load factor,
+# lift, course and path angle.
+SYMBOLS_AFTER_ROLL = 6
+
+# Largest tangent of a roll command before limits: 86 deg
+STEEPEST_ROLL = 14.0
+
+# Whether no flight of a piece is beyond a limit, all are, or it is not known
+FREE, LIMITED, OPEN = -1, 1, 0
+
+
+def enclosure_of(loop: SampledLoop, pieces: Pieces, plan: Plan) -> Enclosure:
+    """The enclosure of a loop, by its law."""
+    if loop.law.inverts is None:
+        return Enclosure(loop, pieces, plan)
+    return ExactEnclosure(loop, pieces, plan, loop.law.inverts)
+
+
+class ExactEnclosure(Enclosure):
+    """An `Enclosure` of the exact law."""
+
+    overlap = OVERLAP
+
+    def __init__(self, loop: SampledLoop, pieces: Pieces, plan: Plan, law: RateLaw) -> None:
+        super().__init__(loop, pieces, plan)
+        self._law, self._speed = law, loop.V_a * law.per_g  # of V/g, s
+
+    def _controlled(self, k: int) -> Controlled:
+        pieces = self.pieces
+        # Side of each limit on which all flights of a piece are, by channel and by above or below.
+        limits = [(i, side) for i in (0, 1) for side in (1.0, -1.0)]
+        self._sides = {limit: np.full(len(pieces), OPEN) for limit in limits}
+        # A pass begins only if it leaves room for the symbols behind the loop.
+        last = pieces.used + FRESH_SYMBOLS - SYMBOLS_AFTER_ROLL
+        while True:
+            # A pass that splits by the load factor leaves a constraint on the symbol of its roll
+            # command, and the next pass linearises roll anew. So that symbol is kept although no
+            # row of the state has it: used again, the constraint would speak of another error.
+            if pieces.used >= last:
+                raise Unbounded("pieces are split too often in one sample")
+            state = pieces.forms()
+            errors = self._errors(k, state)
+            a, b = self._lifts(k, state, errors)
+            self._check_plain(errors, a.values, b.values)
+            # Roll and load factor come one after the other: the law inverts exactly with the roll
+            # that is commanded, so that the load factor must see roll after its limits.
+            wanted = arctangent(a, b).widened(COMPUTED)
+            x = combined((1.0, wanted), (-1.0, state[PHI]))
+            turning = self._channel(0, x, Quantity(state[PHI], self._range(state[PHI])), errors)
+            if self._fewer_or_more([turning]):
+                continue
+            # One symbol for the error of roll: lift and load factor share it, so that it cancels
+            # where the point mass turns them back into rates.
+            move, less = turning.x, self._held_back(0, turning)
+            if less is not None:
+                move = combined((1.0, move), (-1.0, less))
+            phi = combined((1.0, state[PHI]), (1.0, move)).widened(COMPUTED)
+            phi = pieces.fresh(phi, PHI)
+            lifting = self._lifting(state, errors, phi, b.form)
+            if not self._fewer_or_more([turning, lifting]):
+                break
+        extra = self._vertical(lifting, phi, b.form)
+        integrals, limited = zip(
+            *(
+                self._integrated(i, channel, state[PHI_INTEGRAL + i])
+                for i, channel in enumerate((turning, lifting))
+            ),
+            strict=True,
+        )
+        integrals = self._kept(integrals)
+        return Controlled(state, errors, self._seen(state), phi, extra, 0.0, integrals, limited)
+
+    def _lifts(
+        self, k: int, state: Sequence[Form], errors: Sequence[Form]
+    ) -> tuple[Quantity, Quantity]:
+        """Horizontal and vertical lift that the commanded rates need, in weights."""
+        turn, climb = (
+            combined(
+                *zip(law.K_P, errors, strict=True),
+                (1.0, state[PHI_INTEGRAL + i]),
+                shift=self.loop.reference[k, RATES][i],
+            )
+            for i, law in enumerate(self.loop.law.channels)
+        )
+        # The exact law needs ``a = V/g cos(gamma) chi_dot`` and ``b = V/g gamma_dot + cos(gamma)``.
+        level = cosine_of(self._angle(state[GAMMA], CLIMB))
+        across = combined((self._speed, product(level, self._ranged(turn))))
+        lifts = across, combined((self._speed, climb), (1.0, level.form))
+        a, b = (form.widened(COMPUTED) for form in lifts)
+        return Quantity(a, self._range(a)), Quantity(b, self._range(b))
+
+    def _check_plain(self, errors: Sequence[Form], a: Interval, b: Interval) -> None:
+        """Stop where the law may do other than invert: that is not enclosed."""
+        law = self.loop.law.channels[1]
+        if not (b.low > self._law.lift_floor).all():
+            raise Unbounded("the vertical lift wanted can be at its floor")
+        # The largest load factor is enough for both lifts, or for b at the largest roll.
+        stop = max(abs(self.loop.law.channels[0].lower), self.loop.law.channels[0].upper)
+        together = (a.largest**2 + b.high**2) * UP
+        steep = b.high * UP < law.upper * math.cos(min(stop, math.pi / 2))
+        if not (steep | (together < law.upper**2)).all():
+            raise Unbounded("the lift wanted can be more than the largest load factor")
+        if not (a.largest < STEEPEST_ROLL * b.low).all():
+            raise Unbounded("the roll wanted can be next to 90 deg")
+        climb = self._range(combined(*zip(law.K_P, errors, strict=True))).largest
+        if not (climb * self._speed * law.K_P[1] * UP < self._law.brake).all():
+            raise Unbounded("the path-angle error can be so large that the law brakes")
+
+    def _channel(self, i: int, x: Form, command: Quantity, errors: Sequence[Form]) -> Channel:
+        law = self.loop.law.channels[i]
+        increment = combined(*zip(law.K_I_half, errors, strict=True))
+        # Splits are at the limits themselves: the integrator stops there, whatever the increment.
+        at = Interval.point(np.zeros(len(self.pieces)))
+        # The halves of a split overlap: a flight on a known side is beyond it by OVERLAP at
+        # most. Without this bound the enclosure would hold flights that are not there.
+        excesses = {
+            side: excess._replace(values=self._on_its_side(i, side, excess, OVERLAP))
+            for side, excess in self._excesses(x, command, law).items()
+        }
+        return Channel(x, increment, at, excesses)
+
+    def _on_its_side(self, i: int, side: float, excess: Quantity, beyond: float) -> Interval:
+        """Values of an excess, at most `beyond` the limit where the side of flights is known."""
+        sides, values = self._sides[i, side], excess.values
+        return Interval(
+            np.where(sides == LIMITED, np.maximum(values.low, -beyond), values.low),
+            np.where(sides == FREE, np.minimum(values.high, beyond), values.high),
+        )
+
+    def _lifting(
+        self, state: Sequence[Form], errors: Sequence[Form], phi: Form, b: Form
+    ) -> Channel:
+        """The load factor ``b / cos(phi)`` before its limits.
+
+        The load factor in force is v / cos(phi) of the roll before: the difference is
+        ``(b - v) / cos(phi)`` plus v times what one over the cosine changes. Each load factor
+        enclosed by itself would seem to meet its rate limit.
+        """
+        before, roll = (self._angle(angle, "roll") for angle in (state[PHI], phi))
+        more = combined((1.0, b), (-1.0, state[EXTRA_LIFT]))
+        v = self._ranged(state[EXTRA_LIFT])
+        change = self._ranged(combined((1.0, phi), (-1.0, state[PHI])))
+        less_steep = self._secant_change(before, change)
+        x = combined(
+            (1.0, product(self._ranged(more), secant(roll))),
+            (-1.0, product(v, self._ranged(less_steep))),
+        )
+        # The load factor in force, n_z = v / cos(phi): the rate limit acts on n_z, not on v.
+        steep = secant(before)
+        command = Quantity(product(v, steep), v.values * steep.values)
+        return self._channel(1, x.widened(COMPUTED), command, errors)
+
+    def _vertical(self, lifting: Channel, phi: Form, b: Form) -> Form:
+        """The load-factor command after its limits times the cosine of the roll command."""
+        less = self._held_back(1, lifting)
+        if less is None:
+            return b.widened(COMPUTED)
+        # Limits act on n_z; in terms of the vertical lift they take off as much times cos(phi).
+        level = cosine_of(self._angle(phi, "roll"))
+        return combined((1.0, b), (-1.0, product(self._ranged(less), level))).widened(COMPUTED)
+
+    def _load(self, at: Controlled) -> Form:
+        steep = secant(self._angle(at.phi, "roll"))
+        return product(self._ranged(at.extra), steep)
+
+    def _lift_and_load(self, at: Controlled) -> tuple[Form, Interval]:
+        # The row of the exact law is the vertical lift itself.
+        return at.extra, self._ranged(at.extra).values * one_over(cosine(at.roll.values))
+
+    def _held_back(self, i: int, channel: Channel) -> Form | None:
+        """Amount that limits take off the command wanted; None if they never act."""
+        moves, doubt = [], np.zeros(len(self.pieces))
+        # Where the side of a limit is known, the values end at the limit, and max(Y, 0) is Y or 0.
+        # But a flight may be beyond by OVERLAP: there Y, or none of it, is taken for the other, and
+        # a line of slope s leaves the values by |s| or |1 - s| times that. A proof may hold any s.
+        for side, excess in channel.excesses.items():
+            if not (excess.values.high > 0.0).any():
+                continue
+            values = ordered(self._on_its_side(i, side, excess, 0.0))
+            slope = self.plan.slope(values)
+            moves.append((side, positive_part(Quantity(excess.form, values), slope)))
+            decided = self._sides[i, side] != OPEN
+            doubt += np.where(decided, OVERLAP * (1.0 + np.abs(slope)) * UP, 0.0)
+        return combined(*moves).widened(doubt) if moves else None
+
+    def _integrated(self, i: int, channel: Channel, integral: Form) -> tuple[Form, bool]:
+        """The integral after the sample, and whether a limit can hold the command."""
+        # Beyond a limit by less than OVERLAP counts as open, unless a split has said which side.
+        n = len(self.pieces)
+        free, limited = np.ones(n, dtype=bool), np.zeros(n, dtype=bool)
+        for side, excess in channel.excesses.items():
+            sides = self._sides[i, side]
+            free &= (sides == FREE) | ((sides == OPEN) & (excess.values.high < -OVERLAP))
+            limited |= (sides == LIMITED) | ((sides == OPEN) & (excess.values.low > OVERLAP))
+        can_limit = bool((~free).any())
+        if not self.loop.law.conditional:  # without anti-windup the integrator never stops
+            return combined((1.0, integral), (1.0, channel.increment)), can_limit
+        # It stands where a limit holds the command. Where the side is open, the integral takes half
+        # the increment, and an error of the other half: that covers both sides.
+        share = np.where(free, 1.0, np.where(limited, 0.0, 0.5))
+        size = 0.5 * ordered(self._range(channel.increment)).largest * UP
+        doubt = np.where(free | limited, 0.0, size)
+        return combined((1.0, integral), (share, channel.increment)).widened(doubt), can_limit
+
+    def _keep(self, which: Flags) -> None:
+        super()._keep(which)
+        self._sides = {limit: sides[which] for limit, sides in self._sides.items()}
+
+    def _split(self, cut: Cut, channels: Sequence[Channel]) -> None:
+        super()._split(cut, channels)
+        # The upper halves are appended behind the pieces, in the order of `which`.
+        i, side, chosen, at, _ = cut
+        which = np.flatnonzero(chosen)
+        for limit, sides in self._sides.items():
+            upper = sides[which]
+            # Only a split at the limit itself says on which side of it a flight is. That is about
+            # the command of the flight, not about a symbol, so later passes may use it.
+            if limit == (i, side):
+                at_limit = at[which] == 0.0
+                sides[which[at_limit]] = FREE
+                upper[at_limit] = LIMITED
+            self._sides[limit] = np.concatenate([sides, upper])

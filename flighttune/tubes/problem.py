@@ -1,0 +1,351 @@
+"""The flights that a tube encloses, and the tube: the bounds on them, and how they were found.
+
+A problem is scenario, gains, starts and disturbances. A tube has the bounds proven for all its
+flights, and what makes their proof short to check.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.arrays import FloatArray, check_positive
+from flighttune.claims.conformance import Conformance, conformance_tables
+from flighttune.control.controller import SelfLimiting
+from flighttune.control.gains import PIGains
+from flighttune.control.inner_loop import InnerLag
+from flighttune.control.law import Law, SampledController
+from flighttune.control.limits import Limits
+from flighttune.errors import InputError
+from flighttune.files.table import hash_of
+from flighttune.flight.outer_loop import law_setup
+from flighttune.plants.base import PLANT_KINDS
+from flighttune.plants.weather import course_of, velocity_along
+from flighttune.references.feasible import FeasibleReference
+from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import PlantTable
+from flighttune.simulate.bounds import Bounds
+from flighttune.tubes.lag import SampledLag
+from flighttune.tubes.sample import PLANNED, RATES, REFERENCE, SampledLoop
+
+# Quantities that a tube bounds: errors in rad, commands in rad and 1
+QUANTITIES = ("chi_err", "gamma_err", "phi_cmd", "n_z_cmd")
+
+# Largest difference, in rad, 1 and rad/s, between a feasible reference in a file and the same
+# reference rebuilt. An optimiser makes it, and its last digits differ from machine to machine: by
+# up to 5.3e-9 where inputs change by 1e-14. It is 0.00006 deg; tubes are wider than 0.001 deg.
+SAME_REFERENCE = 1e-6
+
+# Numbers in a file above which a proof would only take up time and memory
+MAX_PIECES, MAX_SYMBOLS = 4096, 20000
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AircraftBoxes:
+    """Boxes counted for an aircraft's flights, at the k samples of one flight."""
+
+    # Bounds on `RESIDUALS`: from each sample to the next on the residual rates of course and
+    # flight-path angle, of any shape; on the roll seen minus that behind the lag, and its change
+    # to the next sample.
+    bounds: Bounds
+    lags: tuple[InnerLag, ...]  # of roll and load factor, in the model whose rates were subtracted
+    # Hash of all values of the conformance, the same however its file is laid out
+    conformance_sha256: str
+
+    def difference(self, other: "AircraftBoxes") -> str | None:
+        """Name of the first part that differs; None if none does."""
+        if not np.array_equal(self.bounds.pairs, other.bounds.pairs):
+            return "boxes"
+        names = ("lags", "conformance_sha256")
+        return next((x for x in names if getattr(self, x) != getattr(other, x)), None)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TubeProblem:
+    """All flights of one gain set on one plant of a scenario."""
+
+    scenario: Scenario
+    gains: PIGains
+    plant: str  # label of the plant
+    start: float  # rad: course and flight-path angle start within this of the scenario's
+    disturbance: float | None  # rad/s: see `tube_problem`
+    conformance: Conformance | None  # source of the boxes of an aircraft
+    law: Law  # law that flies the gains
+    # shape (k, 6), rad, rad, rad, 1, rad/s, rad/s: course and flight-path angle to follow, the
+    # commands planned for them (zeros where none are), and their rates, as `reference_of` makes
+    # them.
+    reference: FloatArray
+    # Boxes from the file of a tube: compared to those of the conformance, or believed without one
+    stored: AircraftBoxes | None = None
+
+    def __post_init__(self) -> None:
+        self._check_law()
+        self._check_start()
+        if (self.boxes is None) != (self.table.aircraft is None):
+            raise InputError(
+                f"`conformance` must be given for the tube of an aircraft, got {self.plant} "
+                "without: `flighttune conform` makes one."
+                if self.boxes is None
+                else f"`boxes` must be of an aircraft, got {self.plant}."
+            )
+        if self.disturbance is None:
+            return
+        if self.boxes is not None:
+            raise InputError("`disturbance` must not be given with a conformance: its boxes are.")
+        check_positive("rad/s", disturbance=self.disturbance)
+        if self.disturbance < (flown := max(self._swing)):
+            raise InputError(
+                "`disturbance` must be at least that of the scenario's [disturbance], "
+                f"{flown:g} rad/s, got {self.disturbance:g} rad/s."
+            )
+
+    def _check_law(self) -> None:
+        """Refuse a loop that the sets cannot follow."""
+        scenario, aircraft = self.scenario, self.table.aircraft is not None
+        # Wind and turbulence of an aircraft are in its residual rates, whose boxes were counted
+        # there.
+        moving = scenario.windy and not aircraft
+        swings = scenario.disturbance is not None and scenario.disturbance.as_wind
+        for key, stated in (("sensors", scenario.sensors), ("wind", moving or swings)):
+            if stated:
+                raise InputError(
+                    f"`{key}` must not be in the scenario of a tube: it is not enclosed."
+                )
+        if scenario.controller.anti_windup == "back_calculation":
+            raise InputError(
+                "`anti_windup` of [controller] must be conditional or none for a tube, got "
+                "back_calculation."
+            )
+        # Both follow the measured airspeed, which varies on an aircraft; no box of it was counted.
+        if self.sampled.inverts is not None and aircraft:
+            raise InputError(
+                f"`gains` must be of the paper's law for the tube of an aircraft: the "
+                f"{self.law.name} law sees the airspeed, for which no box is known."
+            )
+        if scenario.controller.schedule and aircraft:
+            raise InputError(
+                "`schedule` of [controller] must be false for the tube of an aircraft, got true: "
+                "the gains then follow the airspeed, for which no box is known."
+            )
+
+    def _check_start(self) -> None:
+        if not (math.isfinite(self.start) and 0.0 <= self.start < math.pi / 4):
+            raise InputError(
+                f"`start` must lie in 0..45 deg, got {math.degrees(self.start):g} deg."
+            )
+        if self.scenario.wind is not None and self.start > 0.0:
+            raise InputError(
+                f"`start` must be 0 in wind, got {math.degrees(self.start):g} deg: the path over "
+                "ground begins elsewhere than that through the air."
+            )
+        condition, limits = self.scenario.condition, self.limits
+        ends = [replace(condition, gamma=condition.gamma + x) for x in (-self.start, self.start)]
+        n_z = [end.n_z_start for end in (condition, *ends)]
+        for i, (name, starts) in enumerate((("phi_deg", [condition.phi]), ("n_z", n_z))):
+            lower, upper = limits.lower[i], limits.upper[i]
+            if not lower <= min(starts) <= max(starts) <= upper:
+                raise InputError(
+                    f"`{name}` of [flight] must start inside its range, got {min(starts):g} to "
+                    f"{max(starts):g} outside {lower:g}..{upper:g} (rad, 1)."
+                )
+
+    @property
+    def table(self) -> PlantTable:
+        """The plant in the scenario."""
+        return self.scenario.plant_table(self.plant)
+
+    @property
+    def model(self) -> str:
+        """The plant enclosed, in words, and what was counted for it."""
+        kind = self.table.family.enclosed or ""
+        return kind if self.conformance is None else f"{kind}; {self.conformance.sentence}"
+
+    @cached_property
+    def boxes(self) -> AircraftBoxes | None:
+        """Boxes counted for the flights of an aircraft; None for another plant.
+
+        Raises InputError if the conformance does not cover these flights, or is not the one of the
+        boxes stored.
+        """
+        conformance, scenario = self.conformance, self.scenario
+        if conformance is None:
+            return self.stored
+        conformance.check(scenario, self.table, self.gains, self.start)
+        if conformance.distribution.windy and scenario.wind is None:
+            raise InputError(
+                "`wind` must be stated, as the flights counted had wind, got none: the path over "
+                "ground begins elsewhere than that through the air."
+            )
+        boxes = AircraftBoxes(
+            bounds=conformance.boxes.over(self.t, *self.reference[:, REFERENCE].T),
+            lags=conformance.model.lags,
+            conformance_sha256=hash_of(conformance_tables(conformance)),
+        )
+        if self.stored is not None and (differs := boxes.difference(self.stored)):
+            raise InputError(f"`{differs}` must be that of the conformance, got another.")
+        return boxes
+
+    @property
+    def aircraft_checked(self) -> bool | None:
+        """Whether the boxes were rebuilt from a conformance; None for a plant without boxes."""
+        return None if self.boxes is None else self.conformance is not None
+
+    @property
+    def _swing(self) -> tuple[float, float]:
+        """Amplitudes of the scenario's [disturbance], rad/s."""
+        table = self.scenario.disturbance
+        return (
+            (0.0, 0.0) if table is None else (abs(table.chi_amplitude), abs(table.gamma_amplitude))
+        )
+
+    @property
+    def disturbances(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds on the disturbances of the two rates, shape (k, 2), rad/s."""
+        if self.boxes is not None:
+            return self.boxes.bounds.low[:, :2], self.boxes.bounds.high[:, :2]
+        within = self._swing if self.disturbance is None else (self.disturbance, self.disturbance)
+        high = np.tile(within, (len(self.t), 1))
+        return -high, high
+
+    @property
+    def limits(self) -> Limits:
+        """Limits of the commands: of the scenario and, for an aircraft, of its folder."""
+        limits, aircraft = self.scenario.command_limits, self.table.aircraft
+        if aircraft is None:
+            return limits
+        return limits.within(load_aircraft(aircraft).limits.limits())
+
+    @property
+    def lags(self) -> tuple[InnerLag, ...]:
+        """Lags of roll and load factor; empty where the plant has none."""
+        return self.boxes.lags if self.boxes else self.table.lags() or ()
+
+    @property
+    def t(self) -> FloatArray:
+        """Times of the samples, s."""
+        return sample_times(self.scenario)
+
+    @property
+    def path_at_start(self) -> tuple[float, float]:
+        """Course and path angle over ground; [flight] has those through the air, rad."""
+        condition, wind = self.scenario.condition, self.scenario.wind
+        if wind is None:
+            return condition.chi, condition.gamma
+        north, east, down = velocity_along(condition.V_a, condition.chi, condition.gamma)
+        w_north, w_east, w_down = wind.profile().at(condition.h)
+        chi, gamma = course_of((north + w_north, east + w_east, down + w_down))
+        return condition.chi + math.remainder(chi - condition.chi, math.tau), gamma
+
+    def controller(self) -> SelfLimiting:
+        """A controller in its initial state."""
+        return self.law.controller(law_setup(self.scenario, self.gains, self.limits))
+
+    @cached_property
+    def sampled(self) -> SampledController:
+        """The law as the sets follow it; InputError if no tube knows the law or its gains."""
+        if self.law.inputs != self.gains.inputs:
+            raise InputError(
+                f"`law` must take gains on {' and '.join(self.gains.inputs)}, got "
+                f"{self.law.name}, which acts on {' and '.join(self.law.inputs)}."
+            )
+        controller = self.law.sampled(law_setup(self.scenario, self.gains, self.limits))
+        if controller is None:
+            raise self.law.refusal("sampled", "enclosed")
+        return controller
+
+    @cached_property
+    def loop(self) -> SampledLoop:
+        """The loop that flies, with the numbers of its controller and its plant."""
+        flight, condition, controller = self.scenario.flight, self.scenario.condition, self.sampled
+        reference = self.reference.copy()
+        # A law that inverts follows the rates of the reference, the other the commands planned.
+        reference[:, PLANNED if controller.inverts else RATES] = 0.0
+        feed_forward = controller.feed_forward and not reference[:, PLANNED].any()
+        boxes = np.stack(self.disturbances, axis=2)
+        if self.boxes is not None and feed_forward:
+            boxes = self.boxes.bounds.pairs
+        dt = 1.0 / self.scenario.controller.rate_hz
+        return SampledLoop(
+            law=controller._replace(feed_forward=feed_forward),
+            reference=reference,
+            boxes=boxes,
+            dt=dt,
+            V_a=flight.V_a_mps,
+            g=flight.g_mps2,
+            start=(*self.path_at_start, condition.phi, condition.n_z),
+            exact=self.table.family.turn == "exact",
+            lags=tuple(SampledLag.of(lag, dt) for lag in self.lags),
+        )
+
+
+def tube_problem(
+    scenario: Scenario,
+    gains: PIGains,
+    *,
+    plant: str | None = None,
+    start: float = 0.0,
+    disturbance: float | None = None,
+    conformance: Conformance | None = None,
+    law: Law | None = None,
+) -> TubeProblem:
+    """The flights of a scenario on one of its plants.
+
+    `plant` is a label; by default the first aircraft with a conformance, else the first plant that
+    is none. Course and flight-path angle start within `start` (rad) of the scenario's. The
+    disturbance of each rate is within `disturbance` (rad/s) of zero, in any shape; by default
+    within the amplitudes of the scenario's [disturbance], or zero. With the `conformance` of an
+    aircraft its model flies, under every disturbance in its boxes. The `law` is by default the
+    first of the scenario that takes the gains. Raises InputError if a value cannot be used, or the
+    tube does not know the law.
+    """
+    scenario.check_over_time("a tube")
+    return TubeProblem(
+        scenario=scenario,
+        gains=gains,
+        plant=_chosen(scenario, plant, aircraft=conformance is not None).label,
+        start=start,
+        disturbance=disturbance,
+        conformance=conformance,
+        law=law or scenario.law_for(gains),
+        reference=reference_of(scenario),
+    )
+
+
+def reference_of(scenario: Scenario) -> FloatArray:
+    """Reference of a scenario at its samples, as `TubeProblem.reference`."""
+    t, reference = sample_times(scenario), scenario.followed()
+    followed = np.zeros((len(t), 6))
+    followed[:, REFERENCE] = np.stack(reference.sampled(t), axis=1)
+    followed[:, RATES] = np.stack(reference.rates(t), axis=1)
+    if isinstance(reference, FeasibleReference) and scenario.controller.feed_forward:
+        followed[:, PLANNED] = reference.commands(t)
+    followed.flags.writeable = False
+    return followed
+
+
+def sample_times(scenario: Scenario) -> FloatArray:
+    """Times of the samples of the controller, s."""
+    dt = 1.0 / scenario.controller.rate_hz
+    return np.arange(sample_count(scenario), dtype=np.float64) * dt
+
+
+def sample_count(scenario: Scenario) -> int:
+    """Number of the samples of the controller, the first and the last one included."""
+    return round(scenario.flight.duration_s / (1.0 / scenario.controller.rate_hz)) + 1
+
+
+def _chosen(scenario: Scenario, plant: str | None, *, aircraft: bool) -> PlantTable:
+    """The plant of a label; without one the first that is an aircraft, or the first that is not."""
+    kinds = [
+        name
+        for name, kind in PLANT_KINDS.items()
+        if kind.enclosed is not None and ("aircraft" in kind.keys) == aircraft
+    ]
+    tables = scenario.plant if plant is None else [scenario.plant_table(plant)]
+    for table in tables:
+        if table.family.enclosed is not None and (plant or table.kind in kinds):
+            return table
+    labels = ", ".join(table.label for table in tables)
+    raise InputError(f"`plant` must be of kind {' or '.join(kinds)} for this tube, got {labels}.")

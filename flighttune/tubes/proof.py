@@ -1,0 +1,390 @@
+"""A tube as a file, and its check: every inclusion again, without the search that found it."""
+
+import json
+import zipfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from flighttune.arrays import FloatArray, read_only_matrix
+from flighttune.claims.conformance import Conformance
+from flighttune.control.gains import COMMANDS, PIGains
+from flighttune.control.inner_loop import InnerLag
+from flighttune.errors import InputError
+from flighttune.files.array import BOOL, FLOAT, SINGLE, TEXT, Arrays, check_shapes, read_arrays
+from flighttune.files.table import json_object
+from flighttune.files.value import STRICT, tables_of, value_of
+from flighttune.files.whole import whole_file
+from flighttune.gaps.residual import RESIDUALS
+from flighttune.scenario.load import scenario_from
+from flighttune.scenario.schema import Scenario
+from flighttune.simulate.bounds import Bounds
+from flighttune.theory.exact import Check, Verification
+from flighttune.tubes.enclosure import Settings, Tube, bounds_of
+from flighttune.tubes.exact import enclosure_of
+from flighttune.tubes.forms import Form, Indices, Pieces
+from flighttune.tubes.hand_over import (
+    HandOver,
+    continued,
+    for_ever,
+    hull,
+    inside,
+    return_map,
+    settled_from,
+)
+from flighttune.tubes.interval import Interval, Unbounded
+from flighttune.tubes.problem import (
+    QUANTITIES,
+    SAME_REFERENCE,
+    AircraftBoxes,
+    TubeProblem,
+    reference_of,
+    sample_count,
+    sample_times,
+)
+from flighttune.tubes.sample import Channel, Cut, SampledLoop, start_set
+
+# Margin, rad and 1, of the bounds in a file over those proven: another machine may add up in
+# another order.
+BOUND_MARGIN = 1e-9
+
+# Sizes of all members and of a file above which it is not read: three and five times those of the
+# largest tube known, of an aircraft in the paper's step.
+MAX_BYTES, MAX_COMPRESSED = 128_000_000, 32_000_000
+
+# Number of samples of a round above which a proof would only take up time
+MAX_SAMPLES = 10000
+
+# Most numbers in the arrays of a set: four times those of a search; a split at most doubles them
+MAX_NUMBERS = 2**23
+
+ALWAYS = {"claim": TEXT, "bounds": FLOAT, "held": BOOL, "chosen": SINGLE}
+EVER = {"W": FLOAT, "centre": FLOAT, "size": FLOAT, "bounds": FLOAT, "chosen": SINGLE}
+
+# Arrays that a file may have, and their types; all but `ALWAYS` only where they are needed, those
+# of `EVER` with a set that is kept.
+MEMBERS = {**ALWAYS, "reference": FLOAT, "boxes": FLOAT} | {f"ever_{x}": EVER[x] for x in EVER}
+
+_check_shapes = partial(check_shapes, "tube")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Claim:
+    """Values that cannot be rebuilt from the scenario, besides the arrays."""
+
+    scenario: dict[str, Any]
+    gains: PIGains
+    plant: str
+    start_rad: float
+    disturbance_rad_s: float | None
+    law: str
+    settings: Settings
+    # First sample of the set that is kept, and number of samples that map it into itself
+    hand_over: tuple[int, Annotated[int, Field(ge=1, le=MAX_SAMPLES)]] | None
+    # See `AircraftBoxes`; no lags and no hash where the plant is no aircraft
+    lags: tuple[InnerLag, ...]
+    conformance_sha256: str | None
+
+    __pydantic_config__: ClassVar = STRICT
+    FORMAT: ClassVar[str] = "flighttune tube 7"
+    UNITS: ClassVar[Mapping[str, str]] = {
+        "bounds": "lower and upper bounds of the errors (rad) and commands (rad, 1) by sample",
+        "boxes": "bounds on the rates left over (rad/s) and the roll (rad) by sample",
+    }
+
+
+def save_tube(tube: Tube, path: str | Path) -> None:
+    """Write a bounded tube with its proof, which `flighttune verify` checks.
+
+    Parameters
+    ----------
+    tube : Tube
+    path : str or Path
+        File to write or replace; parent folders are made.
+
+    Raises
+    ------
+    InputError
+        If the tube is not bounded.
+    OutputError
+        If the file cannot be written.
+
+    Examples
+    --------
+    >>> tube = ft.tube("paper", "paper", changes={"flight.duration_s": 2.0})
+    >>> ft.save_tube(tube, "tube.npz")
+    """
+    if tube.status != "bounded":
+        raise InputError(
+            f"`tube` must be bounded to be proven, got one that is not: {tube.reason}."
+        )
+    problem, ever, boxes = tube.problem, tube.hand_over, tube.problem.boxes
+    claim = Claim(
+        scenario=problem.scenario.as_dict(),
+        gains=problem.gains,
+        plant=problem.plant,
+        start_rad=problem.start,
+        disturbance_rad_s=problem.disturbance,
+        law=problem.law.name,
+        settings=tube.settings,
+        hand_over=None if ever is None else (ever.sample, ever.samples),
+        lags=() if boxes is None else boxes.lags,
+        conformance_sha256=None if boxes is None else boxes.conformance_sha256,
+    )
+    looser = np.array([-BOUND_MARGIN, BOUND_MARGIN])
+    arrays = {
+        "claim": np.array(json.dumps(tables_of(claim))),
+        "bounds": tube.bounds.pairs + looser,
+        "held": tube.can_limit,
+        "chosen": tube.chosen,
+    }
+    if problem.scenario.feasible:
+        arrays["reference"] = problem.reference
+    if boxes is not None:
+        arrays["boxes"] = boxes.bounds.pairs
+    if ever is not None:
+        arrays |= {f"ever_{name}": getattr(ever, name) for name in EVER}
+        arrays["ever_bounds"] = ever.bounds + looser
+    with whole_file(Path(path)) as part, part.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+
+
+def is_tube_file(path: str | Path) -> bool:
+    """Whether `path` is a file of the kind that `save_tube` writes."""
+    return zipfile.is_zipfile(path)
+
+
+def load_tube(path: str | Path, conformance: Conformance | None = None) -> Tube:
+    """Read a tube and rebuild its problem from the scenario in the file.
+
+    Bounds and choices in it are not trusted before `verify_tube` has checked them. The boxes of an
+    aircraft are those of the file, unless there is a conformance to rebuild them from.
+
+    The boxes of an aircraft must come from `conformance`, if it is there. Raises InputError if the
+    file cannot be read, is no tube, or has another reference or other boxes than those rebuilt; the
+    message names the file and what is wrong.
+    """
+    try:
+        arrays = read_arrays(Path(path), "tube", MEMBERS, MAX_BYTES, MAX_COMPRESSED)
+        claim = value_of(json_object(str(arrays["claim"]), "`claim`"), Claim)
+        return _tube_from(claim, arrays, conformance)
+    except OSError as error:
+        raise InputError(f"{path}: the file must be readable: {error.strerror}.") from error
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _tube_from(claim: Claim, arrays: Arrays, conformance: Conformance | None) -> Tube:
+    scenario = scenario_from(claim.scenario)
+    # Before anything as long as the scenario is made: a file may state a duration of years.
+    k = sample_count(scenario)
+    shapes: dict[str, tuple[int, ...] | None] = {
+        **dict.fromkeys(ALWAYS),
+        "bounds": (k, len(QUANTITIES), 2),
+        "held": (k, 2),
+    }
+    if scenario.feasible:
+        shapes["reference"] = k, 6
+    if claim.conformance_sha256 is not None:
+        shapes["boxes"] = k, len(RESIDUALS), 2
+    if claim.hand_over is not None:
+        shapes |= dict.fromkeys(f"ever_{name}" for name in EVER)
+    for name in arrays.keys() - shapes.keys():
+        raise InputError(f"`{name}.npy` must not be in the file of this tube.")
+    _check_shapes(arrays, shapes)
+    problem = _problem(claim, scenario, arrays, conformance)
+    return Tube(
+        problem=problem,
+        status="bounded",
+        reason="",
+        bounds=bounds_of(problem.t, arrays["bounds"]),
+        can_limit=arrays["held"],
+        settings=claim.settings,
+        chosen=arrays["chosen"].ravel(),
+        hand_over=_hand_over(claim, arrays, problem),
+    )
+
+
+def _problem(
+    claim: Claim, scenario: Scenario, arrays: Arrays, conformance: Conformance | None
+) -> TubeProblem:
+    """The problem of the scenario; only boxes may come from the file, and a feasible reference."""
+    gains = claim.gains
+    if gains.K.shape != (2, 4):
+        raise InputError(f"`gains` must have 2 rows and columns, got {gains.K_P.shape}.")
+    # Files of gains on roll and load factor may name the law of rates that the scenario had.
+    law, _ = scenario.law_of(f"{claim.law}:", gains if gains.inputs == COMMANDS else None)
+    reference = reference_of(scenario)
+    if scenario.feasible:
+        off = float(np.abs(arrays["reference"] - reference).max())
+        if off > SAME_REFERENCE:
+            raise InputError(
+                f"`reference` must be that of the scenario to {SAME_REFERENCE:g} (rad, 1, rad/s), "
+                f"got one that is off by {off:.3g}."
+            )
+        reference = read_only_matrix("reference", arrays["reference"])
+    stored = None
+    if claim.conformance_sha256 is not None:
+        low, high = np.moveaxis(arrays["boxes"], 2, 0)
+        if len(claim.lags) != 2 or not (low <= high).all():
+            raise InputError("`boxes` must be lower and upper bounds, with two `lags`.")
+        stored = AircraftBoxes(
+            bounds=Bounds(sample_times(scenario), low, high, RESIDUALS),
+            lags=claim.lags,
+            conformance_sha256=claim.conformance_sha256,
+        )
+    return TubeProblem(
+        scenario=scenario,
+        gains=gains,
+        plant=scenario.plant_table(claim.plant).label,
+        start=claim.start_rad,
+        disturbance=claim.disturbance_rad_s,
+        conformance=conformance,
+        law=law,
+        reference=reference,
+        stored=stored,
+    )
+
+
+def _hand_over(claim: Claim, arrays: Arrays, problem: TubeProblem) -> HandOver | None:
+    if claim.hand_over is None:
+        return None
+    sample, samples = claim.hand_over
+    n, last = problem.loop.rows, len(problem.t)
+    shapes = {
+        "ever_W": (n, n),
+        "ever_centre": (n,),
+        "ever_size": (n,),
+        "ever_bounds": (len(QUANTITIES), 2),
+    }
+    _check_shapes(arrays, shapes)
+    if not settled_from(problem.loop) < sample < last:
+        raise InputError(
+            f"`hand_over` must be after the last change and before sample {last}, got sample "
+            f"{sample}."
+        )
+    ever = {name: arrays[f"ever_{name}"] for name in EVER}
+    return HandOver(sample=sample, samples=samples, **ever)
+
+
+class Replay:
+    """A `Plan` that reads what a search chose.
+
+    `chosen` (shape (n,)) must be finite.
+    """
+
+    def __init__(self, chosen: npt.NDArray[np.float32]) -> None:
+        self._chosen, self._at = chosen, 0
+
+    def multipliers(self, pieces: Pieces, form: Form) -> FloatArray:  # noqa: ARG002
+        """The choice of the search."""
+        return self._next(len(pieces), int(pieces.constrained.sum()))
+
+    def slope(self, values: Interval) -> FloatArray:
+        """The choice of the search."""
+        return self._next(len(values.low))
+
+    def cut(self, pieces: Pieces, channels: Sequence[Channel]) -> Cut | None:
+        """The choice of the search."""
+        if pieces.values.size > MAX_NUMBERS:
+            raise IndexError("the choices make the set too large")
+        split, i, side = self._next(3)
+        if split == 0.0:
+            return None
+        which, at, row = (self._next(len(pieces)) for _ in range(3))
+        is_row = (row >= 0) & (row < len(pieces.constrained))
+        if side not in channels[int(i)].excesses or not is_row.all():
+            raise IndexError("a split names a limit or a constraint that is not there")
+        return int(i), side, which > 0.0, at, row.astype(np.intp)
+
+    def pairs(self, pieces: Pieces) -> Indices:  # noqa: ARG002
+        """The choice of the search."""
+        (count,) = self._next(1)
+        return self._next(int(count), 2).astype(np.intp)
+
+    def _next(self, *shape: int) -> FloatArray:
+        count = int(np.prod(shape))
+        values = self._chosen[self._at : self._at + count]
+        if count < 0 or len(values) < count:
+            raise IndexError("the choices end early")
+        self._at += count
+        return values.astype(float).reshape(shape)
+
+
+# A number too large for floats is inf or NaN in the set, which no bound holds.
+@np.errstate(over="ignore", invalid="ignore")
+def verify_tube(tube: Tube) -> Verification:
+    """Prove every sample of a tube again from the choices in it.
+
+    The tube is valid if at every sample the set proven is inside the bounds; else the reason names
+    the sample and the inequality.
+    """
+    problem, settings, ever = tube.problem, tube.settings, tube.hand_over
+    starts = start_set(problem.loop, problem.start, settings.sides, settings.symbols)
+    loop = problem.loop if ever is None else continued(problem.loop, ever.samples)
+    enclosure = enclosure_of(loop, starts, Replay(tube.chosen))
+    margins, claimed = np.full(len(QUANTITIES), np.inf), tube.bounds.pairs
+    after_end = []
+    for k in range(len(loop.reference)):
+        t = k / problem.scenario.controller.rate_hz
+        at = f"sample {k} ({t:.2f} s)"
+        try:
+            ranges, limited = enclosure.sample(k)
+        except (Unbounded, IndexError, InputError) as error:
+            return _refused(f"{at}: {error}")
+        if k >= len(claimed):
+            after_end.append(ranges)
+            continue
+        broken = _broken(ranges, claimed[k])
+        if broken:
+            return _refused(f"{at}: {broken}")
+        unproven = np.flatnonzero(limited & ~tube.can_limit[k])
+        if len(unproven):
+            name = QUANTITIES[2:][unproven[0]]
+            return _refused(f"{at}: that no limit holds {name} is not proven")
+        room = (ranges - claimed[k]) * [1.0, -1.0]
+        margins = np.minimum(margins, room.min(axis=1))
+        if ever is not None and k + 1 == ever.sample:
+            reached = hull(enclosure.pieces, ever.W)
+            if not inside(reached, ever.centre, ever.size):
+                return _refused(f"sample {k + 1}: the set that is kept is not proven to be reached")
+    if ever is not None and (broken := _not_kept(problem.loop, ever, np.array(after_end))):
+        return _refused(f"after {ever.samples} samples from sample {ever.sample} on: {broken}")
+    inside_bounds = f"inside its bounds at {len(problem.t)} samples"
+    return Verification.of(
+        [
+            Check(name=f"{name} {inside_bounds}", margin=margin, exact=True)
+            for name, margin in zip(QUANTITIES, margins, strict=True)
+        ]
+    )
+
+
+def _not_kept(loop: SampledLoop, ever: HandOver, after_end: FloatArray) -> str:
+    """Reason why flights may leave the set of a hand-over; empty if they never do."""
+    try:
+        plan = Replay(ever.chosen)
+        after, passed = return_map(loop, ever.W, ever.centre, ever.size, ever.samples, plan)
+    except (Unbounded, IndexError, InputError, np.linalg.LinAlgError) as error:
+        return str(error)
+    if not inside(after, ever.centre, ever.size):
+        return "the set is not proven to be kept"
+    return _broken(for_ever(after_end, passed), ever.bounds)
+
+
+def _broken(proven: FloatArray, claimed: FloatArray) -> str:
+    for name, (low, high), (least, most) in zip(QUANTITIES, proven, claimed, strict=True):
+        if not least <= low:
+            return f"{name} >= {least:.9g} is not proven, but {name} >= {low:.9g}"
+        if not high <= most:
+            return f"{name} <= {most:.9g} is not proven, but {name} <= {high:.9g}"
+    return ""
+
+
+def _refused(reason: str) -> Verification:
+    return Verification(valid=False, reason=reason, checks=())

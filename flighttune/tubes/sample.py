@@ -1,0 +1,663 @@
+r"""One sample of the loop for a whole set of flights: the controller as it flies, then the plant.
+
+With x the unlimited command minus the command u in force, what a limit holds back above is
+``max(Y, 0)`` with ``Y = x - r + max(u + r - hi, 0)`` for the range up to `hi` and the step r that
+the rate allows, and likewise below. So `pi_step` is
+
+    u+ = u + x - max(Y, 0) + max(Z, 0)
+    I+ = I + J - (max(Y, 0) - S) + ...  with  S = max(Y - max(J, 0), 0)
+
+with J the trapezoid's increment: the second line is conditional anti-windup. It is affine where all
+flights are on one side of every kink. Elsewhere a kink becomes a line and a symbol for its error.
+The two lines share the symbol of ``max(Y, 0)``, so that it cancels in the next x, which is
+``K_P`` times the change of the errors, plus the next J, plus S. The values of S are known better
+than its form says: pieces remember them.
+
+The load-factor command is kept as v, what it has beyond the feed-forward
+``cos(gamma_ref)/cos(phi)``: in x the feed-forward cancels, and ``n_z cos(phi)`` is
+``v cos(phi) + cos(gamma_ref)``.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import accumulate, pairwise
+from typing import NamedTuple, Protocol, TypeAlias
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.control.law import SampledController
+from flighttune.control.mimo_pi import ChannelLaw
+from flighttune.tubes.forms import UP, Flags, Form, Indices, Pieces, Quantity, combined, transformed
+from flighttune.tubes.functions import (
+    cosine_of,
+    positive_part,
+    product,
+    secant,
+    secant_change,
+    tangent,
+)
+from flighttune.tubes.interval import (
+    LARGEST_ANGLE,
+    Interval,
+    Unbounded,
+    cosine,
+    one_over,
+    sine_and_cosine,
+)
+from flighttune.tubes.lag import SampledLag
+from flighttune.tubes.point_mass import point_mass_sample
+
+# Rows of the state; the errors are those of the sample before. `EXTRA_LIFT` is the load-factor
+# command beyond its feed-forward, or, of the exact law, times the cosine of the roll command.
+CHI, GAMMA, PHI, EXTRA_LIFT, PHI_INTEGRAL, N_Z_INTEGRAL, CHI_ERR, GAMMA_ERR = range(8)
+
+STATES = 8
+
+# Kinds of the symbols of a load-factor command that passes a lag, and of the difference of the roll
+# seen from that behind the lag.
+N_Z, ROLL_BEYOND = STATES, STATES + 1
+
+# Part of that difference that is kept from sample to sample; 1 less it is exact
+ROLL_KEPT = 0.875
+
+# Kinds of the symbols of the two commands
+KINDS = PHI, EXTRA_LIFT
+
+# Number of splits that a piece remembers
+SPLITS = 4
+
+# Rows of constraints: the splits, then for each command the part that limits hold back
+CONSTRAINTS = SPLITS + 2
+
+# Half width of a range, rad and 1, below which it is not remembered: it excludes nothing
+NARROWEST = 1e-9
+
+# Most symbols that a sample adds: of the paper's law 12 for the kinks of four limits, 2 commands, 2
+# integrals, course, path angle, and behind lags a load factor and a roll seen. The exact law adds
+# 7, and one more for every time that pieces are split after its roll command.
+FRESH_SYMBOLS = 20
+
+# Every so many samples accumulated errors become symbols, so that feedback can reduce them
+REDUCE_EVERY = 25
+
+# Bound, rad and 1, on the error of a computed flight in a sample: that of the classical Runge-Kutta
+# rule over 0.02 s, and some rounding.
+COMPUTED = 1e-11
+
+# Columns of the reference of a loop: angles to follow, commands planned for them, their rates
+REFERENCE, PLANNED, RATES = slice(0, 2), slice(2, 4), slice(4, 6)
+
+# Rows of the boxes of a loop: disturbances of the two rates, roll seen beyond that behind the lag,
+# and its change to the next sample.
+D, ROLL, ROLL_CHANGE = slice(0, 2), 2, 3
+
+CLIMB = "the flight-path angle"
+
+# Largest flight-path angle of the exact point mass, which has no course at 90 deg
+STEEPEST = math.radians(85.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SampledLoop:
+    """The loop that all flights of a set share."""
+
+    law: SampledController  # the numbers of the controller itself
+    # shape (k, 6), rad, rad, rad, 1, rad/s, rad/s, in the columns `REFERENCE`, `PLANNED` and
+    # `RATES`: zeros where a law follows no plan, or no rates.
+    reference: FloatArray
+    # shape (k, 2 or 4, 2), rad/s and rad: lowest and highest values from a sample to the next, in
+    # the rows `D`, and `ROLL` and `ROLL_CHANGE` where the controller sees more roll than the lag's.
+    boxes: FloatArray
+    dt: float  # s
+    V_a: float  # m/s
+    g: float  # m/s^2
+    # length 4: course, flight-path angle, roll and load factor in the middle of the starts; without
+    # a load factor it is that of steady flight at the path angle of each start.
+    start: tuple[float, float, float, float | None]
+    exact: bool  # whether the point mass turns by its lift, instead of by the paper's law
+    lags: tuple[SampledLag, ...]  # of roll and load factor; the exact point mass alone has them
+
+    @property
+    def g_over_v(self) -> float:
+        """Gravity over airspeed, 1/s."""
+        return self.g / self.V_a
+
+    @property
+    def sees_roll(self) -> bool:
+        """Whether the controller sees more roll than that behind the lag."""
+        return self.boxes.shape[1] > ROLL
+
+    @property
+    def rows(self) -> int:
+        """Rows of the state: `STATES`, the lags, the commands on their way, the roll beyond."""
+        return STATES + sum(lag.order + lag.older + 1 for lag in self.lags) + self.sees_roll
+
+    @property
+    def layout(self) -> tuple[list[slice], list[slice]]:
+        """Rows of each lag, and of the commands on their way into it, the newest first."""
+        counts = [lag.order for lag in self.lags] + [lag.older + 1 for lag in self.lags]
+        rows = [slice(*ends) for ends in pairwise(accumulate(counts, initial=STATES))]
+        return rows[: len(self.lags)], rows[len(self.lags) :]
+
+    def lift(self, k: int) -> float:
+        """``cos(gamma_ref)`` of the feed-forward at sample k; 0 without one."""
+        return math.cos(self.reference[max(k, 0), GAMMA]) if self.law.feed_forward else 0.0
+
+    @property
+    def steady(self) -> FloatArray:
+        """State of steady flight on the last reference."""
+        at = np.zeros(self.rows)
+        chi, gamma, phi, planned = self.reference[-1, :4]
+        n_z = planned or np.cos(gamma)
+        extra = n_z - self.lift(len(self.reference) - 1)
+        at[[CHI, GAMMA, PHI, EXTRA_LIFT]] = chi, gamma, phi, extra
+        at[N_Z_INTEGRAL] = 0.0 if self.law.inverts else extra - planned
+        for own, queue, lag, value in zip(*self.layout, self.lags, (phi, n_z), strict=False):
+            at[own], at[queue] = lag.rest * value, value
+        if self.sees_roll:
+            at[-1] = self.boxes[-1, ROLL].mean()
+        return at
+
+
+class Channel(NamedTuple):
+    """One command before its limits: x, the increment with its values, and the excesses Y."""
+
+    x: Form
+    increment: Form
+    by: Interval
+    excesses: Mapping[float, Quantity]  # over the limits that there are: 1 above and -1 below
+
+
+# A split by the excess of a channel on a side: of which pieces, at which of its values, and into
+# which constraint row.
+Cut: TypeAlias = tuple[int, float, Flags, FloatArray, Indices]
+
+
+class Plan(Protocol):
+    """The free choices of an enclosure: all of them give one that holds."""
+
+    def multipliers(self, pieces: Pieces, form: Form) -> FloatArray:
+        """Multipliers of the rows constrained, for the range of a form, shape (P, c)."""
+        ...
+
+    def slope(self, values: Interval) -> FloatArray:
+        """Slope of the line that encloses ``max(F, 0)``, shape (P,)."""
+        ...
+
+    def cut(self, pieces: Pieces, channels: Sequence[Channel]) -> Cut | None:
+        """Next split before the sample is taken; None to go on."""
+        ...
+
+    def pairs(self, pieces: Pieces) -> Indices:
+        """Symbols to give up, as `Pieces.reduce` takes them."""
+        ...
+
+
+class Controlled(NamedTuple):
+    """The controller's part of a sample."""
+
+    state: list[Form]  # rows before the sample
+    errors: list[Form]
+    roll: Quantity  # rad: roll that the controller sees
+    phi: Form  # rad: roll command
+    extra: Form  # load-factor command, as in the row `EXTRA_LIFT`
+    lift: float  # ``cos(gamma_ref)`` of the feed-forward; 0 without one
+    integrals: list[Form]
+    limited: Sequence[bool]  # whether a limit can hold the command
+
+
+# Course, flight-path angle, the row `EXTRA_LIFT` and those of the lags one sample later; the values
+# of the two commands in between; and how far apart the rates of a flight can be within the sample,
+# shape (2,), rad/s.
+Flown: TypeAlias = tuple[list[Form], list[Interval], FloatArray]
+
+
+def start_set(loop: SampledLoop, within_start: float, sides: int, symbols: int) -> Pieces:
+    """All starts within `within_start` (rad) of course and flight-path angle.
+
+    They are in `sides` squared pieces of at most as many `symbols`.
+    """
+    chi, gamma, phi, n_z = loop.start
+    edges = np.linspace(-within_start, within_start, sides + 1)
+    # Midpoints and half width of the pieces along one axis.
+    middles, radius = 0.5 * (edges[1:] + edges[:-1]), within_start / sides * UP
+    centres = np.zeros((sides * sides, loop.rows))
+    centres[:, CHI] = chi + np.repeat(middles, sides)
+    centres[:, GAMMA] = gamma + np.tile(middles, sides)
+    centres[:, PHI] = phi
+    made = Pieces(centres, CONSTRAINTS, symbols)
+    state = made.forms()
+    # Two symbols span the starts of a piece; everything else follows from them.
+    for row in (CHI, GAMMA):
+        state[row] = made.fresh(state[row].widened(radius + COMPUTED), row)
+    level = cosine(Interval.point(np.full(len(centres), phi)))
+    if n_z is None:
+        steady = one_over(level)
+        climb = Quantity(state[GAMMA], made.plain_range(state[GAMMA]))
+        load = combined((steady.middle, cosine_of(climb).form))
+        load = load.widened(steady.radius + COMPUTED)
+    else:
+        load = combined((0.0, state[GAMMA]), shift=n_z).widened(COMPUTED)
+    if loop.law.inverts:
+        doubt = level.radius * load.size + COMPUTED
+        state[EXTRA_LIFT] = combined((level.middle, load)).widened(doubt)
+    else:
+        feed_forward = Interval.point(np.full(len(centres), loop.lift(0))) / level
+        extra = combined((1.0, load), shift=-feed_forward.middle)
+        state[EXTRA_LIFT] = extra.widened(feed_forward.radius)
+    for own, queue, lag, value in zip(*loop.layout, loop.lags, (state[PHI], load), strict=False):
+        state[own] = [combined((share, value)).widened(COMPUTED) for share in lag.rest]
+        state[queue] = [value] * (queue.stop - queue.start)
+    if loop.sees_roll:
+        box = _interval(*loop.boxes[0, ROLL])
+        beyond = combined((0.0, state[PHI]), shift=box.middle).widened(box.radius)
+        state[-1] = made.fresh(beyond, ROLL_BEYOND)
+    made.put(state)
+    return made
+
+
+class Enclosure:
+    """A set of flights taken from sample to sample.
+
+    Parameters
+    ----------
+    pieces : Pieces
+        The starts; changed by every sample.
+
+    Attributes
+    ----------
+    overlap : float
+        Overlap of the halves of a piece.
+    """
+
+    overlap = 0.0
+
+    def __init__(self, loop: SampledLoop, pieces: Pieces, plan: Plan) -> None:
+        self.loop, self.pieces, self.plan = loop, pieces, plan
+        self._margin = np.zeros(2)
+
+    def sample(self, k: int) -> tuple[FloatArray, Flags]:
+        """Take the set through sample k and on to the next; return what is proven of it.
+
+        Returns
+        -------
+        ranges : ndarray, shape (4, 2)
+            Lower and upper bound of course error, flight-path-angle error, roll and load-factor
+            command. The errors have a margin, with which they also hold between the samples: on
+            the straight line from the bounds of one to those of the next.
+        limited : ndarray of bool, shape (2,)
+            Whether a limit can hold the command.
+
+        Raises
+        ------
+        Unbounded
+            If an angle leaves the range in which the functions are enclosed.
+        """
+        pieces, loop = self.pieces, self.loop
+        if pieces.used + FRESH_SYMBOLS > pieces.capacity or k % REDUCE_EVERY == REDUCE_EVERY - 1:
+            pieces.reduce(self.plan.pairs(pieces))
+        pieces.make_room(FRESH_SYMBOLS)
+        at = self._controlled(k)
+        # Ranges of the errors of this sample, before its rows are overwritten by the next one's.
+        errors = [*map(self._range, at.errors)]
+        fly = self._point_mass if loop.exact else self._paper_law
+        (chi, gamma, extra, *lags), commands, spread = fly(k, at)
+        pieces.put([chi, gamma, at.phi, extra, *at.integrals, *at.errors, *lags])
+        ranges = [*map(ordered, (*errors, *commands))]
+        bounds = np.array([(values.low.min(), values.high.max()) for values in ranges])
+        # Between samples a flight leaves the straight line by at most a quarter of the sample time
+        # times how far apart its rate can be. The line between the bounds needs that at both of its
+        # ends, so a sample takes the larger margin of the interval before it and of the one after.
+        after = 0.25 * loop.dt * spread * UP
+        margin, self._margin = np.maximum(self._margin, after), after
+        bounds[:2, 0] -= margin
+        bounds[:2, 1] += margin
+        return bounds, np.array(at.limited)
+
+    def _controlled(self, k: int) -> Controlled:
+        """The commands of sample k, in as many pieces as that takes."""
+        pieces, lift = self.pieces, self.loop.lift(k)
+        # A split changes the pieces and their constraints, so every form is made anew after it. No
+        # symbol is added before the last pass: constraints may only speak of symbols that stay.
+        while True:
+            state = pieces.forms()
+            errors = self._errors(k, state)
+            roll = self._seen(state)
+            # The row was kept relative to the reference of the sample before.
+            extra, moved = state[EXTRA_LIFT], lift - self.loop.lift(k - 1)
+            if moved != 0.0:
+                extra = combined((1.0, extra), (-moved, secant(roll).form))
+            channels = self._channels(k, state, errors, roll, extra)
+            if not self._fewer_or_more(channels):
+                break
+        moves, integrals, limited = zip(
+            *(self._limited(i, c, state[PHI_INTEGRAL + i]) for i, c in enumerate(channels)),
+            strict=True,
+        )
+        phi = combined((1.0, state[PHI]), (1.0, moves[0])).widened(COMPUTED)
+        phi = pieces.fresh(phi, PHI)
+        extra = combined((1.0, extra), (1.0, moves[1])).widened(COMPUTED)
+        return Controlled(state, errors, roll, phi, extra, lift, self._kept(integrals), limited)
+
+    def _kept(self, integrals: Sequence[Form]) -> list[Form]:
+        """Integrals with a symbol each for their errors."""
+        return [
+            self.pieces.fresh(form.widened(COMPUTED), PHI_INTEGRAL + i)
+            for i, form in enumerate(integrals)
+        ]
+
+    def _fewer_or_more(self, channels: Sequence[Channel]) -> bool:
+        """Drop pieces without flights, or split; whether there are other pieces now."""
+        ranges = [channel.by for channel in channels]
+        ranges += [over.values for channel in channels for over in channel.excesses.values()]
+        empty = np.any([values.low > values.high for values in ranges], axis=0)
+        if empty.any():
+            self._keep(~empty)
+            return True
+        cut = self.plan.cut(self.pieces, channels)
+        if cut is not None:
+            self._split(cut, channels)
+        return cut is not None
+
+    def _range(self, form: Form) -> Interval:
+        """The values of a form; low is above high in a piece without flights."""
+        values, pieces = self.pieces.plain_range(form), self.pieces
+        if pieces.constrained.any():
+            other = pieces.constrained_range(form, self.plan.multipliers(pieces, form))
+            values = Interval(
+                np.maximum(values.low, other.low), np.minimum(values.high, other.high)
+            )
+        return values
+
+    def _ranged(self, form: Form) -> Quantity:
+        return Quantity(form, ordered(self._range(form)))
+
+    def _angle(self, form: Form, name: str) -> Quantity:
+        angle = self._ranged(form)
+        _check_inside(angle.values, name)
+        return angle
+
+    def _errors(self, k: int, state: Sequence[Form]) -> list[Form]:
+        chi_ref, gamma_ref = self.loop.reference[k, REFERENCE]
+        # The controller wraps the course error; all flights of a piece must wrap alike.
+        chi_err = combined((-1.0, state[CHI]), shift=chi_ref)
+        turns = np.round(chi_err.coefficients[:, 0] / math.tau)
+        chi_err = combined((1.0, chi_err), shift=-turns * math.tau)
+        if not (self._range(chi_err).largest < math.pi).all():
+            raise Unbounded("the course error can pass half a turn")
+        return [chi_err, combined((-1.0, state[GAMMA]), shift=gamma_ref)]
+
+    def _seen(self, state: Sequence[Form]) -> Quantity:
+        """The roll that the controller sees."""
+        seen = state[STATES if self.loop.lags else PHI]
+        if self.loop.sees_roll:
+            seen = combined((1.0, seen), (1.0, state[-1]))
+        return self._angle(seen, "roll")
+
+    def _channels(
+        self, k: int, state: Sequence[Form], errors: Sequence[Form], roll: Quantity, extra: Form
+    ) -> list[Channel]:
+        made, lift = [], self.loop.lift(k)
+        for i, law in enumerate(self.loop.law.channels):
+            # The trapezoid begins with the second sample: there is no time before the first.
+            increment = combined((0.0, errors[0]))
+            if k > 0:
+                both = *errors, state[CHI_ERR], state[GAMMA_ERR]
+                increment = combined(*zip((*law.K_I_half, *law.K_I_half), both, strict=True))
+            force = extra if i else state[PHI]
+            x = combined(
+                *zip(law.K_P, errors, strict=True),
+                (1.0, state[PHI_INTEGRAL + i]),
+                (1.0, increment),
+                (-1.0, force),
+                shift=self.loop.reference[k, PLANNED][i],
+            )
+            command = Quantity(force, self._range(force))
+            if i and lift:
+                steep = secant(roll)
+                whole = combined((1.0, force), (lift, steep.form))
+                command = Quantity(whole, command.values + steep.values * lift)
+            excesses = self._excesses(x, command, law)
+            made.append(Channel(x, increment, self._range(increment), excesses))
+        return made
+
+    def _excesses(self, x: Form, command: Quantity, law: ChannelLaw) -> dict[float, Quantity]:
+        """Excesses over the limits above and below, with the command in force."""
+        sides = (1.0, law.upper, law.step_up), (-1.0, -law.lower, -law.step_down)
+        return {
+            side: self._excess(x, command, side, limit, step)
+            for side, limit, step in sides
+            if min(limit, step) < math.inf
+        }
+
+    def _excess(
+        self, x: Form, command: Quantity, side: float, limit: float, step: float
+    ) -> Quantity:
+        terms, shift = [(side, x)], -step
+        if math.isinf(step):
+            terms, shift = [*terms, (side, command.form)], -limit
+        elif not math.isinf(limit):
+            # What the range leaves of the step: all of it, unless the command is near its end.
+            near = command.values * side + (step - limit)
+            if (near.high > 0.0).any():
+                close = combined((side, command.form), shift=step - limit)
+                # A command is never beyond its range.
+                near = ordered(Interval(near.low, np.minimum(near.high, step)))
+                part = positive_part(Quantity(close, near), self.plan.slope(near))
+                terms.append((1.0, part))
+        form = combined(*terms, shift=shift)
+        return Quantity(form, self._range(form))
+
+    def _keep(self, which: Flags) -> None:
+        """Drop all pieces but these."""
+        self.pieces.keep(which)
+
+    def _split(self, cut: Cut, channels: Sequence[Channel]) -> None:
+        """Below and above a value of an excess: a flight is in one of the two."""
+        # The lower halves stay in place, the upper ones are appended.
+        i, side, chosen, at, row = cut
+        form, values = channels[i].excesses[side]
+        which, pieces = np.flatnonzero(chosen), self.pieces
+        part, at, row = form.part(which), at[which], row[which]
+        lower = Interval(values.low[which], at + self.overlap)
+        upper = Interval(at - self.overlap, values.high[which])
+        appended = len(pieces) + np.arange(len(which))
+        pieces.split(which)
+        pieces.constrain(which, row, part, lower)
+        pieces.constrain(appended, row, part, upper)
+
+    def _limited(self, i: int, channel: Channel, integral: Form) -> tuple[Form, Form, bool]:
+        """How the command moves, its integral after the sample, and whether a limit can hold it."""
+        moves, kept = [(1.0, channel.x)], [(1.0, integral), (1.0, channel.increment)]
+        left, between = [], Interval.point(np.zeros(len(self.pieces)))
+        for side, excess in channel.excesses.items():
+            if not (excess.values.high > 0.0).any():
+                continue
+            excess_part = self._positive_part(excess, KINDS[i])
+            rest, values, by = excess_part, excess.values, ordered(channel.by * side)
+            if self.loop.law.conditional and (by.high > 0.0).any():
+                outwards = combined((side, channel.increment))
+                refused = self._positive_part(Quantity(outwards, by), PHI_INTEGRAL + i)
+                beyond = combined((1.0, excess.form), (-1.0, refused))
+                values = self._range(beyond)
+                # The increment refused is not negative.
+                values = Interval(values.low, np.minimum(values.high, excess.values.high))
+                rest = Quantity(beyond, ordered(values))
+                rest = self._positive_part(rest, PHI_INTEGRAL + i)
+                kept += [(-side, excess_part), (side, rest)]
+            moves.append((-side, excess_part))
+            left.append((side, rest))
+            low, high = (np.maximum(end, 0.0) for end in (values.low, values.high))
+            between = between + ordered(Interval(low, high)) * side
+        if left:
+            self._remember(i, channel, combined(*left), between)
+        return combined(*moves), combined(*kept), bool(left)
+
+    def _positive_part(self, quantity: Quantity, kind: int) -> Form:
+        """``max(F, 0)``, with a symbol for its error where there is one."""
+        form, values = quantity
+        part = positive_part(Quantity(form, ordered(values)), self.plan.slope(values))
+        # Where all flights are on one side of the kink, the line is exact and needs no symbol.
+        kinked = (values.low < 0.0) & (values.high > 0.0)
+        return self.pieces.fresh(part, kind) if kinked.any() else part
+
+    def _remember(self, i: int, channel: Channel, left: Form, between: Interval) -> None:
+        """Constrain the part of the command that limits hold back beyond the increment refused."""
+        sides = [excess.values for excess in channel.excesses.values()]
+        kinked = np.any([(values.low < 0.0) & (values.high > 0.0) for values in sides], axis=0)
+        which = np.flatnonzero(kinked & (between.radius > NARROWEST))
+        if len(which) and len(self.pieces.constrained):
+            to = Interval(between.low[which], between.high[which])
+            self.pieces.constrain(which, np.full(len(which), SPLITS + i), left.part(which), to)
+
+    def _relative(self, at: Controlled, after: Form) -> Form:
+        """The load-factor command beyond the feed-forward of the roll seen next, `after`."""
+        extra = at.extra
+        if at.lift:
+            change = combined((1.0, after), (-1.0, at.roll.form))
+            by = self._range(change)
+            # Without a lag the roll seen next is the command, which its rate limit holds.
+            if not self.loop.lags:
+                law = self.loop.law.channels[0]
+                by = Interval(
+                    np.maximum(by.low, law.step_down - COMPUTED),
+                    np.minimum(by.high, law.step_up + COMPUTED),
+                )
+            less_steep = self._secant_change(at.roll, Quantity(change, ordered(by)))
+            extra = combined((1.0, extra), (at.lift, less_steep))
+        return self.pieces.fresh(extra, EXTRA_LIFT)
+
+    def _secant_change(self, roll: Quantity, change: Quantity) -> Form:
+        """``1/cos(phi) - 1/cos(phi + change)``.
+
+        Two secants enclosed one by one would be as wide as both.
+        """
+        _check_inside(roll.values + change.values, "roll")
+        return secant_change(roll, change)
+
+    def _load(self, at: Controlled) -> Form:
+        """The load-factor command."""
+        if at.lift == 0.0:
+            return at.extra
+        return combined((1.0, at.extra), (at.lift, secant(at.roll).form))
+
+    def _lift_and_load(self, at: Controlled) -> tuple[Form, Interval]:
+        """The row `EXTRA_LIFT` times the cosine of roll, and the values of the command."""
+        extra, level = self._ranged(at.extra), cosine_of(at.roll)
+        lift = Interval.point(np.full_like(level.values.low, at.lift))
+        return product(extra, level), extra.values + lift / level.values
+
+    def _paper_law(self, k: int, at: Controlled) -> Flown:
+        r"""The paper's law over a sample; docs/tube.md derives the remainder.
+
+        With y = gamma(t) - gamma and ``f = (g/V)(n_z cos(phi) - cos(gamma)) + d``, d the middle of
+        the disturbance, ``y(h) = h f + (h^2/2)(g/V) sin(gamma) f + R`` where ``|R|`` is at most
+        ``(g/V)(h^2/2)((g/V)Y + (g/V)Y^2/2 + D) + (g/V)h Y^2/2 + h D`` for ``|y| <= Y``.
+        """
+        pieces, loop, h, rate = self.pieces, self.loop, self.loop.dt, self.loop.g_over_v
+        state = at.state
+        extra = self._relative(at, at.phi)
+        roll, climb = self._angle(at.phi, "roll"), self._angle(state[GAMMA], CLIMB)
+        d = Interval(*loop.boxes[k, D].T)
+        d_middle, d_radius = d.middle, d.radius
+        chi = combined((1.0, state[CHI]), (h * rate, tangent(roll)), shift=h * d_middle[0]).widened(
+            h * d_radius[0] * UP + COMPUTED
+        )
+        lifted, load = self._lift_and_load(at._replace(extra=extra, roll=roll))
+        f = combined(
+            (rate, lifted), (-rate, cosine_of(climb).form), shift=rate * at.lift + d_middle[1]
+        )
+        f_range = ordered(self._range(f))
+        fastest = f_range.largest + d_radius[1]
+        # Gronwall: f grows with y by at most g/V.
+        farthest = h * fastest * math.exp(rate * h) * UP
+        # d(cos gamma) = -sin(gamma) d gamma: the slope of f in gamma, taken at its middle.
+        slope = sine_and_cosine(climb.values)[0]
+        bend = 0.5 * h * h * rate
+        rest = (
+            bend * (rate * farthest * (1.0 + 0.5 * farthest) + d_radius[1])
+            + 0.5 * rate * h * farthest * farthest
+            + h * d_radius[1]
+            + bend * slope.radius * f_range.largest
+        )
+        gamma = combined((1.0, state[GAMMA]), (h + bend * slope.middle, f)).widened(
+            rest * UP + COMPUTED
+        )
+        spread = 2.0 * np.array([d_radius[0], d_radius[1] + rate * float(farthest.max())])
+        rows = [pieces.fresh(chi, CHI), pieces.fresh(gamma, GAMMA), extra]
+        return rows, [roll.values, load], spread
+
+    def _point_mass(self, k: int, at: Controlled) -> Flown:
+        """The exact point mass, behind lags if there are any."""
+        pieces, loop, state = self.pieces, self.loop, at.state
+        # A symbol of its own: behind a lag the same error comes back in later samples.
+        n_z = pieces.fresh(self._load(at).widened(COMPUTED), N_Z)
+        commands = [self._ranged(command) for command in (at.phi, n_z)]
+        (rolled, loaded), lags = commands, []
+        if loop.lags:
+            (rolled, loaded), lags = self._behind_lags(state, (at.phi, n_z))
+        _check_inside(rolled.values, "roll")
+        climb = self._angle(state[GAMMA], CLIMB)
+        _check_inside(climb.values, CLIMB, STEEPEST)
+        d = Interval(*loop.boxes[k, D].T)
+        chi, gamma, spread = point_mass_sample(
+            state[CHI], climb, rolled, loaded, d, h=loop.dt, g_over_v=loop.g_over_v
+        )
+        after = lags[0] if lags else at.phi
+        if loop.sees_roll:
+            lags.append(self._roll_beyond(k, state[-1]))
+            after = combined((1.0, after), (1.0, lags[-1]))
+        chi, gamma = (
+            pieces.fresh(form.widened(COMPUTED), row) for form, row in ((chi, CHI), (gamma, GAMMA))
+        )
+        rows = [chi, gamma, self._relative(at, after), *lags]
+        return rows, [command.values for command in commands], spread
+
+    def _roll_beyond(self, k: int, now: Form) -> Form:
+        """Difference of the roll seen from that behind the lag, a sample later.
+
+        It is a e + w of the e now, w in ``(1 - a)`` times the box of e plus that of its change: so
+        the changes stay small, and the sum of all w does not grow with time.
+        """
+        boxes = self.loop.boxes[k]
+        w = _interval(*boxes[ROLL]) * (1.0 - ROLL_KEPT) + _interval(*boxes[ROLL_CHANGE])
+        later = combined((ROLL_KEPT, now), shift=w.middle).widened(w.radius)
+        return self.pieces.fresh(later, ROLL_BEYOND)
+
+    def _behind_lags(
+        self, state: Sequence[Form], commands: Sequence[Form]
+    ) -> tuple[list[Quantity], list[Form]]:
+        """Roll and load factor flown, and the rows of the lags and of the commands under way."""
+        flown, after, under_way = [], [], []
+        for lag, own, queue, command in zip(
+            self.loop.lags, *self.loop.layout, commands, strict=True
+        ):
+            newest_first = [command, *state[queue]]
+            # An older and a newer command are in force: the delay is no whole number of samples.
+            inputs = [*state[own], newest_first[lag.older + 1], newest_first[lag.older]]
+            rows_after = np.vstack([lag.transition, lag.mean])
+            *moved, mean = (form.widened(COMPUTED) for form in transformed(rows_after, inputs))
+            ranges = [ordered(self._range(form)) for form in (*inputs, moved[0])]
+            # Within the sample either of the two commands may be in force.
+            in_force = ranges[lag.order].hull(ranges[lag.order + 1])
+            values = lag.values_within(ranges[: lag.order], ranges[-1], in_force, self.loop.dt)
+            flown.append(Quantity(mean, values))
+            after += moved
+            under_way += newest_first[:-1]
+        return flown, [*after, *under_way]
+
+
+def _check_inside(angle: Interval, name: str, largest: float = LARGEST_ANGLE) -> None:
+    if not (angle.largest < largest).all():
+        raise Unbounded(f"{name} cannot be kept inside {math.degrees(largest):.3g} deg")
+
+
+def _interval(low: float, high: float) -> Interval:
+    return Interval(np.array([low]), np.array([high]))
+
+
+def ordered(values: Interval) -> Interval:
+    """`values` where they are a range; of a piece without flights any range will do."""
+    return Interval(np.minimum(values.low, values.high), np.maximum(values.low, values.high))

@@ -1,0 +1,247 @@
+"""The set of all errors that the flights of a scenario can have."""
+
+from bisect import bisect_left
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.claims.conformance import Conformance
+from flighttune.control.gains import PIGains
+from flighttune.errors import InputError
+from flighttune.flight.fly import plant_of
+from flighttune.flight.outer_loop import scenario_and_gains
+from flighttune.scenario.schema import Scenario
+from flighttune.simulate.loop import simulate
+from flighttune.tubes.enclosure import Settings, Tube, bounds_of
+from flighttune.tubes.exact import enclosure_of
+from flighttune.tubes.hand_over import continued, hull, settled_from
+from flighttune.tubes.interval import Unbounded
+from flighttune.tubes.problem import QUANTITIES, TubeProblem, tube_problem
+from flighttune.tubes.sample import start_set
+from flighttune.tubes.search import Search, coordinates, hand_over
+
+# Why a tube is wrong that its own flight leaves
+LEFT = "a flight leaves the tube, so it is wrong and no file is written"
+
+# Time, s, within which the width of a set that is about to be lost doubles
+DOUBLING = 0.2
+
+# Disturbances that are tried, rad/s: all of two digits
+DISTURBANCES = [float(f"{digits}e{power}") for power in range(-6, 0) for digits in range(10, 100)]
+
+
+def largest_disturbance(
+    problem: TubeProblem, *, progress: Callable[[float], None] | None = None
+) -> list[Tube]:
+    """Look for the largest disturbance, to two digits, for which the set is bounded.
+
+    Returns all tubes that were tried, by disturbance. The largest bounded one is known to two
+    digits if one that is larger follows it. None is bounded if the first of `DISTURBANCES`, or the
+    scenario's own, is not.
+    """
+    tried: dict[float, Tube] = {}
+
+    def lost(size: float) -> bool:
+        tried[size] = tube_of(replace(problem, disturbance=size), for_ever=False, progress=progress)
+        return tried[size].status == "unbounded"
+
+    own = float(problem.disturbances[1].max())
+    larger = [size for size in DISTURBANCES if size > own]
+    bisect_left([own, *larger] if own else larger, True, key=lost)
+    return [tried[size] for size in sorted(tried)]
+
+
+def tube(
+    scenario: Scenario | str | Path,
+    gains: PIGains | str | None = None,
+    boxes: Conformance | None = None,
+    *,
+    plant: str | None = None,
+    start: float = 0.0,
+    disturbance: float | None = None,
+    changes: Mapping[str, Any] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Tube:
+    """Enclose all flights of a scenario with one gain set, limits included.
+
+    This takes seconds for the law and minutes for an aircraft or a box of starts.
+
+    Parameters
+    ----------
+    scenario : Scenario, str or Path
+        A scenario with a reference over time; also a file, or the name of a shipped one.
+    gains : PIGains or str, optional
+        Gains of the paper's or of the exact law, or a gain set by name or file; by default the
+        first of the scenario.
+    boxes : Conformance, optional
+        Boxes counted around the rates of an aircraft that its identified model misses: its flights
+        are then enclosed.
+    plant : str, optional
+        Label of the plant; by default the first that is no aircraft, or with `boxes` the first
+        aircraft.
+    start : float, rad
+        Course and path angle start within this of the scenario's.
+    disturbance : float, rad/s, optional
+        Bound on the disturbance of each rate, of any shape; by default that of the scenario.
+    changes : mapping of str to value, optional
+        Values to set in a scenario that is read from a file, by dotted key.
+    progress : callable, optional
+        Called with the share of time that is enclosed, 0 to 1.
+
+    Returns
+    -------
+    Tube
+        Bounded, or unbounded with the reason. A flight that leaves it makes it unbounded too.
+
+    Raises
+    ------
+    InputError
+        If no tube knows the law, the air or the plant, or the boxes are of other flights.
+    InfeasibleError
+        If tuning finds no such gains.
+
+    Examples
+    --------
+    >>> tube = ft.tube("paper", "paper", changes={"flight.duration_s": 2.0})
+    >>> tube.status, tube.problem.plant
+    ('bounded', 'kinematic')
+    """
+    loaded, name, chosen = scenario_and_gains(scenario, gains, changes)
+    law = loaded.law_for(chosen) if isinstance(gains, PIGains) else loaded.law_of(name, chosen)[0]
+    if not law.by_gains:
+        raise InputError(f"`gains` must be those of a law that a tube knows, got {law.name}.")
+    problem = tube_problem(
+        loaded,
+        chosen,
+        plant=plant,
+        start=start,
+        disturbance=disturbance,
+        conformance=boxes,
+        law=law,
+    )
+    enclosure = tube_of(problem, progress=progress)
+    if flights_inside(enclosure):
+        return enclosure
+    return replace(enclosure, status="unbounded", reason=LEFT)
+
+
+def tube_of(
+    problem: TubeProblem,
+    *,
+    attempts: Sequence[Settings] = (),
+    for_ever: bool = True,
+    progress: Callable[[float], None] | None = None,
+) -> Tube:
+    """Enclose all flights of a problem: the controller as it flies, with all its limits.
+
+    `attempts`: tried one after the other until the set is bounded; by default one with few pieces
+    and one with many. `for_ever`: look for a set that holds the flights after the time of the
+    scenario too. `progress`: called with the share of time that is enclosed, 0 to 1.
+    """
+    tried = []
+    for settings in attempts or _attempts(problem):
+        tried.append(_attempt(problem, settings, progress, for_ever=for_ever))
+        if tried[-1].status == "bounded":
+            return tried[-1]
+    return max(tried, key=lambda tube: len(tube.bounds.t))
+
+
+def _why_lost(stop: str, t: FloatArray, ranges: Sequence[FloatArray]) -> str:
+    """Time at which the set is lost, and growth of its width."""
+    lost = len(ranges)
+    reason = f"{stop} from t = {t[lost]:.2f} s on"
+    span = round(DOUBLING / (t[1] - t[0]))
+    if lost <= span:
+        return reason
+    widths = np.ptp([both[:2] for both in ranges], axis=2)
+    steady = (widths[span:] < 2.0 * widths[:-span]).all(axis=1)
+    first = int(np.flatnonzero(steady)[-1]) + 1 if steady.any() else 0
+    if first < len(steady):
+        reason += f"; from {t[first]:.2f} s on the width doubles within {DOUBLING} s"
+    return reason
+
+
+def _attempts(problem: TubeProblem) -> list[Settings]:
+    disturbed = not np.array_equal(*problem.disturbances)
+    sides = 1 if problem.start == 0.0 else 4 if disturbed else 8
+    symbols = 660 if disturbed else 200
+    # Every piece costs time: a box of starts, already in pieces, is split further only if need be.
+    few, many = (1 if sides > 1 else 60), sides * sides + 100
+    return [
+        Settings(sides, symbols, tolerance, most) for tolerance, most in ((0.5, few), (0.2, many))
+    ]
+
+
+def _attempt(
+    problem: TubeProblem,
+    settings: Settings,
+    progress: Callable[[float], None] | None,
+    *,
+    for_ever: bool,
+) -> Tube:
+    loop, t = problem.loop, problem.t
+    rows, still, hulls = coordinates(loop) if for_ever else None, settled_from(loop), {}
+    if rows is not None and still < len(t):
+        loop = continued(loop, rows[1])
+    search = Search(loop, tolerance=settings.tolerance, most=settings.most)
+    starts = start_set(loop, problem.start, settings.sides, settings.symbols)
+    enclosure = enclosure_of(loop, starts, search)
+    ranges, limits_at, reason, chosen = [], [], "", None
+    for k in range(len(loop.reference)):
+        if k == len(t):
+            chosen = search.choices
+        try:
+            both, limited = enclosure.sample(k)
+        except Unbounded as stop:
+            if k >= len(t):
+                rows = None
+            else:
+                reason = _why_lost(str(stop), t, ranges)
+            break
+        ranges.append(both)
+        limits_at.append(limited)
+        if rows is not None and still <= k < len(t):
+            hulls[k + 1] = hull(enclosure.pieces, rows[0])
+        if progress is not None and k % 50 == 0:
+            progress(k / len(loop.reference))
+    ever = None
+    if rows is not None and hulls and not reason:
+        ever = hand_over(problem.loop, *rows, hulls, np.array(ranges[len(t) :]))
+    ranges, limits_at = ranges[: len(t)], limits_at[: len(t)]
+    return Tube(
+        problem=problem,
+        status="unbounded" if reason else "bounded",
+        reason=reason,
+        bounds=bounds_of(t[: len(ranges)], np.reshape(ranges, (-1, len(QUANTITIES), 2))),
+        can_limit=np.array(limits_at, dtype=bool).reshape(-1, 2),
+        settings=settings,
+        # Choices after the end are for the set that is kept.
+        chosen=search.choices if ever or chosen is None else chosen,
+        hand_over=ever,
+    )
+
+
+def flights_inside(enclosure: Tube) -> bool:
+    """Whether the scenario's own flight and those from the corners of the starts are inside.
+
+    A tube that is not bounded is compared as far as it goes.
+    """
+    problem = enclosure.problem
+    scenario, condition = problem.scenario, problem.scenario.condition
+    corners = {(0.0, 0.0), *product((-problem.start, problem.start), repeat=2)}
+    for chi, gamma in sorted(corners):
+        signals, _ = simulate(
+            plant_of(problem.table, scenario),
+            problem.controller(),
+            scenario.followed(),
+            condition=replace(condition, chi=condition.chi + chi, gamma=condition.gamma + gamma),
+            duration=scenario.flight.duration_s,
+        )
+        if not enclosure.bounds.contain(signals):
+            return False
+    return True

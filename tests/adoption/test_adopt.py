@@ -1,0 +1,365 @@
+"""A model of JSBSim's becomes an aircraft: what is found, what is refused, what is written."""
+
+import json
+import math
+import re
+import shutil
+from pathlib import Path
+
+import jsbsim
+import pytest
+from commands import answer, flighttune
+
+from flighttune.adoption.survey import survey
+from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.files.shipped import aircraft_folder, models_of_jsbsim
+from flighttune.scenario.load import load_scenario
+
+ROOT = Path(jsbsim.get_default_root_dir())
+DEG = math.pi / 180.0
+CENTIDEGREE = 0.01
+
+
+@pytest.fixture(scope="module")
+def adopted(tmp_path_factory):
+    """The T-38, adopted by the command."""
+    folder = tmp_path_factory.mktemp("hangar") / "T38"
+    return folder, answer("adopt", "T38", "--out", folder)
+
+
+@pytest.mark.slow
+def test_a_jet_is_adopted(adopted):
+    folder, found = adopted
+
+    assert found["status"] == "adopted"
+    assert found["reason"] == ""
+    assert found["engines"] == 2
+    assert min(found["fit_percent"].values()) >= 90.0
+    tuned, paper = found["flown"]["tuned"], found["flown"]["paper"]
+    assert tuned["status"] == "completed"
+    assert tuned["ST_deg"]["chi"] <= 0.5
+    for channel in ("chi", "gamma"):
+        assert tuned["ITAE"][channel] < paper["ITAE"][channel]
+    assert {one.name for one in folder.iterdir()} == {
+        *("aircraft.toml", "gains.json", "identified.json", "turn.toml"),
+        *("adoption.json", "adoption.html"),
+    }
+    page = (folder / "adoption.html").read_text(encoding="utf-8")
+    assert "Adopted means: both fits reach" in page
+
+
+@pytest.mark.slow
+def test_other_commands_take_the_folder(adopted, tmp_path):
+    folder, found = adopted
+
+    flown = answer("fly", folder / "turn.toml", "--out", tmp_path / "out")
+    tuned = flown["runs"][0]
+
+    assert tuned["gains"] == found["flown"]["tuned"]["gains"]
+    assert tuned["metrics"]["chi"]["ITAE"] == pytest.approx(found["flown"]["tuned"]["ITAE"]["chi"])
+    assert answer("trim", folder, "--V-a", found["V_a_mps"], "--gamma", 0)["trims"][0]["trim"]
+
+
+@pytest.mark.slow
+def test_an_identified_model_of_other_gains_is_refused(adopted, tmp_path):
+    folder = shutil.copytree(adopted[0], tmp_path / "T38")
+    file = folder / "gains.json"
+    tables = json.loads(file.read_text())
+    tables["gains"]["roll/k_p"] *= 2.0
+    file.write_text(json.dumps(tables))
+
+    _, err = flighttune("tune", folder / "turn.toml", status=2)
+
+    assert "identified.json: must be identified with the gains in gains.json" in err
+
+
+@pytest.mark.slow
+def test_the_airspeed_is_that_of_a_trim_by_jsbsim_itself(adopted):
+    folder, found = adopted
+    V_a = found["V_a_mps"]
+    ours = answer("trim", folder, "--V-a", V_a, "--gamma", 0)["trims"][0]["trim"]
+    fdm = jsbsim.FGFDMExec(str(ROOT))
+    fdm.set_debug_level(0)
+    fdm.load_model("T38")
+    fdm["ic/h-sl-ft"] = 1000.0 / 0.3048
+    fdm["ic/vt-fps"] = V_a / 0.3048
+    fdm["gear/gear-cmd-norm"] = 0.0
+    fdm.run_ic()
+    fdm["propulsion/set-running"] = -1
+    fdm["simulation/do_simple_trim"] = 1
+
+    assert ours["alpha_deg"] == pytest.approx(fdm["aero/alpha-deg"], abs=10.0 * CENTIDEGREE)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("model", "surface", "travel_deg"),
+    [
+        ("c172p", "elevator", (-28.0, 23.0)),  # aerosurface scale of its flight control
+        ("c172p", "rudder", (-16.0, 16.0)),
+        ("A4", "elevator", (-0.35 / DEG, 0.30 / DEG)),
+        ("737", "rudder", (-0.35 / DEG, 0.35 / DEG)),
+    ],
+)
+def test_travel_is_found_as_the_model_has_it(tmp_path, model, surface, travel_deg):
+    found = survey(model, tmp_path, h=1000.0).tables["surfaces"][surface]
+
+    assert found["travel_deg"] == pytest.approx(travel_deg, abs=5.0 * CENTIDEGREE)
+
+
+def test_a_clipped_command_is_used_as_far_as_it_goes(tmp_path):
+    rudder = survey("A4", tmp_path, h=1000.0).tables["surfaces"]["rudder"]
+
+    # The A-4's flight control clips the rudder command to 0.35 of the travel of 0.35 rad.
+    assert rudder["full_rad"] == pytest.approx([-0.35, 0.35], rel=0.02)
+    assert max(rudder["travel_deg"]) == pytest.approx(0.35 * 0.35 / DEG, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("model", "sentence"),
+    [
+        ("mk82", "its aileron command .* has no usable effect"),
+        ("ball", "no lift or normal-force axis"),
+        ("weather-balloon", "carried by buoyancy"),
+        ("J246", "lack a moment axis: ROLL, PITCH, YAW"),
+        ("paraglider", "lift does not grow with alpha"),
+        ("C130", r"thrust is below its drag at every airspeed: at best 0\.0\d of the drag"),
+        ("wrightFlyer1903", "its rudder command .* has no usable effect"),
+    ],
+)
+def test_what_is_no_case_is_refused_in_one_sentence(tmp_path, model, sentence):
+    out, err = flighttune("adopt", model, "--out", tmp_path / model, "--json", status=1)
+    found = json.loads(out)
+
+    assert found["status"] == "refused"
+    assert re.search(sentence, found["reason"])
+    assert found["folder"] is None
+    assert not (tmp_path / model).exists()
+    assert err.splitlines()[-1].startswith(f"flighttune: {model}: refused: ")
+
+
+@pytest.fixture
+def own(tmp_path):
+    """A model of one's own, and how to write it with a change."""
+    folder = shutil.copytree(aircraft_folder("aerosonde"), tmp_path / "models/sonde")
+    file = folder / "aerosonde.xml"
+    text = file.read_text()
+
+    def write(pattern, change):
+        file.write_text(re.sub(pattern, change, text, count=1))
+        assert file.read_text() != text
+        return file
+
+    return write
+
+
+@pytest.mark.parametrize(
+    ("pattern", "change", "sentence"),
+    [
+        (
+            r"(<emptywt.*?>)[^<]*",
+            r"\1 -1600 ",
+            r"its mass must be above zero, got -\S+ \(inertia/mass-slugs\)",
+        ),
+        (r"(<wingarea.*?>)[^<]*", r"\1 0 ", "its wing area must be above zero, got 0"),
+        (r"(<ixx.*?>)[^<]*", r"\1 -9 ", "its inertia xx must be above zero, got -"),
+        ("<fdm_config(?s:.*)", "<airplane/>", "must be a <fdm_config> of JSBSim, got a <airplane>"),
+        (r"-38\.21", "1e300", "the slope of q_dot by q is .*, which no aircraft has"),
+        (r"fcs/left-aileron", "fcs/left-aileron[[", r"cannot be loaded by JSBSim: unterminated"),
+        (
+            "</fdm_config>",
+            '<system file="Gear Box"/></fdm_config>',
+            "must have all its parts, got no file {}/Systems/Gear Box.xml",
+        ),
+        (r'<engine file="[^"]*"', '<engine file="none"', "got no file {}/Engines/none.xml"),
+    ],
+)
+def test_a_model_that_cannot_fly_is_refused_in_one_line(own, tmp_path, pattern, change, sentence):
+    file = own(pattern, change)
+
+    out, err = flighttune("adopt", file, "--out", tmp_path / "mine", "--json", status=1)
+    reason = json.loads(out)["reason"]
+
+    assert re.search(sentence.format(re.escape(str(file.parent))) + r"[^\n]{0,80}$", reason)
+    assert "flighttune-" not in err  # the private folder that JSBSim loads the model from
+
+
+def test_what_the_model_misses_while_it_runs_is_declared(own, tmp_path):
+    reads = "<fcs_function name='a/b'><function><property>/controls/x[1]</property></function>"
+    limit = "<actuator name='a/c'><input>a/b</input><rate_limit>a/rate</rate_limit></actuator>"
+    system = f"<system name='own'><channel name='own'>{reads}</fcs_function>{limit}</channel>"
+    file = own("</fdm_config>", f"{system}</system></fdm_config>")
+
+    found = survey(str(file), tmp_path, h=1000.0)
+
+    assert found.tables["declared"] == {"/controls/x[1]": 0.0, "a/rate": 0.0}
+    assert "are 0: /controls/x[1], a/rate" in found.notes[-1]
+
+
+def test_the_throttle_of_flightgear_is_linked_where_the_model_reads_it(own, tmp_path):
+    lever = "/controls/engines/engine[0]/throttle"
+    gain = f"<pure_gain name='a/t'><input>{lever}</input><gain>1</gain>"
+    system = f"<channel name='own'>{gain}<output>fcs/throttle-cmd-norm</output></pure_gain>"
+    file = own("</fdm_config>", f"<system name='own'>{system}</channel></system></fdm_config>")
+
+    found = survey(str(file), tmp_path, h=1000.0)
+
+    assert found.tables["linked"] == {lever: "ft/throttle-norm"}
+    assert "with FlightGear's levers linked" in " ".join(found.notes)
+
+
+def test_the_main_file_is_found_by_the_files_of_flightgear(own, tmp_path):
+    file = own("<wingarea.*?>[^<]*", '<wingarea unit="M2"> 0 ')
+    common = "<PropertyList><sim><flight-model>jsb</flight-model></sim></PropertyList>"
+    (file.parent / "common.xml").write_text(common)
+    aero = "<PropertyList include='common.xml'><sim><aero> aerosonde </aero></sim></PropertyList>"
+    (file.parent / "sonde-set.xml").write_text(aero)
+
+    for path in (file.parent, file.parent / "sonde-set.xml"):
+        _, err = flighttune("adopt", path, "--out", tmp_path / "mine", status=1)
+        assert "its wing area must be above zero" in err.splitlines()[-1]
+
+    (file.parent / "common.xml").write_text(common.replace("jsb<", "yasim<"))
+    _, err = flighttune("adopt", file.parent, "--out", tmp_path / "mine", status=2)
+    assert "must hold one aircraft of JSBSim's (*-set.xml), got none" in err
+    _, err = flighttune("adopt", file.parent / "none-set.xml", "--out", tmp_path / "mine", status=2)
+    assert "none-set.xml: must be a file or folder of FlightGear's, got no such file" in err
+
+
+def test_a_name_too_long_for_a_file_is_that_of_none():
+    for ending in ("", ".xml", "-set.xml"):
+        flighttune("adopt", 300 * "x" + ending, status=2)
+
+
+SHORT = 300  # characters of a reason, without the file that it names
+
+
+@pytest.mark.parametrize("aero", ["", "../sonde", "/etc/passwd"])
+def test_the_main_file_of_flightgear_is_in_the_folder_or_below(own, tmp_path, aero):
+    file = own("<wingarea.*?>[^<]*", '<wingarea unit="M2"> 0 ')
+    set_file = file.with_name("sonde-set.xml")
+    sim = "<sim><flight-model>jsb</flight-model><aero>{}</aero></sim>"
+    text = f"<PropertyList>{sim}</PropertyList>"
+
+    set_file.write_text(text.format(aero))
+    _, err = flighttune("adopt", set_file, "--out", tmp_path / "mine", status=2)
+    assert f'`aero` must name a file in its folder, got "{aero}"' in err
+
+    set_file.write_text(text.format("x" * 100_000))
+    _, err = flighttune("adopt", set_file, "--out", tmp_path / "mine", status=2)
+    assert '`aero` must name a file in its folder, got "xxx' in err
+    assert len(err) < SHORT + len(str(set_file))
+
+    set_file.write_text(text.format("FDM/aerosonde"))
+    file.rename((file.parent / "FDM").mkdir() or file.parent / "FDM/aerosonde.xml")
+    _, err = flighttune("adopt", set_file, "--out", tmp_path / "mine", status=1)
+    assert "its wing area must be above zero" in err
+
+
+def test_files_of_flightgear_that_include_each_other_are_read_once(own, tmp_path):
+    file = own("<wingarea.*?>[^<]*", '<wingarea unit="M2"> 0 ')
+    both = "<PropertyList include='{}'><sim include='{}'/></PropertyList>"
+    names = [f"{i}.xml" for i in range(40)]
+    for name, other in zip(["sonde-set.xml", *names], names, strict=False):
+        (file.parent / name).write_text(both.format(other, other))
+
+    _, err = flighttune("adopt", file.parent, "--out", tmp_path / "mine", status=2)
+    assert "sonde-set.xml: must include at most 20 files" in err
+
+    jsb = "<PropertyList><sim><flight-model>jsb</flight-model></sim></PropertyList>"
+    (tmp_path / "jsb.xml").write_text(jsb)
+    (file.parent / "3.xml").write_text(both.format("0.xml", "../../jsb.xml"))
+    _, err = flighttune("adopt", file.parent, "--out", tmp_path / "mine", status=2)
+    assert "got none" in err
+
+
+@pytest.mark.parametrize(("model", "below"), [(".", "."), ("..", "Systems")])
+def test_an_aircraft_has_the_name_of_its_folder(own, model, below):
+    sonde = own("<wingarea.*?>[^<]*", '<wingarea unit="M2"> 0 ').parent
+    sim = "<sim><flight-model>jsb</flight-model><aero>aerosonde</aero></sim>"
+    (sonde / "any-set.xml").write_text(f"<PropertyList>{sim}</PropertyList>")
+    cwd = sonde / below
+    (cwd / "aircraft/sonde").mkdir(parents=True)
+    (cwd / "aircraft/sonde/aircraft.toml").touch()
+
+    _, err = flighttune("adopt", model, status=2, cwd=cwd)
+
+    assert "aircraft/sonde: must not hold an aircraft that `adopt` did not make" in err
+
+
+@pytest.mark.slow
+def test_a_glider_turns_about_its_steady_glide(tmp_path):
+    found = answer("adopt", "sgs126", "--out", tmp_path / "sgs126")
+    trims = answer("trim", tmp_path / "sgs126", "--V-a", found["V_a_mps"])["trims"]
+    start = load_scenario(tmp_path / "sgs126/turn.toml").condition
+
+    assert found["status"] == "adopted"
+    # In steady flight without thrust the tangent of the glide is drag over lift.
+    spare = json.loads((tmp_path / "sgs126/adoption.json").read_text())["spare_thrust"]
+    assert math.tan(start.gamma) == pytest.approx(spare, rel=0.1)
+    assert trims[0]["gamma_deg"] == pytest.approx(start.gamma / DEG, abs=CENTIDEGREE)
+    _, err = flighttune("trim", tmp_path / "sgs126", "--gamma", 0, status=1)
+    assert re.search(r"it has no engine and glides at -\d\.\d+ deg", err)
+    speeds = "--V-a", 1, "--V-a", found["V_a_mps"]
+    (skipped,) = answer("identify", tmp_path / "sgs126", *speeds)["skipped"]
+    assert "no steady glide at V_a 1 m/s" in skipped
+    answer("new", "mine", "--aircraft", "sgs126", cwd=tmp_path)
+    assert answer("fly", "mine.toml", cwd=tmp_path)["claim"]["verdict"] == "met"
+    # The export flies what it wrote in JSBSim alone, and fails where that is another flight.
+    turn, out = tmp_path / "sgs126/turn.toml", tmp_path / "alone"
+    answer("export", turn, "--gains", "tuned_identified", "--out", out)
+
+
+def test_a_model_of_jsbsim_that_is_no_aircraft_yet_is_named_with_its_command():
+    assert "`flighttune adopt B747` makes it." in flighttune("trim", "b747", status=2)[1]
+
+
+def test_parts_of_jsbsim_are_found_beside_those_two_levels_up(own, tmp_path):
+    file = own("</fdm_config>", '<system file="GNCUtilities"/></fdm_config>')
+    (tmp_path / "systems").mkdir()
+
+    assert survey(str(file), tmp_path, h=1000.0).V_a > 0.0
+    (tmp_path / "engine").mkdir()
+    shared = (file.parent / "Engines").glob("*.xml")
+    for part in list(shared):
+        part.rename(tmp_path / "engine" / part.name)
+    assert survey(str(file), tmp_path, h=1000.0).V_a > 0.0
+
+
+@pytest.mark.slow
+def test_a_model_of_ones_own_has_its_engines_beside_it(tmp_path):
+    shutil.copytree(aircraft_folder("aerosonde"), tmp_path / "models")
+    for file in (tmp_path / "models").glob("*.json"):
+        file.unlink()
+
+    found = answer("adopt", tmp_path / "models/aerosonde.xml", "--out", tmp_path / "mine")
+
+    # Its published lift slope of 5.61 and largest C_L of 1.5 at 1000 m: the stall.
+    stall = math.sqrt(2.0 * 11.0 * 9.80665 / (1.11164 * 0.55 * 1.5))
+    assert found["status"] == "adopted"
+    assert found["V_a_mps"] == pytest.approx(1.6 * stall, rel=0.02)
+    # It has no flight control: its aerodynamics read positions that nothing else writes.
+    assert "its flight control is bypassed" in found["notes"][0]
+    assert load_aircraft(tmp_path / "mine").model == "../models/aerosonde.xml"
+
+
+def test_an_aircraft_that_was_not_adopted_is_not_written_over(tmp_path):
+    folder = shutil.copytree(aircraft_folder("c172p"), tmp_path / "c172p")
+    before = (folder / "aircraft.toml").read_text()
+
+    _, err = flighttune("adopt", "c172p", "--out", folder, status=2)
+
+    assert "must not hold an aircraft that `adopt` did not make" in err
+    assert (folder / "aircraft.toml").read_text() == before
+
+
+def test_the_table_of_the_docs_names_every_model_of_the_wheel():
+    text = (Path(__file__).parents[2] / "docs/hangar.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1:3] for line in text.splitlines() if line.startswith("| ")][2:]
+    status = {name.strip(): status.strip() for name, status in rows}
+
+    assert set(status) == set(models_of_jsbsim())
+    assert list(status.values()).count("adopted") >= 36
+    for name in ("737", "A320", "c182", "DHC6", "J3Cub", "T38", "B747", "p51d", "sgs126"):
+        assert status[name] == "adopted", name
+    assert status["f16"] in ("adopted", "flies")

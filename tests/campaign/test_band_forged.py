@@ -1,0 +1,157 @@
+"""Band files that were edited and sealed again: each edit that changes a claim is refused."""
+
+import copy
+from dataclasses import replace
+from textwrap import dedent
+
+import numpy as np
+import pytest
+from campaigns import flown_here
+from commands import flighttune
+
+from flighttune.campaign import band as band_module
+from flighttune.campaign.band import count_more, load_band, recount
+from flighttune.claims.band import save_band
+from flighttune.cli import certificates
+from flighttune.files.value import tables_of
+from flighttune.flight import own
+from tests.campaign.test_band import WITH_FIVE, count, small_plan
+from tests.claims.test_band import forged
+from tests.cli.test_code_of_files import LAW
+
+
+@pytest.fixture(scope="module")
+def counted():
+    return count()
+
+
+def verified(path, status, monkeypatch, *options):
+    """What `verify` says where it flies all flights again, in this process."""
+    monkeypatch.setattr(certificates, "FLOWN_AGAIN", WITH_FIVE)
+    with flown_here(band_module, "planned", None):
+        return "".join(flighttune("verify", path, *options, status=status))
+
+
+def edited(band, *keys, value):
+    """The plan of a band with another value."""
+    plan = copy.deepcopy(tables_of(band.about)["plan"])
+    table = plan
+    for key in keys[:-1]:
+        table = table[key]
+    table[keys[-1]] = value
+    return {"plan": plan}
+
+
+def test_an_honest_file_is_valid(counted, tmp_path, monkeypatch):
+    save_band(counted, tmp_path / "x.npz")
+
+    assert "flown again: equal to the bit" in verified(tmp_path / "x.npz", 0, monkeypatch)
+
+
+@pytest.mark.parametrize(
+    "keys",
+    [
+        ("campaign", "disperse", 0, "upper"),
+        ("nominal", "flight", "V_a_mps"),
+        ("gains", "paper", "K_P", 0, 0),
+        ("campaign", "seed"),
+    ],
+)
+def test_a_file_with_another_plan_has_other_flights(counted, tmp_path, monkeypatch, keys):
+    gains = {"paper": next(iter(counted.about.plan["gains"]))}
+    keys = tuple(gains.get(key, key) for key in keys)
+    path = forged(counted, tmp_path / "x.npz", about=edited(counted, *keys, value=30))
+
+    assert "flights flown again must be equal" in verified(path, 1, monkeypatch)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda band: {"signals": dict(reversed(band.about.signals.items()))},
+        lambda _: {"signals": {"chi": "rad", "gamma": "rad"}},
+        lambda _: {"learned": 10, "signals": {"gamma_err": "rad", "chi_err": "rad"}},
+    ],
+)
+def test_a_file_with_other_signals_has_other_flights(counted, tmp_path, monkeypatch, change):
+    path = forged(counted, tmp_path / "x.npz", about=change(counted))
+
+    assert "flights flown again must be equal" in verified(path, 1, monkeypatch)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda flights: 0.3 * flights,
+        lambda flights: 0.0 * flights,
+        lambda flights: np.concatenate([flights, flights]),
+        lambda flights: np.tile(flights, (4, 1, 1, 1)),
+    ],
+)
+def test_a_file_with_other_flights_or_copies_is_refused(counted, tmp_path, monkeypatch, change):
+    extremes = change(counted.extremes).astype(np.float32)
+    path = forged(counted, tmp_path / "x.npz", extremes=extremes, wind=np.zeros((len(extremes), 0)))
+
+    assert "flights flown again must be equal" in verified(path, 1, monkeypatch)
+
+
+def test_a_single_copy_is_flown_again(counted):
+    extremes = counted.extremes.copy()
+    extremes[20] = extremes[3]
+
+    with flown_here(band_module, "planned", None) as pool:
+        assert 10 + 20 in recount(replace(counted, extremes=extremes), 1, pool)
+
+
+@pytest.mark.parametrize(
+    ("about", "says"),
+    [
+        ({"distribution": "any aircraft in any wind"}, "`distribution`"),
+        ({"readings": [29]}, "`readings`"),
+        ({"edges": [0.0, 1.0]}, "`edges`"),
+        ({"over": "along"}, "`over`"),
+        ({"signals": {"chi_err": "km", "gamma_err": "rad"}}, "`signals`: chi_err must be in rad"),
+        ({"learned": 11}, "`extremes` must be of as many flights"),
+        ({"plan": {}}, "`version` of a plan"),
+        ({"plan": {"version": 1}}, "`plan` must be that of a campaign"),
+    ],
+)
+def test_a_file_that_states_what_follows_from_its_plan_is_refused(counted, tmp_path, about, says):
+    path = forged(counted, tmp_path / "x.npz", about=about)
+
+    _, stderr = flighttune("verify", path, status=2)
+
+    assert says in stderr
+    assert stderr.count("\n") == 1
+
+
+def test_the_median_scenario_of_a_file_is_not_believed(counted, tmp_path):
+    """The sentence names the airspeed of the flights, which are drawn about the nominal one."""
+    about = edited(counted, "central", "flight", "V_a_mps", value=99.0)
+
+    assert load_band(forged(counted, tmp_path / "x.npz", about=about)).sentence == counted.sentence
+
+
+def test_a_continued_count_cannot_pass_for_one_planned_so_long(counted, tmp_path, monkeypatch):
+    with flown_here(band_module, "planned", None) as pool:
+        more = count_more(counted, 2 * WITH_FIVE, pool)
+    about = edited(more, "runs", value=10 + 2 * WITH_FIVE)
+    path = forged(more, tmp_path / "x.npz", about=about)
+
+    assert load_band(path).confidence > more.confidence
+    assert "flights flown again must be equal" in verified(path, 1, monkeypatch)
+
+
+def test_the_code_of_a_strangers_file_is_run_only_where_that_is_asked_for(tmp_path, monkeypatch):
+    code, mark, path = tmp_path / "law.py", tmp_path / "ran", tmp_path / "x.npz"
+    code.write_text(dedent(LAW))
+    law = {"name": "mine", "kind": "python", "module": str(code), "class": "Mine"}
+    save_band(count(small_plan(law=[law])), path)
+    mark.unlink()
+    own._module.cache_clear()
+
+    assert "No flight was flown again: --run-code" in verified(path, 0, monkeypatch)
+    assert not mark.exists()
+    own._module.cache_clear()
+    assert "flown again: equal to the bit" in verified(path, 0, monkeypatch, "--run-code")
+    assert mark.exists()

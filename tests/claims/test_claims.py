@@ -1,0 +1,136 @@
+"""Claims around runs: which runs they cover, and what a run keeps of them."""
+
+import html
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from commands import answer, flighttune
+
+import flighttune as ft
+from flighttune.campaign.claims import load_claim
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.errors import InputError
+from flighttune.files.table import toml_text
+from flighttune.records.parquet import read_run, write_run
+from flighttune.simulate.claim import with_claims
+from flighttune.tubes.proof import save_tube
+from tests.tubes.test_soundness import made_up, tube
+
+START_DEG, DISTURBANCE = 1.0, 0.004
+
+
+def turn(**changes):
+    scenario = made_up(chi_err_deg=20.0, gamma_deg=0.0, duration_s=1.0)
+    return ft.scenario_from(scenario.as_dict() | {"gains": ["paper"], "expect": []} | changes)
+
+
+@pytest.fixture(scope="module")
+def proven():
+    return tube(turn(), PAPER_GAINS, start=np.radians(START_DEG), disturbance=DISTURBANCE)
+
+
+def flown(**changes):
+    return ft.fly(turn(**changes))
+
+
+def start(**angles):
+    return {"flight": {**turn().as_dict()["flight"], **angles}}
+
+
+def swing(amplitude):
+    return {"disturbance": {"chi_amplitude": amplitude, "chi_omega_rad_s": 3.0}}
+
+
+def test_a_run_keeps_the_tube_that_covers_it_and_is_the_same_when_read_again(proven, tmp_path):
+    (run,) = flown().within(proven).runs
+    (claim,) = run.claims
+
+    assert (claim.kind, claim.title) == ("proven", "tube in calm air")
+    assert claim.contains(run.signals)
+    assert "chi_err" in run.signals
+    assert not [name for name in run.signals if "low" in name or "high" in name]
+
+    write_run(run, tmp_path / "run.parquet")
+    (again,) = read_run(tmp_path / "run.parquet").claims
+    assert again.sentence == claim.sentence == proven.sentence
+    assert again.bounds.names == ("chi_err", "gamma_err")
+    assert np.array_equal(again.bounds.pairs, claim.bounds.pairs)
+
+
+@pytest.mark.parametrize(
+    "changes", [start(chi_deg=20.0 - START_DEG), swing(0.9 * DISTURBANCE)], ids=["start", "air"]
+)
+def test_flights_from_starts_and_under_disturbances_enclosed_are_covered_and_inside(
+    proven, changes
+):
+    (run,) = flown(**changes).within(proven).runs
+
+    assert run.claims[0].contains(run.signals)
+
+
+@pytest.mark.parametrize(
+    ("changes", "why"),
+    [
+        (start(chi_deg=20.0 + 1.01 * START_DEG), r"`flight\.chi_deg` must be"),
+        (start(V_a_mps=26.0), r"`flight\.V_a_mps` must be 25"),
+        (swing(1.1 * DISTURBANCE), r"`disturbance\.chi_amplitude` must be"),
+        ({"wind": {"speed_mps": 3.0, "from_deg": 0.0}}, r"`wind\."),
+        ({"disturbance": {**swing(0.001)["disturbance"], "as_wind": True}}, "as_wind` must be"),
+        ({"reference": {"chi_deg": 1.0, "gamma_deg": 15.0}}, "its reference must be"),
+        ({"gains": ["K5"]}, "its gains must be"),
+        ({"plant": [{"kind": "point_mass"}]}, "its plant must be kinematic"),
+        ({"limits": {"phi_deg": [-30.0, 30.0]}}, r"`limits\."),
+    ],
+)
+def test_a_run_that_the_tube_does_not_enclose_is_refused_with_the_reason(proven, changes, why):
+    with pytest.raises(InputError, match=rf"`claim` must cover a run: .*{why}"):
+        flown(**changes).within(proven)
+
+
+def test_the_bounds_that_a_tube_states_in_words_are_not_below_those_proven(proven):
+    widest = np.rad2deg(proven.bounds.half_widths[:, :2].max(axis=0))
+
+    stated = [float(words.split()[0]) for words in proven.sentence.split(" within ")[-2:]]
+
+    assert all(stated >= widest)
+    assert all(stated <= 1.1 * widest)
+
+
+def test_a_claim_is_drawn_around_the_runs_that_it_covers_and_no_others(proven):
+    runs = with_claims([*flown(gains=["K5"]).runs, *flown().runs], [proven])
+
+    assert [len(run.claims) for run in runs] == [0, 1]
+
+
+@pytest.mark.slow
+def test_commands_draw_a_claim_by_its_content_whatever_the_name_of_its_file(proven, tmp_path):
+    scenario, file = tmp_path / "turn.toml", tmp_path / "a_claim"
+    scenario.write_text(toml_text(turn().as_dict()))
+    save_tube(proven, tmp_path / "t.npz")
+    (tmp_path / "t.npz").rename(file)
+
+    found = answer("fly", scenario, "--claim", file, "--out", tmp_path / "runs")
+
+    (claim,) = found["claims"]
+    assert (claim["kind"], claim["inside"]) == ("proven", True)
+    assert load_claim(file).sentence == claim["sentence"]
+    assert answer("refly", tmp_path / "runs")["equal"]
+    page = answer("report", tmp_path / "runs", "--out", tmp_path / "r.html")["report"]
+    assert claim["sentence"] in html.unescape(Path(page).read_text(encoding="utf-8"))
+    assert answer("report", file, "--out", tmp_path / "t.html")["status"] == "bounded"
+
+
+@pytest.mark.slow
+def test_a_flight_that_leaves_its_tube_is_a_failure(proven, tmp_path):
+    scenario, file = tmp_path / "turn.toml", tmp_path / "t.npz"
+    scenario.write_text(toml_text(turn(**swing(0.9 * DISTURBANCE)).as_dict()))
+    narrow = replace(proven.bounds, low=0.99 * proven.bounds.low, high=0.5 * proven.bounds.high)
+    save_tube(
+        replace(proven, bounds=replace(narrow, low=np.minimum(narrow.low, narrow.high))), file
+    )
+
+    _, told = flighttune("fly", scenario, "--claim", file, "--out", tmp_path / "runs", status=1)
+
+    assert "kinematic / paper: the flight leaves its tube in calm air" in told

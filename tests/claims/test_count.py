@@ -1,0 +1,67 @@
+"""Claims from counts: the published sample sizes, and how often a claim is false."""
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+from flighttune.claims.count import (
+    allowed_outside,
+    counted_scale,
+    flights_needed,
+    refuting_outside,
+    supported_epsilon,
+)
+from flighttune.errors import InputError
+
+
+def test_sample_sizes_are_the_published_ones():
+    """Wilks' one-sided 95 % / 95 %, orders 1 to 5: table of A. Guba, M. Makai and L. Pal (2003)."""
+    published = [59, 93, 124, 153, 181]
+
+    assert [flights_needed(0.05, 0.95, outside) for outside in range(5)] == published
+    assert [allowed_outside(flights, 0.05, 0.95) for flights in published] == list(range(5))
+    assert [allowed_outside(flights - 1, 0.05, 0.95) for flights in published] == list(range(-1, 4))
+
+
+def test_a_claim_is_false_no_more_often_than_its_confidence_says():
+    """Scores are uniform, so that a scale s is exceeded with probability 1 - s."""
+    scores = np.random.default_rng(0).random((20_000, 93))
+    scales = np.array([counted_scale(own, 0.05, 0.95)[0] for own in scores])
+
+    # 20,000 counts resolve the share to 0.0015, at one standard deviation
+    assert np.mean(1.0 - scales > 0.05) == pytest.approx(0.05, abs=0.006)
+
+
+def test_flights_that_were_not_completed_count():
+    scores = np.linspace(0.0, 1.0, 93)
+
+    scores[-1] = np.inf
+    assert counted_scale(scores, 0.05, 0.95) == (scores[-2], 1)
+    scores[-2] = np.inf
+    assert counted_scale(scores, 0.05, 0.95) == (np.inf, 0)
+    with pytest.raises(InputError, match=r"at least 59 .*`epsilon`"):
+        counted_scale(scores[:58], 0.05, 0.95)
+
+
+@pytest.mark.parametrize(
+    ("flights", "epsilon", "confidence", "refuting"),
+    [
+        (14, 0.5, 0.75, 9),  # P(Bin >= 9) = 3473 / 16384 = 0.212, P(Bin >= 8) = 0.395
+        (3, 0.5, 0.75, 3),  # 1/8, and 1/2 with two
+        (1, 0.1, 0.8, 1),  # one flight, with probability 0.1
+        (1, 0.1, 0.99, 2),  # one flight refutes nothing
+    ],
+)
+def test_so_many_outside_refute_a_probability(flights, epsilon, confidence, refuting):
+    assert refuting_outside(flights, epsilon, confidence) == refuting
+
+
+@pytest.mark.parametrize(("outside", "flights"), [(0, 40), (3, 40), (5, 1640), (40, 40)])
+def test_the_epsilon_that_a_count_supports_is_the_bound_of_clopper_and_pearson(outside, flights):
+    exact = binomtest(outside, flights, alternative="less").proportion_ci(0.999, method="exact")
+
+    epsilon = supported_epsilon(outside, flights, 0.999)
+    assert epsilon == pytest.approx(exact.high, rel=1e-9)
+    if epsilon < 1.0:  # as `allowed_outside` counts
+        assert allowed_outside(flights, epsilon * 1.0001, 0.999) == outside
+        assert allowed_outside(flights, epsilon * 0.9999, 0.999) == outside - 1

@@ -1,0 +1,82 @@
+"""The words of a distribution of flights: what a claim is about, with ranges and units."""
+
+import pytest
+from dispersed import AEROSONDE, KINEMATIC, WIND, one_of, plan_of, tables_of, uniform
+
+from flighttune.campaign.conform import at_random, distribution_of
+from flighttune.campaign.planning.load import load_campaign
+
+GUST = {"axis": "right", "peak_mps": 12.0, "start_s": 1.0, "length_m": 30.0}
+WAVE = {"chi_amplitude": 0.1, "chi_omega_rad_s": 0.3}
+
+
+def distribution(*disperse, plants=(AEROSONDE,), **tables):
+    plan = plan_of(tables_of(plants, **tables), *disperse)
+    return distribution_of(at_random(plan.campaign), plan.scenario.plant[0].label)
+
+
+def spoken(*disperse, **tables):
+    return distribution(*disperse, **tables).sentence("aircraft / gains")
+
+
+@pytest.mark.parametrize(
+    ("disperse", "tables", "words"),
+    [
+        ([], {}, "aircraft / gains at 25 m/s in calm air"),
+        ([uniform("flight.V_a_mps", 20.0, 30.0)], {}, "at 20 to 30 m/s in calm air"),
+        ([], {"wind": WIND}, "in wind 6 m/s from 250 deg"),
+        ([uniform("wind.speed_mps", 0.0, 8.0)], {"wind": WIND}, "wind 0 to 8 m/s from 250 deg"),
+        ([uniform("wind.speed_mps", 0.0, 25.0)], {"wind": WIND}, "wind 0 to 25 m/s from 250 deg"),
+        ([uniform("wind.from_deg", 0.0, 360.0)], {"wind": WIND}, "wind 6 m/s from anywhere"),
+        ([], {"gust": GUST}, "in a gust of 12 m/s (right)"),
+        (
+            [one_of("turbulence.intensity", "light", "severe")],
+            {"turbulence": {"intensity": "light"}},
+            "in light or severe turbulence",
+        ),
+        (
+            [],
+            {"turbulence": {"severity": 3, "wind_20ft_mps": 7.5}},
+            "in severity 3 (7.5 m/s at 20 ft) turbulence",
+        ),
+        (
+            [],
+            {"sensors": {"chi_noise_sd_deg": 5.0}},
+            "in calm air, measured with course noise deviation 5 deg",
+        ),
+        (
+            [],
+            {"disturbance": WAVE, "plants": [KINEMATIC]},
+            "in calm air, rates disturbed by up to 0.1 rad/s",
+        ),
+        ([uniform("flight.chi_deg", -5.0, 5.0)], {}, "drawn at random: initial course -5 to 5 deg"),
+    ],
+)
+def test_the_sentence_names_the_air_the_airspeed_and_ranges_with_units(disperse, tables, words):
+    assert words in spoken(*disperse, **tables)
+
+
+def test_many_keys_stand_in_the_table_with_their_units_and_the_sentence_counts_them():
+    campaign = load_campaign("mission_in_wind")
+    known = distribution_of(campaign, campaign.nominal.plant[0].label)
+
+    sentence, table = known.sentence("x"), known.table("x")
+    rows = {row["quantity"]: (row["values"], row["drawn"]) for row in table.records}
+
+    assert "wind 0 to 8 m/s from anywhere, light turbulence" in sentence
+    assert "mass factor 0.91 to 1.09 (normal, sd 0.03)" in sentence
+    assert "8 more in the table of flights" in sentence
+    assert rows["centre of gravity aft"] == ("-0.012 to 0.012 m", "normal, sd 0.005 m")
+    assert rows["wind speed"] == ("0 to 8 m/s", "uniform")
+    assert {*campaign.keys} == {*known.dispersed}
+    assert len(table.records) == 4 + len(campaign.keys) + len(campaign.correlation)
+
+
+def test_a_key_of_another_plant_is_not_of_this_distribution():
+    other = {**AEROSONDE, "name": "other"}
+    ends = {"jsbsim:aerosonde": 1.1, "jsbsim:aerosonde:other": 1.3}
+    keys = [uniform(f"plant[{name}].airframe.mass_factor", 0.9, ends[name]) for name in ends]
+
+    (row,) = distribution(*keys, plants=[AEROSONDE, other]).table("x").records[3:]
+
+    assert row == {"quantity": "mass factor", "values": "0.9 to 1.1", "drawn": "uniform"}

@@ -1,0 +1,171 @@
+"""Bounds of flights of linear loops, for which every answer is known, and of the law."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from made_up import made_up_run, shortened
+from recording.conftest import SCENARIO, fly
+from scipy.linalg import expm
+
+from flighttune.claims.linear_loop import check_against, error_states, flight_check
+from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.control.linear_model import closed_loop, disturbance_entry, kinematic_model
+from flighttune.flight.fly import fly as flown
+from flighttune.theory.attractor import invariant_ellipsoid
+from flighttune.theory.indicators import indicators
+
+MODEL = kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
+A_K, E = closed_loop(MODEL, PAPER_GAINS), disturbance_entry(MODEL)
+FIGURES, UNIT = indicators(A_K), invariant_ellipsoid(A_K, E, L_d=1.0)
+DT, L_D = 0.01, 0.015
+FIRST_SAMPLES = 0.02
+"""Part by which a mean over a sample may differ from a value at its middle."""
+
+
+def unit_radius(gamma_deg):
+    """Radius of the ultimate set for L_d = 1, about this path angle."""
+    model = kinematic_model(V_a=25.0, gamma=np.deg2rad(gamma_deg), g=9.81)
+    loop = closed_loop(model, PAPER_GAINS)
+    return invariant_ellipsoid(loop, disturbance_entry(model), L_d=1.0).radius
+
+
+def linear_flight(v, s_0, *, moved_at=None, by=(0.0, 0.0), limited_until=0.0, L_d=L_D):
+    """Check of ``s' = A_K s + E v`` with v held over samples; the reference may jump once."""
+    step = expm(np.block([[A_K, E], [np.zeros((2, 6))]]) * DT)
+    s, states = np.array(s_0, dtype=float), []
+    t = np.arange(len(v) + 1) * DT
+    moved = np.zeros((len(t), 2))
+    for k in range(len(t)):
+        if moved_at is not None and k == round(moved_at / DT):
+            s[2:] += by
+            moved[k:] = by
+        states.append(s)
+        if k < len(v):
+            s = step[:4, :4] @ s + step[:4, 4:] @ v[k]
+    errors = np.array(states)[:, 2:]
+    signals = {
+        **{f"{name}_err": errors[:, i] for i, name in enumerate(("chi", "gamma"))},
+        **{f"{name}_ref": moved[:, i] for i, name in enumerate(("chi", "gamma"))},
+        **{name: moved[:, i] - errors[:, i] for i, name in enumerate(("chi", "gamma"))},
+        "phi_limited": np.where(t < limited_until, 2.0, 0.0),
+    }
+    run = made_up_run(signals, t)
+    return check_against(run, FIGURES, UNIT, L_d), run
+
+
+def worst(direction, seconds):
+    """The disturbance of norm `L_D` that takes ``direction @ s`` farthest at the end."""
+    t = np.arange(round(seconds / DT))[::-1] * DT + 0.5 * DT
+    step, pull, pulls = expm(A_K * DT), np.asarray(direction) @ expm(A_K * 0.5 * DT), []
+    for _ in t:
+        pulls.append(pull @ E)
+        pull = pull @ step
+    pulls = np.array(pulls[::-1])
+    return L_D * pulls / np.linalg.norm(pulls, axis=1, keepdims=True)
+
+
+def random_pushes(seconds=30):
+    v = np.random.default_rng(4).normal(size=(2 * seconds, 2))
+    return np.repeat(L_D * v / np.linalg.norm(v, axis=1, keepdims=True), 50, axis=0)
+
+
+@pytest.mark.parametrize("direction", np.eye(4))
+def test_a_linear_loop_under_its_worst_disturbance_stays_below_its_bound(direction):
+    check, _ = linear_flight(worst(direction, 30.0), np.zeros(4))
+
+    assert check.t_broken is None
+    assert check.radius == pytest.approx(invariant_ellipsoid(A_K, E, L_d=L_D).radius, rel=1e-6)
+    assert check.size.max() > 0.5 * check.radius  # the bound is not far above it
+
+
+def test_the_bound_is_the_exponential_and_what_the_disturbance_can_add():
+    check, run = linear_flight(random_pushes(), [0.3, -0.2, -1.0, 0.5])
+    s_0, since = error_states(run)[0][0], check.t - check.t[0]
+
+    start = np.sqrt(s_0 @ FIGURES.Q @ s_0 / np.linalg.eigvalsh(FIGURES.Q)[0])
+    exponential = start * np.exp(-0.5 * FIGURES.R_K * since)
+    assert check.t_broken is None
+    assert check.bound[0] == pytest.approx(start)
+    assert (check.bound <= exponential + check.radius).all()
+    assert check.bound[-1] == pytest.approx(exponential[-1] + check.radius, rel=FIRST_SAMPLES)
+    # V' = a (L_d^2 - V) from 0, by Euler steps
+    V = 0.0
+    for _ in range(200):
+        V += DT * UNIT.multiplier * (L_D**2 - V)
+    expected = exponential[200] + UNIT.radius * np.sqrt(V)
+    assert check.bound[200] == pytest.approx(expected, rel=FIRST_SAMPLES)
+
+
+def test_a_disturbance_faster_than_stated_breaks_the_bound():
+    v = worst([0.0, 0.0, 1.0, 0.0], 30.0)
+    assert linear_flight(v, np.zeros(4), L_d=0.2 * L_D)[0].t_broken is not None
+
+
+def test_there_is_no_bound_while_a_limit_holds_a_command_and_it_starts_anew_behind_it():
+    check, run = linear_flight(random_pushes(), [0.3, -0.2, -1.0, 0.5], limited_until=4.0)
+    first = int(np.searchsorted(check.t, 4.0))
+
+    assert np.isnan(check.bound[:first]).all()
+    assert np.isfinite(check.bound[first:]).all()
+    Q, s = FIGURES.Q, error_states(run)[0][first]
+    assert check.bound[first] == pytest.approx(np.sqrt(s @ Q @ s / np.linalg.eigvalsh(Q)[0]))
+
+
+def test_a_step_of_the_reference_does_not_break_the_bound():
+    v = worst([0.0, 0.0, 1.0, 0.0], 40.0)
+    check, _ = linear_flight(v, np.zeros(4), moved_at=15.0, by=(0.8, 0.0))
+
+    around = (check.t > 15.1) & (check.t < 16.0)
+    assert (check.size[around] > check.radius).all()
+    assert check.t_broken is None
+    assert np.isnan(check.bound).sum() == 2  # up and flat again
+
+
+def test_a_loop_slower_than_its_gains_exceeds_the_bound():
+    lame = PIGains(K_P=0.12 * PAPER_GAINS.K_P, K_I=0.02 * PAPER_GAINS.K_I)
+    slow = fly("kinematic", "lame", lame, seconds=20.0)
+    pretended = replace(slow, provenance=replace(slow.provenance, gains=PAPER_GAINS))
+
+    found = flight_check(pretended)
+
+    assert found.t_broken is not None
+    assert np.all(found.size[found.broken] > found.bound[found.broken])
+
+
+def test_there_is_a_bound_only_of_what_the_statement_is_about():
+    run = fly("kinematic", "paper", PAPER_GAINS, seconds=2.0)
+    unstable = PIGains(K_P=-PAPER_GAINS.K_P, K_I=PAPER_GAINS.K_I)
+
+    def check(signals=run.signals, scenario=SCENARIO, **made):
+        made_by = replace(run.provenance, scenario=scenario, **made)
+        return flight_check(replace(run, signals=signals, provenance=made_by))
+
+    assert check() is not None
+    assert check(gains=None) is None
+    assert check(gains=unstable) is None
+    assert check(signals=run.signals.iloc[:3]) is None
+    assert check(scenario={key: SCENARIO[key] for key in SCENARIO if key != "flight"}) is None
+    for plant in ("point_mass", "point_mass_lag", "jsbsim:aerosonde"):
+        assert check(plant=plant) is None
+    disturbance = {"chi_amplitude": 0.1, "chi_omega_rad_s": 0.5}
+    for tables in (
+        {"wind": {"speed_mps": 5.0}},
+        {"turbulence": {"intensity": "light"}},
+        {"sensors": {"chi_bias_deg": 0.5}},
+        {"disturbance": {**disturbance, "as_wind": True}},
+        {"disturbance": {**disturbance, "wave": "square"}},
+        {"disturbance": {"chi_amplitude": 0.1, "chi_switch_s": [1.0]}},
+    ):
+        assert check(scenario={**SCENARIO, **tables}) is None
+    stated = check(scenario={**SCENARIO, "disturbance": disturbance})
+    assert stated.radius == pytest.approx(0.1 * 0.5 * unit_radius(30.0))
+
+
+def test_an_aircraft_has_no_bound_and_the_law_beside_it_the_one_of_its_stated_disturbance():
+    stall = flown(shortened("weak_engine", 13.0)).runs
+    assert {run.status for run in stall if run.provenance.aircraft} == {"left_envelope"}
+    assert all((flight_check(run) is None) == bool(run.provenance.aircraft) for run in stall)
+
+    (disturbed,) = flown(shortened("paper_as_printed", 10.0)).runs
+    assert flight_check(disturbed).radius == pytest.approx(0.1 * 0.15 * unit_radius(15.0))

@@ -1,0 +1,86 @@
+"""Residual rates against disturbances that the model was flown under."""
+
+import numpy as np
+import pytest
+from made_up import made_up_scenario
+
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.control.inner_loop import InnerLag
+from flighttune.flight.fly import fly_once
+from flighttune.gaps.residual import ConformantModel, residual_rates, residuals_of
+from flighttune.plants.point_mass import PointMassPlant
+
+MICRO = 1e-6
+"""Rates agree to this, rad/s: both sides integrate by the classical Runge-Kutta rule."""
+
+SCENARIO = made_up_scenario(
+    flight={"gamma_deg": 30.0, "phi_deg": 5.0, "duration_s": 4.0},
+    reference={"chi_deg": 20.0, "gamma_deg": 20.0},
+    limits={"phi_deg": [-30.0, 30.0], "phi_rate_dps": 40.0, "n_z_rate_per_s": 1.0},
+    controller={"feed_forward": True},
+)
+LAGS = {
+    "first order, no delay": InnerLag(order=1, natural_frequency=6.0),
+    "second order, delay within a sample": InnerLag(
+        order=2, natural_frequency=9.0, damping=0.7, delay=0.013
+    ),
+    "third order, delay of samples and a part": InnerLag(
+        order=3, natural_frequency=12.0, damping=0.8, lag=0.1, delay=0.047
+    ),
+}
+
+
+def flown(lags, disturbance):
+    plant = PointMassPlant(lags, disturbance=disturbance, g=SCENARIO.flight.g_mps2)
+    run = fly_once(SCENARIO, plant, PAPER_GAINS, plant_label="model", gains_name="paper")
+    model = ConformantModel(V_a=25.0, g=SCENARIO.flight.g_mps2, lags=lags)
+    return residuals_of(model, run, SCENARIO.condition)
+
+
+@pytest.mark.parametrize(("roll", "load"), [*zip(LAGS, [*LAGS][::-1], strict=True)])
+def test_a_constant_disturbance_comes_back(roll, load):
+    found = flown((LAGS[roll], LAGS[load]), lambda t: (0.01, -0.02))
+
+    assert found == pytest.approx(np.tile([0.01, -0.02, 0.0, 0.0], (200, 1)), abs=MICRO)
+
+
+def test_a_disturbance_that_swings_comes_back_as_its_mean_over_each_sample():
+    lags = LAGS["second order, delay within a sample"], LAGS["first order, no delay"]
+    found = flown(lags, lambda t: (0.03 * np.sin(2.0 * t), 0.0))
+
+    t = 0.02 * np.arange(201)
+    means = np.diff(-0.015 * np.cos(2.0 * t)) / 0.02
+    assert found[:, 0] == pytest.approx(means, abs=MICRO)
+    assert found[:, 1] == pytest.approx(0.0, abs=MICRO)
+
+
+def test_the_roll_of_another_lag_is_off_by_how_the_two_differ():
+    slow, fast = (InnerLag(order=1, natural_frequency=w) for w in (4.0, 6.0))
+    load = LAGS["first order, no delay"]
+    plant = PointMassPlant((slow, load), g=SCENARIO.flight.g_mps2)
+    run = fly_once(SCENARIO, plant, PAPER_GAINS, plant_label="model", gains_name="paper")
+    model = ConformantModel(V_a=25.0, g=SCENARIO.flight.g_mps2, lags=(fast, load))
+
+    found = residuals_of(model, run, SCENARIO.condition)
+
+    # Both first-order lags, step by step.
+    commands = run.signals["phi_cmd"].to_numpy()
+    rolls = np.full((2, len(commands)), SCENARIO.condition.phi)
+    for k in range(len(commands) - 1):
+        left = np.exp(-0.02 * np.array([4.0, 6.0]))
+        rolls[:, k + 1] = left * rolls[:, k] + (1.0 - left) * commands[k]
+    beyond = rolls[0] - rolls[1]
+    assert found[:, 2] == pytest.approx(beyond[:-1], abs=MICRO)
+    assert found[:, 3] == pytest.approx(np.diff(beyond), abs=MICRO)
+    assert np.abs(beyond).max() > 0.01
+
+
+def test_the_course_may_pass_north():
+    lags = (InnerLag(order=1, natural_frequency=6.0),) * 2
+    model = ConformantModel(V_a=25.0, g=9.81, lags=lags)
+    chi = np.deg2rad([359.0, 359.5, 0.0, 0.5])
+    level = np.column_stack([chi, np.zeros(4)]), np.column_stack([np.zeros(4), np.ones(4)])
+
+    found = residual_rates(model, 0.02, *level, (0.0, 1.0))
+
+    assert found[:, 0] == pytest.approx(np.deg2rad(0.5) / 0.02, abs=MICRO)

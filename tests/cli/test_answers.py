@@ -1,0 +1,50 @@
+"""A command prints with --json the answer of the value that the verb of its name returns."""
+
+import json
+
+import pytest
+from commands import answer
+
+import flighttune as ft
+
+pytestmark = pytest.mark.slow
+
+SHORT = {"flight.duration_s": 2.0}
+SET = "--set", "flight.duration_s=2.0"
+
+# Which files were written, and what the clock or the folder decides.
+OF_THE_COMMAND = {
+    *("proof", "written", "figure", "recording", "page", "folder", "source", "model", "claims"),
+    *("seconds", "inside", "verdict"),
+}
+
+VERBS = {
+    "trim": (lambda: ft.trim("aerosonde", V_a=[25.0]), ["aerosonde", "--V-a", 25]),
+    "design": (lambda: ft.design("aerosonde"), ["aerosonde", "--dry-run"]),
+    "identify": (lambda: ft.identify("aerosonde"), ["aerosonde"]),
+    "tube": (lambda: ft.tube("paper", "paper", changes=SHORT), ["paper", "--gains", "paper", *SET]),
+    "gap": (lambda: ft.gap("paper", "paper", changes=SHORT), ["paper", "--gains", "paper", *SET]),
+    "export": (
+        lambda: ft.export("paper", "paper", out="loop", form="c"),
+        ["paper", "--gains", "paper", "--format", "c"],
+    ),
+}
+
+
+def of_the_value(found):
+    """The answer without what belongs to the command, such as where it wrote files."""
+    kept = {key: value for key, value in found.items() if key not in OF_THE_COMMAND}
+    for rung in kept.get("ladder", ()):
+        del rung["signals"]
+    return kept
+
+
+@pytest.mark.parametrize("verb", VERBS)
+def test_a_command_prints_the_answer_of_its_verb(verb, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    call, arguments = VERBS[verb]
+
+    printed, value = answer(verb, *arguments), call()
+
+    assert of_the_value(printed) == of_the_value(json.loads(value.answer().json()))
+    assert value._repr_html_() == value.answer().html()

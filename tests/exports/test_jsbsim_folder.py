@@ -1,0 +1,311 @@
+"""A folder that JSBSim flies by itself, run by its own console command: the flight of `fly`."""
+
+import json
+import os
+import re
+import shlex
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from xml.etree import ElementTree
+
+import numpy as np
+import pandas as pd
+import pytest
+from commands import answer, flighttune
+from made_up import shortened
+
+import flighttune as ft
+from flighttune.aircraft.aircraft import load_aircraft, save_gains
+from flighttune.errors import InputError
+from flighttune.exports import CSV, export_jsbsim, jsbsim_folder
+from flighttune.exports.check import differences
+from flighttune.files.shipped import aircraft_folder, scenario_files
+from flighttune.flight.fly import fly_alone
+from flighttune.flight.outer_loop import gain_set
+from flighttune.plants.jsbsim.model_files import model_hash
+
+SAME = 1e-9
+"""Rad, and 1 of load factor. The shipped aircraft differ by 3e-13 at most, the adopted by 1e-11."""
+
+COLUMNS = ["Time", "chi_rad", "gamma_rad", "phi_rad", "n_z"]
+LONGEST_S = 120
+ADOPTED = sorted((Path(__file__).parents[1] / "adopted").glob("*/turn.toml"))
+assert len(ADOPTED) >= 10
+
+
+def flights():
+    """Scenarios over time in still air with each aircraft, the first gains by a law of ours."""
+    for name in scenario_files():
+        scenario = ft.load_scenario(name)
+        gains, *_ = (one for one in scenario.gain_names if scenario.law_of(one)[0].kind != "python")
+        of_time = scenario.route is None and scenario.weather() is None
+        for table in scenario.plant if of_time else ():
+            if table.kind == "jsbsim":
+                yield name, gains, table.label
+
+
+def flown_by_jsbsim(command, cwd=None):
+    """Run JSBSim's console command; return what it printed."""
+    path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+    done = subprocess.run(
+        shlex.split(command),
+        capture_output=True,
+        text=True,
+        timeout=LONGEST_S,
+        check=False,
+        cwd=cwd,
+        env=os.environ | {"PATH": path},
+    )
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
+    return done.stdout
+
+
+def apart(scenario, gains_name, plant, folder):
+    """Largest difference of each signal between JSBSim's flight and that of `fly`."""
+    gains = gain_set(scenario, gains_name)
+    made = folder / "made"
+    exported = export_jsbsim(scenario, gains_name, gains, made, plant=plant)
+    assert exported.same, exported.verdict
+    (made / CSV).unlink()
+    moved = made.rename(folder / "sent to a colleague")
+    flown_by_jsbsim(exported.command.replace(str(made), shlex.quote(str(moved))))
+    table = next(one for one in scenario.plant if one.label == plant)
+    flown = fly_alone(scenario, table, gains, gains_name).signals
+    written = pd.read_csv(moved / CSV)
+    assert list(written.columns) == COLUMNS
+    assert len(written) == round(scenario.flight.duration_s * scenario.controller.rate_hz) + 1
+    written = written[: len(flown)]  # JSBSim flies on where `fly` ends at the edge of the envelope
+    np.testing.assert_allclose(written["Time"] - exported.start, flown.index, rtol=0.0, atol=1e-6)
+    apart = {
+        name: written[column].to_numpy() - flown[name].to_numpy()
+        for name, column in zip(("chi", "gamma", "phi", "n_z"), COLUMNS[1:], strict=True)
+    }
+    apart["chi"] = np.angle(np.exp(1j * apart["chi"]))  # one of the two is modulo a turn
+    return {name: float(np.abs(values).max()) for name, values in apart.items()}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "gains", "plant"), list(flights()))
+def test_jsbsim_alone_flies_as_fly_does(name, gains, plant, tmp_path):
+    found = apart(ft.load_scenario(name), gains, plant, tmp_path)
+
+    assert max(found.values()) < SAME, found
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("file", ADOPTED, ids=lambda file: file.parent.name)
+def test_adopted_aircraft_fly_as_well(file, tmp_path):
+    scenario = shortened(file, 15.0)
+
+    found = apart(scenario, scenario.gain_names[-1], scenario.plant[0].label, tmp_path)
+
+    assert max(found.values()) < SAME, found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("priority", ["gamma", "chi"])
+def test_the_exact_law_flies_alike_where_lift_is_short(priority, tmp_path):
+    tables = ft.load_scenario("paper").as_dict() | {"expect": []}
+    options = {"priority": priority, "braking": 0.8, "lift_floor": 0.3}
+    tables["law"] = [{"name": "mine", "kind": "exact", **options}]
+    tables["limits"]["n_z"] = [-2.1, 1.1]
+
+    found = apart(ft.scenario_from(tables), "mine:paper", "jsbsim:aerosonde", tmp_path)
+
+    assert max(found.values()) < SAME, found
+
+
+def test_a_law_in_python_is_refused_by_name(tmp_path):
+    scenario = ft.load_scenario("paper")
+    law = {"name": "mine", "kind": "python", "module": __file__, "class": "Path"}
+    tables = scenario.as_dict() | {"law": [law], "expect": []}
+
+    with pytest.raises(InputError, match="got the law 'mine'"):
+        export_jsbsim(ft.scenario_from(tables), "mine:paper", gain_set(scenario, "paper"), tmp_path)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"flight": {"phi_deg": 20.0, "gamma_deg": 5.0, "chi_deg": 200.0, "ground_m": 300.0}},
+        {"controller": {"rate_hz": 80.0, "anti_windup": "back_calculation", "schedule": True}},
+        {"controller": {"anti_windup": "none", "feed_forward": False}, "flight": {"n_z": 1.4}},
+        {
+            "wind": {"speed_mps": 18.0, "from_deg": 70.0, "down_mps": 1.0},
+            "controller": {"schedule": True},
+        },
+    ],
+    ids=[
+        "in a turn over high ground",
+        "between samples of the inner loop",
+        "another start",
+        "wind",
+    ],
+)
+@pytest.mark.parametrize("gains", ["paper", "exact:paper"])
+def test_starts_and_settings_of_other_scenarios_are_those_of_fly(gains, changed, tmp_path):
+    tables = ft.load_scenario("level_turn").as_dict()
+    for table, keys in changed.items():
+        tables[table] = tables.get(table, {}) | keys
+    tables["flight"]["duration_s"] = 15.0
+
+    found = apart(ft.scenario_from(tables), gains, "jsbsim:aerosonde", tmp_path)
+
+    assert max(found.values()) < SAME, found
+
+
+def exported(scenario, folder):
+    """The command's answer."""
+    return answer("export", scenario, "--gains", "paper", "--out", folder)
+
+
+def test_gains_come_from_a_file_too(tmp_path):
+    file = tmp_path / "of: a colleague" / "gains.json"
+    file.parent.mkdir()
+    file.write_text(json.dumps({"K_P": [[2.5, 0.0], [0.0, 3.5]], "K_I": [[1.0, 0.0], [0.0, 2.0]]}))
+
+    found = answer("export", "level_turn", "--gains", file, "--out", tmp_path / "out")
+
+    system = (Path(found["folder"]) / "systems/ft_outer_loop.xml").read_text(encoding="utf-8")
+    assert '<property value="3.5"> ft/outer/K_P/n_z-gamma </property>' in system
+
+
+def test_nothing_in_the_folder_points_out_of_it(tmp_path):
+    values = exported("c172_cruise_turn", tmp_path)
+
+    files = [path for path in tmp_path.rglob("*") if path.is_file()]
+    assert len(files) >= 7  # aircraft, start, script, engine, propeller, inner and outer loop
+    assert Path(values["script"]) in files
+    for file in files:
+        text = file.read_text(encoding="utf-8")
+        assert 'file="/' not in text
+        assert str(Path(ft.__file__).parents[1]) not in text
+
+
+CLOCK = """
+<function name="aero/moment/clock"> <product> <value> 0.1 </value>
+  <sin> <property> simulation/sim-time-sec </property> </sin>
+</product> </function>
+"""
+
+
+@pytest.mark.slow
+def test_a_flight_that_is_not_that_of_fly_is_no_success(tmp_path):
+    """A roll moment by JSBSim's clock, which has run on when the exported flight starts."""
+    folder = shutil.copytree(aircraft_folder("aerosonde"), tmp_path / "clocked")
+    file = folder / "aerosonde.xml"
+    file.write_text(file.read_text().replace('<axis name="ROLL">', f'<axis name="ROLL">{CLOCK}'))
+    config = load_aircraft(folder)
+    save_gains(config.gains.model_copy(update={"made_for": model_hash(config)}), folder)
+    scenario = tmp_path / "turn.toml"
+    text = scenario_files()["level_turn"].read_text().replace('"aerosonde"', f'"{folder}"')
+    scenario.write_text(text)
+
+    out, err = flighttune(
+        "export", scenario, "--gains", "paper", "--out", tmp_path / "out", "-q", status=1
+    )
+
+    said = "JSBSim's flight is not that of `flighttune fly`: phi differs first, at t = 0.02 s"
+    assert said in err
+    assert said in (tmp_path / "out/README.md").read_text(encoding="utf-8")
+    assert out == ""
+
+
+@pytest.mark.parametrize("text", ["chi_rad\n1\n", "\n", '"chi_rad', "Time\n" + "1,2\n" * 2])
+def test_a_flight_of_jsbsim_that_is_cut_off_is_no_fault(tmp_path, monkeypatch, text):
+    csv = tmp_path / CSV
+    flown = subprocess.CompletedProcess([], 0)
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: csv.write_text(text) and flown)
+    run = SimpleNamespace(t=[0.0, 1.0])
+
+    assert differences([], csv, 0.0, run) == ({}, "JSBSim's flight.csv cannot be read")
+
+
+def test_a_flight_that_jsbsim_did_not_fly_is_compared_with_none(tmp_path, monkeypatch):
+    ended = SimpleNamespace(status="left_envelope", reason="alpha is too large.")
+    monkeypatch.setattr(jsbsim_folder, "fly_once", lambda *_, **__: ended)
+    monkeypatch.setattr(jsbsim_folder, "differences", lambda *_: ({}, "JSBSim did not fly it"))
+    scenario = ft.load_scenario("level_turn")
+
+    made = export_jsbsim(scenario, "paper", gain_set(scenario, "paper"), tmp_path)
+
+    assert made.verdict.endswith("is not that of `flighttune fly`: JSBSim did not fly it.")
+
+
+@pytest.mark.slow
+def test_the_command_of_the_readme_flies_the_folder_wherever_it_was_moved(tmp_path):
+    values = exported("level_turn", tmp_path / "made")
+    flown = Path(values["csv"]).read_bytes()
+    Path(values["csv"]).unlink()
+    moved = (tmp_path / "made").rename(tmp_path / "from a colleague")
+    readme = (moved / "README.md").read_text(encoding="utf-8")
+    command = re.search("^jsbsim .*$", readme, re.MULTILINE)[0]
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+
+    for cwd, line in (
+        (moved, command),
+        (elsewhere, command.replace("=.", "='../from a colleague'", 1)),
+    ):
+        flown_by_jsbsim(line, cwd=cwd)
+
+        assert (moved / CSV).read_bytes() == flown
+        (moved / CSV).unlink()
+    assert shlex.split(values["command"])[2:] == shlex.split(command)[2:]
+    assert f"`Time` = {values['start_s']:g} s" in readme
+    assert max(values["differences"].values()) < SAME
+
+
+def test_a_title_with_control_characters_is_written_as_xml(tmp_path):
+    title = '\x1b[31mred\x07\x9b\u202e <&> "end"'
+    tables = ft.load_scenario("level_turn").as_dict() | {"title": title, "expect": []}
+    tables["flight"]["duration_s"] = 1.0
+    tables["reference"] = {"chi_deg": 0.0, "gamma_deg": 0.0}
+    scenario = ft.scenario_from(tables)
+
+    export_jsbsim(scenario, "paper", gain_set(scenario, "paper"), tmp_path)
+
+    script = ElementTree.parse(tmp_path / "flight.xml").getroot()
+    assert script.get("name") == ' [31mred    <&> "end"'
+    assert "\x1b" not in (tmp_path / "README.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("tables", "key"),
+    [
+        ({"gust": {"axis": "right", "peak_mps": 3.0, "start_s": 2.0, "length_m": 30.0}}, "gust"),
+        ({"turbulence": {"severity": 3, "wind_20ft_mps": 8.0}}, "turbulence"),
+        (
+            {"wind": {"level": [
+                {"h_m": 0.0, "speed_mps": 2.0, "from_deg": 0.0},
+                {"h_m": 2000.0, "speed_mps": 9.0, "from_deg": 0.0},
+            ]}},
+            "wind.level",
+        ),
+        (
+            {"disturbance": {
+                "chi_amplitude": 0.01, "chi_omega_rad_s": 0.5, "as_wind": True,
+            }},
+            "disturbance.as_wind",
+        ),
+    ],
+)  # fmt: skip
+def test_air_that_changes_is_refused_by_its_key(tables, key, tmp_path):
+    scenario = ft.scenario_from(ft.load_scenario("level_turn").as_dict() | tables)
+
+    with pytest.raises(InputError, match=f"`{key}` must be absent"):
+        export_jsbsim(scenario, "paper", gain_set(scenario, "paper"), tmp_path)
+
+
+def test_a_console_that_takes_another_step_flies_nothing(tmp_path):
+    found = exported("level_turn", tmp_path)
+    command = " ".join(part for part in found["command"].split() if "rate" not in part)
+
+    said = flown_by_jsbsim(command)
+
+    assert "the step must be 0.005 s" in said
+    assert Path(found["csv"]).read_text().strip() == ",".join(COLUMNS)

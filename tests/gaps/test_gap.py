@@ -1,0 +1,247 @@
+"""The ladder: one law on four plants, and parts that add up to the whole."""
+
+import math
+import re
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from claimed import claimed
+
+import flighttune as ft
+from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.errors import InputError
+from flighttune.files.shipped import aircraft_folder
+from flighttune.flight.fly import fly
+from flighttune.metrics import METRICS, channel_metrics
+from flighttune.present.palette import line_styles
+from flighttune.recording.entities import runs_to_draw
+from flighttune.recording.plots import shown_plots, with_derived
+from flighttune.recording.record import record
+from flighttune.reports.gap_charts import bound_chart, gap_charts, gap_sheet, itae_chart
+from flighttune.scenario import load_scenario, scenario_from
+
+ROUNDING = 1e-12
+LIMITS_IN_RADIANS = 1e-9
+"""What the rounding of a limit from deg and from rad/s may do to a course, rad."""
+IN_TIME = 1e-9
+"""What the rounding of a time does to a wind, m/s."""
+RUNGS = ["kinematic", "point_mass", "point_mass_lag", "jsbsim:aerosonde"]
+WIND = ["wind_north", "wind_east", "wind_down"]
+
+
+def changed(name, **tables):
+    return scenario_from(load_scenario(name).as_dict() | tables)
+
+
+def test_the_rungs_go_from_the_papers_law_to_the_aircraft(paper_gap):
+    assert (paper_gap.status, paper_gap.reason, paper_gap.failed) == ("explained", "", {})
+    assert [run.provenance.plant for run in paper_gap.runs] == RUNGS
+    assert {run.duration for run in paper_gap.runs} == {20.0}
+    assert all(" on kinematic and " in sentence for sentence in paper_gap.causes)
+    for rung in paper_gap.runs[:-1]:
+        assert not {*WIND} & {*rung.signals}  # in still air
+
+
+@pytest.mark.slow
+def test_first_and_last_rung_are_the_flights_of_fly(paper_gap):
+    flown = {run.label: run.signals for run in fly(paper_gap.scenario).runs}
+
+    first, last = paper_gap.runs[0], paper_gap.runs[-1]
+    signals = flown[last.label]
+    assert np.array_equal(last.signals[signals.columns].to_numpy(), signals.to_numpy())
+    assert first.signals["chi"].to_numpy() == pytest.approx(
+        flown[first.label]["chi"].to_numpy(), abs=LIMITS_IN_RADIANS
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gap_name", ["paper_gap", "windy_gap"])
+def test_the_steps_add_up_to_the_whole(gap_name, request):
+    gap = request.getfixturevalue(gap_name)
+    first, last = gap.runs[0], gap.runs[-1]
+
+    for channel in ("chi", "gamma"):
+        added = sum(getattr(step, channel) for step in gap.steps)
+        apart = (last.signals[channel] - first.signals[channel]).to_numpy()
+        assert added == pytest.approx(apart, abs=ROUNDING)
+    for metric in METRICS:
+        added = sum(step.metrics[metric].to_numpy() for step in gap.steps)
+        apart = (channel_metrics(last) - channel_metrics(first))[metric].to_numpy()
+        assert added == pytest.approx(apart, abs=ROUNDING, nan_ok=True)
+    assert gap.residual < ROUNDING
+
+
+def test_every_step_tells_more_of_the_aircraft_than_the_last(paper_gap):
+    top = paper_gap.runs[-1].signals["chi"]
+    apart = [float(np.std(run.signals["chi"] - top)) for run in paper_gap.runs[:-1]]
+
+    assert apart[0] > 3.0 * apart[1] > 6.0 * apart[2]
+
+
+def test_without_lift_the_course_waits_and_the_papers_law_does_not(paper_gap):
+    law, point = paper_gap.runs[:2]
+    pushing_over = law.signals.index < 1.5
+    sideways = point.signals["n_z"] * np.sin(point.signals["phi"])
+
+    assert sideways[pushing_over].abs().max() < 0.2
+    assert law.signals["chi"][pushing_over].iloc[-1] < math.radians(50.0)
+    assert point.signals["chi"][pushing_over].iloc[-1] > math.radians(57.0)
+
+
+@pytest.mark.slow
+def test_the_lag_comes_from_the_model_file_or_from_the_flight(paper_gap):
+    fitted = ft.gap(paper_gap.scenario, PAPER_GAINS, name="paper", lag="fitted")
+
+    assert paper_gap.lag_source == "identified"
+    assert fitted.lag_source == "fitted"
+    for channel in ("phi", "n_z"):
+        (_, identified), (_, best) = paper_gap.lags[channel], fitted.lags[channel]
+        assert 99.0 < identified <= best
+
+
+def test_all_rungs_fly_in_the_air_that_the_aircraft_met(windy_gap):
+    met = windy_gap.runs[-1].signals[WIND].to_numpy()
+
+    assert np.ptp(met, axis=0).min() > 0.5
+    for rung in windy_gap.runs[:-1]:
+        assert rung.signals[WIND].to_numpy() == pytest.approx(met, abs=IN_TIME)
+        assert rung.signals["chi"].iloc[0] == pytest.approx(
+            windy_gap.runs[-1].signals["chi"].iloc[0], abs=1e-9
+        )
+
+
+@pytest.mark.slow
+def test_the_aircrafts_own_limits_hold_on_every_rung():
+    gap = ft.gap(changed("paper", limits={}), PAPER_GAINS)
+
+    for rung in gap.runs:
+        phi_cmd = rung.signals["phi_cmd"].to_numpy()
+        assert np.abs(phi_cmd).max() <= math.radians(45.0) + ROUNDING
+        assert np.abs(np.diff(phi_cmd)).max() <= math.radians(30.0) * 0.02 + ROUNDING
+
+
+def test_a_flight_that_ends_early_is_explained_as_far_as_it_went():
+    wild = PIGains(K_P=-PAPER_GAINS.K_P, K_I=-PAPER_GAINS.K_I)
+
+    gap = ft.gap(load_scenario("paper"), wild, name="wild")
+
+    assert gap.status == "cut_short"
+    assert gap.reason
+    assert len({len(run.signals) for run in gap.runs}) == 1
+    assert gap.residual < ROUNDING
+    assert gap.indicators.status == "unstable"
+    assert len(gap_charts(gap)) == 10
+    # A rung that failed has no metrics, and gives none to its steps.
+    assert gap.failed["point_mass"] == "ended early (left envelope)"
+    assert "kinematic" not in gap.failed  # in still air the paper's law has no pole
+    for step in (*gap.steps, gap.whole):
+        failed = {step.lower, step.upper} & gap.failed.keys()
+        assert step.metrics.isna().all(axis=None) == bool(failed)
+        assert np.isfinite(step.chi).all()
+
+
+def test_a_course_error_that_goes_around_is_no_overshoot(paper_gap):
+    run = paper_gap.runs[0]
+    around = np.linspace(0.0, 2.0 * math.pi, len(run.signals))
+    wrapped = (around + math.pi) % (2.0 * math.pi) - math.pi
+    spun = replace(run, signals=run.signals.assign(chi_err=wrapped))
+
+    gap = replace(paper_gap, runs=(spun, *paper_gap.runs[1:]))
+
+    assert gap.failed == {"kinematic": "diverged (course error past 180 deg)"}
+
+
+def test_an_aircraft_that_cannot_begin_is_not_flown_and_says_why():
+    flight = load_scenario("paper").as_dict()["flight"] | {"gamma_deg": 85.0}
+
+    gap = ft.gap(changed("paper", flight=flight), PAPER_GAINS)
+
+    assert gap.status == "not_flown"
+    assert gap.reason.startswith("jsbsim:aerosonde / gains: ")
+    assert gap.steps == ()
+    with pytest.raises(InputError, match="`gap` must have a ladder"):
+        gap_charts(gap)
+
+
+@pytest.mark.slow
+def test_a_pull_up_without_roll_is_explained_too():
+    straight = changed(
+        "paper",
+        flight={"V_a_mps": 25.0, "duration_s": 6.0},
+        reference={"chi_deg": 0.0, "gamma_deg": 10.0},
+    )
+
+    for lag in ("identified", "fitted"):
+        gap = ft.gap(straight, PAPER_GAINS, lag=lag)
+        assert gap.status == "explained"
+        assert gap.residual < ROUNDING
+
+
+@pytest.mark.slow
+def test_without_a_model_file_the_lag_is_fitted_to_the_flight(tmp_path):
+    folder = tmp_path / "unmeasured"
+    shutil.copytree(aircraft_folder("aerosonde"), folder)
+    (folder / "identified.json").unlink()
+    plant = [{"kind": "jsbsim", "aircraft": str(folder)}]
+
+    gap = ft.gap(changed("paper", plant=plant, expect=[]), PAPER_GAINS)
+
+    assert gap.lag_source == "fitted"
+
+
+def test_a_scenario_without_aircraft_has_no_gap():
+    with pytest.raises(InputError, match=r"`plant`.*jsbsim"):
+        ft.gap(changed("level_turn", plant=[{"kind": "kinematic"}]), PAPER_GAINS)
+
+
+def test_the_charts_have_units_and_the_colours_of_the_recording(paper_gap, tmp_path):
+    gap_sheet(paper_gap).save(tmp_path / "gap.svg")
+
+    charts = gap_charts(paper_gap)
+    assert len(charts) == 10
+    assert all(chart.y.endswith("]") and chart.title for chart in charts)
+    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in paper_gap.runs]
+    styles = line_styles(pairs)
+    rungs = next(chart for chart in charts if chart.title == "paper: course")
+    assert [(name, colour) for name, colour, _ in rungs.legend[1:]] == [
+        (pair[0], styles[pair].colour) for pair in pairs
+    ]
+    text = (tmp_path / "gap.svg").read_text(encoding="utf-8")
+    assert all(chart.title in text for chart in charts)
+    assert [path.name for path in tmp_path.iterdir()] == ["gap.svg"]
+
+
+def test_the_bars_of_itae_add_up_to_the_aircrafts(paper_gap):
+    metrics = paper_gap.flown().metrics["ITAE"]
+    for channel in ("chi", "gamma"):
+        shown = re.findall(r">([+−]?[\d.]+)</text>", itae_chart(paper_gap, channel).svg())
+        first, *steps, last = (float(text.replace("−", "-")) for text in shown[-5:])
+        assert first + sum(steps) == pytest.approx(last, abs=0.02)
+        assert last == pytest.approx(metrics[paper_gap.aircraft.label, channel], abs=0.005)
+
+
+@pytest.mark.slow
+def test_the_recording_shows_what_each_step_adds(paper_gap, tmp_path):
+
+    files = record(paper_gap.flown(), tmp_path)
+
+    assert files.recording.stat().st_size > 0
+    assert len(files.signals) == len(RUNGS)
+    drawn = [one.run for one in with_derived(runs_to_draw(paper_gap.runs))]
+    assert {plot.signal for plot in shown_plots(drawn)["Why"]} >= {"step_chi", "lift_chi"}
+    for step, one in zip(paper_gap.steps, drawn[1:], strict=True):
+        assert one.signals["step_chi"].to_numpy() == pytest.approx(step.chi, abs=1e-12)
+
+
+def test_the_error_on_the_aircraft_is_drawn_in_its_band(paper_gap):
+    run = paper_gap.aircraft
+    error = run.signals["chi_err"]
+    banded = claimed(run, chi_err=(error - 0.1, error - 0.05))
+
+    chart = bound_chart(replace(paper_gap, runs=(*paper_gap.runs[:-1], banded)), "chi")
+
+    assert "counted band, left" in [name for name, *_ in chart.legend]
+    assert "nothing is claimed" not in chart.title
+    assert "nothing is claimed" in bound_chart(paper_gap, "chi").title

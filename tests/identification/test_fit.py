@@ -1,0 +1,94 @@
+"""Fitted lags against responses that are known in closed form."""
+
+import math
+
+import numpy as np
+import pytest
+
+from flighttune.control.inner_loop import InnerLag
+from flighttune.errors import InputError
+from flighttune.identification.fit import SAMPLES, fitted_lag, frequency_responses, lag_response
+
+DT = 0.02
+T = np.arange(600) * DT
+ROUNDING = 1e-12
+RECOVERED = 1e-4
+"""Relative difference of a fitted parameter from the one that made the data."""
+
+
+def commands(seed=2):
+    """Steps of random height every 0.7 s."""
+    heights = np.random.default_rng(seed).normal(size=20)
+    return heights[(T / 0.7).astype(int)]
+
+
+def test_a_step_through_a_first_order_lag_is_an_exponential_after_its_delay():
+    lag = InnerLag(order=1, natural_frequency=5.0, delay=0.13)
+
+    flown = lag_response(lag, DT, np.full(len(T), 2.0), 0.5)
+
+    expected = 2.0 - 1.5 * np.exp(-5.0 * np.maximum(T - 0.13, 0.0))
+    assert flown == pytest.approx(expected, abs=ROUNDING)
+
+
+def test_a_step_through_a_second_order_lag_rings_as_the_textbook_says():
+    lag = InnerLag(order=2, natural_frequency=8.0, damping=0.3, delay=0.055)
+
+    flown = lag_response(lag, DT, np.ones(len(T)), 0.0)
+
+    root, since = math.sqrt(1.0 - 0.09), np.maximum(T - 0.055, 0.0)
+    swing = np.cos(8.0 * root * since) + 0.3 / root * np.sin(8.0 * root * since)
+    assert flown == pytest.approx(1.0 - np.exp(-2.4 * since) * swing, abs=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    "lag",
+    [
+        InnerLag(order=1, natural_frequency=6.0, delay=0.07),
+        InnerLag(order=2, natural_frequency=9.0, damping=0.5, delay=0.033),
+    ],
+    ids=["first order", "second order"],
+)
+def test_the_lag_that_made_the_data_is_found(lag):
+    commanded = commands()
+
+    found, share = fitted_lag(T, commanded, lag_response(lag, DT, commanded, commanded[0]))
+
+    assert found.order == lag.order
+    assert found.natural_frequency == pytest.approx(lag.natural_frequency, rel=RECOVERED)
+    assert found.delay == pytest.approx(lag.delay, rel=RECOVERED)
+    if lag.order == 2:
+        assert found.damping == pytest.approx(lag.damping, rel=RECOVERED)
+    assert share == pytest.approx(100.0, abs=1e-6)
+
+
+def test_noise_is_not_told_by_a_lag():
+    lag, commanded = InnerLag(order=1, natural_frequency=6.0), commands()
+    clean = lag_response(lag, DT, commanded, commanded[0])
+    noise = np.random.default_rng(3).normal(scale=0.5 * np.std(clean), size=len(T))
+
+    _, share = fitted_lag(T, commanded, clean + noise - noise[0], lag=lag)
+
+    told = 100.0 * (1.0 - np.mean((noise - noise[0]) ** 2) / np.var(clean + noise))
+    assert share == pytest.approx(told, abs=5.0)
+
+
+def test_a_channel_that_was_not_commanded_shows_no_lag():
+    still = np.ones(len(T))
+
+    lag, share = fitted_lag(T, still, still)
+
+    assert math.isnan(share)
+    assert math.isnan(fitted_lag(T, still, still, lag=lag)[1])
+
+
+def test_too_few_samples_are_refused():
+    with pytest.raises(InputError, match=r"`t`.* 5"):
+        fitted_lag(T[:5], np.arange(5.0), np.arange(5.0))
+
+
+def test_a_flight_shorter_than_two_periods_gives_no_response():
+    flown = np.zeros((2 * SAMPLES - 1, 2))
+
+    with pytest.raises(InputError, match=r"must be two periods of .* s of multisines, got"):
+        frequency_responses((flown, flown), (np.array([3]), np.array([5])))

@@ -1,0 +1,340 @@
+"""Identification of plants whose lag is known, and of the Aerosonde on flights it has not seen."""
+
+import json
+import math
+import re
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import signal
+
+import flighttune as ft
+from flighttune.control.inner_loop import InnerLag
+from flighttune.control.limits import Limits
+from flighttune.errors import InputError, PlantError, ScenarioError
+from flighttune.files.shipped import aircraft_folder
+from flighttune.flight.fly import fly
+from flighttune.identification.experiment import DT, check_manoeuvre, multisines, respond
+from flighttune.identification.file import load_identified, save_identified
+from flighttune.identification.fit import fit_percent, lag_response
+from flighttune.identification.identify import identify_plant
+from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Stop
+from flighttune.scenario import load_scenario
+
+LIMITS = Limits(
+    lower=np.array([-0.8, -2.0]),
+    upper=np.array([0.8, 2.2]),
+    rate_lower=np.array([-0.5, -1.0]),
+    rate_upper=np.array([0.5, 1.0]),
+)
+LEVEL = FlightCondition(V_a=25.0)
+
+FINE = 1e-3
+"""Step of the synthetic plants, s; their delays are whole numbers of it."""
+
+RECOVERED = 0.02
+"""Relative error of a recovered frequency, damping or time constant."""
+
+DELAY_RECOVERED = 1e-3
+"""s: one step of the synthetic plant."""
+
+GOOD_FIT = 90.0
+"""Share of the variance, in percent, asked of a flight that was not used."""
+
+EXACT = 1e-9
+
+SAME_FIT, SAME_DELAY = 1e-3, 1e-4
+"""Differences between two identifications of one aircraft, relative and in s."""
+
+
+class SyntheticPlant:
+    """Channels that follow transfer functions, stepped by SciPy's zero-order hold."""
+
+    kind = "synthetic"
+    signals = COMMON_SIGNALS
+
+    def __init__(self, *channels, cross=0.0, largest=math.inf):
+        self._given, self._cross, self._largest = channels, cross, largest
+
+    def start(self, condition):
+        self._channels = [
+            [*signal.cont2discrete(signal.tf2ss(num, den), FINE)[:3], np.zeros((len(den) - 1, 1)),
+             [0.0] * (1 + round(delay / FINE))]
+            for num, den, delay in self._given
+        ]  # fmt: skip
+
+    def observe(self):
+        phi, n_z = (float((C @ x)[0, 0]) for _, _, C, x, _ in self._channels)
+        return (0.0, 0.0, phi, 1.0 + n_z + self._cross * phi, 25.0, 0.0, 0.0, 0.0)
+
+    def advance(self, phi_cmd, n_z_cmd, duration):
+        if abs(phi_cmd) > self._largest:
+            return Stop("left_envelope", f"rolled to {phi_cmd:.3f} rad")
+        for channel, command in zip(self._channels, (phi_cmd, n_z_cmd - 1.0), strict=True):
+            A, B, _, x, pending = channel
+            for _ in range(round(duration / FINE)):
+                pending.append(command)
+                pending.pop(0)
+                x = A @ x + B * pending[0]
+            channel[3] = x
+        return None
+
+
+def first_order(w, delay):
+    return [w], [1.0, w], delay
+
+
+def second_order(w, z, delay):
+    return [w * w], [1.0, 2.0 * z * w, w * w], delay
+
+
+def third_order(w, z, lag, delay):
+    return [w * w], np.polymul([lag, 1.0], [1.0, 2.0 * z * w, w * w]), delay
+
+
+@pytest.mark.slow
+def test_recovers_a_first_and_a_second_order_lag():
+    plant = partial(SyntheticPlant, first_order(4.0, 0.05), second_order(8.0, 0.6, 0.12))
+
+    found = identify_plant(plant, LEVEL, LIMITS).condition
+
+    roll, load = found.lags
+    assert (roll.order, load.order) == (1, 2)
+    assert roll.natural_frequency == pytest.approx(4.0, rel=RECOVERED)
+    assert roll.bandwidth == pytest.approx(4.0, rel=RECOVERED)
+    assert roll.delay == pytest.approx(0.05, abs=DELAY_RECOVERED)
+    assert load.natural_frequency == pytest.approx(8.0, rel=RECOVERED)
+    assert load.damping == pytest.approx(0.6, rel=RECOVERED)
+    assert load.delay == pytest.approx(0.12, abs=DELAY_RECOVERED)
+    # The manoeuvre that was not used for the fit is explained.
+    assert min(channel.fit_percent for channel in found.channels.values()) > 99.9
+
+
+@pytest.mark.slow
+def test_recovers_a_third_order_lag():
+    plant = partial(
+        SyntheticPlant, third_order(9.0, 0.5, 0.3, 0.02), third_order(6.0, 0.8, 0.1, 0.0)
+    )
+
+    lag = identify_plant(plant, LEVEL, LIMITS).condition.lags[0]
+
+    assert lag.order == 3
+    assert (lag.natural_frequency, lag.damping, lag.lag) == pytest.approx(
+        (9.0, 0.5, 0.3), rel=RECOVERED
+    )
+    assert lag.delay == pytest.approx(0.02, abs=DELAY_RECOVERED)
+
+
+@pytest.mark.slow
+def test_cross_coupling_is_shown_and_kept_out_of_the_other_channel():
+    channels = first_order(4.0, 0.05), first_order(8.0, 0.0)
+    coupled = identify_plant(partial(SyntheticPlant, *channels, cross=0.3), LEVEL, LIMITS).condition
+
+    low_band = 1.0 / math.hypot(1.0, 0.314 / 4.0)
+    assert coupled.channels["phi"].cross == pytest.approx(0.3 * low_band, rel=0.05)
+    assert coupled.channels["n_z"].cross < 0.01
+    assert coupled.lags[1].natural_frequency == pytest.approx(8.0, rel=RECOVERED)
+
+
+def test_the_same_seed_gives_the_same_excitation_and_another_one_another():
+    one, same, other = (multisines(LIMITS, seed=seed)[0] for seed in (1, 1, 2))
+
+    assert np.array_equal(one, same)
+    assert not np.allclose(one, other)
+
+
+@pytest.mark.parametrize("changes", [multisines(LIMITS)[0], check_manoeuvre(LIMITS)])
+def test_excitations_stay_inside_the_limits(changes):
+    commands = changes + np.array([0.0, 1.0])
+    rates = np.diff(commands, axis=0) / DT
+
+    assert (commands > LIMITS.lower).all()
+    assert (commands < LIMITS.upper).all()
+    assert (rates > LIMITS.rate_lower).all()
+    assert (rates < LIMITS.rate_upper).all()
+
+
+def test_the_channels_share_no_frequency():
+    changes, lines = multisines(LIMITS)
+    power = np.abs(np.fft.rfft(changes, axis=0))
+    strong = power > 1e-9 * power.max(axis=0)
+
+    assert not (strong[:, 0] & strong[:, 1]).any()
+    assert np.flatnonzero(strong[:, 0]).tolist() == lines[0].tolist()
+
+
+def test_an_excitation_that_is_too_much_is_flown_smaller():
+    plant = partial(SyntheticPlant, first_order(4.0, 0.0), first_order(8.0, 0.0), largest=0.1)
+
+    commanded, _ = respond(plant, LEVEL, check_manoeuvre(LIMITS))
+
+    assert 0.03 < np.abs(commanded[:, 0]).max() <= 0.1
+
+
+def test_an_aircraft_that_takes_no_excitation_says_why():
+    plant = partial(SyntheticPlant, first_order(4.0, 0.0), first_order(8.0, 0.0), largest=1e-6)
+
+    with pytest.raises(PlantError, match=r"0\.125 .*rolled to"):
+        respond(plant, LEVEL, check_manoeuvre(LIMITS))
+
+
+def test_excitation_needs_finite_limits():
+    with pytest.raises(InputError, match="`limits` must be finite"):
+        multisines(Limits.none(2))
+
+
+@pytest.mark.parametrize(
+    ("lag", "transfer"),
+    [
+        (InnerLag(order=1, natural_frequency=3.0, delay=0.025), first_order(3.0, 0.025)),
+        (
+            InnerLag(order=3, natural_frequency=7.0, damping=0.4, lag=0.2, delay=0.1),
+            third_order(7.0, 0.4, 0.2, 0.1),
+        ),
+    ],
+)
+def test_prediction_in_time_is_what_scipy_simulates(lag, transfer):
+    t = np.arange(0.0, 8.0, DT)
+    command = np.sin(0.7 * t) + (t > 2.0)
+    num, den, delay = transfer
+    fine = np.arange(0.0, 8.0, FINE)
+    held = command[np.clip(np.floor((fine - delay) / DT + 1e-6).astype(int), 0, None)]
+    A, B, C, D, _ = signal.cont2discrete(signal.tf2ss(num, den), FINE)
+    _, flown, _ = signal.dlsim((A, B, C, D, FINE), held)
+
+    assert lag_response(lag, DT, command, 0.0) == pytest.approx(
+        flown[:: round(DT / FINE), 0], abs=EXACT
+    )
+
+
+@pytest.fixture(scope="module")
+def aerosonde():
+    return ft.identify("aerosonde")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["paper", "level_turn"])
+def test_aerosonde_is_explained_on_a_whole_scenario(aerosonde, name):
+    (run,) = (r for r in fly(load_scenario(name)).runs if r.label == "jsbsim:aerosonde / paper")
+    signals = run.signals
+    dt = signals.index[1]
+    for channel, lag in zip(("phi", "n_z"), aerosonde.identified.conditions[0].lags, strict=True):
+        command, flown = signals[f"{channel}_cmd"].to_numpy(), signals[channel].to_numpy()
+        model = flown[0] + lag_response(lag, dt, command - command[0], 0.0)
+        assert fit_percent(flown, model) > GOOD_FIT
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("aircraft", ["aerosonde", "c172p", "a4"])
+def test_identifying_again_gives_the_shipped_model(aircraft):
+    shipped = load_identified(aircraft).conditions[0]
+
+    again = ft.identify(aircraft).identified.conditions[0]
+
+    assert again.V_a == shipped.V_a
+    for channel in ("phi", "n_z"):
+        one, other = shipped.channels[channel], again.channels[channel]
+        assert one.lag.order == other.lag.order
+        for value in ("natural_frequency", "damping", "lag"):
+            assert getattr(one.lag, value) == pytest.approx(getattr(other.lag, value), rel=SAME_FIT)
+        assert one.lag.delay == pytest.approx(other.lag.delay, abs=SAME_DELAY)
+        assert other.fit_percent > GOOD_FIT
+
+
+def test_the_file_holds_the_linear_model_with_names(aerosonde, tmp_path):
+    path = tmp_path / "model.json"
+    save_identified(aerosonde.identified, path)
+
+    table = json.loads(path.read_text())["conditions"][0]
+
+    model, channels = table["model"], table["channels"]
+    A, B, C = (np.array(model[name]) for name in "ABC")
+    s = 2.0j
+    response = C @ np.linalg.solve(s * np.eye(len(A)) - A, B)
+    roll = channels["phi"]
+    w, z, h = roll["natural_frequency_rad_s"], roll["damping"], roll["delay_s"]
+    pade = (1.0 - s * h / 2.0) / (1.0 + s * h / 2.0)
+    lag = pade * w**2 / (s**2 + 2.0 * z * w * s + w**2) / (1.0 + s * roll["lag_s"])
+    expected = -(9.80665 / 25.0) / s * lag
+    assert roll["order"] == 3
+    assert model["inputs"] == ["phi_cmd", "n_z_cmd"]
+    assert response[0, 0] == pytest.approx(expected, rel=1e-4)
+    assert roll["bandwidth_rad_s"] == pytest.approx(13.1, abs=0.5)
+
+
+def test_a_model_is_read_again_only_when_its_file_was_written_to(tmp_path):
+    table = json.loads((aircraft_folder("aerosonde") / "identified.json").read_text())
+    path = tmp_path / "model.json"
+    path.write_text(json.dumps(table))
+    first = load_identified(path)
+    assert load_identified(path) is first
+
+    path.write_text(json.dumps(table | {"seed": table["seed"] + 1}))
+
+    assert load_identified(path).seed == first.seed + 1
+
+
+def test_the_nearest_condition_is_taken():
+    shipped = load_identified("aerosonde")
+
+    assert shipped.nearest(29.0, math.radians(2.0)).V_a == 30.0
+    assert math.degrees(shipped.nearest(25.0, math.radians(20.0)).gamma) == pytest.approx(15.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda t: t.update(format="x"), "`format`"),
+        (lambda t: t["conditions"][0].pop("V_a_mps"), r"`conditions\.0\.V_a_mps`"),
+        (lambda t: t["conditions"][0]["channels"]["phi"].update(delay_s=-1.0), r"phi\.delay_s`"),
+        (lambda t: t.update(conditions=[]), "`conditions`"),
+        (
+            lambda t: t["conditions"][1]["model"]["A"][0].__setitem__(0, "<b>"),
+            r"`conditions\[1\]\.model\.A\[0\]\[0\]` must be 0\.0, as the lags .*, got '<b>'",
+        ),
+        (lambda t: t["conditions"][0]["model"]["B"].pop(), r"`conditions\[0\]\.model\.B` must be"),
+        (lambda t: t.update(units={}) or t.update(speed=1.0), "`speed` is not a known key"),
+        (
+            lambda t: t["conditions"][0]["channels"]["n_z"].update(bandwidth_rad_s=99.0),
+            r"channels\.n_z\.bandwidth_rad_s` must be .*, got 99\.0",
+        ),
+    ],
+)
+def test_a_file_that_holds_something_else_is_refused_by_name(tmp_path, change, message):
+    table = json.loads((aircraft_folder("aerosonde") / "identified.json").read_text())
+    change(table)
+    path = tmp_path / "wrong.json"
+    path.write_text(json.dumps(table))
+
+    with pytest.raises(ScenarioError, match=rf"wrong\.json: .*{message}"):
+        load_identified(path)
+
+
+def test_a_missing_file_says_what_writes_one(tmp_path):
+    with pytest.raises(ScenarioError, match="`flighttune identify` writes one"):
+        load_identified(tmp_path / "gone.json")
+
+
+def test_the_table_of_the_page_is_what_the_shipped_files_say():
+    page = (Path(__file__).parents[2] / "docs/identification.md").read_text(encoding="utf-8")
+    cell = r" *(\S+) *"
+    told = re.findall(
+        rf"^\|(?: (\w+), (\d+) m/s)? \| (roll|load factor) \|{cell}\|{cell}\|{cell}\|{cell}\|$",
+        page, re.MULTILINE,
+    )  # fmt: skip
+    assert [row[0] for row in told] == ["aerosonde", "", "c172p", "", "a4", ""]
+
+    shipped = []
+    for name, V_a, *_ in told[::2]:
+        found = json.loads((aircraft_folder(name) / "identified.json").read_text())
+        at = next(
+            one for one in found["conditions"]
+            if (one["V_a_mps"], one["gamma_deg"]) == (float(V_a), 0.0)
+        )  # fmt: skip
+        for channel in ("phi", "n_z"):
+            lag = at["channels"][channel]
+            digits = ("order", 0), ("bandwidth_rad_s", 1), ("delay_s", 3), ("fit_percent", 1)
+            shipped.append([f"{lag[key]:.{places}f}" for key, places in digits])
+    assert [list(row[3:]) for row in told] == shipped

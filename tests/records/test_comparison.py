@@ -1,0 +1,260 @@
+"""Comparisons of flights whose metrics and distances are known in closed form."""
+
+import copy
+import dataclasses
+import math
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from flighttune.errors import InputError, RecordingError
+from flighttune.flight.fly import fly
+from flighttune.recording.overlay import write_overlay
+from flighttune.recording.record import record
+from flighttune.records.compare import Source, better, compare, load_source, overlaid
+from flighttune.records.parquet import check_recording, write_run
+from flighttune.scenario import load_scenario, scenario_from
+
+TRAPEZOID = 1e-3
+"""Relative error of the trapezoidal rule and of linear interpolation at 50 Hz."""
+
+ONE_SAMPLE = 0.02
+MICROMETRE = 1e-6
+
+
+def value(found, name, channel="chi"):
+    rows = found.metrics
+    return rows[(rows["name"] == name) & (rows["channel"] == channel)].iloc[0]
+
+
+def test_differences_of_exponential_errors_are_those_of_the_closed_forms(fly_line):
+    found = compare(fly_line(rate=0.5), fly_line(rate=2.0))
+
+    def itae(a, T=20.0):
+        return (1.0 - (1.0 + a * T) * math.exp(-a * T)) / a**2
+
+    row = value(found, "ITAE")
+    assert (row["a"], row["b"]) == pytest.approx((itae(0.5), itae(2.0)), rel=TRAPEZOID)
+    assert row["diff"] == row["b"] - row["a"]
+    assert row["better"] == "b"
+    rise = value(found, "rise_s", "gamma")
+    assert rise["diff"] == pytest.approx(math.log(9.0) * (1 / 2.0 - 1 / 0.5), rel=TRAPEZOID)
+    settling = value(found, "settling_s")
+    assert settling["diff"] == pytest.approx(math.log(20.0) * (1 / 2.0 - 1 / 0.5), abs=ONE_SAMPLE)
+
+
+def test_a_run_is_the_same_as_itself(fly_line):
+    found = compare(fly_line(), fly_line())
+
+    assert found.comparable
+    assert found.max_distance == 0.0
+    assert (found.metrics["diff"].dropna() == 0.0).all()
+    assert set(found.metrics["better"]) <= {"same", ""}
+
+
+@pytest.mark.parametrize(
+    ("flown", "distance"),
+    [
+        ({"offset": (3.0, 4.0, 12.0)}, 13.0),
+        ({"drift": (0.0, 0.6, 0.8)}, 20.0),
+        ({"dt": 0.05, "offset": (0.0, 0.0, 2.0)}, 2.0),
+    ],
+)
+def test_the_largest_distance_is_that_of_pythagoras(fly_line, flown, distance):
+    (pair,) = compare(fly_line(), fly_line(**flown)).pairs
+
+    assert pair.max_distance == pytest.approx(distance, abs=MICROMETRE)
+    if "drift" in flown:
+        assert pair.t_max_distance == 20.0
+
+
+@pytest.mark.parametrize(
+    ("name", "a", "b", "expected"),
+    [
+        ("ITAE", 1.0, 2.0, "a"),
+        ("MS_rad", -0.1, 0.2, "a"),
+        ("MS_rad", 0.2, -0.1, "b"),
+        ("settling_s", math.nan, 9.0, "b"),
+        ("settling_s", math.nan, math.nan, "same"),
+        ("n_z_max", 1.0, 2.0, ""),
+        ("MO_rad", 0.3, 0.3, "same"),
+    ],
+)
+def test_less_is_better_except_where_nothing_is_and_never_is_worst(name, a, b, expected):
+    assert better(name, a, b) == expected
+
+
+def test_runs_pair_by_label_then_by_plant_then_by_gains(fly_line):
+    law, craft = fly_line(), fly_line(plant="jsbsim:aerosonde")
+    tuned = fly_line(gains="tuned"), fly_line(plant="jsbsim:aerosonde", gains="tuned")
+
+    def paired(*sides):
+        sources = (Source(name="", runs=side) for side in sides)
+        return [(pair.a, pair.b) for pair in compare(*sources).pairs]
+
+    assert paired((law, craft), (craft, law)) == [(law, law), (craft, craft)]
+    assert paired((law, craft), tuned) == [(law, tuned[0]), (craft, tuned[1])]
+    assert paired((law, tuned[0]), (craft, tuned[1])) == [(law, craft), (tuned[0], tuned[1])]
+    assert paired((law,), (tuned[1],)) == [(law, tuned[1])]
+
+
+def test_a_run_without_a_partner_is_named(fly_line, tmp_path):
+    for folder, sets in (("a", ("paper", "K1")), ("b", ("paper",))):
+        for gains in sets:
+            write_run(fly_line(gains=gains), tmp_path / folder / f"{gains}.parquet")
+
+    found = compare(tmp_path / "a", tmp_path / "b")
+
+    assert found.comparable
+    assert len(found.pairs) == 1
+    assert found.unpaired == (f"{tmp_path / 'a'}: kinematic / K1",)
+
+
+def test_where_no_run_has_a_partner_the_way_out_is_said(fly_line):
+    sides = [
+        Source(name=gains, runs=tuple(fly_line(plant=p, gains=gains) for p in plants), chosen=True)
+        for gains, plants in (("paper", ("kinematic", "jsbsim:aerosonde")), ("K1", ("point_mass",)))
+    ]
+
+    assert "choose with SOURCE@GAINS" in compare(*sides).reason
+
+
+def other(scenario, table, key, value):
+    changed = copy.deepcopy(scenario)
+    changed[table][key] = value
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "got"),
+    [
+        ("flight", "V_a_mps", 30.0),
+        ("flight", "duration_s", 40.0),
+        ("reference", "chi_deg", 45.0),
+        ("reference", "gamma_deg", [{"shape": "ramp"}]),
+    ],
+)
+def test_another_manoeuvre_cannot_be_compared(fly_line, table, key, got):
+    run = fly_line()
+    changed = fly_line(scenario=other(run.provenance.scenario, table, key, got))
+
+    found = compare(run, changed)
+
+    assert not found.comparable
+    assert "the manoeuvre must be the same" in found.reason
+    assert f"`{table}.{key}`" in found.reason
+    assert not len(found.metrics)
+    assert math.isnan(found.max_distance)
+
+
+def test_limits_and_weather_may_differ_and_are_said(fly_line):
+    run = fly_line()
+    changed = fly_line(scenario=other(run.provenance.scenario, "limits", "phi_deg", [-30.0, 30.0]))
+
+    found = compare(run, changed)
+
+    assert found.comparable
+    assert found.pairs[0].differs == {"limits.phi_deg": ([-45.0, 45.0], [-30.0, 30.0])}
+
+
+def test_two_aircraft_cannot_be_compared_but_law_and_aircraft_can(fly_line):
+    craft = fly_line(plant="jsbsim:aerosonde")
+
+    assert compare(fly_line(), craft).comparable
+    refused = compare(craft, fly_line(plant="jsbsim:c172p"))
+    assert "the aircraft must be the same, got aerosonde and c172p" in refused.reason
+
+
+def test_a_run_that_never_flew_cannot_be_compared(fly_line):
+    run = fly_line()
+    nothing = pd.DataFrame(index=pd.Index([], name="t", dtype=float))
+    never = dataclasses.replace(run, signals=nothing, status="no_gains", reason="infeasible")
+
+    assert "must have flown, got no_gains: infeasible" in compare(run, never).reason
+
+
+def test_a_run_cut_short_is_compared_over_the_time_both_flew(fly_line):
+    found = compare(fly_line(), fly_line(seconds=5.0, status="left_envelope"))
+
+    assert found.comparable
+    assert found.pairs[0].durations == (20.0, 5.0)
+    assert value(found, "ITAE")["diff"] == 0.0
+
+
+def test_several_are_held_against_the_first(fly_line):
+    found = compare(fly_line(), fly_line(rate=2.0), fly_line(rate=0.5))
+
+    assert list(value(found, "ITAE").index) == list(found.metrics.columns)
+    better_one = found.metrics[found.metrics["name"] == "ITAE"].groupby("pair")["better"].first()
+    assert list(better_one) == ["b", "a"]
+
+
+def test_nothing_to_compare_with_is_an_error(fly_line):
+    with pytest.raises(InputError, match="at least two runs"):
+        compare(fly_line())
+
+
+def test_the_runs_of_one_source_are_compared_with_its_first(fly_line):
+    runs = [fly_line(gains=gains) for gains in ("paper", "K1", "K2")]
+    nothing = pd.DataFrame(index=pd.Index([], name="t", dtype=float))
+    never = dataclasses.replace(runs[2], signals=nothing, status="no_gains", reason="infeasible")
+
+    found = compare(Source(name="runs/mine", runs=(*runs, never)))
+
+    assert [(pair.a, pair.b) for pair in found.pairs] == [(runs[0], run) for run in runs[1:]]
+    assert found.missing == ("kinematic / K2: no gains: infeasible",)
+
+
+def test_a_scenario_flies_with_gains_by_name_or_from_a_file(tmp_path):
+    gains = tmp_path / "mine.toml"
+    gains.write_text("K_P = [[2.0, 0.0], [0.0, 2.0]]\nK_I = [[1.0, 0.0], [0.0, 1.0]]\n")
+
+    by_name, by_file = load_source("paper@K1"), load_source(f"paper@{gains}")
+
+    assert [run.label for run in by_name.runs] == ["kinematic / K1", "jsbsim:aerosonde / K1"]
+    assert by_file.runs[0].provenance.gains.K_P == pytest.approx(np.diag([2.0, 2.0]))
+    assert by_file.runs[0].label == "kinematic / mine"
+
+
+def test_the_scenario_of_chosen_gains_expects_nothing_of_others_and_is_valid():
+    run = load_source("paper_identified@paper").runs[0]
+
+    scenario = scenario_from(dict(run.provenance.scenario))
+
+    assert (scenario.gains, scenario.expect) == (["paper"], [])
+
+
+def test_behind_an_at_sign_gains_or_plant_choose_among_the_runs_of_a_folder(fly_line, tmp_path):
+    for plant in ("kinematic", "jsbsim:aerosonde"):
+        for gains in ("paper", "K1"):
+            run = fly_line(plant=plant, gains=gains)
+            write_run(run, tmp_path / f"{plant[:3]}-{gains}.parquet")
+
+    assert {r.provenance.gains_name for r in load_source(f"{tmp_path}@K1").runs} == {"K1"}
+    assert len(load_source(f"{tmp_path}@kinematic").runs) == 2
+    assert len(load_source(f"{tmp_path}@kinematic / K1").runs) == 1
+    with pytest.raises(RecordingError, match="'K9' must be"):
+        load_source(f"{tmp_path}@K9")
+
+
+def test_a_recording_is_the_same_as_the_files_of_its_runs(tmp_path):
+    flown = fly(load_scenario("paper_as_printed"))
+    files = record(flown, tmp_path, name="printed")
+    (signals,) = files.signals.values()
+
+    for found in (compare(files.recording, signals), compare(tmp_path, flown)):
+        assert found.comparable
+        assert found.missing == ()
+        assert found.max_distance == 0.0
+        assert set(found.metrics["better"]) <= {"same", ""}
+
+
+def test_the_overlay_holds_every_run_once_under_names_of_its_own(fly_line, tmp_path):
+    found = compare(fly_line(), fly_line(rate=2.0), fly_line(gains="K1"))
+
+    labels = [run.label for run in overlaid(found)]
+    write_overlay(found, tmp_path / "overlay.rrd")
+
+    assert labels == ["kinematic / paper (A)", "kinematic / paper (B)", "kinematic / K1"]
+    check_recording(tmp_path / "overlay.rrd")

@@ -1,0 +1,300 @@
+"""Fences: the room across a path, the flights counted inside, and corridors on maps."""
+
+import json
+from dataclasses import replace
+from itertools import pairwise
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+from commands import answer, flighttune
+from scipy.stats import binomtest
+
+from flighttune.campaign.band import load_band, plan_of
+from flighttune.campaign.fence import corridor_of, count_inside, where_of
+from flighttune.campaign.stated_set import planned
+from flighttune.claims.band import About, Axis, Band, save_band
+from flighttune.errors import InputError
+from flighttune.references.earth import north_east, on_earth
+from flighttune.references.fence import SCAN_STEP, read_fence, room_along
+from flighttune.references.maps import route_geojson, route_kml
+from flighttune.references.path import Ability, Waypoint, plan
+
+ORIGIN = (47.0, 8.0)
+ABILITY = Ability(V_a=25.0, wind=8.0, phi=0.6, phi_rate=0.4, gamma=(-0.2, 0.2), g=9.81)
+
+# The edge is at 30 m to the left of a leg to the north, 40 m to the right.
+BOX = ((-50.0, -30.0), (-50.0, 40.0), (900.0, 40.0), (900.0, -30.0))
+
+STRAIGHT = "[{north_m = 0.0, east_m = 0.0}, {north_m = 800.0, east_m = 0.0}]"
+SETTINGS = (
+    "--set",
+    f"route.waypoint={STRAIGHT}",
+    "--set",
+    "route.lat_deg=47.0",
+    "--set",
+    "route.lon_deg=8.0",
+)
+
+
+def fence_file(path, *rings, origin=ORIGIN, **properties):
+    """A polygon from north and east of the start, m."""
+    degrees = [
+        on_earth(np.array([*ring, ring[0]], dtype=float), origin)[:, ::-1].tolist()
+        for ring in rings
+    ]
+    geometry = {"type": "Polygon", "coordinates": degrees}
+    path.write_text(json.dumps({"type": "Feature", "properties": properties, "geometry": geometry}))
+    return path
+
+
+@pytest.fixture
+def box(tmp_path):
+    return fence_file(tmp_path / "box.geojson", BOX)
+
+
+@pytest.fixture(scope="module")
+def band():
+    """40 flights along 800 m that come 2 m off; three 45 m to the right at 400 m, one is lost."""
+    changes = {
+        "route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 800.0)],
+        "route.lat_deg": 47.0,
+        "route.lon_deg": 8.0,
+    }
+    flights = planned("circuit", plant="kinematic", start_deg=1.0, changes=changes)
+    extremes = np.tile(np.array([-2.0, 2.0], dtype=np.float32), (40, 200, 2, 1))
+    extremes[5:8, 100, 0, 1] = 45.0
+    extremes[20] = [-np.inf, np.inf]
+    about = About(
+        signals={"cross_track": "m", "height_err": "m"},
+        coefficients=np.zeros((1, 200, 2)),
+        half=np.ones((200, 2)),
+        predicted_from=None,
+        plan=flights.with_runs(50).as_dict(),
+        learned=10,
+        epsilon=0.25,
+        confidence=0.9,
+    )
+    axis = Axis(over="along", edges=np.linspace(0.0, 800.0, 201), distribution="made up")
+    return Band(about=about, axis=axis, extremes=extremes, wind=np.zeros((40, 0)))
+
+
+def test_a_leg_in_a_rectangle_has_the_distances_of_its_edges(tmp_path):
+    leg = plan([Waypoint(north=0.0, east=0.0), Waypoint(north=800.0, east=0.0, up=16.0)], ABILITY)
+    zone = ((300.0, 25.0), (310.0, 25.0), (310.0, 35.0), (300.0, 35.0))
+    needle = ((150.04, 28.0), (150.06, 28.0), (150.05, 27.0))  # between two points of the path
+    heights = {"min_up_m": -20.0, "max_up_m": 50.0}
+    file = fence_file(tmp_path / "f.geojson", BOX, zone, needle, **heights)
+    windows = np.array([0.0, 200.0, 400.0, 800.0])
+    room = room_along(read_fence(file, ORIGIN), leg, windows, widest=50.0, overlap=0.0)
+
+    # left, right; up to the ceiling where the window is highest, down to the floor where lowest
+    expected = [[30, 27, 46, 20], [30, 25, 42, 24], [30, 40, 34, 28]]
+    assert room.limits.reshape(3, 4) == pytest.approx(np.array(expected), abs=SCAN_STEP)
+    nearest = room.nearest(np.array([[10.0, 21.0], [5.0, 5.0]]))
+    assert nearest["edge"] in ("edge 1 of zone 1", "edge 2 of zone 1")  # at the corner
+    assert nearest == {
+        "margin_m": pytest.approx(4.0, abs=SCAN_STEP),
+        "side": "right",
+        "edge": nearest["edge"],
+        "along_m": pytest.approx(305.0, abs=5.0 + SCAN_STEP),
+        "stretch": "leg to waypoint 2",
+    }
+
+
+@pytest.mark.parametrize("lon", [179.995, -179.995])
+def test_a_fence_over_the_date_line_is_around_what_is_inside_of_it(tmp_path, lon):
+    box = fence_file(tmp_path / "f.geojson", BOX, origin=(-17.0, lon))
+
+    assert np.abs(read_fence(box, (-17.0, lon)).start).max() == pytest.approx(900.0, abs=0.1)
+    with pytest.raises(InputError, match="the start must be inside"):
+        read_fence(box, (-17.0, lon - 0.01))
+
+
+def test_a_long_edge_follows_its_parallel(tmp_path):
+    """Edges are straight in longitude and latitude (RFC 7946); places on one along the parallel."""
+    corners = [[8.2, 59.9], [8.2, 60.1], [7.8, 60.1], [7.8, 59.9]]
+    file = tmp_path / "f.geojson"
+    file.write_text(json.dumps({"type": "Polygon", "coordinates": [[*corners, corners[0]]]}))
+    fence = read_fence(file, (60.0, 8.0))
+    edge = [name == "edge 2" for name in fence.names[:-2]]
+    start, end = fence.start[edge], fence.end[edge]
+    along = (end - start) / np.linalg.norm(end - start, axis=1)[:, None]
+    for lon in np.linspace(7.8, 8.2, 101):
+        place = np.array(north_east((60.1, lon), (60.0, 8.0)))
+        to = place - start
+        off = along[:, 0] * to[:, 1] - along[:, 1] * to[:, 0]
+        ahead = (to * along).sum(axis=1)
+        on = (ahead > -0.1) & (ahead < np.linalg.norm(end - start, axis=1) + 0.1)
+        assert (np.abs(off)[on] <= fence.sag[edge][on] + 0.001).any()
+
+    assert fence.sag.max() <= 0.05
+    assert fence.names[-2:] == ("ceiling", "floor")
+
+
+def winding(places, ring):
+    """How often a ring goes around each place: the sum of the angles under which edges appear."""
+    to = [np.arctan2(*(np.array(corner)[:, None] - places)) for corner in (*ring, ring[0])]
+    turned = sum(np.angle(np.exp(1j * (b - a))) for a, b in pairwise(to))
+    return np.round(turned / (2.0 * np.pi))
+
+
+def test_every_place_within_the_limits_is_inside(tmp_path):
+    corners = [(0, 0), (600, 0), (700, 500), (200, 700), (-300, 300)]
+    path = plan([Waypoint(north=n, east=e) for n, e in corners], ABILITY)
+    outer = ((-400, -80), (640, -60), (780, 520), (150, 800), (-420, 200), (100, 430), (200, 150))
+    zone = ((500, 150), (560, 250), (450, 350))
+    fence = read_fence(fence_file(tmp_path / "f.geojson", outer, zone), ORIGIN)
+    windows = np.linspace(0.0, path.length, 41)
+    room = room_along(fence, path, windows, widest=300.0, overlap=0.0)
+
+    assert np.isfinite(room.limits[:, 0]).all()
+    s = np.linspace(0.0, path.length, 20_001)[:-1]
+    limits = np.minimum(room.limits[:, 0], 300.0)
+    left, right = limits[np.searchsorted(windows, s, side="right") - 1].T
+    north, east, course = (np.interp(s, path.s, x) for x in (path.north, path.east, path.course))
+    for part in (-1.0, -0.5, 0.0, 0.5, 1.0):
+        e = part * np.where(part < 0.0, left, right)
+        places = np.stack([north - e * np.sin(course), east + e * np.cos(course)])
+        assert (winding(places, outer) != 0).all()
+        assert (winding(places, zone) == 0).all()
+
+
+def test_flights_are_counted_of_which_it_is_certain(band, box):
+    counted = count_inside(band, json.loads(box.read_text()))
+
+    # Three are outside to the right; one did not arrive.
+    assert counted.outside == 4
+    assert counted.heights == "no floor and no ceiling"
+    bound = binomtest(4, 40, alternative="less").proportion_ci(0.9, method="exact").high
+    assert counted.epsilon == pytest.approx(bound, rel=1e-9)
+    assert counted.supported == (bound <= 0.25)
+    of_flights, of_band = counted.nearest
+    assert of_flights["margin_m"] == pytest.approx(40.0 - 45.0, abs=SCAN_STEP)
+    assert (of_flights["side"], of_flights["edge"]) == ("right", "edge 2")
+    assert 400.0 - 1.0 - SCAN_STEP <= of_flights["along_m"] <= 500.0
+    assert of_band["margin_m"] == pytest.approx(30.0 - band.scale, abs=SCAN_STEP)
+
+
+def test_a_fence_needs_one_start_for_all_flights(band, box):
+    """Starts are drawn over 4.4 km; waypoints in m make the same path about each of them."""
+    plan = json.loads(json.dumps(band.about.plan))
+    drawn = {"key": "route.lat_deg", "distribution": "uniform", "lower": 46.98, "upper": 47.02}
+    plan["campaign"]["disperse"].append(drawn)
+    moved = replace(band, about=replace(band.about, plan=plan))
+
+    with pytest.raises(InputError, match="one path and start for all, got draw 10"):
+        count_inside(moved, json.loads(box.read_text()))
+
+
+def test_the_answer_is_no_where_the_count_does_not_support_it(band, box, tmp_path):
+    save_band(band, tmp_path / "b.npz")
+    command = ("band", tmp_path / "b.npz", "--fence", box)
+    narrow = fence_file(tmp_path / "n.geojson", [(n, e / 30.0) for n, e in BOX])
+
+    assert answer(*command)["fence"]["supported"]
+    assert not answer(*command, "--epsilon", 0.15, status=1)["fence"]["supported"]
+    assert answer(*command[:-1], narrow, status=1)["fence"]["outside"] == 40
+
+
+def test_a_fence_is_kept_with_its_band_and_shares_its_confidence_and_page(band, box, tmp_path):
+    file, page = tmp_path / "b.npz", tmp_path / "b.html"
+    save_band(band, file)
+
+    said = answer("band", file, "--fence", box)
+    answer("report", file, "--out", page)
+
+    assert said["confidence"] == pytest.approx(0.8)
+    assert "confidence 0.8 (shared by the band and its fence)" in said["verdict"]
+    assert "confidence 0.8 (shared by the band and its fence)" in said["sentence"]
+    assert load_band(file).about.fences == (json.loads(box.read_text()),)
+    text = page.read_text()
+    assert "36 are certainly inside the fence" in text.replace("40 fresh flights ", "")
+    assert text.count("fence</span>") == text.count("Map</") == 1
+
+
+@pytest.mark.slow
+def test_flights_that_start_the_other_way_are_not_counted_inside_a_wall_behind_them(tmp_path):
+    """A wall is 30 m behind the start; at 25 m/s and 45 deg a turn takes 65 m of radius."""
+    wall = fence_file(tmp_path / "wall.geojson", [(-30, -500), (-30, 500), (900, 500), (900, -500)])
+    made = ("--plant", "kinematic", "--epsilon", 0.1, "--confidence", 0.9, "--learn", 10)
+    made += ("--flights", 22, "--out", tmp_path / "b.npz", "--fence", wall, *SETTINGS)
+    back = answer(
+        "band", "circuit", "--start-deg", 2, *made, "--set", "flight.chi_deg=170", status=1
+    )
+
+    assert back["fence"]["outside"] == 22
+    assert answer("band", "circuit", "--start-deg", 2, *made)["fence"]["outside"] == 0
+
+
+@pytest.mark.parametrize(
+    ("rings", "properties", "says"),
+    [
+        ([[BOX[0], BOX[2], BOX[1], BOX[3]]], {}, "must not cross, got edge 1 and edge 3"),
+        ([BOX, [(0, 20), (0, 60), (9, 60)]], {}, "must not cross, got edge 2 and edge 1 of zone"),
+        ([BOX[:2]], {}, "at least three corners, got 2"),
+        ([[*BOX, (4.5e6, 0.0)]], {}, "latitudes up to 85"),
+        ([[*BOX, (float("nan"), 0.0)]], {}, "every coordinate must be a number, got nan"),
+        ([[(n + 90.0, e) for n, e in BOX]], {}, "the start must be inside"),
+        ([BOX, [(-9, -9), (-9, 9), (9, 9), (9, -9)]], {}, "the start must be inside"),
+        ([BOX], {"min_up_m": 50.0, "max_up_m": -9.0}, "got 50 and -9"),
+        ([BOX], {"max_up_m": float("nan")}, "`max_up_m` must be a number, got nan"),
+        ([BOX], {"max_up_m": "50"}, "`max_up_m` must be a number, got"),
+        ([BOX], {"max_up_m": True}, "`max_up_m` must be a number, got"),
+        ([BOX], {"max_up_m": 10**400}, "`max_up_m` must be a number, got"),
+        ([BOX], {"max_up_m": 50.0, "maxAltitude": 30.0}, "got 'maxAltitude'"),
+    ],
+)
+def test_what_is_no_fence_is_refused_in_one_line(tmp_path, rings, properties, says):
+    file = fence_file(tmp_path / "f.geojson", *rings, **properties)
+
+    with pytest.raises(InputError, match=says) as refusal:
+        read_fence(file, ORIGIN)
+    assert str(refusal.value).startswith(str(file))
+    assert "\n" not in str(refusal.value)
+
+
+@pytest.mark.slow
+def test_a_fence_is_for_one_polygon_and_for_bands_on_a_route(band, box, tmp_path):
+    line = tmp_path / "line.geojson"
+    line.write_text('{"type": "LineString", "coordinates": [[8, 47], [8, 48]]}')
+
+    with pytest.raises(InputError, match="one Polygon, got 0"):
+        read_fence(line, ORIGIN)
+    assert "`route` must be" in flighttune("band", "mission", "--fence", box, status=2)[1]
+    signal = ("--start-deg", 1, "--signal", "chi_err")
+    assert (
+        "of cross_track and" in flighttune("band", "circuit", *signal, "--fence", box, status=2)[1]
+    )
+
+
+def test_maps_show_the_corridor_as_wide_and_high_as_the_band(band, tmp_path):
+    where = where_of(plan_of(band).campaign.central)
+    corridor = corridor_of(band, where)._replace(high=np.tile([7.0, 3.0], (200, 1)))
+    line, *pieces = json.loads(route_geojson(where, "a leg", corridor))["features"]
+
+    alone = json.loads(route_geojson(where, "a leg"))["features"][0]
+    assert line["geometry"] == alone["geometry"]
+    assert line["properties"]["corridor"] == band.sentence
+    assert len(pieces) == 200
+    for window, piece in enumerate(pieces):
+        corners = piece["geometry"]["coordinates"][0]
+        north, east = np.array([north_east((lat, lon), ORIGIN) for lon, lat in corners]).T
+        assert np.ptp(east) == pytest.approx(7.0 + band.scale, abs=0.01)
+        assert east.max() == pytest.approx(7.0, abs=0.01)
+        assert north.min() == pytest.approx(4.0 * window, abs=0.01)
+        assert piece["properties"]["min_up_m"] == -3.0
+        assert piece["properties"]["max_up_m"] == pytest.approx(band.scale, abs=0.01)
+    kml = ElementTree.fromstring(route_kml(where, "a leg", corridor))
+    assert kml.findtext(".//{*}Placemark/{*}description") == f"Corridor: {band.sentence}."
+    rings = kml.findall(".//{*}LinearRing/{*}coordinates")
+    heights = {float(point.split(",")[2]) for ring in rings for point in ring.text.split()}
+    assert heights == {997.0, round(1000.0 + band.scale, 2)}
+
+
+def test_the_corridor_of_another_route_is_refused(band, tmp_path):
+    save_band(band, tmp_path / "b.npz")
+    out = ("--claim", tmp_path / "b.npz", "--out", tmp_path / "c.kml")
+
+    flighttune("route", "circuit", *SETTINGS, *out)
+    assert "of this route" in flighttune("route", "circuit", *out, status=2)[1]

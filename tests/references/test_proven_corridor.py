@@ -1,0 +1,99 @@
+"""The corridor of docs/routes.md, "Proven for the point mass", against what is flown."""
+
+import math
+
+import numpy as np
+import pytest
+
+import flighttune as ft
+
+DEG = math.pi / 180.0
+DT, V_A, T = 0.01, 25.0, 3.0
+WIND = 8.0
+
+# A chord of a table with points 1 m apart is this far off an arc of 150 m radius, m.
+SAG_M = 1.0 / (8.0 * 150.0)
+
+
+def circuit(**tables):
+    made = ft.load_scenario("circuit").as_dict()
+    for key in ("expect", "verifies", "source"):
+        del made[key]
+    return ft.scenario_from(made | {"plant": [{"kind": "kinematic"}]} | tables)
+
+
+def half_width(L, eps, start=0.0):
+    return max(abs(start), L * math.tan(eps))
+
+
+def biased_point(reference, bias, *, aside=0.0, wind=0.0, seconds=120.0):
+    """Cross track and height errors of a point that flies `bias` (rad) beside what is asked."""
+    follow, chi, gamma = reference.follower(DT, 1000.0), *reference.initial
+    north, east, h = 0.0, aside, 1000.0
+    places, courses = [], []
+    for _ in range(round(seconds / DT)):
+        seen = ft.Measured(chi, gamma, V_A, 0.0, 1.0, h, (north, east, 1000.0 - h), None)
+        asked, place = follow(seen)
+        chi, gamma = asked.chi - bias[0], asked.gamma - bias[1]
+        V_g = V_A + wind * math.cos(chi)
+        north, east = north + V_g * DT * math.cos(chi), east + V_g * DT * math.sin(chi)
+        h += V_g * DT * math.tan(gamma)
+        places.append(place)
+        courses.append((chi, gamma))
+    between_samples = np.abs(np.diff(courses[1:], axis=0)).max(axis=0)
+    return np.array(places), between_samples
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("from_deg", "chi_deg"), [(None, 10.0), (0.0, 0.0), (90.0, 0.0)])
+def test_the_law_flies_a_circuit_within_the_corridor_of_its_course_error(from_deg, chi_deg):
+    """Four turns and a loiter, once from a course that is wrong at the start."""
+    made = circuit().as_dict()
+    made["flight"] |= {"duration_s": 200.0, "chi_deg": chi_deg}
+    del made["route"]["waypoint"][8:]
+    if from_deg is not None:
+        made["wind"] = {"speed_mps": WIND, "from_deg": from_deg}
+    (run,) = ft.fly(ft.scenario_from(made)).runs
+    signals = run.signals
+
+    rate_hz = made["controller"]["rate_hz"]
+    V_g = np.hypot(*signals[["north", "east"]].diff().to_numpy()[1:].T) * rate_hz
+    course_err = signals["chi_err"].abs().max() + signals["chi_err"].diff().abs().max()
+    beside = signals["cross_track"].abs().max()
+    assert 0.1 < beside <= half_width(V_g.max() * T, course_err) + SAG_M
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("eps", [-5.0 * DEG, 10.0 * DEG])
+@pytest.mark.parametrize("wind", [0.0, WIND])
+def test_a_course_that_is_always_wrong_leads_to_the_edge_of_the_corridor(eps, wind):
+    """In turns too; half of the corridor would not do."""
+    flown, between_samples = biased_point(circuit().followed(), (eps, 0.0), wind=wind)
+    beside = np.abs(flown[:, 1])
+    L = (V_A + wind) * T
+
+    assert beside.max() <= half_width(L, abs(eps) + between_samples[0]) + SAG_M
+    assert beside.max() > 0.97 * half_width(L, abs(eps))
+
+
+@pytest.mark.parametrize("eps", [-5.0 * DEG, 5.0 * DEG])
+def test_from_beside_the_path_a_flight_comes_back_into_the_corridor(eps):
+    flown, between_samples = biased_point(circuit().followed(), (eps, 0.0), aside=50.0, seconds=35)
+    beside = flown[:, 1]
+    edge = half_width(V_A * T, abs(eps) + between_samples[0]) + SAG_M
+
+    assert np.abs(beside).max() <= 50.0
+    outside = beside > edge
+    assert outside[0]
+    assert not outside[-1]
+    assert (np.diff(beside)[outside[:-1]] < 0.0).all()
+
+
+@pytest.mark.parametrize("eps", [-2.0 * DEG, 2.0 * DEG])
+def test_a_path_angle_that_is_always_wrong_leads_to_the_edge_in_height(eps):
+    """On a level leg, in a turn and in a climb."""
+    flown, between_samples = biased_point(circuit().followed(), (0.0, eps), seconds=60.0)
+    below = np.abs(flown[:, 2])
+
+    assert below.max() <= half_width(V_A * T, abs(eps) + between_samples[1])
+    assert below.max() > 0.97 * half_width(V_A * T, abs(eps))

@@ -1,0 +1,54 @@
+"""One flown scenario and its page, and chromium without a screen to look at it."""
+
+import pytest
+from browser import headless_chromium
+
+from flighttune.flight.fly import fly
+from flighttune.recording.record import record
+from flighttune.records.compare import Source, load_source
+from flighttune.reports.page import write_report
+from flighttune.scenario import load_scenario
+
+
+@pytest.fixture(scope="session")
+def flown_paper():
+    """The paper's manoeuvre on both plants."""
+    return fly(load_scenario("paper"))
+
+
+@pytest.fixture(scope="session")
+def run_folder(flown_paper, tmp_path_factory):
+    """The same, recorded."""
+    folder = tmp_path_factory.mktemp("report") / "paper"
+    record(flown_paper, folder, name="paper")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def written(run_folder):
+    """The report of that folder."""
+    return write_report(run_folder, run_folder.parent / "report.html")
+
+
+@pytest.fixture(scope="session")
+def page(written):
+    """Its text."""
+    return written.path.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="session")
+def printed_source():
+    """The paper's own simulation: kinematic, one gain set, with a sinusoidal disturbance."""
+    return load_source("paper_as_printed")
+
+
+@pytest.fixture(scope="session")
+def paper_source(flown_paper):
+    """The flown manoeuvre as a source."""
+    return Source(name="paper", runs=flown_paper.runs)
+
+
+@pytest.fixture(scope="session")
+def chromium():
+    """Start chromium once with some flags and an empty profile; return what it printed."""
+    return headless_chromium()

@@ -1,0 +1,70 @@
+"""Bode and Nyquist of a loop: the curves of a closed form, with the margins where they belong."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+
+from flighttune.control.gains import PAPER_GAINS, PIGains
+from flighttune.control.linear_model import kinematic_model
+from flighttune.control.margins import channel_responses, loop_margins
+from flighttune.reports.loop_charts import loop_charts
+
+G, V = 9.81, 25.0
+ROUNDING = 1e-12
+OMEGA = np.logspace(-2.0, 2.0, 400)
+
+
+@pytest.fixture(scope="module")
+def level():
+    return kinematic_model(V_a=V, gamma=0.0, g=G)
+
+
+@pytest.fixture(scope="module")
+def climbing():
+    return kinematic_model(V_a=V, gamma=math.pi / 12.0, g=G)
+
+
+def test_a_decoupled_loop_has_the_response_of_two_integrators_and_a_zero(level):
+    gains = PIGains(K_P=np.diag([1.7, 2.1]), K_I=np.diag([0.6, 0.9]))
+
+    found = channel_responses(level, gains, OMEGA)
+
+    s = 1j * OMEGA
+    for i, (proportional, integral) in enumerate(((1.7, 0.6), (2.1, 0.9))):
+        expected = G / V * (proportional * s + integral) / s**2
+        assert found[:, i] == pytest.approx(expected, rel=ROUNDING)
+
+
+def test_the_phase_margin_drawn_is_that_of_the_closed_form(level):
+    gains = PIGains(K_P=np.diag([1.7, 2.1]), K_I=np.diag([0.6, 0.9]))
+    charts = loop_charts(level, gains, loop_margins(level, gains))
+
+    drawn = [name for name, _, _ in charts[1].legend if name.startswith("phase margin")]
+
+    for text, proportional, integral in zip(drawn, (1.7, 2.1), (0.6, 0.9), strict=True):
+        # |L| = 1: w^4 = (g/V)^2 (P^2 w^2 + I^2), and the phase is atan(P w / I) - 180 deg
+        k, p = (G / V * integral) ** 2, (G / V * proportional) ** 2
+        omega = math.sqrt((p + math.sqrt(p**2 + 4.0 * k)) / 2.0)
+        margin = math.degrees(math.atan(proportional * omega / integral))
+        assert float(re.search(r"[\d.]+", text).group()) == pytest.approx(margin, abs=0.051)
+
+
+def test_no_channel_enters_the_disk_that_all_survive_together(climbing):
+    together = loop_margins(climbing, PAPER_GAINS)[-1]
+    near, far = together.gain_decrease, together.gain_increase
+
+    distance = np.abs(channel_responses(climbing, PAPER_GAINS, OMEGA) + (near + far) / 2.0)
+
+    assert distance.min() >= (far - near) / 2.0 * (1.0 - 1e-9)
+
+
+def test_an_unstable_loop_is_drawn_without_margins(climbing):
+    wild = PIGains(K_P=-PAPER_GAINS.K_P, K_I=-PAPER_GAINS.K_I)
+
+    charts = loop_charts(climbing, wild, loop_margins(climbing, wild))
+
+    assert len(charts) == 4
+    assert all("margin" not in name for chart in charts for name, _, _ in chart.legend)
+    assert all(chart.svg().startswith("<svg") for chart in charts)

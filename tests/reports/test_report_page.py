@@ -1,0 +1,276 @@
+"""The page: everything inside, every sentence from the runs, small enough to send."""
+
+import base64
+import dataclasses
+import hashlib
+import html
+import re
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from flighttune.claims.linear_loop import flight_check
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.errors import RecordingError
+from flighttune.flight.outer_loop import tuning_problem
+from flighttune.metrics import channel_metrics
+from flighttune.records.compare import Source
+from flighttune.reports.page import CONVERGES, LONGEST_LADDER, write_report
+from flighttune.scenario import load_scenario
+from flighttune.tuning.frontier import frontier
+
+pytestmark = pytest.mark.slow
+
+LARGEST = 3_000_000
+"""Bytes of a page that can be sent."""
+
+ADDRESS = re.compile(r"""(?:src|href|xlink:href|action|data)\s*=\s*["']([^"']*)|url\(([^)]*)\)""")
+LOCAL = ("data:", "#")
+
+
+def test_nothing_on_the_page_points_outside_of_it(page):
+    addresses = [one or other for one, other in ADDRESS.findall(page)]
+
+    assert page.count('<svg class="chart" ') > 12
+    assert addresses
+    assert all(address.strip("'\"").startswith(LOCAL) for address in addresses)
+
+
+def test_the_one_script_of_the_page_is_the_one_that_its_policy_allows(page):
+    (script,) = re.findall(r"<script>(.*?)</script>", page, re.DOTALL)
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    policy = re.search(r'Content-Security-Policy" content="([^"]*)"', page).group(1)
+
+    assert page.count("<script") == 1
+    assert "default-src 'none'" in policy
+    assert f"script-src 'sha256-{digest}'" in policy
+
+
+def test_the_answer_stands_before_the_first_figure_in_a_hundred_words(page, written, flown_paper):
+    top = re.sub(
+        r"<style>.*?</style>|<title>.*?</title>", "", page.partition("<figure")[0], flags=re.S
+    )
+    words = html.unescape(re.sub(r"<[^>]*>", " ", top)).split()
+
+    assert len(words) <= 100
+    claim, converges = written.summary
+    assert claim == f"{flown_paper.claim.short}."
+    assert flown_paper.claim.sentence.startswith(flown_paper.claim.short)
+    assert converges == "3 of 4 runs converge."
+
+
+def test_the_page_is_small_enough_to_send(written):
+    assert written.path.stat().st_size < LARGEST
+
+
+@pytest.mark.soak
+def test_twelve_long_runs_are_still_small_enough(paper_source, tmp_path):
+    rng = np.random.default_rng(1)
+    law = paper_source.runs[0]
+    t = pd.Index(np.arange(30001) * 0.02, name="t")
+
+    def noisy(plant, name):
+        values = np.resize(law.signals.to_numpy(), (len(t), law.signals.shape[1]))
+        values = values + 0.3 * rng.standard_normal(values.shape)
+        signals = pd.DataFrame(values, index=t, columns=law.signals.columns)
+        made = dataclasses.replace(law.provenance, plant=plant, gains_name=name)
+        return dataclasses.replace(law, signals=signals, provenance=made)
+
+    runs = tuple(noisy(plant, f"set{i}") for plant in ("kinematic", "other") for i in range(6))
+
+    written = write_report(Source(name="twelve", runs=runs), tmp_path / "twelve.html")
+
+    assert written.path.stat().st_size < LARGEST
+
+
+def test_every_part_of_a_report_is_there(written, page):
+    assert written.sections == (
+        "Errors and metrics",
+        "Commands and path",
+        "From the law to the aircraft",
+        "Certificate",
+    )
+    for part in ("Provenance", "How to reproduce", *written.sections):
+        assert f"<h2>{part}</h2>" in page
+
+
+def records_of(written, name):
+    """Records of a table of a page, by the run or the gains that they are about."""
+    (table,) = (table for table in written.tables if table.name == name)
+    first = table.columns[0].key
+    return {record[first]: record for record in table.records}
+
+
+def test_the_tables_have_the_numbers_of_the_runs(written, flown_paper):
+    runs = {run.label: run for run in flown_paper.runs}
+    law, craft = runs["kinematic / tuned"], runs["jsbsim:aerosonde / tuned"]
+
+    (tracking,) = (table for table in written.tables if table.name == "tracking")
+    settling = {
+        record["channel"]: record["settling_s"]
+        for record in tracking.records
+        if record["run"] == law.label
+    }
+    expected = channel_metrics(law)["settling_s"]
+    assert settling == {"χ": expected["chi"], "γ": expected["gamma"]}
+    rate = flown_paper.indicators["tuned"].R_K
+    assert records_of(written, "certificates")["tuned"]["rate"] == pytest.approx(rate, abs=1e-6)
+    paths = [run.signals[["north", "east", "down"]].to_numpy() for run in (law, craft)]
+    apart = np.linalg.norm(paths[1] - paths[0], axis=1).max()
+    own = records_of(written, "aircraft")["tuned"]
+    assert own["max_distance_m"] == pytest.approx(apart, abs=0.05)
+    assert records_of(written, "gains")["paper"]["K_P"] == PAPER_GAINS.K_P.tolist()
+
+
+def test_a_flight_that_does_not_converge_has_its_late_errors_and_limits(written, flown_paper, page):
+    late = {
+        label: record
+        for label, record in records_of(written, "convergence").items()
+        if not record["converges"]
+    }
+    ((label, record),) = late.items()
+    itae = flown_paper.metrics["ITAE"]
+    (run,) = (run for run in flown_paper.runs if run.label == label)
+
+    assert CONVERGES in page
+    assert record["chi"]["ITAE"] == pytest.approx(itae[label, "chi"])
+    assert record["residual"]["gamma"] > record["allowed"]["gamma"]
+    for channel in ("chi", "gamma"):
+        error = run.signals[f"{channel}_err"].abs()
+        assert record["allowed"][channel] == pytest.approx(0.05 * error.max())
+        assert record["residual"][channel] == pytest.approx(error.loc[0.75 * run.duration :].max())
+
+
+def test_a_flight_that_ended_at_once_has_its_row_its_count_and_its_reason(paper_source, tmp_path):
+    first, *others = paper_source.runs
+    why = "roll command 155.7 deg: the law has no value."
+    ended = dataclasses.replace(
+        first, signals=first.signals[:1], status="diverged", reason=f"t = 0 s: {why}"
+    )
+
+    page = write_report(Source(name="x", runs=(ended, *others)), tmp_path / "report.html")
+
+    rows = records_of(page, "convergence")
+    assert list(rows) == [run.label for run in paper_source.runs]
+    assert rows[first.label]["flight"] == "diverged at 0.0 s"
+    assert rows[first.label]["requirements"] == "not flown"
+    # two bounds of each of four runs
+    assert page.summary[0].endswith("of 8 requirements 6 met, 0 missed, 2 not flown.")
+    assert why in page.path.read_text()
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        "arXiv 2411.13140",
+        "Aerosonde",
+        "at 25 m/s",
+        "the course goes from 60° to 0° and the path angle",
+        "I_K ≤ 5",
+    ],
+)
+def test_the_page_begins_with_paper_aircraft_airspeed_and_manoeuvre(page, part):
+    assert part in page.partition("<figure")[0]
+
+
+def test_every_flight_of_a_law_is_held_against_its_certificate(written, paper_source):
+    laws = {run.label: run for run in paper_source.runs if run.provenance.aircraft is None}
+    records = records_of(written, "kept")
+    assert list(records) == list(laws)
+    for label, run in laws.items():
+        assert records[label]["kept"] == (flight_check(run).t_broken is None)
+
+
+def test_a_flight_that_limits_hold_to_the_end_is_said_to_prove_nothing(tmp_path):
+    written = write_report("paper_printed_limits", tmp_path / "limits.html")
+
+    (record,) = records_of(written, "kept").values()
+    assert record["run"] == "kinematic / paper"
+    assert record["kept"] is None
+
+
+def test_the_ladder_of_a_very_long_flight_is_left_to_gap_and_that_is_said(paper_source, tmp_path):
+    craft = paper_source.runs[2]
+    rows = 2 * LONGEST_LADDER
+    signals = pd.DataFrame(
+        np.resize(craft.signals.to_numpy(), (rows, craft.signals.shape[1])),
+        index=pd.Index(np.arange(rows) * 0.02, name="t"),
+        columns=craft.signals.columns,
+    )
+    long = Source(name="long", runs=(dataclasses.replace(craft, signals=signals),))
+
+    written = write_report(long, tmp_path / "long.html")
+
+    assert "From the law to the aircraft" not in written.sections
+    assert f"{craft.label}: {rows} samples are more than" in written.path.read_text()
+
+
+def test_words_of_a_scenario_are_text_and_not_markup(paper_source, tmp_path):
+    wicked = "<script>alert('1')</script> & co"
+
+    def named(run):
+        made = run.provenance
+        scenario = {**made.scenario, "title": wicked}
+        return dataclasses.replace(run, provenance=dataclasses.replace(made, scenario=scenario))
+
+    runs = tuple(named(run) for run in paper_source.runs if run.provenance.plant == "kinematic")
+    written = write_report(Source(name=wicked, runs=runs), tmp_path / "wicked.html")
+    text = written.path.read_text()
+
+    assert "<script>alert" not in text
+    assert "&lt;script&gt;alert" in text
+
+
+def test_a_run_that_never_flew_is_told_of(paper_source, tmp_path):
+    first = paper_source.runs[0]
+    made = dataclasses.replace(first.provenance, gains_name="strict", gains=None)
+    never = dataclasses.replace(
+        first, signals=first.signals.iloc[:0], status="no_gains", reason="I_K is 67 at least",
+        provenance=made,
+    )  # fmt: skip
+
+    written = write_report(Source(name="both", runs=(first, never)), tmp_path / "r.html")
+
+    assert written.summary[1] == "1 of 2 runs converge."
+    assert "I_K is 67 at least" in records_of(written, "runs")["kinematic / strict"]["outcome"]
+
+
+def test_runs_of_several_scenarios_are_refused(paper_source, printed_source, tmp_path):
+    mixed = Source(name="mixed", runs=(*paper_source.runs, *printed_source.runs))
+
+    with pytest.raises(RecordingError, match=r"^mixed: .*one scenario"):
+        write_report(mixed, tmp_path / "never.html")
+    assert not (tmp_path / "never.html").exists()
+
+
+def test_without_a_frontier_the_page_says_why(paper_source, monkeypatch, tmp_path):
+    def marks_alone(*_, marked, **__):
+        return frontier(tuning_problem(paper), points=2, marked=marked).query("name != 'frontier'")
+
+    paper = load_scenario("paper")
+    monkeypatch.setattr("flighttune.reports.page.frontier", marks_alone)
+
+    written = write_report(paper_source, tmp_path / "without.html")
+
+    page = written.path.read_text(encoding="utf-8")
+    assert "There is no curve of R_K against I_K" in page
+
+
+def test_a_flight_with_sensors_is_not_compared_with_the_bound(tmp_path):
+    written = write_report("sensor_noise", tmp_path / "noise.html")
+
+    assert "none is compared with the bound" in written.path.read_text(encoding="utf-8")
+    assert not any(table.name == "kept" for table in written.tables)
+
+
+def test_an_aircraft_beside_its_nominal_self_has_a_gap_of_its_own(tmp_path):
+    written = write_report("heavy_and_aft@paper", tmp_path / "both.html")
+
+    (table,) = (table for table in written.tables if table.name == "gap")
+    nominal, heavy = (
+        [record["metrics"] for record in table.records if record["gains"] == name]
+        for name in ("paper", "paper (heavy_aft)")
+    )
+    assert {record["gains"] for record in table.records} == {"paper", "paper (heavy_aft)"}
+    assert nominal != heavy

@@ -1,0 +1,87 @@
+"""Pages of a route: the map with corridor and wind, distances along it, and calm air in words."""
+
+from dataclasses import replace
+
+import pytest
+from claimed import SENTENCE, claimed
+
+import flighttune as ft
+from flighttune.present.chart import Chart
+from flighttune.present.palette import INK
+from flighttune.records.compare import Source
+from flighttune.reports.page import write_report
+from flighttune.reports.panels import errors
+from flighttune.reports.route_charts import route_charts
+from flighttune.simulate.run import run_styles
+
+LEFT, RIGHT, LENGTH = -1.0, 3.0, 500.0
+STEP_M = 2.0  # distance between points of a path
+
+
+@pytest.fixture(scope="module")
+def run():
+    """A flight of the law along a leg to the north, with a made-up corridor."""
+    leg = [{"north_m": 0.0, "east_m": 0.0}, {"north_m": LENGTH, "east_m": 0.0}]
+    tables = ft.load_scenario("circuit").as_dict()
+    del tables["expect"]
+    tables |= {"plant": [{"kind": "kinematic"}], "route": {"waypoint": leg}}
+    (flown,) = ft.fly(ft.scenario_from(tables)).runs
+    return claimed(flown, cross_track=(LEFT, RIGHT))
+
+
+def drawn(run):
+    return [(run, run_styles([run])[run.label])]
+
+
+def test_the_corridor_is_to_the_sides_of_the_path_and_says_how_much_wider_it_is(run, monkeypatch):
+    areas = []
+    monkeypatch.setattr(Chart, "area", lambda _, x, y, *__, name: areas.append((x, y, name)))
+
+    charts = route_charts(drawn(run))
+
+    ((east, north, name),) = areas
+    # twice as wide 6 m are less than 2 % of the leg, and five times more
+    assert name == "corridor, drawn 2 times as wide"
+    assert (east.min(), east.max()) == pytest.approx((2.0 * LEFT, 2.0 * RIGHT))
+    assert (north.min(), north.max()) == pytest.approx((0.0, LENGTH), abs=STEP_M)
+    titles = ["Map", "Height over the start", "To the right of the route", "Below the route"]
+    assert [chart.title for chart in charts] == titles
+    assert charts[2].y_ends()[1] > RIGHT
+
+
+def test_the_arrow_points_where_the_air_moves(run, monkeypatch):
+    tables = {**run.provenance.scenario, "wind": {"speed_mps": 6.0, "from_deg": 270.0}}
+    windy = replace(run, provenance=replace(run.provenance, scenario=tables))
+    arrows = []
+    line = Chart.line
+
+    def caught(chart, x, y, colour, **more):
+        arrows.append((x, y)) if colour == INK else None
+        line(chart, x, y, colour, **more)
+
+    monkeypatch.setattr(Chart, "line", caught)
+    chart, *_ = route_charts(drawn(windy))
+
+    (x, y), _ = arrows
+    assert x[1] > x[0]
+    assert y[1] == pytest.approx(y[0])
+    assert "wind at the start 6 m/s" in chart.svg()
+
+
+@pytest.mark.slow
+def test_a_page_of_a_route_begins_with_its_map_and_the_claim(run, tmp_path):
+    source = Source(name="leg", runs=(run,))
+
+    page = write_report(source, tmp_path / "r.html").path.read_text(encoding="utf-8")
+
+    top = page.partition("<details")[0]
+    assert "<b>Map</b>" in top
+    assert f"inside the counted band. Counted band: {SENTENCE}." in top
+    assert "From above" not in page
+
+
+def test_a_band_of_another_signal_has_a_chart_of_its_own(run):
+    *_, chart = errors(drawn(claimed(run, V_a=(24.0, 26.0))))
+
+    assert (chart.title, chart.y) == ("V_a", "V_a [m/s]")
+    assert chart.y_ends()[0] < 24.0 < 26.0 < chart.y_ends()[1] < 27.0

@@ -1,0 +1,45 @@
+"""Every benchmark runs; a crash is no missed target."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).parents[1] / "benchmarks"
+
+
+def run(file, *options):
+    return subprocess.run([sys.executable, file, *options], capture_output=True, text=True)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("name", sorted(file.stem for file in FOLDER.glob("bench_*.py")))
+def test_a_benchmark_runs_in_its_quick_mode(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    ran = run(FOLDER / f"{name}.py", "--quick")
+
+    assert (ran.returncode, ran.stdout != "") == (0, True), ran.stderr
+
+
+@pytest.mark.parametrize(
+    ("body", "options", "said", "status"),
+    [
+        ("return 0", [], "met", 0),
+        ("return 1", [], "missed", 1),
+        ("return 1", ["--quick"], "ran", 0),
+        ("return [].x", [], "crashed (3)", 1),
+        ("return [].x", ["--quick"], "crashed (3)", 1),
+    ],
+)
+def test_a_crash_is_said_to_be_one(body, options, said, status, tmp_path):
+    for name in ("all.py", "running.py"):
+        (tmp_path / name).write_text((FOLDER / name).read_text())
+    (tmp_path / "bench_x.py").write_text(
+        f"import running\n\ndef main():\n    {body}\n\nrunning.end(main)\n"
+    )
+
+    ran = run(tmp_path / "all.py", *options)
+
+    assert ran.stdout.splitlines()[-1].endswith(f"  {said}")
+    assert ran.returncode == status

@@ -1,0 +1,150 @@
+"""`flighttune tube` and `verify` of its file, as a user meets them."""
+
+import json
+import math
+import re
+
+import numpy as np
+import pytest
+
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.files.table import toml_text
+from flighttune.scenario import load_scenario
+from flighttune.tubes.problem import tube_problem
+from flighttune.tubes.proof import load_tube
+from flighttune.tubes.tube import tube_of
+from tests.commands import flighttune
+from tests.tubes.test_proof import claim_of, rewritten
+from tests.tubes.test_soundness import made_up
+
+
+@pytest.fixture
+def scenario(tmp_path):
+    def write(duration=0.6, **more):
+        turn = made_up(chi_err_deg=20.0, gamma_deg=0.0, gamma_ref_deg=0.0, duration_s=duration)
+        path = tmp_path / "short.toml"
+        path.write_text(toml_text(turn.as_dict() | more))
+        return path
+
+    return write
+
+
+@pytest.mark.slow
+def test_a_tube_is_found_written_and_verified(scenario, tmp_path):
+    proof = tmp_path / "proof.npz"
+    arguments = scenario(), "--start-deg", "1", "--disturbance", "0.005", "--out", proof
+
+    stdout, _ = flighttune("tube", *arguments, "--json")
+
+    found = json.loads(stdout)
+    assert found["status"] == "bounded"
+    assert found["inside"] is True
+    assert found["reason"] == ""
+    assert found["half_width_deg"]["chi"]["max"] >= 1.0
+    assert found["limits_can_hold"]["phi_cmd"][0][0] == 0.0
+    assert {"model", "handed_over_s", "seconds"} <= found.keys()
+    bounds = load_tube(proof).bounds
+    assert bounds.names == ("chi_err", "gamma_err", "phi_cmd", "n_z_cmd")
+    assert (bounds.low < bounds.high).all()
+    valid, _ = flighttune("verify", proof, "--json")
+    valid = json.loads(valid)
+    assert (valid["valid"], valid["aircraft_checked"]) == (True, None)
+    for answer in (found, valid["claim"]):
+        assert answer["gains"] == PAPER_GAINS.as_lists()
+        assert answer["start_rad"] == pytest.approx(math.radians(1.0))
+        assert answer["disturbance_rad_s"] == [[-0.005, -0.005], [0.005, 0.005]]
+        assert answer["counted"] is None
+
+
+def test_a_title_in_a_proof_is_quoted_and_cannot_move_the_cursor(scenario, tmp_path):
+    proof = tmp_path / "proof.npz"
+    flighttune("tube", scenario(), "--out", proof)
+    title = "A turn of 90 deg\x1b[2J, of 10^9 flights none left"
+    rewritten(proof, {}, scenario={**claim_of(proof)["scenario"], "title": title})
+
+    stdout, _ = flighttune("verify", proof)
+
+    assert "\x1b" not in stdout
+    assert repr(title) in stdout
+
+
+@pytest.mark.slow
+def test_a_set_that_cannot_be_bounded_is_an_answer_with_time_and_reason(scenario, tmp_path):
+    # The disturbance alone turns the path upright in half a second.
+    out = tmp_path / "proof.npz"
+    arguments = scenario(), "--disturbance", "4", "--out", out
+
+    stdout, stderr = flighttune("tube", *arguments, "--json", status=1)
+
+    found = json.loads(stdout)
+    assert found["status"] == "unbounded"
+    assert re.search(r"from t = 0\.\d\d s on", found["reason"])
+    # The start is 20 deg off: roll meets its rate limit of 30 deg/s at once.
+    assert found["limits_can_hold"]["phi_cmd"][0][0] == 0.0
+    assert found["reason"] in stderr
+    assert not out.exists()
+
+
+@pytest.mark.slow
+def test_a_lost_set_says_from_when_on_its_width_doubles_again_and_again(scenario):
+    problem = tube_problem(load_scenario(scenario()), PAPER_GAINS, disturbance=1.0)
+    found = tube_of(problem)
+    bounds, said = (
+        found.bounds,
+        re.search(r"from (\d\.\d\d) s on the width doubles within 0\.2 s", found.reason),
+    )
+    widths = (bounds.high - bounds.low)[:, :2]
+    span = round(0.2 / bounds.t[1])
+    doubles = (widths[span:] >= 2.0 * widths[:-span]).any(axis=1)
+    first = int(np.searchsorted(bounds.t, float(said[1]) - 1e-9))
+    assert doubles[first:].all()
+    assert first == 0 or not doubles[first - 1]
+
+
+@pytest.mark.slow
+def test_the_largest_disturbance_that_is_bounded_is_found_to_two_digits(scenario):
+    stdout, _ = flighttune("tube", scenario(duration=0.1), "--largest-disturbance", "--json")
+
+    found = json.loads(stdout)
+    tried = {row["disturbance"]: row["status"] for row in found["tried"]}
+    largest = found["largest_disturbance"]
+    assert tried[largest] == "bounded"
+    lost = [size for size, status in tried.items() if status == "unbounded"]
+    assert all(row["reason"] for row in found["tried"] if row["disturbance"] in lost)
+    # No number of two digits is in between.
+    assert largest < min(lost) <= float(f"{largest * 1.1:.1e}")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "more", "what"),
+    [
+        (["--disturbance", "-1"], {}, "`disturbance` must be positive, got -1"),
+        (["--disturbance", "nan"], {}, "`disturbance` must be positive"),
+        (["--start-deg", "-2"], {}, "`start` must lie in 0..45 deg, got -2 deg"),
+        (["--plant", "jsbsim:x"], {}, "`plant` must be one of kinematic"),
+        (
+            ["--largest-disturbance", "--disturbance", "1"],
+            {},
+            "`largest_disturbance` must not be given with",
+        ),
+        (["--out", "proof.json"], {}, "--out must end in .npz"),
+        ([], {"wind": {"speed_mps": 3.0, "from_deg": 0.0}}, "`wind` must not"),
+        ([], {"sensors": {"chi_bias_deg": 1.0}}, "`sensors` must not"),
+        (
+            ["--plant", "jsbsim:aerosonde"],
+            {"plant": [{"kind": "jsbsim", "aircraft": "aerosonde"}]},
+            "`conformance` must be given",
+        ),
+        (
+            ["--disturbance", "0.01"],
+            {"disturbance": {"chi_amplitude": 0.1, "chi_omega_rad_s": 1.0}},
+            "at least that of the scenario's",
+        ),
+    ],
+)
+def test_what_no_tube_is_known_for_is_refused_in_one_line(scenario, arguments, more, what):
+    stdout, stderr = flighttune("tube", scenario(**more), *arguments, status=2)
+
+    assert stdout == ""
+    assert what in stderr
+    assert stderr.count("\n") == 1

@@ -1,0 +1,117 @@
+"""Enclosures of functions, and of fewer symbols, hold at random members of the set."""
+
+import numpy as np
+import pytest
+
+from flighttune.tubes import functions
+from flighttune.tubes.forms import Pieces, Quantity, combined
+from flighttune.tubes.interval import Interval
+
+ROUNDING = 1e-12
+"""Of the members, which are computed in floating point."""
+
+PIECES, ROWS, SYMBOLS, MEMBERS = 3, 3, 12, 200
+
+
+@pytest.fixture
+def pieces():
+    rng = np.random.default_rng(7)
+    made = Pieces(rng.uniform(-0.4, 0.4, (PIECES, ROWS)), constraints=1, capacity=SYMBOLS + 8)
+    made.make_room(SYMBOLS + 8)
+    made.values[:, :ROWS, 1 : 1 + SYMBOLS] = rng.uniform(-0.03, 0.03, (PIECES, ROWS, SYMBOLS))
+    made.used = SYMBOLS
+    made.kind[:SYMBOLS] = np.arange(SYMBOLS) % 3
+    return made
+
+
+def members(form, symbols):
+    """Values of a form for rows of symbols, shape (P, members)."""
+    return form.coefficients[:, :1] + form.coefficients[:, 1:] @ symbols
+
+
+def inside(form, symbols, values):
+    return np.all(np.abs(members(form, symbols) - values) <= form.err[:, np.newaxis] + ROUNDING)
+
+
+@pytest.fixture
+def symbols(pieces):
+    rng = np.random.default_rng(8)
+    return rng.choice([-1.0, 1.0], (pieces.capacity, MEMBERS)) * rng.choice([1.0, 0.3], MEMBERS)
+
+
+def ranged(pieces, form):
+    return Quantity(form, pieces.plain_range(form))
+
+
+@pytest.mark.parametrize(
+    ("enclosure", "function"),
+    [
+        (lambda angle: (functions.tangent(angle), None), np.tan),
+        (functions.cosine_of, np.cos),
+        (functions.secant, lambda x: 1.0 / np.cos(x)),
+    ],
+)
+def test_a_function_of_an_angle_is_enclosed(pieces, symbols, enclosure, function):
+    angle = pieces.forms()[0]
+    exactly = function(members(angle, symbols))
+
+    form, values = enclosure(ranged(pieces, angle))
+
+    assert inside(form, symbols, exactly)
+    if values is not None:
+        assert (values.low <= exactly.min(axis=1) + ROUNDING).all()
+        assert (values.high >= exactly.max(axis=1) - ROUNDING).all()
+
+
+def test_product_and_change_of_secant_are_enclosed(pieces, symbols):
+    a, b = (ranged(pieces, form) for form in pieces.forms()[:2])
+    x, y = (members(quantity.form, symbols) for quantity in (a, b))
+
+    assert inside(functions.product(a, b), symbols, x * y)
+    change = functions.secant_change(a, b)
+    assert inside(change, symbols, 1.0 / np.cos(x) - 1.0 / np.cos(x + y))
+
+
+@pytest.mark.parametrize("scale", [0.1, 1.0, 3.0])
+def test_arctangent_of_a_quotient_is_enclosed(pieces, symbols, scale):
+    a, c, _ = pieces.forms()
+    a, b = combined((scale, a)), combined((1.0, c), shift=1.0)
+
+    found = functions.arctangent(ranged(pieces, a), ranged(pieces, b))
+
+    assert inside(found, symbols, np.arctan2(members(a, symbols), members(b, symbols)))
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.37, 1.0])
+def test_a_kink_is_enclosed_whatever_the_slope(pieces, symbols, slope):
+    form = pieces.forms()[0]
+
+    found = functions.positive_part(ranged(pieces, form), slope)
+
+    assert inside(found, symbols, np.maximum(members(form, symbols), 0.0))
+
+
+def test_fewer_symbols_make_no_range_smaller(pieces):
+    weights = np.random.default_rng(9).uniform(-1.0, 1.0, (20, ROWS))
+    before = [pieces.plain_range(combined(*zip(w, pieces.forms(), strict=True))) for w in weights]
+
+    pieces.reduce(np.array([[0, 3], [1, 4], [2, -1], [5, -1], [6, 9]]))
+
+    assert pieces.used == SYMBOLS - 5 + ROWS + 1
+    for w, was in zip(weights, before, strict=True):
+        now = pieces.plain_range(combined(*zip(w, pieces.forms(), strict=True)))
+        assert np.all(now.low <= was.low + ROUNDING)
+        assert np.all(now.high >= was.high - ROUNDING)
+
+
+def test_a_constraint_cuts_the_range_to_what_it_says(pieces):
+    form = pieces.forms()[0]
+    whole = pieces.plain_range(form)
+    half = Interval(whole.low, whole.middle)
+    every = np.arange(PIECES)
+
+    pieces.constrain(every, np.zeros(PIECES, dtype=int), form, half)
+    found = pieces.constrained_range(form, half.radius[:, np.newaxis])
+
+    assert found.high == pytest.approx(half.high, abs=ROUNDING)
+    assert np.all(found.high >= half.high)

@@ -1,0 +1,148 @@
+"""After the time of the scenario: the set that flights stay in for ever."""
+
+import re
+
+import numpy as np
+import pytest
+
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.errors import InputError
+from flighttune.plants.point_mass import PointMassPlant
+from flighttune.scenario import scenario_from
+from flighttune.simulate.disturbance import Sinusoid
+from flighttune.simulate.loop import simulate
+from flighttune.tubes.hand_over import hull, inside, parallelotope
+from flighttune.tubes.problem import QUANTITIES, tube_problem
+from flighttune.tubes.proof import load_tube, save_tube, verify_tube
+from flighttune.tubes.tube import tube_of
+from tests.tubes.test_proof import arrays_of, claim_of, rewritten
+from tests.tubes.test_soundness import made_up, tube
+
+pytestmark = pytest.mark.slow
+
+D = 0.002
+LONGER = 10
+"""How many times as long as the scenario the flights are that must stay inside."""
+
+
+@pytest.fixture(scope="module")
+def scenario():
+    return made_up(chi_err_deg=0.3, gamma_deg=15.2, duration_s=4.0, rate_hz=25.0)
+
+
+@pytest.fixture(scope="module")
+def found(scenario):
+    return tube(scenario, PAPER_GAINS, disturbance=D)
+
+
+@pytest.fixture(scope="module")
+def path(found, tmp_path_factory):
+    path = tmp_path_factory.mktemp("tube") / "tube.npz"
+    save_tube(found, path)
+    return path
+
+
+@pytest.mark.parametrize("omega", [0.0, 0.7, 1.5, 6.0])
+def test_flights_ten_times_as_long_stay_inside(scenario, found, omega):
+    tables = scenario.as_dict()
+    tables["flight"]["duration_s"] *= LONGER
+    longer = scenario_from(tables)
+
+    signals, _ = simulate(
+        PointMassPlant(
+            None,
+            disturbance=Sinusoid(
+                chi_amplitude=D, chi_omega=omega, gamma_amplitude=-D, gamma_omega=omega
+            ),
+            turn="paper",
+            g=scenario.flight.g_mps2,
+        ),
+        found.problem.controller(),
+        longer.followed(),
+        condition=longer.condition,
+        duration=longer.flight.duration_s,
+    )
+
+    after = signals[signals.index > scenario.flight.duration_s]
+    for name, (low, high) in zip(QUANTITIES, found.hand_over.bounds, strict=True):
+        assert after[name].between(low, high).all()
+    assert not after[["phi_limited", "n_z_limited"]].to_numpy().any()
+
+
+WIDER = 1.25
+"""How many times as wide as the tube of a longer flight bounds for ever may be."""
+
+
+def test_bounds_for_ever_are_those_of_the_tube_of_a_longer_flight(scenario, found):
+    tables = scenario.as_dict()
+    tables["flight"]["duration_s"] *= 3.0
+    longer = tube_of(
+        tube_problem(scenario_from(tables), PAPER_GAINS, disturbance=D), for_ever=False
+    )
+
+    after = longer.bounds.pairs[longer.bounds.t > scenario.flight.duration_s, :2]
+    widths = after[..., 1].max(axis=0) - after[..., 0].min(axis=0)
+    assert (np.ptp(found.hand_over.bounds[:2], axis=1) < WIDER * widths).all()
+
+
+def test_it_is_in_the_file_and_proven_again(found, path):
+    again = load_tube(path)
+
+    assert again.handed_over == found.handed_over
+    assert verify_tube(again).valid
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "said"),
+    [
+        ("ever_size", lambda size: 0.5 * size, "sample .*: the set that is kept"),
+        ("ever_size", lambda size: 300.0 * size, "after .* samples from sample "),
+        ("ever_bounds", lambda bounds: 0.9 * bounds, "after .*chi_err >= .* is not proven"),
+    ],
+)
+def test_a_set_that_is_not_kept_or_not_reached_is_refused(path, tmp_path, name, change, said):
+    changed = {name: change(arrays_of(path)[name])}
+
+    verdict = verify_tube(load_tube(rewritten(path, changed, tmp_path / "changed.npz")))
+
+    assert not verdict.valid
+    assert re.search(said, verdict.reason)
+
+
+# The bounds of the last sample end with the margin of the interval after it, which those for ever
+# do not have: flights must have been in the set by then.
+@pytest.mark.parametrize("sample", [0, 101])
+def test_a_hand_over_before_the_last_change_or_after_the_last_sample_is_refused(
+    path, tmp_path, sample
+):
+    _, samples = claim_of(path)["hand_over"]
+    rewritten(path, {}, tmp_path / "changed.npz", hand_over=[sample, samples])
+
+    with pytest.raises(InputError, match=f"`hand_over`.*101.*sample {sample}"):
+        verify_tube(load_tube(tmp_path / "changed.npz"))
+
+
+def test_nothing_is_claimed_for_ever_of_a_reference_that_still_moves(scenario):
+    tables = scenario.as_dict()
+    tables["flight"]["duration_s"] = 0.4
+    tables["reference"]["gamma_deg"] = [
+        {"shape": "ramp", "start_s": 0.2, "rate_dps": 2.0, "duration_s": 1.0}
+    ]
+
+    assert tube(scenario_from(tables), PAPER_GAINS, disturbance=D).hand_over is None
+
+
+def test_a_parallelotope_holds_all_that_its_rows_allow():
+    rng = np.random.default_rng(3)
+    W, centre = rng.normal(size=(5, 5)), rng.normal(size=5)
+    size = np.abs(rng.normal(size=5))
+
+    made = parallelotope(W, centre, size)
+
+    corners = np.array([rng.choice([-1.0, 1.0], 5) for _ in range(50)])
+    z = np.linalg.solve(W, (centre + corners * size).T).T
+    generators = made.values[0, :, 1:6]
+    symbols = np.linalg.solve(generators, (z - made.values[0, :, 0]).T)
+    assert np.abs(symbols).max() <= 1.0 + 1e-9
+    assert not inside(hull(made, W), centre, size)  # rounded outwards
+    assert inside(hull(made, W), centre, (1.0 + 1e-9) * size)

@@ -1,0 +1,321 @@
+"""A tube's file: read back, checked, and refused where something in it is not so."""
+
+import io
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tracemalloc
+import zipfile
+
+import numpy as np
+import pytest
+
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.errors import InputError
+from flighttune.scenario import scenario_from
+from flighttune.tubes.proof import is_tube_file, load_tube, save_tube, verify_tube
+from tests.commands import flighttune
+from tests.tubes.test_soundness import made_up, tube
+
+
+@pytest.fixture(scope="module")
+def proven(tmp_path_factory):
+    path = tmp_path_factory.mktemp("tube") / "tube.npz"
+    # Roll leaves its rate limit within the time: there is something to choose.
+    scenario = made_up(chi_err_deg=15.0, gamma_deg=15.0, duration_s=1.0)
+    found = tube(scenario, PAPER_GAINS, disturbance=0.02)
+    save_tube(found, path)
+    return found, path
+
+
+def arrays_of(path):
+    with np.load(path) as arrays:
+        return {name: arrays[name] for name in arrays.files}
+
+
+def claim_of(path):
+    return json.loads(str(arrays_of(path)["claim"]))
+
+
+def rewritten(path, arrays, to=None, **claim):
+    """The file with other arrays (None for no array) and other entries of the claim."""
+    content = arrays_of(path)
+    content["claim"] = np.array(json.dumps({**claim_of(path), **claim}))
+    content = {name: array for name, array in (content | arrays).items() if array is not None}
+    np.savez_compressed(to or path, **content)
+    return to or path
+
+
+@pytest.fixture
+def changed(proven, tmp_path):
+    """A copy of the file with one array, or one entry of the claim, changed."""
+
+    def change(name, function):
+        arrays, claim = arrays_of(proven[1]), claim_of(proven[1])
+        in_claim = {name: function(claim[name])} if name in claim else {}
+        other = {name: function(arrays[name].copy())} if name in arrays else {}
+        return rewritten(proven[1], other, tmp_path / "changed.npz", **in_claim)
+
+    return change
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "command",
+    ["band FILE", "worst FILE", "campaign fly FILE --run 0", "tube feasible --conformance FILE"],
+)  # fmt: skip
+def test_the_proof_of_a_tube_is_told_from_other_files(command, proven, tmp_path):
+    words = (proven[1] if word == "FILE" else word for word in command.split())
+    _, reason = flighttune(*words, status=2, cwd=tmp_path)
+
+    assert reason.startswith(f"flighttune: {proven[1]}: must be a ")
+    assert reason.endswith(
+        "got the proof of a tube, which `flighttune fly --claim` and `verify` take.\n"
+    )
+
+
+def with_entry(index, value):
+    def change(array):
+        array[index] = value(array[index])
+        return array
+
+    return change
+
+
+def test_a_tube_reads_back_and_is_proven_again(proven):
+    found, path = proven
+
+    again = load_tube(path)
+
+    assert is_tube_file(path)
+    assert again.bounds.pairs == pytest.approx(found.bounds.pairs, abs=1e-8)
+    assert (again.can_limit == found.can_limit).all()
+    assert verify_tube(load_tube(path)).valid
+
+
+@pytest.mark.parametrize(
+    ("index", "by", "inequality"),
+    [
+        ((30, 0, 0), 1e-6, "sample 30 .*chi_err >= .* is not proven"),
+        ((20, 1, 1), -1e-6, "sample 20 .*gamma_err <= .* is not proven"),
+        ((40, 2, 1), -1e-6, "sample 40 .*phi_cmd <= .* is not proven"),
+    ],
+)
+def test_a_bound_made_narrower_is_refused_with_sample_and_inequality(
+    changed, index, by, inequality
+):
+    found = verify_tube(load_tube(changed("bounds", with_entry(index, lambda bound: bound + by))))
+
+    assert not found.valid
+    assert re.search(inequality, found.reason)
+
+
+def test_a_limit_said_not_to_hold_is_refused(changed):
+    found = verify_tube(load_tube(changed("held", with_entry((0, 0), lambda _: False))))
+
+    assert not found.valid
+    assert "sample 0" in found.reason
+    assert "phi_cmd" in found.reason
+
+
+@pytest.mark.slow
+def test_what_is_wrong_in_the_choices_makes_the_set_wider_and_is_refused(changed):
+    assert not verify_tube(load_tube(changed("chosen", lambda chosen: chosen * 0.9))).valid
+    assert "early" in verify_tube(load_tube(changed("chosen", lambda chosen: chosen[:-40]))).reason
+
+
+def in_table(*path, value):
+    """A change of one value deep in the claim."""
+
+    def change(table):
+        inner = table
+        for key in path[:-1]:
+            inner = inner[key]
+        inner[path[-1]] = value
+        return table
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("key", "change"),
+    [
+        ("gains", lambda gains: {**gains, "K_I": [[3.6, 0.1784], [-0.1784, 3.4869]]}),
+        ("disturbance_rad_s", lambda _: 1e306),
+        ("start_rad", lambda _: 0.01),
+        ("disturbance_rad_s", lambda _: 0.02002),
+        ("scenario", in_table("reference", "chi_deg", value=-90.0)),
+        ("scenario", in_table("reference", "gamma_deg", value=14.0)),
+        ("scenario", in_table("limits", "phi_deg", value=[-5.0, 5.0])),
+        ("scenario", in_table("limits", "phi_rate_dps", value=1.0)),
+        ("scenario", in_table("flight", "chi_deg", value=16.0)),
+        ("scenario", in_table("flight", "V_a_mps", value=24.0)),
+        ("scenario", in_table("controller", "feed_forward", value=False)),
+        ("scenario", in_table("plant", 0, "kind", value="point_mass")),
+    ],
+)
+def test_another_loop_than_the_one_enclosed_is_refused(changed, key, change):
+    path = changed(key, change)
+    if key == "scenario":
+        label = scenario_from(claim_of(path)["scenario"]).plant[0].label
+        path = rewritten(path, {}, plant=label)
+
+    assert "is not proven" in verify_tube(load_tube(path)).reason
+
+
+def test_a_disturbance_that_is_left_out_is_that_of_the_scenario(proven, tmp_path):
+    swing = {"chi_amplitude": 0.5, "chi_omega_rad_s": 1.0}
+    scenario = {**claim_of(proven[1])["scenario"], "disturbance": swing}
+    path = tmp_path / "changed.npz"
+
+    rewritten(proven[1], {}, path, scenario=scenario, disturbance_rad_s=None)
+    assert "is not proven" in verify_tube(load_tube(path)).reason
+    rewritten(proven[1], {}, path, scenario=scenario)
+    with pytest.raises(InputError, match=r"changed\.npz: `disturbance`.* 0.5 "):
+        load_tube(path)
+
+
+@pytest.mark.slow
+def test_a_feasible_reference_in_the_file_must_be_that_of_the_scenario(tmp_path):
+    tables = made_up(chi_err_deg=4.0, gamma_deg=0.0, gamma_ref_deg=0.0).as_dict()
+    tables["reference"]["shape"] = "feasible"
+    tables["flight"]["duration_s"] = 1.0
+    path = tmp_path / "tube.npz"
+    found = tube(scenario_from(tables), PAPER_GAINS)
+    save_tube(found, path)
+    near, far = (found.problem.reference + by for by in (1e-9, 1e-5))
+
+    again = load_tube(rewritten(path, {"reference": near}, tmp_path / "near.npz"))
+
+    assert (again.problem.reference == near).all()
+    assert verify_tube(load_tube(path)).valid
+    with pytest.raises(InputError, match=r"far\.npz: `reference`.*1e-05"):
+        load_tube(rewritten(path, {"reference": far}, tmp_path / "far.npz"))
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "what"),
+    [
+        ("format", lambda _: "flighttune tube 4", "format"),
+        ("bounds", lambda bounds: bounds[:-1], "bounds"),
+        ("bounds", lambda bounds: bounds.astype(complex), r"`bounds\.npy` .* got complex128"),
+        ("held", lambda held: held.astype(float), r"`held\.npy` must be of type bool"),
+        ("chosen", lambda chosen: chosen.astype(float), r"`chosen\.npy` .* float32, got float64"),
+        ("chosen", lambda chosen: chosen * np.nan, r"`chosen\.npy` must be finite"),
+        ("settings", lambda s: {**s, "sides": 10**6}, r"`settings\.sides`"),
+        ("settings", lambda s: {**s, "symbols": 660.5}, r"`settings\.symbols` .* got 660\.5"),
+        ("start_rad", lambda _: float("nan"), "`start_rad`"),
+        ("disturbance_rad_s", lambda _: [0.02], "`disturbance_rad_s`"),
+        ("law", lambda _: 5, "`law`"),
+        ("hand_over", lambda _: [40.7, 5], r"`hand_over\.0`"),
+        ("scenario", lambda s: {**s, "colour": "red"}, "colour"),
+        ("scenario", in_table("flight", "duration_s", value=2e4), "`bounds` must have shape"),
+        ("plant", lambda _: "glider", r"changed\.npz: `plant` must be one of .* got glider"),
+    ],
+)
+def test_what_is_no_tube_is_refused_in_one_line(changed, name, change, what):
+    with pytest.raises(InputError, match=what) as refused:
+        verify_tube(load_tube(changed(name, change)))
+
+    assert "changed.npz: " in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("arrays", "claim", "what"),
+    [
+        ({}, {"counted": "on 10^9 flights"}, "`counted`"),
+        *(
+            ({name: np.zeros((51, 2))}, {}, rf"`{name}\.npy` must not")
+            for name in ("reference", "boxes", "ever_W", "colour")
+        ),
+        *(
+            ({name: None}, {}, rf"`{name}\.npy` must be in")
+            for name in ("claim", "bounds", "chosen")
+        ),
+    ],
+)
+def test_what_is_missing_or_not_called_for_is_refused_by_name(
+    proven, tmp_path, arrays, claim, what
+):
+    path = rewritten(proven[1], arrays, tmp_path / "changed.npz", **claim)
+
+    with pytest.raises(InputError, match=rf"changed\.npz: {what}"):
+        load_tube(path)
+
+
+@pytest.mark.filterwarnings("ignore:Duplicate name")
+def test_an_array_that_is_there_twice_is_refused(proven, tmp_path):
+    path = tmp_path / "changed.npz"
+    shutil.copy(proven[1], path)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("bounds.npy", archive.read("bounds.npy"))
+
+    with pytest.raises(InputError, match=r"`bounds\.npy`.*once"):
+        load_tube(path)
+
+
+BOMB = 50_000_000
+"""Choices of a member of zeros: 200 MB, more than a tube may have, and 0.2 MB in the file."""
+
+LITTLE = 20_000_000
+"""Bytes that reading may take to refuse a file: that of `proven` has a thousandth of it."""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "stated"), [("chosen.npy", None), ("chosen.npy", 1000), ("colour.npy", 1000)]
+)
+def test_a_member_that_is_too_large_is_refused_before_it_is_unpacked(
+    proven, tmp_path, name, stated
+):
+    path = tmp_path / "bomb.npz"
+    with zipfile.ZipFile(proven[1]) as whole, zipfile.ZipFile(path, "w") as archive:
+        for entry in whole.infolist():
+            if entry.filename != name:
+                archive.writestr(entry, whole.read(entry))
+        zeros = io.BytesIO()
+        np.save(zeros, np.zeros(BOMB, np.float32))
+        archive.writestr(name, zeros.getvalue(), compress_type=zipfile.ZIP_DEFLATED)
+        size = len(zeros.getvalue())
+        del zeros
+    if stated is not None:  # the directory of the file may say that the member is small
+        lie = path.read_bytes().replace(size.to_bytes(4, "little"), stated.to_bytes(4, "little"))
+        path.write_bytes(lie)
+
+    tracemalloc.start()
+    with pytest.raises(InputError, match=r"bomb\.npz: "):
+        load_tube(path)
+    _, most = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+
+    assert most < LITTLE
+
+
+@pytest.mark.slow
+def test_choices_that_split_the_set_without_end_are_refused(proven, tmp_path):
+    # Each split names all pieces and doubles them.
+    endless = np.ones(6_000_000, dtype=np.float32)
+    path = rewritten(proven[1], {"chosen": endless}, tmp_path / "changed.npz")
+
+    assert "the choices make the set too large" in verify_tube(load_tube(path)).reason
+
+
+def test_a_damaged_file_is_refused(proven, tmp_path):
+    path = tmp_path / "cut.npz"
+    path.write_bytes(proven[1].read_bytes()[:-200])
+
+    assert not is_tube_file(path)
+    with pytest.raises(InputError, match=r"cut\.npz"):
+        load_tube(path)
+
+
+@pytest.mark.slow
+def test_the_check_does_not_import_the_search():
+    code = "import sys, flighttune.tubes.proof; print([m for m in sys.modules if 'tube' in m])"
+    shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+
+    assert "flighttune.tubes.proof" in shown.stdout
+    assert "flighttune.tubes.search" not in shown.stdout

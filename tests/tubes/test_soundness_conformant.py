@@ -1,0 +1,116 @@
+"""No flight of a conformant model whose residual rates are in its boxes leaves the tube."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import strategies as st
+
+from flighttune.claims.boxes import RateBoxes, Windows
+from flighttune.control.gains import PAPER_GAINS
+from flighttune.gaps.residual import residual_rates
+from flighttune.identification.file import load_identified
+from flighttune.plants.point_mass import PointMassPlant
+from flighttune.simulate.loop import simulate
+from flighttune.tubes.problem import tube_problem
+from flighttune.tubes.tube import tube_of
+from tests.tubes.test_aircraft import ROLL, ROLL_CHANGE, conformance, flight
+from tests.tubes.test_soundness import FEW_PIECES, check_cases, few_or_many
+
+FLIGHTS = 4
+SAME = 1e-6
+"""rad/s: the residual rates of a flight are found again to the error of integration."""
+
+RATE = st.floats(-0.03, 0.03)
+LAGS = [one.lags for name in ("aerosonde", "a4") for one in load_identified(name).conditions]
+
+
+class Disturbed(PointMassPlant):
+    """The model under a disturbance that is constant over each sample, shape (samples, 2).
+
+    Its controller sees `beyond` more roll at each sample.
+    """
+
+    def __init__(self, lags, rates, beyond, g):
+        self._left, self._now = iter(rates.tolist()), (0.0, 0.0)
+        self._beyond = iter(beyond.tolist())
+        super().__init__(lags, disturbance=lambda _: self._now, g=g)
+
+    def advance(self, *commands):
+        self._now = tuple(next(self._left))
+        return super().advance(*commands)
+
+    def observe(self):
+        chi, gamma, phi, *rest = super().observe()
+        return (chi, gamma, phi + next(self._beyond), *rest)
+
+
+def roll_beyond(samples, rng):
+    """Goes to and fro in its box, as fast as its change may."""
+    turns = np.repeat(rng.choice([-1.0, 1.0], samples), rng.choice([1, 5, 40]))[:samples]
+    beyond = [rng.uniform(-ROLL, ROLL)]
+    for turn in turns[1:]:
+        beyond.append(float(np.clip(beyond[-1] + turn * ROLL_CHANGE, -ROLL, ROLL)))
+    return np.array(beyond)
+
+
+@st.composite
+def conformant(draw):
+    """A scenario of an aircraft, and its model with lags as identified and boxes made up."""
+    scenario = flight(
+        chi_err_deg=draw(st.floats(-40.0, 40.0)),
+        gamma_deg=draw(st.floats(-20.0, 30.0)),
+        gamma_ref_deg=draw(st.floats(-20.0, 30.0)),
+        roll_dps=draw(st.floats(10.0, 60.0)),
+        anti_windup=draw(st.sampled_from(["conditional", "none"])),
+        feed_forward=draw(st.booleans()),
+        ramp_dps=draw(st.one_of(st.none(), st.floats(-8.0, 8.0))),
+    )
+    known = conformance(scenario)
+    windows = Windows.covering(
+        draw(st.sampled_from(["time", "phase"])),
+        scenario.flight.duration_s,
+        draw(st.sampled_from([0.02, 0.1, 0.5])),
+    )
+    ends = np.array(draw(st.lists(RATE, min_size=4, max_size=4))).reshape(2, 2)
+    rng = np.random.default_rng(draw(st.integers(0, 99)))
+    scale = rng.random((2, windows.count, 2)) * np.sort(ends, axis=0)[:, None]
+    rest = np.tile([ROLL, ROLL_CHANGE], (windows.count, 1))
+    low, high = np.hstack([scale.min(axis=0), -rest]), np.hstack([scale.max(axis=0), rest])
+    boxes = RateBoxes(windows=windows, low=low, high=high)
+    model = replace(known.model, lags=draw(st.sampled_from(LAGS)))
+    return scenario, replace(known, learned=boxes.scaled(0.5), boxes=boxes, model=model)
+
+
+def check_conformant(case, seed):
+    scenario, known = case
+    problem = tube_problem(scenario, PAPER_GAINS, conformance=known)
+    found = tube_of(problem, attempts=FEW_PIECES, for_ever=False)
+    rng, dt, condition = np.random.default_rng(seed), problem.controller().dt, scenario.condition
+    t = problem.t
+    boxes = known.boxes.over(t, *scenario.followed().sampled(t))
+    low, high = boxes.low[:-1, :2], boxes.high[:-1, :2]
+    for _ in range(FLIGHTS):
+        share = rng.random(low.shape) if rng.random() < 0.5 else rng.choice([0.0, 1.0], low.shape)
+        rates = low + share * (high - low)
+        signals, _ = simulate(
+            Disturbed(known.model.lags, rates, roll_beyond(len(t), rng), scenario.flight.g_mps2),
+            problem.controller(),
+            scenario.followed(),
+            condition=condition,
+            duration=scenario.flight.duration_s,
+        )
+        again = residual_rates(
+            known.model,
+            dt,
+            signals[["chi", "gamma"]].to_numpy(),
+            signals[["phi_cmd", "n_z_cmd"]].to_numpy(),
+            (condition.phi, condition.n_z_start),
+        )
+        assert again == pytest.approx(rates, abs=SAME)
+        assert found.bounds.contain(signals)
+
+
+@few_or_many(5, 80)
+def test_no_flight_in_the_boxes_leaves_the_tube(count):
+    check_cases(check_conformant, conformant(), count)

@@ -1,0 +1,108 @@
+"""No flight of the exact point mass leaves its tube, whatever law it has and lags it is behind."""
+
+from dataclasses import replace
+
+import numpy as np
+from hypothesis import strategies as st
+
+from flighttune.control.gains import PAPER_GAINS, RATES, PIGains
+from flighttune.plants.point_mass import PointMassPlant
+from flighttune.scenario import scenario_from
+from flighttune.simulate.loop import simulate
+from flighttune.tubes.problem import tube_problem
+from flighttune.tubes.tube import tube_of
+from flighttune.units import DEG
+from tests.tubes.test_soundness import FEW_PIECES, check_cases, few_or_many, made_up
+
+PATH_DEG = st.floats(-20.0, 30.0)
+RAMP_DPS = st.one_of(st.none(), st.floats(-8.0, 8.0))
+START_DEG, DISTURBANCE = st.sampled_from([0.0, 0.5]), st.sampled_from([0.0, 0.01])
+
+
+@st.composite
+def lagged_plants(draw):
+    if draw(st.booleans()):
+        return {"kind": "point_mass"}
+    plant = {"kind": "point_mass_lag"}
+    for channel in ("roll", "n_z"):
+        plant[f"{channel}_lag_rad_s"] = draw(st.floats(3.0, 15.0))
+        plant[f"{channel}_delay_s"] = draw(st.sampled_from([0.0, 0.01, 0.02, 0.055]))
+        if draw(st.booleans()):
+            plant[f"{channel}_damping"] = draw(st.floats(0.4, 1.5))
+    return plant
+
+
+@st.composite
+def lagged_problems(draw):
+    scenario = made_up(
+        chi_err_deg=draw(st.floats(-40.0, 40.0)),
+        gamma_deg=draw(PATH_DEG),
+        gamma_ref_deg=draw(PATH_DEG),
+        roll_dps=draw(st.floats(10.0, 200.0)),
+        rate_hz=draw(st.sampled_from([20.0, 50.0])),
+        anti_windup=draw(st.sampled_from(["conditional", "none"])),
+        feed_forward=draw(st.booleans()),
+        ramp_dps=draw(RAMP_DPS),
+    )
+    scenario = scenario_from({**scenario.as_dict(), "plant": [draw(lagged_plants())]})
+    return scenario, PAPER_GAINS, draw(START_DEG) * DEG, draw(DISTURBANCE)
+
+
+@st.composite
+def exact_problems(draw):
+    scenario = made_up(
+        chi_err_deg=draw(st.floats(-8.0, 8.0)),
+        gamma_deg=draw(PATH_DEG),
+        gamma_ref_deg=draw(PATH_DEG),
+        roll_deg=draw(st.floats(5.0, 60.0)),
+        roll_dps=draw(st.floats(10.0, 200.0)),
+        n_z_max=draw(st.floats(1.3, 3.0)),
+        n_z_per_s=draw(st.floats(0.3, 20.0)),
+        anti_windup=draw(st.sampled_from(["conditional", "none"])),
+        ramp_dps=draw(RAMP_DPS),
+    )
+    # So that the law brakes for larger errors only.
+    law = {"name": "exact", "kind": "exact", "braking": 100.0}
+    plant = draw(st.one_of(st.just({"kind": "kinematic"}), lagged_plants()))
+    scenario = scenario_from(scenario.as_dict() | {"law": [law], "plant": [plant]})
+    rate, cross = st.floats(0.3, 2.0), st.floats(-0.2, 0.2)
+    K_P, K_I = (np.array([[draw(rate), draw(cross)], [draw(cross), draw(rate)]]) for _ in range(2))
+    gains = PIGains(K_P=K_P, K_I=K_I, inputs=RATES)
+    return scenario, gains, draw(START_DEG) * DEG, draw(DISTURBANCE)
+
+
+def bang_bang(disturbance, dt, rng):
+    signs = rng.choice([-1.0, 1.0], (1000, 2))
+
+    def at(t):
+        chi, gamma = disturbance * signs[int(t / (5 * dt) + 1e-6)]
+        return float(chi), float(gamma)
+
+    return at
+
+
+def check_point_mass(case, seed):
+    """No flight from the edge of the starts leaves the tube, however it is disturbed."""
+    scenario, gains, start, disturbance = case
+    problem = tube_problem(scenario, gains, start=start, disturbance=disturbance or None)
+    found = tube_of(problem, attempts=FEW_PIECES, for_ever=False)
+    rng, condition = np.random.default_rng(seed), scenario.condition
+    for chi, gamma in start * rng.choice([-1.0, 1.0], (4, 2)):
+        signals, _ = simulate(
+            PointMassPlant(
+                scenario.plant[0].lags(),
+                disturbance=bang_bang(disturbance, problem.controller().dt, rng),
+                turn="paper" if scenario.plant[0].kind == "kinematic" else "exact",
+                g=scenario.flight.g_mps2,
+            ),
+            problem.controller(),
+            scenario.followed(),
+            condition=replace(condition, chi=condition.chi + chi, gamma=condition.gamma + gamma),
+            duration=scenario.flight.duration_s,
+        )
+        assert found.bounds.contain(signals)
+
+
+@few_or_many(10, 140)
+def test_no_flight_of_the_exact_point_mass_leaves_its_tube(count):
+    check_cases(check_point_mass, st.one_of(lagged_problems(), exact_problems()), count)
