@@ -15,20 +15,13 @@ from pathlib import Path
 import psutil
 import pytest
 
-from flighttune.errors import InputError, RecordingError
-from flighttune.recording.viewer import DISPLAYS, ViewerProcess, free_port, has_screen, tied, view
+from flighttune.errors import RecordingError
+from flighttune.recording.viewer import DISPLAYS, has_screen, viewer
 
 pytestmark = pytest.mark.slow
 
 LONGEST_S = 120.0
-BACKGROUND = ["/bin/sh", "-c", '"$@" & wait', "sh"]
-
-
-@pytest.fixture
-def without_screen(monkeypatch):
-    for name in DISPLAYS:
-        monkeypatch.delenv(name, raising=False)
-    monkeypatch.setenv("CI", "true")
+COMMAND = [sys.executable, "-u", "-m", "flighttune", "view"]
 
 
 @pytest.mark.parametrize(
@@ -46,14 +39,20 @@ def test_a_screen_is_found_by_platform_and_environment(environment, platform, sc
     assert has_screen(environment, platform) is screen
 
 
-@pytest.mark.usefixtures("without_screen")
-def test_what_cannot_be_opened_gives_one_line(recording, tmp_path):
-    with pytest.raises(RecordingError, match="got none of DISPLAY"):
-        view(recording, web=False)
+def test_what_is_no_recording_gives_one_line(tmp_path):
     with pytest.raises(RecordingError, match="got no such file"):
-        view(tmp_path / "none.rrd", web=True)
-    with pytest.raises(RecordingError, match=r"must start, got: .*--no-such"):
-        ViewerProcess(["--no-such"], port=free_port())
+        viewer(tmp_path / "none.rrd")
+
+
+def pair_of_ports():
+    """Two ports, one after the other, on which nothing listens."""
+    while True:
+        with socket.socket() as first, socket.socket() as second:
+            first.bind(("127.0.0.1", 0))
+            port = first.getsockname()[1]
+            with suppress(OSError, OverflowError):
+                second.bind(("127.0.0.1", port + 1))
+                return port
 
 
 def listening(port):
@@ -61,89 +60,62 @@ def listening(port):
         return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
-def ports_printed(process):
-    """Ports in the first line that `flighttune view` prints; it is killed if it prints none."""
-    watchdog = threading.Timer(LONGEST_S, process.kill)
-    watchdog.start()
-    try:
-        line = process.stdout.readline()
-    finally:
-        watchdog.cancel()
-    return [int(port) for port in re.findall(r"127\.0\.0\.1(?::|%3A)(\d+)", line)]
-
-
-@pytest.mark.usefixtures("without_screen")
-@pytest.mark.parametrize(
-    ("number", "shell"), [("SIGTERM", []), ("SIGHUP", []), ("SIGINT", BACKGROUND)]
-)
-def test_a_command_that_is_ended_leaves_no_viewer_behind(recording, number, shell):
-    # Tied, so that no viewer stays where the tests themselves are ended.
-    command = tied([sys.executable, "-u", "-m", "flighttune", "view", str(recording)])
-    command = tied([*shell, *command]) if shell else command
-    with subprocess.Popen(
-        command, stdout=subprocess.PIPE, text=True, start_new_session=True
-    ) as running:
-        try:
-            ports = ports_printed(running)
-            before = [listening(port) for port in ports]
-            (viewing,) = psutil.Process(running.pid).children() if shell else [running]
-            viewing.send_signal(signal.Signals[number])
-            assert running.wait(timeout=LONGEST_S) == 0
-        finally:
-            with suppress(ProcessLookupError):
-                os.killpg(running.pid, signal.SIGKILL)
-
-    assert before == [True, True]
-    assert not any(listening(port) for port in ports)
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="a viewer is tied to its parent on Linux only")
-@pytest.mark.usefixtures("without_screen")
-def test_a_command_that_is_killed_leaves_no_viewer_behind(recording):
-    command = tied([sys.executable, "-u", "-m", "flighttune", "view", str(recording)])
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
-        ports = ports_printed(running)
-        viewers = psutil.Process(running.pid).children()
-        before = [listening(port) for port in ports]
-        running.kill()
+def until(condition):
     end = time.monotonic() + LONGEST_S
-    while any(listening(port) for port in ports) and time.monotonic() < end:
+    while not condition() and time.monotonic() < end:
         time.sleep(0.05)
-    after = [listening(port) for port in ports]
-    for viewer in viewers:
-        with suppress(psutil.NoSuchProcess):
-            viewer.kill()
-
-    assert before == [True, True]
-    assert after == [False, False]
+    return condition()
 
 
-@pytest.mark.usefixtures("without_screen")
-def test_a_port_that_is_taken_is_refused(recording):
+@pytest.fixture
+def served(recording, monkeypatch):
+    """`flighttune view --port` with its page up: process, port, and the line it printed."""
+    for name in DISPLAYS:
+        monkeypatch.delenv(name, raising=False)
+    port = pair_of_ports()
+    command = [*COMMAND, str(recording), "--port", str(port)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as running:
+        watchdog = threading.Timer(LONGEST_S, running.kill)
+        watchdog.start()
+        line = running.stdout.readline()
+        watchdog.cancel()
+        programs = psutil.Process(running.pid).children(recursive=True)
+        try:
+            assert until(lambda: listening(port))
+            assert until(lambda: listening(port + 1))
+            programs = psutil.Process(running.pid).children(recursive=True)
+            yield running, port, line
+        finally:
+            for process in (running, *programs):
+                with suppress(ProcessLookupError, psutil.NoSuchProcess):
+                    process.kill()
+
+
+@pytest.mark.parametrize("number", ["SIGTERM", "SIGHUP", "SIGINT"])
+def test_a_command_that_is_ended_leaves_no_viewer_behind(served, number):
+    running, port, _ = served
+
+    running.send_signal(signal.Signals[number])
+
+    assert running.wait(timeout=LONGEST_S) == 0
+    assert until(lambda: not listening(port))
+    assert not listening(port + 1)
+
+
+@pytest.mark.parametrize("server", ["page", "data"])
+def test_a_port_that_is_taken_is_one_line(recording, server):
     with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        taken = probe.getsockname()[1]
-        for port in (taken, taken - 1):
-            with pytest.raises(InputError, match=rf"`port` must be free .* got ({taken}|{port}): "):
-                view(recording, port=port)
+        port = pair_of_ports()
+        taken = port if server == "page" else port + 1
+        probe.bind(("127.0.0.1", taken))
+        probe.listen()
+        done = subprocess.run(
+            [*COMMAND, str(recording), "--port", str(port)],
+            capture_output=True, text=True, timeout=LONGEST_S, check=False,
+        )  # fmt: skip
 
-
-def test_the_page_is_served_at_the_port_and_its_data_at_the_next_one(recording, monkeypatch):
-    started = []
-    monkeypatch.setattr("flighttune.recording.viewer._check_free", lambda *ports: None)
-    monkeypatch.setattr(
-        "flighttune.recording.viewer.ViewerProcess",
-        lambda arguments, **options: started.append((arguments, options)),
-    )
-    monkeypatch.setenv("DISPLAY", ":0")  # a port is for a browser also where there is a screen
-
-    view(recording, port=9190)
-
-    ((arguments, options),) = started
-    assert arguments[:3] == ["--serve-web", "--web-viewer-port", "9190"]
-    assert options["port"] == 9191
-    assert options["url"].startswith("http://127.0.0.1:9190/?url=")
-    assert options["url"].endswith("127.0.0.1%3A9191%2Fproxy")
+    assert done.returncode == 2
+    assert done.stderr.splitlines()[-1].startswith(f"flighttune: port {taken} must be free")
 
 
 ANY_ADDRESS = {"00000000", "0" * 32}
@@ -169,16 +141,18 @@ def sockets_of(pid):
 
 
 @pytest.mark.skipif(not Path("/proc/net/tcp").exists(), reason="sockets are listed on Linux only")
-@pytest.mark.usefixtures("without_screen")
-def test_without_a_screen_a_browser_is_served_on_this_machine_only(recording):
-    with view(recording) as viewer:
-        assert viewer.url.startswith("http://127.0.0.1:")
-        with urllib.request.urlopen(viewer.url, timeout=10.0) as answer:
-            page = answer.read()
-        found, port = sockets_of(viewer.pid), viewer.port
+def test_the_page_and_its_data_are_served_on_this_machine_only(served):
+    running, port, line = served
+    (url,) = re.findall(r"http://\S+", line)
 
+    with urllib.request.urlopen(url, timeout=10.0) as answer:
+        page = answer.read()
+    (program,) = psutil.Process(running.pid).children()
+    found = sockets_of(program.pid)
+
+    assert url.startswith(f"http://127.0.0.1:{port}/?url=")
+    assert url.endswith(f"127.0.0.1%3A{port + 1}%2Fproxy")
     assert b"<html" in page.lower()
-    assert not listening(port)
     assert len(found) >= 2
     for local, remote in found:
         assert local in LOOPBACK
