@@ -4,22 +4,17 @@ import math
 from collections.abc import Mapping, Sequence
 
 import rerun.blueprint as rrb
-from rerun.blueprint.archetypes import TextLogColumns
 from rerun.blueprint.components import LinkAxis
-from rerun.blueprint.encodings import TextLogColumnKind
 
+from flighttune.metrics import OFF_ROUTE
 from flighttune.recording import entities, scene
 from flighttune.recording.entities import DrawnRun
-from flighttune.recording.plots import COMMANDS_TAB, Plot, value_range
-from flighttune.recording.route import WIDE, DrawnRoute
+from flighttune.recording.plots import Plot, value_range
+from flighttune.recording.route import DrawnRoute
 
 PAGE_TAB = "Scenario and metrics"
 ROUTE_TAB, MAP_TAB = "Route", "Map"
 ERRORS = ("chi_err", "gamma_err")  # plots on Overview
-CHARTS = {
-    "cross_track": "Off the route over distance [m], right positive",
-    "height_err": "Off the route over distance [m], too low positive",
-}
 CLOSE = 1.2  # the camera in a corridor stands so much further back than that behind an aircraft
 AIRSPEED = "V_a"  # a plot on Overview too, where a flight ended early
 
@@ -42,7 +37,7 @@ def blueprint(
     if not drawn:
         return _layout([page])
     tabs = _route_tabs(drawn, geographic=route.geographic) if route else {}
-    tabs |= {name: _tab(name, shown, drawn) for name, shown in plots.items()}
+    tabs |= {name: _tab(tab_plots, drawn) for name, tab_plots in plots.items()}
     beside_lanes = [
         rrb.Horizontal(tab, _lanes(drawn), column_shares=[1.0 - SIDE, SIDE], name=name)
         for name, tab in {**tabs, PAGE_TAB: page}.items()
@@ -53,27 +48,19 @@ def blueprint(
 def _route_tabs(
     drawn: Sequence[DrawnRun], *, geographic: bool
 ) -> dict[str, rrb.Container | rrb.View]:
-    """A plan view, an aircraft in its corridor, and errors over distance; a map if geographic."""
-    # Of the aircraft, one with a corridor is followed.
-    banded = [drawn_run for drawn_run in drawn if drawn_run.run.claims]
-    followed, dashed = leader(banded or drawn), ", claims dashed" if banded else ""
-    above, ahead = scene.eye_above(scene.all_positions(drawn)), (1.0, 0.0, 0.0)
-    of_plan = f"/{entities.WORLD}/**", f"- /{entities.SHADOWS}/**"
-    plan = _scene_view("From above, north up", above, *of_plan, up=ahead)
+    """A plan view and an aircraft in its corridor; a map if the place is known."""
+    # An aircraft with a corridor goes before those without.
+    followed = leader([drawn_run for drawn_run in drawn if drawn_run.run.claims] or drawn)
+    above, north = scene.eye_above(scene.all_positions(drawn)), (1.0, 0.0, 0.0)
+    level = f"/{entities.WORLD}/**", f"- /{entities.SHADOWS}/**"
+    plan = _scene_view("From above, north up", above, *level, up=north)
     behind = _scene_view(
         f"True size, behind {followed.number} {followed.run.provenance.gains_name}",
         scene.chase_eye(CLOSE * scene.span_of(followed.run)),
         *(f"/{folder}/**" for folder in (entities.TRUE_SIZE, entities.ROUTE, entities.PATHS)),
         origin=f"{entities.TRUE_SIZE}/{followed.key}",
     )
-    bounds = rrb.VisualBounds2D(x_range=(-0.03 * WIDE, 1.03 * WIDE), y_range=(-1.4, 1.6))
-    charts = [
-        rrb.Spatial2DView(
-            origin=f"{entities.ALONG}/{name}", name=words + dashed, visual_bounds=bounds
-        )
-        for name, words in CHARTS.items()
-    ]
-    views = rrb.Vertical(rrb.Horizontal(plan, behind), *charts, row_shares=[5, 2, 2])
+    views = rrb.Horizontal(plan, behind)
     map_view = rrb.MapView(origin=entities.MAP, name="OpenStreetMap")
     return {ROUTE_TAB: views, **({MAP_TAB: map_view} if geographic else {})}
 
@@ -89,7 +76,7 @@ def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) ->
         origin=f"{entities.AIRCRAFT}/{followed.key}",
     )
     runs = [drawn_run.run for drawn_run in drawn]
-    errors = CHARTS if any("along" in run.signals for run in runs) else ERRORS
+    errors = OFF_ROUTE if any("along" in run.signals for run in runs) else ERRORS
     signals = (*errors, *([AIRSPEED] if any(run.status != "completed" for run in runs) else []))
     by_signal = {plot.signal: plot for tab in plots.values() for plot in tab}
     beside = [by_signal[name] for name in signals if name in by_signal]
@@ -123,18 +110,11 @@ def leader(drawn: Sequence[DrawnRun]) -> DrawnRun:
     return max(reversed(drawn), key=lambda drawn_run: drawn_run.run.duration)
 
 
-def _tab(name: str, plots: Sequence[Plot], drawn: Sequence[DrawnRun]) -> rrb.Container:
-    if name != COMMANDS_TAB:
-        columns = round(math.sqrt(COLUMNS_PER_ROW * len(plots)))
-        share = 1.0 / math.ceil(len(plots) / columns)
-        return rrb.Grid(*(_plot(plot, drawn, share) for plot in plots), grid_columns=columns)
-    events = rrb.TextLogView(
-        origin=entities.EVENTS,
-        name="Events",
-        columns=TextLogColumns(text_log_columns=[TextLogColumnKind.Body]),
-    )
-    views = [_plot(plot, drawn, 6.0 / 15.0) for plot in plots]
-    return rrb.Vertical(*views, events, row_shares=[*[6] * len(views), 3])
+def _tab(plots: Sequence[Plot], drawn: Sequence[DrawnRun]) -> rrb.Grid:
+    """A grid of plots; two stand one above the other, on one time axis."""
+    columns = round(math.sqrt(COLUMNS_PER_ROW * len(plots))) if len(plots) > 2 else 1
+    share = 1.0 / math.ceil(len(plots) / columns)
+    return rrb.Grid(*(_plot(plot, drawn, share) for plot in plots), grid_columns=columns)
 
 
 def _lanes(drawn: Sequence[DrawnRun]) -> rrb.StateTimelineView:

@@ -26,7 +26,6 @@ BODY = "body"  # below such a frame: the aircraft with its attitude
 GROUND = f"{WORLD}/ground"
 ROUTE = f"{WORLD}/route"  # planned path, waypoints and corridor
 TRUE_SIZE = "true_size"  # the aircraft again, as large as they are
-ALONG = "along"  # charts over the distance along a route, drawn as lines in a plane
 MAP = "map"
 PLOTS = "plots"
 
@@ -37,7 +36,6 @@ LIMITS = "_limits"
 MEASURED = "_measured"
 AXIS = "_axis"
 
-EVENTS = "events"
 NOW = "now"  # the readout of the present instant
 READING = "how_to_read"
 

@@ -23,7 +23,7 @@ from flighttune.present.thinning import peaks
 from flighttune.recording import entities
 from flighttune.recording.blueprint import blueprint
 from flighttune.recording.entities import DrawnRun, application, log_lines, runs_to_draw, times
-from flighttune.recording.events import log_events, log_lanes
+from flighttune.recording.lanes import log_lanes
 from flighttune.recording.page import log_readout, scenario_page
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots, with_derived
 from flighttune.recording.route import log_route, route_of
@@ -159,7 +159,6 @@ def log_recording(
         log_scene(stream, [somewhere(drawn_run) for drawn_run in flown])
         log_lanes(stream, drawn)
         log_readout(stream, drawn)
-        log_events(stream, drawn)
     if route is not None:
         log_route(stream, [somewhere(drawn_run) for drawn_run in drawn], route)
     for plot in dict.fromkeys(plot for tab in plots.values() for plot in tab):

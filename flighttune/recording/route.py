@@ -1,4 +1,4 @@
-"""A route in a recording: planned path, corridor, errors over distance, map."""
+"""A route in a recording: planned path, corridor and map."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,27 +9,20 @@ import rerun as rr
 from flighttune.arrays import FloatArray
 from flighttune.metrics import OFF_ROUTE
 from flighttune.present.palette import NEUTRAL, rgb
-from flighttune.present.thinning import evenly, peaks
-from flighttune.recording.entities import ALONG, MAP, ROUTE, TRUE_SIZE, DrawnRun, on_screen, times
+from flighttune.present.thinning import evenly
+from flighttune.recording.entities import MAP, ROUTE, TRUE_SIZE, DrawnRun, on_screen, times
 from flighttune.recording.plots import positions
-from flighttune.recording.scene import GROUND_COLOUR, dashes, log_aircraft, round_below, span_of
+from flighttune.recording.scene import log_aircraft, span_of
 from flighttune.references.follow import RouteReference
 from flighttune.references.maps import on_earth
 from flighttune.references.path import Path
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.route import RouteTable
-from flighttune.simulate.bounds import claims_around
 from flighttune.simulate.run import claimed_along
 
 APART = 5.0  # distance between points of the planned path and of the corridor, m
 RIB = 5  # points of the corridor from one cross-section that is outlined to the next
 WALL = 15  # opacity of a wall of the corridor, of 255
-
-# Proportions of a chart, because a view keeps those of a plane: so wide, and from -1 to 1.
-WIDE = 20.0
-TICKS = 10.0  # most numbers along the distance
-POINTS = 3000  # points of a line in a chart
-DASHES = 150  # dashes of a band in a chart
 
 GREY = [rgb(NEUTRAL)]
 TO_NED = np.array([1.0, 1.0, -1.0])  # of north, east and up
@@ -70,7 +63,7 @@ def route_of(drawn: Sequence[DrawnRun]) -> DrawnRoute | None:
 
 
 def log_route(stream: rr.RecordingStream, drawn: Sequence[DrawnRun], route: DrawnRoute) -> None:
-    """Log path, waypoints, corridors, charts over distance, and a map where the place is known."""
+    """Log path, waypoints, corridors, and a map where the place is known."""
     path = route.path.beside(route.path.points(APART)) * TO_NED
     _log(stream, f"{ROUTE}/path", rr.LineStrips3D([path], colors=GREY, radii=on_screen(1.0)))
     names: dict[tuple[float, ...], str] = {}
@@ -82,8 +75,6 @@ def log_route(stream: rr.RecordingStream, drawn: Sequence[DrawnRun], route: Draw
         run, frame = drawn_run.run, f"{TRUE_SIZE}/{drawn_run.key}"
         log_aircraft(stream, drawn_run, run.signals, frame, span_of(run))
         _log_corridor(stream, drawn_run, route.path)
-    for signal in OFF_ROUTE:
-        _log_chart(stream, signal, drawn, route)
     if route.geographic:
         _log_map(stream, drawn, route, path)
 
@@ -117,57 +108,6 @@ def _log_corridor(stream: rr.RecordingStream, drawn_run: DrawnRun, path: Path) -
     edges = [*corners.transpose(1, 0, 2), *corners[::RIB, [0, 1, 2, 3, 0]]]
     thin = on_screen(0.5)
     _log(stream, f"{folder}/edges", rr.LineStrips3D(edges, colors=[colour], radii=thin))
-
-
-def _log_chart(
-    stream: rr.RecordingStream, signal: str, drawn: Sequence[DrawnRun], route: DrawnRoute
-) -> None:
-    """Log an error over distance as lines in a plane: plots have the time on their axis."""
-    charted = []
-    for run in (drawn_run.run for drawn_run in drawn):
-        ends = [end for _, pair in claims_around(run.claims, signal) for end in pair]
-        charted.append(np.column_stack([run.signals[signal], *ends]))
-    largest = max(float(np.nanmax(np.abs(lines))) for lines in charted) or 1.0
-    scale = np.array([WIDE / route.path.length, -1.0 / largest])  # y of a plane goes down
-    _log_axes(stream, f"{ALONG}/{signal}", route.path, largest, scale)
-    for drawn_run, lines in zip(drawn, charted, strict=True):
-        path, colours = f"{ALONG}/{signal}/{drawn_run.key}", [drawn_run.style.rgb]
-        kept = peaks(lines[:, 0], most=POINTS)
-        signals = drawn_run.run.signals.iloc[kept]
-        flown, *band = (np.column_stack([signals["along"], x]) * scale for x in lines[kept].T)
-        width = on_screen(drawn_run.style.width / 2.0)
-        _log(stream, path, rr.LineStrips2D([flown], colors=colours, radii=width))
-        pieces, thin = [piece for line in band for piece in dashes(line, DASHES)], on_screen(0.7)
-        _log(stream, f"{path}_band", rr.LineStrips2D(pieces, colors=colours, radii=thin))
-        # A line across the chart is where the aircraft is.
-        there = np.stack([flown * [1.0, 0.0] + [0.0, end] for end in (-1.0, 1.0)], axis=1)
-        _log(stream, f"{path}/now", rr.LineStrips2D.from_fields(colors=colours, radii=thin))
-        now = rr.LineStrips2D.columns(strips=there.astype(np.float32))
-        stream.send_columns(f"{path}/now", [times(signals.index)], now)
-
-
-def _log_axes(
-    stream: rr.RecordingStream, folder: str, path: Path, largest: float, scale: FloatArray
-) -> None:
-    """Log the lines and numbers of both axes of a chart, and where the waypoints are."""
-    off = round_below(largest)
-    xs = np.arange(0.0, path.length, round_below(2.0 * path.length / TICKS))
-    ys = off * np.arange(-(largest // off), largest // off + 1.0)
-    lines = [[[0.0, y], [path.length, y]] for y in ys]
-    lines += [[[x, -largest], [x, largest]] for x in xs]
-    strips, thin = [*(np.array(lines) * scale)], on_screen(0.4)
-    _log(stream, f"{folder}/_axes", rr.LineStrips2D(strips, colors=[GROUND_COLOUR], radii=thin))
-    # A waypoint is in the middle of its turn or circles.
-    ends = {
-        part.waypoint: part.start + part.length * (1.0 if part.kind == "leg" else 0.5)
-        for part in path.stretches
-    }
-    labels = {f"{y:g}": (-0.01 * path.length, y) for y in ys}
-    labels |= {f"{x:g} m": (x, -1.1 * largest) for x in xs[1:]}
-    labels |= {f"WP{number}": (s, 1.3 * largest) for number, s in {1: 0.0, **ends}.items()}
-    points, style = np.array([*labels.values()]) * scale, {"colors": GREY, "radii": thin}
-    marks = rr.Points2D(points, labels=[*labels], show_labels=True, **style)
-    _log(stream, f"{folder}/_numbers", marks)
 
 
 def _log_map(

@@ -276,9 +276,9 @@ def _ghost(width: float) -> list[FloatArray]:
     return [width * part for part in (*flat, fin)]
 
 
-def dashes(path: FloatArray, count: int = DASHES) -> list[FloatArray]:
+def dashes(path: FloatArray) -> list[FloatArray]:
     """Pieces of a path with gaps of the same length between them."""
-    edges = np.linspace(0, len(path) - 1, 2 * count).astype(int)
+    edges = np.linspace(0, len(path) - 1, 2 * DASHES).astype(int)
     pieces = [path[a : b + 1] for a, b in zip(edges[::2], edges[1::2], strict=True)]
     return [piece for piece in pieces if len(piece) > 1]
 

@@ -38,7 +38,8 @@ CONVERGENCE_COLUMNS = [
         for channel, symbol in CHANNEL_SYMBOLS.items()
         for column in (
             Column(f"{channel}.settling_s", f"settles {symbol}", "s", "z.2f"),
-            Column(f"late.{channel}", f"late error {symbol}, of its limit", "deg"),
+            Column(f"residual.{channel}", f"late error {symbol}", "deg", ".2g", DEG_PER_RAD),
+            Column(f"allowed.{channel}", f"limit {symbol}", "deg", ".2g", DEG_PER_RAD),
         )
     ),
 ]
@@ -83,12 +84,6 @@ def convergence_table(runs: Sequence[Run], claim: ClaimCheck) -> Table:
             record["requirements"] = "not flown" if not_flown == n else f"{met} of {n} met{lower}"
         if len(run.signals) > 1:
             record |= final_errors(run)
-            record["late"] = {
-                channel: " of ".join(
-                    f"{record[key][channel] * DEG_PER_RAD:.2g}" for key in ("residual", "allowed")
-                )
-                for channel in CHANNELS
-            }
             record |= channel_metrics(run)[["ITAE", "settling_s"]].to_dict(orient="index")
             record |= flight_metrics(run) if "along" in run.signals else {}
         if run.status == "completed":

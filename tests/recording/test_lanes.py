@@ -7,7 +7,7 @@ import pytest
 
 from flighttune.gaps.mismatch import mismatch
 from flighttune.recording.entities import runs_to_draw
-from flighttune.recording.events import SHORTEST, lane
+from flighttune.recording.lanes import SHORTEST, lane
 from flighttune.recording.plots import PARTS, with_derived
 
 from .conftest import DT

@@ -10,7 +10,6 @@ from flighttune.flight.fly import fly
 from flighttune.recording.page import scenario_page
 from flighttune.recording.plots import shown_plots
 from flighttune.recording.record import write_recording
-from flighttune.recording.route import WIDE
 from flighttune.scenario.load import scenario_from
 
 from .test_rrd import Contents, blueprint_values
@@ -19,9 +18,6 @@ KEY = "kinematic_paper"
 
 FLOAT32 = 1e-3
 """Positions are float32 in Rerun: 0.03 mm at 500 m, m."""
-
-ALONG = 2.0
-"""A flight of 8 s is as far along its route as its speed says within this, m."""
 
 BESIDE = 2.5
 """Cross-track written into the run, in place of what it flew, m."""
@@ -90,22 +86,6 @@ def test_waypoints_are_where_the_scenario_has_them_with_their_numbers(contents):
     assert marks["Points3D:labels"].to_pylist() == [["WP1", "WP2", "WP3"]]
 
 
-def test_errors_and_their_band_are_charted_over_distance(contents, run):
-    chart = f"/along/cross_track/{KEY}"
-    (line,) = contents.static[chart]["LineStrips2D:strips"].to_pylist()[0]
-    band = contents.static[f"{chart}_band"]["LineStrips2D:strips"].to_pylist()[0]
-    moved = contents.values(f"{chart}/now", "LineStrips2D:strips")
-    now = np.searchsorted(contents.nanoseconds(f"{chart}/now"), 8_000_000_000)
-    length = run.signals["along"].iloc[-1]
-
-    # The largest value is drawn at 1. In a plane of Rerun y goes down: positive values are above.
-    assert np.array(line)[:, 1] == pytest.approx(-BESIDE / max(BAND["cross_track"]))
-    heights = np.unique(np.round([y for piece in band for _, y in piece], 6))
-    assert heights == pytest.approx([-1.0, 0.6], abs=1e-6)
-    # After 8 s at 25 m/s the line across the chart is at 200 m.
-    assert moved[now].reshape(-1, 2)[:, 0] * length / WIDE == pytest.approx(200.0, abs=ALONG)
-
-
 def names_of(contents):
     names = ("ViewBlueprint:display_name", "ContainerBlueprint:display_name")
     return {name for place in names for (name,) in blueprint_values(contents, place)}
@@ -119,7 +99,6 @@ def test_a_route_has_a_tab_and_a_map_only_where_its_place_is_known(contents, run
     (points,) = on_map.static["/map/_waypoints"]["GeoPoints:positions"].to_pylist()
 
     assert {"Route", "From above, north up"} <= names_of(contents)
-    assert any(name.startswith("Off the route over distance") for name in names_of(contents))
     assert names_of(on_map) - names_of(contents) == {"Map", "OpenStreetMap"}
     assert not [path for path in contents.static if path.startswith("/map")]
     # At 47 deg a degree of longitude is 76.06 km on WGS 84, and one of latitude 111.17 km.
