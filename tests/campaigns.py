@@ -14,11 +14,10 @@ from unittest import mock
 
 import psutil
 
+import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.campaign.engine import pool as pool_module
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.campaign.planning.load import load_campaign
-from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.files.shipped import aircraft_folder
 from flighttune.plants.jsbsim.model_files import model_hash
 
@@ -93,7 +92,7 @@ def write_campaign(
 
 def plan(folder, *, in_total=None, **settings):
     """The plan of a campaign written into a folder."""
-    return plan_campaign(load_campaign(write_campaign(folder, **settings)), runs=in_total)
+    return ft.plan_campaign(ft.load_campaign(write_campaign(folder, **settings)), runs=in_total)
 
 
 class Notes:

@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
+import flighttune as ft
 from flighttune.simulate.bounds import Bounds, RunClaim
-from flighttune.simulate.run import SIGNAL_UNITS, Run
+from flighttune.simulate.run import SIGNAL_UNITS
 
 SENTENCE = "of 9 flights 1 lies outside"
 
 
-def claimed(run: Run, kind: str = "counted", title: str = "counted band", **ends) -> Run:
+def claimed(run: ft.Run, kind: str = "counted", title: str = "counted band", **ends) -> ft.Run:
     """The run with lower and upper bounds (SI, constants or arrays) around some signals."""
     low, high = (
         np.column_stack([np.broadcast_to(pair[side], len(run.t)) for pair in ends.values()])

@@ -1,8 +1,7 @@
 """Plans of short flights for tests, without files: a scenario's tables and what is dispersed."""
 
-from flighttune.campaign.planning.plan import plan_campaign
-from flighttune.campaign.planning.schema import Campaign, CampaignTable
-from flighttune.scenario import scenario_from
+import flighttune as ft
+from flighttune.campaign.planning.schema import CampaignTable
 
 SOFT = {"name": "soft", "K_P": [[0.8, 0.1], [-0.1, 0.9]], "K_I": [[0.4, 0.0], [0.0, 0.4]]}
 KINEMATIC = {"kind": "kinematic"}
@@ -34,12 +33,12 @@ def campaign_of(nominal, *disperse, **keys):
     table = CampaignTable.model_validate(given)
     if table.gains is not None:
         nominal = nominal.model_copy(update={"gains": table.gains})
-    return Campaign.of(table, nominal=nominal, central=nominal)
+    return ft.Campaign.of(table, nominal=nominal, central=nominal)
 
 
 def plan_of(tables, *disperse, seed=1, **keys):
     """The plan of a campaign on a scenario's tables."""
-    return plan_campaign(campaign_of(scenario_from(tables), *disperse, seed=seed, **keys))
+    return ft.plan_campaign(campaign_of(ft.scenario_from(tables), *disperse, seed=seed, **keys))
 
 
 def uniform(key, lower, upper):

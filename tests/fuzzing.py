@@ -17,14 +17,14 @@ from annotated_types import Ge, Gt, Le, Lt
 from hypothesis import strategies as st
 from pydantic import BaseModel
 
+import flighttune as ft
 from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.campaign.planning.schema import CampaignTable
-from flighttune.scenario.schema import Scenario
 
 TIMES = int(os.environ.get("FUZZ_TIMES", "1"))
 """Long runs are so many times as long; CONTRIBUTING.md has the number for the full counts."""
 
-SCHEMAS = Scenario, CampaignTable, AircraftConfig
+SCHEMAS = ft.Scenario, CampaignTable, AircraftConfig
 
 
 def _parts(annotation, metadata=()):

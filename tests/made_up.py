@@ -2,9 +2,7 @@
 
 import pandas as pd
 
-from flighttune.control.gains import PAPER_GAINS
-from flighttune.scenario import load_scenario, scenario_from
-from flighttune.simulate.run import Provenance, Run
+import flighttune as ft
 
 
 def scenario_tables(**changes):
@@ -23,26 +21,26 @@ def scenario_tables(**changes):
 
 def made_up_scenario(**changes):
     """The scenario of these tables."""
-    return scenario_from(scenario_tables(**changes))
+    return ft.scenario_from(scenario_tables(**changes))
 
 
 def shortened(name, seconds, **changes):
     """A shipped scenario of so many seconds, which expects nothing."""
-    tables = {**load_scenario(name).as_dict(), "expect": [], **changes}
-    return scenario_from(tables | {"flight": {**tables["flight"], "duration_s": seconds}})
+    tables = {**ft.load_scenario(name).as_dict(), "expect": [], **changes}
+    return ft.scenario_from(tables | {"flight": {**tables["flight"], "duration_s": seconds}})
 
 
 def made_up_run(
-    columns, t=None, *, plant="kinematic", gains_name="paper", gains=PAPER_GAINS, scenario=None,
+    columns, t=None, *, plant="kinematic", gains_name="paper", gains=ft.PAPER_GAINS, scenario=None,
     status="completed", reason="", versions=None,
 ):  # fmt: skip
     """A run of these signals, over these times or those that are their index."""
     index = None if t is None else pd.Index(t, name="t")
-    return Run(
+    return ft.Run(
         signals=pd.DataFrame(columns, index=index, dtype=float),
         status=status,
         reason=reason,
-        provenance=Provenance(
+        provenance=ft.Provenance(
             scenario=scenario or {},
             plant=plant,
             gains_name=gains_name,

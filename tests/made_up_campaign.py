@@ -4,25 +4,24 @@ import numpy as np
 import pandas as pd
 from dispersed import campaign_of, one_of, uniform
 
-from flighttune.campaign.planning.plan import Plan, plan_campaign
-from flighttune.scenario import load_scenario
+import flighttune as ft
 from flighttune.scenario.tables import ExpectTable
 
 
-def made_up_plan(*expect: ExpectTable, runs: int = 800, design: str = "random") -> Plan:
+def made_up_plan(*expect: ExpectTable, runs: int = 800, design: str = "random") -> ft.Plan:
     """A plan of two plants and two gain sets, with three parameters of which one does nothing."""
     stated = expect or [ExpectTable(at_most={"chi": {"ITAE": 4.0, "settling_s": 5.0}})]
     campaign = campaign_of(
-        load_scenario("level_turn").model_copy(update={"expect": list(stated)}),
+        ft.load_scenario("level_turn").model_copy(update={"expect": list(stated)}),
         uniform("flight.V_a_mps", 23.0, 27.0),
         uniform("flight.phi_deg", -10.0, 10.0),
         one_of("limits.n_z_rate_per_s", 0.8, 1.0, 1.2),
         gains=["paper", "K3"], scenario="level_turn", seed=1, runs=runs, design=design,
     )  # fmt: skip
-    return plan_campaign(campaign)
+    return ft.plan_campaign(campaign)
 
 
-def made_up_rows(plan: Plan) -> pd.DataFrame:
+def made_up_rows(plan: ft.Plan) -> pd.DataFrame:
     """Rows of all runs of a plan.
 
     ITAE of course is 1 + (V - 23)^2 / 4 with `paper` and half of it with `K3`, half as much again

@@ -2,6 +2,7 @@
 
 import math
 
+import flighttune as ft
 from flighttune import (
     PAPER_GAINS,
     Controller,
@@ -16,7 +17,6 @@ from flighttune import (
     Stop,
     rate_gains,
 )
-from flighttune.plants.base import COMMON_SIGNALS
 
 
 class Proportional:
@@ -41,7 +41,7 @@ class Glider:
     """A plant that is nothing but a class: it follows at once and turns as it rolls."""
 
     kind = "glider"
-    signals = COMMON_SIGNALS
+    signals = ft.COMMON_SIGNALS
     limits = Limits.none(2)
 
     def start(self, condition: FlightCondition) -> None:

@@ -4,10 +4,10 @@ import shutil
 
 import pytest
 
+import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import InputError
 from flighttune.files.shipped import OWN_AIRCRAFT, aircraft_folder, aircraft_folders, scenario_files
-from flighttune.scenario.load import load_scenario
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def test_beside_the_scenario_comes_first_and_the_label_stays_short(places, tmp_p
     file = tmp_path / "scenarios" / "turn.toml"
     file.write_text(text.replace('"aerosonde"', f'"{aircraft}"'), encoding="utf-8")
 
-    plant = next(one for one in load_scenario(file).plant if one.aircraft)
+    plant = next(one for one in ft.load_scenario(file).plant if one.aircraft)
 
     assert load_aircraft(plant.aircraft).folder == beside
     assert plant.label == "jsbsim:mine"

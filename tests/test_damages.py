@@ -17,16 +17,14 @@ import pytest
 from fuzzing import EDGES, TEXTS, TIMES, damaged, digit_changed
 from made_up import made_up_scenario
 
+import flighttune as ft
 from flighttune import record
 from flighttune.claims.band import save_band
 from flighttune.claims.conformance import conformance_tables, load_conformance, save_conformance
-from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError
 from flighttune.files.seal import BLANK, seal
-from flighttune.flight.fly import fly
-from flighttune.records.parquet import load_recording, parts_of, record_bytes, signals_sha256
-from flighttune.records.refly import refly
-from flighttune.tubes.proof import load_tube, save_tube, verify_tube
+from flighttune.records.parquet import parts_of, record_bytes, signals_sha256
+from flighttune.tubes.proof import load_tube, verify_tube
 from tests.claims.test_band import band_of, load_walks, random_flights, values_of, write_band
 from tests.tubes.test_aircraft import conformance, flight
 from tests.tubes.test_proof import arrays_of
@@ -120,19 +118,19 @@ def changed_rows(rows, draw):
 
 
 def recorded(folder):
-    record(fly(RECORDED), folder)
+    record(ft.fly(RECORDED), folder)
     return folder / "kinematic-paper.parquet"
 
 
 def run_of(path):
-    (run,) = load_recording(path).runs
+    (run,) = ft.load_recording(path).runs
     description, rows, sha256 = parts_of(run)
     return description, rows.tobytes(), sha256
 
 
 def forge_run(path, draw):
     """Another description or other signals, half of them with a SHA-256 of their own."""
-    description, rows, sha256 = parts_of(load_recording(path).runs[0])
+    description, rows, sha256 = parts_of(ft.load_recording(path).runs[0])
     if draw.random() < 0.4:
         description = changed_text(description, draw)
     elif draw.random() < 0.2:
@@ -150,9 +148,9 @@ def forge_run(path, draw):
 
 def flies_so(path, _):
     """Whether a flight of the scenario in the file gives just these signals."""
-    runs = load_recording(path).runs
+    runs = ft.load_recording(path).runs
     try:
-        (again,) = refly(runs)
+        (again,) = ft.refly(runs)
     except InputError:
         return True  # it cannot be flown, and the command says so
     signals, flown_now = (run.signals.reset_index() for run in (again.recorded, again.reflown))
@@ -165,7 +163,7 @@ def shown(folder):
 
 
 def runs_shown(path):
-    return [(text, rows.tobytes()) for text, rows, _ in map(parts_of, load_recording(path).runs)]
+    return [(text, rows.tobytes()) for text, rows, _ in map(parts_of, ft.load_recording(path).runs)]
 
 
 def forge_shown(path, draw):
@@ -254,7 +252,7 @@ def follows_from_its_flights(path, _):
 
 
 def proven(folder):
-    save_tube(tube(PROVEN, PAPER_GAINS, disturbance=0.02), folder / "tube.npz")
+    ft.save_tube(tube(PROVEN, ft.PAPER_GAINS, disturbance=0.02), folder / "tube.npz")
     return folder / "tube.npz"
 
 
@@ -262,7 +260,7 @@ def proven_of_aircraft(folder):
     scenario = flight(duration_s=0.2)
     boxes = conformance(scenario)
     save_conformance(boxes, folder / "boxes.json")
-    save_tube(tube(scenario, PAPER_GAINS, conformance=boxes), folder / "tube.npz")
+    ft.save_tube(tube(scenario, ft.PAPER_GAINS, conformance=boxes), folder / "tube.npz")
     return folder / "tube.npz"
 
 

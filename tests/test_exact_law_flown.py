@@ -7,12 +7,9 @@ import numpy as np
 import pytest
 from test_tuned_on_identified import NOTHING_ASKED, UNUSED, manoeuvre
 
+import flighttune as ft
 from flighttune.control.exact_law import rate_model
-from flighttune.control.linear_model import closed_loop
-from flighttune.flight.fly import fly
-from flighttune.flight.outer_loop import certify_scenario, identified_problems, tune_scenario
-from flighttune.scenario import load_scenario, scenario_from
-from flighttune.theory.indicators import indicators
+from flighttune.flight.outer_loop import identified_problems
 
 pytestmark = pytest.mark.slow
 
@@ -28,7 +25,7 @@ def ratios(scenario):
     tables = scenario.as_dict() | {"law": ["paper", "exact"], "gains": ["tuned_identified"]}
     tables["plant"] = [plant for plant in tables["plant"] if plant["kind"] == "jsbsim"]
     tables.pop("expect", None)
-    flown = fly(scenario_from(tables))
+    flown = ft.fly(ft.scenario_from(tables))
     assert [run.status for run in flown.runs] == ["completed", "completed"]
     paper, exact = (flown.metrics.loc[run.label]["ITAE"] for run in flown.runs)
     return (exact / paper.clip(lower=NOTHING_ASKED)).to_numpy()
@@ -36,7 +33,7 @@ def ratios(scenario):
 
 @pytest.fixture(scope="module")
 def five():
-    return {name: ratios(load_scenario(name)) for name in FIVE}
+    return {name: ratios(ft.load_scenario(name)) for name in FIVE}
 
 
 def test_every_channel_of_the_five_scenarios_is_better(five):
@@ -61,13 +58,13 @@ def test_better_on_manoeuvres_not_used(name):
 
 @pytest.mark.parametrize("name", ["c172_cruise_turn", "jet_pull_up"])
 def test_better_on_other_aircraft(name):
-    assert ratios(load_scenario(name)).max() < WORST
+    assert ratios(ft.load_scenario(name)).max() < WORST
 
 
 def test_tuned_gains_go_with_one_over_the_lag_of_their_channel():
     """R_K is maximised in units in which the problem is the same for any lag of one shape."""
     scenario = manoeuvre(UNUSED["left"], law="exact")
-    gains = tune_scenario(scenario, "identified").gains
+    gains = ft.tune_scenario(scenario, "identified").gains
     (problem,) = identified_problems(scenario)
     lags = problem.scaling[-2:]
 
@@ -79,10 +76,10 @@ def test_tuned_gains_go_with_one_over_the_lag_of_their_channel():
 
 def test_one_certificate_holds_at_every_condition_identified_at_once():
     scenario = manoeuvre(UNUSED["left"], law="exact", tuning={"model": "identified"})
-    gains = tune_scenario(scenario).gains
+    gains = ft.tune_scenario(scenario).gains
 
-    found = certify_scenario(scenario, gains, envelope=True)
+    found = ft.certify_scenario(scenario, gains, envelope=True)
 
     assert found.status == "certified"
     assert found.certificate.claim.rate > 0.0
-    assert indicators(closed_loop(rate_model(), gains)).status == "stable"
+    assert ft.indicators(ft.closed_loop(rate_model(), gains)).status == "stable"

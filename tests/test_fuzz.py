@@ -18,28 +18,18 @@ from fuzzing import TIMES, files, in_child, limited, to_json, to_toml, xml_files
 from hypothesis import HealthCheck, given, settings
 from made_up import made_up_scenario
 
+import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.campaign.dataset import Dataset, open_dataset
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.campaign.planning.load import load_campaign
-from flighttune.campaign.planning.plan import plan_campaign
-from flighttune.certificates.certificate import load_certificate, verify
 from flighttune.claims.conformance import conformance_tables, load_conformance
-from flighttune.control.gains import PAPER_GAINS
-from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins
-from flighttune.errors import FlightTuneError, InputError
+from flighttune.errors import InputError
 from flighttune.files.seal import BLANK, seal
 from flighttune.files.shipped import aircraft_folder, campaign_files, scenario_files
 from flighttune.files.value import tables_of
-from flighttune.flight.fly import fly
-from flighttune.flight.outer_loop import certify_scenario, tune_scenario
-from flighttune.identification.file import design_model, load_identified
-from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.plant import JSBSimPlant
+from flighttune.identification.file import design_model
 from flighttune.plants.jsbsim.trim import trim_table
-from flighttune.scenario import load_gains, load_scenario, scenario_from
-from flighttune.theory.indicators import indicators
 from flighttune.units import G_0
 from tests.tubes.test_aircraft import conformance, flight
 
@@ -133,7 +123,7 @@ CONFORMANCE = conformance_tables(conformance(flight(duration_s=1.0)))
 
 
 def certificate_of(name, **settings):
-    found = certify_scenario(load_scenario(name), PAPER_GAINS, **settings)
+    found = ft.certify_scenario(ft.load_scenario(name), ft.PAPER_GAINS, **settings)
     return tables_of(found.certificate)
 
 
@@ -146,7 +136,7 @@ def planned(folder):
     """The description of a campaign in a folder."""
     file = folder / "small.toml"
     file.write_text(to_toml(CAMPAIGN))
-    Dataset(folder, plan_campaign(load_campaign(file)), {"python": "3"}).write_plan()
+    Dataset(folder, ft.plan_campaign(ft.load_campaign(file)), {"python": "3"}).write_plan()
     return json.loads((folder / "campaign.json").read_text())
 
 
@@ -172,13 +162,13 @@ class Kind(NamedTuple):
 def flown(scenario):
     """The first tenth of a second of every flight."""
     cut = scenario.flight.model_copy(update={"duration_s": 2.5 / scenario.controller.rate_hz})
-    return fly(scenario.model_copy(update={"flight": cut}))
+    return ft.fly(scenario.model_copy(update={"flight": cut}))
 
 
 def answered(*questions):
     """Ask everything, whatever the answers: each may be a refusal."""
     for question in questions:
-        with suppress(FlightTuneError):
+        with suppress(ft.FlightTuneError):
             question()
 
 
@@ -187,18 +177,18 @@ def flown_whole(scenario):
     flight = scenario.flight
     cut = flight.model_copy(update={"duration_s": min(flight.duration_s, 20.0)})
     answered(
-        lambda: fly(scenario.model_copy(update={"flight": cut})),
-        lambda: tune_scenario(scenario),
-        lambda: certify_scenario(scenario, PAPER_GAINS),
-        lambda: certify_scenario(scenario, PAPER_GAINS, envelope=True),
+        lambda: ft.fly(scenario.model_copy(update={"flight": cut})),
+        lambda: ft.tune_scenario(scenario),
+        lambda: ft.certify_scenario(scenario, ft.PAPER_GAINS),
+        lambda: ft.certify_scenario(scenario, ft.PAPER_GAINS, envelope=True),
     )
 
 
 def paper_with(gains):
     """The paper's manoeuvre flown and certified with gains."""
-    paper = load_scenario("paper")
+    paper = ft.load_scenario("paper")
     read = {**paper.as_dict(), "gains": [{"name": "read", **gains.as_lists()}], "expect": []}
-    answered(lambda: certify_scenario(paper, gains), lambda: fly(scenario_from(read)))
+    answered(lambda: ft.certify_scenario(paper, gains), lambda: ft.fly(ft.scenario_from(read)))
 
 
 def designed(identified):
@@ -206,7 +196,7 @@ def designed(identified):
     for condition in identified.conditions:
         answered(
             lambda model=condition: loop_margins(
-                design_model(model, g=G_0, hold=0.01).model, PAPER_GAINS
+                design_model(model, g=G_0, hold=0.01).model, ft.PAPER_GAINS
             )
         )
 
@@ -223,14 +213,16 @@ def trimmed(config):
 
 def modelled(identified):
     for condition in identified.conditions[:2]:
-        indicators(closed_loop(design_model(condition, g=G_0, hold=0.01).model, PAPER_GAINS))
+        ft.indicators(
+            ft.closed_loop(design_model(condition, g=G_0, hold=0.01).model, ft.PAPER_GAINS)
+        )
 
 
 def closed(gains):
     """The linear loop of gains, its margins, and a flight of some samples."""
-    if gains.inputs == PAPER_GAINS.inputs:
-        model = load_scenario("paper").kinematic_model()
-        if indicators(closed_loop(model, gains)).status == "stable":
+    if gains.inputs == ft.PAPER_GAINS.inputs:
+        model = ft.load_scenario("paper").kinematic_model()
+        if ft.indicators(ft.closed_loop(model, gains)).status == "stable":
             loop_margins(model, gains)
     read = [{"name": "read", **gains.as_lists()}]
     return flown(made_up_scenario(gains=read, reference={"chi_deg": 20.0, "gamma_deg": -10.0}))
@@ -242,7 +234,7 @@ def first_runs(plan, runs=2):
 
 
 def started(config):
-    JSBSimPlant(config).start(FlightCondition(V_a=25.0))
+    ft.JSBSimPlant(config).start(ft.FlightCondition(V_a=25.0))
 
 
 def of_aircraft(folder):
@@ -265,28 +257,28 @@ def every_shipped(files):
 
 
 KINDS = {
-    "law": Kind("x.toml", with_a_law, to_toml, load_scenario, flown, flown_whole),
-    "wind": Kind("x.toml", lambda _: AIRBORNE, to_toml, load_scenario, flown, flown_whole),
-    "swing": Kind("x.toml", lambda _: SWINGING, to_toml, load_scenario, flown, flown_whole),
+    "law": Kind("x.toml", with_a_law, to_toml, ft.load_scenario, flown, flown_whole),
+    "wind": Kind("x.toml", lambda _: AIRBORNE, to_toml, ft.load_scenario, flown, flown_whole),
+    "swing": Kind("x.toml", lambda _: SWINGING, to_toml, ft.load_scenario, flown, flown_whole),
     "scenario": Kind(
-        "x.toml", every_shipped(scenario_files), to_toml, load_scenario, thoroughly=flown_whole
+        "x.toml", every_shipped(scenario_files), to_toml, ft.load_scenario, thoroughly=flown_whole
     ),
-    "gains": Kind("x.toml", lambda _: GAINS, to_toml, load_gains, closed, paper_with),
-    "gains in JSON": Kind("x.json", lambda _: GAINS, to_json, load_gains, closed, paper_with),
+    "gains": Kind("x.toml", lambda _: GAINS, to_toml, ft.load_gains, closed, paper_with),
+    "gains in JSON": Kind("x.json", lambda _: GAINS, to_json, ft.load_gains, closed, paper_with),
     "campaign": Kind(
         "x.toml",
         lambda _: CAMPAIGN,
         to_toml,
-        load_campaign,
-        lambda campaign: first_runs(plan_campaign(campaign)),
-        lambda campaign: first_runs(plan_campaign(campaign), 8),
+        ft.load_campaign,
+        lambda campaign: first_runs(ft.plan_campaign(campaign)),
+        lambda campaign: first_runs(ft.plan_campaign(campaign), 8),
     ),
     "shipped campaign": Kind(
         "x.toml",
         every_shipped(campaign_files),
         to_toml,
-        load_campaign,
-        thoroughly=lambda campaign: first_runs(plan_campaign(campaign), 8),
+        ft.load_campaign,
+        thoroughly=lambda campaign: first_runs(ft.plan_campaign(campaign), 8),
     ),
     "plan": Kind(
         "campaign.json",
@@ -308,18 +300,22 @@ KINDS = {
         files=lambda text, _: xml_files(text),
     ),
     "identified": Kind(
-        "x.json", lambda _: IDENTIFIED, to_json, load_identified, modelled, designed
+        "x.json", lambda _: IDENTIFIED, to_json, ft.load_identified, modelled, designed
     ),
     "conformance": Kind("x.json", lambda _: CONFORMANCE, stamped, load_conformance),
     "certificate": Kind(
-        "x.json", lambda _: certificate_of("paper_as_printed"), to_json, load_certificate, verify
+        "x.json",
+        lambda _: certificate_of("paper_as_printed"),
+        to_json,
+        ft.load_certificate,
+        ft.verify,
     ),
     "certificate over an envelope": Kind(
         "x.json",
         lambda _: certificate_of("paper", envelope=True),
         to_json,
-        load_certificate,
-        verify,
+        ft.load_certificate,
+        ft.verify,
     ),
 }
 
@@ -356,7 +352,7 @@ def fuzz(kind, folder, cases):
         seen["refused" if found is None else "accepted"] += 1
         if found is None:
             return
-        with suppress(FlightTuneError), limited(USE_S, ROOM):
+        with suppress(ft.FlightTuneError), limited(USE_S, ROOM):
             kind.use(found)
         if kind.thoroughly is not None and seen["accepted"] % SAMPLE == 0:
             said = in_child(partial(suppressed, kind.thoroughly, found), USE_S, ROOM)
@@ -368,7 +364,7 @@ def fuzz(kind, folder, cases):
 
 
 def suppressed(use, found):
-    with suppress(FlightTuneError):
+    with suppress(ft.FlightTuneError):
         use(found)
 
 

@@ -7,13 +7,8 @@ import numpy as np
 import pytest
 from made_up import made_up_run
 
-from flighttune.metrics import (
-    METRICS,
-    channel_metrics,
-    flight_metrics,
-    measures,
-    settling_measures,
-)
+import flighttune as ft
+from flighttune.metrics import METRICS, measures, settling_measures
 
 SAMPLING = 2e-4
 T = np.linspace(0.0, 20.0, 200_001)
@@ -37,7 +32,7 @@ def second_order(damping, omega):
 def test_overshoot_and_peak_time_of_a_second_order_lag_are_those_of_the_textbook(sign):
     damping, omega = 0.3, 1.2
 
-    found = channel_metrics(run_of(sign * second_order(damping, omega))).loc["chi"]
+    found = ft.channel_metrics(run_of(sign * second_order(damping, omega))).loc["chi"]
 
     root = math.sqrt(1.0 - damping**2)
     assert found["MO_rad"] == pytest.approx(math.exp(-math.pi * damping / root), abs=1e-6)
@@ -46,7 +41,7 @@ def test_overshoot_and_peak_time_of_a_second_order_lag_are_those_of_the_textbook
 
 def test_an_exponential_has_the_integrals_and_times_of_its_formula():
     rate = 0.8
-    found = channel_metrics(run_of(np.exp(-rate * T))).loc["chi"]
+    found = ft.channel_metrics(run_of(np.exp(-rate * T))).loc["chi"]
 
     left = math.exp(-rate * 20.0)
     itae = (1.0 - left * (1.0 + rate * 20.0)) / rate**2
@@ -75,14 +70,14 @@ def test_settling_within_a_band_of_its_own_is_the_last_time_an_error_leaves_it()
 
 def test_the_spread_of_a_sine_over_whole_periods_is_its_amplitude_over_root_two():
     error = 0.01 * np.sin(math.tau * T)
-    found = channel_metrics(run_of(error)).loc["chi"]
+    found = ft.channel_metrics(run_of(error)).loc["chi"]
 
     assert found["MS_rad"] == pytest.approx(0.0, abs=1e-6)
     assert found["ST_rad"] == pytest.approx(0.01 / math.sqrt(2.0), rel=1e-4)
 
 
 def test_what_does_not_happen_has_no_time():
-    swinging, still = channel_metrics(run_of(np.cos(T))).loc[["chi", "gamma"]].iloc
+    swinging, still = ft.channel_metrics(run_of(np.cos(T))).loc[["chi", "gamma"]].iloc
 
     assert math.isnan(swinging["settling_s"])
     assert still["MO_rad"] == 0.0
@@ -91,7 +86,7 @@ def test_what_does_not_happen_has_no_time():
 
 def test_a_step_in_mid_flight_is_timed_from_its_start():
     error = np.where(T < 5.0, 0.0, np.exp(-2.0 * (T - 5.0)))
-    found = channel_metrics(run_of(error)).loc["chi"]
+    found = ft.channel_metrics(run_of(error)).loc["chi"]
 
     assert found["settling_s"] == pytest.approx(math.log(20.0) / 2.0, abs=SAMPLING)
 
@@ -104,7 +99,7 @@ def test_effort_and_time_at_limits_are_those_of_the_command():
         phi_limited=phi_limited,
         gamma_ref=0 * T + 0.5,
     )
-    found = channel_metrics(run)
+    found = ft.channel_metrics(run)
 
     assert found.at["chi", "effort_rms"] == pytest.approx(0.2 / math.sqrt(2.0), rel=1e-4)
     assert found.at["gamma", "effort_rms"] == pytest.approx(1.0 - math.cos(0.5), rel=1e-9)
@@ -114,9 +109,9 @@ def test_effort_and_time_at_limits_are_those_of_the_command():
 
 def test_flight_metrics_are_the_extremes():
     run = run_of(np.cos(T), V_a=25.0 - np.sin(T), alpha=-0.2 * np.sin(T), n_z=1.0 + 0.5 * np.sin(T))
-    found = flight_metrics(run)
+    found = ft.flight_metrics(run)
 
-    assert "alpha_max_rad" not in flight_metrics(run_of(np.cos(T)))
+    assert "alpha_max_rad" not in ft.flight_metrics(run_of(np.cos(T)))
     assert found["V_a_dev_mps"] == pytest.approx(1.0, abs=1e-6)
     assert found["alpha_max_rad"] == pytest.approx(0.2, abs=1e-6)
     assert (found["n_z_min"], found["n_z_max"]) == pytest.approx((0.5, 1.5), abs=1e-6)
@@ -128,11 +123,11 @@ def test_all_measures_are_those_of_the_tables_and_the_largest_error():
 
     found = measures(run)
 
-    table = channel_metrics(run)
+    table = ft.channel_metrics(run)
     for channel in ("chi", "gamma"):
         numbers = [found[channel][name] for name in METRICS]
         assert np.array_equal(numbers, table.loc[channel], equal_nan=True)
-    assert found["flight"] == flight_metrics(run)
+    assert found["flight"] == ft.flight_metrics(run)
     assert found["chi"]["peak_rad"] == 1.0
     assert found["gamma"]["peak_rad"] == pytest.approx(0.3, abs=SAMPLING)
 

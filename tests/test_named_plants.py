@@ -7,16 +7,10 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError, ScenarioError
-from flighttune.flight.fly import fly
 from flighttune.plants.label import aircraft_of, label_of, plant_label
 from flighttune.recording.entities import runs_to_draw
-from flighttune.recording.record import record
-from flighttune.records.compare import compare, load_source
-from flighttune.records.parquet import load_recording
-from flighttune.records.refly import refly
-from flighttune.scenario import load_scenario, scenario_from
+from flighttune.records.compare import load_source
 
 NOMINAL, HEAVY = "jsbsim:aerosonde", "jsbsim:aerosonde:heavy_aft"
 SPAN = 2.8956
@@ -29,20 +23,20 @@ HALF_OF_THE_LAST_DIGIT = 0.0051
 @pytest.fixture(scope="module")
 def tables():
     """Four seconds of the shipped scenario."""
-    tables = load_scenario("heavy_and_aft").as_dict() | {"gains": ["paper", "K1"], "expect": []}
+    tables = ft.load_scenario("heavy_and_aft").as_dict() | {"gains": ["paper", "K1"], "expect": []}
     tables["flight"]["duration_s"] = 4.0
     return tables
 
 
 @pytest.fixture(scope="module")
 def flown(tables):
-    return fly(scenario_from(tables))
+    return ft.fly(ft.scenario_from(tables))
 
 
 @pytest.fixture(scope="module")
 def folder(flown, tmp_path_factory):
     folder = tmp_path_factory.mktemp("named") / "both"
-    record(flown, folder)
+    ft.record(flown, folder)
     return folder
 
 
@@ -63,7 +57,7 @@ def test_a_label_is_kind_aircraft_and_name(parts, label):
 
 
 def test_both_fly_their_own_flight_and_the_nominal_one_to_the_same_bits(tables, flown):
-    alone = fly(scenario_from(tables | {"plant": tables["plant"][:1]})).runs
+    alone = ft.fly(ft.scenario_from(tables | {"plant": tables["plant"][:1]})).runs
     labels = [f"{plant} / {name}" for plant in (NOMINAL, HEAVY) for name in ("paper", "K1")]
 
     assert [run.label for run in flown.runs] == labels
@@ -76,7 +70,7 @@ def test_both_fly_their_own_flight_and_the_nominal_one_to_the_same_bits(tables, 
 def test_a_name_alone_changes_nothing_of_a_flight(tables, flown):
     plant = tables["plant"][0] | {"name": "same"}
 
-    run = fly(scenario_from(tables | {"plant": [plant], "gains": ["paper"]})).runs[0]
+    run = ft.fly(ft.scenario_from(tables | {"plant": [plant], "gains": ["paper"]})).runs[0]
 
     assert run.label == f"{NOMINAL}:same / paper"
     assert np.array_equal(run.signals, flown.runs[0].signals)
@@ -85,7 +79,9 @@ def test_a_name_alone_changes_nothing_of_a_flight(tables, flown):
 def test_expectations_are_of_the_plant_of_that_label(tables):
     limits = {"gains": "paper", "at_most": {"chi": {"ITAE": 1e-6}}}
     missed = [
-        fly(scenario_from(tables | {"gains": ["paper"], "expect": [limits | {"plant": label}]}))
+        ft.fly(
+            ft.scenario_from(tables | {"gains": ["paper"], "expect": [limits | {"plant": label}]})
+        )
         .claim.missed[0]
         .partition(" / ")[0]
         for label in (NOMINAL, HEAVY)
@@ -93,7 +89,7 @@ def test_expectations_are_of_the_plant_of_that_label(tables):
 
     assert missed == [NOMINAL, HEAVY]
     with pytest.raises(ScenarioError, match=rf"`plant` of .* {NOMINAL}, {HEAVY}, .*h"):
-        scenario_from(tables | {"expect": [limits | {"plant": "h"}]})
+        ft.scenario_from(tables | {"expect": [limits | {"plant": "h"}]})
 
 
 def test_recording_and_files_keep_them_apart_in_the_order_of_the_scenario(flown, folder):
@@ -106,23 +102,23 @@ def test_recording_and_files_keep_them_apart_in_the_order_of_the_scenario(flown,
     assert [member.key for member in runs_to_draw(flown.runs)] == [
         re.sub("[^A-Za-z0-9]+", "_", label) for label in labels
     ]
-    again = load_recording(folder).runs
+    again = ft.load_recording(folder).runs
     assert [run.label for run in again] == labels
-    assert [reflown.difference for reflown in refly(again)] == [None] * 4
+    assert [reflown.difference for reflown in ft.refly(again)] == [None] * 4
 
 
 def test_names_that_letters_do_not_tell_apart_have_files_of_their_own(tables, tmp_path):
     plants = [tables["plant"][0] | {"name": name} for name in ("a*", "a_")]
-    flown = fly(scenario_from(tables | {"plant": plants, "gains": ["paper"]}))
+    flown = ft.fly(ft.scenario_from(tables | {"plant": plants, "gains": ["paper"]}))
 
-    files = record(flown, tmp_path)
+    files = ft.record(flown, tmp_path)
 
     assert len({*files.signals.values()}) == len(list(tmp_path.glob("*.parquet"))) == 2
-    assert [run.label for run in load_recording(files.recording).runs] == [*files.signals]
+    assert [run.label for run in ft.load_recording(files.recording).runs] == [*files.signals]
 
 
 def test_one_is_compared_with_the_other(folder):
-    found = compare(load_source(f"{folder}@{NOMINAL}"), load_source(f"{folder}@{HEAVY}"))
+    found = ft.compare(load_source(f"{folder}@{NOMINAL}"), load_source(f"{folder}@{HEAVY}"))
 
     assert (found.comparable, found.reason) == (True, "")
     assert [(pair.a.label, pair.b.label) for pair in found.pairs] == [
@@ -131,21 +127,21 @@ def test_one_is_compared_with_the_other(folder):
 
 
 def test_the_gap_is_that_of_the_plant_asked_for(tables, flown):
-    scenario = scenario_from(tables)
+    scenario = ft.scenario_from(tables)
 
-    gap = ft.gap(scenario, PAPER_GAINS, name="paper", plant=HEAVY)
+    gap = ft.gap(scenario, ft.PAPER_GAINS, name="paper", plant=HEAVY)
 
     assert [run.provenance.plant for run in gap.runs][-2:] == ["point_mass_lag", HEAVY]
     heavy = next(run for run in flown.runs if run.label == f"{HEAVY} / paper")
     assert np.array_equal(gap.runs[-1].signals[[*heavy.signals]], heavy.signals)
-    assert ft.gap(scenario, PAPER_GAINS).runs[-1].provenance.plant == NOMINAL
+    assert ft.gap(scenario, ft.PAPER_GAINS).runs[-1].provenance.plant == NOMINAL
     with pytest.raises(InputError, match=rf"`plant` .* {NOMINAL}, {HEAVY}, .*h"):
-        ft.gap(scenario, PAPER_GAINS, plant="h")
+        ft.gap(scenario, ft.PAPER_GAINS, plant="h")
 
 
 @pytest.mark.slow
 def test_the_table_of_the_page_is_what_the_shipped_scenario_flies():
-    flown = fly(load_scenario("heavy_and_aft"))
+    flown = ft.fly(ft.load_scenario("heavy_and_aft"))
     rows = re.findall(r"^\| `(jsbsim:\S+)` \| `(\w+)` \| (\S+) \| (\S+) \|$", PAGE, re.MULTILINE)
 
     assert [f"{plant} / {gains}" for plant, gains, *_ in rows] == [r.label for r in flown.runs]
@@ -156,10 +152,10 @@ def test_the_table_of_the_page_is_what_the_shipped_scenario_flies():
 
 
 def test_the_weight_alone_makes_the_papers_gains_swing_more():
-    tables = load_scenario("heavy_and_aft").as_dict() | {"gains": ["paper"], "expect": []}
+    tables = ft.load_scenario("heavy_and_aft").as_dict() | {"gains": ["paper"], "expect": []}
     light, heavy = tables["plant"]
     plants = [light, heavy | {"airframe": {"mass_factor": 1.1}}]
-    metrics = fly(scenario_from(tables | {"plant": plants})).metrics
+    metrics = ft.fly(ft.scenario_from(tables | {"plant": plants})).metrics
     told = float(re.search(r"ST (\S+) deg\.", PAGE).group(1))
 
     swing = np.rad2deg(metrics.xs("gamma", level=1)["ST_rad"].to_numpy())

@@ -6,13 +6,7 @@ from pathlib import Path
 import pytest
 
 import flighttune as ft
-from flighttune.control.gains import PAPER_GAINS
-from flighttune.flight.fly import fly
 from flighttune.plants.sensors import MEASURED, SENSED
-from flighttune.recording.record import record
-from flighttune.records.parquet import load_recording
-from flighttune.records.refly import refly
-from flighttune.scenario import load_scenario, scenario_from
 
 PAGE = (Path(__file__).parents[1] / "docs" / "off_nominal.md").read_text(encoding="utf-8")
 
@@ -22,7 +16,7 @@ def example(tmp_path_factory):
     (text,) = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
     path = tmp_path_factory.mktemp("docs") / "example.toml"
     path.write_text(text, encoding="utf-8")
-    return load_scenario(path)
+    return ft.load_scenario(path)
 
 
 @pytest.fixture(scope="module")
@@ -34,21 +28,21 @@ def short(example):
 
 @pytest.fixture(scope="module")
 def flown(short):
-    return fly(scenario_from(short))
+    return ft.fly(ft.scenario_from(short))
 
 
 def test_the_example_of_the_page_comes_to_what_it_expects(example):
-    flown = fly(example)
+    flown = ft.fly(example)
 
     assert [run.status for run in flown.runs] == ["completed", "completed"]
     assert flown.claim.missed == ()
 
 
 def test_what_was_recorded_is_flown_again_to_the_bit(flown, tmp_path):
-    runs = load_recording(record(flown, tmp_path).recording).runs
+    runs = ft.load_recording(ft.record(flown, tmp_path).recording).runs
 
     assert [set(MEASURED) <= set(run.signals) for run in runs] == [True, True]
-    assert [again.difference for again in refly(runs)] == [None, None]
+    assert [again.difference for again in ft.refly(runs)] == [None, None]
 
 
 def errors_seen(run):
@@ -56,7 +50,9 @@ def errors_seen(run):
 
 
 def test_every_plant_and_every_aircraft_has_the_same_errors_and_its_own_flight(short, flown):
-    nominal = fly(scenario_from(short | {"plant": [{"kind": "jsbsim", "aircraft": "aerosonde"}]}))
+    nominal = ft.fly(
+        ft.scenario_from(short | {"plant": [{"kind": "jsbsim", "aircraft": "aerosonde"}]})
+    )
     kinematic, off = flown.runs
     (usual,) = nominal.runs
 
@@ -67,7 +63,7 @@ def test_every_plant_and_every_aircraft_has_the_same_errors_and_its_own_flight(s
 
 
 def test_the_gap_is_explained_through_the_same_sensors_on_every_rung(short):
-    gap = ft.gap(scenario_from(short), PAPER_GAINS)
+    gap = ft.gap(ft.scenario_from(short), ft.PAPER_GAINS)
 
     assert gap.status == "explained"
     assert gap.residual < 1e-9

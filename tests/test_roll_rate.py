@@ -5,17 +5,15 @@ from pathlib import Path
 
 import pytest
 
-from flighttune.flight.fly import fly
+import flighttune as ft
 from flighttune.flight.outer_loop import gain_set
-from flighttune.identification.file import load_identified
-from flighttune.scenario.load import load_scenario
 
 FOLDER = Path(__file__).parent / "adopted" / "B747"
 HALF_A_DEGREE = math.radians(0.5)
 
 
 def turn(*, roll_rate):
-    scenario = load_scenario(FOLDER / "turn.toml")
+    scenario = ft.load_scenario(FOLDER / "turn.toml")
     tuning = scenario.tuning.model_copy(update={"roll_rate": roll_rate})
     return scenario.model_copy(update={"tuning": tuning, "gains": ["tuned_identified"]})
 
@@ -24,7 +22,7 @@ def turn(*, roll_rate):
 def test_the_gain_is_that_of_a_roll_taken_out_in_time():
     scenario = turn(roll_rate=True)
     gains = gain_set(scenario, "tuned_identified")
-    lag = load_identified(FOLDER).conditions[0].lags[0].whole + 0.01  # half a sample at 50 Hz
+    lag = ft.load_identified(FOLDER).conditions[0].lags[0].whole + 0.01  # half a sample at 50 Hz
     phi, rate = math.radians(45.0), math.radians(scenario.limits.phi_rate_dps)
     late = phi / (2.0 * rate) + lag
 
@@ -36,7 +34,7 @@ def test_the_gain_is_that_of_a_roll_taken_out_in_time():
 @pytest.mark.slow
 def test_the_course_of_a_slow_roller_settles_and_cycles_without():
     bounded, free = (
-        fly(turn(roll_rate=roll_rate)).metrics.xs("chi", level=1).iloc[0]
+        ft.fly(turn(roll_rate=roll_rate)).metrics.xs("chi", level=1).iloc[0]
         for roll_rate in (True, False)
     )
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from made_up import made_up_scenario
 
-from flighttune.flight.fly import fly
-from flighttune.scenario import load_scenario
+import flighttune as ft
 
 pytestmark = pytest.mark.slow
 
@@ -19,7 +18,7 @@ def flown_in(plants, **tables):
     flight = {"duration_s": 6.0, "chi_deg": 20.0}
     limits = {"phi_deg": [-45.0, 45.0], "n_z": [-2.1, 2.1]}
     made = {"flight": flight, "limits": limits, "controller": {"feed_forward": True}, **tables}
-    return fly(made_up_scenario(seed=3, gains=["paper", "K5"], plant=plants, **made))
+    return ft.fly(made_up_scenario(seed=3, gains=["paper", "K5"], plant=plants, **made))
 
 
 def test_every_plant_meets_the_wind_of_the_aircraft():
@@ -76,7 +75,7 @@ def test_the_sinusoid_as_wind_blows_on_the_aircraft_and_stays_a_rate_on_the_law(
 @pytest.fixture(scope="module")
 def storm():
     """Errors in deg once the manoeuvre of the shipped scenario is over, by run."""
-    flown = fly(load_scenario("oscillating_wind"))
+    flown = ft.fly(ft.load_scenario("oscillating_wind"))
     return {
         run.label: np.rad2deg(run.signals.loc[15.0:, ["chi_err", "gamma_err"]])
         for run in flown.runs

@@ -6,10 +6,9 @@ from runpy import run_path
 import numpy as np
 import pytest
 
+import flighttune as ft
 from flighttune.files.shipped import scenario_files
 from flighttune.flight.advice import mistake
-from flighttune.flight.fly import fly
-from flighttune.scenario import load_scenario
 
 pytestmark = pytest.mark.slow
 
@@ -21,7 +20,7 @@ LAST_DIGIT = 0.006
 
 @pytest.fixture(scope="module")
 def flown():
-    return {name: fly(load_scenario(name)) for name in scenario_files()}
+    return {name: ft.fly(ft.load_scenario(name)) for name in scenario_files()}
 
 
 @pytest.mark.parametrize("name", scenario_files())

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import flighttune as ft
 from flighttune.files.shipped import scenario_files
 from flighttune.files.table import toml_text
-from flighttune.scenario import load_scenario, scenario_from
 
 TEXT = st.text(st.characters(exclude_categories=("Cs",)), max_size=12)
 SCALARS = st.one_of(
@@ -29,9 +29,9 @@ def test_every_table_of_plain_values_comes_back_from_its_text(tables):
 
 @pytest.mark.parametrize("name", scenario_files())
 def test_every_shipped_scenario_comes_back_with_its_hash(name):
-    scenario = load_scenario(name)
+    scenario = ft.load_scenario(name)
 
-    again = scenario_from(tomllib.loads(toml_text(scenario.as_dict())))
+    again = ft.scenario_from(tomllib.loads(toml_text(scenario.as_dict())))
 
     assert again.sha256 == scenario.sha256
     assert scenario.title

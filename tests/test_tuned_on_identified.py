@@ -7,23 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flighttune.certificates.certificate import (
-    Certificate,
-    load_certificate,
-    save_certificate,
-    verify,
-)
-from flighttune.certificates.make import certify
-from flighttune.control.gains import PAPER_GAINS
-from flighttune.control.linear_model import closed_loop
+import flighttune as ft
 from flighttune.errors import InputError, ScenarioError
 from flighttune.files.value import tables_of, value_of
-from flighttune.flight.fly import fly
-from flighttune.flight.outer_loop import certify_scenario, identified_problems, tune_scenario
-from flighttune.identification.file import load_identified
-from flighttune.scenario import load_scenario, scenario_from
+from flighttune.flight.outer_loop import identified_problems
 from flighttune.theory.common import common_Q
-from flighttune.theory.indicators import indicators, scaled
+from flighttune.theory.indicators import scaled
 
 pytestmark = pytest.mark.slow
 
@@ -56,7 +45,7 @@ UNUSED = {
 def manoeuvre(wanted, *, robust=False, **more):
     wanted = dict(wanted)
     start = {"V_a_mps": wanted.pop("V_a_mps", 25.0), **wanted.pop("from", {})}
-    return scenario_from(
+    return ft.scenario_from(
         {
             "title": "a manoeuvre the gains were not made for",
             "seed": 3,
@@ -84,7 +73,7 @@ def run_of(flown, gains):
 
 @pytest.fixture(scope="module")
 def paper():
-    return fly(load_scenario("paper_identified"))
+    return ft.fly(ft.load_scenario("paper_identified"))
 
 
 @pytest.mark.parametrize(
@@ -97,8 +86,8 @@ def test_itae_over_that_of_the_papers_gains(paper, plant, allowed):
 
 
 def test_the_table_of_the_page_is_what_the_scenario_flies(paper):
-    tables = load_scenario("paper_identified").as_dict() | {"gains": ["tuned_identified"]}
-    robust = fly(scenario_from(tables | {"tuning": {**tables["tuning"], "robust": True}}))
+    tables = ft.load_scenario("paper_identified").as_dict() | {"gains": ["tuned_identified"]}
+    robust = ft.fly(ft.scenario_from(tables | {"tuning": {**tables["tuning"], "robust": True}}))
     rows = {
         "K* as printed": (paper, "paper"),
         "`tuned` on the kinematic law": (paper, "tuned"),
@@ -132,7 +121,7 @@ def wins(flown):
 
 @pytest.mark.parametrize("name", UNUSED)
 def test_wins_on_manoeuvres_not_used(name):
-    flown = fly(manoeuvre(UNUSED[name]))
+    flown = ft.fly(manoeuvre(UNUSED[name]))
 
     assert all(run.status == "completed" for run in flown.runs)
     wins(flown)
@@ -140,7 +129,7 @@ def test_wins_on_manoeuvres_not_used(name):
 
 @pytest.mark.parametrize(("name", "intensity"), [("left", "moderate"), ("climb", "light")])
 def test_wins_in_turbulence(name, intensity):
-    flown = fly(manoeuvre(UNUSED[name], turbulence={"intensity": intensity}))
+    flown = ft.fly(manoeuvre(UNUSED[name], turbulence={"intensity": intensity}))
 
     assert all(run.status == "completed" for run in flown.runs)
     wins(flown)
@@ -148,39 +137,39 @@ def test_wins_in_turbulence(name, intensity):
 
 def test_robust_gains_win_too_and_have_the_better_worst_case():
     robust, nominal = (manoeuvre(UNUSED["fast"], robust=robust) for robust in (True, False))
-    found, single = tune_scenario(robust, "identified"), tune_scenario(nominal, "identified")
+    found, single = ft.tune_scenario(robust, "identified"), ft.tune_scenario(nominal, "identified")
     models = identified_problems(robust)
     own = {"name": "tuned_identified", **found.gains.as_lists()}
 
     def worst(gains):
-        loops = ((problem, closed_loop(problem.model, gains)) for problem in models)
-        return min(indicators(A_K, scaling=problem.scaling).R_K for problem, A_K in loops)
+        loops = ((problem, ft.closed_loop(problem.model, gains)) for problem in models)
+        return min(ft.indicators(A_K, scaling=problem.scaling).R_K for problem, A_K in loops)
 
-    assert len(models) == len(load_identified("aerosonde").conditions)
+    assert len(models) == len(ft.load_identified("aerosonde").conditions)
     assert found.R_K == pytest.approx(worst(found.gains))
     assert found.R_K > worst(single.gains)
-    wins(fly(manoeuvre(UNUSED["fast"], gains=["paper", "tuned", own])))
+    wins(ft.fly(manoeuvre(UNUSED["fast"], gains=["paper", "tuned", own])))
 
 
 def test_the_loop_on_the_identified_model_is_certified():
-    paper = load_scenario("paper_identified")
-    scenario = scenario_from(paper.as_dict() | {"tuning": {"model": "identified"}})
-    gains = tune_scenario(scenario).gains
+    paper = ft.load_scenario("paper_identified")
+    scenario = ft.scenario_from(paper.as_dict() | {"tuning": {"model": "identified"}})
+    gains = ft.tune_scenario(scenario).gains
 
-    found = certify_scenario(scenario, gains, L_d=0.015)
+    found = ft.certify_scenario(scenario, gains, L_d=0.015)
 
     assert len(scenario.linear_model().states) > 6
-    assert np.array_equal(gains.K, tune_scenario(paper, "identified").gains.K)
+    assert np.array_equal(gains.K, ft.tune_scenario(paper, "identified").gains.K)
     assert found.status == "certified"
-    assert verify(found.certificate).valid
-    assert certify(scenario.linear_model(), gains).status == "certified"
+    assert ft.verify(found.certificate).valid
+    assert ft.certify(scenario.linear_model(), gains).status == "certified"
 
 
 @pytest.fixture(scope="module")
 def left():
     """The turn to the left, its model the identified one, and the gains tuned on it."""
     scenario = manoeuvre(UNUSED["left"], tuning={"model": "identified"})
-    return scenario, tune_scenario(scenario).gains
+    return scenario, ft.tune_scenario(scenario).gains
 
 
 def test_one_q_proves_a_rate_at_every_condition_identified(left):
@@ -188,12 +177,12 @@ def test_one_q_proves_a_rate_at_every_condition_identified(left):
     worst = identified_problems(manoeuvre(UNUSED["left"], robust=True))
 
     tuned, printed = (
-        common_Q(np.array([scaled(closed_loop(one.model, K), one.scaling) for one in worst]))
-        for K in (gains, PAPER_GAINS)
+        common_Q(np.array([scaled(ft.closed_loop(one.model, K), one.scaling) for one in worst]))
+        for K in (gains, ft.PAPER_GAINS)
     )
 
     for one in worst:
-        loop = closed_loop(one.model, gains)
+        loop = ft.closed_loop(one.model, gains)
         A = loop * (one.scaling / one.scaling[:, None])
         decay = A.T @ tuned.Q + tuned.Q @ A + np.eye(len(A))
         assert np.linalg.eigvalsh(decay).max() < ROUNDING
@@ -206,24 +195,24 @@ def test_one_q_proves_a_rate_at_every_condition_identified(left):
 
 @pytest.fixture(scope="module")
 def everywhere(left):
-    return certify_scenario(*left, envelope=True, L_d=0.015).certificate
+    return ft.certify_scenario(*left, envelope=True, L_d=0.015).certificate
 
 
 def test_a_certificate_proves_one_rate_and_radius_at_every_condition(everywhere, tmp_path):
-    identified = load_identified("aerosonde").conditions
-    save_certificate(everywhere, tmp_path / "c.json")
-    again = load_certificate(tmp_path / "c.json")
-    names = [check.name for check in verify(again).checks]
+    identified = ft.load_identified("aerosonde").conditions
+    ft.save_certificate(everywhere, tmp_path / "c.json")
+    again = ft.load_certificate(tmp_path / "c.json")
+    names = [check.name for check in ft.verify(again).checks]
 
-    assert verify(again).valid
+    assert ft.verify(again).valid
     assert tables_of(again) == tables_of(everywhere)
     assert again.claim.conditions == tuple((one.V_a, one.gamma) for one in identified)
     assert sum("A' Q + Q A + I <= 0 at vertex" in name for name in names) == len(identified)
     for model in again.models:
-        A_K = closed_loop(model, again.gains)
+        A_K = ft.closed_loop(model, again.gains)
         decay = A_K.T @ again.Q + again.Q @ A_K + np.eye(len(A_K))
         assert np.linalg.eigvalsh(decay).max() < 0.0
-        assert again.claim.rate < indicators(A_K).R_K
+        assert again.claim.rate < ft.indicators(A_K).R_K
     assert "every mixture" in again.claim.place
     assert again.claim.radius > 0.0
 
@@ -233,7 +222,7 @@ def test_a_model_changed_at_one_condition_breaks_the_proof(everywhere, number):
     tables = json.loads(json.dumps(tables_of(everywhere)))
     tables["models"][number]["A"][0][2] *= 3.0
 
-    found = verify(value_of(tables, Certificate))
+    found = ft.verify(value_of(tables, ft.Certificate))
 
     assert not found.valid
     assert "A' Q + Q A + I <= 0 at vertex" in found.reason
@@ -254,7 +243,7 @@ def test_a_file_whose_conditions_do_not_fit_is_refused(everywhere, change, messa
     change(tables)
 
     with pytest.raises(InputError, match=message):
-        value_of(tables, Certificate)
+        value_of(tables, ft.Certificate)
 
 
 def test_a_claim_over_an_envelope_is_refused_where_the_law_is_behind_a_lag():
@@ -264,11 +253,11 @@ def test_a_claim_over_an_envelope_is_refused_where_the_law_is_behind_a_lag():
     scenario = manoeuvre({"chi_deg": 5.0}, tuning={"lag_rad_s": [4.0, 8.0]}, envelope=ranges)
 
     with pytest.raises(ScenarioError, match=r"`model` of \[tuning\]"):
-        certify_scenario(scenario, PAPER_GAINS, envelope=True)
+        ft.certify_scenario(scenario, ft.PAPER_GAINS, envelope=True)
 
 
 def test_an_aircraft_without_a_model_file_says_what_writes_one(tmp_path):
     scenario = manoeuvre({"chi_deg": 5.0}, tuning={"identified": str(tmp_path)})
 
     with pytest.raises(ScenarioError, match="`flighttune identify` writes one"):
-        tune_scenario(scenario, "identified")
+        ft.tune_scenario(scenario, "identified")

@@ -11,23 +11,14 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from printed import L_D, MODEL
 
-from flighttune.certificates.certificate import (
-    Certificate,
-    load_certificate,
-    save_certificate,
-    verify,
-)
-from flighttune.certificates.make import certify
+import flighttune as ft
 from flighttune.control.envelope import Envelope
-from flighttune.control.gains import PAPER_GAINS, PIGains
-from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.errors import InputError
 from flighttune.files.value import tables_of, value_of
-from flighttune.theory.indicators import indicators
 from flighttune.tuning.envelope import largest_factor
 
 G = 9.81
-TUNED = PIGains(K_P=np.diag([2.2209, 2.4797]), K_I=3.8753 * np.eye(2))
+TUNED = ft.PIGains(K_P=np.diag([2.2209, 2.4797]), K_I=3.8753 * np.eye(2))
 ENVELOPE = Envelope(
     V_a=(22.0, 28.0),
     gamma=(np.deg2rad(-15.0), np.deg2rad(45.0)),
@@ -39,12 +30,12 @@ CLAIMED_LESS = 1e-6
 
 @pytest.fixture(scope="module")
 def at_trim():
-    return certify(MODEL, PAPER_GAINS, L_d=L_D).certificate
+    return ft.certify(MODEL, ft.PAPER_GAINS, L_d=L_D).certificate
 
 
 @pytest.fixture(scope="module")
 def over_envelope():
-    return certify(
+    return ft.certify(
         MODEL, TUNED, envelope=ENVELOPE, g=G, L_d=L_D, scenario_sha256="0" * 64
     ).certificate
 
@@ -56,21 +47,21 @@ def changed(certificate, path, change):
     for key in path[:-1]:
         at = at[key]
     at[path[-1]] = change(at.get(path[-1]) if isinstance(at, dict) else at[path[-1]])
-    return value_of(tables, Certificate)
+    return value_of(tables, ft.Certificate)
 
 
 def test_the_papers_gains_are_certified_for_their_rate_and_the_ellipsoids_radius(at_trim):
     assert at_trim.claim.rate == pytest.approx(0.4599306, rel=CLAIMED_LESS)
     assert at_trim.claim.radius == pytest.approx(0.0333, abs=5e-5)
-    assert verify(at_trim).valid
+    assert ft.verify(at_trim).valid
 
 
 def test_a_weak_certificate_says_what_it_is_worth(at_trim):
-    weak = PIGains(K_P=PAPER_GAINS.K_P, K_I=2e-5 * np.eye(2))
+    weak = ft.PIGains(K_P=ft.PAPER_GAINS.K_P, K_I=2e-5 * np.eye(2))
 
-    made = certify(MODEL, weak)
+    made = ft.certify(MODEL, weak)
 
-    hours = 2.0 * np.log(2.0) / indicators(closed_loop(MODEL, weak)).R_K / 3600.0
+    hours = 2.0 * np.log(2.0) / ft.indicators(ft.closed_loop(MODEL, weak)).R_K / 3600.0
     assert hours > 24.0
     assert at_trim.in_words == "certified"
     assert f"certified, but the proven rate halves errors in {hours:.2g} hours" in made.in_words
@@ -79,7 +70,7 @@ def test_a_weak_certificate_says_what_it_is_worth(at_trim):
 
 
 def test_the_tuned_gains_are_certified_over_an_envelope(over_envelope):
-    verification = verify(over_envelope)
+    verification = ft.verify(over_envelope)
     names = [check.name for check in verification.checks]
 
     assert verification.valid
@@ -93,12 +84,12 @@ def test_the_tuned_gains_are_certified_over_an_envelope(over_envelope):
 def test_a_file_reads_back_to_the_same_bits_and_verifies(over_envelope, tmp_path):
     path = tmp_path / "gains.json"
 
-    save_certificate(over_envelope, path)
-    again = load_certificate(path)
+    ft.save_certificate(over_envelope, path)
+    again = ft.load_certificate(path)
 
     assert tables_of(again) == tables_of(over_envelope)
     assert np.array_equal(again.Q, over_envelope.Q)
-    assert verify(path).valid
+    assert ft.verify(path).valid
     assert again.scenario_sha256 == "0" * 64
     assert {"flighttune", "solver", "clarabel"} <= set(again.made_with)
     assert [file.name for file in tmp_path.iterdir()] == ["gains.json"]
@@ -107,7 +98,7 @@ def test_a_file_reads_back_to_the_same_bits_and_verifies(over_envelope, tmp_path
 @pytest.mark.slow
 def test_verifying_a_file_does_not_even_import_a_solver(over_envelope, tmp_path):
     path = tmp_path / "gains.json"
-    save_certificate(over_envelope, path)
+    ft.save_certificate(over_envelope, path)
     code = (
         "import sys; from flighttune.certificates.certificate import verify; "
         "assert verify(sys.argv[1]).valid; print('clarabel' in sys.modules)"
@@ -146,7 +137,7 @@ CHANGES = [
 def test_a_change_that_breaks_the_claim_is_refused_and_the_inequality_named(
     over_envelope, path, change, inequality
 ):
-    verification = verify(changed(over_envelope, path, change))
+    verification = ft.verify(changed(over_envelope, path, change))
 
     assert not verification.valid
     failed = [check for check in verification.checks if not check.exact]
@@ -161,8 +152,8 @@ def test_a_single_late_digit_of_Q_is_enough(at_trim):
         for digit in (8, 15)
     )
 
-    assert not verify(late).valid
-    assert verify(later).valid
+    assert not ft.verify(late).valid
+    assert ft.verify(later).valid
 
 
 @pytest.mark.slow
@@ -184,7 +175,7 @@ def test_whatever_is_changed_the_exact_verdict_is_that_of_the_eigenvalues(
     matrix[row, column] += change
     matrix[column, row] = matrix[row, column]
 
-    verification = verify(replace(at_trim, **{key: matrix}))
+    verification = ft.verify(replace(at_trim, **{key: matrix}))
     least = min(check.margin for check in verification.checks)
 
     if abs(least) > 1e-13:
@@ -192,12 +183,12 @@ def test_whatever_is_changed_the_exact_verdict_is_that_of_the_eigenvalues(
 
 
 def test_a_model_that_is_not_the_laws_cannot_hide_behind_an_envelope(over_envelope):
-    other = LinearModel(
+    other = ft.LinearModel(
         A=MODEL.A, B=MODEL.B, C=2.0 * np.eye(2),
         states=MODEL.states, inputs=MODEL.inputs, errors=MODEL.errors,
     )  # fmt: skip
 
-    verification = verify(replace(over_envelope, model=other))
+    verification = ft.verify(replace(over_envelope, model=other))
 
     assert "trim model inside the polytope" in verification.reason
 
@@ -210,32 +201,32 @@ WIDE = Envelope(V_a=(15.0, 40.0), gamma=(-0.8, 0.8), phi=(-1.0, 1.0), n_z=(-1.0,
     ("gains", "envelope", "why"),
     [
         (TUNED, LOW, "trim model inside the polytope"),
-        (PAPER_GAINS, WIDE, "no common Q"),
-        (PIGains(K_P=-np.eye(2), K_I=np.eye(2)), None, "left half plane"),
+        (ft.PAPER_GAINS, WIDE, "no common Q"),
+        (ft.PIGains(K_P=-np.eye(2), K_I=np.eye(2)), None, "left half plane"),
     ],
 )
 def test_what_cannot_be_proven_is_refused_with_a_reason(gains, envelope, why):
-    refused = certify(MODEL, gains, envelope=envelope, g=G if envelope else None)
+    refused = ft.certify(MODEL, gains, envelope=envelope, g=G if envelope else None)
 
     assert (refused.status, refused.certificate) == ("refused", None)
     assert why in refused.reason
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("gains", [PAPER_GAINS, TUNED])
+@pytest.mark.parametrize("gains", [ft.PAPER_GAINS, TUNED])
 def test_the_largest_envelope_of_gains_can_be_proven_and_one_percent_more_cannot(gains):
     trim = Envelope.at(V_a=25.0, gamma=np.pi / 12)
     factor = largest_factor(gains, ENVELOPE, trim, g=G)
 
     largest, beyond = (ENVELOPE.scaled(trim, part * factor) for part in (1.0, 1.01))
 
-    assert certify(MODEL, gains, envelope=largest, g=G).status == "certified"
-    assert certify(MODEL, gains, envelope=beyond, g=G).status == "refused"
+    assert ft.certify(MODEL, gains, envelope=largest, g=G).status == "certified"
+    assert ft.certify(MODEL, gains, envelope=beyond, g=G).status == "refused"
 
 
 def test_a_model_with_lag_states_is_certified_at_its_trim():
     lag = 0.2
-    model = LinearModel(
+    model = ft.LinearModel(
         A=np.block([[MODEL.A, MODEL.B], [np.zeros((2, 2)), -np.eye(2) / lag]]),
         B=np.vstack([np.zeros((2, 2)), np.eye(2) / lag]),
         C=np.hstack([np.eye(2), np.zeros((2, 2))]),
@@ -244,8 +235,8 @@ def test_a_model_with_lag_states_is_certified_at_its_trim():
         errors=MODEL.errors,
     )
 
-    certified = certify(
-        model, PIGains(K_P=np.diag([3.17, 2.90]), K_I=np.diag([1.13, 0.92])), L_d=L_D
+    certified = ft.certify(
+        model, ft.PIGains(K_P=np.diag([3.17, 2.90]), K_I=np.diag([1.13, 0.92])), L_d=L_D
     )
 
     assert certified.status == "certified"
@@ -254,7 +245,7 @@ def test_a_model_with_lag_states_is_certified_at_its_trim():
 
 def test_envelope_and_gravity_go_together():
     with pytest.raises(InputError, match="`envelope` and `g`"):
-        certify(MODEL, TUNED, envelope=ENVELOPE)
+        ft.certify(MODEL, TUNED, envelope=ENVELOPE)
 
 
 def test_a_claim_must_be_positive(at_trim):
@@ -278,7 +269,7 @@ def test_a_file_that_is_no_certificate_is_named_with_what_is_wrong(tmp_path, tex
     path.write_text(text)
 
     with pytest.raises(InputError, match=r"broken\.json: .*" + message):
-        verify(path)
+        ft.verify(path)
 
 
 @pytest.mark.parametrize(

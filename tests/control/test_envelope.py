@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
 
+import flighttune as ft
 from flighttune.control.envelope import Envelope, jacobian_hull, vertex_loops
-from flighttune.control.gains import PAPER_GAINS
-from flighttune.control.linear_model import closed_loop, entry_model, kinematic_model
+from flighttune.control.linear_model import entry_model
 from flighttune.errors import InputError
 
 G = 9.81
@@ -48,16 +48,16 @@ def test_every_jacobian_of_the_envelope_lies_in_the_polytope(at):
         )
     }  # fmt: skip
 
-    assert inside(entries(kinematic_model(**values, g=G)), jacobian_hull(WIDE, g=G).corners)
+    assert inside(entries(ft.kinematic_model(**values, g=G)), jacobian_hull(WIDE, g=G).corners)
 
 
 def test_the_polytope_holds_what_the_corners_of_the_conditions_miss():
     """At zero roll b1 is least and b3 largest: between the ends of the roll range."""
     corners = [
-        entries(kinematic_model(V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=G))
+        entries(ft.kinematic_model(V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=G))
         for V_a in WIDE.V_a for gamma in WIDE.gamma for phi in WIDE.phi for n_z in WIDE.n_z
     ]  # fmt: skip
-    level = entries(kinematic_model(V_a=25.0, gamma=0.0, phi=0.0, n_z=1.0, g=G))
+    level = entries(ft.kinematic_model(V_a=25.0, gamma=0.0, phi=0.0, n_z=1.0, g=G))
 
     assert not inside(level, np.array(corners))
     assert inside(level, jacobian_hull(WIDE, g=G).corners)
@@ -73,7 +73,7 @@ def test_the_entries_range_over_hand_computed_ends():
     assert hull.upper == pytest.approx(
         [math.sin(0.785), math.cos(0.7) ** -2, 1.5 * math.sin(0.7), 1.0], rel=ROUNDING
     )
-    assert vertex_loops(WIDE, PAPER_GAINS, g=G).shape == (32, 4, 4)
+    assert vertex_loops(WIDE, ft.PAPER_GAINS, g=G).shape == (32, 4, 4)
 
 
 def test_roll_on_one_side_has_its_extremes_at_the_ends():
@@ -87,14 +87,14 @@ def test_roll_on_one_side_has_its_extremes_at_the_ends():
 
 
 def test_the_polytope_of_a_single_condition_is_the_models_own_loop():
-    model = kinematic_model(V_a=25.0, gamma=math.pi / 12, g=G)
+    model = ft.kinematic_model(V_a=25.0, gamma=math.pi / 12, g=G)
 
-    for A in vertex_loops(TRIM, PAPER_GAINS, g=G):
-        assert pytest.approx(closed_loop(model, PAPER_GAINS), abs=ROUNDING) == A
+    for A in vertex_loops(TRIM, ft.PAPER_GAINS, g=G):
+        assert pytest.approx(ft.closed_loop(model, ft.PAPER_GAINS), abs=ROUNDING) == A
 
 
 def test_entries_make_the_model_they_were_read_from():
-    model = kinematic_model(V_a=31.0, gamma=0.3, phi=-0.2, n_z=1.4, g=G)
+    model = ft.kinematic_model(V_a=31.0, gamma=0.3, phi=-0.2, n_z=1.4, g=G)
 
     rebuilt = entry_model(entries(model))
 

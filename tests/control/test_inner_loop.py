@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from printed import MODEL
 
+import flighttune as ft
 from flighttune.control.inner_loop import (
-    InnerLag,
     inner_loop_scaling,
     with_inner_loop,
     with_input_delay,
@@ -18,8 +18,8 @@ from flighttune.errors import InputError, ShapeError
 
 ROUNDING = 1e-12
 SLOW, FAST = (
-    InnerLag(order=2, natural_frequency=6.0, damping=0.7),
-    InnerLag(order=3, natural_frequency=12.0, damping=0.4, lag=0.1, delay=0.05),
+    ft.InnerLag(order=2, natural_frequency=6.0, damping=0.7),
+    ft.InnerLag(order=3, natural_frequency=12.0, damping=0.4, lag=0.1, delay=0.05),
 )
 
 
@@ -38,7 +38,7 @@ def test_each_input_is_multiplied_by_its_own_transfer_function(s):
 
 
 def test_first_order_without_delay_is_the_plain_input_lag():
-    lags = InnerLag(order=1, natural_frequency=4.0), InnerLag(order=1, natural_frequency=8.0)
+    lags = ft.InnerLag(order=1, natural_frequency=4.0), ft.InnerLag(order=1, natural_frequency=8.0)
 
     found, plain = with_inner_loop(MODEL, lags), with_input_lag(MODEL, [4.0, 8.0])
 
@@ -73,9 +73,12 @@ def test_the_response_is_exact_in_the_delay():
 @pytest.mark.parametrize(
     ("lag", "bandwidth"),
     [
-        (InnerLag(order=1, natural_frequency=4.0, delay=0.3), 4.0),
-        (InnerLag(order=2, natural_frequency=5.0, damping=math.sqrt(0.5)), 5.0),
-        (InnerLag(order=2, natural_frequency=5.0, damping=1.0), 5.0 * math.sqrt(math.sqrt(2) - 1)),
+        (ft.InnerLag(order=1, natural_frequency=4.0, delay=0.3), 4.0),
+        (ft.InnerLag(order=2, natural_frequency=5.0, damping=math.sqrt(0.5)), 5.0),
+        (
+            ft.InnerLag(order=2, natural_frequency=5.0, damping=1.0),
+            5.0 * math.sqrt(math.sqrt(2) - 1),
+        ),
     ],
 )
 def test_bandwidth_is_where_half_the_power_is_lost(lag, bandwidth):
@@ -84,7 +87,7 @@ def test_bandwidth_is_where_half_the_power_is_lost(lag, bandwidth):
 
 def test_a_lag_at_rest_has_gain_one_and_adding_delay_keeps_the_rest():
     assert abs(FAST.response(1e-9)) == pytest.approx(1.0)
-    assert FAST.delayed(0.02) == InnerLag(
+    assert FAST.delayed(0.02) == ft.InnerLag(
         order=3, natural_frequency=12.0, damping=0.4, lag=0.1, delay=0.07
     )
 
@@ -108,8 +111,16 @@ def test_a_lag_counts_by_the_turn_it_causes():
 @pytest.mark.parametrize(
     ("call", "error", "message"),
     [
-        (lambda: InnerLag(order=4, natural_frequency=1.0), InputError, "`order` must be 1, 2 or 3"),
-        (lambda: InnerLag(order=1, natural_frequency=0.0), InputError, "`natural_frequency` must"),
+        (
+            lambda: ft.InnerLag(order=4, natural_frequency=1.0),
+            InputError,
+            "`order` must be 1, 2 or 3",
+        ),
+        (
+            lambda: ft.InnerLag(order=1, natural_frequency=0.0),
+            InputError,
+            "`natural_frequency` must",
+        ),
         (lambda: SLOW.delayed(-1.0), InputError, "`delay` must not be negative, got -1"),
         (lambda: with_inner_loop(MODEL, (SLOW,)), ShapeError, "`lags` must be 2"),
         (lambda: with_input_lag(MODEL, [4.0, 0.0]), InputError, "`bandwidths` must be positive"),

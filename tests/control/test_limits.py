@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flighttune.control.limits import Limits
+import flighttune as ft
 from flighttune.errors import InputError, ShapeError
 
 ONE = np.ones(2)
@@ -22,17 +22,17 @@ ONE = np.ones(2)
 def test_limits_that_cannot_be_are_refused(change, error, message):
     fields = {"lower": -ONE, "upper": ONE, "rate_lower": -ONE, "rate_upper": ONE}
     with pytest.raises(error, match=message):
-        Limits(**{**fields, **change})
+        ft.Limits(**{**fields, **change})
 
 
 def test_limits_cannot_be_changed():
     with pytest.raises(ValueError, match="read-only"):
-        Limits.none(2).lower[0] = 3.0
+        ft.Limits.none(2).lower[0] = 3.0
 
 
 def test_limits_that_hold_together_are_the_narrower_of_each():
-    wide = Limits(lower=-2 * ONE, upper=[1.0, 5.0], rate_lower=-ONE, rate_upper=[9.0, 0.1])
-    narrow = Limits(lower=-ONE, upper=2 * ONE, rate_lower=-2 * ONE, rate_upper=ONE)
+    wide = ft.Limits(lower=-2 * ONE, upper=[1.0, 5.0], rate_lower=-ONE, rate_upper=[9.0, 0.1])
+    narrow = ft.Limits(lower=-ONE, upper=2 * ONE, rate_lower=-2 * ONE, rate_upper=ONE)
 
     both = wide.within(narrow)
 
@@ -40,4 +40,4 @@ def test_limits_that_hold_together_are_the_narrower_of_each():
     assert both.upper.tolist() == [1.0, 2.0]
     assert both.rate_lower.tolist() == [-1.0, -1.0]
     assert both.rate_upper.tolist() == [1.0, 0.1]
-    assert wide.within(Limits.none(2)).upper.tolist() == wide.upper.tolist()
+    assert wide.within(ft.Limits.none(2)).upper.tolist() == wide.upper.tolist()

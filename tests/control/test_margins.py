@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from printed import MODEL
 
-from flighttune.control.gains import PAPER_GAINS, PIGains
+import flighttune as ft
 from flighttune.control.inner_loop import with_input_delay, with_input_lag
-from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.control.margins import delay_margin, lag_margin, loop_margins
 
 LAGGED = with_input_lag(MODEL, (4.0, 8.0))
-K6 = PIGains(K_P=PAPER_GAINS.K_P - np.eye(2), K_I=PAPER_GAINS.K_I - np.eye(2))
+K6 = ft.PIGains(K_P=ft.PAPER_GAINS.K_P - np.eye(2), K_I=ft.PAPER_GAINS.K_I - np.eye(2))
 BELOW, ABOVE = 0.99, 1.01
 PADE_SECTIONS = 6
 HALF_MILLISECOND = 5e-4
@@ -26,8 +25,8 @@ REFERENCE = json.loads(
 """Of python-control with SLICOT; made by make.py in the same folder."""
 
 
-def abscissa(model, gains=PAPER_GAINS):
-    return np.linalg.eigvals(closed_loop(model, gains)).real.max()
+def abscissa(model, gains=ft.PAPER_GAINS):
+    return np.linalg.eigvals(ft.closed_loop(model, gains)).real.max()
 
 
 def with_input_gains(model, factors):
@@ -35,11 +34,11 @@ def with_input_gains(model, factors):
 
 
 def test_the_papers_gains_lose_stability_at_a_lag_of_0_360_s_and_k6_at_0_169_s():
-    assert lag_margin(MODEL, PAPER_GAINS) == pytest.approx(0.360, abs=HALF_MILLISECOND)
+    assert lag_margin(MODEL, ft.PAPER_GAINS) == pytest.approx(0.360, abs=HALF_MILLISECOND)
     assert lag_margin(MODEL, K6) == pytest.approx(0.169, abs=HALF_MILLISECOND)
 
 
-@pytest.mark.parametrize("gains", [PAPER_GAINS, K6])
+@pytest.mark.parametrize("gains", [ft.PAPER_GAINS, K6])
 def test_a_lag_at_the_margin_puts_a_pair_on_the_imaginary_axis(gains):
     lag = lag_margin(MODEL, gains)
 
@@ -54,7 +53,7 @@ def delayed_by(delay, model):
 
 
 @pytest.mark.parametrize(
-    ("model", "gains"), [(MODEL, PAPER_GAINS), (MODEL, K6), (LAGGED, PAPER_GAINS)]
+    ("model", "gains"), [(MODEL, ft.PAPER_GAINS), (MODEL, K6), (LAGGED, ft.PAPER_GAINS)]
 )
 def test_a_delay_in_all_inputs_destabilises_at_the_margin(model, gains):
     delay = delay_margin(model, gains)
@@ -65,7 +64,7 @@ def test_a_delay_in_all_inputs_destabilises_at_the_margin(model, gains):
 
 @pytest.mark.parametrize("i", [0, 1])
 def test_each_channels_margins_are_where_that_channel_destabilises(i):
-    channel = loop_margins(LAGGED, PAPER_GAINS)[i]
+    channel = loop_margins(LAGGED, ft.PAPER_GAINS)[i]
 
     assert channel.loop == LAGGED.inputs[i]
     for factor, is_stable in ((BELOW, True), (ABOVE, False)):
@@ -83,10 +82,10 @@ def stored_loop(case):
     A, B, C, K = (np.array(case[key]) for key in ("A", "B", "C", "K"))
     p = len(C)
     inputs, errors = (tuple(f"{kind}{i}" for i in range(p)) for kind in "ue")
-    model = LinearModel(
+    model = ft.LinearModel(
         A=A, B=B, C=C, states=tuple(map(str, range(len(A)))), inputs=inputs, errors=errors
     )
-    return model, PIGains(K_P=K[:, :p], K_I=K[:, p:], inputs=inputs, errors=errors)
+    return model, ft.PIGains(K_P=K[:, :p], K_I=K[:, p:], inputs=inputs, errors=errors)
 
 
 @pytest.mark.parametrize("name", REFERENCE)
@@ -106,7 +105,7 @@ def test_margins_are_those_of_python_control_with_slicot(name):
 
 
 def test_every_change_inside_the_disk_margin_is_survived():
-    *channels, together = loop_margins(LAGGED, PAPER_GAINS)
+    *channels, together = loop_margins(LAGGED, ft.PAPER_GAINS)
     rng = np.random.default_rng(0)
 
     for exponents in rng.uniform(-1.0, 1.0, (200, 2)):
@@ -117,7 +116,7 @@ def test_every_change_inside_the_disk_margin_is_survived():
 
 
 def test_an_unstable_loop_has_no_margins():
-    nothing = PIGains(K_P=np.zeros((2, 2)), K_I=np.zeros((2, 2)))
+    nothing = ft.PIGains(K_P=np.zeros((2, 2)), K_I=np.zeros((2, 2)))
 
     assert loop_margins(MODEL, nothing) == ()
     assert lag_margin(MODEL, nothing) == 0.0

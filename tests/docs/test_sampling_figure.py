@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from figures.sampling import overshoot, sampled_steps, sampling_figure
 
-from flighttune.control.gains import PAPER_GAINS, PIGains
+import flighttune as ft
 
 pytestmark = pytest.mark.slow
 
-GENTLE = PIGains(K_P=np.diag([3.2, 3.1]), K_I=np.diag([1.5, 1.2]))
+GENTLE = ft.PIGains(K_P=np.diag([3.2, 3.1]), K_I=np.diag([1.5, 1.2]))
 OF_THE_STEP = 0.07
 """Largest difference between the flown step and the predicted one, over the step."""
 OVERSHOOT = 0.05
@@ -18,7 +18,10 @@ OVERSHOOT = 0.05
 @pytest.fixture(scope="module")
 def steps():
     return sampled_steps(
-        "aerosonde", {"paper": PAPER_GAINS, "gentle": GENTLE}, V_a=25.0, rates=(10.0, 40.0, 100.0)
+        "aerosonde",
+        {"paper": ft.PAPER_GAINS, "gentle": GENTLE},
+        V_a=25.0,
+        rates=(10.0, 40.0, 100.0),
     )
 
 

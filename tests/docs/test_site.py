@@ -10,10 +10,7 @@ from urllib.parse import quote, unquote, urlsplit
 import pytest
 from browser import headless_chromium
 
-import flighttune
-from flighttune.flight.fly import fly
-from flighttune.recording.record import record
-from flighttune.scenario import load_scenario
+import flighttune as ft
 
 pytestmark = pytest.mark.soak
 
@@ -71,7 +68,7 @@ def test_every_public_name_is_in_the_reference_and_found_by_the_search(site):
     pages = [path.read_text() for path in (site / "docs" / "api").glob("*.html")]
     anchors = set().union(*(Page(page).anchors for page in pages))
     index = (site / "searchindex.js").read_text().lower()
-    for name in flighttune.__all__:
+    for name in ft.__all__:
         assert f"flighttune.{name}" in anchors, name
         assert name.lower() in index, name
     private = r"flighttune\.[a-z_]+\.[\w.]+"
@@ -115,7 +112,7 @@ def test_no_key_or_column_that_is_documented_is_lost():
 
 def test_other_programs_read_our_flights_as_the_page_says(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    record(fly(load_scenario("paper")), "runs/paper", name="paper")
+    ft.record(ft.fly(ft.load_scenario("paper")), "runs/paper", name="paper")
     page = (ROOT / "docs" / "reading.md").read_text()
     blocks = re.findall(r"```python\n(.*?)```", page, re.DOTALL)
     assert len(blocks) == 2

@@ -11,10 +11,6 @@ import pytest
 from commands import answer
 
 import flighttune as ft
-from flighttune.control.controller import FlightCondition, Measured, ReferenceSample
-from flighttune.control.gains import PIGains
-from flighttune.control.limits import Limits
-from flighttune.control.mimo_pi import MimoPI
 from flighttune.exports import c_source, export_c
 from flighttune.flight.outer_loop import gain_set
 
@@ -22,10 +18,10 @@ COMPILER = shutil.which("cc") or shutil.which("gcc")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler is installed")
 
 SAMPLES = 10_000
-GAINS = PIGains(
+GAINS = ft.PIGains(
     K_P=np.array([[2.7, -0.31], [0.12, 3.3]]), K_I=np.array([[1.1, 0.07], [-0.05, 1.9]])
 )
-LIMITS = Limits(
+LIMITS = ft.Limits(
     lower=np.array([-0.8, -2.1]),
     upper=np.array([0.7, 2.2]),
     rate_lower=np.array([-0.5, -1.0]),
@@ -78,14 +74,14 @@ def random_samples():
 @needs_compiler
 @pytest.mark.parametrize("settings", LAWS.values(), ids=LAWS)
 def test_the_c_file_commands_what_mimo_pi_does_to_the_bit(settings, tmp_path):
-    law = MimoPI(GAINS, dt=0.02, **{"limits": LIMITS, **settings})
+    law = ft.MimoPI(GAINS, dt=0.02, **{"limits": LIMITS, **settings})
     loop, state = compiled(c_source(law, title="a */ b", gains="c\nd"), tmp_path), OuterLoop()
-    law.start(FlightCondition(V_a=25.0, phi=0.1, n_z=0.9))
+    law.start(ft.FlightCondition(V_a=25.0, phi=0.1, n_z=0.9))
     loop.ft_outer_loop_start(state, 0.1, 0.9)
     limited = 0
     for chi_ref, gamma_ref, chi, gamma, phi, V_a in random_samples():
-        measured = Measured(chi, gamma, V_a, phi, 1.0, 100.0, (0.0, 0.0, 0.0), None)
-        expected = law.step(measured, ReferenceSample(chi_ref, gamma_ref, 0.0, 0.0), 0.0)
+        measured = ft.Measured(chi, gamma, V_a, phi, 1.0, 100.0, (0.0, 0.0, 0.0), None)
+        expected = law.step(measured, ft.ReferenceSample(chi_ref, gamma_ref, 0.0, 0.0), 0.0)
 
         loop.ft_outer_loop_step(state, chi_ref, gamma_ref, chi, gamma, phi, V_a)
 

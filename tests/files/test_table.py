@@ -6,13 +6,11 @@ import time
 
 import pytest
 
+import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.certificates.certificate import load_certificate
 from flighttune.errors import InputError
 from flighttune.files.shipped import scenario_files
 from flighttune.files.table import MAX_BYTES, toml_tables
-from flighttune.identification.file import load_identified
-from flighttune.scenario import load_gains, load_scenario
 
 TOML, JSON = ".toml", ".json"
 
@@ -23,12 +21,12 @@ def of_aircraft(path):
 
 
 READERS = [
-    (load_scenario, TOML),
+    (ft.load_scenario, TOML),
     (of_aircraft, TOML),
-    (load_gains, TOML),
-    (load_gains, JSON),
-    (load_certificate, JSON),
-    (load_identified, JSON),
+    (ft.load_gains, TOML),
+    (ft.load_gains, JSON),
+    (ft.load_certificate, JSON),
+    (ft.load_identified, JSON),
 ]
 EVERY_READER = pytest.mark.parametrize(
     ("read", "suffix"), READERS, ids=[f"{read.__name__}{suffix}" for read, suffix in READERS]
@@ -91,12 +89,12 @@ def test_an_unknown_key_and_a_value_of_any_length_are_abridged(tmp_path, read, s
 def test_a_word_of_any_length_is_abridged_where_a_table_checks_itself(tmp_path):
     text = scenario_files()["paper"].read_text().replace('"paper"', f'"{"w" * 5000}"')
 
-    assert len(refusal(load_scenario, written(tmp_path / "long.toml", text))) < 1000
+    assert len(refusal(ft.load_scenario, written(tmp_path / "long.toml", text))) < 1000
 
 
 def test_a_file_without_an_end_is_not_read_to_its_end():
     with pytest.raises(InputError, match="at most 16000000 bytes"):
-        load_certificate("/dev/zero")
+        ft.load_certificate("/dev/zero")
 
 
 @pytest.mark.parametrize("name", ["paper", "c172_cruise_turn"])
@@ -105,7 +103,7 @@ def test_line_ends_of_windows_are_read_as_those_of_unix(name, tmp_path):
     copy = tmp_path / shipped.name
     copy.write_bytes(shipped.read_bytes().replace(b"\n", b"\r\n"))
 
-    assert load_scenario(copy).as_dict() == load_scenario(shipped).as_dict()
+    assert ft.load_scenario(copy).as_dict() == ft.load_scenario(shipped).as_dict()
 
 
 LONG = "x" * 1_000_000

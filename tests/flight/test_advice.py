@@ -5,9 +5,8 @@ import math
 import pytest
 from made_up import made_up_scenario
 
+import flighttune as ft
 from flighttune.flight.advice import advice
-from flighttune.flight.fly import fly
-from flighttune.scenario import load_scenario, scenario_from
 
 TURN = {"chi_deg": 60.0, "gamma_deg": 0.0}
 RAMP = {"chi_deg": [{"shape": "ramp", "duration_s": 2.0, "rate_dps": 20.0}], "gamma_deg": 0.0}
@@ -39,7 +38,7 @@ def test_what_may_help_is_said_and_nothing_else(change, bound, said):
     }
     scenario = made_up_scenario(**(tables | change))
 
-    line = advice(scenario, fly(scenario).runs, "x.toml")
+    line = advice(scenario, ft.fly(scenario).runs, "x.toml")
 
     ways = (FEASIBLE, SLOWER, MEET, IDENTIFIED, SCHEDULE)
     assert {way for way in ways if way in line} == said
@@ -71,9 +70,9 @@ def test_a_law_with_the_wrong_sign_or_in_degrees_gets_that_hint(roll_by, pull_by
             return 1.5 * roll_by * e_chi, lift + 1.5 * pull_by * e_gamma
 
     expect = [{"at_most": {"chi": {"MO_deg": 1.0}}}]
-    tables = load_scenario("paper").as_dict() | {"gains": ["paper"], "expect": expect}
-    scenario = scenario_from(tables | {"plant": [{"kind": "kinematic"}]})
-    flown = fly(scenario, laws={"mine": Mine})
+    tables = ft.load_scenario("paper").as_dict() | {"gains": ["paper"], "expect": expect}
+    scenario = ft.scenario_from(tables | {"plant": [{"kind": "kinematic"}]})
+    flown = ft.fly(scenario, laws={"mine": Mine})
     runs = [run for run in flown.runs if "mine" in run.label]
 
     found = advice(flown.scenario, runs, "x.toml")

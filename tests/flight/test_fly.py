@@ -5,21 +5,20 @@ import tomllib
 import numpy as np
 import pytest
 
+import flighttune as ft
 from flighttune.files.shipped import scenario_files
-from flighttune.flight.fly import fly
-from flighttune.scenario import scenario_from
 
 ROUNDING = 1e-12
 
 
 def scenario(**tables):
     given = tomllib.loads(scenario_files()["paper"].read_text())
-    return scenario_from({**given, "gains": ["paper"], "expect": [], **tables})
+    return ft.scenario_from({**given, "gains": ["paper"], "expect": [], **tables})
 
 
 def test_the_controller_keeps_inside_the_limits_of_the_aircraft_it_flies():
     wide = {"phi_deg": [-80.0, 80.0], "n_z": [-3.0, 3.0]}
-    runs = {run.provenance.plant: run for run in fly(scenario(limits=wide)).runs}
+    runs = {run.provenance.plant: run for run in ft.fly(scenario(limits=wide)).runs}
 
     kinematic, aircraft = (runs[name].signals for name in ("kinematic", "jsbsim:aerosonde"))
     assert np.rad2deg(kinematic["phi_cmd"].abs().max()) > 60.0
@@ -29,14 +28,14 @@ def test_the_controller_keeps_inside_the_limits_of_the_aircraft_it_flies():
 
 def test_gains_that_are_numbers_fly_without_the_identified_file_that_tuning_names():
     tables = {"plant": [{"kind": "kinematic"}], "expect": []}
-    (run,) = fly(scenario(tuning={"identified": "gone.json"}, **tables)).runs
+    (run,) = ft.fly(scenario(tuning={"identified": "gone.json"}, **tables)).runs
 
     assert run.status == "completed"
 
 
 def test_where_there_is_no_steady_flight_the_run_says_why_and_the_others_fly():
     dive = {"V_a_mps": 25.0, "gamma_deg": -30.0, "duration_s": 5.0}
-    kinematic, aircraft = fly(scenario(flight=dive)).runs
+    kinematic, aircraft = ft.fly(scenario(flight=dive)).runs
 
     assert kinematic.status == "completed"
     assert aircraft.status == "no_trim"
@@ -47,7 +46,7 @@ def test_where_there_is_no_steady_flight_the_run_says_why_and_the_others_fly():
 def test_a_run_knows_what_made_it_and_tells_its_progress():
     told = {}
 
-    (run, _) = fly(
+    (run, _) = ft.fly(
         scenario(seed=7), progress=lambda label, part: told.setdefault(label, []).append(part)
     ).runs
 
@@ -56,14 +55,14 @@ def test_a_run_knows_what_made_it_and_tells_its_progress():
     assert run.provenance.seed == 7
     assert run.provenance.scenario["flight"]["V_a_mps"] == 25.0
     assert {"flighttune", "numpy", "jsbsim", "python"} <= run.provenance.versions.keys()
-    assert scenario_from(dict(run.provenance.scenario)) == scenario(seed=7)
+    assert ft.scenario_from(dict(run.provenance.scenario)) == scenario(seed=7)
 
 
 @pytest.mark.parametrize("rate_hz", [10.0, 30.0, 60.0, 100.0, 250.0])
 def test_any_controller_rate_flies_on_the_full_aircraft(rate_hz):
     settings = {"rate_hz": rate_hz, "feed_forward": True}
     short = {"V_a_mps": 25.0, "duration_s": 2.0}
-    (_, run) = fly(scenario(controller=settings, flight=short)).runs
+    (_, run) = ft.fly(scenario(controller=settings, flight=short)).runs
 
     assert run.status == "completed"
     assert len(run.signals) == round(2.0 * rate_hz) + 1

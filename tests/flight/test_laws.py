@@ -4,15 +4,12 @@ import numpy as np
 import pytest
 from made_up import made_up_scenario
 
+import flighttune as ft
 from flighttune.claims.linear_loop import flight_check
-from flighttune.control.gains import PAPER_GAINS, rate_gains
 from flighttune.errors import ScenarioError
-from flighttune.flight.fly import fly
-from flighttune.flight.outer_loop import certify_scenario, gain_set, tune_scenario
+from flighttune.flight.outer_loop import gain_set
 from flighttune.metrics import METRICS
 from flighttune.records.parquet import read_run, write_run
-from flighttune.records.refly import refly
-from flighttune.scenario import load_gains, scenario_from
 
 ENVELOPE = {
     "V_a_mps": [20.0, 30.0],
@@ -36,7 +33,7 @@ def scenario(**tables):
 
 
 def test_runs_with_the_papers_law_keep_their_names_and_others_say_law_and_gains():
-    flown = fly(scenario())
+    flown = ft.fly(scenario())
 
     assert [run.label for run in flown.runs] == [
         "kinematic / paper",
@@ -52,7 +49,7 @@ def test_a_scenario_of_the_papers_law_alone_has_the_same_hash_as_ever():
     tables = scenario().as_dict()
     without = {key: value for key, value in tables.items() if key != "law"}
 
-    assert "law" not in scenario_from(without).as_dict()
+    assert "law" not in ft.scenario_from(without).as_dict()
 
 
 @pytest.mark.slow
@@ -60,10 +57,10 @@ def test_gains_of_the_papers_law_are_mapped_and_tuned_ones_are_those_of_the_law(
     mapped = gain_set(scenario(), "exact:paper")
     own = scenario(law="exact", gains=["tuned"])
 
-    assert mapped == rate_gains(PAPER_GAINS, V_a=25.0)
-    assert gain_set(own, "exact:tuned") == tune_scenario(own).gains
-    assert tune_scenario(own).gains.law == "exact"
-    assert tune_scenario(own).I_K <= 5.0 + 1e-6
+    assert mapped == ft.rate_gains(ft.PAPER_GAINS, V_a=25.0)
+    assert gain_set(own, "exact:tuned") == ft.tune_scenario(own).gains
+    assert ft.tune_scenario(own).gains.law == "exact"
+    assert ft.tune_scenario(own).I_K <= 5.0 + 1e-6
 
 
 def test_numbers_are_in_the_units_of_the_law_that_flies_or_that_the_table_names():
@@ -83,23 +80,23 @@ def test_a_gains_file_says_whose_it_is(tmp_path):
         'law = "exact"\nK_P = [[1.4, 0.0], [0.0, 1.2]]\nK_I = [[0.7, 0.0], [0.0, 0.7]]\n'
     )
 
-    assert load_gains(file).law == "exact"
-    assert load_gains(file).inputs == ("chi_dot", "gamma_dot")
+    assert ft.load_gains(file).law == "exact"
+    assert ft.load_gains(file).inputs == ("chi_dot", "gamma_dot")
 
 
 def test_a_run_of_the_exact_law_is_read_and_flown_again_to_the_bit(tmp_path):
     tables = [{"name": "slow", "kind": "exact", "lift_floor": 0.3, "priority": "chi"}]
-    run = fly(scenario(law=tables)).runs[0]
+    run = ft.fly(scenario(law=tables)).runs[0]
     write_run(run, tmp_path / "run.parquet")
     again = read_run(tmp_path / "run.parquet")
 
     assert again.label == "kinematic / slow:paper"
     assert again.provenance.gains == run.provenance.gains
-    assert [one.difference for one in refly([again])] == [None]
+    assert [one.difference for one in ft.refly([again])] == [None]
 
 
 def test_the_exact_law_on_the_point_mass_is_its_linear_loop():
-    run = fly(scenario(gains=[{**TRIAL, "law": "exact"}])).runs[-1]
+    run = ft.fly(scenario(gains=[{**TRIAL, "law": "exact"}])).runs[-1]
     check = flight_check(run)
 
     assert run.label == "point_mass / exact:trial"
@@ -112,17 +109,17 @@ def test_its_rate_is_the_same_over_any_envelope_and_kstar_has_none_there():
     both = scenario(envelope=ENVELOPE)
     exact, paper = (gain_set(both, name) for name in ("exact:paper", "paper"))
 
-    everywhere = certify_scenario(both, exact, envelope=True)
-    at_trim = certify_scenario(both, exact)
+    everywhere = ft.certify_scenario(both, exact, envelope=True)
+    at_trim = ft.certify_scenario(both, exact)
 
     assert everywhere.status == "certified"
     assert everywhere.certificate.claim.rate == at_trim.certificate.claim.rate
-    assert certify_scenario(both, paper, envelope=True).status != "certified"
+    assert ft.certify_scenario(both, paper, envelope=True).status != "certified"
 
 
 def test_an_expectation_may_name_law_and_gains():
     tables = [{"gains": "exact:paper", "at_most": {"chi": {"ITAE": 0.0}}}]
-    missed = fly(scenario(expect=tables)).claim.missed
+    missed = ft.fly(scenario(expect=tables)).claim.missed
 
     assert len(missed) == 2
     assert all("exact:paper" in sentence for sentence in missed)
@@ -162,8 +159,8 @@ def test_the_batch_flies_the_exact_law_as_the_single_run_does(anti_windup):
         scenario(law=laws, limits=limits, controller={"anti_windup": anti_windup}, sensors=sensors),
         scenario(law="exact", gains=[TRIAL], flight={"V_a_mps": 30.0, "duration_s": 3.0}),
     ):
-        (run, *_), law = fly(plain).runs, plain.laws[0]
-        alone = fly(plain).metrics_of(run)
+        (run, *_), law = ft.fly(plain).runs, plain.laws[0]
+        alone = ft.fly(plain).metrics_of(run)
         assert batchable(plain, plain.plant[0], law)
 
         (together,) = fly_batch([plain], law, run.provenance.gains)

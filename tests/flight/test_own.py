@@ -13,19 +13,14 @@ import pytest
 from made_up import made_up_scenario
 from plain_members import Glider, Proportional
 
+import flighttune as ft
 from flighttune import COMMON_SIGNALS, InnerLag, LaggedPlant, PointMassPlant, record
-from flighttune.campaign.planning.load import load_campaign
-from flighttune.campaign.planning.plan import plan_campaign, plan_from
+from flighttune.campaign.planning.plan import plan_from
 from flighttune.claims.linear_loop import flight_check
-from flighttune.control.controller import FlightCondition
 from flighttune.errors import InputError, PlantError, ScenarioError
 from flighttune.flight import apart
-from flighttune.flight.fly import fly
 from flighttune.flight.own import with_own
 from flighttune.recording.plots import LAW_TAB, displayed, shown_plots
-from flighttune.records.parquet import load_recording
-from flighttune.records.refly import refly
-from flighttune.scenario import load_scenario, scenario_from
 
 SCENARIO = """
     title = "own"
@@ -85,7 +80,7 @@ def mine(_):
 
 
 def test_own_laws_and_plants_fly_beside_those_of_the_scenario(scenario):
-    flown = fly(scenario, laws={"mine": mine}, plants={"glider": Glider})
+    flown = ft.fly(scenario, laws={"mine": mine}, plants={"glider": Glider})
 
     assert [run.label for run in flown.runs] == [
         "kinematic / paper",
@@ -112,30 +107,30 @@ def test_a_law_is_flown_once_unless_it_takes_gains(scenario, takes_gains, names)
 
     Mine.takes_gains = takes_gains
     both = scenario.model_copy(update={"gains": ["paper", "K3"]})
-    flown = fly(both, laws={"mine": Mine})
+    flown = ft.fly(both, laws={"mine": Mine})
 
     assert [run.provenance.gains_name for run in flown.runs] == ["paper", "K3", *names]
     assert flown.scenario.gain_names == ("paper", "K3", *names)
 
 
 def test_they_are_recorded_read_and_flown_again_with_their_classes(scenario, tmp_path):
-    flown = fly(scenario, laws={"mine": mine}, plants={"glider": Glider})
+    flown = ft.fly(scenario, laws={"mine": mine}, plants={"glider": Glider})
     record(flown, tmp_path / "out")
-    again = load_recording(tmp_path / "out").runs
+    again = ft.load_recording(tmp_path / "out").runs
 
-    reflown = refly(again, laws={"mine": mine}, plants={"glider": Glider})
+    reflown = ft.refly(again, laws={"mine": mine}, plants={"glider": Glider})
     assert [one.difference for one in reflown] == [None] * 4
     with pytest.raises(ScenarioError, match=r"\[\[law\]\] mine: .*`laws="):
-        refly(again)
+        ft.refly(again)
 
 
 def test_what_a_law_records_keeps_its_unit_and_is_drawn(scenario, tmp_path):
-    flown = fly(scenario, laws={"mine": mine})
+    flown = ft.fly(scenario, laws={"mine": mine})
     written = record(flown, tmp_path / "out")
 
     field = pq.read_schema(written.signals["kinematic / mine:paper"]).field("chi_seen")
     assert field.metadata == {b"unit": b"rad"}
-    (again,) = (run for run in load_recording(tmp_path / "out").runs if "mine" in run.label)
+    (again,) = (run for run in ft.load_recording(tmp_path / "out").runs if "mine" in run.label)
     assert again.units == {"chi_seen": "rad"}
     (plot,) = (one for one in shown_plots([again])[LAW_TAB] if one.signal == "chi_seen")
     assert plot.heading == "chi_seen [rad]"
@@ -150,7 +145,7 @@ def test_a_law_with_a_linear_model_has_indicators(scenario):
 
             return rate_model(), rate_gains(PAPER_GAINS, V_a=25.0)
 
-    flown = fly(scenario, laws={"mine": lambda _: Linear()})
+    flown = ft.fly(scenario, laws={"mine": lambda _: Linear()})
 
     # at gamma = 0 that is the loop of the paper's law
     assert flown.indicators["mine:paper"].R_K == pytest.approx(flown.indicators["paper"].R_K)
@@ -160,16 +155,16 @@ def test_a_law_that_cannot_be_made_ends_its_own_flights_alone(scenario):
     def broken(_):
         raise KeyError("no model")
 
-    flown = fly(scenario, laws={"mine": broken})
+    flown = ft.fly(scenario, laws={"mine": broken})
 
     assert [run.status for run in flown.runs] == ["completed", "law_failed"]
     assert flown.runs[1].reason.startswith("law mine at t = 0.00 s: KeyError: 'no model'")
 
 
 def test_a_law_of_another_sample_time_is_said_so(scenario):
-    changed = scenario_from(scenario.as_dict() | {"controller": {"rate_hz": 100.0}})
+    changed = ft.scenario_from(scenario.as_dict() | {"controller": {"rate_hz": 100.0}})
 
-    (_, run) = fly(changed, laws={"mine": mine}).runs
+    (_, run) = ft.fly(changed, laws={"mine": mine}).runs
 
     assert "`dt` must be that of the flight, 0.01 s, got 0.02" in run.reason
 
@@ -201,7 +196,7 @@ class Short(Glider):
     ],
 )
 def test_a_plant_that_fails_ends_its_flight_in_one_line(scenario, plant, status, said):
-    (_, run) = fly(scenario, plants={"mine": plant}).runs
+    (_, run) = ft.fly(scenario, plants={"mine": plant}).runs
 
     assert run.status == status
     assert said in run.reason
@@ -210,8 +205,8 @@ def test_a_plant_that_fails_ends_its_flight_in_one_line(scenario, plant, status,
 
 
 def test_a_file_names_a_class_and_its_parameters_and_the_recording_knows_its_hash(files):
-    scenario = load_scenario(files / "own.toml")
-    flown = fly(scenario)
+    scenario = ft.load_scenario(files / "own.toml")
+    flown = ft.fly(scenario)
     (run,) = flown.runs
 
     assert run.label == "point_mass / mine:paper"
@@ -219,35 +214,35 @@ def test_a_file_names_a_class_and_its_parameters_and_the_recording_knows_its_has
     (table,) = run.provenance.scenario["law"]
     assert len(table["sha256"]) == 64
     assert table["class"] == "Mine"
-    assert [one.difference for one in refly(flown.runs)] == [None]
+    assert [one.difference for one in ft.refly(flown.runs)] == [None]
 
 
 def test_a_file_that_is_gone_or_changed_is_refused(files):
-    scenario = load_scenario(files / "own.toml")
+    scenario = ft.load_scenario(files / "own.toml")
     law = files / "my_law.py"
     law.write_text(law.read_text() + "\n# changed\n")
 
     with pytest.raises(ScenarioError, match=r"\[\[law\]\] mine: `module`.* the file"):
-        fly(scenario)
+        ft.fly(scenario)
     law.unlink()
     with pytest.raises(ScenarioError, match=r"\[\[law\]\] mine: `module`.* a file"):
-        fly(scenario)
+        ft.fly(scenario)
     with pytest.raises(ScenarioError, match=r"own.toml: \[\[law\]\] `module`"):
-        load_scenario(files / "own.toml")
+        ft.load_scenario(files / "own.toml")
 
 
 def test_a_file_that_may_not_be_read_is_refused_with_the_reason(files, monkeypatch):
     def denied(path):
         raise PermissionError(13, "Permission denied", str(path))
 
-    loaded = load_scenario(files / "own.toml")
+    loaded = ft.load_scenario(files / "own.toml")
     monkeypatch.setattr("pathlib.Path.read_bytes", denied)
 
     with pytest.raises(ScenarioError, match=r"mine: `module` must .* read, got permission denied"):
-        fly(loaded)
+        ft.fly(loaded)
     said = r"own.toml: \[\[law\]\] `module` must be .* read, got .*my_law.py: permission denied\.$"
     with pytest.raises(ScenarioError, match=said):
-        load_scenario(files / "own.toml")
+        ft.load_scenario(files / "own.toml")
 
 
 @pytest.mark.parametrize(
@@ -258,7 +253,7 @@ def test_a_file_that_cannot_be_used_is_refused_in_one_line(files, text, said):
     (files / "my_law.py").write_text(text)
 
     with pytest.raises(ScenarioError, match=said) as error:
-        fly(load_scenario(files / "own.toml"))
+        ft.fly(ft.load_scenario(files / "own.toml"))
     assert "\n" not in str(error.value)
 
 
@@ -273,7 +268,7 @@ def test_a_file_that_cannot_be_used_is_refused_in_one_line(files, text, said):
 )
 def test_tables_that_say_half_are_refused_by_key(scenario, change, said):
     with pytest.raises(ScenarioError, match=said):
-        scenario_from(scenario.as_dict() | change)
+        ft.scenario_from(scenario.as_dict() | change)
 
 
 def test_a_campaign_knows_the_hash_and_refuses_another_file(files):
@@ -281,7 +276,7 @@ def test_a_campaign_knows_the_hash_and_refuses_another_file(files):
         f'title = "c"\nscenario = {json.dumps(str(files / "own.toml"))}\nruns = 2\n'
         '[[disperse]]\nkey = "flight.V_a_mps"\ndistribution = "normal"\nmean = 25.0\nsd = 0.5\n'
     )
-    plan = plan_campaign(load_campaign(files / "c.toml"))
+    plan = ft.plan_campaign(ft.load_campaign(files / "c.toml"))
     again = plan_from(json.loads(json.dumps(plan.as_dict())))
 
     assert again.sha256 == plan.sha256
@@ -298,7 +293,7 @@ def test_lags_around_a_plant_are_those_of_the_point_mass_behind_them():
     )
     plants = PointMassPlant(lags), LaggedPlant(PointMassPlant(), lags)
     for plant in plants:
-        plant.start(FlightCondition(V_a=25.0))
+        plant.start(ft.FlightCondition(V_a=25.0))
         for k in range(100):
             plant.advance(0.5 if k < 50 else -0.2, 1.2, 0.02)
 
@@ -333,11 +328,11 @@ def test_whatever_a_law_of_a_file_does_ends_its_own_flight_alone(
     monkeypatch.setattr("flighttune.flight.fly.MAX_LAG_S", -2.0)
     law = files / "my_law.py"
     law.write_text(f"import ctypes, faulthandler, os\n{law.read_text().replace(old, new)}")
-    tables = load_scenario(files / "own.toml").as_dict()
+    tables = ft.load_scenario(files / "own.toml").as_dict()
     tables["law"] = [{"name": "paper", "kind": "paper"}, *tables["law"]]
     tables["law"][1].pop("sha256", None)
 
-    first, run = fly(scenario_from(tables)).runs
+    first, run = ft.fly(ft.scenario_from(tables)).runs
 
     assert first.status == "completed"
     assert run.status == "law_failed"
@@ -370,7 +365,7 @@ def test_a_linear_model_of_the_wrong_kind_is_said(files):
     law.write_text(law.read_text() + "\n    def linear(self):\n        return 1, 2\n")
 
     with pytest.raises(InputError, match=r"mine: `linear` must return .* got \(1, 2\)"):
-        fly(load_scenario(files / "own.toml"))
+        ft.fly(ft.load_scenario(files / "own.toml"))
 
 
 def test_what_a_law_of_a_file_prints_is_not_on_stdout(files, capfd):
@@ -378,7 +373,7 @@ def test_what_a_law_of_a_file_prints_is_not_on_stdout(files, capfd):
     text = law.read_text().replace("pass", "print('started')")
     law.write_text(f"print('imported')\n{text}")
 
-    fly(load_scenario(files / "own.toml"))
+    ft.fly(ft.load_scenario(files / "own.toml"))
 
     printed = capfd.readouterr()
     assert printed.out == ""
@@ -394,7 +389,7 @@ class Ends(Proportional):
 
 
 def test_a_law_that_ends_the_program_ends_its_flight_alone(scenario):
-    first, run = fly(scenario, laws={"mine": lambda _: Ends()}).runs
+    first, run = ft.fly(scenario, laws={"mine": lambda _: Ends()}).runs
 
     assert first.status == "completed"
     assert run.status == "law_failed"

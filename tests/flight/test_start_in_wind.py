@@ -10,10 +10,7 @@ from made_up import made_up_scenario
 
 import flighttune as ft
 from flighttune.errors import ScenarioError
-from flighttune.flight.fly import fly, fly_alone, plant_of
-from flighttune.plants.base import COMMON_SIGNALS
-from flighttune.records.refly import refly
-from flighttune.simulate.run import Run
+from flighttune.flight.fly import fly_alone, plant_of
 
 SPEED = 8.0
 FROM = (10.0, 100.0, 190.0, 280.0)
@@ -101,7 +98,7 @@ def test_a_point_mass_starts_along_its_course_or_with_its_nose_there(kind, start
     lags = {"roll_lag_rad_s": 4.0, "n_z_lag_rad_s": 8.0} if kind == "point_mass_lag" else {}
     table = {"kind": kind, **lags}
 
-    (run,) = fly(windy(100.0, [table], gamma_deg=20.0, start=start)).runs
+    (run,) = ft.fly(windy(100.0, [table], gamma_deg=20.0, start=start)).runs
 
     now = run.signals.iloc[0].to_dict()
     level = 25.0 * math.cos(math.radians(20.0))
@@ -116,7 +113,7 @@ def test_a_turn_starts_on_its_course_too():
     aircraft = {"kind": "jsbsim", "aircraft": "aerosonde"}
     scenario = windy(100.0, [LAW, aircraft], phi_deg=20.0, chi_deg=730.0)
 
-    for run in fly(scenario).runs:
+    for run in ft.fly(scenario).runs:
         now = run.signals.iloc[0]
         assert now["chi"] == pytest.approx(math.radians(730.0), abs=JSBSIM_DIGITS)
         assert now["phi"] == pytest.approx(math.radians(20.0), abs=1e-9)
@@ -172,11 +169,11 @@ class Still(ft.PointMassPlant):
 def test_a_plant_that_shows_no_wind_starts_as_the_scenario_states():
     scenario = windy(100.0, [LAW])
 
-    flown = fly(scenario, plants={"own": Still})
+    flown = ft.fly(scenario, plants={"own": Still})
 
     now = flown["own / paper"].signals.iloc[0]
     assert not {"wind_north"} & {*now.index}
-    assert {*COMMON_SIGNALS} <= {*now.index}
+    assert {*ft.COMMON_SIGNALS} <= {*now.index}
     assert now["chi"] == pytest.approx(CHI, abs=1e-15)
 
 
@@ -201,14 +198,14 @@ def test_levels_too_strong_name_their_key():
 
 
 def test_a_recording_from_before_the_key_is_flown_again_as_it_was():
-    (run,) = fly(windy(100.0, [LAW], start="heading")).runs
+    (run,) = ft.fly(windy(100.0, [LAW], start="heading")).runs
     tables = dict(run.provenance.scenario)
     tables["flight"] = {k: v for k, v in tables["flight"].items() if k != "start"}
-    older = Run(
+    older = ft.Run(
         signals=run.signals, status=run.status, reason=run.reason,
         provenance=replace(run.provenance, scenario=tables),
     )  # fmt: skip
 
-    (again,) = refly([older])
+    (again,) = ft.refly([older])
 
     assert again.difference is None

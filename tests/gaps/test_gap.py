@@ -10,17 +10,13 @@ import pytest
 from claimed import claimed
 
 import flighttune as ft
-from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.errors import InputError
 from flighttune.files.shipped import aircraft_folder
-from flighttune.flight.fly import fly
-from flighttune.metrics import METRICS, channel_metrics
+from flighttune.metrics import METRICS
 from flighttune.present.palette import line_styles
 from flighttune.recording.entities import runs_to_draw
 from flighttune.recording.plots import shown_plots, with_derived
-from flighttune.recording.record import record
 from flighttune.reports.gap_charts import bound_chart, gap_charts, gap_sheet, itae_chart
-from flighttune.scenario import load_scenario, scenario_from
 
 ROUNDING = 1e-12
 LIMITS_IN_RADIANS = 1e-9
@@ -32,7 +28,7 @@ WIND = ["wind_north", "wind_east", "wind_down"]
 
 
 def changed(name, **tables):
-    return scenario_from(load_scenario(name).as_dict() | tables)
+    return ft.scenario_from(ft.load_scenario(name).as_dict() | tables)
 
 
 def test_the_rungs_go_from_the_papers_law_to_the_aircraft(paper_gap):
@@ -46,7 +42,7 @@ def test_the_rungs_go_from_the_papers_law_to_the_aircraft(paper_gap):
 
 @pytest.mark.slow
 def test_first_and_last_rung_are_the_flights_of_fly(paper_gap):
-    flown = {run.label: run.signals for run in fly(paper_gap.scenario).runs}
+    flown = {run.label: run.signals for run in ft.fly(paper_gap.scenario).runs}
 
     first, last = paper_gap.runs[0], paper_gap.runs[-1]
     signals = flown[last.label]
@@ -68,7 +64,7 @@ def test_the_steps_add_up_to_the_whole(gap_name, request):
         assert added == pytest.approx(apart, abs=ROUNDING)
     for metric in METRICS:
         added = sum(step.metrics[metric].to_numpy() for step in gap.steps)
-        apart = (channel_metrics(last) - channel_metrics(first))[metric].to_numpy()
+        apart = (ft.channel_metrics(last) - ft.channel_metrics(first))[metric].to_numpy()
         assert added == pytest.approx(apart, abs=ROUNDING, nan_ok=True)
     assert gap.residual < ROUNDING
 
@@ -92,7 +88,7 @@ def test_without_lift_the_course_waits_and_the_papers_law_does_not(paper_gap):
 
 @pytest.mark.slow
 def test_the_lag_comes_from_the_model_file_or_from_the_flight(paper_gap):
-    fitted = ft.gap(paper_gap.scenario, PAPER_GAINS, name="paper", lag="fitted")
+    fitted = ft.gap(paper_gap.scenario, ft.PAPER_GAINS, name="paper", lag="fitted")
 
     assert paper_gap.lag_source == "identified"
     assert fitted.lag_source == "fitted"
@@ -114,7 +110,7 @@ def test_all_rungs_fly_in_the_air_that_the_aircraft_met(windy_gap):
 
 @pytest.mark.slow
 def test_the_aircrafts_own_limits_hold_on_every_rung():
-    gap = ft.gap(changed("paper", limits={}), PAPER_GAINS)
+    gap = ft.gap(changed("paper", limits={}), ft.PAPER_GAINS)
 
     for rung in gap.runs:
         phi_cmd = rung.signals["phi_cmd"].to_numpy()
@@ -123,9 +119,9 @@ def test_the_aircrafts_own_limits_hold_on_every_rung():
 
 
 def test_a_flight_that_ends_early_is_explained_as_far_as_it_went():
-    wild = PIGains(K_P=-PAPER_GAINS.K_P, K_I=-PAPER_GAINS.K_I)
+    wild = ft.PIGains(K_P=-ft.PAPER_GAINS.K_P, K_I=-ft.PAPER_GAINS.K_I)
 
-    gap = ft.gap(load_scenario("paper"), wild, name="wild")
+    gap = ft.gap(ft.load_scenario("paper"), wild, name="wild")
 
     assert gap.status == "cut_short"
     assert gap.reason
@@ -154,9 +150,9 @@ def test_a_course_error_that_goes_around_is_no_overshoot(paper_gap):
 
 
 def test_an_aircraft_that_cannot_begin_is_not_flown_and_says_why():
-    flight = load_scenario("paper").as_dict()["flight"] | {"gamma_deg": 85.0}
+    flight = ft.load_scenario("paper").as_dict()["flight"] | {"gamma_deg": 85.0}
 
-    gap = ft.gap(changed("paper", flight=flight), PAPER_GAINS)
+    gap = ft.gap(changed("paper", flight=flight), ft.PAPER_GAINS)
 
     assert gap.status == "not_flown"
     assert gap.reason.startswith("jsbsim:aerosonde / gains: ")
@@ -174,7 +170,7 @@ def test_a_pull_up_without_roll_is_explained_too():
     )
 
     for lag in ("identified", "fitted"):
-        gap = ft.gap(straight, PAPER_GAINS, lag=lag)
+        gap = ft.gap(straight, ft.PAPER_GAINS, lag=lag)
         assert gap.status == "explained"
         assert gap.residual < ROUNDING
 
@@ -186,14 +182,14 @@ def test_without_a_model_file_the_lag_is_fitted_to_the_flight(tmp_path):
     (folder / "identified.json").unlink()
     plant = [{"kind": "jsbsim", "aircraft": str(folder)}]
 
-    gap = ft.gap(changed("paper", plant=plant, expect=[]), PAPER_GAINS)
+    gap = ft.gap(changed("paper", plant=plant, expect=[]), ft.PAPER_GAINS)
 
     assert gap.lag_source == "fitted"
 
 
 def test_a_scenario_without_aircraft_has_no_gap():
     with pytest.raises(InputError, match=r"`plant`.*jsbsim"):
-        ft.gap(changed("level_turn", plant=[{"kind": "kinematic"}]), PAPER_GAINS)
+        ft.gap(changed("level_turn", plant=[{"kind": "kinematic"}]), ft.PAPER_GAINS)
 
 
 def test_the_charts_have_units_and_the_colours_of_the_recording(paper_gap, tmp_path):
@@ -225,7 +221,7 @@ def test_the_bars_of_itae_add_up_to_the_aircrafts(paper_gap):
 @pytest.mark.slow
 def test_the_recording_shows_what_each_step_adds(paper_gap, tmp_path):
 
-    files = record(paper_gap.flown(), tmp_path)
+    files = ft.record(paper_gap.flown(), tmp_path)
 
     assert files.recording.stat().st_size > 0
     assert len(files.signals) == len(RUNGS)

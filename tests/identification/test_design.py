@@ -4,10 +4,10 @@ import math
 
 import pytest
 
+import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import InputError, PlantError
-from flighttune.identification.design import Airframe, airframe, design, inner_loop_gains
-from flighttune.plants.base import FlightCondition
+from flighttune.identification.design import Airframe, airframe, inner_loop_gains
 from flighttune.plants.jsbsim.fdm import Fdm
 
 V_A, RHO_1000 = 25.0, 1.11164
@@ -25,7 +25,7 @@ DRAG = 0.043 + 0.0232 * (WEIGHT / Q_S) ** 2
 @pytest.fixture(scope="module")
 def slopes():
     fdm = Fdm(load_aircraft("aerosonde"))
-    return airframe(fdm, FlightCondition(V_a=V_A, h=1000.0))
+    return airframe(fdm, ft.FlightCondition(V_a=V_A, h=1000.0))
 
 
 def lateral(C_l, C_n, C_Y=0.0):
@@ -98,7 +98,7 @@ def test_the_rudder_feed_forward_balances_a_roll_without_sideslip(slopes):
 def test_a_design_is_that_of_the_file_and_meets_what_it_asks_for(name):
     shipped = load_aircraft(name).gains
 
-    designed = design(name)
+    designed = ft.design(name)
 
     assert designed.gains.gains == pytest.approx(shipped.gains, rel=SETTLING)
     assert designed.missed == ""
@@ -118,4 +118,4 @@ def test_without_a_design_table_there_is_nothing_to_design_for():
     config = load_aircraft("aerosonde").model_copy(update={"design": None})
 
     with pytest.raises(InputError, match=r"aircraft.toml: `design` must be given"):
-        design(config)
+        ft.design(config)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from flighttune.control.inner_loop import InnerLag
+import flighttune as ft
 from flighttune.errors import InputError
 from flighttune.identification.fit import SAMPLES, fitted_lag, frequency_responses, lag_response
 
@@ -23,7 +23,7 @@ def commands(seed=2):
 
 
 def test_a_step_through_a_first_order_lag_is_an_exponential_after_its_delay():
-    lag = InnerLag(order=1, natural_frequency=5.0, delay=0.13)
+    lag = ft.InnerLag(order=1, natural_frequency=5.0, delay=0.13)
 
     flown = lag_response(lag, DT, np.full(len(T), 2.0), 0.5)
 
@@ -32,7 +32,7 @@ def test_a_step_through_a_first_order_lag_is_an_exponential_after_its_delay():
 
 
 def test_a_step_through_a_second_order_lag_rings_as_the_textbook_says():
-    lag = InnerLag(order=2, natural_frequency=8.0, damping=0.3, delay=0.055)
+    lag = ft.InnerLag(order=2, natural_frequency=8.0, damping=0.3, delay=0.055)
 
     flown = lag_response(lag, DT, np.ones(len(T)), 0.0)
 
@@ -44,8 +44,8 @@ def test_a_step_through_a_second_order_lag_rings_as_the_textbook_says():
 @pytest.mark.parametrize(
     "lag",
     [
-        InnerLag(order=1, natural_frequency=6.0, delay=0.07),
-        InnerLag(order=2, natural_frequency=9.0, damping=0.5, delay=0.033),
+        ft.InnerLag(order=1, natural_frequency=6.0, delay=0.07),
+        ft.InnerLag(order=2, natural_frequency=9.0, damping=0.5, delay=0.033),
     ],
     ids=["first order", "second order"],
 )
@@ -63,7 +63,7 @@ def test_the_lag_that_made_the_data_is_found(lag):
 
 
 def test_noise_is_not_told_by_a_lag():
-    lag, commanded = InnerLag(order=1, natural_frequency=6.0), commands()
+    lag, commanded = ft.InnerLag(order=1, natural_frequency=6.0), commands()
     clean = lag_response(lag, DT, commanded, commanded[0])
     noise = np.random.default_rng(3).normal(scale=0.5 * np.std(clean), size=len(T))
 

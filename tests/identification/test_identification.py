@@ -11,25 +11,19 @@ import pytest
 from scipy import signal
 
 import flighttune as ft
-from flighttune.control.inner_loop import InnerLag
-from flighttune.control.limits import Limits
 from flighttune.errors import InputError, PlantError, ScenarioError
 from flighttune.files.shipped import aircraft_folder
-from flighttune.flight.fly import fly
 from flighttune.identification.experiment import DT, check_manoeuvre, multisines, respond
-from flighttune.identification.file import load_identified, save_identified
 from flighttune.identification.fit import fit_percent, lag_response
 from flighttune.identification.identify import identify_plant
-from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Stop
-from flighttune.scenario import load_scenario
 
-LIMITS = Limits(
+LIMITS = ft.Limits(
     lower=np.array([-0.8, -2.0]),
     upper=np.array([0.8, 2.2]),
     rate_lower=np.array([-0.5, -1.0]),
     rate_upper=np.array([0.5, 1.0]),
 )
-LEVEL = FlightCondition(V_a=25.0)
+LEVEL = ft.FlightCondition(V_a=25.0)
 
 FINE = 1e-3
 """Step of the synthetic plants, s; their delays are whole numbers of it."""
@@ -53,7 +47,7 @@ class SyntheticPlant:
     """Channels that follow transfer functions, stepped by SciPy's zero-order hold."""
 
     kind = "synthetic"
-    signals = COMMON_SIGNALS
+    signals = ft.COMMON_SIGNALS
 
     def __init__(self, *channels, cross=0.0, largest=math.inf):
         self._given, self._cross, self._largest = channels, cross, largest
@@ -71,7 +65,7 @@ class SyntheticPlant:
 
     def advance(self, phi_cmd, n_z_cmd, duration):
         if abs(phi_cmd) > self._largest:
-            return Stop("left_envelope", f"rolled to {phi_cmd:.3f} rad")
+            return ft.Stop("left_envelope", f"rolled to {phi_cmd:.3f} rad")
         for channel, command in zip(self._channels, (phi_cmd, n_z_cmd - 1.0), strict=True):
             A, B, _, x, pending = channel
             for _ in range(round(duration / FINE)):
@@ -182,15 +176,15 @@ def test_an_aircraft_that_takes_no_excitation_says_why():
 
 def test_excitation_needs_finite_limits():
     with pytest.raises(InputError, match="`limits` must be finite"):
-        multisines(Limits.none(2))
+        multisines(ft.Limits.none(2))
 
 
 @pytest.mark.parametrize(
     ("lag", "transfer"),
     [
-        (InnerLag(order=1, natural_frequency=3.0, delay=0.025), first_order(3.0, 0.025)),
+        (ft.InnerLag(order=1, natural_frequency=3.0, delay=0.025), first_order(3.0, 0.025)),
         (
-            InnerLag(order=3, natural_frequency=7.0, damping=0.4, lag=0.2, delay=0.1),
+            ft.InnerLag(order=3, natural_frequency=7.0, damping=0.4, lag=0.2, delay=0.1),
             third_order(7.0, 0.4, 0.2, 0.1),
         ),
     ],
@@ -217,7 +211,9 @@ def aerosonde():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["paper", "level_turn"])
 def test_aerosonde_is_explained_on_a_whole_scenario(aerosonde, name):
-    (run,) = (r for r in fly(load_scenario(name)).runs if r.label == "jsbsim:aerosonde / paper")
+    (run,) = (
+        r for r in ft.fly(ft.load_scenario(name)).runs if r.label == "jsbsim:aerosonde / paper"
+    )
     signals = run.signals
     dt = signals.index[1]
     for channel, lag in zip(("phi", "n_z"), aerosonde.identified.conditions[0].lags, strict=True):
@@ -229,7 +225,7 @@ def test_aerosonde_is_explained_on_a_whole_scenario(aerosonde, name):
 @pytest.mark.slow
 @pytest.mark.parametrize("aircraft", ["aerosonde", "c172p", "a4"])
 def test_identifying_again_gives_the_shipped_model(aircraft):
-    shipped = load_identified(aircraft).conditions[0]
+    shipped = ft.load_identified(aircraft).conditions[0]
 
     again = ft.identify(aircraft).identified.conditions[0]
 
@@ -245,7 +241,7 @@ def test_identifying_again_gives_the_shipped_model(aircraft):
 
 def test_the_file_holds_the_linear_model_with_names(aerosonde, tmp_path):
     path = tmp_path / "model.json"
-    save_identified(aerosonde.identified, path)
+    ft.save_identified(aerosonde.identified, path)
 
     table = json.loads(path.read_text())["conditions"][0]
 
@@ -268,16 +264,16 @@ def test_a_model_is_read_again_only_when_its_file_was_written_to(tmp_path):
     table = json.loads((aircraft_folder("aerosonde") / "identified.json").read_text())
     path = tmp_path / "model.json"
     path.write_text(json.dumps(table))
-    first = load_identified(path)
-    assert load_identified(path) is first
+    first = ft.load_identified(path)
+    assert ft.load_identified(path) is first
 
     path.write_text(json.dumps(table | {"seed": table["seed"] + 1}))
 
-    assert load_identified(path).seed == first.seed + 1
+    assert ft.load_identified(path).seed == first.seed + 1
 
 
 def test_the_nearest_condition_is_taken():
-    shipped = load_identified("aerosonde")
+    shipped = ft.load_identified("aerosonde")
 
     assert shipped.nearest(29.0, math.radians(2.0)).V_a == 30.0
     assert math.degrees(shipped.nearest(25.0, math.radians(20.0)).gamma) == pytest.approx(15.0)
@@ -309,12 +305,12 @@ def test_a_file_that_holds_something_else_is_refused_by_name(tmp_path, change, m
     path.write_text(json.dumps(table))
 
     with pytest.raises(ScenarioError, match=rf"wrong\.json: .*{message}"):
-        load_identified(path)
+        ft.load_identified(path)
 
 
 def test_a_missing_file_says_what_writes_one(tmp_path):
     with pytest.raises(ScenarioError, match="`flighttune identify` writes one"):
-        load_identified(tmp_path / "gone.json")
+        ft.load_identified(tmp_path / "gone.json")
 
 
 def test_the_table_of_the_page_is_what_the_shipped_files_say():

@@ -5,10 +5,8 @@ import pytest
 from scipy.linalg import solve_continuous_lyapunov, svdvals
 
 import flighttune as ft
-from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins
 from flighttune.flight.outer_loop import gain_set
-from flighttune.theory.indicators import indicators
 
 ROUNDING = 1e-8
 FLAT = 1e-9
@@ -28,9 +26,9 @@ LOOPS = [
 def test_indicators_are_those_of_scipys_lyapunov_solver(name, gains, identified):
     scenario = ft.load_scenario(name)
     model = scenario.identified_models()[0].model if identified else scenario.kinematic_model()
-    A_K = closed_loop(model, gain_set(scenario, gains))
+    A_K = ft.closed_loop(model, gain_set(scenario, gains))
 
-    found = indicators(A_K)
+    found = ft.indicators(A_K)
 
     if not np.all(np.linalg.eigvals(A_K).real < 0.0):
         assert found.status == "unstable"

@@ -10,8 +10,7 @@ from scipy.integrate import cumulative_simpson
 from scipy.interpolate import CubicSpline
 from scipy.spatial.transform import Rotation
 
-from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.plant import JSBSimPlant
+import flighttune as ft
 
 G_0 = 9.80665
 SPEED = {"aerosonde": 25.0, "c172p": 50.0, "a4": 200.0}
@@ -57,8 +56,8 @@ class Swing:
 
 @cache
 def swing(aircraft, steps=1):
-    plant = JSBSimPlant(aircraft, steps=steps)
-    plant.start(FlightCondition(V_a=SPEED[aircraft], h=1000.0))
+    plant = ft.JSBSimPlant(aircraft, steps=steps)
+    plant.start(ft.FlightCondition(V_a=SPEED[aircraft], h=1000.0))
     dt = 0.005 / steps
     t = np.arange(round(DURATION / dt) + 1) * dt
     rows = [plant.observe()]

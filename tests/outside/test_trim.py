@@ -11,8 +11,8 @@ from pathlib import Path
 import jsbsim
 import pytest
 
+import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.log import quiet
 from flighttune.plants.jsbsim.model_files import EARTH
@@ -75,7 +75,7 @@ def test_twenty_trims_are_those_of_jsbsim(name):
             V_a, gamma = speed * config.design.V_a, climb * DEG
             alpha, beta, phi, throttle = jsbsim_trim(config, V_a, gamma)
 
-            found = trim(Fdm(config), FlightCondition(V_a=V_a, h=H, gamma=gamma))
+            found = trim(Fdm(config), ft.FlightCondition(V_a=V_a, h=H, gamma=gamma))
 
             assert found.alpha == pytest.approx(alpha, abs=SAME_ALPHA), (speed, climb)
             assert abs(beta) < NO_SIDESLIP

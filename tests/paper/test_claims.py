@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flighttune.control.gains import PIGains
+import flighttune as ft
 from flighttune.paper.claims import CLAIMS, VERDICTS, Check, Finding, judge
 from flighttune.paper.study import Study, rank_correlation
 
@@ -110,7 +110,7 @@ def test_the_true_optimum_in_the_place_of_the_printed_gains_changes_verdicts(stu
 
 def test_a_gain_of_the_wrong_sign_changes_verdicts(study, found):
     sign = np.array([[-1.0, 1.0], [1.0, 1.0]])
-    wrong = Study(star=PIGains(K_P=study.star.K_P, K_I=study.star.K_I * sign))
+    wrong = Study(star=ft.PIGains(K_P=study.star.K_P, K_I=study.star.K_I * sign))
 
     for name in ("eigenvalues", "small-region", "table-2", "three-factors"):
         assert found[name].verdict == "reproduced"

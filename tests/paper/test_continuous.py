@@ -6,13 +6,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flighttune.control.gains import PAPER_GAINS, PIGains, paper_family
-from flighttune.control.mimo_pi import MimoPI
+import flighttune as ft
+from flighttune.control.gains import paper_family
 from flighttune.paper import parameters as printed
 from flighttune.paper.flight import ContinuousLoop, fly, integrate
-from flighttune.plants.base import FlightCondition
-from flighttune.plants.point_mass import PointMassPlant
-from flighttune.references.segments import Reference
 from flighttune.simulate.loop import simulate
 
 TRAJECTORY = 1e-6  # rad, what the reproduction of the paper asks for
@@ -73,15 +70,15 @@ def test_errors_agree_with_an_implicit_method_on_the_softened_law(name, conditio
 @pytest.mark.parametrize("anti_windup", ["none", "conditional"])
 def test_the_sampled_controller_comes_closer_in_proportion_to_its_sample_time(anti_windup):
     exact = fly(
-        PAPER_GAINS, WAVE, limits=BOTH, conditional=anti_windup == "conditional", duration=12.0
+        ft.PAPER_GAINS, WAVE, limits=BOTH, conditional=anti_windup == "conditional", duration=12.0
     )
 
     def distance(dt):
         signals, _ = simulate(
-            PointMassPlant(turn="paper", disturbance=WAVE),
-            MimoPI(PAPER_GAINS, BOTH, dt=dt, anti_windup=anti_windup),
-            Reference(chi=REF[0], gamma=REF[1]),
-            condition=FlightCondition(
+            ft.PointMassPlant(turn="paper", disturbance=WAVE),
+            ft.MimoPI(ft.PAPER_GAINS, BOTH, dt=dt, anti_windup=anti_windup),
+            ft.Reference(chi=REF[0], gamma=REF[1]),
+            condition=ft.FlightCondition(
                 V_a=25.0, chi=math.pi / 3, gamma=math.pi / 4, phi=math.pi / 3, n_z=1.0
             ),
             duration=12.0,
@@ -93,16 +90,16 @@ def test_the_sampled_controller_comes_closer_in_proportion_to_its_sample_time(an
 
 
 def test_commands_are_the_clipped_ones_before_the_limits_where_only_ranges_hold():
-    flight = fly(PAPER_GAINS, WAVE, duration=6.0)
+    flight = fly(ft.PAPER_GAINS, WAVE, duration=6.0)
 
-    unlimited = flight.error @ PAPER_GAINS.K_P.T + flight.integral
+    unlimited = flight.error @ ft.PAPER_GAINS.K_P.T + flight.integral
     assert flight.unlimited == pytest.approx(unlimited, abs=TRAJECTORY)
     assert flight.u == pytest.approx(np.clip(unlimited, RANGES.lower, RANGES.upper), abs=TRAJECTORY)
     assert (flight.u != flight.unlimited).any()
 
 
 def test_a_command_that_starts_outside_its_range_comes_back_at_the_rate_limit():
-    flight = fly(PAPER_GAINS, WAVE, limits=BOTH, duration=0.5)
+    flight = fly(ft.PAPER_GAINS, WAVE, limits=BOTH, duration=0.5)
 
     back = math.pi / 3 - math.pi / 6 * flight.t
     assert flight.u[:, 0] == pytest.approx(back, abs=TRAJECTORY)
@@ -110,24 +107,24 @@ def test_a_command_that_starts_outside_its_range_comes_back_at_the_rate_limit():
 
 @pytest.mark.slow
 def test_rates_stay_within_their_limits_under_anti_windup():
-    flight = fly(PAPER_GAINS, WAVE, limits=BOTH, conditional=True, duration=8.0)
+    flight = fly(ft.PAPER_GAINS, WAVE, limits=BOTH, conditional=True, duration=8.0)
 
     assert np.all(np.abs(flight.command_rates) <= BOTH.rate_upper + TRAJECTORY)
     assert np.any(np.abs(flight.command_rates) >= BOTH.rate_upper - TRAJECTORY)
 
 
 def test_without_feedback_the_disturbance_integrates_to_its_closed_form():
-    flight = fly(PIGains(K_P=np.zeros((2, 2)), K_I=np.zeros((2, 2))), WAVE)
+    flight = fly(ft.PIGains(K_P=np.zeros((2, 2)), K_I=np.zeros((2, 2))), WAVE)
 
     wave = 0.1 / 0.15 * (1.0 - np.cos(0.15 * flight.t))
     assert flight.x[:, 0] == pytest.approx(math.pi / 3 + wave, abs=1e-10)
 
 
 def test_samples_are_where_they_were_asked_for():
-    loop = ContinuousLoop(PAPER_GAINS, BOTH, conditional=True, disturbance=WAVE)
+    loop = ContinuousLoop(ft.PAPER_GAINS, BOTH, conditional=True, disturbance=WAVE)
 
     rows, reason = integrate(loop, np.array([0.0, 0.3, 1.0]))
 
-    whole = fly(PAPER_GAINS, WAVE, limits=BOTH, conditional=True, duration=1.0)
+    whole = fly(ft.PAPER_GAINS, WAVE, limits=BOTH, conditional=True, duration=1.0)
     assert reason == ""
     assert rows[:, 0] == pytest.approx(whole.x[[0, 30, 100]], abs=1e-9)

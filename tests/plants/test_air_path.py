@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from flighttune.plants.base import AirPathPlant, FlightCondition
-from flighttune.plants.jsbsim.plant import JSBSimPlant
+import flighttune as ft
+from flighttune.plants.base import AirPathPlant
 from flighttune.plants.weather import Weather, WindProfile
 
 DEG = math.pi / 180.0
@@ -16,8 +16,8 @@ SAME = 1e-6
 def in_a_wind_from(degrees, speed, **condition):
     towards = (-speed * math.cos(degrees * DEG), -speed * math.sin(degrees * DEG), 0.0)
     wind = WindProfile(levels=((0.0, towards),))
-    plant = AirPathPlant(JSBSimPlant(weather=Weather(wind=wind)))
-    plant.start(FlightCondition(**{"V_a": 25.0} | condition))
+    plant = AirPathPlant(ft.JSBSimPlant(weather=Weather(wind=wind)))
+    plant.start(ft.FlightCondition(**{"V_a": 25.0} | condition))
     return plant
 
 

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flighttune.control.inner_loop import InnerLag
+import flighttune as ft
 from flighttune.errors import InputError, ShapeError
-from flighttune.plants.base import FlightCondition
 from flighttune.plants.lagged import LaggedChannel
-from flighttune.plants.point_mass import PointMassPlant, turn_rates
+from flighttune.plants.point_mass import turn_rates
 from flighttune.plants.weather import WindRecord, course_of, velocity_along
 from flighttune.simulate.disturbance import Sinusoid
 
@@ -19,10 +18,10 @@ G = 9.81
 INTEGRATION = 1e-9
 METRE = 1e-6
 ROUNDING = 1e-12
-SECOND_ORDER = InnerLag(order=2, natural_frequency=12.0, damping=0.6, delay=0.033)
-OVERDAMPED = InnerLag(order=2, natural_frequency=8.0, damping=1.7, delay=0.02)
-FIRST_ORDER = InnerLag(order=1, natural_frequency=6.0, delay=0.047)
-THIRD_ORDER = InnerLag(order=3, natural_frequency=9.0, damping=0.7, lag=0.05, delay=0.011)
+SECOND_ORDER = ft.InnerLag(order=2, natural_frequency=12.0, damping=0.6, delay=0.033)
+OVERDAMPED = ft.InnerLag(order=2, natural_frequency=8.0, damping=1.7, delay=0.02)
+FIRST_ORDER = ft.InnerLag(order=1, natural_frequency=6.0, delay=0.047)
+THIRD_ORDER = ft.InnerLag(order=3, natural_frequency=9.0, damping=0.7, lag=0.05, delay=0.011)
 
 
 def seen(plant):
@@ -49,7 +48,7 @@ def test_a_coordinated_turn_has_the_radius_of_the_textbook(phi):
     radius = V_a**2 / (G * math.tan(abs(phi)))
     half_turn = math.pi * radius / V_a
 
-    end = fly(PointMassPlant(), FlightCondition(V_a=V_a), [(phi, n_z)] * 100, half_turn / 100)
+    end = fly(ft.PointMassPlant(), ft.FlightCondition(V_a=V_a), [(phi, n_z)] * 100, half_turn / 100)
 
     assert abs(end["chi"]) == pytest.approx(math.pi, abs=INTEGRATION)
     assert abs(end["east"]) == pytest.approx(2.0 * radius, abs=METRE)
@@ -62,8 +61,8 @@ def test_a_climbing_coordinated_turn_is_a_helix():
     chi_dot = G * math.tan(phi) / V_a
     radius, turn = V_a * math.cos(gamma) / chi_dot, math.tau / chi_dot
 
-    start = FlightCondition(V_a=V_a, gamma=gamma, phi=phi)
-    quarter = fly(PointMassPlant(), start, [(phi, n_z)] * 100, turn / 400)
+    start = ft.FlightCondition(V_a=V_a, gamma=gamma, phi=phi)
+    quarter = fly(ft.PointMassPlant(), start, [(phi, n_z)] * 100, turn / 400)
 
     assert (quarter["north"], quarter["east"]) == pytest.approx((radius, radius), abs=METRE)
     assert quarter["down"] == pytest.approx(-V_a * math.sin(gamma) * turn / 4.0, abs=METRE)
@@ -79,22 +78,22 @@ def test_without_lift_there_is_no_turn_and_the_point_falls_as_a_stone_would():
 
 def test_the_papers_law_in_a_wind_of_zero_is_that_in_still_air():
     sinusoid = Sinusoid(chi_amplitude=0.1, chi_omega=0.9, gamma_amplitude=0.1, gamma_omega=0.9)
-    start, commands = FlightCondition(V_a=25.0, chi=1.0, gamma=0.3), weaving(500, 0.02)
+    start, commands = ft.FlightCondition(V_a=25.0, chi=1.0, gamma=0.3), weaving(500, 0.02)
 
     still, windy = (
-        fly(PointMassPlant(turn="paper", disturbance=sinusoid, wind=wind), start, commands, 0.02)
+        fly(ft.PointMassPlant(turn="paper", disturbance=sinusoid, wind=wind), start, commands, 0.02)
         for wind in (None, WindRecord.steady())
     )
 
     assert {name: windy[name] for name in still} == pytest.approx(still, abs=INTEGRATION)
-    assert PointMassPlant(turn="paper").kind == "kinematic"
+    assert ft.PointMassPlant(turn="paper").kind == "kinematic"
 
 
 def test_in_steady_wind_course_and_ground_speed_close_the_wind_triangle():
     V_a, wind, heading = 25.0, 8.0, math.radians(30.0)
-    plant = PointMassPlant(wind=WindRecord.steady(east=wind))
+    plant = ft.PointMassPlant(wind=WindRecord.steady(east=wind))
 
-    end = fly(plant, FlightCondition(V_a=V_a, chi=heading), [(0.0, 1.0)] * 10, 0.1)
+    end = fly(plant, ft.FlightCondition(V_a=V_a, chi=heading), [(0.0, 1.0)] * 10, 0.1)
 
     crossing = math.asin(wind * math.cos(heading) / end["V_g"])
     V_g = math.sqrt(V_a**2 + wind**2 + 2.0 * V_a * wind * math.sin(heading))
@@ -105,8 +104,8 @@ def test_in_steady_wind_course_and_ground_speed_close_the_wind_triangle():
 
 def test_the_course_over_ground_turns_at_the_still_air_rate_times_the_crab_over_ground_speed():
     V_a, phi, dt = 25.0, math.radians(20.0), 1e-3
-    plant = PointMassPlant(wind=WindRecord.steady(north=4.0, east=7.0))
-    plant.start(FlightCondition(V_a=V_a, phi=phi))
+    plant = ft.PointMassPlant(wind=WindRecord.steady(north=4.0, east=7.0))
+    plant.start(ft.FlightCondition(V_a=V_a, phi=phi))
     before = seen(plant)
     crab = before["chi"]
 
@@ -120,9 +119,9 @@ def test_the_course_over_ground_turns_at_the_still_air_rate_times_the_crab_over_
 def test_a_turn_in_steady_wind_is_a_circle_that_drifts():
     V_a, phi, drift = 25.0, math.radians(30.0), (3.0, -4.0)
     turn = math.tau * V_a / (G * math.tan(phi))
-    plant = PointMassPlant(wind=WindRecord.steady(north=drift[0], east=drift[1]))
+    plant = ft.PointMassPlant(wind=WindRecord.steady(north=drift[0], east=drift[1]))
 
-    start = FlightCondition(V_a=V_a, phi=phi)
+    start = ft.FlightCondition(V_a=V_a, phi=phi)
     end = fly(plant, start, [(phi, 1.0 / math.cos(phi))] * 50, turn / 50)
 
     assert (end["north"], end["east"]) == pytest.approx(
@@ -134,7 +133,7 @@ def test_a_crosswind_that_rises_turns_the_nose_and_not_the_path_over_ground():
     V_a, w = 25.0, 5.0
     gust = WindRecord(t=np.array([1.0, 1.5]), wind=np.array([[0.0, 0.0, 0.0], [0.0, w, 0.0]]))
 
-    end = fly(PointMassPlant(wind=gust), FlightCondition(V_a=V_a), [(0.0, 1.0)] * 20, 0.1)
+    end = fly(ft.PointMassPlant(wind=gust), ft.FlightCondition(V_a=V_a), [(0.0, 1.0)] * 20, 0.1)
 
     pushed_by_thrust = w - V_a * math.tanh(w / V_a)
     assert end["V_g"] * math.sin(end["chi"]) == pytest.approx(pushed_by_thrust, abs=METRE)
@@ -151,9 +150,9 @@ def test_four_seconds_agree_with_another_integrator(lags):
     t = np.linspace(0.0, 4.0, 9)
     wind = WindRecord(t=t, wind=np.random.default_rng(5).normal(scale=2.0, size=(len(t), 3)))
     commands = weaving(count, dt)
-    start = FlightCondition(V_a=25.0, chi=0.4, gamma=0.1, phi=0.1, n_z=1.0)
+    start = ft.FlightCondition(V_a=25.0, chi=0.4, gamma=0.1, phi=0.1, n_z=1.0)
 
-    plant = PointMassPlant(lags, wind=wind)
+    plant = ft.PointMassPlant(lags, wind=wind)
     end = fly(plant, start, commands, dt)
 
     state = by_dop853(lags, wind, commands, dt)
@@ -230,8 +229,8 @@ def test_a_first_order_step_is_an_exponential_after_its_delay():
 
 
 def test_straight_up_ends_the_flight_with_a_reason():
-    plant = PointMassPlant()
-    plant.start(FlightCondition(V_a=25.0, gamma=1.5))
+    plant = ft.PointMassPlant()
+    plant.start(ft.FlightCondition(V_a=25.0, gamma=1.5))
 
     stop = [plant.advance(0.0, 4.0, 0.02) for _ in range(4)][-1]
 
@@ -242,8 +241,8 @@ def test_straight_up_ends_the_flight_with_a_reason():
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
-        (lambda: PointMassPlant(g=0.0), InputError, "`g` must be positive"),
-        (lambda: PointMassPlant(turn="other"), InputError, "`turn`"),
+        (lambda: ft.PointMassPlant(g=0.0), InputError, "`g` must be positive"),
+        (lambda: ft.PointMassPlant(turn="other"), InputError, "`turn`"),
         (lambda: WindRecord(t=[0.0, 0.0], wind=np.zeros((2, 3))), InputError, "`t` of a wind"),
         (lambda: WindRecord(t=[0.0, 1.0], wind=np.zeros((1, 3))), ShapeError, "`wind` must have"),
         (
@@ -268,8 +267,8 @@ def test_level_turn_keeps_height_and_turns_at_g_tan_phi_over_v(phi):
 
 def test_held_commands_and_disturbance_agree_with_high_accuracy_integration():
     sinusoid = Sinusoid(chi_amplitude=0.1, chi_omega=0.9, gamma_amplitude=0.2, gamma_omega=1.7)
-    plant = PointMassPlant(turn="paper", disturbance=sinusoid)
-    plant.start(FlightCondition(V_a=25.0, chi=1.0, gamma=0.5))
+    plant = ft.PointMassPlant(turn="paper", disturbance=sinusoid)
+    plant.start(ft.FlightCondition(V_a=25.0, chi=1.0, gamma=0.5))
     phi, n_z = 0.4, 1.2
 
     for _ in range(100):
@@ -286,8 +285,8 @@ def test_held_commands_and_disturbance_agree_with_high_accuracy_integration():
 
 @pytest.mark.parametrize("phi", [math.pi / 2, -1.7, math.nan])
 def test_a_roll_command_without_tangent_ends_the_flight_with_a_reason(phi):
-    plant = PointMassPlant(turn="paper")
-    plant.start(FlightCondition(V_a=25.0))
+    plant = ft.PointMassPlant(turn="paper")
+    plant.start(ft.FlightCondition(V_a=25.0))
 
     stop = plant.advance(phi, 1.0, 0.02)
 
@@ -308,4 +307,4 @@ def test_a_roll_command_without_tangent_ends_the_flight_with_a_reason(phi):
 )
 def test_flight_conditions_that_cannot_be_are_refused(change, message):
     with pytest.raises(InputError, match=message):
-        FlightCondition(**{"V_a": 25.0, **change})
+        ft.FlightCondition(**{"V_a": 25.0, **change})

@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 
+import flighttune as ft
 from flighttune.errors import InputError
-from flighttune.plants.base import FlightCondition
-from flighttune.plants.point_mass import PointMassPlant
-from flighttune.plants.sensors import MEASURED, SENSED, SensedPlant, Sensors
+from flighttune.plants.sensors import MEASURED, SENSED, SensedPlant
 
 DT = 0.02
 LONG = 200_000
@@ -21,7 +20,9 @@ def test_mean_spread_and_memory_are_those_asked_for(time_constant):
     kept = math.exp(-DT / time_constant) if time_constant else 0.0
     independent = LONG * (1.0 - kept) / (1.0 + kept)  # of a first-order sequence
 
-    errors = Sensors(bias=BIAS, noise_sd=SD, time_constant=time_constant, seed=7).errors(LONG, DT)
+    errors = ft.Sensors(bias=BIAS, noise_sd=SD, time_constant=time_constant, seed=7).errors(
+        LONG, DT
+    )
 
     unit = (errors - BIAS) / SD
     tolerance = FIVE_SIGMA / math.sqrt(independent)
@@ -34,7 +35,7 @@ def test_mean_spread_and_memory_are_those_asked_for(time_constant):
 
 def test_correlated_noise_is_as_strong_at_the_start_as_later():
     firsts = [
-        Sensors(noise_sd=(1.0, 0.0, 0.0), time_constant=5.0, seed=seed).errors(2, DT)[:, 0]
+        ft.Sensors(noise_sd=(1.0, 0.0, 0.0), time_constant=5.0, seed=seed).errors(2, DT)[:, 0]
         for seed in range(2000)
     ]
 
@@ -44,9 +45,9 @@ def test_correlated_noise_is_as_strong_at_the_start_as_later():
 
 @pytest.mark.parametrize("time_constant", [0.0, 0.3])
 def test_a_seed_gives_the_same_bits_whatever_else_there_is(time_constant):
-    whole = Sensors(bias=BIAS, noise_sd=SD, time_constant=time_constant, seed=7)
-    only_gamma = Sensors(noise_sd=(0.0, SD[1], 0.0), time_constant=time_constant, seed=7)
-    other = Sensors(bias=BIAS, noise_sd=SD, time_constant=time_constant, seed=8)
+    whole = ft.Sensors(bias=BIAS, noise_sd=SD, time_constant=time_constant, seed=7)
+    only_gamma = ft.Sensors(noise_sd=(0.0, SD[1], 0.0), time_constant=time_constant, seed=7)
+    other = ft.Sensors(bias=BIAS, noise_sd=SD, time_constant=time_constant, seed=8)
 
     errors = whole.errors(500, DT)
 
@@ -57,7 +58,7 @@ def test_a_seed_gives_the_same_bits_whatever_else_there_is(time_constant):
 
 
 def test_without_noise_the_bias_is_all_there_is():
-    assert np.array_equal(Sensors(bias=BIAS).errors(3, DT), np.array([BIAS] * 3))
+    assert np.array_equal(ft.Sensors(bias=BIAS).errors(3, DT), np.array([BIAS] * 3))
 
 
 @pytest.mark.parametrize(
@@ -73,16 +74,19 @@ def test_without_noise_the_bias_is_all_there_is():
 )
 def test_what_cannot_be_used_is_refused(change, message):
     with pytest.raises(InputError, match=message):
-        Sensors(**change)
+        ft.Sensors(**change)
 
 
 def test_a_plant_seen_through_sensors_flies_as_it_does_alone():
-    errors = Sensors(bias=BIAS, noise_sd=SD, seed=1).errors(5, DT)
-    sensed, alone = SensedPlant(PointMassPlant(turn="paper"), errors), PointMassPlant(turn="paper")
+    errors = ft.Sensors(bias=BIAS, noise_sd=SD, seed=1).errors(5, DT)
+    sensed, alone = (
+        SensedPlant(ft.PointMassPlant(turn="paper"), errors),
+        ft.PointMassPlant(turn="paper"),
+    )
     assert sensed.signals == alone.signals + MEASURED
 
     for plant in (sensed, alone):
-        plant.start(FlightCondition(V_a=25.0, chi=0.3))
+        plant.start(ft.FlightCondition(V_a=25.0, chi=0.3))
     for k in range(5):
         seen, true = sensed.observe(), alone.observe()
         assert seen[: len(true)] == true

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_up import made_up_run
 
-from flighttune.control.gains import PAPER_GAINS, PIGains
+import flighttune as ft
 from flighttune.recording.record import write_recording
 from flighttune.units import G_0
 
@@ -24,7 +24,7 @@ SCENARIO = {
     "limits": {"phi_deg": [-45.0, 45.0], "phi_rate_dps": 60.0, "n_z": [0.0, 2.0]},
     "plant": [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}],
 }
-TUNED_GAINS = PIGains(K_P=np.diag([3.1, 2.9]), K_I=np.diag([1.1, 0.9]))
+TUNED_GAINS = ft.PIGains(K_P=np.diag([3.1, 2.9]), K_I=np.diag([1.1, 0.9]))
 
 
 def fly(plant, gains_name, gains, *, seconds=20.0, amplitude=0.0, lag=0.0):
@@ -96,8 +96,8 @@ def _full_aircraft(row, now):
 def four_runs():
     """Two gain sets on two plants, 20 s each."""
     return [
-        fly("kinematic", "paper", PAPER_GAINS),
-        fly("jsbsim:aerosonde", "paper", PAPER_GAINS, lag=0.25),
+        fly("kinematic", "paper", ft.PAPER_GAINS),
+        fly("jsbsim:aerosonde", "paper", ft.PAPER_GAINS, lag=0.25),
         fly("kinematic", "tuned", TUNED_GAINS),
         fly("jsbsim:aerosonde", "tuned", TUNED_GAINS, lag=0.25),
     ]
@@ -115,7 +115,7 @@ def without_gains():
 @pytest.fixture(scope="session")
 def in_sinusoid():
     """A kinematic run in the sinusoidal disturbance."""
-    return fly("kinematic", "paper", PAPER_GAINS, amplitude=0.05, seconds=6.0)
+    return fly("kinematic", "paper", ft.PAPER_GAINS, amplitude=0.05, seconds=6.0)
 
 
 @pytest.fixture(scope="session")

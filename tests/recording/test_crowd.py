@@ -11,7 +11,7 @@ from figures.screenshot import HeadlessViewer
 from pictures import opened_recording
 from PIL import Image
 
-from flighttune.control.gains import PAPER_GAINS, PIGains
+import flighttune as ft
 from flighttune.recording.page import scenario_page
 from flighttune.recording.record import write_recording
 
@@ -29,7 +29,7 @@ ALIKE = 6.0
 
 
 def one(plant, number):
-    gains = PIGains(K_P=(0.7 + 0.1 * number) * PAPER_GAINS.K_P, K_I=PAPER_GAINS.K_I)
+    gains = ft.PIGains(K_P=(0.7 + 0.1 * number) * ft.PAPER_GAINS.K_P, K_I=ft.PAPER_GAINS.K_I)
     lag = 0.25 if plant != "kinematic" else 0.0
     run = fly(plant, f"set{number}", gains, seconds=8.0, lag=lag)
     t = run.signals.index.to_numpy()

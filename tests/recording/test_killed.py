@@ -5,10 +5,8 @@ from pathlib import Path
 import pytest
 from made_up import shortened
 
+import flighttune as ft
 from flighttune.errors import OutputError, RecordingError
-from flighttune.flight.fly import fly
-from flighttune.recording.record import record
-from flighttune.records.parquet import load_recording
 
 pytestmark = pytest.mark.slow
 
@@ -21,7 +19,7 @@ class Killed(BaseException):
 def flights():
     """A short flight of two gain sets, and the same with a longer one of them."""
     changes = {"plant": [{"kind": "kinematic"}], "gains": ["paper", "K1"]}
-    return [fly(shortened("paper", seconds, **changes)) for seconds in (2.0, 3.0)]
+    return [ft.fly(shortened("paper", seconds, **changes)) for seconds in (2.0, 3.0)]
 
 
 STAGES = [
@@ -47,11 +45,11 @@ def killed(monkeypatch, flown, folder, name, step, part):
         patched.setattr(Path, step, stop)
         patched.setattr(Path, "unlink", lambda *_, **__: None)
         with pytest.raises(Killed):
-            record(flown, folder, name="flight")
+            ft.record(flown, folder, name="flight")
 
 
 def durations(folder):
-    return {run.duration for run in load_recording(folder).runs}
+    return {run.duration for run in ft.load_recording(folder).runs}
 
 
 @pytest.mark.parametrize("stage", STAGES, ids=lambda stage: "-".join(map(str, stage)))
@@ -64,10 +62,10 @@ def test_a_folder_is_read_and_flown_into_again_after_a_kill(flights, stage, tmp_
         assert durations(tmp_path) == {3.0}
     else:
         with pytest.raises(RecordingError, match="must hold Parquet files"):
-            load_recording(tmp_path)
-    record(flown, tmp_path, name="flight")
+            ft.load_recording(tmp_path)
+    ft.record(flown, tmp_path, name="flight")
     assert durations(tmp_path) == {3.0}
-    assert load_recording(tmp_path).missing == ()
+    assert ft.load_recording(tmp_path).missing == ()
 
 
 @pytest.mark.parametrize("stage", STAGES, ids=lambda stage: "-".join(map(str, stage)))
@@ -75,27 +73,27 @@ def test_a_second_flight_that_is_killed_is_not_mixed_with_the_first(
     flights, stage, tmp_path, monkeypatch
 ):
     first, second = flights
-    files = record(first, tmp_path, name="flight")
+    files = ft.record(first, tmp_path, name="flight")
 
     killed(monkeypatch, second, tmp_path, *stage)
 
-    recording = load_recording(tmp_path)
+    recording = ft.load_recording(tmp_path)
     (duration,) = {run.duration for run in recording.runs}
-    every = {path: load_recording(path).runs[0].duration for path in files.signals.values()}
+    every = {path: ft.load_recording(path).runs[0].duration for path in files.signals.values()}
     others = [path for path, other in every.items() if other != duration]
     lost = [f"{tmp_path}: {len(others)} of the 2 runs are not there"] if others else []
     assert sorted(recording.missing) == sorted(
         [*lost, *(f"{path}: of another flight" for path in others)]
     )
-    record(second, tmp_path, name="flight")
+    ft.record(second, tmp_path, name="flight")
     assert durations(tmp_path) == {3.0}
-    assert load_recording(tmp_path).missing == ()
+    assert ft.load_recording(tmp_path).missing == ()
 
 
 def test_nothing_has_its_name_where_one_file_cannot_be_written(flights, tmp_path):
     (tmp_path / "flight.rrd").mkdir()
 
     with pytest.raises(OutputError, match=r"flight\.rrd: must be writable"):
-        record(flights[0], tmp_path, name="flight")
+        ft.record(flights[0], tmp_path, name="flight")
 
     assert [path.name for path in tmp_path.iterdir()] == ["flight.rrd"]

@@ -9,18 +9,16 @@ import pytest
 import rerun as rr
 from made_up import shortened
 
-import flighttune
+import flighttune as ft
 from flighttune.errors import RecordingError
-from flighttune.flight.fly import fly as fly_scenario
-from flighttune.recording.record import record
-from flighttune.records.parquet import load_recording, write_run
+from flighttune.records.parquet import write_run
 
 
 @pytest.fixture(scope="module")
 def flown():
     """Two gain sets flown for 2 s, and one that was not: a run without samples."""
     changes = {"plant": [{"kind": "kinematic"}], "gains": ["K1", "paper"]}
-    done = fly_scenario(shortened("paper", 2.0, **changes))
+    done = ft.fly(shortened("paper", 2.0, **changes))
     made = replace(done.runs[0].provenance, gains_name="strict")
     never = replace(
         done.runs[0], signals=done.runs[0].signals.iloc[:0], status="no_gains", provenance=made
@@ -30,7 +28,7 @@ def flown():
 
 @pytest.fixture
 def folder(flown, tmp_path):
-    record(flown, tmp_path / "runs")
+    ft.record(flown, tmp_path / "runs")
     return tmp_path / "runs"
 
 
@@ -40,7 +38,7 @@ def labels(runs):
 
 @pytest.mark.parametrize("name", ["", "flight.rrd"], ids=["folder", "the recording in it"])
 def test_a_folder_gives_back_what_was_written_to_the_bit_and_in_order(folder, flown, name):
-    recording = flighttune.load_recording(folder / name)
+    recording = ft.load_recording(folder / name)
 
     assert recording.missing == ()
     assert labels(recording.runs) == labels(flown.runs)
@@ -50,7 +48,7 @@ def test_a_folder_gives_back_what_was_written_to_the_bit_and_in_order(folder, fl
 
 
 def test_a_run_is_found_by_its_label(folder):
-    recording = load_recording(folder)
+    recording = ft.load_recording(folder)
 
     assert recording["kinematic / paper"].label == "kinematic / paper"
     with pytest.raises(KeyError, match="kinematic / strict"):
@@ -61,12 +59,12 @@ def test_a_lone_recording_names_the_folder_whose_parquet_files_are_needed(
     flown, tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
-    files = record(flown, "runs/paper")
+    files = ft.record(flown, "runs/paper")
     lone = tmp_path / "lone.rrd"
     shutil.copy(files.recording, lone)
 
     with pytest.raises(RecordingError) as caught:
-        load_recording(lone)
+        ft.load_recording(lone)
 
     line = str(caught.value)
     assert line.startswith(f"{lone}: ")
@@ -76,11 +74,11 @@ def test_a_lone_recording_names_the_folder_whose_parquet_files_are_needed(
 
 def test_a_recording_among_the_files_of_another_flight_is_refused(folder, flown, tmp_path):
     other = replace(flown, runs=flown.runs[:1])
-    files = record(other, tmp_path / "other")
+    files = ft.record(other, tmp_path / "other")
     shutil.copy(files.recording, folder / "flight.rrd")
 
     with pytest.raises(RecordingError, match=r"flight\.rrd: .*folder other"):
-        load_recording(folder / "flight.rrd")
+        ft.load_recording(folder / "flight.rrd")
 
 
 @pytest.mark.parametrize("lost", [1, 1000])
@@ -89,11 +87,11 @@ def test_a_recording_that_is_cut_off_is_one_line_and_no_warning(folder, lost):
     recording.write_bytes(recording.read_bytes()[:-lost])
 
     with pytest.raises(RecordingError, match=r"flight\.rrd: must be a recording \(\.rrd\), got: "):
-        load_recording(recording)
+        ft.load_recording(recording)
 
 
 def test_a_recording_keeps_no_absolute_path(flown, tmp_path):
-    files = record(flown, tmp_path / "private" / "runs")
+    files = ft.record(flown, tmp_path / "private" / "runs")
 
     assert b"private" not in files.recording.read_bytes()
 
@@ -101,16 +99,16 @@ def test_a_recording_keeps_no_absolute_path(flown, tmp_path):
 def test_a_folder_without_one_of_its_runs_says_so(folder):
     (folder / "kinematic-paper.parquet").unlink()
 
-    recording = load_recording(folder)
+    recording = ft.load_recording(folder)
 
     assert labels(recording.runs) == ["kinematic / strict", "kinematic / K1"]
     assert recording.missing == (f"{folder}: 1 of the 3 runs are not there",)
 
 
 def test_a_file_left_from_an_earlier_flight_is_not_taken_for_a_run_of_this_one(folder, flown):
-    record(replace(flown, runs=flown.runs[:1]), folder)
+    ft.record(replace(flown, runs=flown.runs[:1]), folder)
 
-    recording = load_recording(folder)
+    recording = ft.load_recording(folder)
 
     assert labels(recording.runs) == ["kinematic / paper"]
     assert recording.missing == tuple(
@@ -123,7 +121,7 @@ def test_files_written_on_their_own_belong_together(four_runs, tmp_path):
     for number, run in enumerate(four_runs):
         write_run(run, tmp_path / f"{number}.parquet")
 
-    recording = load_recording(tmp_path)
+    recording = ft.load_recording(tmp_path)
 
     assert labels(recording.runs) == labels(four_runs)
     assert recording.missing == ()
@@ -134,28 +132,28 @@ def test_a_damaged_file_in_a_folder_is_refused_by_name(folder):
     path.write_bytes(path.read_bytes()[:-1])
 
     with pytest.raises(RecordingError, match=r"kinematic-K1\.parquet: must"):
-        load_recording(folder)
+        ft.load_recording(folder)
 
 
 def test_a_damaged_recording_does_no_harm_to_its_folder(folder, flown):
     (folder / "flight.rrd").write_bytes(b"RRF2" + b"damage" * 100)
 
-    assert labels(load_recording(folder).runs) == labels(flown.runs)
+    assert labels(ft.load_recording(folder).runs) == labels(flown.runs)
     with pytest.raises(RecordingError, match=r"flight\.rrd: must be a recording"):
-        load_recording(folder / "flight.rrd")
+        ft.load_recording(folder / "flight.rrd")
 
 
 def test_what_is_not_there_or_not_ours_gives_one_line(tmp_path):
     with pytest.raises(RecordingError, match="got no such file"):
-        load_recording(tmp_path / "none.rrd")
+        ft.load_recording(tmp_path / "none.rrd")
     with pytest.raises(RecordingError, match="must hold Parquet files"):
-        load_recording(tmp_path)
+        ft.load_recording(tmp_path)
     stream = rr.RecordingStream("other")
     stream.save(tmp_path / "other.rrd")
     stream.log("page", rr.TextDocument("hello"), static=True)
     stream.disconnect()
     with pytest.raises(RecordingError, match=r"other\.rrd: .*Parquet files"):
-        load_recording(tmp_path / "other.rrd")
+        ft.load_recording(tmp_path / "other.rrd")
 
 
 def test_a_scenario_that_json_cannot_hold_is_refused(flown, tmp_path):
@@ -163,16 +161,16 @@ def test_a_scenario_that_json_cannot_hold_is_refused(flown, tmp_path):
     odd = replace(run, provenance=replace(run.provenance, scenario={"title": object()}))
 
     with pytest.raises(RecordingError, match="must hold plain values"):
-        record(replace(flown, runs=(odd,)), tmp_path)
+        ft.record(replace(flown, runs=(odd,)), tmp_path)
     assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(not Path("/proc/self/task").exists(), reason="threads are counted on Linux")
 def test_recording_again_and_again_leaves_no_threads_behind(flown, tmp_path):
-    record(flown, tmp_path)
+    ft.record(flown, tmp_path)
     before = len(list(Path("/proc/self/task").iterdir()))
     for _ in range(5):
-        record(flown, tmp_path)
+        ft.record(flown, tmp_path)
 
     assert len(list(Path("/proc/self/task").iterdir())) <= before

@@ -5,7 +5,7 @@ import tomllib
 
 import pytest
 
-from flighttune.metrics import channel_metrics
+import flighttune as ft
 from flighttune.recording.page import scenario_page
 
 
@@ -65,7 +65,7 @@ def test_gains_stand_beside_their_indicators(page):
 
 
 def test_metrics_are_shown_in_degrees_with_their_units(page, four_runs):
-    overshoot = channel_metrics(four_runs[1]).loc["gamma", "MO_rad"] * 57.29577951308232
+    overshoot = ft.channel_metrics(four_runs[1]).loc["gamma", "MO_rad"] * 57.29577951308232
     found = {row[0]: row[1:] for row in rows(page, "Tracking")}
 
     assert "overshoot [deg]" in page

@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from flighttune.control.gains import PIGains
+import flighttune as ft
 from flighttune.errors import OutputError, RecordingError
 from flighttune.files.seal import BLANK, MARK, seal
 from flighttune.records.parquet import (
@@ -42,7 +42,7 @@ def test_a_run_comes_back_to_the_bit(four_runs, without_gains, tmp_path):
 
 
 def test_gains_and_values_at_the_edge_of_float64_come_back_to_the_bit(four_runs, tmp_path):
-    third = PIGains(K_P=np.full((2, 2), 1.0 / 3.0), K_I=np.full((2, 2), -1e-300))
+    third = ft.PIGains(K_P=np.full((2, 2), 1.0 / 3.0), K_I=np.full((2, 2), -1e-300))
     edge = [np.nan, np.inf, -np.inf, -0.0, 5e-324, np.nextafter(1.0, 2.0), 1.7976931348623157e308]
     t = pd.Index([0.0, 0.1 + 0.2, 1.0 / 3.0, 2.0, 3.0, 4.0, 5e5], name="t")
     made = replace(four_runs[0].provenance, gains=third)

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from claimed import SENTENCE, claimed
 
-from flighttune.flight.fly import fly
+import flighttune as ft
 from flighttune.recording.page import scenario_page
 from flighttune.recording.plots import shown_plots
 from flighttune.recording.record import write_recording
-from flighttune.scenario.load import scenario_from
 
 from .test_rrd import Contents, blueprint_values
 
@@ -46,7 +45,7 @@ SCENARIO = {
 
 @pytest.fixture(scope="module")
 def run():
-    (run,) = fly(scenario_from(SCENARIO)).runs
+    (run,) = ft.fly(ft.scenario_from(SCENARIO)).runs
     beside = replace(run, signals=run.signals.assign(cross_track=BESIDE))
     return claimed(beside, **BAND)
 

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 from fuzzing import TIMES, digit_changed
 
+import flighttune as ft
 from flighttune.errors import RecordingError
 from flighttune.recording.viewer import viewer
-from flighttune.records.parquet import load_recording, parts_of, run_of, write_run
+from flighttune.records.parquet import parts_of, run_of, write_run
 
 SEED = 12
 FEW, MANY = 40, 500 * TIMES
@@ -30,7 +31,7 @@ def sealed(four_runs, tmp_path_factory):
 
 def refusal(path):
     with pytest.raises(RecordingError) as caught:
-        load_recording(path)
+        ft.load_recording(path)
     line = str(caught.value)
     assert line.startswith(f"{path}: must ")
     assert "\n" not in line
@@ -78,7 +79,7 @@ def test_bytes_behind_the_end_are_refused(sealed, tmp_path):
 def test_what_is_no_recording_is_refused_in_the_same_words_by_all(data, tmp_path):
     path, said = tmp_path / "odd.rrd", set()
     path.write_bytes(data)
-    for refuse in (load_recording, viewer):
+    for refuse in (ft.load_recording, viewer):
         with pytest.raises(RecordingError) as caught:
             refuse(path)
         said.add(str(caught.value))
@@ -103,4 +104,4 @@ def test_a_text_that_looks_like_the_sha_256_does_no_harm(four_runs, tmp_path):
     path = tmp_path / "flight.parquet"
     write_run(run, path)
 
-    assert load_recording(path).runs[0].provenance.scenario["title"] == title
+    assert ft.load_recording(path).runs[0].provenance.scenario["title"] == title

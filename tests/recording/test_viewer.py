@@ -6,14 +6,11 @@ from figures.screenshot import HeadlessViewer
 from pictures import FLAT, opened_recording, pixels, skip_without_tabs
 
 import flighttune as ft
-from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import RecordingError
-from flighttune.flight.fly import fly
 from flighttune.present.palette import LIMIT, NEUTRAL, rgb
 from flighttune.recording.blueprint import leader
 from flighttune.recording.entities import runs_to_draw
-from flighttune.recording.record import record, write_recording
-from flighttune.scenario import load_scenario
+from flighttune.recording.record import write_recording
 from flighttune.simulate.run import run_styles
 
 pytestmark = pytest.mark.slow
@@ -65,34 +62,34 @@ SPAN_OF_CHASE = 0.33, 0.47
 
 @pytest.fixture(scope="module")
 def flown():
-    return fly(load_scenario("paper"))
+    return ft.fly(ft.load_scenario("paper"))
 
 
 @pytest.fixture(scope="module")
 def recording(flown, tmp_path_factory):
-    return record(flown, tmp_path_factory.mktemp("viewer"), name="paper").recording
+    return ft.record(flown, tmp_path_factory.mktemp("viewer"), name="paper").recording
 
 
 def in_a_viewer(flown, folder):
-    with HeadlessViewer(record(flown, folder).recording) as opened:
+    with HeadlessViewer(ft.record(flown, folder).recording) as opened:
         yield opened
 
 
 @pytest.fixture(scope="module")
 def in_turbulence(viewer, tmp_path_factory):
-    flown = fly(load_scenario("turbulent_climb"))
+    flown = ft.fly(ft.load_scenario("turbulent_climb"))
     yield from in_a_viewer(flown, tmp_path_factory.mktemp("turbulence"))
 
 
 @pytest.fixture(scope="module")
 def on_a_ladder(viewer, tmp_path_factory):
-    found = ft.gap(load_scenario("paper"), PAPER_GAINS, name="paper")
+    found = ft.gap(ft.load_scenario("paper"), ft.PAPER_GAINS, name="paper")
     yield from in_a_viewer(found.flown(), tmp_path_factory.mktemp("ladder"))
 
 
 @pytest.fixture(scope="module")
 def on_a_route(viewer, tmp_path_factory):
-    flown = fly(load_scenario("circuit"))
+    flown = ft.fly(ft.load_scenario("circuit"))
     yield from in_a_viewer(flown, tmp_path_factory.mktemp("route"))
 
 
@@ -203,9 +200,9 @@ def assert_fits(opened, runs, tab):
 
 @pytest.fixture(scope="module")
 def six(tmp_path_factory):
-    flown = fly(load_scenario("paper_identified"))
+    flown = ft.fly(ft.load_scenario("paper_identified"))
     assert len(flown.runs) == 6
-    return flown, record(flown, tmp_path_factory.mktemp("six")).recording
+    return flown, ft.record(flown, tmp_path_factory.mktemp("six")).recording
 
 
 @pytest.mark.usefixtures("viewer")

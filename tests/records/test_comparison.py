@@ -8,13 +8,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import flighttune as ft
 from flighttune.errors import InputError, RecordingError
-from flighttune.flight.fly import fly
 from flighttune.recording.overlay import write_overlay
-from flighttune.recording.record import record
-from flighttune.records.compare import Source, better, compare, load_source, overlaid
+from flighttune.records.compare import Source, better, load_source, overlaid
 from flighttune.records.parquet import check_recording, write_run
-from flighttune.scenario import load_scenario, scenario_from
 
 TRAPEZOID = 1e-3
 """Relative error of the trapezoidal rule and of linear interpolation at 50 Hz."""
@@ -29,7 +27,7 @@ def value(found, name, channel="chi"):
 
 
 def test_differences_of_exponential_errors_are_those_of_the_closed_forms(fly_line):
-    found = compare(fly_line(rate=0.5), fly_line(rate=2.0))
+    found = ft.compare(fly_line(rate=0.5), fly_line(rate=2.0))
 
     def itae(a, T=20.0):
         return (1.0 - (1.0 + a * T) * math.exp(-a * T)) / a**2
@@ -45,7 +43,7 @@ def test_differences_of_exponential_errors_are_those_of_the_closed_forms(fly_lin
 
 
 def test_a_run_is_the_same_as_itself(fly_line):
-    found = compare(fly_line(), fly_line())
+    found = ft.compare(fly_line(), fly_line())
 
     assert found.comparable
     assert found.max_distance == 0.0
@@ -62,7 +60,7 @@ def test_a_run_is_the_same_as_itself(fly_line):
     ],
 )
 def test_the_largest_distance_is_that_of_pythagoras(fly_line, flown, distance):
-    (pair,) = compare(fly_line(), fly_line(**flown)).pairs
+    (pair,) = ft.compare(fly_line(), fly_line(**flown)).pairs
 
     assert pair.max_distance == pytest.approx(distance, abs=MICROMETRE)
     if "drift" in flown:
@@ -91,7 +89,7 @@ def test_runs_pair_by_label_then_by_plant_then_by_gains(fly_line):
 
     def paired(*sides):
         sources = (Source(name="", runs=side) for side in sides)
-        return [(pair.a, pair.b) for pair in compare(*sources).pairs]
+        return [(pair.a, pair.b) for pair in ft.compare(*sources).pairs]
 
     assert paired((law, craft), (craft, law)) == [(law, law), (craft, craft)]
     assert paired((law, craft), tuned) == [(law, tuned[0]), (craft, tuned[1])]
@@ -104,7 +102,7 @@ def test_a_run_without_a_partner_is_named(fly_line, tmp_path):
         for gains in sets:
             write_run(fly_line(gains=gains), tmp_path / folder / f"{gains}.parquet")
 
-    found = compare(tmp_path / "a", tmp_path / "b")
+    found = ft.compare(tmp_path / "a", tmp_path / "b")
 
     assert found.comparable
     assert len(found.pairs) == 1
@@ -117,7 +115,7 @@ def test_where_no_run_has_a_partner_the_way_out_is_said(fly_line):
         for gains, plants in (("paper", ("kinematic", "jsbsim:aerosonde")), ("K1", ("point_mass",)))
     ]
 
-    assert "choose with SOURCE@GAINS" in compare(*sides).reason
+    assert "choose with SOURCE@GAINS" in ft.compare(*sides).reason
 
 
 def other(scenario, table, key, value):
@@ -139,7 +137,7 @@ def test_another_manoeuvre_cannot_be_compared(fly_line, table, key, got):
     run = fly_line()
     changed = fly_line(scenario=other(run.provenance.scenario, table, key, got))
 
-    found = compare(run, changed)
+    found = ft.compare(run, changed)
 
     assert not found.comparable
     assert "the manoeuvre must be the same" in found.reason
@@ -152,7 +150,7 @@ def test_limits_and_weather_may_differ_and_are_said(fly_line):
     run = fly_line()
     changed = fly_line(scenario=other(run.provenance.scenario, "limits", "phi_deg", [-30.0, 30.0]))
 
-    found = compare(run, changed)
+    found = ft.compare(run, changed)
 
     assert found.comparable
     assert found.pairs[0].differs == {"limits.phi_deg": ([-45.0, 45.0], [-30.0, 30.0])}
@@ -161,8 +159,8 @@ def test_limits_and_weather_may_differ_and_are_said(fly_line):
 def test_two_aircraft_cannot_be_compared_but_law_and_aircraft_can(fly_line):
     craft = fly_line(plant="jsbsim:aerosonde")
 
-    assert compare(fly_line(), craft).comparable
-    refused = compare(craft, fly_line(plant="jsbsim:c172p"))
+    assert ft.compare(fly_line(), craft).comparable
+    refused = ft.compare(craft, fly_line(plant="jsbsim:c172p"))
     assert "the aircraft must be the same, got aerosonde and c172p" in refused.reason
 
 
@@ -171,11 +169,11 @@ def test_a_run_that_never_flew_cannot_be_compared(fly_line):
     nothing = pd.DataFrame(index=pd.Index([], name="t", dtype=float))
     never = dataclasses.replace(run, signals=nothing, status="no_gains", reason="infeasible")
 
-    assert "must have flown, got no_gains: infeasible" in compare(run, never).reason
+    assert "must have flown, got no_gains: infeasible" in ft.compare(run, never).reason
 
 
 def test_a_run_cut_short_is_compared_over_the_time_both_flew(fly_line):
-    found = compare(fly_line(), fly_line(seconds=5.0, status="left_envelope"))
+    found = ft.compare(fly_line(), fly_line(seconds=5.0, status="left_envelope"))
 
     assert found.comparable
     assert found.pairs[0].durations == (20.0, 5.0)
@@ -183,7 +181,7 @@ def test_a_run_cut_short_is_compared_over_the_time_both_flew(fly_line):
 
 
 def test_several_are_held_against_the_first(fly_line):
-    found = compare(fly_line(), fly_line(rate=2.0), fly_line(rate=0.5))
+    found = ft.compare(fly_line(), fly_line(rate=2.0), fly_line(rate=0.5))
 
     assert list(value(found, "ITAE").index) == list(found.metrics.columns)
     better_one = found.metrics[found.metrics["name"] == "ITAE"].groupby("pair")["better"].first()
@@ -192,7 +190,7 @@ def test_several_are_held_against_the_first(fly_line):
 
 def test_nothing_to_compare_with_is_an_error(fly_line):
     with pytest.raises(InputError, match="at least two runs"):
-        compare(fly_line())
+        ft.compare(fly_line())
 
 
 def test_the_runs_of_one_source_are_compared_with_its_first(fly_line):
@@ -200,7 +198,7 @@ def test_the_runs_of_one_source_are_compared_with_its_first(fly_line):
     nothing = pd.DataFrame(index=pd.Index([], name="t", dtype=float))
     never = dataclasses.replace(runs[2], signals=nothing, status="no_gains", reason="infeasible")
 
-    found = compare(Source(name="runs/mine", runs=(*runs, never)))
+    found = ft.compare(Source(name="runs/mine", runs=(*runs, never)))
 
     assert [(pair.a, pair.b) for pair in found.pairs] == [(runs[0], run) for run in runs[1:]]
     assert found.missing == ("kinematic / K2: no gains: infeasible",)
@@ -220,7 +218,7 @@ def test_a_scenario_flies_with_gains_by_name_or_from_a_file(tmp_path):
 def test_the_scenario_of_chosen_gains_expects_nothing_of_others_and_is_valid():
     run = load_source("paper_identified@paper").runs[0]
 
-    scenario = scenario_from(dict(run.provenance.scenario))
+    scenario = ft.scenario_from(dict(run.provenance.scenario))
 
     assert (scenario.gains, scenario.expect) == (["paper"], [])
 
@@ -239,11 +237,11 @@ def test_behind_an_at_sign_gains_or_plant_choose_among_the_runs_of_a_folder(fly_
 
 
 def test_a_recording_is_the_same_as_the_files_of_its_runs(tmp_path):
-    flown = fly(load_scenario("paper_as_printed"))
-    files = record(flown, tmp_path, name="printed")
+    flown = ft.fly(ft.load_scenario("paper_as_printed"))
+    files = ft.record(flown, tmp_path, name="printed")
     (signals,) = files.signals.values()
 
-    for found in (compare(files.recording, signals), compare(tmp_path, flown)):
+    for found in (ft.compare(files.recording, signals), ft.compare(tmp_path, flown)):
         assert found.comparable
         assert found.missing == ()
         assert found.max_distance == 0.0
@@ -251,7 +249,7 @@ def test_a_recording_is_the_same_as_the_files_of_its_runs(tmp_path):
 
 
 def test_the_overlay_holds_every_run_once_under_names_of_its_own(fly_line, tmp_path):
-    found = compare(fly_line(), fly_line(rate=2.0), fly_line(gains="K1"))
+    found = ft.compare(fly_line(), fly_line(rate=2.0), fly_line(gains="K1"))
 
     labels = [run.label for run in overlaid(found)]
     write_overlay(found, tmp_path / "overlay.rrd")

@@ -6,9 +6,9 @@ import pytest
 from commands import flighttune
 from plans import HOME, PATROL, item, plan_file, waypoint
 
+import flighttune as ft
 from flighttune.errors import InputError
 from flighttune.references.mission import read_route
-from flighttune.scenario.load import load_scenario
 
 # Commands without a place that leave the path as it is, with parameters as QGroundControl has them.
 SPEED, CAMERA, GRIPPER = item(178, 0, 22, -1, 0, 0, 0, 0, frame=2), item(206, 25), item(211, 1, 0)
@@ -179,13 +179,13 @@ def test_a_scenario_has_the_heights_and_the_notes_of_its_plan(tmp_path):
     plan_file(tmp_path / "m.plan", *PATROL, CAMERA)
     file = tmp_path / "m.toml"
     file.write_text(SCENARIO.format(flight=""))
-    scenario = load_scenario(file)
+    scenario = ft.load_scenario(file)
 
     assert (scenario.flight.h_m, scenario.flight.ground_m) == (540.0, 480.0)
     assert "Not flown of the plan: item 5 (DO_SET_CAM_TRIGG_DIST 206)." in scenario.notes
     file.write_text(SCENARIO.format(flight="h_m = 1000.0"))
     with pytest.raises(InputError, match=r"`h_m` must be 540, .*m\.plan, or absent, got 1000 m"):
-        load_scenario(file)
+        ft.load_scenario(file)
 
 
 def test_a_line_has_heights_at_every_point_or_at_none(tmp_path):

@@ -3,31 +3,28 @@
 import pytest
 from browser import headless_chromium
 
-from flighttune.flight.fly import fly
-from flighttune.recording.record import record
+import flighttune as ft
 from flighttune.records.compare import Source, load_source
-from flighttune.reports.page import write_report
-from flighttune.scenario import load_scenario
 
 
 @pytest.fixture(scope="session")
 def flown_paper():
     """The paper's manoeuvre on both plants."""
-    return fly(load_scenario("paper"))
+    return ft.fly(ft.load_scenario("paper"))
 
 
 @pytest.fixture(scope="session")
 def run_folder(flown_paper, tmp_path_factory):
     """The same, recorded."""
     folder = tmp_path_factory.mktemp("report") / "paper"
-    record(flown_paper, folder, name="paper")
+    ft.record(flown_paper, folder, name="paper")
     return folder
 
 
 @pytest.fixture(scope="session")
 def written(run_folder):
     """The report of that folder."""
-    return write_report(run_folder, run_folder.parent / "report.html")
+    return ft.write_report(run_folder, run_folder.parent / "report.html")
 
 
 @pytest.fixture(scope="session")

@@ -6,8 +6,7 @@ import re
 import numpy as np
 import pytest
 
-from flighttune.control.gains import PAPER_GAINS, PIGains
-from flighttune.control.linear_model import kinematic_model
+import flighttune as ft
 from flighttune.control.margins import channel_responses, loop_margins
 from flighttune.reports.loop_charts import loop_charts
 
@@ -18,16 +17,16 @@ OMEGA = np.logspace(-2.0, 2.0, 400)
 
 @pytest.fixture(scope="module")
 def level():
-    return kinematic_model(V_a=V, gamma=0.0, g=G)
+    return ft.kinematic_model(V_a=V, gamma=0.0, g=G)
 
 
 @pytest.fixture(scope="module")
 def climbing():
-    return kinematic_model(V_a=V, gamma=math.pi / 12.0, g=G)
+    return ft.kinematic_model(V_a=V, gamma=math.pi / 12.0, g=G)
 
 
 def test_a_decoupled_loop_has_the_response_of_two_integrators_and_a_zero(level):
-    gains = PIGains(K_P=np.diag([1.7, 2.1]), K_I=np.diag([0.6, 0.9]))
+    gains = ft.PIGains(K_P=np.diag([1.7, 2.1]), K_I=np.diag([0.6, 0.9]))
 
     found = channel_responses(level, gains, OMEGA)
 
@@ -38,7 +37,7 @@ def test_a_decoupled_loop_has_the_response_of_two_integrators_and_a_zero(level):
 
 
 def test_the_phase_margin_drawn_is_that_of_the_closed_form(level):
-    gains = PIGains(K_P=np.diag([1.7, 2.1]), K_I=np.diag([0.6, 0.9]))
+    gains = ft.PIGains(K_P=np.diag([1.7, 2.1]), K_I=np.diag([0.6, 0.9]))
     charts = loop_charts(level, gains, loop_margins(level, gains))
 
     drawn = [name for name, _, _ in charts[1].legend if name.startswith("phase margin")]
@@ -52,16 +51,16 @@ def test_the_phase_margin_drawn_is_that_of_the_closed_form(level):
 
 
 def test_no_channel_enters_the_disk_that_all_survive_together(climbing):
-    together = loop_margins(climbing, PAPER_GAINS)[-1]
+    together = loop_margins(climbing, ft.PAPER_GAINS)[-1]
     near, far = together.gain_decrease, together.gain_increase
 
-    distance = np.abs(channel_responses(climbing, PAPER_GAINS, OMEGA) + (near + far) / 2.0)
+    distance = np.abs(channel_responses(climbing, ft.PAPER_GAINS, OMEGA) + (near + far) / 2.0)
 
     assert distance.min() >= (far - near) / 2.0 * (1.0 - 1e-9)
 
 
 def test_an_unstable_loop_is_drawn_without_margins(climbing):
-    wild = PIGains(K_P=-PAPER_GAINS.K_P, K_I=-PAPER_GAINS.K_I)
+    wild = ft.PIGains(K_P=-ft.PAPER_GAINS.K_P, K_I=-ft.PAPER_GAINS.K_I)
 
     charts = loop_charts(climbing, wild, loop_margins(climbing, wild))
 

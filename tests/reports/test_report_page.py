@@ -10,14 +10,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import flighttune as ft
 from flighttune.claims.linear_loop import flight_check
-from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import RecordingError
-from flighttune.flight.outer_loop import tuning_problem
-from flighttune.metrics import channel_metrics
 from flighttune.records.compare import Source
-from flighttune.reports.page import CONVERGES, LONGEST_LADDER, write_report
-from flighttune.scenario import load_scenario
+from flighttune.reports.page import CONVERGES, LONGEST_LADDER
 from flighttune.tuning.frontier import frontier
 
 pytestmark = pytest.mark.slow
@@ -79,7 +76,7 @@ def test_twelve_long_runs_are_still_small_enough(paper_source, tmp_path):
 
     runs = tuple(noisy(plant, f"set{i}") for plant in ("kinematic", "other") for i in range(6))
 
-    written = write_report(Source(name="twelve", runs=runs), tmp_path / "twelve.html")
+    written = ft.write_report(Source(name="twelve", runs=runs), tmp_path / "twelve.html")
 
     assert written.path.stat().st_size < LARGEST
 
@@ -112,7 +109,7 @@ def test_the_tables_have_the_numbers_of_the_runs(written, flown_paper):
         for record in tracking.records
         if record["run"] == law.label
     }
-    expected = channel_metrics(law)["settling_s"]
+    expected = ft.channel_metrics(law)["settling_s"]
     assert settling == {"χ": expected["chi"], "γ": expected["gamma"]}
     rate = flown_paper.indicators["tuned"].R_K
     assert records_of(written, "certificates")["tuned"]["rate"] == pytest.approx(rate, abs=1e-6)
@@ -120,7 +117,7 @@ def test_the_tables_have_the_numbers_of_the_runs(written, flown_paper):
     apart = np.linalg.norm(paths[1] - paths[0], axis=1).max()
     own = records_of(written, "aircraft")["tuned"]
     assert own["max_distance_m"] == pytest.approx(apart, abs=0.05)
-    assert records_of(written, "gains")["paper"]["K_P"] == PAPER_GAINS.K_P.tolist()
+    assert records_of(written, "gains")["paper"]["K_P"] == ft.PAPER_GAINS.K_P.tolist()
 
 
 def test_a_flight_that_does_not_converge_has_its_late_errors_and_limits(written, flown_paper, page):
@@ -149,7 +146,7 @@ def test_a_flight_that_ended_at_once_has_its_row_its_count_and_its_reason(paper_
         first, signals=first.signals[:1], status="diverged", reason=f"t = 0 s: {why}"
     )
 
-    page = write_report(Source(name="x", runs=(ended, *others)), tmp_path / "report.html")
+    page = ft.write_report(Source(name="x", runs=(ended, *others)), tmp_path / "report.html")
 
     rows = records_of(page, "convergence")
     assert list(rows) == [run.label for run in paper_source.runs]
@@ -183,7 +180,7 @@ def test_every_flight_of_a_law_is_held_against_its_certificate(written, paper_so
 
 
 def test_a_flight_that_limits_hold_to_the_end_is_said_to_prove_nothing(tmp_path):
-    written = write_report("paper_printed_limits", tmp_path / "limits.html")
+    written = ft.write_report("paper_printed_limits", tmp_path / "limits.html")
 
     (record,) = records_of(written, "kept").values()
     assert record["run"] == "kinematic / paper"
@@ -200,7 +197,7 @@ def test_the_ladder_of_a_very_long_flight_is_left_to_gap_and_that_is_said(paper_
     )
     long = Source(name="long", runs=(dataclasses.replace(craft, signals=signals),))
 
-    written = write_report(long, tmp_path / "long.html")
+    written = ft.write_report(long, tmp_path / "long.html")
 
     assert "From the law to the aircraft" not in written.sections
     assert f"{craft.label}: {rows} samples are more than" in written.path.read_text()
@@ -215,7 +212,7 @@ def test_words_of_a_scenario_are_text_and_not_markup(paper_source, tmp_path):
         return dataclasses.replace(run, provenance=dataclasses.replace(made, scenario=scenario))
 
     runs = tuple(named(run) for run in paper_source.runs if run.provenance.plant == "kinematic")
-    written = write_report(Source(name=wicked, runs=runs), tmp_path / "wicked.html")
+    written = ft.write_report(Source(name=wicked, runs=runs), tmp_path / "wicked.html")
     text = written.path.read_text()
 
     assert "<script>alert" not in text
@@ -230,7 +227,7 @@ def test_a_run_that_never_flew_is_told_of(paper_source, tmp_path):
         provenance=made,
     )  # fmt: skip
 
-    written = write_report(Source(name="both", runs=(first, never)), tmp_path / "r.html")
+    written = ft.write_report(Source(name="both", runs=(first, never)), tmp_path / "r.html")
 
     assert written.summary[1] == "1 of 2 runs converge."
     assert "I_K is 67 at least" in records_of(written, "runs")["kinematic / strict"]["outcome"]
@@ -240,32 +237,34 @@ def test_runs_of_several_scenarios_are_refused(paper_source, printed_source, tmp
     mixed = Source(name="mixed", runs=(*paper_source.runs, *printed_source.runs))
 
     with pytest.raises(RecordingError, match=r"^mixed: .*one scenario"):
-        write_report(mixed, tmp_path / "never.html")
+        ft.write_report(mixed, tmp_path / "never.html")
     assert not (tmp_path / "never.html").exists()
 
 
 def test_without_a_frontier_the_page_says_why(paper_source, monkeypatch, tmp_path):
     def marks_alone(*_, marked, **__):
-        return frontier(tuning_problem(paper), points=2, marked=marked).query("name != 'frontier'")
+        return frontier(ft.tuning_problem(paper), points=2, marked=marked).query(
+            "name != 'frontier'"
+        )
 
-    paper = load_scenario("paper")
+    paper = ft.load_scenario("paper")
     monkeypatch.setattr("flighttune.reports.page.frontier", marks_alone)
 
-    written = write_report(paper_source, tmp_path / "without.html")
+    written = ft.write_report(paper_source, tmp_path / "without.html")
 
     page = written.path.read_text(encoding="utf-8")
     assert "There is no curve of R_K against I_K" in page
 
 
 def test_a_flight_with_sensors_is_not_compared_with_the_bound(tmp_path):
-    written = write_report("sensor_noise", tmp_path / "noise.html")
+    written = ft.write_report("sensor_noise", tmp_path / "noise.html")
 
     assert "none is compared with the bound" in written.path.read_text(encoding="utf-8")
     assert not any(table.name == "kept" for table in written.tables)
 
 
 def test_an_aircraft_beside_its_nominal_self_has_a_gap_of_its_own(tmp_path):
-    written = write_report("heavy_and_aft@paper", tmp_path / "both.html")
+    written = ft.write_report("heavy_and_aft@paper", tmp_path / "both.html")
 
     (table,) = (table for table in written.tables if table.name == "gap")
     nominal, heavy = (

@@ -9,7 +9,6 @@ import flighttune as ft
 from flighttune.present.chart import Chart
 from flighttune.present.palette import INK
 from flighttune.records.compare import Source
-from flighttune.reports.page import write_report
 from flighttune.reports.panels import errors
 from flighttune.reports.route_charts import route_charts
 from flighttune.simulate.run import run_styles
@@ -72,7 +71,7 @@ def test_the_arrow_points_where_the_air_moves(run, monkeypatch):
 def test_a_page_of_a_route_begins_with_its_map_and_the_claim(run, tmp_path):
     source = Source(name="leg", runs=(run,))
 
-    page = write_report(source, tmp_path / "r.html").path.read_text(encoding="utf-8")
+    page = ft.write_report(source, tmp_path / "r.html").path.read_text(encoding="utf-8")
 
     top = page.partition("<details")[0]
     assert "<b>Map</b>" in top

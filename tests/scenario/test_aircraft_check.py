@@ -3,10 +3,9 @@
 import pytest
 from made_up import made_up_scenario
 
+import flighttune as ft
 from flighttune.cli import main
 from flighttune.errors import ScenarioError
-from flighttune.flight.fly import fly
-from flighttune.scenario import load_scenario
 
 SCENARIO = """
 title = "Straight on"
@@ -40,7 +39,7 @@ def test_what_an_aircraft_cannot_start_names_file_and_key(change, message, tmp_p
     path.write_text(text(**change))
 
     with pytest.raises(ScenarioError, match=message) as caught:
-        load_scenario(path)
+        ft.load_scenario(path)
 
     assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)
@@ -66,4 +65,4 @@ def test_a_scenario_made_in_python_is_refused_by_its_title_when_it_is_flown():
     scenario = made_up_scenario(flight={"V_a_mps": 250.0}, plant=plants)
 
     with pytest.raises(ScenarioError, match=r"^Straight on: .*`V_a_mps`.*15 to 45"):
-        fly(scenario)
+        ft.fly(scenario)

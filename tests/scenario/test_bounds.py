@@ -5,8 +5,8 @@ import math
 import pytest
 from made_up import made_up_scenario
 
+import flighttune as ft
 from flighttune.errors import ScenarioError
-from flighttune.flight.fly import fly
 
 LAG = {"kind": "point_mass_lag", "roll_lag_rad_s": 4.0, "n_z_lag_rad_s": 8.0}
 GUST = {"axis": "down", "peak_mps": 3.0, "start_s": 0.1, "length_m": 10.0}
@@ -92,7 +92,7 @@ def test_the_steepest_path_is_flown(angle):
 )
 def test_a_duration_that_is_no_whole_number_of_samples_is_said(duration, rate, flown):
     scenario = short(flight={"duration_s": duration}, controller={"rate_hz": rate})
-    (run,) = fly(scenario).runs
+    (run,) = ft.fly(scenario).runs
 
     assert run.duration == pytest.approx(flown)
     (note,) = scenario.notes if flown != duration else ("",)
@@ -103,4 +103,4 @@ def test_a_fast_overdamped_lag_is_flown_to_its_end():
     plant = {**LAG, "roll_lag_rad_s": 200.0, "roll_damping": 5.0}
     scenario = short(plant=[plant], controller={"rate_hz": 5.0})
 
-    assert [run.status for run in fly(scenario).runs] == ["completed"]
+    assert [run.status for run in ft.fly(scenario).runs] == ["completed"]

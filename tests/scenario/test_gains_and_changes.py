@@ -8,15 +8,12 @@ import pytest
 from commands import answer, flighttune
 from fuzzing import to_toml
 
+import flighttune as ft
 from flighttune.campaign.planning.plan import plan_from
 from flighttune.campaign.stated_set import planned
-from flighttune.control.gains import PAPER_EPSILON, PAPER_GAINS
+from flighttune.control.gains import PAPER_EPSILON
 from flighttune.errors import InputError, ScenarioError
-from flighttune.flight.fly import fly
 from flighttune.flight.outer_loop import gain_set
-from flighttune.records.parquet import load_recording
-from flighttune.records.refly import refly
-from flighttune.scenario import load_scenario
 from flighttune.scenario.load import with_gains
 
 TURN = {
@@ -43,13 +40,13 @@ def test_a_file_beside_the_scenario_is_a_gain_set_that_outlives_the_file(turn, t
     answer("fly", turn, "--out", tmp_path / "out")
     (tmp_path / "my gains.json").unlink()
 
-    _, flown = load_recording(tmp_path / "out").runs
+    _, flown = ft.load_recording(tmp_path / "out").runs
 
     assert flown.label == "kinematic / my_gains"
     assert np.array_equal(flown.provenance.gains.K_P, K["K_P"])
-    assert [again.difference for again in refly([flown])] == [None]
+    assert [again.difference for again in ft.refly([flown])] == [None]
     with pytest.raises(ScenarioError, match=r"my gains\.json: .*readable"):
-        load_scenario(turn)
+        ft.load_scenario(turn)
 
 
 @pytest.mark.parametrize(
@@ -64,11 +61,11 @@ def test_a_file_beside_the_scenario_is_a_gain_set_that_outlives_the_file(turn, t
 def test_chosen_gain_sets_take_the_place_of_the_scenarios(names, flown, turn, monkeypatch):
     monkeypatch.chdir(turn.parent)
     (turn.parent / "exact.toml").write_text(to_toml({"law": "exact", **K}))
-    chosen = load_scenario(turn, gains=names)
+    chosen = ft.load_scenario(turn, gains=names)
 
     assert list(chosen.gain_names) == flown
     assert len(chosen.expect) == ("my_gains" in flown)
-    numbers = {"K3": np.array(PAPER_GAINS.K_P) - PAPER_EPSILON["K3"] * np.eye(2)}
+    numbers = {"K3": np.array(ft.PAPER_GAINS.K_P) - PAPER_EPSILON["K3"] * np.eye(2)}
     assert gain_set(chosen, flown[0]).K_P == pytest.approx(
         numbers.get(flown[0], np.array(K["K_P"]))
     )
@@ -85,17 +82,17 @@ def test_chosen_gain_sets_take_the_place_of_the_scenarios(names, flown, turn, mo
 )
 def test_gain_sets_that_cannot_be_flown_together_are_refused(names, message, turn):
     with pytest.raises(InputError, match=message):
-        with_gains(load_scenario(turn), names, "turn")
+        with_gains(ft.load_scenario(turn), names, "turn")
 
 
 def test_values_set_by_key_are_flown_and_named_in_the_title(turn):
-    scenario = load_scenario(turn, changes={"flight.V_a_mps": 30, "limits.phi_deg": [-20, 20]})
-    run = fly(scenario).runs[0]
+    scenario = ft.load_scenario(turn, changes={"flight.V_a_mps": 30, "limits.phi_deg": [-20, 20]})
+    run = ft.fly(scenario).runs[0]
 
     assert scenario.title == "turn (flight.V_a_mps = 30, limits.phi_deg = [-20, 20])"
     assert run.signals["V_a"].iloc[0] == 30.0
     assert run.provenance.scenario["title"] == scenario.title
-    assert load_scenario(turn).flight.V_a_mps == 25.0
+    assert ft.load_scenario(turn).flight.V_a_mps == 25.0
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from fuzzing import to_toml
 
-from flighttune.control.gains import PAPER_GAINS, paper_family
+import flighttune as ft
+from flighttune.control.gains import paper_family
 from flighttune.errors import ScenarioError
 from flighttune.files.shipped import scenario_files
-from flighttune.scenario import load_gains, load_scenario, scenario_from
 
 ROUNDING = 1e-12
 
@@ -26,7 +26,7 @@ def tables():
 
 
 def test_edges_are_degrees_and_the_inside_is_radians():
-    scenario = load_scenario("paper")
+    scenario = ft.load_scenario("paper")
     limits = scenario.limits.limits()
 
     assert scenario.condition.chi == pytest.approx(math.pi / 3, abs=ROUNDING)
@@ -36,7 +36,7 @@ def test_edges_are_degrees_and_the_inside_is_radians():
 
 
 def test_what_the_file_does_not_limit_is_not_limited():
-    limits = load_scenario("paper_as_printed").limits.limits()
+    limits = ft.load_scenario("paper_as_printed").limits.limits()
 
     assert np.isinf(limits.rate_lower).all()
     assert np.isinf(limits.rate_upper).all()
@@ -44,7 +44,7 @@ def test_what_the_file_does_not_limit_is_not_limited():
 
 def test_a_rate_may_be_a_range(tables):
     tables["limits"]["phi_rate_dps"] = [-10.0, 20.0]
-    limits = scenario_from(tables).limits.limits()
+    limits = ft.scenario_from(tables).limits.limits()
 
     assert limits.rate_lower[0] == pytest.approx(math.radians(-10.0))
     assert limits.rate_upper[0] == pytest.approx(math.radians(20.0))
@@ -56,20 +56,22 @@ def test_segments_add_to_the_start_of_the_flight(tables):
         {"shape": "ramp", "start_s": 2.0, "duration_s": 2.0, "rate_dps": -5.0},
         {"shape": "doublet", "start_s": 6.0, "width_s": 1.0, "amplitude_deg": 3.0},
     ]
-    chi, _ = scenario_from(tables).followed().sampled(np.array([0.0, 1.5, 3.0, 5.0, 6.5, 7.5, 9.0]))
+    chi, _ = (
+        ft.scenario_from(tables).followed().sampled(np.array([0.0, 1.5, 3.0, 5.0, 6.5, 7.5, 9.0]))
+    )
 
     assert np.rad2deg(chi) == pytest.approx([60.0, 90.0, 85.0, 80.0, 83.0, 77.0, 80.0])
 
 
 def test_a_scenario_written_out_and_read_again_is_the_same():
-    scenario = load_scenario("level_turn")
+    scenario = ft.load_scenario("level_turn")
 
-    assert scenario_from(json.loads(json.dumps(scenario.as_dict()))) == scenario
+    assert ft.scenario_from(json.loads(json.dumps(scenario.as_dict()))) == scenario
 
 
 def test_a_scenario_cannot_be_changed():
     with pytest.raises(ValueError, match="frozen"):
-        load_scenario("paper").seed = 2  # pyright: ignore[reportAttributeAccessIssue]
+        ft.load_scenario("paper").seed = 2  # pyright: ignore[reportAttributeAccessIssue]
 
 
 WRONG = [
@@ -155,7 +157,7 @@ def test_a_wrong_value_gets_one_line_with_file_and_key(table, change, message, t
     path.write_text(to_toml(tables))
 
     with pytest.raises(ScenarioError, match=message) as caught:
-        load_scenario(path)
+        ft.load_scenario(path)
 
     assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)
@@ -165,7 +167,7 @@ def test_a_missing_key_is_named(tables):
     del tables["flight"]["V_a_mps"]
 
     with pytest.raises(ScenarioError, match=r"\[flight\] `V_a_mps`"):
-        scenario_from(tables)
+        ft.scenario_from(tables)
 
 
 def test_several_mistakes_are_told_in_one_line(tables):
@@ -174,7 +176,7 @@ def test_several_mistakes_are_told_in_one_line(tables):
     tables["seed"] = -1
 
     with pytest.raises(ScenarioError) as caught:
-        scenario_from(tables)
+        ft.scenario_from(tables)
 
     assert str(caught.value) == (
         "scenario: [flight] `V_a_mps` must be greater than or equal to 1, got -1.0; "
@@ -187,7 +189,7 @@ def test_of_many_mistakes_five_are_told_and_the_rest_counted(tables):
     tables["flight"].update({f"key{i}": i for i in range(8)})
 
     with pytest.raises(ScenarioError, match=r"; and 3 more\.$") as caught:
-        scenario_from(tables)
+        ft.scenario_from(tables)
 
     assert str(caught.value).count("is not a known key") == 5
     assert "\n" not in str(caught.value)
@@ -195,7 +197,7 @@ def test_of_many_mistakes_five_are_told_and_the_rest_counted(tables):
 
 def test_a_file_that_is_not_there_lists_the_shipped_ones():
     with pytest.raises(ScenarioError, match=r"nowhere\.toml: .*list`"):
-        load_scenario("nowhere.toml")
+        ft.load_scenario("nowhere.toml")
 
 
 def test_a_file_that_is_not_toml_gives_the_line(tmp_path):
@@ -203,19 +205,19 @@ def test_a_file_that_is_not_toml_gives_the_line(tmp_path):
     path.write_text("title = \n")
 
     with pytest.raises(ScenarioError, match=r"torn\.toml: .*line 1"):
-        load_scenario(path)
+        ft.load_scenario(path)
 
 
 @pytest.mark.parametrize("suffix", [".json", ".toml"])
 def test_gains_are_read_from_json_and_toml(suffix, tmp_path):
     path = tmp_path / f"gains{suffix}"
-    numbers = {"K_P": PAPER_GAINS.K_P.tolist(), "K_I": PAPER_GAINS.K_I.tolist()}
+    numbers = {"K_P": ft.PAPER_GAINS.K_P.tolist(), "K_I": ft.PAPER_GAINS.K_I.tolist()}
     path.write_text(json.dumps({**numbers, "R_K": 0.5}) if suffix == ".json" else to_toml(numbers))
 
-    gains = load_gains(path)
+    gains = ft.load_gains(path)
 
-    assert np.array_equal(gains.K_P, PAPER_GAINS.K_P)
-    assert np.array_equal(gains.K_I, PAPER_GAINS.K_I)
+    assert np.array_equal(gains.K_P, ft.PAPER_GAINS.K_P)
+    assert np.array_equal(gains.K_I, ft.PAPER_GAINS.K_I)
 
 
 @pytest.mark.parametrize(
@@ -233,7 +235,7 @@ def test_gains_that_cannot_be_read_get_one_line(text, message, tmp_path):
     path.write_text(text)
 
     with pytest.raises(ScenarioError, match=message) as caught:
-        load_gains(path)
+        ft.load_gains(path)
 
     assert str(caught.value).startswith(f"{path}: ")
 
@@ -241,5 +243,5 @@ def test_gains_that_cannot_be_read_get_one_line(text, message, tmp_path):
 def test_the_papers_family_is_shifted_as_its_table_says():
     family = paper_family()
 
-    assert family["K1"].K_P == pytest.approx(PAPER_GAINS.K_P + 4.0 * np.eye(2))
-    assert family["K6"].K_I == pytest.approx(PAPER_GAINS.K_I - 1.0 * np.eye(2))
+    assert family["K1"].K_P == pytest.approx(ft.PAPER_GAINS.K_P + 4.0 * np.eye(2))
+    assert family["K6"].K_I == pytest.approx(ft.PAPER_GAINS.K_I - 1.0 * np.eye(2))

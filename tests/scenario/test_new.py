@@ -9,11 +9,10 @@ import tomlkit
 from commands import answer, flighttune
 from made_up import made_up_scenario
 
+import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import InputError
 from flighttune.files.shipped import aircraft_folders, aircraft_names
-from flighttune.flight.fly import fly
-from flighttune.scenario import load_scenario
 from flighttune.scenario.new import new_scenario
 
 ADOPTED = Path(__file__).parents[1] / "adopted"
@@ -29,7 +28,7 @@ def test_a_new_scenario_meets_its_claim_at_the_first_flight(aircraft, tmp_path):
     assert flown["claim"]["requirements"] == 8
     assert [run["plant"] for run in flown["runs"]] == ["kinematic", f"jsbsim:{Path(aircraft).name}"]
     envelope = load_aircraft(aircraft).envelope.V_a
-    assert envelope[0] < load_scenario(tmp_path / "mine.toml").flight.V_a_mps < envelope[1]
+    assert envelope[0] < ft.load_scenario(tmp_path / "mine.toml").flight.V_a_mps < envelope[1]
 
 
 @pytest.mark.slow
@@ -39,9 +38,9 @@ def test_a_new_scenario_meets_its_claim_at_the_first_flight(aircraft, tmp_path):
 )
 def test_a_scenario_made_for_another_aircraft_flies(like, aircraft, tmp_path):
     answer("new", "mine", "--aircraft", aircraft, "--like", like, cwd=tmp_path)
-    made, original = load_scenario(tmp_path / "mine.toml"), load_scenario(like)
+    made, original = ft.load_scenario(tmp_path / "mine.toml"), ft.load_scenario(like)
 
-    assert {run.status for run in fly(made).runs} == {"completed"}
+    assert {run.status for run in ft.fly(made).runs} == {"completed"}
     assert made.limits.limits().upper == pytest.approx(
         load_aircraft(aircraft).limits.limits().upper
     )
@@ -53,12 +52,12 @@ def test_a_scenario_made_for_another_aircraft_flies(like, aircraft, tmp_path):
 @pytest.mark.slow
 def test_a_route_made_for_a_faster_aircraft_is_larger_and_flown(tmp_path):
     answer("new", "mine", "--aircraft", "c172p", "--like", "circuit", cwd=tmp_path)
-    made, original = load_scenario(tmp_path / "mine.toml"), load_scenario("circuit")
+    made, original = ft.load_scenario(tmp_path / "mine.toml"), ft.load_scenario("circuit")
     radii = [made.followed().path.stretches[1].radius, original.followed().path.stretches[1].radius]
 
     # (V + W)^2, at the same roll: 61^2 / 36^2
     assert radii[0] / radii[1] == pytest.approx((61.0 / 36.0) ** 2, rel=1e-6)
-    assert {run.status for run in fly(made).runs} == {"completed"}
+    assert {run.status for run in ft.fly(made).runs} == {"completed"}
 
 
 def test_a_file_is_never_written_over_and_an_unknown_name_writes_none(tmp_path):
@@ -112,7 +111,7 @@ def test_the_texts_of_an_aircraft_stay_values_and_comments(tmp_path):
     new_scenario(str(tmp_path / "mine of two words"), aircraft=str(theirs))
     text = (tmp_path / "mine of two words.toml").read_text()
 
-    made = load_scenario(tmp_path / "mine of two words.toml")
+    made = ft.load_scenario(tmp_path / "mine of two words.toml")
     assert made.law is None
     assert load_aircraft(made.plant[1].aircraft).folder == theirs
     assert f"flighttune fly '{tmp_path}/mine of two words.toml' " in text
@@ -157,7 +156,7 @@ def test_a_law_beside_an_aircraft_has_its_limits_unless_others_are_stated(phi_de
         limits=limits,
         plant=[{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}],
     )
-    run = fly(scenario).runs[0]
+    run = ft.fly(scenario).runs[0]
 
     assert run.status == "completed"
     assert np.rad2deg(run.signals["phi_cmd"].abs().max()) == pytest.approx(most)

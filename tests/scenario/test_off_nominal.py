@@ -6,11 +6,9 @@ import pickle
 import pytest
 from made_up import scenario_tables
 
+import flighttune as ft
 from flighttune.errors import ScenarioError
 from flighttune.files.shipped import scenario_files
-from flighttune.flight.fly import fly
-from flighttune.plants.sensors import Sensors
-from flighttune.scenario import load_scenario, scenario_from
 
 DEG = math.pi / 180.0
 
@@ -23,7 +21,7 @@ def tables(airframe=None, sensors=None, **plant):
 
 
 def test_sensors_are_in_radians_and_draw_from_the_seed_of_the_scenario():
-    scenario = scenario_from(
+    scenario = ft.scenario_from(
         tables(
             sensors={
                 "chi_bias_deg": 1.0, "gamma_bias_deg": -2.0, "V_a_bias_mps": 0.5,
@@ -35,7 +33,7 @@ def test_sensors_are_in_radians_and_draw_from_the_seed_of_the_scenario():
 
     found = scenario.sensors.sensors(scenario.seed)
 
-    assert found == Sensors(
+    assert found == ft.Sensors(
         bias=(DEG, -2.0 * DEG, 0.5),
         noise_sd=(0.1 * DEG, 0.2 * DEG, 0.3),
         time_constant=0.4,
@@ -45,7 +43,7 @@ def test_sensors_are_in_radians_and_draw_from_the_seed_of_the_scenario():
 
 @pytest.mark.parametrize("name", scenario_files())
 def test_scenarios_without_the_keys_say_nothing_of_them(name):
-    values = load_scenario(name).as_dict()
+    values = ft.load_scenario(name).as_dict()
 
     assert ("sensors" in values) == (name == "sensor_noise")
     for key in ("airframe", "name"):
@@ -54,9 +52,9 @@ def test_scenarios_without_the_keys_say_nothing_of_them(name):
 
 def test_the_tables_come_back_from_plain_values_and_from_another_process():
     airframe = {"mass_factor": 1.1, "coefficient_factors": {"Cm_alpha": 0.9}}
-    scenario = scenario_from(tables(airframe, {"chi_bias_deg": 1.0}))
+    scenario = ft.scenario_from(tables(airframe, {"chi_bias_deg": 1.0}))
 
-    assert scenario_from(scenario.as_dict()) == scenario
+    assert ft.scenario_from(scenario.as_dict()) == scenario
     assert pickle.loads(pickle.dumps(scenario)) == scenario
 
 
@@ -78,7 +76,7 @@ def test_impossible_values_are_refused_by_table_and_key(change, message):
     given["plant"][0] = {k: v for k, v in given["plant"][0].items() if v is not None}
 
     with pytest.raises(ScenarioError, match=message):
-        scenario_from(given)
+        ft.scenario_from(given)
 
 
 def test_two_plants_of_one_label_are_told_to_have_a_name():
@@ -86,14 +84,14 @@ def test_two_plants_of_one_label_are_told_to_have_a_name():
     given["plant"] *= 2
 
     with pytest.raises(ScenarioError) as got:
-        scenario_from(given)
+        ft.scenario_from(given)
 
     assert str(got.value) == (
         "scenario: `plant` must not name anything twice, got jsbsim:aerosonde, jsbsim:aerosonde; "
         "a `name` of its own distinguishes a plant."
     )
     given["plant"][1] = given["plant"][1] | {"name": "other"}
-    labels = [plant.label for plant in scenario_from(given).plant]
+    labels = [plant.label for plant in ft.scenario_from(given).plant]
     assert labels == ["jsbsim:aerosonde", "jsbsim:aerosonde:other"]
 
 
@@ -102,11 +100,11 @@ def test_a_plant_of_any_kind_may_have_a_name(name):
     given = tables(name=name)
     given["plant"].append({"kind": "kinematic", "name": name})
 
-    scenario = scenario_from(given)
+    scenario = ft.scenario_from(given)
 
     labels = [f"jsbsim:aerosonde:{name}", f"kinematic:{name}"]
     assert [plant.label for plant in scenario.plant] == labels
-    assert scenario_from(scenario.as_dict()) == scenario
+    assert ft.scenario_from(scenario.as_dict()) == scenario
 
 
 OF_THE_AIRCRAFT = [
@@ -118,7 +116,7 @@ OF_THE_AIRCRAFT = [
 @pytest.mark.parametrize(("airframe", "message"), OF_THE_AIRCRAFT)
 def test_what_the_aircraft_cannot_be_is_refused_before_anything_flies(airframe, message):
     with pytest.raises(ScenarioError, match=rf"^Straight on: \[plant\.airframe\] {message}") as got:
-        fly(scenario_from(tables(airframe)))
+        ft.fly(ft.scenario_from(tables(airframe)))
 
     assert "\n" not in str(got.value)
 
@@ -131,4 +129,4 @@ def test_a_file_with_what_the_aircraft_cannot_be_is_refused_when_it_is_read(tmp_
     )
 
     with pytest.raises(ScenarioError, match=rf"^{path}: \[plant\.airframe\] `izz_factor` must"):
-        load_scenario(path)
+        ft.load_scenario(path)

@@ -9,8 +9,7 @@ import pytest
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from flighttune.flight.fly import fly
-from flighttune.scenario import Scenario, load_scenario
+import flighttune as ft
 from flighttune.scenario.new import new_scenario
 
 PAGE = (Path(__file__).parents[2] / "scenarios" / "README.md").read_text(encoding="utf-8")
@@ -43,7 +42,7 @@ def keys_of(model, table):
             yield from keys_of(part, key if table == "(top)" else f"{table}.{key}")
 
 
-KEYS = list(keys_of(Scenario, "(top)"))
+KEYS = list(keys_of(ft.Scenario, "(top)"))
 
 
 @pytest.mark.parametrize(("table", "key", "field"), KEYS, ids=[f"{t}-{k}" for t, k, _ in KEYS])
@@ -71,7 +70,7 @@ def test_without_feed_forward_the_aircraft_sinks_first(example):
     lowest = {}
     for setting in ("true", "false"):
         example.write_text(level.replace("feed_forward = true ", f"feed_forward = {setting}"))
-        (_, run) = fly(load_scenario(example)).runs
+        (_, run) = ft.fly(ft.load_scenario(example)).runs
         lowest[setting] = run.signals["h"].iloc[0] - run.signals["h"].min()
 
     assert lowest["false"] > 3.0 * lowest["true"]

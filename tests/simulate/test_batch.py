@@ -5,37 +5,34 @@ import math
 import numpy as np
 import pytest
 
-from flighttune.control.gains import PAPER_GAINS, PIGains, paper_family
-from flighttune.control.limits import Limits
-from flighttune.control.mimo_pi import MimoPI
+import flighttune as ft
+from flighttune.control.gains import paper_family
 from flighttune.errors import InputError, ShapeError
-from flighttune.plants.base import FlightCondition
-from flighttune.plants.point_mass import PointMassPlant
-from flighttune.references.segments import Reference, Segment
+from flighttune.references.segments import Segment
 from flighttune.simulate.batch import SIGNALS, fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.loop import simulate
 
 SAME = 1e-12
 RANGE = ([-math.pi / 4, -2.1], [math.pi / 4, 2.1])
-MAGNITUDE = Limits(
+MAGNITUDE = ft.Limits(
     lower=RANGE[0], upper=RANGE[1], rate_lower=[-math.inf] * 2, rate_upper=[math.inf] * 2
 )
-PRINTED = Limits(
+PRINTED = ft.Limits(
     lower=RANGE[0], upper=RANGE[1], rate_lower=[-math.pi / 6, -1.0], rate_upper=[math.pi / 6, 1.0]
 )
-START = FlightCondition(V_a=25.0, chi=math.pi / 3, gamma=math.pi / 4, phi=math.pi / 3, n_z=1.0)
+START = ft.FlightCondition(V_a=25.0, chi=math.pi / 3, gamma=math.pi / 4, phi=math.pi / 3, n_z=1.0)
 REF = (0.0, math.pi / 12)
 WAVES = Sinusoid(chi_amplitude=0.1, chi_omega=0.15, gamma_amplitude=0.1, gamma_omega=0.15)
 
 
-def paper(dt=0.01, limits=PRINTED, gains=(PAPER_GAINS,), **settings):
+def paper(dt=0.01, limits=PRINTED, gains=(ft.PAPER_GAINS,), **settings):
     """Flights of the paper's manoeuvre."""
-    laws = [MimoPI(each, limits, dt=dt) for each in gains]
+    laws = [ft.MimoPI(each, limits, dt=dt) for each in gains]
     return fly_sampled(laws, [START], REF, **{"duration": 1.0, "disturbances": [WAVES], **settings})
 
 
-MANOEUVRE = Reference(
+MANOEUVRE = ft.Reference(
     chi=3.0,
     gamma=0.1,
     chi_segments=(Segment(2.0, (0.0,), jumps=(2.5,)), Segment(4.0, (0.0, 3.0), rates=(-0.3,))),
@@ -46,11 +43,11 @@ MANOEUVRE = Reference(
 def random_cases(count, seed):
     rng = np.random.default_rng(seed)
     for _ in range(count):
-        gains = PIGains(
-            K_P=PAPER_GAINS.K_P + rng.normal(0.0, 0.8, (2, 2)),
-            K_I=PAPER_GAINS.K_I * rng.uniform(0.1, 1.5),
+        gains = ft.PIGains(
+            K_P=ft.PAPER_GAINS.K_P + rng.normal(0.0, 0.8, (2, 2)),
+            K_I=ft.PAPER_GAINS.K_I * rng.uniform(0.1, 1.5),
         )
-        condition = FlightCondition(
+        condition = ft.FlightCondition(
             V_a=rng.uniform(15.0, 40.0),
             chi=rng.uniform(-6.0, 6.0),
             gamma=rng.uniform(-0.5, 0.8),
@@ -64,14 +61,14 @@ def random_cases(count, seed):
             gamma_amplitude=amplitude[1],
             gamma_omega=omega[1],
         )
-        yield gains, condition, (Limits.none(2), MAGNITUDE, PRINTED)[rng.integers(3)], waves
+        yield gains, condition, (ft.Limits.none(2), MAGNITUDE, PRINTED)[rng.integers(3)], waves
 
 
 def flown_alone(case, reference, dt, *, feed_forward, **settings):
     gains, condition, limits, waves = case
     return simulate(
-        PointMassPlant(turn="paper", disturbance=waves),
-        MimoPI(gains, limits, dt=dt, feed_forward=feed_forward, **settings),
+        ft.PointMassPlant(turn="paper", disturbance=waves),
+        ft.MimoPI(gains, limits, dt=dt, feed_forward=feed_forward, **settings),
         reference,
         condition=condition,
         duration=8.0,
@@ -97,7 +94,7 @@ def test_a_batch_flies_what_the_single_run_flies(dt, settings, anti_windup):
     settings["wrapped"] = ("chi",) if settings.get("wrapped", True) else ()
 
     batch = fly_sampled(
-        [MimoPI(gains, limits, dt=dt, **settings) for gains, _, limits, _ in cases],
+        [ft.MimoPI(gains, limits, dt=dt, **settings) for gains, _, limits, _ in cases],
         [case[1] for case in cases],
         np.column_stack(MANOEUVRE.sampled(samples)),
         duration=8.0,
@@ -118,7 +115,7 @@ def test_a_batch_flies_what_the_single_run_flies(dt, settings, anti_windup):
 def test_random_cases_meet_every_kind_of_limit_and_divergence():
     """What the comparison above would say nothing about if it did not happen."""
     cases = list(random_cases(12, seed=10))
-    laws = [MimoPI(gains, limits, dt=0.01) for gains, _, limits, _ in cases]
+    laws = [ft.MimoPI(gains, limits, dt=0.01) for gains, _, limits, _ in cases]
     conditions = [case[1] for case in cases]
     batch = fly_sampled(laws, conditions, (3.0, 0.1), duration=8.0)
 
@@ -163,7 +160,7 @@ def test_a_roll_beyond_90_deg_is_reported_as_a_value():
             {"disturbances": [Sinusoid(gamma_amplitude=0.1, gamma_switches=(1.0,))]},
             "phases or switching",
         ),
-        ({"gains": [PAPER_GAINS] * 3, "g": [9.8, 9.8]}, "3 flights"),
+        ({"gains": [ft.PAPER_GAINS] * 3, "g": [9.8, 9.8]}, "3 flights"),
     ],
 )
 def test_impossible_flights_are_refused(settings, message):
@@ -173,18 +170,18 @@ def test_impossible_flights_are_refused(settings, message):
 
 def test_a_reference_over_time_must_be_as_long_as_the_flight():
     with pytest.raises(ShapeError, match="101 samples, got 5"):
-        fly_sampled([MimoPI(PAPER_GAINS, dt=0.01)], [START], np.zeros((5, 2)), duration=1.0)
+        fly_sampled([ft.MimoPI(ft.PAPER_GAINS, dt=0.01)], [START], np.zeros((5, 2)), duration=1.0)
 
 
 def test_controllers_that_differ_in_more_than_gains_are_refused():
-    laws = [MimoPI(PAPER_GAINS, dt=dt) for dt in (0.01, 0.02)]
+    laws = [ft.MimoPI(ft.PAPER_GAINS, dt=dt) for dt in (0.01, 0.02)]
     with pytest.raises(InputError, match="`controllers`"):
         fly_sampled(laws, [START], REF, duration=1.0)
 
 
 def test_gravity_and_speed_of_the_schedule_can_be_one_a_flight():
     g, speed = np.array([9.7, 9.81, 9.9]), [20.0, 25.0, 30.0]
-    laws = [MimoPI(PAPER_GAINS, PRINTED, dt=0.02, schedule_speed=each) for each in speed]
+    laws = [ft.MimoPI(ft.PAPER_GAINS, PRINTED, dt=0.02, schedule_speed=each) for each in speed]
 
     together = fly_sampled(laws, [START], REF, duration=4.0, g=g)
 

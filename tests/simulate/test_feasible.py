@@ -8,21 +8,16 @@ import numpy as np
 import pytest
 from made_up import scenario_tables
 
-from flighttune.control.controller import FlightCondition
-from flighttune.control.gains import PAPER_GAINS
-from flighttune.control.inner_loop import InnerLag
-from flighttune.control.limits import Limits
-from flighttune.control.mimo_pi import MimoPI
+import flighttune as ft
 from flighttune.errors import InputError, ScenarioError
-from flighttune.plants.point_mass import PointMassPlant
 from flighttune.references.feasible import Manoeuvre, feasible_reference
-from flighttune.scenario.load import check_aircraft, scenario_from
+from flighttune.scenario.load import check_aircraft
 from flighttune.simulate.loop import simulate
 from flighttune.units import DEG
 
 LAGS = (
-    InnerLag(order=2, natural_frequency=9.0, damping=0.8, delay=0.03),
-    InnerLag(order=1, natural_frequency=12.0, delay=0.013),
+    ft.InnerLag(order=2, natural_frequency=9.0, damping=0.8, delay=0.03),
+    ft.InnerLag(order=1, natural_frequency=12.0, delay=0.013),
 )
 PAPER = Manoeuvre(
     V_a=25.0,
@@ -88,9 +83,9 @@ def test_a_change_of_path_angle_takes_as_long_as_the_rate_of_load_factor_says(ch
 
 
 def test_the_point_mass_behind_the_lag_flies_it_without_the_help_of_feedback(found):
-    controller = MimoPI(PAPER_GAINS, Limits.none(2), dt=PAPER.dt, feed_forward=True)
-    condition = FlightCondition(V_a=25.0, chi=60.0 * DEG, gamma=45.0 * DEG)
-    plant = PointMassPlant(LAGS, g=9.81)
+    controller = ft.MimoPI(ft.PAPER_GAINS, ft.Limits.none(2), dt=PAPER.dt, feed_forward=True)
+    condition = ft.FlightCondition(V_a=25.0, chi=60.0 * DEG, gamma=45.0 * DEG)
+    plant = ft.PointMassPlant(LAGS, g=9.81)
 
     signals, stop = simulate(plant, controller, found, condition=condition, duration=12.0)
 
@@ -135,7 +130,7 @@ def changed(**tables):
 
 
 def test_the_margin_is_taken_off_every_limit_about_level_flight():
-    commands = scenario_from(TABLES).followed().commands(np.arange(0.0, 10.0, 0.02))
+    commands = ft.scenario_from(TABLES).followed().commands(np.arange(0.0, 10.0, 0.02))
 
     assert commands[:, 0].min() == pytest.approx(-27.0 * DEG, abs=1e-6)
     assert commands[:, 1].max() <= 1.0 + 0.9 * 0.8 + 1e-6
@@ -146,13 +141,13 @@ def test_below_the_design_speed_there_is_less_lift():
     slow["plant"] = [{"kind": "jsbsim", "aircraft": "aerosonde"}]
     most = 1.0 + 0.9 * (2.1 * (20.0 / 25.0) ** 2 - 1.0)  # the Aerosonde has 2.1 at 25 m/s
 
-    commands = scenario_from(slow).followed().commands(np.arange(0.0, 10.0, 0.02))
+    commands = ft.scenario_from(slow).followed().commands(np.arange(0.0, 10.0, 0.02))
 
     assert commands[:, 1].max() <= most + 1e-6
 
 
 def test_the_reference_may_begin_elsewhere_than_the_flight():
-    scenario = scenario_from(changed(reference={"chi_from_deg": 25.0, "gamma_from_deg": 1.0}))
+    scenario = ft.scenario_from(changed(reference={"chi_from_deg": 25.0, "gamma_from_deg": 1.0}))
 
     assert np.array(scenario.followed().initial) / DEG == pytest.approx([25.0, 1.0])
 
@@ -185,7 +180,7 @@ def test_the_reference_may_begin_elsewhere_than_the_flight():
 def test_what_cannot_be_is_one_line_and_takes_no_time(tables, message):
     began = time.process_time()
     with pytest.raises((ScenarioError, InputError), match=message) as raised:
-        check_aircraft(scenario_from(changed(**tables)), "file.toml")
+        check_aircraft(ft.scenario_from(changed(**tables)), "file.toml")
 
     assert "\n" not in str(raised.value)
     assert time.process_time() - began < 3.0  # without bounds: minutes

@@ -6,9 +6,8 @@ from pathlib import Path
 
 import pytest
 
+import flighttune as ft
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.campaign.planning.load import load_campaign
-from flighttune.campaign.planning.plan import plan_campaign
 
 AGREES = 1e-12
 """Relative; compiled code may contract and reorder sums."""
@@ -23,7 +22,7 @@ print(*flown())
 
 def flown():
     """Two numbers of each of two flights of the batch."""
-    rows = fly_runs(plan_campaign(load_campaign("kinematic_sweep")), range(2))
+    rows = fly_runs(ft.plan_campaign(ft.load_campaign("kinematic_sweep")), range(2))
     return [*rows["chi.ITAE"].to_pylist(), *rows["gamma.peak_rad"].to_pylist()]
 
 

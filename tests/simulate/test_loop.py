@@ -6,26 +6,20 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from flighttune.control.gains import PAPER_GAINS
-from flighttune.control.limits import Limits
-from flighttune.control.mimo_pi import MimoPI
+import flighttune as ft
 from flighttune.errors import InputError
-from flighttune.plants.base import FlightCondition, Stop
-from flighttune.plants.point_mass import PointMassPlant
-from flighttune.references.segments import Reference
-from flighttune.scenario import load_scenario
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
 from flighttune.simulate.run import SIGNAL_UNITS
 
 PEAK_TOLERANCE = 0.002
-PAPER_LIMITS = Limits(
+PAPER_LIMITS = ft.Limits(
     lower=np.array([-math.pi / 4, -2.1]),
     upper=np.array([math.pi / 4, 2.1]),
     rate_lower=np.array([-math.pi / 6, -1.0]),
     rate_upper=np.array([math.pi / 6, 1.0]),
 )
-PAPER_START = FlightCondition(V_a=25.0, chi=math.pi / 3, gamma=math.pi / 4)
-PAPER_REFERENCE = Reference(chi=0.0, gamma=math.pi / 12)
+PAPER_START = ft.FlightCondition(V_a=25.0, chi=math.pi / 3, gamma=math.pi / 4)
+PAPER_REFERENCE = ft.Reference(chi=0.0, gamma=math.pi / 12)
 
 
 def continuous_paper_peaks():
@@ -34,7 +28,7 @@ def continuous_paper_peaks():
 
     def loop(t, x):
         e = reference - x[:2]
-        phi, n_z = np.clip(PAPER_GAINS.K_P @ e + PAPER_GAINS.K_I @ x[2:], low, high)
+        phi, n_z = np.clip(ft.PAPER_GAINS.K_P @ e + ft.PAPER_GAINS.K_I @ x[2:], low, high)
         d = 0.1 * np.sin(0.15 * t), 0.1 * np.cos(0.15 * t)
         chi_dot = 9.81 / 25.0 * np.tan(phi) + d[0]
         gamma_dot = 9.81 / 25.0 * (n_z * np.cos(phi) - np.cos(x[1])) + d[1]
@@ -46,15 +40,15 @@ def continuous_paper_peaks():
 
 
 def test_the_papers_mode_peaks_where_the_continuous_law_does():
-    scenario = load_scenario("paper_as_printed")
-    controller = MimoPI(
-        PAPER_GAINS,
+    scenario = ft.load_scenario("paper_as_printed")
+    controller = ft.MimoPI(
+        ft.PAPER_GAINS,
         scenario.limits.limits(),
         dt=1.0 / scenario.controller.rate_hz,
         anti_windup=scenario.controller.anti_windup,
         feed_forward=scenario.controller.feed_forward,
     )
-    plant = PointMassPlant(turn="paper", disturbance=scenario.disturbance.sinusoid())
+    plant = ft.PointMassPlant(turn="paper", disturbance=scenario.disturbance.sinusoid())
 
     signals, _ = simulate(
         plant, controller, scenario.followed(), condition=scenario.condition, duration=20.0
@@ -65,12 +59,12 @@ def test_the_papers_mode_peaks_where_the_continuous_law_does():
 
 
 def simulated(
-    plant=PointMassPlant, limits=None, reference=PAPER_REFERENCE, condition=PAPER_START,
+    plant=ft.PointMassPlant, limits=None, reference=PAPER_REFERENCE, condition=PAPER_START,
     duration=10.0, **law,
 ):  # fmt: skip
     return simulate(
         plant(turn="paper"),
-        MimoPI(PAPER_GAINS, limits, dt=0.02, **law),
+        ft.MimoPI(ft.PAPER_GAINS, limits, dt=0.02, **law),
         reference,
         condition=condition,
         duration=duration,
@@ -114,17 +108,17 @@ def test_a_row_is_written_every_sample_with_a_unit_for_every_column():
 
 
 def test_with_feed_forward_level_flight_needs_no_integral():
-    climb = FlightCondition(V_a=25.0, gamma=0.3)
+    climb = ft.FlightCondition(V_a=25.0, gamma=0.3)
 
     signals, _ = simulated(
-        reference=Reference(chi=0.0, gamma=0.3), condition=climb, feed_forward=True
+        reference=ft.Reference(chi=0.0, gamma=0.3), condition=climb, feed_forward=True
     )
 
     assert np.abs(signals["n_z_integral"]).max() < 1e-12
     assert np.abs(signals["gamma_err"]).max() < 1e-12
 
 
-class StopsAfterThreeSamples(PointMassPlant):
+class StopsAfterThreeSamples(ft.PointMassPlant):
     """A plant that meets the ground in its third sample."""
 
     def start(self, condition):
@@ -134,14 +128,14 @@ class StopsAfterThreeSamples(PointMassPlant):
     def advance(self, phi_cmd, n_z_cmd, duration):
         self.left -= 1
         super().advance(phi_cmd, n_z_cmd, duration)
-        return Stop("ground_contact", "hit the ground") if self.left == 0 else None
+        return ft.Stop("ground_contact", "hit the ground") if self.left == 0 else None
 
 
 def test_a_flight_that_ends_early_keeps_what_was_flown_and_its_reason():
     signals, stop = simulated(StopsAfterThreeSamples)
 
     assert len(signals) == 3
-    assert stop == Stop("ground_contact", "hit the ground")
+    assert stop == ft.Stop("ground_contact", "hit the ground")
 
 
 @pytest.mark.parametrize("duration", [0.0, 0.01, math.nan, math.inf])

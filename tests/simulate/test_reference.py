@@ -5,12 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from flighttune.references.segments import Reference, Segment
+import flighttune as ft
+from flighttune.references.segments import Segment
 from flighttune.simulate.disturbance import Sinusoid
 
 
 def test_segments_add_to_the_start_value():
-    reference = Reference(
+    reference = ft.Reference(
         chi=1.0,
         gamma=0.0,
         chi_segments=(Segment(1.0, (0.0,), jumps=(0.5,)), Segment(2.0, (0.0, 2.0), rates=(0.25,))),

@@ -6,13 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from flighttune.flight.fly import fly
-from flighttune.scenario import load_scenario
+import flighttune as ft
 
 
 @pytest.fixture(scope="module")
 def run():
-    return fly(load_scenario("paper_as_printed")).runs[0]
+    return ft.fly(ft.load_scenario("paper_as_printed")).runs[0]
 
 
 @pytest.mark.parametrize(

@@ -3,33 +3,30 @@
 import numpy as np
 import pytest
 
-from flighttune.control.gains import PAPER_GAINS
-from flighttune.control.limits import Limits
-from flighttune.control.mimo_pi import INTEGRAL_SIGNALS, MimoPI
+import flighttune as ft
+from flighttune.control.mimo_pi import INTEGRAL_SIGNALS
 from flighttune.errors import ShapeError
-from flighttune.plants.base import FlightCondition
-from flighttune.plants.point_mass import PointMassPlant
-from flighttune.plants.sensors import MEASURED, SENSED, Sensors
-from flighttune.references.segments import Reference, Segment
+from flighttune.plants.sensors import MEASURED, SENSED
+from flighttune.references.segments import Segment
 from flighttune.simulate.batch import SIGNALS, fly_sampled
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
 from flighttune.units import wrap_angle
 
 DT, DURATION = 0.02, 8.0
-START = FlightCondition(V_a=25.0, chi=2.5)
-TURN = Reference(chi=2.5, gamma=0.1, chi_segments=(Segment(1.0, (0.0, 4.0), rates=(0.3,)),))
-LIMITS = Limits(
+START = ft.FlightCondition(V_a=25.0, chi=2.5)
+TURN = ft.Reference(chi=2.5, gamma=0.1, chi_segments=(Segment(1.0, (0.0, 4.0), rates=(0.3,)),))
+LIMITS = ft.Limits(
     lower=[-0.8, -2.0], upper=[0.8, 2.0], rate_lower=[-0.5, -1.0], rate_upper=[0.5, 1.0]
 )
-NOISY = Sensors(bias=(0.02, -0.01, 1.0), noise_sd=(0.01, 0.02, 0.5), seed=3)
+NOISY = ft.Sensors(bias=(0.02, -0.01, 1.0), noise_sd=(0.01, 0.02, 0.5), seed=3)
 MICRORADIAN = 1e-6
 SAME = 1e-12
 
 
 def flown(sensors, reference=TURN, duration=DURATION, limits=LIMITS, **controller):
     signals, _ = simulate(
-        PointMassPlant(turn="paper"),
-        MimoPI(PAPER_GAINS, limits, dt=DT, **controller),
+        ft.PointMassPlant(turn="paper"),
+        ft.MimoPI(ft.PAPER_GAINS, limits, dt=DT, **controller),
         reference,
         condition=START,
         duration=duration,
@@ -39,10 +36,10 @@ def flown(sensors, reference=TURN, duration=DURATION, limits=LIMITS, **controlle
 
 
 def test_sensors_without_error_change_no_bit_of_what_was_there():
-    perfect, alone = flown(Sensors()), flown(None)
+    perfect, alone = flown(ft.Sensors()), flown(None)
 
     loop = [*LOOP_SIGNALS[:-2], *INTEGRAL_SIGNALS, *LOOP_SIGNALS[-2:]]
-    assert list(alone.columns) == [*PointMassPlant(turn="paper").signals, *loop]
+    assert list(alone.columns) == [*ft.PointMassPlant(turn="paper").signals, *loop]
     assert perfect[list(alone.columns)].equals(alone)
     assert [column for column in perfect if column not in alone] == list(MEASURED)
 
@@ -63,21 +60,23 @@ def test_the_controller_acts_on_what_it_sees():
     first = flown(NOISY, limits=None).iloc[0]
 
     seen = [first[f"{c}_ref"] - first[f"{c}_meas"] for c in ("chi", "gamma")]
-    assert [first["phi_cmd"], first["n_z_cmd"]] == pytest.approx(PAPER_GAINS.K_P @ seen, rel=1e-12)
+    assert [first["phi_cmd"], first["n_z_cmd"]] == pytest.approx(
+        ft.PAPER_GAINS.K_P @ seen, rel=1e-12
+    )
 
 
 def test_integral_action_leaves_the_bias_as_the_true_error():
-    sensors = Sensors(bias=(0.05, -0.03, 0.0))
+    sensors = ft.Sensors(bias=(0.05, -0.03, 0.0))
 
-    last = flown(sensors, Reference(chi=2.6, gamma=0.1), duration=60.0).iloc[-1]
+    last = flown(sensors, ft.Reference(chi=2.6, gamma=0.1), duration=60.0).iloc[-1]
 
     assert [last["chi_err"], last["gamma_err"]] == pytest.approx([0.05, -0.03], abs=MICRORADIAN)
 
 
 def test_a_schedule_goes_by_the_airspeed_that_was_measured():
-    sensors = Sensors(bias=(0.0, 0.0, 5.0))
+    sensors = ft.Sensors(bias=(0.0, 0.0, 5.0))
     fast, true = (
-        flown(one, Reference(chi=2.6, gamma=0.1), limits=None, schedule_speed=25.0).iloc[0]
+        flown(one, ft.Reference(chi=2.6, gamma=0.1), limits=None, schedule_speed=25.0).iloc[0]
         for one in (sensors, None)
     )
 
@@ -87,7 +86,7 @@ def test_a_schedule_goes_by_the_airspeed_that_was_measured():
 def many(count):
     rng = np.random.default_rng(5)
     for k in range(count):
-        yield Sensors(
+        yield ft.Sensors(
             bias=tuple(rng.normal(0.0, 0.05, 3)),
             noise_sd=(0.02, 0.0 if k % 3 else 0.01, 1.0),
             time_constant=0.4 if k % 2 else 0.0,
@@ -101,7 +100,7 @@ def test_flights_of_a_batch_are_the_single_ones(threads, monkeypatch):
     monkeypatch.setattr("flighttune.simulate.batch.SENSED_AT_ONCE", 3)
     sensors = list(many(11))
     t = np.arange(round(DURATION / DT) + 1) * DT
-    laws = [MimoPI(PAPER_GAINS, LIMITS, dt=DT, schedule_speed=24.0)] * len(sensors)
+    laws = [ft.MimoPI(ft.PAPER_GAINS, LIMITS, dt=DT, schedule_speed=24.0)] * len(sensors)
 
     batch = fly_sampled(
         laws, [START], np.stack(TURN.sampled(t), axis=-1), duration=DURATION, sensors=sensors,
@@ -115,7 +114,7 @@ def test_flights_of_a_batch_are_the_single_ones(threads, monkeypatch):
 
 
 def test_one_set_of_sensors_serves_all_flights_and_the_wrong_number_is_refused():
-    laws = [MimoPI(PAPER_GAINS, LIMITS, dt=DT)] * 3
+    laws = [ft.MimoPI(ft.PAPER_GAINS, LIMITS, dt=DT)] * 3
 
     def last(sensors):
         batch = fly_sampled(laws, [START], (2.6, 0.1), duration=1.0, sensors=sensors)

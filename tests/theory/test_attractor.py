@@ -5,9 +5,9 @@ import pytest
 from printed import A_K, L_D, MODEL, E
 from worst_reach import ReachableSet, largest_reach
 
+import flighttune as ft
 from flighttune.errors import InputError, ShapeError
 from flighttune.theory.attractor import invariant_ellipsoid, paper_balls
-from flighttune.theory.indicators import indicators
 
 LAST_DIGIT = 5e-4
 SEARCH = 1e-6
@@ -15,7 +15,7 @@ EIGENVALUE_ROUNDING = 1e-12
 
 
 def test_the_papers_ball_has_three_readings():
-    balls = paper_balls(A_K, MODEL.A, I_K=indicators(A_K).I_K, L_d=L_D)
+    balls = paper_balls(A_K, MODEL.A, I_K=ft.indicators(A_K).I_K, L_d=L_D)
 
     assert balls == pytest.approx([0.241, 0.104, 0.015], abs=LAST_DIGIT)
 
@@ -24,7 +24,7 @@ def test_a_lightly_damped_loop_leaves_the_ball_of_the_proportional_reading():
     damping = 0.1
     oscillator = np.array([[-damping, -1.0], [1.0, 0.0]])
     safe, proportional, _ = paper_balls(
-        oscillator, [[0.0]], I_K=indicators(oscillator).I_K, L_d=1.0
+        oscillator, [[0.0]], I_K=ft.indicators(oscillator).I_K, L_d=1.0
     )
 
     reached = largest_reach(ReachableSet.of(oscillator, [[1.0], [0.0]], L_d=1.0)).radius

@@ -8,7 +8,7 @@ from printed import A_K
 from scipy.linalg import block_diag
 from semidefinite import largest_rate, radius, rate
 
-from flighttune.theory.indicators import indicators
+import flighttune as ft
 
 AGREEMENT = 1e-6
 
@@ -41,7 +41,7 @@ def stable_loops(draw):
 @settings(max_examples=30, suppress_health_check=list(HealthCheck))
 @given(stable_loops())
 def test_solver_and_closed_form_agree_on_stiff_and_nearly_unstable_loops(A):
-    assert rate(largest_rate(A)) == pytest.approx(indicators(A).R_K, rel=AGREEMENT)
+    assert rate(largest_rate(A)) == pytest.approx(ft.indicators(A).R_K, rel=AGREEMENT)
 
 
 def test_the_best_rate_of_the_papers_gains_is_that_of_the_closed_form_0_4599():

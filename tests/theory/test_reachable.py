@@ -12,13 +12,12 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 from worst_reach import ReachableSet, largest_reach, worst_disturbance
 
-from flighttune.control.gains import PAPER_GAINS, PIGains
+import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
-from flighttune.control.linear_model import closed_loop, closed_loops
+from flighttune.control.linear_model import closed_loops
 from flighttune.errors import ShapeError
 from flighttune.theory import reachable as tabulated
 from flighttune.theory.attractor import invariant_ellipsoid, paper_balls
-from flighttune.theory.indicators import indicators
 from flighttune.theory.reachable import error_slopes, largest_errors, largest_outputs
 
 REACHED = 0.01
@@ -29,11 +28,11 @@ SLOPES = 1e-5
 
 FLIGHTS = {
     "paper": A_K,
-    "tuned": closed_loop(
-        MODEL, PIGains(K_P=np.diag([2.2209, 2.4797]), K_I=np.diag([3.8753, 3.8753]))
+    "tuned": ft.closed_loop(
+        MODEL, ft.PIGains(K_P=np.diag([2.2209, 2.4797]), K_I=np.diag([3.8753, 3.8753]))
     ),
-    "coupled": closed_loop(
-        MODEL, PIGains(K_P=np.array([[1.5, 0.4], [-0.9, 3.0]]), K_I=np.diag([1.0, 5.0]))
+    "coupled": ft.closed_loop(
+        MODEL, ft.PIGains(K_P=np.array([[1.5, 0.4], [-0.9, 3.0]]), K_I=np.diag([1.0, 5.0]))
     ),
 }
 
@@ -47,7 +46,7 @@ def bounds(name):
         largest_reach(reachable),
         invariant_ellipsoid(A, E, L_d=L_D),
         L_D * largest_outputs(A[None], E, np.eye(4))[0],
-        paper_balls(A, MODEL.A, I_K=indicators(A).I_K, L_d=L_D)[0],
+        paper_balls(A, MODEL.A, I_K=ft.indicators(A).I_K, L_d=L_D)[0],
     )
 
 
@@ -144,7 +143,10 @@ def test_no_bound_is_broken_by_disturbances_within_l_d(name, seed, hold, steady)
     assert farthest <= ball
 
 
-K = {"K*": PAPER_GAINS.K, **{name: PAPER_GAINS.K - row[0] * SHIFT for name, row in TABLE_2.items()}}
+K = {
+    "K*": ft.PAPER_GAINS.K,
+    **{name: ft.PAPER_GAINS.K - row[0] * SHIFT for name, row in TABLE_2.items()},
+}
 E_K = {
     "K1": 0.3931, "K2": 0.6557, "K3": 0.9594, "K*": 1.6714, "K4": 2.5392, "K5": 3.6170, "K6": 4.9985
 }  # fmt: skip
@@ -155,7 +157,9 @@ FOUR_DIGITS = 5e-5
 
 @pytest.mark.parametrize("name", E_K)
 def test_the_largest_error_of_the_papers_gains(name):
-    assert indicators(closed_loops(MODEL, K[name])).E_K == pytest.approx(E_K[name], abs=FOUR_DIGITS)
+    assert ft.indicators(closed_loops(MODEL, K[name])).E_K == pytest.approx(
+        E_K[name], abs=FOUR_DIGITS
+    )
 
 
 BY_COMPONENT = {
@@ -197,7 +201,7 @@ def test_the_largest_error_of_a_decoupled_channel_is_known_on_paper(p, q):
     both = oscillator_error(p, q), oscillator_error(3.0, 5.0)
     assert errors.max() == pytest.approx(max(both), rel=EXACT)
     assert errors.tolist() == pytest.approx(both, abs=EXACT * max(both))
-    assert indicators(alone).E_K == pytest.approx(both[0], rel=EXACT)
+    assert ft.indicators(alone).E_K == pytest.approx(both[0], rel=EXACT)
 
 
 def test_the_slopes_of_a_decoupled_channel_are_those_of_its_formula():
@@ -265,11 +269,11 @@ def test_a_loop_without_a_figure_is_a_result(monkeypatch):
 
 def test_lags_behind_a_model_have_no_disturbance_of_their_own():
     """With a lag of 1e-5 s the figure is that of the loop without it, whatever the lag's unit."""
-    lagged = closed_loops(with_input_lag(MODEL, 1e5), PAPER_GAINS.K)
+    lagged = closed_loops(with_input_lag(MODEL, 1e5), ft.PAPER_GAINS.K)
 
-    measured = indicators(lagged, errors=2)
+    measured = ft.indicators(lagged, errors=2)
 
-    assert measured.E_K == pytest.approx(indicators(A_K).E_K, rel=1e-3)
-    assert math.isnan(indicators(lagged).E_K)
+    assert measured.E_K == pytest.approx(ft.indicators(A_K).E_K, rel=1e-3)
+    assert math.isnan(ft.indicators(lagged).E_K)
     with pytest.raises(ShapeError, match="`A_K`"):
-        indicators(lagged, errors=8)
+        ft.indicators(lagged, errors=8)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import flighttune as ft
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.claims.boxes import RateBoxes, Windows
 from flighttune.claims.conformance import (
@@ -16,15 +17,12 @@ from flighttune.claims.conformance import (
     save_conformance,
 )
 from flighttune.claims.distribution import Distribution, flown_values
-from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.errors import InputError
 from flighttune.files.seal import BLANK, seal
 from flighttune.files.table import toml_text
 from flighttune.gaps.residual import ConformantModel
-from flighttune.identification.file import load_identified
-from flighttune.scenario import scenario_from
 from flighttune.tubes.problem import tube_problem
-from flighttune.tubes.proof import load_tube, save_tube, verify_tube
+from flighttune.tubes.proof import load_tube, verify_tube
 from flighttune.tubes.tube import flights_inside
 from tests.commands import flighttune
 from tests.tubes.test_proof import arrays_of, claim_of, rewritten
@@ -41,18 +39,18 @@ def flight(**changes):
     values = {"feed_forward": False, "chi_err_deg": 4.0, "gamma_deg": 0.0, "gamma_ref_deg": 0.0}
     scenario = made_up(**{**values, **changes}).as_dict()
     scenario["plant"] = [{"kind": "jsbsim", "aircraft": "aerosonde"}]
-    return scenario_from(scenario)
+    return ft.scenario_from(scenario)
 
 
 def conformance(scenario, half_width=WIDE, roll=ROLL):
-    condition = load_identified("aerosonde").nearest(scenario.flight.V_a_mps, 0.0)
+    condition = ft.load_identified("aerosonde").nearest(scenario.flight.V_a_mps, 0.0)
     windows = Windows.covering("time", scenario.flight.duration_s)
     high = np.tile([half_width, half_width, roll, ROLL_CHANGE], (windows.count, 1))
     boxes = RateBoxes(windows=windows, low=-high, high=high)
     return Conformance(
         aircraft="aerosonde",
         gains_name="paper",
-        gains=PAPER_GAINS,
+        gains=ft.PAPER_GAINS,
         model=ConformantModel(
             V_a=scenario.flight.V_a_mps, g=scenario.flight.g_mps2, lags=condition.lags
         ),
@@ -83,12 +81,12 @@ def conformance(scenario, half_width=WIDE, roll=ROLL):
 def test_the_aircraft_flies_inside_its_tube_which_is_proven_again(tmp_path, feed_forward):
     scenario = flight(feed_forward=feed_forward)
 
-    found = tube(scenario, PAPER_GAINS, conformance=conformance(scenario))
+    found = tube(scenario, ft.PAPER_GAINS, conformance=conformance(scenario))
 
     assert found.status == "bounded"
     assert flights_inside(found)
     assert "probability at most 0.01" in found.problem.model
-    save_tube(found, tmp_path / "tube.npz")
+    ft.save_tube(found, tmp_path / "tube.npz")
     assert verify_tube(load_tube(tmp_path / "tube.npz")).valid
 
 
@@ -97,7 +95,7 @@ def test_a_set_that_is_lost_bounds_no_flight(tmp_path):
     """At the ends of its boxes the rates are those of a tight turn."""
     scenario = flight(duration_s=1.5)
     boxes = conformance(scenario, half_width=1.0)
-    lost = tube(scenario, PAPER_GAINS, conformance=boxes)
+    lost = tube(scenario, ft.PAPER_GAINS, conformance=boxes)
     path = tmp_path / "flight.toml"
     path.write_text(toml_text(scenario.as_dict()))
     save_conformance(boxes, tmp_path / "boxes.json")
@@ -110,7 +108,7 @@ def test_a_set_that_is_lost_bounds_no_flight(tmp_path):
     assert (lost.status, lost.probability) == ("unbounded", None)
     assert 0 < len(lost.bounds.t) < len(lost.problem.t)
     with pytest.raises(InputError, match="must be bounded"):
-        save_tube(lost, tmp_path / "tube.npz")
+        ft.save_tube(lost, tmp_path / "tube.npz")
     assert lost.reason in stderr
     assert "`flighttune band` bounds such flights" in stdout
     assert "leaves the tube with" not in stdout
@@ -120,27 +118,27 @@ def test_a_set_that_is_lost_bounds_no_flight(tmp_path):
 @pytest.mark.slow
 def test_in_wind_the_start_must_be_stated():
     calm = flight(duration_s=0.3)
-    windy = scenario_from(calm.as_dict() | {"wind": {"speed_mps": 3.0, "from_deg": 90.0}})
+    windy = ft.scenario_from(calm.as_dict() | {"wind": {"speed_mps": 3.0, "from_deg": 90.0}})
     boxes = conformance(windy, half_width=10.0 * WIDE)
 
-    assert tube(windy, PAPER_GAINS, conformance=boxes).status == "bounded"
+    assert tube(windy, ft.PAPER_GAINS, conformance=boxes).status == "bounded"
     with pytest.raises(InputError, match="`wind` must be stated"):
-        tube(calm, PAPER_GAINS, conformance=boxes)
+        tube(calm, ft.PAPER_GAINS, conformance=boxes)
 
 
 def test_turbulence_is_that_of_the_boxes_and_no_other():
     windy = flight(duration_s=0.3).as_dict()
     windy["wind"] = {"speed_mps": 3.0, "from_deg": 90.0}
     windy["turbulence"] = {"intensity": "light"}
-    scenario = scenario_from(windy)
+    scenario = ft.scenario_from(windy)
     known = conformance(scenario, half_width=10.0 * WIDE)
 
-    assert tube_problem(scenario, PAPER_GAINS, conformance=known).boxes is not None
+    assert tube_problem(scenario, ft.PAPER_GAINS, conformance=known).boxes is not None
     windy["turbulence"]["intensity"] = "severe"
     with pytest.raises(InputError, match=r"`turbulence.intensity`.*'light'.*'severe'"):
-        tube(scenario_from(windy), PAPER_GAINS, conformance=known)
+        tube(ft.scenario_from(windy), ft.PAPER_GAINS, conformance=known)
     with pytest.raises(InputError, match=r"`wind.speed_mps`.*None.*3"):
-        tube(scenario, PAPER_GAINS, conformance=conformance(flight(duration_s=0.3)))
+        tube(scenario, ft.PAPER_GAINS, conformance=conformance(flight(duration_s=0.3)))
 
 
 @pytest.mark.slow
@@ -153,10 +151,10 @@ def test_starts_are_those_of_the_boxes():
     wider = replace(known, distribution=drawn)
 
     with pytest.raises(InputError, match=r"`start`.* 0 deg.*`flight.chi_deg`"):
-        tube(scenario, PAPER_GAINS, conformance=known, start=0.01)
-    assert tube(scenario, PAPER_GAINS, conformance=wider, start=0.03).status == "bounded"
+        tube(scenario, ft.PAPER_GAINS, conformance=known, start=0.01)
+    assert tube(scenario, ft.PAPER_GAINS, conformance=wider, start=0.03).status == "bounded"
     with pytest.raises(InputError, match=r"`start`.* 2 deg.*2.292 deg"):
-        tube(scenario, PAPER_GAINS, conformance=wider, start=0.04)
+        tube(scenario, ft.PAPER_GAINS, conformance=wider, start=0.04)
 
 
 def test_a_list_that_is_too_short_is_refused_by_name(tmp_path):
@@ -172,22 +170,22 @@ def test_a_list_that_is_too_short_is_refused_by_name(tmp_path):
 def test_what_the_boxes_say_nothing_about_is_refused():
     scenario = flight()
     known = conformance(scenario)
-    other = PIGains(K_P=2.0 * PAPER_GAINS.K_P, K_I=PAPER_GAINS.K_I)
+    other = ft.PIGains(K_P=2.0 * ft.PAPER_GAINS.K_P, K_I=ft.PAPER_GAINS.K_I)
 
     with pytest.raises(InputError, match=r"`K_P`.*paper"):
         tube(scenario, other, conformance=known)
     with pytest.raises(InputError, match=r"`flight.chi_deg`.*4.0.*5.0"):
-        tube(flight(chi_err_deg=5.0), PAPER_GAINS, conformance=known)
+        tube(flight(chi_err_deg=5.0), ft.PAPER_GAINS, conformance=known)
     with pytest.raises(InputError, match="`disturbance` must not be given"):
-        tube(scenario, PAPER_GAINS, conformance=known, disturbance=0.1)
+        tube(scenario, ft.PAPER_GAINS, conformance=known, disturbance=0.1)
     with pytest.raises(InputError, match="`conformance` must be given"):
-        tube(scenario, PAPER_GAINS, plant="jsbsim:aerosonde")
+        tube(scenario, ft.PAPER_GAINS, plant="jsbsim:aerosonde")
     scheduled = scenario.as_dict()
     scheduled["controller"]["schedule"] = True
     with pytest.raises(InputError, match=r"`schedule`.*false"):
-        tube(scenario_from(scheduled), PAPER_GAINS, conformance=known)
+        tube(ft.scenario_from(scheduled), ft.PAPER_GAINS, conformance=known)
     with pytest.raises(InputError, match="of kind jsbsim"):
-        tube(made_up(), PAPER_GAINS, conformance=known)
+        tube(made_up(), ft.PAPER_GAINS, conformance=known)
 
 
 @pytest.fixture(scope="module")
@@ -197,7 +195,7 @@ def proof(tmp_path_factory):
     folder = tmp_path_factory.mktemp("proof")
     boxes = conformance(scenario)
     save_conformance(boxes, folder / "boxes.json")
-    save_tube(tube(scenario, PAPER_GAINS, conformance=boxes), folder / "tube.npz")
+    ft.save_tube(tube(scenario, ft.PAPER_GAINS, conformance=boxes), folder / "tube.npz")
     return folder / "tube.npz", folder / "boxes.json"
 
 

@@ -7,9 +7,8 @@ import re
 import numpy as np
 import pytest
 
-from flighttune.control.gains import PAPER_GAINS
+import flighttune as ft
 from flighttune.files.table import toml_text
-from flighttune.scenario import load_scenario
 from flighttune.tubes.problem import tube_problem
 from flighttune.tubes.proof import load_tube
 from flighttune.tubes.tube import tube_of
@@ -50,7 +49,7 @@ def test_a_tube_is_found_written_and_verified(scenario, tmp_path):
     valid = json.loads(valid)
     assert (valid["valid"], valid["aircraft_checked"]) == (True, None)
     for answer in (found, valid["claim"]):
-        assert answer["gains"] == PAPER_GAINS.as_lists()
+        assert answer["gains"] == ft.PAPER_GAINS.as_lists()
         assert answer["start_rad"] == pytest.approx(math.radians(1.0))
         assert answer["disturbance_rad_s"] == [[-0.005, -0.005], [0.005, 0.005]]
         assert answer["counted"] is None
@@ -87,7 +86,7 @@ def test_a_set_that_cannot_be_bounded_is_an_answer_with_time_and_reason(scenario
 
 @pytest.mark.slow
 def test_a_lost_set_says_from_when_on_its_width_doubles_again_and_again(scenario):
-    problem = tube_problem(load_scenario(scenario()), PAPER_GAINS, disturbance=1.0)
+    problem = tube_problem(ft.load_scenario(scenario()), ft.PAPER_GAINS, disturbance=1.0)
     found = tube_of(problem)
     bounds, said = (
         found.bounds,

@@ -2,19 +2,18 @@
 
 import pytest
 
-from flighttune.control.gains import PAPER_GAINS, rate_gains
+import flighttune as ft
 from flighttune.errors import InputError
 from flighttune.flight.outer_loop import gain_set
-from flighttune.scenario import load_scenario, scenario_from
-from flighttune.tubes.proof import load_tube, save_tube, verify_tube
+from flighttune.tubes.proof import load_tube, verify_tube
 from flighttune.units import DEG
 from tests.tubes.test_soundness import made_up, tube
 
-EXACT_PAPER = rate_gains(PAPER_GAINS, V_a=25.0)
+EXACT_PAPER = ft.rate_gains(ft.PAPER_GAINS, V_a=25.0)
 
 
 def with_exact(scenario, plant):
-    return scenario_from(scenario.as_dict() | {"law": "exact", "plant": [plant]})
+    return ft.scenario_from(scenario.as_dict() | {"law": "exact", "plant": [plant]})
 
 
 @pytest.mark.slow
@@ -23,10 +22,10 @@ def test_in_a_turn_its_tube_is_narrower_than_that_of_the_paper_s_law_and_is_prov
     ramp = {"shape": "ramp", "start_s": 0.2, "rate_dps": 6.0, "duration_s": 4.0}
     tables["reference"]["chi_deg"] = [ramp]
     tables["limits"] = {"phi_deg": [-45.0, 45.0], "phi_rate_dps": 90.0}
-    scenario = scenario_from(tables | {"plant": [{"kind": "point_mass"}]})
+    scenario = ft.scenario_from(tables | {"plant": [{"kind": "point_mass"}]})
     exact = with_exact(scenario, {"kind": "point_mass"})
 
-    paper = tube(scenario, PAPER_GAINS, disturbance=0.005)
+    paper = tube(scenario, ft.PAPER_GAINS, disturbance=0.005)
     found = tube(exact, EXACT_PAPER, disturbance=0.005)
 
     assert found.status == "bounded"
@@ -36,7 +35,7 @@ def test_in_a_turn_its_tube_is_narrower_than_that_of_the_paper_s_law_and_is_prov
     )
     assert narrower[0] < 0.9
     assert narrower[1] < 1.05
-    save_tube(found, tmp_path / "tube.npz")
+    ft.save_tube(found, tmp_path / "tube.npz")
     assert verify_tube(load_tube(tmp_path / "tube.npz")).valid
 
 
@@ -74,7 +73,7 @@ THREE_DIGITS = 5e-4
     [("exact:tuned_identified", (0.111, 0.116)), ("tuned_identified", (0.185, 0.180))],
 )
 def test_the_level_turn_of_the_docs_has_the_half_widths_printed_there(name, half_widths):
-    scenario = load_scenario("exact_law", changes=LEVEL_TURN)
+    scenario = ft.load_scenario("exact_law", changes=LEVEL_TURN)
     law, _ = scenario.law_of(name)
     gains = gain_set(scenario, name)
 

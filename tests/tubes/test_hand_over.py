@@ -5,15 +5,13 @@ import re
 import numpy as np
 import pytest
 
-from flighttune.control.gains import PAPER_GAINS
+import flighttune as ft
 from flighttune.errors import InputError
-from flighttune.plants.point_mass import PointMassPlant
-from flighttune.scenario import scenario_from
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.hand_over import hull, inside, parallelotope
 from flighttune.tubes.problem import QUANTITIES, tube_problem
-from flighttune.tubes.proof import load_tube, save_tube, verify_tube
+from flighttune.tubes.proof import load_tube, verify_tube
 from flighttune.tubes.tube import tube_of
 from tests.tubes.test_proof import arrays_of, claim_of, rewritten
 from tests.tubes.test_soundness import made_up, tube
@@ -32,13 +30,13 @@ def scenario():
 
 @pytest.fixture(scope="module")
 def found(scenario):
-    return tube(scenario, PAPER_GAINS, disturbance=D)
+    return tube(scenario, ft.PAPER_GAINS, disturbance=D)
 
 
 @pytest.fixture(scope="module")
 def path(found, tmp_path_factory):
     path = tmp_path_factory.mktemp("tube") / "tube.npz"
-    save_tube(found, path)
+    ft.save_tube(found, path)
     return path
 
 
@@ -46,10 +44,10 @@ def path(found, tmp_path_factory):
 def test_flights_ten_times_as_long_stay_inside(scenario, found, omega):
     tables = scenario.as_dict()
     tables["flight"]["duration_s"] *= LONGER
-    longer = scenario_from(tables)
+    longer = ft.scenario_from(tables)
 
     signals, _ = simulate(
-        PointMassPlant(
+        ft.PointMassPlant(
             None,
             disturbance=Sinusoid(
                 chi_amplitude=D, chi_omega=omega, gamma_amplitude=-D, gamma_omega=omega
@@ -77,7 +75,7 @@ def test_bounds_for_ever_are_those_of_the_tube_of_a_longer_flight(scenario, foun
     tables = scenario.as_dict()
     tables["flight"]["duration_s"] *= 3.0
     longer = tube_of(
-        tube_problem(scenario_from(tables), PAPER_GAINS, disturbance=D), for_ever=False
+        tube_problem(ft.scenario_from(tables), ft.PAPER_GAINS, disturbance=D), for_ever=False
     )
 
     after = longer.bounds.pairs[longer.bounds.t > scenario.flight.duration_s, :2]
@@ -129,7 +127,7 @@ def test_nothing_is_claimed_for_ever_of_a_reference_that_still_moves(scenario):
         {"shape": "ramp", "start_s": 0.2, "rate_dps": 2.0, "duration_s": 1.0}
     ]
 
-    assert tube(scenario_from(tables), PAPER_GAINS, disturbance=D).hand_over is None
+    assert tube(ft.scenario_from(tables), ft.PAPER_GAINS, disturbance=D).hand_over is None
 
 
 def test_a_parallelotope_holds_all_that_its_rows_allow():

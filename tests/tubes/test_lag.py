@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.linalg import expm
 
-from flighttune.control.inner_loop import InnerLag
+import flighttune as ft
 from flighttune.plants.lagged import LaggedChannel
 from flighttune.tubes.interval import Interval
 from flighttune.tubes.lag import SampledLag
@@ -17,9 +17,9 @@ ROUNDING = 1e-12
 QUADRATURE = 1e-9
 
 LAGS = [
-    InnerLag(order=1, natural_frequency=6.0),
-    InnerLag(order=2, natural_frequency=12.0, damping=0.6, delay=0.03),
-    InnerLag(order=3, natural_frequency=9.0, damping=0.8, lag=0.1, delay=0.055),
+    ft.InnerLag(order=1, natural_frequency=6.0),
+    ft.InnerLag(order=2, natural_frequency=12.0, damping=0.6, delay=0.03),
+    ft.InnerLag(order=3, natural_frequency=9.0, damping=0.8, lag=0.1, delay=0.055),
 ]
 
 

@@ -14,9 +14,7 @@ import pytest
 from scipy.linalg import expm
 from scipy.optimize import linprog
 
-from flighttune.control.gains import PAPER_GAINS, rate_gains
-from flighttune.plants.point_mass import PointMassPlant
-from flighttune.scenario import scenario_from
+import flighttune as ft
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.exact import enclosure_of
 from flighttune.tubes.problem import tube_problem
@@ -26,7 +24,7 @@ from flighttune.units import DEG
 from tests.tubes.test_soundness import made_up
 from tests.tubes.test_soundness_lagged import bang_bang
 
-EXACT_PAPER = rate_gains(PAPER_GAINS, V_a=25.0)
+EXACT_PAPER = ft.rate_gains(ft.PAPER_GAINS, V_a=25.0)
 
 SOLVED = 1e-6
 """Tolerance of the linear programs, which HiGHS solves to 1e-7."""
@@ -158,7 +156,7 @@ def with_law(plant, *, exact, **manoeuvre):
     scenario = made_up(**manoeuvre).as_dict() | {"plant": [plant]}
     # So that the law brakes for larger errors only.
     law = {"law": [{"name": "exact", "kind": "exact", "braking": 100.0}]} if exact else {}
-    return scenario_from(scenario | law), EXACT_PAPER if exact else PAPER_GAINS
+    return ft.scenario_from(scenario | law), EXACT_PAPER if exact else ft.PAPER_GAINS
 
 
 def flights(problem, count, disturbance, rng):
@@ -170,7 +168,7 @@ def flights(problem, count, disturbance, rng):
         if i % 2:
             off[rng.integers(2)] = problem.start * rng.choice([-1.0, 1.0])
         start = replace(condition, chi=condition.chi + off[0], gamma=condition.gamma + off[1])
-        plant = PointMassPlant(
+        plant = ft.PointMassPlant(
             problem.lags or None,
             disturbance=bang_bang(disturbance, problem.loop.dt, rng),
             turn="exact" if problem.loop.exact else "paper",
@@ -248,7 +246,7 @@ def test_a_split_by_the_load_factor_does_not_speak_of_a_later_line_for_roll(n_z)
     tables["flight"] |= {"phi_deg": -38.66, "n_z": n_z}
 
     found, plan = distances_at(
-        (scenario_from(tables), gains),
+        (ft.scenario_from(tables), gains),
         lambda loop, _: Relinearised(loop),
         count=60,
         at=[2],

@@ -12,10 +12,9 @@ import zipfile
 import numpy as np
 import pytest
 
-from flighttune.control.gains import PAPER_GAINS
+import flighttune as ft
 from flighttune.errors import InputError
-from flighttune.scenario import scenario_from
-from flighttune.tubes.proof import is_tube_file, load_tube, save_tube, verify_tube
+from flighttune.tubes.proof import is_tube_file, load_tube, verify_tube
 from tests.commands import flighttune
 from tests.tubes.test_soundness import made_up, tube
 
@@ -25,8 +24,8 @@ def proven(tmp_path_factory):
     path = tmp_path_factory.mktemp("tube") / "tube.npz"
     # Roll leaves its rate limit within the time: there is something to choose.
     scenario = made_up(chi_err_deg=15.0, gamma_deg=15.0, duration_s=1.0)
-    found = tube(scenario, PAPER_GAINS, disturbance=0.02)
-    save_tube(found, path)
+    found = tube(scenario, ft.PAPER_GAINS, disturbance=0.02)
+    ft.save_tube(found, path)
     return found, path
 
 
@@ -159,7 +158,7 @@ def in_table(*path, value):
 def test_another_loop_than_the_one_enclosed_is_refused(changed, key, change):
     path = changed(key, change)
     if key == "scenario":
-        label = scenario_from(claim_of(path)["scenario"]).plant[0].label
+        label = ft.scenario_from(claim_of(path)["scenario"]).plant[0].label
         path = rewritten(path, {}, plant=label)
 
     assert "is not proven" in verify_tube(load_tube(path)).reason
@@ -183,8 +182,8 @@ def test_a_feasible_reference_in_the_file_must_be_that_of_the_scenario(tmp_path)
     tables["reference"]["shape"] = "feasible"
     tables["flight"]["duration_s"] = 1.0
     path = tmp_path / "tube.npz"
-    found = tube(scenario_from(tables), PAPER_GAINS)
-    save_tube(found, path)
+    found = tube(ft.scenario_from(tables), ft.PAPER_GAINS)
+    ft.save_tube(found, path)
     near, far = (found.problem.reference + by for by in (1e-9, 1e-5))
 
     again = load_tube(rewritten(path, {"reference": near}, tmp_path / "near.npz"))

@@ -8,9 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_up import made_up_scenario
 
-from flighttune.control.gains import PAPER_GAINS, PIGains
-from flighttune.control.mimo_pi import MimoPI
-from flighttune.plants.base import FlightCondition
+import flighttune as ft
 from flighttune.simulate.batch import fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.tubes.enclosure import Settings
@@ -69,7 +67,7 @@ def flown(scenario, gains, start, disturbance, seed):
     sizes = disturbance * rng.choice([-1.0, 1.0], (FLIGHTS, 2))
     omegas = rng.choice([0.0, 0.5, 2.0, 20.0], (FLIGHTS, 2))
     controller = scenario.controller
-    law = MimoPI(
+    law = ft.MimoPI(
         gains,
         scenario.limits.limits(),
         dt=dt,
@@ -79,7 +77,7 @@ def flown(scenario, gains, start, disturbance, seed):
     return fly_sampled(
         [law],
         [
-            FlightCondition(
+            ft.FlightCondition(
                 V_a=condition.V_a, chi=condition.chi + start * a, gamma=condition.gamma + start * b
             )
             for a, b in corners
@@ -121,7 +119,7 @@ def problems(draw):
         feed_forward=draw(st.booleans()),
         ramp_dps=draw(st.one_of(st.none(), st.floats(-8.0, 8.0))),
     )
-    gains = PIGains(
+    gains = ft.PIGains(
         K_P=np.array([[draw(GAIN), draw(CROSS)], [draw(CROSS), draw(GAIN)]]),
         K_I=np.array([[draw(GAIN), draw(CROSS)], [draw(CROSS), draw(GAIN)]]),
     )
@@ -157,7 +155,7 @@ def test_no_flight_leaves_the_tube(count):
 def test_the_margin_between_samples_is_at_both_ends_of_an_interval():
     D, h, k = 0.02, 0.02, 5
     level = made_up(chi_err_deg=0.0, gamma_deg=0.0, gamma_ref_deg=0.0)
-    problem = tube_problem(level, PAPER_GAINS, disturbance=D)
+    problem = tube_problem(level, ft.PAPER_GAINS, disturbance=D)
     only_k = (np.arange(len(problem.t)) == k)[:, np.newaxis, np.newaxis]
     loop = replace(problem.loop, boxes=problem.loop.boxes * only_k)
     starts = start_set(loop, 0.0, sides=1, symbols=660)

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from hypothesis import strategies as st
 
+import flighttune as ft
 from flighttune.claims.boxes import RateBoxes, Windows
-from flighttune.control.gains import PAPER_GAINS
 from flighttune.gaps.residual import residual_rates
-from flighttune.identification.file import load_identified
-from flighttune.plants.point_mass import PointMassPlant
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.problem import tube_problem
 from flighttune.tubes.tube import tube_of
@@ -22,10 +20,10 @@ SAME = 1e-6
 """rad/s: the residual rates of a flight are found again to the error of integration."""
 
 RATE = st.floats(-0.03, 0.03)
-LAGS = [one.lags for name in ("aerosonde", "a4") for one in load_identified(name).conditions]
+LAGS = [one.lags for name in ("aerosonde", "a4") for one in ft.load_identified(name).conditions]
 
 
-class Disturbed(PointMassPlant):
+class Disturbed(ft.PointMassPlant):
     """The model under a disturbance that is constant over each sample, shape (samples, 2).
 
     Its controller sees `beyond` more roll at each sample.
@@ -84,7 +82,7 @@ def conformant(draw):
 
 def check_conformant(case, seed):
     scenario, known = case
-    problem = tube_problem(scenario, PAPER_GAINS, conformance=known)
+    problem = tube_problem(scenario, ft.PAPER_GAINS, conformance=known)
     found = tube_of(problem, attempts=FEW_PIECES, for_ever=False)
     rng, dt, condition = np.random.default_rng(seed), problem.controller().dt, scenario.condition
     t = problem.t

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import strategies as st
 
-from flighttune.control.gains import PAPER_GAINS, RATES, PIGains
-from flighttune.plants.point_mass import PointMassPlant
-from flighttune.scenario import scenario_from
+import flighttune as ft
+from flighttune.control.gains import RATES
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.problem import tube_problem
 from flighttune.tubes.tube import tube_of
@@ -44,8 +43,8 @@ def lagged_problems(draw):
         feed_forward=draw(st.booleans()),
         ramp_dps=draw(RAMP_DPS),
     )
-    scenario = scenario_from({**scenario.as_dict(), "plant": [draw(lagged_plants())]})
-    return scenario, PAPER_GAINS, draw(START_DEG) * DEG, draw(DISTURBANCE)
+    scenario = ft.scenario_from({**scenario.as_dict(), "plant": [draw(lagged_plants())]})
+    return scenario, ft.PAPER_GAINS, draw(START_DEG) * DEG, draw(DISTURBANCE)
 
 
 @st.composite
@@ -64,10 +63,10 @@ def exact_problems(draw):
     # So that the law brakes for larger errors only.
     law = {"name": "exact", "kind": "exact", "braking": 100.0}
     plant = draw(st.one_of(st.just({"kind": "kinematic"}), lagged_plants()))
-    scenario = scenario_from(scenario.as_dict() | {"law": [law], "plant": [plant]})
+    scenario = ft.scenario_from(scenario.as_dict() | {"law": [law], "plant": [plant]})
     rate, cross = st.floats(0.3, 2.0), st.floats(-0.2, 0.2)
     K_P, K_I = (np.array([[draw(rate), draw(cross)], [draw(cross), draw(rate)]]) for _ in range(2))
-    gains = PIGains(K_P=K_P, K_I=K_I, inputs=RATES)
+    gains = ft.PIGains(K_P=K_P, K_I=K_I, inputs=RATES)
     return scenario, gains, draw(START_DEG) * DEG, draw(DISTURBANCE)
 
 
@@ -89,7 +88,7 @@ def check_point_mass(case, seed):
     rng, condition = np.random.default_rng(seed), scenario.condition
     for chi, gamma in start * rng.choice([-1.0, 1.0], (4, 2)):
         signals, _ = simulate(
-            PointMassPlant(
+            ft.PointMassPlant(
                 scenario.plant[0].lags(),
                 disturbance=bang_bang(disturbance, problem.controller().dt, rng),
                 turn="paper" if scenario.plant[0].kind == "kinematic" else "exact",

@@ -3,26 +3,24 @@
 import numpy as np
 import pytest
 
-from flighttune.control.limits import Limits
-from flighttune.control.linear_model import kinematic_model
-from flighttune.tuning.problem import TuningProblem
+import flighttune as ft
 
 ALL_LIMITS = ("phi", "n_z", "phi_rate", "n_z_rate")
 
 
 @pytest.fixture(scope="session")
 def model():
-    return kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
+    return ft.kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
 
 
 @pytest.fixture(scope="session")
 def printed(model):
     """With every input limit of the paper, and I* = 5 (which it never prints)."""
-    limits = Limits(
+    limits = ft.Limits(
         lower=np.array([-np.pi / 4.0, -2.1]),
         upper=np.array([np.pi / 4.0, 2.1]),
         rate_lower=np.array([-np.pi / 6.0, -1.0]),
         rate_upper=np.array([np.pi / 6.0, 1.0]),
     )
     x_0 = np.array([-np.pi / 3.0, -np.pi / 6.0])
-    return TuningProblem(model=model, I_star=5.0, limits=limits, x_0=x_0)
+    return ft.TuningProblem(model=model, I_star=5.0, limits=limits, x_0=x_0)

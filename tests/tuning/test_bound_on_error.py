@@ -12,11 +12,10 @@ from flighttune.control.inner_loop import with_input_lag
 from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.outer_loop import identified_problems
 from flighttune.tuning.envelope import tune_over_envelope
-from flighttune.tuning.problem import TuningProblem, decoupled
+from flighttune.tuning.problem import decoupled
 from flighttune.tuning.program import Program
 from flighttune.tuning.result import assessment, is_feasible, why_infeasible
 from flighttune.tuning.robust import tune_worst_case
-from flighttune.tuning.tune import tune
 
 BINDING = 1e-5
 SLOPES = 1e-4
@@ -27,13 +26,13 @@ LEVEL = Envelope.at(V_a=25.0, gamma=0.0)
 def bounded(model):
     """Behind a lag, where the fastest gains are not those of the smallest error."""
     lagged = with_input_lag(model, 4.0)
-    return TuningProblem(model=lagged, E_star=0.8, K_fixed=decoupled(lagged))
+    return ft.TuningProblem(model=lagged, E_star=0.8, K_fixed=decoupled(lagged))
 
 
 def test_the_bound_on_the_error_is_met(bounded):
-    free = tune(replace(bounded, E_star=math.inf), starts=2)
+    free = ft.tune(replace(bounded, E_star=math.inf), starts=2)
 
-    result = tune(bounded, starts=2)
+    result = ft.tune(bounded, starts=2)
 
     assert free.E_K > bounded.E_star
     assert result.status == "optimal"
@@ -62,14 +61,14 @@ def test_the_slopes_of_the_room_for_the_error_are_those_of_differences(bounded):
 def test_a_bound_that_does_not_bind_is_not_integrated_at_every_step(model, monkeypatch):
     monkeypatch.delattr("flighttune.tuning.program.error_slopes")
 
-    result = tune(TuningProblem(model=model, E_star=0.1), starts=1)
+    result = ft.tune(ft.TuningProblem(model=model, E_star=0.1), starts=1)
 
     assert result.status == "optimal"
     assert result.E_K < 0.1
 
 
 def test_an_error_that_is_not_reached_is_named(model):
-    problem = TuningProblem(model=model, I_star=5.0, E_star=0.01)
+    problem = ft.TuningProblem(model=model, I_star=5.0, E_star=0.01)
     paper = assessment(problem, ft.PAPER_GAINS.K)
 
     assert not is_feasible(problem, paper)
@@ -93,9 +92,9 @@ def test_the_error_is_bounded_on_the_identified_aircraft_too():
 def test_a_bound_on_the_error_that_cannot_be_is_refused(model):
     for E_star in (0.0, -1.0, math.nan):
         with pytest.raises(InputError, match="`E_star` must be positive"):
-            TuningProblem(model=model, E_star=E_star)
+            ft.TuningProblem(model=model, E_star=E_star)
     with pytest.raises(InputError, match="`E_star`"):
-        tune_over_envelope(TuningProblem(model=model, E_star=1.0), LEVEL, LEVEL, g=9.81)
+        tune_over_envelope(ft.TuningProblem(model=model, E_star=1.0), LEVEL, LEVEL, g=9.81)
     with pytest.raises(ScenarioError, match="`E_star`"):
         ft.load_scenario("paper", changes={"tuning.E_star": 0.0})
 

@@ -7,15 +7,12 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_are
 
-from flighttune.control.gains import PAPER_GAINS
+import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import closed_loops
 from flighttune.errors import InputError
 from flighttune.files.shipped import scenario_files
-from flighttune.scenario import load_scenario
 from flighttune.tuning.cost import quadratic_cost
-from flighttune.tuning.problem import TuningProblem
-from flighttune.tuning.tune import tune
 
 INTEGRATED = 1e-6
 DIFFERENCED = 1e-5
@@ -27,14 +24,16 @@ FREE = np.inf
 @pytest.fixture(scope="module")
 def problem(model):
     weights = np.ones(2), np.full(2, 0.1)
-    return TuningProblem(model=model, x_0=np.array([-np.pi / 3.0, -np.pi / 6.0]), weights=weights)
+    return ft.TuningProblem(
+        model=model, x_0=np.array([-np.pi / 3.0, -np.pi / 6.0]), weights=weights
+    )
 
 
 @pytest.mark.parametrize("lag", [False, True])
 def test_the_cost_is_the_integral_over_the_transient(problem, lag):
     if lag:
         problem = replace(problem, model=with_input_lag(problem.model, [4.0, 6.0]), scaling=None)
-    model, K = problem.model, PAPER_GAINS.K
+    model, K = problem.model, ft.PAPER_GAINS.K
     n = len(model.states)
     A = closed_loops(model, K)
 
@@ -51,7 +50,7 @@ def test_the_cost_is_the_integral_over_the_transient(problem, lag):
 
 
 def test_its_slope_is_that_of_differences(problem):
-    step, K = 1e-6, PAPER_GAINS.K
+    step, K = 1e-6, ft.PAPER_GAINS.K
     slope = quadratic_cost(problem, K)[1]
     for place in np.ndindex(K.shape):
         change = np.zeros(K.shape)
@@ -62,7 +61,7 @@ def test_its_slope_is_that_of_differences(problem):
 
 
 def test_the_cost_of_the_papers_gains(problem):
-    assert quadratic_cost(problem, PAPER_GAINS.K)[0] == pytest.approx(2.33, abs=LAST_DIGIT)
+    assert quadratic_cost(problem, ft.PAPER_GAINS.K)[0] == pytest.approx(2.33, abs=LAST_DIGIT)
 
 
 @pytest.mark.slow
@@ -77,13 +76,13 @@ def test_the_cost_of_the_papers_gains(problem):
     ],
 )
 def test_the_least_cost_is_that_of_another_program(problem, I_star, R_min, J):
-    found = tune(replace(problem, I_star=I_star, R_min=R_min), starts=2)
+    found = ft.tune(replace(problem, I_star=I_star, R_min=R_min), starts=2)
 
     assert found.status == "optimal"
     assert found.cost == pytest.approx(J, rel=PERCENT)
     assert found.R_K >= R_min
     assert found.I_K <= I_star
-    assert found.cost < quadratic_cost(problem, PAPER_GAINS.K)[0]
+    assert found.cost < quadratic_cost(problem, ft.PAPER_GAINS.K)[0]
 
 
 @pytest.mark.slow
@@ -91,9 +90,9 @@ def test_a_regulator_of_the_same_rate_is_not_better(problem):
     weights = np.diag([1.0, 1.0, 0.5, 0.5])
     X = solve_continuous_are(*integrating(problem.model), weights, 0.1 * np.eye(2))
     K = -10.0 * integrating(problem.model)[1].T @ X
-    rate = tune(replace(problem, weights=None, K_min=K - 1e-6, K_max=K + 1e-6), starts=2).R_K
+    rate = ft.tune(replace(problem, weights=None, K_min=K - 1e-6, K_max=K + 1e-6), starts=2).R_K
 
-    found = tune(replace(problem, R_min=0.55), starts=2)
+    found = ft.tune(replace(problem, R_min=0.55), starts=2)
 
     assert rate == pytest.approx(0.55, abs=0.001)
     assert found.cost < quadratic_cost(problem, K)[0]
@@ -108,7 +107,7 @@ def integrating(model):
 
 @pytest.mark.slow
 def test_a_bound_on_the_largest_error_costs_more_and_holds(problem):
-    found = tune(replace(problem, R_min=0.3, E_star=0.8), starts=1)
+    found = ft.tune(replace(problem, R_min=0.3, E_star=0.8), starts=1)
 
     assert found.status == "optimal"
     assert found.E_K <= 0.8
@@ -118,7 +117,7 @@ def test_a_bound_on_the_largest_error_costs_more_and_holds(problem):
 
 @pytest.mark.slow
 def test_a_rate_above_what_exists_is_refused_with_the_largest(problem):
-    found = tune(replace(problem, I_star=5.0, R_min=0.6), starts=2)
+    found = ft.tune(replace(problem, I_star=5.0, R_min=0.6), starts=2)
 
     assert found.status == "infeasible"
     assert found.reason.startswith("`R_min` must be at most 0.53976")
@@ -155,4 +154,4 @@ def test_keys_of_a_scenario_that_do_not_fit_are_refused(tmp_path, lines, message
     path.write_text(text.replace("[tuning]", f"[tuning]\n{lines}"))
 
     with pytest.raises(InputError, match=message):
-        load_scenario(path)
+        ft.load_scenario(path)

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import flighttune as ft
 from flighttune.tuning.diagnosis import diagnosis, relaxed
-from flighttune.tuning.problem import TuningProblem
-from flighttune.tuning.tune import tune
 from tests.tuning.conftest import ALL_LIMITS
 
 pytestmark = pytest.mark.slow
@@ -24,8 +23,8 @@ def test_the_printed_problem_needs_between_5_5_and_6_times_its_limits(printed, p
     factor = printed_diagnosis.common_factor
 
     assert 5.5 < factor < 6.0
-    assert tune(relaxed(printed, ALL_LIMITS, ABOVE * factor)).status == "optimal"
-    assert tune(relaxed(printed, ALL_LIMITS, BELOW * factor)).status == "infeasible"
+    assert ft.tune(relaxed(printed, ALL_LIMITS, ABOVE * factor)).status == "optimal"
+    assert ft.tune(relaxed(printed, ALL_LIMITS, BELOW * factor)).status == "infeasible"
     assert printed_diagnosis.binding == ("phi_rate_min",)
 
 
@@ -39,7 +38,7 @@ def test_the_roll_rate_limit_is_the_one_worth_relaxing(printed, printed_diagnosi
 
     assert worst["name"] == "phi_rate"
     assert worst["use"] == pytest.approx(printed_diagnosis.common_factor, rel=1e-6)
-    dropped = tune(relaxed(printed, ("phi_rate",), np.inf))
+    dropped = ft.tune(relaxed(printed, ("phi_rate",), np.inf))
     assert dropped.smallest_I_K == pytest.approx(worst["smallest_I_K_without"], rel=1e-6)
     assert {one["name"] for one in printed_diagnosis.limits} == {
         "phi",
@@ -60,13 +59,13 @@ def test_a_single_limit_in_the_way_has_a_factor_of_its_own(printed):
     assert worst["factor_alone"] == pytest.approx(found.common_factor, rel=1e-6)
     for factor, status in ((ABOVE, "optimal"), (BELOW, "infeasible")):
         one = relaxed(generous, ("phi_rate",), factor * worst["factor_alone"])
-        assert tune(one).status == status
+        assert ft.tune(one).status == status
 
 
 def test_without_limits_there_is_no_factor(model):
-    unlimited = diagnosis(TuningProblem(model=model, I_star=5.0))
+    unlimited = diagnosis(ft.TuningProblem(model=model, I_star=5.0))
     assert (unlimited.common_factor, unlimited.limits) == (0.0, ())
-    hopeless = diagnosis(TuningProblem(model=model, I_star=4.0))
+    hopeless = diagnosis(ft.TuningProblem(model=model, I_star=4.0))
     assert hopeless.common_factor == np.inf
     assert hopeless.gains is None
 

@@ -4,11 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import flighttune as ft
 from flighttune.control.gains import paper_family
 from flighttune.errors import InputError
 from flighttune.theory.optimal import optimal_channel
 from flighttune.tuning.frontier import frontier
-from flighttune.tuning.problem import TuningProblem
 
 pytestmark = pytest.mark.slow
 
@@ -18,7 +18,7 @@ HALF_LAST_DIGIT = 5e-5
 
 @pytest.fixture(scope="module")
 def paper_frontier(model):
-    return frontier(TuningProblem(model=model), points=12, marked=MARKED)
+    return frontier(ft.TuningProblem(model=model), points=12, marked=MARKED)
 
 
 def test_none_of_the_papers_gains_lie_above_the_frontier(paper_frontier):
@@ -41,7 +41,7 @@ def test_the_frontier_rises_from_the_smallest_i_k(paper_frontier):
 
 
 def test_a_point_of_the_frontier_is_the_known_optimum(model):
-    line = frontier(TuningProblem(model=model), points=2)
+    line = frontier(ft.TuningProblem(model=model), points=2)
 
     known = optimal_channel(line.I_star.iloc[-1])
     assert line.R_K.iloc[-1] == pytest.approx(known.R_K, abs=1e-5)
@@ -56,11 +56,11 @@ def test_the_frontier_is_the_same_table_every_time(printed):
 
 
 def test_without_stable_gains_only_the_marks_are_left(model):
-    found = frontier(TuningProblem(model=model, K_fixed=np.ones((2, 4))), marked=MARKED)
+    found = frontier(ft.TuningProblem(model=model, K_fixed=np.ones((2, 4))), marked=MARKED)
 
     assert list(found.name) == list(MARKED)
 
 
 def test_a_frontier_has_two_points_at_least(model):
     with pytest.raises(InputError, match=r"`points` .* 2, got 1"):
-        frontier(TuningProblem(model=model), points=1)
+        frontier(ft.TuningProblem(model=model), points=1)

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
+import flighttune as ft
 from flighttune.paper.evolution import tune_by_evolution
 from flighttune.tuning.diagnosis import relaxed
-from flighttune.tuning.problem import TuningProblem
-from flighttune.tuning.tune import tune
 from tests.tuning.conftest import ALL_LIMITS
 
 pytestmark = pytest.mark.slow
@@ -16,9 +15,9 @@ NEVER_WORSE_BY = 1e-4
 
 @pytest.mark.soak
 def test_evolution_ends_just_below_the_gradient_method(model):
-    problem = TuningProblem(model=model, I_star=5.0)
+    problem = ft.TuningProblem(model=model, I_star=5.0)
 
-    evolved, descended = tune_by_evolution(problem), tune(problem)
+    evolved, descended = tune_by_evolution(problem), ft.tune(problem)
 
     assert evolved.status == "optimal"
     assert evolved.I_K <= 5.0
@@ -29,7 +28,7 @@ def test_evolution_ends_just_below_the_gradient_method(model):
 def test_evolution_keeps_the_input_limits_too(printed):
     problem = relaxed(printed, ALL_LIMITS, 7.0)
 
-    evolved, descended = tune_by_evolution(problem), tune(problem)
+    evolved, descended = tune_by_evolution(problem), ft.tune(problem)
 
     assert evolved.status == "optimal"
     assert descended.R_K - 1e-3 < evolved.R_K < descended.R_K + NEVER_WORSE_BY
@@ -44,7 +43,7 @@ def test_evolution_of_an_infeasible_problem_says_so(printed):
 
 
 def test_the_same_seed_breeds_the_same_bits(model):
-    problem = TuningProblem(model=model, I_star=20.0, seed=3)
+    problem = ft.TuningProblem(model=model, I_star=20.0, seed=3)
 
     first, second = (tune_by_evolution(problem, generations=20) for _ in range(2))
 

@@ -5,14 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flighttune.control.gains import PAPER_GAINS
+import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
-from flighttune.control.linear_model import closed_loop, closed_loops
+from flighttune.control.linear_model import closed_loops
 from flighttune.errors import InputError
-from flighttune.theory.indicators import indicators, indicators_batch
 from flighttune.tuning.diagnosis import relaxed
-from flighttune.tuning.problem import TuningProblem, decoupled, search_space
-from flighttune.tuning.tune import tune
+from flighttune.tuning.problem import decoupled, search_space
 from tests.tuning.conftest import ALL_LIMITS
 
 FIFTH_DIGIT = 1e-5
@@ -24,7 +22,7 @@ FLAT = 0.04  # the rate changes by 1e-4 over this much gain
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_the_optimum_for_an_i_star_of_5_is_found_from_every_seed(model, seed):
-    found = tune(TuningProblem(model=model, I_star=5.0, seed=seed))
+    found = ft.tune(ft.TuningProblem(model=model, I_star=5.0, seed=seed))
 
     assert found.status == "optimal"
     assert found.R_K == pytest.approx(0.53976, abs=FIFTH_DIGIT)
@@ -37,26 +35,26 @@ def test_the_optimum_for_an_i_star_of_5_is_found_from_every_seed(model, seed):
 
 
 def test_the_optimum_for_the_printed_i_k_beats_the_papers(model):
-    found = tune(TuningProblem(model=model, I_star=4.9244))
+    found = ft.tune(ft.TuningProblem(model=model, I_star=4.9244))
 
     assert found.R_K == pytest.approx(0.51393, abs=FIFTH_DIGIT)
-    assert found.R_K > 1.1 * indicators(closed_loop(model, PAPER_GAINS)).R_K
+    assert found.R_K > 1.1 * ft.indicators(ft.closed_loop(model, ft.PAPER_GAINS)).R_K
 
 
 def test_no_random_gains_near_the_optimum_are_better(model):
-    found = tune(TuningProblem(model=model, I_star=5.0))
+    found = ft.tune(ft.TuningProblem(model=model, I_star=5.0))
     rng = np.random.default_rng(7)
     size = 10.0 ** rng.uniform(-4.0, 0.0, (20_000, 1, 1))
     near = found.gains.K + size * rng.standard_normal((20_000, 2, 4))
 
-    others = indicators_batch(closed_loops(model, near))
+    others = ft.indicators_batch(closed_loops(model, near))
 
     assert others.R_K[others.I_K <= 5.0].max() <= found.R_K
 
 
 @pytest.mark.slow
 def test_an_i_star_below_the_smallest_i_k_is_infeasible_and_says_how_far(model):
-    found = tune(TuningProblem(model=model, I_star=4.8))
+    found = ft.tune(ft.TuningProblem(model=model, I_star=4.8))
 
     assert found.status == "infeasible"
     assert found.smallest_I_K == pytest.approx(4.8503, abs=HALF_LAST_DIGIT)
@@ -69,7 +67,7 @@ def test_an_i_star_below_the_smallest_i_k_is_infeasible_and_says_how_far(model):
 
 @pytest.mark.parametrize("seed", range(2))
 def test_the_printed_limits_are_infeasible_and_the_binding_ones_are_named(printed, seed):
-    found = tune(replace(printed, seed=seed))
+    found = ft.tune(replace(printed, seed=seed))
 
     assert found.status == "infeasible"
     assert found.smallest_I_K == pytest.approx(67.15, abs=5e-3)
@@ -84,7 +82,7 @@ def test_the_printed_limits_are_infeasible_and_the_binding_ones_are_named(printe
 def test_relaxed_limits_cost_what_they_are_known_to(printed, factor, R_K):
     wider = relaxed(printed, ALL_LIMITS, factor)
 
-    found = tune(wider)
+    found = ft.tune(wider)
 
     assert found.status == "optimal"
     assert found.R_K == pytest.approx(R_K, abs=5e-4)
@@ -95,13 +93,13 @@ def test_relaxed_limits_cost_what_they_are_known_to(printed, factor, R_K):
 def test_gains_tuned_for_the_lag_are_well_damped_where_the_papers_are_not(model):
     lagged = with_input_lag(model, (4.0, 8.0))
 
-    found = tune(TuningProblem(model=lagged, K_fixed=decoupled(lagged)))
+    found = ft.tune(ft.TuningProblem(model=lagged, K_fixed=decoupled(lagged)))
 
     assert found.status == "optimal"
     assert found.R_K == pytest.approx(0.1153, abs=HALF_LAST_DIGIT)
     assert found.gains.K[1, [1, 3]] == pytest.approx([2.90, 0.92], abs=FLAT)
-    assert worst_damping(closed_loop(lagged, found.gains)) > 0.85
-    assert worst_damping(closed_loop(lagged, PAPER_GAINS)) == pytest.approx(0.12, abs=5e-3)
+    assert worst_damping(ft.closed_loop(lagged, found.gains)) > 0.85
+    assert worst_damping(ft.closed_loop(lagged, ft.PAPER_GAINS)) == pytest.approx(0.12, abs=5e-3)
 
 
 @pytest.mark.slow
@@ -109,8 +107,8 @@ def test_gains_tuned_for_the_lag_are_well_damped_where_the_papers_are_not(model)
 def test_channels_that_the_rate_leaves_open_do_not_depend_on_the_seed(model, seed):
     lagged = with_input_lag(model, (4.0, 8.0))
 
-    coupled = tune(TuningProblem(model=lagged, seed=seed))
-    own = tune(TuningProblem(model=lagged, K_fixed=decoupled(lagged)))
+    coupled = ft.tune(ft.TuningProblem(model=lagged, seed=seed))
+    own = ft.tune(ft.TuningProblem(model=lagged, K_fixed=decoupled(lagged)))
 
     assert coupled.gains.K == pytest.approx(own.gains.K, abs=FLAT)
     assert coupled.R_K == pytest.approx(own.R_K, rel=2e-4)
@@ -119,7 +117,9 @@ def test_channels_that_the_rate_leaves_open_do_not_depend_on_the_seed(model, see
 def test_structure_and_bounds_are_kept_and_named(model):
     K_max = np.full((2, 4), 3.0)
 
-    found = tune(TuningProblem(model=model, I_star=6.0, K_fixed=decoupled(model), K_max=K_max))
+    found = ft.tune(
+        ft.TuningProblem(model=model, I_star=6.0, K_fixed=decoupled(model), K_max=K_max)
+    )
 
     assert found.gains.K[[0, 0, 1, 1], [1, 3, 0, 2]].tolist() == [0.0] * 4
     assert found.gains.K.max() <= 3.0
@@ -128,10 +128,10 @@ def test_structure_and_bounds_are_kept_and_named(model):
 
 @pytest.mark.parametrize(("I_star", "status"), [(5.0, "optimal"), (4.9, "infeasible")])
 def test_gains_that_are_all_fixed_are_only_assessed(model, I_star, status):
-    found = tune(TuningProblem(model=model, I_star=I_star, K_fixed=PAPER_GAINS.K))
+    found = ft.tune(ft.TuningProblem(model=model, I_star=I_star, K_fixed=ft.PAPER_GAINS.K))
 
     assert found.status == status
-    assert np.array_equal(found.gains.K, PAPER_GAINS.K)
+    assert np.array_equal(found.gains.K, ft.PAPER_GAINS.K)
     assert found.I_K == pytest.approx(4.9162, abs=HALF_LAST_DIGIT)
 
 
@@ -139,20 +139,20 @@ def test_gains_that_are_all_fixed_are_only_assessed(model, I_star, status):
 def test_state_scaling_changes_what_is_optimal(model):
     scaling = np.array([0.5, 0.5, 1.0, 1.0])
 
-    found = tune(TuningProblem(model=model, I_star=8.0, scaling=scaling))
+    found = ft.tune(ft.TuningProblem(model=model, I_star=8.0, scaling=scaling))
 
-    again = indicators(closed_loop(model, found.gains), scaling=scaling)
+    again = ft.indicators(ft.closed_loop(model, found.gains), scaling=scaling)
     assert (found.R_K, found.I_K) == (again.R_K, again.I_K)
-    assert found.R_K > indicators(closed_loop(model, found.gains)).R_K
+    assert found.R_K > ft.indicators(ft.closed_loop(model, found.gains)).R_K
 
 
 @pytest.mark.parametrize("without", ["freedom", "control"])
 def test_a_loop_that_cannot_be_stabilised_is_a_failure_with_a_reason(model, without):
-    problem = TuningProblem(model=model, K_fixed=np.ones((2, 4)))
+    problem = ft.TuningProblem(model=model, K_fixed=np.ones((2, 4)))
     if without == "control":
-        problem = TuningProblem(model=replace(model, B=np.zeros((2, 2))))
+        problem = ft.TuningProblem(model=replace(model, B=np.zeros((2, 2))))
 
-    found = tune(problem)
+    found = ft.tune(problem)
 
     assert (found.status, found.gains, found.R_K) == ("failed", None, 0.0)
     assert found.reason
@@ -160,18 +160,18 @@ def test_a_loop_that_cannot_be_stabilised_is_a_failure_with_a_reason(model, with
 
 @pytest.mark.slow
 def test_the_same_problem_gives_the_same_bits(printed):
-    first, second = (tune(relaxed(printed, ALL_LIMITS, 7.0)) for _ in range(2))
+    first, second = (ft.tune(relaxed(printed, ALL_LIMITS, 7.0)) for _ in range(2))
 
     assert np.array_equal(first.gains.K, second.gains.K)
 
 
 def test_one_start_is_enough(model):
-    assert tune(TuningProblem(model=model, I_star=5.0), starts=1).status == "optimal"
+    assert ft.tune(ft.TuningProblem(model=model, I_star=5.0), starts=1).status == "optimal"
 
 
 def test_no_starts_are_refused(model):
     with pytest.raises(InputError, match=r"`starts` .* 1, got 0"):
-        tune(TuningProblem(model=model), starts=0)
+        ft.tune(ft.TuningProblem(model=model), starts=0)
 
 
 def worst_damping(A_K):

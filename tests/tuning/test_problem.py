@@ -3,13 +3,12 @@
 import numpy as np
 import pytest
 
-from flighttune.control.gains import PAPER_GAINS
+import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
-from flighttune.control.limits import Limits
 from flighttune.control.linear_model import closed_loops
 from flighttune.errors import InputError, ShapeError
 from flighttune.tuning.diagnosis import relaxed
-from flighttune.tuning.problem import TuningProblem, decoupled, search_space
+from flighttune.tuning.problem import decoupled, search_space
 from flighttune.tuning.program import stabilising_starts
 
 PRINTED_DIGITS = 5e-4
@@ -23,7 +22,7 @@ def test_the_papers_gains_break_its_own_limits_by_the_amounts_known(printed):
         "n_z": (-0.569, -1.639),
     }  # K* (x_0; x_0 dt), K* (0; x_0)
 
-    slack = dict(zip(space.names, space.slack(PAPER_GAINS.K.ravel()), strict=True))
+    slack = dict(zip(space.names, space.slack(ft.PAPER_GAINS.K.ravel()), strict=True))
 
     for i, (channel, (u, rate)) in enumerate(u_and_rates.items()):
         assert slack[f"{channel}_min"] == pytest.approx(
@@ -36,20 +35,22 @@ def test_the_papers_gains_break_its_own_limits_by_the_amounts_known(printed):
 
 def test_fixed_gains_take_part_in_the_limits_but_not_in_the_search(printed, model):
     K_fixed = np.full((2, 4), np.nan)
-    K_fixed[0, 2:] = PAPER_GAINS.K[0, 2:]
+    K_fixed[0, 2:] = ft.PAPER_GAINS.K[0, 2:]
     fixed = search_space(
-        TuningProblem(model=model, limits=printed.limits, x_0=printed.x_0, K_fixed=K_fixed)
+        ft.TuningProblem(model=model, limits=printed.limits, x_0=printed.x_0, K_fixed=K_fixed)
     )
 
-    slack = fixed.slack(PAPER_GAINS.K[np.isnan(K_fixed)])
+    slack = fixed.slack(ft.PAPER_GAINS.K[np.isnan(K_fixed)])
 
     assert len(fixed.k_min) == 6
-    assert fixed.K(PAPER_GAINS.K[np.isnan(K_fixed)]) == pytest.approx(PAPER_GAINS.K)
-    assert slack == pytest.approx(search_space(printed).slack(PAPER_GAINS.K.ravel()), abs=ROUNDING)
+    assert fixed.K(ft.PAPER_GAINS.K[np.isnan(K_fixed)]) == pytest.approx(ft.PAPER_GAINS.K)
+    assert slack == pytest.approx(
+        search_space(printed).slack(ft.PAPER_GAINS.K.ravel()), abs=ROUNDING
+    )
 
 
 def test_infinite_limits_make_no_rows(model):
-    problem = TuningProblem(model=model, limits=Limits.none(2), x_0=np.ones(2))
+    problem = ft.TuningProblem(model=model, limits=ft.Limits.none(2), x_0=np.ones(2))
 
     assert search_space(problem).names == ()
 
@@ -57,7 +58,7 @@ def test_infinite_limits_make_no_rows(model):
 @pytest.mark.parametrize("seed", range(5))
 def test_starts_are_stable_inside_the_bounds_and_the_same_for_one_seed(model, seed):
     lagged = with_input_lag(model, (4.0, 8.0))
-    problem = TuningProblem(
+    problem = ft.TuningProblem(
         model=lagged, K_fixed=decoupled(lagged), K_max=np.full((2, 4), 3.0), seed=seed
     )
     space = search_space(problem)
@@ -82,8 +83,8 @@ def test_relaxed_limits_are_multiplied_by_their_factors(printed):
     [
         ({"I_star": 0.0}, InputError, "`I_star` must be positive, got 0"),
         ({"seed": -1}, InputError, "`seed` must not be negative"),
-        ({"limits": Limits.none(2)}, InputError, "`x_0` must be given with `limits`"),
-        ({"limits": Limits.none(3), "x_0": np.ones(2)}, ShapeError, "`limits` must have 2"),
+        ({"limits": ft.Limits.none(2)}, InputError, "`x_0` must be given with `limits`"),
+        ({"limits": ft.Limits.none(3), "x_0": np.ones(2)}, ShapeError, "`limits` must have 2"),
         ({"scaling": np.ones(3)}, ShapeError, "`scaling` must have shape"),
         ({"K_min": np.zeros((2, 2))}, ShapeError, r"`K_min` must have shape \(2, 4\)"),
         ({"K_min": np.ones((2, 4)), "K_max": np.zeros((2, 4))}, InputError, "`K_min` must not"),
@@ -91,4 +92,4 @@ def test_relaxed_limits_are_multiplied_by_their_factors(printed):
 )
 def test_a_problem_that_makes_no_sense_is_refused_by_name(model, change, error, message):
     with pytest.raises(error, match=message):
-        TuningProblem(model=model, **change)
+        ft.TuningProblem(model=model, **change)

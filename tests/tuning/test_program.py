@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
+import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.tuning.diagnosis import relaxed
-from flighttune.tuning.problem import TuningProblem, decoupled, search_space
+from flighttune.tuning.problem import decoupled, search_space
 from flighttune.tuning.program import Program, stabilising_starts
 from flighttune.tuning.tune import searches
 from tests.tuning.conftest import ALL_LIMITS
@@ -21,7 +22,7 @@ def test_slopes_of_several_models_are_those_of_central_differences(printed, mode
     K_fixed = np.full((2, 4), np.nan)
     K_fixed[0, 1] = 0.1
     several = [
-        TuningProblem(
+        ft.TuningProblem(
             model=plant, I_star=9.0, limits=printed.limits, x_0=printed.x_0, K_fixed=K_fixed
         )
         for plant in (model, with_input_lag(model, (4.0, 8.0)))
@@ -42,8 +43,8 @@ def test_slopes_of_several_models_are_those_of_central_differences(printed, mode
 @pytest.mark.parametrize("seed", range(2))
 def test_coupled_gains_are_never_worse_than_decoupled_ones(model, seed):
     lagged = with_input_lag(model, (4.0, 8.0))
-    problem = TuningProblem(model=lagged, seed=seed)
-    own = TuningProblem(model=lagged, K_fixed=decoupled(lagged), seed=seed)
+    problem = ft.TuningProblem(model=lagged, seed=seed)
+    own = ft.TuningProblem(model=lagged, K_fixed=decoupled(lagged), seed=seed)
     starts = [stabilising_starts(each, search_space(each), 4) for each in (problem, own)]
 
     coupled = [end.R_K for end in searches(problem, starts[0], "R_K")]

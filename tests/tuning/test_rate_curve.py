@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from flighttune.control.gains import PAPER_GAINS
-from flighttune.control.linear_model import closed_loop
-from flighttune.theory.indicators import indicators
+import flighttune as ft
 from flighttune.tuning.envelope import rate_curve
 from tests.tuning.test_tune_over_envelope import MODERATE, TRIM, TUNED, G
 
@@ -18,13 +16,13 @@ SOLVER = 1e-5
 def curves():
     return {
         name: rate_curve(gains, MODERATE, TRIM, g=G, up_to=1.2)
-        for name, gains in (("paper", PAPER_GAINS), ("tuned", TUNED))
+        for name, gains in (("paper", ft.PAPER_GAINS), ("tuned", TUNED))
     }
 
 
 def test_a_curve_starts_at_the_trims_own_rate_and_falls(model, curves):
-    for (_, rates), gains in zip(curves.values(), (PAPER_GAINS, TUNED), strict=True):
-        own = indicators(closed_loop(model, gains)).R_K
+    for (_, rates), gains in zip(curves.values(), (ft.PAPER_GAINS, TUNED), strict=True):
+        own = ft.indicators(ft.closed_loop(model, gains)).R_K
         assert rates[0] == pytest.approx(own, rel=SOLVER)
         assert (np.diff(rates) < 0.0).all()
 

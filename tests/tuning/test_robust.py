@@ -5,14 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from flighttune.control.inner_loop import InnerLag, inner_loop_scaling, with_inner_loop
-from flighttune.control.limits import Limits
-from flighttune.control.linear_model import closed_loops, kinematic_model
+import flighttune as ft
+from flighttune.control.inner_loop import inner_loop_scaling, with_inner_loop
+from flighttune.control.linear_model import closed_loops
 from flighttune.errors import InputError
-from flighttune.theory.indicators import indicators
-from flighttune.tuning.problem import TuningProblem, decoupled
+from flighttune.tuning.problem import decoupled
 from flighttune.tuning.robust import channels, tune_worst_case
-from flighttune.tuning.tune import tune
 
 SAME = 1e-4
 """Relative difference between two searches for one optimum."""
@@ -21,15 +19,17 @@ STEP = 0.02
 
 
 def problem(w=8.0, gamma=0.25, **kept):
-    law = kinematic_model(V_a=25.0, gamma=gamma, g=9.81)
-    lags = [InnerLag(order=2, natural_frequency=f, damping=0.7, delay=0.05) for f in (w, 2.0 * w)]
-    return TuningProblem(
+    law = ft.kinematic_model(V_a=25.0, gamma=gamma, g=9.81)
+    lags = [
+        ft.InnerLag(order=2, natural_frequency=f, damping=0.7, delay=0.05) for f in (w, 2.0 * w)
+    ]
+    return ft.TuningProblem(
         model=with_inner_loop(law, lags), scaling=inner_loop_scaling(law, lags), seed=1, **kept
     )
 
 
 def rate(one, K):
-    return indicators(closed_loops(one.model, K), scaling=one.scaling).R_K
+    return ft.indicators(closed_loops(one.model, K), scaling=one.scaling).R_K
 
 
 def test_the_law_behind_lags_falls_apart_into_course_and_climb():
@@ -42,9 +42,9 @@ def test_the_law_behind_lags_falls_apart_into_course_and_climb():
 
 
 def test_a_banked_law_stays_in_one_piece():
-    law = kinematic_model(V_a=25.0, gamma=0.0, phi=0.5, g=9.81)
+    law = ft.kinematic_model(V_a=25.0, gamma=0.0, phi=0.5, g=9.81)
 
-    ((_, _, whole),) = channels(TuningProblem(model=law))
+    ((_, _, whole),) = channels(ft.TuningProblem(model=law))
 
     assert whole.model.inputs == law.inputs
     assert np.array_equal(whole.model.B, law.B)
@@ -53,7 +53,7 @@ def test_a_banked_law_stays_in_one_piece():
 def test_one_model_gives_the_optimum_of_the_decoupled_problem():
     one = problem()
 
-    found, plain = tune_worst_case([one]), tune(replace(one, K_fixed=decoupled(one.model)))
+    found, plain = tune_worst_case([one]), ft.tune(replace(one, K_fixed=decoupled(one.model)))
 
     assert found.R_K == pytest.approx(plain.R_K, rel=2.0 * SAME)
 
@@ -84,9 +84,9 @@ def test_the_worst_of_several_models_is_better_than_that_of_gains_for_one():
 
 
 def test_models_of_different_order_go_together():
-    law = kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
-    lags = [InnerLag(order=1, natural_frequency=5.0)] * 2
-    other = TuningProblem(
+    law = ft.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
+    lags = [ft.InnerLag(order=1, natural_frequency=5.0)] * 2
+    other = ft.TuningProblem(
         model=with_inner_loop(law, lags), scaling=inner_loop_scaling(law, lags), seed=1
     )
 
@@ -94,7 +94,7 @@ def test_models_of_different_order_go_together():
 
 
 def test_input_limits_are_kept():
-    limits = Limits(
+    limits = ft.Limits(
         lower=np.array([-0.3, -0.3]), upper=np.array([0.3, 0.3]),
         rate_lower=np.array([-9.0, -9.0]), rate_upper=np.array([9.0, 9.0]),
     )  # fmt: skip

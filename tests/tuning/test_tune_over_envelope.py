@@ -5,13 +5,10 @@ import itertools
 import numpy as np
 import pytest
 
+import flighttune as ft
 from flighttune.control.envelope import Envelope, jacobian_hull
-from flighttune.control.gains import PAPER_GAINS, PIGains
-from flighttune.control.limits import Limits
-from flighttune.control.linear_model import closed_loop, kinematic_model
 from flighttune.errors import InputError
 from flighttune.theory.common import common_Q
-from flighttune.theory.indicators import indicators
 from flighttune.tuning.envelope import (
     ascend,
     envelope_rate,
@@ -19,16 +16,16 @@ from flighttune.tuning.envelope import (
     point,
     tune_over_envelope,
 )
-from flighttune.tuning.problem import TuningProblem, search_space
+from flighttune.tuning.problem import search_space
 from flighttune.tuning.tune import tune_by_gradient
 
 pytestmark = pytest.mark.slow
 
 G = 9.81
 TRIM = Envelope.at(V_a=25.0, gamma=np.pi / 12)
-TUNED = PIGains(K_P=np.diag([2.2209, 2.4797]), K_I=3.8753 * np.eye(2))
-LAG_AWARE = PIGains(K_P=np.diag([3.17, 2.90]), K_I=np.diag([1.13, 0.92]))
-SETS = (PAPER_GAINS, TUNED, LAG_AWARE)
+TUNED = ft.PIGains(K_P=np.diag([2.2209, 2.4797]), K_I=3.8753 * np.eye(2))
+LAG_AWARE = ft.PIGains(K_P=np.diag([3.17, 2.90]), K_I=np.diag([1.13, 0.92]))
+SETS = (ft.PAPER_GAINS, TUNED, LAG_AWARE)
 SOLVER = 1e-6
 LOCAL = 1e-4
 
@@ -60,10 +57,10 @@ def corner_rate(gains, envelope):
     """Without the polytopes: the law linearised at the 16 corners of the conditions."""
     corners = itertools.product(envelope.V_a, envelope.gamma, envelope.phi, envelope.n_z)
     models = [
-        kinematic_model(V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=G)
+        ft.kinematic_model(V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=G)
         for V_a, gamma, phi, n_z in corners
     ]
-    return common_Q(np.array([closed_loop(model, gains) for model in models])).R
+    return common_Q(np.array([ft.closed_loop(model, gains) for model in models])).R
 
 
 @pytest.mark.parametrize(("over", "corners", "polytope"), TABLE)
@@ -81,7 +78,7 @@ def test_one_common_Q_holds_at_a_thousand_conditions_drawn_from_the_envelope():
     low, high = np.array([GENTLE.V_a, GENTLE.gamma, GENTLE.phi, GENTLE.n_z]).T
 
     for V_a, gamma, phi, n_z in rng.uniform(low, high, size=(1000, 4)):
-        A = closed_loop(kinematic_model(V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=G), TUNED)
+        A = ft.closed_loop(ft.kinematic_model(V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=G), TUNED)
         assert np.linalg.eigvalsh(A.T @ Q + Q @ A + np.eye(4))[-1] < SOLVER
 
 
@@ -93,7 +90,7 @@ def test_the_papers_gains_certify_a_narrower_envelope_than_the_tuned_ones():
 
 @pytest.fixture(scope="module")
 def tuned(model):
-    return tune_over_envelope(TuningProblem(model=model, I_star=10.0), MODERATE, TRIM, g=G)
+    return tune_over_envelope(ft.TuningProblem(model=model, I_star=10.0), MODERATE, TRIM, g=G)
 
 
 def test_gains_tuned_for_the_envelope_beat_those_tuned_for_the_trim_and_keep_the_radius(
@@ -101,15 +98,15 @@ def test_gains_tuned_for_the_envelope_beat_those_tuned_for_the_trim_and_keep_the
 ):
     assert tuned.status == "found"
     assert tuned.I_K <= 10.0
-    assert indicators(closed_loop(model, tuned.gains)).I_K == pytest.approx(tuned.I_K)
+    assert ft.indicators(ft.closed_loop(model, tuned.gains)).I_K == pytest.approx(tuned.I_K)
     assert envelope_rate(tuned.gains, MODERATE, g=G).R == pytest.approx(tuned.R)
-    nominal = tune_by_gradient(TuningProblem(model=model, I_star=10.0))
+    nominal = tune_by_gradient(ft.TuningProblem(model=model, I_star=10.0))
     assert tuned.R > 1.005 * envelope_rate(nominal.gains, MODERATE, g=G).R
     assert tuned.R_K < nominal.R_K
 
 
 def test_no_gains_nearby_are_better(model, tuned):
-    problem = TuningProblem(model=model, I_star=10.0)
+    problem = ft.TuningProblem(model=model, I_star=10.0)
     models = jacobian_hull(MODERATE, g=G).models()
     k = tuned.gains.K[search_space(problem).free]
     rng = np.random.default_rng(0)
@@ -123,26 +120,26 @@ def test_no_gains_nearby_are_better(model, tuned):
 
 
 def test_ascents_from_different_gains_end_at_one_rate(model):
-    problem = TuningProblem(model=model, I_star=10.0)
+    problem = ft.TuningProblem(model=model, I_star=10.0)
     models = jacobian_hull(GENTLE, g=G).models()
     free = search_space(problem).free
     tops = []
     for I_star in (6.0, 9.9):
-        nominal = tune_by_gradient(TuningProblem(model=model, I_star=I_star))
+        nominal = tune_by_gradient(ft.TuningProblem(model=model, I_star=I_star))
         tops.append(ascend(problem, models, point(problem, models, nominal.gains.K[free])).common.R)
 
     assert tops == pytest.approx([0.7066, 0.7066], rel=LOCAL)
 
 
 def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(model):
-    limits = Limits(
+    limits = ft.Limits(
         lower=8.0 * np.array([-np.pi / 4, -2.1]),
         upper=8.0 * np.array([np.pi / 4, 2.1]),
         rate_lower=8.0 * np.array([-np.pi / 6, -1.0]),
         rate_upper=8.0 * np.array([np.pi / 6, 1.0]),
     )
     x_0 = np.array([-np.pi / 3, -np.pi / 6])
-    problem = TuningProblem(model=model, I_star=10.0, limits=limits, x_0=x_0)
+    problem = ft.TuningProblem(model=model, I_star=10.0, limits=limits, x_0=x_0)
 
     found = tune_over_envelope(problem, GENTLE, TRIM, g=G, starts=0)
 
@@ -157,7 +154,7 @@ def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(model):
 def test_an_envelope_out_of_reach_is_a_result_that_says_how_far_gains_got(model):
     wide = envelope((15.0, 40.0), (-30.0, 60.0), (-60.0, 60.0), (-1.0, 3.0))
 
-    found = tune_over_envelope(TuningProblem(model=model, I_star=5.0), wide, TRIM, g=G, starts=0)
+    found = tune_over_envelope(ft.TuningProblem(model=model, I_star=5.0), wide, TRIM, g=G, starts=0)
 
     assert found.status == "infeasible"
     assert found.reason.startswith("No common Q was found beyond 0.6")
@@ -166,7 +163,7 @@ def test_an_envelope_out_of_reach_is_a_result_that_says_how_far_gains_got(model)
 
 
 def test_a_problem_without_feasible_gains_is_infeasible_here_too(model):
-    found = tune_over_envelope(TuningProblem(model=model, I_star=4.0), GENTLE, TRIM, g=G)
+    found = tune_over_envelope(ft.TuningProblem(model=model, I_star=4.0), GENTLE, TRIM, g=G)
 
     assert found.status == "infeasible"
     assert "`I_star` must be at least 4.85" in found.reason
@@ -175,11 +172,11 @@ def test_a_problem_without_feasible_gains_is_infeasible_here_too(model):
 
 def test_an_envelope_without_the_trim_and_a_state_scaling_are_refused(model):
     outside = Envelope.at(V_a=40.0, gamma=0.0)
-    scaled = TuningProblem(model=model, scaling=np.array([1.0, 1.0, 2.0, 2.0]))
+    scaled = ft.TuningProblem(model=model, scaling=np.array([1.0, 1.0, 2.0, 2.0]))
 
     with pytest.raises(InputError, match="`envelope` must contain"):
         largest_factor(TUNED, GENTLE, outside, g=G)
     with pytest.raises(InputError, match="`envelope` must contain"):
-        tune_over_envelope(TuningProblem(model=model), GENTLE, outside, g=G)
+        tune_over_envelope(ft.TuningProblem(model=model), GENTLE, outside, g=G)
     with pytest.raises(InputError, match="`scaling`"):
         tune_over_envelope(scaled, GENTLE, TRIM, g=G)

@@ -8,12 +8,10 @@ from contextlib import suppress
 import numpy as np
 import pytest
 
+import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft, save_gains
-from flighttune.errors import FlightTuneError
 from flighttune.files.shipped import aircraft_folder
-from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.model_files import model_hash
-from flighttune.plants.jsbsim.plant import JSBSimPlant
 
 
 def of_this_model(folder):
@@ -41,10 +39,10 @@ def fly():
         throttle_max=None, **condition,
     ):  # fmt: skip
         """Fly `command` (a function of the signals now, or a constant) from `condition`."""
-        plant = JSBSimPlant(
+        plant = ft.JSBSimPlant(
             aircraft, weather=weather, ground=ground, seed=seed, throttle_max=throttle_max
         )
-        plant.start(FlightCondition(**{"V_a": 25.0} | condition))
+        plant.start(ft.FlightCondition(**{"V_a": 25.0} | condition))
         rows, stop = [plant.observe()], None
         for _ in range(round(duration / dt)):
             now = dict(zip(plant.signals, rows[-1], strict=True))
@@ -78,7 +76,7 @@ def changed_aircraft(tmp_path):
         text, count = re.subn(pattern, replacement, (folder / file).read_text(), count=1)
         assert count == 1, f"{pattern} is not in {file}"
         (folder / file).write_text(text)
-        with suppress(FlightTuneError):  # of a file that is broken on purpose
+        with suppress(ft.FlightTuneError):  # of a file that is broken on purpose
             of_this_model(folder)
         return folder
 

@@ -6,19 +6,18 @@ import threading
 
 import pytest
 
+import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.errors import InputError, PlantError, ScenarioError, TrimError
-from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.plant import JSBSimPlant
 
 DEG = math.pi / 180.0
-LEVEL = FlightCondition(V_a=25.0)
+LEVEL = ft.FlightCondition(V_a=25.0)
 
 
 def started(folder):
-    plant = JSBSimPlant(folder)
+    plant = ft.JSBSimPlant(folder)
     plant.start(LEVEL)
     return plant
 
@@ -58,7 +57,7 @@ def test_malformed_property_name_is_an_error_and_not_the_end_of_the_process(name
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("channel", ["phi_cmd", "n_z_cmd"])
 def test_command_that_is_no_number_stops_the_flight(channel, bad):
-    plant = JSBSimPlant()
+    plant = ft.JSBSimPlant()
     plant.start(LEVEL)
     plant.advance(0.0, 1.0, 1.0)
     before = plant.observe()
@@ -221,7 +220,7 @@ def test_aircraft_file_errors_name_file_and_key(changed_aircraft, pattern, repla
     folder = changed_aircraft("aircraft.toml", pattern, replacement)
 
     with pytest.raises(ScenarioError, match=rf"copy/aircraft\.toml: {message}") as error:
-        JSBSimPlant(folder)
+        ft.JSBSimPlant(folder)
     assert "\n" not in str(error.value)
 
 
@@ -236,12 +235,12 @@ def test_what_our_own_copy_of_a_file_cannot_hold_is_refused(changed_aircraft, te
     folder = changed_aircraft("aerosonde.xml", "<aerodynamics>", f"<aerodynamics>{text}")
 
     with pytest.raises(PlantError, match=rf"aerosonde\.xml {message}") as error:
-        JSBSimPlant(folder, off_nominal=OffNominal(lift_factor=1.1))
+        ft.JSBSimPlant(folder, off_nominal=OffNominal(lift_factor=1.1))
     assert "\n" not in str(error.value)
 
 
 def test_an_aircraft_that_is_not_there_is_named(tmp_path):
     with pytest.raises(InputError, match=r"`aircraft` .*aerosonde.*'concorde'"):
-        JSBSimPlant("concorde")
+        ft.JSBSimPlant("concorde")
     with pytest.raises(InputError, match=r"aircraft\.toml: .*readable"):
-        JSBSimPlant(tmp_path)
+        ft.JSBSimPlant(tmp_path)

@@ -2,9 +2,8 @@
 
 import pytest
 
+import flighttune as ft
 from flighttune.errors import InputError, PlantError
-from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.plant import JSBSimPlant
 
 
 @pytest.mark.parametrize(
@@ -46,7 +45,7 @@ def test_what_is_not_as_the_file_says_is_named(
     folder = changed_aircraft("aircraft.toml", pattern, replacement, aircraft=name)
 
     with pytest.raises(PlantError, match=message) as error:
-        JSBSimPlant(folder).start(FlightCondition(V_a=150.0 if name == "a4" else 50.0))
+        ft.JSBSimPlant(folder).start(ft.FlightCondition(V_a=150.0 if name == "a4" else 50.0))
     assert "\n" not in str(error.value)
 
 
@@ -54,7 +53,7 @@ def test_a_model_whose_name_no_file_can_have_is_refused(changed_aircraft):
     folder = changed_aircraft("aircraft.toml", '"aerosonde.xml"', f'"{"x" * 300}"')
 
     with pytest.raises(InputError, match=r"aircraft\.toml: `model` must .* 80 bytes, it has 300"):
-        JSBSimPlant(folder)
+        ft.JSBSimPlant(folder)
 
 
 def test_a_part_whose_name_no_file_can_have_is_refused(changed_aircraft):
@@ -63,7 +62,7 @@ def test_a_part_whose_name_no_file_can_have_is_refused(changed_aircraft):
     )
 
     with pytest.raises(PlantError, match=r"aerosonde\.xml") as error:
-        JSBSimPlant(folder).start(FlightCondition(V_a=25.0))
+        ft.JSBSimPlant(folder).start(ft.FlightCondition(V_a=25.0))
     assert "\n" not in str(error.value)
 
 
@@ -73,7 +72,7 @@ def test_gains_of_another_model_are_refused(changed_aircraft):
     file.write_text(file.read_text().replace('"A4"', '"T38"'))
 
     with pytest.raises(PlantError, match=r"gains\.json: must be made"):
-        JSBSimPlant(folder).start(FlightCondition(V_a=200.0))
+        ft.JSBSimPlant(folder).start(ft.FlightCondition(V_a=200.0))
 
 
 def test_an_aircraft_without_gains_says_what_writes_them(changed_aircraft):
@@ -81,4 +80,4 @@ def test_an_aircraft_without_gains_says_what_writes_them(changed_aircraft):
     (folder / "gains.json").unlink()
 
     with pytest.raises(PlantError, match=r"gains\.json: .*`flighttune design`"):
-        JSBSimPlant(folder).start(FlightCondition(V_a=200.0))
+        ft.JSBSimPlant(folder).start(ft.FlightCondition(V_a=200.0))

@@ -11,13 +11,12 @@ import numpy as np
 import pytest
 from published_aerosonde import accelerations, evaluated
 
+import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.errors import InputError, PlantError
 from flighttune.files.shipped import aircraft_folder
-from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.jsbsim.trim import trim
 from flighttune.units import FT, G_0, LBF, SLUG
 
@@ -98,7 +97,7 @@ def test_accelerations_are_those_of_the_published_coefficients_with_the_factors(
 def test_trim_balances_weight_in_the_published_coefficients_with_the_factors(off, gamma):
     fdm, nominal = aircraft("aerosonde", **off), aircraft("aerosonde")
 
-    point, usual = (trim(one, FlightCondition(V_a=25.0, gamma=gamma)) for one in (fdm, nominal))
+    point, usual = (trim(one, ft.FlightCondition(V_a=25.0, gamma=gamma)) for one in (fdm, nominal))
 
     surfaces = point.aileron, point.elevator, point.rudder
     body, angular = accelerations(
@@ -190,8 +189,8 @@ def test_surfaces_follow_a_step_with_the_lag_times_the_factor(name, V_a, factor)
 
 
 def flown(**plant):
-    plant = JSBSimPlant("aerosonde", **plant)
-    plant.start(FlightCondition(V_a=25.0))
+    plant = ft.JSBSimPlant("aerosonde", **plant)
+    plant.start(ft.FlightCondition(V_a=25.0))
     for _ in range(100):
         plant.advance(0.4, 1.1, 0.02)
     return plant.observe()
@@ -240,7 +239,7 @@ def test_a_file_that_was_changed_is_read_anew(changed_aircraft):
     for pattern, text in (("-2.70 ", "-2.70 "), ("-2.70 ", "-1.90 ")):
         folder = changed_aircraft("aerosonde.xml", pattern, text)
         config = load_aircraft(folder).with_off_nominal(off_nominal(mass=1.1))
-        points.append(trim(Fdm(config), FlightCondition(V_a=25.0)))
+        points.append(trim(Fdm(config), ft.FlightCondition(V_a=25.0)))
 
     assert points[0].elevator < points[1].elevator - 0.01
 
@@ -260,7 +259,7 @@ REFUSED = [
 @pytest.mark.parametrize(("off", "name", "message"), REFUSED, ids=[str(one[0]) for one in REFUSED])
 def test_what_cannot_be_is_refused_by_the_name_of_its_key(off, name, message):
     with pytest.raises(InputError, match=message) as caught:
-        JSBSimPlant(name, off_nominal=off_nominal(**off))
+        ft.JSBSimPlant(name, off_nominal=off_nominal(**off))
 
     assert "\n" not in str(caught.value)
 
@@ -276,7 +275,7 @@ def test_what_an_aircraft_lacks_is_refused(changed_aircraft, file, pattern, text
     folder = changed_aircraft(file, pattern, text)
 
     with pytest.raises(InputError, match=message):
-        JSBSimPlant(folder, off_nominal=off_nominal(**off))
+        ft.JSBSimPlant(folder, off_nominal=off_nominal(**off))
 
 
 def test_an_engine_of_another_kind_cannot_be_scaled(changed_aircraft):
@@ -285,7 +284,7 @@ def test_an_engine_of_another_kind_cannot_be_scaled(changed_aircraft):
         folder = changed_aircraft("Engines/aerosonde_motor.xml", pattern, text)
 
     with pytest.raises(InputError, match=r"`thrust_factor` .* <rocket_engine>"):
-        JSBSimPlant(folder, off_nominal=off_nominal(thrust=0.9))
+        ft.JSBSimPlant(folder, off_nominal=off_nominal(thrust=0.9))
 
 
 def test_the_page_names_every_coefficient_of_the_aerosonde():

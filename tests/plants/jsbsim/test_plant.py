@@ -6,9 +6,8 @@ import threading
 import numpy as np
 import pytest
 
+import flighttune as ft
 from flighttune.errors import InputError, PlantError
-from flighttune.plants.base import COMMON_SIGNALS, FlightCondition
-from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.simulate.run import SIGNAL_UNITS
 from flighttune.units import G_0
 
@@ -36,13 +35,13 @@ def velocity_and_acceleration(flight):
 
 
 def test_signals_begin_with_the_common_ones_and_all_have_units():
-    assert JSBSimPlant.signals[: len(COMMON_SIGNALS)] == COMMON_SIGNALS
-    assert set(JSBSimPlant.signals) <= set(SIGNAL_UNITS)
+    assert ft.JSBSimPlant.signals[: len(ft.COMMON_SIGNALS)] == ft.COMMON_SIGNALS
+    assert set(ft.JSBSimPlant.signals) <= set(SIGNAL_UNITS)
 
 
 def test_starts_at_the_condition_in_steady_flight():
-    plant = JSBSimPlant()
-    plant.start(FlightCondition(V_a=25.0, h=800.0, chi=60.0 * DEG, gamma=20.0 * DEG))
+    plant = ft.JSBSimPlant()
+    plant.start(ft.FlightCondition(V_a=25.0, h=800.0, chi=60.0 * DEG, gamma=20.0 * DEG))
 
     now = dict(zip(plant.signals, plant.observe(), strict=True))
 
@@ -121,16 +120,16 @@ def test_thrust_balances_weight_and_drag_in_a_climb(fly):
 
 
 def test_an_n_z_of_its_own_leaves_the_start_steady():
-    steady, other = JSBSimPlant(), JSBSimPlant()
-    steady.start(FlightCondition(V_a=25.0))
-    other.start(FlightCondition(V_a=25.0, n_z=1.4))
+    steady, other = ft.JSBSimPlant(), ft.JSBSimPlant()
+    steady.start(ft.FlightCondition(V_a=25.0))
+    other.start(ft.FlightCondition(V_a=25.0, n_z=1.4))
 
     assert other.observe() == steady.observe()
 
 
 def signals_of_a_turn(aircraft="aerosonde"):
-    plant = JSBSimPlant(aircraft)
-    plant.start(FlightCondition(V_a=25.0, chi=1.0, gamma=0.5))
+    plant = ft.JSBSimPlant(aircraft)
+    plant.start(ft.FlightCondition(V_a=25.0, chi=1.0, gamma=0.5))
     rows = [plant.observe()]
     for _ in range(100):
         plant.advance(0.4, 1.3, 0.02)
@@ -139,10 +138,10 @@ def signals_of_a_turn(aircraft="aerosonde"):
 
 
 def test_a_plant_can_be_started_again():
-    plant = JSBSimPlant()
+    plant = ft.JSBSimPlant()
     starts = []
     for _ in range(2):
-        plant.start(FlightCondition(V_a=25.0))
+        plant.start(ft.FlightCondition(V_a=25.0))
         starts.append(plant.observe())
         plant.advance(0.5, 1.5, 1.0)
 
@@ -161,9 +160,9 @@ def test_flights_in_threads_equal_those_in_the_main_thread():
 
 
 def test_long_and_short_samples_fly_the_same_path():
-    plants = [JSBSimPlant(), JSBSimPlant()]
+    plants = [ft.JSBSimPlant(), ft.JSBSimPlant()]
     for plant in plants:
-        plant.start(FlightCondition(V_a=25.0))
+        plant.start(ft.FlightCondition(V_a=25.0))
     plants[0].advance(0.3, 1.2, 1.015)
     for _ in range(203):
         plants[1].advance(0.3, 1.2, 0.005)
@@ -173,8 +172,8 @@ def test_long_and_short_samples_fly_the_same_path():
 
 @pytest.mark.parametrize("duration", [0.0, 0.004, 0.0125, -0.02, math.nan, math.inf])
 def test_duration_must_be_whole_integration_steps(duration):
-    plant = JSBSimPlant()
-    plant.start(FlightCondition(V_a=25.0))
+    plant = ft.JSBSimPlant()
+    plant.start(ft.FlightCondition(V_a=25.0))
 
     with pytest.raises(InputError, match=r"`duration` .* 0\.005 s"):
         plant.advance(0.0, 1.0, duration)
@@ -191,11 +190,11 @@ def test_duration_must_be_whole_integration_steps(duration):
 )
 def test_seed_and_steps_must_fit(values, message):
     with pytest.raises(InputError, match=message):
-        JSBSimPlant(**values)
+        ft.JSBSimPlant(**values)
 
 
 def test_must_be_started_first():
     with pytest.raises(PlantError, match="must be started before"):
-        JSBSimPlant().observe()
+        ft.JSBSimPlant().observe()
     with pytest.raises(PlantError, match="must be started before"):
-        JSBSimPlant().advance(0.0, 1.0, 0.02)
+        ft.JSBSimPlant().advance(0.0, 1.0, 0.02)

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.plant import JSBSimPlant
+import flighttune as ft
 
 DEG = math.pi / 180.0
 FINE = 0.005
@@ -95,8 +94,8 @@ def test_holds_course_for_a_minute_wings_level(fly, chi_deg):
 
 
 def test_holds_course_after_a_bank(fly):
-    plant = JSBSimPlant()
-    plant.start(FlightCondition(V_a=25.0))
+    plant = ft.JSBSimPlant()
+    plant.start(ft.FlightCondition(V_a=25.0))
     for phi_cmd, seconds in ((20.0 * DEG, 3.0), (0.0, 10.0)):
         for _ in range(round(seconds / 0.1)):
             plant.advance(phi_cmd, 1.0, 0.1)

@@ -4,13 +4,12 @@ import numpy as np
 import pytest
 from made_up import shortened
 
+import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import InputError
-from flighttune.flight.fly import fly
-from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim import plant as jsbsim_plant
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.plant import JSBSimPlant, steps_for
+from flighttune.plants.jsbsim.plant import steps_for
 from flighttune.plants.jsbsim.trim import trim
 
 LAST_DIGIT = 0.01
@@ -33,10 +32,10 @@ def test_half_the_step_moves_the_integral_of_errors_by_little(
 ):
     plant = [{"kind": "jsbsim", "aircraft": aircraft}]
     scenario = shortened(scenario, seconds, plant=plant, gains=["paper", "K5"])
-    whole = fly(scenario).metrics["ITAE"]
+    whole = ft.fly(scenario).metrics["ITAE"]
     monkeypatch.setattr(jsbsim_plant, "steps_for", lambda config, rate: 2 * steps_for(config, rate))
 
-    half = fly(scenario).metrics["ITAE"]
+    half = ft.fly(scenario).metrics["ITAE"]
 
     assert half.to_numpy() == pytest.approx(whole.to_numpy(), **allowed)
 
@@ -45,8 +44,8 @@ def test_half_the_step_moves_the_integral_of_errors_by_little(
 def test_the_computer_runs_once_in_so_many_steps(aircraft):
     steps = 4
     config = load_aircraft(aircraft)
-    plant = JSBSimPlant(config, steps=steps)
-    plant.start(FlightCondition(V_a=config.design.V_a))
+    plant = ft.JSBSimPlant(config, steps=steps)
+    plant.start(ft.FlightCondition(V_a=config.design.V_a))
     plant.advance(0.3, 1.2, 0.1)
     fdm = plant._run.__self__  # the JSBSim executive itself: no public way to look between samples
     seen = []
@@ -63,7 +62,7 @@ def test_the_computer_runs_once_in_so_many_steps(aircraft):
 @pytest.mark.parametrize("aircraft", ["aerosonde", "c172p", "a4"])
 def test_the_trim_does_not_hang_on_the_step(aircraft):
     config = load_aircraft(aircraft)
-    condition = FlightCondition(V_a=config.design.V_a, h=config.design.h)
+    condition = ft.FlightCondition(V_a=config.design.V_a, h=config.design.h)
     points = [trim(Fdm(config, steps=n), condition) for n in (1, 3)]
 
     assert points[0].alpha == pytest.approx(points[1].alpha, abs=1e-9)

@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 
+import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import InputError, TrimError
-from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.jsbsim.trim import level, trim_table
 
 DEG = math.pi / 180.0
@@ -38,7 +37,7 @@ def test_a_banked_start_is_a_steady_coordinated_turn(fly, phi_deg, gamma_deg):
 )
 def test_trim_error_says_what_stands_against_it(condition, obstacle):
     with pytest.raises(TrimError, match=rf"V_a .*: {obstacle} .*left over"):
-        JSBSimPlant().start(FlightCondition(**{"V_a": 25.0} | condition))
+        ft.JSBSimPlant().start(ft.FlightCondition(**{"V_a": 25.0} | condition))
 
 
 def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
@@ -49,7 +48,7 @@ def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
     )
 
     with pytest.raises(TrimError, match="elevator is at its stop"):
-        JSBSimPlant(folder).start(FlightCondition(V_a=25.0))
+        ft.JSBSimPlant(folder).start(ft.FlightCondition(V_a=25.0))
 
 
 @pytest.mark.parametrize(
@@ -62,7 +61,7 @@ def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
 )
 def test_conditions_outside_the_aircraft_are_refused(condition, message):
     with pytest.raises(InputError, match=message):
-        JSBSimPlant().start(FlightCondition(**{"V_a": 25.0} | condition))
+        ft.JSBSimPlant().start(ft.FlightCondition(**{"V_a": 25.0} | condition))
 
 
 def test_path_angles_of_a_table_may_be_an_array():

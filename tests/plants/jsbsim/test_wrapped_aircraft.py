@@ -4,11 +4,10 @@ import math
 
 import pytest
 
+import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.errors import TrimError
-from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.units import G_0
 
 DEG = math.pi / 180.0
@@ -66,7 +65,7 @@ def test_the_clock_starts_at_zero_after_the_engine_has_settled():
 )
 def test_why_there_is_no_steady_flight_is_said_for_every_engine(name, V_a, gamma_deg, obstacle):
     with pytest.raises(TrimError, match=obstacle):
-        JSBSimPlant(name).start(FlightCondition(V_a=V_a, gamma=gamma_deg * DEG))
+        ft.JSBSimPlant(name).start(ft.FlightCondition(V_a=V_a, gamma=gamma_deg * DEG))
 
 
 def test_the_shift_of_the_aerodynamic_reference_point_acts(changed_aircraft):
