@@ -15,15 +15,11 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from fuzzing import EDGES, TEXTS, TIMES, damaged, digit_changed
-from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune import record
 from flighttune.claims.band import save_band
-from flighttune.claims.conformance import conformance_tables, load_conformance, save_conformance
+from flighttune.claims.conformance import load_conformance, save_conformance
 from flighttune.errors import InputError
-from flighttune.files.seal import BLANK, seal
-from flighttune.records.parquet import parts_of, record_bytes, signals_sha256
 from flighttune.tubes.proof import load_tube, verify_tube
 from tests.claims.test_band import band_of, load_walks, random_flights, values_of, write_band
 from tests.tubes.test_aircraft import conformance, flight
@@ -42,19 +38,6 @@ COUNTS = [
     pytest.param(FEW, marks=pytest.mark.slow),
     pytest.param(MANY, marks=pytest.mark.soak),
 ]
-RECORDED = made_up_scenario(
-    flight={"duration_s": 1.0},
-    reference={"chi_deg": 10.0},
-    plant=[
-        {"kind": "kinematic"},
-        {
-            "kind": "point_mass_lag",
-            "roll_lag_rad_s": 6.0,
-            "roll_damping": 0.8,
-            "n_z_lag_rad_s": 9.0,
-        },
-    ],
-)
 PROVEN = made_up(chi_err_deg=15.0, gamma_deg=15.0, duration_s=0.4)
 
 
@@ -112,103 +95,6 @@ def changed_rows(rows, draw):
         case _:
             rows = np.insert(rows, at, rows[at], axis=0)
     return rows
-
-
-# Recordings: a Parquet file of one run, and the recording that shows the runs of the folder.
-
-
-def recorded(folder):
-    record(ft.fly(RECORDED), folder)
-    return folder / "kinematic-paper.parquet"
-
-
-def run_of(path):
-    (run,) = ft.load_recording(path).runs
-    description, rows, sha256 = parts_of(run)
-    return description, rows.tobytes(), sha256
-
-
-def forge_run(path, draw):
-    """Another description or other signals, half of them with a SHA-256 of their own."""
-    description, rows, sha256 = parts_of(ft.load_recording(path).runs[0])
-    if draw.random() < 0.4:
-        description = changed_text(description, draw)
-    elif draw.random() < 0.2:
-        entry = json.loads(description)
-        dropped = draw.choice([name for name in entry["columns"] if name != "t"])
-        rows = np.delete(rows, list(entry["columns"]).index(dropped), axis=1)
-        del entry["columns"][dropped]
-        description = json.dumps(entry)
-    else:
-        rows = changed_rows(rows, draw)
-    if draw.random() < 0.5:
-        sha256 = signals_sha256(description, rows)
-    path.write_bytes(record_bytes((description, rows, sha256)))
-
-
-def flies_so(path, _):
-    """Whether a flight of the scenario in the file gives just these signals."""
-    runs = ft.load_recording(path).runs
-    try:
-        (again,) = ft.refly(runs)
-    except InputError:
-        return True  # it cannot be flown, and the command says so
-    signals, flown_now = (run.signals.reset_index() for run in (again.recorded, again.reflown))
-    return again.difference is not None or signals.equals(flown_now)
-
-
-def shown(folder):
-    recorded(folder)
-    return folder / "flight.rrd"
-
-
-def runs_shown(path):
-    return [(text, rows.tobytes()) for text, rows, _ in map(parts_of, ft.load_recording(path).runs)]
-
-
-def forge_shown(path, draw):
-    """A recording beside one run that is another one now."""
-    forge_run(path.with_name("kinematic-paper.parquet"), draw)
-
-
-# Boxes of an aircraft, and what was counted.
-
-
-def counted(folder):
-    save_conformance(conformance(flight(duration_s=1.0)), folder / "boxes.json")
-    return folder / "boxes.json"
-
-
-def counted_in(path):
-    return json.dumps(conformance_tables(load_conformance(path)))
-
-
-def forge_counted(path, draw):
-    tables = json.loads(path.read_text())
-    text = changed_text(json.dumps({**tables, "seal": ""}, ensure_ascii=False), draw)
-    tables = json.loads(text)
-    path.write_bytes(seal(json.dumps({**tables, "seal": BLANK}, ensure_ascii=False).encode()))
-
-
-def supported(path, _):
-    """Whether the claim follows from the scores, in exact numbers, and no box is turned round."""
-    one = load_conformance(path)
-    half = 0.5 * (one.learned.high - one.learned.low)
-    # Room of the boxes over those learned: the smallest scale that both sides of all of them have.
-    centre = 0.5 * (one.learned.low + one.learned.high)
-    room = np.minimum(one.boxes.high - centre, centre - one.boxes.low)
-    scale = (room[half > 0.0] / half[half > 0.0]).min(initial=np.inf)
-    flights = len(one.scores) + one.not_completed
-    outside = int((one.scores > scale * (1.0 + 1e-9)).sum()) + one.not_completed
-    # Boxes left with probability epsilon are left by so few flights with at most this probability.
-    epsilon, chance = Fraction(one.epsilon).limit_denominator(10**9), Fraction(0)
-    for k in range(outside + 1):
-        chance += math.comb(flights, k) * epsilon**k * (1 - epsilon) ** (flights - k)
-    return (
-        chance <= (1 - Fraction(one.confidence)) * (1 + Fraction(1, 10**6))
-        and np.isfinite([one.boxes.low, one.boxes.high]).all()
-        and bool((one.boxes.low <= one.boxes.high).all())
-    )
 
 
 # Bands, and what is kept of the flights that were counted.
@@ -313,10 +199,7 @@ def its_flight_stays(path, _):
 
 
 KINDS = {
-    "run": Kind(recorded, run_of, forge_run, flies_so),
-    "recording": Kind(shown, runs_shown, forge_shown, lambda *_: False),
     "band": Kind(band, band_in, forge_band, follows_from_its_flights),
-    "conformance": Kind(counted, counted_in, forge_counted, supported),
     "proof": Kind(proven, proven_in, forge_proof, no_flight_leaves),
     "proof of an aircraft": Kind(proven_of_aircraft, proven_in, forge_proof, its_flight_stays),
 }

@@ -9,9 +9,7 @@ from flighttune.recording.scene import (
     ASPECT,
     MODEL_SPAN,
     attitudes,
-    chase_eye,
     enlargement,
-    ground_grid,
     headings,
     overview_eye,
 )
@@ -91,34 +89,6 @@ def test_the_overview_sees_every_point_and_stands_no_further_than_it_must(flight
     seen /= ASPECT, 1.0
     assert np.abs(seen).max() < HALF_VIEW
     assert np.ptp(seen, axis=0).max() > 0.55 * 2.0 * HALF_VIEW
-
-
-def test_the_chase_camera_is_behind_and_above_and_looks_ahead():
-    position, target = chase_eye(30.0)
-
-    assert position[0] < -30.0
-    assert position[2] < 0.0
-    assert target[0] > position[0]
-
-
-@pytest.mark.parametrize(
-    ("length", "factor"), [(10.0, 1.0), (29.0, 1.0), (100.0, 3.0), (500.0, 15.0), (45e3, 1500.0)]
-)
-def test_aircraft_are_enlarged_by_a_round_factor_with_the_flight(length, factor):
-    assert enlargement(np.array([[0.0, 0.0, 0.0], [length, 0.0, 0.0]]), MODEL_SPAN) == factor
-
-
-def test_the_ground_is_as_wide_as_the_flight_and_lies_below_it():
-    points = FLIGHTS["descent west"]
-
-    lines, spacing = ground_grid(points)
-    corners = np.vstack(lines)
-
-    assert spacing == 100.0
-    assert set(corners[:, 2]) == {120.0 + spacing / 2.0}
-    assert np.all(corners[:, :2].min(axis=0) <= points[:, :2].min(axis=0))
-    assert np.all(corners[:, :2].max(axis=0) >= points[:, :2].max(axis=0))
-    assert np.all(corners[:, :2] % spacing == 0.0)
 
 
 def test_the_model_in_the_package_is_what_its_script_makes(tmp_path):

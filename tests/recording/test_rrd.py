@@ -166,18 +166,6 @@ def lane(contents, entity):
     return list(zip(contents.nanoseconds(entity).tolist(), states, strict=True))
 
 
-def test_every_run_has_a_lane_of_its_name_in_order(contents):
-    lanes = sorted(path for path in contents.timed if path[1].isdigit())
-
-    assert lanes == [
-        "/1_kinematic/paper",
-        "/2_jsbsim_aerosonde/paper",
-        "/3_kinematic/tuned",
-        "/4_jsbsim_aerosonde/tuned",
-        "/5_jsbsim_aerosonde/bold",
-    ]
-
-
 def test_a_lane_says_how_a_flight_ended_and_all_end_together(contents):
     assert lane(contents, "/5_jsbsim_aerosonde/bold")[-2:] == [
         (7_000_000_000, "left envelope"),
@@ -245,14 +233,6 @@ def test_tabs_are_those_that_have_something_to_show(contents, four_runs, in_sinu
     # Both can be open in one viewer.
     assert other.identity != contents.identity
     assert other.application == contents.application == "flighttune-flight"
-
-
-def test_with_no_run_flown_the_page_is_all_there_is(without_gains, tmp_path):
-    write_recording([without_gains], tmp_path / "page.rrd", page="# None\n", title="None")
-    alone = Contents(tmp_path / "page.rrd")
-
-    assert alone.timed == {}
-    assert alone.static["/page"]["TextDocument:text"].to_pylist() == [["# None\n"]]
 
 
 def test_a_position_that_is_no_number_does_not_reach_the_scene(four_runs, tmp_path):
