@@ -1,4 +1,4 @@
-"""Requirements met by ``flighttune tune --meet`` against Nelder and Mead's simplex over `ft.fly`.
+"""Requirements met by ``flighttune meet`` against Nelder and Mead's simplex over `ft.fly`.
 
 Both look for gains with small overshoots on the Aerosonde in the paper's manoeuvre, from
 `tuned_identified`: at most 4 deg, which is nearly met there, and at most 1 deg with settling within

@@ -17,6 +17,7 @@ from flighttune.cli.band import band
 from flighttune.cli.certificates import certify, verify
 from flighttune.cli.flights import fly, list_shipped, new, refly, view
 from flighttune.cli.gains import frontier, tune
+from flighttune.cli.meet import meet
 from flighttune.cli.pages import compare, export, gap, report, reproduce
 from flighttune.cli.route import route
 from flighttune.cli.searches import conform, worst
@@ -74,6 +75,7 @@ campaigns = typer.Typer(
 COMMANDS = {
     "Tune": [
         (tune, "tune", "tuning", "tune paper --out gains.json"),
+        (meet, "meet", "searching", "meet paper_identified --budget 20"),
         (frontier, "frontier", "tuning", "frontier paper"),
         (certify, "certify", "certifying", "certify paper --gains tuned --out certificate.json"),
         (verify, "verify", "verifying", "verify certificate.json"),

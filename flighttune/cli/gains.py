@@ -1,21 +1,19 @@
 """Commands that find gains; gains by name or file, and how commands print them."""
 
 import math
-import shlex
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from typer import Option
 
 from flighttune.cli import options
-from flighttune.cli.show import NO, campaign_pool, fail, pick
+from flighttune.cli.show import NO, fail, pick
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
-from flighttune.present.names import columns, listed
-from flighttune.present.tables import Column, Table, interval, percent
+from flighttune.present.names import columns
+from flighttune.present.tables import Column, Table
 
 if TYPE_CHECKING:
     from flighttune.control.gains import PIGains
@@ -47,30 +45,6 @@ LIMIT_COLUMNS = [
     Column("factor_alone", "factor on it alone that would be enough"),
     Column("smallest_I_K_without", "smallest I_K without it", "s²"),
 ]
-REQUIREMENT_COLUMNS = [
-    *columns("run"),
-    Column("measure", "requirement"),
-    Column("sense", "must be"),
-    Column("bound", "bound"),
-    Column("value", "value"),
-    Column("start", "at the start"),
-    Column("margin", "margin", "%", percent),
-    Column("active", "active"),
-]
-SHARE_COLUMNS = [
-    *REQUIREMENT_COLUMNS[:4],
-    Column("share", "met", "%", percent),
-    Column("share_start", "met at the start", "%", percent),
-]
-TRADE_COLUMNS = [
-    *REQUIREMENT_COLUMNS[:5],
-    Column("alone", "best seen"),
-    Column("beside", "best seen with the others met", missing="none"),
-]
-BY_DEFAULT_NOTE = (
-    "Margins of the linear loop of 6 dB and 35 deg are required by default: others under "
-    "at_least.loop of [[expect]] replace them."
-)
 OF_LOOP = columns("R_K I_K E_K spectral_abscissa")
 CERTIFICATE_STATUS = [Column("in_words", "status"), *columns("rate growth")]
 OF_CERTIFICATE = [*CERTIFICATE_STATUS, *columns("radius")]
@@ -82,90 +56,19 @@ def tune(
         bool, Option("--envelope", help="Maximise the rate over the scenario's envelope.")
     ] = False,
     settings: options.SetOption = None,
-    meet: Annotated[
-        bool,
-        Option("--meet", help="Find gains that meet the scenario's [[expect]], by flying them."),
-    ] = False,
-    also: Annotated[
-        list[str] | None,
-        Option(metavar="SCENARIO", help="With --meet: another scenario to meet as well."),
-    ] = None,
-    start: Annotated[
-        str | None,
-        Option(
-            metavar="NAME|FILE",
-            help="With --meet: gains to start from [default: the best of the tuned ones and the "
-            "scenario's].",
-        ),
-    ] = None,
-    budget: Annotated[
-        int | None,
-        Option(
-            min=1,
-            help="With --meet: maximum number of flights [default: 600, or 6000 with --campaign].",
-        ),
-    ] = None,
-    metric: Annotated[
-        str | None,
-        Option(
-            help="With --meet, without --campaign: what to minimise once all requirements are met "
-            "by 20 %, ITAE or a column of campaign rows; or margin, which maximises the margin "
-            "further [default: ITAE].",
-        ),
-    ] = None,
-    campaign: Annotated[
-        str | None,
-        Option(
-            metavar="CAMPAIGN",
-            help="With --meet: campaign that disperses the scenario; the share of flights that "
-            "succeed is maximised.",
-        ),
-    ] = None,
-    success: Annotated[
-        float | None, Option(help="With --campaign: share that must succeed [default: 0.95].")
-    ] = None,
-    page: Annotated[
-        Path | None, Option(help="With --meet: HTML page to write, with all candidates.")
-    ] = None,
-    workers: options.WorkersOption = None,
-    scheduler: options.SchedulerOption = None,
     out: options.GainsFileOption = None,
     prove: Annotated[
         Path | None,
         Option(help="File for a proof that bounds R_K over all gains; `verify` checks it."),
     ] = None,
 ) -> Answer:
-    """Find the gains with the largest R_K under the constraints of SCENARIO.
-
-    With --meet, find gains with which its flights meet its requirements; exit status 1 if none
-    are found, and the nearest are printed.
-    """
+    """Find the gains with the largest R_K under the constraints of SCENARIO."""
     from flighttune.control.gains import gains_table
     from flighttune.control.margins import loop_margins
     from flighttune.scenario import load_scenario
 
     options.check_ending(out, ".json")
     options.check_ending(prove, ".json")
-    options.check_ending(page, ".html", option="--page")
-    of_meet = {
-        "also": also,
-        "start": start,
-        "budget": budget,
-        "metric": metric,
-        "campaign": campaign,
-        "success": success,
-        "page": page,
-        "workers": workers,
-        "scheduler": scheduler,
-    }
-    if meet:
-        for option, value in (("--envelope", envelope), ("--prove", prove)):
-            if value:
-                raise InputError(f"{option}: must be absent with --meet.")
-        return _to_meet(scenario, settings, out, of_meet)
-    for option, value in of_meet.items():
-        if value is not None:
-            raise InputError(f"--{option}: must be absent without --meet.")
     loaded = load_scenario(scenario, changes=options.changes(settings))
     if envelope and loaded.tuning.objective != "R_K":
         raise InputError("--envelope: `objective` of [tuning] must be R_K, got cost.")
@@ -305,134 +208,6 @@ def _over_envelope(scenario: "Scenario") -> "tuple[PIGains | None, Answer]":
     }
     table = Table(ENVELOPE_COLUMNS, [values], "tuning over the envelope")
     return result.gains, Answer(values=values, tables=[table])
-
-
-def _to_meet(
-    source: str, settings: list[str] | None, out: Path | None, asked: dict[str, Any]
-) -> Answer:
-    """The answer of `tune --meet`, whose options are `asked`."""
-    from flighttune.campaign.conform import distribution_of
-    from flighttune.campaign.meet import BY_DEFAULT, ITAE, SUCCESS, meet
-    from flighttune.campaign.planning.load import load_campaign
-    from flighttune.control.gains import gains_table
-    from flighttune.control.linear_model import closed_loop
-    from flighttune.control.margins import loop_margins
-    from flighttune.flight.outer_loop import certify_scenario
-    from flighttune.scenario import load_scenario
-    from flighttune.theory.indicators import indicators
-
-    also, campaign, success, page = (asked[key] for key in ("also", "campaign", "success", "page"))
-    if campaign and also:
-        raise InputError("--also: must be absent with --campaign, which is about one scenario.")
-    if success is not None and not campaign:
-        raise InputError("--success: must be absent without --campaign.")
-    scenario, starts = load_scenario(source, changes=options.changes(settings)), None
-    if asked["start"] is not None:
-        _, name, gains = chosen_gains(source, asked["start"], settings)
-        starts = {name: gains}
-    table = load_campaign(campaign, scenario) if campaign else None
-    first = table.nominal if table else scenario
-    with campaign_pool(asked["workers"], asked["scheduler"]) as pool:
-        values, gains, trials = meet(
-            [first, *map(load_scenario, also or [])],
-            pool,
-            start=starts,
-            budget=asked["budget"],
-            metric=asked["metric"] or ITAE,
-            table=table,
-            success=SUCCESS if success is None else success,
-        )
-    law = first.laws[0]
-    model = first.linear_model(law)
-    loop = indicators(closed_loop(model, gains), errors=len(model.errors))
-    of_loop = pick(loop, "R_K I_K E_K spectral_abscissa")
-    made = certify_scenario(first, gains, law=law)
-    name, rows = Path(source).stem, values["requirements"]
-    tables = [
-        Table(
-            SHARE_COLUMNS if table else REQUIREMENT_COLUMNS,
-            rows,
-            _of_start(values) or name,
-        ),
-        Table(TRADE_COLUMNS, values["trade_offs"], "the best of each among the gains flown here"),
-        gains_table("gains", gains),
-    ]
-    if table:
-        labels = [plant.label for plant in table.nominal.plant]
-        tables += [distribution_of(table, label).table(label) for label in labels]
-    answer = Answer(
-        values={
-            **values,
-            **gains_values(gains),
-            **of_loop,
-            "certificate": made.values,
-        },
-        tables=[
-            *tables,
-            Table(OF_LOOP, [of_loop]),
-            margins_table(loop_margins(model, gains)),
-            Table(OF_CERTIFICATE, [made.values], "certificate"),
-        ],
-        notes=[
-            *(f"{row['measure']} on {row['run']}: {row['why']}" for row in rows if row["why"]),
-            *[BY_DEFAULT_NOTE] * any(row["run"].endswith(BY_DEFAULT) for row in rows),
-        ],
-        verdict=_sentence(values),
-        files={"out": out, "page": page},
-        failure="" if values["status"] == "met" else f"{source}: {_sentence(values)}",
-    )
-    if out is not None:  # before the page: a fault in it must not lose the search
-        save_answer(out, answer)
-    if page is not None:
-        from flighttune.reports.meet import write_meet_page
-
-        told = [("also", name) for name in also or ()]
-        told += [(key, asked[key]) for key in ("start", "budget", "metric")]
-        told += [("campaign", campaign), ("success", success)]
-        words = [(f"--{key}", str(value)) for key, value in told if value is not None]
-        flown = f"{options.repeated(source, settings)} --meet {shlex.join(chain(*words))}"
-        command = f"flighttune tune {flown}"
-        summary = [text for text in (_of_start(values), _sentence(values)) if text]
-        write_meet_page(page, first, values, tables, trials, summary, command)
-    return answer
-
-
-def _of_start(values: dict[str, Any]) -> str:
-    """That the gains of the start need no search, if they do not."""
-    n = len(values["requirements"])
-    return f"{values['start']} already meets all {n} requirements" if values["start_met"] else ""
-
-
-def _sentence(values: dict[str, Any]) -> str:
-    """Whether the requirements are met, after how many flights, and which are active."""
-    requirements, flights = values["requirements"], f"{values['flights']} flights"
-    n, missed = len(requirements), sum(not row["margin"] >= 0.0 for row in requirements)
-    if counted := values["success"]:
-        own, start = (
-            interval(*(100.0 * counted[key][end] for end in ("value", "lo", "hi")))
-            for key in ("share", "of_start")
-        )
-        by = "lower end of the interval" if counted["by"] == "lo" else "estimate"
-        return (
-            f"On {counted['share']['n']} fresh draws {own} % of the flights meet all requirements, "
-            f"{start} % with {values['start']}; {100.0 * counted['wanted']:g} % are wanted, by the "
-            f"{by} ({flights})."
-        )
-    if missed:
-        return f"{missed} of {n} requirements missed, after {flights}; these are the nearest gains."
-    least = 100.0 * min(row["margin"] for row in requirements)
-    met, metric = (
-        f"All {n} requirements are met by {least:.1f} %, after {flights}",
-        values["metric"],
-    )
-    if metric["name"] == "margin":
-        return f"{met}."
-    active = [f"{row['measure']} on {row['run']}" for row in requirements if row["active"]]
-    limits = f"; {listed(active)} hold{'s' * (len(active) == 1)} it off" if active else ""
-    return (
-        f"{met}. {metric['name']} is {metric['value']:.4g}, {metric['start']:.4g} at the start"
-        f"{limits}."
-    )
 
 
 def chosen_gains(

@@ -90,7 +90,7 @@ def _ways(scenario: Scenario, run: Run, runs: Sequence[Run], source: str) -> Ite
             check.met and (check.subject, check.measure) in missed
             for check in bound_checks(tables, measures(law))
         ):
-            yield f"gains that meet it on the aircraft too, `flighttune tune {source} --meet`"
+            yield f"gains that meet it on the aircraft too, `flighttune meet {source}`"
     gains = split_name(made_by.gains_name)[1]
     better = TUNED_IDENTIFIED not in scenario.gains
     if better and gains in paper_family() and abs(V_a / PAPER_SPEED - 1.0) > OTHER_AIRSPEED:

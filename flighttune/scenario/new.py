@@ -86,7 +86,7 @@ NEXT = """
 #   flighttune fly {name}                    # metrics, requirements, a recording
 #   flighttune report {run}                 # a page to send
 #   flighttune gap {name}                    # what each step from law to aircraft adds
-#   flighttune tune {name} --meet            # gains that meet [[expect]]
+#   flighttune meet {name}                   # gains that meet [[expect]]
 #   flighttune fly {name} --gains FILE --set flight.duration_s=60
 """
 

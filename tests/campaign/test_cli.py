@@ -130,7 +130,7 @@ def test_ctrl_c_ends_it_and_resume_goes_on(tmp_path, file, address, number):
     [
         "worst first_campaign --budget 100000",
         "conform random_starts --out boxes.json",
-        "tune paper_identified --meet --campaign robust_tuning",
+        "meet paper_identified --campaign robust_tuning",
     ],
 )
 def test_ctrl_c_ends_a_search_which_says_that_it_keeps_nothing(tmp_path, command):

@@ -389,7 +389,7 @@ def test_the_command_prints_writes_gains_and_a_page(tmp_path, overshoot):
     file, out, page = tmp_path / "own.toml", tmp_path / "gains.json", tmp_path / "own.html"
     file.write_text(toml_text(overshoot.as_dict()), encoding="utf-8")
 
-    said = answer("tune", file, "--meet", "--budget", 40, "--out", out, "--page", page)
+    said = answer("meet", file, "--budget", 40, "--out", out, "--page", page)
 
     assert said["status"] == "met"
     assert load_gains(out).K_P.tolist() == said["K_P"]
@@ -397,7 +397,7 @@ def test_the_command_prints_writes_gains_and_a_page(tmp_path, overshoot):
     assert said["start_met"] is False
     assert "gamma.MO_deg against" in page.read_text() or "against gamma.MO_deg" in page.read_text()
     shown, error = flighttune(
-        "tune", file, "--meet", "--budget", 10, "--start", "K6", "--metric", "margin", status=1
+        "meet", file, "--budget", 10, "--start", "K6", "--metric", "margin", status=1
     )
     assert "nearest" in shown + error
 
@@ -406,7 +406,7 @@ def test_that_the_start_meets_everything_is_the_first_line(tmp_path, overshoot):
     file = tmp_path / "own.toml"
     file.write_text(toml_text(scenario(at_most(MO_deg=30.0)).as_dict()), encoding="utf-8")
 
-    shown, _ = flighttune("tune", file, "--meet", "--budget", 2, "--start", "tuned_identified")
+    shown, _ = flighttune("meet", file, "--budget", 2, "--start", "tuned_identified")
 
     assert shown.splitlines()[0] == "tuned_identified already meets all 3 requirements"
 
@@ -422,7 +422,7 @@ def test_requirements_that_no_flight_reaches_draw_a_page_and_a_faulty_page_keeps
     )
     file, out, page = tmp_path / "own.toml", tmp_path / "gains.json", tmp_path / "own.html"
     file.write_text(toml_text(short.as_dict()), encoding="utf-8")
-    command = ("tune", file, "--meet", "--budget", 8, "--start", "paper", "--out", out)
+    command = ("meet", file, "--budget", 8, "--start", "paper", "--out", out)
 
     answer(*command, "--page", page, status=1)
 
@@ -439,7 +439,7 @@ def test_the_page_of_a_campaign_has_the_table_of_its_flights(tmp_path, overshoot
     file.write_text(toml_text(overshoot.as_dict()), encoding="utf-8")
     crowd.write_text(CAMPAIGN.format(scenario="base.toml"), encoding="utf-8")
 
-    command = "tune", file, "--meet", "--campaign", crowd, "--success", 0.01
+    command = "meet", file, "--campaign", crowd, "--success", 0.01
     said = answer(*command, "--budget", 32, "--page", page)
 
     assert {"quantity": "initial path angle", "values": "25 to 45 deg", "drawn": "uniform"} in said[

@@ -29,10 +29,10 @@ CASES = {
     ],
     "tune": [
         (("paper", "--out", "gains.txt"), "gains.txt: --out must end in .json"),
-        (("paper", "--budget", "10"), "--budget: must be absent without --meet"),
-        (("paper", "--meet", "--success", "0.5"), "--success: must be absent without --campaign"),
-        (("paper", "--meet", "--page", "page.pdf"), "page.pdf: --page must end in .html"),
-        (("gust_in_turn", "--meet"), "[[expect]] must bound a measure"),
+    ],
+    "meet": [
+        (("paper", "--page", "page.pdf"), "page.pdf: --page must end in .html"),
+        (("gust_in_turn",), "[[expect]] must bound a measure"),
     ],
     "campaign report": [
         (("nowhere",), "nowhere: must hold a campaign, got no campaign.json"),

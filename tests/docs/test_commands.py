@@ -45,7 +45,7 @@ NOT_RUN = {
     "flighttune verify proof.npz": "after `tube`; tests/tube",
     "flighttune fly runs/aerosonde_dispersed-worst.toml": "after `worst`; tests/campaign",
     "flighttune worst paper": "minutes",
-    "flighttune tune paper_identified --meet --campaign": "minutes",
+    "flighttune meet paper_identified --campaign": "minutes",
     "flighttune identify aerosonde --V-a 25 --V-a 20": "minutes",
     "flighttune identify a4 --out aircraft": "writes into the package",
     "flighttune identify c172p --out aircraft": "writes into the package",

@@ -11,7 +11,7 @@ from flighttune.flight.advice import advice
 TURN = {"chi_deg": 60.0, "gamma_deg": 0.0}
 RAMP = {"chi_deg": [{"shape": "ramp", "duration_s": 2.0, "rate_dps": 20.0}], "gamma_deg": 0.0}
 BOTH = [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}]
-FEASIBLE, SLOWER, MEET = '`shape = "feasible"`', "`rate_dps`", "`flighttune tune x.toml --meet`"
+FEASIBLE, SLOWER, MEET = '`shape = "feasible"`', "`rate_dps`", "`flighttune meet x.toml`"
 IDENTIFIED, SCHEDULE = "`tuned_identified` in `gains`", "`schedule = true`"
 
 
