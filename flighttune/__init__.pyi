@@ -31,11 +31,13 @@ from flighttune.control.linear_model import kinematic_model as kinematic_model
 from flighttune.control.mimo_pi import MimoPI as MimoPI
 from flighttune.errors import FlightTuneError as FlightTuneError
 from flighttune.exports.export import export as export
-from flighttune.flight.fly import FlownScenario as FlownScenario
+from flighttune.flight.flown import FlownScenario as FlownScenario
 from flighttune.flight.fly import fly as fly
 from flighttune.flight.outer_loop import certify_scenario as certify_scenario
 from flighttune.flight.outer_loop import tune_scenario as tune_scenario
 from flighttune.flight.outer_loop import tuning_problem as tuning_problem
+from flighttune.flight.route import PlannedRoute as PlannedRoute
+from flighttune.flight.route import route as route
 from flighttune.gaps.gap import Gap as Gap
 from flighttune.gaps.ladder import gap as gap
 from flighttune.identification.design import design as design

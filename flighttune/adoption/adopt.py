@@ -23,7 +23,8 @@ from flighttune.files.mistakes import shown
 from flighttune.files.shipped import models_of_jsbsim, nearest_name
 from flighttune.files.table import toml_tables
 from flighttune.files.whole import made_folder, write_text
-from flighttune.flight.fly import FlownScenario, fly
+from flighttune.flight.flown import FlownScenario
+from flighttune.flight.fly import fly
 from flighttune.identification.design import Airframe, airframe, design
 from flighttune.identification.file import FILE_NAME, rounded, save_identified
 from flighttune.identification.identify import GOOD_FIT, AircraftIdentification, identify

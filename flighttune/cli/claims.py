@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any, Protocol, TypeVar
 
 from flighttune.cli.band import band_answer
 from flighttune.cli.show import pick, progress_bar
@@ -12,40 +12,29 @@ from flighttune.present.answer import Answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Table
 
-if TYPE_CHECKING:
-    from flighttune.simulate.run import Run
+
+class Flights(Protocol):
+    """Flights that claims can be drawn around."""
+
+    def within(self: "T", *claims: Any) -> "T":
+        """The flights with these claims."""
+        ...
 
 
-def runs_within(
-    runs: "Sequence[Run]", files: Sequence[Path] | None
-) -> "tuple[tuple[Run, ...], Answer]":
-    """The runs with the claims in files around them, and their part of the answer of a command.
+T = TypeVar("T", bound=Flights)
 
-    A run outside a proven tube is a failure.
-    """
+
+def within(flights: T, files: Sequence[Path] | None) -> T:
+    """Flights with the claims in files around them; an error names the file."""
     from flighttune.campaign.claims import load_claim
-    from flighttune.simulate.claim import with_claims
-    from flighttune.simulate.run import claim_notes
 
     for file in files or ():
         try:
-            runs = with_claims(runs, [load_claim(file)])
+            flights = flights.within(load_claim(file))
         except InputError as error:
             reason = str(error).removeprefix(f"{file}: ")
             raise InputError(f"{file}: {reason}") from error
-    claims = [
-        {"run": run.label, **pick(claim, "kind title sentence"), "inside": inside}
-        for run in runs
-        for claim in run.claims
-        for inside in [claim.contains(run.signals)]
-    ]
-    left = [c for c in claims if c["kind"] == "proven" and not c["inside"]]
-    proofs = [f"{file} is drawn as it states: flighttune verify {file}" for file in files or ()]
-    return tuple(runs), Answer(
-        values={"claims": claims},
-        notes=[*claim_notes(runs), *proofs],
-        failure=f"{left[0]['run']}: the flight leaves its {left[0]['title']}." if left else "",
-    )
+    return flights
 
 
 def claim_page(file: str, out: Path) -> Answer:
@@ -68,6 +57,7 @@ def fly_draw(file: Path, draw: int, out: Path | None) -> Answer:
     from flighttune.campaign.band import load_band, plan_of
     from flighttune.campaign.flying.alone import fly_again
     from flighttune.recording.record import record
+    from flighttune.simulate.claim import claimed as claimed_of
 
     counted, name = load_band(file), f"{file.stem}-run-{draw}"
     plan = plan_of(counted)
@@ -75,8 +65,9 @@ def fly_draw(file: Path, draw: int, out: Path | None) -> Answer:
         flown = fly_again(plan, draw, progress=progress)
     run = flown[plan.group_of(draw).label]
     claimed = run.status == "completed" and counted.claims
-    runs, around = runs_within(flown.runs, [file] if claimed else [])
-    files = record(replace(flown, runs=runs), out or Path("runs") / name, name=name)
+    flown = within(flown, [file] if claimed else [])
+    around = claimed_of(flown.runs)
+    files = record(flown, out or Path("runs") / name, name=name)
     of_draw = plan.values_of(draw)
     drawn = [{"parameter": key, "value": of_draw[key]} for key in plan.keys]
     return Answer(

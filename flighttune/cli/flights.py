@@ -4,32 +4,18 @@ import tomllib
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from typer import Argument, Option
 
 from flighttune.cli import options
-from flighttune.cli.claims import runs_within
-from flighttune.cli.show import fail, on_interrupt, pick, progress_bar, say, show, tell
+from flighttune.cli.claims import within
+from flighttune.cli.show import fail, on_interrupt, pick, progress_bar, say, show
 from flighttune.errors import RecordingError, ScenarioError
 from flighttune.files.shipped import aircraft_names, scenario_files
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Table
-
-if TYPE_CHECKING:
-    from flighttune.flight.fly import FlownScenario
-    from flighttune.recording.record import RecordedFiles
-
-# Metrics of the printed table; ``--json`` has them all.
-RUN_COLUMNS = columns(
-    "plant gains status metrics.chi.ITAE metrics.gamma.ITAE metrics.chi.MO_rad "
-    "metrics.gamma.MO_rad metrics.chi.settling_s metrics.gamma.settling_s"
-)
-ROUTE_COLUMNS = columns(
-    "plant gains status metrics.flight.cross_track_m metrics.flight.height_err_m "
-    "metrics.flight.V_a_dev_mps metrics.chi.saturation_s metrics.gamma.saturation_s"
-)
 
 EQUAL = "equal to the bit"
 REFLOWN_COLUMNS = columns("run status samples result")
@@ -46,19 +32,13 @@ def fly(
     """Fly every gain set of SCENARIO on each of its plants and record it."""
     from flighttune.flight.fly import fly as fly_scenario
     from flighttune.recording.record import record
-    from flighttune.scenario import load_scenario
 
-    loaded = load_scenario(scenario, changes=options.changes(settings), gains=gains or ())
-    for note in loaded.notes:
-        tell(f"{scenario}: {note}")
-    name = Path(scenario).stem
-    folder = out or Path("runs") / name
+    name, changed = Path(scenario).stem, options.changes(settings)
     with progress_bar() as progress:
-        flown = fly_scenario(loaded, progress=progress)
-    runs, claims = runs_within(flown.runs, claim)
-    flown = replace(flown, runs=runs)
-    files = record(flown, folder, name=name)
-    answer = _flown(flown, files, claims, options.repeated(scenario, settings))
+        flown = fly_scenario(scenario, gains or (), changes=changed, progress=progress)
+    flown = within(flown, claim)
+    files = record(flown, out or Path("runs") / name, name=name)
+    answer = replace(flown.answer(files.signals), files={"recording": files.recording})
     show(answer)
     if view:
         _open(files.recording)
@@ -206,58 +186,3 @@ def _open(path: Path, *, port: int | None = None) -> None:
         say(f"no screen here; open {url} in a browser on this machine, Ctrl-C ends it")
     with on_interrupt(), suppress(KeyboardInterrupt):
         run_viewer(recording, command)
-
-
-def _flown(flown: "FlownScenario", files: "RecordedFiles", claims: Answer, source: str) -> Answer:
-    from flighttune.flight.advice import advice
-
-    unknown = {"R_K": None, "I_K": None, "E_K": None}
-    tuning, place = flown.scenario.tuning, "steady flight on the first reference"
-    loop = f"linear loop on the kinematic law, {place}"
-    if tuning.model == "identified":
-        place = "nominal condition" if tuning.robust else place
-        loop = f"linear loop on the identified aircraft, {place}"
-    indicators = {name: pick(own, "R_K I_K E_K") for name, own in flown.indicators.items()}
-    runs = [
-        {**record, "indicators": indicators.get(record["gains"], unknown)}
-        for record in flown.records(files.signals)
-    ]
-    gain_sets = [{"gains": name, **own} for name, own in indicators.items()]
-    notes = [f"{run.label}: {run.outcome}" for run in flown.runs if run.status != "completed"]
-    notes += claims.notes
-    if any(run.provenance.aircraft for run in flown.runs):
-        notes.append(f"Why aircraft and law differ: flighttune gap {source}")
-    notes.append(f"A page to send: flighttune report {files.recording.parent}")
-    claim, missed = flown.claim, flown.claim.missed
-    bounds = [
-        pick(bound, "run subject measure sense bound value met flown") for bound in claim.bounds
-    ]
-    next_step = advice(flown.scenario, flown.runs, source)
-    more = f" ({len(missed) - 1} more)" if missed[1:] else ""
-    return Answer(
-        values={
-            "runs": runs,
-            "claim": {
-                "claim": flown.scenario.verifies,
-                **pick(claim, "verdict sentence"),
-                **pick(claim.total, "requirements met not_flown"),
-                "bounds": bounds,
-                "next": next_step,
-            },
-            "missed": missed,
-            **claims.values,
-        },
-        tables=[
-            Table(
-                RUN_COLUMNS if flown.scenario.route is None else ROUTE_COLUMNS,
-                runs,
-                flown.scenario.title,
-                grouped=True,
-            ),
-            Table(columns("gains R_K I_K E_K"), gain_sets, loop),
-        ],
-        notes=notes,
-        verdict=f"{claim.sentence}. {next_step}" if next_step else claim.sentence,
-        files={"recording": files.recording},
-        failure=claims.failure or (f"{missed[0]}{more}" if missed else ""),
-    )

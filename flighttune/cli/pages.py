@@ -8,8 +8,8 @@ from typing import Annotated, Literal
 from typer import Argument, Option
 
 from flighttune.cli import options
-from flighttune.cli.claims import claim_page, runs_within
-from flighttune.cli.show import COULD_NOT_RUN, pick, progress_bar, tell
+from flighttune.cli.claims import claim_page, within
+from flighttune.cli.show import pick, progress_bar
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Table
@@ -53,10 +53,7 @@ def gap(
             changes=options.changes(settings),
             progress=progress,
         )
-    for note in explained.scenario.notes:
-        tell(f"{scenario}: {note}")
-    runs, claims = runs_within(explained.runs[-1:], claim)
-    explained = replace(explained, runs=(*explained.runs[:-1], *runs))
+    explained = within(explained, claim)
     files = record(explained.flown(), folder, name=stem)
     answer = explained.answer(files.signals)
     figure = page = None
@@ -64,13 +61,8 @@ def gap(
         figure, page = folder / "gap.svg", folder / "gap.html"
         gap_sheet(explained).save(figure)
         write_gap_page(explained, answer.tables, page)
-    return replace(
-        answer,
-        values={**answer.values, **claims.values},
-        notes=[*answer.notes, *claims.notes],
-        files={"recording": files.recording, "figure": figure, "page": page},
-        failure=claims.failure or answer.failure,
-    )
+    files = {"recording": files.recording, "figure": figure, "page": page}
+    return replace(answer, files=files)
 
 
 def compare(
@@ -99,7 +91,6 @@ def compare(
     Exit status 2 if manoeuvre or aircraft differ.
     """
     from flighttune.records.compare import compare as compare_sources
-    from flighttune.records.compare import comparison_table, pairs_table
 
     options.check_ending(out, ".rrd", ".html")
     comparison = compare_sources(first, *(others or ()))
@@ -111,28 +102,7 @@ def compare(
             from flighttune.recording.overlay import write_overlay as write
         write(comparison, out)
         files["page" if out.suffix.lower() == ".html" else "recording"] = out
-    differs = {
-        f"not the same: {key}: {first} and {second}"
-        for pair in comparison.pairs
-        for key, (first, second) in pair.differs.items()
-    }
-    return Answer(
-        values={
-            **pick(comparison, "comparable reason"),
-            "metrics": comparison.metrics.to_dict(orient="records"),
-            "max_distance_m": comparison.max_distance,
-            **pick(comparison, "unpaired missing"),
-        },
-        tables=[pairs_table(comparison), comparison_table("metrics", comparison.metrics)],
-        notes=[
-            *sorted(differs),
-            *(f"missing: {line}" for line in comparison.missing),
-            *(f"no partner: {line}" for line in comparison.unpaired),
-        ],
-        files=files,
-        failure=comparison.reason,
-        status=COULD_NOT_RUN,
-    )
+    return replace(comparison.answer(), files=files)
 
 
 def report(
@@ -155,13 +125,15 @@ def report(
     from flighttune.campaign.claims import is_claim_file
     from flighttune.records.compare import load_source
     from flighttune.reports.page import write_report
+    from flighttune.simulate.claim import claimed
 
     options.check_ending(out, ".html", ".htm")
     if is_claim_file(path):
         return claim_page(path, out)
     source = load_source(path, changes=options.changes(settings))
-    runs, claims = runs_within(source.runs, claim)
-    page = write_report(replace(source, runs=runs), out)
+    source = within(source, claim)
+    claims = claimed(source.runs)
+    page = write_report(source, out)
     named = [table for table in page.tables if table.name]
     return Answer(
         values={

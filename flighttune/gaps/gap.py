@@ -12,13 +12,14 @@ import pandas as pd
 
 from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag
-from flighttune.flight.fly import FlownScenario
+from flighttune.flight.flown import FlownScenario
 from flighttune.gaps.mismatch import Mismatch
 from flighttune.identification.file import lag_table
 from flighttune.present.answer import Answer, Answering
 from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS, columns
 from flighttune.present.tables import Column, Table
 from flighttune.scenario.schema import Scenario
+from flighttune.simulate.claim import Claim, claimed, with_claims
 from flighttune.simulate.run import Run
 from flighttune.theory.indicators import Indicators
 
@@ -171,6 +172,10 @@ class Gap(Answering):
             self.scenario, self.runs, MappingProxyType(dict.fromkeys(names, self.indicators))
         )
 
+    def within(self, *claims: Claim) -> "Gap":
+        """The gap with what is claimed of the aircraft's flight; an InputError says why not."""
+        return replace(self, runs=(*self.runs[:-1], *with_claims(self.runs[-1:], claims)))
+
     def answer(self, signals: Mapping[str, Path] | None = None) -> Answer:
         """The steps and the inner loop; a failure unless all rungs flew to the end.
 
@@ -180,8 +185,10 @@ class Gap(Answering):
         inner_loop = {"source": self.lag_source} | lags if lags else None
         mismatch = self.mismatch and {"L_d": self.mismatch.L_d, "bound": self.mismatch.bound}
         failed = "; ".join(f"{plant} {reason}" for plant, reason in self.failed.items())
-        notes = [f"No metrics of, from or to a rung that failed: {failed}"] if failed else []
-        rows = [{"channel": name, **lag} for name, lag in lags.items()]
+        early = "" if self.status == "explained" else f"{self.scenario.title}: {self.reason}"
+        hidden = failed and self.steps
+        notes = [f"No metrics of, from or to a rung that failed: {failed}"] if hidden else []
+        rows, around = [{"channel": name, **lag} for name, lag in lags.items()], claimed(self.runs)
         tables = [
             Table(RUNG_COLUMNS, ladder, "plants, from the law to the aircraft"),
             step_table([self]),
@@ -208,10 +215,11 @@ class Gap(Answering):
                     if (cause := self.cause(channel))
                 },
                 "mismatch": mismatch,
+                **around.values,
             },
             tables=tables if self.steps else [],
-            notes=[*(notes if self.steps else ()), *self.causes],
-            failure="" if self.status == "explained" else f"{self.scenario.title}: {self.reason}",
+            notes=[*self.scenario.notes, *notes, *self.causes, *around.notes],
+            failure=around.failure or early,
         )
 
     @property

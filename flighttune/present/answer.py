@@ -66,6 +66,9 @@ class Answer:
             if path is not None:
                 how = f"   (flighttune {READ_BY[key]} {quote(str(path))})" if key in READ_BY else ""
                 yield f"{key.replace('_', ' ')}: {path}{how}"
+        recording = self.files.get("recording")
+        if recording is not None and self.files.get("page") is None:
+            yield f"A page to send: flighttune report {quote(str(Path(recording).parent))}"
 
     def html(self) -> str:
         """Tables and sentences for a notebook."""

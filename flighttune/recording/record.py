@@ -16,7 +16,7 @@ from rerun.error_utils import catch_and_log_exceptions
 from flighttune.arrays import FloatArray
 from flighttune.extras import need
 from flighttune.files.whole import whole_file
-from flighttune.flight.fly import FlownScenario
+from flighttune.flight.flown import FlownScenario
 from flighttune.present.names import shown_unit
 from flighttune.present.palette import LIMIT, NEUTRAL, rgb
 from flighttune.present.thinning import peaks

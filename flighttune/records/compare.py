@@ -11,22 +11,19 @@ import numpy as np
 import pandas as pd
 
 from flighttune.errors import InputError, RecordingError
-from flighttune.flight.fly import FlownScenario, fly
+from flighttune.flight.flown import FlownScenario
+from flighttune.flight.fly import fly
 from flighttune.metrics import FLIGHT_METRICS, METRICS, measures, unit_of
+from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import columns, shown_unit
-from flighttune.present.tables import Column, Table, facts_table, number
+from flighttune.present.tables import Column, Table
 from flighttune.records.parquet import load_recording
 from flighttune.scenario.load import load_scenario
 from flighttune.scenario.places import leaves
+from flighttune.simulate.claim import Claim, with_claims
 from flighttune.simulate.run import Run
 
 RECORDED = (".parquet", ".rrd")
-
-# Metrics shown in a notebook; `Comparison.metrics` has them all.
-SHOWN = ("ITAE", "MO_rad", "settling_s", "ST_rad")
-
-# Pairs shown in a notebook.
-MAX_PAIRS = 3
 
 # Better direction of each metric. A time that is never reached is worse than any other.
 BETTER_IF = {
@@ -82,6 +79,10 @@ class Source:
         """Names of the gains flown, each once."""
         return tuple(dict.fromkeys(run.provenance.gains_name for run in self.runs))
 
+    def within(self, *claims: Claim) -> "Source":
+        """The runs with what is claimed of them; an InputError says why a claim covers none."""
+        return replace(self, runs=with_claims(self.runs, claims))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Pair:
@@ -102,7 +103,7 @@ class Pair:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Comparison:
+class Comparison(Answering):
     """Runs side by side.
 
     Attributes
@@ -143,14 +144,29 @@ class Comparison:
         """Largest distance of any pair, m; nan without pairs."""
         return max((pair.max_distance for pair in self.pairs), default=math.nan)
 
-    def _repr_html_(self) -> str:
-        if not self.comparable:
-            return facts_table("Comparison: not comparable", {"reason": self.reason}).html()
-        title = f"Comparison: paths at most {number(self.max_distance)} m apart"
-        if len(self.pairs) > MAX_PAIRS:
-            title += f"; {len(self.pairs) - MAX_PAIRS} more pairs in `metrics`"
-        shown = self.metrics["name"].isin(SHOWN) & (self.metrics["pair"] < MAX_PAIRS)
-        return comparison_table(title, self.metrics[shown]).html()
+    def answer(self) -> Answer:
+        """Pairs and metrics side by side; status 2 where the runs cannot be compared."""
+        differs = {
+            f"not the same: {key}: {first} and {second}"
+            for pair in self.pairs
+            for key, (first, second) in pair.differs.items()
+        }
+        return Answer(
+            values={
+                **pick(self, "comparable reason"),
+                "metrics": self.metrics.to_dict(orient="records"),
+                "max_distance_m": self.max_distance,
+                **pick(self, "unpaired missing"),
+            },
+            tables=[pairs_table(self), comparison_table("metrics", self.metrics)],
+            notes=[
+                *sorted(differs),
+                *(f"missing: {line}" for line in self.missing),
+                *(f"no partner: {line}" for line in self.unpaired),
+            ],
+            failure=self.reason,
+            status=2,
+        )
 
 
 def comparison_table(title: str, metrics: pd.DataFrame) -> Table:

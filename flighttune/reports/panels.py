@@ -8,7 +8,7 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.claims.linear_loop import FlightCheck
 from flighttune.errors import InputError
-from flighttune.flight.fly import FlownScenario
+from flighttune.flight.flown import FlownScenario
 from flighttune.present.chart import DASHED, DOTTED, Chart, Sheet, dashes
 from flighttune.present.names import shown_unit
 from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle

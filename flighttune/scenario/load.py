@@ -3,8 +3,10 @@
 import json
 import os
 import re
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from hashlib import sha256
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -77,6 +79,31 @@ def load_scenario(
     check_aircraft(scenario, source)
     check_identified(scenario, source)
     return with_gains(scenario, gains, source) if gains else scenario
+
+
+def as_scenario(
+    source: Scenario | str | Path,
+    changes: Mapping[str, Any] | None = None,
+    gains: Sequence[str] = (),
+) -> Scenario:
+    """A scenario as it is, from a file, or that of a name, with other gain sets if there are any.
+
+    Raises InputError if there are `changes` to a scenario that is not read from a file.
+    """
+    if not isinstance(source, Scenario):
+        return load_scenario(source, changes=changes, gains=gains)
+    if changes:
+        raise InputError(
+            f"`changes` must be absent for a scenario that is not read from a file, got "
+            f"{', '.join(changes)}."
+        )
+    return with_gains(source, gains, source.title) if gains else source
+
+
+def as_arguments(source: str | Path, changes: Mapping[str, Any] | None) -> str:
+    """A scenario and values set in it as the arguments of a command."""
+    words = (("--set", f"{key}={json.dumps(value)}") for key, value in leaves(changes or {}))
+    return shlex.join([str(source), *chain(*words)])
 
 
 def title_with(tables: Mapping[str, Any], changes: Mapping[str, Any]) -> Any:

@@ -5,8 +5,9 @@ from dataclasses import replace
 from typing import Protocol
 
 from flighttune.errors import InputError
+from flighttune.present.answer import Answer, pick
 from flighttune.simulate.bounds import RunClaim
-from flighttune.simulate.run import Run
+from flighttune.simulate.run import Run, claim_notes
 
 
 class Claim(Protocol):
@@ -41,3 +42,20 @@ def with_claims(runs: Sequence[Run], claims: Sequence[Claim]) -> tuple[Run, ...]
             for run, why in zip(runs, reasons, strict=True)
         ]
     return tuple(runs)
+
+
+def claimed(runs: Sequence[Run]) -> Answer:
+    """What is claimed of runs, as part of an answer; a run outside a proven tube is a failure."""
+    claims = [
+        {"run": run.label, **pick(claim, "kind title sentence"), "inside": inside}
+        for run in runs
+        for claim in run.claims
+        for inside in [claim.contains(run.signals)]
+    ]
+    left = [claim for claim in claims if claim["kind"] == "proven" and not claim["inside"]]
+    check = "Claims are drawn as their files state them: flighttune verify FILE checks one."
+    return Answer(
+        values={"claims": claims},
+        notes=[*claim_notes(runs), *([check] if claims else [])],
+        failure=f"{left[0]['run']}: the flight leaves its {left[0]['title']}." if left else "",
+    )

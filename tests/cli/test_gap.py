@@ -9,25 +9,10 @@ from flighttune.records.parquet import read_run
 
 pytestmark = pytest.mark.slow
 
-ROUNDING = 1e-9
-
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory):
     return answer("gap", "paper", "--out", tmp_path_factory.mktemp("gap"))
-
-
-def test_the_ladder_has_every_metric_of_every_plant(found):
-    plants = [rung["plant"] for rung in found["ladder"]]
-
-    assert plants == ["kinematic", "point_mass", "point_mass_lag", "jsbsim:aerosonde"]
-    for rung in found["ladder"]:
-        assert rung["status"] == "completed"
-        assert {"ITAE", "MO_rad", "ST_rad"} <= rung["metrics"]["chi"].keys()
-    added = sum(step["metrics"]["chi"]["ITAE"] for step in found["contributions"])
-    first, *_, last = (rung["metrics"]["chi"]["ITAE"] for rung in found["ladder"])
-    assert added == pytest.approx(last - first, abs=ROUNDING)
-    assert found["largest_residual"] < ROUNDING
 
 
 def test_the_cause_is_the_step_that_the_chart_of_itae_shows_as_the_largest(found):

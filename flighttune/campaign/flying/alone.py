@@ -6,7 +6,8 @@ from typing import Any
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.control.law import split_name
 from flighttune.errors import InputError
-from flighttune.flight.fly import FlownScenario, Progress, fly, fly_alone
+from flighttune.flight.flown import FlownScenario
+from flighttune.flight.fly import Progress, fly, fly_alone
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run

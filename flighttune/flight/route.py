@@ -1,0 +1,175 @@
+"""A route as an aircraft would fly it: its stretches, turns and times, before any flight."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from flighttune.errors import InputError
+from flighttune.files.whole import write_text
+from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.tables import Column, Table, printable
+from flighttune.references.follow import RouteReference
+from flighttune.references.maps import Corridor, Where, route_geojson, route_kml
+from flighttune.references.mission import OTHER_FILES, ROUTE_FILES
+from flighttune.scenario.load import as_scenario, route_scenario
+from flighttune.scenario.schema import Scenario
+from flighttune.units import DEG
+
+# Aircraft that flies a file by default.
+AIRCRAFT = "aerosonde"
+
+COLUMNS = [
+    Column("kind", "stretch"),
+    Column("waypoint", "waypoint"),
+    Column("start_m", "begins at", "m", ".0f"),
+    Column("length_m", "length", "m", ".0f"),
+    Column("course", "course", "deg", ".0f", 1.0 / DEG),
+    Column("turn", "turn", "deg", ".0f", 1.0 / DEG),
+    Column("radius_m", "radius", "m", ".0f"),
+    Column("roll", "roll in still air", "deg", ".0f", 1.0 / DEG),
+    Column("roll_downwind", "roll downwind", "deg", ".0f", 1.0 / DEG),
+    Column("gamma", "path angle", "deg", ".1f", 1.0 / DEG),
+    Column("time_s", "time in still air", "s", ".0f"),
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlannedRoute(Answering):
+    """The path along a route with arcs and clothoids, and how long it takes.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        With the route, and the aircraft that is to fly it.
+    reference : RouteReference
+        The path as the outer loop follows it.
+    wind : float, m/s
+        Wind for which turns are wide enough, from anywhere.
+    conditions : str
+        Airspeed, wind and height of the start, and which of them are assumed.
+
+    Examples
+    --------
+    >>> planned = ft.route("circuit")
+    >>> round(planned.reference.path.length), round(planned.time)
+    (11204, 448)
+    """
+
+    scenario: Scenario
+    reference: RouteReference
+    wind: float
+    conditions: str
+
+    @property
+    def stretches(self) -> list[dict[str, Any]]:
+        """Legs, turns and climbs in order, angles in rad."""
+        V_a, g = self.reference.V_a, self.reference.g
+        return [
+            {
+                **pick(stretch, "kind waypoint turn gamma"),
+                "course": stretch.course % math.tau,
+                "start_m": stretch.start,
+                "length_m": stretch.length,
+                "radius_m": None if math.isinf(stretch.radius) else stretch.radius,
+                "roll": math.atan(V_a**2 / (g * stretch.radius)),
+                "roll_downwind": math.atan((V_a + self.wind) ** 2 / (g * stretch.radius)),
+                "time_s": stretch.length / (V_a * math.cos(stretch.gamma)),
+            }
+            for stretch in self.reference.path.stretches
+        ]
+
+    @property
+    def time(self) -> float:
+        """Time in still air, s."""
+        return sum(stretch["time_s"] for stretch in self.stretches)
+
+    @property
+    def where(self) -> Where:
+        """The path, latitude and longitude of its start in deg, and height of the start in m."""
+        scenario = self.scenario
+        assert scenario.route is not None
+        return self.reference.path, scenario.route.origin, scenario.flight.h_m
+
+    def answer(self) -> Answer:
+        """The stretches, the length and the time in still air and in wind."""
+        path, V_a, time = self.reference.path, self.reference.V_a, self.time
+        longest = path.length / (V_a - self.wind) if self.wind < V_a else math.inf
+        stretches = self.stretches
+        return Answer(
+            values={
+                "conditions": self.conditions,
+                "length_m": path.length,
+                "time_s": time,
+                "stretches": stretches,
+            },
+            tables=[Table(COLUMNS, stretches, f"{self.scenario.title}: {self.conditions}")],
+            notes=self.scenario.notes,
+            verdict=f"{path.length:.0f} m, {time:.0f} s in still air, at most {longest:.0f} s in a "
+            f"wind of {self.wind:.3g} m/s",
+        )
+
+    def save(self, path: str | Path, corridor: Corridor | None = None) -> None:
+        """Write the path, and a corridor about it, to a file .geojson or .kml."""
+        written = route_kml if Path(path).suffix.lower() == ".kml" else route_geojson
+        write_text(Path(path), written(self.where, printable(self.scenario.title), corridor))
+
+
+def route(
+    source: Scenario | str | Path,
+    *,
+    aircraft: str | None = None,
+    skip: bool = False,
+    changes: Mapping[str, Any] | None = None,
+) -> PlannedRoute:
+    """Plan the route of a scenario or of a file, which takes less than a second.
+
+    Parameters
+    ----------
+    source : Scenario, str or Path
+        A scenario with a route, its file or name; or a plan of QGroundControl (``.plan``) or
+        GeoJSON.
+    aircraft : str, optional
+        Aircraft that is to fly a file, at an airspeed at which it is identified; by default
+        ``aerosonde``.
+    skip : bool
+        Leave out commands of a plan that have no place.
+    changes : mapping of str to value, optional
+        Values to set in the scenario, by dotted key.
+
+    Returns
+    -------
+    PlannedRoute
+
+    Raises
+    ------
+    InputError
+        If the route cannot be flown: the message names the waypoint and what would do. Also if
+        there is no route, or `aircraft` or `skip` are given for a scenario.
+
+    Examples
+    --------
+    >>> [stretch["kind"] for stretch in ft.route("circuit").stretches][:3]
+    ['leg', 'turn', 'leg']
+    """
+    changes, is_file = changes or {}, False
+    if not isinstance(source, Scenario):
+        is_file = Path(source).suffix.lower() in ROUTE_FILES + OTHER_FILES
+    if is_file:
+        file = Path(str(source))
+        scenario = route_scenario(file, aircraft or AIRCRAFT, skip=skip, changes=changes)
+    elif aircraft is not None or skip:
+        raise InputError(f"{source}: `aircraft` and `skip` must be absent for a scenario.")
+    else:
+        scenario = as_scenario(source, changes)
+    reference, table = scenario.followed(), scenario.route
+    if table is None or not isinstance(reference, RouteReference):
+        raise InputError(f"{source}: `route` must be given, got a reference over time.")
+    wind, assumed = table.wind_at(reference.V_a), " (assumed)"
+    conditions = (
+        f"airspeed {reference.V_a:g} m/s{assumed * (is_file and 'flight.V_a_mps' not in changes)}, "
+        f"turns for wind up to {wind:.3g} m/s{assumed * (table.wind_mps is None)}, "
+        f"start {scenario.flight.h_m:g} m above sea level"
+    )
+    return PlannedRoute(scenario=scenario, reference=reference, wind=wind, conditions=conditions)
