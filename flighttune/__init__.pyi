@@ -30,6 +30,13 @@ from flighttune.control.linear_model import closed_loop as closed_loop
 from flighttune.control.linear_model import kinematic_model as kinematic_model
 from flighttune.control.mimo_pi import MimoPI as MimoPI
 from flighttune.errors import FlightTuneError as FlightTuneError
+from flighttune.errors import InputError as InputError
+from flighttune.errors import OutputError as OutputError
+from flighttune.errors import PlantError as PlantError
+from flighttune.errors import RecordingError as RecordingError
+from flighttune.errors import ScenarioError as ScenarioError
+from flighttune.errors import ShapeError as ShapeError
+from flighttune.errors import TrimError as TrimError
 from flighttune.exports.export import export as export
 from flighttune.flight.flown import FlownScenario as FlownScenario
 from flighttune.flight.fly import fly as fly

@@ -29,23 +29,59 @@ class FlightTuneError(Exception):
 
 
 class InputError(FlightTuneError, ValueError):
-    """A value given by the caller cannot be used."""
+    """A value given by the caller cannot be used.
+
+    Examples
+    --------
+    >>> ft.indicators([[float("nan")]])
+    Traceback (most recent call last):
+    flighttune.errors.InputError: `A_K` must be finite, got [[nan]].
+    """
 
 
 class ShapeError(InputError):
-    """An array has the wrong shape."""
+    """An array has the wrong shape.
+
+    Examples
+    --------
+    >>> ft.indicators([[1.0, 2.0]])
+    Traceback (most recent call last):
+    flighttune.errors.ShapeError: `A_K` must have shape (..., n, n), got (1, 2).
+    """
 
 
 class ScenarioError(InputError):
-    """A scenario, gains or aircraft file cannot be used; the message names file and key."""
+    """A scenario, gains or aircraft file cannot be used; the message names file and key.
+
+    Examples
+    --------
+    >>> ft.load_gains("nowhere.json")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    flighttune.errors.ScenarioError: nowhere.json: the file must be readable: ...
+    """
 
 
 class RecordingError(InputError):
-    """A recording or run folder cannot be read."""
+    """A recording or run folder cannot be read.
+
+    Examples
+    --------
+    >>> ft.load_recording("nowhere.rrd")
+    Traceback (most recent call last):
+    flighttune.errors.RecordingError: nowhere.rrd: must be a recording (.rrd), got no such file.
+    """
 
 
 class OutputError(InputError):
-    """A file cannot be written; what stood there before still does."""
+    """A file cannot be written; what stood there before still does.
+
+    Examples
+    --------
+    >>> flown = ft.fly(ft.load_scenario("paper_as_printed"))
+    >>> ft.record(flown, "/dev/null/runs")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    flighttune.errors.OutputError: /dev/null/runs/kinematic-paper.parquet: must be writable, ...
+    """
 
 
 class InfeasibleError(FlightTuneError):
@@ -53,11 +89,25 @@ class InfeasibleError(FlightTuneError):
 
 
 class PlantError(FlightTuneError, RuntimeError):
-    """The simulated aircraft could not be built or flown."""
+    """The simulated aircraft could not be built or flown.
+
+    Examples
+    --------
+    >>> ft.JSBSimPlant().observe()
+    Traceback (most recent call last):
+    flighttune.errors.PlantError: `JSBSimPlant` must be started before it can be observed or flown.
+    """
 
 
 class TrimError(PlantError):
-    """No steady flight was found at the condition asked for."""
+    """No steady flight was found at the condition asked for.
+
+    Examples
+    --------
+    >>> ft.JSBSimPlant().start(ft.FlightCondition(V_a=25.0, gamma=-0.7))  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    flighttune.errors.TrimError: ...: no steady flight at V_a 25 m/s, h 1000 m, ...
+    """
 
 
 class CampaignError(FlightTuneError, RuntimeError):

@@ -11,7 +11,7 @@ import pytest
 from figures.screenshot import LAYOUTS, NEEDS_DRIVER, HeadlessViewer
 from PIL import Image
 
-from flighttune.errors import RecordingError
+import flighttune as ft
 
 DEMANDED = os.environ.get("CI", "").lower() == "true"
 """Whether a machine that cannot draw fails the test instead of skipping it."""
@@ -30,7 +30,7 @@ def opened_recording(path: Path, *, tabs: bool = True) -> Iterator[HeadlessViewe
         skip_without_tabs()
     try:
         opened = HeadlessViewer(path)
-    except RecordingError as error:
+    except ft.RecordingError as error:
         if DEMANDED or NEEDS_DRIVER not in str(error):
             raise
         pytest.skip(str(error))

@@ -6,7 +6,6 @@ import pytest
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.errors import InputError
 from flighttune.files.shipped import OWN_AIRCRAFT, aircraft_folder, aircraft_folders, scenario_files
 
 
@@ -56,7 +55,7 @@ def test_beside_the_scenario_comes_first_and_the_label_stays_short(places, tmp_p
 def test_a_name_that_is_nowhere_is_answered_with_those_there_are(places):
     copied(places[0], "mine")
 
-    with pytest.raises(InputError, match="a4, aerosonde, c172p, mine"):
+    with pytest.raises(ft.InputError, match="a4, aerosonde, c172p, mine"):
         load_aircraft("yours")
 
 
@@ -81,5 +80,5 @@ def test_a_file_is_read_once_and_again_when_it_was_written_to(tmp_path):
     assert load_aircraft(folder).title == first.title[::-1] != first.title
 
     file.unlink()
-    with pytest.raises(InputError, match=r"aircraft\.toml: .*readable"):
+    with pytest.raises(ft.InputError, match=r"aircraft\.toml: .*readable"):
         load_aircraft(folder)

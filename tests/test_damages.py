@@ -19,7 +19,6 @@ from fuzzing import EDGES, TEXTS, TIMES, damaged, digit_changed
 import flighttune as ft
 from flighttune.claims.band import save_band
 from flighttune.claims.conformance import load_conformance, save_conformance
-from flighttune.errors import InputError
 from flighttune.tubes.proof import load_tube, verify_tube
 from tests.claims.test_band import band_of, load_walks, random_flights, values_of, write_band
 from tests.tubes.test_aircraft import conformance, flight
@@ -156,7 +155,7 @@ def proven_in(path):
     loaded = load_tube(path, load_conformance(boxes) if boxes.exists() else None)
     verification = verify_tube(loaded)
     if not verification.valid:
-        raise InputError(f"{path}: {verification.reason}")
+        raise ft.InputError(f"{path}: {verification.reason}")
     problem = loaded.problem
     claim = [
         problem.scenario.as_dict(), problem.gains.as_lists(), problem.plant, problem.start,
@@ -209,7 +208,7 @@ def outcome(kind, path, written):
     """What reading a file gives: a refusal in one line, the same as was written, or another."""
     try:
         said = kind.read(path)
-    except InputError as error:
+    except ft.InputError as error:
         line = str(error)
         assert "\n" not in line
         assert len(line) < LONGEST_LINE

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from commands import flighttune
 
-from flighttune.errors import InputError
+import flighttune as ft
 from flighttune.extras import EXTRAS, missing_extra, need
 
 OPTIONAL = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"][
@@ -29,7 +29,7 @@ def test_only_what_is_missing_is_named(monkeypatch):
     need("this", "numba", "dask")
     monkeypatch.setitem(sys.modules, "dask", None)
 
-    with pytest.raises(InputError, match=r"^this needs dask; .*'flighttune\[cluster\]'$"):
+    with pytest.raises(ft.InputError, match=r"^this needs dask; .*'flighttune\[cluster\]'$"):
         need("this", "numba", "dask")
 
 

@@ -24,7 +24,6 @@ from flighttune.campaign.dataset import Dataset, open_dataset
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.claims.conformance import conformance_tables, load_conformance
 from flighttune.control.margins import loop_margins
-from flighttune.errors import InputError
 from flighttune.files.seal import BLANK, seal
 from flighttune.files.shipped import aircraft_folder, campaign_files, scenario_files
 from flighttune.files.value import tables_of
@@ -324,7 +323,7 @@ def loads(load, path):
     """What a file holds; None where it is refused in one line that names file and key."""
     try:
         return load(path)
-    except InputError as error:
+    except ft.InputError as error:
         line = str(error)
         assert line.startswith(f"{path}: "), line
         assert "\n" not in line

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.errors import InputError, ScenarioError
 from flighttune.plants.label import aircraft_of, label_of, plant_label
 from flighttune.recording.entities import runs_to_draw
 from flighttune.records.compare import load_source
@@ -88,7 +87,7 @@ def test_expectations_are_of_the_plant_of_that_label(tables):
     ]
 
     assert missed == [NOMINAL, HEAVY]
-    with pytest.raises(ScenarioError, match=rf"`plant` of .* {NOMINAL}, {HEAVY}, .*h"):
+    with pytest.raises(ft.ScenarioError, match=rf"`plant` of .* {NOMINAL}, {HEAVY}, .*h"):
         ft.scenario_from(tables | {"expect": [limits | {"plant": "h"}]})
 
 
@@ -135,7 +134,7 @@ def test_the_gap_is_that_of_the_plant_asked_for(tables, flown):
     heavy = next(run for run in flown.runs if run.label == f"{HEAVY} / paper")
     assert np.array_equal(gap.runs[-1].signals[[*heavy.signals]], heavy.signals)
     assert ft.gap(scenario, ft.PAPER_GAINS).runs[-1].provenance.plant == NOMINAL
-    with pytest.raises(InputError, match=rf"`plant` .* {NOMINAL}, {HEAVY}, .*h"):
+    with pytest.raises(ft.InputError, match=rf"`plant` .* {NOMINAL}, {HEAVY}, .*h"):
         ft.gap(scenario, ft.PAPER_GAINS, plant="h")
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from flighttune.errors import InputError
+import flighttune as ft
 from flighttune.files import shipped
 
 REPOSITORY = Path(__file__).parents[1]
@@ -30,7 +30,7 @@ def test_every_aircraft_scenario_and_campaign_of_the_checkout_is_listed():
 
 @pytest.mark.parametrize("name", ["lost", "", "..", "../aircraft/aerosonde", "/etc"])
 def test_an_unknown_aircraft_is_answered_with_those_there_are(name):
-    with pytest.raises(InputError, match=rf"`aircraft` .*, got '{name}'"):
+    with pytest.raises(ft.InputError, match=rf"`aircraft` .*, got '{name}'"):
         shipped.aircraft_folder(name)
 
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.errors import InputError, ScenarioError
 from flighttune.files.value import tables_of, value_of
 from flighttune.flight.outer_loop import identified_problems
 from flighttune.theory.common import common_Q
@@ -242,7 +241,7 @@ def test_a_file_whose_conditions_do_not_fit_is_refused(everywhere, change, messa
     tables = json.loads(json.dumps(tables_of(everywhere)))
     change(tables)
 
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ft.InputError, match=message):
         value_of(tables, ft.Certificate)
 
 
@@ -252,12 +251,12 @@ def test_a_claim_over_an_envelope_is_refused_where_the_law_is_behind_a_lag():
     }  # fmt: skip
     scenario = manoeuvre({"chi_deg": 5.0}, tuning={"lag_rad_s": [4.0, 8.0]}, envelope=ranges)
 
-    with pytest.raises(ScenarioError, match=r"`model` of \[tuning\]"):
+    with pytest.raises(ft.ScenarioError, match=r"`model` of \[tuning\]"):
         ft.certify_scenario(scenario, ft.PAPER_GAINS, envelope=True)
 
 
 def test_an_aircraft_without_a_model_file_says_what_writes_one(tmp_path):
     scenario = manoeuvre({"chi_deg": 5.0}, tuning={"identified": str(tmp_path)})
 
-    with pytest.raises(ScenarioError, match="`flighttune identify` writes one"):
+    with pytest.raises(ft.ScenarioError, match="`flighttune identify` writes one"):
         ft.tune_scenario(scenario, "identified")

@@ -13,7 +13,6 @@ from printed import L_D, MODEL
 
 import flighttune as ft
 from flighttune.control.envelope import Envelope
-from flighttune.errors import InputError
 from flighttune.files.value import tables_of, value_of
 from flighttune.tuning.envelope import largest_factor
 
@@ -244,14 +243,14 @@ def test_a_model_with_lag_states_is_certified_at_its_trim():
 
 
 def test_envelope_and_gravity_go_together():
-    with pytest.raises(InputError, match="`envelope` and `g`"):
+    with pytest.raises(ft.InputError, match="`envelope` and `g`"):
         ft.certify(MODEL, TUNED, envelope=ENVELOPE)
 
 
 def test_a_claim_must_be_positive(at_trim):
-    with pytest.raises(InputError, match=r"`rate`.*-1\.0"):
+    with pytest.raises(ft.InputError, match=r"`rate`.*-1\.0"):
         replace(at_trim.claim, rate=-1.0)
-    with pytest.raises(InputError, match="`radius` and `L_d`"):
+    with pytest.raises(ft.InputError, match="`radius` and `L_d`"):
         replace(at_trim.claim, L_d=None)
 
 
@@ -268,7 +267,7 @@ def test_a_file_that_is_no_certificate_is_named_with_what_is_wrong(tmp_path, tex
     path = tmp_path / "broken.json"
     path.write_text(text)
 
-    with pytest.raises(InputError, match=r"broken\.json: .*" + message):
+    with pytest.raises(ft.InputError, match=r"broken\.json: .*" + message):
         ft.verify(path)
 
 
@@ -294,5 +293,5 @@ def test_a_file_that_is_no_certificate_is_named_with_what_is_wrong(tmp_path, tex
     ],
 )
 def test_values_of_the_wrong_kind_are_refused_in_one_line(over_envelope, path, value, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ft.InputError, match=message):
         changed(over_envelope, path, lambda _: value)

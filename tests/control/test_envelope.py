@@ -11,7 +11,6 @@ from scipy.optimize import linprog
 import flighttune as ft
 from flighttune.control.envelope import Envelope, jacobian_hull, vertex_loops
 from flighttune.control.linear_model import entry_model
-from flighttune.errors import InputError
 
 G = 9.81
 ROUNDING = 1e-12
@@ -126,12 +125,12 @@ def test_an_envelope_is_scaled_about_the_trim():
 def test_an_envelope_must_be_one_a_law_can_fly_in(change, message):
     ranges = {"V_a": (20.0, 30.0), "gamma": (0.0, 0.1), "phi": (0.0, 0.1), "n_z": (0.9, 1.1)}
 
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ft.InputError, match=message):
         Envelope(**(ranges | change))
 
 
 def test_a_factor_and_gravity_must_make_sense():
-    with pytest.raises(InputError, match="`factor` must not be negative"):
+    with pytest.raises(ft.InputError, match="`factor` must not be negative"):
         WIDE.scaled(TRIM, -1.0)
-    with pytest.raises(InputError, match="`g` must be positive"):
+    with pytest.raises(ft.InputError, match="`g` must be positive"):
         jacobian_hull(WIDE, g=0.0)

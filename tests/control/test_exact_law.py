@@ -10,7 +10,6 @@ from scipy.optimize import fsolve
 import flighttune as ft
 from flighttune.control.exact_law import rate_model, turning_speed
 from flighttune.control.gains import RATES
-from flighttune.errors import InputError, ShapeError
 from flighttune.plants.point_mass import turn_rates
 from flighttune.simulate.loop import simulate
 
@@ -209,10 +208,10 @@ def test_gains_of_the_papers_law_are_mapped_by_g_over_v():
     ],
 )
 def test_what_cannot_be_used_is_refused_by_name(settings, key):
-    with pytest.raises(InputError, match=f"`{key}` must"):
+    with pytest.raises(ft.InputError, match=f"`{key}` must"):
         ft.ExactLaw(**{"gains": GAINS} | settings)
 
 
 def test_limits_must_be_of_two_commands():
-    with pytest.raises(ShapeError, match="`limits` must be of 2"):
+    with pytest.raises(ft.ShapeError, match="`limits` must be of 2"):
         ft.ExactLaw(GAINS, ft.Limits.none(3), dt=DT)

@@ -14,7 +14,6 @@ from flighttune.control.inner_loop import (
     with_input_lag,
 )
 from flighttune.control.linear_model import closed_loops
-from flighttune.errors import InputError, ShapeError
 
 ROUNDING = 1e-12
 SLOW, FAST = (
@@ -113,19 +112,19 @@ def test_a_lag_counts_by_the_turn_it_causes():
     [
         (
             lambda: ft.InnerLag(order=4, natural_frequency=1.0),
-            InputError,
+            ft.InputError,
             "`order` must be 1, 2 or 3",
         ),
         (
             lambda: ft.InnerLag(order=1, natural_frequency=0.0),
-            InputError,
+            ft.InputError,
             "`natural_frequency` must",
         ),
-        (lambda: SLOW.delayed(-1.0), InputError, "`delay` must not be negative, got -1"),
-        (lambda: with_inner_loop(MODEL, (SLOW,)), ShapeError, "`lags` must be 2"),
-        (lambda: with_input_lag(MODEL, [4.0, 0.0]), InputError, "`bandwidths` must be positive"),
-        (lambda: with_input_lag(MODEL, [4.0] * 3), ShapeError, "`bandwidths` must have shape"),
-        (lambda: with_input_delay(MODEL, -0.1), InputError, "`delay` must be positive"),
+        (lambda: SLOW.delayed(-1.0), ft.InputError, "`delay` must not be negative, got -1"),
+        (lambda: with_inner_loop(MODEL, (SLOW,)), ft.ShapeError, "`lags` must be 2"),
+        (lambda: with_input_lag(MODEL, [4.0, 0.0]), ft.InputError, "`bandwidths` must be positive"),
+        (lambda: with_input_lag(MODEL, [4.0] * 3), ft.ShapeError, "`bandwidths` must have shape"),
+        (lambda: with_input_delay(MODEL, -0.1), ft.InputError, "`delay` must be positive"),
     ],
 )
 def test_impossible_lags_are_refused(call, error, message):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.errors import InputError, ShapeError
 
 ONE = np.ones(2)
 
@@ -12,11 +11,11 @@ ONE = np.ones(2)
 @pytest.mark.parametrize(
     ("change", "error", "message"),
     [
-        ({"upper": -ONE}, InputError, r"`lower` must be below `upper`, got \[-1\.0, -1\.0\]"),
-        ({"upper": [np.nan, 1.0]}, InputError, r"`upper` must not be NaN"),
-        ({"rate_lower": 0.5 * ONE}, InputError, r"rate ranges must hold zero"),
-        ({"upper": np.ones(3)}, ShapeError, r"must have one length"),
-        ({"upper": np.ones((2, 1))}, ShapeError, r"`upper` must have 1 axis"),
+        ({"upper": -ONE}, ft.InputError, r"`lower` must be below `upper`, got \[-1\.0, -1\.0\]"),
+        ({"upper": [np.nan, 1.0]}, ft.InputError, r"`upper` must not be NaN"),
+        ({"rate_lower": 0.5 * ONE}, ft.InputError, r"rate ranges must hold zero"),
+        ({"upper": np.ones(3)}, ft.ShapeError, r"must have one length"),
+        ({"upper": np.ones((2, 1))}, ft.ShapeError, r"`upper` must have 1 axis"),
     ],
 )
 def test_limits_that_cannot_be_are_refused(change, error, message):

@@ -7,7 +7,6 @@ import pytest
 
 import flighttune as ft
 from flighttune.control.mimo_pi import empty_state, pi_step
-from flighttune.errors import InputError, ShapeError
 
 ROUNDING = 1e-12
 NO_FEED_FORWARD = (0.0, 0.0)
@@ -207,10 +206,10 @@ def test_a_start_empties_the_integrator():
     ],
 )
 def test_impossible_settings_are_refused(settings, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ft.InputError, match=message):
         ft.MimoPI(ft.PAPER_GAINS, **settings)
 
 
 def test_limits_must_be_of_as_many_commands():
-    with pytest.raises(ShapeError, match=r"`limits`.*2.*3"):
+    with pytest.raises(ft.ShapeError, match=r"`limits`.*2.*3"):
         ft.MimoPI(ft.PAPER_GAINS, ft.Limits.none(3), dt=0.1)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from plain_members import Glider, Proportional
 
+import flighttune as ft
 from flighttune import CommandLimiter, FlightCondition, Limits, PointMassPlant, Reference
 from flighttune.control.guarded import GuardedLaw, LawError
-from flighttune.errors import InputError
 from flighttune.simulate.loop import simulate
 
 START = FlightCondition(V_a=25.0, h=800.0, chi=0.4, gamma=0.1)
@@ -34,7 +34,7 @@ def test_a_plain_law_flies_a_plain_plant():
 
 
 def test_a_law_that_does_not_limit_itself_is_told_what_does():
-    with pytest.raises(InputError, match=r"must apply limits itself .*wrap it in GuardedLaw"):
+    with pytest.raises(ft.InputError, match=r"must apply limits itself .*wrap it in GuardedLaw"):
         simulate(PointMassPlant(), Proportional(), LEVEL, condition=START, duration=4.0)  # pyright: ignore[reportArgumentType]
 
 

@@ -19,7 +19,6 @@ from made_up import shortened
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft, save_gains
-from flighttune.errors import InputError
 from flighttune.exports import CSV, export_jsbsim, jsbsim_folder
 from flighttune.exports.check import differences
 from flighttune.files.shipped import aircraft_folder, scenario_files
@@ -123,7 +122,7 @@ def test_a_law_in_python_is_refused_by_name(tmp_path):
     law = {"name": "mine", "kind": "python", "module": __file__, "class": "Path"}
     tables = scenario.as_dict() | {"law": [law], "expect": []}
 
-    with pytest.raises(InputError, match="got the law 'mine'"):
+    with pytest.raises(ft.InputError, match="got the law 'mine'"):
         export_jsbsim(ft.scenario_from(tables), "mine:paper", gain_set(scenario, "paper"), tmp_path)
 
 
@@ -297,7 +296,7 @@ def test_a_title_with_control_characters_is_written_as_xml(tmp_path):
 def test_air_that_changes_is_refused_by_its_key(tables, key, tmp_path):
     scenario = ft.scenario_from(ft.load_scenario("level_turn").as_dict() | tables)
 
-    with pytest.raises(InputError, match=f"`{key}` must be absent"):
+    with pytest.raises(ft.InputError, match=f"`{key}` must be absent"):
         export_jsbsim(scenario, "paper", gain_set(scenario, "paper"), tmp_path)
 
 

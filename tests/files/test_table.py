@@ -8,7 +8,6 @@ import pytest
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.errors import InputError
 from flighttune.files.shipped import scenario_files
 from flighttune.files.table import MAX_BYTES, toml_tables
 
@@ -34,7 +33,7 @@ EVERY_READER = pytest.mark.parametrize(
 
 
 def refusal(read, path):
-    with pytest.raises(InputError) as caught:
+    with pytest.raises(ft.InputError) as caught:
         read(path)
     (line,) = str(caught.value).splitlines()
     assert line.startswith(f"{path.parent}/")
@@ -93,7 +92,7 @@ def test_a_word_of_any_length_is_abridged_where_a_table_checks_itself(tmp_path):
 
 
 def test_a_file_without_an_end_is_not_read_to_its_end():
-    with pytest.raises(InputError, match="at most 16000000 bytes"):
+    with pytest.raises(ft.InputError, match="at most 16000000 bytes"):
         ft.load_certificate("/dev/zero")
 
 

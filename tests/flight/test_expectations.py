@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from made_up import made_up_run, made_up_scenario
 
-from flighttune.errors import ScenarioError
+import flighttune as ft
 from flighttune.flight.expectations import check_claim
 from flighttune.reports.tables import convergence_table
 
@@ -186,5 +186,5 @@ def test_a_claim_that_a_flight_is_poor_does_not_read_as_if_it_were_good():
     ],
 )
 def test_expectations_of_what_is_not_there_are_refused(table, message):
-    with pytest.raises(ScenarioError, match=message):
+    with pytest.raises(ft.ScenarioError, match=message):
         scenario(table)

@@ -6,7 +6,6 @@ from made_up import made_up_scenario
 
 import flighttune as ft
 from flighttune.claims.linear_loop import flight_check
-from flighttune.errors import ScenarioError
 from flighttune.flight.outer_loop import gain_set
 from flighttune.metrics import METRICS
 from flighttune.records.parquet import read_run, write_run
@@ -144,7 +143,7 @@ def test_an_expectation_may_name_law_and_gains():
     ],
 )
 def test_what_cannot_be_flown_is_refused_by_key(change, said):
-    with pytest.raises(ScenarioError, match=said):
+    with pytest.raises(ft.ScenarioError, match=said):
         scenario(**change)
 
 

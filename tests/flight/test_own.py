@@ -17,7 +17,6 @@ import flighttune as ft
 from flighttune import COMMON_SIGNALS, InnerLag, LaggedPlant, PointMassPlant, record
 from flighttune.campaign.planning.plan import plan_from
 from flighttune.claims.linear_loop import flight_check
-from flighttune.errors import InputError, PlantError, ScenarioError
 from flighttune.flight import apart
 from flighttune.flight.own import with_own
 from flighttune.recording.plots import LAW_TAB, displayed, shown_plots
@@ -120,7 +119,7 @@ def test_they_are_recorded_read_and_flown_again_with_their_classes(scenario, tmp
 
     reflown = ft.refly(again, laws={"mine": mine}, plants={"glider": Glider})
     assert [one.difference for one in reflown] == [None] * 4
-    with pytest.raises(ScenarioError, match=r"\[\[law\]\] mine: .*`laws="):
+    with pytest.raises(ft.ScenarioError, match=r"\[\[law\]\] mine: .*`laws="):
         ft.refly(again)
 
 
@@ -222,12 +221,12 @@ def test_a_file_that_is_gone_or_changed_is_refused(files):
     law = files / "my_law.py"
     law.write_text(law.read_text() + "\n# changed\n")
 
-    with pytest.raises(ScenarioError, match=r"\[\[law\]\] mine: `module`.* the file"):
+    with pytest.raises(ft.ScenarioError, match=r"\[\[law\]\] mine: `module`.* the file"):
         ft.fly(scenario)
     law.unlink()
-    with pytest.raises(ScenarioError, match=r"\[\[law\]\] mine: `module`.* a file"):
+    with pytest.raises(ft.ScenarioError, match=r"\[\[law\]\] mine: `module`.* a file"):
         ft.fly(scenario)
-    with pytest.raises(ScenarioError, match=r"own.toml: \[\[law\]\] `module`"):
+    with pytest.raises(ft.ScenarioError, match=r"own.toml: \[\[law\]\] `module`"):
         ft.load_scenario(files / "own.toml")
 
 
@@ -238,10 +237,12 @@ def test_a_file_that_may_not_be_read_is_refused_with_the_reason(files, monkeypat
     loaded = ft.load_scenario(files / "own.toml")
     monkeypatch.setattr("pathlib.Path.read_bytes", denied)
 
-    with pytest.raises(ScenarioError, match=r"mine: `module` must .* read, got permission denied"):
+    with pytest.raises(
+        ft.ScenarioError, match=r"mine: `module` must .* read, got permission denied"
+    ):
         ft.fly(loaded)
     said = r"own.toml: \[\[law\]\] `module` must be .* read, got .*my_law.py: permission denied\.$"
-    with pytest.raises(ScenarioError, match=said):
+    with pytest.raises(ft.ScenarioError, match=said):
         ft.load_scenario(files / "own.toml")
 
 
@@ -252,7 +253,7 @@ def test_a_file_that_may_not_be_read_is_refused_with_the_reason(files, monkeypat
 def test_a_file_that_cannot_be_used_is_refused_in_one_line(files, text, said):
     (files / "my_law.py").write_text(text)
 
-    with pytest.raises(ScenarioError, match=said) as error:
+    with pytest.raises(ft.ScenarioError, match=said) as error:
         ft.fly(ft.load_scenario(files / "own.toml"))
     assert "\n" not in str(error.value)
 
@@ -267,7 +268,7 @@ def test_a_file_that_cannot_be_used_is_refused_in_one_line(files, text, said):
     ],
 )
 def test_tables_that_say_half_are_refused_by_key(scenario, change, said):
-    with pytest.raises(ScenarioError, match=said):
+    with pytest.raises(ft.ScenarioError, match=said):
         ft.scenario_from(scenario.as_dict() | change)
 
 
@@ -282,7 +283,7 @@ def test_a_campaign_knows_the_hash_and_refuses_another_file(files):
     assert again.sha256 == plan.sha256
     with_own(again.scenario)
     (files / "my_law.py").write_text("# nothing")
-    with pytest.raises(ScenarioError, match=r"`module`.*planned"):
+    with pytest.raises(ft.ScenarioError, match=r"`module`.*planned"):
         with_own(again.scenario)
 
 
@@ -341,7 +342,7 @@ def test_whatever_a_law_of_a_file_does_ends_its_own_flight_alone(
 
 
 def test_an_answer_that_cannot_be_copied_is_refused_in_a_line():
-    with pytest.raises(PlantError, match="can be copied"):
+    with pytest.raises(ft.PlantError, match="can be copied"):
         apart.apart(lambda _: lambda: 1, 5.0)
 
 
@@ -364,7 +365,7 @@ def test_a_linear_model_of_the_wrong_kind_is_said(files):
     law = files / "my_law.py"
     law.write_text(law.read_text() + "\n    def linear(self):\n        return 1, 2\n")
 
-    with pytest.raises(InputError, match=r"mine: `linear` must return .* got \(1, 2\)"):
+    with pytest.raises(ft.InputError, match=r"mine: `linear` must return .* got \(1, 2\)"):
         ft.fly(ft.load_scenario(files / "own.toml"))
 
 

@@ -9,7 +9,6 @@ from dispersed import plan_of, tables_of, uniform
 from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune.errors import ScenarioError
 from flighttune.flight.fly import fly_alone, plant_of
 
 SPEED = 8.0
@@ -186,14 +185,14 @@ def test_a_plant_that_shows_no_wind_starts_as_the_scenario_states():
     ],
 )  # fmt: skip
 def test_a_wind_too_strong_for_the_course_names_its_key(tables, message):
-    with pytest.raises(ScenarioError, match=message):
+    with pytest.raises(ft.ScenarioError, match=message):
         windy(tables.pop("from_deg"), [LAW], **tables)
     windy(100.0, [LAW], speed=30.0, start="heading")
 
 
 def test_levels_too_strong_name_their_key():
     level = [{"h_m": 0.0, "speed_mps": 40.0, "from_deg": 90.0}]
-    with pytest.raises(ScenarioError, match=r"`level` of \[wind\] .*40 m/s"):
+    with pytest.raises(ft.ScenarioError, match=r"`level` of \[wind\] .*40 m/s"):
         made_up_scenario(plant=[{"kind": "jsbsim", "aircraft": "aerosonde"}], wind={"level": level})
 
 

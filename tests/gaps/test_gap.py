@@ -10,7 +10,6 @@ import pytest
 from claimed import claimed
 
 import flighttune as ft
-from flighttune.errors import InputError
 from flighttune.files.shipped import aircraft_folder
 from flighttune.metrics import METRICS
 from flighttune.present.palette import line_styles
@@ -157,7 +156,7 @@ def test_an_aircraft_that_cannot_begin_is_not_flown_and_says_why():
     assert gap.status == "not_flown"
     assert gap.reason.startswith("jsbsim:aerosonde / gains: ")
     assert gap.steps == ()
-    with pytest.raises(InputError, match="`gap` must have a ladder"):
+    with pytest.raises(ft.InputError, match="`gap` must have a ladder"):
         gap_charts(gap)
 
 
@@ -188,7 +187,7 @@ def test_without_a_model_file_the_lag_is_fitted_to_the_flight(tmp_path):
 
 
 def test_a_scenario_without_aircraft_has_no_gap():
-    with pytest.raises(InputError, match=r"`plant`.*jsbsim"):
+    with pytest.raises(ft.InputError, match=r"`plant`.*jsbsim"):
         ft.gap(changed("level_turn", plant=[{"kind": "kinematic"}]), ft.PAPER_GAINS)
 
 

@@ -6,7 +6,6 @@ import pytest
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.errors import InputError, PlantError
 from flighttune.identification.design import Airframe, airframe, inner_loop_gains
 from flighttune.plants.jsbsim.fdm import Fdm
 
@@ -108,7 +107,7 @@ def test_a_rudder_that_turns_the_wrong_way_is_refused(slopes):
     backwards = {what: dict(row) for what, row in slopes.slopes.items()}
     backwards["r_dot"]["rudder"] *= -1.0
 
-    with pytest.raises(PlantError, match=r"r_dot by rudder .* 20"):
+    with pytest.raises(ft.PlantError, match=r"r_dot by rudder .* 20"):
         inner_loop_gains(
             Airframe(V_a=V_A, alpha=0.05, slopes=backwards), load_aircraft("aerosonde").design
         )
@@ -117,5 +116,5 @@ def test_a_rudder_that_turns_the_wrong_way_is_refused(slopes):
 def test_without_a_design_table_there_is_nothing_to_design_for():
     config = load_aircraft("aerosonde").model_copy(update={"design": None})
 
-    with pytest.raises(InputError, match=r"aircraft.toml: `design` must be given"):
+    with pytest.raises(ft.InputError, match=r"aircraft.toml: `design` must be given"):
         ft.design(config)

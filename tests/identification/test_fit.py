@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.errors import InputError
 from flighttune.identification.fit import SAMPLES, fitted_lag, frequency_responses, lag_response
 
 DT = 0.02
@@ -83,12 +82,12 @@ def test_a_channel_that_was_not_commanded_shows_no_lag():
 
 
 def test_too_few_samples_are_refused():
-    with pytest.raises(InputError, match=r"`t`.* 5"):
+    with pytest.raises(ft.InputError, match=r"`t`.* 5"):
         fitted_lag(T[:5], np.arange(5.0), np.arange(5.0))
 
 
 def test_a_flight_shorter_than_two_periods_gives_no_response():
     flown = np.zeros((2 * SAMPLES - 1, 2))
 
-    with pytest.raises(InputError, match=r"must be two periods of .* s of multisines, got"):
+    with pytest.raises(ft.InputError, match=r"must be two periods of .* s of multisines, got"):
         frequency_responses((flown, flown), (np.array([3]), np.array([5])))

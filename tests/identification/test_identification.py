@@ -11,7 +11,6 @@ import pytest
 from scipy import signal
 
 import flighttune as ft
-from flighttune.errors import InputError, PlantError, ScenarioError
 from flighttune.files.shipped import aircraft_folder
 from flighttune.identification.experiment import DT, check_manoeuvre, multisines, respond
 from flighttune.identification.fit import fit_percent, lag_response
@@ -170,12 +169,12 @@ def test_an_excitation_that_is_too_much_is_flown_smaller():
 def test_an_aircraft_that_takes_no_excitation_says_why():
     plant = partial(SyntheticPlant, first_order(4.0, 0.0), first_order(8.0, 0.0), largest=1e-6)
 
-    with pytest.raises(PlantError, match=r"0\.125 .*rolled to"):
+    with pytest.raises(ft.PlantError, match=r"0\.125 .*rolled to"):
         respond(plant, LEVEL, check_manoeuvre(LIMITS))
 
 
 def test_excitation_needs_finite_limits():
-    with pytest.raises(InputError, match="`limits` must be finite"):
+    with pytest.raises(ft.InputError, match="`limits` must be finite"):
         multisines(ft.Limits.none(2))
 
 
@@ -304,12 +303,12 @@ def test_a_file_that_holds_something_else_is_refused_by_name(tmp_path, change, m
     path = tmp_path / "wrong.json"
     path.write_text(json.dumps(table))
 
-    with pytest.raises(ScenarioError, match=rf"wrong\.json: .*{message}"):
+    with pytest.raises(ft.ScenarioError, match=rf"wrong\.json: .*{message}"):
         ft.load_identified(path)
 
 
 def test_a_missing_file_says_what_writes_one(tmp_path):
-    with pytest.raises(ScenarioError, match="`flighttune identify` writes one"):
+    with pytest.raises(ft.ScenarioError, match="`flighttune identify` writes one"):
         ft.load_identified(tmp_path / "gone.json")
 
 

@@ -8,7 +8,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flighttune as ft
-from flighttune.errors import InputError, ShapeError
 from flighttune.plants.lagged import LaggedChannel
 from flighttune.plants.point_mass import turn_rates
 from flighttune.plants.weather import WindRecord, course_of, velocity_along
@@ -241,13 +240,17 @@ def test_straight_up_ends_the_flight_with_a_reason():
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
-        (lambda: ft.PointMassPlant(g=0.0), InputError, "`g` must be positive"),
-        (lambda: ft.PointMassPlant(turn="other"), InputError, "`turn`"),
-        (lambda: WindRecord(t=[0.0, 0.0], wind=np.zeros((2, 3))), InputError, "`t` of a wind"),
-        (lambda: WindRecord(t=[0.0, 1.0], wind=np.zeros((1, 3))), ShapeError, "`wind` must have"),
+        (lambda: ft.PointMassPlant(g=0.0), ft.InputError, "`g` must be positive"),
+        (lambda: ft.PointMassPlant(turn="other"), ft.InputError, "`turn`"),
+        (lambda: WindRecord(t=[0.0, 0.0], wind=np.zeros((2, 3))), ft.InputError, "`t` of a wind"),
+        (
+            lambda: WindRecord(t=[0.0, 1.0], wind=np.zeros((1, 3))),
+            ft.ShapeError,
+            "`wind` must have",
+        ),
         (
             lambda: turn_rates([25.0, math.nan], gamma=0.0, phi=0.0, n_z=1.0, turn="exact"),
-            InputError,
+            ft.InputError,
             "`V_a` must be positive",
         ),
     ],
@@ -306,5 +309,5 @@ def test_a_roll_command_without_tangent_ends_the_flight_with_a_reason(phi):
     ],
 )
 def test_flight_conditions_that_cannot_be_are_refused(change, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ft.InputError, match=message):
         ft.FlightCondition(**{"V_a": 25.0, **change})

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.errors import InputError
 from flighttune.plants.sensors import MEASURED, SENSED, SensedPlant
 
 DT = 0.02
@@ -73,7 +72,7 @@ def test_without_noise_the_bias_is_all_there_is():
     ],
 )
 def test_what_cannot_be_used_is_refused(change, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ft.InputError, match=message):
         ft.Sensors(**change)
 
 

@@ -6,7 +6,6 @@ import pytest
 from made_up import shortened
 
 import flighttune as ft
-from flighttune.errors import OutputError, RecordingError
 
 pytestmark = pytest.mark.slow
 
@@ -61,7 +60,7 @@ def test_a_folder_is_read_and_flown_into_again_after_a_kill(flights, stage, tmp_
     if any(tmp_path.glob("[!.]*.parquet")):
         assert durations(tmp_path) == {3.0}
     else:
-        with pytest.raises(RecordingError, match="must hold Parquet files"):
+        with pytest.raises(ft.RecordingError, match="must hold Parquet files"):
             ft.load_recording(tmp_path)
     ft.record(flown, tmp_path, name="flight")
     assert durations(tmp_path) == {3.0}
@@ -93,7 +92,7 @@ def test_a_second_flight_that_is_killed_is_not_mixed_with_the_first(
 def test_nothing_has_its_name_where_one_file_cannot_be_written(flights, tmp_path):
     (tmp_path / "flight.rrd").mkdir()
 
-    with pytest.raises(OutputError, match=r"flight\.rrd: must be writable"):
+    with pytest.raises(ft.OutputError, match=r"flight\.rrd: must be writable"):
         ft.record(flights[0], tmp_path, name="flight")
 
     assert [path.name for path in tmp_path.iterdir()] == ["flight.rrd"]

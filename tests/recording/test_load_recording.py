@@ -10,7 +10,6 @@ import rerun as rr
 from made_up import shortened
 
 import flighttune as ft
-from flighttune.errors import RecordingError
 from flighttune.records.parquet import write_run
 
 
@@ -63,7 +62,7 @@ def test_a_lone_recording_names_the_folder_whose_parquet_files_are_needed(
     lone = tmp_path / "lone.rrd"
     shutil.copy(files.recording, lone)
 
-    with pytest.raises(RecordingError) as caught:
+    with pytest.raises(ft.RecordingError) as caught:
         ft.load_recording(lone)
 
     line = str(caught.value)
@@ -77,7 +76,7 @@ def test_a_recording_among_the_files_of_another_flight_is_refused(folder, flown,
     files = ft.record(other, tmp_path / "other")
     shutil.copy(files.recording, folder / "flight.rrd")
 
-    with pytest.raises(RecordingError, match=r"flight\.rrd: .*folder other"):
+    with pytest.raises(ft.RecordingError, match=r"flight\.rrd: .*folder other"):
         ft.load_recording(folder / "flight.rrd")
 
 
@@ -86,7 +85,9 @@ def test_a_recording_that_is_cut_off_is_one_line_and_no_warning(folder, lost):
     recording = folder / "flight.rrd"
     recording.write_bytes(recording.read_bytes()[:-lost])
 
-    with pytest.raises(RecordingError, match=r"flight\.rrd: must be a recording \(\.rrd\), got: "):
+    with pytest.raises(
+        ft.RecordingError, match=r"flight\.rrd: must be a recording \(\.rrd\), got: "
+    ):
         ft.load_recording(recording)
 
 
@@ -131,7 +132,7 @@ def test_a_damaged_file_in_a_folder_is_refused_by_name(folder):
     path = folder / "kinematic-K1.parquet"
     path.write_bytes(path.read_bytes()[:-1])
 
-    with pytest.raises(RecordingError, match=r"kinematic-K1\.parquet: must"):
+    with pytest.raises(ft.RecordingError, match=r"kinematic-K1\.parquet: must"):
         ft.load_recording(folder)
 
 
@@ -139,20 +140,20 @@ def test_a_damaged_recording_does_no_harm_to_its_folder(folder, flown):
     (folder / "flight.rrd").write_bytes(b"RRF2" + b"damage" * 100)
 
     assert labels(ft.load_recording(folder).runs) == labels(flown.runs)
-    with pytest.raises(RecordingError, match=r"flight\.rrd: must be a recording"):
+    with pytest.raises(ft.RecordingError, match=r"flight\.rrd: must be a recording"):
         ft.load_recording(folder / "flight.rrd")
 
 
 def test_what_is_not_there_or_not_ours_gives_one_line(tmp_path):
-    with pytest.raises(RecordingError, match="got no such file"):
+    with pytest.raises(ft.RecordingError, match="got no such file"):
         ft.load_recording(tmp_path / "none.rrd")
-    with pytest.raises(RecordingError, match="must hold Parquet files"):
+    with pytest.raises(ft.RecordingError, match="must hold Parquet files"):
         ft.load_recording(tmp_path)
     stream = rr.RecordingStream("other")
     stream.save(tmp_path / "other.rrd")
     stream.log("page", rr.TextDocument("hello"), static=True)
     stream.disconnect()
-    with pytest.raises(RecordingError, match=r"other\.rrd: .*Parquet files"):
+    with pytest.raises(ft.RecordingError, match=r"other\.rrd: .*Parquet files"):
         ft.load_recording(tmp_path / "other.rrd")
 
 
@@ -160,7 +161,7 @@ def test_a_scenario_that_json_cannot_hold_is_refused(flown, tmp_path):
     run = flown.runs[0]
     odd = replace(run, provenance=replace(run.provenance, scenario={"title": object()}))
 
-    with pytest.raises(RecordingError, match="must hold plain values"):
+    with pytest.raises(ft.RecordingError, match="must hold plain values"):
         ft.record(replace(flown, runs=(odd,)), tmp_path)
     assert not list(tmp_path.iterdir())
 

@@ -12,7 +12,6 @@ import pyarrow.parquet as pq
 import pytest
 
 import flighttune as ft
-from flighttune.errors import OutputError, RecordingError
 from flighttune.files.seal import BLANK, MARK, seal
 from flighttune.records.parquet import (
     DESCRIPTION,
@@ -79,21 +78,21 @@ def test_an_existing_file_is_replaced_and_nothing_is_left_beside_it(four_runs, t
 def test_a_folder_that_is_a_file_gives_one_line(four_runs, tmp_path):
     (tmp_path / "file").write_text("not a folder")
 
-    with pytest.raises(OutputError, match=r"run\.parquet: must be writable"):
+    with pytest.raises(ft.OutputError, match=r"run\.parquet: must be writable"):
         write_run(four_runs[0], tmp_path / "file" / "run.parquet")
 
 
 def test_a_missing_file_and_a_folder_are_told_apart(tmp_path):
-    with pytest.raises(RecordingError, match="got no such file"):
+    with pytest.raises(ft.RecordingError, match="got no such file"):
         read_run(tmp_path / "run.parquet")
-    with pytest.raises(RecordingError, match="got a folder"):
+    with pytest.raises(ft.RecordingError, match="got a folder"):
         read_run(tmp_path)
 
 
 def test_parquet_of_another_program_is_refused(tmp_path):
     pq.write_table(pa.table({"t": [0.0, 1.0]}), tmp_path / "foreign.parquet")
 
-    with pytest.raises(RecordingError, match="of another program"):
+    with pytest.raises(ft.RecordingError, match="of another program"):
         read_run(tmp_path / "foreign.parquet")
 
 
@@ -121,7 +120,7 @@ def sealed_file(path, description):
 def test_a_description_that_is_not_whole_is_refused(tmp_path, description, words):
     path = sealed_file(tmp_path / "odd.parquet", description)
 
-    with pytest.raises(RecordingError, match=words) as caught:
+    with pytest.raises(ft.RecordingError, match=words) as caught:
         read_run(path)
 
     assert str(caught.value).startswith(f"{path}: ")
@@ -135,7 +134,7 @@ def test_a_broken_footer_is_refused(tmp_path):
     damaged = data[:footer] + b"\xff" + data[footer + 1 : at]
     path.write_bytes(seal(damaged + BLANK.encode() + data[at + len(BLANK) :]))
 
-    with pytest.raises(RecordingError, match=r"Parquet file of a run, .* OSError"):
+    with pytest.raises(ft.RecordingError, match=r"Parquet file of a run, .* OSError"):
         read_run(path)
 
 
@@ -144,7 +143,7 @@ def test_signals_in_another_unit_are_refused(four_runs, tmp_path, monkeypatch):
         patched.setitem(SIGNAL_UNITS, "chi", "deg")
         write_run(four_runs[0], tmp_path / "degrees.parquet")
 
-    with pytest.raises(RecordingError, match="`chi` must be in rad"):
+    with pytest.raises(ft.RecordingError, match="`chi` must be in rad"):
         read_run(tmp_path / "degrees.parquet")
 
 

@@ -10,7 +10,6 @@ import pytest
 from fuzzing import TIMES, digit_changed
 
 import flighttune as ft
-from flighttune.errors import RecordingError
 from flighttune.records.parquet import parts_of, run_of, write_run
 
 SEED = 12
@@ -29,7 +28,7 @@ def sealed(four_runs, tmp_path_factory):
 
 
 def refusal(path):
-    with pytest.raises(RecordingError) as caught:
+    with pytest.raises(ft.RecordingError) as caught:
         ft.load_recording(path)
     line = str(caught.value)
     assert line.startswith(f"{path}: must ")
@@ -49,10 +48,10 @@ def test_one_change_of_a_run_is_refused_though_its_file_is_sealed(four_runs, cou
     (description, rows, sha256), draw = parts_of(four_runs[0]), random.Random(SEED)
     for _ in range(count):
         changed = digit_changed(description.encode(), draw).decode()
-        with pytest.raises(RecordingError, match="SHA-256"):
+        with pytest.raises(ft.RecordingError, match="SHA-256"):
             run_of((changed, rows, sha256))
         flipped = np.frombuffer(bit_flipped(rows.tobytes(), draw)).reshape(rows.shape)
-        with pytest.raises(RecordingError, match="SHA-256"):
+        with pytest.raises(ft.RecordingError, match="SHA-256"):
             run_of((description, flipped, sha256))
 
     assert run_of((description, rows, sha256)).label == four_runs[0].label

@@ -15,7 +15,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from flighttune.errors import RecordingError
+import flighttune as ft
 from flighttune.recording.viewer import DISPLAYS, has_screen, viewer
 
 pytestmark = pytest.mark.slow
@@ -40,7 +40,7 @@ def test_a_screen_is_found_by_platform_and_environment(environment, platform, sc
 
 
 def test_what_is_no_recording_gives_one_line(tmp_path):
-    with pytest.raises(RecordingError, match="got no such file"):
+    with pytest.raises(ft.RecordingError, match="got no such file"):
         viewer(tmp_path / "none.rrd")
 
 

@@ -6,7 +6,6 @@ from figures.screenshot import HeadlessViewer
 from pictures import FLAT, opened_recording, pixels, skip_without_tabs
 
 import flighttune as ft
-from flighttune.errors import RecordingError
 from flighttune.present.palette import LIMIT, NEUTRAL, rgb
 from flighttune.recording.blueprint import leader
 from flighttune.recording.entities import runs_to_draw
@@ -130,7 +129,7 @@ def test_every_version_of_the_viewer_draws_what_it_opens_with(flown, first_shown
 
 def test_it_has_the_tabs_in_order_and_refuses_others(viewer):
     assert list(viewer.tabs) == IN_CALM_FLIGHT
-    with pytest.raises(RecordingError, match="Overview"):
+    with pytest.raises(ft.RecordingError, match="Overview"):
         viewer.show("Weather")
 
 

@@ -9,7 +9,6 @@ import pandas as pd
 import pytest
 
 import flighttune as ft
-from flighttune.errors import InputError, RecordingError
 from flighttune.recording.overlay import write_overlay
 from flighttune.records.compare import Source, better, load_source, overlaid
 from flighttune.records.parquet import check_recording, write_run
@@ -189,7 +188,7 @@ def test_several_are_held_against_the_first(fly_line):
 
 
 def test_nothing_to_compare_with_is_an_error(fly_line):
-    with pytest.raises(InputError, match="at least two runs"):
+    with pytest.raises(ft.InputError, match="at least two runs"):
         ft.compare(fly_line())
 
 
@@ -232,7 +231,7 @@ def test_behind_an_at_sign_gains_or_plant_choose_among_the_runs_of_a_folder(fly_
     assert {r.provenance.gains_name for r in load_source(f"{tmp_path}@K1").runs} == {"K1"}
     assert len(load_source(f"{tmp_path}@kinematic").runs) == 2
     assert len(load_source(f"{tmp_path}@kinematic / K1").runs) == 1
-    with pytest.raises(RecordingError, match="'K9' must be"):
+    with pytest.raises(ft.RecordingError, match="'K9' must be"):
         load_source(f"{tmp_path}@K9")
 
 

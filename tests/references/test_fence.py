@@ -10,11 +10,11 @@ import pytest
 from commands import answer, flighttune
 from scipy.stats import binomtest
 
+import flighttune as ft
 from flighttune.campaign.band import load_band, plan_of
 from flighttune.campaign.fence import corridor_of, count_inside, where_of
 from flighttune.campaign.stated_set import planned
 from flighttune.claims.band import About, Axis, Band, save_band
-from flighttune.errors import InputError
 from flighttune.references.earth import north_east, on_earth
 from flighttune.references.fence import SCAN_STEP, read_fence, room_along
 from flighttune.references.maps import route_geojson, route_kml
@@ -107,7 +107,7 @@ def test_a_fence_over_the_date_line_is_around_what_is_inside_of_it(tmp_path, lon
     box = fence_file(tmp_path / "f.geojson", BOX, origin=(-17.0, lon))
 
     assert np.abs(read_fence(box, (-17.0, lon)).start).max() == pytest.approx(900.0, abs=0.1)
-    with pytest.raises(InputError, match="the start must be inside"):
+    with pytest.raises(ft.InputError, match="the start must be inside"):
         read_fence(box, (-17.0, lon - 0.01))
 
 
@@ -183,7 +183,7 @@ def test_a_fence_needs_one_start_for_all_flights(band, box):
     plan["campaign"]["disperse"].append(drawn)
     moved = replace(band, about=replace(band.about, plan=plan))
 
-    with pytest.raises(InputError, match="one path and start for all, got draw 10"):
+    with pytest.raises(ft.InputError, match="one path and start for all, got draw 10"):
         count_inside(moved, json.loads(box.read_text()))
 
 
@@ -248,7 +248,7 @@ def test_flights_that_start_the_other_way_are_not_counted_inside_a_wall_behind_t
 def test_what_is_no_fence_is_refused_in_one_line(tmp_path, rings, properties, says):
     file = fence_file(tmp_path / "f.geojson", *rings, **properties)
 
-    with pytest.raises(InputError, match=says) as refusal:
+    with pytest.raises(ft.InputError, match=says) as refusal:
         read_fence(file, ORIGIN)
     assert str(refusal.value).startswith(str(file))
     assert "\n" not in str(refusal.value)
@@ -259,7 +259,7 @@ def test_a_fence_is_for_one_polygon_and_for_bands_on_a_route(band, box, tmp_path
     line = tmp_path / "line.geojson"
     line.write_text('{"type": "LineString", "coordinates": [[8, 47], [8, 48]]}')
 
-    with pytest.raises(InputError, match="one Polygon, got 0"):
+    with pytest.raises(ft.InputError, match="one Polygon, got 0"):
         read_fence(line, ORIGIN)
     assert "`route` must be" in flighttune("band", "mission", "--fence", box, status=2)[1]
     signal = ("--start-deg", 1, "--signal", "chi_err")

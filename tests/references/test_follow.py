@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 import flighttune as ft
-from flighttune.errors import ScenarioError
 from flighttune.files.shipped import scenario_files
 from flighttune.references.follow import SAME_PLACE
 
@@ -162,7 +161,7 @@ def test_a_flight_that_does_not_arrive_says_what_is_left():
     ],
 )
 def test_a_route_that_cannot_be_read_is_refused(change, message):
-    with pytest.raises(ScenarioError, match=message):
+    with pytest.raises(ft.ScenarioError, match=message):
         scenario([{"kind": "kinematic"}], **change)
 
 
@@ -190,7 +189,7 @@ def test_a_route_below_the_ground_is_refused_by_its_height(tmp_path):
     file.write_text(text.replace("up_m    = 10.0", "up_m    = -10.0"))
 
     assert ft.load_scenario(file, changes={"flight.ground_m": 980.0}).route is not None
-    with pytest.raises(ScenarioError, match=r"low.toml.*: `up_m` .* `ground_m` 995 m .* 990 m"):
+    with pytest.raises(ft.ScenarioError, match=r"low.toml.*: `up_m` .* `ground_m` 995 m .* 990 m"):
         ft.load_scenario(file, changes={"flight.ground_m": 995.0})
 
 

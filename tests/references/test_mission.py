@@ -7,7 +7,6 @@ from commands import flighttune
 from plans import HOME, PATROL, item, plan_file, waypoint
 
 import flighttune as ft
-from flighttune.errors import InputError
 from flighttune.references.mission import read_route
 
 # Commands without a place that leave the path as it is, with parameters as QGroundControl has them.
@@ -46,7 +45,9 @@ def test_a_plan_gives_its_waypoints_with_heights_above_the_first(tmp_path):
 
 
 def test_a_home_position_of_zeros_far_from_the_route_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"`plannedHomePosition` must be near the route, got \[0"):
+    with pytest.raises(
+        ft.InputError, match=r"`plannedHomePosition` must be near the route, got \[0"
+    ):
         read_route(plan_file(tmp_path / "m.plan", *PATROL[:3], home=(0, 0, 0)))
 
 
@@ -54,7 +55,7 @@ def test_a_home_position_of_zeros_far_from_the_route_is_refused(tmp_path):
 def test_a_plan_without_the_height_of_its_home_position_is_refused(tmp_path, home):
     """Heights above sea level and above home would be mixed, or count from no known height."""
     for items in (PATROL, PATROL[:3], (waypoint(*PLACE, frame=0), PATROL[3])):
-        with pytest.raises(InputError, match="height above sea level in `plannedHomePosition`"):
+        with pytest.raises(ft.InputError, match="height above sea level in `plannedHomePosition`"):
             read_route(plan_file(tmp_path / "m.plan", *items, home=home))
 
 
@@ -62,7 +63,7 @@ def test_a_survey_is_the_items_that_it_consists_of(tmp_path):
     survey = {"type": "ComplexItem", "TransectStyleComplexItem": {"Items": list(PATROL[1:3])}}
     file = plan_file(tmp_path / "m.plan", PATROL[0], survey, item(21, 0, 0, 0, 0, *PLACE))
 
-    with pytest.raises(InputError, match=r"item 4 \(NAV_LAND 21\)"):
+    with pytest.raises(ft.InputError, match=r"item 4 \(NAV_LAND 21\)"):
         read_route(file)
 
 
@@ -84,7 +85,7 @@ def test_commands_that_change_the_flight_are_left_out_on_request_alone(tmp_path)
     file = plan_file(tmp_path / "m.plan", *PATROL, jump, other, home)
     listed = "item 5 (DO_JUMP 177), item 6 (command 4242), item 7 (NAV_RETURN_TO_LAUNCH 20)"
 
-    with pytest.raises(InputError) as refusal:
+    with pytest.raises(ft.InputError) as refusal:
         read_route(file)
     assert f"got {listed}; `--skip` or" in str(refusal.value)
     assert read_route(file, skip=True).notes == [f"Not flown of the plan: {listed}."]
@@ -119,7 +120,7 @@ REFUSED = {
 def test_a_position_that_is_not_flown_is_refused_by_number_and_name(tmp_path, name, skip):
     file = plan_file(tmp_path / "m.plan", *PATROL[:2], REFUSED[name], *PATROL[2:])
 
-    with pytest.raises(InputError) as refusal:
+    with pytest.raises(ft.InputError) as refusal:
         read_route(file, skip=skip)
     assert f"got item 3 ({name})." in str(refusal.value)
 
@@ -137,7 +138,7 @@ def test_a_take_off_with_a_place_is_where_the_route_begins(tmp_path):
 def test_a_loiter_of_no_turns_is_refused(tmp_path):
     file = plan_file(tmp_path / "m.plan", PATROL[0], item(18, 0, 0, 0, 1, *PLACE), PATROL[3])
 
-    with pytest.raises(InputError, match=r"`turns` of item 2 .* must be positive, got 0"):
+    with pytest.raises(ft.InputError, match=r"`turns` of item 2 .* must be positive, got 0"):
         read_route(file)
 
 
@@ -184,7 +185,7 @@ def test_a_scenario_has_the_heights_and_the_notes_of_its_plan(tmp_path):
     assert (scenario.flight.h_m, scenario.flight.ground_m) == (540.0, 480.0)
     assert "Not flown of the plan: item 5 (DO_SET_CAM_TRIGG_DIST 206)." in scenario.notes
     file.write_text(SCENARIO.format(flight="h_m = 1000.0"))
-    with pytest.raises(InputError, match=r"`h_m` must be 540, .*m\.plan, or absent, got 1000 m"):
+    with pytest.raises(ft.InputError, match=r"`h_m` must be 540, .*m\.plan, or absent, got 1000 m"):
         ft.load_scenario(file)
 
 
@@ -200,7 +201,7 @@ def test_a_line_has_heights_at_every_point_or_at_none(tmp_path):
         route = line([8.5, 47.4, *height], [8.5, 47.42, *height])
         assert (route.flight, len(route.waypoint)) == ({}, 2)
         assert route.notes == ["The file has no heights: the route is level, at `h_m`."]
-    with pytest.raises(InputError, match="a height at every point"):
+    with pytest.raises(ft.InputError, match="a height at every point"):
         line([8.5, 47.4, 548.0], [8.5, 47.42])
 
 
@@ -211,7 +212,7 @@ def test_another_file_is_refused(tmp_path, text):
     file = tmp_path / "m.json"
     file.write_text(text)
 
-    with pytest.raises(InputError, match=r"m\.json") as refusal:
+    with pytest.raises(ft.InputError, match=r"m\.json") as refusal:
         read_route(file)
     assert "Error" not in str(refusal.value)
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.special import fresnel
 
-from flighttune.errors import InputError
+import flighttune as ft
 from flighttune.references.path import Ability, Waypoint, plan
 
 DEG = math.pi / 180.0
@@ -94,7 +94,7 @@ def test_a_climb_of_its_own_angle_ends_before_the_waypoint():
     ],
 )
 def test_what_cannot_be_flown_is_refused_by_the_number_of_its_waypoint(route, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ft.InputError, match=message):
         plan(route, ABILITY)
 
 
@@ -113,5 +113,7 @@ def test_climbs_that_change_faster_than_the_load_factor_allows_are_refused():
     fast = replace(ABILITY, V_a=200.0, wind=66.0, gamma=(-0.5, 0.5))
     heights = zip((0.0, 3000.0, 0.0, 0.0), (0.0, 9000.0, 18_000.0, 30_000.0), strict=True)
 
-    with pytest.raises(InputError, match=r"changes of the climb must be \d+ m apart .* got 9000 m"):
+    with pytest.raises(
+        ft.InputError, match=r"changes of the climb must be \d+ m apart .* got 9000 m"
+    ):
         plan([Waypoint(north=north, east=0.0, up=up) for up, north in heights], fast)

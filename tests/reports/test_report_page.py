@@ -12,7 +12,6 @@ import pytest
 
 import flighttune as ft
 from flighttune.claims.linear_loop import flight_check
-from flighttune.errors import RecordingError
 from flighttune.records.compare import Source
 from flighttune.reports.page import CONVERGES, LONGEST_LADDER
 from flighttune.tuning.frontier import frontier
@@ -236,7 +235,7 @@ def test_a_run_that_never_flew_is_told_of(paper_source, tmp_path):
 def test_runs_of_several_scenarios_are_refused(paper_source, printed_source, tmp_path):
     mixed = Source(name="mixed", runs=(*paper_source.runs, *printed_source.runs))
 
-    with pytest.raises(RecordingError, match=r"^mixed: .*one scenario"):
+    with pytest.raises(ft.RecordingError, match=r"^mixed: .*one scenario"):
         ft.write_report(mixed, tmp_path / "never.html")
     assert not (tmp_path / "never.html").exists()
 

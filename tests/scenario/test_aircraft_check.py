@@ -5,7 +5,6 @@ from made_up import made_up_scenario
 
 import flighttune as ft
 from flighttune.cli import main
-from flighttune.errors import ScenarioError
 
 SCENARIO = """
 title = "Straight on"
@@ -38,7 +37,7 @@ def test_what_an_aircraft_cannot_start_names_file_and_key(change, message, tmp_p
     path = tmp_path / "outside.toml"
     path.write_text(text(**change))
 
-    with pytest.raises(ScenarioError, match=message) as caught:
+    with pytest.raises(ft.ScenarioError, match=message) as caught:
         ft.load_scenario(path)
 
     assert str(caught.value).startswith(f"{path}: ")
@@ -64,5 +63,5 @@ def test_a_scenario_made_in_python_is_refused_by_its_title_when_it_is_flown():
     plants = [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}]
     scenario = made_up_scenario(flight={"V_a_mps": 250.0}, plant=plants)
 
-    with pytest.raises(ScenarioError, match=r"^Straight on: .*`V_a_mps`.*15 to 45"):
+    with pytest.raises(ft.ScenarioError, match=r"^Straight on: .*`V_a_mps`.*15 to 45"):
         ft.fly(scenario)

@@ -6,7 +6,6 @@ import pytest
 from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune.errors import ScenarioError
 
 LAG = {"kind": "point_mass_lag", "roll_lag_rad_s": 4.0, "n_z_lag_rad_s": 8.0}
 GUST = {"axis": "down", "peak_mps": 3.0, "start_s": 0.1, "length_m": 10.0}
@@ -47,7 +46,7 @@ BEYOND = [
 
 @pytest.mark.parametrize(("changes", "message"), BEYOND)
 def test_a_number_beyond_its_bound_is_refused_with_key_and_bound(changes, message):
-    with pytest.raises(ScenarioError, match=message) as caught:
+    with pytest.raises(ft.ScenarioError, match=message) as caught:
         short(**changes)
 
     assert len(str(caught.value)) < 300
@@ -69,7 +68,7 @@ PATHS = [
 @pytest.mark.parametrize(("start", "segments", "where"), PATHS)
 def test_a_path_angle_beyond_the_vertical_is_refused_wherever_it_comes_from(start, segments, where):
     message = rf"\[reference\] `gamma_deg` must stay within \+-89 deg, got {where}"
-    with pytest.raises(ScenarioError, match=message):
+    with pytest.raises(ft.ScenarioError, match=message):
         short(flight={"gamma_deg": start}, reference={"gamma_deg": segments})
 
 

@@ -12,7 +12,6 @@ import flighttune as ft
 from flighttune.campaign.planning.plan import plan_from
 from flighttune.campaign.stated_set import planned
 from flighttune.control.gains import PAPER_EPSILON
-from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.outer_loop import gain_set
 from flighttune.scenario.load import with_gains
 
@@ -45,7 +44,7 @@ def test_a_file_beside_the_scenario_is_a_gain_set_that_outlives_the_file(turn, t
     assert flown.label == "kinematic / my_gains"
     assert np.array_equal(flown.provenance.gains.K_P, K["K_P"])
     assert [again.difference for again in ft.refly([flown])] == [None]
-    with pytest.raises(ScenarioError, match=r"my gains\.json: .*readable"):
+    with pytest.raises(ft.ScenarioError, match=r"my gains\.json: .*readable"):
         ft.load_scenario(turn)
 
 
@@ -81,7 +80,7 @@ def test_chosen_gain_sets_take_the_place_of_the_scenarios(names, flown, turn, mo
     ],
 )
 def test_gain_sets_that_cannot_be_flown_together_are_refused(names, message, turn):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ft.InputError, match=message):
         with_gains(ft.load_scenario(turn), names, "turn")
 
 

@@ -10,7 +10,6 @@ from fuzzing import to_toml
 
 import flighttune as ft
 from flighttune.control.gains import paper_family
-from flighttune.errors import ScenarioError
 from flighttune.files.shipped import scenario_files
 
 ROUNDING = 1e-12
@@ -156,7 +155,7 @@ def test_a_wrong_value_gets_one_line_with_file_and_key(table, change, message, t
     path = tmp_path / "wrong.toml"
     path.write_text(to_toml(tables))
 
-    with pytest.raises(ScenarioError, match=message) as caught:
+    with pytest.raises(ft.ScenarioError, match=message) as caught:
         ft.load_scenario(path)
 
     assert str(caught.value).startswith(f"{path}: ")
@@ -166,7 +165,7 @@ def test_a_wrong_value_gets_one_line_with_file_and_key(table, change, message, t
 def test_a_missing_key_is_named(tables):
     del tables["flight"]["V_a_mps"]
 
-    with pytest.raises(ScenarioError, match=r"\[flight\] `V_a_mps`"):
+    with pytest.raises(ft.ScenarioError, match=r"\[flight\] `V_a_mps`"):
         ft.scenario_from(tables)
 
 
@@ -175,7 +174,7 @@ def test_several_mistakes_are_told_in_one_line(tables):
     tables["limits"]["phi_deg"] = 45.0
     tables["seed"] = -1
 
-    with pytest.raises(ScenarioError) as caught:
+    with pytest.raises(ft.ScenarioError) as caught:
         ft.scenario_from(tables)
 
     assert str(caught.value) == (
@@ -188,7 +187,7 @@ def test_several_mistakes_are_told_in_one_line(tables):
 def test_of_many_mistakes_five_are_told_and_the_rest_counted(tables):
     tables["flight"].update({f"key{i}": i for i in range(8)})
 
-    with pytest.raises(ScenarioError, match=r"; and 3 more\.$") as caught:
+    with pytest.raises(ft.ScenarioError, match=r"; and 3 more\.$") as caught:
         ft.scenario_from(tables)
 
     assert str(caught.value).count("is not a known key") == 5
@@ -196,7 +195,7 @@ def test_of_many_mistakes_five_are_told_and_the_rest_counted(tables):
 
 
 def test_a_file_that_is_not_there_lists_the_shipped_ones():
-    with pytest.raises(ScenarioError, match=r"nowhere\.toml: .*list`"):
+    with pytest.raises(ft.ScenarioError, match=r"nowhere\.toml: .*list`"):
         ft.load_scenario("nowhere.toml")
 
 
@@ -204,7 +203,7 @@ def test_a_file_that_is_not_toml_gives_the_line(tmp_path):
     path = tmp_path / "torn.toml"
     path.write_text("title = \n")
 
-    with pytest.raises(ScenarioError, match=r"torn\.toml: .*line 1"):
+    with pytest.raises(ft.ScenarioError, match=r"torn\.toml: .*line 1"):
         ft.load_scenario(path)
 
 
@@ -234,7 +233,7 @@ def test_gains_that_cannot_be_read_get_one_line(text, message, tmp_path):
     path = tmp_path / "gains.json"
     path.write_text(text)
 
-    with pytest.raises(ScenarioError, match=message) as caught:
+    with pytest.raises(ft.ScenarioError, match=message) as caught:
         ft.load_gains(path)
 
     assert str(caught.value).startswith(f"{path}: ")

@@ -11,7 +11,6 @@ from made_up import made_up_scenario
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.errors import InputError
 from flighttune.files.shipped import aircraft_folders, aircraft_names
 from flighttune.scenario.new import new_scenario
 
@@ -118,7 +117,7 @@ def test_the_texts_of_an_aircraft_stay_values_and_comments(tmp_path):
 
 
 def test_a_name_with_a_line_break_is_refused(tmp_path):
-    with pytest.raises(InputError, match="`NAME` must have printable characters only"):
+    with pytest.raises(ft.InputError, match="`NAME` must have printable characters only"):
         new_scenario(str(tmp_path / "mine\n[[law]]"))
 
 

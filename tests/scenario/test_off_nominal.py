@@ -7,7 +7,6 @@ import pytest
 from made_up import scenario_tables
 
 import flighttune as ft
-from flighttune.errors import ScenarioError
 from flighttune.files.shipped import scenario_files
 
 DEG = math.pi / 180.0
@@ -75,7 +74,7 @@ def test_impossible_values_are_refused_by_table_and_key(change, message):
     given = tables(**change)
     given["plant"][0] = {k: v for k, v in given["plant"][0].items() if v is not None}
 
-    with pytest.raises(ScenarioError, match=message):
+    with pytest.raises(ft.ScenarioError, match=message):
         ft.scenario_from(given)
 
 
@@ -83,7 +82,7 @@ def test_two_plants_of_one_label_are_told_to_have_a_name():
     given = tables()
     given["plant"] *= 2
 
-    with pytest.raises(ScenarioError) as got:
+    with pytest.raises(ft.ScenarioError) as got:
         ft.scenario_from(given)
 
     assert str(got.value) == (
@@ -115,7 +114,9 @@ OF_THE_AIRCRAFT = [
 
 @pytest.mark.parametrize(("airframe", "message"), OF_THE_AIRCRAFT)
 def test_what_the_aircraft_cannot_be_is_refused_before_anything_flies(airframe, message):
-    with pytest.raises(ScenarioError, match=rf"^Straight on: \[plant\.airframe\] {message}") as got:
+    with pytest.raises(
+        ft.ScenarioError, match=rf"^Straight on: \[plant\.airframe\] {message}"
+    ) as got:
         ft.fly(ft.scenario_from(tables(airframe)))
 
     assert "\n" not in str(got.value)
@@ -128,5 +129,5 @@ def test_a_file_with_what_the_aircraft_cannot_be_is_refused_when_it_is_read(tmp_
         '[[plant]]\nkind = "jsbsim"\naircraft = "aerosonde"\nairframe.izz_factor = 1.5\n'
     )
 
-    with pytest.raises(ScenarioError, match=rf"^{path}: \[plant\.airframe\] `izz_factor` must"):
+    with pytest.raises(ft.ScenarioError, match=rf"^{path}: \[plant\.airframe\] `izz_factor` must"):
         ft.load_scenario(path)

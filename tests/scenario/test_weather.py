@@ -5,7 +5,7 @@ import math
 import pytest
 from made_up import made_up_scenario
 
-from flighttune.errors import ScenarioError
+import flighttune as ft
 
 AIRCRAFT = [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}]
 LAW = [{"kind": "kinematic"}]
@@ -113,7 +113,7 @@ def test_still_air_is_no_weather():
     ],
 )  # fmt: skip
 def test_impossible_weather_names_table_and_key(tables, message):
-    with pytest.raises(ScenarioError, match=message):
+    with pytest.raises(ft.ScenarioError, match=message):
         scenario(**tables)
 
 
@@ -126,5 +126,5 @@ def test_impossible_weather_names_table_and_key(tables, message):
     ],
 )
 def test_weather_that_only_an_aircraft_meets_takes_an_aircraft(tables, key):
-    with pytest.raises(ScenarioError, match=f"`{key}` .*jsbsim"):
+    with pytest.raises(ft.ScenarioError, match=f"`{key}` .*jsbsim"):
         scenario(LAW, **tables)

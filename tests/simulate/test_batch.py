@@ -7,7 +7,6 @@ import pytest
 
 import flighttune as ft
 from flighttune.control.gains import paper_family
-from flighttune.errors import InputError, ShapeError
 from flighttune.references.segments import Segment
 from flighttune.simulate.batch import SIGNALS, fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
@@ -164,18 +163,18 @@ def test_a_roll_beyond_90_deg_is_reported_as_a_value():
     ],
 )
 def test_impossible_flights_are_refused(settings, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ft.InputError, match=message):
         paper(**settings)
 
 
 def test_a_reference_over_time_must_be_as_long_as_the_flight():
-    with pytest.raises(ShapeError, match="101 samples, got 5"):
+    with pytest.raises(ft.ShapeError, match="101 samples, got 5"):
         fly_sampled([ft.MimoPI(ft.PAPER_GAINS, dt=0.01)], [START], np.zeros((5, 2)), duration=1.0)
 
 
 def test_controllers_that_differ_in_more_than_gains_are_refused():
     laws = [ft.MimoPI(ft.PAPER_GAINS, dt=dt) for dt in (0.01, 0.02)]
-    with pytest.raises(InputError, match="`controllers`"):
+    with pytest.raises(ft.InputError, match="`controllers`"):
         fly_sampled(laws, [START], REF, duration=1.0)
 
 

@@ -9,7 +9,6 @@ import pytest
 from made_up import scenario_tables
 
 import flighttune as ft
-from flighttune.errors import InputError, ScenarioError
 from flighttune.references.feasible import Manoeuvre, feasible_reference
 from flighttune.scenario.load import check_aircraft
 from flighttune.simulate.loop import simulate
@@ -179,7 +178,7 @@ def test_the_reference_may_begin_elsewhere_than_the_flight():
 )
 def test_what_cannot_be_is_one_line_and_takes_no_time(tables, message):
     began = time.process_time()
-    with pytest.raises((ScenarioError, InputError), match=message) as raised:
+    with pytest.raises((ft.ScenarioError, ft.InputError), match=message) as raised:
         check_aircraft(ft.scenario_from(changed(**tables)), "file.toml")
 
     assert "\n" not in str(raised.value)

@@ -7,7 +7,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flighttune as ft
-from flighttune.errors import InputError
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
 from flighttune.simulate.run import SIGNAL_UNITS
 
@@ -140,5 +139,5 @@ def test_a_flight_that_ends_early_keeps_what_was_flown_and_its_reason():
 
 @pytest.mark.parametrize("duration", [0.0, 0.01, math.nan, math.inf])
 def test_a_flight_lasts_at_least_one_sample(duration):
-    with pytest.raises(InputError, match="`duration`"):
+    with pytest.raises(ft.InputError, match="`duration`"):
         simulated(duration=duration)

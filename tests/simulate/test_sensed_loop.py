@@ -5,7 +5,6 @@ import pytest
 
 import flighttune as ft
 from flighttune.control.mimo_pi import INTEGRAL_SIGNALS
-from flighttune.errors import ShapeError
 from flighttune.plants.sensors import MEASURED, SENSED
 from flighttune.references.segments import Segment
 from flighttune.simulate.batch import SIGNALS, fly_sampled
@@ -121,5 +120,5 @@ def test_one_set_of_sensors_serves_all_flights_and_the_wrong_number_is_refused()
         return batch.trajectories[:, -1]
 
     assert np.array_equal(last([NOISY]), last([NOISY] * 3))
-    with pytest.raises(ShapeError, match="3 flights"):
+    with pytest.raises(ft.ShapeError, match="3 flights"):
         last([NOISY] * 2)

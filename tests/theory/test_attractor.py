@@ -6,7 +6,6 @@ from printed import A_K, L_D, MODEL, E
 from worst_reach import ReachableSet, largest_reach
 
 import flighttune as ft
-from flighttune.errors import InputError, ShapeError
 from flighttune.theory.attractor import invariant_ellipsoid, paper_balls
 
 LAST_DIGIT = 5e-4
@@ -61,17 +60,17 @@ def test_room_makes_the_inequality_strict_at_almost_no_cost():
 
 @pytest.mark.parametrize("L_d", [0.0, np.nan])
 def test_the_disturbance_bound_must_be_positive(L_d):
-    with pytest.raises(InputError, match="`L_d` must be positive"):
+    with pytest.raises(ft.InputError, match="`L_d` must be positive"):
         invariant_ellipsoid(A_K, E, L_d=L_d)
-    with pytest.raises(InputError, match="`L_d` must be positive"):
+    with pytest.raises(ft.InputError, match="`L_d` must be positive"):
         paper_balls(A_K, MODEL.A, I_K=1.0, L_d=L_d)
 
 
 def test_an_unstable_loop_has_no_ellipsoid():
-    with pytest.raises(InputError, match=r"`A`.*0\.5"):
+    with pytest.raises(ft.InputError, match=r"`A`.*0\.5"):
         invariant_ellipsoid([[0.5]], [[1.0]], L_d=1.0)
 
 
 def test_the_disturbance_must_enter_somewhere():
-    with pytest.raises(ShapeError, match=r"`E`.*2"):
+    with pytest.raises(ft.ShapeError, match=r"`E`.*2"):
         invariant_ellipsoid(-np.eye(2), [[0.0], [0.0]], L_d=1.0)

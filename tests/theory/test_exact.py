@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from flighttune.errors import InputError
+import flighttune as ft
 from flighttune.theory.exact import (
     cosine,
     exact,
@@ -86,7 +86,7 @@ def test_the_sine_of_thirty_degrees_is_a_half():
 
 @pytest.mark.parametrize("function", [sine, cosine])
 def test_angles_beyond_a_right_angle_are_refused(function):
-    with pytest.raises(InputError, match=r"`angle` must lie inside \+-pi/2"):
+    with pytest.raises(ft.InputError, match=r"`angle` must lie inside \+-pi/2"):
         function(1.6)
 
 
@@ -97,7 +97,7 @@ def test_a_float_is_the_rational_it_says(value):
 
 @pytest.mark.parametrize("value", [np.nan, np.inf])
 def test_what_is_not_finite_is_no_rational(value):
-    with pytest.raises(InputError, match="`values` must be finite"):
+    with pytest.raises(ft.InputError, match="`values` must be finite"):
         exact([value])
 
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.linalg import solve_continuous_lyapunov
 
-from flighttune.errors import InputError, ShapeError
+import flighttune as ft
 from flighttune.theory.lyapunov import KRONECKER_STATES, lyapunov_solution
 
 ROUNDING = 1e-12
@@ -92,7 +92,7 @@ def test_a_stack_equals_its_members_and_broadcasts_the_right_hand_side(n):
 
 
 def test_a_pair_of_opposite_eigenvalues_is_refused():
-    with pytest.raises(InputError, match="`A`"):
+    with pytest.raises(ft.InputError, match="`A`"):
         lyapunov_solution(np.diag([1.0, -1.0]))
 
 
@@ -105,5 +105,5 @@ def test_a_pair_of_opposite_eigenvalues_is_refused():
     ],
 )
 def test_a_right_hand_side_that_does_not_fit_is_named(S, message):
-    with pytest.raises((InputError, ShapeError), match=message):
+    with pytest.raises((ft.InputError, ft.ShapeError), match=message):
         lyapunov_solution(-np.stack([np.eye(2)] * 3), S)

@@ -8,7 +8,6 @@ import pytest
 import flighttune as ft
 from flighttune.certificates.bound import bound_rate, load_bound, verify_bound
 from flighttune.control.inner_loop import with_input_lag
-from flighttune.errors import InputError
 from flighttune.files.value import write
 from flighttune.theory import rate_bound
 from flighttune.theory.optimal import least_radius, optimal_channel, slowest_channel
@@ -158,5 +157,5 @@ def test_a_side_below_zero_proves_nothing_more(bound):
     ],
 )
 def test_a_bound_that_cannot_be_stated_is_refused(model, I_star, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ft.InputError, match=message):
         bound_rate(model, I_star)

@@ -17,7 +17,6 @@ from flighttune.claims.conformance import (
     save_conformance,
 )
 from flighttune.claims.distribution import Distribution, flown_values
-from flighttune.errors import InputError
 from flighttune.files.seal import BLANK, seal
 from flighttune.files.table import toml_text
 from flighttune.gaps.residual import ConformantModel
@@ -107,7 +106,7 @@ def test_a_set_that_is_lost_bounds_no_flight(tmp_path):
 
     assert (lost.status, lost.probability) == ("unbounded", None)
     assert 0 < len(lost.bounds.t) < len(lost.problem.t)
-    with pytest.raises(InputError, match="must be bounded"):
+    with pytest.raises(ft.InputError, match="must be bounded"):
         ft.save_tube(lost, tmp_path / "tube.npz")
     assert lost.reason in stderr
     assert "`flighttune band` bounds such flights" in stdout
@@ -122,7 +121,7 @@ def test_in_wind_the_start_must_be_stated():
     boxes = conformance(windy, half_width=10.0 * WIDE)
 
     assert tube(windy, ft.PAPER_GAINS, conformance=boxes).status == "bounded"
-    with pytest.raises(InputError, match="`wind` must be stated"):
+    with pytest.raises(ft.InputError, match="`wind` must be stated"):
         tube(calm, ft.PAPER_GAINS, conformance=boxes)
 
 
@@ -135,9 +134,9 @@ def test_turbulence_is_that_of_the_boxes_and_no_other():
 
     assert tube_problem(scenario, ft.PAPER_GAINS, conformance=known).boxes is not None
     windy["turbulence"]["intensity"] = "severe"
-    with pytest.raises(InputError, match=r"`turbulence.intensity`.*'light'.*'severe'"):
+    with pytest.raises(ft.InputError, match=r"`turbulence.intensity`.*'light'.*'severe'"):
         tube(ft.scenario_from(windy), ft.PAPER_GAINS, conformance=known)
-    with pytest.raises(InputError, match=r"`wind.speed_mps`.*None.*3"):
+    with pytest.raises(ft.InputError, match=r"`wind.speed_mps`.*None.*3"):
         tube(scenario, ft.PAPER_GAINS, conformance=conformance(flight(duration_s=0.3)))
 
 
@@ -150,10 +149,10 @@ def test_starts_are_those_of_the_boxes():
     drawn = replace(known.distribution, dispersed=dispersed, disperse=tables)
     wider = replace(known, distribution=drawn)
 
-    with pytest.raises(InputError, match=r"`start`.* 0 deg.*`flight.chi_deg`"):
+    with pytest.raises(ft.InputError, match=r"`start`.* 0 deg.*`flight.chi_deg`"):
         tube(scenario, ft.PAPER_GAINS, conformance=known, start=0.01)
     assert tube(scenario, ft.PAPER_GAINS, conformance=wider, start=0.03).status == "bounded"
-    with pytest.raises(InputError, match=r"`start`.* 2 deg.*2.292 deg"):
+    with pytest.raises(ft.InputError, match=r"`start`.* 2 deg.*2.292 deg"):
         tube(scenario, ft.PAPER_GAINS, conformance=wider, start=0.04)
 
 
@@ -163,7 +162,7 @@ def test_a_list_that_is_too_short_is_refused_by_name(tmp_path):
     tables["model"]["lags"] = []
     path.write_bytes(seal(json.dumps({**tables, "seal": BLANK}).encode()))
 
-    with pytest.raises(InputError, match=r"boxes\.json: `model\.lags\.0` must be given; "):
+    with pytest.raises(ft.InputError, match=r"boxes\.json: `model\.lags\.0` must be given; "):
         load_conformance(path)
 
 
@@ -172,19 +171,19 @@ def test_what_the_boxes_say_nothing_about_is_refused():
     known = conformance(scenario)
     other = ft.PIGains(K_P=2.0 * ft.PAPER_GAINS.K_P, K_I=ft.PAPER_GAINS.K_I)
 
-    with pytest.raises(InputError, match=r"`K_P`.*paper"):
+    with pytest.raises(ft.InputError, match=r"`K_P`.*paper"):
         tube(scenario, other, conformance=known)
-    with pytest.raises(InputError, match=r"`flight.chi_deg`.*4.0.*5.0"):
+    with pytest.raises(ft.InputError, match=r"`flight.chi_deg`.*4.0.*5.0"):
         tube(flight(chi_err_deg=5.0), ft.PAPER_GAINS, conformance=known)
-    with pytest.raises(InputError, match="`disturbance` must not be given"):
+    with pytest.raises(ft.InputError, match="`disturbance` must not be given"):
         tube(scenario, ft.PAPER_GAINS, conformance=known, disturbance=0.1)
-    with pytest.raises(InputError, match="`conformance` must be given"):
+    with pytest.raises(ft.InputError, match="`conformance` must be given"):
         tube(scenario, ft.PAPER_GAINS, plant="jsbsim:aerosonde")
     scheduled = scenario.as_dict()
     scheduled["controller"]["schedule"] = True
-    with pytest.raises(InputError, match=r"`schedule`.*false"):
+    with pytest.raises(ft.InputError, match=r"`schedule`.*false"):
         tube(ft.scenario_from(scheduled), ft.PAPER_GAINS, conformance=known)
-    with pytest.raises(InputError, match="of kind jsbsim"):
+    with pytest.raises(ft.InputError, match="of kind jsbsim"):
         tube(made_up(), ft.PAPER_GAINS, conformance=known)
 
 
@@ -241,19 +240,19 @@ def test_boxes_other_than_those_counted_are_refused(proof, tmp_path, factor, cla
     path = rewritten(proof[0], boxes, tmp_path / "forged.npz", **claim)
 
     assert load_tube(path).problem.aircraft_checked is False
-    with pytest.raises(InputError, match=rf"forged\.npz: `{name}` must"):
+    with pytest.raises(ft.InputError, match=rf"forged\.npz: `{name}` must"):
         load_tube(path, load_conformance(proof[1]))
 
 
 @pytest.mark.slow
 def test_boxes_and_an_aircraft_go_together(proof, tmp_path):
     path = rewritten(proof[0], {"boxes": None}, tmp_path / "forged.npz", conformance_sha256=None)
-    with pytest.raises(InputError, match="`conformance` must be given"):
+    with pytest.raises(ft.InputError, match="`conformance` must be given"):
         load_tube(path)
 
     scenario = {**claim_of(proof[0])["scenario"], "plant": [{"kind": "kinematic"}]}
     rewritten(proof[0], {}, path, scenario=scenario, plant="kinematic")
-    with pytest.raises(InputError, match=r"`boxes`.*kinematic"):
+    with pytest.raises(ft.InputError, match=r"`boxes`.*kinematic"):
         load_tube(path)
 
 

@@ -3,7 +3,6 @@
 import pytest
 
 import flighttune as ft
-from flighttune.errors import InputError
 from flighttune.flight.outer_loop import gain_set
 from flighttune.tubes.proof import load_tube, verify_tube
 from flighttune.units import DEG
@@ -52,7 +51,7 @@ def test_where_it_does_not_invert_the_reason_says_why():
 def test_an_aircraft_is_refused_by_name():
     scenario = with_exact(made_up(), {"kind": "jsbsim", "aircraft": "aerosonde"})
 
-    with pytest.raises(InputError, match=r"exact law.*airspeed"):
+    with pytest.raises(ft.InputError, match=r"exact law.*airspeed"):
         tube(scenario, EXACT_PAPER, plant="jsbsim:aerosonde")
 
 

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.errors import InputError
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.hand_over import hull, inside, parallelotope
@@ -116,7 +115,7 @@ def test_a_hand_over_before_the_last_change_or_after_the_last_sample_is_refused(
     _, samples = claim_of(path)["hand_over"]
     rewritten(path, {}, tmp_path / "changed.npz", hand_over=[sample, samples])
 
-    with pytest.raises(InputError, match=f"`hand_over`.*101.*sample {sample}"):
+    with pytest.raises(ft.InputError, match=f"`hand_over`.*101.*sample {sample}"):
         verify_tube(load_tube(tmp_path / "changed.npz"))
 
 

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.errors import InputError
 from flighttune.tubes.proof import is_tube_file, load_tube, verify_tube
 from tests.commands import flighttune
 from tests.tubes.test_soundness import made_up, tube
@@ -172,7 +171,7 @@ def test_a_disturbance_that_is_left_out_is_that_of_the_scenario(proven, tmp_path
     rewritten(proven[1], {}, path, scenario=scenario, disturbance_rad_s=None)
     assert "is not proven" in verify_tube(load_tube(path)).reason
     rewritten(proven[1], {}, path, scenario=scenario)
-    with pytest.raises(InputError, match=r"changed\.npz: `disturbance`.* 0.5 "):
+    with pytest.raises(ft.InputError, match=r"changed\.npz: `disturbance`.* 0.5 "):
         load_tube(path)
 
 
@@ -190,7 +189,7 @@ def test_a_feasible_reference_in_the_file_must_be_that_of_the_scenario(tmp_path)
 
     assert (again.problem.reference == near).all()
     assert verify_tube(load_tube(path)).valid
-    with pytest.raises(InputError, match=r"far\.npz: `reference`.*1e-05"):
+    with pytest.raises(ft.InputError, match=r"far\.npz: `reference`.*1e-05"):
         load_tube(rewritten(path, {"reference": far}, tmp_path / "far.npz"))
 
 
@@ -215,7 +214,7 @@ def test_a_feasible_reference_in_the_file_must_be_that_of_the_scenario(tmp_path)
     ],
 )
 def test_what_is_no_tube_is_refused_in_one_line(changed, name, change, what):
-    with pytest.raises(InputError, match=what) as refused:
+    with pytest.raises(ft.InputError, match=what) as refused:
         verify_tube(load_tube(changed(name, change)))
 
     assert "changed.npz: " in str(refused.value)
@@ -241,7 +240,7 @@ def test_what_is_missing_or_not_called_for_is_refused_by_name(
 ):
     path = rewritten(proven[1], arrays, tmp_path / "changed.npz", **claim)
 
-    with pytest.raises(InputError, match=rf"changed\.npz: {what}"):
+    with pytest.raises(ft.InputError, match=rf"changed\.npz: {what}"):
         load_tube(path)
 
 
@@ -252,7 +251,7 @@ def test_an_array_that_is_there_twice_is_refused(proven, tmp_path):
     with zipfile.ZipFile(path, "a") as archive:
         archive.writestr("bounds.npy", archive.read("bounds.npy"))
 
-    with pytest.raises(InputError, match=r"`bounds\.npy`.*once"):
+    with pytest.raises(ft.InputError, match=r"`bounds\.npy`.*once"):
         load_tube(path)
 
 
@@ -285,7 +284,7 @@ def test_a_member_that_is_too_large_is_refused_before_it_is_unpacked(
         path.write_bytes(lie)
 
     tracemalloc.start()
-    with pytest.raises(InputError, match=r"bomb\.npz: "):
+    with pytest.raises(ft.InputError, match=r"bomb\.npz: "):
         load_tube(path)
     _, most = tracemalloc.get_traced_memory()
     tracemalloc.stop()
@@ -307,7 +306,7 @@ def test_a_damaged_file_is_refused(proven, tmp_path):
     path.write_bytes(proven[1].read_bytes()[:-200])
 
     assert not is_tube_file(path)
-    with pytest.raises(InputError, match=r"cut\.npz"):
+    with pytest.raises(ft.InputError, match=r"cut\.npz"):
         load_tube(path)
 
 

@@ -9,7 +9,6 @@ import pytest
 import flighttune as ft
 from flighttune.control.envelope import Envelope
 from flighttune.control.inner_loop import with_input_lag
-from flighttune.errors import InputError, ScenarioError
 from flighttune.flight.outer_loop import identified_problems
 from flighttune.tuning.envelope import tune_over_envelope
 from flighttune.tuning.problem import decoupled
@@ -91,16 +90,16 @@ def test_the_error_is_bounded_on_the_identified_aircraft_too():
 
 def test_a_bound_on_the_error_that_cannot_be_is_refused(model):
     for E_star in (0.0, -1.0, math.nan):
-        with pytest.raises(InputError, match="`E_star` must be positive"):
+        with pytest.raises(ft.InputError, match="`E_star` must be positive"):
             ft.TuningProblem(model=model, E_star=E_star)
-    with pytest.raises(InputError, match="`E_star`"):
+    with pytest.raises(ft.InputError, match="`E_star`"):
         tune_over_envelope(ft.TuningProblem(model=model, E_star=1.0), LEVEL, LEVEL, g=9.81)
-    with pytest.raises(ScenarioError, match="`E_star`"):
+    with pytest.raises(ft.ScenarioError, match="`E_star`"):
         ft.load_scenario("paper", changes={"tuning.E_star": 0.0})
 
 
 def test_a_law_without_a_linear_model_has_no_error_to_bound(tmp_path):
     (tmp_path / "law.py").write_text("class Mine: pass")
     law = {"name": "mine", "kind": "python", "module": "law.py", "class": "Mine"}
-    with pytest.raises(ScenarioError, match=r"`E_star` .* mine, .* 1"):
+    with pytest.raises(ft.ScenarioError, match=r"`E_star` .* mine, .* 1"):
         ft.load_scenario("paper", changes={"tuning.E_star": 1.0, "law": [law], "expect": []})

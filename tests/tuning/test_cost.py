@@ -10,7 +10,6 @@ from scipy.linalg import solve_continuous_are
 import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import closed_loops
-from flighttune.errors import InputError
 from flighttune.files.shipped import scenario_files
 from flighttune.tuning.cost import quadratic_cost
 
@@ -134,7 +133,7 @@ def test_a_rate_above_what_exists_is_refused_with_the_largest(problem):
     ],
 )
 def test_a_cost_that_means_nothing_is_refused(problem, changes, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ft.InputError, match=message):
         replace(problem, **changes)
 
 
@@ -153,5 +152,5 @@ def test_keys_of_a_scenario_that_do_not_fit_are_refused(tmp_path, lines, message
     text = scenario_files()["paper"].read_text(encoding="utf-8")
     path.write_text(text.replace("[tuning]", f"[tuning]\n{lines}"))
 
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ft.InputError, match=message):
         ft.load_scenario(path)

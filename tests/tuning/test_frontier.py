@@ -6,7 +6,6 @@ import pytest
 
 import flighttune as ft
 from flighttune.control.gains import paper_family
-from flighttune.errors import InputError
 from flighttune.theory.optimal import optimal_channel
 from flighttune.tuning.frontier import frontier
 
@@ -62,5 +61,5 @@ def test_without_stable_gains_only_the_marks_are_left(model):
 
 
 def test_a_frontier_has_two_points_at_least(model):
-    with pytest.raises(InputError, match=r"`points` .* 2, got 1"):
+    with pytest.raises(ft.InputError, match=r"`points` .* 2, got 1"):
         frontier(ft.TuningProblem(model=model), points=1)

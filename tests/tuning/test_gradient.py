@@ -8,7 +8,6 @@ import pytest
 import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import closed_loops
-from flighttune.errors import InputError
 from flighttune.tuning.diagnosis import relaxed
 from flighttune.tuning.problem import decoupled, search_space
 from tests.tuning.conftest import ALL_LIMITS
@@ -170,7 +169,7 @@ def test_one_start_is_enough(model):
 
 
 def test_no_starts_are_refused(model):
-    with pytest.raises(InputError, match=r"`starts` .* 1, got 0"):
+    with pytest.raises(ft.InputError, match=r"`starts` .* 1, got 0"):
         ft.tune(ft.TuningProblem(model=model), starts=0)
 
 

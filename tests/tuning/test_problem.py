@@ -6,7 +6,6 @@ import pytest
 import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import closed_loops
-from flighttune.errors import InputError, ShapeError
 from flighttune.tuning.diagnosis import relaxed
 from flighttune.tuning.problem import decoupled, search_space
 from flighttune.tuning.program import stabilising_starts
@@ -81,13 +80,13 @@ def test_relaxed_limits_are_multiplied_by_their_factors(printed):
 @pytest.mark.parametrize(
     ("change", "error", "message"),
     [
-        ({"I_star": 0.0}, InputError, "`I_star` must be positive, got 0"),
-        ({"seed": -1}, InputError, "`seed` must not be negative"),
-        ({"limits": ft.Limits.none(2)}, InputError, "`x_0` must be given with `limits`"),
-        ({"limits": ft.Limits.none(3), "x_0": np.ones(2)}, ShapeError, "`limits` must have 2"),
-        ({"scaling": np.ones(3)}, ShapeError, "`scaling` must have shape"),
-        ({"K_min": np.zeros((2, 2))}, ShapeError, r"`K_min` must have shape \(2, 4\)"),
-        ({"K_min": np.ones((2, 4)), "K_max": np.zeros((2, 4))}, InputError, "`K_min` must not"),
+        ({"I_star": 0.0}, ft.InputError, "`I_star` must be positive, got 0"),
+        ({"seed": -1}, ft.InputError, "`seed` must not be negative"),
+        ({"limits": ft.Limits.none(2)}, ft.InputError, "`x_0` must be given with `limits`"),
+        ({"limits": ft.Limits.none(3), "x_0": np.ones(2)}, ft.ShapeError, "`limits` must have 2"),
+        ({"scaling": np.ones(3)}, ft.ShapeError, "`scaling` must have shape"),
+        ({"K_min": np.zeros((2, 2))}, ft.ShapeError, r"`K_min` must have shape \(2, 4\)"),
+        ({"K_min": np.ones((2, 4)), "K_max": np.zeros((2, 4))}, ft.InputError, "`K_min` must not"),
     ],
 )
 def test_a_problem_that_makes_no_sense_is_refused_by_name(model, change, error, message):

@@ -8,7 +8,6 @@ import pytest
 import flighttune as ft
 from flighttune.control.inner_loop import inner_loop_scaling, with_inner_loop
 from flighttune.control.linear_model import closed_loops
-from flighttune.errors import InputError
 from flighttune.tuning.problem import decoupled
 from flighttune.tuning.robust import channels, tune_worst_case
 
@@ -110,5 +109,5 @@ def test_input_limits_are_kept():
 
 
 def test_problems_with_other_bounds_are_refused():
-    with pytest.raises(InputError, match="`problems`"):
+    with pytest.raises(ft.InputError, match="`problems`"):
         tune_worst_case([problem(), problem(K_max=np.full((2, 4), 3.0))])

@@ -7,7 +7,6 @@ import pytest
 
 import flighttune as ft
 from flighttune.control.envelope import Envelope, jacobian_hull
-from flighttune.errors import InputError
 from flighttune.theory.common import common_Q
 from flighttune.tuning.envelope import (
     ascend,
@@ -174,9 +173,9 @@ def test_an_envelope_without_the_trim_and_a_state_scaling_are_refused(model):
     outside = Envelope.at(V_a=40.0, gamma=0.0)
     scaled = ft.TuningProblem(model=model, scaling=np.array([1.0, 1.0, 2.0, 2.0]))
 
-    with pytest.raises(InputError, match="`envelope` must contain"):
+    with pytest.raises(ft.InputError, match="`envelope` must contain"):
         largest_factor(TUNED, GENTLE, outside, g=G)
-    with pytest.raises(InputError, match="`envelope` must contain"):
+    with pytest.raises(ft.InputError, match="`envelope` must contain"):
         tune_over_envelope(ft.TuningProblem(model=model), GENTLE, outside, g=G)
-    with pytest.raises(InputError, match="`scaling`"):
+    with pytest.raises(ft.InputError, match="`scaling`"):
         tune_over_envelope(scaled, GENTLE, TRIM, g=G)

@@ -7,7 +7,6 @@ import pytest
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.errors import InputError
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
 from flighttune.plants.weather import Gust, OscillatingWind, Turbulence, Weather, WindProfile
@@ -290,7 +289,7 @@ def test_height_is_above_sea_level_and_the_ground_is_hit_where_it_lies(fly):
 
 def test_ground_must_be_where_ground_is_and_a_start_above_it():
     for ground in (math.nan, 9000.0, -2000.0):
-        with pytest.raises(InputError, match=r"`ground` .*-500 to 6000 m"):
+        with pytest.raises(ft.InputError, match=r"`ground` .*-500 to 6000 m"):
             ft.JSBSimPlant(ground=ground)
-    with pytest.raises(InputError, match=r"`h` .*1200 m, got 1000 m"):
+    with pytest.raises(ft.InputError, match=r"`h` .*1200 m, got 1000 m"):
         ft.JSBSimPlant(ground=1200.0).start(ft.FlightCondition(V_a=25.0, h=1000.0))

@@ -8,7 +8,6 @@ import pytest
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.errors import InputError, TrimError
 from flighttune.plants.weather import Gust, Turbulence, Weather
 
 DEG = math.pi / 180.0
@@ -30,7 +29,7 @@ def test_the_steepest_climb_of_a_weak_engine_is_that_of_its_thrust():
 
     weak = ft.JSBSimPlant(throttle_max=WEAK)
     weak.start(ft.FlightCondition(V_a=25.0, gamma=steepest - 0.5 * DEG))
-    with pytest.raises(TrimError, match="too little thrust"):
+    with pytest.raises(ft.TrimError, match="too little thrust"):
         weak.start(ft.FlightCondition(V_a=25.0, gamma=steepest + 0.5 * DEG))
 
 
@@ -96,5 +95,5 @@ def test_severe_turbulence_near_the_ground_ends_in_a_status(fly):
 
 @pytest.mark.parametrize("throttle_max", [0.0, -1.0, 1.5, math.nan])
 def test_an_upper_stop_of_the_throttle_lies_between_its_stops(throttle_max):
-    with pytest.raises(InputError, match="`throttle_max` must lie above 0"):
+    with pytest.raises(ft.InputError, match="`throttle_max` must lie above 0"):
         load_aircraft("aerosonde").with_throttle_max(throttle_max)

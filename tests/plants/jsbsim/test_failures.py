@@ -9,7 +9,6 @@ import pytest
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.aircraft.off_nominal import OffNominal
-from flighttune.errors import InputError, PlantError, ScenarioError, TrimError
 from flighttune.plants.jsbsim.fdm import Fdm
 
 DEG = math.pi / 180.0
@@ -41,7 +40,7 @@ def test_a_file_that_cannot_be_flown_is_named_in_one_line(
 ):
     folder = changed_aircraft(file, pattern, replacement)
 
-    with pytest.raises((PlantError, TrimError), match=message) as error:
+    with pytest.raises((ft.PlantError, ft.TrimError), match=message) as error:
         started(folder)
     assert "\n" not in str(error.value)
 
@@ -50,7 +49,7 @@ def test_a_file_that_cannot_be_flown_is_named_in_one_line(
 def test_malformed_property_name_is_an_error_and_not_the_end_of_the_process(name):
     fdm = Fdm(load_aircraft("aerosonde"))
 
-    with pytest.raises(PlantError, match="must have the property"):
+    with pytest.raises(ft.PlantError, match="must have the property"):
         fdm.reader(name)
 
 
@@ -70,7 +69,7 @@ def test_command_that_is_no_number_stops_the_flight(channel, bad):
         r"t = 1\.000 s: commands must be finite, got phi_cmd .* n_z_cmd .*\.", stop.reason
     )
     assert plant.observe() == before
-    with pytest.raises(PlantError, match="its flight has ended"):
+    with pytest.raises(ft.PlantError, match="its flight has ended"):
         plant.advance(0.0, 1.0, 0.02)
 
 
@@ -153,7 +152,7 @@ def test_jsbsim_ending_the_run_is_an_error(changed_aircraft):
     )
     plant = started(folder)
 
-    with pytest.raises(PlantError, match=r"0\.5\d+ s: JSBSim ended"):
+    with pytest.raises(ft.PlantError, match=r"0\.5\d+ s: JSBSim ended"):
         plant.advance(0.0, 1.0, 2.0)
 
 
@@ -166,7 +165,7 @@ def test_nothing_is_written_to_the_terminal(capfd, changed_aircraft):
     thread = threading.Thread(target=started, args=("aerosonde",))
     thread.start()
     thread.join()
-    with pytest.raises(PlantError):
+    with pytest.raises(ft.PlantError):
         started(broken)
 
     assert capfd.readouterr() == ("", "")
@@ -219,7 +218,7 @@ def test_an_aircraft_opens_no_files_and_sockets(changed_aircraft, tmp_path, monk
 def test_aircraft_file_errors_name_file_and_key(changed_aircraft, pattern, replacement, message):
     folder = changed_aircraft("aircraft.toml", pattern, replacement)
 
-    with pytest.raises(ScenarioError, match=rf"copy/aircraft\.toml: {message}") as error:
+    with pytest.raises(ft.ScenarioError, match=rf"copy/aircraft\.toml: {message}") as error:
         ft.JSBSimPlant(folder)
     assert "\n" not in str(error.value)
 
@@ -234,13 +233,13 @@ def test_aircraft_file_errors_name_file_and_key(changed_aircraft, pattern, repla
 def test_what_our_own_copy_of_a_file_cannot_hold_is_refused(changed_aircraft, text, message):
     folder = changed_aircraft("aerosonde.xml", "<aerodynamics>", f"<aerodynamics>{text}")
 
-    with pytest.raises(PlantError, match=rf"aerosonde\.xml {message}") as error:
+    with pytest.raises(ft.PlantError, match=rf"aerosonde\.xml {message}") as error:
         ft.JSBSimPlant(folder, off_nominal=OffNominal(lift_factor=1.1))
     assert "\n" not in str(error.value)
 
 
 def test_an_aircraft_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(InputError, match=r"`aircraft` .*aerosonde.*'concorde'"):
+    with pytest.raises(ft.InputError, match=r"`aircraft` .*aerosonde.*'concorde'"):
         ft.JSBSimPlant("concorde")
-    with pytest.raises(InputError, match=r"aircraft\.toml: .*readable"):
+    with pytest.raises(ft.InputError, match=r"aircraft\.toml: .*readable"):
         ft.JSBSimPlant(tmp_path)

@@ -3,7 +3,6 @@
 import pytest
 
 import flighttune as ft
-from flighttune.errors import InputError, PlantError
 
 
 @pytest.mark.parametrize(
@@ -44,7 +43,7 @@ def test_what_is_not_as_the_file_says_is_named(
 ):
     folder = changed_aircraft("aircraft.toml", pattern, replacement, aircraft=name)
 
-    with pytest.raises(PlantError, match=message) as error:
+    with pytest.raises(ft.PlantError, match=message) as error:
         ft.JSBSimPlant(folder).start(ft.FlightCondition(V_a=150.0 if name == "a4" else 50.0))
     assert "\n" not in str(error.value)
 
@@ -52,7 +51,9 @@ def test_what_is_not_as_the_file_says_is_named(
 def test_a_model_whose_name_no_file_can_have_is_refused(changed_aircraft):
     folder = changed_aircraft("aircraft.toml", '"aerosonde.xml"', f'"{"x" * 300}"')
 
-    with pytest.raises(InputError, match=r"aircraft\.toml: `model` must .* 80 bytes, it has 300"):
+    with pytest.raises(
+        ft.InputError, match=r"aircraft\.toml: `model` must .* 80 bytes, it has 300"
+    ):
         ft.JSBSimPlant(folder)
 
 
@@ -61,7 +62,7 @@ def test_a_part_whose_name_no_file_can_have_is_refused(changed_aircraft):
         "aerosonde.xml", '<engine file="[^"]*"', f'<engine file="{"x" * 300}"'
     )
 
-    with pytest.raises(PlantError, match=r"aerosonde\.xml") as error:
+    with pytest.raises(ft.PlantError, match=r"aerosonde\.xml") as error:
         ft.JSBSimPlant(folder).start(ft.FlightCondition(V_a=25.0))
     assert "\n" not in str(error.value)
 
@@ -71,7 +72,7 @@ def test_gains_of_another_model_are_refused(changed_aircraft):
     file = folder / "aircraft.toml"
     file.write_text(file.read_text().replace('"A4"', '"T38"'))
 
-    with pytest.raises(PlantError, match=r"gains\.json: must be made"):
+    with pytest.raises(ft.PlantError, match=r"gains\.json: must be made"):
         ft.JSBSimPlant(folder).start(ft.FlightCondition(V_a=200.0))
 
 
@@ -79,5 +80,5 @@ def test_an_aircraft_without_gains_says_what_writes_them(changed_aircraft):
     folder = changed_aircraft("aircraft.toml", "title", "title", aircraft="a4")
     (folder / "gains.json").unlink()
 
-    with pytest.raises(PlantError, match=r"gains\.json: .*`flighttune design`"):
+    with pytest.raises(ft.PlantError, match=r"gains\.json: .*`flighttune design`"):
         ft.JSBSimPlant(folder).start(ft.FlightCondition(V_a=200.0))

@@ -14,7 +14,6 @@ from published_aerosonde import accelerations, evaluated
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.aircraft.off_nominal import OffNominal
-from flighttune.errors import InputError, PlantError
 from flighttune.files.shipped import aircraft_folder
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.trim import trim
@@ -229,7 +228,7 @@ def test_where_there_is_no_room_for_the_private_folder_is_told(tmp_path, monkeyp
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "missing"))
 
-    with pytest.raises(PlantError, match=r"missing: .* aerosonde\.xml, got No"):
+    with pytest.raises(ft.PlantError, match=r"missing: .* aerosonde\.xml, got No"):
         aircraft("aerosonde", mass=1.1)
 
 
@@ -258,7 +257,7 @@ REFUSED = [
 
 @pytest.mark.parametrize(("off", "name", "message"), REFUSED, ids=[str(one[0]) for one in REFUSED])
 def test_what_cannot_be_is_refused_by_the_name_of_its_key(off, name, message):
-    with pytest.raises(InputError, match=message) as caught:
+    with pytest.raises(ft.InputError, match=message) as caught:
         ft.JSBSimPlant(name, off_nominal=off_nominal(**off))
 
     assert "\n" not in str(caught.value)
@@ -274,7 +273,7 @@ def test_what_cannot_be_is_refused_by_the_name_of_its_key(off, name, message):
 def test_what_an_aircraft_lacks_is_refused(changed_aircraft, file, pattern, text, off, message):
     folder = changed_aircraft(file, pattern, text)
 
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ft.InputError, match=message):
         ft.JSBSimPlant(folder, off_nominal=off_nominal(**off))
 
 
@@ -283,7 +282,7 @@ def test_an_engine_of_another_kind_cannot_be_scaled(changed_aircraft):
         text = pattern.replace("electric", "rocket")
         folder = changed_aircraft("Engines/aerosonde_motor.xml", pattern, text)
 
-    with pytest.raises(InputError, match=r"`thrust_factor` .* <rocket_engine>"):
+    with pytest.raises(ft.InputError, match=r"`thrust_factor` .* <rocket_engine>"):
         ft.JSBSimPlant(folder, off_nominal=off_nominal(thrust=0.9))
 
 

@@ -3,8 +3,8 @@
 import pytest
 from commands import flighttune
 
+import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.errors import InputError
 from flighttune.files.shipped import TRUST_AIRCRAFT
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.model_files import model_files
@@ -78,5 +78,5 @@ def test_a_model_of_jsbsims_is_a_name_and_no_path(naming):
     file = folder / "aircraft.toml"
     file.write_text(file.read_text().replace('"aerosonde.xml" ', '"../../elsewhere/x"'))
 
-    with pytest.raises(InputError, match="`model`"):
+    with pytest.raises(ft.InputError, match="`model`"):
         load_aircraft(folder)

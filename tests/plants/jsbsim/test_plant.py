@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.errors import InputError, PlantError
 from flighttune.simulate.run import SIGNAL_UNITS
 from flighttune.units import G_0
 
@@ -175,7 +174,7 @@ def test_duration_must_be_whole_integration_steps(duration):
     plant = ft.JSBSimPlant()
     plant.start(ft.FlightCondition(V_a=25.0))
 
-    with pytest.raises(InputError, match=r"`duration` .* 0\.005 s"):
+    with pytest.raises(ft.InputError, match=r"`duration` .* 0\.005 s"):
         plant.advance(0.0, 1.0, duration)
 
 
@@ -189,12 +188,12 @@ def test_duration_must_be_whole_integration_steps(duration):
     ],
 )
 def test_seed_and_steps_must_fit(values, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ft.InputError, match=message):
         ft.JSBSimPlant(**values)
 
 
 def test_must_be_started_first():
-    with pytest.raises(PlantError, match="must be started before"):
+    with pytest.raises(ft.PlantError, match="must be started before"):
         ft.JSBSimPlant().observe()
-    with pytest.raises(PlantError, match="must be started before"):
+    with pytest.raises(ft.PlantError, match="must be started before"):
         ft.JSBSimPlant().advance(0.0, 1.0, 0.02)

@@ -6,7 +6,6 @@ from made_up import shortened
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.errors import InputError
 from flighttune.plants.jsbsim import plant as jsbsim_plant
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.plant import steps_for
@@ -76,5 +75,5 @@ def test_a_sample_of_the_outer_loop_is_whole_steps(rate, steps):
 
 
 def test_a_rate_without_whole_steps_is_one_line():
-    with pytest.raises(InputError, match=r"`controller\.rate_hz` .*200 Hz.* 7\.3"):
+    with pytest.raises(ft.InputError, match=r"`controller\.rate_hz` .*200 Hz.* 7\.3"):
         steps_for(load_aircraft("aerosonde"), 7.3)

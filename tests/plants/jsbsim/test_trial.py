@@ -6,8 +6,8 @@ import subprocess
 import pytest
 from commands import flighttune
 
+import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.errors import PlantError
 from flighttune.files.shipped import TRUST_AIRCRAFT, aircraft_folder, aircraft_names
 from flighttune.plants.jsbsim import model_files
 from flighttune.plants.jsbsim.fdm import Fdm
@@ -86,5 +86,5 @@ def test_a_model_that_never_loads_is_given_up(monkeypatch, changed_aircraft):
 
     monkeypatch.setattr(model_files.subprocess, "run", never)
 
-    with pytest.raises(PlantError, match="within 60 s"):
+    with pytest.raises(ft.PlantError, match="within 60 s"):
         Fdm(load_aircraft(changed_aircraft("aerosonde.xml", "x", "x")))

@@ -7,7 +7,6 @@ import pytest
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.errors import InputError, TrimError
 from flighttune.plants.jsbsim.trim import level, trim_table
 
 DEG = math.pi / 180.0
@@ -36,7 +35,7 @@ def test_a_banked_start_is_a_steady_coordinated_turn(fly, phi_deg, gamma_deg):
     ],
 )
 def test_trim_error_says_what_stands_against_it(condition, obstacle):
-    with pytest.raises(TrimError, match=rf"V_a .*: {obstacle} .*left over"):
+    with pytest.raises(ft.TrimError, match=rf"V_a .*: {obstacle} .*left over"):
         ft.JSBSimPlant().start(ft.FlightCondition(**{"V_a": 25.0} | condition))
 
 
@@ -47,7 +46,7 @@ def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
         "elevator = { travel_deg = [-25.0, 1.0]",
     )
 
-    with pytest.raises(TrimError, match="elevator is at its stop"):
+    with pytest.raises(ft.TrimError, match="elevator is at its stop"):
         ft.JSBSimPlant(folder).start(ft.FlightCondition(V_a=25.0))
 
 
@@ -60,7 +59,7 @@ def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
     ],
 )
 def test_conditions_outside_the_aircraft_are_refused(condition, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ft.InputError, match=message):
         ft.JSBSimPlant().start(ft.FlightCondition(**{"V_a": 25.0} | condition))
 
 
@@ -74,7 +73,7 @@ def test_a_glide_that_is_not_steady_is_said_so(changed_aircraft):
     folder = changed_aircraft("aircraft.toml", r"\[engines\]", "[engines]\\ncount = 0")
     config = load_aircraft(folder)
 
-    with pytest.raises(TrimError, match="no steady glide at V_a 2 m/s, h 1000 m"):
+    with pytest.raises(ft.TrimError, match="no steady glide at V_a 2 m/s, h 1000 m"):
         level(config, 2.0, 1000.0)
     slow, steady = trim_table(config, V_a=[2.0, 25.0])
     assert slow["reason"] == "no steady glide at V_a 2 m/s, h 1000 m"

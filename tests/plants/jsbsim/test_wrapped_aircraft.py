@@ -6,7 +6,6 @@ import pytest
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.errors import TrimError
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.units import G_0
 
@@ -64,7 +63,7 @@ def test_the_clock_starts_at_zero_after_the_engine_has_settled():
     ],
 )
 def test_why_there_is_no_steady_flight_is_said_for_every_engine(name, V_a, gamma_deg, obstacle):
-    with pytest.raises(TrimError, match=obstacle):
+    with pytest.raises(ft.TrimError, match=obstacle):
         ft.JSBSimPlant(name).start(ft.FlightCondition(V_a=V_a, gamma=gamma_deg * DEG))
 
 
