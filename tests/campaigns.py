@@ -13,12 +13,12 @@ from pathlib import Path
 from unittest import mock
 
 import psutil
+from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.campaign.engine import pool as pool_module
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.files.shipped import aircraft_folder
 from flighttune.plants.jsbsim.model_files import model_hash
 
 SCENARIO = """
@@ -112,7 +112,7 @@ class Notes:
 def aircraft_with(folder, functions):
     """A copy of the Aerosonde in a folder, with more aerodynamic functions; its path."""
     folder = Path(folder)
-    shutil.copytree(aircraft_folder("aerosonde"), folder)
+    shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", folder)
     file = folder / "aerosonde.xml"
     file.write_text(file.read_text().replace("<aerodynamics>", f"<aerodynamics>{functions}"))
     gains = json.loads((folder / "gains.json").read_text())

@@ -17,6 +17,7 @@ import pytest
 from fuzzing import TIMES, files, in_child, limited, to_json, to_toml, xml_files
 from hypothesis import HealthCheck, given, settings
 from made_up import made_up_scenario
+from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
@@ -25,7 +26,7 @@ from flighttune.campaign.flying.rows import fly_runs
 from flighttune.claims.conformance import conformance_tables, load_conformance
 from flighttune.control.margins import loop_margins
 from flighttune.files.seal import BLANK, seal
-from flighttune.files.shipped import aircraft_folder, campaign_files, scenario_files
+from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.files.value import tables_of
 from flighttune.identification.file import design_model
 from flighttune.plants.jsbsim.trim import trim_table
@@ -116,8 +117,8 @@ CAMPAIGN = {
     "gains": ["paper", {"name": "mine", **GAINS}],
     "overrides": {"flight": {"duration_s": 12.0}},
 }
-AIRCRAFT = tomllib.loads((aircraft_folder("aerosonde") / "aircraft.toml").read_text())
-IDENTIFIED = json.loads((aircraft_folder("aerosonde") / "identified.json").read_text())
+AIRCRAFT = tomllib.loads((SHIPPED_AIRCRAFT / "aerosonde" / "aircraft.toml").read_text())
+IDENTIFIED = json.loads((SHIPPED_AIRCRAFT / "aerosonde" / "identified.json").read_text())
 CONFORMANCE = conformance_tables(conformance(flight(duration_s=1.0)))
 
 
@@ -237,7 +238,7 @@ def started(config):
 
 
 def of_aircraft(folder):
-    shutil.copytree(aircraft_folder("aerosonde"), folder, dirs_exist_ok=True)
+    shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", folder, dirs_exist_ok=True)
     return AIRCRAFT
 
 

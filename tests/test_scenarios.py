@@ -5,9 +5,9 @@ from runpy import run_path
 
 import numpy as np
 import pytest
+from places import SCENARIO_NAMES
 
 import flighttune as ft
-from flighttune.files.shipped import scenario_files
 from flighttune.flight.advice import mistake
 
 pytestmark = pytest.mark.slow
@@ -20,10 +20,10 @@ LAST_DIGIT = 0.006
 
 @pytest.fixture(scope="module")
 def flown():
-    return {name: ft.fly(ft.load_scenario(name)) for name in scenario_files()}
+    return {name: ft.fly(ft.load_scenario(name)) for name in SCENARIO_NAMES}
 
 
-@pytest.mark.parametrize("name", scenario_files())
+@pytest.mark.parametrize("name", SCENARIO_NAMES)
 def test_every_scenario_flies_and_comes_to_what_it_expects(name, flown):
     claim, scenario = flown[name].claim, flown[name].scenario
     assert claim.missed == ()
@@ -37,7 +37,7 @@ def test_every_scenario_flies_and_comes_to_what_it_expects(name, flown):
         assert np.isfinite(run.signals.to_numpy()).all()
 
 
-@pytest.mark.parametrize("name", scenario_files())
+@pytest.mark.parametrize("name", SCENARIO_NAMES)
 def test_no_law_that_flies_a_scenario_is_suspected_of_a_mistake(name, flown):
     assert [mistake(run) for run in flown[name].runs] == [""] * len(flown[name].runs)
 
@@ -62,7 +62,7 @@ def test_every_script_runs_and_is_short(script, tmp_path, monkeypatch):
 
 def test_the_table_of_scenarios_says_what_their_headers_say(flown):
     text = (ROOT / "scenarios/README.md").read_text()
-    for name in scenario_files():
+    for name in SCENARIO_NAMES:
         assert f"| `{name}.toml` | {flown[name].scenario.title} |" in text
     for script in SCRIPTS:
         assert f"`{script.name}`" in text

@@ -5,9 +5,9 @@ import tomllib
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from places import SCENARIO_NAMES
 
 import flighttune as ft
-from flighttune.files.shipped import scenario_files
 from flighttune.files.table import toml_text
 
 TEXT = st.text(st.characters(exclude_categories=("Cs",)), max_size=12)
@@ -27,7 +27,7 @@ def test_every_table_of_plain_values_comes_back_from_its_text(tables):
     assert tomllib.loads(toml_text(tables)) == tables
 
 
-@pytest.mark.parametrize("name", scenario_files())
+@pytest.mark.parametrize("name", SCENARIO_NAMES)
 def test_every_shipped_scenario_comes_back_with_its_hash(name):
     scenario = ft.load_scenario(name)
 

@@ -9,11 +9,12 @@ from pathlib import Path
 import jsbsim
 import pytest
 from commands import answer, flighttune
+from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
 from flighttune.adoption.survey import survey
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.files.shipped import aircraft_folder, models_of_jsbsim
+from flighttune.files.shipped import models_of_jsbsim
 
 ROOT = Path(jsbsim.get_default_root_dir())
 DEG = math.pi / 180.0
@@ -141,7 +142,7 @@ def test_what_is_no_case_is_refused_in_one_sentence(tmp_path, model, sentence):
 @pytest.fixture
 def own(tmp_path):
     """A model of one's own, and how to write it with a change."""
-    folder = shutil.copytree(aircraft_folder("aerosonde"), tmp_path / "models/sonde")
+    folder = shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", tmp_path / "models/sonde")
     file = folder / "aerosonde.xml"
     text = file.read_text()
 
@@ -328,7 +329,7 @@ def test_parts_of_jsbsim_are_found_beside_those_two_levels_up(own, tmp_path):
 
 @pytest.mark.slow
 def test_a_model_of_ones_own_has_its_engines_beside_it(tmp_path):
-    shutil.copytree(aircraft_folder("aerosonde"), tmp_path / "models")
+    shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", tmp_path / "models")
     for file in (tmp_path / "models").glob("*.json"):
         file.unlink()
 
@@ -344,7 +345,7 @@ def test_a_model_of_ones_own_has_its_engines_beside_it(tmp_path):
 
 
 def test_an_aircraft_that_was_not_adopted_is_not_written_over(tmp_path):
-    folder = shutil.copytree(aircraft_folder("c172p"), tmp_path / "c172p")
+    folder = shutil.copytree(SHIPPED_AIRCRAFT / "c172p", tmp_path / "c172p")
     before = (folder / "aircraft.toml").read_text()
 
     _, err = flighttune("adopt", "c172p", "--out", folder, status=2)

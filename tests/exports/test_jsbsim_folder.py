@@ -16,12 +16,12 @@ import pandas as pd
 import pytest
 from commands import answer, flighttune
 from made_up import shortened
+from places import SCENARIO_NAMES, SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft, save_gains
 from flighttune.exports import CSV, export_jsbsim, jsbsim_folder
 from flighttune.exports.check import differences
-from flighttune.files.shipped import aircraft_folder, scenario_files
 from flighttune.flight.fly import fly_alone
 from flighttune.flight.outer_loop import gain_set
 from flighttune.plants.jsbsim.model_files import model_hash
@@ -37,7 +37,7 @@ assert len(ADOPTED) >= 10
 
 def flights():
     """Scenarios over time in still air with each aircraft, the first gains by a law of ours."""
-    for name in scenario_files():
+    for name in SCENARIO_NAMES:
         scenario = ft.load_scenario(name)
         gains, *_ = (one for one in scenario.gain_names if scenario.law_of(one)[0].kind != "python")
         of_time = scenario.route is None and scenario.weather() is None
@@ -195,13 +195,13 @@ CLOCK = """
 @pytest.mark.slow
 def test_a_flight_that_is_not_that_of_fly_is_no_success(tmp_path):
     """A roll moment by JSBSim's clock, which has run on when the exported flight starts."""
-    folder = shutil.copytree(aircraft_folder("aerosonde"), tmp_path / "clocked")
+    folder = shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", tmp_path / "clocked")
     file = folder / "aerosonde.xml"
     file.write_text(file.read_text().replace('<axis name="ROLL">', f'<axis name="ROLL">{CLOCK}'))
     config = load_aircraft(folder)
     save_gains(config.gains.model_copy(update={"made_for": model_hash(config)}), folder)
     scenario = tmp_path / "turn.toml"
-    text = scenario_files()["level_turn"].read_text().replace('"aerosonde"', f'"{folder}"')
+    text = (SHIPPED_SCENARIOS / "level_turn.toml").read_text().replace('"aerosonde"', f'"{folder}"')
     scenario.write_text(text)
 
     out, err = flighttune(

@@ -5,10 +5,10 @@ import re
 import time
 
 import pytest
+from places import SHIPPED_SCENARIOS
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.files.shipped import scenario_files
 from flighttune.files.table import MAX_BYTES, toml_tables
 
 TOML, JSON = ".toml", ".json"
@@ -86,7 +86,7 @@ def test_an_unknown_key_and_a_value_of_any_length_are_abridged(tmp_path, read, s
 
 
 def test_a_word_of_any_length_is_abridged_where_a_table_checks_itself(tmp_path):
-    text = scenario_files()["paper"].read_text().replace('"paper"', f'"{"w" * 5000}"')
+    text = (SHIPPED_SCENARIOS / "paper.toml").read_text().replace('"paper"', f'"{"w" * 5000}"')
 
     assert len(refusal(ft.load_scenario, written(tmp_path / "long.toml", text))) < 1000
 
@@ -98,7 +98,7 @@ def test_a_file_without_an_end_is_not_read_to_its_end():
 
 @pytest.mark.parametrize("name", ["paper", "c172_cruise_turn"])
 def test_line_ends_of_windows_are_read_as_those_of_unix(name, tmp_path):
-    shipped = scenario_files()[name]
+    shipped = SHIPPED_SCENARIOS / f"{name}.toml"
     copy = tmp_path / shipped.name
     copy.write_bytes(shipped.read_bytes().replace(b"\n", b"\r\n"))
 

@@ -4,15 +4,15 @@ import tomllib
 
 import numpy as np
 import pytest
+from places import SHIPPED_SCENARIOS
 
 import flighttune as ft
-from flighttune.files.shipped import scenario_files
 
 ROUNDING = 1e-12
 
 
 def scenario(**tables):
-    given = tomllib.loads(scenario_files()["paper"].read_text())
+    given = tomllib.loads((SHIPPED_SCENARIOS / "paper.toml").read_text())
     return ft.scenario_from({**given, "gains": ["paper"], "expect": [], **tables})
 
 

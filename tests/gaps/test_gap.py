@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from claimed import claimed
+from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
-from flighttune.files.shipped import aircraft_folder
 from flighttune.metrics import METRICS
 from flighttune.present.palette import line_styles
 from flighttune.recording.entities import runs_to_draw
@@ -177,7 +177,7 @@ def test_a_pull_up_without_roll_is_explained_too():
 @pytest.mark.slow
 def test_without_a_model_file_the_lag_is_fitted_to_the_flight(tmp_path):
     folder = tmp_path / "unmeasured"
-    shutil.copytree(aircraft_folder("aerosonde"), folder)
+    shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", folder)
     (folder / "identified.json").unlink()
     plant = [{"kind": "jsbsim", "aircraft": str(folder)}]
 

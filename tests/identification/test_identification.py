@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from places import SHIPPED_AIRCRAFT
 from scipy import signal
 
 import flighttune as ft
-from flighttune.files.shipped import aircraft_folder
 from flighttune.identification.experiment import DT, check_manoeuvre, multisines, respond
 from flighttune.identification.fit import fit_percent, lag_response
 from flighttune.identification.identify import identify_plant
@@ -260,7 +260,7 @@ def test_the_file_holds_the_linear_model_with_names(aerosonde, tmp_path):
 
 
 def test_a_model_is_read_again_only_when_its_file_was_written_to(tmp_path):
-    table = json.loads((aircraft_folder("aerosonde") / "identified.json").read_text())
+    table = json.loads((SHIPPED_AIRCRAFT / "aerosonde" / "identified.json").read_text())
     path = tmp_path / "model.json"
     path.write_text(json.dumps(table))
     first = ft.load_identified(path)
@@ -298,7 +298,7 @@ def test_the_nearest_condition_is_taken():
     ],
 )
 def test_a_file_that_holds_something_else_is_refused_by_name(tmp_path, change, message):
-    table = json.loads((aircraft_folder("aerosonde") / "identified.json").read_text())
+    table = json.loads((SHIPPED_AIRCRAFT / "aerosonde" / "identified.json").read_text())
     change(table)
     path = tmp_path / "wrong.json"
     path.write_text(json.dumps(table))
@@ -323,7 +323,7 @@ def test_the_table_of_the_page_is_what_the_shipped_files_say():
 
     shipped = []
     for name, V_a, *_ in told[::2]:
-        found = json.loads((aircraft_folder(name) / "identified.json").read_text())
+        found = json.loads((SHIPPED_AIRCRAFT / name / "identified.json").read_text())
         at = next(
             one for one in found["conditions"]
             if (one["V_a_mps"], one["gamma_deg"]) == (float(V_a), 0.0)

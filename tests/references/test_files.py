@@ -6,9 +6,9 @@ from xml.etree import ElementTree
 
 import pytest
 from commands import answer, flighttune
+from places import SHIPPED_SCENARIOS
 from plans import PATROL, plan_file
 
-from flighttune.files.shipped import scenario_files
 from flighttune.references.earth import north_east
 
 CENTIMETRE = 0.01
@@ -76,7 +76,7 @@ def test_heights_on_a_map_are_those_of_the_plan_above_sea_level(tmp_path):
 
 @pytest.mark.parametrize("name", ["survey", "approach"])
 def test_the_shipped_plans_begin_at_550_m_read_directly_and_by_their_scenario(tmp_path, name):
-    plan = scenario_files()[name].with_suffix(".plan")
+    plan = (SHIPPED_SCENARIOS / f"{name}.toml").with_suffix(".plan")
     for source, skip in ((name, ()), (plan, ("--skip",))):
         flighttune("route", source, *skip, "--out", tmp_path / "r.kml")
         assert kml_points(tmp_path / "r.kml")[0][2] == 550.0

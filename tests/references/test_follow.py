@@ -9,10 +9,10 @@ import pytest
 from commands import flighttune
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
+from places import SHIPPED_SCENARIOS
 from scipy.spatial import cKDTree
 
 import flighttune as ft
-from flighttune.files.shipped import scenario_files
 from flighttune.references.follow import SAME_PLACE
 
 DEG = math.pi / 180.0
@@ -184,7 +184,7 @@ def test_the_worst_start_of_a_route_is_searched(tmp_path):
 
 
 def test_a_route_below_the_ground_is_refused_by_its_height(tmp_path):
-    text = scenario_files()["circuit"].read_text()
+    text = (SHIPPED_SCENARIOS / "circuit.toml").read_text()
     file = tmp_path / "low.toml"
     file.write_text(text.replace("up_m    = 10.0", "up_m    = -10.0"))
 

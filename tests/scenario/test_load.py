@@ -7,16 +7,16 @@ import tomllib
 import numpy as np
 import pytest
 from fuzzing import to_toml
+from places import SHIPPED_SCENARIOS
 
 import flighttune as ft
 from flighttune.control.gains import paper_family
-from flighttune.files.shipped import scenario_files
 
 ROUNDING = 1e-12
 
 
 def paper_tables():
-    return tomllib.loads(scenario_files()["paper"].read_text())
+    return tomllib.loads((SHIPPED_SCENARIOS / "paper.toml").read_text())
 
 
 @pytest.fixture

@@ -5,9 +5,9 @@ import pickle
 
 import pytest
 from made_up import scenario_tables
+from places import SCENARIO_NAMES
 
 import flighttune as ft
-from flighttune.files.shipped import scenario_files
 
 DEG = math.pi / 180.0
 
@@ -40,7 +40,7 @@ def test_sensors_are_in_radians_and_draw_from_the_seed_of_the_scenario():
     )
 
 
-@pytest.mark.parametrize("name", scenario_files())
+@pytest.mark.parametrize("name", SCENARIO_NAMES)
 def test_scenarios_without_the_keys_say_nothing_of_them(name):
     values = ft.load_scenario(name).as_dict()
 

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from places import SHIPPED_SCENARIOS
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_are
 
 import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import closed_loops
-from flighttune.files.shipped import scenario_files
 from flighttune.tuning.cost import quadratic_cost
 
 INTEGRATED = 1e-6
@@ -149,7 +149,7 @@ def test_a_cost_that_means_nothing_is_refused(problem, changes, message):
 )
 def test_keys_of_a_scenario_that_do_not_fit_are_refused(tmp_path, lines, message):
     path = tmp_path / "cost.toml"
-    text = scenario_files()["paper"].read_text(encoding="utf-8")
+    text = (SHIPPED_SCENARIOS / "paper.toml").read_text(encoding="utf-8")
     path.write_text(text.replace("[tuning]", f"[tuning]\n{lines}"))
 
     with pytest.raises(ft.InputError, match=message):

@@ -7,10 +7,10 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
+from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft, save_gains
-from flighttune.files.shipped import aircraft_folder
 from flighttune.plants.jsbsim.model_files import model_hash
 
 
@@ -72,7 +72,7 @@ def changed_aircraft(tmp_path):
         """Return a copy of an aircraft's folder with one text in `file` replaced."""
         folder = tmp_path / "copy"
         if not folder.exists():
-            shutil.copytree(aircraft_folder(aircraft), folder)
+            shutil.copytree(SHIPPED_AIRCRAFT / aircraft, folder)
         text, count = re.subn(pattern, replacement, (folder / file).read_text(), count=1)
         assert count == 1, f"{pattern} is not in {file}"
         (folder / file).write_text(text)

@@ -5,10 +5,10 @@ import re
 
 import numpy as np
 import pytest
+from places import SHIPPED_AIRCRAFT
 from published_aerosonde import MASS, accelerations, evaluated
 
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.files.shipped import aircraft_folder
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.units import LBF
 
@@ -39,7 +39,7 @@ def test_accelerations_agree_with_the_published_coefficients(alpha_deg, beta_deg
 
 
 def test_lift_peaks_at_the_ends_of_the_envelope():
-    xml = (aircraft_folder("aerosonde") / "aerosonde.xml").read_text()
+    xml = (SHIPPED_AIRCRAFT / "aerosonde" / "aerosonde.xml").read_text()
     table = re.search(r"<tableData>(.*?)</tableData>", xml, re.DOTALL)
     assert table is not None
     alpha, C_L = np.fromstring(table[1], sep=" ").reshape(-1, 2).T

@@ -9,12 +9,12 @@ from pathlib import Path
 import jsbsim
 import numpy as np
 import pytest
+from places import SHIPPED_AIRCRAFT
 from published_aerosonde import accelerations, evaluated
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.aircraft.off_nominal import OffNominal
-from flighttune.files.shipped import aircraft_folder
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.trim import trim
 from flighttune.units import FT, G_0, LBF, SLUG
@@ -211,7 +211,11 @@ def test_shipped_files_stay_as_they_are_and_nothing_is_left_behind(tmp_path, mon
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr(tempfile, "tempdir", None)
     root = Path(jsbsim.get_default_root_dir())
-    shipped = [aircraft_folder("aerosonde"), aircraft_folder("c172p"), root / "aircraft" / "c172p"]
+    shipped = [
+        SHIPPED_AIRCRAFT / "aerosonde",
+        SHIPPED_AIRCRAFT / "c172p",
+        root / "aircraft" / "c172p",
+    ]
     before = [digest(folder) for folder in shipped]
 
     evaluated(aircraft("aerosonde", **ALL), 25.0, 0.05, 0.0, (0, 0, 0), (0, 0, 0), 0.3)
@@ -288,7 +292,7 @@ def test_an_engine_of_another_kind_cannot_be_scaled(changed_aircraft):
 
 def test_the_page_names_every_coefficient_of_the_aerosonde():
     page = (Path(__file__).parents[3] / "docs/off_nominal.md").read_text(encoding="utf-8")
-    model = (aircraft_folder("aerosonde") / "aerosonde.xml").read_text(encoding="utf-8")
+    model = (SHIPPED_AIRCRAFT / "aerosonde" / "aerosonde.xml").read_text(encoding="utf-8")
 
     told = re.findall(r"`(\w+)`", re.split(r"[Tt]he Aerosonde has ", page)[1].split(". The")[0])
 

@@ -5,10 +5,11 @@ import subprocess
 
 import pytest
 from commands import flighttune
+from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.files.shipped import TRUST_AIRCRAFT, aircraft_folder, aircraft_names
+from flighttune.files.shipped import TRUST_AIRCRAFT, aircraft_names
 from flighttune.plants.jsbsim import model_files
 from flighttune.plants.jsbsim.fdm import Fdm
 
@@ -75,7 +76,7 @@ def test_shipped_aircraft_are_not_tried_and_copies_of_them_are(trials, tmp_path)
     assert not trials
 
     copy = tmp_path / "aircraft" / "aerosonde"
-    shutil.copytree(aircraft_folder("aerosonde"), copy)
+    shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", copy)
     Fdm(load_aircraft(copy))
     assert len(trials) == 1
 
