@@ -68,14 +68,6 @@ def test_settling_within_a_band_of_its_own_is_the_last_time_an_error_leaves_it()
     assert wavy["settling_band_rad"] == pytest.approx(0.05 * math.radians(6.0))
 
 
-def test_the_spread_of_a_sine_over_whole_periods_is_its_amplitude_over_root_two():
-    error = 0.01 * np.sin(math.tau * T)
-    found = ft.channel_metrics(run_of(error)).loc["chi"]
-
-    assert found["MS_rad"] == pytest.approx(0.0, abs=1e-6)
-    assert found["ST_rad"] == pytest.approx(0.01 / math.sqrt(2.0), rel=1e-4)
-
-
 def test_what_does_not_happen_has_no_time():
     swinging, still = ft.channel_metrics(run_of(np.cos(T))).loc[["chi", "gamma"]].iloc
 

@@ -66,15 +66,6 @@ def test_both_fly_their_own_flight_and_the_nominal_one_to_the_same_bits(tables, 
         assert throttle[1] > 1.05 * throttle[0]  # a climb at 45 deg, 10 % more weight
 
 
-def test_a_name_alone_changes_nothing_of_a_flight(tables, flown):
-    plant = tables["plant"][0] | {"name": "same"}
-
-    run = ft.fly(ft.scenario_from(tables | {"plant": [plant], "gains": ["paper"]})).runs[0]
-
-    assert run.label == f"{NOMINAL}:same / paper"
-    assert np.array_equal(run.signals, flown.runs[0].signals)
-
-
 def test_expectations_are_of_the_plant_of_that_label(tables):
     limits = {"gains": "paper", "at_most": {"chi": {"ITAE": 1e-6}}}
     missed = [
@@ -148,16 +139,3 @@ def test_the_table_of_the_page_is_what_the_shipped_scenario_flies():
         measured = flown.metrics.loc[(f"{plant} / {gains}", "gamma")]
         wanted = [measured["ITAE"], np.rad2deg(measured["ST_rad"])]
         assert [float(cell) for cell in told] == pytest.approx(wanted, abs=HALF_OF_THE_LAST_DIGIT)
-
-
-def test_the_weight_alone_makes_the_papers_gains_swing_more():
-    tables = ft.load_scenario("heavy_and_aft").as_dict() | {"gains": ["paper"], "expect": []}
-    light, heavy = tables["plant"]
-    plants = [light, heavy | {"airframe": {"mass_factor": 1.1}}]
-    metrics = ft.fly(ft.scenario_from(tables | {"plant": plants})).metrics
-    told = float(re.search(r"ST (\S+) deg\.", PAGE).group(1))
-
-    swing = np.rad2deg(metrics.xs("gamma", level=1)["ST_rad"].to_numpy())
-
-    assert swing[1] == pytest.approx(told, abs=HALF_OF_THE_LAST_DIGIT)
-    assert swing[1] > swing[0]

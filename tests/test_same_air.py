@@ -42,13 +42,6 @@ def test_every_plant_meets_the_wind_of_the_aircraft():
     assert np.max(np.abs(met[0] - met[1])) > 0.0, "each gain set meets its own turbulence"
 
 
-def test_steady_wind_needs_no_aircraft():
-    flown = flown_in([LAW], wind={"speed_mps": 5.0, "from_deg": 90.0})
-
-    for run in flown.runs:
-        assert run.signals["wind_east"].to_numpy() == pytest.approx(-5.0)
-
-
 def test_without_a_flight_of_the_aircraft_there_is_no_wind_to_replay():
     dive = {"gamma_deg": -20.0, "duration_s": 5.0}
     flown = flown_in([LAW, AIRCRAFT], flight=dive, turbulence={"intensity": "light"})

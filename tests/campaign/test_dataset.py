@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 from campaigns import Notes, bits, parts, plan
 
-from flighttune.campaign.dataset import Dataset, dataset_hash, locked, missing, open_dataset
+from flighttune.campaign.dataset import Dataset, dataset_hash, locked, open_dataset
 from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.statistics.flights import load_flights
@@ -293,9 +293,3 @@ def test_the_hash_sees_every_bit_but_the_time_flights_took(tmp_path, ours, rows)
     assert digest("null", changed("chi.ITAE", None)) != plain
     assert digest("text", changed("reason", "another")) != plain
     assert digest("truth", changed("success", not rows.column("success")[3].as_py())) != plain
-
-
-def test_what_is_missing_is_what_no_file_holds():
-    assert missing([], 3) == (range(3),)
-    assert missing([range(4, 6), range(2)], 9) == (range(2, 4), range(6, 9))
-    assert missing([range(9)], 5) == ()

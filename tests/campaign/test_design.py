@@ -47,16 +47,6 @@ def test_points_do_not_depend_on_how_many_there_are(design):
 
 
 @pytest.mark.parametrize("design", DESIGNS)
-def test_the_order_of_keys_does_not_matter(design):
-    assert np.array_equal(points(design, keys=KEYS[::-1])[:, ::-1], points(design))
-
-
-@pytest.mark.parametrize("design", ["random", "latin_hypercube"])
-def test_a_key_more_leaves_the_others_as_they_were(design):
-    assert np.array_equal(points(design, keys=[*KEYS, "flight.h_m"])[:, :3], points(design))
-
-
-@pytest.mark.parametrize("design", DESIGNS)
 def test_every_coordinate_is_uniform_and_independent_of_the_others(design):
     u = points(design, end=2048, of=2048)
 

@@ -33,11 +33,6 @@ def test_intervals_of_a_share_are_those_of_scipy(method, confidence):
         assert hi[i] == pytest.approx(expected.high, abs=ROUNDING)
 
 
-@pytest.mark.parametrize("interval", METHODS.values())
-def test_no_trials_tell_nothing(interval):
-    assert interval(0, 0) == (0.0, 1.0)
-
-
 @pytest.mark.parametrize("confidence", [0.0, 1.0, 95.0, float("nan")])
 def test_a_confidence_is_a_probability(confidence):
     with pytest.raises(InputError, match=r"`confidence` .*0 and 1"):
@@ -58,7 +53,3 @@ def test_intervals_of_a_quantile_are_those_of_scipy(n, q):
     expected = [tails[0].low, tails[1].high]
     expected = [e if np.isfinite(e) else s * np.inf for e, s in zip(expected, (-1, 1), strict=True)]
     assert found == tuple(expected)
-
-
-def test_no_values_bound_no_quantile():
-    assert quantile_interval([], 0.5) == (-np.inf, np.inf)

@@ -6,7 +6,6 @@ import shutil
 import numpy as np
 import pandas as pd
 import pytest
-from browser import DESK, NARROW, PHONE, headless_chromium, told_at_widths
 from campaigns import parts, plan
 from commands import answer
 from made_up_campaign import made_up_plan, made_up_rows
@@ -171,18 +170,6 @@ def test_every_part_is_on_the_page_and_nothing_points_outside(page):
     assert page.path.stat().st_size < 3_000_000
 
 
-def test_one_group_without_dispersion_or_measures_still_makes_a_page(tmp_path):
-    made = made_up_plan(runs=3)
-    rows = made_up_rows(made).head(1).assign(status="invalid", reason="`x` must be finite")
-    rows[["chi.ITAE", "gamma.ITAE", "chi.settling_s"]] = np.nan
-    rows["success"] = False
-
-    written = write_campaign_report(findings(flights_of(rows, made)), tmp_path / "page.html")
-
-    assert written.summary[0] == "0 of 1 flights succeed (1 draw of 1 group)."
-    assert "`x` must be finite" in written.path.read_text(encoding="utf-8")
-
-
 def test_success_is_a_clause_for_each_group_with_requirements_of_its_own():
     made = made_up_plan(
         ExpectTable(plant="jsbsim", gains="paper", status="left_envelope"),
@@ -210,16 +197,3 @@ def test_a_bound_of_zero_is_drawn_and_says_whose_it_is(completed, tmp_path):
     made_page = write_campaign_report(findings(flights_of(rows, made)), tmp_path / "page.html")
 
     assert "at most 0 rad\u00a0s² (K3)</span>" in made_page.path.read_text(encoding="utf-8")
-
-
-@pytest.fixture(scope="module")
-def told_by_page(page, tmp_path_factory):
-    text = page.path.read_text(encoding="utf-8")
-    return told_at_widths(headless_chromium(), text, tmp_path_factory.mktemp("frames"))
-
-
-@pytest.mark.parametrize("width", [DESK, PHONE, NARROW])
-def test_the_page_fits_its_width_and_cuts_no_text_off(told_by_page, width):
-    assert told_by_page[width]["needs"] <= width
-    assert told_by_page[width]["wide"] == []
-    assert told_by_page[width]["cut"] == []

@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 from scipy import stats
 
-from flighttune.campaign.statistics.sensitivity import classes_of, holm, influences
+from flighttune.campaign.statistics.sensitivity import holm, influences
 
 pytestmark = pytest.mark.slow
 
@@ -118,21 +118,6 @@ def test_the_interval_of_a_rank_correlation_covers():
     assert hits / 300 == pytest.approx(0.95, abs=0.03)
 
 
-def test_flights_without_a_value_are_left_out(flown):
-    table, measure = flown
-    holed = measure.copy()
-    holed[::4] = np.nan
-    kept = np.arange(800) % 4 != 0
-
-    # as text: NaN is not equal to itself
-    assert str(influences(table, holed)) == str(influences(table[kept], measure[kept]))
-
-    drawn = table.copy()
-    drawn.loc[5, "speed"] = np.nan
-    kept = table.drop(5), np.delete(measure, 5)
-    assert str(influences(drawn, measure)) == str(influences(*kept))
-
-
 def test_nothing_is_said_of_what_does_not_vary(flown):
     table, measure = flown
 
@@ -144,25 +129,7 @@ def test_nothing_is_said_of_what_does_not_vary(flown):
     assert influences(table[[]], measure) == []
 
 
-def test_parameters_that_are_one_have_no_partial_correlation():
-    x = np.linspace(0.0, 1.0, 50)
-
-    found = influences(pd.DataFrame({"a": x, "b": 2.0 * x}), x**3)
-
-    assert [one["rho"] for one in found] == pytest.approx([1.0, 1.0])
-    assert all(math.isnan(one["partial"]) for one in found)
-
-
 def test_holm_corrects_as_in_his_paper():
     """Worked by hand: the smallest times 4, then 3, 2, 1, never falling."""
     assert holm([0.01, 0.04, 0.03, 0.005]) == pytest.approx([0.03, 0.06, 0.06, 0.02])
     assert holm([math.nan, 0.3]) == pytest.approx([1.0, 0.3])
-
-
-def test_classes_are_of_equal_size_and_keep_the_order():
-    classes = classes_of(pd.Series(np.random.default_rng(0).normal(size=1000)))
-
-    assert np.bincount(classes).tolist() == [100] * 10
-    assert classes_of(pd.Series([3.0, 1.0, 3.0, 2.0] * 5)).tolist() == [2, 0, 2, 1] * 5
-    assert classes_of(pd.Series(range(10))).tolist() == [0] * 5 + [1] * 5
-    assert classes_of(pd.Series(["b", "a", "b"])).tolist() == [1, 0, 1]

@@ -14,7 +14,7 @@ from flighttune.campaign.statistics.intervals import (
     share,
 )
 from flighttune.campaign.statistics.paired import paired
-from flighttune.campaign.statistics.summary import prefixes, reasons, requirements
+from flighttune.campaign.statistics.summary import requirements
 
 ROUNDING = 1e-9
 CRAFT = "jsbsim:aerosonde"
@@ -80,16 +80,6 @@ def test_statuses_and_their_reasons_are_counted(by_group):
     assert missed["count"] == group["n"] - group["successes"] - why["count"]
 
 
-def test_sentences_are_put_together_where_only_their_numbers_differ():
-    texts = ["alpha 12.5 deg at 3 s", "", "alpha -1e-3 deg at 14 s", "n_z of paper2 is nan", "K3"]
-
-    assert [tuple(reason.values()) for reason in reasons(texts, [7, 8, 9, 10, 11])] == [
-        ("alpha … deg at … s", 2, 7),
-        ("n_z of paper2 is nan", 1, 10),
-        ("K3", 1, 11),
-    ]
-
-
 def test_requirements_are_counted_over_completed_flights_the_most_missed_first(flown):
     rows = flown.rows[flown.rows["status"] == "completed"]
 
@@ -121,20 +111,6 @@ def test_gain_sets_are_compared_on_the_same_draws(flown):
     assert (on_craft["wins_b"], on_craft["only_a"]) == (200, 0)
     expected = stats.binomtest(on_craft["only_b"], on_craft["only_b"], 0.5).pvalue
     assert on_craft["p_success"] == pytest.approx(expected)
-
-
-def test_draws_that_only_one_gain_set_flew_are_not_compared(flown):
-    part = flown.rows.iloc[:-1]
-
-    assert [pair["n"] for pair in paired(part, "chi.ITAE")] == [200, 199]
-    alone = flown.rows[flown.rows["gains"] == "paper"]
-    assert paired(alone, "chi.ITAE") == []
-
-
-def test_two_flights_that_were_both_lost_are_tied(flown):
-    for pair in paired(flown.rows.assign(status="diverged"), "chi.ITAE"):
-        assert pair["wins_a"] == pair["wins_b"] == 0
-        assert (pair["win_rate"], pair["lo"], pair["hi"], pair["median"]) == (0.5, 0.0, 1.0, 0.0)
 
 
 def test_values_in_clusters_count_for_less():
@@ -203,12 +179,6 @@ def test_rows_without_any_measure_still_tell_who_failed(plan):
     assert told.values["paired"] == told.convergence == []
 
 
-def test_columns_with_nulls_as_arrow_reads_them_are_understood(told, plan):
-    read = flights_of(made_up_rows(plan).convert_dtypes(), plan)
-
-    assert str(findings(read).values) == str(told.values)
-
-
 def test_a_flight_that_misses_two_bounds_counts_for_both(plan):
     rows = made_up_rows(plan).head(4)
     rows["plant"], rows["gains"], rows["draw"] = "kinematic", "paper", range(4)
@@ -228,17 +198,6 @@ def test_a_flight_that_misses_two_bounds_counts_for_both(plan):
         ("gamma.ITAE must be at most 1, got 2 (missed by 1)", 1),
         ("chi.MO_deg must be at most 5, got nan (there is no value)", 1),
     ]
-
-
-@pytest.mark.parametrize("n", [40, 200, 100_000])
-def test_prefixes_rise_to_all_flights_in_equal_factors(n):
-    counts = prefixes(n)
-
-    assert (counts[0], counts[-1]) == (10, n)
-    assert counts == sorted(set(counts))
-    assert len(counts) <= 25
-    if n > 10_000:
-        assert np.ptp(np.diff(np.log(counts))) < 0.1
 
 
 def test_each_point_of_a_convergence_curve_is_what_the_first_flights_tell(told, flown):

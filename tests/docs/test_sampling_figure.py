@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from figures.sampling import overshoot, sampled_steps, sampling_figure
+from figures.sampling import overshoot, sampled_steps
 
 import flighttune as ft
 
@@ -39,17 +39,3 @@ def test_slower_sampling_overshoots_more_and_is_damped_less(steps):
     assert (overshoot(slow.flown) > overshoot(fast.flown) + 0.03).all()
     assert (overshoot(slow.exact) > overshoot(fast.exact) + 0.03).all()
     assert slow.damping < fast.damping
-
-
-def test_the_figure_has_a_column_for_each_channel_and_units_on_its_axes(steps):
-    figure = sampling_figure(steps)
-
-    assert [chart.title for chart in figure.charts[:2]] == [
-        "Step of course",
-        "Step of flight-path angle",
-    ]
-    assert len(figure.charts) == 2 * (1 + len(steps))
-    for chart in figure.charts:
-        assert "[" in chart.x
-        assert "[" in chart.y
-        assert sum(name == "flown" for name, _, _ in chart.legend) == 2

@@ -1,6 +1,5 @@
 """A folder that JSBSim flies by itself, run by its own console command: the flight of `fly`."""
 
-import json
 import os
 import re
 import shlex
@@ -8,7 +7,6 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -20,8 +18,7 @@ from places import SCENARIO_NAMES, SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft, save_gains
-from flighttune.exports import CSV, export_jsbsim, jsbsim_folder
-from flighttune.exports.check import differences
+from flighttune.exports import CSV, export_jsbsim
 from flighttune.flight.fly import fly_alone
 from flighttune.flight.outer_loop import gain_set
 from flighttune.plants.jsbsim.model_files import model_hash
@@ -162,17 +159,7 @@ def exported(scenario, folder):
     return answer("export", scenario, "--gains", "paper", "--out", folder)
 
 
-def test_gains_come_from_a_file_too(tmp_path):
-    file = tmp_path / "of: a colleague" / "gains.json"
-    file.parent.mkdir()
-    file.write_text(json.dumps({"K_P": [[2.5, 0.0], [0.0, 3.5]], "K_I": [[1.0, 0.0], [0.0, 2.0]]}))
-
-    found = answer("export", "level_turn", "--gains", file, "--out", tmp_path / "out")
-
-    system = (Path(found["folder"]) / "systems/ft_outer_loop.xml").read_text(encoding="utf-8")
-    assert '<property value="3.5"> ft/outer/K_P/n_z-gamma </property>' in system
-
-
+@pytest.mark.slow
 def test_nothing_in_the_folder_points_out_of_it(tmp_path):
     values = exported("c172_cruise_turn", tmp_path)
 
@@ -212,27 +199,6 @@ def test_a_flight_that_is_not_that_of_fly_is_no_success(tmp_path):
     assert said in err
     assert said in (tmp_path / "out/README.md").read_text(encoding="utf-8")
     assert out == ""
-
-
-@pytest.mark.parametrize("text", ["chi_rad\n1\n", "\n", '"chi_rad', "Time\n" + "1,2\n" * 2])
-def test_a_flight_of_jsbsim_that_is_cut_off_is_no_fault(tmp_path, monkeypatch, text):
-    csv = tmp_path / CSV
-    flown = subprocess.CompletedProcess([], 0)
-    monkeypatch.setattr(subprocess, "run", lambda *_, **__: csv.write_text(text) and flown)
-    run = SimpleNamespace(t=[0.0, 1.0])
-
-    assert differences([], csv, 0.0, run) == ({}, "JSBSim's flight.csv cannot be read")
-
-
-def test_a_flight_that_jsbsim_did_not_fly_is_compared_with_none(tmp_path, monkeypatch):
-    ended = SimpleNamespace(status="left_envelope", reason="alpha is too large.")
-    monkeypatch.setattr(jsbsim_folder, "fly_once", lambda *_, **__: ended)
-    monkeypatch.setattr(jsbsim_folder, "differences", lambda *_: ({}, "JSBSim did not fly it"))
-    scenario = ft.load_scenario("level_turn")
-
-    made = export_jsbsim(scenario, "paper", gain_set(scenario, "paper"), tmp_path)
-
-    assert made.verdict.endswith("is not that of `flighttune fly`: JSBSim did not fly it.")
 
 
 @pytest.mark.slow
@@ -300,6 +266,7 @@ def test_air_that_changes_is_refused_by_its_key(tables, key, tmp_path):
         export_jsbsim(scenario, "paper", gain_set(scenario, "paper"), tmp_path)
 
 
+@pytest.mark.slow
 def test_a_console_that_takes_another_step_flies_nothing(tmp_path):
     found = exported("level_turn", tmp_path)
     command = " ".join(part for part in found["command"].split() if "rate" not in part)

@@ -147,6 +147,7 @@ def test_what_cannot_be_flown_is_refused_by_key(change, said):
         scenario(**change)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("anti_windup", ["conditional", "back_calculation", "none"])
 def test_the_batch_flies_the_exact_law_as_the_single_run_does(anti_windup):
     from flighttune.campaign.flying.kinematic_batch import batchable, fly_batch

@@ -12,10 +12,7 @@ from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
 from flighttune.metrics import METRICS
-from flighttune.present.palette import line_styles
-from flighttune.recording.entities import runs_to_draw
-from flighttune.recording.plots import shown_plots, with_derived
-from flighttune.reports.gap_charts import bound_chart, gap_charts, gap_sheet, itae_chart
+from flighttune.reports.gap_charts import bound_chart, gap_charts, itae_chart
 
 ROUNDING = 1e-12
 LIMITS_IN_RADIANS = 1e-9
@@ -191,23 +188,6 @@ def test_a_scenario_without_aircraft_has_no_gap():
         ft.gap(changed("level_turn", plant=[{"kind": "kinematic"}]), ft.PAPER_GAINS)
 
 
-def test_the_charts_have_units_and_the_colours_of_the_recording(paper_gap, tmp_path):
-    gap_sheet(paper_gap).save(tmp_path / "gap.svg")
-
-    charts = gap_charts(paper_gap)
-    assert len(charts) == 10
-    assert all(chart.y.endswith("]") and chart.title for chart in charts)
-    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in paper_gap.runs]
-    styles = line_styles(pairs)
-    rungs = next(chart for chart in charts if chart.title == "paper: course")
-    assert [(name, colour) for name, colour, _ in rungs.legend[1:]] == [
-        (pair[0], styles[pair].colour) for pair in pairs
-    ]
-    text = (tmp_path / "gap.svg").read_text(encoding="utf-8")
-    assert all(chart.title in text for chart in charts)
-    assert [path.name for path in tmp_path.iterdir()] == ["gap.svg"]
-
-
 def test_the_bars_of_itae_add_up_to_the_aircrafts(paper_gap):
     metrics = paper_gap.flown().metrics["ITAE"]
     for channel in ("chi", "gamma"):
@@ -215,19 +195,6 @@ def test_the_bars_of_itae_add_up_to_the_aircrafts(paper_gap):
         first, *steps, last = (float(text.replace("−", "-")) for text in shown[-5:])
         assert first + sum(steps) == pytest.approx(last, abs=0.02)
         assert last == pytest.approx(metrics[paper_gap.aircraft.label, channel], abs=0.005)
-
-
-@pytest.mark.slow
-def test_the_recording_shows_what_each_step_adds(paper_gap, tmp_path):
-
-    files = ft.record(paper_gap.flown(), tmp_path)
-
-    assert files.recording.stat().st_size > 0
-    assert len(files.signals) == len(RUNGS)
-    drawn = [one.run for one in with_derived(runs_to_draw(paper_gap.runs))]
-    assert {plot.signal for plot in shown_plots(drawn)["Why"]} >= {"step_chi", "lift_chi"}
-    for step, one in zip(paper_gap.steps, drawn[1:], strict=True):
-        assert one.signals["step_chi"].to_numpy() == pytest.approx(step.chi, abs=1e-12)
 
 
 def test_the_error_on_the_aircraft_is_drawn_in_its_band(paper_gap):

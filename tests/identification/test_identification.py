@@ -259,25 +259,6 @@ def test_the_file_holds_the_linear_model_with_names(aerosonde, tmp_path):
     assert roll["bandwidth_rad_s"] == pytest.approx(13.1, abs=0.5)
 
 
-def test_a_model_is_read_again_only_when_its_file_was_written_to(tmp_path):
-    table = json.loads((SHIPPED_AIRCRAFT / "aerosonde" / "identified.json").read_text())
-    path = tmp_path / "model.json"
-    path.write_text(json.dumps(table))
-    first = ft.load_identified(path)
-    assert ft.load_identified(path) is first
-
-    path.write_text(json.dumps(table | {"seed": table["seed"] + 1}))
-
-    assert ft.load_identified(path).seed == first.seed + 1
-
-
-def test_the_nearest_condition_is_taken():
-    shipped = ft.load_identified("aerosonde")
-
-    assert shipped.nearest(29.0, math.radians(2.0)).V_a == 30.0
-    assert math.degrees(shipped.nearest(25.0, math.radians(20.0)).gamma) == pytest.approx(15.0)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [

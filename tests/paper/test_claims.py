@@ -5,7 +5,7 @@ import pytest
 
 import flighttune as ft
 from flighttune.paper.claims import CLAIMS, VERDICTS, Check, Finding, judge
-from flighttune.paper.study import Study, rank_correlation
+from flighttune.paper.study import Study
 
 pytestmark = pytest.mark.slow
 
@@ -115,10 +115,3 @@ def test_a_gain_of_the_wrong_sign_changes_verdicts(study, found):
     for name in ("eigenvalues", "small-region", "table-2", "three-factors"):
         assert found[name].verdict == "reproduced"
         assert judge(name, wrong).verdict == "not reproduced"
-
-
-def test_rank_correlation_of_opposite_orders_is_minus_one(study):
-    R_K = study.indicator("R_K")
-
-    assert rank_correlation(R_K, -(R_K**3)) == pytest.approx(-1.0)
-    assert rank_correlation(R_K, 0.0 * R_K) == 0.0

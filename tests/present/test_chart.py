@@ -6,7 +6,7 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from flighttune.present.chart import HEAD_AND_FOOT, Chart, Sheet, marked_up, ticks
+from flighttune.present.chart import HEAD_AND_FOOT, Chart, Sheet, ticks
 from flighttune.present.palette import HUES
 
 BLUE, RUST = (strong for (strong, _), _ in HUES[:2])
@@ -19,13 +19,6 @@ SVG = "{http://www.w3.org/2000/svg}"
 def drawn(chart):
     """The chart as a tree; HTML needs no namespace, XML does."""
     return ElementTree.fromstring(chart.svg().replace("<svg ", f'<svg xmlns="{SVG[1:-1]}" ', 1))
-
-
-def test_a_logarithmic_axis_that_begins_at_zero_is_linear():
-    chart = Chart(title="bound", x="t", y="norm", log="x", x_range=(0.0, 1.0))
-    chart.line([0.0, 1.0], [1.0, 2.0], BLUE)
-
-    assert drawn(chart).get("data-log") == ""
 
 
 def points(path):
@@ -152,24 +145,6 @@ def test_a_sheet_is_an_svg_file_of_its_own_with_titles_and_names():
     assert texts.count("error") == 3
     assert float(root.get("height")) > 2.0 * HEAD_AND_FOOT
     assert "prefers-color-scheme: dark" in root.find(f"{SVG}style").text
-
-
-def test_a_symbol_has_its_index_lowered_and_a_name_with_underscores_does_not():
-    assert marked_up("R_K of <K*>", "<sub>{}</sub>") == "R<sub>K</sub> of &lt;K*&gt;"
-    assert marked_up("ITAE of ė_χ", "<sub>{}</sub>") == "ITAE of ė<sub>χ</sub>"
-    assert marked_up("tuned_identified, n_z_cmd") == "tuned_identified, n_z_cmd"
-
-
-def test_points_at_both_ends_of_an_axis_are_whole_where_it_has_room():
-    chart = Chart(title="trend", x_room=0.05)
-    chart.points([0.0, 1.0], [0.0, 1.0], BLUE, size=4.0)
-
-    root = drawn(chart)
-    width = float(root.get("data-axes").split()[4])
-    left, right = (float(one.get("cx")) for one in root.iter(f"{SVG}circle"))
-
-    assert left > 4.0
-    assert right < width - 4.0
 
 
 def test_bars_stand_where_they_are_asked_for_and_reach_their_values():

@@ -2,12 +2,11 @@
 
 import math
 
-import numpy as np
 import pytest
 
 from flighttune.metrics import FLIGHT_METRICS, METRICS
 from flighttune.present.names import METRIC_LABELS, key_words, metric_label
-from flighttune.present.tables import figures, interval, matrix, number, percent
+from flighttune.present.tables import figures, interval, number, percent
 
 
 @pytest.mark.parametrize(
@@ -34,14 +33,6 @@ def test_an_interval_without_a_bound_is_infinite():
 )
 def test_a_share_has_more_decimals_near_its_ends(share, text):
     assert percent(share) == text
-
-
-def test_shares_have_an_interval_too():
-    assert interval(0.5, 0.25, 1.0, written=percent) == "50.0 [25.0, 100]"
-
-
-def test_a_matrix_is_one_line_without_negative_zeros():
-    assert matrix(np.array([[1.0, -0.00001], [2.5, 3.0]])) == "[1.0000, 0.0000; 2.5000, 3.0000]"
 
 
 def test_every_metric_has_a_label_and_angles_are_in_degrees():

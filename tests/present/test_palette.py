@@ -106,32 +106,6 @@ def test_every_colour_stands_out_from_the_viewer_and_from_both_pages_with_its_hu
     assert channels == pytest.approx(along * original, abs=ONE_STEP)
 
 
-def test_rungs_of_one_gain_set_have_no_colour_of_a_gain_set():
-    rungs = [(plant, "paper") for plant in ("kinematic", "point_mass", "lag", "jsbsim:x")]
-
-    found = [style.colour for style in line_styles(rungs).values()]
-
-    assert len(set(found)) == 4
-    assert not set(found) & set(EIGHTEEN)
-    assert line_styles(rungs)[rungs[-1]].width > line_styles(rungs)[rungs[0]].width
-
-
-def test_hue_tells_the_gains_and_shade_the_plant():
-    pairs = [(plant, name) for plant in ("kinematic", "jsbsim:x") for name in ("paper", "tuned")]
-
-    found = line_styles(pairs)
-
-    assert [found[pair].name for pair in pairs] == ["light blue", "apricot", "blue", "rust"]
-    assert found["jsbsim:x", "paper"].width > found["kinematic", "paper"].width
-
-
-@pytest.mark.parametrize(("plants", "sets"), [(2, 6), (1, 12), (3, 4), (4, 3), (12, 1)])
-def test_up_to_twelve_runs_have_a_colour_each(plants, sets):
-    pairs = [(f"plant{i}", f"gains{k}") for i in range(plants) for k in range(sets)]
-
-    assert len({style.colour for style in line_styles(pairs).values()}) == 12
-
-
 def test_eighteen_runs_have_a_colour_each_and_the_first_twelve_keep_theirs():
     pairs = [("plant", f"gains{k}") for k in range(19)]
 

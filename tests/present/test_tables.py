@@ -43,13 +43,6 @@ def test_a_table_fits_and_no_number_is_cut(width):
         assert all(words.count(cell) >= 1 for cell in row[2:] if cell != "-")
 
 
-def test_where_there_is_room_for_one_line_there_is_one_table():
-    lines = RUNS.text(120).splitlines()
-
-    assert len(lines) == 1 + 2 + len(RUNS.rows)
-    assert lines[3].split() == RUNS.rows[0]
-
-
 def test_where_room_is_short_each_plant_has_its_table():
     tables = RUNS.text(70).split("\n\n")
 
@@ -64,16 +57,6 @@ def test_words_are_wrapped_to_the_width(width):
 
     assert no_wider(text, width)
     assert text.split().count("word") == 60
-
-
-@pytest.mark.parametrize("width", WIDTHS)
-def test_a_name_that_is_too_long_is_continued(width):
-    columns = Column("name", "name"), Column("number", "number", digits=".1f")
-    text = Table(columns=columns, records=[{"name": "x" * 130, "number": 1.5}]).text(width)
-
-    assert no_wider(text, width)
-    assert text.count("x") == 130
-    assert "1.5" in text
 
 
 def test_numbers_stand_to_the_right_also_where_one_is_missing():

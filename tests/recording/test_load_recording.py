@@ -10,7 +10,6 @@ import rerun as rr
 from made_up import shortened
 
 import flighttune as ft
-from flighttune.records.parquet import write_run
 
 
 @pytest.fixture(scope="module")
@@ -44,14 +43,6 @@ def test_a_folder_gives_back_what_was_written_to_the_bit_and_in_order(folder, fl
     for got, put in zip(recording.runs, flown.runs, strict=True):
         pd.testing.assert_frame_equal(got.signals, put.signals, check_exact=True)
         assert got.provenance.scenario == put.provenance.scenario
-
-
-def test_a_run_is_found_by_its_label(folder):
-    recording = ft.load_recording(folder)
-
-    assert recording["kinematic / paper"].label == "kinematic / paper"
-    with pytest.raises(KeyError, match="kinematic / strict"):
-        recording["kinematic / other"]
 
 
 def test_a_lone_recording_names_the_folder_whose_parquet_files_are_needed(
@@ -116,16 +107,6 @@ def test_a_file_left_from_an_earlier_flight_is_not_taken_for_a_run_of_this_one(f
         f"{folder / name}: of another flight"
         for name in ("kinematic-K1.parquet", "kinematic-strict.parquet")
     )
-
-
-def test_files_written_on_their_own_belong_together(four_runs, tmp_path):
-    for number, run in enumerate(four_runs):
-        write_run(run, tmp_path / f"{number}.parquet")
-
-    recording = ft.load_recording(tmp_path)
-
-    assert labels(recording.runs) == labels(four_runs)
-    assert recording.missing == ()
 
 
 def test_a_damaged_file_in_a_folder_is_refused_by_name(folder):

@@ -80,10 +80,3 @@ def test_the_scenario_is_there_as_toml_that_flies_again(page, four_runs):
     (text,) = re.findall(r"```toml\n(.*?)```", page, re.DOTALL)
 
     assert tomllib.loads(text) == four_runs[0].provenance.scenario
-
-
-def test_with_nothing_flown_the_page_says_why(without_gains):
-    page = scenario_page([without_gains], scenario={"title": "None"})
-
-    assert page.startswith("# None\n")
-    assert "the smallest reachable I_K is 67.15" in page

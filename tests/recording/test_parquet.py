@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import os
 from dataclasses import replace
 
 import numpy as np
@@ -64,22 +63,6 @@ def test_units_and_a_description_in_json_are_in_the_file_for_others(four_runs, t
         assert schema.field(name).metadata == {b"unit": unit}
     assert made["scenario"]["flight"]["V_a_mps"] == 25.0
     assert made["gains"]["K_P"] == four_runs[1].provenance.gains.K_P.tolist()
-
-
-def test_an_existing_file_is_replaced_and_nothing_is_left_beside_it(four_runs, tmp_path):
-    path = tmp_path / "made" / "run.parquet"
-    write_run(four_runs[0], path)
-    write_run(four_runs[1], path)
-
-    assert read_run(path).label == four_runs[1].label
-    assert os.listdir(path.parent) == ["run.parquet"]
-
-
-def test_a_folder_that_is_a_file_gives_one_line(four_runs, tmp_path):
-    (tmp_path / "file").write_text("not a folder")
-
-    with pytest.raises(ft.OutputError, match=r"run\.parquet: must be writable"):
-        write_run(four_runs[0], tmp_path / "file" / "run.parquet")
 
 
 def test_a_missing_file_and_a_folder_are_told_apart(tmp_path):

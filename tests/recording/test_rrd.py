@@ -9,10 +9,9 @@ import pytest
 from rerun.chunk import RrdReader
 from rerun.error_utils import strict_mode
 
-from flighttune.present.palette import line_styles
 from flighttune.present.thinning import MOST
 from flighttune.recording.entities import TIMELINE, runs_to_draw
-from flighttune.recording.plots import TABS, shown_plots, with_derived
+from flighttune.recording.plots import TABS, with_derived
 from flighttune.recording.record import write_recording
 from flighttune.records.parquet import check_recording
 from flighttune.simulate.run import SIGNAL_UNITS
@@ -139,26 +138,6 @@ def test_world_axes_are_north_east_down(contents):
     forward_right_down = contents.static["/world"]["ViewCoordinates:xyz"].to_pylist()[0][0]
 
     assert list(forward_right_down) == [5, 3, 2]
-
-
-def packed(style):
-    red, green, blue = style.rgb
-    return red << 24 | green << 16 | blue << 8 | 255
-
-
-def test_a_run_has_one_colour_in_paths_and_plots(contents, four_runs):
-    pairs = [(run.provenance.plant, run.provenance.gains_name) for run in four_runs]
-    found = line_styles([*pairs, ("jsbsim:aerosonde", "bold"), ("jsbsim:aerosonde", "strict")])
-    for key, pair in zip(KEYS, pairs, strict=True):
-        colour = packed(found[pair])
-
-        assert contents.static[f"/world/paths/{key}"]["LineStrips3D:colors"].to_pylist() == [
-            [colour]
-        ]
-        for tab in shown_plots(four_runs).values():
-            for plot in tab:
-                style = contents.static.get(f"/plots/{plot.signal}/{key}")
-                assert style is None or style["SeriesLines:colors"].to_pylist()[0][0] == colour
 
 
 def lane(contents, entity):

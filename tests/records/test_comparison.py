@@ -41,15 +41,6 @@ def test_differences_of_exponential_errors_are_those_of_the_closed_forms(fly_lin
     assert settling["diff"] == pytest.approx(math.log(20.0) * (1 / 2.0 - 1 / 0.5), abs=ONE_SAMPLE)
 
 
-def test_a_run_is_the_same_as_itself(fly_line):
-    found = ft.compare(fly_line(), fly_line())
-
-    assert found.comparable
-    assert found.max_distance == 0.0
-    assert (found.metrics["diff"].dropna() == 0.0).all()
-    assert set(found.metrics["better"]) <= {"same", ""}
-
-
 @pytest.mark.parametrize(
     ("flown", "distance"),
     [
@@ -185,11 +176,6 @@ def test_several_are_held_against_the_first(fly_line):
     assert list(value(found, "ITAE").index) == list(found.metrics.columns)
     better_one = found.metrics[found.metrics["name"] == "ITAE"].groupby("pair")["better"].first()
     assert list(better_one) == ["b", "a"]
-
-
-def test_nothing_to_compare_with_is_an_error(fly_line):
-    with pytest.raises(ft.InputError, match="at least two runs"):
-        ft.compare(fly_line())
 
 
 def test_the_runs_of_one_source_are_compared_with_its_first(fly_line):

@@ -173,6 +173,7 @@ def test_what_needs_a_reference_over_time_refuses_a_route_by_name(command, tmp_p
     assert "`route` must be absent" in said
 
 
+@pytest.mark.slow
 def test_the_worst_start_of_a_route_is_searched(tmp_path):
     straight = "[{north_m = 0.0, east_m = 0.0}, {north_m = 450.0, east_m = 0.0}]"
     made = ["--start-deg", 3, "--budget", 32, "--plant", "kinematic", "--set"]

@@ -1,11 +1,9 @@
 """[plant.airframe] and [sensors]: from keys to values, and what is refused."""
 
 import math
-import pickle
 
 import pytest
 from made_up import scenario_tables
-from places import SCENARIO_NAMES
 
 import flighttune as ft
 
@@ -38,23 +36,6 @@ def test_sensors_are_in_radians_and_draw_from_the_seed_of_the_scenario():
         time_constant=0.4,
         seed=4,
     )
-
-
-@pytest.mark.parametrize("name", SCENARIO_NAMES)
-def test_scenarios_without_the_keys_say_nothing_of_them(name):
-    values = ft.load_scenario(name).as_dict()
-
-    assert ("sensors" in values) == (name == "sensor_noise")
-    for key in ("airframe", "name"):
-        assert any(key in plant for plant in values["plant"]) == (name == "heavy_and_aft")
-
-
-def test_the_tables_come_back_from_plain_values_and_from_another_process():
-    airframe = {"mass_factor": 1.1, "coefficient_factors": {"Cm_alpha": 0.9}}
-    scenario = ft.scenario_from(tables(airframe, {"chi_bias_deg": 1.0}))
-
-    assert ft.scenario_from(scenario.as_dict()) == scenario
-    assert pickle.loads(pickle.dumps(scenario)) == scenario
 
 
 REFUSED = [

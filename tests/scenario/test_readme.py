@@ -65,6 +65,7 @@ def example(tmp_path):
     return new_scenario(str(tmp_path / "example"))
 
 
+@pytest.mark.slow
 def test_without_feed_forward_the_aircraft_sinks_first(example):
     level = example.read_text().replace("gamma_deg = 3", "gamma_deg = 0")
     lowest = {}

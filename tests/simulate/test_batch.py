@@ -111,17 +111,6 @@ def test_a_batch_flies_what_the_single_run_flies(dt, settings, anti_windup):
             assert batch.signal(name)[i, :n] == pytest.approx(alone, rel=SAME, abs=SAME), name
 
 
-def test_random_cases_meet_every_kind_of_limit_and_divergence():
-    """What the comparison above would say nothing about if it did not happen."""
-    cases = list(random_cases(12, seed=10))
-    laws = [ft.MimoPI(gains, limits, dt=0.01) for gains, _, limits, _ in cases]
-    conditions = [case[1] for case in cases]
-    batch = fly_sampled(laws, conditions, (3.0, 0.1), duration=8.0)
-
-    assert {0.0, 1.0, 2.0} <= set(batch.signal("phi_limited")[batch.ends == 0].ravel())
-    assert {0, 1} <= set(batch.ends.tolist())
-
-
 def test_the_number_of_threads_does_not_change_a_bit():
     gains = list(paper_family().values()) * 10
 
@@ -131,60 +120,3 @@ def test_the_number_of_threads_does_not_change_a_bit():
 
     assert np.array_equal(one, two, equal_nan=True)
     assert np.array_equal(one, five, equal_nan=True)
-
-
-def test_the_error_rate_is_what_the_error_does_next():
-    batch = paper(1e-4, duration=0.05)
-
-    slope = np.diff(batch.signal("chi_err")[0]) / 1e-4
-    assert batch.signal("chi_err_rate")[0, :-1] == pytest.approx(slope, abs=1e-4)
-
-
-def test_a_roll_beyond_90_deg_is_reported_as_a_value():
-    batch = paper(limits=None)
-
-    assert batch.ends[0] == 1
-    assert batch.signal("phi_cmd")[0, 0] == pytest.approx(math.radians(-119.5), abs=1e-3)
-    assert batch.samples[0] == 1
-    assert np.isnan(batch.trajectories[0, 1:]).all()
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"duration": 0.001}, "`duration`"),
-        ({"threads": 0}, "`threads`"),
-        ({"g": [0.0]}, "`g`"),
-        (
-            {"disturbances": [Sinusoid(gamma_amplitude=0.1, gamma_switches=(1.0,))]},
-            "phases or switching",
-        ),
-        ({"gains": [ft.PAPER_GAINS] * 3, "g": [9.8, 9.8]}, "3 flights"),
-    ],
-)
-def test_impossible_flights_are_refused(settings, message):
-    with pytest.raises(ft.InputError, match=message):
-        paper(**settings)
-
-
-def test_a_reference_over_time_must_be_as_long_as_the_flight():
-    with pytest.raises(ft.ShapeError, match="101 samples, got 5"):
-        fly_sampled([ft.MimoPI(ft.PAPER_GAINS, dt=0.01)], [START], np.zeros((5, 2)), duration=1.0)
-
-
-def test_controllers_that_differ_in_more_than_gains_are_refused():
-    laws = [ft.MimoPI(ft.PAPER_GAINS, dt=dt) for dt in (0.01, 0.02)]
-    with pytest.raises(ft.InputError, match="`controllers`"):
-        fly_sampled(laws, [START], REF, duration=1.0)
-
-
-def test_gravity_and_speed_of_the_schedule_can_be_one_a_flight():
-    g, speed = np.array([9.7, 9.81, 9.9]), [20.0, 25.0, 30.0]
-    laws = [ft.MimoPI(ft.PAPER_GAINS, PRINTED, dt=0.02, schedule_speed=each) for each in speed]
-
-    together = fly_sampled(laws, [START], REF, duration=4.0, g=g)
-
-    for i in range(3):
-        alone = fly_sampled([laws[i]], [START], REF, duration=4.0, g=g[i])
-        assert alone.trajectories[0].tobytes() == together.trajectories[i].tobytes()
-    assert len(np.unique(together.signal("chi")[:, -1])) == 3

@@ -5,7 +5,6 @@ import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
 from flighttune.theory.exact import (
-    Check,
     Verification,
     exact,
     provable_rate,
@@ -63,13 +62,3 @@ def test_an_asymmetric_Q_is_refused():
     Q = Q + np.array([[0.0, 1e-15], [0.0, 0.0]])
 
     assert not Verification.of(rate_checks(VERTICES, Q, rate=rate)).valid
-
-
-def test_a_verdict_counts_what_else_fails():
-    checks = [
-        Check(name="one", margin=-1.0, exact=False),
-        Check(name="two", margin=-2.0, exact=False),
-        Check(name="three", margin=1.0, exact=True),
-    ]
-
-    assert Verification.of(checks).reason == "two does not hold: margin -2; 1 more fail."

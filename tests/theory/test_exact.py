@@ -12,8 +12,6 @@ import flighttune as ft
 from flighttune.theory.exact import (
     cosine,
     exact,
-    identity,
-    integers,
     positive_definite,
     product,
     sine,
@@ -99,16 +97,3 @@ def test_a_float_is_the_rational_it_says(value):
 def test_what_is_not_finite_is_no_rational(value):
     with pytest.raises(ft.InputError, match="`values` must be finite"):
         exact([value])
-
-
-def test_the_identity_is_exact():
-    assert np.array_equal(identity(2), [[Fraction(1), 0], [0, Fraction(1)]])
-
-
-def test_integers_over_their_denominator_are_the_matrix():
-    matrix = np.array([[Fraction(1, 3), Fraction(-5, 6)], [Fraction(0.1), Fraction(7)]])
-
-    whole, denominator = integers(matrix)
-
-    assert all(type(entry) is int for entry in whole.flat)
-    assert [[Fraction(entry, denominator) for entry in row] for row in whole] == matrix.tolist()

@@ -35,7 +35,7 @@ def test_the_channel_has_the_indicators_it_states(R_K):
     assert measured.I_K == pytest.approx(channel.I_K, rel=ROUNDING)
 
 
-@pytest.mark.parametrize("I_star", [4.86, 5.0, 8.0, 20.0])
+@pytest.mark.parametrize("I_star", [4.86, 8.0])
 def test_no_channel_of_a_fine_grid_is_better(I_star):
     p, q = np.meshgrid(np.geomspace(0.2, 20.0, 600), np.geomspace(0.2, 20.0, 600))
 

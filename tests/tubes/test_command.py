@@ -55,6 +55,7 @@ def test_a_tube_is_found_written_and_verified(scenario, tmp_path):
         assert answer["counted"] is None
 
 
+@pytest.mark.slow
 def test_a_title_in_a_proof_is_quoted_and_cannot_move_the_cursor(scenario, tmp_path):
     proof = tmp_path / "proof.npz"
     flighttune("tube", scenario(), "--out", proof)

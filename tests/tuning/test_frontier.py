@@ -58,8 +58,3 @@ def test_without_stable_gains_only_the_marks_are_left(model):
     found = frontier(ft.TuningProblem(model=model, K_fixed=np.ones((2, 4))), marked=MARKED)
 
     assert list(found.name) == list(MARKED)
-
-
-def test_a_frontier_has_two_points_at_least(model):
-    with pytest.raises(ft.InputError, match=r"`points` .* 2, got 1"):
-        frontier(ft.TuningProblem(model=model), points=1)

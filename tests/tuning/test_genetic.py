@@ -1,6 +1,5 @@
 """Differential evolution against the gradient method: two ways to one optimum."""
 
-import numpy as np
 import pytest
 
 import flighttune as ft
@@ -40,11 +39,3 @@ def test_evolution_of_an_infeasible_problem_says_so(printed):
     assert evolved.status == "infeasible"
     assert evolved.smallest_I_K is None
     assert "every constraint" in evolved.reason
-
-
-def test_the_same_seed_breeds_the_same_bits(model):
-    problem = ft.TuningProblem(model=model, I_star=20.0, seed=3)
-
-    first, second = (tune_by_evolution(problem, generations=20) for _ in range(2))
-
-    assert np.array_equal(first.gains.K, second.gains.K)

@@ -157,17 +157,6 @@ def test_a_loop_that_cannot_be_stabilised_is_a_failure_with_a_reason(model, with
     assert found.reason
 
 
-@pytest.mark.slow
-def test_the_same_problem_gives_the_same_bits(printed):
-    first, second = (ft.tune(relaxed(printed, ALL_LIMITS, 7.0)) for _ in range(2))
-
-    assert np.array_equal(first.gains.K, second.gains.K)
-
-
-def test_one_start_is_enough(model):
-    assert ft.tune(ft.TuningProblem(model=model, I_star=5.0), starts=1).status == "optimal"
-
-
 def test_no_starts_are_refused(model):
     with pytest.raises(ft.InputError, match=r"`starts` .* 1, got 0"):
         ft.tune(ft.TuningProblem(model=model), starts=0)

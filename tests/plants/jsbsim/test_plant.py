@@ -80,13 +80,6 @@ def test_n_z_is_the_force_normal_to_the_path_over_weight(turn):
     assert turn["n_z"][1:-1] == pytest.approx(load, abs=LOAD_FROM_POSITIONS)
 
 
-def test_n_z_is_negative_when_lift_points_down(fly):
-    flight = fly((0.0, -0.5), duration=2.0)
-
-    assert flight["n_z"][-1] < -0.3
-    assert flight["alpha"][-1] < 0.0
-
-
 def test_chi_runs_on_through_south_without_a_jump(fly):
     flight = fly((30.0 * DEG, 1.15), chi=170.0 * DEG, duration=4.0)
 
@@ -116,14 +109,6 @@ def test_thrust_balances_weight_and_drag_in_a_climb(fly):
 
     assert thrust == pytest.approx(mass * G_0 * math.sin(gamma) + drag, rel=2e-3)
     assert flight["throttle"][0] == pytest.approx(flight["thrust"][0] / 120.0, rel=1e-3)
-
-
-def test_an_n_z_of_its_own_leaves_the_start_steady():
-    steady, other = ft.JSBSimPlant(), ft.JSBSimPlant()
-    steady.start(ft.FlightCondition(V_a=25.0))
-    other.start(ft.FlightCondition(V_a=25.0, n_z=1.4))
-
-    assert other.observe() == steady.observe()
 
 
 def signals_of_a_turn(aircraft="aerosonde"):
