@@ -3,6 +3,7 @@
 import pandas as pd
 
 import flighttune as ft
+from flighttune.files.table import toml_text
 
 
 def scenario_tables(**changes):
@@ -28,6 +29,12 @@ def shortened(name, seconds, **changes):
     """A shipped scenario of so many seconds, which expects nothing."""
     tables = {**ft.load_scenario(name).as_dict(), "expect": [], **changes}
     return ft.scenario_from(tables | {"flight": {**tables["flight"], "duration_s": seconds}})
+
+
+def scenario_file(path, scenario, **changes):
+    """Write a scenario, with other tables in it, to a file."""
+    path.write_text(toml_text(scenario.as_dict() | changes), encoding="utf-8")
+    return path
 
 
 def made_up_run(

@@ -30,8 +30,9 @@ from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.files.value import tables_of
 from flighttune.identification.file import design_model
 from flighttune.plants.jsbsim.trim import trim_table
-from flighttune.units import G_0
 from tests.tubes.test_aircraft import conformance, flight
+
+G_0 = 9.80665
 
 CASES, MANY = 40, 200 * TIMES
 """Of each kind of file, in the short and in the long run."""

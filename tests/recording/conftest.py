@@ -8,7 +8,8 @@ from made_up import made_up_run
 
 import flighttune as ft
 from flighttune.recording.record import write_recording
-from flighttune.units import G_0
+
+G_0 = 9.80665
 
 DT = 0.02
 V_A = 25.0

@@ -12,7 +12,8 @@ import flighttune as ft
 from flighttune.references.feasible import Manoeuvre, feasible_reference
 from flighttune.scenario.load import check_aircraft
 from flighttune.simulate.loop import simulate
-from flighttune.units import DEG
+
+DEG = math.pi / 180.0
 
 LAGS = (
     ft.InnerLag(order=2, natural_frequency=9.0, damping=0.8, delay=0.03),

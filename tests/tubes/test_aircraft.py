@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from made_up import scenario_file
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import files_hash
@@ -18,7 +19,6 @@ from flighttune.claims.conformance import (
 )
 from flighttune.claims.distribution import Distribution, flown_values
 from flighttune.files.seal import BLANK, seal
-from flighttune.files.table import toml_text
 from flighttune.gaps.residual import ConformantModel
 from flighttune.tubes.problem import tube_problem
 from flighttune.tubes.proof import load_tube, verify_tube
@@ -95,8 +95,7 @@ def test_a_set_that_is_lost_bounds_no_flight(tmp_path):
     scenario = flight(duration_s=1.5)
     boxes = conformance(scenario, half_width=1.0)
     lost = tube(scenario, ft.PAPER_GAINS, conformance=boxes)
-    path = tmp_path / "flight.toml"
-    path.write_text(toml_text(scenario.as_dict()))
+    path = scenario_file(tmp_path / "flight.toml", scenario)
     save_conformance(boxes, tmp_path / "boxes.json")
 
     stdout, stderr = flighttune(
@@ -259,8 +258,7 @@ def test_boxes_and_an_aircraft_go_together(proof, tmp_path):
 @pytest.mark.slow
 def test_of_a_tube_that_a_flight_leaves_no_file_is_written(tmp_path):
     scenario = flight(duration_s=0.6)
-    path = tmp_path / "flight.toml"
-    path.write_text(toml_text(scenario.as_dict()))
+    path = scenario_file(tmp_path / "flight.toml", scenario)
     # The aircraft leaves boxes that are this narrow, and so does its flight their tube.
     save_conformance(conformance(scenario, half_width=1e-7), tmp_path / "boxes.json")
     options = "--gains", "paper", "--conformance", tmp_path / "boxes.json"

@@ -6,9 +6,9 @@ import re
 
 import numpy as np
 import pytest
+from made_up import scenario_file
 
 import flighttune as ft
-from flighttune.files.table import toml_text
 from flighttune.tubes.problem import tube_problem
 from flighttune.tubes.proof import load_tube
 from flighttune.tubes.tube import tube_of
@@ -21,9 +21,7 @@ from tests.tubes.test_soundness import made_up
 def scenario(tmp_path):
     def write(duration=0.6, **more):
         turn = made_up(chi_err_deg=20.0, gamma_deg=0.0, gamma_ref_deg=0.0, duration_s=duration)
-        path = tmp_path / "short.toml"
-        path.write_text(toml_text(turn.as_dict() | more))
-        return path
+        return scenario_file(tmp_path / "short.toml", turn, **more)
 
     return write
 

@@ -1,12 +1,15 @@
 """The exact law in a tube, which is narrower than that of the paper's law."""
 
+import math
+
 import pytest
 
 import flighttune as ft
 from flighttune.flight.outer_loop import gain_set
 from flighttune.tubes.proof import load_tube, verify_tube
-from flighttune.units import DEG
 from tests.tubes.test_soundness import made_up, tube
+
+DEG = math.pi / 180.0
 
 EXACT_PAPER = ft.rate_gains(ft.PAPER_GAINS, V_a=25.0)
 

@@ -20,9 +20,10 @@ from flighttune.tubes.exact import enclosure_of
 from flighttune.tubes.problem import tube_problem
 from flighttune.tubes.sample import SPLITS, start_set
 from flighttune.tubes.search import Search
-from flighttune.units import DEG
 from tests.tubes.test_soundness import made_up
 from tests.tubes.test_soundness_lagged import bang_bang
+
+DEG = math.pi / 180.0
 
 EXACT_PAPER = ft.rate_gains(ft.PAPER_GAINS, V_a=25.0)
 

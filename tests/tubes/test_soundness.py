@@ -1,5 +1,6 @@
 """No flight leaves a tube: gains, limits, references and rates as hypothesis finds them."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -17,7 +18,8 @@ from flighttune.tubes.problem import QUANTITIES, tube_problem
 from flighttune.tubes.sample import start_set
 from flighttune.tubes.search import Search
 from flighttune.tubes.tube import tube_of
-from flighttune.units import DEG
+
+DEG = math.pi / 180.0
 
 FLIGHTS = 64
 FEW_PIECES = [Settings(sides=2, symbols=120, tolerance=0.5, most=6)]

@@ -8,7 +8,8 @@ import pytest
 
 import flighttune as ft
 from flighttune.simulate.run import SIGNAL_UNITS
-from flighttune.units import G_0
+
+G_0 = 9.80665
 
 DEG = math.pi / 180.0
 TWO_STEPS = 0.01

@@ -7,7 +7,8 @@ import pytest
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.units import G_0
+
+G_0 = 9.80665
 
 DEG = math.pi / 180.0
 WRAPPED = [("c172p", 50.0), ("a4", 200.0)]
