@@ -265,7 +265,6 @@ KINDS = {
         "x.toml", every_shipped(scenario_files), to_toml, ft.load_scenario, thoroughly=flown_whole
     ),
     "gains": Kind("x.toml", lambda _: GAINS, to_toml, ft.load_gains, closed, paper_with),
-    "gains in JSON": Kind("x.json", lambda _: GAINS, to_json, ft.load_gains, closed, paper_with),
     "campaign": Kind(
         "x.toml",
         lambda _: CAMPAIGN,
@@ -307,13 +306,6 @@ KINDS = {
     "certificate": Kind(
         "x.json",
         lambda _: certificate_of("paper_as_printed"),
-        to_json,
-        ft.load_certificate,
-        ft.verify,
-    ),
-    "certificate over an envelope": Kind(
-        "x.json",
-        lambda _: certificate_of("paper", envelope=True),
         to_json,
         ft.load_certificate,
         ft.verify,

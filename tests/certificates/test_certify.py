@@ -258,29 +258,3 @@ def test_a_file_that_is_no_certificate_is_named_with_what_is_wrong(tmp_path, tex
 
     with pytest.raises(ft.InputError, match=r"broken\.json: .*" + message):
         ft.verify(path)
-
-
-@pytest.mark.parametrize(
-    ("path", "value", "message"),
-    [
-        (("Q",), [[1.0]], r"`Q`.*\(4, 4\)"),
-        (("Q",), "many", "`Q` must be lists.*'many'"),
-        (("Q",), [[1.0], [1.0, 2.0]], "`Q`.* rows of one length"),
-        (("Q",), [[True]], "`Q`.*True"),
-        (("W",), None, "`radius`, `W` and `multiplier`"),
-        (("hull",), None, "`envelope` and `hull`"),
-        (("hull", "lower"), [1.0], r"`hull\.lower`.*\(4,\)"),
-        (("claim", "rate"), "1.0", r"`claim\.rate`.*'1\.0'"),
-        (("claim", "envelope", "phi"), [-2.0, 2.0], r"`claim\.envelope\.phi`.*pi/2"),
-        (("claim", "guess"), 1, r"`claim\.guess`"),
-        (("guess",), 1, "`guess`"),
-        (("model", "inputs"), ["n_z", "phi"], r"\('n_z', 'phi'\)"),
-        (("model", "states"), ["h", "V"], "`states`.*got h, V"),
-        (("model", "inputs"), [None, 3], r"`model\.inputs\.0`.*None"),
-        (("gains", "K_P"), [["1.6968", 0.0], [0.0, 1.0]], r"`gains\.K_P`.*1\.6968"),
-        (("scenario_sha256",), "forged", "`scenario_sha256`.*'forged'"),
-    ],
-)
-def test_values_of_the_wrong_kind_are_refused_in_one_line(over_envelope, path, value, message):
-    with pytest.raises(ft.InputError, match=message):
-        changed(over_envelope, path, lambda _: value)

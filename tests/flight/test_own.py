@@ -230,22 +230,6 @@ def test_a_file_that_is_gone_or_changed_is_refused(files):
         ft.load_scenario(files / "own.toml")
 
 
-def test_a_file_that_may_not_be_read_is_refused_with_the_reason(files, monkeypatch):
-    def denied(path):
-        raise PermissionError(13, "Permission denied", str(path))
-
-    loaded = ft.load_scenario(files / "own.toml")
-    monkeypatch.setattr("pathlib.Path.read_bytes", denied)
-
-    with pytest.raises(
-        ft.ScenarioError, match=r"mine: `module` must .* read, got permission denied"
-    ):
-        ft.fly(loaded)
-    said = r"own.toml: \[\[law\]\] `module` must be .* read, got .*my_law.py: permission denied\.$"
-    with pytest.raises(ft.ScenarioError, match=said):
-        ft.load_scenario(files / "own.toml")
-
-
 @pytest.mark.parametrize(
     ("text", "said"),
     [("class Other: pass", "AttributeError"), ("import nothing_of_that_name", "ModuleNotFoundE")],

@@ -173,11 +173,6 @@ def test_an_aircraft_that_takes_no_excitation_says_why():
         respond(plant, LEVEL, check_manoeuvre(LIMITS))
 
 
-def test_excitation_needs_finite_limits():
-    with pytest.raises(ft.InputError, match="`limits` must be finite"):
-        multisines(ft.Limits.none(2))
-
-
 @pytest.mark.parametrize(
     ("lag", "transfer"),
     [
@@ -286,11 +281,6 @@ def test_a_file_that_holds_something_else_is_refused_by_name(tmp_path, change, m
 
     with pytest.raises(ft.ScenarioError, match=rf"wrong\.json: .*{message}"):
         ft.load_identified(path)
-
-
-def test_a_missing_file_says_what_writes_one(tmp_path):
-    with pytest.raises(ft.ScenarioError, match="`flighttune identify` writes one"):
-        ft.load_identified(tmp_path / "gone.json")
 
 
 def test_the_table_of_the_page_is_what_the_shipped_files_say():

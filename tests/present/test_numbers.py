@@ -6,7 +6,7 @@ import pytest
 
 from flighttune.metrics import FLIGHT_METRICS, METRICS
 from flighttune.present.names import METRIC_LABELS, key_words, metric_label
-from flighttune.present.tables import figures, interval, number, percent
+from flighttune.present.tables import number
 
 
 @pytest.mark.parametrize(
@@ -15,24 +15,6 @@ from flighttune.present.tables import figures, interval, number, percent
 )
 def test_numbers_without_a_value_are_a_dash(value, text):
     assert number(value) == text
-
-
-def test_a_number_follows_its_format():
-    assert number(-0.0001, "z.2f") == "0.00"
-    assert [figures(value) for value in (0.012345, 12.345, 12345.6)] == ["0.0123", "12.3", "12346"]
-
-
-def test_an_interval_without_a_bound_is_infinite():
-    assert interval(4.6312, 4.25, math.inf) == "4.63 [>= 4.25]"
-    assert interval(math.nan, 0.0, 1.0) == "–"
-
-
-@pytest.mark.parametrize(
-    ("share", "text"),
-    [(0.0, "0"), (1.0, "100"), (0.973, "97.3"), (0.9995, "99.95"), (0.00004, "0.004")],
-)
-def test_a_share_has_more_decimals_near_its_ends(share, text):
-    assert percent(share) == text
 
 
 def test_every_metric_has_a_label_and_angles_are_in_degrees():

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flighttune.recording.record import write_recording
-from flighttune.recording.scene import INSTANTS, MODEL_SPAN, REACH, WIND_TIMES, span_of
+from flighttune.recording.scene import INSTANTS, REACH, WIND_TIMES
 
 from .test_rrd import Contents
 
@@ -16,19 +16,6 @@ def gusty(run):
     gust = np.where(np.abs(t - 8.0) < 2.0, 2.0 * (1.0 + np.cos(np.pi * (t - 8.0) / 2.0)), 0.0)
     wind = {"wind_north": 3.0 + gust, "wind_east": 0.0 * t, "wind_down": 0.0 * t}
     return replace(run, signals=run.signals.assign(**wind))
-
-
-def test_the_span_is_that_of_the_aircraft_file(four_runs):
-    run = four_runs[0]
-    other = replace(run.provenance, plant="jsbsim:c172p")
-    unknown = replace(run.provenance, plant="jsbsim:none_such")
-    none = replace(run.provenance, scenario={"title": "no aircraft"})
-
-    assert span_of(four_runs[1]) == pytest.approx(2.8956)
-    assert span_of(run) == pytest.approx(2.8956)
-    assert span_of(replace(run, provenance=other)) == pytest.approx(35.8 * 0.3048)
-    assert span_of(replace(run, provenance=unknown)) == MODEL_SPAN
-    assert span_of(replace(run, provenance=none)) == MODEL_SPAN
 
 
 @pytest.fixture(scope="module")

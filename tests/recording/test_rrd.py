@@ -225,13 +225,6 @@ def test_a_position_that_is_no_number_does_not_reach_the_scene(four_runs, tmp_pa
     assert np.isfinite(moved).all()
 
 
-def test_two_runs_of_one_name_keep_apart(four_runs, tmp_path):
-    write_recording([four_runs[0]] * 2, tmp_path / "twice.rrd", page="", title="Twice")
-    timed = Contents(tmp_path / "twice.rrd").timed
-
-    assert {"/plots/chi/kinematic_paper", "/plots/chi/kinematic_paper_2"} <= set(timed)
-
-
 def test_a_recording_is_replaced_whole_or_not_at_all(four_runs, tmp_path):
     path = tmp_path / "flight.rrd"
     path.write_bytes(b"old")

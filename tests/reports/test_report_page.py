@@ -202,20 +202,6 @@ def test_words_of_a_scenario_are_text_and_not_markup(paper_source, tmp_path):
     assert "&lt;script&gt;alert" in text
 
 
-def test_a_run_that_never_flew_is_told_of(paper_source, tmp_path):
-    first = paper_source.runs[0]
-    made = dataclasses.replace(first.provenance, gains_name="strict", gains=None)
-    never = dataclasses.replace(
-        first, signals=first.signals.iloc[:0], status="no_gains", reason="I_K is 67 at least",
-        provenance=made,
-    )  # fmt: skip
-
-    written = ft.write_report(Source(name="both", runs=(first, never)), tmp_path / "r.html")
-
-    assert written.summary[1] == "1 of 2 runs converge."
-    assert "I_K is 67 at least" in records_of(written, "runs")["kinematic / strict"]["outcome"]
-
-
 def test_runs_of_several_scenarios_are_refused(paper_source, printed_source, tmp_path):
     mixed = Source(name="mixed", runs=(*paper_source.runs, *printed_source.runs))
 

@@ -157,11 +157,6 @@ def test_a_loop_that_cannot_be_stabilised_is_a_failure_with_a_reason(model, with
     assert found.reason
 
 
-def test_no_starts_are_refused(model):
-    with pytest.raises(ft.InputError, match=r"`starts` .* 1, got 0"):
-        ft.tune(ft.TuningProblem(model=model), starts=0)
-
-
 def worst_damping(A_K):
     eigenvalues = np.linalg.eigvals(A_K)
     return (-eigenvalues.real / np.abs(eigenvalues)).min()

@@ -9,7 +9,6 @@ import flighttune as ft
 from flighttune.control.envelope import Envelope, jacobian_hull
 from flighttune.theory.common import common_Q
 from flighttune.tuning.envelope import (
-    ascend,
     envelope_rate,
     largest_factor,
     point,
@@ -116,18 +115,6 @@ def test_no_gains_nearby_are_better(model, tuned):
     feasible = [one.common.R for one in nearby if one is not None]
     assert len(feasible) > 10
     assert max(feasible) < (1.0 + LOCAL) * tuned.R
-
-
-def test_ascents_from_different_gains_end_at_one_rate(model):
-    problem = ft.TuningProblem(model=model, I_star=10.0)
-    models = jacobian_hull(GENTLE, g=G).models()
-    free = search_space(problem).free
-    tops = []
-    for I_star in (6.0, 9.9):
-        nominal = tune_by_gradient(ft.TuningProblem(model=model, I_star=I_star))
-        tops.append(ascend(problem, models, point(problem, models, nominal.gains.K[free])).common.R)
-
-    assert tops == pytest.approx([0.7066, 0.7066], rel=LOCAL)
 
 
 def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(model):

@@ -48,25 +48,6 @@ def test_what_is_not_as_the_file_says_is_named(
     assert "\n" not in str(error.value)
 
 
-def test_a_model_whose_name_no_file_can_have_is_refused(changed_aircraft):
-    folder = changed_aircraft("aircraft.toml", '"aerosonde.xml"', f'"{"x" * 300}"')
-
-    with pytest.raises(
-        ft.InputError, match=r"aircraft\.toml: `model` must .* 80 bytes, it has 300"
-    ):
-        ft.JSBSimPlant(folder)
-
-
-def test_a_part_whose_name_no_file_can_have_is_refused(changed_aircraft):
-    folder = changed_aircraft(
-        "aerosonde.xml", '<engine file="[^"]*"', f'<engine file="{"x" * 300}"'
-    )
-
-    with pytest.raises(ft.PlantError, match=r"aerosonde\.xml") as error:
-        ft.JSBSimPlant(folder).start(ft.FlightCondition(V_a=25.0))
-    assert "\n" not in str(error.value)
-
-
 def test_gains_of_another_model_are_refused(changed_aircraft):
     folder = changed_aircraft("aircraft.toml", "title", "title", aircraft="a4")
     file = folder / "aircraft.toml"

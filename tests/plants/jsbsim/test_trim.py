@@ -2,7 +2,6 @@
 
 import math
 
-import numpy as np
 import pytest
 
 import flighttune as ft
@@ -61,12 +60,6 @@ def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
 def test_conditions_outside_the_aircraft_are_refused(condition, message):
     with pytest.raises(ft.InputError, match=message):
         ft.JSBSimPlant().start(ft.FlightCondition(**{"V_a": 25.0} | condition))
-
-
-def test_path_angles_of_a_table_may_be_an_array():
-    records = trim_table(load_aircraft("aerosonde"), V_a=[25.0], gamma=np.array([0.0, 0.05]))
-
-    assert all(record["trim"] for record in records)
 
 
 def test_a_glide_that_is_not_steady_is_said_so(changed_aircraft):
