@@ -28,7 +28,7 @@ from flighttune.flight.outer_loop import gain_set
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.problem import tube_problem
-from flighttune.tubes.proof import load_tube, save_tube, verify_tube
+from flighttune.tubes.proof import load_tube, save_tube
 from flighttune.tubes.tube import flights_inside, tube_of
 from flighttune.units import DEG
 
@@ -217,7 +217,7 @@ def row(name, folder, flights):
         path = Path(folder) / "tube.npz"
         save_tube(found, path)
         began = time.process_time()
-        valid = verify_tube(load_tube(path)).valid
+        valid = load_tube(path).verify().valid
         verify_s, size = time.process_time() - began, path.stat().st_size / 1e6
         measured |= {"verify_cpu_s": verify_s, "file_MB": size}
         reached = {"random": random_flights(found, flights)}
@@ -320,7 +320,7 @@ def tube_of_aircraft(name, path, folder):
     file = Path(folder) / "aircraft.npz"
     save_tube(found, file)
     began = time.process_time()
-    valid = verify_tube(load_tube(file)).valid
+    valid = load_tube(file).verify().valid
     return found, measured | {
         "largest_deg": widths.max(axis=0).tolist(),
         "end_deg": widths[-1].tolist(),

@@ -2,6 +2,7 @@
 
 from flighttune.adoption.adopt import adopt as adopt
 from flighttune.campaign.claims import load_claim as load_claim
+from flighttune.campaign.claims import verify as verify
 from flighttune.campaign.engine.engine import run_campaign as run_campaign
 from flighttune.campaign.planning.load import load_campaign as load_campaign
 from flighttune.campaign.planning.plan import Plan as Plan
@@ -10,7 +11,6 @@ from flighttune.campaign.planning.schema import Campaign as Campaign
 from flighttune.certificates.certificate import Certificate as Certificate
 from flighttune.certificates.certificate import load_certificate as load_certificate
 from flighttune.certificates.certificate import save_certificate as save_certificate
-from flighttune.certificates.certificate import verify as verify
 from flighttune.certificates.make import certify as certify
 from flighttune.control.controller import Controller as Controller
 from flighttune.control.controller import FlightCondition as FlightCondition

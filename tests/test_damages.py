@@ -19,7 +19,7 @@ from fuzzing import EDGES, TEXTS, TIMES, damaged, digit_changed
 import flighttune as ft
 from flighttune.claims.band import save_band
 from flighttune.claims.conformance import load_conformance, save_conformance
-from flighttune.tubes.proof import load_tube, verify_tube
+from flighttune.tubes.proof import load_tube
 from tests.claims.test_band import band_of, load_walks, random_flights, values_of, write_band
 from tests.tubes.test_aircraft import conformance, flight
 from tests.tubes.test_proof import arrays_of
@@ -153,7 +153,7 @@ def proven_in(path):
     """What is proven; InputError where it is not."""
     boxes = path.with_name("boxes.json")
     loaded = load_tube(path, load_conformance(boxes) if boxes.exists() else None)
-    verification = verify_tube(loaded)
+    verification = loaded.verify()
     if not verification.valid:
         raise ft.InputError(f"{path}: {verification.reason}")
     problem = loaded.problem

@@ -1,24 +1,49 @@
-"""Claims from files: tubes, which are proven, and bands, which are counted."""
+"""Claims from files and their check: certificates, bounds on R_K, tubes and bands."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from contextlib import nullcontext, suppress
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, TypeAlias
 
 import numpy as np
 
-from flighttune.campaign.band import axis_of, difference, load_band, plan_of, wind_at_start
-from flighttune.claims.band import Band, is_band_file
+from flighttune.campaign.band import (
+    axis_of,
+    difference,
+    load_band,
+    plan_of,
+    recount,
+    wind_at_start,
+)
+from flighttune.campaign.engine.pool import WorkerPool
+from flighttune.campaign.fence import count_inside, inside_sentence
+from flighttune.certificates.bound import RateBound, load_bound
+from flighttune.certificates.certificate import Certificate, load_certificate
+from flighttune.claims.band import Band
 from flighttune.claims.conformance import load_conformance
-from flighttune.errors import InputError
+from flighttune.errors import InputError, RecordingError
+from flighttune.files.seal import format_of
+from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.names import columns, listed
+from flighttune.present.tables import Column, Table
 from flighttune.scenario.load import scenario_from
 from flighttune.simulate.bounds import Kind, RunClaim
 from flighttune.simulate.run import Run
+from flighttune.theory.exact import Check, Verification
 from flighttune.tubes.enclosure import Tube
-from flighttune.tubes.proof import is_tube_file, load_tube
+from flighttune.tubes.proof import load_tube
+
+CLAIM_FILE = "claim: the file of a certificate, a bound on R_K, a tube or a band"
+
+# Flights of a band that are flown again.
+FLOWN_AGAIN = 5
+
+CHECK_COLUMNS = [Column("name", "check"), *columns("margin exact")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class BandClaim:
+class BandClaim(Answering):
     """The claim of a band about the flights of its campaign."""
 
     band: Band
@@ -29,6 +54,35 @@ class BandClaim:
     def sentence(self) -> str:
         """The claim in words."""
         return self.band.sentence
+
+    def answer(self, file: str | Path = "FILE") -> Answer:
+        """The half-widths and the claim; a failure if nothing is claimed. `file` is its file."""
+        return self.band.answer(file)
+
+    def verify(self, *, run_code: bool = False, pool: WorkerPool | None = None) -> Verification:
+        """Fly a few flights again, chosen at random; all must be equal to the bit.
+
+        The claim itself was computed from the flights when its file was read. Without `run_code` no
+        flight is flown that runs Python files which the band names.
+        """
+        band, flights = self.band, min(FLOWN_AGAIN, len(self.band.scores))
+        flown = f"{flights} of its flights, chosen at random, were flown again: equal to the bit."
+        try:
+            code = plan_of(band).code
+            fences = [inside_sentence(band, count_inside(band, x)) for x in band.about.fences]
+            if code and not run_code:
+                flown = f"No flight was flown again: --run-code runs {listed(code)} for it."
+            else:
+                with nullcontext(pool) if pool else WorkerPool(1) as workers:
+                    differ = recount(band, flights, workers)
+                if differ:
+                    raise InputError(
+                        f"flights flown again must be equal to the bit, draw {differ[0]} is not"
+                    )
+        except InputError as error:
+            return Verification(valid=False, reason=str(error))
+        notes = "The scale is that of the flights in the file.", flown, *fences
+        return Verification(valid=True, reason="", notes=notes)
 
     def why_not(self, run: Run) -> str:
         """Why the band says nothing of a run; empty if its flights could have been this one.
@@ -54,27 +108,39 @@ class BandClaim:
         )
 
 
-def load_claim(path: str | Path, conformance: str | Path | None = None) -> Tube | BandClaim:
-    """Read a claim about flights, whatever its kind.
+AnyClaim: TypeAlias = Certificate | RateBound | Tube | BandClaim
 
-    The scale of a band is computed again from its flights; a tube is not proven again, as
-    `verify` does.
+# Readers of files of claims, by the `format` that they state.
+READERS: dict[str, Callable[[Path], AnyClaim]] = {
+    "flighttune certificate": load_certificate,
+    "flighttune rate bound": load_bound,
+    "flighttune tube": load_tube,
+    "flighttune band": lambda path: BandClaim(band=load_band(path)),
+}
+
+
+def load_claim(path: str | Path, conformance: str | Path | None = None) -> AnyClaim:
+    """Read a claim, whatever its kind; what it is, is read from the content of its file.
+
+    Nothing in it is proven again, as `verify` does. The scale of a band is computed again from its
+    flights.
 
     Parameters
     ----------
     path : str or Path
-        A file of a tube or of a band; which one it is, is read from its content.
+        A file of a certificate, a bound on R_K, a tube or a band.
     conformance : str or Path, optional
         File of `flighttune conform` that confirms the boxes of an aircraft's tube.
 
     Returns
     -------
-    Tube or BandClaim
+    Certificate, RateBound, Tube or BandClaim
+        Each has a `sentence`, an `answer()` and a `verify()`.
 
     Raises
     ------
-    InputError
-        If there is no such file, or it does not support what it claims.
+    InputError, RecordingError
+        If there is no such file, it is of another kind, or it does not support what it claims.
 
     Examples
     --------
@@ -84,13 +150,115 @@ def load_claim(path: str | Path, conformance: str | Path | None = None) -> Tube 
     'bounded'
     """
     path = Path(path)
-    if is_band_file(path):
-        return BandClaim(band=load_band(path))
-    if not is_tube_file(path):
-        raise InputError(f"{path}: must be the file of a tube or of a band, got another.")
-    return load_tube(path, None if conformance is None else load_conformance(conformance))
+    stated = format_of(path, READERS, CLAIM_FILE)
+    if conformance is None:
+        return READERS[stated](path)
+    if stated != "flighttune tube":
+        raise InputError("`conformance` must be given for the tube of an aircraft only.")
+    return load_tube(path, load_conformance(conformance))
 
 
 def is_claim_file(path: str | Path) -> bool:
-    """Whether a file is that of a tube or of a band, by its content."""
-    return is_band_file(path) or is_tube_file(path)
+    """Whether a file is that of a claim, by its content."""
+    with suppress(RecordingError):
+        return bool(format_of(Path(path), READERS, CLAIM_FILE))
+    return False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Verified(Answering):
+    """A claim and whether it holds.
+
+    Attributes
+    ----------
+    claim : Certificate, RateBound, Tube or BandClaim
+    verification : Verification
+    source : str
+        The file of the claim; empty for a value.
+    """
+
+    claim: AnyClaim
+    verification: Verification
+    source: str = ""
+
+    @property
+    def valid(self) -> bool:
+        """Whether every check holds."""
+        return self.verification.valid
+
+    @property
+    def reason(self) -> str:
+        """The first check that fails; empty if all hold."""
+        return self.verification.reason
+
+    @property
+    def checks(self) -> tuple[Check, ...]:
+        """Every inequality or inclusion of a proof, with its margin; none of a band."""
+        return self.verification.checks
+
+    def answer(self) -> Answer:
+        """The checks and the claim; a failure if one of them does not hold."""
+        claim, valid, kind = self.claim.answer(), self.valid, self.claim.kind
+        checks = [asdict(check) for check in self.verification.checks]
+        place = f"{self.source}: " if self.source else ""
+        title = f"{place}{'valid: every check holds' if valid else 'not valid'}"
+        # All inclusions of a tube are exact.
+        shown = CHECK_COLUMNS[:2] if isinstance(self.claim, Tube) else CHECK_COLUMNS
+        stated = kind if valid else f"claimed, not {kind}"
+        return Answer(
+            values={**pick(self, "valid reason"), "claim": claim.values},
+            tables=[Table(shown, checks, title, name="checks"), *claim.tables],
+            notes=[*self.verification.notes, *claim.notes] if valid else [],
+            verdict=f"{stated}: {self.claim.sentence}",
+            failure="" if valid else f"{place}{self.reason}",
+        )
+
+
+def verify(
+    claim: AnyClaim | str | Path,
+    *,
+    conformance: str | Path | None = None,
+    run_code: bool = False,
+    pool: WorkerPool | None = None,
+) -> Verified:
+    """Check a claim from its numbers alone.
+
+    A certificate and a bound on R_K are checked in rational arithmetic without any solver, in
+    seconds. A tube is proven again without the search that found it, in a fraction of its time.
+    The claim of a band is computed again from its plan and what its file keeps of each flight; five
+    of its flights, chosen at random, are flown again, and every suspicious copy.
+
+    Parameters
+    ----------
+    claim : Certificate, RateBound, Tube, BandClaim, str or Path
+        A claim, or its file; what it is, is read from its content.
+    conformance : str or Path, optional
+        File of `flighttune conform` that confirms the boxes of an aircraft's tube.
+    run_code : bool
+        Fly flights of a band again that run Python files which it names.
+    pool : WorkerPool, optional
+        Workers that fly flights of a band again; by default one process of this machine.
+
+    Returns
+    -------
+    Verified
+        `valid`, or the `reason` why not: the inequality, the sample or the flight.
+
+    Raises
+    ------
+    InputError, RecordingError
+        If a file cannot be read or is not a claim.
+
+    Examples
+    --------
+    >>> model = ft.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
+    >>> ft.verify(ft.certify(model, ft.PAPER_GAINS).certificate).valid
+    True
+    """
+    source = "" if isinstance(claim, AnyClaim) else str(claim)
+    value = claim if isinstance(claim, AnyClaim) else load_claim(claim, conformance)
+    if isinstance(value, BandClaim):
+        verification = value.verify(run_code=run_code, pool=pool)
+    else:
+        verification = value.verify()
+    return Verified(claim=value, verification=verification, source=source)

@@ -5,15 +5,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 
 from flighttune.arrays import FloatArray, check_positive, set_read_only
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
-from flighttune.files.table import json_tables
 from flighttune.files.value import STRICT, read
+from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.tables import Column, Table
 from flighttune.theory.exact import Verification
 from flighttune.theory.indicators import scaled
 from flighttune.theory.optimal import optimal_channel
@@ -23,8 +24,14 @@ from flighttune.theory.rate_bound import NUMBERS, bound_checks, no_faster_gains
 GAP = 0.02
 
 
+BOUND_COLUMNS = [
+    Column("I_star", "largest I_K", "s²", "z.6g"),
+    Column("R_bound", "bound on R_K", "1/s", "z.6g"),
+]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RateBound:
+class RateBound(Answering):
     """For every A_K = [[F, G], [I, 0]] of any size with I_K <= I_star: R_K <= R_bound.
 
     Attributes
@@ -54,12 +61,24 @@ class RateBound:
         count = max(len(self.boxes), 1)
         set_read_only(self, boxes=(count, 4), multipliers=(count, NUMBERS))
 
+    kind: ClassVar[Literal["proven"]] = "proven"
+
     @property
-    def claim(self) -> str:
+    def sentence(self) -> str:
         """The claim in words."""
         none = Fraction(self.R_bound) * Fraction(self.I_star) <= 1
         what = "none exist" if none else f"R_K <= {self.R_bound:.6g}"
         return f"for all gains with I_K <= {self.I_star:g}, coupled or not: {what}"
+
+    def answer(self) -> Answer:
+        """The bound and its sentence."""
+        values = pick(self, "sentence I_star R_bound")
+        return Answer(values=values, tables=[Table(BOUND_COLUMNS, [values])], verdict=self.sentence)
+
+    def verify(self) -> Verification:
+        """Check the bound exactly, from its numbers alone."""
+        checks = bound_checks(self.I_star, self.R_bound, self.boxes, self.multipliers)
+        return Verification.of(checks)
 
 
 def bound_rate(
@@ -91,21 +110,9 @@ def bound_rate(
     if proof is None:
         return None
     bound = RateBound(I_star=I_star, R_bound=R_bound, boxes=proof[0], multipliers=proof[1])
-    return bound if verify_bound(bound).valid else None
-
-
-def verify_bound(bound: RateBound) -> Verification:
-    """Check a bound exactly, from its numbers alone."""
-    return Verification.of(
-        bound_checks(bound.I_star, bound.R_bound, bound.boxes, bound.multipliers)
-    )
-
-
-def is_bound_file(path: str | Path) -> bool:
-    """Whether a JSON file is a bound on R_K."""
-    return json_tables(Path(path)).get("format") == RateBound.FORMAT
+    return bound if bound.verify().valid else None
 
 
 def load_bound(path: str | Path) -> RateBound:
-    """Read a bound; nothing in it is trusted before `verify_bound` has checked it."""
+    """Read a bound; nothing in it is trusted before `verify` has checked it."""
     return read(path, RateBound)

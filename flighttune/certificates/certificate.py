@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
 from flighttune.arrays import FloatArray, check_positive, set_read_only
 from flighttune.control.envelope import ENTRIES, Envelope, JacobianHull
-from flighttune.control.gains import PIGains
+from flighttune.control.gains import PIGains, gains_table
 from flighttune.control.linear_model import (
     LAW_NAMES,
     LinearModel,
@@ -22,8 +22,9 @@ from flighttune.control.linear_model import (
 )
 from flighttune.errors import InputError
 from flighttune.files.value import STRICT, read, write
-from flighttune.present.names import listed
-from flighttune.present.tables import facts_table, matrix, number
+from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.names import columns, listed
+from flighttune.present.tables import Table
 from flighttune.theory.exact import (
     Check,
     Interval,
@@ -116,8 +117,8 @@ class Claim:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Certificate:
-    """A claim, what it is about, and the matrices that prove it; also the format of its file.
+class Certificate(Answering):
+    """A claim about gains and the matrices that prove it; also the format of its file.
 
     Attributes
     ----------
@@ -157,6 +158,8 @@ class Certificate:
     models: tuple[LinearModel, ...] = ()
     made_with: Mapping[str, str] = field(default_factory=dict)
     scenario_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
+
+    kind: ClassVar[Literal["proven"]] = "proven"
 
     __pydantic_config__: ClassVar = STRICT
     FORMAT: ClassVar[str] = "flighttune certificate 2"
@@ -227,21 +230,63 @@ class Certificate:
             worth.append(f"I_K of {I_K:.2g} s² is no useful bound under a disturbance")
         return f"certified, but {listed(worth)}" if worth else "certified"
 
-    def _repr_html_(self) -> str:
+    @property
+    def sentence(self) -> str:
+        """The claim in words: where it holds, the rate, and the radius under a disturbance."""
+        claim, states = self.claim, ", ".join(self.model.states)
+        if claim.envelope is not None:
+            where = (
+                f"{claim.place}, g {claim.g:g} m/s²: for every flight of the law that stays in it"
+            )
+        elif claim.conditions:
+            where = f"for the models in the file (states {states}), given as those {claim.place}"
+        else:
+            where = f"for the linear model in the file (states {states})"
+        words = f"{where}: errors and rates decay at {claim.rate:.6g} 1/s, their norm at half of it"
+        if claim.radius is None:
+            return words
+        return (
+            f"{words}; under a disturbance whose derivative is at most {claim.L_d:.6g} the norm "
+            f"ends up at {claim.radius:.6g} or less"
+        )
+
+    def answer(self) -> Answer:
+        """The claim with the gains and the model that it is about."""
         claim = self.claim
-        rate = f"{number(claim.rate, '.6g')} 1/s; the norm decays at half of it or faster"
-        facts = {"rate": rate, "worth": self.in_words}
-        if claim.radius is not None and claim.L_d is not None:
-            within = f"{number(claim.radius)} under a disturbance of rate {number(claim.L_d)}"
-            facts["ultimate radius"] = within
-        alone = claim.envelope is None and not claim.conditions
-        facts |= {
-            "holds for": "the linear model alone" if alone else claim.place,
-            "K_P": matrix(self.gains.K_P),
-            "K_I": matrix(self.gains.K_I),
-            "made with": ", ".join(f"{key}: {value}" for key, value in self.made_with.items()),
+        values = {
+            **claim.values,
+            **pick(claim, "envelope g"),
+            "sentence": self.sentence,
+            "gains": pick(self.gains, "inputs errors K_P K_I"),
+            "model": pick(self.model, "states inputs errors A B C"),
         }
-        return facts_table("Certificate", facts).html()
+        return Answer(
+            values=values,
+            tables=[
+                Table(columns("rate radius L_d"), [values], "certificate"),
+                gains_table("gains", self.gains),
+            ],
+            notes=[self.in_words],
+            verdict=self.sentence,
+        )
+
+    def verify(self) -> Verification:
+        """Check every inequality, in floating point and exactly, from these numbers alone.
+
+        The loops are assembled from the stated models, gains and polytope, so that there is no
+        other matrix to believe in.
+        """
+        claim, model, hull = self.claim, self.model, self.hull
+        checks: list[Check] = []
+        if claim.envelope is not None and hull is not None and claim.g is not None:
+            checks += coverage_checks(model, claim.envelope, hull, g=claim.g)
+        vertices = vertex_matrices(model, self.gains, hull, self.models)
+        checks += rate_checks(vertices, self.Q, rate=claim.rate)
+        W, multiplier, L_d = self.W, self.multiplier, claim.L_d
+        if claim.radius is not None and not (W is None or multiplier is None or L_d is None):
+            sizes = {"multiplier": multiplier, "radius": claim.radius, "L_d": L_d}
+            checks += radius_checks(vertices, disturbance_entry(model), W, **sizes)
+        return Verification.of(checks)
 
 
 def save_certificate(certificate: Certificate, path: str | Path) -> None:
@@ -392,43 +437,3 @@ def _model_check(model: LinearModel, hull: JacobianHull) -> Check:
             elif limit > 0:
                 margin = min(margin, -limit)
     return margin_check(name, min(margin, high - low))
-
-
-def verify(certificate: Certificate | str | Path) -> Verification:
-    """Check every inequality of a certificate, in floating point and exactly.
-
-    Parameters
-    ----------
-    certificate : Certificate or path-like
-        The value, or the JSON file it was written to.
-
-    Returns
-    -------
-    Verification
-        Valid if every inequality is proven in rational arithmetic. The loops are assembled from
-        the stated models, gains and polytope, so that there is no other matrix to believe in.
-
-    Raises
-    ------
-    InputError
-        If a file cannot be read or is not a certificate.
-
-    Examples
-    --------
-    >>> model = ft.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
-    >>> ft.verify(ft.certify(model, ft.PAPER_GAINS).certificate).valid
-    True
-    """
-    if not isinstance(certificate, Certificate):
-        certificate = load_certificate(certificate)
-    claim, model, hull = certificate.claim, certificate.model, certificate.hull
-    checks: list[Check] = []
-    if claim.envelope is not None and hull is not None and claim.g is not None:
-        checks += coverage_checks(model, claim.envelope, hull, g=claim.g)
-    vertices = vertex_matrices(model, certificate.gains, hull, certificate.models)
-    checks += rate_checks(vertices, certificate.Q, rate=claim.rate)
-    W, multiplier, L_d = certificate.W, certificate.multiplier, claim.L_d
-    if claim.radius is not None and not (W is None or multiplier is None or L_d is None):
-        sizes = {"multiplier": multiplier, "radius": claim.radius, "L_d": L_d}
-        checks += radius_checks(vertices, disturbance_entry(model), W, **sizes)
-    return Verification.of(checks)

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.certificates.certificate import Certificate, Claim, verify, vertex_matrices
+from flighttune.certificates.certificate import Certificate, Claim, vertex_matrices
 from flighttune.control.envelope import Envelope, jacobian_hull, vertex_loops
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel, closed_loop, disturbance_entry
@@ -143,7 +143,7 @@ def certify(
         made_with={"flighttune": version("flighttune"), **solvers},
         scenario_sha256=scenario_sha256,
     )
-    verification = verify(certificate)
+    verification = certificate.verify()
     if not verification.valid:
         return _refused(verification.reason)
     return Certification(

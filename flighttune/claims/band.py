@@ -15,11 +15,13 @@ from flighttune.arrays import FloatArray, check_between
 from flighttune.claims.count import allowed_outside, counted_scale
 from flighttune.errors import InputError
 from flighttune.files.array import FLOAT, SINGLE, TEXT, check_shapes, read_arrays
-from flighttune.files.seal import BLANK, MARK, seal, sealed_bytes
+from flighttune.files.seal import BLANK, seal, sealed_bytes
 from flighttune.files.table import json_object
 from flighttune.files.value import STRICT, tables_of, value_of
 from flighttune.files.whole import whole_file
-from flighttune.present.tables import Table, number
+from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.names import shown_unit
+from flighttune.present.tables import Column, Table, number
 from flighttune.simulate.bounds import Bounds
 from flighttune.simulate.run import SIGNAL_UNITS
 
@@ -55,6 +57,19 @@ DOUBLED = 2 ** np.arange(31)
 # signals, 2) of N flights. A flight that was not completed, or whose position its distances from a
 # route do not give, has -inf and inf.
 Extremes: TypeAlias = npt.NDArray[np.floating]
+
+WIDTH_COLUMNS = [
+    Column("signal", "signal"),
+    Column("largest", "largest half-width", digits=".2f"),
+    Column("last_quarter", "in the last quarter", digits=".2f"),
+    Column("end", "at the end", digits=".2f"),
+    Column("low", "lowest bound", digits=".2f"),
+    Column("high", "highest bound", digits=".2f"),
+    Column("unit", "unit"),
+]
+
+# Part of the time whose largest half-width is printed too: flights have settled by then.
+LAST_QUARTER = 0.75
 
 ARRAYS = {"band": TEXT, "extremes": SINGLE, "wind": FLOAT}
 
@@ -93,7 +108,7 @@ class Axis:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Band:
+class Band(Answering):
     """A band with its claim, and what is kept of the flights that were counted."""
 
     about: About
@@ -230,6 +245,49 @@ class Band:
         low, high = (middle + sign * self.half_widths for sign in (-1.0, 1.0))
         return Bounds(np.asarray(t, dtype=float), low[window], high[window], tuple(about.signals))
 
+    def answer(self, file: str | Path = "FILE") -> Answer:
+        """The half-widths of the band in `file` and its claim; a failure if nothing is claimed."""
+        about, claims, edges = self.about, self.claims, self.axis.edges
+        records = []
+        for (name, unit), widths in zip(about.signals.items(), self.half_widths.T, strict=True):
+            shown, factor = shown_unit(unit)
+            late = edges[:-1] >= LAST_QUARTER * edges[-1]
+            ends = {"largest": widths.max(), "last_quarter": widths[late].max(), "end": widths[-1]}
+            if not about.predicted_from:
+                bounds = self.bounds(edges[:-1])
+                at = bounds.names.index(name)
+                ends |= {"low": bounds.low[:, at].min(), "high": bounds.high[:, at].max()}
+            in_unit = {key: float(width) * factor for key, width in ends.items()}
+            records.append({"signal": name, **in_unit, "unit": shown})
+        notes = []
+        if about.predicted_from:
+            notes.append(
+                "The band is around a middle that is predicted from the wind of each flight."
+            )
+        if claims:
+            seed = about.plan["campaign"]["seed"]
+            notes.append(
+                f"Of the flights inside, draw {self.nearest} (seed {seed}) is nearest to leaving: "
+                f"flighttune campaign fly {file} --run {self.nearest}"
+            )
+        return Answer(
+            values={
+                "status": "claimed" if claims else "nothing_claimed",
+                **pick(about, "epsilon predicted_from learned"),
+                **pick(self, "scale readings confidence outside not_completed sentence"),
+                "distribution": self.axis.distribution,
+                "flights": len(self.scores),
+                "nearest_draw": self.nearest if claims else None,
+            },
+            tables=[
+                Table(WIDTH_COLUMNS, records if claims else [], "band", name="half_widths"),
+                self.axis.flights,
+            ],
+            notes=notes,
+            verdict=self.sentence if claims else "",
+            failure="" if claims else self.sentence,
+        )
+
 
 def window_edges(samples: int, flights: int, signals: int) -> npt.NDArray[np.intp]:
     """First samples of the windows of a flight, and the last sample of all.
@@ -360,11 +418,6 @@ def save_band(band: Band, path: str | Path) -> None:
         with ZipFile(part, "a") as archive:
             archive.comment = BLANK.encode()  # at the end of the file, and of no checksum of it
         part.write_bytes(seal(part.read_bytes()))
-
-
-def is_band_file(path: str | Path) -> bool:
-    """Whether `path` is a file of the kind that `save_band` writes: its seal stands at its end."""
-    return Path(path).is_file() and Path(path).read_bytes()[-len(BLANK) :].startswith(MARK)
 
 
 def read_band(path: str | Path, axis_of: Callable[[About], Axis]) -> Band:

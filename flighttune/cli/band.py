@@ -11,24 +11,10 @@ from flighttune.cli.show import campaign_pool, pick
 from flighttune.errors import InputError
 from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.present.answer import Answer
-from flighttune.present.names import shown_unit
 from flighttune.present.tables import Column, Table
 
 if TYPE_CHECKING:
     from flighttune.claims.band import Band
-
-WIDTH_COLUMNS = [
-    Column("signal", "signal"),
-    Column("largest", "largest half-width", digits=".2f"),
-    Column("last_quarter", "in the last quarter", digits=".2f"),
-    Column("end", "at the end", digits=".2f"),
-    Column("low", "lowest bound", digits=".2f"),
-    Column("high", "highest bound", digits=".2f"),
-    Column("unit", "unit"),
-]
-
-# Part of the time whose largest half-width is printed too: flights have settled by then.
-LAST_QUARTER = 0.75
 
 # Options that `planned` takes.
 PLANNED = ("gains", "plant", "start_deg", "changes")
@@ -175,7 +161,7 @@ def band(
     if out is not None:
         save_band(counted, out)
     file = out or file
-    answer = band_answer(counted, file)
+    answer = counted.answer(file)
     if fence is not None:
         answer = fence_answer(counted, answer)
     page = [f"A page with its flights: flighttune report {file}"]
@@ -185,47 +171,6 @@ def band(
 def _stated(**given: Any) -> dict[str, Any]:
     """The options that were stated."""
     return {name: value for name, value in given.items() if value is not None}
-
-
-def band_answer(counted: "Band", file: str | Path = "FILE") -> Answer:
-    """The half-widths of a band in a file and its claim; a failure if nothing is claimed."""
-    about, claims, edges = counted.about, counted.claims, counted.axis.edges
-    records = []
-    for (name, unit), widths in zip(about.signals.items(), counted.half_widths.T, strict=True):
-        shown, factor = shown_unit(unit)
-        late = edges[:-1] >= LAST_QUARTER * edges[-1]
-        ends = {"largest": widths.max(), "last_quarter": widths[late].max(), "end": widths[-1]}
-        if not about.predicted_from:
-            bounds = counted.bounds(edges[:-1])
-            at = bounds.names.index(name)
-            ends |= {"low": bounds.low[:, at].min(), "high": bounds.high[:, at].max()}
-        in_unit = {key: float(width) * factor for key, width in ends.items()}
-        records.append({"signal": name, **in_unit, "unit": shown})
-    notes = []
-    if about.predicted_from:
-        notes.append("The band is around a middle that is predicted from the wind of each flight.")
-    if claims:
-        notes.append(
-            f"Of the flights inside, draw {counted.nearest} (seed {about.plan['campaign']['seed']})"
-            f" is nearest to leaving: flighttune campaign fly {file} --run {counted.nearest}"
-        )
-    return Answer(
-        values={
-            "status": "claimed" if claims else "nothing_claimed",
-            **pick(about, "epsilon predicted_from learned"),
-            **pick(counted, "scale readings confidence outside not_completed sentence"),
-            "distribution": counted.axis.distribution,
-            "flights": len(counted.scores),
-            "nearest_draw": counted.nearest if claims else None,
-        },
-        tables=[
-            Table(WIDTH_COLUMNS, records if claims else [], "band", name="half_widths"),
-            counted.axis.flights,
-        ],
-        notes=notes,
-        verdict=counted.sentence if claims else "",
-        failure="" if claims else counted.sentence,
-    )
 
 
 def fence_answer(counted: "Band", answer: Answer) -> Answer:

@@ -1,13 +1,11 @@
 """Commands that certify gains, and check certificates."""
 
-from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from typer import Argument, Option
 
 from flighttune.cli import options
-from flighttune.cli.band import band_answer
 from flighttune.cli.gains import (
     CERTIFICATE_STATUS,
     chosen_gains,
@@ -15,9 +13,8 @@ from flighttune.cli.gains import (
     margins_table,
 )
 from flighttune.cli.show import NO, campaign_pool, fail, pick
-from flighttune.errors import InputError
 from flighttune.present.answer import Answer
-from flighttune.present.names import columns, listed
+from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table
 
 ANY_ENVELOPE = (
@@ -37,18 +34,12 @@ CERTIFICATE_COLUMNS = [
     *columns("radius L_d"),
     Column("largest_factor", "largest certified envelope"),
 ]
-# Flights of a band that are flown again.
-FLOWN_AGAIN = 5
-
-CHECK_COLUMNS = [Column("name", "check"), *columns("margin exact")]
-
 if TYPE_CHECKING:
     from flighttune.certificates.make import Certification
     from flighttune.control.gains import PIGains
     from flighttune.control.linear_model import LinearModel
     from flighttune.present.chart import Chart
     from flighttune.scenario import Scenario
-    from flighttune.theory.exact import Verification
 
 
 def certify(
@@ -173,7 +164,7 @@ def _rate_over_envelope(scenario: "Scenario", name: str, gains: "PIGains") -> "l
 
 
 def verify(
-    certificate: Annotated[
+    file: Annotated[
         Path, Argument(metavar="FILE", help="Certificate, bound on R_K, proof of a tube, or band.")
     ],
     conformance: Annotated[
@@ -185,122 +176,16 @@ def verify(
         Option("--run-code", help="Fly flights of a band again that run Python files it names."),
     ] = False,
 ) -> Answer:
-    """Check a certificate or bound without any solver, a tube without the search that found it.
+    """Check the claim in a file: certificate, bound on R_K, tube or band.
 
-    The claim of a band is computed again from its plan and what its file keeps of each flight. A
-    few flights, chosen at random, are flown again; `flighttune band FILE --recount K` flies more.
+    Proofs are checked without the solver or the search that found them. The claim of a band is
+    computed again from its plan and what its file keeps of each flight. A few flights, chosen at
+    random, are flown again; `flighttune band FILE --recount K` flies more.
 
-    Exit status 1 if it does not prove what it claims.
+    Exit status 1 if it does not support what it claims.
     """
-    from flighttune.certificates.bound import is_bound_file
-    from flighttune.claims.band import is_band_file
-    from flighttune.tubes.proof import is_tube_file
+    from flighttune.campaign.claims import verify as verify_claim
 
-    if is_band_file(certificate):
-        return _band(certificate, run_code)
-    of_tube = is_tube_file(certificate)
-    if conformance is not None and not of_tube:
-        raise InputError("`--conformance` must be given for the tube of an aircraft only.")
-    if of_tube:
-        verification, claim = _tube(certificate, conformance)
-    else:
-        verification, claim = (_bound if is_bound_file(certificate) else _claim)(certificate)
-    valid, what = verification.valid, "inclusion" if of_tube else "inequality"
-    title = f"{certificate}: {f'valid: every {what} is proven' if valid else 'not valid'}"
-    checks = [asdict(check) for check in verification.checks]
-    shown = CHECK_COLUMNS[:2] if of_tube else CHECK_COLUMNS  # all inclusions are exact
-    return replace(
-        claim,
-        values={**pick(verification, "valid reason"), **claim.values},
-        tables=[Table(shown, checks, title, name="checks"), *claim.tables],
-        verdict=f"{'proven' if valid else 'claimed, not proven:'} {claim.verdict}".rstrip(": "),
-        failure="" if valid else f"{certificate}: {verification.reason}",
-    )
-
-
-def _claim(file: Path) -> "tuple[Verification, Answer]":
-    """The check of a certificate, and what it claims."""
-    from flighttune.certificates.certificate import load_certificate, verify
-    from flighttune.control.gains import gains_table
-
-    loaded = load_certificate(file)
-    claim, states = loaded.claim, ", ".join(loaded.model.states)
-    if claim.envelope is not None:
-        where = f"{claim.place}, g {claim.g:g} m/s²: for every flight of the law that stays in it"
-    elif claim.conditions:
-        where = f"for the models in the file (states {states}), given as those {claim.place}"
-    else:
-        where = f"for the linear model in the file (states {states})"
-    values = {
-        **claim.values,
-        **pick(claim, "envelope g"),
-        "gains": pick(loaded.gains, "inputs errors K_P K_I"),
-        "model": pick(loaded.model, "states inputs errors A B C"),
-    }
-    verification = verify(loaded)
-    return verification, Answer(
-        values={"claim": values},
-        tables=[
-            Table(columns("rate radius L_d"), [values], "claim"),
-            gains_table("gains", loaded.gains),
-        ],
-        notes=[loaded.in_words] if verification.valid else [],
-        verdict=where,
-    )
-
-
-def _band(file: Path, run_code: bool) -> Answer:
-    """The claims of a band, computed from its plan and flights; some of these are flown again."""
-    from flighttune.campaign.band import load_band, plan_of, recount
-    from flighttune.campaign.fence import count_inside, inside_sentence
-
-    loaded, reason = load_band(file), ""
-    answer, again = band_answer(loaded, file), min(FLOWN_AGAIN, len(loaded.scores))
-    said = f"{again} of its flights, chosen at random, were flown again: equal to the bit."
-    try:
-        code = plan_of(loaded).code
-        fences = [inside_sentence(loaded, count_inside(loaded, x)) for x in loaded.about.fences]
-        if code and not run_code:
-            again, said = 0, f"No flight was flown again: --run-code runs {listed(code)} for it."
-        else:
-            with campaign_pool(1, None) as pool:
-                differ = recount(loaded, again, pool)
-            if differ:
-                reason = f"flights flown again must be equal to the bit, draw {differ[0]} is not"
-    except InputError as error:
-        reason, fences = str(error), []
-    if reason:
-        values = {"valid": False, "reason": reason, "flown_again": again}
-        return Answer(values=values, failure=f"{file}: {reason}")
-    return replace(
-        answer,
-        values={"valid": True, "reason": "", "flown_again": again, **answer.values},
-        notes=["The scale is that of the flights in the file.", said, *fences, *answer.notes],
-    )
-
-
-def _bound(file: Path) -> "tuple[Verification, Answer]":
-    """The check of a bound on R_K, and what it claims."""
-    from flighttune.certificates.bound import load_bound, verify_bound
-
-    bound = load_bound(file)
-    values = {"claim": pick(bound, "claim I_star R_bound")}
-    return verify_bound(bound), Answer(values=values, verdict=bound.claim)
-
-
-def _tube(file: Path, conformance: Path | None) -> "tuple[Verification, Answer]":
-    """The check of the proof of a tube, and what it claims."""
-    from flighttune.claims.conformance import load_conformance
-    from flighttune.tubes.proof import load_tube, verify_tube
-
-    loaded = load_tube(file, None if conformance is None else load_conformance(conformance))
-    checked, claim = (
-        loaded.problem.aircraft_checked,
-        loaded.answer("of the file"),
-    )
-    basis = ""
-    if checked is False:
-        basis = "for the boxes in the file; that an aircraft keeps them is not checked here"
-    scenario = loaded.problem.scenario.as_dict()
-    values = {"aircraft_checked": checked, "claim": {**claim.values, "scenario": scenario}}
-    return verify_tube(loaded), replace(claim, values=values, verdict=basis)
+    with campaign_pool(1, None) as pool:
+        checked = verify_claim(file, conformance=conformance, run_code=run_code, pool=pool)
+    return checked.answer()

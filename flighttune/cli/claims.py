@@ -5,7 +5,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from flighttune.cli.band import band_answer
 from flighttune.cli.show import pick, progress_bar
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
@@ -38,18 +37,13 @@ def within(flights: T, files: Sequence[Path] | None) -> T:
 
 
 def claim_page(file: str, out: Path) -> Answer:
-    """Write the page of the tube or band in a file."""
-    from flighttune.campaign.claims import BandClaim, load_claim
-    from flighttune.reports.band import write_band_page
-    from flighttune.reports.tube import write_tube_page
+    """Write the page of the claim in a file."""
+    from flighttune.campaign.claims import load_claim
+    from flighttune.reports.claim import write_claim_page
 
     claim = load_claim(file)
-    if isinstance(claim, BandClaim):
-        answer = band_answer(claim.band, file)
-        page = write_band_page(claim.band, file, out, answer.tables, answer.notes)
-    else:
-        answer, page = claim.answer(), write_tube_page(claim, file, out)
-    return replace(answer, files={"report": page.path})
+    page = write_claim_page(claim, file, out)
+    return replace(claim.answer(), files={"report": page.path})
 
 
 def fly_draw(file: Path, draw: int, out: Path | None) -> Answer:

@@ -103,8 +103,8 @@ def _with_bound(scenario: "Scenario", answer: Answer, file: Path) -> Answer:
     write(bound, file)
     return replace(
         answer,
-        values={**answer.values, "bound": pick(bound, "claim I_star R_bound")},
-        notes=[*answer.notes, f"proven {bound.claim}"],
+        values={**answer.values, "bound": bound.answer().values},
+        notes=[*answer.notes, f"proven {bound.sentence}"],
         files={**answer.files, "proof": file},
     )
 

@@ -6,12 +6,14 @@ JSON file under a key. They are compared before any library decodes the file.
 
 import hashlib
 import re
+from collections.abc import Collection
 from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 from zipfile import ZipFile
 
 from flighttune.errors import RecordingError
+from flighttune.files.table import json_tables
 from flighttune.files.whole import reason_of
 
 MARK = b"SHA-256="
@@ -29,6 +31,12 @@ FILES = {
     "flighttune rate bound": "a bound on R_K, which `flighttune verify` takes",
 }
 
+# Kinds of files without a `format` by what they begin with
+BEGINNINGS = {
+    b"RRF": "a recording, which `flighttune view` and `refly` take",
+    b"PAR1": "a Parquet file, which `flighttune report` and `refly` take",
+}
+
 # Bytes at the beginning of a file, or of its first array, that hold its `format`
 HEAD = 4096
 
@@ -42,7 +50,7 @@ def seal(data: bytes) -> bytes:
 def sealed_bytes(path: Path, kind: str, remedy: str = "fly it again") -> bytes:
     """Bytes of a file, if they are those that `seal` returned; `kind` is what it must be."""
     data = file_bytes(path, kind)
-    if kind not in (other := _kind_of(data) or kind):
+    if kind not in (other := FILES.get(_format_in(data), kind)):
         raise RecordingError(f"{path}: must be a {kind}, got {other}.")
     before, mark, rest = data.rpartition(MARK)
     if not mark:
@@ -72,14 +80,30 @@ def file_bytes(path: Path, kind: str) -> bytes:
     return data
 
 
-def _kind_of(data: bytes) -> str:
-    """One of `FILES`, by the `format` in the JSON text or in the first array of a file, or none."""
+def format_of(path: Path, formats: Collection[str], kind: str) -> str:
+    """Which of some `formats`, keys of `FILES`, a file has; a RecordingError if it has none.
+
+    `kind` is what the file must be.
+    """
+    data = file_bytes(path, kind)
+    stated = _format_in(data)
+    if stated in formats:
+        return stated
+    if data.lstrip().startswith(b"{"):
+        json_tables(path)  # says what is wrong with its JSON
+    begun = [what for begin, what in BEGINNINGS.items() if data.startswith(begin)]
+    got = FILES.get(stated) or (begun or ["another file, or a damaged one"])[0]
+    raise RecordingError(f"{path}: must be a {kind}, got {got}.")
+
+
+def _format_in(data: bytes) -> str:
+    """The `format` in the JSON text or in the first array of a file, without its number."""
     with suppress(Exception):  # `zipfile` raises a dozen kinds on what is no archive, or damaged
         archive = ZipFile(BytesIO(data))
         with archive.open(archive.infolist()[0]) as member:
             data = member.read(HEAD).replace(b"\0", b"")  # NumPy's letters have four bytes
-    stated = re.search(r'"format": "([a-z ]+) \d', data[:HEAD].decode(errors="replace"))
-    return FILES.get(stated[1], "") if stated else ""
+    found = re.search(r'"format":\s*"([a-z ]+) \d', data[:HEAD].decode(errors="replace"))
+    return found[1] if found else ""
 
 
 def _sha256(before: bytes, after: bytes) -> bytes:

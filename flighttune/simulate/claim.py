@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer, pick
@@ -10,6 +10,7 @@ from flighttune.simulate.bounds import RunClaim
 from flighttune.simulate.run import Run, claim_notes
 
 
+@runtime_checkable
 class Claim(Protocol):
     """A claim about flights, which a tube proves or a band counts."""
 
@@ -27,12 +28,16 @@ class Claim(Protocol):
         ...
 
 
-def with_claims(runs: Sequence[Run], claims: Sequence[Claim]) -> tuple[Run, ...]:
+def with_claims(runs: Sequence[Run], claims: Sequence[object]) -> tuple[Run, ...]:
     """The runs with the claims that cover them.
 
-    Raises InputError if a claim covers no run, with the reason for the first one.
+    Raises InputError if a claim does not bound flights, or covers no run, with the reason for the
+    first one.
     """
     for claim in claims:
+        if not isinstance(claim, Claim):
+            what = type(claim).__name__
+            raise InputError(f"`claim` must bound flights, as a tube or a band, got a {what}.")
         reasons = [claim.why_not(run) for run in runs]
         if all(reasons):
             why = f"{runs[0].label}: {reasons[0]}" if runs else "there is no run"

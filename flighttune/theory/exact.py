@@ -165,20 +165,23 @@ class Check:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verification:
-    """The outcome of checking a certificate.
+    """The outcome of checking a claim.
 
     Attributes
     ----------
     valid : bool
         Every check is proven.
     reason : str
-        The first inequality that fails and by how much; empty for a valid certificate.
+        The first inequality that fails and by how much; empty for a valid claim.
     checks : tuple of Check
+    notes : tuple of str
+        What else was done to check it.
     """
 
     valid: bool
     reason: str
-    checks: tuple[Check, ...]
+    checks: tuple[Check, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, checks: Sequence[Check]) -> "Verification":

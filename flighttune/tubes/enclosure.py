@@ -17,6 +17,7 @@ from flighttune.present.tables import Column, Table, number
 from flighttune.scenario.load import scenario_from
 from flighttune.simulate.bounds import ERRORS, Bounds, Kind, RunClaim
 from flighttune.simulate.run import Run
+from flighttune.theory.exact import Verification
 from flighttune.tubes.hand_over import HandOver
 from flighttune.tubes.problem import (
     MAX_PIECES,
@@ -26,6 +27,8 @@ from flighttune.tubes.problem import (
     TubeProblem,
     reference_of,
 )
+from flighttune.tubes.replay import replay
+from flighttune.tubes.sample import start_set
 from flighttune.units import DEG, DEG_PER_RAD
 
 WIDTH_COLUMNS = [
@@ -204,6 +207,12 @@ class Tube(Answering):
             units=dict.fromkeys(ERRORS, "rad"),
         )
 
+    def verify(self) -> Verification:
+        """Prove every sample again from the choices in the tube, without the search for them."""
+        problem, settings = self.problem, self.settings
+        starts = start_set(problem.loop, problem.start, settings.sides, settings.symbols)
+        return replay(problem, starts, self.chosen, self.bounds, self.can_limit, self.hand_over)
+
     def answer(self, gains: str = "") -> Answer:
         """The flights enclosed and the widths; a failure if the set is not bounded.
 
@@ -256,7 +265,7 @@ class Tube(Answering):
         title = f"{problem.scenario.title!r}; {flown}: {self.status}"
         return Answer(
             values={
-                **pick(self, "status reason probability"),
+                **pick(self, "status reason probability sentence"),
                 "model": problem.model,
                 "half_width_deg": widths,
                 "limits_can_hold": limited,
@@ -265,6 +274,8 @@ class Tube(Answering):
                 "start_rad": problem.start,
                 "disturbance_rad_s": [lowest, highest],
                 "counted": counted.sentence if counted else None,
+                "aircraft_checked": problem.aircraft_checked,
+                "scenario": problem.scenario.as_dict(),
             },
             tables=[
                 Table(WIDTH_COLUMNS, [{"error": key, **row} for key, row in widths.items()], title),
@@ -274,6 +285,7 @@ class Tube(Answering):
                 gains_table("gains", problem.gains),
             ],
             notes=notes,
+            verdict=self.sentence if self.status == "bounded" else "",
             failure="" if self.status == "bounded" else self.reason,
         )
 

@@ -1,18 +1,16 @@
-"""A tube as a file, and its check: every inclusion again, without the search that found it."""
+"""A tube as a file, from which its proof can be checked."""
 
 import json
-import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
 
 import numpy as np
-import numpy.typing as npt
 from pydantic import Field
 
-from flighttune.arrays import FloatArray, read_only_matrix
+from flighttune.arrays import read_only_matrix
 from flighttune.claims.conformance import Conformance
 from flighttune.control.gains import COMMANDS, PIGains
 from flighttune.control.inner_loop import InnerLag
@@ -25,20 +23,8 @@ from flighttune.gaps.residual import RESIDUALS
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.bounds import Bounds
-from flighttune.theory.exact import Check, Verification
 from flighttune.tubes.enclosure import Settings, Tube, bounds_of
-from flighttune.tubes.exact import enclosure_of
-from flighttune.tubes.forms import Form, Indices, Pieces
-from flighttune.tubes.hand_over import (
-    HandOver,
-    continued,
-    for_ever,
-    hull,
-    inside,
-    return_map,
-    settled_from,
-)
-from flighttune.tubes.interval import Interval, Unbounded
+from flighttune.tubes.hand_over import HandOver, settled_from
 from flighttune.tubes.problem import (
     QUANTITIES,
     SAME_REFERENCE,
@@ -48,7 +34,6 @@ from flighttune.tubes.problem import (
     sample_count,
     sample_times,
 )
-from flighttune.tubes.sample import Channel, Cut, SampledLoop, start_set
 
 # Margin, rad and 1, of the bounds in a file over those proven: another machine may add up in
 # another order.
@@ -60,9 +45,6 @@ MAX_BYTES, MAX_COMPRESSED = 128_000_000, 32_000_000
 
 # Number of samples of a round above which a proof would only take up time
 MAX_SAMPLES = 10000
-
-# Most numbers in the arrays of a set: four times those of a search; a split at most doubles them
-MAX_NUMBERS = 2**23
 
 ALWAYS = {"claim": TEXT, "bounds": FLOAT, "held": BOOL, "chosen": SINGLE}
 EVER = {"W": FLOAT, "centre": FLOAT, "size": FLOAT, "bounds": FLOAT, "chosen": SINGLE}
@@ -155,15 +137,10 @@ def save_tube(tube: Tube, path: str | Path) -> None:
         np.savez_compressed(file, **arrays)
 
 
-def is_tube_file(path: str | Path) -> bool:
-    """Whether `path` is a file of the kind that `save_tube` writes."""
-    return zipfile.is_zipfile(path)
-
-
 def load_tube(path: str | Path, conformance: Conformance | None = None) -> Tube:
     """Read a tube and rebuild its problem from the scenario in the file.
 
-    Bounds and choices in it are not trusted before `verify_tube` has checked them. The boxes of an
+    Bounds and choices in it are not trusted before `Tube.verify` has checked them. The boxes of an
     aircraft are those of the file, unless there is a conformance to rebuild them from.
 
     The boxes of an aircraft must come from `conformance`, if it is there. Raises InputError if the
@@ -271,120 +248,3 @@ def _hand_over(claim: Claim, arrays: Arrays, problem: TubeProblem) -> HandOver |
         )
     ever = {name: arrays[f"ever_{name}"] for name in EVER}
     return HandOver(sample=sample, samples=samples, **ever)
-
-
-class Replay:
-    """A `Plan` that reads what a search chose.
-
-    `chosen` (shape (n,)) must be finite.
-    """
-
-    def __init__(self, chosen: npt.NDArray[np.float32]) -> None:
-        self._chosen, self._at = chosen, 0
-
-    def multipliers(self, pieces: Pieces, form: Form) -> FloatArray:  # noqa: ARG002
-        """The choice of the search."""
-        return self._next(len(pieces), int(pieces.constrained.sum()))
-
-    def slope(self, values: Interval) -> FloatArray:
-        """The choice of the search."""
-        return self._next(len(values.low))
-
-    def cut(self, pieces: Pieces, channels: Sequence[Channel]) -> Cut | None:
-        """The choice of the search."""
-        if pieces.values.size > MAX_NUMBERS:
-            raise IndexError("the choices make the set too large")
-        split, i, side = self._next(3)
-        if split == 0.0:
-            return None
-        which, at, row = (self._next(len(pieces)) for _ in range(3))
-        is_row = (row >= 0) & (row < len(pieces.constrained))
-        if side not in channels[int(i)].excesses or not is_row.all():
-            raise IndexError("a split names a limit or a constraint that is not there")
-        return int(i), side, which > 0.0, at, row.astype(np.intp)
-
-    def pairs(self, pieces: Pieces) -> Indices:  # noqa: ARG002
-        """The choice of the search."""
-        (count,) = self._next(1)
-        return self._next(int(count), 2).astype(np.intp)
-
-    def _next(self, *shape: int) -> FloatArray:
-        count = int(np.prod(shape))
-        values = self._chosen[self._at : self._at + count]
-        if count < 0 or len(values) < count:
-            raise IndexError("the choices end early")
-        self._at += count
-        return values.astype(float).reshape(shape)
-
-
-# A number too large for floats is inf or NaN in the set, which no bound holds.
-@np.errstate(over="ignore", invalid="ignore")
-def verify_tube(tube: Tube) -> Verification:
-    """Prove every sample of a tube again from the choices in it.
-
-    The tube is valid if at every sample the set proven is inside the bounds; else the reason names
-    the sample and the inequality.
-    """
-    problem, settings, ever = tube.problem, tube.settings, tube.hand_over
-    starts = start_set(problem.loop, problem.start, settings.sides, settings.symbols)
-    loop = problem.loop if ever is None else continued(problem.loop, ever.samples)
-    enclosure = enclosure_of(loop, starts, Replay(tube.chosen))
-    margins, claimed = np.full(len(QUANTITIES), np.inf), tube.bounds.pairs
-    after_end = []
-    for k in range(len(loop.reference)):
-        t = k / problem.scenario.controller.rate_hz
-        at = f"sample {k} ({t:.2f} s)"
-        try:
-            ranges, limited = enclosure.sample(k)
-        except (Unbounded, IndexError, InputError) as error:
-            return _refused(f"{at}: {error}")
-        if k >= len(claimed):
-            after_end.append(ranges)
-            continue
-        broken = _broken(ranges, claimed[k])
-        if broken:
-            return _refused(f"{at}: {broken}")
-        unproven = np.flatnonzero(limited & ~tube.can_limit[k])
-        if len(unproven):
-            name = QUANTITIES[2:][unproven[0]]
-            return _refused(f"{at}: that no limit holds {name} is not proven")
-        room = (ranges - claimed[k]) * [1.0, -1.0]
-        margins = np.minimum(margins, room.min(axis=1))
-        if ever is not None and k + 1 == ever.sample:
-            reached = hull(enclosure.pieces, ever.W)
-            if not inside(reached, ever.centre, ever.size):
-                return _refused(f"sample {k + 1}: the set that is kept is not proven to be reached")
-    if ever is not None and (broken := _not_kept(problem.loop, ever, np.array(after_end))):
-        return _refused(f"after {ever.samples} samples from sample {ever.sample} on: {broken}")
-    inside_bounds = f"inside its bounds at {len(problem.t)} samples"
-    return Verification.of(
-        [
-            Check(name=f"{name} {inside_bounds}", margin=margin, exact=True)
-            for name, margin in zip(QUANTITIES, margins, strict=True)
-        ]
-    )
-
-
-def _not_kept(loop: SampledLoop, ever: HandOver, after_end: FloatArray) -> str:
-    """Reason why flights may leave the set of a hand-over; empty if they never do."""
-    try:
-        plan = Replay(ever.chosen)
-        after, passed = return_map(loop, ever.W, ever.centre, ever.size, ever.samples, plan)
-    except (Unbounded, IndexError, InputError, np.linalg.LinAlgError) as error:
-        return str(error)
-    if not inside(after, ever.centre, ever.size):
-        return "the set is not proven to be kept"
-    return _broken(for_ever(after_end, passed), ever.bounds)
-
-
-def _broken(proven: FloatArray, claimed: FloatArray) -> str:
-    for name, (low, high), (least, most) in zip(QUANTITIES, proven, claimed, strict=True):
-        if not least <= low:
-            return f"{name} >= {least:.9g} is not proven, but {name} >= {low:.9g}"
-        if not high <= most:
-            return f"{name} <= {most:.9g} is not proven, but {name} <= {high:.9g}"
-    return ""
-
-
-def _refused(reason: str) -> Verification:
-    return Verification(valid=False, reason=reason, checks=())

@@ -10,9 +10,9 @@ from campaigns import flown_here
 from commands import flighttune
 
 from flighttune.campaign import band as band_module
+from flighttune.campaign import claims
 from flighttune.campaign.band import count_more, load_band, recount
 from flighttune.claims.band import save_band
-from flighttune.cli import certificates
 from flighttune.files.value import tables_of
 from flighttune.flight import own
 from tests.campaign.test_band import WITH_FIVE, count, small_plan
@@ -27,7 +27,7 @@ def counted():
 
 def verified(path, status, monkeypatch, *options):
     """What `verify` says where it flies all flights again, in this process."""
-    monkeypatch.setattr(certificates, "FLOWN_AGAIN", WITH_FIVE)
+    monkeypatch.setattr(claims, "FLOWN_AGAIN", WITH_FIVE)
     with flown_here(band_module, "planned", None):
         return "".join(flighttune("verify", path, *options, status=status))
 

@@ -99,8 +99,8 @@ def test_verifying_a_file_does_not_even_import_a_solver(over_envelope, tmp_path)
     path = tmp_path / "gains.json"
     ft.save_certificate(over_envelope, path)
     code = (
-        "import sys; from flighttune.certificates.certificate import verify; "
-        "assert verify(sys.argv[1]).valid; print('clarabel' in sys.modules)"
+        "import sys; from flighttune.certificates.certificate import load_certificate; "
+        "assert load_certificate(sys.argv[1]).verify().valid; print('clarabel' in sys.modules)"
     )
 
     done = subprocess.run(

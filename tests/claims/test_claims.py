@@ -1,5 +1,6 @@
 """Claims around runs: which runs they cover, and what a run keeps of them."""
 
+import hashlib
 import html
 from dataclasses import replace
 from pathlib import Path
@@ -10,9 +11,11 @@ from commands import answer, flighttune
 
 import flighttune as ft
 from flighttune.campaign.claims import load_claim
+from flighttune.certificates.bound import bound_rate
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError
 from flighttune.files.table import toml_text
+from flighttune.files.value import write
 from flighttune.records.parquet import read_run, write_run
 from flighttune.simulate.claim import with_claims
 from flighttune.tubes.proof import save_tube
@@ -134,3 +137,49 @@ def test_a_flight_that_leaves_its_tube_is_a_failure(proven, tmp_path):
     _, told = flighttune("fly", scenario, "--claim", file, "--out", tmp_path / "runs", status=1)
 
     assert "kinematic / paper: the flight leaves its tube in calm air" in told
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory):
+    return ft.record(flown(), tmp_path_factory.mktemp("recording"), name="turn")
+
+
+def test_a_file_that_is_no_claim_is_refused_in_one_true_line(recording, tmp_path):
+    (tmp_path / "notes.txt").write_text("a note")
+    kinds = {
+        recording.recording: "got a recording, which `flighttune view` and `refly` take",
+        tmp_path / "notes.txt": "got another file, or a damaged one",
+        tmp_path / "none.npz": "got no such file",
+    }
+    for path, got in kinds.items():
+        _, line = flighttune("verify", path, status=2)
+        assert (
+            "must be a claim: the file of a certificate, a bound on R_K, a tube or a band" in line
+        )
+        assert got in line
+        assert line.count("\n") == 1
+
+
+def test_a_claim_about_gains_is_drawn_around_no_flight():
+    certificate = ft.certify(
+        ft.kinematic_model(V_a=25.0, gamma=0.0, g=9.81), ft.PAPER_GAINS
+    ).certificate
+
+    with pytest.raises(InputError, match="must bound flights, as a tube or a band"):
+        flown().within(certificate)
+
+
+def test_every_claim_about_gains_has_a_page_with_its_sentence_and_hash(tmp_path):
+    model = ft.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
+    write(ft.certify(model, ft.PAPER_GAINS).certificate, tmp_path / "c")
+    write(bound_rate(model, 5.0), tmp_path / "b")
+    for name in ("c", "b"):
+        file, page = tmp_path / name, tmp_path / f"{name}.html"
+
+        printed = answer("report", file, "--out", page)
+
+        text = html.unescape(page.read_text(encoding="utf-8"))
+        sentence = ft.load_claim(file).sentence
+        assert printed["verdict"] == sentence
+        assert sentence[1:] in text
+        assert hashlib.sha256(file.read_bytes()).hexdigest() in text

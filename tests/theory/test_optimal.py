@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.certificates.bound import bound_rate, load_bound, verify_bound
+from flighttune.certificates.bound import bound_rate
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.files.value import write
 from flighttune.theory import rate_bound
@@ -92,9 +92,9 @@ def test_the_bound_is_proven_within_two_percent_of_the_optimum(tmp_path, I_star)
     write(bound, tmp_path / "bound.json")
     optimum = optimal_channel(I_star)
 
-    assert verify_bound(load_bound(tmp_path / "bound.json")).valid
+    assert ft.verify(tmp_path / "bound.json").valid
     if optimum is None:
-        assert "none exist" in bound.claim
+        assert "none exist" in bound.sentence
         assert bound.R_bound * I_star == pytest.approx(1.0)
     else:
         assert optimum.R_K < bound.R_bound < 1.02 * optimum.R_K
@@ -137,7 +137,7 @@ def without_a_width(bound):
     ],
 )
 def test_a_changed_proof_is_refused(bound, change, reason):
-    verified = verify_bound(replace(bound, **change(bound)))
+    verified = replace(bound, **change(bound)).verify()
 
     assert not verified.valid
     assert reason in verified.reason
@@ -146,7 +146,7 @@ def test_a_changed_proof_is_refused(bound, change, reason):
 def test_a_side_below_zero_proves_nothing_more(bound):
     wider = replace(bound, **with_a_negative_side(bound))
 
-    assert verify_bound(wider).checks[1].margin == verify_bound(bound).checks[1].margin
+    assert wider.verify().checks[1].margin == bound.verify().checks[1].margin
 
 
 @pytest.mark.parametrize(

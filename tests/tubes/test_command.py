@@ -45,7 +45,7 @@ def test_a_tube_is_found_written_and_verified(scenario, tmp_path):
     assert (bounds.low < bounds.high).all()
     valid, _ = flighttune("verify", proof, "--json")
     valid = json.loads(valid)
-    assert (valid["valid"], valid["aircraft_checked"]) == (True, None)
+    assert (valid["valid"], valid["claim"]["aircraft_checked"]) == (True, None)
     for answer in (found, valid["claim"]):
         assert answer["gains"] == ft.PAPER_GAINS.as_lists()
         assert answer["start_rad"] == pytest.approx(math.radians(1.0))

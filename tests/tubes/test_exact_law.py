@@ -6,7 +6,6 @@ import pytest
 
 import flighttune as ft
 from flighttune.flight.outer_loop import gain_set
-from flighttune.tubes.proof import load_tube, verify_tube
 from tests.tubes.test_soundness import made_up, tube
 
 DEG = math.pi / 180.0
@@ -38,7 +37,7 @@ def test_in_a_turn_its_tube_is_narrower_than_that_of_the_paper_s_law_and_is_prov
     assert narrower[0] < 0.9
     assert narrower[1] < 1.05
     ft.save_tube(found, tmp_path / "tube.npz")
-    assert verify_tube(load_tube(tmp_path / "tube.npz")).valid
+    assert ft.verify(tmp_path / "tube.npz").valid
 
 
 @pytest.mark.slow

@@ -10,7 +10,7 @@ from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.hand_over import hull, inside, parallelotope
 from flighttune.tubes.problem import QUANTITIES, tube_problem
-from flighttune.tubes.proof import load_tube, verify_tube
+from flighttune.tubes.proof import load_tube
 from flighttune.tubes.tube import tube_of
 from tests.tubes.test_proof import arrays_of, claim_of, rewritten
 from tests.tubes.test_soundness import made_up, tube
@@ -86,7 +86,7 @@ def test_it_is_in_the_file_and_proven_again(found, path):
     again = load_tube(path)
 
     assert again.handed_over == found.handed_over
-    assert verify_tube(again).valid
+    assert again.verify().valid
 
 
 @pytest.mark.parametrize(
@@ -100,7 +100,7 @@ def test_it_is_in_the_file_and_proven_again(found, path):
 def test_a_set_that_is_not_kept_or_not_reached_is_refused(path, tmp_path, name, change, said):
     changed = {name: change(arrays_of(path)[name])}
 
-    verdict = verify_tube(load_tube(rewritten(path, changed, tmp_path / "changed.npz")))
+    verdict = ft.verify(rewritten(path, changed, tmp_path / "changed.npz"))
 
     assert not verdict.valid
     assert re.search(said, verdict.reason)
@@ -116,7 +116,7 @@ def test_a_hand_over_before_the_last_change_or_after_the_last_sample_is_refused(
     rewritten(path, {}, tmp_path / "changed.npz", hand_over=[sample, samples])
 
     with pytest.raises(ft.InputError, match=f"`hand_over`.*101.*sample {sample}"):
-        verify_tube(load_tube(tmp_path / "changed.npz"))
+        ft.verify(tmp_path / "changed.npz")
 
 
 def test_nothing_is_claimed_for_ever_of_a_reference_that_still_moves(scenario):

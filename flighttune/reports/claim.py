@@ -1,0 +1,33 @@
+"""The page of a claim: its sentence and numbers, with charts of a tube or a band."""
+
+import hashlib
+from pathlib import Path
+
+from flighttune.campaign.claims import AnyClaim, BandClaim
+from flighttune.present.frame import Report, Section, page_template, write_page
+from flighttune.present.tables import facts_table
+from flighttune.reports.band import write_band_page
+from flighttune.reports.tube import write_tube_page
+from flighttune.tubes.enclosure import Tube
+
+
+def write_claim_page(claim: AnyClaim, source: str, path: str | Path) -> Report:
+    """Write one self-contained page about the claim in the file `source`.
+
+    Raises OutputError if the file cannot be written.
+    """
+    if isinstance(claim, Tube):
+        return write_tube_page(claim, source, path)
+    answer = claim.answer()
+    if isinstance(claim, BandClaim):
+        return write_band_page(claim.band, source, path, answer.tables, answer.notes)
+    facts = {"file": source, "its SHA-256": hashlib.sha256(Path(source).read_bytes()).hexdigest()}
+    return write_page(
+        Path(path),
+        page_template("flighttune.reports", "commands.html.jinja"),
+        summary=(f"{claim.sentence[:1].upper()}{claim.sentence[1:]}.",),
+        sections=[Section(note=" ".join(answer.notes), tables=answer.tables, legend=False)],
+        title="Certificate" if answer.notes else "Bound on R_K",
+        provenance=facts_table("Provenance", facts),
+        commands=f"flighttune verify {source}",
+    )
