@@ -13,11 +13,10 @@ import pyarrow.parquet as pq
 import pytest
 from campaigns import Notes, bits, parts, plan
 
+import flighttune as ft
 from flighttune.campaign.dataset import Dataset, dataset_hash, locked, open_dataset
-from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.statistics.flights import load_flights
-from flighttune.errors import InputError, OutputError, RecordingError
 from flighttune.flight.fly import library_versions
 from flighttune.records.parquet import read_run
 
@@ -72,7 +71,7 @@ def test_pandas_and_duckdb_read_a_campaign_while_it_runs(tmp_path, address):
             counts.append((len(found), found["run"].nunique(), *duckdb.sql(sql).fetchall()[0]))
         return False
 
-    run_campaign(ours, tmp_path / "out", scheduler=address, observer=Notes(read))
+    ft.run_campaign(ours, tmp_path / "out", scheduler=address, observer=Notes(read))
 
     assert len(counts) > 2
     assert all(len(set(count)) == 1 for count in counts)
@@ -83,7 +82,7 @@ def test_pandas_and_duckdb_read_a_campaign_while_it_runs(tmp_path, address):
 def test_only_what_is_missing_is_flown(out, ours, rows, address):
     before = {part.name: part.stat().st_mtime_ns for part in (out / "runs").iterdir()}
 
-    done = run_campaign(ours, out, scheduler=address, resume=True)
+    done = ft.run_campaign(ours, out, scheduler=address, resume=True)
 
     assert (done.flown, done.runs) == (4, RUNS)
     assert bits(open_dataset(out).rows()) == bits(rows)
@@ -92,11 +91,11 @@ def test_only_what_is_missing_is_flown(out, ours, rows, address):
 
 def test_a_finished_campaign_needs_nobody(tmp_path, ours, rows, address):
     out = written(tmp_path, ours, rows)
-    run_campaign(ours, out, scheduler=address, resume=True)
+    ft.run_campaign(ours, out, scheduler=address, resume=True)
 
     notes, nobody = Notes(), "tcp://127.0.0.1:1"
 
-    done = run_campaign(ours, out, scheduler=nobody, resume=True, observer=notes)
+    done = ft.run_campaign(ours, out, scheduler=nobody, resume=True, observer=notes)
 
     assert (done.flown, done.runs, done.interrupted) == (0, RUNS, False)
     assert {(progress.done, progress.runs) for progress in notes.seen} == {(RUNS, RUNS)}
@@ -106,34 +105,34 @@ def test_another_campaign_is_refused_with_what_is_different(tmp_path, out):
     other = plan(tmp_path, runs=RUNS, seed=4, duration=2.0)
 
     with pytest.raises(
-        InputError, match=r"seed: .*3.* 4; scenario\.flight\.duration_s: .*1\.0.*2\.0"
+        ft.InputError, match=r"seed: .*3.* 4; scenario\.flight\.duration_s: .*1\.0.*2\.0"
     ):
-        run_campaign(other, out, resume=True)
+        ft.run_campaign(other, out, resume=True)
 
 
 def test_rows_of_other_libraries_are_not_mixed(tmp_path, ours, rows):
     out = written(tmp_path, ours, rows, versions={**library_versions(), "numpy": "1.0"})
 
-    with pytest.raises(InputError, match=r"other libraries.*numpy: was 1\.0, is "):
-        run_campaign(ours, out, resume=True)
+    with pytest.raises(ft.InputError, match=r"other libraries.*numpy: was 1\.0, is "):
+        ft.run_campaign(ours, out, resume=True)
 
 
 def test_a_campaign_can_grow_and_not_shrink(out, ours, address):
     longer = ours.with_runs(RUNS + 6)
 
-    done = run_campaign(longer, out, scheduler=address, resume=True)
+    done = ft.run_campaign(longer, out, scheduler=address, resume=True)
 
     assert (done.flown, done.planned) == (10, RUNS + 6)
     assert bits(open_dataset(out).rows()) == bits(fly_runs(longer, range(RUNS + 6)))
-    with pytest.raises(InputError, match=r"`runs` .*18.*12"):
-        run_campaign(ours, out, resume=True)
+    with pytest.raises(ft.InputError, match=r"`runs` .*18.*12"):
+        ft.run_campaign(ours, out, resume=True)
 
 
 def test_a_campaign_goes_on_with_the_tuned_gains_it_began_with(tmp_path, tuned, address):
     rows = fly_runs(tuned, range(4))
     out = written(tmp_path, tuned, rows.slice(0, 2))
 
-    run_campaign(with_gains(tuned, "tuned", 1.0 + 3e-7), out, scheduler=address, resume=True)
+    ft.run_campaign(with_gains(tuned, "tuned", 1.0 + 3e-7), out, scheduler=address, resume=True)
 
     assert bits(open_dataset(out).rows()) == bits(rows)
 
@@ -142,8 +141,8 @@ def test_a_campaign_goes_on_with_the_tuned_gains_it_began_with(tmp_path, tuned, 
 def test_other_gains_are_refused(tmp_path, tuned, name, factor):
     out = written(tmp_path, tuned)
 
-    with pytest.raises(InputError, match=rf"gains .*{name}\.K_P: "):
-        run_campaign(with_gains(tuned, name, factor), out, resume=True)
+    with pytest.raises(ft.InputError, match=rf"gains .*{name}\.K_P: "):
+        ft.run_campaign(with_gains(tuned, name, factor), out, resume=True)
 
 
 def edited(tables):
@@ -165,8 +164,8 @@ def test_a_description_that_was_edited_is_refused(out, ours, change, message):
     change(tables)
     file.write_text(json.dumps(tables))
 
-    for use in (open_dataset, lambda out: run_campaign(ours, out, resume=True)):
-        with pytest.raises(RecordingError, match=rf"campaign\.json: .*{message}"):
+    for use in (open_dataset, lambda out: ft.run_campaign(ours, out, resume=True)):
+        with pytest.raises(ft.RecordingError, match=rf"campaign\.json: .*{message}"):
             use(out)
 
 
@@ -174,8 +173,8 @@ def test_a_design_whose_draws_depend_on_their_number_cannot_grow(tmp_path):
     ours = plan(tmp_path, runs=RUNS, top='design = "latin_hypercube"')
     out = written(tmp_path / "out", ours)
 
-    with pytest.raises(InputError, match=r"`runs` .* latin_hypercube .*12.* 13"):
-        run_campaign(ours.with_runs(RUNS + 1), out, resume=True)
+    with pytest.raises(ft.InputError, match=r"`runs` .* latin_hypercube .*12.* 13"):
+        ft.run_campaign(ours.with_runs(RUNS + 1), out, resume=True)
 
 
 def truncated(data):
@@ -195,7 +194,7 @@ def test_a_damaged_file_is_told_of_and_its_runs_are_flown_again(out, ours, rows,
     part.write_bytes(truncated(part.read_bytes()))
     notes = Notes()
 
-    done = run_campaign(ours, out, scheduler=address, resume=True, observer=notes)
+    done = ft.run_campaign(ours, out, scheduler=address, resume=True, observer=notes)
 
     assert done.flown == 8
     assert bits(open_dataset(out).rows()) == bits(rows)
@@ -208,7 +207,7 @@ def test_a_report_names_a_damaged_file(out, damage):
     part = sorted((out / "runs").iterdir())[1]
     part.write_bytes(damage(part.read_bytes()))
 
-    with pytest.raises(RecordingError, match=f"{part}: .* damaged .* --resume"):
+    with pytest.raises(ft.RecordingError, match=f"{part}: .* damaged .* --resume"):
         load_flights(out)
 
 
@@ -220,39 +219,39 @@ def test_no_bit_of_a_file_of_rows_can_change_unseen(out):
         random.integers(len(data), size=300), random.integers(8, size=300), strict=True
     ):
         part.write_bytes(data[:at] + bytes([data[at] ^ (1 << bit)]) + data[at + 1 :])
-        with pytest.raises(RecordingError, match="is damaged or was changed"):
+        with pytest.raises(ft.RecordingError, match="is damaged or was changed"):
             dataset.rows(["run"])
 
 
 def test_a_run_in_two_files_is_refused(tmp_path, ours, rows):
     out = written(tmp_path, ours, rows.slice(0, 4), rows.slice(2, 4))
 
-    with pytest.raises(RecordingError, match=r"got run 2 in \S*part-0"):
-        run_campaign(ours, out, resume=True)
+    with pytest.raises(ft.RecordingError, match=r"got run 2 in \S*part-0"):
+        ft.run_campaign(ours, out, resume=True)
 
 
 def test_a_folder_without_a_campaign_is_one_line(tmp_path, ours):
-    with pytest.raises(RecordingError, match=r"got no campaign\.json"):
+    with pytest.raises(ft.RecordingError, match=r"got no campaign\.json"):
         open_dataset(tmp_path)
     (tmp_path / "runs").mkdir()
     (tmp_path / "runs" / "mine.parquet").write_bytes(b"")
-    with pytest.raises(InputError, match=r"runs/ without campaign\.json"):
-        run_campaign(ours, tmp_path)
+    with pytest.raises(ft.InputError, match=r"runs/ without campaign\.json"):
+        ft.run_campaign(ours, tmp_path)
 
 
 def test_a_folder_that_cannot_be_written_is_one_line(tmp_path, ours):
     (tmp_path / "file").write_text("")
 
-    with pytest.raises(OutputError, match="must be writable"):
-        run_campaign(ours, tmp_path / "file" / "out")
+    with pytest.raises(ft.OutputError, match="must be writable"):
+        ft.run_campaign(ours, tmp_path / "file" / "out")
 
 
 def test_two_campaigns_are_not_flown_into_one_folder(tmp_path, ours):
     with (
         locked(tmp_path),
-        pytest.raises(InputError, match=f"flown .* process {os.getpid()} on "),
+        pytest.raises(ft.InputError, match=f"flown .* process {os.getpid()} on "),
     ):
-        run_campaign(ours, tmp_path)
+        ft.run_campaign(ours, tmp_path)
 
 
 def test_signals_are_kept_of_failures_the_worst_and_a_sample(tmp_path, address):
@@ -260,7 +259,7 @@ def test_signals_are_kept_of_failures_the_worst_and_a_sample(tmp_path, address):
         tmp_path, runs=40, keep='failures = 3\nworst = 2\nsample = 2\nworst_by = "gamma.ITAE"'
     )
 
-    done = run_campaign(ours, tmp_path / "out", scheduler=address)
+    done = ft.run_campaign(ours, tmp_path / "out", scheduler=address)
 
     found = open_dataset(tmp_path / "out")
     rows = found.rows().to_pandas()

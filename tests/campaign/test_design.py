@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scipy import stats
 from scipy.stats import qmc
 
+import flighttune as ft
 from flighttune.campaign.planning.draws import (
     SOBOL_BITS,
     copula_factor,
@@ -17,7 +18,6 @@ from flighttune.campaign.planning.draws import (
     unit_points,
 )
 from flighttune.campaign.planning.schema import CorrelationTable
-from flighttune.errors import InputError
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
 
 KEYS = ["flight.V_a_mps", "flight.chi_deg", "wind.speed_mps"]
@@ -109,5 +109,5 @@ def test_correlations_that_contradict_each_other_are_refused():
     pairs = [(KEYS[0], KEYS[1], 0.9), (KEYS[1], KEYS[2], 0.9), (KEYS[0], KEYS[2], -0.9)]
     tables = [CorrelationTable(keys=[a, b], rank=rank) for a, b, rank in pairs]
 
-    with pytest.raises(InputError, match=r"`rank` .* eigenvalue -"):
+    with pytest.raises(ft.InputError, match=r"`rank` .* eigenvalue -"):
         copula_factor(tables)

@@ -35,12 +35,10 @@ from campaigns import (
 )
 from fuzzing import TIMES
 
+import flighttune as ft
 from flighttune.campaign.dataset import open_dataset
-from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.engine.flyer import Flyer
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.campaign.planning.load import load_campaign
-from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.errors import CampaignError
 
 pytestmark = pytest.mark.slow  # real clusters, processes that are killed
@@ -64,7 +62,7 @@ def file(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def ours(file):
-    return plan_campaign(load_campaign(file))
+    return ft.plan_campaign(ft.load_campaign(file))
 
 
 @pytest.fixture(scope="module")
@@ -119,7 +117,7 @@ def test_a_run_that_ends_its_process_is_one_row(
     poison = runs_where(ours, mass, lambda factor: factor > 1.0)
     assert len(poison) == 1
 
-    done = run_campaign(ours, tmp_path / "out", scheduler=address)
+    done = ft.run_campaign(ours, tmp_path / "out", scheduler=address)
 
     check(tmp_path / "out", ours, poison, status, reason)
     assert done.statuses == {"completed": 10, status: 1}
@@ -163,20 +161,20 @@ def test_a_worker_that_lacks_the_law_of_a_campaign_refuses_it_by_name(
 ):
     file = write_campaign(tmp_path, runs=4, wind="")
     law = with_own_law(tmp_path / "short_turn_in_wind.toml")
-    ours = plan_campaign(load_campaign(file))
+    ours = ft.plan_campaign(ft.load_campaign(file))
     change(law)
 
     with pytest.raises(CampaignError, match=rf"worker .*\[\[law\]\] level: .*{said}"):
-        run_campaign(ours, tmp_path / "out", scheduler=address)
+        ft.run_campaign(ours, tmp_path / "out", scheduler=address)
 
     law.write_text(OWN_LAW)
-    assert run_campaign(ours, tmp_path / "out", scheduler=address, resume=True).completed == 4
+    assert ft.run_campaign(ours, tmp_path / "out", scheduler=address, resume=True).completed == 4
 
 
 def test_a_law_whose_file_changes_meanwhile_ends_the_count_at_once(tmp_path):
     file = write_campaign(tmp_path, runs=RUNS, wind="")
     law = with_own_law(tmp_path / "short_turn_in_wind.toml")
-    ours = plan_campaign(load_campaign(file))
+    ours = ft.plan_campaign(ft.load_campaign(file))
 
     def change(progress):
         if progress.done:
@@ -184,12 +182,12 @@ def test_a_law_whose_file_changes_meanwhile_ends_the_count_at_once(tmp_path):
         return False
 
     with pytest.raises(CampaignError, match=r"\[\[law\]\] level: .* has other contents now"):
-        run_campaign(ours, tmp_path / "out", workers=WORKERS, observer=Notes(change))
+        ft.run_campaign(ours, tmp_path / "out", workers=WORKERS, observer=Notes(change))
 
     rows = rows_of(tmp_path / "out").to_pylist()
     assert sum(row["status"] == "invalid" for row in rows) <= WORKERS  # flights of that moment
     law.write_text(OWN_LAW)
-    done = run_campaign(ours, tmp_path / "out", workers=WORKERS, resume=True)
+    done = ft.run_campaign(ours, tmp_path / "out", workers=WORKERS, resume=True)
     assert done.statuses["completed"] >= RUNS - WORKERS
 
 
@@ -202,7 +200,7 @@ def test_a_process_killed_in_mid_chunk_costs_nothing(tmp_path, ours, undisturbed
             killed[0].kill()
         return False
 
-    done = run_campaign(ours, tmp_path / "out", workers=2, observer=Notes(kill_one))
+    done = ft.run_campaign(ours, tmp_path / "out", workers=2, observer=Notes(kill_one))
 
     assert gone(killed)
     assert bits(rows_of(tmp_path / "out")) == undisturbed
@@ -227,7 +225,7 @@ def test_the_scheduler_gone_is_one_line_and_the_rest_is_flown_here(
         )
     assert 0 < len(rows_of(out)) < RUNS
 
-    run_campaign(ours, out, workers=2, resume=True)
+    ft.run_campaign(ours, out, workers=2, resume=True)
 
     assert bits(rows_of(out)) == undisturbed
 
@@ -248,7 +246,7 @@ def test_the_main_process_killed_leaves_no_worker_and_whole_files(
     assert not list(scratch.iterdir())
     assert 0 < len(rows_of(out)) < RUNS
 
-    run_campaign(ours, out, scheduler=address, resume=True)
+    ft.run_campaign(ours, out, scheduler=address, resume=True)
 
     assert bits(rows_of(out)) == undisturbed
     assert not (out / ".writing").exists()
@@ -327,7 +325,7 @@ def test_a_file_that_may_not_grow_is_one_line(tmp_path, file, ours, undisturbed,
     assert there <= {"campaign.json", "campaign.lock", "runs", ".writing"}
     assert not parts(out)
 
-    run_campaign(ours, out, scheduler=address, resume=True)
+    ft.run_campaign(ours, out, scheduler=address, resume=True)
 
     assert bits(rows_of(out)) == undisturbed
 
@@ -349,7 +347,7 @@ def test_a_full_disk_is_one_line_and_what_is_there_stays(
         assert set(bits(there)) <= set(undisturbed)
 
         subprocess.run(["mount", "-o", "remount,size=10m", str(disk)], check=True)
-        run_campaign(ours, disk / "out", scheduler=address, resume=True)
+        ft.run_campaign(ours, disk / "out", scheduler=address, resume=True)
 
         assert bits(rows_of(disk / "out")) == undisturbed
     finally:
@@ -373,7 +371,7 @@ def test_a_worker_that_is_not_fit_is_one_line(tmp_path, ours, made, says):
         dask_cluster(tmp_path, path=folder) as (unfit, _),
         pytest.raises(CampaignError, match=says),
     ):
-        run_campaign(ours, tmp_path / "out", scheduler=unfit)
+        ft.run_campaign(ours, tmp_path / "out", scheduler=unfit)
 
 
 def test_an_aircraft_that_always_ends_the_process_is_one_line(tmp_path, address):
@@ -381,7 +379,7 @@ def test_an_aircraft_that_always_ends_the_process_is_one_line(tmp_path, address)
     ours = plan(tmp_path, runs=4, law=False, aircraft=(aircraft,))
 
     with pytest.raises(CampaignError, match=r"undispersed flights .*SIGSEGV"):
-        run_campaign(ours, tmp_path / "out", scheduler=address)
+        ft.run_campaign(ours, tmp_path / "out", scheduler=address)
 
 
 def test_an_undispersed_flight_that_never_ends_waits_for_the_time_limit(tmp_path):
@@ -390,7 +388,7 @@ def test_an_undispersed_flight_that_never_ends_waits_for_the_time_limit(tmp_path
     began = time.monotonic()
 
     with pytest.raises(CampaignError, match=r"undispersed flights .*longer than `time_limit_s`"):
-        run_campaign(ours, tmp_path / "out", workers=1)
+        ft.run_campaign(ours, tmp_path / "out", workers=1)
     assert time.monotonic() - began < 60.0  # 11 s and the start of a process; was twice 120 s
 
 
@@ -404,7 +402,7 @@ def test_a_process_killed_in_a_flight_and_again_while_it_starts_costs_no_run(tmp
         return receive(flyer)
 
     monkeypatch.setattr(Flyer, "_receive", kills)
-    run_campaign(ours, tmp_path / "out", workers=1)
+    ft.run_campaign(ours, tmp_path / "out", workers=1)
 
     assert Counter(open_dataset(tmp_path / "out").rows()["status"].to_pylist()) == {"completed": 4}
 
@@ -416,4 +414,4 @@ def test_an_aircraft_that_is_another_one_now_is_one_line(tmp_path, address):
     file.write_text(file.read_text().replace("-38.21", "-38.22"))
 
     with pytest.raises(CampaignError, match=r"files of aircraft .*planned"):
-        run_campaign(ours, tmp_path / "out", scheduler=address)
+        ft.run_campaign(ours, tmp_path / "out", scheduler=address)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
+import flighttune as ft
 from flighttune.campaign.statistics.intervals import quantile_interval, rate_interval
-from flighttune.errors import InputError
 
 ROUNDING = 1e-9
 """Absolute; both sides compute the same closed form."""
@@ -35,7 +35,7 @@ def test_intervals_of_a_share_are_those_of_scipy(method, confidence):
 
 @pytest.mark.parametrize("confidence", [0.0, 1.0, 95.0, float("nan")])
 def test_a_confidence_is_a_probability(confidence):
-    with pytest.raises(InputError, match=r"`confidence` .*0 and 1"):
+    with pytest.raises(ft.InputError, match=r"`confidence` .*0 and 1"):
         rate_interval(1, 2, confidence)
 
 

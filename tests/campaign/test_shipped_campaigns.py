@@ -4,9 +4,8 @@ from pathlib import Path
 
 import pytest
 
+import flighttune as ft
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.campaign.planning.load import load_campaign
-from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.files.shipped import campaign_files
 
 pytestmark = pytest.mark.slow
@@ -18,13 +17,13 @@ FLOWN = 12
 
 @pytest.mark.parametrize("name", campaign_files())
 def test_every_campaign_says_what_it_is_for(name):
-    campaign = load_campaign(name)
+    campaign = ft.load_campaign(name)
 
     assert campaign.title
     assert campaign.verifies
     assert campaign.source
     assert campaign.success
-    assert load_campaign(ROOT / f"scenarios/campaigns/{name}.toml") == campaign
+    assert ft.load_campaign(ROOT / f"scenarios/campaigns/{name}.toml") == campaign
 
 
 def test_the_table_of_campaigns_says_what_their_headers_say():
@@ -33,13 +32,13 @@ def test_the_table_of_campaigns_says_what_their_headers_say():
 
     assert rows == [
         f"| `{name}.toml` | {campaign.title} | {campaign.verifies} |"
-        for name, campaign in ((name, load_campaign(name)) for name in campaign_files())
+        for name, campaign in ((name, ft.load_campaign(name)) for name in campaign_files())
     ]
 
 
 @pytest.mark.parametrize("name", campaign_files())
 def test_the_first_flights_of_every_campaign_are_flown(name):
-    plan = plan_campaign(load_campaign(name), runs=FLOWN)
+    plan = ft.plan_campaign(ft.load_campaign(name), runs=FLOWN)
     rows = fly_runs(plan, range(FLOWN)).to_pandas()
 
     assert set(rows["status"]) <= {"completed", "left_envelope"}
@@ -48,13 +47,13 @@ def test_the_first_flights_of_every_campaign_are_flown(name):
 
 @pytest.mark.parametrize("name", ["kinematic_sweep", "grid_speed_gain"])
 def test_runs_make_up_whole_cycles(name):
-    plan = plan_campaign(load_campaign(name))
+    plan = ft.plan_campaign(ft.load_campaign(name))
 
     assert plan.runs % (plan.cycle * len(plan.groups)) == 0
 
 
 def test_the_first_campaign_comes_to_what_its_header_says():
-    plan = plan_campaign(load_campaign("first_campaign"))
+    plan = ft.plan_campaign(ft.load_campaign("first_campaign"))
     success = fly_runs(plan, range(plan.runs)).to_pandas().groupby(["plant", "gains"])["success"]
 
     share = success.mean().to_dict()

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
+import flighttune as ft
 from flighttune.claims.count import (
     allowed_outside,
     counted_scale,
@@ -11,7 +12,6 @@ from flighttune.claims.count import (
     refuting_outside,
     supported_epsilon,
 )
-from flighttune.errors import InputError
 
 
 def test_sample_sizes_are_the_published_ones():
@@ -39,7 +39,7 @@ def test_flights_that_were_not_completed_count():
     assert counted_scale(scores, 0.05, 0.95) == (scores[-2], 1)
     scores[-2] = np.inf
     assert counted_scale(scores, 0.05, 0.95) == (np.inf, 0)
-    with pytest.raises(InputError, match=r"at least 59 .*`epsilon`"):
+    with pytest.raises(ft.InputError, match=r"at least 59 .*`epsilon`"):
         counted_scale(scores[:58], 0.05, 0.95)
 
 

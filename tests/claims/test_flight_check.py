@@ -8,16 +8,14 @@ from made_up import made_up_run, shortened
 from recording.conftest import SCENARIO, fly
 from scipy.linalg import expm
 
+import flighttune as ft
 from flighttune.claims.linear_loop import check_against, error_states, flight_check
-from flighttune.control.gains import PAPER_GAINS, PIGains
-from flighttune.control.linear_model import closed_loop, disturbance_entry, kinematic_model
-from flighttune.flight.fly import fly as flown
+from flighttune.control.linear_model import disturbance_entry
 from flighttune.theory.attractor import invariant_ellipsoid
-from flighttune.theory.indicators import indicators
 
-MODEL = kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
-A_K, E = closed_loop(MODEL, PAPER_GAINS), disturbance_entry(MODEL)
-FIGURES, UNIT = indicators(A_K), invariant_ellipsoid(A_K, E, L_d=1.0)
+MODEL = ft.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
+A_K, E = ft.closed_loop(MODEL, ft.PAPER_GAINS), disturbance_entry(MODEL)
+FIGURES, UNIT = ft.indicators(A_K), invariant_ellipsoid(A_K, E, L_d=1.0)
 DT, L_D = 0.01, 0.015
 FIRST_SAMPLES = 0.02
 """Part by which a mean over a sample may differ from a value at its middle."""
@@ -25,8 +23,8 @@ FIRST_SAMPLES = 0.02
 
 def unit_radius(gamma_deg):
     """Radius of the ultimate set for L_d = 1, about this path angle."""
-    model = kinematic_model(V_a=25.0, gamma=np.deg2rad(gamma_deg), g=9.81)
-    loop = closed_loop(model, PAPER_GAINS)
+    model = ft.kinematic_model(V_a=25.0, gamma=np.deg2rad(gamma_deg), g=9.81)
+    loop = ft.closed_loop(model, ft.PAPER_GAINS)
     return invariant_ellipsoid(loop, disturbance_entry(model), L_d=1.0).radius
 
 
@@ -123,9 +121,9 @@ def test_a_step_of_the_reference_does_not_break_the_bound():
 
 
 def test_a_loop_slower_than_its_gains_exceeds_the_bound():
-    lame = PIGains(K_P=0.12 * PAPER_GAINS.K_P, K_I=0.02 * PAPER_GAINS.K_I)
+    lame = ft.PIGains(K_P=0.12 * ft.PAPER_GAINS.K_P, K_I=0.02 * ft.PAPER_GAINS.K_I)
     slow = fly("kinematic", "lame", lame, seconds=20.0)
-    pretended = replace(slow, provenance=replace(slow.provenance, gains=PAPER_GAINS))
+    pretended = replace(slow, provenance=replace(slow.provenance, gains=ft.PAPER_GAINS))
 
     found = flight_check(pretended)
 
@@ -134,8 +132,8 @@ def test_a_loop_slower_than_its_gains_exceeds_the_bound():
 
 
 def test_there_is_a_bound_only_of_what_the_statement_is_about():
-    run = fly("kinematic", "paper", PAPER_GAINS, seconds=2.0)
-    unstable = PIGains(K_P=-PAPER_GAINS.K_P, K_I=PAPER_GAINS.K_I)
+    run = fly("kinematic", "paper", ft.PAPER_GAINS, seconds=2.0)
+    unstable = ft.PIGains(K_P=-ft.PAPER_GAINS.K_P, K_I=ft.PAPER_GAINS.K_I)
 
     def check(signals=run.signals, scenario=SCENARIO, **made):
         made_by = replace(run.provenance, scenario=scenario, **made)
@@ -163,9 +161,9 @@ def test_there_is_a_bound_only_of_what_the_statement_is_about():
 
 
 def test_an_aircraft_has_no_bound_and_the_law_beside_it_the_one_of_its_stated_disturbance():
-    stall = flown(shortened("weak_engine", 13.0)).runs
+    stall = ft.fly(shortened("weak_engine", 13.0)).runs
     assert {run.status for run in stall if run.provenance.aircraft} == {"left_envelope"}
     assert all((flight_check(run) is None) == bool(run.provenance.aircraft) for run in stall)
 
-    (disturbed,) = flown(shortened("paper_as_printed", 10.0)).runs
+    (disturbed,) = ft.fly(shortened("paper_as_printed", 10.0)).runs
     assert flight_check(disturbed).radius == pytest.approx(0.1 * 0.15 * unit_radius(15.0))

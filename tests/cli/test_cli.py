@@ -14,12 +14,11 @@ import pandas as pd
 import pytest
 import typer
 from commands import answer, flighttune
-from printed import LAST_DIGIT_I, LAST_DIGIT_R, TABLE_2
+from places import SHIPPED_SCENARIOS
 
+import flighttune as ft
 from flighttune.cli import main
 from flighttune.cli.app import app
-from flighttune.errors import ScenarioError
-from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.records.parquet import read_run
 
 
@@ -37,7 +36,7 @@ def test_the_signals_of_a_run_are_where_fly_says(tmp_path):
 @pytest.mark.slow
 def test_tune_finds_the_optimum_of_the_unlimited_problem(tmp_path):
     path = tmp_path / "gains.json"
-    found = answer("tune", scenario_files()["paper"], "--out", path)
+    found = answer("tune", SHIPPED_SCENARIOS / "paper.toml", "--out", path)
 
     assert found["status"] == "optimal"
     assert found["R_K"] == pytest.approx(0.53976, abs=5e-6)
@@ -51,7 +50,7 @@ def test_tune_finds_the_optimum_of_the_unlimited_problem(tmp_path):
 @pytest.mark.slow
 def test_tune_proves_that_no_gains_are_much_better_and_verify_checks_it(tmp_path):
     path, proof = tmp_path / "wide.toml", tmp_path / "bound.json"
-    text = scenario_files()["paper"].read_text(encoding="utf-8")
+    text = (SHIPPED_SCENARIOS / "paper.toml").read_text(encoding="utf-8")
     path.write_text(re.sub(r"I_star +=.*", "I_star = 20.0\nstarts = 2", text))
 
     found = answer("tune", path, "--prove", proof)
@@ -60,16 +59,6 @@ def test_tune_proves_that_no_gains_are_much_better_and_verify_checks_it(tmp_path
     assert found["R_K"] < found["bound"]["R_bound"] < 1.02 * found["R_K"]
     assert checked["valid"]
     assert checked["claim"] == found["bound"]
-
-
-@pytest.mark.parametrize("name", TABLE_2)
-def test_certify_gives_the_papers_table(name):
-    found = answer("certify", "paper", "--gains", name)
-
-    _, R_K, I_K = TABLE_2[name]
-    assert found["R_K"] == pytest.approx(R_K, abs=LAST_DIGIT_R)
-    assert found["I_K"] == pytest.approx(I_K, abs=LAST_DIGIT_I)
-    assert found["status"] == "stable"
 
 
 @pytest.mark.slow
@@ -109,7 +98,7 @@ def test_certify_says_no_to_an_unstable_loop_and_names_the_eigenvalue(tmp_path):
 
 
 def test_a_run_that_ends_early_is_a_result_with_a_reason_and_exit_status_one(tmp_path):
-    text = scenario_files()["paper_as_printed"].read_text()
+    text = (SHIPPED_SCENARIOS / "paper_as_printed.toml").read_text()
     path = tmp_path / "unlimited.toml"
     path.write_text(text.replace("phi_deg = [-45.0, 45.0]\nn_z     = [-2.1, 2.1]", ""))
 
@@ -124,7 +113,7 @@ def test_a_run_that_ends_early_is_a_result_with_a_reason_and_exit_status_one(tmp
 
 @pytest.mark.slow
 def test_fly_says_of_which_model_the_indicators_are(tmp_path):
-    path, text = tmp_path / "mine.toml", scenario_files()["feasible"].read_text()
+    path, text = tmp_path / "mine.toml", (SHIPPED_SCENARIOS / "feasible.toml").read_text()
     text = text.partition("[[expect]]")[0].replace('"paper", "tuned_identified"', '"paper"')
     printed = {}
     for model in ("kinematic", "identified"):
@@ -159,7 +148,7 @@ def test_a_command_to_copy_has_a_line_of_its_own(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
-    text = scenario_files()["paper_printed_limits"].read_text()
+    text = (SHIPPED_SCENARIOS / "paper_printed_limits.toml").read_text()
     path = tmp_path / "infeasible.toml"
     path.write_text(text.replace('gains    = ["paper"]', 'gains = ["paper", "tuned"]'))
 
@@ -213,7 +202,7 @@ def test_what_cannot_run_gets_one_line_and_exit_status_two(arguments, message, t
 
 def test_debug_shows_the_traceback():
     argv = ["flighttune", "--debug", "fly", "nowhere.toml"]
-    with mock.patch.object(sys, "argv", argv), pytest.raises(ScenarioError, match="nowhere"):
+    with mock.patch.object(sys, "argv", argv), pytest.raises(ft.ScenarioError, match="nowhere"):
         main()
 
 
@@ -229,9 +218,9 @@ def test_list_shows_what_ships():
     assert "aerosonde" in found["aircraft"]
     assert {"paper", "paper_as_printed", "level_turn"} <= {s["name"] for s in found["scenarios"]}
     assert {"first_campaign", "kinematic_sweep"} <= {c["name"] for c in found["campaigns"]}
-    for kind, files in (("scenarios", scenario_files()), ("campaigns", campaign_files())):
+    for kind, below in (("scenarios", "."), ("campaigns", "campaigns")):
         for row in found[kind]:
-            whole = tomllib.loads(files[row["name"]].read_text())
+            whole = tomllib.loads((SHIPPED_SCENARIOS / below / f"{row['name']}.toml").read_text())
             said = {"title": whole["title"], "verifies": whole.get("verifies", "")}
             assert row == {"name": row["name"], **said}
 

@@ -5,9 +5,7 @@ import textwrap
 import pytest
 from commands import answer, flighttune
 
-from flighttune.campaign.planning.load import load_campaign
-from flighttune.campaign.planning.plan import plan_campaign
-from flighttune.errors import ScenarioError
+import flighttune as ft
 
 LAW = """
     import math
@@ -105,11 +103,11 @@ def test_a_dry_run_says_why_it_estimates_no_time(folder):
 
 def test_a_plan_knows_its_code_and_draws_none(folder):
     """A file named by a draw would not be in the plan's list of code."""
-    plan = plan_campaign(load_campaign(folder / "campaign.toml"))
+    plan = ft.plan_campaign(ft.load_campaign(folder / "campaign.toml"))
     assert plan.code == (str(folder / "law.py"),)
 
     draws = '[{ key = "law[1].module", distribution = "choice", values = ["law.py", "e.py"] }]'
     hidden = CAMPAIGN.partition("disperse")[0] + f"disperse = {draws}"
     (folder / "campaign.toml").write_text(textwrap.dedent(hidden))
-    with pytest.raises(ScenarioError, match="must not name a file of code"):
-        load_campaign(folder / "campaign.toml")
+    with pytest.raises(ft.ScenarioError, match="must not name a file of code"):
+        ft.load_campaign(folder / "campaign.toml")

@@ -4,8 +4,7 @@ import json
 
 import pytest
 from commands import flighttune
-
-from flighttune.files.shipped import scenario_files
+from places import SHIPPED_SCENARIOS
 
 
 @pytest.mark.slow
@@ -29,7 +28,7 @@ def test_an_expected_end_is_a_success(tmp_path):
     ],
 )  # fmt: skip
 def test_what_is_missed_is_said_in_one_line(tmp_path, old, new, line):
-    text = scenario_files()["weak_engine"].read_text()
+    text = (SHIPPED_SCENARIOS / "weak_engine.toml").read_text()
     assert old in text
     path = tmp_path / "asks_more.toml"
     path.write_text(text.replace(old, new))

@@ -5,10 +5,9 @@ import subprocess
 
 import pytest
 from commands import flighttune
-from made_up import shortened
+from made_up import scenario_file, shortened
 
-from flighttune.files.table import toml_text
-from flighttune.records.parquet import load_recording
+import flighttune as ft
 
 pytestmark = pytest.mark.slow
 
@@ -33,8 +32,7 @@ def disk(tmp_path_factory):
 def short(tmp_path_factory):
     """A scenario file of a second of flight."""
     file = tmp_path_factory.mktemp("short") / "short.toml"
-    file.write_text(toml_text(shortened("paper", 1.0, gains=["paper"]).as_dict()))
-    return file
+    return scenario_file(file, shortened("paper", 1.0, gains=["paper"]))
 
 
 def files_in(folder):
@@ -61,6 +59,6 @@ def test_a_disk_that_fills_up_is_one_line_and_leaves_what_was_there(disk, short,
         assert reason == "must be writable, got no space left on device."
         assert not [left for left in files_in(folder) if left.name.startswith(".")]
         for left in files_in(folder):
-            load_recording(left)
+            ft.load_recording(left)
         ballast.unlink()
     assert capfd.readouterr() == ("", "")  # no library logs

@@ -28,11 +28,6 @@ def test_the_cause_is_the_step_that_the_chart_of_itae_shows_as_the_largest(found
     assert "rms_rad" not in str(found["contributions"])
 
 
-def test_the_mismatch_has_its_size_and_nothing_is_claimed_unasked(found):
-    assert found["mismatch"].keys() == {"L_d", "bound"}
-    assert found["claims"] == []
-
-
 def test_figure_recording_and_signals_are_where_it_says(found):
     assert Path(found["figure"]).read_text(encoding="utf-8").startswith("<svg ")
     assert Path(found["page"]).read_text(encoding="utf-8").count('<svg class="chart" ') == 10
