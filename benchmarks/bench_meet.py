@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 
 import flighttune as ft
 from flighttune.campaign.engine.pool import WorkerPool
-from flighttune.campaign.meet import Search, Trial, plan_to_meet
+from flighttune.campaign.meet import Search, Trial, flights_to_meet
 from flighttune.control.gains import PIGains
 from flighttune.flight.outer_loop import gain_set
 from flighttune.scenario import Scenario, scenario_from
@@ -54,7 +54,7 @@ def own(scenario: Scenario, start: PIGains) -> tuple[int, float]:
     """Flights and seconds of the search, with the start of its processes."""
     began, law = time.perf_counter(), scenario.laws[0]
     with WorkerPool() as pool:
-        search = UntilMet([plan_to_meet(scenario, scenario.law_tables[0])], law, pool)
+        search = UntilMet([flights_to_meet(scenario, scenario.law_tables[0])], law, pool)
         with suppress(MetError):
             search.search([start], CAPPED)
     return search.flights, time.perf_counter() - began

@@ -18,7 +18,7 @@ from places import SHIPPED_AIRCRAFT
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.campaign.engine import pool as pool_module
-from flighttune.campaign.flying.rows import fly_runs
+from flighttune.campaign.flying.rows import rows_flown
 from flighttune.plants.jsbsim.model_files import model_hash
 
 SCENARIO = """
@@ -254,14 +254,12 @@ def parts(out):
 
 
 @contextmanager
-def flown_here(module, planned, plan, rows=fly_runs):
+def flown_here(module, planned, plan, rows=rows_flown):
     """Fly in this process, without workers: `plan` is what the function `planned` returns."""
 
     class Pool:
-        def fly_rows(self, plan, gaps, keep, doing, **options):
-            for gap in gaps:
-                keep(rows(plan, gap, **options))
-            return True
+        def in_order(self, plan, runs, doing, **options):
+            return list(rows(plan, runs, **options))
 
     with (
         mock.patch.object(pool_module, "WorkerPool", return_value=nullcontext(Pool())),

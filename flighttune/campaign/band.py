@@ -16,7 +16,7 @@ from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.alone import fly_group
 from flighttune.campaign.planning.load import campaign_on
 from flighttune.campaign.planning.plan import TUNING_ROUNDING, Plan, aircraft_hashes, plan_from
-from flighttune.campaign.stated_set import planned, rows_of
+from flighttune.campaign.stated_set import planned
 from flighttune.claims.band import (
     DOUBLED,
     MAX_NUMBERS,
@@ -275,8 +275,8 @@ def _flown(
         number = f", part {first // PART + 1} of {math.ceil(len(runs) / PART)}"
         said = f"{doing}{number if len(runs) > PART else ''}"
         part = runs[first : first + PART]
-        rows = rows_of(pool, plan, said, runs=part, probes={"extremes": probe})
-        values = np.array([own or lost for own in rows["extremes"].to_pylist()])
+        rows = pool.in_order(plan, part, doing=said, probes={"extremes": probe})
+        values = np.array([row.get("extremes", lost) for row in rows])
         extremes.append(values[:, :size].astype(np.float32).reshape(-1, *shape))
         winds.append(values[:, size:])
     return np.concatenate(extremes), np.concatenate(winds)

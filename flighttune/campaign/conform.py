@@ -14,7 +14,7 @@ from flighttune.campaign.planning.load import campaign_on
 from flighttune.campaign.planning.places import dispersed_places
 from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.planning.schema import Campaign, Choice, Design, Dispersion, Grid, Uniform
-from flighttune.campaign.stated_set import planned, rows_of
+from flighttune.campaign.stated_set import planned
 from flighttune.claims.boxes import WINDOW_S, Over, RateBoxes, Windows
 from flighttune.claims.conformance import Conformance, boxes_at_scale
 from flighttune.claims.count import fresh_flights, refuting_outside
@@ -109,10 +109,10 @@ def conform(source: str, settings: ConformSettings, pool: WorkerPool) -> Conform
     plan, fresh, model, windows = _plans(source, settings)
     training = plan.runs
     probe = partial(_residuals_of, model, windows)
-    rows = rows_of(
-        pool, plan, "learning", runs=range(training), probes={KEPT: partial(probe, None)}
+    rows = pool.in_order(
+        plan, range(training), doing="learning", probes={KEPT: partial(probe, None)}
     )
-    extremes = [kept for kept in rows[KEPT].to_pylist() if kept]
+    extremes = [row[KEPT] for row in rows if row.get(KEPT)]
     lows, highs = np.moveaxis(np.reshape(extremes, (-1, 2, windows.count, len(RESIDUALS))), 1, 0)
     learned = RateBoxes.around(windows, lows, highs)
     scores = _scores(pool, fresh, partial(probe, learned), training, "counting")
@@ -228,8 +228,8 @@ def _scores(
     pool: WorkerPool, fresh: Plan, probe: "partial[list[float]]", first: int, doing: str
 ) -> FloatArray:
     """Score of each fresh flight from a run on; infinite for one that was not completed."""
-    rows = rows_of(pool, fresh, doing, runs=range(first, fresh.runs), probes={KEPT: probe})
-    return np.array([math.inf if kept is None else kept[0] for kept in rows[KEPT].to_pylist()])
+    rows = pool.in_order(fresh, range(first, fresh.runs), doing=doing, probes={KEPT: probe})
+    return np.array([row[KEPT][0] if KEPT in row else math.inf for row in rows])
 
 
 def _residuals_of(

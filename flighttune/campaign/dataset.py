@@ -10,9 +10,10 @@ import os
 import re
 import shutil
 import socket
+import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from itertools import pairwise
+from itertools import chain, groupby, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,6 +22,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
+from flighttune.campaign.flying.columns import NOT_REPRODUCIBLE, Row, table_of
 from flighttune.campaign.planning.plan import Plan, plan_from
 from flighttune.errors import InputError, OutputError, RecordingError, ScenarioError
 from flighttune.files.mistakes import abridged
@@ -34,8 +36,9 @@ RUNS, SIGNALS = "runs", "signals"
 # Folder of unfinished files: not in ``runs``, where a reader's ``*.parquet`` would find them.
 WRITING = ".writing"
 
-# Columns that differ each time a run is flown.
-NOT_REPRODUCIBLE = ("wall_s",)
+# Rows are written after a further twentieth of the time so far, but at least 0.25 s and at most 10
+# s apart: a killed campaign loses little, and a long one has few files.
+KEEP_S, KEEP_SHARE, KEEP_MAX_S = 0.25, 0.05, 10.0
 
 # Statuses of runs without a time history.
 NO_SIGNALS = ("crashed", "timed_out", "invalid", "no_gains", "no_trim")
@@ -100,6 +103,38 @@ class Dataset:
         tables = {"format": FORMAT, "versions": self.versions, "plan": self.plan.as_dict()}
         text = json.dumps({**tables, "sha256": hash_of(tables)}, indent=1)
         self._write(CAMPAIGN, f"{text}\n".encode())
+
+    def write_rows(self, rows: Iterable[Row], gaps: Iterable[range]) -> None:
+        """Write rows of the runs in `gaps` as they come, in parts of consecutive runs.
+
+        A row waits for those of the runs before it. When the rows end, by an error too, all that
+        wait are written.
+        """
+        waiting: dict[int, Row] = {}
+        runs = chain.from_iterable(gaps)
+        following = next(runs, None)
+        began = written = time.perf_counter()
+        try:
+            for row in rows:
+                waiting[row["run"]] = row
+                now = time.perf_counter()
+                if now < written + min(max(KEEP_S, KEEP_SHARE * (now - began)), KEEP_MAX_S):
+                    continue
+                ready = []
+                while following in waiting:
+                    ready.append(following)
+                    following = next(runs, None)
+                self._write_waiting(waiting, ready)
+                written = now
+        finally:
+            # After a stop or an error, rows may be left behind a run that never came back.
+            self._write_waiting(waiting, sorted(waiting))
+
+    def _write_waiting(self, waiting: dict[int, Row], runs: Sequence[int]) -> None:
+        """Write the rows of these runs, and take them out of those that wait."""
+        # consecutive runs have the same difference from their place in the list
+        for _, span in groupby(enumerate(runs), key=lambda place: place[1] - place[0]):
+            self.write_part(table_of(self.plan, [waiting.pop(run) for _, run in span]))
 
     def write_part(self, rows: pa.Table) -> None:
         """Write the rows of consecutive runs, in order of `run`."""

@@ -9,16 +9,15 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import pyarrow as pa
 
 from flighttune.arrays import FloatArray
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.rows import Row
-from flighttune.campaign.planning.draws import SEED
+from flighttune.campaign.planning.draws import SEED, cycle
 from flighttune.campaign.planning.load import campaign_on
 from flighttune.campaign.planning.plan import Group, Plan, aircraft_hashes
-from flighttune.campaign.planning.schema import MEASURES, CampaignTable
-from flighttune.campaign.stated_set import StoppedError, measured_in
+from flighttune.campaign.planning.schema import MEASURES, Campaign, CampaignTable
+from flighttune.campaign.stated_set import measured_in
 from flighttune.campaign.statistics.intervals import share
 from flighttune.campaign.statistics.paired import ordered_quantile
 from flighttune.control.gains import PIGains
@@ -104,8 +103,10 @@ class Trial:
         return np.array([check.run.endswith(BY_DEFAULT) for check in self.checks[0]])
 
 
-def plan_to_meet(scenario: Scenario, law: LawTable, table: CampaignTable | None = None) -> Plan:
-    """Flights of a scenario by a law, dispersed as the `table` of a campaign says, without gains.
+def flights_to_meet(
+    scenario: Scenario, law: LawTable, table: CampaignTable | None = None
+) -> Campaign:
+    """Flights of a scenario by a law, dispersed as the `table` of a campaign says.
 
     The requirements are those about all gain sets, and about `TUNED_IDENTIFIED`, in whose place the
     new gains come. InputError where there is none.
@@ -121,20 +122,14 @@ def plan_to_meet(scenario: Scenario, law: LawTable, table: CampaignTable | None 
             f"{scenario.title}: [[expect]] must bound a measure for all gain sets, or for "
             f"{TUNED_IDENTIFIED}, to be met, got no such bound."
         )
-    # The gains of the scenario are not flown: the plan gets numbers.
+    # The gains of the scenario are not flown, and none are tuned for the median.
     changed = {"expect": expect, "gains": ["paper"], "law": [law]}
     table = table or CampaignTable(title=scenario.title, scenario="scenario", runs=1)
-    return Plan(
-        campaign=campaign_on(table, scenario.model_copy(update=changed), scenario.title),
-        gain_sets={},
-        groups=(),
-        runs=1,
-        aircraft=aircraft_hashes(scenario),
-    )
+    return campaign_on(table, scenario.model_copy(update=changed), scenario.title)
 
 
 class Search:
-    """Flies candidates of one law by plans without gains, and keeps all of them.
+    """Flies candidates of one law in campaigns, and keeps all of them.
 
     The `metric` is `ITAE`, `MARGIN` or a column of the rows, maybe with ``_deg`` in place of
     ``_rad``. With several `draws` of a campaign the share of them on which all requirements are met
@@ -143,7 +138,7 @@ class Search:
 
     def __init__(
         self,
-        plans: Sequence[Plan],
+        campaigns: Sequence[Campaign],
         law: Law,
         pool: WorkerPool,
         *,
@@ -158,13 +153,15 @@ class Search:
             )
         self.flights = self.candidates = 0
         self.trials: dict[PIGains, Trial] = {}
-        self._plans, self._law, self._pool, self._metric = plans, law, pool, metric
+        self._campaigns, self._law, self._pool, self._metric = campaigns, law, pool, metric
         self._draws, self._success = draws, success
-        self._each = draws * sum(len(_required(plan.scenario)) for plan in plans)
-        self._problem = tuning_problem(plans[0].scenario, law)
+        scenarios = [campaign.nominal for campaign in campaigns]
+        self._aircraft = list(map(aircraft_hashes, scenarios))
+        self._each = draws * sum(map(len, map(_required, scenarios)))
+        self._problem = tuning_problem(scenarios[0], law)
         self._model = self._problem.model
         with suppress(InputError):  # without an identified aircraft: [tuning]'s
-            self._model = plans[0].scenario.identified_models(law)[0].model
+            self._model = scenarios[0].identified_models(law)[0].model
 
     def fly(self, sets: Sequence[PIGains]) -> list[Trial]:
         """Fly candidates in all scenarios; none that is unstable or has been flown before."""
@@ -172,7 +169,7 @@ class Search:
         for gains in dict.fromkeys(sets):
             loop = indicators_batch(closed_loop(self._model, gains))
             if not loop.stable:
-                rows = [[{"plant": x} for x in _required(plan.scenario)] for plan in self._plans]
+                rows = [[{"plant": x} for x in _required(y.nominal)] for y in self._campaigns]
                 trial = self._trial(gains, rows)
                 # the further right its eigenvalues, the worse
                 excess = np.tile(
@@ -182,56 +179,52 @@ class Search:
             elif gains not in self.trials:
                 stable.append(gains)
         self.candidates += len(stable)
-        flown = [self.rows(plan, stable, self._draws) for plan in self._plans if stable]
+        places = range(len(self._campaigns)) if stable else ()
+        flown = [self._flown(place, stable) for place in places]
         for gains, *rows in zip(stable, *flown, strict=True):
             self.trials[gains] = self._trial(gains, rows)
         return [self.trials[gains] for gains in sets]
 
-    def rows(self, plan: Plan, sets: Sequence[PIGains], draws: int) -> list[list[Row]]:
-        """Rows of a plan by candidate, draw by draw."""
-        scenario, names = plan.scenario, self._law.names_of([str(i) for i in range(len(sets))])
-        plants = _required(scenario)
-        groups = tuple(Group(plant, name) for name in names for plant in plants)
+    def _flown(self, place: int, sets: Sequence[PIGains]) -> list[list[Row]]:
+        """Rows of a campaign by candidate, draw by draw."""
+        campaign, names = self._campaigns[place], self._law.names_of([*map(str, range(len(sets)))])
+        scenario = campaign.nominal
+        groups = tuple(Group(plant, name) for name in names for plant in _required(scenario))
         # The requirements are checked by `_trial`: those on the loop once, not in every flight.
         senses = "at_most", "at_least"
         expect = [
             table.model_copy(update={x: {**getattr(table, x), "loop": {}} for x in senses})
             for table in scenario.expect
         ]
-        bare = plan.campaign.model_copy(
-            update={"nominal": scenario.model_copy(update={"expect": expect})}
+        bare = scenario.model_copy(update={"expect": expect})
+        plan = Plan(
+            campaign=campaign.model_copy(update={"nominal": bare}),
+            gain_sets=dict(zip(names, sets, strict=True)),
+            groups=groups,
+            runs=self._draws * len(groups),
+            aircraft=self._aircraft[place],
         )
-        flown = dict(zip(names, sets, strict=True))
-        plan = replace(plan, campaign=bare, gain_sets=flown, groups=groups)
-        n, each = len(groups), len(plants)
-        if draws > 1:
-            drawn, runs = None, [range(draws * n)]
-        else:
-            # Each candidate has a draw of its own: workers share draws out, not groups.
-            drawn = [{SEED: scenario.seed}] * len(sets)
-            runs = [range(i * (n + each), i * (n + each) + each) for i in range(len(sets))]
-        plan, tables = plan.with_runs(runs[-1].stop), list[pa.Table]()
-        self.flights += sum(map(len, runs))
-        if not self._pool.fly_rows(plan, runs, tables.append, doing="searching", draws=drawn):
-            raise StoppedError
-        rows = pa.concat_tables(tables).sort_by("run").to_pylist()
+        drawn = [{SEED: scenario.seed}] if self._draws == 1 else None
+        self.flights += plan.runs
+        rows = self._pool.in_order(plan, range(plan.runs), doing="searching", draws=drawn)
         return [[row for row in rows if row["gains"] == name] for name in names]
 
     def _trial(self, gains: PIGains, rows: Sequence[Sequence[Row]]) -> Trial:
-        """The checks of rows of each plan; rows without a status are those of gains not flown."""
+        """The checks of rows of each campaign; those of gains not flown have no status."""
         (name,) = self._law.names_of(["0"])
         checks: dict[int, list[BoundCheck]] = {}
         metric = 0.0
-        for plan, of_plan in zip(self._plans, rows, strict=True):
-            margins = _default_margins(plan.scenario)
-            bounds = [*plan.scenario.expect, *margins]
-            loop = with_loop({}, bounds, plan.scenario, name, gains)
-            where = f"{plan.scenario.title}: " if len(self._plans) > 1 else ""
-            for row in of_plan:
+        for campaign, of_campaign in zip(self._campaigns, rows, strict=True):
+            scenario = campaign.nominal
+            margins = _default_margins(scenario)
+            bounds = [*scenario.expect, *margins]
+            loop = with_loop({}, bounds, scenario, name, gains)
+            where = f"{scenario.title}: " if len(self._campaigns) > 1 else ""
+            for row in of_campaign:
                 flown = row.get("status") == "completed"
-                tables = plan.scenario.expected(row["plant"], name)
+                tables = scenario.expected(row["plant"], name)
                 measured = {**(measured_in(row) if flown else {}), **loop}
-                checks.setdefault(row.get("draw", 0) if self._draws > 1 else 0, []).extend(
+                checks.setdefault(row.get("draw", 0), []).extend(
                     replace(check, flown=flown or check.subject == "loop")
                     for check in bound_checks(tables, measured, where + row["plant"])
                 )
@@ -430,12 +423,12 @@ def meet(
             f"maximised, got {metric}."
         )
     seen = table and table.model_copy(update={"design": "random", "seed": table.seed + 1})
-    plans = [plan_to_meet(scenario, law_table, seen) for scenario in scenarios]
+    campaigns = [flights_to_meet(scenario, law_table, seen) for scenario in scenarios]
     starts = start or starting_gains(scenarios[0], law)
     if not starts:
         raise InputError("`start` must be given: no gains could be tuned to start from.")
-    draws = 1 if table is None else whole_cycles(plans[0], DRAWS)
-    search = Search(plans, law, pool, metric=metric, draws=draws, success=success)
+    draws = 1 if table is None else whole_cycles(campaigns[0], DRAWS)
+    search = Search(campaigns, law, pool, metric=metric, draws=draws, success=success)
     budget = budget or (BUDGET if table is None else CAMPAIGN_BUDGET)
     trials = dict(zip(starts, search.fly([*starts.values()]), strict=True))
     first = min(trials, key=lambda name: search.value(trials[name]))
@@ -443,12 +436,12 @@ def meet(
     best, counted, by, start_flown = search.best(), None, "", trials[first]
     met, start_met, nearest = best.met, start_flown.met, best
     if table is not None:
-        plan = plan_to_meet(scenarios[0], law_table, table)
+        campaign = flights_to_meet(scenarios[0], law_table, table)
         groups = len(scenarios[0].gain_names) * len(scenarios[0].plant)
-        fresh = whole_cycles(plan, max(COUNTED, (table.runs or 0) // groups))
-        count = Search([plan], law, pool, draws=fresh)
+        fresh = whole_cycles(campaign, max(COUNTED, (table.runs or 0) // groups))
+        count = Search([campaign], law, pool, draws=fresh)
         nearest, start_flown = count.fly([best.gains, start_flown.gains])
-        cycles = np.arange(fresh) // plan.cycle
+        cycles = np.arange(fresh) // cycle(campaign)
         flown = ~nearest.default
         # The lower end of the interval decides, unless it is below `success` for any count.
         by = "lo" if share(np.ones(fresh, dtype=bool), cycles).lo >= success else "value"
@@ -486,9 +479,9 @@ def _requirements(trial: Trial, start: Trial, active: Sequence[int]) -> Iterator
         }
 
 
-def whole_cycles(plan: Plan, draws: int) -> int:
+def whole_cycles(campaign: Campaign, draws: int) -> int:
     """At least so many draws, in whole cycles of the design."""
-    return -(-draws // plan.cycle) * plan.cycle
+    return -(-draws // cycle(campaign)) * cycle(campaign)
 
 
 def _required(scenario: Scenario) -> list[str]:

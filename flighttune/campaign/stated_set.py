@@ -5,12 +5,8 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-import pyarrow as pa
-
 from flighttune.arrays import check_not_negative
 from flighttune.campaign.dataset import CAMPAIGN, open_dataset
-from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.planning.load import campaign_on, load_campaign
 from flighttune.campaign.planning.plan import Plan, on_plants, plan_campaign
 from flighttune.campaign.planning.schema import (
@@ -28,27 +24,6 @@ from flighttune.scenario.schema import GainsTable, Scenario
 
 # Angular frequencies of a disturbance without a stated one, rad/s.
 FREQUENCIES = (0.05, 6.0)
-
-
-class StoppedError(Exception):
-    """The observer of a worker pool stopped its flights."""
-
-
-def rows_of(
-    pool: WorkerPool, plan: Plan, doing: str, *, runs: Sequence[int] | None = None, **more: Any
-) -> pa.Table:
-    """Rows of some runs in rising order, by default of all.
-
-    `more` are probes and draws for `WorkerPool.fly_rows`. Raises StoppedError if the observer
-    stopped the flights.
-    """
-    tables: list[pa.Table] = []
-    some = np.array(runs or range(plan.runs))
-    parts = np.split(some, np.flatnonzero(np.diff(some) != 1) + 1)
-    ranges = [range(part[0], part[-1] + 1) for part in parts]
-    if not pool.fly_rows(plan, ranges, tables.append, doing=doing, **more):
-        raise StoppedError
-    return pa.concat_tables(tables).sort_by("run")
 
 
 def planned(

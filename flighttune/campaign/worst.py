@@ -22,7 +22,7 @@ from flighttune.campaign.flying.rows import Drawn, Probes
 from flighttune.campaign.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
 from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.planning.schema import MEASURES
-from flighttune.campaign.stated_set import measured_in, planned, rows_of
+from flighttune.campaign.stated_set import measured_in, planned
 from flighttune.claims.band import About, Axis
 from flighttune.errors import InputError
 from flighttune.flight.expectations import bound_checks
@@ -182,7 +182,7 @@ class StatedSet:
 
     def _errors(self, plan: Plan, draws: Sequence[Drawn]) -> list[FloatArray | None]:
         """Fly draws and return the errors of each; None for a flight that ends early."""
-        errors = [row["errors"] for row in self._rows(plan, draws, {"errors": _errors_of})]
+        errors = [row.get("errors") for row in self._rows(plan, draws, {"errors": _errors_of})]
         return [None if own is None else np.reshape(own, (-1, 2)) for own in errors]
 
     def _fly(self, plan: Plan, draws: Sequence[Drawn], channel: int | None = None) -> FloatArray:
@@ -195,7 +195,7 @@ class StatedSet:
             self.worst, self.made_by = {**rows[i], "value": float(values[i])}, (plan, draws[i])
         if TUBE not in self._probes:
             return values
-        reach = np.array([row[TUBE][1:] if row[TUBE] else (np.nan, np.nan) for row in rows])
+        reach = np.array([row[TUBE][1:] if TUBE in row else (np.nan, np.nan) for row in rows])
         self.reach = np.fmax(self.reach, np.fmax.reduce(reach))
         if channel is None:
             return values
@@ -203,7 +203,8 @@ class StatedSet:
 
     def _rows(self, plan: Plan, draws: Sequence[Drawn], probes: Probes) -> list[dict[str, Any]]:
         self.flights += len(draws)
-        return rows_of(self._pool, plan, "searching", probes=probes, draws=draws).to_pylist()
+        runs = range(plan.runs)
+        return self._pool.in_order(plan, runs, doing="searching", probes=probes, draws=draws)
 
 
 def find_worst(searched: StatedSet, *, budget: int, seed: int) -> tuple[dict[str, Any], Scenario]:

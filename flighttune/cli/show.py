@@ -225,7 +225,7 @@ def campaign_display() -> Iterator[CampaignDisplay]:
 def campaign_pool(workers: int | None, scheduler: str | None) -> "Iterator[WorkerPool]":
     """Workers for the block that show how far they are; Ctrl-C or SIGTERM stops them."""
     from flighttune.campaign.engine.pool import WorkerPool
-    from flighttune.campaign.stated_set import StoppedError
+    from flighttune.campaign.engine.progress import StoppedError
 
     with campaign_display() as observer, WorkerPool(workers, scheduler, observer) as pool:
         try:

@@ -3,9 +3,9 @@
 import pytest
 from dispersed import WIND, one_of, plan_of, tables_of, uniform
 
-from flighttune.campaign.flying.columns import OUTCOME
+from flighttune.campaign.flying.columns import OUTCOME, table_of
 from flighttune.campaign.flying.kinematic_batch import batchable
-from flighttune.campaign.flying.rows import fly_runs
+from flighttune.campaign.flying.rows import rows_flown
 from flighttune.campaign.planning.schema import MEASURES
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import (
@@ -32,8 +32,8 @@ FAR_ROUND = 1e-10
 
 def rows_of(plan, **probes):
     """The rows of a plan without the time flights took; with a probe all are flown alone."""
-    rows = fly_runs(plan, range(plan.runs), probes=probes)
-    return rows.drop_columns(["wall_s", *probes]).to_pylist()
+    rows = rows_flown(plan, range(plan.runs), probes=probes)
+    return table_of(plan, rows).drop_columns(["wall_s"]).to_pylist()
 
 
 def outcome(row):

@@ -13,7 +13,7 @@ from commands import answer, flighttune
 import flighttune as ft
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.campaign.meet import Search, meet, plan_to_meet
+from flighttune.campaign.meet import Search, flights_to_meet, meet
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.control.gains import PAPER_GAINS, PIGains, rate_gains, shifted
@@ -212,7 +212,7 @@ def test_settling_that_moving_air_forbids_is_said_why_and_is_met_within_a_band_o
 def test_unstable_and_known_candidates_are_not_flown(overshoot):
     law = overshoot.laws[0]
     with WorkerPool(1) as pool:
-        search = Search([plan_to_meet(overshoot, overshoot.law_tables[0])], law, pool)
+        search = Search([flights_to_meet(overshoot, overshoot.law_tables[0])], law, pool)
         unstable, same = search.fly([shifted(PAPER_GAINS, 4.0), PAPER_GAINS])
         once = search.flights
         search.fly([PAPER_GAINS])
@@ -360,9 +360,9 @@ def test_a_campaign_that_disperses_nothing_has_the_draws_of_its_turbulence(tmp_p
     file.write_text(text + "[[success]]\nat_most.chi.peak_rad = 1.0\n")
     level = {"flight.duration_s": 1.0, "reference.chi_deg": 0.0, "reference.gamma_deg": 0.0}
     table = load_campaign(file, changes=level)
-    plan = plan_to_meet(table.nominal, table.nominal.law_tables[0], table)
+    flights = flights_to_meet(table.nominal, table.nominal.law_tables[0], table)
     with WorkerPool(1) as pool:
-        (trial,) = Search([plan], table.nominal.laws[0], pool, draws=3).fly([PAPER_GAINS])
+        (trial,) = Search([flights], table.nominal.laws[0], pool, draws=3).fly([PAPER_GAINS])
 
     assert len({checks[0].value for checks in trial.checks}) == len(trial.excess) == 3
 
@@ -504,7 +504,7 @@ def test_requirements_are_answered_as_brute_force_answers_them(task):
         whole[whole != 0.0] *= factors
         sets.append(PIGains(K_P=whole[:, :2], K_I=whole[:, 2:], inputs=start.inputs))
     with WorkerPool() as pool:
-        search = Search([plan_to_meet(base, base.law_tables[0])], law, pool)
+        search = Search([flights_to_meet(base, base.law_tables[0])], law, pool)
         stable = [
             trial
             for trial in search.fly([start, *sets])

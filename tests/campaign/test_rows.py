@@ -25,8 +25,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from flighttune.campaign.flying.alone import fly_again, scenario_of_run
-from flighttune.campaign.flying.columns import row_schema, unit_of_key
-from flighttune.campaign.flying.rows import fly_runs, lost_row, table_of
+from flighttune.campaign.flying.columns import row_schema, table_of, unit_of_key
+from flighttune.campaign.flying.rows import fly_runs, lost_row
 from flighttune.control.margins import channel_margins
 from flighttune.errors import InputError
 from flighttune.flight import outer_loop

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-import pyarrow as pa
 import pytest
 from campaigns import flown_here, write_campaign
 from commands import answer, flighttune
@@ -112,14 +111,10 @@ def test_the_margin_is_that_of_the_nearest_demand():
 
 @pytest.mark.parametrize(("completed", "worst"), [(False, 1), (True, 2)])
 def test_flights_that_end_early_are_the_worst_or_left_out(completed, worst):
-    columns = {
-        "run": range(3),
-        "status": ["completed", "diverged", "completed"],
-        "chi.ITAE": [0.5, 0.1, 0.7],
-    }
+    ends = [("completed", 0.5), ("diverged", 0.1), ("completed", 0.7)]
 
     def rows(plan, runs, **options):
-        return pa.table(columns)
+        return [{"run": run, "status": x, "chi.ITAE": y} for run, (x, y) in enumerate(ends)]
 
     with flown_here(worst_module, "planned", small_plan(), rows) as pool:
         searched = StatedSet("campaign", pool, metric="chi.ITAE", completed=completed)

@@ -1,10 +1,9 @@
 """Fly a plan into a folder, here or on a cluster; runs that have a row are not repeated."""
 
 import time
+from itertools import chain
 from pathlib import Path
 from typing import Any
-
-import pyarrow as pa
 
 from flighttune.campaign.dataset import (
     CAMPAIGN,
@@ -18,7 +17,8 @@ from flighttune.campaign.dataset import (
     signals_path,
 )
 from flighttune.campaign.engine.pool import WorkerPool
-from flighttune.campaign.engine.progress import CampaignObserver, CampaignOutcome
+from flighttune.campaign.engine.progress import CampaignObserver, CampaignOutcome, StoppedError
+from flighttune.campaign.flying.columns import table_of
 from flighttune.campaign.planning.plan import Plan
 from flighttune.errors import InputError, RecordingError
 from flighttune.flight.fly import library_versions
@@ -87,7 +87,12 @@ def run_campaign(
         _count(dataset, pool)
         plan = dataset.plan
         gaps = missing((part.runs for part in dataset.parts), plan.runs)
-        done = pool.fly_rows(plan, gaps, dataset.write_part) and _keep_signals(dataset, pool)
+        interrupted = False
+        try:
+            dataset.write_rows(pool.rows(plan, chain.from_iterable(gaps)), gaps)
+            _keep_signals(dataset, pool)
+        except StoppedError:
+            interrupted = True
         dataset.clean()
     wall, progress = time.perf_counter() - began, pool.progress
     return CampaignOutcome(
@@ -99,16 +104,17 @@ def run_campaign(
         kept=len(dataset.kept),
         wall_s=wall,
         rate_per_s=progress.flown / wall,
-        interrupted=not done,
+        interrupted=interrupted,
     )
 
 
-def _keep_signals(dataset: Dataset, pool: WorkerPool) -> bool:
-    """Keep the signals of `runs_to_keep` and no others; return False if the observer stopped it."""
+def _keep_signals(dataset: Dataset, pool: WorkerPool) -> None:
+    """Keep the signals of `runs_to_keep` and no others."""
     wanted, present = set(runs_to_keep(dataset)), set(dataset.kept)
     for run in present - wanted:
         dataset.remove(signals_path(run))
-    return pool.fly_signals(dataset.plan, sorted(wanted - present), dataset.write_signals)
+    for run, signals in pool.signals(dataset.plan, sorted(wanted - present)):
+        dataset.write_signals(run, signals)
 
 
 def campaign_cost(plan: Plan, workers: int) -> dict[str, Any]:
@@ -118,21 +124,18 @@ def campaign_cost(plan: Plan, workers: int) -> dict[str, Any]:
     time each in a larger batch. Nothing is written.
     """
     size = min(len(plan.groups), plan.runs)
-    tables: list[pa.Table] = []
-    sizes: list[int] = []
     with WorkerPool(1) as pool:
-        pool.fly_rows(plan, [range(size)], tables.append)  # untimed: starts the process
+        list(pool.rows(plan, range(size)))  # untimed: starts the process
         while True:
             began = time.perf_counter()
-            tables.clear()
-            pool.fly_rows(plan, [range(size)], tables.append)
+            rows = list(pool.rows(plan, range(size)))
             spent = time.perf_counter() - began
             if size == plan.runs or spent > ENOUGH_S:
                 break
             size = min(size * MORE, plan.runs)
-        pool.fly_signals(plan, [0], lambda _, data: sizes.append(len(data)))
-    rows, keep = pa.concat_tables(tables).sort_by("run"), plan.campaign.keep
-    run_s = rows.to_pandas().groupby(["plant", "gains"], sort=False)["wall_s"].mean()
+        sizes = [len(signals) for _, signals in pool.signals(plan, [0])]
+    table, keep = table_of(plan, rows), plan.campaign.keep
+    run_s = table.to_pandas().groupby(["plant", "gains"], sort=False)["wall_s"].mean()
     core_s = spent / size * plan.runs
     return {
         "groups": run_s.rename("run_s").reset_index().to_dict("records"),
@@ -140,7 +143,7 @@ def campaign_cost(plan: Plan, workers: int) -> dict[str, Any]:
         "core_s": core_s,  # of all runs on one core
         "workers": workers,
         "wall_s": core_s / workers,
-        "rows_bytes": round(len(parquet_bytes(rows)) / size * plan.runs),
+        "rows_bytes": round(len(parquet_bytes(table)) / size * plan.runs),
         "signals_bytes": sum(sizes) * min(plan.runs, keep.failures + keep.worst + keep.sample),
     }
 

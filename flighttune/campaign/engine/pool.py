@@ -1,17 +1,15 @@
 """Runs of plans flown into rows: kinematic flights in batches here, all others by workers."""
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
-from itertools import chain, groupby
+from itertools import chain
 from typing import Any
-
-import pyarrow as pa
 
 from flighttune.arrays import check_at_least
 from flighttune.campaign.engine.cluster import ClusterWorkers, campaign_error, check_scheduler
 from flighttune.campaign.engine.flyer import OF_THREAD, Answer, Flyer, fly, work_of
-from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress
+from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress, StoppedError
 from flighttune.campaign.flying.rows import (
     Draw,
     Drawn,
@@ -20,7 +18,6 @@ from flighttune.campaign.flying.rows import (
     batched_groups,
     flown_blocks,
     lost_row,
-    table_of,
 )
 from flighttune.campaign.planning.plan import Plan
 from flighttune.errors import InputError
@@ -32,10 +29,6 @@ TASKS_PER_WORKER = 2
 
 # Longest wait for a result before progress is shown and a stop is noticed, s
 POLL_S = 0.2
-
-# Rows are written after a further twentieth of the time so far, but at least 0.25 s and at most 10
-# s apart: a killed campaign loses little, and a long one has few files.
-KEEP_S, KEEP_SHARE, KEEP_MAX_S = 0.25, 0.05, 10.0
 
 
 class Threads:
@@ -103,81 +96,79 @@ class WorkerPool:
             self._workers = ClusterWorkers(remote) if remote else Threads(self._count)
         return self._workers
 
-    def fly_rows(
+    def rows(
         self,
         plan: Plan,
-        gaps: Iterable[range],
-        keep: Callable[[pa.Table], None],
+        runs: Iterable[int],
         *,
         doing: str | None = None,
         probes: Probes | None = None,
         draws: Sequence[Drawn] | None = None,
-    ) -> bool:
-        """Fly runs of a plan; return False if the observer stopped them.
+    ) -> Iterator[Row]:
+        """Fly runs of a plan, in rising order; their rows, as they come.
 
-        `keep` gets tables of consecutive runs, each in order of `run`; the order of the tables is
-        arbitrary. `doing` names a phase that counts its own runs; without it they are added to
-        those counted before. `probes` and `draws` are those of
-        `flighttune.campaign.flying.rows.fly_runs`.
+        `doing` names a phase that counts its own runs; without it they are added to those counted
+        before. `probes` and `draws` are those of `flighttune.campaign.flying.rows.rows_flown`.
+        Raises StoppedError after the rows that are there, if the observer stopped the flights.
         """
-        gaps, probes, progress = list(gaps), probes or {}, self.progress
-        if not gaps:
-            return True
+        runs, probes, progress = list(runs), probes or {}, self.progress
+        if not runs:
+            return
         if doing:
             progress.statuses.clear()
             progress.succeeded = 0
         before_running(plan.code)
-        progress.runs = progress.done + sum(map(len, gaps))
-        buffer = _Buffer(gaps, lambda rows: keep(table_of(plan, rows, probes)))
-
-        def add(rows: list[Row]) -> None:
-            buffer.add(rows)
-            progress.add(rows)
-            progress.flown += len(rows)
+        progress.runs = progress.done + len(runs)
+        flown_here: list[Row] = []
 
         def alone_draws() -> Iterator[Draw]:
             """Draws for the workers; one without runs after a batch that this process flew."""
             if len(batched_groups(plan, probes, draws)) < len(plan.groups):
                 self._started()  # the processes get ready while the first batch is flown
-            runs = chain.from_iterable(gaps)
             for batch, alone in flown_blocks(plan, runs, probes, draws):
-                add(batch)
+                flown_here.extend(batch)
                 yield from (Draw((), {}), *alone)
 
         work = work_of(plan, probes)
-        try:
-            for (runs, drawn), answers in self._answers(doing or "flying", work, alone_draws()):
-                add(
-                    [
-                        answer if isinstance(answer, dict) else lost_row(plan, run, drawn, answer)
-                        for run, answer in zip(runs, answers, strict=True)
-                    ]
-                )
-        finally:
-            # After a stop or an error, rows may be left behind a run that never came back.
-            buffer.write(sorted(buffer.rows))
-        return not self.observer.stopped
+        for draw, answers in self._answers(doing or "flying", work, alone_draws()):
+            rows = [
+                answer if isinstance(answer, dict) else lost_row(plan, run, draw.drawn, answer)
+                for run, answer in zip(draw.runs, answers, strict=True)
+            ]
+            for row in chain(flown_here, rows):
+                yield row
+                progress.add([row])
+                progress.flown += 1
+            flown_here.clear()
+        if self.observer.stopped:
+            raise StoppedError
 
-    def fly_signals(
-        self, plan: Plan, runs: Iterable[int], keep: Callable[[int, bytes], None]
-    ) -> bool:
-        """Fly runs of a plan once more for their signals; return False if the observer stopped it.
+    def in_order(self, plan: Plan, runs: Iterable[int], **options: Any) -> list[Row]:
+        """All rows of `rows`, in order of `run`."""
+        return sorted(self.rows(plan, runs, **options), key=lambda row: row["run"])
 
-        `keep` gets each run and the bytes of its recording.
+    def signals(self, plan: Plan, runs: Iterable[int]) -> Iterator[tuple[int, bytes]]:
+        """Fly runs of a plan once more for their signals; each run with the bytes of its recording.
+
+        Raises StoppedError as `rows` does.
         """
         self.progress.runs = self.progress.done  # the progress goes on to show the rows
         draws, work = (Draw((run,), {}) for run in runs), work_of(plan, {}, signals=True)
         for ((run,), _), (signals,) in self._answers("keeping signals", work, draws):
             if isinstance(signals, bytes):
-                keep(run, signals)
+                yield run, signals
             else:
                 self.observer.hear(f"run {run}: did not end when it was flown for its signals.")
-        return not self.observer.stopped
+        if self.observer.stopped:
+            raise StoppedError
 
     def _answers(
         self, doing: str, work: bytes, draws: Iterator[Draw]
     ) -> Iterator[tuple[Draw, list[Any]]]:
-        """Draws with the answers of the workers, in any order, until the observer stops them."""
+        """Draws with the answers of the workers, in any order, until the observer stops them.
+
+        One without runs comes back at once.
+        """
         observer, progress, more = self.observer, self.progress, True
         if progress.began is None:
             observer.see(progress)
@@ -193,6 +184,8 @@ class WorkerPool:
                 more = draw is not None
                 if draw and draw.runs:
                     pending[self._started().submit(work, draw)] = draw
+                elif draw:
+                    yield draw, []
                 continue
             # results that are ready when the observer stops the flights are not lost
             over = wait(pending, 0.0 if observer.stopped else POLL_S, FIRST_COMPLETED).done
@@ -205,33 +198,3 @@ class WorkerPool:
             if observer.stopped:
                 return
             progress.workers = self._started().threads()
-
-
-class _Buffer:
-    """Rows that have come back and wait to be kept in order of `run`."""
-
-    def __init__(self, gaps: Sequence[range], keep: Callable[[list[Row]], None]) -> None:
-        self.rows: dict[int, Row] = {}
-        self._keep = keep
-        self._wanted = chain.from_iterable(gaps)
-        self._next = next(self._wanted, None)
-        self._began = self._kept = time.perf_counter()
-
-    def add(self, rows: Iterable[Row]) -> None:
-        """Take rows; if it is time, keep those before the first run still in flight."""
-        self.rows |= {row["run"]: row for row in rows}
-        now = time.perf_counter()
-        if now < self._kept + min(max(KEEP_S, KEEP_SHARE * (now - self._began)), KEEP_MAX_S):
-            return
-        ready = []
-        while self._next in self.rows:
-            ready.append(self._next)
-            self._next = next(self._wanted, None)
-        self.write(ready)
-        self._kept = now
-
-    def write(self, runs: Sequence[int]) -> None:
-        """Keep the rows of these runs."""
-        # consecutive runs have the same difference from their place in the list
-        for _, span in groupby(enumerate(runs), key=lambda at: at[1] - at[0]):
-            self._keep([self.rows.pop(run) for _, run in span])

@@ -7,6 +7,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 
+class StoppedError(Exception):
+    """The observer of a campaign or search stopped its flights."""
+
+
 @dataclass(slots=True, kw_only=True)
 class CampaignProgress:
     """Progress of a campaign or a search, which the pool that flies it keeps up to date."""

@@ -1,6 +1,7 @@
 """Columns of a campaign's rows: names, types and units, fixed by the plan alone."""
 
 from collections.abc import Iterable
+from typing import Any
 
 import pyarrow as pa
 
@@ -17,6 +18,12 @@ UNITS_OF_ENDINGS = UNIT_OF_SUFFIX | {
     "_hz": "1/s",
     "_amplitude": "rad/s",
 }
+
+# Columns of one run, as in `row_schema`; a column that is not there is null
+Row = dict[str, Any]
+
+# Columns that differ each time a run is flown.
+NOT_REPRODUCIBLE = ("wall_s",)
 
 # Columns before the dispersed keys
 BEFORE = {
@@ -44,8 +51,14 @@ AFTER = {
 }
 
 
-def row_schema(plan: Plan, probes: Iterable[str] = ()) -> pa.Schema:
-    """The schema of the rows of a plan and its probes; a field has its ``unit`` as metadata."""
+def table_of(plan: Plan, rows: Iterable[Row]) -> pa.Table:
+    """Rows of a plan as a table, in order of `run`, without what probes kept."""
+    in_order = sorted(rows, key=lambda row: row["run"])
+    return pa.Table.from_pylist(in_order, schema=row_schema(plan))
+
+
+def row_schema(plan: Plan) -> pa.Schema:
+    """The schema of the rows of a plan; a field has its ``unit`` as metadata."""
     settling = settling_names([table.model_dump() for table in plan.scenario.expect])
     more = [f"{channel}.{name}" for channel, names in settling.items() for name in names]
     return pa.schema(
@@ -58,7 +71,6 @@ def row_schema(plan: Plan, probes: Iterable[str] = ()) -> pa.Schema:
                 for name in [*MEASURES, *more]
             ),
             *(_field(name, kind, unit) for name, (kind, unit) in AFTER.items()),
-            *(_field(name, pa.list_(pa.float64()), None) for name in probes),
         ]
     )
 

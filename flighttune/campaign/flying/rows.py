@@ -1,6 +1,6 @@
 """Fly runs of a plan into rows, one per run: the same bits whoever flies them.
 
-A row is a dict until a table is made of many. Kinematic flights go through the compiled kernel many
+Kinematic flights go through the compiled kernel many
 at a time; all others are flown one by one, a draw at a time.
 """
 
@@ -15,9 +15,8 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 
-from flighttune.campaign.dataset import NOT_REPRODUCIBLE
 from flighttune.campaign.flying.alone import fly_group
-from flighttune.campaign.flying.columns import row_schema
+from flighttune.campaign.flying.columns import NOT_REPRODUCIBLE, Row, table_of
 from flighttune.campaign.flying.kinematic_batch import FlightResult, alike, batchable, fly_batch
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
@@ -45,9 +44,6 @@ INVALID = "invalid"
 # R_K, I_K and E_K
 Indicators = tuple[float | None, float | None, float | None]
 
-# Columns of one run, as in `row_schema`; a column that is not there is null
-Row = dict[str, Any]
-
 # Values of a draw, as `Plan.values_of` returns them
 Drawn = Mapping[str, Any]
 
@@ -56,32 +52,34 @@ Probes = Mapping[str, Callable[[Run, Scenario], Sequence[float]]]
 
 
 class Draw(NamedTuple):
-    """Runs of one draw, and its drawn values."""
+    """Some runs of one draw, and its drawn values."""
 
     runs: tuple[int, ...]
     drawn: Drawn
 
 
-def fly_runs(
+def fly_runs(plan: Plan, runs: Sequence[int]) -> pa.Table:
+    """Fly runs of a plan in this process, and return their rows in order of `run`."""
+    return table_of(plan, rows_flown(plan, sorted(runs)))
+
+
+def rows_flown(
     plan: Plan,
-    runs: Sequence[int],
+    runs: Iterable[int],
     *,
     probes: Probes | None = None,
     draws: Sequence[Drawn] | None = None,
-) -> pa.Table:
-    """Fly runs of a plan in this process, and return their rows in order of `run`.
+) -> Iterator[Row]:
+    """Fly runs of a plan, in rising order, in this process; their rows, draw by draw.
 
     All columns but ``wall_s`` depend only on the plan and the run, to the bit. Where the scenario
     or an aircraft refuses a drawn value, the status is ``invalid`` and the reason names the key.
     `draws` replace those of the design; they may set keys that the campaign does not disperse.
     """
-    wanted, probes = sorted(runs), probes or {}
-    rows: list[Row] = []
-    for batch, alone in flown_blocks(plan, wanted, probes, draws):
-        rows += batch
+    for batch, alone in flown_blocks(plan, runs, probes or {}, draws):
+        yield from batch
         for draw in alone:
-            rows += fly_draw(plan, draw, probes)
-    return table_of(plan, rows, probes)
+            yield from fly_draw(plan, draw, probes or {})
 
 
 def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Difference, ...]:
@@ -111,18 +109,14 @@ def flown_blocks(
         alone: list[Draw] = []
         for number, of_draw in groupby(block, key=plan.draw_of):
             drawn = plan.values_of(number) if draws is None else draws[number]
-            by_batch: dict[bool, list[int]] = {}
+            # Workers share the gain sets of a draw, too: a search flies many of them in one draw.
+            by_gains: dict[str | None, list[int]] = {}
             for run in of_draw:
-                by_batch.setdefault(plan.group_of(run) in in_batch, []).append(run)
-            for batched, own in by_batch.items():
-                (together if batched else alone).append(Draw(tuple(own), drawn))
+                group = plan.group_of(run)
+                by_gains.setdefault(None if group in in_batch else group.gains, []).append(run)
+            for gains, some in by_gains.items():
+                (together if gains is None else alone).append(Draw(tuple(some), drawn))
         yield _fly_together(plan, together), alone
-
-
-def table_of(plan: Plan, rows: Iterable[Row], probes: Collection[str] = ()) -> pa.Table:
-    """Rows of a plan as a table, in order of `run`."""
-    in_order = sorted(rows, key=lambda row: row["run"])
-    return pa.Table.from_pylist(in_order, schema=row_schema(plan, probes))
 
 
 def batched_groups(
