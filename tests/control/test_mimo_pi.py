@@ -188,14 +188,6 @@ def test_feed_forward_is_inside_the_limits():
     assert u[1] == pytest.approx(1.0, abs=ROUNDING)
 
 
-def test_a_start_empties_the_integrator():
-    controller = ft.MimoPI(ft.PAPER_GAINS, dt=0.02)
-    once = flown(controller, (0.3, 0.1), 20)
-    controller.state = empty_state((0.0, 0.0))
-
-    assert np.array_equal(flown(controller, (0.3, 0.1), 20), once)
-
-
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
@@ -208,8 +200,3 @@ def test_a_start_empties_the_integrator():
 def test_impossible_settings_are_refused(settings, message):
     with pytest.raises(ft.InputError, match=message):
         ft.MimoPI(ft.PAPER_GAINS, **settings)
-
-
-def test_limits_must_be_of_as_many_commands():
-    with pytest.raises(ft.ShapeError, match=r"`limits`.*2.*3"):
-        ft.MimoPI(ft.PAPER_GAINS, ft.Limits.none(3), dt=0.1)

@@ -34,7 +34,7 @@ def test_a_plain_law_flies_a_plain_plant():
 
 
 def test_a_law_that_does_not_limit_itself_is_told_what_does():
-    with pytest.raises(ft.InputError, match=r"must apply limits itself .*wrap it in GuardedLaw"):
+    with pytest.raises(ft.InputError, match=r"apply limits itself .*in GuardedLaw"):
         simulate(PointMassPlant(), Proportional(), LEVEL, condition=START, duration=4.0)  # pyright: ignore[reportArgumentType]
 
 

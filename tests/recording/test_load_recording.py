@@ -76,9 +76,7 @@ def test_a_recording_that_is_cut_off_is_one_line_and_no_warning(folder, lost):
     recording = folder / "flight.rrd"
     recording.write_bytes(recording.read_bytes()[:-lost])
 
-    with pytest.raises(
-        ft.RecordingError, match=r"flight\.rrd: must be a recording \(\.rrd\), got: "
-    ):
+    with pytest.raises(ft.RecordingError, match=r"flight\.rrd: .*a recording \(\.rrd\), got: "):
         ft.load_recording(recording)
 
 

@@ -45,9 +45,7 @@ def test_a_plan_gives_its_waypoints_with_heights_above_the_first(tmp_path):
 
 
 def test_a_home_position_of_zeros_far_from_the_route_is_refused(tmp_path):
-    with pytest.raises(
-        ft.InputError, match=r"`plannedHomePosition` must be near the route, got \[0"
-    ):
+    with pytest.raises(ft.InputError, match=r"`plannedHomePosition` .* near the route"):
         read_route(plan_file(tmp_path / "m.plan", *PATROL[:3], home=(0, 0, 0)))
 
 
@@ -55,7 +53,7 @@ def test_a_home_position_of_zeros_far_from_the_route_is_refused(tmp_path):
 def test_a_plan_without_the_height_of_its_home_position_is_refused(tmp_path, home):
     """Heights above sea level and above home would be mixed, or count from no known height."""
     for items in (PATROL, PATROL[:3], (waypoint(*PLACE, frame=0), PATROL[3])):
-        with pytest.raises(ft.InputError, match="height above sea level in `plannedHomePosition`"):
+        with pytest.raises(ft.InputError, match="sea level in `plannedHomePosition`"):
             read_route(plan_file(tmp_path / "m.plan", *items, home=home))
 
 
@@ -138,7 +136,7 @@ def test_a_take_off_with_a_place_is_where_the_route_begins(tmp_path):
 def test_a_loiter_of_no_turns_is_refused(tmp_path):
     file = plan_file(tmp_path / "m.plan", PATROL[0], item(18, 0, 0, 0, 1, *PLACE), PATROL[3])
 
-    with pytest.raises(ft.InputError, match=r"`turns` of item 2 .* must be positive, got 0"):
+    with pytest.raises(ft.InputError, match=r"`turns` of item 2 .*got 0"):
         read_route(file)
 
 
@@ -185,7 +183,7 @@ def test_a_scenario_has_the_heights_and_the_notes_of_its_plan(tmp_path):
     assert (scenario.flight.h_m, scenario.flight.ground_m) == (540.0, 480.0)
     assert "Not flown of the plan: item 5 (DO_SET_CAM_TRIGG_DIST 206)." in scenario.notes
     file.write_text(SCENARIO.format(flight="h_m = 1000.0"))
-    with pytest.raises(ft.InputError, match=r"`h_m` must be 540, .*m\.plan, or absent, got 1000 m"):
+    with pytest.raises(ft.InputError, match=r"`h_m` .*540, .*m\.plan, .*1000 m"):
         ft.load_scenario(file)
 
 

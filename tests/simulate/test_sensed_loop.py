@@ -7,7 +7,6 @@ import flighttune as ft
 from flighttune.control.mimo_pi import INTEGRAL_SIGNALS
 from flighttune.plants.sensors import MEASURED, SENSED
 from flighttune.references.segments import Segment
-from flighttune.simulate.batch import SIGNALS, fly_sampled
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
 from flighttune.units import wrap_angle
 
@@ -19,7 +18,6 @@ LIMITS = ft.Limits(
 )
 NOISY = ft.Sensors(bias=(0.02, -0.01, 1.0), noise_sd=(0.01, 0.02, 0.5), seed=3)
 MICRORADIAN = 1e-6
-SAME = 1e-12
 
 
 def flown(sensors, reference=TURN, duration=DURATION, limits=LIMITS, **controller):
@@ -91,34 +89,3 @@ def many(count):
             time_constant=0.4 if k % 2 else 0.0,
             seed=k,
         )
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("threads", [1, 2])
-def test_flights_of_a_batch_are_the_single_ones(threads, monkeypatch):
-    monkeypatch.setattr("flighttune.simulate.batch.SENSED_AT_ONCE", 3)
-    sensors = list(many(11))
-    t = np.arange(round(DURATION / DT) + 1) * DT
-    laws = [ft.MimoPI(ft.PAPER_GAINS, LIMITS, dt=DT, schedule_speed=24.0)] * len(sensors)
-
-    batch = fly_sampled(
-        laws, [START], np.stack(TURN.sampled(t), axis=-1), duration=DURATION, sensors=sensors,
-        threads=threads,
-    )  # fmt: skip
-
-    for i, one in enumerate(sensors):
-        alone = flown(one, schedule_speed=24.0)
-        for name in (name for name in SIGNALS if name in alone):
-            assert batch.signal(name)[i] == pytest.approx(alone[name], rel=SAME, abs=SAME), name
-
-
-def test_one_set_of_sensors_serves_all_flights_and_the_wrong_number_is_refused():
-    laws = [ft.MimoPI(ft.PAPER_GAINS, LIMITS, dt=DT)] * 3
-
-    def last(sensors):
-        batch = fly_sampled(laws, [START], (2.6, 0.1), duration=1.0, sensors=sensors)
-        return batch.trajectories[:, -1]
-
-    assert np.array_equal(last([NOISY]), last([NOISY] * 3))
-    with pytest.raises(ft.ShapeError, match="3 flights"):
-        last([NOISY] * 2)
