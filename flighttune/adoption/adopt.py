@@ -233,7 +233,7 @@ def adopt(
         surveyed = survey(model, folder, h=h, V_a=V_a, say=say)
         engines = surveyed.tables["engines"]["count"]
         facts = {"V_a": surveyed.V_a, "engines": engines, "notes": surveyed.notes}
-        made = _best(surveyed, folder, h, say, began)
+        adoption = _best(surveyed, folder, h, say, began)
     except PlantError as error:
         file = folder / model if model.endswith(".xml") else ""
         reason = str(error).removesuffix(".").removeprefix(f"{os.path.normpath(file)}: ")
@@ -242,8 +242,8 @@ def adopt(
             reason = f"{reason.split(': ', 1)[-1]}; another airspeed (`--V-a`) may do"
         with suppress(OSError):  # what is not ours in it stays
             folder.rmdir()
-        made = Adoption(name=folder.name, status="refused", reason=reason, **facts)
-    return replace(made, seconds=time.monotonic() - began)
+        adoption = Adoption(name=folder.name, status="refused", reason=reason, **facts)
+    return replace(adoption, seconds=time.monotonic() - began)
 
 
 def _of_flightgear(path: Path) -> Path:
@@ -350,12 +350,13 @@ def _tried(
     """One try: a folder with an aircraft, and how it flies."""
     wide = aircraft_from(surveyed.tables, folder)
     condition = level(wide, surveyed.V_a, h)
-    at = airframe(Fdm(wide), condition)
-    for what, row in at.slopes.items():
+    trimmed = airframe(Fdm(wide), condition)
+    for output, row in trimmed.slopes.items():
         for by, slope in row.items():
             if MAX_SLOPE < abs(slope) < math.inf:
-                raise Refusal(f"the slope of {what} by {by} is {slope:.2g}, which no aircraft has")
-    tables = final_tables(surveyed, at, h, share)
+                finding = f"the slope of {output} by {by} is {slope:.2g}"
+                raise Refusal(f"{finding}, which no aircraft has")
+    tables = final_tables(surveyed, trimmed, h, share)
     for stale in (GAINS_FILE, FILE_NAME, RECORD):
         (folder / stale).unlink(missing_ok=True)
     write_text(folder / "aircraft.toml", aircraft_text(tables, surveyed.notes))
@@ -367,11 +368,11 @@ def _tried(
     save_identified(identified.identified, folder / FILE_NAME)
     write_text(folder / TURN, turn_text(folder.name, condition, tables))
     say("flying the turn")
-    flown = fly(load_scenario(folder / TURN))
+    flight = fly(load_scenario(folder / TURN))
     nominal = identified.identified.conditions[0]
     fits = {name: channel.fit_percent for name, channel in nominal.channels.items()}
     flights = {
-        name: _measures(flown, gains, f"jsbsim:{folder.name} / {gains}")
+        name: _measures(flight, gains, f"jsbsim:{folder.name} / {gains}")
         for name, gains in (("tuned", TUNED), ("paper", PAPER))
     }
     missed = "; ".join(_missed(fits, **flights))
@@ -387,7 +388,7 @@ def _tried(
         flown=flights,
         steps=designed.steps,
         identified=identified,
-        turn=flown,
+        turn=flight,
     )
 
 
@@ -424,7 +425,7 @@ def _missed(
                 yield f"ITAE of {channel} is {ours:.3g}, with the paper's scaled gains {theirs:.3g}"
 
 
-def final_tables(surveyed: Survey, at: Airframe, h: float, share: float) -> dict[str, Any]:
+def final_tables(surveyed: Survey, model: Airframe, h: float, share: float) -> dict[str, Any]:
     """Tables of the ``aircraft.toml``: envelope and limits, and bandwidths times `share`."""
     lift = surveyed.lift
     ratio = (surveyed.V_a / lift.V_s) ** 2
@@ -437,11 +438,11 @@ def final_tables(surveyed: Survey, at: Airframe, h: float, share: float) -> dict
     lowest = float(np.interp(lift.negative_stall, lift.alpha, lift.lift))
     n_z_min = max(min(LIFT_USED * ratio * lowest, 0.4), MIN_LOAD_FACTOR)
     travel = surveyed.tables["surfaces"]["aileron"]["travel_deg"]
-    power = abs(at.of("p_dot", "aileron")) * min(map(abs, travel)) * DEG
-    damping = max(-at.of("p_dot", "p"), 0.1)
+    power = abs(model.of("p_dot", "aileron")) * min(map(abs, travel)) * DEG
+    damping = max(-model.of("p_dot", "p"), 0.1)
     rate = min(MAX_ROLL_RATE, ROLL_RATE_USED * power / damping)
     roll = share * np.clip(AILERON_USED * power / rate - damping, *ROLL_BANDWIDTHS)
-    load = share * np.clip(NON_MINIMUM_PHASE * elevator_zero(at), *LOAD_BANDWIDTHS)
+    load = share * np.clip(NON_MINIMUM_PHASE * elevator_zero(model), *LOAD_BANDWIDTHS)
     load_rate = np.clip(0.12 * load, 0.3, 1.0)
     return surveyed.tables | {
         "envelope": {
@@ -471,17 +472,18 @@ def final_tables(surveyed: Survey, at: Airframe, h: float, share: float) -> dict
     }
 
 
-def elevator_zero(at: Airframe) -> float:
+def elevator_zero(model: Airframe) -> float:
     """Zero in the right half plane from elevator to load factor, rad/s; inf where there is none.
 
     The zero belongs to the short period: with n_z held at zero, the elevator is
     ``-n_alpha/n_e alpha`` and the zeros are the roots of the remaining motion.
     """
-    n_e = at.of("n_z", "elevator")
+    n_e = model.of("n_z", "elevator")
     if not n_e > 0.0:
         return math.inf
-    stiffness = at.of("q_dot", "alpha") - at.of("q_dot", "elevator") * at.of("n_z", "alpha") / n_e
-    damping = at.of("q_dot", "q")
+    moment = model.slopes["q_dot"]
+    stiffness = moment["alpha"] - moment["elevator"] * model.of("n_z", "alpha") / n_e
+    damping = moment["q"]
     root = 0.25 * damping**2 + stiffness
     return 0.5 * damping + math.sqrt(root) if root > 0.0 and stiffness > 0.0 else math.inf
 
@@ -512,9 +514,9 @@ def turn_text(aircraft: str, start: FlightCondition, tables: Mapping[str, Any]) 
     """
     K_P, K_I = (start.V_a / PAPER_SPEED * getattr(PAPER_GAINS, key) for key in ("K_P", "K_I"))
     glide = start.gamma / DEG
-    what, gamma = ("climb", 3.0) if tables["engines"]["count"] else ("steeper glide", glide - 3.0)
+    kind, gamma = ("climb", 3.0) if tables["engines"]["count"] else ("steeper glide", glide - 3.0)
     scenario = {
-        "title": f"A turn of 20 deg with a {what} of 3 deg",
+        "title": f"A turn of 20 deg with a {kind} of 3 deg",
         "verifies": "gains tuned on the identified aircraft against those of the paper, scaled "
         "with airspeed",
         "source": SOURCE,

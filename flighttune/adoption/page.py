@@ -40,12 +40,12 @@ def write_adoption(adoption: Adoption) -> Path:
     config = load_aircraft(adoption.folder)
     verdict = f"{adoption.status}: {adoption.reason}" if adoption.reason else adoption.status
     styles = run_styles(adoption.turn.runs)
-    drawn = [(run, styles[run.label]) for run in adoption.turn.runs if len(run.signals)]
+    flights = [(run, styles[run.label]) for run in adoption.turn.runs if len(run.signals)]
     turn = Section(
         id="turn",
         title=f"The turn: {adoption.turn_name}",
         note=CRITERION,
-        charts=[*errors(drawn), *flown_signals(drawn, SIGNALS)] if drawn else (),
+        charts=[*errors(flights), *flown_signals(flights, SIGNALS)] if flights else (),
         tables=[adoption.flights],
         columns=3,
     )

@@ -166,9 +166,9 @@ def survey(
     _declare(tables, load)
     fdm = load(tables).fdm
     tables["settings"] |= _levers(tables, fdm)
-    for what, name in BODY.items():
+    for quantity, name in BODY.items():
         if not 0.0 < fdm.reader(name)() < math.inf:
-            raise Refusal(f"its {what} must be above zero, got {fdm.reader(name)():g} ({name})")
+            raise Refusal(f"its {quantity} must be above zero, got {fdm.reader(name)():g} ({name})")
     say("sweeping lift")
     bench = load(tables)
     lift = _swept(bench, FIRST_SPEED)
@@ -278,11 +278,11 @@ def _declare(tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench]) ->
 
 def _levers(tables: dict[str, Any], fdm: Fdm) -> dict[str, float]:
     """Settings of fuel, gear, flaps, speed brake, mixture and propeller that the model has."""
-    wanted = {"propulsion/fuel_freeze": 1.0, "gear/gear-cmd-norm": 0.0}
-    wanted |= dict.fromkeys(("fcs/flap-cmd-norm", "fcs/speedbrake-cmd-norm"), 0.0)
+    levers = {"propulsion/fuel_freeze": 1.0, "gear/gear-cmd-norm": 0.0}
+    levers |= dict.fromkeys(("fcs/flap-cmd-norm", "fcs/speedbrake-cmd-norm"), 0.0)
     for i in range(tables["engines"]["count"]):
-        wanted |= {f"fcs/{name}-cmd-norm[{i}]": 1.0 for name in ("mixture", "advance")}
-    return {name: value for name, value in wanted.items() if fdm.has(name)}
+        levers |= {f"fcs/{name}-cmd-norm[{i}]": 1.0 for name in ("mixture", "advance")}
+    return {name: value for name, value in levers.items() if fdm.has(name)}
 
 
 def _level(V_a: float, alpha: float, throttle: float = 0.0) -> AirframeState:
@@ -400,19 +400,19 @@ def _engines(
             raise Refusal(f"engine {i + 1} of {count} {does} at full throttle")
     if abs(full.sum() - at_once.sum()) < 1e-3 * abs(full.sum()):
         raise Refusal("its thrust does not follow the throttle")
-    flown = []  # spare thrust, airspeed, thrust over drag
+    points = []  # spare thrust, airspeed, thrust over drag
     for V in (V_a,) if V_a else [share * lift.V_s for share in SPEEDS]:
         drag = lift.at(V)[1]
         thrust = float(settled(V, 1.0, wait).sum()) / weight
         if thrust - drag >= SPARE_THRUST:
             return V, thrust - drag
-        flown.append((thrust - drag, V, thrust / drag if drag > 0.0 else math.inf))
-    best = max(ratio for _, _, ratio in flown)
+        points.append((thrust - drag, V, thrust / drag if drag > 0.0 else math.inf))
+    best = max(ratio for _, _, ratio in points)
     if not best > 1.0:
         raise Refusal(
             f"its thrust is below its drag at every airspeed: at best {best:.2f} of the drag"
         )
-    spare, V, _ = max(flown)
+    spare, V, _ = max(points)
     return V, spare
 
 
@@ -462,31 +462,31 @@ def _answers(bench: Bench, level: AirframeState) -> tuple[dict[str, dict[str, An
 
 def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[str, Any]]:
     """Half the difference (rad/s^2) between the effects of full commands, and the travel."""
-    fdm, (what, sign) = bench.fdm, EFFECTS[name]
+    fdm, (rate, sign) = bench.fdm, EFFECTS[name]
     surface = getattr(fdm.config.surfaces, name)
     positions = [fdm.reader(position) for position in POSITIONS[name] if fdm.has(position)]
 
     def at(command: float) -> tuple[float, list[float]]:
-        effect = bench.accelerations(replace(level, **{name: command}))[what]
+        effect = bench.accelerations(replace(level, **{name: command}))[rate]
         return effect, [read() for read in positions]
 
     # Past the flight control the aerodynamics read radians.
     full = USUAL_TRAVEL if surface.replaces else 1.0
-    neutral, rest = at(0.0)
+    neutral, neutral_read = at(0.0)
     sides = []
     for side in (-1.0, 1.0):
         answers = [at(side * full * part) for part in COMMANDS]
         effects = np.array([effect - neutral for effect, _ in answers])
         if not np.isfinite(effects).all():
-            raise Refusal(f"the effect of its {name} on {what} is not finite")
+            raise Refusal(f"the effect of its {name} on {rate} is not finite")
         slopes = np.diff(effects, prepend=0.0) / np.diff(COMMANDS, prepend=0.0)
         first = slopes[0] if abs(slopes[0]) > 0.1 * np.abs(slopes).max() else slopes.mean()
         more = slopes / first > CLIPPED if first else np.zeros(len(slopes), bool)
         last = len(more) if more.all() else int(np.argmin(more))
         usable = float(COMMANDS[last - 1]) if last else 0.0
         reach = [
-            max((abs(p - was) for p, was in zip(shown, rest, strict=True)), default=0)
-            for _, shown in (answers[0], answers[last - 1])
+            max((abs(p - was) for p, was in zip(deflected, neutral_read, strict=True)), default=0)
+            for _, deflected in (answers[0], answers[last - 1])
         ]
         # Position at the whole command, and the part of it that is used: a command may be clipped.
         whole = max(reach[0] / COMMANDS[0], reach[1] / usable) if usable else 0.0
@@ -498,7 +498,7 @@ def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[s
         command = surface.command or f"fcs/{name}-cmd-norm"
         raise Refusal(
             f"its {name} command ({command}) has no usable effect"
-            + (f": it changes {what} in one sense only" if largest > MIN_EFFECT else "")
+            + (f": it changes {rate} in one sense only" if largest > MIN_EFFECT else "")
         )
     sense = math.copysign(1.0, sign * (effect_high - effect_low))
     if surface.replaces:
@@ -514,12 +514,12 @@ def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[s
 
 def _drift(bench: Bench, level: AirframeState, name: str, full_effect: float) -> str:
     """A sentence about the drift under a constant command; empty where there is none."""
-    fdm, (what, _) = bench.fdm, EFFECTS[name]
+    fdm, (rate, _) = bench.fdm, EFFECTS[name]
     command = 0.1 * (USUAL_TRAVEL if getattr(fdm.config.surfaces, name).replaces else 1.0)
     moved = replace(level, **{name: command})
-    read = fdm.reader(f"accelerations/{what[0]}dot-rad_sec2")
-    at_once = bench.accelerations(moved)[what]
-    neutral = bench.accelerations(level)[what]
+    read = fdm.reader(f"accelerations/{rate[0]}dot-rad_sec2")
+    at_once = bench.accelerations(moved)[rate]
+    neutral = bench.accelerations(level)[rate]
     bench.accelerations(moved)
     fdm.hold(HOLD_TIMES[0])
     earlier = read()
@@ -540,10 +540,10 @@ def _past_flight_control(
     surfaces = {}
     for name in SURFACES:
         pattern = re.compile(rf"fcs/(mag-)?(left-)?{name}-pos-(rad|deg|norm)")
-        own = sorted(entry for entry in read if pattern.fullmatch(entry))
-        if not own:
+        replaced = sorted(entry for entry in read if pattern.fullmatch(entry))
+        if not replaced:
             return {}
-        surfaces[name] = {**tables["surfaces"][name], "replaces": own}
+        surfaces[name] = {**tables["surfaces"][name], "replaces": replaced}
     return surfaces
 
 

@@ -230,8 +230,8 @@ class AircraftConfig(q.Table):
     def fingerprint(self) -> str:
         """Hash of what the file says about surfaces, engines and settings."""
         engines = {"count", "command"}
-        kept = {"surfaces": True, "settings": True, "declared": True, "linked": True}
-        tables = self.model_dump_json(include=kept | {"engines": engines}, exclude_defaults=True)
+        parts = {"surfaces": True, "settings": True, "declared": True, "linked": True}
+        tables = self.model_dump_json(include=parts | {"engines": engines}, exclude_defaults=True)
         return self._fingerprint or hashlib.sha256(tables.encode()).hexdigest()
 
     def with_gains(self, gains: InnerLoopGains) -> Self:

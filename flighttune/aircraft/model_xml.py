@@ -21,21 +21,21 @@ _PLACEHOLDER = re.compile(r"\{\{(.+?)\*(.+?)\}\}")
 _HEAD = '<?xml version="1.0" encoding="utf-8"?>\n'
 
 
-def read_xml(file: Path, what: str) -> ElementTree.Element:
+def read_xml(file: Path, subject: str) -> ElementTree.Element:
     """Return the root element of `file`.
 
-    `what` is the beginning of an error message. Raises PlantError if it cannot be read.
+    `subject` is the beginning of an error message. Raises PlantError if it cannot be read.
     """
     try:
         root = ElementTree.parse(file).getroot()
         text = ElementTree.tostring(root, encoding="unicode")
     except (OSError, ElementTree.ParseError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
-        raise PlantError(f"{what}: {file}: {reason}.") from error
+        raise PlantError(f"{subject}: {file}: {reason}.") from error
     except RecursionError:
-        raise PlantError(f"{what}: {file} has too many elements inside each other.") from None
+        raise PlantError(f"{subject}: {file} has too many elements inside each other.") from None
     if "{{" in text:
-        raise PlantError(f"{what}: {file} must not hold two braces: they stand for our numbers.")
+        raise PlantError(f"{subject}: {file} must not hold two braces: they stand for our numbers.")
     return root
 
 
@@ -97,11 +97,11 @@ def scale_coefficient(root: Element, name: str, file: Path) -> None:
         function for function in named if name in (function[2], function[2].rpartition("/")[2])
     ]
     if len(functions) != 1:
-        meant = ", ".join(full for _, _, full in functions)
+        choices = ", ".join(full for _, _, full in functions)
         short = [full.rpartition("/")[2] for _, _, full in named]
-        got = f", it means {meant}." if meant else nearest_name(name, short)
+        hint = f", it means {choices}." if choices else nearest_name(name, short)
         raise InputError(
-            f"`coefficient_factors.{name}` must be a named aerodynamic function of {file}{got}"
+            f"`coefficient_factors.{name}` must be a named aerodynamic function of {file}{hint}"
         )
     parent, i, _ = functions[0]
     if parent[i].tag == "function":
@@ -263,7 +263,7 @@ class MassBalance:
         x, y, z = (empty_cg * _INCHES).tolist()
         # By default JSBSim turns the signs of all three products; with the attribute that
         # `open_mass_balance` sets only that of xz.
-        inertias = {name: float(inertia[at]) for name, at in INERTIAS.items()}
+        inertias = {name: float(inertia[place]) for name, place in INERTIAS.items()}
         inertias["ixz"] = -inertias["ixz"]
         return {**inertias, "cg_x": x, "cg_y": y, "cg_z": z, "emptywt": empty_weight}
 
@@ -283,11 +283,11 @@ class MassBalance:
         sum_needed = min(1.0, (a + b) / c)  # some aircraft break the inequality as they are
         possible = least > 0.0 and least + middle >= (sum_needed - _TRIANGLE) * largest
         if factors and not possible:
-            got = ", ".join(f"{value * _KG_M2:.4g}" for value in (least, middle, largest))
+            moments = ", ".join(f"{value * _KG_M2:.4g}" for value in (least, middle, largest))
             raise InputError(
                 f"{' and '.join(f'`{name}_factor`' for name in factors)} must leave principal "
                 "inertias of which none is larger than the two others together, got "
-                f"{got} kg m2."
+                f"{moments} kg m2."
             )
         return scaled
 

@@ -264,8 +264,8 @@ def exact_step(
     V_a : float, m/s
     """
     channels, wrapped, conditional, tracking_gain, per_g, lift_floor, brake, course_first = law
-    (K_chi, I_chi, phi_low, phi_high, phi_down, phi_up), of_gamma = channels
-    K_gamma, I_gamma, n_z_low, n_z_high, n_z_down, n_z_up = of_gamma
+    (K_chi, I_chi, phi_low, phi_high, phi_down, phi_up), gamma_law = channels
+    K_gamma, I_gamma, n_z_low, n_z_high, n_z_down, n_z_up = gamma_law
     # All of it by name at once: inlined by Numba, writes through attributes would be lost.
     error, u, u_unsat, integral, limited, _ = state
     e_chi, e_gamma = ref[0] - y[0], ref[1] - y[1]

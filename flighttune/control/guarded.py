@@ -42,8 +42,8 @@ def failure(name: str, error: BaseException, t: float | None) -> str:
     """
     frames = traceback.extract_tb(error.__traceback__)
     line = f" (line {frames[-1].lineno} of {frames[-1].name})" if len(frames) > 1 else ""
-    at = "" if t is None else f" at t = {t:.2f} s"
-    return f"{name}{at}: {type(error).__name__}: {' '.join(str(error).split())}{line}"
+    when = "" if t is None else f" at t = {t:.2f} s"
+    return f"{name}{when}: {type(error).__name__}: {' '.join(str(error).split())}{line}"
 
 
 class LawError(Exception):
@@ -85,8 +85,8 @@ class GuardedLaw(SelfLimiting):
             raise self._failed(error, 0.0) from error
         self._recorded = getattr(self._law, "limiter", self._limits)
         if not isinstance(self._recorded, CommandLimiter):
-            got = textwrap.shorten(repr(self._recorded), MAX_SHOWN)
-            raise LawError(f"{self._name}: `limiter` must be a CommandLimiter, got {got}.")
+            shown_value = textwrap.shorten(repr(self._recorded), MAX_SHOWN)
+            raise LawError(f"{self._name}: `limiter` must be a CommandLimiter, got {shown_value}.")
 
     def step(self, measured: Measured, reference: ReferenceSample, t: float) -> Sequence[float]:
         """Return the commands of the law after the limits, and what it wants recorded.
@@ -103,7 +103,7 @@ class GuardedLaw(SelfLimiting):
         except FAILURES as error:
             raise self._failed(error, t) from error
         self._spent += time.perf_counter() - began
-        at, names = f"{self._name} at t = {t:.2f} s", ("phi_cmd", "n_z_cmd", *self.signals)
+        when, names = f"{self._name} at t = {t:.2f} s", ("phi_cmd", "n_z_cmd", *self.signals)
         try:
             # One more than wanted tells that there are too many: an iterator may have no end.
             first = islice(returned, len(names) + 1)  # type: ignore[call-overload]
@@ -111,16 +111,16 @@ class GuardedLaw(SelfLimiting):
         except (TypeError, ValueError):
             values = []
         if len(values) != len(names):
-            got = "more" if len(values) > len(names) else len(values)
-            got = got if values else textwrap.shorten(repr(returned), MAX_SHOWN)
-            wanted = f"{len(names)} numbers ({', '.join(names)})"
-            raise LawError(f"{at}: `step` must return {wanted}, got {got}.")
+            count = "more" if len(values) > len(names) else len(values)
+            count = count if values else textwrap.shorten(repr(returned), MAX_SHOWN)
+            expected = f"{len(names)} numbers ({', '.join(names)})"
+            raise LawError(f"{when}: `step` must return {expected}, got {count}.")
         for name, value in zip(names[:2], values, strict=False):
             if not math.isfinite(value):
-                raise LawError(f"{at}: `{name}` must be finite, got {value}.")
+                raise LawError(f"{when}: `{name}` must be finite, got {value}.")
         if self._spent > t + MAX_LAG_S:
             raise LawError(
-                f"{at}: its steps must not take {MAX_LAG_S:g} s longer than the flight, "
+                f"{when}: its steps must not take {MAX_LAG_S:g} s longer than the flight, "
                 f"got {self._spent:.1f} s."
             )
         return (*self._limits.limit(*values[:2]), *values[2:])

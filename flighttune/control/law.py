@@ -142,10 +142,10 @@ class Law(ABC):
         LawError
             If a law of the user's cannot be made, or has another sample time than the flight.
         """
-        made = self.make(setup)
-        if isinstance(made, SelfLimiting):
-            return made
-        return GuardedLaw(made, setup.limits, f"law {self.name}")
+        flown_law = self.make(setup)
+        if isinstance(flown_law, SelfLimiting):
+            return flown_law
+        return GuardedLaw(flown_law, setup.limits, f"law {self.name}")
 
     def linear_model(self, trim: Trim, /) -> LinearModel:
         """Error dynamics that its gains act on: from `inputs` to the errors of course and path.
@@ -193,13 +193,13 @@ class Law(ABC):
         """The controller as a discrete PI of two commands; None where it is something else."""
         return None
 
-    def refusal(self, ability: str, done: str) -> InputError:
+    def refusal(self, ability: str, purpose: str) -> InputError:
         """Why its gains cannot be exported or enclosed: it has no method of its own for it."""
         able = (
             k for k, law in law_kinds().items() if getattr(law, ability) != getattr(Law, ability)
         )
         return InputError(
-            f"`gains` must be flown by the law {' or '.join(able)} to be {done}, got the law "
+            f"`gains` must be flown by the law {' or '.join(able)} to be {purpose}, got the law "
             f"{self.name!r}."
         )
 
@@ -255,5 +255,5 @@ def made_law(kind: str, name: str | None = None, **options: Any) -> Law:
     if law is None:
         raise InputError(f"`law` must be of kind {', '.join(law_kinds())}, got {kind!r}.")
     fields = law.__dataclass_fields__
-    own = {key: value for key, value in options.items() if key in fields and value is not None}
-    return law(name=name or kind, **own)
+    used = {key: value for key, value in options.items() if key in fields and value is not None}
+    return law(name=name or kind, **used)

@@ -80,7 +80,7 @@ class Limits:
 
 
 def limit_command(
-    wanted: float, before: float, lower: float, upper: float, step_down: float, step_up: float
+    command: float, before: float, lower: float, upper: float, step_down: float, step_up: float
 ) -> tuple[float, int]:
     """One command after its limits, and what holds it; written so that Numba compiles it too.
 
@@ -108,8 +108,8 @@ def limit_command(
         low = lower if lower < high else high
     if not high_by_rate:
         high = upper if upper > low else low
-    value = low if wanted < low else high if wanted > high else wanted
-    excess = wanted - value
+    value = low if command < low else high if command > high else command
+    excess = command - value
     if excess == 0.0:
         return value, FREE
     by_rate = high_by_rate if excess > 0.0 else low_by_rate

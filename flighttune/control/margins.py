@@ -254,8 +254,8 @@ def _phase_lag(value: Any) -> Any:
 
 def _cut_at(i: int, A: FloatArray, B: FloatArray, C: FloatArray) -> Loop:
     """The loop at one input, the others closed."""
-    others = [j for j in range(B.shape[1]) if j != i]
-    return A - B[:, others] @ C[others], B[:, [i]], C[[i]]
+    kept_inputs = [j for j in range(B.shape[1]) if j != i]
+    return A - B[:, kept_inputs] @ C[kept_inputs], B[:, [i]], C[[i]]
 
 
 def _channel_margins(loop: Loop, i: int, name: str) -> Margins:
@@ -347,10 +347,10 @@ def _level_crossings(level: float, loop: Loop, direct: float) -> FloatArray:
     from scipy.linalg import block_diag
 
     A, B, C = loop
-    none = np.zeros_like(B)
+    zero = np.zeros_like(B)
     return _zeros_on_axis(
         block_diag(A, -A.T),
-        np.block([[none, B], [C.T, none]]),
+        np.block([[zero, B], [C.T, zero]]),
         block_diag(C, -B.T),
         np.asarray(np.kron([[level, direct], [direct, level]], np.eye(B.shape[1])), dtype=float),
     )

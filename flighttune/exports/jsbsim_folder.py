@@ -115,15 +115,15 @@ def export_jsbsim(
             f"`{key}` must be absent from a scenario that is exported: the only moving air in "
             "JSBSim's script is a steady wind."
         )
-    flown = plant_of(table, scenario)
-    assert isinstance(flown, JSBSimPlant)
+    aircraft_plant = plant_of(table, scenario)
+    assert isinstance(aircraft_plant, JSBSimPlant)
     law, _ = scenario.law_of(name, gains)
-    setup = law_setup(scenario, gains, scenario.command_limits.within(flown.limits))
+    setup = law_setup(scenario, gains, scenario.command_limits.within(aircraft_plant.limits))
     loop = law.outer_loop(setup)
     if loop is None:
         raise law.refusal("outer_loop", "exported")
-    flown.start(scenario.condition)
-    fdm, folder = flown.fdm, folder.absolute()
+    aircraft_plant.start(scenario.condition)
+    fdm, folder = aircraft_plant.fdm, folder.absolute()
     assert fdm is not None
     frames = round(fdm.rate * setup.dt)
     # Whole samples of both computers, so that both have one at the start.
@@ -154,7 +154,7 @@ def export_jsbsim(
     # The console command takes no step from a script, and writes to its root.
     options = [f"--simulation-rate={fdm.rate!r}", f"--script={SCRIPT}"]
     at_folder = [f"--root={folder}", *options]
-    run = fly_once(scenario, flown, gains, plant_label=table.label, gains_name=name)
+    run = fly_once(scenario, aircraft_plant, gains, plant_label=table.label, gains_name=name)
     largest, differs = differences(at_folder, folder / CSV, t_0, run)
     if differs:
         verdict = f"JSBSim's flight is not that of `flighttune fly`: {differs}."
@@ -211,9 +211,9 @@ def _outer_loop(loop: OuterLoop, frames: int) -> Element:
         for component in channel.findall("fcs_function"):
             if component.get("name") not in _MEASURED:
                 channel.remove(component)
-        own = _parsed(_OUTER_LOOP.with_name(loop.components))
-        channel.extend(own.iterfind("channel/fcs_function"))
-        outer[0:0] = own.iterfind("property")
+        law_parts = _parsed(_OUTER_LOOP.with_name(loop.components))
+        channel.extend(law_parts.iterfind("channel/fcs_function"))
+        outer[0:0] = law_parts.iterfind("property")
     return outer
 
 
@@ -305,8 +305,8 @@ def _script(
         "simulation/output/log_rate_hz": 1.0 / setup.dt,
     }
     rates = _read(fdm, [f"ic/{axis}-rad_sec" for axis in "pqr"])
-    rest = {name: value for name, value in values.items() if name not in declared}
-    at_rest = {**rest, **rates, **_read(fdm, WIND), **dict.fromkeys(moving, 0.0)}
+    undeclared = {name: value for name, value in values.items() if name not in declared}
+    at_rest = {**undeclared, **rates, **_read(fdm, WIND), **dict.fromkeys(moving, 0.0)}
     return _SCRIPT.read_text(encoding="utf-8").format(
         title=escape(printable(scenario.title), {'"': "&quot;"}),
         model=escape(model),
@@ -366,7 +366,7 @@ def _reference(name: str, t: FloatArray, values: FloatArray) -> str:
     """A property looked up by the time since the start; rows on a straight line are left out."""
     bends = np.abs(np.diff(values, 2)) > STRAIGHT
     rows = np.column_stack([t, values])[np.array([True, *bends, True])]
-    table = "\n".join(f"{at!r} {value!r}" for at, value in rows.tolist())
+    table = "\n".join(f"{key!r} {value!r}" for key, value in rows.tolist())
     return (
         f'<set name="{name}"> <function> <table> <independentVar> ft/outer/t-s </independentVar> '
         f"<tableData>\n{table}\n</tableData> </table> </function> </set>"

@@ -18,7 +18,7 @@ Arrays: TypeAlias = dict[str, npt.NDArray[Any]]
 
 def read_arrays(
     path: Path,
-    what: str,
+    kind: str,
     kinds: Mapping[str, "np.dtype[Any]"],
     max_bytes: int,
     max_compressed: int,
@@ -26,7 +26,7 @@ def read_arrays(
 ) -> Arrays:
     """The arrays of a file; their sizes and names are checked before any of them is unpacked.
 
-    `what` is what the file must be. `kinds`: types of the arrays that it may have; those of floats
+    `kind` is what the file must be. `kinds`: types of the arrays that it may have; those of floats
     must be finite unless they are `unbounded`. The first one must be there. `max_bytes` and
     `max_compressed` bound all arrays and the file. Raises InputError.
     """
@@ -38,7 +38,7 @@ def read_arrays(
             names = [entry.filename for entry in entries]
             for name in names:
                 if name.removesuffix(".npy") not in kinds or not name.endswith(".npy"):
-                    raise InputError(f"`{shown(name)}` must not be in the file of a {what}.")
+                    raise InputError(f"`{shown(name)}` must not be in the file of a {kind}.")
                 if names.count(name) > 1:
                     raise InputError(f"`{name}` must be in the file once, got it twice.")
             # No more than the sizes stated is ever unpacked of what is stored or deflated.
@@ -46,7 +46,7 @@ def read_arrays(
             size = sum(entry.file_size for entry in entries)
             if size > max_bytes or not {entry.compress_type for entry in entries} <= packed:
                 raise InputError(
-                    f"the arrays of a {what} must be stored or deflated, and fit into {max_bytes} "
+                    f"the arrays of a {kind} must be stored or deflated, and fit into {max_bytes} "
                     f"bytes, got {size} bytes."
                 )
             arrays: Arrays = {}
@@ -58,10 +58,10 @@ def read_arrays(
     except (InputError, OSError):
         raise
     except Exception as error:  # NumPy and `zipfile` raise a dozen kinds on a damaged file
-        raise InputError(f"the file must be a {what} of flighttune: {error}.") from error
+        raise InputError(f"the file must be a {kind} of flighttune: {error}.") from error
     first = next(iter(kinds))
     if first not in arrays:
-        raise InputError(f"`{first}.npy` must be in the file of a {what}.")
+        raise InputError(f"`{first}.npy` must be in the file of a {kind}.")
     return arrays
 
 
@@ -76,10 +76,10 @@ def _checked(
     return array
 
 
-def check_shapes(what: str, arrays: Arrays, shapes: Mapping[str, tuple[int, ...] | None]) -> None:
+def check_shapes(kind: str, arrays: Arrays, shapes: Mapping[str, tuple[int, ...] | None]) -> None:
     """Refuse arrays that are missing or of another shape; of any shape where it is None."""
     for name, shape in shapes.items():
         if name not in arrays:
-            raise InputError(f"`{name}.npy` must be in the file of this {what}.")
+            raise InputError(f"`{name}.npy` must be in the file of this {kind}.")
         if shape not in (None, arrays[name].shape):
             raise InputError(f"`{name}` must have shape {shape}, got {arrays[name].shape}.")

@@ -103,23 +103,23 @@ def _sentence(
     if message.startswith("`"):  # a table that checks itself named the key in it
         inside, fault = message[1:].split("`", 1)
         return f"{_named([*keys, inside], model)}{fault}"
-    key, where = keys[-1] if keys else "", _named(keys, model)
+    key, subject = keys[-1] if keys else "", _named(keys, model)
     if kind == "missing":
-        return f"{where} must be given"
+        return f"{subject} must be given"
     if kind in ("extra_forbidden", "unexpected_keyword_argument"):
         names = _known_keys(model, keys[:-1]) if model else []
         close = difflib.get_close_matches(shown(key), names, n=1, cutoff=0.5)
         hint = f"did you mean `{close[0]}`?" if close else f"the keys are {', '.join(names)}"
-        return f"{where} is not a known key" + (f"; {hint}" if names else "")
+        return f"{subject} is not a known key" + (f"; {hint}" if names else "")
     if kind in ("model_type", "dict_type", "dataclass_type"):
         message = "must be a table"
     # "List should have at least 1 item after validation, ..." becomes "must have at least 1 item".
     message = re.sub("^(Input|List|Tuple|String) | after validation.*", "", message)
     message = message.replace("should", "must", 1)
-    got = problem.get("input")
-    if kind == "too_long" and isinstance(got, list):
-        return f"{where} {message}, got {len(got)}"
-    return f"{where} {message}, got {abridged(got)}"
+    value = problem.get("input")
+    if kind == "too_long" and isinstance(value, list):
+        return f"{subject} {message}, got {len(value)}"
+    return f"{subject} {message}, got {abridged(value)}"
 
 
 def _named(keys: list[str], model: type[BaseModel] | None) -> str:

@@ -50,15 +50,15 @@ def seal(data: bytes) -> bytes:
 def sealed_bytes(path: Path, kind: str, remedy: str = "fly it again") -> bytes:
     """Bytes of a file, if they are those that `seal` returned; `kind` is what it must be."""
     data = file_bytes(path, kind)
-    if kind not in (other := FILES.get(_format_in(data), kind)):
-        raise RecordingError(f"{path}: must be a {kind}, got {other}.")
-    before, mark, rest = data.rpartition(MARK)
+    if kind not in (actual := FILES.get(_format_in(data), kind)):
+        raise RecordingError(f"{path}: must be a {kind}, got {actual}.")
+    before, mark, footer = data.rpartition(MARK)
     if not mark:
         raise RecordingError(
             f"{path}: must be a {kind} with the SHA-256 that flighttune writes, got none: it is "
             f"cut off, of another program, or of flighttune 0.1.0; {remedy}."
         )
-    if rest[:DIGITS] != _sha256(before, rest[DIGITS:]):
+    if footer[:DIGITS] != _sha256(before, footer[DIGITS:]):
         raise RecordingError(
             f"{path}: must be a {kind} as it was written, got another SHA-256: it is damaged, cut "
             f"off or edited; {remedy}."
@@ -102,8 +102,8 @@ def _format_in(data: bytes) -> str:
         archive = ZipFile(BytesIO(data))
         with archive.open(archive.infolist()[0]) as member:
             data = member.read(HEAD).replace(b"\0", b"")  # NumPy's letters have four bytes
-    found = re.search(r'"format":\s*"([a-z ]+) \d', data[:HEAD].decode(errors="replace"))
-    return found[1] if found else ""
+    match = re.search(r'"format":\s*"([a-z ]+) \d', data[:HEAD].decode(errors="replace"))
+    return match[1] if match else ""
 
 
 def _sha256(before: bytes, after: bytes) -> bytes:

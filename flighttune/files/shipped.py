@@ -30,8 +30,8 @@ def aircraft_places() -> tuple[Path, ...]:
     """
     # Not `Path.home`, which fails for users without a home, as containers have them.
     data = os.environ.get("XDG_DATA_HOME") or os.path.expanduser("~/.local/share")
-    own = os.environ.get(OWN_AIRCRAFT) or Path(data) / "flighttune" / "aircraft"
-    return Path("aircraft"), Path(own), _shipped_folder("aircraft")
+    personal = os.environ.get(OWN_AIRCRAFT) or Path(data) / "flighttune" / "aircraft"
+    return Path("aircraft"), Path(personal), _shipped_folder("aircraft")
 
 
 def aircraft_folders() -> dict[str, Path]:

@@ -56,10 +56,10 @@ def tables_of(value: ValueOfFile) -> dict[str, Any]:
 def value_of(tables: Mapping[str, Any], kind: type[V]) -> V:
     """The value whose JSON object `tables` is."""
     fields = dict(tables)
-    stated = fields.pop("format", None)
-    if stated != kind.FORMAT:
+    written = fields.pop("format", None)
+    if written != kind.FORMAT:
         raise InputError(
-            f"`format` must be {kind.FORMAT!r}, got {abridged(stated)}; make the file again."
+            f"`format` must be {kind.FORMAT!r}, got {abridged(written)}; make the file again."
         )
     if fields.pop("units", None) != kind.UNITS:
         raise InputError("`units` must be those of this format: nothing is converted.")

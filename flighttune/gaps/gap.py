@@ -254,8 +254,8 @@ def step_table(gaps: Sequence[Gap]) -> Table:
         if gap.whole is not None
         for step in (*gap.steps, gap.whole)
     ]
-    shown = STEP_COLUMNS if len(gaps) > 1 else STEP_COLUMNS[1:]
-    return Table(title="steps", columns=shown, records=records)
+    layout = STEP_COLUMNS if len(gaps) > 1 else STEP_COLUMNS[1:]
+    return Table(title="steps", columns=layout, records=records)
 
 
 def failure_of(run: Run) -> str:

@@ -94,8 +94,8 @@ def gap(
     >>> [step.adds for step in found.steps]
     ['turning with actual lift', 'lag of the inner loop', 'six degrees of freedom']
     """
-    scenario, found, gains = scenario_and_gains(scenario, gains, changes)
-    name = name or found
+    scenario, gains_name, gains = scenario_and_gains(scenario, gains, changes)
+    name = name or gains_name
     table = aircraft_table(scenario, plant)
     aircraft = fly_alone(scenario, table, gains, name, progress=progress)
     if len(aircraft.signals) >= LEAST_SAMPLES:
@@ -174,27 +174,27 @@ def _indicators(scenario: Scenario, law: Law, gains: PIGains) -> Indicators:
 
 
 def _inner_loop(
-    aircraft: str, scenario: Scenario, run: Run, wanted: LagSource | None
+    aircraft: str, scenario: Scenario, run: Run, source: LagSource | None
 ) -> tuple[LagSource, dict[str, tuple[InnerLag, float]]]:
     """Lags of an aircraft that has flown, and their source.
 
     The condition of the model file is the one nearest to the airspeed and first climb angle of the
     scenario. A ScenarioError says that the file is required and missing, or cannot be used.
     """
-    flown = {
+    commanded_and_flown = {
         name: (run.signals[f"{name}_cmd"].to_numpy(), run.signals[name].to_numpy())
         for name in ("phi", "n_z")
     }
-    if wanted is None:
+    if source is None:
         file = load_aircraft(aircraft).folder / FILE_NAME
-        wanted = "identified" if file.exists() else "fitted"
+        source = "identified" if file.exists() else "fitted"
     lags = None, None
-    if wanted == "identified":
+    if source == "identified":
         _, gamma = scenario.followed().initial
         lags = load_identified(aircraft).nearest(scenario.flight.V_a_mps, gamma).lags
-    return wanted, {
+    return source, {
         name: fitted_lag(run.t, *signals, lag=lag)
-        for (name, signals), lag in zip(flown.items(), lags, strict=True)
+        for (name, signals), lag in zip(commanded_and_flown.items(), lags, strict=True)
     }
 
 

@@ -85,16 +85,16 @@ def mismatch(run: Run) -> Mismatch:
     if trim is None:
         raise InputError(f"`run` must be of a scenario with an airspeed, got {run.label}.")
     dt = np.diff(t := run.t)[:, None]
-    flown = np.diff(signals[list(CHANNELS)].to_numpy(), axis=0) / dt
+    mean_rates = np.diff(signals[list(CHANNELS)].to_numpy(), axis=0) / dt
     level = np.cos(signals["gamma"].to_numpy())
     level = 0.5 * (level[:-1] + level[1:])
-    held, turn = signals.iloc[:-1], PLANT_KINDS[run.provenance.law.plant].turn
+    samples, turn = signals.iloc[:-1], PLANT_KINDS[run.provenance.law.plant].turn
     # The point mass flies at the airspeed that its law measured.
-    V_a = held["V_a"].to_numpy() if turn == "exact" else trim.V_a
-    phi, n_z = (held[name].to_numpy() for name in ("phi_cmd", "n_z_cmd"))
+    V_a = samples["V_a"].to_numpy() if turn == "exact" else trim.V_a
+    phi, n_z = (samples[name].to_numpy() for name in ("phi_cmd", "n_z_cmd"))
     # asked at gamma = 0, whose cosine is replaced by the mean over the interval
     chi_dot, gamma_dot = turn_rates(V_a, 0.0, phi, n_z, turn=turn, g=trim.g)
     chi_dot = chi_dot / level if turn == "exact" else chi_dot
     gamma_dot = gamma_dot + trim.g / V_a * (1.0 - level)
-    d = flown - np.column_stack([chi_dot, gamma_dot])
+    d = mean_rates - np.column_stack([chi_dot, gamma_dot])
     return Mismatch(t=t[:-1], d=d, d_dot=np.diff(d, axis=0) / dt[:-1])

@@ -36,7 +36,7 @@ class ConformantModel:
 def residual_rates(
     model: ConformantModel,
     dt: float,
-    flown: FloatArray,
+    angles: FloatArray,
     commands: FloatArray,
     start: tuple[float, float],
 ) -> FloatArray:
@@ -46,7 +46,7 @@ def residual_rates(
     instants at which a command takes effect the two rates are integrated by the classical
     Runge-Kutta rule, with an error below 1e-8 rad/s at 50 Hz.
 
-    `dt` (s): sample time of the controller. `flown` (shape (n, 2), rad): course and flight-path
+    `dt` (s): sample time of the controller. `angles` (shape (n, 2), rad): course and flight-path
     angle at the samples; the course may jump by whole turns. `commands` (shape (n, 2), rad and 1):
     roll and load factor commanded at each sample, held until the next one. `start` (rad and 1):
     roll and load factor in force before the first sample; the lags are at rest there.
@@ -65,24 +65,25 @@ def residual_rates(
     late = {lag.delay % dt for lag in model.lags}
     edges = sorted({0.0, *late, dt})
     offsets = sorted({t for a, b in pairwise(edges) for t in (a, 0.5 * (a + b), b)})
-    # The response `at` seconds into a sample is that at the next sample of a lag that is delayed by
-    # the rest of the sample.
+    # The response `ahead` seconds into a sample is that at the next sample of a lag that is
+    # delayed by the rest of the sample.
     phi, n_z = (
-        {at: lag_response(lag.delayed(dt - at), dt, column, before)[1:] for at in offsets}
+        {ahead: lag_response(lag.delayed(dt - ahead), dt, column, before)[1:] for ahead in offsets}
         for lag, column, before in zip(model.lags, commands.T, start, strict=True)
     )
-    turn = np.diff(flown[:, 0])
+    turn = np.diff(angles[:, 0])
     turn -= math.tau * np.round(turn / math.tau)
-    moved = np.column_stack([turn, np.diff(flown[:, 1])])
+    moved = np.column_stack([turn, np.diff(angles[:, 1])])
     residual = np.zeros_like(moved)
     for _ in range(ITERATIONS):
         change = np.zeros_like(moved)
         for a, b in pairwise(edges):
             middle, step = 0.5 * (a + b), b - a
 
-            def rates(at: float, climbed: FloatArray) -> FloatArray:
-                gamma = flown[:-1, 1] + climbed
-                turning = turn_rates(model.V_a, gamma, phi[at], n_z[at], turn="exact", g=model.g)
+            def rates(ahead: float, climbed: FloatArray) -> FloatArray:
+                gamma = angles[:-1, 1] + climbed
+                now = phi[ahead], n_z[ahead]
+                turning = turn_rates(model.V_a, gamma, *now, turn="exact", g=model.g)
                 return np.column_stack(turning) + residual  # noqa: B023
 
             k1 = rates(a, change[:, 1])
@@ -103,7 +104,7 @@ def residuals_of(model: ConformantModel, run: Run, start: FlightCondition) -> Fl
     signals = run.signals
     dt = run.duration / (len(signals) - 1)
     commands = signals[["phi_cmd", "n_z_cmd"]].to_numpy()
-    flown = signals[["chi", "gamma"]].to_numpy()
-    rates = residual_rates(model, dt, flown, commands, (start.phi, start.n_z_start))
+    angles = signals[["chi", "gamma"]].to_numpy()
+    rates = residual_rates(model, dt, angles, commands, (start.phi, start.n_z_start))
     roll = signals["phi"].to_numpy() - lag_response(model.lags[0], dt, commands[:, 0], start.phi)
     return np.column_stack([rates, roll[:-1], np.diff(roll)])

@@ -95,9 +95,9 @@ class Airframe:
     # ``elevator``, ``rudder`` (rad) and ``throttle`` (1)
     slopes: dict[str, dict[str, float]]
 
-    def of(self, what: str, by: str) -> float:
-        """Return the derivative of `what` by `by`."""
-        return self.slopes[what][by]
+    def of(self, output: str, by: str) -> float:
+        """Return the derivative of `output` by `by`."""
+        return self.slopes[output][by]
 
 
 def airframe(fdm: Fdm, condition: FlightCondition) -> Airframe:
@@ -105,21 +105,21 @@ def airframe(fdm: Fdm, condition: FlightCondition) -> Airframe:
 
     Central differences of evaluations in the trimmed state, actuators and engine settled.
     """
-    at = trim(fdm, condition)
+    trimmed = trim(fdm, condition)
     bench = Bench(fdm, condition.h)
 
     def measure(state: AirframeState) -> FloatArray:
         measured = bench.accelerations(state)
         return np.array([measured[name] for name in _MEASURED])
 
-    by = slopes(measure, at, _HALF_WIDTHS)
+    by = slopes(measure, trimmed, _HALF_WIDTHS)
     named = {
-        what: {name: float(column[i]) for name, column in by.items()}
-        for i, what in enumerate(_MEASURED)
+        output: {name: float(column[i]) for name, column in by.items()}
+        for i, output in enumerate(_MEASURED)
     }
     if not fdm.config.engines.count:  # an engine of any power would need no throttle
         named["u_dot"]["throttle"] = math.inf
-    return Airframe(V_a=condition.V_a, alpha=at.alpha, slopes=named)
+    return Airframe(V_a=condition.V_a, alpha=trimmed.alpha, slopes=named)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -239,14 +239,14 @@ def inner_loop_gains(airframe: Airframe, design: DesignTable) -> dict[str, float
     ``r = g/V phi + alpha p``: the feed-forward of the rudder meets the yaw moment of p, of that r
     and of the aileron, and ``r' = g/V p``. Speed: a first-order loop on the slope of thrust.
     """
-    of = airframe.of
-    for sign, what, by in SIGNS:
-        if not sign * of(what, by) > 0.0:
+    d = airframe.of
+    for sign, output, by in SIGNS:
+        if not sign * d(output, by) > 0.0:
             raise PlantError(
-                f"the slope of {what} by {by} must be {'positive' if sign > 0 else 'negative'} "
-                f"for this inner loop, got {of(what, by):g}."
+                f"the slope of {output} by {by} must be {'positive' if sign > 0 else 'negative'} "
+                f"for this inner loop, got {d(output, by):g}."
             )
-    damping, effect, thrust = -of("p_dot", "p"), of("p_dot", "aileron"), of("u_dot", "throttle")
+    damping, effect, thrust = -d("p_dot", "p"), d("p_dot", "aileron"), d("u_dot", "throttle")
     omega = design.roll_error or min(ROLL_STIFFNESS * design.roll, 0.5 * ACTUATOR)
     k_p = omega**2 / effect
     return {
@@ -290,9 +290,9 @@ def _n_z_step(
     """Load factor of the linear short period after a step of its command, shape (count,)."""
     from scipy.linalg import expm
 
-    of, g_over_V = airframe.of, G_0 / airframe.V_a
-    n_alpha, n_e = of("n_z", "alpha"), of("n_z", "elevator")
-    m_alpha, m_q, m_e = of("q_dot", "alpha"), of("q_dot", "q"), of("q_dot", "elevator")
+    d, g_over_V = airframe.of, G_0 / airframe.V_a
+    n_alpha, n_e = d("n_z", "alpha"), d("n_z", "elevator")
+    m_alpha, m_q, m_e = d("q_dot", "alpha"), d("q_dot", "q"), d("q_dot", "elevator")
     alpha, q, elevator, n_model, integral, command = range(6)
     A = np.zeros((6, 6))
     n_z = np.zeros(6)
@@ -321,18 +321,18 @@ def _n_z_step(
 
 
 def _yaw(airframe: Airframe, roll_k_ff: float) -> dict[str, float]:
-    of = airframe.of
-    effect, weathercock = -of("r_dot", "rudder"), of("r_dot", "beta")
-    side = of("n_y", "beta")
-    damping = -of("r_dot", "r") - side * G_0 / airframe.V_a
+    d = airframe.of
+    effect, weathercock = -d("r_dot", "rudder"), d("r_dot", "beta")
+    side = d("n_y", "beta")
+    damping = -d("r_dot", "r") - side * G_0 / airframe.V_a
     # An airframe without weathercock stability gets it from the lateral load factor.
     lacking = max(0.0, MIN_WEATHERCOCK - weathercock)
     stiffness = weathercock + lacking
     goal = 2.0 * DUTCH_ROLL_DAMPING * math.sqrt(stiffness)
     static = abs(side * effect / stiffness)
-    adverse = of("r_dot", "p") + of("r_dot", "aileron") * roll_k_ff
+    adverse = d("r_dot", "p") + d("r_dot", "aileron") * roll_k_ff
     k_r = max(0.0, goal - damping) / effect
-    straight = adverse - G_0 / airframe.V_a + airframe.alpha * of("r_dot", "r")
+    straight = adverse - G_0 / airframe.V_a + airframe.alpha * d("r_dot", "r")
     k_p, k_i = 0.75 * SIDE_FORCE / static, SIDE_FORCE / static
     k_p += lacking / abs(side * effect)
     share = 1.0
@@ -344,12 +344,12 @@ def _yaw(airframe: Airframe, roll_k_ff: float) -> dict[str, float]:
 
 def _yaw_is_stable(airframe: Airframe, k_r: float, k_p: float, k_i: float) -> bool:
     """Whether sideslip and yaw rate are, behind actuator and accelerometer and with a margin."""
-    of, g_over_V = airframe.of, G_0 / airframe.V_a
+    d, g_over_V = airframe.of, G_0 / airframe.V_a
     beta, r, rudder, n_y, integral = range(5)
-    side, direct = of("n_y", "beta"), of("n_y", "rudder")
+    side, direct = d("n_y", "beta"), d("n_y", "rudder")
     A = np.zeros((5, 5))
     A[beta, [beta, r, rudder]] = g_over_V * side, -1.0, g_over_V * direct
-    A[r, [beta, r, rudder]] = of("r_dot", "beta"), of("r_dot", "r"), of("r_dot", "rudder")
+    A[r, [beta, r, rudder]] = d("r_dot", "beta"), d("r_dot", "r"), d("r_dot", "rudder")
     A[rudder, [r, rudder, n_y, integral]] = np.array([k_r, -1.0, k_p, 1.0]) * ACTUATOR
     A[n_y, [beta, rudder, n_y]] = np.array([side, direct, -1.0]) / ACCELEROMETER
     A[integral, n_y] = k_i

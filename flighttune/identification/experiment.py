@@ -56,8 +56,8 @@ def multisines(limits: Limits, *, seed: int = 0) -> tuple[FloatArray, Lines]:
     the harmonics of `PERIOD` in roll and in load factor.
     """
     base = 2.0 * math.pi / PERIOD
-    wanted = np.geomspace(BAND[0], BAND[1], LINES) / base
-    harmonics = np.unique(np.round(wanted).astype(int))
+    ideal = np.geomspace(BAND[0], BAND[1], LINES) / base
+    harmonics = np.unique(np.round(ideal).astype(int))
     lines = harmonics[::2], harmonics[1::2]
     generators = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(2))
     columns = map(_multisine, lines, *command_room(limits), generators)
@@ -117,10 +117,10 @@ def _pulses(t: FloatArray, start: float, unit: float) -> FloatArray:
     return levels[np.searchsorted([0.0, 3.0, 5.0, 6.0, 7.0], since, side="right")]
 
 
-def _ramped(wanted: FloatArray, rate: float) -> FloatArray:
-    ramped = np.zeros_like(wanted)
-    for k in range(1, len(wanted)):
-        step = wanted[k] - ramped[k - 1]
+def _ramped(command: FloatArray, rate: float) -> FloatArray:
+    ramped = np.zeros_like(command)
+    for k in range(1, len(command)):
+        step = command[k] - ramped[k - 1]
         ramped[k] = ramped[k - 1] + min(max(step, -rate * DT), rate * DT)
     return ramped
 

@@ -49,9 +49,9 @@ def _phase(identification: Identification, i: int) -> Chart:
 
 
 def _coupling(identification: Identification, i: int) -> Chart:
-    flown = identification.frequency[i]
+    response = identification.frequency[i]
     chart = _bode(CROSS_TITLES[i], ("magnitude [dB of 1/rad]", "magnitude [dB of rad]")[i])
-    chart.points(flown.omega, _decibel(flown.other), CROSS, shape="cross", name="flown")
+    chart.points(response.omega, _decibel(response.other), CROSS, shape="cross", name="flown")
     return chart
 
 
@@ -60,8 +60,8 @@ def held_out(identification: Identification, i: int) -> Chart:
     channel = list(identification.condition.channels.values())[i]
     title = f"Not used for the fit: {channel.fit_percent:.1f} % of the variance explained"
     chart = Chart(title=title, y=LABELS[i])
-    drawn = ("commanded", NEUTRAL, DASHED, 1.0), ("flown", FLOWN, "", 2.4), ("fit", FIT, "", 1.3)
-    for name, colour, dash, width in drawn:
+    lines = ("commanded", NEUTRAL, DASHED, 1.0), ("flown", FLOWN, "", 2.4), ("fit", FIT, "", 1.3)
+    for name, colour, dash, width in lines:
         values = identification.check[name][:, i] / UNITS[i]
         t = DT * np.arange(len(values))
         chart.line(t, values, colour, dash=dash, width=width, name=name)
@@ -69,13 +69,13 @@ def held_out(identification: Identification, i: int) -> Chart:
 
 
 def _fit(
-    chart: Chart, identification: Identification, i: int, shown: Callable[[Response], FloatArray]
+    chart: Chart, identification: Identification, i: int, quantity: Callable[[Response], FloatArray]
 ) -> InnerLag:
-    flown = identification.frequency[i]
+    response = identification.frequency[i]
     lag = identification.candidates[i][0].lag
-    omega = np.geomspace(flown.omega[0], flown.omega[-1], 300)
-    chart.line(omega, shown(lag.response(omega)), FIT, width=2.0, name=f"fit, order {lag.order}")
-    chart.points(flown.omega, shown(flown.own), FLOWN, name="flown")
+    omega = np.geomspace(response.omega[0], response.omega[-1], 300)
+    chart.line(omega, quantity(lag.response(omega)), FIT, width=2.0, name=f"fit, order {lag.order}")
+    chart.points(response.omega, quantity(response.own), FLOWN, name="flown")
     return lag
 
 

@@ -165,13 +165,13 @@ def lags_table(aircraft: IdentifiedAircraft) -> Table:
     """Every lag with its fit, a row each channel of a condition."""
     records = [
         {
-            "V_a_mps": at.V_a,
-            "gamma_deg": at.gamma * DEG_PER_RAD,
+            "V_a_mps": point.V_a,
+            "gamma_deg": point.gamma * DEG_PER_RAD,
             "channel": name,
             **channel.model_dump(exclude={"simpler"}),
         }
-        for at in aircraft.conditions
-        for name, channel in at.channels.items()
+        for point in aircraft.conditions
+        for name, channel in point.channels.items()
     ]
     title = f"{aircraft.aircraft}: identified inner loop"
     return Table(title=title, columns=LAG_COLUMNS, records=records)

@@ -77,19 +77,19 @@ class LagCandidate:
 
 
 def frequency_responses(
-    flown: tuple[FloatArray, FloatArray], lines: Lines
+    experiment: tuple[FloatArray, FloatArray], lines: Lines
 ) -> tuple[FrequencyResponse, FrequencyResponse]:
     """Return the responses of roll and load factor from the last period of a multisine flight.
 
-    `flown` are commands and response of two periods at least, so that the last one is in the steady
+    `experiment` has commands and response of two periods at least: the last one is in the steady
     state. The responses are corrected for the sample-and-hold of the commands.
     """
-    if len(flown[1]) < 2 * SAMPLES or not all(len(line) for line in lines):
+    if len(experiment[1]) < 2 * SAMPLES or not all(len(line) for line in lines):
         raise InputError(
-            f"`flown` must be two periods of {PERIOD:g} s of multisines, got "
-            f"{len(flown[1]) * DT:g} s."
+            f"`experiment` must be two periods of {PERIOD:g} s of multisines, got "
+            f"{len(experiment[1]) * DT:g} s."
         )
-    commanded, measured = (np.fft.rfft(signals[-SAMPLES:], axis=0) for signals in flown)
+    commanded, measured = (np.fft.rfft(signals[-SAMPLES:], axis=0) for signals in experiment)
     omegas = [line.astype(np.float64) * (2.0 * math.pi / PERIOD) for line in lines]
     own = [measured[lines[i], i] / commanded[lines[i], i] for i in range(2)]
     responses = []
@@ -233,8 +233,8 @@ def _corner(response: FrequencyResponse) -> float:
 
 
 def _interpolated(
-    at: FloatArray, omega: FloatArray, values: npt.NDArray[np.complex128]
+    omega_new: FloatArray, omega: FloatArray, values: npt.NDArray[np.complex128]
 ) -> npt.NDArray[np.complex128]:
-    magnitude = np.interp(at, omega, np.abs(values))
-    phase = np.interp(at, omega, np.unwrap(np.angle(values)))
+    magnitude = np.interp(omega_new, omega, np.abs(values))
+    phase = np.interp(omega_new, omega, np.unwrap(np.angle(values)))
     return np.asarray(magnitude * np.exp(1j * phase), dtype=complex)

@@ -78,22 +78,22 @@ class Identification:
 
         ``commanded``, ``flown``, and ``fit``, the response of the chosen lags.
         """
-        commanded, flown = self.manoeuvre
-        change, fit = commanded - commanded[0], np.empty_like(flown)
+        commanded, measured = self.manoeuvre
+        change, fit = commanded - commanded[0], np.empty_like(measured)
         for i, fits in enumerate(self.candidates):
-            fit[:, i] = flown[0, i] + lag_response(fits[0].lag, DT, change[:, i], 0.0)
-        return {"commanded": commanded, "flown": flown, "fit": fit}
+            fit[:, i] = measured[0, i] + lag_response(fits[0].lag, DT, change[:, i], 0.0)
+        return {"commanded": commanded, "flown": measured, "fit": fit}
 
     @cached_property
     def condition(self) -> IdentifiedCondition:
         """The inner loop at the trim, as its file has it."""
-        flown, fit, channels = self.check["flown"], self.check["fit"], {}
+        measured, fit, channels = self.check["flown"], self.check["fit"], {}
         for i, (name, fits) in enumerate(zip(("phi", "n_z"), self.candidates, strict=True)):
             best, simpler = fits[0], next(fit.lag for fit in fits if fit.lag.order < 3)
             # Not checked: rounding may put a lag beyond the range that it was fitted in.
             channels[name] = IdentifiedChannel.model_construct(
                 **lag_table(best.lag),
-                fit_percent=fit_percent(flown[:, i], fit[:, i]),
+                fit_percent=fit_percent(measured[:, i], fit[:, i]),
                 residual=best.residual,
                 cross=float(np.abs(self.frequency[i].other).max()),
                 simpler=LagTable.model_construct(**lag_table(simpler)),
@@ -111,8 +111,8 @@ def identify_plant(
 ) -> Identification:
     """Identify the inner loop of a plant about a wings-level trim, inside the limits."""
     changes, lines = multisines(limits, seed=seed)
-    flown = respond(plant_factory, condition, np.tile(changes, (PERIODS, 1)))
-    frequency = frequency_responses(flown, lines)
+    response = respond(plant_factory, condition, np.tile(changes, (PERIODS, 1)))
+    frequency = frequency_responses(response, lines)
     return Identification(
         trim=condition,
         frequency=frequency,
@@ -129,17 +129,17 @@ def _of_one_order(identifications: Sequence[Identification]) -> tuple[Identifica
     orders = []
     for channel in range(2):
         total: dict[Order, float] = {}
-        for at in identifications:
-            for fit in at.candidates[channel]:
+        for point in identifications:
+            for fit in point.candidates[channel]:
                 total[fit.lag.order] = total.get(fit.lag.order, 0.0) + fit.bic
         orders.append(min(total, key=total.__getitem__))
 
-    def chosen_first(at: Identification) -> Identification:
+    def chosen_first(point: Identification) -> Identification:
         phi, n_z = (
             tuple(sorted(fits, key=lambda fit: fit.lag.order != order))
-            for fits, order in zip(at.candidates, orders, strict=True)
+            for fits, order in zip(point.candidates, orders, strict=True)
         )
-        return replace(at, candidates=(phi, n_z))
+        return replace(point, candidates=(phi, n_z))
 
     return tuple(map(chosen_first, identifications))
 
@@ -168,16 +168,16 @@ class AircraftIdentification(Answering):
     @property
     def place(self) -> str:
         """The first condition in words."""
-        at = self.identified.conditions[0]
-        return f"{self.identified.aircraft} at {at.V_a:g} m/s, {at.gamma / DEG:g} deg"
+        point = self.identified.conditions[0]
+        return f"{self.identified.aircraft} at {point.V_a:g} m/s, {point.gamma / DEG:g} deg"
 
     def answer(self) -> Answer:
         """Lags with their fits, and modes; a failure where a lag explains too little."""
         conditions = identified_tables(self.identified)["conditions"]
         poor = [
-            f"{channel} at {at.V_a:g} m/s, {at.gamma / DEG:g} deg: {fitted.fit_percent:.1f} %"
-            for at in self.identified.conditions
-            for channel, fitted in at.channels.items()
+            f"{channel} at {point.V_a:g} m/s, {point.gamma / DEG:g} deg: {fitted.fit_percent:.1f} %"
+            for point in self.identified.conditions
+            for channel, fitted in point.channels.items()
             if fitted.fit_percent < GOOD_FIT
         ]
         title = f"{self.place}: airframe without the inner loop"
@@ -257,8 +257,8 @@ def identify(
     fresh, measured, skipped = partial(JSBSimPlant, aircraft), [], []
     for v, g in product(speeds, tuple(gamma) or (None,)):
         try:
-            at = level(plant.config, v, h) if g is None else FlightCondition(V_a=v, gamma=g, h=h)
-            measured.append(identify_plant(fresh, at, plant.limits, seed=seed))
+            point = level(plant.config, v, h) if g is None else FlightCondition(V_a=v, gamma=g, h=h)
+            measured.append(identify_plant(fresh, point, plant.limits, seed=seed))
         except TrimError as error:
             skipped.append(str(error))
     if not measured:
@@ -268,7 +268,7 @@ def identify(
     return AircraftIdentification(
         identified=IdentifiedAircraft.model_construct(
             aircraft=plant.config.folder.name,
-            conditions=tuple(at.condition for at in identifications),
+            conditions=tuple(point.condition for point in identifications),
             seed=seed,
             gains=plant.config.gains.sha256 if plant.config.gains else "",
         ),

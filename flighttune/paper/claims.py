@@ -100,7 +100,7 @@ RELATIONS = {"≤": operator.le, "<": operator.lt, "≥": operator.ge}
 class Check:
     """One comparison."""
 
-    what: str  # what is compared, with its unit
+    label: str  # what is compared, with its unit
     expected: str | float  # what the paper says
     computed: str | float  # what comes out
     holds: bool  # whether the two agree
@@ -130,12 +130,12 @@ class Finding:
     @property
     def expected(self) -> dict[str, str | float]:
         """Value of the paper for each comparison."""
-        return {check.what: check.expected for check in self.checks}
+        return {check.label: check.expected for check in self.checks}
 
     @property
     def computed(self) -> dict[str, str | float]:
         """Computed value for each comparison; without any the missing piece."""
-        return {check.what: check.computed for check in self.checks} or {"missing": self.missing}
+        return {check.label: check.computed for check in self.checks} or {"missing": self.missing}
 
 
 def judge(name: str, study: Study) -> Finding:
@@ -158,22 +158,22 @@ def text_of(value: str | float) -> str:
     return value if isinstance(value, str) else number(value, ".5g")
 
 
-def _compare(what: str, value: float, relation: str, limit: float, symbol: str = "") -> Check:
+def _compare(label: str, value: float, relation: str, limit: float, symbol: str = "") -> Check:
     """`value` against a limit, which may be named by a symbol."""
     name = f"{symbol} = " if symbol else ""
     holds = RELATIONS[relation](value, limit)
-    return Check(what, f"{relation} {name}{limit:.4g}", value, holds)
+    return Check(label, f"{relation} {name}{limit:.4g}", value, holds)
 
 
-def _printed(what: str, value: float, number: float, last_digit: float) -> Check:
+def _printed(label: str, value: float, number: float, last_digit: float) -> Check:
     """`value` must be a printed number to one unit of its last digit."""
-    return Check(what, number, value, abs(value - number) <= last_digit)
+    return Check(label, number, value, abs(value - number) <= last_digit)
 
 
-def _all_rise(what: str, steps: FloatArray) -> Check:
+def _all_rise(label: str, steps: FloatArray) -> Check:
     """Every step from one neighbour to the next must be a rise."""
     rising, count = int((steps > 0.0).sum()), steps.size
-    return Check(what, f"{count} of {count} steps", f"{rising} of {count} steps", rising == count)
+    return Check(label, f"{count} of {count} steps", f"{rising} of {count} steps", rising == count)
 
 
 def _lower_with_higher_R_K(name: str, from_high_to_low: pd.Series) -> Check:
@@ -190,8 +190,8 @@ def exponential_stabilisation(study: Study) -> Checks:
     s = np.hypot(flight.channels["s_chi"], flight.channels["s_gamma"])
     late = flight.t >= 10.0  # the commands have left their ranges for the last time
     rate = decay_rate(flight.t[late], s[late])
-    left = float(s[-1] / s[0])
-    yield _compare("part of |s| left after 20 s, no disturbance", left, "≤", SETTLED)
+    share = float(s[-1] / s[0])
+    yield _compare("part of |s| left after 20 s, no disturbance", share, "≤", SETTLED)
     half = study.indicators[STAR].R_K / 2.0
     yield _compare("decay of |s| from 10 s on [1/s]", rate, "≥", half, "R_K/2")
 
@@ -210,8 +210,8 @@ def assesses_performance(study: Study) -> Checks:
     for measure in ("ITAE", "MO_rad", "PT_s", "MS_rad", "ST_rad"):
         for channel in sums if measure in ("MS_rad", "ST_rad") else errors:
             correlation = rank_correlation(R_K, study.of_gains(channel, measure))
-            what = f"rank correlation of R_K and {measure.split('_')[0]} of {channel}"
-            yield _compare(what, correlation, "≤", -CORRELATED)
+            label = f"rank correlation of R_K and {measure.split('_')[0]} of {channel}"
+            yield _compare(label, correlation, "≤", -CORRELATED)
 
 
 # Sections 2 to 4, the theory
@@ -233,8 +233,8 @@ def lemma_1(_: Study) -> Checks:
     basis = np.array([[[1.0, 0.0], [0.0, 0.0]], [[0.0, 1.0], [1.0, 0.0]], [[0.0, 0.0], [0.0, 1.0]]])
     columns = (basis @ A + A.T @ basis).reshape(3, -1).T
     nearest = np.linalg.lstsq(columns, -np.eye(2).ravel())[0]
-    left = float(np.linalg.norm(columns @ nearest + np.eye(2).ravel()))
-    yield _compare("smallest norm of P A + Aᵀ P + I, A = diag(0, -1)", left, "≤", ROUNDING)
+    norm = float(np.linalg.norm(columns @ nearest + np.eye(2).ravel()))
+    yield _compare("smallest norm of P A + Aᵀ P + I, A = diag(0, -1)", norm, "≤", ROUNDING)
 
 
 def lemma_2(_: Study) -> Checks:
@@ -328,8 +328,8 @@ def theorem_2(study: Study) -> Checks:
     balls = paper_balls(A_K, study.model.A, I_K=star.I_K, L_d=1.0)
     names = "‖A_K‖", "‖∂f/∂x + ∂f/∂u K_P‖", "‖∂f/∂x‖"
     for name, ball in zip(names, balls.tolist(), strict=True):
-        what = f"largest |e_i| of K* over the ball, L_f = {name} [1]"
-        yield _compare(what, star.E_K / ball, "≤", 1.0)
+        label = f"largest |e_i| of K* over the ball, L_f = {name} [1]"
+        yield _compare(label, star.E_K / ball, "≤", 1.0)
 
 
 def theorem_2_rate(study: Study) -> Checks:
@@ -351,8 +351,8 @@ def larger_attractor(study: Study) -> Checks:
     errors = study.indicator("E_K").loc[order]
     steps = np.diff(errors)
     rising = int((steps > 0.0).sum())
-    what = "steps to a higher R_K that raise the largest possible error"
-    yield Check(what, f"≥ 1 of {len(steps)}", f"{rising} of {len(steps)}", rising > 0)
+    label = "steps to a higher R_K that raise the largest possible error"
+    yield Check(label, f"≥ 1 of {len(steps)}", f"{rising} of {len(steps)}", rising > 0)
 
 
 def three_factors(study: Study) -> Checks:
@@ -365,15 +365,15 @@ def three_factors(study: Study) -> Checks:
         sigma_min = np.linalg.svd(A, compute_uv=False)[-1]
         product = math.inf if row.Q is None else np.linalg.cond(np.array(row.Q)) / sigma_min
         off.append(abs(math.prod(pair) / product - 1.0) / (digits / pair).sum())
-    what = "largest distance of τ(P) / σ_min from R_K I_K of Table 2, over that of a last digit [1]"
-    yield _compare(what, float(max(off)), "≤", 1.0)
+    text = "largest distance of τ(P) / σ_min from R_K I_K of Table 2, over that of a last digit [1]"
+    yield _compare(text, float(max(off)), "≤", 1.0)
 
 
 def eigenvalue_problem(study: Study) -> Checks:
     """R_K by semidefinite programming, over that of the Lyapunov equation."""
     off = [abs(common_Q(A[None]).R / row.R_K - 1.0) for A, row, _ in _stable_loops(study)]
-    what = "largest relative difference from R_K of the Lyapunov equation"
-    yield _compare(what, max(off, default=math.inf), "≤", AS_GOOD)
+    label = "largest relative difference from R_K of the Lyapunov equation"
+    yield _compare(label, max(off, default=math.inf), "≤", AS_GOOD)
 
 
 # Section 5.1, the Duffing oscillator
@@ -466,11 +466,11 @@ def star_feasible(study: Study) -> Checks:
 def star_optimal(study: Study) -> Checks:
     """K* has the highest R_K of all gains that meet the constraints."""
     result, bound = study.constrained, f"{printed.I_STAR:g}"
-    what = f"smallest I_K within the input constraints [s²], I* = {bound}"
-    yield Check(what, f"≤ {bound}", result.I_K, result.status == "optimal")
-    best, own = study.optimum.R_K, study.indicators[STAR].R_K
-    what = "R_K* against the best without input constraints [1/s]"
-    yield Check(what, f"{best:.5g}", own, own >= (1.0 - AS_GOOD) * best)
+    label = f"smallest I_K within the input constraints [s²], I* = {bound}"
+    yield Check(label, f"≤ {bound}", result.I_K, result.status == "optimal")
+    best, R_K = study.optimum.R_K, study.indicators[STAR].R_K
+    label = "R_K* against the best without input constraints [1/s]"
+    yield Check(label, f"{best:.5g}", R_K, R_K >= (1.0 - AS_GOOD) * best)
 
 
 def eigenvalues(study: Study) -> Checks:
@@ -481,8 +481,8 @@ def eigenvalues(study: Study) -> Checks:
 def small_region(study: Study) -> Checks:
     """Both errors end in a very small region."""
     for channel in ("chi", "gamma"):
-        left = study.flights[STAR].after(channel, DURATION)
-        yield _compare(f"|e_{channel}| at 20 s [rad]", left, "≤", VERY_SMALL)
+        error = study.flights[STAR].after(channel, DURATION)
+        yield _compare(f"|e_{channel}| at 20 s [rad]", error, "≤", VERY_SMALL)
 
 
 def overshoot(study: Study, channel: str) -> Checks:
@@ -495,8 +495,8 @@ def peak_time(study: Study) -> Checks:
     """The later of both peaks, which is the maximum the sentence speaks of."""
     peaks = {channel: study.flights[STAR].peak(channel)[1] for channel in ("chi", "gamma")}
     channel, latest = max(peaks.items(), key=lambda peak: peak[1])
-    what = f"largest PT, that of e_{channel} [s]"
-    yield _compare(what, latest, "<", printed.LARGEST_PEAK_TIME)
+    label = f"largest PT, that of e_{channel} [s]"
+    yield _compare(label, latest, "<", printed.LARGEST_PEAK_TIME)
 
 
 def peak_time_gamma(study: Study) -> Checks:
@@ -523,9 +523,9 @@ def converges_with_all_limits(study: Study) -> Checks:
     """With ranges and rate limits together, as Table 1 has them, the errors still converge."""
     flight = study.readings["ranges and rate limits"]
     for channel in ("chi", "gamma"):
-        left = flight.after(channel, flight.t[-1] - 2.0)
-        what = f"largest |e_{channel}| from 18 s on, rate limits too [rad]"
-        yield _compare(what, left, "≤", NEAR)
+        error = flight.after(channel, flight.t[-1] - 2.0)
+        label = f"largest |e_{channel}| from 18 s on, rate limits too [rad]"
+        yield _compare(label, error, "≤", NEAR)
 
 
 # Section 5.2.2, K1 to K6
@@ -546,8 +546,8 @@ def faster_convergence(study: Study) -> Checks:
     rated = {"the spectral abscissa": study.indicator("spectral_abscissa")}
     rated |= {f"ITAE of {channel}": study.of_gains(channel, "ITAE") for channel in ERRORS}
     for name, values in rated.items():
-        what = f"rank correlation of R_K and {name}"
-        yield _compare(what, rank_correlation(R_K, values), "≤", -CORRELATED)
+        label = f"rank correlation of R_K and {name}"
+        yield _compare(label, rank_correlation(R_K, values), "≤", -CORRELATED)
 
 
 def small_R_oscillates(study: Study) -> Checks:
@@ -556,11 +556,11 @@ def small_R_oscillates(study: Study) -> Checks:
     high, low = study.flights[str(R_K.idxmax())], study.flights[str(R_K.idxmin())]
     for channel in ("chi", "gamma"):
         few, many = (oscillations(flight.channels[channel]) for flight in (high, low))
-        what = f"zero crossings of e_{channel}, lowest R_K"
-        yield Check(what, f"> {few} of the highest", many, many > few)
+        label = f"zero crossings of e_{channel}, lowest R_K"
+        yield Check(label, f"> {few} of the highest", many, many > few)
         near, far = (float(f.measures.loc[channel, "ST_rad"]) for f in (high, low))
-        what = f"ST of e_{channel}, lowest R_K [rad]"
-        yield Check(what, f"> {near:.3g} of the highest", far, far > near)
+        label = f"ST of e_{channel}, lowest R_K [rad]"
+        yield Check(label, f"> {near:.3g} of the highest", far, far > near)
 
 
 def slower_oscillation(study: Study) -> Checks:
@@ -579,8 +579,8 @@ def R_more_than_I(study: Study) -> Checks:
         for channel in channels:
             values = study.of_gains(channel, measure)
             by_R, by_I = (abs(rank_correlation(key, values)) for key in (R_K, I_K))
-            what = f"|rank correlation| of R_K and {measure.split('_')[0]} of {channel}"
-            yield Check(what, f"> {by_I:.3g} of I_K", by_R, by_R > by_I)
+            label = f"|rank correlation| of R_K and {measure.split('_')[0]} of {channel}"
+            yield Check(label, f"> {by_I:.3g} of I_K", by_R, by_R > by_I)
 
 
 def lower_measure(study: Study, measure: str, name: str, channels: Sequence[str]) -> Checks:
@@ -596,17 +596,17 @@ def mostly_smaller_MO_PT(study: Study) -> Checks:
         for channel in ("chi", "gamma"):
             steps = np.diff(study.of_gains(channel, measure))
             rising, count = int((steps > 0.0).sum()), steps.size
-            what = f"{name} of e_{channel} lower with higher R_K"
+            label = f"{name} of e_{channel} lower with higher R_K"
             computed = f"{rising} of {count} steps"
-            yield Check(what, f"most of {count} steps", computed, 2 * rising > count)
+            yield Check(label, f"most of {count} steps", computed, 2 * rising > count)
 
 
 def minor_means(study: Study) -> Checks:
     """The mean rate of error differs by some 1e-3 over the gain sets."""
     for channel in ("chi_dot", "gamma_dot"):
         spread = float(np.ptp(study.of_gains(channel, "mean")))
-        what = f"spread of the mean of {channel} over the gain sets [rad/s]"
-        yield Check(what, "of the order of 1e-3", spread, spread < ORDER_OF_1E3)
+        label = f"spread of the mean of {channel} over the gain sets [rad/s]"
+        yield Check(label, "of the order of 1e-3", spread, spread < ORDER_OF_1E3)
 
 
 def inverse_deviation(study: Study) -> Checks:
@@ -615,8 +615,8 @@ def inverse_deviation(study: Study) -> Checks:
         values = study.of_gains(channel, "std")
         R_K = study.indicator("R_K").loc[values.index].to_numpy()
         correlation = float(np.corrcoef(1.0 / R_K, values)[0, 1])
-        what = f"correlation of 1/R_K and the deviation of {channel}"
-        yield _compare(what, correlation, "≥", INVERSE)
+        label = f"correlation of 1/R_K and the deviation of {channel}"
+        yield _compare(label, correlation, "≥", INVERSE)
         yield _lower_with_higher_R_K(f"deviation of {channel}", values)
 
 
@@ -626,11 +626,11 @@ def inverse_deviation(study: Study) -> Checks:
 def near_origin(study: Study) -> Checks:
     """After 20 s the errors stay near the origin, for nearly all disturbances."""
     for channel in ("chi", "gamma"):
-        left = study.of_disturbances(channel, "after")
-        near = int((left < NEAR).to_numpy().sum())
-        what = f"disturbances with |e_{channel}| < {NEAR:g} rad after 20 s"
-        computed = f"{near} of 9, largest {left.to_numpy().max():.3g} rad"
-        yield Check(what, f"≥ {NEARLY_ALL} of 9", computed, near >= NEARLY_ALL)
+        late = study.of_disturbances(channel, "after")
+        near = int((late < NEAR).to_numpy().sum())
+        label = f"disturbances with |e_{channel}| < {NEAR:g} rad after 20 s"
+        computed = f"{near} of 9, largest {late.to_numpy().max():.3g} rad"
+        yield Check(label, f"≥ {NEARLY_ALL} of 9", computed, near >= NEARLY_ALL)
 
 
 def steps_along(
@@ -651,8 +651,8 @@ def insensitive_ITAE(study: Study) -> Checks:
         for channel in ("chi", "gamma"):
             row = study.of_disturbances(channel, "ITAE").loc[L_d]
             rise = float(row.max() / row.iloc[0] - 1.0)
-            what = f"largest relative rise of ITAE of e_{channel} with ω_d, L_d = {L_d:g}"
-            yield _compare(what, rise, "≤", NOT_SIGNIFICANT)
+            label = f"largest relative rise of ITAE of e_{channel} with ω_d, L_d = {L_d:g}"
+            yield _compare(label, rise, "≤", NOT_SIGNIFICANT)
 
 
 def decreasing_ITAE(study: Study) -> Checks:
@@ -663,8 +663,8 @@ def decreasing_ITAE(study: Study) -> Checks:
             omega = row.index.to_numpy(dtype=float)
             slope = np.polyfit(omega, row.to_numpy(), 1)[0]
             change = float(slope * np.ptp(omega) / row.iloc[0])
-            what = f"relative change of ITAE of e_{channel} along a line over ω_d, L_d = {L_d:g}"
-            yield _compare(what, change, "<", 0.0)
+            label = f"relative change of ITAE of e_{channel} along a line over ω_d, L_d = {L_d:g}"
+            yield _compare(label, change, "<", 0.0)
 
 
 def linear_MS(study: Study) -> Checks:
@@ -673,16 +673,16 @@ def linear_MS(study: Study) -> Checks:
         table = study.of_disturbances(channel, "MS_rad")
         for omega in table.columns:
             R_squared = float(np.corrcoef(table.index.astype(float), table[omega])[0, 1] ** 2)
-            what = f"R² of MS of {channel} over L_d, ω_d = {omega:g}"
-            yield _compare(what, R_squared, "≥", LINEAR)
+            label = f"R² of MS of {channel} over L_d, ω_d = {omega:g}"
+            yield _compare(label, R_squared, "≥", LINEAR)
 
 
 def minimal_ST(study: Study) -> Checks:
     """The growth of ST from the smallest to the largest L_d is of the order of 1e-3."""
     for channel in ("s_chi", "s_gamma"):
         growth = study.growth_of_ST(channel)
-        what = f"largest growth of ST of {channel} from L_d = 0.1 to 0.3 [rad]"
-        yield Check(what, "of the order of 1e-3", growth, growth < ORDER_OF_1E3)
+        label = f"largest growth of ST of {channel} from L_d = 0.1 to 0.3 [rad]"
+        yield Check(label, "of the order of 1e-3", growth, growth < ORDER_OF_1E3)
 
 
 def insensitive_ST(study: Study) -> Checks:
@@ -691,5 +691,5 @@ def insensitive_ST(study: Study) -> Checks:
         table = study.of_disturbances(channel, "ST_rad")
         rise = table.iloc[:, -1] / table.iloc[:, 0] - 1.0
         count = int((rise >= PRONOUNCED).sum())
-        what = f"amplitudes at which ST of {channel} rises by half or more with ω_d"
-        yield Check(what, "0 of 3", f"{count} of 3, largest {rise.max():+.0%}", count == 0)
+        label = f"amplitudes at which ST of {channel} rises by half or more with ω_d"
+        yield Check(label, "0 of 3", f"{count} of 3, largest {rise.max():+.0%}", count == 0)

@@ -74,7 +74,7 @@ def tune_by_evolution(problem: TuningProblem, *, generations: int = GENERATIONS)
     )
     best = assessment(problem, space.K(evolved.x))
     feasible = is_feasible(problem, best)
-    found = result(
+    outcome = result(
         problem,
         best if best.R_K > 0.0 else None,
         status="optimal" if feasible else "infeasible",
@@ -83,4 +83,4 @@ def tune_by_evolution(problem: TuningProblem, *, generations: int = GENERATIONS)
         starts=1,
         agreeing=int(feasible),
     )
-    return replace(found, wall_s=time.perf_counter() - began)
+    return replace(outcome, wall_s=time.perf_counter() - began)

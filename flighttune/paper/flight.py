@@ -123,8 +123,8 @@ def oscillations(x: FloatArray) -> int:
 
 def decay_rate(t: FloatArray, norm: FloatArray) -> float:
     """Rate of the exponential that `norm` follows, by a straight line through its logarithm."""
-    seen = norm > 0.0
-    return -float(np.polyfit(t[seen], np.log(norm[seen]), 1)[0]) if seen.sum() > 2 else math.nan
+    seconds, norms = t[norm > 0.0], norm[norm > 0.0]
+    return -float(np.polyfit(seconds, np.log(norms), 1)[0]) if len(norms) > 2 else math.nan
 
 
 def measures(t: FloatArray, signals: Mapping[str, FloatArray]) -> pd.DataFrame:
@@ -305,15 +305,15 @@ class ContinuousLoop:
         """Go on from `y` at time `t`, every command with nothing left in its next mode."""
         self.y = y
         for i in (0, 1):
-            in_range, other = self.margins(i, t, y)
-            if min(in_range, other) > 0.0:
+            in_range, to_limit = self.margins(i, t, y)
+            if min(in_range, to_limit) > 0.0:
                 continue
             moving, v = self._moving[i], self.signals(t, y).v[i]
             if moving is None:
                 y[4 + i] = min(max(v, self._limits.lower[i]), self._limits.upper[i])
             elif in_range <= 0.0:
                 y[4 + i] = moving.bound
-            apart = moving is not None and moving.side != 0 and other > 0.0
+            apart = moving is not None and moving.side != 0 and to_limit > 0.0
             if not apart:
                 y[2 + i] += y[4 + i] - v
             self._start_moving(i, t, moving.side if apart and moving is not None else 0)

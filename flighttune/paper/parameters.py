@@ -85,8 +85,8 @@ def printed_limits() -> Limits:
 
 def printed_ranges() -> Limits:
     """The ranges of Table 1 without the limits on the rates."""
-    both = printed_limits()
-    return replace(Limits.none(2), lower=both.lower, upper=both.upper)
+    limits = printed_limits()
+    return replace(Limits.none(2), lower=limits.lower, upper=limits.upper)
 
 
 def disturbance(name: str) -> Sinusoid:

@@ -71,8 +71,8 @@ def reproduce(
     items = []
     for k, item in enumerate(chosen_items):
         tell("items", k / len(chosen_items))
-        made = item.make(study)
-        items.append((item, made, _written(item, made, folder)))
+        output = item.make(study)
+        items.append((item, output, _written(item, output, folder)))
     tell("items", 1.0)
     findings = []
     for k, name in enumerate(CLAIMS):
@@ -95,16 +95,16 @@ def reproduce(
     return Reproduction(items=items, findings=findings, page=page.path, errata=listed)
 
 
-def _written(item: Item, made: Made, folder: Path) -> list[Path]:
+def _written(item: Item, output: Made, folder: Path) -> list[Path]:
     """Write figures, tables and text of an item."""
     files = []
-    for name, figure in made.figures.items():
+    for name, figure in output.figures.items():
         files.append(folder / f"{name}.svg")
         figure.save(files[-1])
-    for name, table in made.tables.items():
+    for name, table in output.tables.items():
         text = table.to_csv(index=False, float_format="%.9g", lineterminator="\n")
         files.append(write_text(folder / f"{name}.csv", text))
-    files.append(write_text(folder / f"{item.name}.md", item.text(made)))
+    files.append(write_text(folder / f"{item.name}.md", item.text(output)))
     return files
 
 

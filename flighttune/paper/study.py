@@ -64,11 +64,13 @@ class Study:
     def readings(self) -> dict[str, PaperFlight]:
         """The manoeuvre with K* under each reading of the limits."""
         wave = printed.disturbance(printed.PRINTED_DISTURBANCE)
-        both = printed.printed_limits()
+        table = printed.printed_limits()
         return {
             "ranges only": fly(self.star, wave),
-            "ranges and rate limits": fly(self.star, wave, limits=both),
-            "with rate limits and anti-windup": fly(self.star, wave, limits=both, conditional=True),
+            "ranges and rate limits": fly(self.star, wave, limits=table),
+            "with rate limits and anti-windup": fly(
+                self.star, wave, limits=table, conditional=True
+            ),
             "no limits": fly(self.star, wave, limits=Limits.none(2)),
         }
 

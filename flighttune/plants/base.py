@@ -165,13 +165,13 @@ class AirPathPlant(WrappedPlant):
 
     def observe(self) -> tuple[float, ...]:
         """Return the values of `signals` now, SI and radians; `chi` is continuous."""
-        seen = self._observe()
-        chi, gamma = seen[_CHI], seen[_GAMMA]
-        V_g, w_north, w_east, w_down = (seen[place] for place in self._places)
+        signals = self._observe()
+        chi, gamma = signals[_CHI], signals[_GAMMA]
+        V_g, w_north, w_east, w_down = (signals[place] for place in self._places)
         north, east = V_g * math.cos(chi) - w_north, V_g * math.sin(chi) - w_east
         up = V_g * math.tan(gamma) + w_down
         self._chi += math.remainder(math.atan2(east, north) - self._chi, math.tau)
-        return (self._chi, math.atan2(up, math.hypot(north, east)), *seen[2:], chi, gamma)
+        return (self._chi, math.atan2(up, math.hypot(north, east)), *signals[2:], chi, gamma)
 
 
 class GuardedPlant:
@@ -222,8 +222,8 @@ class GuardedPlant:
         Raises TrimError if there are none at the start.
         """
         try:
-            seen = tuple(map(float, self._plant.observe()))
-            if len(seen) != len(self.signals) or not all(map(math.isfinite, seen)):
+            signals = tuple(map(float, self._plant.observe()))
+            if len(signals) != len(self.signals) or not all(map(math.isfinite, signals)):
                 raise ValueError(f"`observe` must return {len(self.signals)} finite numbers")
         except FAILURES as error:
             reason = failure(self._name, error, self._t)
@@ -231,8 +231,8 @@ class GuardedPlant:
                 raise TrimError(reason) from error
             self._stop = Stop("plant_failed", reason)
             return self._last
-        self._last = seen
-        return seen
+        self._last = signals
+        return signals
 
     def advance(self, phi_cmd: float, n_z_cmd: float, duration: float) -> Stop | None:
         """Fly on; return why the flight ended, if it did."""

@@ -89,11 +89,11 @@ class Sensors:
             return white
         from scipy.signal import lfilter
 
-        kept = math.exp(-dt / self.time_constant)
-        fresh = math.sqrt(1.0 - kept * kept)
+        decay = math.exp(-dt / self.time_constant)
+        fresh = math.sqrt(1.0 - decay * decay)
         begun = white[0]  # stationary from the first sample on
-        rest, _ = lfilter([fresh], [1.0, -kept], white[1:], zi=[kept * begun])
-        return np.concatenate(([begun], rest))
+        later, _ = lfilter([fresh], [1.0, -decay], white[1:], zi=[decay * begun])
+        return np.concatenate(([begun], later))
 
 
 class SensedPlant(WrappedPlant):
@@ -110,5 +110,5 @@ class SensedPlant(WrappedPlant):
 
     def observe(self) -> tuple[float, ...]:
         """Return the values of `signals` now, SI and radians; each call takes one sample."""
-        seen, (chi, gamma, V_a) = self._observe(), next(self._errors)
-        return (*seen, seen[_CHI] + chi, seen[_GAMMA] + gamma, seen[_V_A] + V_a)
+        signals, (chi, gamma, V_a) = self._observe(), next(self._errors)
+        return (*signals, signals[_CHI] + chi, signals[_GAMMA] + gamma, signals[_V_A] + V_a)

@@ -43,10 +43,10 @@ class Answer:
         from pydantic_core import to_jsonable_python  # here: --help must be quick
 
         records = {table.name: table.records for table in self.tables if table.name}
-        said = {"notes": self.notes, "verdict": self.verdict}
+        sentences = {"notes": self.notes, "verdict": self.verdict}
         if self.command:
-            said["command"] = self.command
-        values = {**records, **said, **self.values, **self.files}
+            sentences["command"] = self.command
+        values = {**records, **sentences, **self.values, **self.files}
         plain = to_jsonable_python(values, inf_nan_mode="null", fallback=_plain)
         return json.dumps(plain, indent=2)
 

@@ -54,8 +54,8 @@ SVG_INDEX = '<tspan dy="3" font-size=".8em">{}</tspan><tspan dy="-3">\u200b</tsp
 @cache
 def style() -> str:
     """CSS of charts, with the colours of the light and the dark theme."""
-    own = Path(__file__).with_name("chart.css").read_text(encoding="utf-8")
-    return f"{css_variables()}\n{own}"
+    rules = Path(__file__).with_name("chart.css").read_text(encoding="utf-8")
+    return f"{css_variables()}\n{rules}"
 
 
 @dataclass(slots=True, kw_only=True)
@@ -102,8 +102,8 @@ class Chart:
         xs, ys = thinned(np.asarray(x, dtype=float), np.asarray(y, dtype=float), most)
         self._seen.append((xs, ys))
         # a path in space has no single value at a place
-        shown = (run or name) if hover and not self.equal else ""
-        attributes = _stroke(colour, width, dash) + _owner(run, shown)
+        label = (run or name) if hover and not self.equal else ""
+        attributes = _stroke(colour, width, dash) + _owner(run, label)
         self._marks.append(lambda a: f'<path d="{_path(a.sx(xs), a.sy(ys))}"{attributes}/>')
         if name:
             self.legend.append((name, colour, dash))
@@ -129,8 +129,8 @@ class Chart:
         xs, lows, highs = (np.asarray(values, dtype=float) for values in (x, low, high))
         either = np.isnan(lows) | np.isnan(highs)
         lows, highs = np.where(either, np.nan, lows), np.where(either, np.nan, highs)
-        kept = peaks(np.column_stack([lows, highs]), most=MAX_DRAWN)
-        xs, lows, highs = xs[kept], lows[kept], highs[kept]
+        samples = peaks(np.column_stack([lows, highs]), most=MAX_DRAWN)
+        xs, lows, highs = xs[samples], lows[samples], highs[samples]
         self._seen += [(xs, lows), (xs, highs)]
 
         def drawn(a: "_Axes") -> str:
@@ -196,19 +196,19 @@ class Chart:
         full = [filled] * len(xs) if isinstance(filled, bool) else filled
 
         def drawn(a: "_Axes") -> str:
-            shown = []
-            for i, (at, up) in enumerate(zip(a.sx(xs).tolist(), a.sy(ys).tolist(), strict=True)):
-                if not math.isfinite(at + up):
+            marks = []
+            for i, (px, py) in enumerate(zip(a.sx(xs).tolist(), a.sy(ys).tolist(), strict=True)):
+                if not math.isfinite(px + py):
                     continue
                 tip = f"<title>{escape(tips[i])}</title>" if tips else ""
                 if shape == "dot":
                     fill = "" if full[i] else ' fill="var(--paper)"'
-                    head, tag = f'<circle cx="{at:.1f}" cy="{up:.1f}" r="{size}"{fill}', "circle"
+                    head, tag = f'<circle cx="{px:.1f}" cy="{py:.1f}" r="{size}"{fill}', "circle"
                 else:
-                    head, tag = f'<path d="{_cross(at, up, size, shape)}"', "path"
-                shown.append(f"{head}>{tip}</{tag}>" if tip else f"{head}/>")
+                    head, tag = f'<path d="{_cross(px, py, size, shape)}"', "path"
+                marks.append(f"{head}>{tip}</{tag}>" if tip else f"{head}/>")
             look = f' fill="{css_colour(colour)}" opacity="{opacity}"{_stroke(colour, 1.6)}'
-            return f"<g{look}{_owner(run)}>{''.join(shown)}</g>"
+            return f"<g{look}{_owner(run)}>{''.join(marks)}</g>"
 
         self._marks.append(drawn)
         if name:
@@ -220,11 +220,11 @@ class Chart:
         high: npt.ArrayLike,
         colours: Sequence[str],
         *,
-        at: npt.ArrayLike | None = None,
+        x: npt.ArrayLike | None = None,
     ) -> None:
-        """Draw upright bars at 0, 1, 2, ... or `at`, from `low` to `high`, each in its colour."""
+        """Draw upright bars at 0, 1, 2, ... or `x`, from `low` to `high`, each in its colour."""
         lows, highs = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
-        places = np.asarray(np.arange(len(lows)) if at is None else at, dtype=float)
+        places = np.asarray(np.arange(len(lows)) if x is None else x, dtype=float)
         self._seen += [(places - 0.5, lows), (places + 0.5, highs)]
 
         def drawn(a: "_Axes") -> str:
@@ -276,10 +276,10 @@ class Chart:
         """Name points (x, y, name), each where its name covers neither a point nor another name."""
 
         def drawn(a: "_Axes") -> str:
-            at = [(float(a.sx(x)), float(a.sy(y)), name) for x, y, name in points]
-            taken = [(x - 6.0, y - 6.0, x + 6.0, y + 6.0) for x, y, _ in at]
+            dots = [(float(a.sx(x)), float(a.sy(y)), name) for x, y, name in points]
+            occupied = [(x - 6.0, y - 6.0, x + 6.0, y + 6.0) for x, y, _ in dots]
             parts = []
-            for x, y, name in at:
+            for x, y, name in dots:
                 wide = LETTER * len(name)
                 right, left, middle = x + 9.0, x - 9.0 - wide, x - wide / 2.0
                 places = [(right, y - 6.0), (left, y - 6.0), (middle, y - 22.0), (middle, y + 9.0)]
@@ -288,8 +288,8 @@ class Chart:
                     (side, y + up) for up in (-24, 12, -40, 28, -56, 44) for side in (right, left)
                 ]
                 boxes = [(u, v, u + wide, v + 12.0) for u, v in places]
-                box = next((place for place in boxes if _free(place, taken, a)), boxes[0])
-                taken.append(box)
+                box = next((place for place in boxes if _free(place, occupied, a)), boxes[0])
+                occupied.append(box)
                 if boxes.index(box) > 3:
                     near = box[0] if box[0] > x else box[2]
                     parts.append(
@@ -401,17 +401,17 @@ class Sheet:
                 left = column * WIDTH
                 head = _label(8.0, 13.0, chart.title, ' class="title"') + names
                 parts.append(f'<g transform="translate({left:g} {top:.1f})">{head}</g>')
-                at = f'x="{left:g}" y="{top + above:.1f}"'
+                place = f'x="{left:g}" y="{top + above:.1f}"'
                 size = f'width="{WIDTH:g}" height="{chart.height:g}"'
-                parts.append(chart.svg().replace("<svg ", f"<svg {at} {size} ", 1))
+                parts.append(chart.svg().replace("<svg ", f"<svg {place} {size} ", 1))
             top += above + max(chart.height for chart in row) + 8.0
         title = _label(8.0, 17.0, self.title, ' class="title"')
         # its colours are its own: a notebook puts it into a page with other ones
-        own = style().replace(":root", "svg.sheet")
+        rules = style().replace(":root", "svg.sheet")
         return printable(
             f'<svg xmlns="http://www.w3.org/2000/svg" class="chart sheet" '
             f'viewBox="0 0 {width:g} {top:.0f}" width="{width:g}" height="{top:.0f}">'
-            f'<style>{own}</style><rect width="100%" height="100%" fill="var(--paper)"/>'
+            f'<style>{rules}</style><rect width="100%" height="100%" fill="var(--paper)"/>'
             f"{title if self.title else ''}{''.join(parts)}</svg>\n"
         )
 
@@ -419,14 +419,14 @@ class Sheet:
         return self.svg()
 
 
-def ticks(ends: Range, wanted: float, log: bool = False) -> list[tuple[float, str]]:
-    """Round values along an axis with their labels, at least two of them and about `wanted`."""
+def ticks(ends: Range, count: float, log: bool = False) -> list[tuple[float, str]]:
+    """Round values along an axis with their labels, at least two of them and about `count`."""
     low, high = sorted(ends)
     if log:
-        values = _log_ticks(low, high, wanted)
+        values = _log_ticks(low, high, count)
         if len(values) > 1:
             return values
-    raw = (high - low) / max(2.0, wanted)
+    raw = (high - low) / max(2.0, count)
     steps = 10.0 ** math.floor(math.log10(raw)) * np.array([0.5, 1.0, 2.0, 5.0, 10.0])
     nearest = int(np.argmin(np.abs(np.log(steps / raw))))
     step = float(steps[nearest])
@@ -440,12 +440,12 @@ def ticks(ends: Range, wanted: float, log: bool = False) -> list[tuple[float, st
     ]
 
 
-def _log_ticks(low: float, high: float, wanted: float) -> list[tuple[float, str]]:
+def _log_ticks(low: float, high: float, count: float) -> list[tuple[float, str]]:
     """Decades; with 2 and 5 between them where there are few."""
     exponents = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
     decades = math.log10(high / low)
-    steps = (1, 2, 5) if decades * 3.0 <= 1.5 * wanted else (1,)
-    every = 1 if len(steps) > 1 else max(1, math.ceil(decades / (1.5 * wanted)))
+    steps = (1, 2, 5) if decades * 3.0 <= 1.5 * count else (1,)
+    every = 1 if len(steps) > 1 else max(1, math.ceil(decades / (1.5 * count)))
     values = [m * 10.0**e for e in exponents if e % every == 0 for m in steps]
     return [(value, _power(value)) for value in values if low <= value <= high]
 
@@ -538,8 +538,8 @@ def _cross(x: float, y: float, size: float, shape: Shape) -> str:
 
 
 def _label(x: float, y: float, text: str, more: str = "", *, anchor: str = "start") -> str:
-    at = f'x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"'
-    return f"<text {at}{more}>{marked_up(text)}</text>"
+    place = f'x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}"'
+    return f"<text {place}{more}>{marked_up(text)}</text>"
 
 
 def _stroke(colour: str, width: float, dash: str = "") -> str:
@@ -565,12 +565,12 @@ LETTER = 6.7
 Box: TypeAlias = tuple[float, float, float, float]
 
 
-def _free(box: Box, taken: Sequence[Box], a: _Axes) -> bool:
+def _free(box: Box, occupied: Sequence[Box], a: _Axes) -> bool:
     """Whether a box lies in the plot and meets none of the others."""
     x0, y0, x1, y1 = box
     inside = x0 >= 0.0 and y0 >= 0.0 and x1 <= a.width and y1 <= a.height
     return inside and not any(
-        x0 < u1 and u0 < x1 and y0 < v1 and v0 < y1 for u0, v0, u1, v1 in taken
+        x0 < u1 and u0 < x1 and y0 < v1 and v0 < y1 for u0, v0, u1, v1 in occupied
     )
 
 

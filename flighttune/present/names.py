@@ -151,8 +151,8 @@ def columns(keys: str) -> list[Column]:
 
 
 def _column(key: str) -> Column:
-    rest, _, last = key.rpartition(".")
-    channel = rest.rpartition(".")[2]
+    parent, _, last = key.rpartition(".")
+    channel = parent.rpartition(".")[2]
     if last in METRIC_LABELS:
         label = METRIC_LABELS[last]
         name = f"{label.name} {SYMBOLS[channel]}" if channel in SYMBOLS else label.name
@@ -174,10 +174,10 @@ def shown_unit(unit: str) -> tuple[str, float]:
 
 def distinct(names: Iterable[str]) -> list[str]:
     """Names in order; one that repeats an earlier one ends in ``_2``, ``_3`` and so on."""
-    taken: dict[str, None] = {}
+    used: dict[str, None] = {}
     for stem in names:
         name, again = stem, 2
-        while name in taken:
+        while name in used:
             name, again = f"{stem}_{again}", again + 1
-        taken[name] = None
-    return list(taken)
+        used[name] = None
+    return list(used)

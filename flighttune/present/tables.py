@@ -140,8 +140,8 @@ class Table:
         )
 
     @property
-    def of_words(self) -> list[bool]:
-        """Whether a column has no number: its cells stand to the left."""
+    def left_aligned(self) -> list[bool]:
+        """Whether each column is text, and so left-aligned."""
         return [
             not any(_is_number(_value(record, column.key)) for record in self.records)
             for column in self.columns
@@ -178,8 +178,8 @@ class Table:
             for record in self.records:
                 groups.setdefault(first.text(record), []).append(record)
             tables = [
-                replace(self, title=name, columns=others, records=own, grouped=False).text(width)
-                for name, own in groups.items()
+                replace(self, title=name, columns=others, records=rows, grouped=False).text(width)
+                for name, rows in groups.items()
             ]
             return "\n\n".join([*title, *tables])
         blocks, room = [[first]], width - least[first]
@@ -197,7 +197,7 @@ class Table:
         widths = []
         columns = zip([column.heading for column in self.columns], *self.rows, strict=True)
         for place, ((heading, *cells), words) in enumerate(
-            zip(columns, self.of_words, strict=True)
+            zip(columns, self.left_aligned, strict=True)
         ):
             if not words:
                 widths.append(max(map(len, (*heading.split(), *cells)), default=0))
@@ -210,9 +210,9 @@ class Table:
 
     def _lines(self, width: int) -> Iterator[str]:
         """Lines of one block: the widest columns are wrapped until all have room."""
-        least, rows, words = self._least(), self.rows, self.of_words
+        least, rows, words = self._least(), self.rows, self.left_aligned
         cells = zip([column.heading for column in self.columns], *rows, strict=True)
-        widths = [max(map(len, own)) for own in cells]
+        widths = [max(map(len, texts)) for texts in cells]
         while sum(widths) + len(GAP) * (len(widths) - 1) > width and widths != least:
             wide = [i for i in range(len(widths)) if widths[i] > least[i]]
             widths[max(wide, key=lambda i: widths[i])] -= 1
@@ -222,11 +222,11 @@ class Table:
                 for cell, size in zip(row, widths, strict=True)
             ]
             for parts in zip_longest(*wrapped, fillvalue=""):
-                shown = [
+                cells_of_line = [
                     part.ljust(size) if left else part.rjust(size)
                     for part, size, left in zip(parts, widths, words, strict=True)
                 ]
-                yield GAP.join(shown).rstrip()
+                yield GAP.join(cells_of_line).rstrip()
             if self.head and not place:
                 yield GAP.join("─" * size for size in widths)
 
@@ -247,7 +247,7 @@ class Table:
 
     def markdown(self) -> str:
         """Markdown without the title; numbers stand to the right."""
-        rule = ["---" if words else "---:" for words in self.of_words]
+        rule = ["---" if words else "---:" for words in self.left_aligned]
         top, *cells = (
             [" ".join(cell.split()).replace("|", "\\|") for cell in row]
             for row in (self.head, *self.rows)
@@ -257,7 +257,7 @@ class Table:
 
 def facts_table(title: str, facts: Mapping[str, str]) -> Table:
     """A table of words: a name and what is said of it in each row."""
-    records = [{"what": what, "value": value} for what, value in facts.items()]
+    records = [{"what": name, "value": value} for name, value in facts.items()]
     return Table(title=title, columns=(Column("what"), Column("value")), records=records)
 
 

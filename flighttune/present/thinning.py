@@ -24,25 +24,25 @@ def peaks(values: FloatArray, *, most: int = MOST) -> np.ndarray:
     edges = np.linspace(0, n, most // 2 + 1).astype(int)
     width = int(np.diff(edges).max())
     inside = np.minimum(edges[:-1, None] + np.arange(width), (edges[1:] - 1)[:, None])
-    kept = [np.array([0, n - 1])]
+    samples = [np.array([0, n - 1])]
     for line in values.reshape(n, -1).T:
         stretches = line[inside]
         gap = np.isnan(stretches)
         for extreme, missing in ((np.argmin, np.inf), (np.argmax, -np.inf)):
             filled = np.where(gap, missing, stretches)
-            kept.append(inside[np.arange(len(inside)), extreme(filled, axis=1)])
+            samples.append(inside[np.arange(len(inside)), extreme(filled, axis=1)])
         # Without one missing sample the line would be drawn straight across a short gap.
         broken = np.flatnonzero(gap.any(axis=1))
-        kept.append(inside[broken, gap[broken].argmax(axis=1)])
-    return np.unique(np.concatenate(kept))
+        samples.append(inside[broken, gap[broken].argmax(axis=1)])
+    return np.unique(np.concatenate(samples))
 
 
 def thinned(x: FloatArray, y: FloatArray, most: int = MAX_DRAWN) -> tuple[FloatArray, FloatArray]:
     """At most about `most` points of a line that keep every peak and every gap."""
     if len(x) <= most:
         return x, y
-    kept = peaks(y, most=most)
-    return x[kept], y[kept]
+    samples = peaks(y, most=most)
+    return x[samples], y[samples]
 
 
 def evenly(n: int, *, most: int = MOST) -> np.ndarray:

@@ -30,28 +30,30 @@ SIDE, MIDDLE = 0.23, 0.31  # shares of the width: the column of lanes, the plots
 
 
 def blueprint(
-    drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]], route: DrawnRoute | None = None
+    flights: Sequence[DrawnRun],
+    plots: Mapping[str, Sequence[Plot]],
+    route: DrawnRoute | None = None,
 ) -> rrb.Blueprint:
     """Lay out the runs that flew, with the plots of each tab; without runs only the page."""
     page = rrb.TextDocumentView(origin=entities.PAGE, name=PAGE_TAB)
-    if not drawn:
+    if not flights:
         return _layout([page])
-    tabs = _route_tabs(drawn, geographic=route.geographic) if route else {}
-    tabs |= {name: _tab(tab_plots, drawn) for name, tab_plots in plots.items()}
+    tabs = _route_tabs(flights, geographic=route.geographic) if route else {}
+    tabs |= {name: _tab(tab_plots, flights) for name, tab_plots in plots.items()}
     beside_lanes = [
-        rrb.Horizontal(tab, _lanes(drawn), column_shares=[1.0 - SIDE, SIDE], name=name)
+        rrb.Horizontal(tab, _lanes(flights), column_shares=[1.0 - SIDE, SIDE], name=name)
         for name, tab in {**tabs, PAGE_TAB: page}.items()
     ]
-    return _layout([_overview(drawn, plots), *beside_lanes])
+    return _layout([_overview(flights, plots), *beside_lanes])
 
 
 def _route_tabs(
-    drawn: Sequence[DrawnRun], *, geographic: bool
+    flights: Sequence[DrawnRun], *, geographic: bool
 ) -> dict[str, rrb.Container | rrb.View]:
     """A plan view and an aircraft in its corridor; a map if the place is known."""
     # An aircraft with a corridor goes before those without.
-    followed = leader([drawn_run for drawn_run in drawn if drawn_run.run.claims] or drawn)
-    above, north = scene.eye_above(scene.all_positions(drawn)), (1.0, 0.0, 0.0)
+    followed = leader([drawn_run for drawn_run in flights if drawn_run.run.claims] or flights)
+    above, north = scene.eye_above(scene.all_positions(flights)), (1.0, 0.0, 0.0)
     level = f"/{entities.WORLD}/**", f"- /{entities.SHADOWS}/**"
     plan = _scene_view("From above, north up", above, *level, up=north)
     behind = _scene_view(
@@ -65,25 +67,25 @@ def _route_tabs(
     return {ROUTE_TAB: views, **({MAP_TAB: map_view} if geographic else {})}
 
 
-def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) -> rrb.Container:
-    followed = leader(drawn)
-    whole = _scene_view("Paths and aircraft", scene.overview(drawn), f"/{entities.WORLD}/**")
+def _overview(flights: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) -> rrb.Container:
+    followed = leader(flights)
+    whole = _scene_view("Paths and aircraft", scene.overview(flights), f"/{entities.WORLD}/**")
     chase = _scene_view(
         f"Behind {followed.number} {followed.run.provenance.gains_name}",
-        scene.chase_eye(scene.drawn_scale(drawn) * scene.span_of(followed.run)),
+        scene.chase_eye(scene.drawn_scale(flights) * scene.span_of(followed.run)),
         f"/{entities.AIRCRAFT}/**",
         f"/{entities.GROUND}/**",
         origin=f"{entities.AIRCRAFT}/{followed.key}",
     )
-    runs = [drawn_run.run for drawn_run in drawn]
+    runs = [drawn_run.run for drawn_run in flights]
     errors = OFF_ROUTE if any("along" in run.signals for run in runs) else ERRORS
     signals = (*errors, *([AIRSPEED] if any(run.status != "completed" for run in runs) else []))
     by_signal = {plot.signal: plot for tab in plots.values() for plot in tab}
     beside = [by_signal[name] for name in signals if name in by_signal]
     table = min(TABLE + TABLE_ROW * (2 + len(runs)), LONGEST_TABLE)
-    lanes = LANES + LANE * len(drawn)
+    lanes = LANES + LANE * len(flights)
     paths: rrb.Container | rrb.View = whole
-    right: rrb.Container | rrb.View = _lanes(drawn)
+    right: rrb.Container | rrb.View = _lanes(flights)
     if lanes > MOST_LANES:  # the lanes of so many runs need the whole height
         paths = rrb.Horizontal(whole, chase, column_shares=[3, 2])
     else:
@@ -93,7 +95,7 @@ def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) ->
     now = rrb.TextDocumentView(origin=entities.NOW, name="Now")
     views = rrb.Horizontal(
         rrb.Vertical(paths, now, row_shares=[1.0 - table, table]),
-        rrb.Vertical(*(_plot(plot, drawn, 1.0 / len(beside)) for plot in beside)),
+        rrb.Vertical(*(_plot(plot, flights, 1.0 / len(beside)) for plot in beside)),
         right,
         column_shares=[1.0 - MIDDLE - SIDE, MIDDLE, SIDE],
     )
@@ -102,32 +104,32 @@ def _overview(drawn: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) ->
     return rrb.Vertical(reading, views, row_shares=[READING, 1.0 - READING], name="Overview")
 
 
-def leader(drawn: Sequence[DrawnRun]) -> DrawnRun:
+def leader(flights: Sequence[DrawnRun]) -> DrawnRun:
     """The run that the view follows: the first that ended early, else the last of the longest."""
-    for drawn_run in drawn:
+    for drawn_run in flights:
         if drawn_run.run.status != "completed":
             return drawn_run
-    return max(reversed(drawn), key=lambda drawn_run: drawn_run.run.duration)
+    return max(reversed(flights), key=lambda drawn_run: drawn_run.run.duration)
 
 
-def _tab(plots: Sequence[Plot], drawn: Sequence[DrawnRun]) -> rrb.Grid:
+def _tab(plots: Sequence[Plot], flights: Sequence[DrawnRun]) -> rrb.Grid:
     """A grid of plots; two stand one above the other, on one time axis."""
     columns = round(math.sqrt(COLUMNS_PER_ROW * len(plots))) if len(plots) > 2 else 1
     share = 1.0 / math.ceil(len(plots) / columns)
-    return rrb.Grid(*(_plot(plot, drawn, share) for plot in plots), grid_columns=columns)
+    return rrb.Grid(*(_plot(plot, flights, share) for plot in plots), grid_columns=columns)
 
 
-def _lanes(drawn: Sequence[DrawnRun]) -> rrb.StateTimelineView:
+def _lanes(flights: Sequence[DrawnRun]) -> rrb.StateTimelineView:
     """Lanes over the same time axis as the plots, which name the runs in their colours."""
     return rrb.StateTimelineView(
         name="Runs: limits",
-        contents=[f"/{entities.lane_name(drawn_run, len(drawn))}" for drawn_run in drawn],
+        contents=[f"/{entities.lane_name(drawn_run, len(flights))}" for drawn_run in flights],
         time_view=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
     )
 
 
-def _plot(plot: Plot, drawn: Sequence[DrawnRun], share: float) -> rrb.TimeSeriesView:
-    span = value_range(plot, [drawn_run.run for drawn_run in drawn], share=share)
+def _plot(plot: Plot, flights: Sequence[DrawnRun], share: float) -> rrb.TimeSeriesView:
+    span = value_range(plot, [drawn_run.run for drawn_run in flights], share=share)
     return rrb.TimeSeriesView(
         origin=f"{entities.PLOTS}/{plot.signal}",
         name=plot.heading,

@@ -22,10 +22,10 @@ SHORTEST = 0.3  # s; shorter pieces are drawn as the one before: sensor noise wo
 DIMMED = 0.45  # brightness of a lane while a limit holds a command
 
 
-def log_lanes(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
+def log_lanes(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None:
     """Log a lane for each run, in its colour."""
-    end = END * max(drawn_run.run.duration for drawn_run in drawn)
-    for drawn_run in drawn:
+    end = END * max(drawn_run.run.duration for drawn_run in flights)
+    for drawn_run in flights:
         run, colour = drawn_run.run, drawn_run.style.rgb
         t, states = lane(run)
         after = "" if run.status == "completed" else run.status.replace("_", " ")
@@ -39,7 +39,7 @@ def log_lanes(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
             colors=[*(colours.get(state, dimmed) for state in visible), (0, 0, 0), (0, 0, 0)],
             visible=[True] * len(visible) + [False, False],
         )
-        path = lane_name(drawn_run, len(drawn))
+        path = lane_name(drawn_run, len(flights))
         stream.log(path, style, static=True)
         stream.send_columns(path, [times(t)], rr.StateChange.columns(state=states))
 

@@ -117,9 +117,9 @@ def _gains(runs: Sequence[Run], indicators: Mapping[str, tuple[float, float, flo
 
 def _metrics(heading: str, labels: Sequence[str], metrics: pd.DataFrame) -> str:
     names = [name for name in map(str, metrics) if name in METRIC_LABELS and name != NOT_SHOWN]
-    shown = [Column(heading, heading), *columns(" ".join(names))]
+    layout = [Column(heading, heading), *columns(" ".join(names))]
     records = metrics.assign(**{heading: labels}).to_dict(orient="records")
-    return Table(shown, records).markdown()
+    return Table(layout, records).markdown()
 
 
 def _made_with(runs: Sequence[Run]) -> list[str]:
@@ -131,18 +131,18 @@ def _made_with(runs: Sequence[Run]) -> list[str]:
     return [f"Seed {first.seed}; {versions}; flown in {seconds:.2f} s."]
 
 
-def log_readout(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
+def log_readout(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None:
     """Log a line on how to read the picture, and a table of the runs over time."""
-    line = rr.TextDocument(reading_line(drawn), media_type=rr.MediaType.MARKDOWN)
+    line = rr.TextDocument(reading_line(flights), media_type=rr.MediaType.MARKDOWN)
     stream.log(READING, line, static=True)
-    t = max((drawn_run.run.t for drawn_run in drawn), key=lambda t: t[-1])
+    t = max((drawn_run.run.t for drawn_run in flights), key=lambda t: t[-1])
     t = t[evenly(len(t), most=INSTANTS)]
     headings = " | ".join(heading for heading, _ in COLUMNS.values())
     rule = "|".join(["---", *["--:"] * len(COLUMNS)])
     units = " | ".join(shown_unit(unit_of(name))[0] for name in COLUMNS)
     below = f" | {headings} |\n|{rule}|\n| | {units} |"
     lines = [[f"| t = {now:.1f} s{below}" for now in t.tolist()]]
-    lines += [_rows(drawn_run, t) for drawn_run in drawn]
+    lines += [_rows(drawn_run, t) for drawn_run in flights]
     pages = ["\n".join(page) + "\n" for page in zip(*lines, strict=True)]
     media = [rr.MediaType.MARKDOWN] * len(pages)
     stream.send_columns(NOW, [times(t)], rr.TextDocument.columns(text=pages, media_type=media))
@@ -151,11 +151,11 @@ def log_readout(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
 def _rows(drawn_run: DrawnRun, t: FloatArray) -> list[str]:
     """The row of a run at each of the times `t` (s)."""
     run = drawn_run.run
-    there = np.minimum(np.searchsorted(run.t, t), len(run.t) - 1)
+    sample = np.minimum(np.searchsorted(run.t, t), len(run.t) - 1)
     columns = []
     for name, (_, form) in COLUMNS.items():
         if name in run.signals:
-            values = displayed(run.signals, name)[there].tolist()
+            values = displayed(run.signals, name)[sample].tolist()
             columns.append([f"{value:{form}}" for value in values])
         else:
             columns.append([" "] * len(t))
@@ -169,23 +169,23 @@ def _rows(drawn_run: DrawnRun, t: FloatArray) -> list[str]:
     ]
 
 
-def reading_line(drawn: Sequence[DrawnRun]) -> str:
+def reading_line(flights: Sequence[DrawnRun]) -> str:
     """Legend of colours, lines, arrows and lanes as Markdown."""
-    made_by = [drawn_run.run.provenance for drawn_run in drawn]
-    pairs = [(made.plant, made.gains_name) for made in made_by]
+    made_by = [drawn_run.run.provenance for drawn_run in flights]
+    pairs = [(flight.plant, flight.gains_name) for flight in made_by]
     same = len({gains for _, gains in pairs}) == 1
     parts = ["**Colour:** plant" if same else "**Colour:** run"]
     if hue_tells_gains(pairs) and not same:
         parts = ["**Hue:** gains"]
-    if any(made.aircraft is None for made in made_by):
+    if any(flight.aircraft is None for flight in made_by):
         parts.append("**dashed, outline:** a law")
-    claims = {claim.kind for drawn_run in drawn for claim in drawn_run.run.claims}
+    claims = {claim.kind for drawn_run in flights for claim in drawn_run.run.claims}
     if "proven" in claims:
         parts.append("**thin around a signal:** proven tube")
     if "counted" in claims:
         parts.append("**dashed around a signal:** counted band")
-    factor = drawn_scale(drawn)
-    spacing = ground_grid(all_positions(drawn))[1]
+    factor = drawn_scale(flights)
+    spacing = ground_grid(all_positions(flights))[1]
     parts += [
         f"**aircraft:** {factor:g} times their size",
         "**arrow:** velocity",

@@ -143,28 +143,28 @@ def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
         return any(bool((np.abs(values.to_numpy()) > CALMEST).any()) for values in having)
 
     units = {name: unit for run in runs for name, unit in run.units.items()}
-    of_laws = tuple(Plot(name, name, unit=unit) for name, unit in units.items())
-    shown = {
+    law_plots = tuple(Plot(name, name, unit=unit) for name, unit in units.items())
+    tabs = {
         tab: tuple(
             _as_flown(plot, runs)
-            for plot in (*plots, *(of_laws if tab == LAW_TAB else ()))
+            for plot in (*plots, *(law_plots if tab == LAW_TAB else ()))
             if shows(tab, plot)
         )
         for tab, plots in TABS.items()
     }
-    return {tab: plots for tab, plots in shown.items() if plots}
+    return {tab: plots for tab, plots in tabs.items() if plots}
 
 
 def _as_flown(plot: Plot, runs: Sequence[Run]) -> Plot:
     """The plot with the measured signal and the claims that a run has."""
-    there = {name for run in runs for name in run.signals}
+    recorded = {name for run in runs for name in run.signals}
     measured = SEEN_AS.get(plot.signal)
     claims = {
         f"{claim.title} {'dashed' if claim.kind == 'counted' else 'thin'}": None
         for run in runs
         for claim, _ in claims_around(run.claims, plot.signal)
     }
-    return replace(plot, measured=measured if measured in there else None, claims=tuple(claims))
+    return replace(plot, measured=measured if measured in recorded else None, claims=tuple(claims))
 
 
 def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
@@ -194,9 +194,9 @@ def value_range(plot: Plot, runs: Sequence[Run], *, share: float) -> tuple[float
     power of ten: between -9 and 9 that is a lonely 0.
     """
     having = [run for run in runs if plot.signal in run.signals]
-    drawn = [*plot.signals, *filter(None, (plot.common, plot.measured))]
+    names = [*plot.signals, *filter(None, (plot.common, plot.measured))]
     values = [
-        displayed(run.signals, name) for run in having for name in drawn if name in run.signals
+        displayed(run.signals, name) for run in having for name in names if name in run.signals
     ]
     factor = shown_unit(unit_of(plot.signal))[1]
     for run in having:
@@ -237,7 +237,7 @@ def positions(signals: pd.DataFrame) -> FloatArray:
     return signals[["north", "east", "down"]].to_numpy(dtype=float)
 
 
-def with_derived(drawn: "Sequence[DrawnRun]") -> "list[DrawnRun]":
+def with_derived(flights: "Sequence[DrawnRun]") -> "list[DrawnRun]":
     """The runs with the signals of `UNITS` that they have; and height and speed over ground.
 
     A run is compared with that of the same gains on the plant before it: `step_chi` and
@@ -246,13 +246,13 @@ def with_derived(drawn: "Sequence[DrawnRun]") -> "list[DrawnRun]":
     """
     before: dict[str, list[Run]] = {}
     extended = []
-    for drawn_run in drawn:
+    for drawn_run in flights:
         run = drawn_run.run
         lower = before.setdefault(run.provenance.gains_name, [])
         columns = {**_over_ground(run), **_parts(run), **_compared(run, lower)}
         lower.append(run)
-        shown = replace(run, signals=run.signals.assign(**columns)) if columns else run
-        extended.append(replace(drawn_run, run=shown))
+        with_columns = replace(run, signals=run.signals.assign(**columns)) if columns else run
+        extended.append(replace(drawn_run, run=with_columns))
     return extended
 
 
@@ -280,12 +280,12 @@ def _parts(run: Run) -> dict[str, FloatArray]:
         return {}
     phi, n_z, phi_cmd, n_z_cmd, V_a, gamma = (signals[name].to_numpy() for name in FLOWN)
     chi_rate = np.gradient(np.unwrap(signals["chi"].to_numpy()), run.t)
-    flown = chi_rate, np.gradient(signals["gamma"].to_numpy(), run.t)
+    actual = chi_rate, np.gradient(signals["gamma"].to_numpy(), run.t)
     exact = turn_rates(V_a, gamma, phi_cmd, n_z_cmd, turn="exact", g=trim.g)
     behind = turn_rates(V_a, gamma, phi, n_z, turn="exact", g=trim.g)
     kinematic = turn_rates(trim.V_a, gamma, phi_cmd, n_z_cmd, turn="paper", g=trim.g)
     modelled = {"kinematic": kinematic, "point_mass": exact}[run.provenance.law.plant]
-    steps = modelled, exact, behind, flown
+    steps = modelled, exact, behind, actual
     return {
         f"{part}_{channel}": steps[k + 1][i] - steps[k][i]
         for k, part in enumerate(PARTS)

@@ -80,7 +80,7 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
     paths = signal_files(flown.runs, folder)
     runs = [parts_of(run) for run in flown.runs]
     flight = [sha256 for _, _, sha256 in runs]
-    drawn = recording_bytes(
+    picture = recording_bytes(
         flown.runs,
         page=page_of(flown),
         title=flown.scenario.title,
@@ -91,7 +91,7 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
     with ExitStack() as files:
         for path, parts in zip(paths, runs, strict=True):
             files.enter_context(whole_file(path)).write_bytes(record_bytes(parts, flight))
-        files.enter_context(whole_file(recording)).write_bytes(drawn)
+        files.enter_context(whole_file(recording)).write_bytes(picture)
     labels = (run.label for run in flown.runs)
     return RecordedFiles(recording=recording, signals=dict(zip(labels, paths, strict=True)))
 
@@ -101,7 +101,9 @@ def page_of(flown: FlownScenario) -> str:
     return scenario_page(
         flown.runs,
         scenario=flown.scenario.as_dict(),
-        indicators={name: (own.R_K, own.I_K, own.E_K) for name, own in flown.indicators.items()},
+        indicators={
+            name: (loop.R_K, loop.I_K, loop.E_K) for name, loop in flown.indicators.items()
+        },
     )
 
 
@@ -148,21 +150,21 @@ def log_recording(
     stream: rr.RecordingStream, runs: Sequence[Run], *, page: str, title: str
 ) -> None:
     """Log all runs of a scenario, their page and the layout; see `write_recording`."""
-    flown = runs_to_draw(runs)
-    drawn = with_derived(flown)
-    plots = shown_plots([drawn_run.run for drawn_run in drawn])
-    route = route_of(drawn)
-    _send_layout(stream, blueprint(drawn, plots, route))
+    recorded = runs_to_draw(runs)
+    extended = with_derived(recorded)
+    plots = shown_plots([drawn_run.run for drawn_run in extended])
+    route = route_of(extended)
+    _send_layout(stream, blueprint(extended, plots, route))
     stream.send_recording_name(title)
     stream.log(entities.PAGE, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
-    if drawn:
-        log_scene(stream, [somewhere(drawn_run) for drawn_run in flown])
-        log_lanes(stream, drawn)
-        log_readout(stream, drawn)
+    if extended:
+        log_scene(stream, [somewhere(drawn_run) for drawn_run in recorded])
+        log_lanes(stream, extended)
+        log_readout(stream, extended)
     if route is not None:
-        log_route(stream, [somewhere(drawn_run) for drawn_run in drawn], route)
+        log_route(stream, [somewhere(drawn_run) for drawn_run in extended], route)
     for plot in dict.fromkeys(plot for tab in plots.values() for plot in tab):
-        _log_plot(stream, plot, drawn)
+        _log_plot(stream, plot, extended)
 
 
 def _send_layout(stream: rr.RecordingStream, layout: rrb.Blueprint) -> None:
@@ -173,21 +175,21 @@ def _send_layout(stream: rr.RecordingStream, layout: rrb.Blueprint) -> None:
         make_thread_default=False,
         default_enabled=True,
     )
-    of_layout = rr.RecordingStream._from_native(native)
-    of_layout.set_time("blueprint", sequence=0)
-    layout._log_to_stream(of_layout)
-    storage = of_layout.memory_recording().storage
+    layout_stream = rr.RecordingStream._from_native(native)
+    layout_stream.set_time("blueprint", sequence=0)
+    layout._log_to_stream(layout_stream)
+    storage = layout_stream.memory_recording().storage
     rerun_bindings.send_blueprint(storage, False, True, recording=stream.to_native())
-    of_layout.disconnect()  # the sink holds the stream, and the stream the sink
+    layout_stream.disconnect()  # the sink holds the stream, and the stream the sink
 
 
-def _log_plot(stream: rr.RecordingStream, plot: Plot, drawn: Sequence[DrawnRun]) -> None:
+def _log_plot(stream: rr.RecordingStream, plot: Plot, flights: Sequence[DrawnRun]) -> None:
     folder = f"{entities.PLOTS}/{plot.signal}"
     # The time axis reaches a little beyond the longest flight, in all plots alike.
-    end = entities.END * max(drawn_run.run.duration for drawn_run in drawn)
+    end = entities.END * max(drawn_run.run.duration for drawn_run in flights)
     nothing = rr.Scalars.columns(scalars=[np.nan, np.nan])
     stream.send_columns(f"{folder}/{entities.AXIS}", [times([0.0, end])], nothing)
-    having = [drawn_run for drawn_run in drawn if plot.signal in drawn_run.run.signals]
+    having = [drawn_run for drawn_run in flights if plot.signal in drawn_run.run.signals]
     for drawn_run in having:
         run, key = drawn_run.run, drawn_run.key
         strong = f"{folder}/{key}"  # the first line of this entity is drawn strong
@@ -225,21 +227,21 @@ def _log_signals(
     stream: rr.RecordingStream, path: str, style: rr.SeriesLines, run: Run, names: Sequence[str]
 ) -> None:
     values = np.column_stack([displayed(run.signals, name) for name in names])
-    kept = peaks(values)
-    t, values = run.t[kept], values[kept]
+    samples = peaks(values)
+    t, values = run.t[samples], values[samples]
     log_lines(stream, path, style, t, values)
 
 
 def _log_claim(
-    stream: rr.RecordingStream, path: str, claim: RunClaim, values: FloatArray, drawn: DrawnRun
+    stream: rr.RecordingStream, path: str, claim: RunClaim, values: FloatArray, drawn_run: DrawnRun
 ) -> None:
     """Log the bounds of a signal: dashed where they are counted, thin where they are proven."""
-    kept, counted = peaks(values), claim.kind == "counted"
-    t, values = drawn.run.t[kept], values[kept]
+    samples, counted = peaks(values), claim.kind == "counted"
+    t, values = drawn_run.run.t[samples], values[samples]
     if counted:
         values[t % (DASH + GAP) > DASH] = np.nan
-    labels = [f"{drawn.run.label}, {claim.title}: {end}" for end in ("lowest", "highest")]
-    colours = [(*drawn.style.rgb, 255 if counted else FAINT)] * 2
+    labels = [f"{drawn_run.run.label}, {claim.title}: {end}" for end in ("lowest", "highest")]
+    colours = [(*drawn_run.style.rgb, 255 if counted else FAINT)] * 2
     style = rr.SeriesLines(colors=colours, widths=[1.0, 1.0], names=labels)
     log_lines(stream, path, style, t, values)
 
@@ -266,8 +268,8 @@ def show(flown: FlownScenario, *, width: int = 1280, height: int = 720) -> None:
     need("`show`", "rerun_notebook")
     from rerun.notebook import Viewer
 
-    drawn = recording_bytes(flown.runs, page=page_of(flown), title=flown.scenario.title)
+    picture = recording_bytes(flown.runs, page=page_of(flown), title=flown.scenario.title)
     # A viewer of a stream would keep the stream and its threads for as long as the notebook runs.
     viewer = Viewer(width=width, height=height, use_global_recording=False)
-    viewer._viewer.send_rrd(drawn)
+    viewer._viewer.send_rrd(picture)
     viewer.display()

@@ -50,9 +50,9 @@ class DrawnRoute:
         return on_earth(points[evenly(len(points))], self.table.origin)
 
 
-def route_of(drawn: Sequence[DrawnRun]) -> DrawnRoute | None:
+def route_of(flights: Sequence[DrawnRun]) -> DrawnRoute | None:
     """The route of the runs, which are of one scenario; None if they fly none."""
-    scenario = drawn[0].run.provenance.scenario if drawn else {}
+    scenario = flights[0].run.provenance.scenario if flights else {}
     if "route" not in scenario:
         return None
     loaded = scenario_from(dict(scenario))
@@ -62,7 +62,7 @@ def route_of(drawn: Sequence[DrawnRun]) -> DrawnRoute | None:
     return DrawnRoute(followed.path, loaded.route)
 
 
-def log_route(stream: rr.RecordingStream, drawn: Sequence[DrawnRun], route: DrawnRoute) -> None:
+def log_route(stream: rr.RecordingStream, flights: Sequence[DrawnRun], route: DrawnRoute) -> None:
     """Log path, waypoints, corridors, and a map where the place is known."""
     path = route.path.beside(route.path.points(APART)) * TO_NED
     _log(stream, f"{ROUTE}/path", rr.LineStrips3D([path], colors=GREY, radii=on_screen(1.0)))
@@ -71,12 +71,12 @@ def log_route(stream: rr.RecordingStream, drawn: Sequence[DrawnRun], route: Draw
         names[point] = f"{names[point]}, {number}" if point in names else f"WP{number}"
     labels = {"labels": [*names.values()], "show_labels": True, "colors": GREY}
     _log(stream, f"{ROUTE}/waypoints", rr.Points3D([*names], radii=on_screen(3.0), **labels))
-    for drawn_run in drawn:
+    for drawn_run in flights:
         run, frame = drawn_run.run, f"{TRUE_SIZE}/{drawn_run.key}"
         log_aircraft(stream, drawn_run, run.signals, frame, span_of(run))
         _log_corridor(stream, drawn_run, route.path)
     if route.geographic:
-        _log_map(stream, drawn, route, path)
+        _log_map(stream, flights, route, path)
 
 
 def _log(stream: rr.RecordingStream, path: str, drawing: rr.AsComponents) -> None:
@@ -111,17 +111,17 @@ def _log_corridor(stream: rr.RecordingStream, drawn_run: DrawnRun, path: Path) -
 
 
 def _log_map(
-    stream: rr.RecordingStream, drawn: Sequence[DrawnRun], route: DrawnRoute, path: FloatArray
+    stream: rr.RecordingStream, flights: Sequence[DrawnRun], route: DrawnRoute, path: FloatArray
 ) -> None:
     line, points = route.on_earth(path), route.on_earth(route.points)
     thin, size = on_screen(1.0), on_screen(4.0)
     _log(stream, f"{MAP}/_path", rr.GeoLineStrings(lat_lon=[line], colors=GREY, radii=thin))
     _log(stream, f"{MAP}/_waypoints", rr.GeoPoints(lat_lon=points, colors=GREY, radii=size))
-    for drawn_run in drawn:
+    for drawn_run in flights:
         signals, colours = drawn_run.run.signals, [drawn_run.style.rgb]
-        flown, name = route.on_earth(positions(signals)), f"{MAP}/{drawn_run.key}"
-        _log(stream, name, rr.GeoLineStrings(lat_lon=[flown], colors=colours, radii=thin))
+        line_flown, name = route.on_earth(positions(signals)), f"{MAP}/{drawn_run.key}"
+        _log(stream, name, rr.GeoLineStrings(lat_lon=[line_flown], colors=colours, radii=thin))
         dot = rr.GeoPoints.from_fields(colors=colours, radii=on_screen(6.0))
         _log(stream, f"{name}/now", dot)
         time = times(signals.index[evenly(len(signals))])
-        stream.send_columns(f"{name}/now", [time], rr.GeoPoints.columns(positions=flown))
+        stream.send_columns(f"{name}/now", [time], rr.GeoPoints.columns(positions=line_flown))

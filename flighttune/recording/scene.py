@@ -55,9 +55,9 @@ GROUND_COLOUR = (88, 88, 88)
 WIND_COLOUR = rgb(NEUTRAL)
 
 
-def all_positions(drawn: Sequence[DrawnRun]) -> FloatArray:
+def all_positions(flights: Sequence[DrawnRun]) -> FloatArray:
     """All finite positions of all runs, shape (n, 3), m."""
-    points = np.vstack([positions(drawn_run.run.signals) for drawn_run in drawn])
+    points = np.vstack([positions(drawn_run.run.signals) for drawn_run in flights])
     return points[np.isfinite(points).all(axis=1)]
 
 
@@ -95,9 +95,9 @@ def _span(aircraft: str) -> float:
         return MODEL_SPAN
 
 
-def drawn_scale(drawn: Sequence[DrawnRun]) -> float:
+def drawn_scale(flights: Sequence[DrawnRun]) -> float:
     """Factor by which all aircraft are drawn larger than they are."""
-    return enlargement(all_positions(drawn), max(span_of(flown.run) for flown in drawn))
+    return enlargement(all_positions(flights), max(span_of(flight.run) for flight in flights))
 
 
 def enlargement(points: FloatArray, span: float) -> float:
@@ -134,12 +134,12 @@ def round_below(value: float, steps: tuple[float, ...] = ROUND) -> float:
     return decade * max(factor for factor in steps if factor * decade <= value or factor == 1.0)
 
 
-def overview(drawn: Sequence[DrawnRun]) -> Eye:
+def overview(flights: Sequence[DrawnRun]) -> Eye:
     """Camera that sees all runs, the ground below them and its axes."""
-    points = all_positions(drawn)
+    points = all_positions(flights)
     lines, spacing = ground_grid(points)
     axes = lines[0][0] + AXES * spacing * np.eye(3)[:2]
-    width = drawn_scale(drawn) * max(span_of(flown.run) for flown in drawn)
+    width = drawn_scale(flights) * max(span_of(flight.run) for flight in flights)
     return overview_eye(np.vstack([points, axes, *lines]), margin=width / 2.0)
 
 
@@ -160,9 +160,9 @@ def overview_eye(points: FloatArray, *, margin: float) -> Eye:
     up = np.cross(right, back)
     # A point is in the picture if its distance from the axis is at most that of the edge there.
     centre = (low + high) / 2.0
-    depth, seen = (points - centre) @ back, (points - centre) @ np.column_stack([right, up])
+    depth, across = (points - centre) @ back, (points - centre) @ np.column_stack([right, up])
     slopes = math.tan(FIELD_OF_VIEW / 2.0) * np.array([ASPECT, 1.0])
-    distance = float(np.max((np.abs(seen) + margin) / slopes + depth[:, None]))
+    distance = float(np.max((np.abs(across) + margin) / slopes + depth[:, None]))
     return centre + distance * back, centre
 
 
@@ -190,10 +190,10 @@ def somewhere(drawn_run: DrawnRun) -> DrawnRun:
     return replace(drawn_run, run=replace(drawn_run.run, signals=signals))
 
 
-def log_scene(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
+def log_scene(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None:
     """Log world axes (x north, y east, z down), paths and moving aircraft of all runs."""
-    points = all_positions(drawn)
-    factor = drawn_scale(drawn)
+    points = all_positions(flights)
+    factor = drawn_scale(flights)
     lines, spacing = ground_grid(points)
     # x forward, y right, z down: north, east, down. Rerun's RIGHT_HAND_Z_DOWN is another frame.
     stream.log(entities.WORLD, rr.ViewCoordinates.FRD, static=True)
@@ -208,7 +208,7 @@ def log_scene(stream: rr.RecordingStream, drawn: Sequence[DrawnRun]) -> None:
         radii=on_screen(1.5),
     )
     stream.log(f"{entities.GROUND}/axes", arrows, static=True)
-    for drawn_run in drawn:
+    for drawn_run in flights:
         signals = drawn_run.run.signals
         width = factor * span_of(drawn_run.run)
         _log_path(stream, drawn_run, signals, floor=float(corner[2]))

@@ -86,8 +86,8 @@ def _chart(band: Band, i: int) -> Chart:
         chart.line(x, edge, NEUTRAL, dash=DOTTED, width=1.2, hover=False)
     completed, within = np.isfinite(band.scores), band.scores <= band.scale
     inside, outside = (np.flatnonzero(completed & side) for side in (within, ~within))
-    shown = inside[:: max(1, len(inside) // MIN_DRAWN)]
-    _lines(chart, x, factor * flights[shown], LIGHT, f"{len(shown)} of {len(inside)} inside", 0.5)
+    chosen = inside[:: max(1, len(inside) // MIN_DRAWN)]
+    _lines(chart, x, factor * flights[chosen], LIGHT, f"{len(chosen)} of {len(inside)} inside", 0.5)
     _lines(chart, x, factor * flights[outside], LIMIT, f"{len(outside)} outside", 0.9)
     if band.claims:
         nearest = factor * flights[band.draws.tolist().index(band.nearest)]

@@ -22,7 +22,7 @@ def write_gap_page(gap: Gap, tables: Sequence[Table], path: str | Path) -> Repor
 
     Raises InputError if the aircraft did not fly, OutputError if the file cannot be written.
     """
-    made = gap.aircraft.provenance
+    origin = gap.aircraft.provenance
     return write_page(
         Path(path),
         page_template("flighttune.reports", "commands.html.jinja"),
@@ -38,6 +38,6 @@ def write_gap_page(gap: Gap, tables: Sequence[Table], path: str | Path) -> Repor
         title=f"From the law to the aircraft: {gap.scenario.title}; gains {gap.name}",
         styles=run_styles(gap.runs),
         provenance=provenance_table(gap.scenario.title, gap.scenario, gap.runs),
-        commands=f"flighttune gap scenario.toml --gains {made.gains_name}",
-        scenario_text=toml_text(made.scenario),
+        commands=f"flighttune gap scenario.toml --gains {origin.gains_name}",
+        scenario_text=toml_text(origin.scenario),
     )

@@ -62,13 +62,13 @@ def itae_chart(gap: Gap, channel: str) -> Chart:
     ends = np.cumsum([first, *steps])
     lows = np.array([0.0, *np.minimum(ends[:-1], ends[1:]), 0.0])
     heights = np.array([first, *np.abs(steps), last])
-    own = colours(gap)
+    rung_colours = colours(gap)
     chart.y_range = (min(0.0, 1.1 * float(lows.min())), 1.12 * float((lows + heights).max()) or 1.0)
-    chart.bars(lows, lows + heights, [*own, own[-1]])
+    chart.bars(lows, lows + heights, [*rung_colours, rung_colours[-1]])
     for i, level in enumerate(ends.tolist()):
         chart.line([i - 0.32, i + 1.32], [level, level], INK, width=0.8)
-    shown = [f"{first:.2f}", *(f"{step:+.2f}" for step in steps), f"{last:.2f}"]
-    for i, (text, up) in enumerate(zip(shown, (lows + heights).tolist(), strict=True)):
+    labels = [f"{first:.2f}", *(f"{step:+.2f}" for step in steps), f"{last:.2f}"]
+    for i, (text, up) in enumerate(zip(labels, (lows + heights).tolist(), strict=True)):
         chart.text(i, up, text.replace("-", "−"), anchor="middle", shift=(0.0, -4.0))
     return chart
 

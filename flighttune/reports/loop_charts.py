@@ -57,18 +57,18 @@ def loop_charts(model: LinearModel, gains: PIGains, margins: Sequence[Margins]) 
         nyquist.line(response.real, -response.imag, colour, dash=DOTTED, width=1.0)
         if not margins:
             continue
-        own = margins[i]
-        if math.isfinite(own.phase_margin):
-            on_circle = np.exp(1j * (own.phase_margin - math.pi))
+        disk = margins[i]
+        if math.isfinite(disk.phase_margin):
+            on_circle = np.exp(1j * (disk.phase_margin - math.pi))
             k = int(np.argmin(np.abs(response - on_circle)))
-            margin = f"phase margin {own.phase_margin / DEG:.1f}°"
+            margin = f"phase margin {disk.phase_margin / DEG:.1f}°"
             tip = f"{name}: {margin} at {omega[k]:.2f} rad/s"
             level = 360.0 * round((angle[k] / DEG + 180.0) / 360.0) - 180.0
             phase.line([omega[k], omega[k]], [level, angle[k] / DEG], colour, width=3.0)
             phase.points(omega[k], angle[k] / DEG, colour, tips=[tip])
             phase.legend.append((margin, colour, "dot"))
             nyquist.points(on_circle.real, on_circle.imag, colour, tips=[tip])
-        for gain in (own.gain_increase, own.gain_decrease):
+        for gain in (disk.gain_increase, disk.gain_decrease):
             if not (math.isfinite(gain) and gain > 0.0):
                 continue
             k = int(np.argmin(np.abs(response + 1.0 / gain)))

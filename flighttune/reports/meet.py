@@ -75,33 +75,35 @@ def chart(trials: Sequence[Trial], rows: Sequence[Mapping[str, Any]], i: int, k:
     """All candidates by the values of two requirements, with the bounds of these."""
     across, up = rows[i], rows[k]
     x, y = (np.array([trial.checks[0][j].value for trial in trials]) for j in (i, k))
-    others = [np.delete(trial.excess[0], [i, k]).max(initial=-1.0) <= 0.0 for trial in trials]
-    made = Chart(
+    met = [np.delete(trial.excess[0], [i, k]).max(initial=-1.0) <= 0.0 for trial in trials]
+    plane = Chart(
         title=f"{up['measure']} against {across['measure']}",
         x=f"{across['measure']} ({across['sense']} {across['bound']:g}), {across['run']}",
         y=f"{up['measure']} ({up['sense']} {up['bound']:g})",
         x_range=_range(x, across),
         y_range=_range(y, up),
     )
-    made.points(x, y, NEUTRAL, size=2.5, opacity=0.7, filled=others, name="candidate")
-    made.upright(across["bound"], LIMIT, dash=DASHED)
-    made.level(up["bound"], name="bound")
-    made.points(across["start"], up["start"], INK, shape="cross", size=5, name="start")
-    made.points(across["value"], up["value"], HUES[0][0][0], size=5, name="result")
-    return made
+    plane.points(x, y, NEUTRAL, size=2.5, opacity=0.7, filled=met, name="candidate")
+    plane.upright(across["bound"], LIMIT, dash=DASHED)
+    plane.level(up["bound"], name="bound")
+    plane.points(across["start"], up["start"], INK, shape="cross", size=5, name="start")
+    plane.points(across["value"], up["value"], HUES[0][0][0], size=5, name="result")
+    return plane
 
 
-def share_chart(trials: Sequence[Trial], wanted: float) -> Chart:
+def share_chart(trials: Sequence[Trial], share: float) -> Chart:
     """Share of the draws of a search on which each candidate meets all, in the order of flying."""
-    made = Chart(
+    chart = Chart(
         title="Flights that meet all requirements",
         x="gain set, in the order of the search",
         y="share of its flights [%]",
     )
     shares = [100.0 * float((trial.worst <= 0.0).mean()) for trial in trials]
-    made.points(range(1, len(shares) + 1), shares, NEUTRAL, size=2.5, opacity=0.7, name="candidate")
-    made.level(100.0 * wanted, name="wanted")
-    return made
+    chart.points(
+        range(1, len(shares) + 1), shares, NEUTRAL, size=2.5, opacity=0.7, name="candidate"
+    )
+    chart.level(100.0 * share, name="wanted")
+    return chart
 
 
 def _range(values: FloatArray, row: Mapping[str, Any]) -> tuple[float, float]:

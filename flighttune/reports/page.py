@@ -111,14 +111,14 @@ def write_report(
     runs = [run for run in source.runs if len(run.signals) > 1]
     scenario = _scenario(source, runs)
     styles = run_styles(source.runs)
-    drawn = [(run, styles[run.label]) for run in runs]
+    flights = [(run, styles[run.label]) for run in runs]
     claim = check_claim(scenario, source.runs)
     convergence = tables.convergence_table(source.runs, claim)
     converged = sum(record["converges"] for record in convergence.records)
     gaps, without_gap = _gaps(scenario, runs)
-    certificate = _certificate_section(scenario, drawn)
+    certificate = _certificate_section(scenario, flights)
     at_top, below = _areas(runs)
-    made = runs[0].provenance
+    origin = runs[0].provenance
     return write_page(
         Path(path),
         page_template("flighttune.reports", "page.html.jinja"),
@@ -131,28 +131,28 @@ def write_report(
         missed=(*claim.missed, *filter(None, [advice(scenario, source.runs, "SCENARIO")])),
         criterion=CONVERGES,
         sections=[
-            Section(note=at_top, charts=_overview(drawn), tables=[convergence]),
+            Section(note=at_top, charts=_overview(flights), tables=[convergence]),
             Section(
                 id="tracking",
                 title="Errors and metrics",
                 note=" ".join([ERRORS, *below]),
-                charts=panels.errors(drawn),
+                charts=panels.errors(flights),
                 tables=[tables.tracking_table(runs), tables.runs_table(source.runs)],
             ),
-            _commands_section(drawn, "Commands after magnitude and rate limits."),
+            _commands_section(flights, "Commands after magnitude and rate limits."),
             *([_gap_section(gaps, runs)] if gaps else []),
             certificate,
         ],
         title=scenario.title,
         claim=scenario.verifies,
-        legend=[(run.label, style) for run, style in drawn],
+        legend=[(run.label, style) for run, style in flights],
         styles=styles,
         without_gap=without_gap,
         missing=source.missing,
         provenance=tables.provenance_table(source.name, scenario, runs),
-        scenario_text=toml_text(made.scenario),
+        scenario_text=toml_text(origin.scenario),
         first_gains=next((run.provenance.gains_name for run in runs if run.provenance.gains), None),
-        version=made.versions.get("flighttune", ""),
+        version=origin.versions.get("flighttune", ""),
     )
 
 
@@ -163,7 +163,7 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
     """
     runs = overlaid(comparison)
     styles = run_styles(runs)
-    drawn = [(run, styles[run.label]) for run in runs]
+    flights = [(run, styles[run.label]) for run in runs]
     scenario = runs[0].provenance.scenario
     sources = sources_of(comparison)
     at_top, below = _areas(runs)
@@ -171,15 +171,15 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
         Path(path),
         page_template("flighttune.reports", "commands.html.jinja"),
         sections=[
-            Section(note=at_top, charts=_overview(drawn), tables=[pairs_table(comparison)]),
+            Section(note=at_top, charts=_overview(flights), tables=[pairs_table(comparison)]),
             Section(
                 id="metrics",
                 title="Errors and metrics",
                 note=" ".join([ERRORS, *below]),
-                charts=panels.errors(drawn),
+                charts=panels.errors(flights),
                 tables=[comparison_table("metrics", comparison.metrics)],
             ),
-            _commands_section(drawn),
+            _commands_section(flights),
         ],
         title=f"{scenario.get('title', 'Flight')}: comparison",
         legend=list(styles.items()),
@@ -194,9 +194,9 @@ def _scenario(source: Source, runs: Sequence[Run]) -> Scenario:
     """The one scenario of all runs, whatever their gains."""
     if not runs:
         raise RecordingError(f"{source.name}: a run must have flown, got none.")
-    first, *others = ({**run.provenance.scenario, "gains": None} for run in runs)
-    for run, other in zip(runs[1:], others, strict=True):
-        if other != first:
+    first, *scenarios = ({**run.provenance.scenario, "gains": None} for run in runs)
+    for run, scenario in zip(runs[1:], scenarios, strict=True):
+        if scenario != first:
             raise RecordingError(
                 f"{source.name}: the runs must be of one scenario, got another one for "
                 f"{run.label} than for {runs[0].label}; use compare for those."
@@ -212,17 +212,17 @@ def _flown_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
             aircraft.append(load_aircraft(name).title)
         except FlightTuneError:  # of somebody else's recording
             aircraft.append(name)
-    start, of = scenario.stated_condition, "; ".join(aircraft) or "Guidance law"
+    start, subject = scenario.stated_condition, "; ".join(aircraft) or "Guidance law"
     if scenario.route is not None:
         passed = len(scenario.route.waypoint)
-        return f"{of}: at {start.V_a:g} m/s in {scenario.air}, {passed} waypoints."
+        return f"{subject}: at {start.V_a:g} m/s in {scenario.air}, {passed} waypoints."
     t = np.linspace(0.0, scenario.flight.duration_s, ANGLES)
     chi, gamma = scenario.followed().sampled(t)
     course, climb = _moves("course", start.chi, chi), _moves("path angle", start.gamma, gamma)
     if "goes from" in course:
         climb = climb.replace("goes from", "from")  # the page has no room to say it twice
     angles = f"{course} and {climb}"
-    return f"{of}: at {start.V_a:g} m/s in {scenario.air}, {angles}."
+    return f"{subject}: at {start.V_a:g} m/s in {scenario.air}, {angles}."
 
 
 def _moves(name: str, start: float, reference: FloatArray) -> str:
@@ -279,15 +279,16 @@ def _areas(runs: Sequence[Run]) -> tuple[str, list[str]]:
     return (" ".join(words), []) if "along" in runs[0].signals else ("", words)
 
 
-def _overview(drawn: panels.Drawn) -> list[Chart]:
+def _overview(flights: panels.Drawn) -> list[Chart]:
     """The charts at the top: of a route on a map and along it, else of course and path angle."""
-    return route_charts(drawn) or panels.tracking(drawn)
+    return route_charts(flights) or panels.tracking(flights)
 
 
-def _commands_section(drawn: panels.Drawn, note: str = "") -> Section:
-    path = [] if planned_path(drawn) else panels.paths(drawn)  # that of a route is drawn at the top
+def _commands_section(flights: panels.Drawn, note: str = "") -> Section:
+    # The path along a route is drawn at the top.
+    path = [] if planned_path(flights) else panels.paths(flights)
     title = "Commands and path" if path else "Commands"
-    return Section(id="commands", title=title, note=note, charts=[*panels.commands(drawn), *path])
+    return Section(id="commands", title=title, note=note, charts=[*panels.commands(flights), *path])
 
 
 def _gap_section(gaps: Sequence[Gap], runs: Sequence[Run]) -> Section:
@@ -310,11 +311,11 @@ def _gap_section(gaps: Sequence[Gap], runs: Sequence[Run]) -> Section:
     )
 
 
-def _certificate_section(scenario: Scenario, drawn: panels.Drawn) -> Section:
+def _certificate_section(scenario: Scenario, flights: panels.Drawn) -> Section:
     """Certificates of the gains, bounds of flights of the law, and the frontier with the gains."""
-    sets = {run.provenance.gains_name: run.provenance.gains for run, _ in drawn}
+    sets = {run.provenance.gains_name: run.provenance.gains for run, _ in flights}
     gains = {name: gain_set for name, gain_set in sets.items() if gain_set is not None}
-    checks = {run.label: check for run, _ in drawn if (check := flight_check(run)) is not None}
+    checks = {run.label: check for run, _ in flights if (check := flight_check(run)) is not None}
     curve = frontier(
         tuning_problem(scenario),
         points=FRONTIER_POINTS,
@@ -322,8 +323,8 @@ def _certificate_section(scenario: Scenario, drawn: panels.Drawn) -> Section:
         starts=0,  # drawn gains find the same curve in twice the time
     )
     # A gain set has the style of its run on the last plant, the strongest.
-    marks = {run.provenance.gains_name: style for run, style in drawn}
-    charts = panels.certificate_panels(drawn, checks)
+    marks = {run.provenance.gains_name: style for run, style in flights}
+    charts = panels.certificate_panels(flights, checks)
     stable = "frontier" in set(curve["name"])
     if stable:
         charts += [frontier_chart(curve, marks, against=key) for key in ("I_K", "E_K")]

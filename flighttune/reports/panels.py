@@ -52,37 +52,37 @@ def most_points(runs: int) -> int:
     return MAX_DRAWN * FEW_RUNS // max(FEW_RUNS, runs)
 
 
-def tracking(drawn: Drawn) -> list[Chart]:
+def tracking(flights: Drawn) -> list[Chart]:
     """Course and path angle with their references."""
-    longest = max((run for run, _ in drawn), key=lambda run: run.duration)
+    longest = max((run for run, _ in flights), key=lambda run: run.duration)
     charts = []
     for signal, title, unit in ANGLES:
-        chart = over_time(drawn, title, unit)
+        chart = over_time(flights, title, unit)
         reference = displayed(longest.signals, f"{signal}_ref")
-        chart.line(longest.t, reference, NEUTRAL, width=2.2, most=most_points(len(drawn)))
-        charts.append(_with_runs(chart, drawn, signal))
+        chart.line(longest.t, reference, NEUTRAL, width=2.2, most=most_points(len(flights)))
+        charts.append(_with_runs(chart, flights, signal))
     return charts
 
 
-def errors(drawn: Drawn) -> list[Chart]:
+def errors(flights: Drawn) -> list[Chart]:
     """Both errors with what is claimed of them, and other signals of which something is claimed."""
     charts = []
     for signal, title, unit in ERRORS:
-        chart = over_time(drawn, title, unit)
+        chart = over_time(flights, title, unit)
         chart.level(0.0, NEUTRAL, dash="")
-        for run, style in drawn:
+        for run, style in flights:
             draw_claims(chart, run, run.t, signal, style.colour)
-        charts.append(_with_runs(chart, drawn, signal))
-    shown = {*ROUTE_SIGNALS, *(signal for signal, *_ in ERRORS)}
+        charts.append(_with_runs(chart, flights, signal))
+    with_charts = {*ROUTE_SIGNALS, *(signal for signal, *_ in ERRORS)}
     claimed = {
         name: claim.units[name]
-        for run, _ in drawn
+        for run, _ in flights
         for claim in run.claims
         for name in claim.bounds.names
-        if name not in shown
+        if name not in with_charts
     }
     for signal, si_unit in claimed.items():
-        bounded = [(run, style) for run, style in drawn if any(claims_around(run.claims, signal))]
+        bounded = [(run, style) for run, style in flights if any(claims_around(run.claims, signal))]
         chart = over_time(bounded, signal, f"{signal} [{shown_unit(si_unit)[0]}]")
         for run, style in bounded:
             draw_claims(chart, run, run.t, signal, style.colour)
@@ -100,31 +100,31 @@ def draw_claims(chart: Chart, run: Run, x: FloatArray, signal: str, colour: str)
             chart.line(x, edge, NEUTRAL, run=run.label, dash=DOTTED, width=1.2, hover=False)
 
 
-def commands(drawn: Drawn) -> list[Chart]:
+def commands(flights: Drawn) -> list[Chart]:
     """Commands after their limits, the limits, and bars while a command is limited."""
     charts = []
     for name, title, unit in COMMANDS:
-        chart = _with_runs(over_time(drawn, title, unit), drawn, f"{name}_cmd")
-        limits = limits_of(drawn[0][0].provenance.scenario, name) or ()
+        chart = _with_runs(over_time(flights, title, unit), flights, f"{name}_cmd")
+        limits = limits_of(flights[0][0].provenance.scenario, name) or ()
         for limit in limits:
             chart.level(limit)
         low, high = chart.y_ends()
-        room = LANE * (len(drawn) + 1)
+        room = LANE * (len(flights) + 1)
         chart.y_range = low - room / (1.0 - room) * (high - low), high
-        for place, (run, style) in enumerate(drawn):
+        for place, (run, style) in enumerate(flights):
             limited = run.signals[f"{name}_limited"].to_numpy() != 0.0
             chart.spans(_spans(run.t, limited), LANE * (place + 0.8), style.colour, run=run.label)
         charts.append(chart)
     return charts
 
 
-def paths(drawn: Drawn) -> list[Chart]:
+def paths(flights: Drawn) -> list[Chart]:
     """The paths from above, and their heights."""
-    height = over_time(drawn, "Height over the start", "height [m]")
-    for run, style in drawn:
+    height = over_time(flights, "Height over the start", "height [m]")
+    for run, style in flights:
         down = run.signals["down"].to_numpy()
-        height.run_line(run.t, -down, style, run.label, most=most_points(len(drawn)))
-    return [_from_above(drawn), height]
+        height.run_line(run.t, -down, style, run.label, most=most_points(len(flights)))
+    return [_from_above(flights), height]
 
 
 def plot(flown: FlownScenario | Run | Iterable[Run]) -> Sheet:
@@ -151,75 +151,78 @@ def plot(flown: FlownScenario | Run | Iterable[Run]) -> Sheet:
     runs = flown.runs if isinstance(flown, FlownScenario) else flown
     runs = (runs,) if isinstance(runs, Run) else tuple(runs)
     styles = run_styles(runs)
-    drawn = [(run, styles[run.label]) for run in runs if len(run.signals) > 1]
-    if not drawn:
+    flights = [(run, styles[run.label]) for run in runs if len(run.signals) > 1]
+    if not flights:
         raise InputError("`flown` must have a run that flew, got none.")
-    charts = [*errors(drawn), *flown_signals(drawn)]
+    charts = [*errors(flights), *flown_signals(flights)]
     for chart in charts:
-        chart.legend = [(run.label, style.colour, dashes(style)) for run, style in drawn]
+        chart.legend = [(run.label, style.colour, dashes(style)) for run, style in flights]
     return Sheet(charts=charts)
 
 
-def flown_signals(drawn: Drawn, signals: Sequence[tuple[str, str, str]] = FLOWN) -> Iterator[Chart]:
+def flown_signals(
+    flights: Drawn, signals: Sequence[tuple[str, str, str]] = FLOWN
+) -> Iterator[Chart]:
     """Signals (name, title and unit) of flights over time, with their limits."""
     for name, title, unit in signals:
-        chart = over_time(drawn, title, unit)
-        for limit in limits_of(drawn[0][0].provenance.scenario, name) or ():
+        chart = over_time(flights, title, unit)
+        for limit in limits_of(flights[0][0].provenance.scenario, name) or ():
             chart.level(limit)
-        yield _with_runs(chart, [(run, style) for run, style in drawn if name in run.signals], name)
+        having = [(run, style) for run, style in flights if name in run.signals]
+        yield _with_runs(chart, having, name)
 
 
-def certificate_panels(drawn: Drawn, checks: Mapping[str, FlightCheck]) -> list[Chart]:
+def certificate_panels(flights: Drawn, checks: Mapping[str, FlightCheck]) -> list[Chart]:
     """The norm of s against its bound on the linear loop, a chart per gain set."""
     charts = []
-    for name in dict.fromkeys(run.provenance.gains_name for run, _ in drawn):
-        own = [
+    for name in dict.fromkeys(run.provenance.gains_name for run, _ in flights):
+        compared = [
             (run, style, checks[run.label])
-            for run, style in drawn
+            for run, style in flights
             if run.provenance.gains_name == name and run.label in checks
         ]
-        if not own:
+        if not compared:
             continue
         chart = Chart(
             title=f"{name}: ‖s‖ of the law, bound of the linear loop dashed",
             y="‖(e′, e)‖ [rad/s, rad]",
-            x_range=(0.0, max(run.duration for run, *_ in own)),
+            x_range=(0.0, max(run.duration for run, *_ in compared)),
             log="y",
             linked=True,
         )
-        look: dict[str, Any] = {"most": most_points(len(drawn))}
-        for run, style, check in own:
+        look: dict[str, Any] = {"most": most_points(len(flights))}
+        for run, style, check in compared:
             label = run.label
             chart.run_line(check.t, np.maximum(check.size, TINY), style, label, dash="", **look)
             chart.run_line(check.t, check.bound, style, label, dash=DASHED, width=1.2, **look)
             if check.radius > 0.0:
                 chart.level(check.radius, style.colour, dash=DOTTED, run=label)
             if check.t_broken is not None:
-                at = float(np.interp(check.t_broken, check.t, check.size))
-                chart.points(check.t_broken, at, LIMIT, shape="cross", size=5, run=label)
+                level = float(np.interp(check.t_broken, check.t, check.size))
+                chart.points(check.t_broken, level, LIMIT, shape="cross", size=5, run=label)
         low, high = chart.y_ends()
         chart.y_range = max(low, FLOOR), high
         charts.append(chart)
     return charts
 
 
-def over_time(drawn: Drawn, title: str, unit: str) -> Chart:
+def over_time(flights: Drawn, title: str, unit: str) -> Chart:
     """An empty chart over the longest flight."""
-    longest = max(run.duration for run, _ in drawn)
+    longest = max(run.duration for run, _ in flights)
     return Chart(title=title, y=unit, x_range=(0.0, longest), linked=True)
 
 
-def _with_runs(chart: Chart, drawn: Drawn, signal: str) -> Chart:
-    for run, style in drawn:
+def _with_runs(chart: Chart, flights: Drawn, signal: str) -> Chart:
+    for run, style in flights:
         chart.run_line(
-            run.t, displayed(run.signals, signal), style, run.label, most=most_points(len(drawn))
+            run.t, displayed(run.signals, signal), style, run.label, most=most_points(len(flights))
         )
     return chart
 
 
-def _from_above(drawn: Drawn) -> Chart:
+def _from_above(flights: Drawn) -> Chart:
     """North up, or to the right where the flight is longer that way."""
-    points = np.vstack([run.signals[["north", "east"]].to_numpy() for run, _ in drawn])
+    points = np.vstack([run.signals[["north", "east"]].to_numpy() for run, _ in flights])
     north, east = np.ptp(points, axis=0)
     x, y = ("north", "east") if north > east else ("east", "north")
     chart = Chart(
@@ -229,9 +232,9 @@ def _from_above(drawn: Drawn) -> Chart:
         equal=True,
         downwards=y == "east",  # with north to the right, east is down
     )
-    for run, style in drawn:
+    for run, style in flights:
         across, up = (run.signals[name].to_numpy() for name in (x, y))
-        chart.run_line(across, up, style, run.label, most=most_points(len(drawn)))
+        chart.run_line(across, up, style, run.label, most=most_points(len(flights)))
     chart.points(0.0, 0.0, NEUTRAL, shape="plus", size=6)
     return chart
 

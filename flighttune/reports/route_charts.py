@@ -32,23 +32,25 @@ CORRIDOR_FACTORS, MAX_CORRIDOR_SHARE = (2, 5, 10, 20, 50, 100), 0.02
 ARROW = 0.12
 
 
-def planned_path(drawn: Drawn) -> Path | None:
+def planned_path(flights: Drawn) -> Path | None:
     """The path of the route that runs fly, if they fly one."""
-    followed = _scenario(drawn).followed()
+    followed = _scenario(flights).followed()
     return followed.path if isinstance(followed, RouteReference) else None
 
 
-def route_charts(drawn: Drawn) -> list[Chart]:
+def route_charts(flights: Drawn) -> list[Chart]:
     """Map, height, and distances from the route of flights along it; none without a route."""
-    path = planned_path(drawn)
-    return [] if path is None else [_map(drawn, path), _height(drawn, path), *_errors(drawn, path)]
+    path = planned_path(flights)
+    if path is None:
+        return []
+    return [_map(flights, path), _height(flights, path), *_errors(flights, path)]
 
 
-def _map(drawn: Drawn, path: Path) -> Chart:
+def _map(flights: Drawn, path: Path) -> Chart:
     """The map of the route with flights."""
-    s, most = path.points(APART), most_points(len(drawn))
-    chart = route_map(_scenario(drawn), path, s, _corridor(drawn, "cross_track", s))
-    for run, style in drawn:
+    s, most = path.points(APART), most_points(len(flights))
+    chart = route_map(_scenario(flights), path, s, _corridor(flights, "cross_track", s))
+    for run, style in flights:
         chart.run_line(run.signals["east"], run.signals["north"], style, run.label, most=most)
     return chart
 
@@ -56,12 +58,12 @@ def _map(drawn: Drawn, path: Path) -> Chart:
 def route_map(scenario: Scenario, path: Path, s: FloatArray, corridor: FloatArray | None) -> Chart:
     """Seen from above, north up: planned path, waypoints, wind, and a corridor at distances `s`."""
     chart = Chart(title="Map", x="east [m]", y="north [m]", equal=True, height=MAP_HEIGHT)
-    flown = path.s <= path.length
-    east, north = path.east[flown], path.north[flown]
+    inside = path.s <= path.length
+    east, north = path.east[inside], path.north[inside]
     if corridor is not None:
         sides = np.append(corridor[0], corridor[1, ::-1])
-        seen = MAX_CORRIDOR_SHARE * max(np.ptp(east), np.ptp(north)) / np.abs(sides).max()
-        wider = max((times for times in CORRIDOR_FACTORS if times <= seen), default=1)
+        largest_factor = MAX_CORRIDOR_SHARE * max(np.ptp(east), np.ptp(north)) / np.abs(sides).max()
+        wider = max((times for times in CORRIDOR_FACTORS if times <= largest_factor), default=1)
         up, across, _ = path.beside(np.append(s, s[::-1]), wider * sides).T
         name = "corridor" if wider == 1 else f"corridor, drawn {wider} times as wide"
         chart.area(across, up, NEUTRAL, name=name)
@@ -90,21 +92,21 @@ def _wind_arrow(chart: Chart, wind: FloatArray) -> None:
     for line in ([tail, head], [neck + aside, head, neck - aside]):
         across, up = np.transpose(line)
         chart.line(across, up, INK, width=1.8)
-    at = (left + 1.4 * size, top - 0.7 * size)
-    chart.text(*at, f"wind at the start {speed:.3g} m/s", shift=(0.0, 4.0))
+    place = (left + 1.4 * size, top - 0.7 * size)
+    chart.text(*place, f"wind at the start {speed:.3g} m/s", shift=(0.0, 4.0))
 
 
-def _height(drawn: Drawn, path: Path) -> Chart:
+def _height(flights: Drawn, path: Path) -> Chart:
     """Height over the start along the route, in its corridor; turns have the waypoint's number."""
     chart = _along(path, "Height over the start", "h [m]")
     s = path.points(APART)
-    if (corridor := _corridor(drawn, "height_err", s)) is not None:
+    if (corridor := _corridor(flights, "height_err", s)) is not None:
         high, low = (path.beside(s, below=end)[:, 2] for end in corridor)
         chart.band(s / KM, low, high, NEUTRAL, name="corridor")
     chart.line(path.s / KM, path.up, NEUTRAL, name="planned", width=2.2)
-    for run, style in drawn:
+    for run, style in flights:
         along, down = (run.signals[name].to_numpy() for name in ("along", "down"))
-        chart.run_line(along / KM, -down, style, run.label, most=most_points(len(drawn)))
+        chart.run_line(along / KM, -down, style, run.label, most=most_points(len(flights)))
     for turn in path.stretches:
         if turn.kind != "leg":
             middle = turn.start + 0.5 * turn.length
@@ -115,16 +117,16 @@ def _height(drawn: Drawn, path: Path) -> Chart:
     return chart
 
 
-def _errors(drawn: Drawn, path: Path) -> list[Chart]:
+def _errors(flights: Drawn, path: Path) -> list[Chart]:
     """Distances of flights from the route along it, in the band counted for them."""
     charts = []
     for signal, title, unit in ROUTE_ERRORS:
         chart = _along(path, title, unit)
         chart.level(0.0, NEUTRAL, dash="")
-        for run, style in drawn:
+        for run, style in flights:
             along = run.signals["along"].to_numpy() / KM
             draw_claims(chart, run, along, signal, style.colour)
-            values, most = run.signals[signal].to_numpy(), most_points(len(drawn))
+            values, most = run.signals[signal].to_numpy(), most_points(len(flights))
             chart.run_line(along, values, style, run.label, most=most)
         charts.append(chart)
     return charts
@@ -136,11 +138,11 @@ def _along(path: Path, title: str, unit: str) -> Chart:
     return Chart(title=title, x=DISTANCE_AXIS, y=unit, x_range=ends, height=ROW_HEIGHT)
 
 
-def _corridor(drawn: Drawn, signal: str, s: FloatArray) -> FloatArray | None:
+def _corridor(flights: Drawn, signal: str, s: FloatArray) -> FloatArray | None:
     """Both ends of the first band around a signal of a run, at distances along the route."""
-    bounds = (ends for run, _ in drawn for ends in claimed_along(run, signal, s))
+    bounds = (ends for run, _ in flights for ends in claimed_along(run, signal, s))
     return next(bounds, None)
 
 
-def _scenario(drawn: Drawn) -> Scenario:
-    return scenario_from(dict(drawn[0][0].provenance.scenario))
+def _scenario(flights: Drawn) -> Scenario:
+    return scenario_from(dict(flights[0][0].provenance.scenario))

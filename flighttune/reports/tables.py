@@ -93,8 +93,8 @@ def convergence_table(runs: Sequence[Run], claim: ClaimCheck) -> Table:
             record["flight"] += f" at {run.duration:.1f} s"
         records.append(record)
     on_route = any("along" in run.signals for run in runs)
-    shown = ROUTE_COLUMNS if on_route else CONVERGENCE_COLUMNS
-    return _by_run("convergence", "", shown, records)
+    layout = ROUTE_COLUMNS if on_route else CONVERGENCE_COLUMNS
+    return _by_run("convergence", "", layout, records)
 
 
 def final_errors(run: Run) -> dict[str, Any]:
@@ -132,8 +132,8 @@ def gains_table(gains: Mapping[str, PIGains], curve: "pd.DataFrame") -> Table:
     """Gains with their indicators, which `curve` (from `frontier`) has."""
     marks = curve.set_index("name")
     records = [
-        {"gains": name, **marks.loc[name, ["R_K", "I_K", "E_K"]].to_dict(), **own.as_lists()}
-        for name, own in gains.items()
+        {"gains": name, **marks.loc[name, ["R_K", "I_K", "E_K"]].to_dict(), **gain_set.as_lists()}
+        for name, gain_set in gains.items()
     ]
     return Table(title="Gains", name="gains", columns=GAIN_COLUMNS, records=records)
 
@@ -141,21 +141,21 @@ def gains_table(gains: Mapping[str, PIGains], curve: "pd.DataFrame") -> Table:
 def certificates_table(scenario: Scenario, gains: Mapping[str, PIGains]) -> Table:
     """The proven claim of each gain set: ``‖s‖`` decays at half the rate, after its growth."""
     records = []
-    for name, own in gains.items():
-        trim, envelope = certify_scenario(scenario, own), None
+    for name, gain_set in gains.items():
+        trim, envelope = certify_scenario(scenario, gain_set), None
         if scenario.envelope and scenario.tuning.model == "kinematic":  # the law's ranges
-            envelope = certify_scenario(scenario, own, envelope=True)
+            envelope = certify_scenario(scenario, gain_set, envelope=True)
         claim = trim.values
         proven = envelope.certificate if envelope else None
-        both = list(filter(None, (trim, envelope)))
+        proofs = list(filter(None, (trim, envelope)))
         records.append(
             {
                 "gains": name,
                 **{key: claim[key] for key in ("rate", "growth", "radius", "L_d")},
                 "checks": len(claim["checks"]),
                 "envelope_rate": proven.claim.rate if proven else None,
-                "reason": "; ".join(filter(None, (made.reason for made in both))),
-                "status": "; ".join(dict.fromkeys(made.reason or made.in_words for made in both)),
+                "reason": "; ".join(filter(None, (proof.reason for proof in proofs))),
+                "status": "; ".join({proof.reason or proof.in_words: 0 for proof in proofs}),
             }
         )
     return Table(CERTIFICATE_COLUMNS, records, "Certificates", name="certificates")
@@ -185,35 +185,35 @@ def paths_table(runs: Sequence[Run]) -> Table:
     }
     records = []
     for run in runs:
-        made = run.provenance
-        law = first.get(made.gains_name)
-        if law is None or made.aircraft is None:
+        flight = run.provenance
+        law = first.get(flight.gains_name)
+        if law is None or flight.aircraft is None:
             continue
-        distance, at = largest_distance(law, run)
-        flights = {"gains": made.gains_name, "from": law.provenance.plant, "to": made.plant}
-        records.append({**flights, "max_distance_m": distance, "max_distance_at_s": at})
-    shown = columns("gains from to max_distance_m max_distance_at_s")
-    return Table(title="Paths", name="aircraft", columns=shown, records=records)
+        distance, t_farthest = largest_distance(law, run)
+        flights = {"gains": flight.gains_name, "from": law.provenance.plant, "to": flight.plant}
+        records.append({**flights, "max_distance_m": distance, "max_distance_at_s": t_farthest})
+    layout = columns("gains from to max_distance_m max_distance_at_s")
+    return Table(title="Paths", name="aircraft", columns=layout, records=records)
 
 
-def provenance_table(name: str, scenario: Scenario, flown: Sequence[Run]) -> Table:
+def provenance_table(name: str, scenario: Scenario, runs: Sequence[Run]) -> Table:
     """Provenance of the runs from `name`."""
-    made = flown[0].provenance
-    versions = ", ".join(f"{name} {value}" for name, value in made.versions.items())
+    first = runs[0].provenance
+    versions = ", ".join(f"{name} {value}" for name, value in first.versions.items())
     return facts_table(
         "Provenance",
         {
             "runs from": name,
             "scenario, SHA-256": scenario.sha256,
-            "seed": str(made.seed),
+            "seed": str(first.seed),
             "flown with": versions,
-            "time to fly": f"{sum(run.provenance.wall_s for run in flown):.2f} s",
+            "time to fly": f"{sum(run.provenance.wall_s for run in runs):.2f} s",
             "source of the scenario": scenario.source or MISSING,
         },
     )
 
 
 def _by_run(
-    name: str, title: str, shown: Sequence[Column], records: Sequence[Mapping[str, Any]]
+    name: str, title: str, layout: Sequence[Column], records: Sequence[Mapping[str, Any]]
 ) -> Table:
-    return Table(title=title, name=name, columns=shown, records=records, label="run")
+    return Table(title=title, name=name, columns=layout, records=records, label="run")

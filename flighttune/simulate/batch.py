@@ -212,8 +212,8 @@ def _sensor_errors(
 ) -> FloatArray:
     """Errors of the sensors of some flights, shape (flights, samples, 3)."""
     chosen = sensors[first:end] if len(sensors) > 1 else sensors[: end - first]
-    made = np.array([sensor.errors(samples, dt) for sensor in chosen])
-    return np.resize(made, (end - first if sensors else 0, samples, len(SENSED)))
+    errors = np.array([sensor.errors(samples, dt) for sensor in chosen])
+    return np.resize(errors, (end - first if sensors else 0, samples, len(SENSED)))
 
 
 def _in_blocks(fly: Callable[[int, int], Any], flights: int, threads: int | None) -> None:

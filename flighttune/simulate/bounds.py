@@ -53,10 +53,10 @@ class Bounds:
 
     def contain(self, signals: "pd.DataFrame") -> bool:
         """Whether a flight with these signals is inside, as far as the bounds last."""
-        flown = np.column_stack([signals[name] for name in self.names])
-        n = min(len(flown), len(self.t))
+        values = np.column_stack([signals[name] for name in self.names])
+        n = min(len(values), len(self.t))
         low, high = self.low[:n], self.high[:n]
-        return bool(((flown[:n] >= low) & (flown[:n] <= high) | np.isnan(low)).all())
+        return bool(((values[:n] >= low) & (values[:n] <= high) | np.isnan(low)).all())
 
     def distances(self, signals: "pd.DataFrame") -> FloatArray:
         """Distance of the signals of a flight from the middle of the bounds, shape (samples, m)."""

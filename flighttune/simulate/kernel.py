@@ -68,9 +68,9 @@ def fly_block(first, end, sensor_errors, flights, result):
     of the block and one a sample; of no flight where the controller sees the true values.
     """
     for i in range(first, end):
-        seen = sensor_errors[i - first] if len(sensor_errors) else sensor_errors.reshape((0, 3))
+        errors = sensor_errors[i - first] if len(sensor_errors) else sensor_errors.reshape((0, 3))
         rows = result.trajectories[i]
-        result.samples[i], result.ends[i] = _fly(i, seen, flights, result.t, rows)
+        result.samples[i], result.ends[i] = _fly(i, errors, flights, result.t, rows)
 
 
 @njit

@@ -107,8 +107,8 @@ def simulate(
         plant = SensedPlant(plant, sensors.errors(count + 1, dt))
     wrapped = getattr(controller, "wrapped", (True,))[0]
     route = reference if isinstance(reference, RouteReference) else None
-    of_route = () if route is None else tuple(ROUTE_SIGNALS)
-    columns = _columns(plant.signals, (*controller.signals, *of_route))
+    route_signals = () if route is None else tuple(ROUTE_SIGNALS)
+    columns = _columns(plant.signals, (*controller.signals, *route_signals))
     plant.start(condition)
     try:
         controller.start(condition)
@@ -151,8 +151,8 @@ def _fly(
     u_unsat, limited = limiter.u_unsat, limiter.limited
     observe, advance, step = plant.observe, plant.advance, controller.step
     for k, (now, ref) in enumerate(samples):
-        seen = observe()
-        measured = measured_of(seen)
+        signals = observe()
+        measured = measured_of(signals)
         if follow is not None:
             ref, place = follow(measured)
         try:
@@ -162,7 +162,7 @@ def _fly(
         phi_cmd, n_z_cmd = commands[0], commands[1]
         # The errors follow when all is flown: those of the signals, not those a sensor shows.
         loop = ref[0], ref[1], 0.0, 0.0, phi_cmd, n_z_cmd
-        rows += pack(*seen, *loop, *u_unsat, *commands[2:], *place, *limited)
+        rows += pack(*signals, *loop, *u_unsat, *commands[2:], *place, *limited)
         if k == count or (place and place[0] >= end):
             break
         stop = advance(phi_cmd, n_z_cmd, dt)

@@ -166,7 +166,7 @@ class Run:
         return float(self.signals.index[-1]) if len(self.signals) else 0.0
 
     def _repr_html_(self) -> str:
-        made = self.provenance
+        origin = self.provenance
         facts = {
             "outcome": self.outcome,
             "flown": f"{self.duration:g} s, {len(self.signals)} samples",
@@ -175,8 +175,8 @@ class Run:
             chi, gamma = (float(self.signals[f"{n}_err"].iloc[-1]) / DEG for n in ("chi", "gamma"))
             facts["errors at the end"] = f"χ {number(chi)}°, γ {number(gamma)}°"
         facts["signals"] = ", ".join(map(str, self.signals.columns))
-        if made.gains is not None:
-            facts["gains"] = f"K_P {matrix(made.gains.K_P)}, K_I {matrix(made.gains.K_I)}"
+        if origin.gains is not None:
+            facts["gains"] = f"K_P {matrix(origin.gains.K_P)}, K_I {matrix(origin.gains.K_I)}"
         return facts_table(self.label, facts).html()
 
 

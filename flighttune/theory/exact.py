@@ -88,12 +88,12 @@ def positive_definite(matrix: Rationals) -> bool:
     """
     if not np.array_equal(matrix, matrix.T):
         return False
-    rest, previous = integers(matrix)[0], 1
-    while len(rest):
-        pivot = rest[0, 0]
+    reduced, previous = integers(matrix)[0], 1
+    while len(reduced):
+        pivot = reduced[0, 0]
         if pivot <= 0:
             return False
-        rest = (rest[1:, 1:] * pivot - np.outer(rest[1:, 0], rest[0, 1:])) // previous
+        reduced = (reduced[1:, 1:] * pivot - np.outer(reduced[1:, 0], reduced[0, 1:])) // previous
         previous = pivot
     return True
 
@@ -190,9 +190,9 @@ class Verification:
         reason = ""
         if failed:
             worst = min(failed, key=lambda check: check.margin)
-            others = f"; {len(failed) - 1} more fail" if len(failed) > 1 else ""
+            more = f"; {len(failed) - 1} more fail" if len(failed) > 1 else ""
             verb = "does not hold" if worst.margin <= 0.0 else "is not proven"
-            reason = f"{worst.name} {verb}: margin {worst.margin:.3g}{others}."
+            reason = f"{worst.name} {verb}: margin {worst.margin:.3g}{more}."
         return cls(valid=not failed, reason=reason, checks=tuple(checks))
 
 
@@ -231,11 +231,11 @@ def rate_checks(vertices: Sequence[Rationals], Q: FloatArray, *, rate: float) ->
         matrix_check("Q > 0", form),
         matrix_check("rate Q <= I", eye - form * Fraction(rate)),
     ]
-    whole, of_form = integers(form)
+    whole, form_scale = integers(form)
     for number, A in enumerate(vertices, start=1):
         name = f"A' Q + Q A + I <= 0 at vertex {number} of {len(vertices)}"
-        loop, of_loop = integers(A)
-        unit = of_form * of_loop
+        loop, loop_scale = integers(A)
+        unit = form_scale * loop_scale
         flow = loop.T @ whole + whole @ loop
         flow[np.diag_indices_from(flow)] += unit
         checks.append(matrix_check(name, -flow, unit))

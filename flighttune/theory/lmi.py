@@ -77,7 +77,7 @@ def solve(problem: Any) -> str:
         warnings.filterwarnings("ignore", message="Solution may be inaccurate")
         try:
             problem.solve(solver="CLARABEL", **SOLVER_OPTIONS)
-            said = problem.status
+            status = problem.status
         except cvxpy.SolverError:
-            said = "solver_error"
-    return "" if said in SOLVED else f"the solver said {said!r}"
+            status = "solver_error"
+    return "" if status in SOLVED else f"the solver said {status!r}"

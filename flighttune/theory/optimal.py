@@ -52,10 +52,10 @@ def slowest_channel() -> Channel:
     from scipy.optimize import minimize_scalar
 
     options = {"xatol": 1e-9}
-    found = minimize_scalar(
+    optimum = minimize_scalar(
         lambda R_K: least_radius(R_K).I_K, bounds=(0.2, 0.8), method="bounded", options=options
     )
-    return least_radius(float(found.x))
+    return least_radius(float(optimum.x))
 
 
 def optimal_channel(I_star: float) -> Channel | None:

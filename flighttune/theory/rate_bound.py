@@ -138,10 +138,10 @@ def _box_margin(box: Sequence[float], multipliers: npt.ArrayLike, I_star: float)
     in_W = above - below / w + (1 + low / w) * square
     in_T = 2 * (s / w * square - P + M)
     # The upper row of T is the lower one of W.
-    of_W = abs(in_W[0, 0]), abs(2 * in_W[0, 1] + in_T[0, 0]), abs(in_W[1, 1] + in_T[0, 1])
-    rest = w * sum(of_W) + 2 * (abs(in_T[1, 0]) + abs(in_T[1, 1]))
+    slopes = abs(in_W[0, 0]), abs(2 * in_W[0, 1] + in_T[0, 0]), abs(in_W[1, 1] + in_T[0, 1])
+    spread = w * sum(slopes) + 2 * (abs(in_T[1, 0]) + abs(in_T[1, 1]))
     constant = below.trace() - low * (above + square).trace() + N.trace()
-    return -constant - rest
+    return -constant - spread
 
 
 @cache

@@ -175,8 +175,8 @@ def _integrals(
         reached, largest = _norm_integrals(values, width, largest)
         totals[alive] += reached
         t, used = t + panels * width, used + panels
-        left = per_norm * np.linalg.norm(X, axis=(1, 2))
-        more = left > TAIL * totals[alive].real.max(axis=1)
+        remainder = per_norm * np.linalg.norm(X, axis=(1, 2))
+        more = remainder > TAIL * totals[alive].real.max(axis=1)
         more &= np.linalg.norm(X, axis=(1, 2)) > nothing
         totals[alive[more & (used >= MAX_PANELS)]] = np.inf
         more &= used < MAX_PANELS

@@ -84,8 +84,8 @@ class ExactEnclosure(Enclosure):
             self._check_plain(errors, a.values, b.values)
             # Roll and load factor come one after the other: the law inverts exactly with the roll
             # that is commanded, so that the load factor must see roll after its limits.
-            wanted = arctangent(a, b).widened(COMPUTED)
-            x = combined((1.0, wanted), (-1.0, state[PHI]))
+            command = arctangent(a, b).widened(COMPUTED)
+            x = combined((1.0, command), (-1.0, state[PHI]))
             turning = self._channel(0, x, Quantity(state[PHI], self._range(state[PHI])), errors)
             if self._fewer_or_more([turning]):
                 continue
@@ -150,14 +150,14 @@ class ExactEnclosure(Enclosure):
         law = self.loop.law.channels[i]
         increment = combined(*zip(law.K_I_half, errors, strict=True))
         # Splits are at the limits themselves: the integrator stops there, whatever the increment.
-        at = Interval.point(np.zeros(len(self.pieces)))
+        zero = Interval.point(np.zeros(len(self.pieces)))
         # The halves of a split overlap: a flight on a known side is beyond it by OVERLAP at
         # most. Without this bound the enclosure would hold flights that are not there.
         excesses = {
             side: excess._replace(values=self._on_its_side(i, side, excess, OVERLAP))
             for side, excess in self._excesses(x, command, law).items()
         }
-        return Channel(x, increment, at, excesses)
+        return Channel(x, increment, zero, excesses)
 
     def _on_its_side(self, i: int, side: float, excess: Quantity, beyond: float) -> Interval:
         """Values of an excess, at most `beyond` the limit where the side of flights is known."""
@@ -199,13 +199,13 @@ class ExactEnclosure(Enclosure):
         level = cosine_of(self._angle(phi, "roll"))
         return combined((1.0, b), (-1.0, product(self._ranged(less), level))).widened(COMPUTED)
 
-    def _load(self, at: Controlled) -> Form:
-        steep = secant(self._angle(at.phi, "roll"))
-        return product(self._ranged(at.extra), steep)
+    def _load(self, stage: Controlled) -> Form:
+        steep = secant(self._angle(stage.phi, "roll"))
+        return product(self._ranged(stage.extra), steep)
 
-    def _lift_and_load(self, at: Controlled) -> tuple[Form, Interval]:
+    def _lift_and_load(self, stage: Controlled) -> tuple[Form, Interval]:
         # The row of the exact law is the vertical lift itself.
-        return at.extra, self._ranged(at.extra).values * one_over(cosine(at.roll.values))
+        return stage.extra, self._ranged(stage.extra).values * one_over(cosine(stage.roll.values))
 
     def _held_back(self, i: int, channel: Channel) -> Form | None:
         """Amount that limits take off the command wanted; None if they never act."""
@@ -242,21 +242,21 @@ class ExactEnclosure(Enclosure):
         doubt = np.where(free | limited, 0.0, size)
         return combined((1.0, integral), (share, channel.increment)).widened(doubt), can_limit
 
-    def _keep(self, which: Flags) -> None:
-        super()._keep(which)
-        self._sides = {limit: sides[which] for limit, sides in self._sides.items()}
+    def _keep(self, flags: Flags) -> None:
+        super()._keep(flags)
+        self._sides = {limit: sides[flags] for limit, sides in self._sides.items()}
 
     def _split(self, cut: Cut, channels: Sequence[Channel]) -> None:
         super()._split(cut, channels)
-        # The upper halves are appended behind the pieces, in the order of `which`.
-        i, side, chosen, at, _ = cut
-        which = np.flatnonzero(chosen)
+        # The upper halves are appended behind the pieces, in the order of `indices`.
+        i, side, chosen, splits, _ = cut
+        indices = np.flatnonzero(chosen)
         for limit, sides in self._sides.items():
-            upper = sides[which]
+            upper = sides[indices]
             # Only a split at the limit itself says on which side of it a flight is. That is about
             # the command of the flight, not about a symbol, so later passes may use it.
             if limit == (i, side):
-                at_limit = at[which] == 0.0
-                sides[which[at_limit]] = FREE
+                at_limit = splits[indices] == 0.0
+                sides[indices[at_limit]] = FREE
                 upper[at_limit] = LIMITED
             self._sides[limit] = np.concatenate([sides, upper])

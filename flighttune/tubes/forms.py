@@ -182,17 +182,17 @@ class Pieces:
         """
         rows = self.rows + np.flatnonzero(self.constrained)
         q, q_err = self.values[:, rows], self.err[:, rows]
-        rest = form.coefficients - (multipliers[:, np.newaxis] @ q)[:, 0]
+        residual = form.coefficients - (multipliers[:, np.newaxis] @ q)[:, 0]
         weights = np.abs(multipliers)
         q_size = (absolute_sum(q) + q_err) * UP
         size = (form.size + (weights * q_size).sum(axis=1)) * UP
         radius = (
-            absolute_sum(rest[:, 1:])
+            absolute_sum(residual[:, 1:])
             + form.err
             + (weights * (1.0 + q_err)).sum(axis=1)
             + (weights.shape[1] + MORE_ROUNDINGS) * ULP * size
         ) * UP + TINY
-        return outward(rest[:, 0] - radius, rest[:, 0] + radius)
+        return outward(residual[:, 0] - radius, residual[:, 0] + radius)
 
     def constrain(self, which: Indices, row: Indices, form: Form, to: Interval) -> None:
         """Take up in the pieces `which` that `form` is inside `to`, in constraint row `row`.
@@ -205,14 +205,14 @@ class Pieces:
         self.values[which, self.rows + row] = q.coefficients
         self.err[which, self.rows + row] = q.err + 4.0 * ULP
 
-    def split(self, which: Indices) -> None:
-        """Append a copy of the pieces `which`."""
-        self.values = np.concatenate([self.values, self.values[which]])
-        self.err = np.concatenate([self.err, self.err[which]])
+    def split(self, indices: Indices) -> None:
+        """Append a copy of the pieces `indices`."""
+        self.values = np.concatenate([self.values, self.values[indices]])
+        self.err = np.concatenate([self.err, self.err[indices]])
 
-    def keep(self, which: Flags) -> None:
-        """Drop all pieces but those `which` is true for."""
-        self.values, self.err = self.values[which], self.err[which]
+    def keep(self, flags: Flags) -> None:
+        """Drop all pieces but those `flags` is true for."""
+        self.values, self.err = self.values[flags], self.err[flags]
 
     def reduce(self, pairs: Indices) -> None:
         """Have fewer symbols.
@@ -233,8 +233,8 @@ class Pieces:
         ):
             raise InputError("`pairs` must name each symbol in use at most once.")
         g = self.values[:, :, 1 : 1 + self.used]
-        alone, both = pairs[pairs[:, 1] < 0, 0], pairs[pairs[:, 1] >= 0]
-        first, second = g[:, :, both[:, 0]], g[:, :, both[:, 1]]
+        alone, pair = pairs[pairs[:, 1] < 0, 0], pairs[pairs[:, 1] >= 0]
+        first, second = g[:, :, pair[:, 0]], g[:, :, pair[:, 1]]
         difference, total = first - second, first + second
         flip = np.abs(difference).sum(axis=(0, 1)) > np.abs(total).sum(axis=(0, 1))
         joined = np.where(flip, difference, total)
@@ -244,16 +244,16 @@ class Pieces:
             box + 2.0 * ULP * (absolute_sum(first) + absolute_sum(second)) + self.err
         ) * UP + TINY
         g = g.copy()
-        g[:, :, both[:, 1]] = joined
+        g[:, :, pair[:, 1]] = joined
         gone = np.zeros(self.used, dtype=bool)
         gone[pairs[:, 0]] = True
-        kept = np.flatnonzero(~gone)
-        count, height = len(kept), self.values.shape[1]
+        columns = np.flatnonzero(~gone)
+        count, height = len(columns), self.values.shape[1]
         centres = self.values[:, :, :1]
         self.values = np.zeros((len(self), height, 1 + count + height))
         self.values[:, :, :1] = centres
-        self.values[:, :, 1 : 1 + count] = g[:, :, kept]
-        self.kind[:count] = self.kind[kept]
+        self.values[:, :, 1 : 1 + count] = g[:, :, columns]
+        self.kind[:count] = self.kind[columns]
         for i in range(height):
             self.values[:, i, 1 + count + i] = box[:, i]
             self.kind[count + i] = -1 - i

@@ -26,9 +26,9 @@ def cosine_of(angle: Quantity) -> Quantity:
 
 def secant(angle: Quantity) -> Quantity:
     """``1/cos F`` of an angle, rad."""
-    at = Interval.point(angle.values.middle)
+    middle = Interval.point(angle.values.middle)
     curvature = _secant_curvature(angle.values)
-    form = _taylor(angle, one_over(cosine(at)), _secant_slope(at), curvature)
+    form = _taylor(angle, one_over(cosine(middle)), _secant_slope(middle), curvature)
     return Quantity(form, one_over(cosine(angle.values)))
 
 
@@ -42,34 +42,36 @@ def secant_change(angle: Quantity, change: Quantity) -> Form:
     after = before + by
     across = before.hull(after)
     in_angle, in_change = -(_secant_curvature(across) * by), -_secant_slope(after)
-    at, moved = before.middle, by.middle
-    value = one_over(cosine(Interval.point(at))) - one_over(cosine(Interval.point(at) + moved))
+    x_0, moved = before.middle, by.middle
+    value = one_over(cosine(Interval.point(x_0))) - one_over(cosine(Interval.point(x_0) + moved))
     a, b = in_angle.middle, in_change.middle
-    rest = (
+    rest_of_change = (
         value
-        - Interval.point(a) * at
+        - Interval.point(a) * x_0
         - Interval.point(b) * moved
-        + (in_angle - a) * within((before - at).largest)
+        + (in_angle - a) * within((before - x_0).largest)
         + (in_change - b) * within((by - moved).largest)
     )
-    return combined((a, angle.form), (b, change.form), shift=rest.middle).widened(rest.radius)
+    return combined((a, angle.form), (b, change.form), shift=rest_of_change.middle).widened(
+        rest_of_change.radius
+    )
 
 
 def arctangent(first: Quantity, second: Quantity) -> Form:
     """``atan(F/G)``, G positive."""
     a, b = first.values, second.values
-    at, over = Interval.point(a.middle), Interval.point(b.middle)
-    square = _square(at) + _square(over)
-    number = np.arctan2(at.low, over.low)
+    a_0, b_0 = Interval.point(a.middle), Interval.point(b.middle)
+    square = _square(a_0) + _square(b_0)
+    number = np.arctan2(a_0.low, b_0.low)
     # Distance of the library's angle from the true one: the sine of that, over the distance.
     angle = Interval.point(number)
     s, c = sine_and_cosine(angle)
-    off = (at * c - over * s).largest / np.sqrt(square.low)
-    in_a, in_b = over / square, -(at / square)
+    off = (a_0 * c - b_0 * s).largest / np.sqrt(square.low)
+    in_a, in_b = b_0 / square, -(a_0 / square)
     da, db = (a - a.middle).largest, (b - b.middle).largest
     across = _square(a) + _square(b)
     bend = a * b / (across * across)
-    rest = (
+    remainder = (
         Interval.point(number)
         + within(2.0 * off)
         - Interval.point(in_a.middle) * a.middle
@@ -81,7 +83,7 @@ def arctangent(first: Quantity, second: Quantity) -> Form:
         + (_square(a) - _square(b)) / (across * across) * within(da) * within(db)
     )
     terms = (in_a.middle, first.form), (in_b.middle, second.form)
-    return combined(*terms, shift=rest.middle).widened(rest.radius)
+    return combined(*terms, shift=remainder.middle).widened(remainder.radius)
 
 
 def _up_to_square(radius: FloatArray) -> Interval:
@@ -98,8 +100,10 @@ def product(first: Quantity, second: Quantity) -> Form:
     """``F G``: ``(F - f)(G - g)`` about their middles is the error."""
     a, b = first.values, second.values
     f, g = a.middle, b.middle
-    rest = within((a - f).largest) * within((b - g).largest) - Interval.point(f) * g
-    return combined((g, first.form), (f, second.form), shift=rest.middle).widened(rest.radius)
+    remainder = within((a - f).largest) * within((b - g).largest) - Interval.point(f) * g
+    return combined((g, first.form), (f, second.form), shift=remainder.middle).widened(
+        remainder.radius
+    )
 
 
 def positive_part(quantity: Quantity, slope: Floats) -> Form:
@@ -109,17 +113,19 @@ def positive_part(quantity: Quantity, slope: Floats) -> Form:
         Interval.point(np.maximum(point, 0.0)) - Interval.point(point) * slope
         for point in (low, high, np.clip(0.0, low, high))
     ]
-    rest = errors[0].hull(errors[1]).hull(errors[2])
-    return shifted(slope, quantity.form, rest)
+    remainder = errors[0].hull(errors[1]).hull(errors[2])
+    return shifted(slope, quantity.form, remainder)
 
 
 def _taylor(angle: Quantity, value: Interval, slope: Interval, curvature: Interval) -> Form:
     """``f(m) + f'(m) (F - m) + f''(...) (F - m)^2 / 2`` about the middle m of the values."""
-    at, s = angle.values.middle, slope.middle
-    radius = (angle.values - at).largest
+    middle, s = angle.values.middle, slope.middle
+    radius = (angle.values - middle).largest
     square = Interval(np.zeros_like(radius), np.nextafter(0.5 * radius * radius, np.inf))
-    rest = value - Interval.point(s) * at + (slope - s) * within(radius) + curvature * square
-    return shifted(s, angle.form, rest)
+    remainder = (
+        value - Interval.point(s) * middle + (slope - s) * within(radius) + curvature * square
+    )
+    return shifted(s, angle.form, remainder)
 
 
 def _secant_slope(angle: Interval) -> Interval:

@@ -97,14 +97,14 @@ def parallelotope(W: FloatArray, centre: FloatArray, size: FloatArray) -> Pieces
     if not R.max() < 0.5:
         raise Unbounded("the set of the hand-over has no inverse")
     reach = size + 2.0 * R * (np.abs(centre) + size).max() * UP
-    made = Pieces((V @ centre)[np.newaxis], 0, SYMBOLS)
+    box = Pieces((V @ centre)[np.newaxis], 0, SYMBOLS)
     generators = V * (reach * UP)
-    made.values[0, :, 1 : 1 + n] = generators
-    made.err[0] = (
+    box.values[0, :, 1 : 1 + n] = generators
+    box.err[0] = (
         rounding * (np.abs(V) @ np.abs(centre) + np.abs(generators).sum(axis=1)) * UP + TINY
     )
-    made.used = n
-    return made
+    box.used = n
+    return box
 
 
 def return_map(

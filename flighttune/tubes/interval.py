@@ -38,8 +38,8 @@ class Interval:
     @classmethod
     def point(cls, value: Floats) -> "Interval":
         """The interval that holds one number."""
-        at = np.asarray(value, dtype=float)
-        return cls(at, at)
+        x = np.asarray(value, dtype=float)
+        return cls(x, x)
 
     def __add__(self, other: "Interval | Floats") -> "Interval":
         other = _interval(other)

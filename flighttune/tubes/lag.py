@@ -115,8 +115,8 @@ class SampledLag:
             rates = self._rates(box, pushed)
             slowest, fastest = np.minimum(slowest, rates[0]), np.maximum(fastest, rates[n])
         margin = 0.25 * h * (fastest - slowest) * (1.0 + ROUNDING)
-        both = state[0].hull(end)
-        return both + Interval(-margin, margin)
+        hull = state[0].hull(end)
+        return hull + Interval(-margin, margin)
 
     def _box(self, start: FloatArray, pushed: FloatArray, t: float) -> FloatArray:
         """A box of all states up to `t` (s) from a box of them: lower ends, then upper ones."""
@@ -167,12 +167,12 @@ def _exponential(M: Rationals, t: Fraction) -> Rationals:
     """
     size = max(sum(abs(entry) for entry in row) for row in M) * t
     total = term = identity(len(M))
-    n, left = 0, Fraction(1)
-    while n < LEAST_TERMS or size >= n or left / (1 - size / (n + 1)) > REMAINDER:
+    n, remainder = 0, Fraction(1)
+    while n < LEAST_TERMS or size >= n or remainder / (1 - size / (n + 1)) > REMAINDER:
         n += 1
         term = _shortened(term @ M * t / n)
         total = total + term
-        left = left * size / n
+        remainder = remainder * size / n
     return total
 
 

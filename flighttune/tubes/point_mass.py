@@ -74,14 +74,14 @@ def point_mass_sample(
     ranges = phi.values, n_z.values, path
     middles = [each.middle for each in ranges]
     radii = [(each - m).largest for each, m in zip(ranges, middles, strict=True)]
-    values, at = _point(*ranges), _point(*map(Interval.point, middles))
+    values, middle = _point(*ranges), _point(*map(Interval.point, middles))
     rate = _climb_rate(values) * g_over_v + d_gamma
     apart = h * 0.5 * rate.radius * UP
     variables = list(zip((phi.form, n_z.form, gamma.form), middles, radii, strict=True))
-    rest = _turn_rate(at) * g_over_v + _turn_rest(values, radii) * g_over_v
-    turning, turn_bend = _mean_rate(rest, _turn_slopes(at), variables, g_over_v)
-    rest = _climb_rate(at) * g_over_v + _climb_rest(values, radii) * g_over_v
-    climbing, bend = _mean_rate(rest, _climb_slopes(at), variables, g_over_v)
+    remainder = _turn_rate(middle) * g_over_v + _turn_rest(values, radii) * g_over_v
+    turning, turn_bend = _mean_rate(remainder, _turn_slopes(middle), variables, g_over_v)
+    remainder = _climb_rate(middle) * g_over_v + _climb_rest(values, radii) * g_over_v
+    climbing, bend = _mean_rate(remainder, _climb_slopes(middle), variables, g_over_v)
     climbing = combined((1.0, climbing), shift=d_gamma.middle).widened(
         d_gamma.radius + np.abs(bend) * apart * UP
     )
@@ -114,17 +114,17 @@ def _mean_rate(
     return combined(*terms, shift=rest.middle).widened(rest.radius), terms[-1][0]
 
 
-def _turn_rate(at: Point) -> Interval:
-    return at.n_z * at.s / at.level
+def _turn_rate(point: Point) -> Interval:
+    return point.n_z * point.s / point.level
 
 
-def _turn_slopes(at: Point) -> tuple[Interval, Interval, Interval]:
-    lift = at.n_z / at.level
-    return lift * at.c, at.s / at.level, lift * at.s * at.up / at.level
+def _turn_slopes(point: Point) -> tuple[Interval, Interval, Interval]:
+    lift = point.n_z / point.level
+    return lift * point.c, point.s / point.level, lift * point.s * point.up / point.level
 
 
-def _turn_rest(at: Point, radii: list[FloatArray]) -> Interval:
-    n_z, s, c, up, level = at.n_z, at.s, at.c, at.up, at.level
+def _turn_rest(p: Point, radii: list[FloatArray]) -> Interval:
+    n_z, s, c, up, level = p.n_z, p.s, p.c, p.up, p.level
     a, b, e = radii
     return (
         -(n_z * s / level) * _half_square(a)
@@ -135,19 +135,17 @@ def _turn_rest(at: Point, radii: list[FloatArray]) -> Interval:
     )
 
 
-def _climb_rate(at: Point) -> Interval:
-    return at.n_z * at.c - at.level
+def _climb_rate(point: Point) -> Interval:
+    return point.n_z * point.c - point.level
 
 
-def _climb_slopes(at: Point) -> tuple[Interval, Interval, Interval]:
-    return -(at.n_z * at.s), at.c, at.up
+def _climb_slopes(point: Point) -> tuple[Interval, Interval, Interval]:
+    return -(point.n_z * point.s), point.c, point.up
 
 
-def _climb_rest(at: Point, radii: list[FloatArray]) -> Interval:
+def _climb_rest(p: Point, radii: list[FloatArray]) -> Interval:
     a, b, e = radii
-    return (
-        -(at.n_z * at.c) * _half_square(a) + at.level * _half_square(e) + at.s * within(a * b * UP)
-    )
+    return -(p.n_z * p.c) * _half_square(a) + p.level * _half_square(e) + p.s * within(a * b * UP)
 
 
 def _half_square(radius: FloatArray) -> Interval:

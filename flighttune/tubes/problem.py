@@ -95,10 +95,10 @@ class TubeProblem:
         if self.boxes is not None:
             raise InputError("`disturbance` must not be given with a conformance: its boxes are.")
         check_positive("rad/s", disturbance=self.disturbance)
-        if self.disturbance < (flown := max(self._swing)):
+        if self.disturbance < (swing := max(self._swing)):
             raise InputError(
                 "`disturbance` must be at least that of the scenario's [disturbance], "
-                f"{flown:g} rad/s, got {self.disturbance:g} rad/s."
+                f"{swing:g} rad/s, got {self.disturbance:g} rad/s."
             )
 
     def _check_law(self) -> None:
@@ -108,8 +108,8 @@ class TubeProblem:
         # there.
         moving = scenario.windy and not aircraft
         swings = scenario.disturbance is not None and scenario.disturbance.as_wind
-        for key, stated in (("sensors", scenario.sensors), ("wind", moving or swings)):
-            if stated:
+        for key, value in (("sensors", scenario.sensors), ("wind", moving or swings)):
+            if value:
                 raise InputError(
                     f"`{key}` must not be in the scenario of a tube: it is not enclosed."
                 )

@@ -148,17 +148,17 @@ class SampledLoop:
     @property
     def steady(self) -> FloatArray:
         """State of steady flight on the last reference."""
-        at = np.zeros(self.rows)
+        state = np.zeros(self.rows)
         chi, gamma, phi, planned = self.reference[-1, :4]
         n_z = planned or np.cos(gamma)
         extra = n_z - self.lift(len(self.reference) - 1)
-        at[[CHI, GAMMA, PHI, EXTRA_LIFT]] = chi, gamma, phi, extra
-        at[N_Z_INTEGRAL] = 0.0 if self.law.inverts else extra - planned
-        for own, queue, lag, value in zip(*self.layout, self.lags, (phi, n_z), strict=False):
-            at[own], at[queue] = lag.rest * value, value
+        state[[CHI, GAMMA, PHI, EXTRA_LIFT]] = chi, gamma, phi, extra
+        state[N_Z_INTEGRAL] = 0.0 if self.law.inverts else extra - planned
+        for rows, queue, lag, value in zip(*self.layout, self.lags, (phi, n_z), strict=False):
+            state[rows], state[queue] = lag.rest * value, value
         if self.sees_roll:
-            at[-1] = self.boxes[-1, ROLL].mean()
-        return at
+            state[-1] = self.boxes[-1, ROLL].mean()
+        return state
 
 
 class Channel(NamedTuple):
@@ -227,15 +227,15 @@ def start_set(loop: SampledLoop, within_start: float, sides: int, symbols: int) 
     centres[:, CHI] = chi + np.repeat(middles, sides)
     centres[:, GAMMA] = gamma + np.tile(middles, sides)
     centres[:, PHI] = phi
-    made = Pieces(centres, CONSTRAINTS, symbols)
-    state = made.forms()
+    pieces = Pieces(centres, CONSTRAINTS, symbols)
+    state = pieces.forms()
     # Two symbols span the starts of a piece; everything else follows from them.
     for row in (CHI, GAMMA):
-        state[row] = made.fresh(state[row].widened(radius + COMPUTED), row)
+        state[row] = pieces.fresh(state[row].widened(radius + COMPUTED), row)
     level = cosine(Interval.point(np.full(len(centres), phi)))
     if n_z is None:
         steady = one_over(level)
-        climb = Quantity(state[GAMMA], made.plain_range(state[GAMMA]))
+        climb = Quantity(state[GAMMA], pieces.plain_range(state[GAMMA]))
         load = combined((steady.middle, cosine_of(climb).form))
         load = load.widened(steady.radius + COMPUTED)
     else:
@@ -247,15 +247,15 @@ def start_set(loop: SampledLoop, within_start: float, sides: int, symbols: int) 
         feed_forward = Interval.point(np.full(len(centres), loop.lift(0))) / level
         extra = combined((1.0, load), shift=-feed_forward.middle)
         state[EXTRA_LIFT] = extra.widened(feed_forward.radius)
-    for own, queue, lag, value in zip(*loop.layout, loop.lags, (state[PHI], load), strict=False):
-        state[own] = [combined((share, value)).widened(COMPUTED) for share in lag.rest]
+    for rows, queue, lag, value in zip(*loop.layout, loop.lags, (state[PHI], load), strict=False):
+        state[rows] = [combined((share, value)).widened(COMPUTED) for share in lag.rest]
         state[queue] = [value] * (queue.stop - queue.start)
     if loop.sees_roll:
         box = _interval(*loop.boxes[0, ROLL])
         beyond = combined((0.0, state[PHI]), shift=box.middle).widened(box.radius)
-        state[-1] = made.fresh(beyond, ROLL_BEYOND)
-    made.put(state)
-    return made
+        state[-1] = pieces.fresh(beyond, ROLL_BEYOND)
+    pieces.put(state)
+    return pieces
 
 
 class Enclosure:
@@ -299,12 +299,12 @@ class Enclosure:
         if pieces.used + FRESH_SYMBOLS > pieces.capacity or k % REDUCE_EVERY == REDUCE_EVERY - 1:
             pieces.reduce(self.plan.pairs(pieces))
         pieces.make_room(FRESH_SYMBOLS)
-        at = self._controlled(k)
+        stage = self._controlled(k)
         # Ranges of the errors of this sample, before its rows are overwritten by the next one's.
-        errors = [*map(self._range, at.errors)]
+        errors = [*map(self._range, stage.errors)]
         fly = self._point_mass if loop.exact else self._paper_law
-        (chi, gamma, extra, *lags), commands, spread = fly(k, at)
-        pieces.put([chi, gamma, at.phi, extra, *at.integrals, *at.errors, *lags])
+        (chi, gamma, extra, *lags), commands, spread = fly(k, stage)
+        pieces.put([chi, gamma, stage.phi, extra, *stage.integrals, *stage.errors, *lags])
         ranges = [*map(ordered, (*errors, *commands))]
         bounds = np.array([(values.low.min(), values.high.max()) for values in ranges])
         # Between samples a flight leaves the straight line by at most a quarter of the sample time
@@ -314,7 +314,7 @@ class Enclosure:
         margin, self._margin = np.maximum(self._margin, after), after
         bounds[:2, 0] -= margin
         bounds[:2, 1] += margin
-        return bounds, np.array(at.limited)
+        return bounds, np.array(stage.limited)
 
     def _controlled(self, k: int) -> Controlled:
         """The commands of sample k, in as many pieces as that takes."""
@@ -365,9 +365,9 @@ class Enclosure:
         """The values of a form; low is above high in a piece without flights."""
         values, pieces = self.pieces.plain_range(form), self.pieces
         if pieces.constrained.any():
-            other = pieces.constrained_range(form, self.plan.multipliers(pieces, form))
+            constrained = pieces.constrained_range(form, self.plan.multipliers(pieces, form))
             values = Interval(
-                np.maximum(values.low, other.low), np.minimum(values.high, other.high)
+                np.maximum(values.low, constrained.low), np.minimum(values.high, constrained.high)
             )
         return values
 
@@ -391,21 +391,21 @@ class Enclosure:
 
     def _seen(self, state: Sequence[Form]) -> Quantity:
         """The roll that the controller sees."""
-        seen = state[STATES if self.loop.lags else PHI]
+        roll = state[STATES if self.loop.lags else PHI]
         if self.loop.sees_roll:
-            seen = combined((1.0, seen), (1.0, state[-1]))
-        return self._angle(seen, "roll")
+            roll = combined((1.0, roll), (1.0, state[-1]))
+        return self._angle(roll, "roll")
 
     def _channels(
         self, k: int, state: Sequence[Form], errors: Sequence[Form], roll: Quantity, extra: Form
     ) -> list[Channel]:
-        made, lift = [], self.loop.lift(k)
+        channels, lift = [], self.loop.lift(k)
         for i, law in enumerate(self.loop.law.channels):
             # The trapezoid begins with the second sample: there is no time before the first.
             increment = combined((0.0, errors[0]))
             if k > 0:
-                both = *errors, state[CHI_ERR], state[GAMMA_ERR]
-                increment = combined(*zip((*law.K_I_half, *law.K_I_half), both, strict=True))
+                errors_now = *errors, state[CHI_ERR], state[GAMMA_ERR]
+                increment = combined(*zip((*law.K_I_half, *law.K_I_half), errors_now, strict=True))
             force = extra if i else state[PHI]
             x = combined(
                 *zip(law.K_P, errors, strict=True),
@@ -420,8 +420,8 @@ class Enclosure:
                 whole = combined((1.0, force), (lift, steep.form))
                 command = Quantity(whole, command.values + steep.values * lift)
             excesses = self._excesses(x, command, law)
-            made.append(Channel(x, increment, self._range(increment), excesses))
-        return made
+            channels.append(Channel(x, increment, self._range(increment), excesses))
+        return channels
 
     def _excesses(self, x: Form, command: Quantity, law: ChannelLaw) -> dict[float, Quantity]:
         """Excesses over the limits above and below, with the command in force."""
@@ -450,33 +450,33 @@ class Enclosure:
         form = combined(*terms, shift=shift)
         return Quantity(form, self._range(form))
 
-    def _keep(self, which: Flags) -> None:
+    def _keep(self, flags: Flags) -> None:
         """Drop all pieces but these."""
-        self.pieces.keep(which)
+        self.pieces.keep(flags)
 
     def _split(self, cut: Cut, channels: Sequence[Channel]) -> None:
         """Below and above a value of an excess: a flight is in one of the two."""
         # The lower halves stay in place, the upper ones are appended.
-        i, side, chosen, at, row = cut
+        i, side, chosen, splits, row = cut
         form, values = channels[i].excesses[side]
-        which, pieces = np.flatnonzero(chosen), self.pieces
-        part, at, row = form.part(which), at[which], row[which]
-        lower = Interval(values.low[which], at + self.overlap)
-        upper = Interval(at - self.overlap, values.high[which])
-        appended = len(pieces) + np.arange(len(which))
-        pieces.split(which)
-        pieces.constrain(which, row, part, lower)
+        indices, pieces = np.flatnonzero(chosen), self.pieces
+        part, splits, row = form.part(indices), splits[indices], row[indices]
+        lower = Interval(values.low[indices], splits + self.overlap)
+        upper = Interval(splits - self.overlap, values.high[indices])
+        appended = len(pieces) + np.arange(len(indices))
+        pieces.split(indices)
+        pieces.constrain(indices, row, part, lower)
         pieces.constrain(appended, row, part, upper)
 
     def _limited(self, i: int, channel: Channel, integral: Form) -> tuple[Form, Form, bool]:
         """How the command moves, its integral after the sample, and whether a limit can hold it."""
-        moves, kept = [(1.0, channel.x)], [(1.0, integral), (1.0, channel.increment)]
-        left, between = [], Interval.point(np.zeros(len(self.pieces)))
+        moves, integral_terms = [(1.0, channel.x)], [(1.0, integral), (1.0, channel.increment)]
+        remainders, between = [], Interval.point(np.zeros(len(self.pieces)))
         for side, excess in channel.excesses.items():
             if not (excess.values.high > 0.0).any():
                 continue
             excess_part = self._positive_part(excess, KINDS[i])
-            rest, values, by = excess_part, excess.values, ordered(channel.by * side)
+            remainder, values, by = excess_part, excess.values, ordered(channel.by * side)
             if self.loop.law.conditional and (by.high > 0.0).any():
                 outwards = combined((side, channel.increment))
                 refused = self._positive_part(Quantity(outwards, by), PHI_INTEGRAL + i)
@@ -484,16 +484,16 @@ class Enclosure:
                 values = self._range(beyond)
                 # The increment refused is not negative.
                 values = Interval(values.low, np.minimum(values.high, excess.values.high))
-                rest = Quantity(beyond, ordered(values))
-                rest = self._positive_part(rest, PHI_INTEGRAL + i)
-                kept += [(-side, excess_part), (side, rest)]
+                remainder = Quantity(beyond, ordered(values))
+                remainder = self._positive_part(remainder, PHI_INTEGRAL + i)
+                integral_terms += [(-side, excess_part), (side, remainder)]
             moves.append((-side, excess_part))
-            left.append((side, rest))
+            remainders.append((side, remainder))
             low, high = (np.maximum(end, 0.0) for end in (values.low, values.high))
             between = between + ordered(Interval(low, high)) * side
-        if left:
-            self._remember(i, channel, combined(*left), between)
-        return combined(*moves), combined(*kept), bool(left)
+        if remainders:
+            self._remember(i, channel, combined(*remainders), between)
+        return combined(*moves), combined(*integral_terms), bool(remainders)
 
     def _positive_part(self, quantity: Quantity, kind: int) -> Form:
         """``max(F, 0)``, with a symbol for its error where there is one."""
@@ -503,20 +503,22 @@ class Enclosure:
         kinked = (values.low < 0.0) & (values.high > 0.0)
         return self.pieces.fresh(part, kind) if kinked.any() else part
 
-    def _remember(self, i: int, channel: Channel, left: Form, between: Interval) -> None:
+    def _remember(self, i: int, channel: Channel, remainder: Form, between: Interval) -> None:
         """Constrain the part of the command that limits hold back beyond the increment refused."""
         sides = [excess.values for excess in channel.excesses.values()]
         kinked = np.any([(values.low < 0.0) & (values.high > 0.0) for values in sides], axis=0)
-        which = np.flatnonzero(kinked & (between.radius > NARROWEST))
-        if len(which) and len(self.pieces.constrained):
-            to = Interval(between.low[which], between.high[which])
-            self.pieces.constrain(which, np.full(len(which), SPLITS + i), left.part(which), to)
+        indices = np.flatnonzero(kinked & (between.radius > NARROWEST))
+        if len(indices) and len(self.pieces.constrained):
+            to = Interval(between.low[indices], between.high[indices])
+            self.pieces.constrain(
+                indices, np.full(len(indices), SPLITS + i), remainder.part(indices), to
+            )
 
-    def _relative(self, at: Controlled, after: Form) -> Form:
+    def _relative(self, stage: Controlled, after: Form) -> Form:
         """The load-factor command beyond the feed-forward of the roll seen next, `after`."""
-        extra = at.extra
-        if at.lift:
-            change = combined((1.0, after), (-1.0, at.roll.form))
+        extra = stage.extra
+        if stage.lift:
+            change = combined((1.0, after), (-1.0, stage.roll.form))
             by = self._range(change)
             # Without a lag the roll seen next is the command, which its rate limit holds.
             if not self.loop.lags:
@@ -525,8 +527,8 @@ class Enclosure:
                     np.maximum(by.low, law.step_down - COMPUTED),
                     np.minimum(by.high, law.step_up + COMPUTED),
                 )
-            less_steep = self._secant_change(at.roll, Quantity(change, ordered(by)))
-            extra = combined((1.0, extra), (at.lift, less_steep))
+            less_steep = self._secant_change(stage.roll, Quantity(change, ordered(by)))
+            extra = combined((1.0, extra), (stage.lift, less_steep))
         return self.pieces.fresh(extra, EXTRA_LIFT)
 
     def _secant_change(self, roll: Quantity, change: Quantity) -> Form:
@@ -537,19 +539,19 @@ class Enclosure:
         _check_inside(roll.values + change.values, "roll")
         return secant_change(roll, change)
 
-    def _load(self, at: Controlled) -> Form:
+    def _load(self, stage: Controlled) -> Form:
         """The load-factor command."""
-        if at.lift == 0.0:
-            return at.extra
-        return combined((1.0, at.extra), (at.lift, secant(at.roll).form))
+        if stage.lift == 0.0:
+            return stage.extra
+        return combined((1.0, stage.extra), (stage.lift, secant(stage.roll).form))
 
-    def _lift_and_load(self, at: Controlled) -> tuple[Form, Interval]:
+    def _lift_and_load(self, stage: Controlled) -> tuple[Form, Interval]:
         """The row `EXTRA_LIFT` times the cosine of roll, and the values of the command."""
-        extra, level = self._ranged(at.extra), cosine_of(at.roll)
-        lift = Interval.point(np.full_like(level.values.low, at.lift))
+        extra, level = self._ranged(stage.extra), cosine_of(stage.roll)
+        lift = Interval.point(np.full_like(level.values.low, stage.lift))
         return product(extra, level), extra.values + lift / level.values
 
-    def _paper_law(self, k: int, at: Controlled) -> Flown:
+    def _paper_law(self, k: int, stage: Controlled) -> Flown:
         r"""The paper's law over a sample; docs/tube.md derives the remainder.
 
         With y = gamma(t) - gamma and ``f = (g/V)(n_z cos(phi) - cos(gamma)) + d``, d the middle of
@@ -557,17 +559,19 @@ class Enclosure:
         ``(g/V)(h^2/2)((g/V)Y + (g/V)Y^2/2 + D) + (g/V)h Y^2/2 + h D`` for ``|y| <= Y``.
         """
         pieces, loop, h, rate = self.pieces, self.loop, self.loop.dt, self.loop.g_over_v
-        state = at.state
-        extra = self._relative(at, at.phi)
-        roll, climb = self._angle(at.phi, "roll"), self._angle(state[GAMMA], CLIMB)
+        state = stage.state
+        extra = self._relative(stage, stage.phi)
+        roll, climb = self._angle(stage.phi, "roll"), self._angle(state[GAMMA], CLIMB)
         d = Interval(*loop.boxes[k, D].T)
         d_middle, d_radius = d.middle, d.radius
         chi = combined((1.0, state[CHI]), (h * rate, tangent(roll)), shift=h * d_middle[0]).widened(
             h * d_radius[0] * UP + COMPUTED
         )
-        lifted, load = self._lift_and_load(at._replace(extra=extra, roll=roll))
+        lifted, load = self._lift_and_load(stage._replace(extra=extra, roll=roll))
         f = combined(
-            (rate, lifted), (-rate, cosine_of(climb).form), shift=rate * at.lift + d_middle[1]
+            (rate, lifted),
+            (-rate, cosine_of(climb).form),
+            shift=rate * stage.lift + d_middle[1],
         )
         f_range = ordered(self._range(f))
         fastest = f_range.largest + d_radius[1]
@@ -576,28 +580,28 @@ class Enclosure:
         # d(cos gamma) = -sin(gamma) d gamma: the slope of f in gamma, taken at its middle.
         slope = sine_and_cosine(climb.values)[0]
         bend = 0.5 * h * h * rate
-        rest = (
+        remainder = (
             bend * (rate * farthest * (1.0 + 0.5 * farthest) + d_radius[1])
             + 0.5 * rate * h * farthest * farthest
             + h * d_radius[1]
             + bend * slope.radius * f_range.largest
         )
         gamma = combined((1.0, state[GAMMA]), (h + bend * slope.middle, f)).widened(
-            rest * UP + COMPUTED
+            remainder * UP + COMPUTED
         )
         spread = 2.0 * np.array([d_radius[0], d_radius[1] + rate * float(farthest.max())])
         rows = [pieces.fresh(chi, CHI), pieces.fresh(gamma, GAMMA), extra]
         return rows, [roll.values, load], spread
 
-    def _point_mass(self, k: int, at: Controlled) -> Flown:
+    def _point_mass(self, k: int, stage: Controlled) -> Flown:
         """The exact point mass, behind lags if there are any."""
-        pieces, loop, state = self.pieces, self.loop, at.state
+        pieces, loop, state = self.pieces, self.loop, stage.state
         # A symbol of its own: behind a lag the same error comes back in later samples.
-        n_z = pieces.fresh(self._load(at).widened(COMPUTED), N_Z)
-        commands = [self._ranged(command) for command in (at.phi, n_z)]
+        n_z = pieces.fresh(self._load(stage).widened(COMPUTED), N_Z)
+        commands = [self._ranged(command) for command in (stage.phi, n_z)]
         (rolled, loaded), lags = commands, []
         if loop.lags:
-            (rolled, loaded), lags = self._behind_lags(state, (at.phi, n_z))
+            (rolled, loaded), lags = self._behind_lags(state, (stage.phi, n_z))
         _check_inside(rolled.values, "roll")
         climb = self._angle(state[GAMMA], CLIMB)
         _check_inside(climb.values, CLIMB, STEEPEST)
@@ -605,14 +609,14 @@ class Enclosure:
         chi, gamma, spread = point_mass_sample(
             state[CHI], climb, rolled, loaded, d, h=loop.dt, g_over_v=loop.g_over_v
         )
-        after = lags[0] if lags else at.phi
+        after = lags[0] if lags else stage.phi
         if loop.sees_roll:
             lags.append(self._roll_beyond(k, state[-1]))
             after = combined((1.0, after), (1.0, lags[-1]))
         chi, gamma = (
             pieces.fresh(form.widened(COMPUTED), row) for form, row in ((chi, CHI), (gamma, GAMMA))
         )
-        rows = [chi, gamma, self._relative(at, after), *lags]
+        rows = [chi, gamma, self._relative(stage, after), *lags]
         return rows, [command.values for command in commands], spread
 
     def _roll_beyond(self, k: int, now: Form) -> Form:
@@ -630,23 +634,23 @@ class Enclosure:
         self, state: Sequence[Form], commands: Sequence[Form]
     ) -> tuple[list[Quantity], list[Form]]:
         """Roll and load factor flown, and the rows of the lags and of the commands under way."""
-        flown, after, under_way = [], [], []
-        for lag, own, queue, command in zip(
+        reached, after, under_way = [], [], []
+        for lag, rows, queue, command in zip(
             self.loop.lags, *self.loop.layout, commands, strict=True
         ):
             newest_first = [command, *state[queue]]
             # An older and a newer command are in force: the delay is no whole number of samples.
-            inputs = [*state[own], newest_first[lag.older + 1], newest_first[lag.older]]
+            inputs = [*state[rows], newest_first[lag.older + 1], newest_first[lag.older]]
             rows_after = np.vstack([lag.transition, lag.mean])
             *moved, mean = (form.widened(COMPUTED) for form in transformed(rows_after, inputs))
             ranges = [ordered(self._range(form)) for form in (*inputs, moved[0])]
             # Within the sample either of the two commands may be in force.
             in_force = ranges[lag.order].hull(ranges[lag.order + 1])
             values = lag.values_within(ranges[: lag.order], ranges[-1], in_force, self.loop.dt)
-            flown.append(Quantity(mean, values))
+            reached.append(Quantity(mean, values))
             after += moved
             under_way += newest_first[:-1]
-        return flown, [*after, *under_way]
+        return reached, [*after, *under_way]
 
 
 def _check_inside(angle: Interval, name: str, largest: float = LARGEST_ANGLE) -> None:

@@ -89,8 +89,8 @@ class Search:
         gram = q @ q.transpose(0, 2, 1) + 1e-6 * square[:, :, np.newaxis] * np.eye(q.shape[1])
         every = np.linalg.solve(gram, along[:, :, np.newaxis]).transpose(0, 2, 1)
         tried = np.concatenate([single, every, np.zeros_like(every)], axis=1)
-        left = np.abs(f[:, np.newaxis] - tried @ q).sum(axis=2) + np.abs(tried).sum(axis=2)
-        return self._record(tried[np.arange(len(f)), left.argmin(axis=1)])
+        residual = np.abs(f[:, np.newaxis] - tried @ q).sum(axis=2) + np.abs(tried).sum(axis=2)
+        return self._record(tried[np.arange(len(f)), residual.argmin(axis=1)])
 
     def slope(self, values: Interval) -> FloatArray:
         """Slope of the chord of ``max(x, 0)`` over the values."""
@@ -104,17 +104,17 @@ class Search:
             for i, channel in enumerate(channels):
                 for side, excess in channel.excesses.items():
                     # Beyond the limit by more than the increment, the integral stands still too.
-                    at = np.maximum((channel.by * side).high, 0.0)
+                    splits = np.maximum((channel.by * side).high, 0.0)
                     values = excess.values
-                    smaller = np.minimum(values.high - at, at - values.low)
-                    which = smaller > 2.0 * self._tolerance * self._scales[i]
-                    if which.any():
+                    smaller = np.minimum(values.high - splits, splits - values.low)
+                    flags = smaller > 2.0 * self._tolerance * self._scales[i]
+                    if flags.any():
                         row = _row_to_replace(pieces, excess.form)
                         self._record(np.array([1.0, i, side]))
-                        self._record(which)
-                        at = self._record(at)
+                        self._record(flags)
+                        splits = self._record(splits)
                         self._record(row)
-                        return i, side, which, at, row
+                        return i, side, flags, splits, row
         self._record(np.zeros(3))
         return None
 
@@ -166,14 +166,14 @@ def _alike(pieces: Pieces, need: int) -> Indices:
 def _cheapest(
     costs: FloatArray, symbol: Indices, partner: Indices, need: int
 ) -> Iterator[tuple[int, int]]:
-    taken: set[int] = set()
+    used: set[int] = set()
     for index in np.argsort(costs, kind="stable"):
         if need <= 0:
             return
         a, b = int(symbol[index]), int(partner[index])
-        if a in taken or b in taken:
+        if a in used or b in used:
             continue
-        taken.update({a, b} - {-1})
+        used.update({a, b} - {-1})
         need -= 1
         yield a, b
 
@@ -183,8 +183,8 @@ def coordinates(loop: SampledLoop) -> tuple[FloatArray, int] | None:
 
     Any W will do; in this one the linear loop shrinks the norm of ``W z``.
     """
-    at, n = loop.steady, loop.rows
-    pieces = Pieces(at[np.newaxis], 0, SYMBOLS)
+    steady, n = loop.steady, loop.rows
+    pieces = Pieces(steady[np.newaxis], 0, SYMBOLS)
     pieces.values[0, :, 1 : 1 + n] = LINEARISED_SIZE * np.eye(n)
     pieces.used = n
     try:

@@ -50,9 +50,9 @@ def largest_disturbance(
         tried[size] = tube_of(replace(problem, disturbance=size), for_ever=False, progress=progress)
         return tried[size].status == "unbounded"
 
-    own = float(problem.disturbances[1].max())
-    larger = [size for size in DISTURBANCES if size > own]
-    bisect_left([own, *larger] if own else larger, True, key=lost)
+    scenario_size = float(problem.disturbances[1].max())
+    larger = [size for size in DISTURBANCES if size > scenario_size]
+    bisect_left([scenario_size, *larger] if scenario_size else larger, True, key=lost)
     return [tried[size] for size in sorted(tried)]
 
 
@@ -158,7 +158,7 @@ def _why_lost(stop: str, t: FloatArray, ranges: Sequence[FloatArray]) -> str:
     span = round(DOUBLING / (t[1] - t[0]))
     if lost <= span:
         return reason
-    widths = np.ptp([both[:2] for both in ranges], axis=2)
+    widths = np.ptp([errors[:2] for errors in ranges], axis=2)
     steady = (widths[span:] < 2.0 * widths[:-span]).all(axis=1)
     first = int(np.flatnonzero(steady)[-1]) + 1 if steady.any() else 0
     if first < len(steady):
@@ -196,14 +196,14 @@ def _attempt(
         if k == len(t):
             chosen = search.choices
         try:
-            both, limited = enclosure.sample(k)
+            errors, limited = enclosure.sample(k)
         except Unbounded as stop:
             if k >= len(t):
                 rows = None
             else:
                 reason = _why_lost(str(stop), t, ranges)
             break
-        ranges.append(both)
+        ranges.append(errors)
         limits_at.append(limited)
         if rows is not None and still <= k < len(t):
             hulls[k + 1] = hull(enclosure.pieces, rows[0])

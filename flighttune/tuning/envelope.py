@@ -151,21 +151,21 @@ class _Linearised:
             2.0 * rise[0] - rise[1] - 0.5 * rise[2] <= self._room,
         ]
 
-    def step(self, at: Point, size: float, excess: float) -> FloatArray | None:
+    def step(self, point: Point, size: float, excess: float) -> FloatArray | None:
         """New free gains, or None where the solver has none."""
         space = self._space
-        trust = size * np.maximum(np.abs(at.k), 1.0)
-        self._upper.value = np.minimum(trust, space.k_max - at.k)
-        self._lower.value = -np.minimum(trust, at.k - space.k_min)
+        trust = size * np.maximum(np.abs(point.k), 1.0)
+        self._upper.value = np.minimum(trust, space.k_max - point.k)
+        self._lower.value = -np.minimum(trust, point.k - space.k_min)
         if len(space.G):
-            self._slack.value = space.slack(at.k)
-        self._Q0.value = np.asarray(at.common.Q) * at.common.R
+            self._slack.value = space.slack(point.k)
+        self._Q0.value = np.asarray(point.common.Q) * point.common.R
         for A, model in zip(self._loops, self._models, strict=True):
-            A.value = closed_loops(model, space.K(at.k))
+            A.value = closed_loops(model, space.K(point.k))
         if self._limited:
-            self._set_radius(at, excess)
+            self._set_radius(point, excess)
         unsolved = solve(self._program)
-        return None if unsolved else np.clip(at.k + self._dk.value, space.k_min, space.k_max)
+        return None if unsolved else np.clip(point.k + self._dk.value, space.k_min, space.k_max)
 
     def excess(self, k: FloatArray) -> float:
         """Excess of log I_K over its limit at free gains k; 0 without any."""
@@ -174,8 +174,8 @@ class _Linearised:
         I_K = indicators(closed_loops(self._problem.model, self._space.K(k))).I_K
         return max(0.0, math.log(I_K / self._problem.I_star)) if math.isfinite(I_K) else 0.0
 
-    def _set_radius(self, at: Point, excess: float) -> None:
-        A = closed_loops(self._problem.model, self._space.K(at.k))
+    def _set_radius(self, point: Point, excess: float) -> None:
+        A = closed_loops(self._problem.model, self._space.K(point.k))
         Q0 = lyapunov_solution(A)
         load = self._trim_slopes.mT @ Q0 + Q0 @ self._trim_slopes
         Q_slopes = lyapunov_solution(A, load)
@@ -190,7 +190,7 @@ class _Linearised:
         for (matrix, slopes), (value, now, change) in zip(self._trim, factors, strict=True):
             matrix.value = now / value
             slopes.value = change.reshape(slopes.shape) / value
-        self._room.value = math.log(self._problem.I_star / at.trim.I_K) - excess
+        self._room.value = math.log(self._problem.I_star / point.trim.I_K) - excess
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -319,14 +319,14 @@ def tune_over_envelope(
     if not np.all(np.asarray(problem.scaling) == 1.0):
         raise InputError("`scaling` must be all ones for a rate over an envelope.")
     if math.isfinite(problem.E_star):
-        got = f"{problem.E_star:g}"
-        raise InputError(f"`E_star` must be inf for a rate over an envelope, got {got}.")
+        value = f"{problem.E_star:g}"
+        raise InputError(f"`E_star` must be inf for a rate over an envelope, got {value}.")
     space = search_space(problem)
     nominal = tune_by_gradient(problem)
     firsts = []
     if nominal.status == "optimal" and nominal.gains is not None:
-        drawn = stabilising_starts(problem, space, starts)
-        firsts = [nominal.gains.K[space.free], *drawn]
+        random = stabilising_starts(problem, space, starts)
+        firsts = [nominal.gains.K[space.free], *random]
     searches = [_grow(problem, k, envelope, trim, g=g) for k in firsts]
     reached = [search for search in searches if search is not None]
     if not reached:

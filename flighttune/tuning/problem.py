@@ -110,10 +110,10 @@ class TuningProblem:
         if not np.all(self.gain_bounds[0] <= self.gain_bounds[1]):
             raise InputError("`K_min` must not be above `K_max`, and neither may be NaN.")
 
-    def _check_weights(self, given: tuple[FloatArray, FloatArray], m: int, p: int) -> None:
+    def _check_weights(self, pair: tuple[FloatArray, FloatArray], m: int, p: int) -> None:
         weights = [
             read_only_vector("weights", part, (size,))
-            for part, size in zip(given, (p, m), strict=True)
+            for part, size in zip(pair, (p, m), strict=True)
         ]
         if not min(map(np.min, weights)) > 0.0:
             raise InputError(f"`weights` must be positive, got {weights}.")
@@ -155,8 +155,8 @@ class TuningProblem:
 def decoupled(model: LinearModel) -> FloatArray:
     """`K_fixed` that leaves input i to error i only, shape (m, 2 p): NaN there, 0 elsewhere."""
     _, m, p = model.shape
-    own = np.eye(m, p, dtype=bool)
-    return np.where(np.hstack([own, own]), math.nan, 0.0)
+    diagonal = np.eye(m, p, dtype=bool)
+    return np.where(np.hstack([diagonal, diagonal]), math.nan, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -140,17 +140,17 @@ class Program:
         # The bounds begin at the spectra themselves, so that the start is feasible but for limits.
         top, bottom, sigma = self._spectra(k)[0]
         z = np.array([*k, top.max(), bottom.min(), sigma.min(), 1.0])
-        own = {
+        objective = {
             "type": "ineq",
             "fun": lambda z: np.concatenate([self.room(z), constant + self._rows @ z]),
             "jac": lambda z: np.vstack([self.room_slopes(z), self._rows]),
         }
-        end = self._descended(z, [own])
+        end = self._descended(z, [objective])
         if math.isinf(self._E_star) or self._error_room(end).min() >= 0.0:
             return end
         # E_K costs far more than all else, so it is a constraint only where it has to be.
         error = {"type": "ineq", "fun": self._error_room, "jac": self._error_slopes}
-        return self._descended(z, [own, error])
+        return self._descended(z, [objective, error])
 
     def _descended(self, z: FloatArray, constraints: list[dict[str, Any]]) -> FloatArray:
         from scipy.optimize import minimize
@@ -199,8 +199,8 @@ class Program:
         slopes = -SIGNS[:, :, None] * self._spectra(k)[1]
         n = slopes.shape[1]
         # In (top, bottom, sigma_floor) each block of n rows has its own sign and nothing else.
-        own = np.repeat(np.diag(SIGNS[:, 0]), n, axis=0)
-        return np.hstack([slopes.reshape(3 * n, -1), own, np.zeros((3 * n, 1))])
+        commands = np.repeat(np.diag(SIGNS[:, 0]), n, axis=0)
+        return np.hstack([slopes.reshape(3 * n, -1), commands, np.zeros((3 * n, 1))])
 
     def _error_room(self, z: FloatArray) -> FloatArray:
         """``log E_star - log E_i`` of every error of every model."""
@@ -217,8 +217,8 @@ class Program:
         slopes = []
         for model in (problem.model for problem in self._problems):
             loop, in_k = closed_loops(model, self.space.K(k)), loop_slopes(model, self.space)
-            values, own = error_slopes(loop, in_k, errors=len(model.errors))
-            slopes.append(np.where(np.isfinite(values)[:, None], -own / values[:, None], 0.0))
+            values, slope = error_slopes(loop, in_k, errors=len(model.errors))
+            slopes.append(np.where(np.isfinite(values)[:, None], -slope / values[:, None], 0.0))
         steep = np.concatenate(slopes)
         return np.hstack([steep, np.zeros((len(steep), 4))])
 
@@ -256,9 +256,9 @@ def _log_spectra(A: FloatArray, in_k: FloatArray) -> tuple[FloatArray, FloatArra
         return unstable
     if not values[0] > 0.0:
         return unstable
-    left, sigma, right = np.linalg.svd(A)
+    U, sigma, right = np.linalg.svd(A)
     slopes = 2.0 * np.tensordot(Q @ X, in_k, ((1, 2), (1, 2))) / values[:, None]
-    sigma_slopes = np.tensordot(left.T[:, :, None] * right[:, None, :], in_k, ((1, 2), (1, 2)))
+    sigma_slopes = np.tensordot(U.T[:, :, None] * right[:, None, :], in_k, ((1, 2), (1, 2)))
     # The spectrum of Q twice: bounded from above by `top` and from below by `bottom`.
     return (
         np.stack([np.log(values), np.log(values), np.log(sigma)]),

@@ -163,8 +163,8 @@ def why_infeasible(problem: TuningProblem, best: Assessment | None) -> str:
             f"No gains were found with an E_K of at most `E_star` {problem.E_star:g}; those of the "
             f"smallest I_K within the limits have {best.E_K:.6g}."
         )
-    at = f" with {', '.join(best.active)} binding" if best.active else ""
+    binding = f" with {', '.join(best.active)} binding" if best.active else ""
     return (
-        f"`I_star` must be at least {best.I_K:.6g}, the smallest I_K reached{at}, "
+        f"`I_star` must be at least {best.I_K:.6g}, the smallest I_K reached{binding}, "
         f"got {problem.I_star:g}."
     )

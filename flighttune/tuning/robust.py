@@ -62,9 +62,11 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
         )
     space = search_space(whole)
     K, p = np.zeros(space.base.shape), len(whole.model.errors)
-    for (inputs, errors, _), (own, _, _) in zip(split[0], solved, strict=True):
-        K[inputs[:, None], np.concatenate([errors, p + errors])] = own
-    loops = [indicators(closed_loops(at.model, K), scaling=at.scaling, errors=p) for at in problems]
+    for (inputs, errors, _), (pair_gains, _, _) in zip(split[0], solved, strict=True):
+        K[inputs[:, None], np.concatenate([errors, p + errors])] = pair_gains
+    loops = [
+        indicators(closed_loops(case.model, K), scaling=case.scaling, errors=p) for case in problems
+    ]
     broken = [
         name for name, s in zip(space.names, space.slack(K[space.free]), strict=True) if s < 0.0
     ]
@@ -101,7 +103,7 @@ def _tuned(problems: list[TuningProblem], starts: int) -> tuple[FloatArray, int,
     ends, _ = Program(problems, "R_K").descend(first)
     rates = [
         _worst_rate(problems, space, k)
-        if max(at.largest_errors(space.K(k)).max() for at in problems) <= problems[0].E_star
+        if max(case.largest_errors(space.K(k)).max() for case in problems) <= problems[0].E_star
         else 0.0
         for k in ends
     ]
@@ -115,8 +117,8 @@ def _worst_rate(problems: list[TuningProblem], space: SearchSpace, k: FloatArray
     if (space.slack(k) < -ROUNDING * np.abs(space.bound)).any():
         return 0.0
     return min(
-        float(indicators_batch(closed_loops(at.model, space.K(k)), scaling=at.scaling).R_K)
-        for at in problems
+        float(indicators_batch(closed_loops(case.model, space.K(k)), scaling=case.scaling).R_K)
+        for case in problems
     )
 
 

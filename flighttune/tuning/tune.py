@@ -89,8 +89,8 @@ def tune_by_gradient(problem: TuningProblem, *, starts: int = STARTS) -> TuningR
         warm = smallest.K[space.free][None]
         ends.append(smallest)
     if smallest is None or smallest.I_K <= problem.I_star:
-        rest = np.vstack([warm, k[PROBES:]])
-        ends += searches(problem, rest, "R_K") if len(rest) else []
+        others = np.vstack([warm, k[PROBES:]])
+        ends += searches(problem, others, "R_K") if len(others) else []
     feasible = [end for end in ends if is_feasible(problem, end)]
     best = max(feasible, key=lambda end: end.R_K, default=smallest)
     value = best.R_K if best else 0.0
@@ -163,8 +163,8 @@ def _calmest_at_rate(problem: TuningProblem, best: Assessment) -> Assessment:
     rate = (1.0 - RATE_GIVEN_UP) * best.R_K
     k = best.K[search_space(problem).free][None]
     (calmest,) = searches(problem, k, "trace", min_R_K=rate)
-    kept = calmest.R_K >= (1.0 - 2.0 * RATE_GIVEN_UP) * best.R_K
-    return calmest if kept and is_feasible(problem, calmest) else best
+    as_fast = calmest.R_K >= (1.0 - 2.0 * RATE_GIVEN_UP) * best.R_K
+    return calmest if as_fast and is_feasible(problem, calmest) else best
 
 
 def searches(

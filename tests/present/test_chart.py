@@ -149,7 +149,7 @@ def test_a_sheet_is_an_svg_file_of_its_own_with_titles_and_names():
 
 def test_bars_stand_where_they_are_asked_for_and_reach_their_values():
     chart = Chart(title="shares", y_range=(0.0, 10.0))
-    chart.bars([0.0, 0.0], [5.0, 10.0], [BLUE, RUST], at=[1.0, 4.0])
+    chart.bars([0.0, 0.0], [5.0, 10.0], [BLUE, RUST], x=[1.0, 4.0])
 
     root = drawn(chart)
     x0, x1, _, _, width, height = (float(v) for v in root.get("data-axes").split())

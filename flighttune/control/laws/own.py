@@ -51,13 +51,13 @@ class Own(Law):
         """Make a controller that ends its flight, in one line, where it fails."""
         name = f"law {self.name}"
         try:
-            made = self.make(setup)
-            guarded = GuardedLaw(made, setup.limits, name)
+            user_law = self.make(setup)
+            guarded = GuardedLaw(user_law, setup.limits, name)
         except FAILURES as error:
             raise LawError(failure(name, error, 0.0)) from error
         if guarded.dt != setup.dt:
             raise LawError(
-                f"{name}: `dt` must be that of the flight, {setup.dt:g} s, got {made.dt}."
+                f"{name}: `dt` must be that of the flight, {setup.dt:g} s, got {user_law.dt}."
             )
         if wrong := [name for name in guarded.signals if not name.isidentifier()]:
             raise LawError(f"{name}: `signals` must have names like those of Python, got {wrong}.")

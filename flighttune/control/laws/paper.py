@@ -40,8 +40,8 @@ class Paper(Law):
 
     def sampled(self, setup: LawSetup, /) -> SampledController:
         """How a tube follows it."""
-        made = self.make(setup)
-        return SampledController(made.law.channels, made.law.conditional, made.feed_forward)
+        pi = self.make(setup)
+        return SampledController(pi.law.channels, pi.law.conditional, pi.feed_forward)
 
     def outer_loop(self, setup: LawSetup, /) -> OuterLoop:
         """How JSBSim flies it by itself."""

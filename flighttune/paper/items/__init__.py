@@ -34,16 +34,16 @@ class Item:
     outcome: list[str]  # the results, a sentence each, with braces where `Made` has the numbers
     captions: Mapping[str, str]  # captions of the figures by file name, with braces as well
 
-    def filled_in(self, text: str, made: Made) -> str:
+    def filled_in(self, text: str, output: Made) -> str:
         """A caption or a sentence of the outcome with the numbers as computed."""
-        return text.format(printed=printed, values=made.values, **made.numbers)
+        return text.format(printed=printed, values=output.values, **output.numbers)
 
-    def text(self, made: Made) -> str:
+    def text(self, output: Made) -> str:
         """The short text of the item, Markdown."""
         assumed = ["{what}: {taken}. Why: {why}.".format(**choice) for choice in self.assumed]
         parts = [f"# {self.name}: {self.title}\n\n{self.printed} of arXiv 2411.13140.\n"]
         for title, lines in (
-            ("What comes out", [self.filled_in(line, made) for line in self.outcome]),
+            ("What comes out", [self.filled_in(line, output) for line in self.outcome]),
             ("Parameters", self.parameters),
             ("Assumed, because the paper does not print it", assumed or ["nothing"]),
         ):

@@ -244,8 +244,8 @@ def _over(
     chart = Chart(title=title, x=INDICATOR_LABELS[indicator], y=y, x_room=0.05)
     for channel in channels:
         colour, dash = LOOKS[channel]
-        of_channel = study.of_gains(channel, measure).loc[values.index]
-        marked_line(chart, values, of_channel, colour, dash=dash, run=CHANNEL_LABELS[channel][1])
+        row = study.of_gains(channel, measure).loc[values.index]
+        marked_line(chart, values, row, colour, dash=dash, run=CHANNEL_LABELS[channel][1])
     return chart
 
 

@@ -75,8 +75,8 @@ def _row(study: Study, gain_set: PIGains) -> dict[str, float]:
     loop = indicators(closed_loop(study.model, gain_set))
     places = ("11", "12", "21", "22")
     return {
-        **{f"K_P_{at}": x for at, x in zip(places, gain_set.K_P.ravel(), strict=True)},
-        **{f"K_I_{at}": x for at, x in zip(places, gain_set.K_I.ravel(), strict=True)},
+        **{f"K_P_{place}": x for place, x in zip(places, gain_set.K_P.ravel(), strict=True)},
+        **{f"K_I_{place}": x for place, x in zip(places, gain_set.K_I.ravel(), strict=True)},
         "R_K_1_per_s": loop.R_K,
         "I_K_s2": loop.I_K,
         "spectral_abscissa_1_per_s": loop.spectral_abscissa,
@@ -149,7 +149,7 @@ def _constraints(sets: dict[str, PIGains]) -> Sheet:
         uses = initial_commands(gain_set)
         shares, places = [uses[key].share for key in labels], group * np.arange(len(labels)) + k
         colour = GAIN_SET_COLOURS[name]
-        chart.bars(np.zeros(len(labels)), shares, [colour] * len(labels), at=places)
+        chart.bars(np.zeros(len(labels)), shares, [colour] * len(labels), x=places)
         chart.legend.append((name, colour, "dot"))
         for share, place in zip(shares, places.tolist(), strict=True):
             text = f"{share:.2f}" if share < 1.0 else f"{share:.1f}"

@@ -59,10 +59,10 @@ def _time_histories(duffing: DuffingCases) -> pd.DataFrame:
         "a_noise_largest": case.norm_f.max(axis=1),
         "a_undisturbed": duffing.undisturbed.norm_f[:, 0],
     }
-    for name, other in duffing.hard.items():
-        columns[f"a_{name.replace(' ', '_')}"] = other.norm_f[:, 0]
-    for alpha, other in duffing.family.items():
-        columns[f"b_mean_norm_f_alpha_{alpha:g}"] = other.norm_f.mean(axis=1)
+    for name, flight in duffing.hard.items():
+        columns[f"a_{name.replace(' ', '_')}"] = flight.norm_f[:, 0]
+    for alpha, flight in duffing.family.items():
+        columns[f"b_mean_norm_f_alpha_{alpha:g}"] = flight.norm_f.mean(axis=1)
     return pd.DataFrame(columns)
 
 
@@ -81,8 +81,8 @@ def _panels(duffing: DuffingCases) -> Sheet:
     low, high = np.maximum(case.norm_f.min(axis=1), 1e-3), case.norm_f.max(axis=1)
     a.band(case.t, low, high, CHI, name=f"{case.norm_f.shape[1]} noise runs")
     a.line(case.t, case.norm_f[:, 0], CHI, width=0.9, name="one of them")
-    for name, other in duffing.hard.items():
-        a.line(other.t, other.norm_f[:, 0], HARD_COLOURS[name], name=name)
+    for name, flight in duffing.hard.items():
+        a.line(flight.t, flight.norm_f[:, 0], HARD_COLOURS[name], name=name)
     a.line(calm.t, calm.norm_f[:, 0], NEUTRAL, dash=DASHED, name="no disturbance")
     a.line(case.t, case.bound_over_time, INK, width=2.0, name="bound of Theorem 1")
     b = Chart(
@@ -90,8 +90,8 @@ def _panels(duffing: DuffingCases) -> Sheet:
         y="mean of ‖f(x)‖ [1/s]",
         x_range=(0.0, printed.DURATION),
     )
-    for colour, (alpha, other) in zip(STRONG, duffing.family.items(), strict=True):
-        b.line(other.t, other.norm_f.mean(axis=1), colour, name=f"α = {alpha:g}")
+    for colour, (alpha, flight) in zip(STRONG, duffing.family.items(), strict=True):
+        b.line(flight.t, flight.norm_f.mean(axis=1), colour, name=f"α = {alpha:g}")
     b.y_range = 0.0, b.y_ends()[1]
     c = Chart(title="measures of ‖f(x)‖ against R(f)", x="R(f) [1/s]", y="‖f(x)‖ [1/s]")
     d = Chart(title="measures of ‖f(x)‖ against I(f)", x="I(f) [1/s]", y="‖f(x)‖ [1/s]", log="x")
@@ -115,8 +115,8 @@ def _region(duffing: DuffingCases, strips: pd.DataFrame) -> Sheet:
     for run in range(x.shape[1]):
         name = "" if run else f"noise, {x.shape[1]} runs"
         plane.line(x[:, run, 0], x[:, run, 1], CHI, width=0.5, name=name, hover=False)
-    for name, other in duffing.hard.items():
-        plane.line(other.x[:, 0, 0], other.x[:, 0, 1], HARD_COLOURS[name], name=name, hover=False)
+    for name, case in duffing.hard.items():
+        plane.line(case.x[:, 0, 0], case.x[:, 0, 1], HARD_COLOURS[name], name=name, hover=False)
     plane.points(*printed.DUFFING_X_0, INK, name="start")
     for edge in (-c, c):
         plane.upright(edge, LIMIT, dash=DASHED)

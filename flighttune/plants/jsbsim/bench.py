@@ -111,18 +111,18 @@ class Bench:
 
 def slopes(
     measure: Callable[[AirframeState], FloatArray],
-    at: AirframeState,
+    trimmed: AirframeState,
     half_widths: Mapping[str, float],
 ) -> dict[str, FloatArray]:
-    """Central differences of `measure` about `at` by each attribute of `half_widths`, in turn.
+    """Central differences of `measure` about `trimmed` by each attribute of `half_widths`, in turn.
 
     Airspeed and throttle, which the engine follows, must come last: all other slopes are then taken
-    with the engine settled at `at`.
+    with the engine settled at `trimmed`.
     """
     derivatives = {}
     for name, half in half_widths.items():
         above, below = (
-            measure(replace(at, **{name: getattr(at, name) + by})) for by in (half, -half)
+            measure(replace(trimmed, **{name: getattr(trimmed, name) + by})) for by in (half, -half)
         )
         derivatives[name] = (above - below) / (2.0 * half)
     return derivatives

@@ -182,11 +182,11 @@ class Fdm:
         try:
             # Only with the trim status set do lags and rate limits settle in one evaluation.
             self._exec.set_trim_status(True)
-            done = self._exec.run_ic()
+            finished = self._exec.run_ic()
             self._exec.set_trim_status(False)
         except jsbsim.BaseError as error:
             raise self._translation("cannot be evaluated", error) from error
-        if not done:
+        if not finished:
             self.abandon()
             raise PlantError(f"{self._model}: JSBSim does not take the state of `ic/`.")
 
@@ -228,8 +228,8 @@ class Fdm:
         A sample that changes the thrust by a smaller share of it than `still` ends the wait.
         """
         # Integrators of type 0 hold the aircraft still while time passes.
-        kept = [(write, read()) for write, read in self.integrators.values()]
-        for write, _ in kept:
+        states = [(write, read()) for write, read in self.integrators.values()]
+        for write, _ in states:
             write(0.0)
         self._exec.set_dt(1.0 / rate)
         try:
@@ -244,7 +244,7 @@ class Fdm:
             raise self._translation("cannot be run", error) from error
         self._exec.set_dt(1.0 / self.rate)
         self._exec.set_sim_time(0.0)  # time at rest does not count: the flight begins at t = 0
-        for write, value in kept:
+        for write, value in states:
             write(value)
 
     def _body(self) -> Body:
@@ -276,9 +276,9 @@ class Fdm:
             raise PlantError(f"{self._model}: must have the property `{name}`, got none.")
         return node
 
-    def _translation(self, what: str, error: RuntimeError) -> PlantError:
+    def _translation(self, action: str, error: RuntimeError) -> PlantError:
         self.abandon()
-        return PlantError(f"{self._model}: {what} by JSBSim: {self._message(str(error))}")
+        return PlantError(f"{self._model}: {action} by JSBSim: {self._message(str(error))}")
 
     def _message(self, text: str) -> str:
         """Words of JSBSim in one line, about the file of the user instead of the one made of it."""

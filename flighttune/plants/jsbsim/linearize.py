@@ -32,11 +32,11 @@ def linearize(config: AircraftConfig, condition: FlightCondition) -> tuple[Float
     if the aircraft cannot be built. Raises TrimError if there is no steady flight at `condition`.
     """
     fdm = Fdm(config)
-    at = trim(fdm, condition)
+    x_0 = trim(fdm, condition)
     bench = Bench(fdm, condition.h)
     # Not JSBSim's FGLinearization: it never returns where an engine takes its time to settle, and
     # ends the process for an aircraft without engine. Where it works it agrees.
-    by = slopes(lambda state: _state_rates(state, bench.accelerations(state)), at, _HALF_WIDTHS)
+    by = slopes(lambda state: _state_rates(state, bench.accelerations(state)), x_0, _HALF_WIDTHS)
     A, B = (np.column_stack([by[name] for name in names]) for names in (STATES, CONTROLS))
     return A, B
 

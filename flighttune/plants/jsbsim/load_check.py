@@ -78,22 +78,22 @@ def _engine_faults(fdm: Fdm, bench: Bench, level: AirframeState) -> Iterator[str
 
 def _surface_faults(fdm: Fdm, bench: Bench, level: AirframeState) -> Iterator[str]:
     for name, surface in fdm.config.surfaces.named():
-        what, sign = EFFECTS[name]
-        shown = [fdm.reader(position) for position in POSITIONS[name] if fdm.has(position)]
-        neutral = bench.accelerations(level)[what]
-        rest = [read() for read in shown]
+        rate, sign = EFFECTS[name]
+        readers = [fdm.reader(position) for position in POSITIONS[name] if fdm.has(position)]
+        neutral = bench.accelerations(level)[rate]
+        before = [read() for read in readers]
         for stop in surface.travel:
-            halfway = bench.accelerations(replace(level, **{name: 0.5 * stop}))[what] - neutral
-            whole = bench.accelerations(replace(level, **{name: stop}))[what] - neutral
+            halfway = bench.accelerations(replace(level, **{name: 0.5 * stop}))[rate] - neutral
+            whole = bench.accelerations(replace(level, **{name: stop}))[rate] - neutral
             moved = max(
-                (abs(read() - was) for read, was in zip(shown, rest, strict=True)), default=0
+                (abs(read() - was) for read, was in zip(readers, before, strict=True)), default=0
             )
             if not math.isfinite(whole):
                 return  # forces that are not finite are reported by the trim
             key = f"[surfaces] `{name}`"
             if not sign * stop * whole > NEGLIGIBLE * abs(stop):
                 yield (
-                    f"{key} must {'raise' if sign * stop > 0.0 else 'lower'} {what} at "
+                    f"{key} must {'raise' if sign * stop > 0.0 else 'lower'} {rate} at "
                     f"{stop / DEG:.3g} deg, got {whole:.2g} rad/s2"
                 )
             # A model that limits its surface below `travel_deg` shows no more effect from there on.

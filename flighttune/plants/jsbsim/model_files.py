@@ -94,8 +94,8 @@ class ModelFolders:
     @property
     def parts(self) -> tuple[Path, ...]:
         """Folders in which a part of the model is looked for, in this order."""
-        own = (self.model / name for name in ("", "Engines", "engines", "Systems", "systems"))
-        return (*own, *self.near, self.engines, self.systems)
+        folders = (self.model / name for name in ("", "Engines", "engines", "Systems", "systems"))
+        return (*folders, *self.near, self.engines, self.systems)
 
 
 def source_folders(config: AircraftConfig) -> ModelFolders:
@@ -126,8 +126,8 @@ def main_root(config: AircraftConfig) -> Element:
 
     Raises PlantError if it cannot be read.
     """
-    where = "a file of JSBSim's" if config.model.endswith(".xml") else "shipped with jsbsim"
-    return read_xml(source_folders(config).file, f"{config.file}: `model` must be {where}")
+    kind = "a file of JSBSim's" if config.model.endswith(".xml") else "shipped with jsbsim"
+    return read_xml(source_folders(config).file, f"{config.file}: `model` must be {kind}")
 
 
 def wing_span(config: AircraftConfig) -> float | None:
@@ -163,12 +163,12 @@ def model_files(config: AircraftConfig) -> tuple[Path, ...]:
     return tuple(files)
 
 
-def missing_parts(config: AircraftConfig, said: str) -> list[str]:
-    """Parts that a model names and JSBSim missed, as it `said`, with where they belong."""
+def missing_parts(config: AircraftConfig, message: str) -> list[str]:
+    """Parts that a model names and that a `message` of JSBSim misses, with where they belong."""
     folders = source_folders(config)
     file = folders.file
     elements = (part for file in model_files(config) for part in read_xml(file, str(file)).iter())
-    tags = {name: part.tag for part in elements if (name := part.get("file", "")) in said}
+    tags = {name: part.tag for part in elements if (name := part.get("file", "")) in message}
     return [
         str(found_file(name, [folders.model / ("Engines" if tag in ENGINES else "Systems")], file))
         for name, tag in tags.items()
@@ -190,9 +190,9 @@ def unchanged(config: AircraftConfig, *further: Hashable) -> Unchanged:
 
 
 @lru_cache(maxsize=256)
-def has_flight_control(what: Unchanged) -> bool:
+def has_flight_control(unchanged: Unchanged) -> bool:
     """Whether an aircraft's model has systems of its own, which may have a memory."""
-    root = main_root(what.config)
+    root = main_root(unchanged.config)
     return any(root.find(tag) is not None for tag in ("flight_control", "autopilot", "system"))
 
 
@@ -205,9 +205,9 @@ def model_hash(config: AircraftConfig) -> str:
 
 
 @lru_cache(maxsize=256)
-def _hash(what: Unchanged) -> str:
-    digest = hashlib.sha256(what.config.fingerprint.encode())
-    for file in model_files(what.config):
+def _hash(unchanged: Unchanged) -> str:
+    digest = hashlib.sha256(unchanged.config.fingerprint.encode())
+    for file in model_files(unchanged.config):
         digest.update(f"{file.name}\n".encode())
         digest.update(file.read_bytes())
     return digest.hexdigest()
@@ -285,9 +285,9 @@ def main_file_text(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> str:
 
 
 @lru_cache(maxsize=32)
-def _template(what: Unchanged, weigh: Weigh, steps: int) -> tuple[str, MassBalance | None]:
+def _template(unchanged: Unchanged, weigh: Weigh, steps: int) -> tuple[str, MassBalance | None]:
     """Main file with placeholders where something is off the nominal; what weighs the aircraft."""
-    config, folders = what.config, source_folders(what.config)
+    config, folders = unchanged.config, source_folders(unchanged.config)
     off = config.off_nominal or _NOMINAL
     file, root = folders.file, main_root(config)
     for tag in (*CONNECTIONS, "planet"):

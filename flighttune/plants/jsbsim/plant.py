@@ -209,8 +209,8 @@ class JSBSimPlant:
         self._write_phi_cmd(phi_cmd)
         self._write_n_z_cmd(n_z_cmd)
         if not (math.isfinite(phi_cmd) and math.isfinite(n_z_cmd)):
-            got = f"phi_cmd {phi_cmd:g} rad, n_z_cmd {n_z_cmd:g}"
-            return self._end("diverged", f"commands must be finite, got {got}.")
+            commands = f"phi_cmd {phi_cmd:g} rad, n_z_cmd {n_z_cmd:g}"
+            return self._end("diverged", f"commands must be finite, got {commands}.")
         # `run` is false where JSBSim itself ends the run, as on the ground.
         run, inside = self._run, self._inside
         going = True
@@ -231,9 +231,9 @@ class JSBSimPlant:
             return stop
         why = self._diagnosis()
         if why is None:
-            at = f"t = {self._time():.3f} s"
+            when = f"t = {self._time():.3f} s"
             raise PlantError(
-                f"{at}: JSBSim ended the run by itself, its state inside the envelope."
+                f"{when}: JSBSim ended the run by itself, its state inside the envelope."
             )
         return self._end(*why)
 
@@ -279,8 +279,8 @@ class JSBSimPlant:
                 f"got {duration:g} s."
             )
         longest = max(1, math.floor(_GUARD_INTERVAL * self._rate))
-        whole, rest = divmod(round(steps), longest)
-        chunks = (range(longest),) * whole + (range(rest),) * (rest > 0)
+        whole, remainder = divmod(round(steps), longest)
+        chunks = (range(longest),) * whole + (range(remainder),) * (remainder > 0)
         return self._chunks.setdefault(duration, chunks)
 
     def _end(self, status: StopStatus, reason: str) -> Stop:

@@ -33,8 +33,8 @@ def signal_reader(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[fl
     PlantError if the aircraft lacks a property.
     """
     read = fdm.reader
-    phi, theta, psi, chi, gamma, alpha, beta, p, q, r, *others = map(read, _PLACES)
-    V_a, V_g, h_ft, north, east, w_n, w_e, w_d, aileron, elevator, rudder, throttle = others
+    phi, theta, psi, chi, gamma, alpha, beta, p, q, r, *motion = map(read, _PLACES)
+    V_a, V_g, h_ft, north, east, w_n, w_e, w_d, aileron, elevator, rudder, throttle = motion
     # Not accelerations/N*: JSBSim computes those from the forces of the step before.
     F_x, F_y, F_z = (read(f"forces/fb{axis}-total-lbs") for axis in "xyz")
     mass_slug = read("inertia/mass-slugs")

@@ -56,7 +56,7 @@ def interior_root(
     lower, upper = bounds
     x, r, slopes, wall = start, residuals(start), None, None
     for _ in range(_NEWTON_STEPS):
-        here, fresh = float(np.abs(r).max()), slopes is None
+        norm, fresh = float(np.abs(r).max()), slopes is None
         if slopes is None:
             slopes = slopes_within(residuals, x, r, widths, upper)
         try:
@@ -73,22 +73,22 @@ def interior_root(
         if wall is not None and wall == wall_before:
             return None
         # Only slopes that are fresh are worth a shorter step: old ones are replaced first.
-        for _ in range(1 + (_HALVINGS if fresh and here > _ROUNDING else 0)):
+        for _ in range(1 + (_HALVINGS if fresh and norm > _ROUNDING else 0)):
             moved = part * step
-            there = residuals(x + moved)
-            now = float(np.abs(there).max())
-            if now < (1.0 - _MIN_GAIN * part) * here:
+            residual = residuals(x + moved)
+            now = float(np.abs(residual).max())
+            if now < (1.0 - _MIN_GAIN * part) * norm:
                 break
             part *= 0.5
         else:
-            if here < _ROUNDING or fresh:
-                return x if here < _ROUNDING else None
+            if norm < _ROUNDING or fresh:
+                return x if norm < _ROUNDING else None
             slopes = None
             continue
         # Broyden: after a whole step of Newton the correction is the new residual alone.
-        fast = now < _FAST_GAIN * here
-        slopes = slopes + np.outer(there, moved) / (moved @ moved) if fast else None
-        x, r = x + moved, there
+        fast = now < _FAST_GAIN * norm
+        slopes = slopes + np.outer(residual, moved) / (moved @ moved) if fast else None
+        x, r = x + moved, residual
         if now < enough:
             return x
     return None
@@ -166,7 +166,7 @@ def trim(fdm: Fdm, condition: FlightCondition, *, thrust_short: bool = False) ->
     start = problem.start
     x = None if thrust_short else problem.root(start)
     c = condition
-    none = (
+    failure = (
         f"{fdm.config.file}: no steady flight at V_a {c.V_a:g} m/s, h {c.h:g} m, "
         f"gamma {c.gamma / DEG:g} deg, phi {c.phi / DEG:g} deg"
     )
@@ -175,14 +175,16 @@ def trim(fdm: Fdm, condition: FlightCondition, *, thrust_short: bool = False) ->
             x = problem.best_compromise(start)
         except ValueError as error:  # SciPy's, of forces that are not finite
             raise TrimError(
-                f"{none}: the forces on the aircraft must be finite: {error}"
+                f"{failure}: the forces on the aircraft must be finite: {error}"
             ) from error
-    left = problem.residuals(x)
-    worst = float(np.max(np.abs(left)))
+    left_over = problem.residuals(x)
+    worst = float(np.max(np.abs(left_over)))
     if not worst < (_RESIDUAL_SETTLED if fdm.engine_settles else _RESIDUAL_ALLOWED):
-        raise TrimError(f"{none}: {problem.obstacle(x, left)} (left over: {worst:.2g} g).")
+        raise TrimError(f"{failure}: {problem.obstacle(x, left_over)} (left over: {worst:.2g} g).")
     if abs(problem.gamma(x) - c.gamma) > _OFF_GLIDE:
-        raise TrimError(f"{none}: it has no engine and glides at {problem.gamma(x) / DEG:.4g} deg.")
+        raise TrimError(
+            f"{failure}: it has no engine and glides at {problem.gamma(x) / DEG:.4g} deg."
+        )
     return problem.state(x)
 
 
@@ -257,8 +259,8 @@ class _TrimProblem:
         """Return what is left of six accelerations and the lateral load factor at `x`."""
         measured = self._bench.accelerations(self.state(x))
         linear = [measured[name] / G_0 for name in ("u_dot", "v_dot", "w_dot")]
-        rest = [measured[name] for name in ("p_dot", "q_dot", "r_dot", "n_y")]
-        return np.array(linear + rest)
+        moments = [measured[name] for name in ("p_dot", "q_dot", "r_dot", "n_y")]
+        return np.array(linear + moments)
 
     def root(self, start: FloatArray) -> FloatArray | None:
         """Return the steady flight that Newton's method finds from `start`, if it does."""
@@ -304,20 +306,20 @@ class _TrimProblem:
         def left_over(six: FloatArray) -> FloatArray:
             return self.residuals(np.append(six, throttle))
 
-        at, widths, enough = start[:-1], self.widths[:-1], self.enough
-        six = interior_root(lambda x: left_over(x)[1:], at, bounds, widths=widths, enough=enough)
+        guess, widths, enough = start[:-1], self.widths[:-1], self.enough
+        six = interior_root(lambda x: left_over(x)[1:], guess, bounds, widths=widths, enough=enough)
         if six is None:
-            six = _least_squares(left_over, at, bounds)
+            six = _least_squares(left_over, guess, bounds)
         return np.append(six, throttle)
 
-    def obstacle(self, x: FloatArray, left: FloatArray) -> str:
-        """Say which bounds the best compromise `x`, which leaves `left`, lies at."""
+    def obstacle(self, x: FloatArray, residual: FloatArray) -> str:
+        """Say which bounds the best compromise `x`, which leaves `residual`, lies at."""
         share = (x - self.lower) / (self.upper - self.lower)
         low, high = share < _AT_STOP, share > 1.0 - _AT_STOP
         alpha = f"alpha is at {x[0] / DEG:.1f} deg"
         reasons = (
-            (high[6] and left[0] < 0.0 and not self._glides, _TOO_LITTLE),
-            (low[6] and left[0] > 0.0, "the aircraft speeds up with the throttle closed"),
+            (high[6] and residual[0] < 0.0 and not self._glides, _TOO_LITTLE),
+            (low[6] and residual[0] > 0.0, "the aircraft speeds up with the throttle closed"),
             (high[0], f"it would stall, {alpha}"),
             (low[0], f"negative stall, {alpha}"),
             (low[3] or high[3], "the elevator is at its stop"),
@@ -394,16 +396,16 @@ def trim_table(
         try:
             climbs = (level(config, speed, h).gamma,) if gamma is None else gamma
         except TrimError as error:
-            at = {"V_a_mps": speed, "gamma_deg": None, **turn}
-            records.append({**at, "trim": None, "reason": _obstacle(error)})
+            row = {"V_a_mps": speed, "gamma_deg": None, **turn}
+            records.append({**row, "trim": None, "reason": _obstacle(error)})
             continue
         for climb in climbs:
             condition = FlightCondition(V_a=speed, h=h, gamma=climb, phi=phi)
             point, reason = _trimmed(config, condition, thrust_short=climb > lowest_short)
             if _TOO_LITTLE in reason:
                 lowest_short = min(lowest_short, climb)
-            at = {"V_a_mps": speed, "gamma_deg": climb * DEG_PER_RAD, **turn}
-            records.append({**at, "trim": point, "reason": reason})
+            row = {"V_a_mps": speed, "gamma_deg": climb * DEG_PER_RAD, **turn}
+            records.append({**row, "trim": point, "reason": reason})
     return records
 
 
@@ -416,12 +418,12 @@ def _trimmed(
     if outside:
         return None, f"outside the envelope: {outside}"
     try:
-        at = trim(Fdm(config), condition, thrust_short=thrust_short)
+        state = trim(Fdm(config), condition, thrust_short=thrust_short)
     except TrimError as error:
         return None, _obstacle(error)
     names = ("alpha", "beta", "theta", "aileron", "elevator", "rudder")
-    angles = {f"{name}_deg": getattr(at, name) * DEG_PER_RAD for name in names}
-    return {**angles, "throttle": at.throttle}, ""
+    angles = {f"{name}_deg": getattr(state, name) * DEG_PER_RAD for name in names}
+    return {**angles, "throttle": state.throttle}, ""
 
 
 def _obstacle(error: TrimError) -> str:

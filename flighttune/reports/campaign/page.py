@@ -24,7 +24,7 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
 
     Raises OutputError if the file cannot be written.
     """
-    flown, campaign = findings.flights, findings.flights.plan.campaign
+    flights, campaign = findings.flights, findings.flights.plan.campaign
     styles = panels.styles_of(findings)
     shipped = campaign.scenario.removesuffix(".toml") in scenario_files()
     return write_page(
@@ -38,13 +38,13 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
         styles=styles,
         notes=notes(findings),
         provenance=_provenance(findings),
-        url=flown.url,
-        example_run=int(flown.rows["run"].to_numpy()[0]),
-        runs=flown.plan.runs,
+        url=flights.url,
+        example_run=int(flights.rows["run"].to_numpy()[0]),
+        runs=flights.plan.runs,
         own_scenario="" if shipped else Path(campaign.scenario).name,
-        campaign_text=toml_text(flown.plan.as_dict()["campaign"]),
-        scenario_text=toml_text(flown.plan.scenario.as_dict()),
-        version=flown.versions.get("flighttune", ""),
+        campaign_text=toml_text(flights.plan.as_dict()["campaign"]),
+        scenario_text=toml_text(flights.plan.scenario.as_dict()),
+        version=flights.versions.get("flighttune", ""),
     )
 
 
@@ -68,11 +68,11 @@ def summary(findings: Findings) -> tuple[str, ...]:
 
 def notes(findings: Findings) -> tuple[str, ...]:
     """Number of flights, what success is, and effect of the design on the intervals."""
-    flown, plan = findings.flights, findings.flights.plan
+    flights, plan = findings.flights, findings.flights.plan
     lines = []
-    if len(flown.rows) < plan.runs:
+    if len(flights.rows) < plan.runs:
         lines.append(
-            f"Not finished: the numbers are those of {len(flown.rows)} of {plan.runs} flights."
+            f"Not finished: the numbers are those of {len(flights.rows)} of {plan.runs} flights."
         )
     lines.append(tables.success_sentences(findings))
     if plan.cycle > 1:
@@ -92,7 +92,7 @@ def notes(findings: Findings) -> tuple[str, ...]:
 
 def _sections(findings: Findings) -> list[Section]:
     groups = findings.values["groups"]
-    flown = findings.flights
+    flights = findings.flights
     influences = [
         tables.influence_table(groups, name) for name in (findings.measure, SUCCESS) if name
     ]
@@ -101,8 +101,8 @@ def _sections(findings: Findings) -> list[Section]:
         Section(
             id="rates",
             title="How often",
-            note=f"Of all flights of a group, with {CONFIDENCE[flown.method]} interval of "
-            f"{100.0 * flown.confidence:g} % confidence in brackets.",
+            note=f"Of all flights of a group, with {CONFIDENCE[flights.method]} interval of "
+            f"{100.0 * flights.confidence:g} % confidence in brackets.",
             tables=[
                 tables.success_table(findings, groups),
                 tables.reasons_table(groups),
@@ -113,7 +113,7 @@ def _sections(findings: Findings) -> list[Section]:
             id="worst",
             title="Worst flights",
             note="With the most influential parameters. To fly one again: flighttune campaign fly "
-            f"{flown.url} --run RUN",
+            f"{flights.url} --run RUN",
             tables=[tables.worst_table(findings, groups)],
             legend=False,
         ),
@@ -154,17 +154,17 @@ def _sections(findings: Findings) -> list[Section]:
 
 
 def _provenance(findings: Findings) -> Table:
-    flown, plan = findings.flights, findings.flights.plan
-    versions = ", ".join(f"{name} {value}" for name, value in flown.versions.items())
-    seconds = float(np.sum(flown.rows["wall_s"].to_numpy()))
+    flights, plan = findings.flights, findings.flights.plan
+    versions = ", ".join(f"{name} {value}" for name, value in flights.versions.items())
+    seconds = float(np.sum(flights.rows["wall_s"].to_numpy()))
     return facts_table(
         "Provenance",
         {
-            "campaign": flown.url,
-            "flights": f"{len(flown.rows)} of {plan.runs}, on {plan.draws} draws",
+            "campaign": flights.url,
+            "flights": f"{len(flights.rows)} of {plan.runs}, on {plan.draws} draws",
             "design": f"{plan.campaign.design.replace('_', ' ')}, seed {plan.campaign.seed}",
             "plan, SHA-256": plan.sha256,
-            "rows, SHA-256": dataset_hash(flown.url) if flown.url else MISSING,
+            "rows, SHA-256": dataset_hash(flights.url) if flights.url else MISSING,
             "flown with": versions or MISSING,
             "time in flights": f"{seconds:.1f} s",
             "source of the campaign": plan.campaign.source or MISSING,

@@ -62,8 +62,8 @@ def rates(findings: Findings) -> list[Chart]:
 
 def distributions(findings: Findings) -> list[Chart]:
     """Cumulative distribution of a metric over all flights, a panel a metric."""
-    wanted = dict.fromkeys([findings.measure, *SPREAD])
-    measures = [name for name in wanted if name and name in findings.flights.measures]
+    names = dict.fromkeys([findings.measure, *SPREAD])
+    measures = [name for name in names if name and name in findings.flights.measures]
     return [_distribution(findings, name) for name in measures]
 
 
@@ -83,14 +83,14 @@ def split_panels(findings: Findings) -> list[Chart]:
     """Success rate over the values of the most influential parameter."""
     styles, charts = styles_of(findings), []
     for parameter in dict.fromkeys(split["parameter"] for split in findings.splits):
-        own = [split for split in findings.splits if split["parameter"] == parameter]
+        group_splits = [split for split in findings.splits if split["parameter"] == parameter]
         chart = Chart(
             title=f"Success over {key_words(parameter)}",
             x=_axis(parameter),
             y="flights that succeed [%]",
             y_range=(-3.0, 103.0),
         )
-        for split in own:
+        for split in group_splits:
             label, centres = split["group"], np.asarray(split["centres"], dtype=float)
             rate, lo, hi = arrays_of(split["success"], 100.0)
             # each interval a line of its own: NaN between them
@@ -100,8 +100,8 @@ def split_panels(findings: Findings) -> list[Chart]:
             chart.run_line(centres, rate, styles[label], label, width=1.4)
             chart.points(centres, rate, styles[label].colour, run=label)
         if not is_number(findings.flights.rows[parameter]):
-            centres = own[0]["centres"]
-            chart.x_ticks = list(zip(centres, own[0]["labels"], strict=True))
+            centres = group_splits[0]["centres"]
+            chart.x_ticks = list(zip(centres, group_splits[0]["labels"], strict=True))
             chart.x_range = (min(centres) - 0.5, max(centres) + 0.5)
         charts.append(chart)
     return charts
@@ -132,38 +132,38 @@ def scatter_panels(findings: Findings) -> list[Chart]:
             # commands that fly each row again, as tips under the pointer
             again = f"flighttune campaign fly {findings.flights.url} --run"
             tips = np.array([f"run {run}: {again} {run}" for run in some["run"]])
-            flown = np.isfinite(y)
-            dots = {"size": 2.6, "opacity": 0.6, "tips": tips[flown].tolist()}
-            chart.points(x[flown], y[flown], styles[label].colour, run=label, **dots)
+            finite = np.isfinite(y)
+            dots = {"size": 2.6, "opacity": 0.6, "tips": tips[finite].tolist()}
+            chart.points(x[finite], y[finite], styles[label].colour, run=label, **dots)
             # flights that ended early have no value: they stand as high as the worst one
-            top, lost = np.full(len(x), highest), {"shape": "cross", "tips": tips[~flown].tolist()}
-            chart.points(x[~flown], top[~flown], LIMIT, run=label, **lost)
+            top, lost = np.full(len(x), highest), {"shape": "cross", "tips": tips[~finite].tolist()}
+            chart.points(x[~finite], top[~finite], LIMIT, run=label, **lost)
         charts.append(chart)
     return charts
 
 
 def _shares(
-    title: str, of: dict[str, tuple[float, float, float]], styles: dict[str, LineStyle]
+    title: str, bars: dict[str, tuple[float, float, float]], styles: dict[str, LineStyle]
 ) -> Chart:
     """A row a group, from the top: its name, and below it the share with its interval."""
-    height = max(HEIGHT, HEAD_AND_FOOT + ROW * len(of))
-    row = (height - HEAD_AND_FOOT) / len(of)
+    height = max(HEIGHT, HEAD_AND_FOOT + ROW * len(bars))
+    row = (height - HEAD_AND_FOOT) / len(bars)
     chart = Chart(
         title=title,
         x="share [%], with interval",
         height=height,
-        y_range=(0.0, float(len(of))),
+        y_range=(0.0, float(len(bars))),
         y_ticks=(),
         downwards=True,
     )
-    for place, (label, shares) in enumerate(of.items()):
+    for place, (label, shares) in enumerate(bars.items()):
         (value, lo, hi), colour = (100.0 * share for share in shares), styles[label].colour
         y = place + 0.5 + BELOW / row
-        shown = f"{percent(shares[0])} % [{percent(shares[1])}, {percent(shares[2])}]"
-        chart.name_row(place + 0.5, f"{label}: {shown}")
+        text = f"{percent(shares[0])} % [{percent(shares[1])}, {percent(shares[2])}]"
+        chart.name_row(place + 0.5, f"{label}: {text}")
         chart.line([lo, hi], [y, y], colour, run=label, hover=False)
         chart.points(value, y, colour, run=label, size=4.0)
-    low, high = min(lo for _, lo, _ in of.values()), max(hi for _, _, hi in of.values())
+    low, high = min(lo for _, lo, _ in bars.values()), max(hi for _, _, hi in bars.values())
     room = 6.0 * max(high - low, 0.01)
     chart.x_range = max(-2.0, 100.0 * low - room), min(102.0, 100.0 * high + 2.5 * room)
     return chart
@@ -176,9 +176,9 @@ def _distribution(findings: Findings, measure: str) -> Chart:
     for group, rows in findings.flights.groups():
         values = np.sort(how.factor * scores(rows, measure))
         share = 100.0 * np.arange(1, len(values) + 1) / len(values)
-        kept = np.isfinite(values)
-        if kept.any():
-            curves[group.label] = values[kept], share[kept]
+        finite = np.isfinite(values)
+        if finite.any():
+            curves[group.label] = values[finite], share[finite]
     chart = Chart(
         title=f"Flights by {measure_words(how)}",
         x=how.heading,
@@ -186,16 +186,16 @@ def _distribution(findings: Findings, measure: str) -> Chart:
         y_range=(0, 102),
     )
     bounds = {}
-    for own in findings.values["requirements"]:
-        if own["measure"] == measure:
-            whose = f" ({about(own)})" if about(own) else ""
-            bounds[bound_words(own) + whose] = how.factor * own["bound"]
+    for requirement in findings.values["requirements"]:
+        if requirement["measure"] == measure:
+            subject = f" ({about(requirement)})" if about(requirement) else ""
+            bounds[bound_words(requirement) + subject] = how.factor * requirement["bound"]
     for words, bound in bounds.items():
         chart.legend.append((words, LIMIT, DASHED))
         chart.upright(bound, LIMIT, dash=DASHED)
     if curves or bounds:
-        shown = [values for values, _ in curves.values()]
-        chart.x_range, chart.log = _scale(shown, list(bounds.values()))
+        sorted_values = [values for values, _ in curves.values()]
+        chart.x_range, chart.log = _scale(sorted_values, list(bounds.values()))
     for label, (values, share) in curves.items():
         # a step at every value, from the share of the value before
         x, y = np.repeat(values, 2), np.repeat(np.append(0.0, share), 2)[1:-1]

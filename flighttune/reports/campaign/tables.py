@@ -76,7 +76,7 @@ INFLUENCE_COLUMNS = [
 def success_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
     """Success rate of each group, ends of its flights, and the metric that ranks them."""
     statuses = dict.fromkeys(status for group in groups for status in group["statuses"])
-    shown = [
+    layout = [
         *columns("group n successes"),
         Column("success", "rate", "%", percent, ends=("lo", "hi")),
         *(Column(f"statuses.{s}", status_words(s), digits=".0f", missing="0") for s in statuses),
@@ -86,10 +86,10 @@ def success_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Ta
         for name, percentile in (("median", "p50"), ("95 %", "p95")):
             ends = (f"{key}.{percentile}_interval.0", f"{key}.{percentile}_interval.1")
             heading = f"{label.name}, {name}"
-            shown.append(
+            layout.append(
                 Column(f"{key}.{percentile}", heading, label.unit, figures, label.factor, ends=ends)
             )
-    return _by_group("Success", shown, groups)
+    return _by_group("Success", layout, groups)
 
 
 def bound_words(bound: Mapping[str, Any]) -> str:
@@ -112,8 +112,8 @@ def success_sentences(findings: Findings) -> str:
     """What makes a flight succeed: a sentence for each set of groups with the same requirements."""
     plan, groups_of = findings.flights.plan, defaultdict[str, list[str]](list)
     for group in plan.groups:
-        stated = [table.status for table in plan.scenario.expected(group.plant, group.gains)]
-        ends = dict.fromkeys(filter(None, stated)) or ["completed"]
+        ends_stated = [table.status for table in plan.scenario.expected(group.plant, group.gains)]
+        ends = dict.fromkeys(filter(None, ends_stated)) or ["completed"]
         bounds = [
             bound_words(bound)
             for bound in findings.values["requirements"]
@@ -151,13 +151,13 @@ def reasons_table(groups: Sequence[Mapping[str, Any]]) -> Table:
 def worst_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
     """The worst completed flights of each group, with the most influential parameters."""
     records = [{"group": group["group"], **flight} for group in groups for flight in group["worst"]]
-    shown = [
+    layout = [
         *columns("group run draw"),
         *([metric_label(findings.measure)] if findings.measure else []),
         Column("success", "succeeds"),
         *_parameter_columns(influential_parameters(findings)),
     ]
-    return _by_group("Worst completed flights", shown, records)
+    return _by_group("Worst completed flights", layout, records)
 
 
 def metrics_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Table:
@@ -174,14 +174,14 @@ def metrics_table(findings: Findings, groups: Sequence[Mapping[str, Any]]) -> Ta
                 percentiles = {name: spread[name] * label.factor for name in ("p05", "p50", "p95")}
                 record[group["group"]] = percentiles
         records.append(record)
-    shown = [
+    layout = [
         Column("metric", "median [5 %, 95 %]"),
         *(
             Column(f"{name}.p50", name, digits=figures, ends=(f"{name}.p05", f"{name}.p95"))
             for name in (group["group"] for group in groups)
         ),
     ]
-    return Table(title="Metrics", columns=shown, records=records)
+    return Table(title="Metrics", columns=layout, records=records)
 
 
 def influence_table(groups: Sequence[Mapping[str, Any]], name: str) -> Table:
@@ -249,5 +249,5 @@ def _parameter_columns(keys: Sequence[str]) -> Iterator[Column]:
         )
 
 
-def _by_group(title: str, shown: Sequence[Column], records: Sequence[Mapping[str, Any]]) -> Table:
-    return Table(title=title, columns=shown, records=records, label="group")
+def _by_group(title: str, layout: Sequence[Column], records: Sequence[Mapping[str, Any]]) -> Table:
+    return Table(title=title, columns=layout, records=records, label="group")
