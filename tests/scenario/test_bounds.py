@@ -8,7 +8,6 @@ import flighttune as ft
 LAG = {"kind": "point_mass_lag", "roll_lag_rad_s": 4.0, "n_z_lag_rad_s": 8.0}
 GUST = {"axis": "down", "peak_mps": 3.0, "start_s": 0.1, "length_m": 10.0}
 GAINS = {"name": "x", "K_P": [[1.0, 0.0], [0.0, 1.0]], "K_I": [[1.0, 0.0], [0.0, 1.0]]}
-WINDY = {"speed_mps": 5.0, "from_deg": 90.0}
 
 
 def short(*, flight=(), **changes):
@@ -19,18 +18,11 @@ AIRCRAFT = {"kind": "jsbsim", "aircraft": "a4"}
 SLOW_WIND = {"chi_amplitude": 1.0, "chi_omega_rad_s": 1e-300, "as_wind": True}
 BEYOND = [
     ({"flight": {"V_a_mps": 1e30}}, r"\[flight\] `V_a_mps`.* 1000,"),
-    ({"flight": {"V_a_mps": 1e-3}}, r"`V_a_mps`.* 1,"),
     ({"flight": {"gamma_deg": 89.9999999}}, r"`gamma_deg`.* 89,"),
-    ({"flight": {"g_mps2": 5e-324}}, r"`g_mps2`.* 0\.1"),
     ({"flight": {"duration_s": 1e5}}, r"`duration_s` of \[flight\].* 1000000"),
-    ({"limits": {"phi_rate_dps": 1e300}}, r"\[limits\] `phi_rate_dps`"),
-    ({"plant": [{**LAG, "roll_lag_rad_s": 1e5}]}, r"\[plant\] `roll_lag_rad_s`.* 200"),
     ({"plant": [{**LAG, "n_z_delay_s": 1e9}]}, r"`n_z_delay_s`.* 2,"),
     ({"gust": {**GUST, "length_m": 5e-324}}, r"\[gust\] `length_m`.* 0\.1,"),
-    ({"wind": {**WINDY, "speed_mps": 1e308}}, r"\[wind\] `speed_mps`.* 200,"),
-    ({"disturbance": {"chi_omega_rad_s": 1e308}}, r"`chi_omega_rad_s`.* 1000,"),
     ({"disturbance": SLOW_WIND, "plant": [AIRCRAFT]}, r"`chi_amplitude`.* 200 m/s .* 2\.5e\+301"),
-    ({"sensors": {"chi_bias_deg": 1e308}}, r"\[sensors\] `chi_bias_deg`.* 180,"),
     ({"gains": [{**GAINS, "K_I": [[1e308, 0.0], [0.0, 1.0]]}]}, r"`K_I`.* 1e"),
     ({"gains": [{**GAINS, "name": "x" * 240}]}, r"`name`.* 80 bytes"),
     ({"tuning": {"state_scaling": [1.0]}}, r"`state_scaling` of \[tuning\].* 4 numbers"),

@@ -11,7 +11,13 @@ from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft, save_gains
+from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.model_files import model_hash
+
+
+def fdm_of(aircraft, **settings):
+    """The flight dynamics of an aircraft in JSBSim."""
+    return Fdm(load_aircraft(aircraft), **settings)
 
 
 def of_this_model(folder):

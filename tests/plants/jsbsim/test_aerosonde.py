@@ -9,8 +9,9 @@ from places import SHIPPED_AIRCRAFT
 from published_aerosonde import MASS, accelerations, evaluated
 
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.units import LBF
+
+from .conftest import fdm_of
 
 DEG = math.pi / 180.0
 ONE_PER_MILLE = 1e-3
@@ -29,7 +30,7 @@ ONE_PER_MILLE = 1e-3
 def test_accelerations_agree_with_the_published_coefficients(alpha_deg, beta_deg, rates, surfaces):
     state = 27.0, alpha_deg * DEG, beta_deg * DEG, rates, surfaces, 0.5
 
-    fdm = evaluated(Fdm(load_aircraft("aerosonde")), *state)
+    fdm = evaluated(fdm_of("aerosonde"), *state)
     expected, expected_angular = accelerations(*state)
 
     force = [fdm.reader(f"forces/fb{axis}-total-lbs")() * LBF for axis in "xyz"]

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
 from flighttune.plants.weather import Gust, OscillatingWind, Turbulence, Weather, WindProfile
 from flighttune.simulate.disturbance import Sinusoid
+
+from .conftest import fdm_of
 
 DEG = math.pi / 180.0
 KNOT = 0.514444
@@ -268,7 +268,7 @@ def standard_density(h):
 @pytest.mark.parametrize("ground", [-300.0, 0.0, 1500.0, 4000.0])
 @pytest.mark.parametrize("above", [10.0, 1500.0])
 def test_air_over_high_ground_is_that_of_the_standard_atmosphere(ground, above):
-    fdm = Fdm(load_aircraft("aerosonde"), ground=ground)
+    fdm = fdm_of("aerosonde", ground=ground)
     fdm.writer("ic/h-sl-ft")(above / FPS)
     fdm.evaluate()
 

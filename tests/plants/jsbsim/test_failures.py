@@ -7,9 +7,9 @@ import threading
 import pytest
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.aircraft.off_nominal import OffNominal
-from flighttune.plants.jsbsim.fdm import Fdm
+
+from .conftest import fdm_of
 
 DEG = math.pi / 180.0
 LEVEL = ft.FlightCondition(V_a=25.0)
@@ -47,7 +47,7 @@ def test_a_file_that_cannot_be_flown_is_named_in_one_line(
 
 @pytest.mark.parametrize("name", ["", "a b", "9lives", "fcs//x", "/fcs", "ä", "fcs/x[a]", "fcs\n"])
 def test_malformed_property_name_is_an_error_and_not_the_end_of_the_process(name):
-    fdm = Fdm(load_aircraft("aerosonde"))
+    fdm = fdm_of("aerosonde")
 
     with pytest.raises(ft.PlantError, match="must have the property"):
         fdm.reader(name)
@@ -193,16 +193,10 @@ def test_an_aircraft_opens_no_files_and_sockets(changed_aircraft, tmp_path, monk
     ("pattern", "replacement", "message"),
     [
         ("alpha_deg = ", "alfa_deg = ", r"\[envelope\] `alfa_deg` .*mean `alpha_deg`"),
-        (r"\[limits\]", "[limits]\nv = 3", r"\[limits\] `v` is not a known key"),
         (
             "_dps   = 30.0",
             "_dps = -30.0",
             r"\[limits\] `phi_rate_dps` must .* than 0, got -30",
-        ),
-        (
-            "_dps   = 30.0",
-            '_dps = "fast"',
-            r"\[limits\] `phi_rate_dps` must .*number.*, got 'fast'",
         ),
         (r"\[-3.0, 4.0\]", "[4.0, -3.0]", r"\[envelope\] `n_z` must be .*low"),
         (r"\[15.0, 45.0\]", "[0.5, 45.0]", r"\[envelope\] `V_a_mps` must .* equal to 1, got 0\.5"),

@@ -5,8 +5,8 @@ import math
 import pytest
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.plants.jsbsim.fdm import Fdm
+
+from .conftest import fdm_of
 
 G_0 = 9.80665
 
@@ -49,7 +49,7 @@ def test_propeller_thrust_at_the_trim_balances_drag_and_weight(fly):
 
 
 def test_the_clock_starts_at_zero_after_the_engine_has_settled():
-    fdm = Fdm(load_aircraft("c172p"))
+    fdm = fdm_of("c172p")
     fdm.settle_engine()
 
     assert fdm.reader("simulation/sim-time-sec")() == 0.0
@@ -77,7 +77,7 @@ def test_the_shift_of_the_aerodynamic_reference_point_acts(changed_aircraft):
     folder = changed_aircraft("aerosonde.xml", "<aerodynamics>", f"<aerodynamics>{shift}")
     moments = []
     for aircraft in ("aerosonde", folder):
-        fdm = Fdm(load_aircraft(aircraft))
+        fdm = fdm_of(aircraft)
         fdm.writer("ic/u-fps")(80.0)
         fdm.evaluate()
         moments.append(fdm.reader("moments/m-aero-lbsft")())
