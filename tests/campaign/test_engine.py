@@ -8,12 +8,11 @@ import psutil
 import pytest
 from campaigns import SPEED, Notes, bits, children, plan
 
+import flighttune as ft
 from flighttune.campaign.dataset import Dataset, dataset_hash, open_dataset
-from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.columns import row_schema
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.errors import FlightTuneError
 from flighttune.flight.fly import library_versions
 
 pytestmark = pytest.mark.slow
@@ -51,7 +50,7 @@ def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypa
     here.write_plan()
     here.write_part(fly_runs(ours, range(ours.runs)))
 
-    done = run_campaign(ours, "out", workers=3, observer=notes)
+    done = ft.run_campaign(ours, "out", workers=3, observer=notes)
 
     rows = open_dataset("out").rows()
     assert dataset_hash("out") == dataset_hash("one")
@@ -88,15 +87,15 @@ def test_a_process_that_cannot_start_is_said_in_one_line(tmp_path, monkeypatch):
     ours = plan(tmp_path, runs=4)
     monkeypatch.setattr(sys, "executable", "/no/such/python")
 
-    with pytest.raises(FlightTuneError, match=r"start, got: no such file"):
-        run_campaign(ours, tmp_path / "out")
+    with pytest.raises(ft.FlightTuneError, match=r"start, got: no such file"):
+        ft.run_campaign(ours, tmp_path / "out")
 
 
 def test_a_campaign_that_is_stopped_is_flown_on_from_where_it_was(tmp_path, address):
     ours = plan(tmp_path, runs=160)
     stops = Notes(lambda progress: progress.done > 0)
 
-    first = run_campaign(ours, tmp_path / "out", workers=2, observer=stops)
+    first = ft.run_campaign(ours, tmp_path / "out", workers=2, observer=stops)
 
     there = open_dataset(tmp_path / "out").rows().column("run").to_pylist()
     assert first.interrupted
@@ -104,7 +103,7 @@ def test_a_campaign_that_is_stopped_is_flown_on_from_where_it_was(tmp_path, addr
     assert len(set(there)) == len(there) == first.runs
     assert not children()
 
-    second = run_campaign(ours, tmp_path / "out", scheduler=address, resume=True)
+    second = ft.run_campaign(ours, tmp_path / "out", scheduler=address, resume=True)
 
     assert second.flown == 160 - first.runs
     assert bits(open_dataset(tmp_path / "out").rows()) == bits(fly_runs(ours, range(160)))
@@ -121,7 +120,7 @@ def test_a_million_runs_wait_nowhere(tmp_path, address):
         return progress.done > 8_000
 
     notes = Notes(enough)
-    done = run_campaign(ours, tmp_path / "out", scheduler=address, observer=notes)
+    done = ft.run_campaign(ours, tmp_path / "out", scheduler=address, observer=notes)
 
     assert done.runs > 8_000
     assert sizes[-1][1] - sizes[0][1] < 60e6

@@ -3,11 +3,11 @@
 import pytest
 from dispersed import WIND, one_of, plan_of, tables_of, uniform
 
+import flighttune as ft
 from flighttune.campaign.flying.columns import OUTCOME, table_of
 from flighttune.campaign.flying.kinematic_batch import batchable
 from flighttune.campaign.flying.rows import rows_flown
 from flighttune.campaign.planning.schema import MEASURES
-from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import (
     ControllerTable,
     DisturbanceTable,
@@ -202,7 +202,7 @@ WITHOUT_EFFECT = {
     "flight.h_m", "flight.ground_m", "flight.start", "disturbance.as_wind", "disturbance.path",
 }  # fmt: skip
 OF_OTHERS = {
-    Scenario: {"title", "verifies", "source", "seed", "gains", "law", "tuning", "envelope",
+    ft.Scenario: {"title", "verifies", "source", "seed", "gains", "law", "tuning", "envelope",
                "expect", "plant", "gust", "turbulence", "route"},
     WindTable: {"level"},
 }  # fmt: skip
@@ -254,4 +254,4 @@ def test_no_key_of_a_scenario_is_left_out_of_these_tests():
         tried = {key.split(".")[1].split("[")[0] for key in KEYS if key.startswith(f"{name}.")}
         assert tried == set(table.model_fields) - OF_OTHERS.get(table, set())
     tops = {key.split(".")[0] for key in KEYS}
-    assert tops == set(Scenario.model_fields) - OF_OTHERS[Scenario]
+    assert tops == set(ft.Scenario.model_fields) - OF_OTHERS[ft.Scenario]

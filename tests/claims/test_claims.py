@@ -8,17 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from commands import answer, flighttune
+from made_up import scenario_file
 
 import flighttune as ft
-from flighttune.campaign.claims import load_claim
 from flighttune.certificates.bound import bound_rate
-from flighttune.control.gains import PAPER_GAINS
-from flighttune.errors import InputError
-from flighttune.files.table import toml_text
 from flighttune.files.value import write
 from flighttune.records.parquet import read_run, write_run
 from flighttune.simulate.claim import with_claims
-from flighttune.tubes.proof import save_tube
 from tests.tubes.test_soundness import made_up, tube
 
 START_DEG, DISTURBANCE = 1.0, 0.004
@@ -31,7 +27,7 @@ def turn(**changes):
 
 @pytest.fixture(scope="module")
 def proven():
-    return tube(turn(), PAPER_GAINS, start=np.radians(START_DEG), disturbance=DISTURBANCE)
+    return tube(turn(), ft.PAPER_GAINS, start=np.radians(START_DEG), disturbance=DISTURBANCE)
 
 
 def flown(**changes):
@@ -88,7 +84,7 @@ def test_flights_from_starts_and_under_disturbances_enclosed_are_covered_and_ins
     ],
 )
 def test_a_run_that_the_tube_does_not_enclose_is_refused_with_the_reason(proven, changes, why):
-    with pytest.raises(InputError, match=rf"`claim` must cover a run: .*{why}"):
+    with pytest.raises(ft.InputError, match=rf"`claim` must cover a run: .*{why}"):
         flown(**changes).within(proven)
 
 
@@ -110,15 +106,15 @@ def test_a_claim_is_drawn_around_the_runs_that_it_covers_and_no_others(proven):
 @pytest.mark.slow
 def test_commands_draw_a_claim_by_its_content_whatever_the_name_of_its_file(proven, tmp_path):
     scenario, file = tmp_path / "turn.toml", tmp_path / "a_claim"
-    scenario.write_text(toml_text(turn().as_dict()))
-    save_tube(proven, tmp_path / "t.npz")
+    scenario_file(scenario, turn())
+    ft.save_tube(proven, tmp_path / "t.npz")
     (tmp_path / "t.npz").rename(file)
 
     found = answer("fly", scenario, "--claim", file, "--out", tmp_path / "runs")
 
     (claim,) = found["claims"]
     assert (claim["kind"], claim["inside"]) == ("proven", True)
-    assert load_claim(file).sentence == claim["sentence"]
+    assert ft.load_claim(file).sentence == claim["sentence"]
     assert answer("refly", tmp_path / "runs")["equal"]
     page = answer("report", tmp_path / "runs", "--out", tmp_path / "r.html")["report"]
     assert claim["sentence"] in html.unescape(Path(page).read_text(encoding="utf-8"))
@@ -128,9 +124,9 @@ def test_commands_draw_a_claim_by_its_content_whatever_the_name_of_its_file(prov
 @pytest.mark.slow
 def test_a_flight_that_leaves_its_tube_is_a_failure(proven, tmp_path):
     scenario, file = tmp_path / "turn.toml", tmp_path / "t.npz"
-    scenario.write_text(toml_text(turn(**swing(0.9 * DISTURBANCE)).as_dict()))
+    scenario_file(scenario, turn(**swing(0.9 * DISTURBANCE)))
     narrow = replace(proven.bounds, low=0.99 * proven.bounds.low, high=0.5 * proven.bounds.high)
-    save_tube(
+    ft.save_tube(
         replace(proven, bounds=replace(narrow, low=np.minimum(narrow.low, narrow.high))), file
     )
 
@@ -165,7 +161,7 @@ def test_a_claim_about_gains_is_drawn_around_no_flight():
         ft.kinematic_model(V_a=25.0, gamma=0.0, g=9.81), ft.PAPER_GAINS
     ).certificate
 
-    with pytest.raises(InputError, match="must bound flights, as a tube or a band"):
+    with pytest.raises(ft.InputError, match="must bound flights, as a tube or a band"):
         flown().within(certificate)
 
 
