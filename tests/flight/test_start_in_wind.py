@@ -190,12 +190,6 @@ def test_a_wind_too_strong_for_the_course_names_its_key(tables, message):
     windy(100.0, [LAW], speed=30.0, start="heading")
 
 
-def test_levels_too_strong_name_their_key():
-    level = [{"h_m": 0.0, "speed_mps": 40.0, "from_deg": 90.0}]
-    with pytest.raises(ft.ScenarioError, match=r"`level` of \[wind\] .*40 m/s"):
-        made_up_scenario(plant=[{"kind": "jsbsim", "aircraft": "aerosonde"}], wind={"level": level})
-
-
 def test_a_recording_from_before_the_key_is_flown_again_as_it_was():
     (run,) = ft.fly(windy(100.0, [LAW], start="heading")).runs
     tables = dict(run.provenance.scenario)

@@ -260,14 +260,6 @@ def test_impossible_values_are_refused(make, error, message):
         make()
 
 
-@pytest.mark.parametrize("phi", np.deg2rad([-60.0, -15.0, 0.0, 30.0, 75.0]))
-def test_level_turn_keeps_height_and_turns_at_g_tan_phi_over_v(phi):
-    chi_dot, gamma_dot = turn_rates(45.0, gamma=0.0, phi=phi, n_z=1.0 / np.cos(phi))
-
-    assert gamma_dot == pytest.approx(0.0, abs=INTEGRATION)
-    assert chi_dot == pytest.approx(G * np.tan(phi) / 45.0, abs=INTEGRATION)
-
-
 def test_held_commands_and_disturbance_agree_with_high_accuracy_integration():
     sinusoid = Sinusoid(chi_amplitude=0.1, chi_omega=0.9, gamma_amplitude=0.2, gamma_omega=1.7)
     plant = ft.PointMassPlant(turn="paper", disturbance=sinusoid)

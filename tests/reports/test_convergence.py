@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from made_up import made_up_run
 
-from flighttune.reports.page import _moves
 from flighttune.reports.tables import final_errors
 
 
@@ -29,16 +28,3 @@ def test_a_run_converges_if_the_last_quarter_is_within_5_percent_or_half_a_degre
     assert late["converges"] is converges
     assert late["residual"]["chi"] == pytest.approx(last)
     assert late["allowed"]["gamma"] == pytest.approx(max(0.05 * first, np.deg2rad(0.5)))
-
-
-@pytest.mark.parametrize(
-    ("path", "words"),
-    [
-        ((0.0, 0.0), "stays at 0°"),
-        ((0.0, 90.0), "goes from 0° to 90°"),
-        ((0.0, 20.0, 0.0), "goes from 0° to 20° and back"),
-        ((0.0, 5.0, -5.0, 0.0), "moves between -5° and 5°"),
-    ],
-)
-def test_a_reference_is_said_in_words(path, words):
-    assert _moves("course", np.deg2rad(path[0]), np.deg2rad(path)) == f"the course {words}"

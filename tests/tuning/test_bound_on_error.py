@@ -3,7 +3,6 @@
 import math
 from dataclasses import replace
 
-import numpy as np
 import pytest
 
 import flighttune as ft
@@ -12,12 +11,10 @@ from flighttune.control.inner_loop import with_input_lag
 from flighttune.flight.outer_loop import identified_problems
 from flighttune.tuning.envelope import tune_over_envelope
 from flighttune.tuning.problem import decoupled
-from flighttune.tuning.program import Program
 from flighttune.tuning.result import assessment, is_feasible, why_infeasible
 from flighttune.tuning.robust import tune_worst_case
 
 BINDING = 1e-5
-SLOPES = 1e-4
 LEVEL = Envelope.at(V_a=25.0, gamma=0.0)
 
 
@@ -41,29 +38,6 @@ def test_the_bound_on_the_error_is_met(bounded):
     assert ft.indicators(loop, errors=2).E_K == result.E_K
     assert "E_K" in result.active
     assert result.E_K == pytest.approx(bounded.E_star, rel=BINDING)
-
-
-def test_the_slopes_of_the_room_for_the_error_are_those_of_differences(bounded):
-    program = Program([bounded], "R_K")
-    z = np.array([2.0, 3.0, 2.5, 4.0, 0.0, 0.0, 0.0, 1.0])
-    step = 1e-4
-    differences = [
-        (program._error_room(z + step * e) - program._error_room(z - step * e)) / (2.0 * step)
-        for e in np.eye(8)
-    ]
-
-    slopes = program._error_slopes(z)
-
-    assert slopes == pytest.approx(np.transpose(differences), rel=SLOPES, abs=SLOPES)
-
-
-def test_a_bound_that_does_not_bind_is_not_integrated_at_every_step(model, monkeypatch):
-    monkeypatch.delattr("flighttune.tuning.program.error_slopes")
-
-    result = ft.tune(ft.TuningProblem(model=model, E_star=0.1), starts=1)
-
-    assert result.status == "optimal"
-    assert result.E_K < 0.1
 
 
 def test_an_error_that_is_not_reached_is_named(model):

@@ -6,7 +6,6 @@ import pytest
 import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import closed_loops
-from flighttune.tuning.diagnosis import relaxed
 from flighttune.tuning.problem import decoupled, search_space
 from flighttune.tuning.program import stabilising_starts
 
@@ -48,12 +47,6 @@ def test_fixed_gains_take_part_in_the_limits_but_not_in_the_search(printed, mode
     )
 
 
-def test_infinite_limits_make_no_rows(model):
-    problem = ft.TuningProblem(model=model, limits=ft.Limits.none(2), x_0=np.ones(2))
-
-    assert search_space(problem).names == ()
-
-
 @pytest.mark.parametrize("seed", range(5))
 def test_starts_are_stable_inside_the_bounds_and_the_same_for_one_seed(model, seed):
     lagged = with_input_lag(model, (4.0, 8.0))
@@ -68,13 +61,6 @@ def test_starts_are_stable_inside_the_bounds_and_the_same_for_one_seed(model, se
     assert np.linalg.eigvals(closed_loops(lagged, space.K(k))).real.max() < 0.0
     assert k.max() <= 3.0
     assert np.array_equal(k, stabilising_starts(problem, space, 6))
-
-
-def test_relaxed_limits_are_multiplied_by_their_factors(printed):
-    wider = relaxed(relaxed(printed, ("phi", "n_z"), 2.0), ("phi_rate",), 3.0)
-
-    assert wider.limits.upper == pytest.approx([np.pi / 2.0, 4.2])
-    assert wider.limits.rate_lower == pytest.approx([-np.pi / 2.0, -1.0])
 
 
 @pytest.mark.parametrize(

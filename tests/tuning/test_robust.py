@@ -31,24 +31,6 @@ def rate(one, K):
     return ft.indicators(closed_loops(one.model, K), scaling=one.scaling).R_K
 
 
-def test_the_law_behind_lags_falls_apart_into_course_and_climb():
-    (_, _, roll), (_, _, load) = channels(problem())
-
-    assert (roll.model.inputs, roll.model.errors) == (("phi",), ("chi",))
-    assert roll.model.states == ("chi", "phi", "phi_lag_1", "phi_delay")
-    assert (load.model.inputs, load.model.errors) == (("n_z",), ("gamma",))
-    assert roll.scaling == pytest.approx([1.0, *[25.0 / 9.81] * 3, 1.0])
-
-
-def test_a_banked_law_stays_in_one_piece():
-    law = ft.kinematic_model(V_a=25.0, gamma=0.0, phi=0.5, g=9.81)
-
-    ((_, _, whole),) = channels(ft.TuningProblem(model=law))
-
-    assert whole.model.inputs == law.inputs
-    assert np.array_equal(whole.model.B, law.B)
-
-
 def test_one_model_gives_the_optimum_of_the_decoupled_problem():
     one = problem()
 
