@@ -50,20 +50,6 @@ def test_every_run_is_named_with_its_colour_and_outcome(page):
     ]
 
 
-def test_gains_stand_beside_their_indicators(page):
-    found = rows(page, "Gains")
-
-    assert found[0] == [
-        "paper",
-        "0.45993",
-        "4.91615",
-        "1.67143",
-        "[1.6968, 0.5906; -0.5906, 1.9556]",
-        "[3.4869, 0.1784; -0.1784, 3.4869]",
-    ]
-    assert found[3] == ["strict", "–", "–", "–", "none found", "none found"]
-
-
 def test_metrics_are_shown_in_degrees_with_their_units(page, four_runs):
     overshoot = ft.channel_metrics(four_runs[1]).loc["gamma", "MO_rad"] * 57.29577951308232
     found = {row[0]: row[1:] for row in rows(page, "Tracking")}
