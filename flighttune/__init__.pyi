@@ -8,6 +8,7 @@ from flighttune.campaign.planning.load import load_campaign as load_campaign
 from flighttune.campaign.planning.plan import Plan as Plan
 from flighttune.campaign.planning.plan import plan_campaign as plan_campaign
 from flighttune.campaign.planning.schema import Campaign as Campaign
+from flighttune.campaign.refly import refly as refly
 from flighttune.certificates.certificate import Certificate as Certificate
 from flighttune.certificates.certificate import load_certificate as load_certificate
 from flighttune.certificates.certificate import save_certificate as save_certificate
@@ -67,7 +68,7 @@ from flighttune.records.compare import Comparison as Comparison
 from flighttune.records.compare import compare as compare
 from flighttune.records.parquet import Recording as Recording
 from flighttune.records.parquet import load_recording as load_recording
-from flighttune.records.refly import refly as refly
+from flighttune.records.refly import Reflown as Reflown
 from flighttune.references.segments import Reference as Reference
 from flighttune.reports.page import Report as Report
 from flighttune.reports.page import write_report as write_report

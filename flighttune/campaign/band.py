@@ -177,26 +177,38 @@ def count_more(band: Band, flights: int, pool: WorkerPool) -> Band:
 
 
 def recount(band: Band, flights: int, pool: WorkerPool) -> list[int]:
-    """Fly some of the counted draws again, chosen at random; those that differ by a bit.
+    """Fly some of the counted draws again, as `some_draws` chooses; those that differ by a bit."""
+    return differing(band, some_draws(band, flights), pool)
 
-    Where flights are equal to the bit, so many of the repeated ones are flown again too: they may
-    be copies. Raises InputError as `plan_of` does, or if there are not so many flights.
+
+def some_draws(band: Band, flights: int) -> list[int]:
+    """Some of the counted draws, chosen at random.
+
+    Where flights are equal to the bit, so many of the repeated ones are chosen too: they may be
+    copies. Raises InputError if there are not so many flights.
     """
     counted = len(band.scores)
     if not 1 <= flights <= counted:
         raise InputError(f"`recount` must be 1 to the {counted} counted, got {flights}.")
-    rng, lost = np.random.default_rng(), np.isinf(band.scores)
-    rows = band.extremes.reshape(counted, -1)
+    rng, rows = np.random.default_rng(), band.extremes.reshape(counted, -1)
     _, first = np.unique(rows, axis=0, return_index=True)
-    repeated = np.setdiff1d(np.flatnonzero(~lost), first)
+    repeated = np.setdiff1d(np.flatnonzero(np.isfinite(band.scores)), first)
     kinds = np.arange(counted), repeated
     some = [rng.choice(kind, min(flights, len(kind)), replace=False) for kind in kinds]
-    chosen = np.unique(np.concatenate(some))
-    runs = band.draws[chosen].tolist()
-    again, wind = _flown(pool, plan_of(band), _probe(band.about, band.axis), runs, "counting again")
+    return band.draws[np.unique(np.concatenate(some))].tolist()
+
+
+def differing(band: Band, draws: Sequence[int], pool: WorkerPool) -> list[int]:
+    """Those of some counted draws, in rising order, that differ by a bit when flown again.
+
+    Raises InputError as `plan_of` does.
+    """
+    chosen = np.searchsorted(band.draws, draws)
+    probe = _probe(band.about, band.axis)
+    again, wind = _flown(pool, plan_of(band), probe, draws, "counting again")
     differ = (again != band.extremes[chosen]).any(axis=(1, 2, 3))
-    differ |= (wind != band.wind[chosen]).any(axis=1) & ~lost[chosen]
-    return [run for run, other in zip(runs, differ, strict=True) if other]
+    differ |= (wind != band.wind[chosen]).any(axis=1) & np.isfinite(band.scores[chosen])
+    return [draw for draw, other in zip(draws, differ, strict=True) if other]
 
 
 def plan_of(band: Band) -> Plan:

@@ -268,7 +268,7 @@ class Band(Answering):
             seed = about.plan["campaign"]["seed"]
             notes.append(
                 f"Of the flights inside, draw {self.nearest} (seed {seed}) is nearest to leaving: "
-                f"flighttune campaign fly {file} --run {self.nearest}"
+                f"flighttune refly {file} --run {self.nearest}"
             )
         return Answer(
             values={

@@ -88,7 +88,7 @@ COMMANDS = {
         (fly, "fly", "flying", "fly paper"),
         (route, "route", "planning", "route circuit"),
         (new, "new", "writing", "new my_turn --aircraft c172p"),
-        (refly, "refly", "flying", "refly runs/paper"),
+        (refly, "refly", "flying", "refly runs/first_campaign --run 6"),
         (view, "view", "opening", "view runs/paper"),
         (list_shipped, "list", "listing", "list"),
     ],
@@ -110,7 +110,6 @@ COMMANDS = {
 CAMPAIGN_COMMANDS = [
     (campaign.run, "run", "planning", "campaign run first_campaign"),
     (campaign.report, "report", "reporting", "campaign report runs/first_campaign"),
-    (campaign.fly, "fly", "flying", "campaign fly runs/first_campaign --run 6"),
 ]
 
 

@@ -76,12 +76,6 @@ def band(
     ] = None,
     start_deg: options.StartOption = 0.0,
     seed: options.SeedOption = None,
-    recount: Annotated[
-        int | None,
-        Option(
-            help="Fly so many of the flights in FILE again, and compare them to the bit.", min=1
-        ),
-    ] = None,
     out: Annotated[
         Path | None,
         Option(
@@ -104,14 +98,11 @@ def band(
 
     Its shape is learned from some flights, and its scale counted on fresh ones: it holds for all
     signals at all times, for any law, plant and weather. Exit status 1 if too many flights did not
-    complete for any claim, or a flight of a recount differs. With a fence it is 1 only if the count
+    complete for any claim. With a fence it is 1 only if the count
     does not support that a flight leaves it with a probability of at most epsilon.
     """
     options.check_ending(out, ".npz")
-    if fence is not None and recount is not None:
-        raise InputError("`recount` must be absent with a fence.")
     from flighttune.campaign.band import count_band, count_more, load_band, plan_of
-    from flighttune.campaign.band import recount as count_again
     from flighttune.campaign.fence import count_inside, fence_of
     from flighttune.campaign.stated_set import planned
     from flighttune.claims.band import save_band
@@ -129,8 +120,6 @@ def band(
         changes=options.changes(settings) or None,
     )
     if Path(source).suffix != ".npz":
-        if recount is not None:
-            raise InputError("`recount` must be absent for anything but a band file.")
         if fence is not None:  # refuse it before a flight
             own = {key: of_source[key] for key in of_source if key in PLANNED}
             fence_of(planned(source, **own), json_tables(fence), fence, *signal or ())
@@ -145,11 +134,6 @@ def band(
         if fence is not None and flights is not None:  # refuse it before a flight
             fence_of(plan_of(kept), json_tables(fence), fence, *kept.about.signals)
         with campaign_pool(workers, scheduler) as pool:
-            if recount is not None:
-                differ = count_again(kept, recount, pool)
-                says = f"{source}: {len(differ)} of {recount} flights flown again differ"
-                answer = Answer(values={"flights": recount, "differ": differ}, verdict=says)
-                return replace(answer, failure=f"{says}: {differ}" if differ else "")
             if flights is not None:
                 kept, out = count_more(kept, flights, pool), out or file
                 save_band(kept, file)  # whatever else is written: its readings are those of FILE

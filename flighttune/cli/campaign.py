@@ -7,17 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from typer import Argument, Option
 
 from flighttune.cli import options
-from flighttune.cli.claims import fly_draw
 from flighttune.cli.show import (
     INTERRUPTED,
     campaign_display,
     duration,
     pick,
-    progress_bar,
     rate,
-    tell,
 )
-from flighttune.errors import CampaignError, OutputError, RecordingError
+from flighttune.errors import CampaignError, OutputError
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table
@@ -27,14 +24,6 @@ if TYPE_CHECKING:
 
 KEPT = "what has been flown is kept, go on with the same command and --resume"
 
-# Statuses of runs without measures to compare, which may crash or hang again if flown here.
-CRASHED = ("crashed", "timed_out")
-
-DIFFERENCE_COLUMNS = [
-    *columns("column"),
-    Column("in_row", "in the row", digits=".17g"),
-    Column("flown", "flown", digits=".17g"),
-]
 COST_COLUMNS = [
     *columns("core_s workers wall_s"),
     Column("rows_bytes", "rows", "MB", factor=1e-6),
@@ -82,82 +71,6 @@ def report(
         ],
         notes=[*summary(made), *notes(made)],
         files={"page": page},
-    )
-
-
-def fly(
-    folder: Annotated[
-        str,
-        Argument(metavar="DIR|FILE", help="Folder of a campaign, or a band file (.npz)."),
-    ],
-    run: Annotated[
-        int, Option(help="Number of the run (column `run`), or of the draw of a band.", min=0)
-    ],
-    out: Annotated[Path | None, options.out_folder("runs/NAME-run-N")] = None,
-) -> Answer:
-    """Fly a run of the campaign in DIR again, record it and compare it with its row.
-
-    Exit status 1 if they are not equal to the bit; every difference is listed. A draw of a band
-    is recorded with the band around it; there is no row to compare it with.
-    """
-    if Path(folder).suffix == ".npz":
-        return fly_draw(Path(folder), run, out)
-    from flighttune.campaign.dataset import open_dataset
-    from flighttune.campaign.flying.alone import fly_again
-    from flighttune.campaign.flying.rows import row_differences
-    from flighttune.recording.record import record
-    from flighttune.records.refly import changed_versions
-
-    dataset = open_dataset(folder)
-    part = next((part for part in dataset.parts if run in part.runs), None)
-    if part is None:
-        raise RecordingError(
-            f"{folder}: `run` must be one that was flown, got {run} of {dataset.plan.runs}."
-        )
-    row = dataset.read_part(part).slice(part.runs.index(run), 1).to_pylist()[0]
-    if row["status"] in CRASHED:
-        tell(f"run {run} {row['status'].replace('_', ' ')} in the campaign: {row['reason']}")
-    name = f"{Path(folder).name}-run-{run}"
-    with progress_bar() as progress:
-        reflown = fly_again(dataset.plan, run, progress=progress)
-    flown = reflown[f"{row['plant']} / {row['gains']}"]
-    files = record(reflown, out or Path("runs") / name, name=name)
-    differences = row_differences(dataset.plan, run, row)
-    versions = changed_versions(dataset.versions)
-    changed = [
-        {"column": change.what, "in_row": change.recorded, "flown": change.reflown}
-        for change in differences
-    ]
-    drawn = [{"parameter": key, "value": row[key]} for key in dataset.plan.keys]
-    title = f"run {run}: {row['plant']} / {row['gains']}, draw {row['draw']}"
-    ended = f"{row['status']}: {row['reason']}" if row["reason"] else row["status"]
-    return Answer(
-        values={
-            "run": run,
-            "plant": row["plant"],
-            "gains": row["gains"],
-            **pick(flown, "status reason"),
-            "equal": not differences,
-            "versions": {
-                key: {"campaign": then, "now": now} for key, (then, now) in versions.items()
-            },
-            "row": row,
-            "signals": files.signals,
-        },
-        tables=[
-            Table(columns("parameter value"), drawn, title),
-            Table(DIFFERENCE_COLUMNS, changed, "differences", name="differences"),
-        ],
-        notes=[
-            f"row: {ended}; {row['missed'] or 'a success'}",
-            *(
-                f"{name}: {then} in the campaign, {now} now"
-                for name, (then, now) in versions.items()
-            ),
-        ],
-        verdict="" if differences else "flown again: status and every measure equal to the bit",
-        files={"recording": files.recording},
-        failure=f"{folder}: run {run}: {differences[0].sentence}" if differences else "",
     )
 
 

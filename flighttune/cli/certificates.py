@@ -180,7 +180,7 @@ def verify(
 
     Proofs are checked without the solver or the search that found them. The claim of a band is
     computed again from its plan and what its file keeps of each flight. A few flights, chosen at
-    random, are flown again; `flighttune band FILE --recount K` flies more.
+    random, are flown again; `flighttune refly FILE --count K` flies more.
 
     Exit status 1 if it does not support what it claims.
     """

@@ -10,8 +10,8 @@ from typer import Argument, Option
 
 from flighttune.cli import options
 from flighttune.cli.claims import within
-from flighttune.cli.show import fail, on_interrupt, pick, progress_bar, say, show
-from flighttune.errors import RecordingError, ScenarioError
+from flighttune.cli.show import campaign_display, fail, on_interrupt, progress_bar, say, show
+from flighttune.errors import RecordingError
 from flighttune.files.shipped import aircraft_names, scenario_files
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
@@ -72,59 +72,47 @@ def new(
 
 
 def refly(
-    recording: Annotated[
+    source: Annotated[
         Path,
         Argument(
-            metavar="RECORDING",
-            help="A recording, the folder of one, or a Parquet file of one run.",
+            metavar="PATH",
+            help="A recording, its folder or a Parquet file of one run; the folder of a campaign; "
+            "or a band file.",
         ),
     ],
+    run: Annotated[
+        int | None,
+        Option(
+            min=0,
+            help="Run of a campaign, or draw of a band: it is recorded too [default: some, drawn "
+            "at random].",
+        ),
+    ] = None,
+    count: Annotated[
+        int, Option(min=1, help="Number of runs of a campaign or band to draw at random.")
+    ] = 5,
+    out: Annotated[Path | None, options.out_folder("runs/NAME-run-N")] = None,
 ) -> Answer:
-    """Fly RECORDING again from the scenario and seed in it, and compare it bit by bit.
+    """Fly runs of PATH again and compare them bit by bit.
 
-    Exit status 1 if a bit differs; the first difference is shown.
+    All runs of a recording are flown, from the scenario and seed in it. Exit status 1 if a bit
+    differs; the first difference is shown.
     """
-    from flighttune.records.parquet import load_recording
-    from flighttune.records.refly import refly as fly_again
+    from flighttune.campaign.claims import is_claim_file
+    from flighttune.campaign.refly import refly as fly_again
+    from flighttune.recording.record import record
 
-    source = load_recording(recording)
-    try:
+    if is_claim_file(source):
+        with campaign_display() as observer:
+            reflown = fly_again(source, run, count=count, observer=observer)
+    else:
         with progress_bar() as progress:
-            flights = fly_again(source.runs, progress=progress)
-    except (RecordingError, ScenarioError) as error:
-        raise RecordingError(f"{recording}: {error}") from error
-    versions = {name: pair for flight in flights for name, pair in flight.versions.items()}
-    runs = []
-    for flight in flights:
-        change, label = flight.difference, flight.recorded.label
-        runs.append(
-            {
-                "run": label,
-                "status": flight.recorded.status,
-                "samples": len(flight.recorded.signals),
-                "equal": change is None,
-                "difference": {"t_s": change.t, **pick(change, "what recorded reflown")}
-                if change
-                else None,
-                "result": change.sentence if change else EQUAL,
-            }
-        )
-    different = [f"{run['run']}: {run['result']}" for run in runs if not run["equal"]]
-    return Answer(
-        values={
-            "equal": not different,
-            "missing": source.missing,
-            "versions": {
-                name: {"recorded": then, "now": now} for name, (then, now) in versions.items()
-            },
-        },
-        tables=[Table(REFLOWN_COLUMNS, runs, f"{recording}, flown again", name="runs")],
-        notes=[
-            *(f"missing: {line}" for line in source.missing),
-            *(f"{name}: {then} then, {now} now" for name, (then, now) in versions.items()),
-        ],
-        failure=f"{recording}: {different[0]}" if different else "",
-    )
+            reflown = fly_again(source, run, count=count, progress=progress)
+    if reflown.flown is None:
+        return reflown.answer()
+    name = f"{source.name.removesuffix('.npz')}-run-{run}"
+    files = record(reflown.flown, out or Path("runs") / name, name=name)
+    return replace(reflown.answer(files.signals), files={"recording": files.recording})
 
 
 def list_shipped() -> Answer:

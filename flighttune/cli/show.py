@@ -216,22 +216,23 @@ def campaign_display() -> Iterator[CampaignDisplay]:
         columns = BarColumn(), TextColumn("{task.description}")
         bar = Progress(*columns, console=Console(stderr=True), transient=True)
         clear()
+    from flighttune.campaign.engine.progress import StoppedError
+
     display = CampaignDisplay(bar)
     with on_interrupt(display.stop), bar or nullcontext():
-        yield display
+        try:
+            yield display
+        except StoppedError:
+            fail("interrupted: its flights are not kept, and nothing is written", INTERRUPTED)
 
 
 @contextmanager
 def campaign_pool(workers: int | None, scheduler: str | None) -> "Iterator[WorkerPool]":
     """Workers for the block that show how far they are; Ctrl-C or SIGTERM stops them."""
     from flighttune.campaign.engine.pool import WorkerPool
-    from flighttune.campaign.engine.progress import StoppedError
 
     with campaign_display() as observer, WorkerPool(workers, scheduler, observer) as pool:
-        try:
-            yield pool
-        except StoppedError:
-            fail("interrupted: its flights are not kept, and nothing is written", INTERRUPTED)
+        yield pool
 
 
 def rate(per_s: float) -> str:

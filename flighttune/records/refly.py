@@ -1,16 +1,32 @@
 """Fly recorded runs again from their provenance, and look for the first difference."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from flighttune.control.gains import PIGains
 from flighttune.errors import RecordingError
+from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import Progress, fly, library_versions
 from flighttune.flight.own import LawMaker, PlantMaker
+from flighttune.present.answer import Answer, Answering
+from flighttune.present.names import columns
+from flighttune.present.tables import Column, Table
 from flighttune.scenario.load import as_recorded, scenario_from
+from flighttune.simulate.claim import claimed
 from flighttune.simulate.run import Run
+
+EQUAL = "equal to the bit"
+COLUMNS = columns("run status result")
+DIFFERENCE_COLUMNS = [
+    *columns("run what"),
+    Column("t", "t", "s"),
+    Column("recorded", "recorded", digits=".17g"),
+    Column("reflown", "flown again", digits=".17g"),
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,42 +70,106 @@ class Reflight:
         return changed_versions(self.recorded.provenance.versions)
 
 
-def refly(
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CheckedRun:
+    """A run that was flown again."""
+
+    name: str  # label in a recording, else the number too
+    status: str  # as recorded
+    differences: tuple[Difference, ...]  # the first of a recording, all of a row
+    drawn: Mapping[str, Any] = field(default_factory=dict)  # what its campaign drew
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """The run as ``--json`` has it."""
+        first = next(iter(self.differences), None)
+        return {
+            "run": self.name,
+            "status": self.status,
+            "equal": first is None,
+            "result": first.sentence if first else EQUAL,
+            "differences": [asdict(difference) for difference in self.differences],
+            "drawn": dict(self.drawn),
+        }
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reflown(Answering):
+    """Runs that were flown again, and whether they are equal to the bit.
+
+    Attributes
+    ----------
+    source : str
+        Name of the recording, campaign or band.
+    runs : tuple of CheckedRun
+    versions : mapping of str to (str, str)
+        Libraries whose version is not the recorded one: then and now.
+    missing : tuple of str
+        Runs that were recorded and cannot be read.
+    flown : FlownScenario or None
+        The flight of the run that was asked for by its number.
+
+    Examples
+    --------
+    >>> again = ft.refly(ft.fly("paper_as_printed").runs)
+    >>> again.equal, again.runs[0].name
+    (True, 'kinematic / paper')
+    """
+
+    source: str
+    runs: tuple[CheckedRun, ...]
+    versions: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    missing: tuple[str, ...] = ()
+    flown: FlownScenario | None = None
+
+    @property
+    def equal(self) -> bool:
+        """Whether no run differs by a bit."""
+        return not any(run.differences for run in self.runs)
+
+    def answer(self, signals: Mapping[str, Path] | None = None) -> Answer:
+        """Each run with what differs; a failure names the first difference.
+
+        `signals`: files of recorded flights by label.
+        """
+        records = [run.record for run in self.runs]
+        differences = [{"run": r["run"], **other} for r in records for other in r["differences"]]
+        drawn = [{"parameter": key, "value": value} for key, value in self.runs[0].drawn.items()]
+        around = claimed(self.flown.runs if self.flown else ())
+        changed = [f"{name}: {then} then, {now} now" for name, (then, now) in self.versions.items()]
+        different = [f"{r['run']}: {r['result']}" for r in records if not r["equal"]]
+        return Answer(
+            values={
+                "equal": self.equal,
+                "missing": self.missing,
+                "versions": {
+                    name: {"recorded": then, "now": now}
+                    for name, (then, now) in self.versions.items()
+                },
+                **({"signals": signals} if signals else {}),
+                **(around.values if self.flown else {}),
+            },
+            tables=[
+                Table(COLUMNS, records, f"{self.source}, flown again", name="runs"),
+                Table(columns("parameter value"), drawn if len(self.runs) == 1 else []),
+                Table(DIFFERENCE_COLUMNS, differences, "differences"),
+            ],
+            notes=[*(f"missing: {line}" for line in self.missing), *changed, *around.notes],
+            failure=f"{self.source}: {different[0]}" if different else around.failure,
+        )
+
+
+def reflights(
     runs: Sequence[Run],
     *,
     laws: Mapping[str, LawMaker] | None = None,
     plants: Mapping[str, PlantMaker] | None = None,
     progress: Progress | None = None,
 ) -> tuple[Reflight, ...]:
-    """Fly runs again from the scenario and seed in their provenance.
+    """Fly runs of one scenario again, as the scenario and seed in their provenance say.
 
-    Parameters
-    ----------
-    runs : sequence of Run
-        Runs of one scenario, as `load_recording` returns them.
-    laws, plants : mapping of str to callable, optional
-        As of `fly`, where the runs were flown with them.
-    progress : callable, optional
-        Called with how far each run is.
-
-    Returns
-    -------
-    tuple of Reflight
-        One a run, in order.
-
-    Raises
-    ------
-    RecordingError
-        If the runs are not of one scenario, or not flown as their scenario says (a rung of a
-        ladder, a figure of the paper).
-    ScenarioError
-        If the scenario cannot be read, being from another version.
-
-    Examples
-    --------
-    >>> flown = ft.fly(ft.load_scenario("paper_as_printed"))
-    >>> [flight.difference for flight in ft.refly(flown.runs)]
-    [None]
+    `laws` and `plants` are as for `fly`. Raises RecordingError if the runs are of several
+    scenarios, or not of theirs, and ScenarioError if it cannot be read.
     """
     scenarios = [dict(run.provenance.scenario) for run in runs]
     if not runs or any(other != scenarios[0] for other in scenarios[1:]):

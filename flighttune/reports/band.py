@@ -57,7 +57,7 @@ def write_band_page(
         sections=[Section(note=note, charts=charts, tables=tables)],
         title=f"Counted band: {about.plan['campaign']['title']}",
         provenance=facts_table("Provenance", facts),
-        commands=f"flighttune verify {source}\nflighttune band {source} --recount 20",
+        commands=f"flighttune verify {source}\nflighttune refly {source} --count 20",
     )
 
 

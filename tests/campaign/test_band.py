@@ -184,7 +184,7 @@ def test_the_command_counts_reads_adds_and_verifies(tmp_path):
     made = answer("band", campaign, *claim, "--learn", 10, "--workers", 1, "--out", file)
     other = answer("band", file, "--epsilon", 0.5)
     more = answer("band", file, "--flights", 58, "--workers", 1, "--out", tmp_path / "other.npz")
-    again = answer("band", file, "--recount", 5, "--workers", 1)
+    again = answer("refly", file, "--count", 5)
     valid = answer("verify", file)
 
     band = load_band(file)
@@ -192,7 +192,7 @@ def test_the_command_counts_reads_adds_and_verifies(tmp_path):
     assert other["scale"] < made["scale"]
     assert [row["unit"] for row in made["half_widths"]] == ["deg", "deg"]
     assert (more["readings"], more["confidence"]) == ([29, 58], pytest.approx(0.8))
-    assert (again["flights"], again["differ"]) == (5, [])
+    assert (again["equal"], len(again["runs"])) == (True, 5)
     assert valid["valid"]
     assert "5 of its flights, chosen at random, were flown again" in valid["notes"][1]
     assert valid["claim"]["sentence"] == more["sentence"] == band.sentence
@@ -218,8 +218,6 @@ def test_a_file_of_another_campaign_takes_no_options_of_a_source(counted, tmp_pa
     for option, value, name in (("gains", "soft", "gains"), ("start-deg", 1, "start_deg")):
         _, stderr = flighttune("band", tmp_path / "x.npz", f"--{option}", value, status=2)
         assert f"`{name}` must be absent for a band file" in stderr
-    _, stderr = flighttune("band", "paper", "--start-deg", 1, "--recount", 3, status=2)
-    assert "`recount` must be absent" in stderr
 
 
 def test_a_band_on_a_route_follows_the_distance_along_it():

@@ -65,11 +65,11 @@ def test_gains_of_a_file_are_flown_by_workers_elsewhere_resumed_and_kept(
     answer(*command, "--runs", 8)
     resumed = answer(*command, "--runs", 12, "--resume")
     gains.unlink()
-    again = answer("campaign", "fly", out, "--run", 11, "--out", tmp_path / "again")
+    again = answer("refly", out, "--run", 11, "--out", tmp_path / "again")
 
     assert (resumed["runs"], resumed["flown"]) == (12, 4)
     assert again["equal"]
-    assert again["gains"] == "mine"
+    assert again["runs"][0]["run"] == "run 11: jsbsim:aerosonde / mine, draw 11"
     assert open_dataset(out).plan.scenario.flight.V_a_mps == 26.5
 
 

@@ -87,7 +87,7 @@ def test_the_page_stands_in_the_folder_and_the_campaign_is_still_one(told, flown
     text = (flown_folder / "report.html").read_text(encoding="utf-8")
 
     assert dataset_hash(flown_folder) in text
-    assert f"flighttune campaign fly {flown_folder} --run 0" in text
+    assert f"flighttune refly {flown_folder} --run 0" in text
     assert "short_turn_in_wind" in text
 
 

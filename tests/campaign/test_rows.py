@@ -31,7 +31,7 @@ from flighttune.control.margins import channel_margins
 from flighttune.errors import InputError
 from flighttune.flight import outer_loop
 from flighttune.flight.fly import fly
-from flighttune.records.refly import refly
+from flighttune.records.refly import reflights
 
 BOUNDS = {"at_most": {"chi": {"peak_deg": 21.0}, "flight": {"alpha_max_rad": 0.3}}}
 START = (uniform("flight.chi_deg", 10.0, 30.0), uniform("flight.V_a_mps", 23.0, 27.0))
@@ -256,7 +256,7 @@ def test_a_run_flown_for_its_signals_can_be_flown_again_from_what_it_says(whole,
     row = rows.slice(run, 1).to_pylist()[0]
     assert (flown.provenance.plant, flown.provenance.gains_name) == (row["plant"], row["gains"])
     assert flown.provenance.seed == row["seed"]
-    (again,) = refly([flown])
+    (again,) = reflights([flown])
     assert again.difference is None
 
 

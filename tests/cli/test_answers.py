@@ -18,9 +18,17 @@ OF_THE_COMMAND = {
     *("seconds", "inside", "verdict"),
 }
 
+
+def recorded():
+    """The folder of a flight."""
+    ft.record(ft.fly("paper_as_printed"), "run")
+    return "run"
+
+
 VERBS = {
     "fly": (lambda: ft.fly("paper", changes=SHORT), ["paper", *SET]),
     "route": (lambda: ft.route("circuit"), ["circuit"]),
+    "refly": (lambda: ft.refly(recorded()), ["run"]),
     "compare": (lambda: ft.compare("paper@paper", "paper@K1"), ["paper@paper", "paper@K1"]),
     "trim": (lambda: ft.trim("aerosonde", V_a=[25.0]), ["aerosonde", "--V-a", 25]),
     "design": (lambda: ft.design("aerosonde"), ["aerosonde", "--dry-run"]),

@@ -44,7 +44,7 @@ def test_a_draw_of_a_band_is_flown_with_the_band_around_it(file, tmp_path):
 
     for draw, inside in ((band.nearest, True), (outside, False)):
         out = tmp_path / str(draw)
-        found = answer("campaign", "fly", file, "--run", draw, "--out", out)
+        found = answer("refly", file, "--run", draw, "--out", out)
         (run,) = load_recording(out).runs
         (claim,) = run.claims
         assert [claim["inside"] for claim in found["claims"]] == [inside]
@@ -52,13 +52,13 @@ def test_a_draw_of_a_band_is_flown_with_the_band_around_it(file, tmp_path):
         assert bool(_share(run) <= 1.0) is inside
     assert answer("refly", out)["equal"]
 
-    _, told = flighttune("campaign", "fly", file, "--run", 39, "--out", tmp_path, status=2)
-    assert "`run` must be 0 to 38, got 39" in told
+    _, told = flighttune("refly", file, "--run", 39, "--out", tmp_path, status=2)
+    assert "`run` must be 10 to 38, got 39" in told
 
 
 def test_a_page_of_a_recorded_run_states_the_claim_of_its_band_again(file, tmp_path):
     band = load_band(file)
-    answer("campaign", "fly", file, "--run", band.nearest, "--out", tmp_path)
+    answer("refly", file, "--run", band.nearest, "--out", tmp_path)
 
     made = answer("report", tmp_path, "--out", tmp_path / "r.html")
 
@@ -75,7 +75,7 @@ def test_the_page_of_a_band_names_the_flight_nearest_to_leaving(file, tmp_path):
     made = answer("report", file, "--out", tmp_path / "b.html")
 
     page = page_text(made["report"])
-    assert f"flighttune campaign fly {file} --run {band.nearest}" in page
+    assert f"flighttune refly {file} --run {band.nearest}" in page
     assert page.count(f"draw {band.nearest}, nearest to leaving</span>") == 2
     assert sha256(file.read_bytes()).hexdigest() in page
     assert "<td>initial course" in page or "initial course</t" in page

@@ -1,4 +1,4 @@
-"""`flighttune campaign fly`: a row flown again, and rows that are not what their run comes to."""
+"""`flighttune refly` of a campaign: rows flown again, some of which were changed."""
 
 import math
 import re
@@ -9,12 +9,11 @@ import pytest
 from commands import answer, flighttune
 from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_of, uniform
 
-from flighttune.campaign.dataset import Dataset
+import flighttune as ft
+from flighttune.campaign.dataset import Dataset, open_dataset
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.flight.fly import library_versions
 from flighttune.metrics import channel_metrics
-from flighttune.records.parquet import load_recording
-from flighttune.records.refly import refly
 
 CHANGED, REFUSED = 3, 8
 
@@ -47,33 +46,37 @@ def folder(tmp_path_factory):
 
 
 def test_a_run_is_flown_into_a_recording_and_is_what_its_row_says(folder, tmp_path):
-    out = tmp_path / "again"
-    found = answer("campaign", "fly", folder, "--run", 2, "--out", out)
+    found = answer("refly", folder, "--run", 2, "--out", tmp_path / "again")
 
+    ((run,), row) = found["runs"], open_dataset(folder).rows().to_pylist()[2]
     assert found["equal"]
-    assert found["differences"] == []
-    assert (found["plant"], found["gains"], found["status"]) == ("kinematic", "soft", "completed")
-    assert found["versions"] == {"numpy": {"campaign": "1.0", "now": np.__version__}}
-    recorded = load_recording(found["recording"])
+    assert run["run"] == "run 2: kinematic / soft, draw 0"
+    assert run["drawn"] == {key: row[key] for key in run["drawn"]}
+    assert found["versions"] == {"numpy": {"recorded": "1.0", "now": np.__version__}}
+    recorded = ft.load_recording(found["recording"])
     assert [run.label for run in recorded.runs] == ["jsbsim:aerosonde / soft", "kinematic / soft"]
-    run = recorded["kinematic / soft"]
-    assert found["row"]["chi.ITAE"] == pytest.approx(
-        channel_metrics(run).at["chi", "ITAE"], rel=1e-12
-    )
-    assert run.provenance.scenario["flight"]["chi_deg"] == found["row"]["flight.chi_deg"]
-    assert all(again.difference is None for again in refly(recorded.runs))
-    assert sorted(found["signals"]) == sorted(one.label for one in recorded.runs)
+    flown = recorded["kinematic / soft"]
+    assert row["chi.ITAE"] == pytest.approx(channel_metrics(flown).at["chi", "ITAE"], rel=1e-12)
+    assert flown.provenance.scenario["flight"]["chi_deg"] == row["flight.chi_deg"]
+    assert ft.refly(recorded).equal
 
 
 def test_a_row_that_differs_in_the_last_bit_is_told_and_exits_with_1(folder, tmp_path):
-    printed, told = flighttune("campaign", "fly", folder, "--run", CHANGED, status=1, cwd=tmp_path)
+    printed, told = flighttune("refly", folder, "--run", CHANGED, status=1, cwd=tmp_path)
 
     first, second = re.findall(r"\d\.\d{12,}", told)
     assert float(first) == np.nextafter(float(second), 1.0)
-    assert f"run {CHANGED}: chi.ITAE differs" in told
+    assert f"run {CHANGED}: kinematic / paper, draw 0: chi.ITAE differs" in told
     assert "flight.chi_deg" in printed
-    assert "numpy: 1.0 in the campaign" in printed
+    assert "numpy: 1.0 then" in printed
     assert (tmp_path / "runs" / "turns-run-3" / "turns-run-3.rrd").is_file()
+
+
+def test_some_rows_are_drawn_and_only_a_changed_one_differs(folder):
+    again = ft.refly(folder, count=12)
+
+    assert again.flown is None
+    assert [len(run.differences) for run in again.runs] == [int(n == CHANGED) for n in range(12)]
 
 
 @pytest.mark.parametrize(
@@ -85,7 +88,7 @@ def test_a_row_that_differs_in_the_last_bit_is_told_and_exits_with_1(folder, tmp
     ],
 )
 def test_a_run_that_cannot_be_flown_says_why(folder, tmp_path, run, says):
-    printed, told = flighttune("campaign", "fly", folder, "--run", run, status=2, cwd=tmp_path)
+    printed, told = flighttune("refly", folder, "--run", run, status=2, cwd=tmp_path)
 
     assert says in told
     assert printed == ""

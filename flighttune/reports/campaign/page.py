@@ -112,7 +112,7 @@ def _sections(findings: Findings) -> list[Section]:
         Section(
             id="worst",
             title="Worst flights",
-            note="With the most influential parameters. To fly one again: flighttune campaign fly "
+            note="With the most influential parameters. To fly one again: flighttune refly "
             f"{flights.url} --run RUN",
             tables=[tables.worst_table(findings, groups)],
             legend=False,

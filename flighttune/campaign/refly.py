@@ -1,0 +1,188 @@
+"""Fly runs of recordings, campaigns and bands again, and compare them to the bit."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from flighttune.campaign.band import differing, load_band, plan_of, some_draws
+from flighttune.campaign.claims import BandClaim, is_claim_file
+from flighttune.campaign.dataset import CAMPAIGN, Dataset, open_dataset
+from flighttune.campaign.engine.pool import WorkerPool
+from flighttune.campaign.engine.progress import CampaignObserver
+from flighttune.campaign.flying.alone import fly_again
+from flighttune.campaign.flying.rows import row_differences
+from flighttune.errors import InputError, RecordingError, ScenarioError
+from flighttune.flight.fly import Progress
+from flighttune.flight.own import LawMaker, PlantMaker
+from flighttune.records.parquet import Recording, load_recording
+from flighttune.records.refly import CheckedRun, Difference, Reflown, changed_versions, reflights
+from flighttune.simulate.run import Run
+
+# Runs drawn of a campaign or band by default.
+DRAWN = 5
+
+# Statuses of runs that may crash or hang again if they are flown in this process.
+CRASHED = ("crashed", "timed_out")
+
+OTHER_EXTREMES = Difference("extremes", None, "those of the band", "others")
+
+
+def refly(
+    source: str | Path | Recording | Sequence[Run],
+    run: int | None = None,
+    *,
+    count: int = DRAWN,
+    laws: Mapping[str, LawMaker] | None = None,
+    plants: Mapping[str, PlantMaker] | None = None,
+    progress: Progress | None = None,
+    observer: CampaignObserver | None = None,
+) -> Reflown:
+    """Fly recorded runs, rows of a campaign or flights of a band again; compare them to the bit.
+
+    A flight takes as long as in `fly`; those of a band are flown by one process per core.
+
+    Parameters
+    ----------
+    source : str, Path, Recording or sequence of Run
+        A recording, its folder or a Parquet file of one run: all runs are flown again, from the
+        scenario and seed in them. The folder of a campaign, or the file of a band.
+    run : int, optional
+        Number of the run in a campaign (column `run`), or of the draw of a band; by default some
+        are drawn at random.
+    count : int
+        Number of runs drawn at random of a campaign or band.
+    laws, plants : mapping of str to callable, optional
+        As for `fly`, where recorded runs were flown with them.
+    progress : callable, optional
+        Called with how far each flight is.
+    observer : CampaignObserver, optional
+        Receives the progress of flights of a band; may stop them.
+
+    Returns
+    -------
+    Reflown
+        Of a stated `run` it has the flight too, with the band around it.
+
+    Raises
+    ------
+    RecordingError
+        If there are no such runs, they are of several scenarios, or not flown as their scenario
+        says (a rung of a ladder, a figure of the paper).
+    ScenarioError
+        If a scenario cannot be read, being from another version.
+    InputError
+        If a band has fewer flights, or the files of an aircraft have changed since.
+
+    Examples
+    --------
+    >>> files = ft.record(ft.fly("paper_as_printed"), "runs/printed")
+    >>> ft.refly("runs/printed").equal
+    True
+    """
+    if count < 1:
+        raise InputError(f"`count` must be at least 1, got {count}.")
+    if isinstance(source, (str, Path)):
+        if is_claim_file(source):
+            return _of_band(source, run, count, progress, observer)
+        if (Path(source) / CAMPAIGN).is_file():
+            return _of_campaign(open_dataset(source), run, count, progress)
+        source = load_recording(source)
+    if isinstance(source, Recording):
+        name, runs, missing = str(source.path), source.runs, source.missing
+    else:
+        name, runs, missing = "the runs", source, ()
+    if run is not None:
+        raise InputError(f"{name}: `run` must be absent: all runs of a recording fly again.")
+    try:
+        flights = reflights(runs, laws=laws, plants=plants, progress=progress)
+    except (RecordingError, ScenarioError) as error:
+        if not isinstance(source, Recording):
+            raise
+        raise RecordingError(f"{name}: {error}") from error
+    return Reflown(
+        source=name,
+        runs=tuple(
+            CheckedRun(
+                name=flight.recorded.label,
+                status=flight.recorded.status,
+                differences=tuple(filter(None, [flight.difference])),
+            )
+            for flight in flights
+        ),
+        versions={key: pair for flight in flights for key, pair in flight.versions.items()},
+        missing=missing,
+    )
+
+
+def _of_campaign(
+    dataset: Dataset, run: int | None, count: int, progress: Progress | None
+) -> Reflown:
+    """Rows of a campaign against their runs."""
+    name, plan = str(dataset.folder), dataset.plan
+    runs, flown = [] if run is None else [run], None
+    if run is None:
+        rows = dataset.rows(["run", "status"]).to_pylist()
+        numbers = [row["run"] for row in rows if row["status"] not in CRASHED]
+        drawn = np.random.default_rng().choice(numbers, min(count, len(numbers)), replace=False)
+        runs = sorted(drawn.tolist())
+    checked = []
+    for number in runs:
+        part = next((part for part in dataset.parts if number in part.runs), None)
+        if part is None:
+            raise RecordingError(
+                f"{name}: `run` must be one that was flown, got {number} of {plan.runs}."
+            )
+        row = dataset.read_part(part).slice(part.runs.index(number), 1).to_pylist()[0]
+        if run is not None:
+            flown = fly_again(plan, number, progress=progress)
+        reason = row["reason"] or row["missed"]
+        checked.append(
+            CheckedRun(
+                name=f"run {number}: {row['plant']} / {row['gains']}, draw {row['draw']}",
+                status=f"{row['status']}: {reason}" if reason else row["status"],
+                differences=row_differences(plan, number, row),
+                drawn={key: row[key] for key in plan.keys},
+            )
+        )
+    versions = changed_versions(dataset.versions)
+    return Reflown(source=name, runs=tuple(checked), versions=versions, flown=flown)
+
+
+def _of_band(
+    file: str | Path,
+    run: int | None,
+    count: int,
+    progress: Progress | None,
+    observer: CampaignObserver | None,
+) -> Reflown:
+    """Flights of a band against the extremes that it keeps of them."""
+    band, flown = load_band(file), None
+    claim, plan, completed = (
+        BandClaim(band=band),
+        plan_of(band),
+        dict(zip(band.draws, np.isfinite(band.scores), strict=True)),
+    )
+    if run is not None:
+        if run not in completed:
+            first, last = band.draws[[0, -1]]
+            raise InputError(f"{file}: `run` must be {first} to {last}, got {run}.")
+        flown = fly_again(plan, run, progress=progress)
+        if not claim.why_not(flown[plan.group_of(run).label]):
+            flown = flown.within(claim)
+    draws = some_draws(band, count) if run is None else [run]
+    with WorkerPool(None, None, observer) as pool:
+        differ = differing(band, draws, pool)
+    return Reflown(
+        source=str(file),
+        runs=tuple(
+            CheckedRun(
+                name=f"draw {draw}",
+                status="completed" if completed[draw] else "not completed",
+                differences=(OTHER_EXTREMES,) if draw in differ else (),
+                drawn=plan.values_of(draw),
+            )
+            for draw in draws
+        ),
+        flown=flown,
+    )
