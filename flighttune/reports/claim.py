@@ -18,9 +18,10 @@ def write_claim_page(claim: AnyClaim, source: str, path: str | Path) -> Report:
     """
     if isinstance(claim, Tube):
         return write_tube_page(claim, source, path)
-    answer = claim.answer()
     if isinstance(claim, BandClaim):
+        answer = claim.answer(source)
         return write_band_page(claim.band, source, path, answer.tables, answer.notes)
+    answer = claim.answer()
     facts = {"file": source, "its SHA-256": hashlib.sha256(Path(source).read_bytes()).hexdigest()}
     return write_page(
         Path(path),
