@@ -21,10 +21,10 @@ from flighttune.tuning.diagnosis import diagnosis, relaxed
 from flighttune.tuning.frontier import frontier
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.result import TuningResult
-from flighttune.tuning.tune import tune
+from flighttune.tuning.tune import tune_problem
 
 SEEDS = range(1 if running.QUICK else 10)
-METHODS = {"gradient": tune, "genetic": tune_by_evolution}
+METHODS = {"gradient": tune_problem, "genetic": tune_by_evolution}
 FEASIBLE_FACTOR = 7.0
 ALL_LIMITS = ("phi", "n_z", "phi_rate", "n_z_rate")
 
@@ -93,7 +93,7 @@ def measured() -> dict[str, dict]:
     judged = ["I* = 5"] if running.QUICK else [*cases]
     methods = {name: over_seeds(cases[name]) for name in judged}
     others = {
-        "tune with lag, 6 states": seconds(lambda: tune(TuningProblem(model=lagged))),
+        "tune with lag, 6 states": seconds(lambda: tune_problem(TuningProblem(model=lagged))),
         "diagnosis, printed limits": seconds(lambda: diagnosis(printed)),
         "frontier, 25 points": seconds(lambda: frontier(free)),
         "margins": seconds(lambda: loop_margins(free.model, PAPER_GAINS)),

@@ -10,9 +10,8 @@ from flighttune.campaign.planning.plan import plan_campaign as plan_campaign
 from flighttune.campaign.planning.schema import Campaign as Campaign
 from flighttune.campaign.refly import refly as refly
 from flighttune.certificates.certificate import Certificate as Certificate
-from flighttune.certificates.certificate import load_certificate as load_certificate
 from flighttune.certificates.certificate import save_certificate as save_certificate
-from flighttune.certificates.make import certify as certify
+from flighttune.certificates.make import Certification as Certification
 from flighttune.control.controller import Controller as Controller
 from flighttune.control.controller import FlightCondition as FlightCondition
 from flighttune.control.controller import LawSetup as LawSetup
@@ -41,8 +40,8 @@ from flighttune.errors import TrimError as TrimError
 from flighttune.exports.export import export as export
 from flighttune.flight.flown import FlownScenario as FlownScenario
 from flighttune.flight.fly import fly as fly
-from flighttune.flight.outer_loop import certify_scenario as certify_scenario
-from flighttune.flight.outer_loop import tune_scenario as tune_scenario
+from flighttune.flight.gains import certify as certify
+from flighttune.flight.gains import tune as tune
 from flighttune.flight.outer_loop import tuning_problem as tuning_problem
 from flighttune.flight.route import PlannedRoute as PlannedRoute
 from flighttune.flight.route import route as route
@@ -87,6 +86,5 @@ from flighttune.tubes.proof import save_tube as save_tube
 from flighttune.tubes.tube import tube as tube
 from flighttune.tuning.problem import TuningProblem as TuningProblem
 from flighttune.tuning.result import TuningResult as TuningResult
-from flighttune.tuning.tune import tune as tune
 
 __version__: str

@@ -64,7 +64,7 @@ def test_better_on_other_aircraft(name):
 def test_tuned_gains_go_with_one_over_the_lag_of_their_channel():
     """R_K is maximised in units in which the problem is the same for any lag of one shape."""
     scenario = manoeuvre(UNUSED["left"], law="exact")
-    gains = ft.tune_scenario(scenario, "identified").gains
+    gains = ft.tune(scenario, model="identified").gains
     (problem,) = identified_problems(scenario)
     lags = problem.scaling[-2:]
 
@@ -76,9 +76,9 @@ def test_tuned_gains_go_with_one_over_the_lag_of_their_channel():
 
 def test_one_certificate_holds_at_every_condition_identified_at_once():
     scenario = manoeuvre(UNUSED["left"], law="exact", tuning={"model": "identified"})
-    gains = ft.tune_scenario(scenario).gains
+    gains = ft.tune(scenario).gains
 
-    found = ft.certify_scenario(scenario, gains, envelope=True)
+    found = ft.certify(scenario, gains, envelope=True)
 
     assert found.status == "certified"
     assert found.certificate.claim.rate > 0.0

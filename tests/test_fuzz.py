@@ -124,7 +124,7 @@ CONFORMANCE = conformance_tables(conformance(flight(duration_s=1.0)))
 
 
 def certificate_of(name, **settings):
-    found = ft.certify_scenario(ft.load_scenario(name), ft.PAPER_GAINS, **settings)
+    found = ft.certify(ft.load_scenario(name), ft.PAPER_GAINS, **settings)
     return tables_of(found.certificate)
 
 
@@ -179,9 +179,9 @@ def flown_whole(scenario):
     cut = flight.model_copy(update={"duration_s": min(flight.duration_s, 20.0)})
     answered(
         lambda: ft.fly(scenario.model_copy(update={"flight": cut})),
-        lambda: ft.tune_scenario(scenario),
-        lambda: ft.certify_scenario(scenario, ft.PAPER_GAINS),
-        lambda: ft.certify_scenario(scenario, ft.PAPER_GAINS, envelope=True),
+        lambda: ft.tune(scenario),
+        lambda: ft.certify(scenario, ft.PAPER_GAINS),
+        lambda: ft.certify(scenario, ft.PAPER_GAINS, envelope=True),
     )
 
 
@@ -189,7 +189,7 @@ def paper_with(gains):
     """The paper's manoeuvre flown and certified with gains."""
     paper = ft.load_scenario("paper")
     read = {**paper.as_dict(), "gains": [{"name": "read", **gains.as_lists()}], "expect": []}
-    answered(lambda: ft.certify_scenario(paper, gains), lambda: ft.fly(ft.scenario_from(read)))
+    answered(lambda: ft.certify(paper, gains), lambda: ft.fly(ft.scenario_from(read)))
 
 
 def designed(identified):
@@ -307,7 +307,7 @@ KINDS = {
         "x.json",
         lambda _: certificate_of("paper_as_printed"),
         to_json,
-        ft.load_certificate,
+        ft.load_claim,
         ft.verify,
     ),
 }

@@ -36,11 +36,11 @@ def flown():
 def shown(flown):
     """A value of each kind."""
     scenario, (run,) = flown.scenario, flown.runs
-    tuning = ft.tune_scenario(scenario)
+    tuning = ft.tune(scenario)
     return {
         "Run": run,
         "TuningResult": tuning,
-        "Certificate": ft.certify_scenario(scenario, run.provenance.gains).certificate,
+        "Certificate": ft.certify(scenario, run.provenance.gains).certificate,
     }
 
 
@@ -55,7 +55,7 @@ def test_every_value_shows_small_tables_that_are_sound(shown, kind):
 
 def test_what_is_shown_are_the_values(shown):
     R_K = shown["TuningResult"].R_K
-    assert f"{R_K:.5g} 1/s" in shown["TuningResult"]._repr_html_()
+    assert f">{R_K:.5g}<" in shown["TuningResult"]._repr_html_()
     assert f">{shown['Certificate'].claim.rate:.6g}<" in shown["Certificate"]._repr_html_()
     assert "20 s, 4001 samples" in shown["Run"]._repr_html_()
 

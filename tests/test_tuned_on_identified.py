@@ -127,7 +127,7 @@ def test_wins_in_turbulence(name, intensity):
 
 def test_robust_gains_win_too_and_have_the_better_worst_case():
     robust, nominal = (manoeuvre(UNUSED["fast"], robust=robust) for robust in (True, False))
-    found, single = ft.tune_scenario(robust, "identified"), ft.tune_scenario(nominal, "identified")
+    found, single = ft.tune(robust, model="identified"), ft.tune(nominal, model="identified")
     models = identified_problems(robust)
     own = {"name": "tuned_identified", **found.gains.as_lists()}
 
@@ -144,12 +144,12 @@ def test_robust_gains_win_too_and_have_the_better_worst_case():
 def test_the_loop_on_the_identified_model_is_certified():
     paper = ft.load_scenario("paper_identified")
     scenario = ft.scenario_from(paper.as_dict() | {"tuning": {"model": "identified"}})
-    gains = ft.tune_scenario(scenario).gains
+    gains = ft.tune(scenario).gains
 
-    found = ft.certify_scenario(scenario, gains, L_d=0.015)
+    found = ft.certify(scenario, gains, L_d=0.015)
 
     assert len(scenario.linear_model().states) > 6
-    assert np.array_equal(gains.K, ft.tune_scenario(paper, "identified").gains.K)
+    assert np.array_equal(gains.K, ft.tune(paper, model="identified").gains.K)
     assert found.status == "certified"
     assert ft.verify(found.certificate).valid
     assert ft.certify(scenario.linear_model(), gains).status == "certified"
@@ -159,7 +159,7 @@ def test_the_loop_on_the_identified_model_is_certified():
 def left():
     """The turn to the left, its model the identified one, and the gains tuned on it."""
     scenario = manoeuvre(UNUSED["left"], tuning={"model": "identified"})
-    return scenario, ft.tune_scenario(scenario).gains
+    return scenario, ft.tune(scenario).gains
 
 
 def test_one_q_proves_a_rate_at_every_condition_identified(left):
@@ -185,13 +185,13 @@ def test_one_q_proves_a_rate_at_every_condition_identified(left):
 
 @pytest.fixture(scope="module")
 def everywhere(left):
-    return ft.certify_scenario(*left, envelope=True, L_d=0.015).certificate
+    return ft.certify(*left, envelope=True, L_d=0.015).certificate
 
 
 def test_a_certificate_proves_one_rate_and_radius_at_every_condition(everywhere, tmp_path):
     identified = ft.load_identified("aerosonde").conditions
     ft.save_certificate(everywhere, tmp_path / "c.json")
-    again = ft.load_certificate(tmp_path / "c.json")
+    again = ft.load_claim(tmp_path / "c.json")
     names = [check.name for check in ft.verify(again).checks]
 
     assert ft.verify(again).valid
@@ -225,4 +225,4 @@ def test_a_claim_over_an_envelope_is_refused_where_the_law_is_behind_a_lag():
     scenario = manoeuvre({"chi_deg": 5.0}, tuning={"lag_rad_s": [4.0, 8.0]}, envelope=ranges)
 
     with pytest.raises(ft.ScenarioError, match=r"`model` of \[tuning\]"):
-        ft.certify_scenario(scenario, ft.PAPER_GAINS, envelope=True)
+        ft.certify(scenario, ft.PAPER_GAINS, envelope=True)

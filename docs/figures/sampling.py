@@ -9,20 +9,19 @@ import numpy as np
 import numpy.typing as npt
 from scipy.linalg import expm
 
+import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray, check_positive
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.errors import InputError, PlantError, ShapeError
-from flighttune.flight.outer_loop import tune_scenario
 from flighttune.identification.file import design_model, load_identified
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.plant import JSBSimPlant, steps_for
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.palette import HUES, NEUTRAL
 from flighttune.references.segments import Reference
-from flighttune.scenario import load_scenario
 from flighttune.simulate.loop import simulate
 from flighttune.units import DEG, G_0
 
@@ -236,7 +235,7 @@ def _in_time(name: str, steps: Sequence[SampledStep], channel: int, shown_s: flo
 
 def gain_sets() -> dict[str, PIGains]:
     """Return the gains that are drawn, by name."""
-    tuned = tune_scenario(load_scenario("paper_identified"), "identified").gains
+    tuned = ft.tune("paper_identified", model="identified").gains
     if tuned is None:
         raise SystemExit("no gains were found")
     return {"paper": PAPER_GAINS, "tuned_identified": tuned}

@@ -142,8 +142,7 @@ class Certificate(Answering):
 
     Examples
     --------
-    >>> model = ft.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
-    >>> certificate = ft.certify(model, ft.PAPER_GAINS).certificate
+    >>> certificate = ft.certify("paper", "paper").certificate
     >>> round(certificate.claim.rate, 4), certificate.Q.shape
     (0.4599, (4, 4))
     """
@@ -239,10 +238,13 @@ class Certificate(Answering):
                 f"{claim.place}, g {claim.g:g} m/s²: for every flight of the law that stays in it"
             )
         elif claim.conditions:
-            where = f"for the models in the file (states {states}), given as those {claim.place}"
+            where = f"for the models (states {states}), stated as those {claim.place}"
         else:
-            where = f"for the linear model in the file (states {states})"
-        words = f"{where}: errors and rates decay at {claim.rate:.6g} 1/s, their norm at half of it"
+            where = f"for the linear model (states {states})"
+        words = (
+            f"{where}: a quadratic form of errors and their rates decays at {claim.rate:.6g} 1/s, "
+            "their norm at half of it"
+        )
         if claim.radius is None:
             return words
         return (
@@ -305,8 +307,7 @@ def save_certificate(certificate: Certificate, path: str | Path) -> None:
 
     Examples
     --------
-    >>> model = ft.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
-    >>> ft.save_certificate(ft.certify(model, ft.PAPER_GAINS).certificate, "proof.json")
+    >>> ft.save_certificate(ft.certify("paper", "paper").certificate, "proof.json")
     >>> ft.verify("proof.json").valid
     True
     """
@@ -316,17 +317,8 @@ def save_certificate(certificate: Certificate, path: str | Path) -> None:
 def load_certificate(path: str | Path) -> Certificate:
     """Read a certificate; nothing in it is trusted before `verify` has checked it.
 
-    Raises
-    ------
-    InputError
-        If the file cannot be read or is not a certificate; the message names file and key.
-
-    Examples
-    --------
-    >>> model = ft.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
-    >>> ft.save_certificate(ft.certify(model, ft.PAPER_GAINS).certificate, "proof.json")
-    >>> ft.load_certificate("proof.json").gains == ft.PAPER_GAINS
-    True
+    Raises InputError if the file cannot be read or is not a certificate; the message names file and
+    key.
     """
     return read(path, Certificate)
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from importlib.metadata import version
 from typing import Any, Literal
 
@@ -13,29 +14,95 @@ from flighttune.certificates.certificate import Certificate, Claim, vertex_matri
 from flighttune.control.envelope import Envelope, jacobian_hull, vertex_loops
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel, closed_loop, disturbance_entry
+from flighttune.control.margins import loop_margins, margins_table
 from flighttune.errors import InputError
+from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.names import columns
+from flighttune.present.tables import Column, Table
 from flighttune.theory.attractor import Ellipsoid, invariant_ellipsoid
 from flighttune.theory.common import common_ellipsoid, common_Q
 from flighttune.theory.exact import FACTORS, Verification, provable_rate
-from flighttune.theory.indicators import indicators
+from flighttune.theory.indicators import Indicators, indicators
+
+ANY_ENVELOPE = (
+    "The certificate holds over any envelope: the error dynamics of the exact law are the same "
+    "everywhere."
+)
+INDICATOR_COLUMNS = [
+    Column("units", "units of state"),
+    *columns("R_K I_K E_K spectral_abscissa"),
+]
+EIGENVALUE_COLUMNS = [
+    Column("real", "real part", "1/s"),
+    Column("imaginary", "imaginary part", "rad/s"),
+]
+CERTIFICATE_COLUMNS = [
+    Column("in_words", "status"),
+    *columns("rate growth radius L_d"),
+    Column("largest_factor", "largest certified envelope"),
+]
 
 # Airspeed (m/s) and flight-path angle (rad), and the model there.
 Condition = tuple[tuple[float, float], LinearModel]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Certification:
-    """A certificate that has been verified, or the reason for which it was refused."""
+class Certification(Answering):
+    """Gains on a linear model with a certificate that has been verified, or why there is none.
+
+    Attributes
+    ----------
+    status : "certified" or "refused"
+    reason : str
+        Why it was refused; empty otherwise.
+    model : LinearModel
+    gains : PIGains
+    certificate : Certificate or None
+    verification : Verification or None
+        The checks of the certificate.
+    name : str
+        Name of the gains.
+    over_envelope : bool
+        Whether a certificate over an envelope, or at every identified condition, was asked for.
+    ranges : tuple of Envelope, or None
+        The trim and the ranges of flight of the scenario, where its law differs over them.
+    g : float or None, m/s^2
+        Acceleration of gravity; goes with `ranges`.
+    largest_factor : float or None
+        Largest factor on the envelope, scaled about the trim, that is certified; None where the
+        certificate is of the model alone or holds everywhere.
+    scaling : ndarray, shape (n + p,), or None
+        Units of state in which the gains were tuned; None where they are plain.
+
+    Examples
+    --------
+    >>> certification = ft.certify("paper", "paper")
+    >>> certification.status, round(certification.certificate.claim.rate, 4)
+    ('certified', 0.4599)
+    """
 
     status: Literal["certified", "refused"]
-    reason: str  # empty unless refused
-    certificate: Certificate | None
-    verification: Verification | None  # the checks of the certificate
+    reason: str
+    model: LinearModel
+    gains: PIGains
+    certificate: Certificate | None = None
+    verification: Verification | None = None
+    name: str = "gains"
+    over_envelope: bool = False
+    ranges: tuple[Envelope, Envelope] | None = None
+    g: float | None = None
+    largest_factor: float | None = None
+    scaling: FloatArray | None = None
 
     @property
     def in_words(self) -> str:
         """The status, and what a certificate is worth where it is little."""
         return self.status if self.certificate is None else self.certificate.in_words
+
+    @property
+    def indicators(self) -> Indicators:
+        """R_K, I_K and E_K of the loop, in plain units of state."""
+        return indicators(closed_loop(self.model, self.gains), errors=len(self.model.errors))
 
     @property
     def values(self) -> dict[str, Any]:
@@ -52,8 +119,53 @@ class Certification:
             values["checks"] = [asdict(check) for check in self.verification.checks]
         return values
 
+    def answer(self) -> Answer:
+        """Indicators, eigenvalues, margins and certificate; a failure if the loop has none."""
+        loop, certificate = self.indicators, self.values
+        plain = pick(loop, "R_K I_K E_K scaling spectral_abscissa")
+        units, scaled = [{"units": "plain", **plain}], None
+        if self.scaling is not None:
+            in_scaled = indicators(closed_loop(self.model, self.gains), scaling=self.scaling)
+            scaled = pick(in_scaled, "R_K I_K scaling")
+            units.append({"units": "scaled by [tuning]", **scaled})
+        over = None
+        if self.over_envelope:
+            over = {"R_K": certificate["rate"], "largest_factor": self.largest_factor}
+        poles = [{"real": pole.real, "imaginary": pole.imag} for pole in loop.eigenvalues]
+        why = self.reason if loop.status == "stable" else loop.reason
+        everywhere = self.over_envelope and self.largest_factor is None
+        identified = bool(certificate["conditions"])
+        return Answer(
+            values={
+                **pick(loop, "status reason"),
+                **plain,
+                "eigenvalues": [list(pole.values()) for pole in poles],
+                "Q": loop.Q,
+                "scaled": scaled,
+                "gains": self.name,
+                **self.gains.as_lists(),
+                "certificate": certificate,
+                "envelope": over,
+            },
+            tables=[
+                Table(INDICATOR_COLUMNS, units, f"{self.name}: {loop.status}"),
+                Table(EIGENVALUE_COLUMNS, poles, "eigenvalues"),
+                margins_table(loop_margins(self.model, self.gains)),
+                Table(
+                    CERTIFICATE_COLUMNS,
+                    [{**certificate, "largest_factor": self.largest_factor}],
+                    "certificate",
+                ),
+            ],
+            notes=[ANY_ENVELOPE] if everywhere and not identified else [],
+            verdict=f"proven: {self.certificate.sentence}"
+            if self.certificate
+            else f"no certificate: {why}",
+            failure="" if self.certificate else why,
+        )
 
-def certify(
+
+def certify_model(
     model: LinearModel,
     gains: PIGains,
     *,
@@ -93,14 +205,9 @@ def certify(
     InputError
         If the channels or the states of the models do not fit, a bound is not positive, or an
         envelope comes without `g` or with conditions.
-
-    Examples
-    --------
-    >>> model = ft.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
-    >>> ft.certify(model, ft.PAPER_GAINS).status
-    'certified'
     """
     models = tuple(model for _, model in conditions)
+    refused = partial(Certification, status="refused", model=model, gains=gains)
     if any(other.states != model.states for other in models):
         raise InputError("`conditions` must have models with the states of `model`.")
     polytope = None
@@ -115,12 +222,12 @@ def certify(
     proven = None if figures.Q is None else provable_rate(vertices, figures.Q)
     if proven is None:
         why = figures.reason or "no inflation of Q could be proven to satisfy its inequality."
-        return _refused(why)
+        return refused(reason=why)
     ellipsoid = radius = None
     if L_d is not None:
         ellipsoid, reason = _ellipsoid(loops, disturbance_entry(model), L_d)
         if ellipsoid is None:
-            return _refused(reason)
+            return refused(reason=reason)
         radius = math.sqrt(float(np.linalg.eigvalsh(ellipsoid.W)[-1])) * FACTORS[0]
     lyapunov = {"Lyapunov equation": f"numpy {np.__version__}"}
     solvers = lyapunov if alone else {"solver": "Clarabel", "clarabel": version("clarabel")}
@@ -145,9 +252,14 @@ def certify(
     )
     verification = certificate.verify()
     if not verification.valid:
-        return _refused(verification.reason)
+        return refused(reason=verification.reason)
     return Certification(
-        status="certified", reason="", certificate=certificate, verification=verification
+        status="certified",
+        reason="",
+        model=model,
+        gains=gains,
+        certificate=certificate,
+        verification=verification,
     )
 
 
@@ -161,7 +273,3 @@ def _ellipsoid(loops: FloatArray, E: FloatArray, L_d: float) -> tuple[Ellipsoid 
     if len(loops) > 1:
         return common_ellipsoid(loops, E, L_d=L_d)
     return invariant_ellipsoid(loops[0], E, L_d=L_d, slack=1e-6), ""  # else rounding refutes it
-
-
-def _refused(reason: str) -> Certification:
-    return Certification(status="refused", reason=reason, certificate=None, verification=None)

@@ -8,14 +8,7 @@ from typing import Annotated, Any
 from typer import Option
 
 from flighttune.cli import options
-from flighttune.cli.gains import (
-    OF_CERTIFICATE,
-    OF_LOOP,
-    chosen_gains,
-    gains_values,
-    margins_table,
-    save_answer,
-)
+from flighttune.cli.gains import chosen_gains, save_answer
 from flighttune.cli.show import campaign_pool, pick
 from flighttune.errors import InputError
 from flighttune.present.answer import Answer
@@ -42,6 +35,8 @@ TRADE_COLUMNS = [
     Column("alone", "best seen"),
     Column("beside", "best seen with the others met", missing="none"),
 ]
+LOOP_COLUMNS = columns("R_K I_K E_K spectral_abscissa")
+CERTIFICATE_COLUMNS = [Column("in_words", "status"), *columns("rate growth radius")]
 BY_DEFAULT_NOTE = (
     "Margins of the linear loop of 6 dB and 35 deg are required by default: others under "
     "at_least.loop of [[expect]] replace them."
@@ -96,9 +91,9 @@ def meet(
     from flighttune.campaign.meet import BY_DEFAULT
     from flighttune.campaign.meet import meet as search
     from flighttune.campaign.planning.load import load_campaign
-    from flighttune.control.gains import gains_table
+    from flighttune.control.gains import gains_lists, gains_table
     from flighttune.control.linear_model import closed_loop
-    from flighttune.control.margins import loop_margins
+    from flighttune.control.margins import loop_margins, margins_table
     from flighttune.flight.outer_loop import certify_scenario
     from flighttune.scenario import load_scenario
     from flighttune.theory.indicators import indicators
@@ -144,15 +139,15 @@ def meet(
     answer = Answer(
         values={
             **values,
-            **gains_values(gains),
+            **gains_lists(gains),
             **of_loop,
             "certificate": made.values,
         },
         tables=[
             *tables,
-            Table(OF_LOOP, [of_loop]),
+            Table(LOOP_COLUMNS, [of_loop]),
             margins_table(loop_margins(model, gains)),
-            Table(OF_CERTIFICATE, [made.values], "certificate"),
+            Table(CERTIFICATE_COLUMNS, [made.values], "certificate"),
         ],
         notes=[
             *(f"{row['measure']} on {row['run']}: {row['why']}" for row in rows if row["why"]),

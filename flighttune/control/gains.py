@@ -192,6 +192,11 @@ def _acting_on(inputs: tuple[str, str], gains: PIGains, factor: float) -> PIGain
     return PIGains(K_P=gains.K_P * factor, K_I=gains.K_I * factor, inputs=inputs)
 
 
+def gains_lists(gains: PIGains | None) -> dict[str, Any]:
+    """``K_P`` and ``K_I`` as nested lists, None where there are no gains."""
+    return {"K_P": None, "K_I": None} if gains is None else gains.as_lists()
+
+
 def gains_table(title: str, gains: PIGains | None) -> Table:
     """Gains as a table, a row a command; no rows where there are no gains."""
     if gains is None:

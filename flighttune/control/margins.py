@@ -1,6 +1,7 @@
 """Stability margins of a loop: gain, phase, delay and lag, for one channel and for all at once."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, TypeAlias
@@ -12,6 +13,9 @@ from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import LinearModel, closed_loop, velocity_form
+from flighttune.present.answer import pick
+from flighttune.present.names import columns
+from flighttune.present.tables import Column, Table
 
 GRID_PER_DECADE = 60
 RTOL = 1e-15  # of a root between two points of the grid
@@ -37,6 +41,13 @@ DISK_ACCURACY = 1e-10
 
 # Iterations that balance three or more inputs; the first one balances two.
 SWEEPS = 10
+
+MARGIN_COLUMNS = [
+    *columns("loop"),
+    Column("gain_decrease", "gain from"),
+    Column("gain_increase", "gain to"),
+    *columns("phase_margin_deg delay_margin_s lag_margin_s"),
+]
 
 TOGETHER = "all at once"  # name of the margins of all inputs
 
@@ -368,3 +379,21 @@ def _zeros_on_axis(A: Any, B: FloatArray, C: Any, D: FloatArray) -> FloatArray:
     real, imag, size = np.real(zeros), np.imag(zeros), np.abs(zeros)
     on_axis = (size < BAND) & (imag > 0.0) & (np.abs(real) <= ON_AXIS * size)
     return np.sort(unit * imag[on_axis])
+
+
+def margins_table(margins: Sequence[Margins]) -> Table:
+    """Stability margins: a row a channel, and one for all channels at once."""
+    records = [
+        {
+            **pick(row, "loop gain_decrease gain_increase"),
+            "phase_margin_deg": math.degrees(row.phase_margin),
+            "delay_margin_s": row.delay_margin,
+        }
+        for row in margins
+    ]
+    if margins:
+        records[-1] |= {
+            "lag_margin_s": margins[-1].lag_margin,
+            "disk_margin": margins[-1].disk_margin,
+        }
+    return Table(MARGIN_COLUMNS, records, "stability margins", name="margins")

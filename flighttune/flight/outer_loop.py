@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.certificates.make import Certification, certify
+from flighttune.certificates.make import Certification, certify_model
 from flighttune.control.controller import LawSetup
 from flighttune.control.envelope import Envelope
 from flighttune.control.gains import COMMANDS, LAW_OF_INPUTS, PAPER_GAINS, PIGains, paper_family
@@ -23,11 +23,10 @@ from flighttune.scenario.load import load_scenario, with_gains
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, TuningModel
 from flighttune.theory.indicators import indicators
-from flighttune.tuning.envelope import largest_factor
 from flighttune.tuning.problem import LARGEST_GAIN, TuningProblem, decoupled
 from flighttune.tuning.result import TuningResult
 from flighttune.tuning.robust import tune_worst_case
-from flighttune.tuning.tune import tune
+from flighttune.tuning.tune import tune_problem
 from flighttune.units import wrap_angle
 
 # Stands for a gain that may fall to nothing.
@@ -158,16 +157,11 @@ def tune_scenario(
     ------
     InputError, ScenarioError
         If an identified model is needed and missing.
-
-    Examples
-    --------
-    >>> ft.tune_scenario(ft.load_scenario("paper")).active
-    ('I_K',)
     """
     settings = scenario.tuning
     if (model or settings.model) == "identified":
         return tune_worst_case(identified_problems(scenario, law), starts=settings.starts)
-    return tune(tuning_problem(scenario, law), starts=settings.starts)
+    return tune_problem(tuning_problem(scenario, law), starts=settings.starts)
 
 
 def gain_sets(scenario: Scenario) -> tuple[dict[str, PIGains | None], TuningResult | None]:
@@ -302,12 +296,6 @@ def certify_scenario(
         behind a lag; or if there is no identified model.
     InputError
         If `L_d` is not positive, or the conditions identified have lags of different order.
-
-    Examples
-    --------
-    >>> certification = ft.certify_scenario(ft.load_scenario("paper"), ft.PAPER_GAINS)
-    >>> round(certification.certificate.claim.rate, 4)
-    0.4599
     """
     if L_d is None and scenario.disturbance is not None:
         bound = scenario.disturbance.sinusoid().rate_bound
@@ -323,7 +311,7 @@ def certify_scenario(
             f"`identified` must have lags of one order at every condition for a common Q, got "
             f"models of {' and '.join(map(str, orders))} states."
         )
-    return certify(
+    return certify_model(
         scenario.linear_model(law),
         gains,
         envelope=ranges,
@@ -332,12 +320,6 @@ def certify_scenario(
         conditions=[((design.V_a, design.gamma), design.model) for design in everywhere],
         scenario_sha256=scenario.sha256,
     )
-
-
-def largest_certified(scenario: Scenario, gains: PIGains) -> float:
-    """The largest factor by which the scenario's envelope, scaled about the trim, is certified."""
-    trim, envelope = trim_and_envelope(scenario)
-    return largest_factor(gains, envelope, trim, g=scenario.flight.g_mps2)
 
 
 def linear_loop(

@@ -14,7 +14,7 @@ from flighttune.paper.flight import PaperFlight, fly
 from flighttune.theory.indicators import Indicators, indicators
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.result import TuningResult
-from flighttune.tuning.tune import tune
+from flighttune.tuning.tune import tune_problem
 
 # The gain sets in the order of the paper's epsilon.
 ORDER = ("K1", "K2", "K3", printed.STAR, "K4", "K5", "K6")
@@ -84,12 +84,12 @@ class Study:
             x_0=printed.E_0,
             dt=printed.OPTIMISATION_DT,
         )
-        return tune(problem)
+        return tune_problem(problem)
 
     @cached_property
     def optimum(self) -> TuningResult:
         """Result of the model without the input constraints."""
-        return tune(TuningProblem(model=self.model, I_star=printed.I_STAR))
+        return tune_problem(TuningProblem(model=self.model, I_star=printed.I_STAR))
 
     @cached_property
     def duffing(self) -> DuffingCases:

@@ -6,12 +6,14 @@ from collections.abc import Sequence
 import numpy as np
 import numpy.typing as npt
 
+from flighttune.certificates.make import Certification
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel, closed_loop
-from flighttune.control.margins import Margins, channel_responses
-from flighttune.present.chart import DASHED, DOTTED, Chart
+from flighttune.control.margins import Margins, channel_responses, loop_margins
+from flighttune.present.chart import DASHED, DOTTED, Chart, Sheet
 from flighttune.present.names import SYMBOLS
 from flighttune.present.palette import HUES, LIMIT, NEUTRAL
+from flighttune.tuning.envelope import rate_chart, rate_curve
 from flighttune.units import DEG
 
 # Colours of the loops cut at roll and at load factor, if no gains are compared.
@@ -27,6 +29,17 @@ WINDOW = (-3.0, 1.5), (-2.0, 2.0)
 
 # Height of a chart of the plane, pixels.
 SQUARE = 340.0
+
+
+def loop_sheet(certification: Certification, title: str) -> Sheet:
+    """The charts of the loop of gains and, over an envelope, of their certified rate."""
+    model, gains = certification.model, certification.gains
+    charts = loop_charts(model, gains, loop_margins(model, gains))
+    if certification.ranges and certification.g and certification.largest_factor:
+        trim, envelope = certification.ranges
+        curve = rate_curve(gains, envelope, trim, g=certification.g)
+        charts.append(rate_chart({certification.name: curve}, envelope))
+    return Sheet(charts=charts, title=title)
 
 
 def loop_charts(model: LinearModel, gains: PIGains, margins: Sequence[Margins]) -> list[Chart]:

@@ -1,42 +1,19 @@
 """Why a problem is infeasible, and what would have to give."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from operator import itemgetter
 from typing import Any
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.control.gains import PIGains
 from flighttune.control.limits import Limits
 from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
 from flighttune.tuning.program import Program, stabilising_starts
-from flighttune.tuning.result import Assessment, assessment, is_feasible
+from flighttune.tuning.result import Assessment, Diagnosis, assessment, is_feasible
 from flighttune.tuning.tune import STARTS, searches, smallest_radius
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Diagnosis:
-    """Distance of a problem from feasibility, or the room to tighten its limits."""
-
-    # s^2: smallest I_K found within the input limits; inf if no stable gains were
-    smallest_I_K: float
-    # 1/s: largest R_K found within the input limits, whatever I_K; 0 if no stable gains were
-    largest_R_K: float
-    # Smallest factor on all input limits at once that leaves the problem feasible: above 1 it is
-    # infeasible, below 1 the limits could be that much tighter. inf if no factor helps; 0 where
-    # there are no input limits and the problem is feasible.
-    common_factor: float
-    gains: PIGains | None  # gains that are feasible at the common factor
-    binding: tuple[str, ...]  # limits that bind there
-    # A record for each finite limit, the most worth relaxing first: ``name`` (``<input>`` or
-    # ``<input>_rate``, both its sides); ``factor_alone``, the smallest factor on this limit alone
-    # that makes the problem feasible, inf if none does; ``smallest_I_K_without`` (s^2), the
-    # smallest I_K found without it; ``use``, the share of it that the gains at the common factor
-    # use, above 1 where they break it.
-    limits: tuple[Mapping[str, Any], ...]
 
 
 def diagnosis(problem: TuningProblem, *, starts: int = STARTS) -> Diagnosis:

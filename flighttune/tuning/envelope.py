@@ -12,7 +12,7 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +29,7 @@ from flighttune.theory.lmi import combination, largest, parameter, solve, unknow
 from flighttune.theory.lyapunov import lyapunov_solution
 from flighttune.tuning.problem import TuningProblem, search_space
 from flighttune.tuning.program import loop_slopes, stabilising_starts
+from flighttune.tuning.result import TuningResult, assessment, result
 from flighttune.tuning.tune import tune_by_gradient
 
 # Relative accuracy of the largest factor
@@ -193,24 +194,6 @@ class _Linearised:
         self._room.value = math.log(self._problem.I_star / point.trim.I_K) - excess
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class EnvelopeTuning:
-    """Gains tuned for their rate over an envelope, or why none were found."""
-
-    # Found: a local optimum, the best of the starts. Infeasible: no gains were found that meet the
-    # constraints and have a common Q over the whole envelope.
-    status: Literal["found", "infeasible", "failed"]
-    reason: str  # empty if found
-    gains: PIGains | None = None  # if infeasible: those that reach farthest
-    R: float = 0.0  # 1/s: rate over the envelope; 0 if infeasible
-    R_bound: float = math.inf  # 1/s: no common Q of these gains has a higher one
-    # `R_K` and `I_K` (1/s and s^2): indicators at the trim
-    R_K: float = 0.0
-    I_K: float = math.inf
-    factor: float = 0.0  # part of the envelope, scaled about the trim, that was reached; 1 if found
-    wall_s: float  # time it took, s
-
-
 def envelope_rate(gains: PIGains, envelope: Envelope, *, g: float) -> CommonQ:
     """The rate of gains over an envelope of the chi/gamma law, and its common Q.
 
@@ -302,7 +285,7 @@ def tune_over_envelope(
     *,
     g: float,
     starts: int = 2,
-) -> EnvelopeTuning:
+) -> TuningResult:
     """Gains with the largest rate over an envelope, under the constraints of a tuning problem.
 
     Where the first gains have no common Q over the whole envelope, they are tuned for the part of
@@ -330,22 +313,30 @@ def tune_over_envelope(
     searches = [_grow(problem, k, envelope, trim, g=g) for k in firsts]
     reached = [search for search in searches if search is not None]
     if not reached:
-        return EnvelopeTuning(
+        return result(
+            problem,
+            None,
             status="failed" if nominal.status == "failed" else "infeasible",
             reason=nominal.reason or "No gains met the constraints.",
+            method="envelope",
+            starts=starts,
+            R_envelope=0.0,
+            R_envelope_bound=math.inf,
+            factor=0.0,
             wall_s=time.perf_counter() - began,
         )
     factor, best = max(reached, key=lambda search: (search[0], search[1].common.R))
     certified = factor >= 1.0
     beyond = f"No common Q was found beyond {factor:.3g} of the envelope about the trim."
-    return EnvelopeTuning(
+    return result(
+        problem,
+        assessment(problem, space.K(best.k)),
         status="found" if certified else "infeasible",
         reason="" if certified else beyond,
-        gains=problem.gains(space.K(best.k)),
-        R=best.common.R if certified else 0.0,
-        R_bound=best.common.R_bound if certified else math.inf,
-        R_K=best.trim.R_K,
-        I_K=best.trim.I_K,
+        method="envelope",
+        starts=starts,
+        R_envelope=best.common.R if certified else 0.0,
+        R_envelope_bound=best.common.R_bound if certified else math.inf,
         factor=factor,
         wall_s=time.perf_counter() - began,
     )

@@ -1,26 +1,49 @@
 """Results of an optimiser, checked against the problem without trusting the optimiser."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.control.gains import PIGains
+from flighttune.control.gains import PIGains, gains_lists, gains_table
 from flighttune.control.linear_model import closed_loops
-from flighttune.present.tables import facts_table, matrix, number
+from flighttune.control.margins import loop_margins, margins_table
+from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.names import columns
+from flighttune.present.tables import Column, Table
 from flighttune.theory.indicators import indicators
 from flighttune.tuning.cost import quadratic_cost
 from flighttune.tuning.problem import TuningProblem, search_space
 
-Status = Literal["optimal", "infeasible", "failed"]
+Status = Literal["optimal", "found", "infeasible", "failed"]
 
 # Relative amount by which rounding may exceed a limit
 ROUNDING = 1e-9
 
 # Relative distance within which a limit counts as binding
 BINDING = 1e-5
+
+RESULT_COLUMNS = columns("status R_K I_K E_K spectral_abscissa active method starts wall_s")
+ENVELOPE_COLUMNS = [
+    *columns("status"),
+    Column("R_envelope", "rate over the envelope", "1/s"),
+    *columns("R_K I_K E_K spectral_abscissa wall_s"),
+]
+DIAGNOSIS_COLUMNS = [
+    Column("smallest_I_K", "smallest I_K", "s²"),
+    Column("largest_R_K", "largest R_K", "1/s"),
+    Column("common_factor", "common factor that makes it feasible"),
+]
+LIMIT_COLUMNS = [
+    Column("name", "limit"),
+    Column("factor_alone", "factor on it alone that makes it feasible"),
+    Column("smallest_I_K_without", "smallest I_K without it", "s²"),
+]
+PLAIN = "units of state: plain, as in `certify`"
+SCALED = "units of state: scaled by [tuning]; `certify` gives R_K in plain ones too"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -41,18 +64,43 @@ class Assessment:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TuningResult:
+class Diagnosis:
+    """Distance of a problem from feasibility, or the room to tighten its limits."""
+
+    # s^2: smallest I_K found within the input limits; inf if no stable gains were
+    smallest_I_K: float
+    # 1/s: largest R_K found within the input limits, whatever I_K; 0 if no stable gains were
+    largest_R_K: float
+    # Smallest factor on all input limits at once that leaves the problem feasible: above 1 it is
+    # infeasible, below 1 the limits could be that much tighter. inf if no factor helps; 0 where
+    # there are no input limits and the problem is feasible.
+    common_factor: float
+    gains: PIGains | None  # gains that are feasible at the common factor
+    binding: tuple[str, ...]  # limits that bind there
+    # A record for each finite limit, the most worth relaxing first: ``name`` (``<input>`` or
+    # ``<input>_rate``, both its sides); ``factor_alone``, the smallest factor on this limit alone
+    # that makes the problem feasible, inf if none does; ``smallest_I_K_without`` (s^2), the
+    # smallest I_K found without it; ``use``, the share of it that the gains at the common factor
+    # use, above 1 where they break it.
+    limits: tuple[Mapping[str, Any], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TuningResult(Answering):
     """Gains that an optimiser found for a problem, or why it found none.
 
     Attributes
     ----------
-    status : "optimal", "infeasible" or "failed"
+    status : "optimal", "found", "infeasible" or "failed"
+        "found": a local optimum over an envelope.
         "infeasible": no gains were found that meet all constraints, although the search for the
         smallest I_K converged. "failed": no stabilising gains were found at all.
     reason : str
         Why it is not optimal; empty otherwise.
     method : str
         The optimiser.
+    problem : TuningProblem
+        What was asked for; of several models that at the first reference.
     gains : PIGains or None
         The best ones; if infeasible those of the smallest I_K; None if failed.
     R_K, I_K, E_K, spectral_abscissa : float
@@ -67,10 +115,17 @@ class TuningResult:
         Searches made, and those that ended within 1e-4 of the best value, relative.
     wall_s : float
         Time it took, s.
+    R_envelope, R_envelope_bound : float or None, 1/s
+        Over an envelope: the rate there, 0 if infeasible, and the highest that any common Q of
+        these gains has.
+    factor : float or None
+        Part of the envelope, scaled about the trim, that was reached; 1 if found.
+    diagnosis : Diagnosis or None
+        Of an infeasible problem: what would have to give.
 
     Examples
     --------
-    >>> result = ft.tune_scenario(ft.load_scenario("paper"))
+    >>> result = ft.tune("paper")
     >>> result.gains.K_P.diagonal().round(2).tolist(), result.active
     ([2.22, 2.48], ('I_K',))
     """
@@ -78,6 +133,7 @@ class TuningResult:
     status: Status
     reason: str
     method: str
+    problem: TuningProblem
     gains: PIGains | None = None
     R_K: float = 0.0
     I_K: float = math.inf
@@ -89,21 +145,50 @@ class TuningResult:
     starts: int = 0
     agreeing: int = 0
     wall_s: float = 0.0
+    R_envelope: float | None = None
+    R_envelope_bound: float | None = None
+    factor: float | None = None
+    diagnosis: Diagnosis | None = None
 
-    def _repr_html_(self) -> str:
-        facts = {
-            "R_K": f"{number(self.R_K, '.5g')} 1/s",
-            "I_K": f"{number(self.I_K, '.5g')} s²",
-            "E_K": f"{number(self.E_K, '.5g')} s²",
-            "spectral abscissa": f"{number(self.spectral_abscissa, '.5g')} 1/s",
-            "binding": ", ".join(self.active) or "nothing",
-            "found by": f"{self.method}, {self.agreeing} of {self.starts} starts agree",
+    @property
+    def solved(self) -> bool:
+        """Whether the gains meet all constraints."""
+        return self.status in ("optimal", "found")
+
+    def answer(self) -> Answer:
+        """Indicators, gains and margins; a failure with the nearest problem if there are none."""
+        problem, over = self.problem, self.R_envelope is not None
+        plain = bool(np.all(np.asarray(problem.scaling) == 1.0))
+        nearest = self.diagnosis and pick(
+            self.diagnosis, "smallest_I_K largest_R_K common_factor binding limits"
+        )
+        values = {
+            **pick(self, "status reason R_K I_K E_K cost spectral_abscissa active"),
+            **pick(self, "R_envelope R_envelope_bound factor starts agreeing wall_s method"),
+            "scaling": problem.scaling,
+            "diagnosis": nearest,
+            **gains_lists(self.gains),
         }
-        if self.gains is not None:
-            facts |= {"K_P": matrix(self.gains.K_P), "K_I": matrix(self.gains.K_I)}
-        if self.reason:
-            facts["reason"] = self.reason
-        return facts_table(f"Tuning: {self.status}", facts).html()
+        shown = ENVELOPE_COLUMNS if over else RESULT_COLUMNS
+        if problem.weights is not None:
+            shown = [*shown, Column("cost", "quadratic cost")]
+        margins = loop_margins(problem.model, self.gains) if self.solved and self.gains else ()
+        tables = [
+            Table(shown, [values], "tuning over the envelope" if over else "tuning"),
+            gains_table("gains", self.gains),
+            margins_table(margins),
+        ]
+        if nearest:
+            tables += [
+                Table(DIAGNOSIS_COLUMNS, [nearest], "within the limits"),
+                Table(LIMIT_COLUMNS, nearest["limits"], "limits"),
+            ]
+        return Answer(
+            values=values,
+            tables=tables,
+            notes=[PLAIN if plain else SCALED],
+            failure="" if self.solved else self.reason,
+        )
 
 
 def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:
@@ -141,10 +226,10 @@ def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:
 def result(problem: TuningProblem, best: Assessment | None, **outcome: Any) -> TuningResult:
     """A `TuningResult` of an outcome (its other attributes) with the figures of its best gains."""
     if best is None:
-        return TuningResult(**outcome)
+        return TuningResult(problem=problem, **outcome)
     names = ("R_K", "I_K", "E_K", "spectral_abscissa", "active", "cost")
     figures = {name: getattr(best, name) for name in names}
-    return TuningResult(gains=problem.gains(best.K), **figures, **outcome)
+    return TuningResult(problem=problem, gains=problem.gains(best.K), **figures, **outcome)
 
 
 def is_feasible(problem: TuningProblem, gains: Assessment) -> bool:

@@ -57,6 +57,7 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
             status="failed",
             reason="No gains were found that stabilise every model.",
             method=METHOD,
+            problem=whole,
             starts=tried,
             wall_s=time.perf_counter() - began,
         )
@@ -77,6 +78,7 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
         status="infeasible" if broken else "optimal",
         reason=f"No gains were found inside the bounds on {', '.join(broken)}." if broken else "",
         method=METHOD,
+        problem=whole,
         gains=whole.gains(K),
         R_K=min(loop.R_K for loop in loops),
         I_K=max(loop.I_K for loop in loops),

@@ -29,31 +29,11 @@ AGREEMENT = 1e-4
 RATE_GIVEN_UP = 1e-4
 
 
-def tune(problem: TuningProblem, *, starts: int = STARTS) -> TuningResult:
+def tune_problem(problem: TuningProblem, *, starts: int = STARTS) -> TuningResult:
     """Gains of the largest R_K, or the least cost, that meet the constraints of a problem.
 
-    Parameters
-    ----------
-    problem : TuningProblem
-    starts : int
-        Searches by the gradient method, from random starts.
-
-    Returns
-    -------
-    TuningResult
-        The status is "infeasible" or "failed" where there is no answer: "failed" where no gains to
-        start from stabilise the loop.
-
-    Raises
-    ------
-    InputError
-        If `starts` is not at least 1.
-
-    Examples
-    --------
-    >>> result = ft.tune(ft.tuning_problem(ft.load_scenario("paper")))
-    >>> result.status, round(result.R_K, 4)
-    ('optimal', 0.5398)
+    `starts`: searches by the gradient method, from random starts. The status is "infeasible" or
+    "failed" where there is no answer. Raises InputError if `starts` is not at least 1.
     """
     check_at_least(1, starts=starts)
     began = time.perf_counter()
@@ -80,6 +60,7 @@ def tune_by_gradient(problem: TuningProblem, *, starts: int = STARTS) -> TuningR
             status="failed",
             reason="No stabilising gains were found to start from.",
             method="gradient",
+            problem=problem,
         )
     ends = searches(problem, k[:PROBES], "R_K")
     smallest, warm = None, k[:0]

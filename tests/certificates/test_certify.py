@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from printed import L_D, MODEL
 
 import flighttune as ft
+from flighttune.certificates.make import certify_model
 from flighttune.control.envelope import Envelope
 from flighttune.files.value import tables_of, value_of
 from flighttune.tuning.envelope import largest_factor
@@ -29,12 +30,12 @@ CLAIMED_LESS = 1e-6
 
 @pytest.fixture(scope="module")
 def at_trim():
-    return ft.certify(MODEL, ft.PAPER_GAINS, L_d=L_D).certificate
+    return certify_model(MODEL, ft.PAPER_GAINS, L_d=L_D).certificate
 
 
 @pytest.fixture(scope="module")
 def over_envelope():
-    return ft.certify(
+    return certify_model(
         MODEL, TUNED, envelope=ENVELOPE, g=G, L_d=L_D, scenario_sha256="0" * 64
     ).certificate
 
@@ -58,7 +59,7 @@ def test_the_papers_gains_are_certified_for_their_rate_and_the_ellipsoids_radius
 def test_a_weak_certificate_says_what_it_is_worth(at_trim):
     weak = ft.PIGains(K_P=ft.PAPER_GAINS.K_P, K_I=2e-5 * np.eye(2))
 
-    made = ft.certify(MODEL, weak)
+    made = certify_model(MODEL, weak)
 
     hours = 2.0 * np.log(2.0) / ft.indicators(ft.closed_loop(MODEL, weak)).R_K / 3600.0
     assert hours > 24.0
@@ -84,7 +85,7 @@ def test_a_file_reads_back_to_the_same_bits_and_verifies(over_envelope, tmp_path
     path = tmp_path / "gains.json"
 
     ft.save_certificate(over_envelope, path)
-    again = ft.load_certificate(path)
+    again = ft.load_claim(path)
 
     assert tables_of(again) == tables_of(over_envelope)
     assert np.array_equal(again.Q, over_envelope.Q)
@@ -194,7 +195,7 @@ WIDE = Envelope(V_a=(15.0, 40.0), gamma=(-0.8, 0.8), phi=(-1.0, 1.0), n_z=(-1.0,
     ],
 )
 def test_what_cannot_be_proven_is_refused_with_a_reason(gains, envelope, why):
-    refused = ft.certify(MODEL, gains, envelope=envelope, g=G if envelope else None)
+    refused = certify_model(MODEL, gains, envelope=envelope, g=G if envelope else None)
 
     assert (refused.status, refused.certificate) == ("refused", None)
     assert why in refused.reason
@@ -208,8 +209,8 @@ def test_the_largest_envelope_of_gains_can_be_proven_and_one_percent_more_cannot
 
     largest, beyond = (ENVELOPE.scaled(trim, part * factor) for part in (1.0, 1.01))
 
-    assert ft.certify(MODEL, gains, envelope=largest, g=G).status == "certified"
-    assert ft.certify(MODEL, gains, envelope=beyond, g=G).status == "refused"
+    assert certify_model(MODEL, gains, envelope=largest, g=G).status == "certified"
+    assert certify_model(MODEL, gains, envelope=beyond, g=G).status == "refused"
 
 
 def test_a_model_with_lag_states_is_certified_at_its_trim():
@@ -223,7 +224,7 @@ def test_a_model_with_lag_states_is_certified_at_its_trim():
         errors=MODEL.errors,
     )
 
-    certified = ft.certify(
+    certified = certify_model(
         model, ft.PIGains(K_P=np.diag([3.17, 2.90]), K_I=np.diag([1.13, 0.92])), L_d=L_D
     )
 
@@ -233,7 +234,7 @@ def test_a_model_with_lag_states_is_certified_at_its_trim():
 
 def test_envelope_and_gravity_go_together():
     with pytest.raises(ft.InputError, match="`envelope` and `g`"):
-        ft.certify(MODEL, TUNED, envelope=ENVELOPE)
+        certify_model(MODEL, TUNED, envelope=ENVELOPE)
 
 
 def test_a_claim_must_be_positive(at_trim):

@@ -5,7 +5,7 @@ import pytest
 from printed import L_D, MODEL
 from scipy.integrate import solve_ivp
 
-import flighttune as ft
+from flighttune.certificates.make import certify_model
 from tests.certificates.test_certify import ENVELOPE, TUNED, G
 
 GAMMA = np.pi / 12
@@ -14,7 +14,7 @@ INTEGRATION = 1e-6
 
 @pytest.fixture(scope="module")
 def certificate():
-    return ft.certify(MODEL, TUNED, envelope=ENVELOPE, g=G, L_d=L_D).certificate
+    return certify_model(MODEL, TUNED, envelope=ENVELOPE, g=G, L_d=L_D).certificate
 
 
 def errors_rate(V_a, e, u, d):

@@ -15,7 +15,7 @@ SET = "--set", "flight.duration_s=2.0"
 # Which files were written, and what the clock or the folder decides.
 OF_THE_COMMAND = {
     *("proof", "written", "figure", "recording", "page", "folder", "source", "model", "route"),
-    *("seconds", "inside", "verdict"),
+    *("seconds", "wall_s", "inside", "out", "verdict"),
 }
 
 
@@ -25,7 +25,15 @@ def recorded():
     return "run"
 
 
+def verified():
+    ft.save_certificate(ft.certify("paper", "paper").certificate, "certificate.json")
+    return ft.verify("certificate.json")
+
+
 VERBS = {
+    "tune": (lambda: ft.tune("paper"), ["paper"]),
+    "certify": (lambda: ft.certify("paper", "K1"), ["paper", "--gains", "K1"]),
+    "verify": (verified, ["certificate.json"]),
     "fly": (lambda: ft.fly("paper", changes=SHORT), ["paper", *SET]),
     "route": (lambda: ft.route("circuit"), ["circuit"]),
     "refly": (lambda: ft.refly(recorded()), ["run"]),

@@ -55,7 +55,7 @@ def test_verify_shows_the_claim_and_the_gains_that_it_checked(certificate):
     }
     assert claim["model"]["A"] == stored["model"]["A"]
     assert f"{stored['claim']['rate']:.6g}" in text
-    assert "for the linear model in the file (states chi, gamma)" in text
+    assert "for the linear model (states chi, gamma)" in text
     assert "phi [rad] 1.6968 0.5906 3.4869 0.1784" in text
 
 

@@ -9,6 +9,7 @@ from places import SHIPPED_SCENARIOS
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.certificates.certificate import load_certificate
 from flighttune.files.table import MAX_BYTES, toml_tables
 
 TOML, JSON = ".toml", ".json"
@@ -24,7 +25,7 @@ READERS = [
     (of_aircraft, TOML),
     (ft.load_gains, TOML),
     (ft.load_gains, JSON),
-    (ft.load_certificate, JSON),
+    (load_certificate, JSON),
     (ft.load_identified, JSON),
 ]
 EVERY_READER = pytest.mark.parametrize(
@@ -93,7 +94,7 @@ def test_a_word_of_any_length_is_abridged_where_a_table_checks_itself(tmp_path):
 
 def test_a_file_without_an_end_is_not_read_to_its_end():
     with pytest.raises(ft.InputError, match="at most 16000000 bytes"):
-        ft.load_certificate("/dev/zero")
+        load_certificate("/dev/zero")
 
 
 @pytest.mark.parametrize("name", ["paper", "c172_cruise_turn"])

@@ -57,9 +57,9 @@ def test_gains_of_the_papers_law_are_mapped_and_tuned_ones_are_those_of_the_law(
     own = scenario(law="exact", gains=["tuned"])
 
     assert mapped == ft.rate_gains(ft.PAPER_GAINS, V_a=25.0)
-    assert gain_set(own, "exact:tuned") == ft.tune_scenario(own).gains
-    assert ft.tune_scenario(own).gains.law == "exact"
-    assert ft.tune_scenario(own).I_K <= 5.0 + 1e-6
+    assert gain_set(own, "exact:tuned") == ft.tune(own).gains
+    assert ft.tune(own).gains.law == "exact"
+    assert ft.tune(own).I_K <= 5.0 + 1e-6
 
 
 def test_numbers_are_in_the_units_of_the_law_that_flies_or_that_the_table_names():
@@ -108,12 +108,12 @@ def test_its_rate_is_the_same_over_any_envelope_and_kstar_has_none_there():
     both = scenario(envelope=ENVELOPE)
     exact, paper = (gain_set(both, name) for name in ("exact:paper", "paper"))
 
-    everywhere = ft.certify_scenario(both, exact, envelope=True)
-    at_trim = ft.certify_scenario(both, exact)
+    everywhere = ft.certify(both, exact, envelope=True)
+    at_trim = ft.certify(both, exact)
 
     assert everywhere.status == "certified"
     assert everywhere.certificate.claim.rate == at_trim.certificate.claim.rate
-    assert ft.certify_scenario(both, paper, envelope=True).status != "certified"
+    assert ft.certify(both, paper, envelope=True).status != "certified"
 
 
 def test_an_expectation_may_name_law_and_gains():

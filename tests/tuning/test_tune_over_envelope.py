@@ -97,9 +97,9 @@ def test_gains_tuned_for_the_envelope_beat_those_tuned_for_the_trim_and_keep_the
     assert tuned.status == "found"
     assert tuned.I_K <= 10.0
     assert ft.indicators(ft.closed_loop(model, tuned.gains)).I_K == pytest.approx(tuned.I_K)
-    assert envelope_rate(tuned.gains, MODERATE, g=G).R == pytest.approx(tuned.R)
+    assert envelope_rate(tuned.gains, MODERATE, g=G).R == pytest.approx(tuned.R_envelope)
     nominal = tune_by_gradient(ft.TuningProblem(model=model, I_star=10.0))
-    assert tuned.R > 1.005 * envelope_rate(nominal.gains, MODERATE, g=G).R
+    assert tuned.R_envelope > 1.005 * envelope_rate(nominal.gains, MODERATE, g=G).R
     assert tuned.R_K < nominal.R_K
 
 
@@ -114,7 +114,7 @@ def test_no_gains_nearby_are_better(model, tuned):
 
     feasible = [one.common.R for one in nearby if one is not None]
     assert len(feasible) > 10
-    assert max(feasible) < (1.0 + LOCAL) * tuned.R
+    assert max(feasible) < (1.0 + LOCAL) * tuned.R_envelope
 
 
 def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(model):
@@ -134,7 +134,7 @@ def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(model):
     assert found.status == "found"
     assert ((limits.lower <= u) & (u <= limits.upper)).all()
     assert ((limits.rate_lower <= u_dot) & (u_dot <= limits.rate_upper)).all()
-    assert 0.6 < found.R < 0.7066  # without limits
+    assert 0.6 < found.R_envelope < 0.7066  # without limits
 
 
 def test_an_envelope_out_of_reach_is_a_result_that_says_how_far_gains_got(model):
@@ -144,7 +144,7 @@ def test_an_envelope_out_of_reach_is_a_result_that_says_how_far_gains_got(model)
 
     assert found.status == "infeasible"
     assert found.reason.startswith("No common Q was found beyond 0.6")
-    assert found.R == 0.0
+    assert found.R_envelope == 0.0
     assert found.gains is not None
 
 

@@ -1,0 +1,183 @@
+"""The verbs about gains: tune them for a scenario, and certify them on its linear model."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from flighttune.arrays import check_at_least
+from flighttune.certificates.make import Certification, certify_model
+from flighttune.control.gains import PIGains
+from flighttune.control.law import Law
+from flighttune.control.linear_model import LinearModel
+from flighttune.errors import InfeasibleError, InputError
+from flighttune.flight.outer_loop import (
+    certify_scenario,
+    linear_loop,
+    scenario_and_gains,
+    trim_and_envelope,
+    tune_scenario,
+    tuning_problem,
+    tuning_scaling,
+)
+from flighttune.flight.own import with_own
+from flighttune.scenario.load import load_scenario
+from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import TuningModel
+from flighttune.tuning.diagnosis import diagnosis
+from flighttune.tuning.envelope import largest_factor, tune_over_envelope
+from flighttune.tuning.problem import TuningProblem
+from flighttune.tuning.result import TuningResult
+from flighttune.tuning.tune import STARTS, tune_problem
+
+
+def tune(
+    source: Scenario | TuningProblem | str | Path,
+    *,
+    model: TuningModel | None = None,
+    law: Law | None = None,
+    envelope: bool = False,
+    starts: int | None = None,
+    changes: Mapping[str, Any] | None = None,
+) -> TuningResult:
+    """Find the gains with the largest R_K, or the least cost, under the constraints of a scenario.
+
+    This takes a second, over an envelope or for an infeasible problem up to a minute.
+
+    Parameters
+    ----------
+    source : Scenario, TuningProblem, str or Path
+        A scenario, the name of a shipped one, or a file; or a problem, for which `starts` is the
+        only other argument.
+    model : "kinematic" or "identified", optional
+        By default what the scenario's [tuning] says. On the identified model each channel is tuned
+        by itself, for the smallest R_K over the models of its conditions.
+    law : Law, optional
+        Law of the gains; by default the scenario's first.
+    envelope : bool
+        Maximise the rate over the scenario's ranges of flight in place of R_K at the trim.
+    starts : int, optional
+        Searches from random starts; by default what the scenario's [tuning] says.
+    changes : mapping of str to value, optional
+        Values to set in a scenario that is read from a file, by dotted key.
+
+    Returns
+    -------
+    TuningResult
+        Its gains, or why there are none: that of an infeasible scenario has a `diagnosis` of what
+        would have to give.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If `starts` is not at least 1, an identified model or an envelope is missing, or an envelope
+        is asked for with a quadratic cost.
+
+    Examples
+    --------
+    >>> result = ft.tune("paper")
+    >>> result.status, round(result.R_K, 4)
+    ('optimal', 0.5398)
+    >>> wider = ft.tune("paper", changes={"tuning.I_star": 10.0})
+    >>> wider.R_K > result.R_K
+    True
+    """
+    if isinstance(source, TuningProblem):
+        return tune_problem(source, starts=STARTS if starts is None else starts)
+    scenario = source if isinstance(source, Scenario) else load_scenario(source, changes=changes)
+    if starts is not None:
+        check_at_least(1, starts=starts)
+        settings = scenario.tuning.model_copy(update={"starts": starts})
+        scenario = scenario.model_copy(update={"tuning": settings})
+    if envelope:
+        if scenario.tuning.objective != "R_K":
+            raise InputError("`objective` of [tuning] must be R_K over an envelope, got cost.")
+        trim, ranges = trim_and_envelope(scenario)
+        problem = tuning_problem(scenario, law)
+        return tune_over_envelope(problem, ranges, trim, g=scenario.flight.g_mps2)
+    result = tune_scenario(scenario, model, law=law)
+    if result.status != "infeasible":
+        return result
+    return replace(result, diagnosis=diagnosis(result.problem))
+
+
+def certify(
+    source: Scenario | LinearModel | str | Path,
+    gains: PIGains | str | None = None,
+    *,
+    envelope: bool = False,
+    L_d: float | None = None,
+    changes: Mapping[str, Any] | None = None,
+) -> Certification:
+    """Certify the rate of gains on a linear model, and their ultimate radius under a disturbance.
+
+    This takes a fraction of a second, over an envelope some seconds.
+
+    Parameters
+    ----------
+    source : Scenario, LinearModel, str or Path
+        A scenario, the name of a shipped one, or a file, with the linear model of its law; or a
+        model.
+    gains : PIGains or str, optional
+        Gains, or a gain set by name or file; by default the first of the scenario.
+    envelope : bool
+        Claim the same for every flight inside the scenario's ranges; where [tuning] names the
+        identified model, at every condition identified and for every mixture of their loops.
+    L_d : float, unit of x' per second, optional
+        Bound on the norm of the disturbance's derivative (rad/s^2 for a law of course and path
+        angle); by default that of the scenario's sinusoid. Without one only the rate is claimed.
+    changes : mapping of str to value, optional
+        Values to set in a scenario that is read from a file, by dotted key.
+
+    Returns
+    -------
+    Certification
+        Every inequality of its certificate has been proven; the claims are less than what was
+        computed by about 1e-8 of themselves to leave room for that. Refused where there is none.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If `L_d` is not positive, the channels do not fit, or an envelope or an identified model is
+        missing.
+    InfeasibleError
+        If tuning finds no such gains, or the law has no linear model.
+
+    Examples
+    --------
+    >>> certification = ft.certify("paper", "paper")
+    >>> certification.status, round(certification.certificate.claim.rate, 4)
+    ('certified', 0.4599)
+    >>> model = ft.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
+    >>> ft.certify(model, ft.PAPER_GAINS).status
+    'certified'
+    """
+    if isinstance(source, LinearModel):
+        if not isinstance(gains, PIGains) or envelope:
+            raise InputError("`gains` must be given for a model, and `envelope` be false.")
+        return certify_model(source, gains, L_d=L_d)
+    scenario, name, chosen = scenario_and_gains(source, gains, changes)
+    law = (
+        scenario.law_for(chosen) if isinstance(gains, PIGains) else scenario.law_of(name, chosen)[0]
+    )
+    if not law.by_gains:
+        if envelope:
+            raise InputError(f"`envelope` must be false for {name}, whose law is your own.")
+        linear = linear_loop(with_own(scenario), name, chosen)
+        if linear is None:
+            raise InfeasibleError(
+                f"{name}: the law must have `linear()` to be certified, got none."
+            )
+        return replace(certify_model(*linear, L_d=L_d, scenario_sha256=scenario.sha256), name=name)
+    certification = certify_scenario(scenario, chosen, envelope=envelope, L_d=L_d, law=law)
+    certification = replace(
+        certification,
+        name=name,
+        over_envelope=envelope,
+        scaling=tuning_scaling(scenario, law),
+    )
+    if not envelope or law.same_everywhere or scenario.tuning.model == "identified":
+        return certification
+    (trim, ranges), g = trim_and_envelope(scenario), scenario.flight.g_mps2
+    largest = largest_factor(chosen, ranges, trim, g=g)
+    return replace(certification, ranges=(trim, ranges), g=g, largest_factor=largest)
