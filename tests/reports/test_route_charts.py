@@ -1,20 +1,22 @@
 """Pages of a route: the map with corridor and wind, distances along it, and calm air in words."""
 
 from dataclasses import replace
+from xml.etree import ElementTree
 
 import pytest
 from claimed import SENTENCE, claimed
 
 import flighttune as ft
-from flighttune.present.chart import Chart
-from flighttune.present.palette import INK
 from flighttune.records.compare import Source
 from flighttune.reports.panels import errors
 from flighttune.reports.route_charts import route_charts
 from flighttune.simulate.run import run_styles
+from tests.present.test_chart import SVG, points
+from tests.present.test_chart import drawn as tree_of
 
 LEFT, RIGHT, LENGTH = -1.0, 3.0, 500.0
 STEP_M = 2.0  # distance between points of a path
+PIXEL_M = 0.2  # a tenth of a pixel of the map
 
 
 @pytest.fixture(scope="module")
@@ -32,38 +34,41 @@ def drawn(run):
     return [(run, run_styles([run])[run.label])]
 
 
-def test_the_corridor_is_to_the_sides_of_the_path_and_says_how_much_wider_it_is(run, monkeypatch):
-    areas = []
-    monkeypatch.setattr(Chart, "area", lambda _, x, y, *__, name: areas.append((x, y, name)))
+def path_with(chart, look):
+    """East and north of a path of a map, read back from its picture as a page does."""
+    root = tree_of(chart)
+    x0, x1, y0, y1, width, height = (float(number) for number in root.get("data-axes").split())
+    d = next(
+        one.get("d")
+        for one in root.iter(f"{SVG}path")
+        if look in ElementTree.tostring(one, "unicode")
+    )
+    x, y = points(d).T
+    return x0 + x / width * (x1 - x0), y1 - y / height * (y1 - y0)
 
+
+def test_the_corridor_is_to_the_sides_of_the_path_and_says_how_much_wider_it_is(run):
     charts = route_charts(drawn(run))
 
-    ((east, north, name),) = areas
     # twice as wide 6 m are less than 2 % of the leg, and five times more
-    assert name == "corridor, drawn 2 times as wide"
-    assert (east.min(), east.max()) == pytest.approx((2.0 * LEFT, 2.0 * RIGHT))
+    assert "corridor, drawn 2 times as wide" in [name for name, *_ in charts[0].legend]
+    east, north = path_with(charts[0], "fill-opacity")
+    assert (east.min(), east.max()) == pytest.approx((2.0 * LEFT, 2.0 * RIGHT), abs=PIXEL_M)
     assert (north.min(), north.max()) == pytest.approx((0.0, LENGTH), abs=STEP_M)
     titles = ["Map", "Height over the start", "To the right of the route", "Below the route"]
     assert [chart.title for chart in charts] == titles
     assert charts[2].y_ends()[1] > RIGHT
 
 
-def test_the_arrow_points_where_the_air_moves(run, monkeypatch):
+def test_the_arrow_points_where_the_air_moves(run):
     tables = {**run.provenance.scenario, "wind": {"speed_mps": 6.0, "from_deg": 270.0}}
     windy = replace(run, provenance=replace(run.provenance, scenario=tables))
-    arrows = []
-    line = Chart.line
 
-    def caught(chart, x, y, colour, **more):
-        arrows.append((x, y)) if colour == INK else None
-        line(chart, x, y, colour, **more)
-
-    monkeypatch.setattr(Chart, "line", caught)
     chart, *_ = route_charts(drawn(windy))
 
-    (x, y), _ = arrows
-    assert x[1] > x[0]
-    assert y[1] == pytest.approx(y[0])
+    east, north = path_with(chart, "var(--ink)")
+    assert east[1] > east[0]
+    assert north[1] == pytest.approx(north[0], abs=PIXEL_M)
     assert "wind at the start 6 m/s" in chart.svg()
 
 
