@@ -29,10 +29,11 @@ import pyarrow.parquet as pq
 import running
 from bench_jsbsim import bare
 
+from flighttune import load_scenario, scenario_from
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.plan import Plan, plan_campaign, plan_from
 from flighttune.campaign.planning.schema import Campaign, CampaignTable
-from flighttune.scenario import load_scenario, scenario_from
+from flighttune.flight.conditions import start_condition
 
 STEPS, BARE_SECONDS = 4000, 60.0
 BLOCK, REPEATS = (1, 1) if running.QUICK else (25, 8)
@@ -80,7 +81,7 @@ def jsbsim_rows() -> dict[str, float]:
         "airframe dispersed": plan(AIRCRAFT, START + AIRFRAME),
         "wind and turbulence": plan(AIRCRAFT, START, **WEATHER),
     }
-    condition = plans["still air"].scenario.condition
+    condition = start_condition(plans["still air"].scenario)
     bare_s, row_s = math.inf, dict.fromkeys(plans, math.inf)
     for made in plans.values():
         fly_runs(made, range(2))

@@ -18,8 +18,9 @@ from dataclasses import replace
 import numpy as np
 import running
 
+from flighttune import load_scenario
+from flighttune.flight.conditions import manoeuvre_of
 from flighttune.references.feasible import Manoeuvre, feasible_reference
-from flighttune.scenario import load_scenario
 
 MOST = 1.05
 PRICE = 1.0
@@ -98,7 +99,7 @@ def main() -> int:
     parser = running.options(__doc__)
     as_json = parser.parse_args().json
 
-    manoeuvre = replace(load_scenario("feasible").manoeuvre, lags=None)
+    manoeuvre = replace(manoeuvre_of(load_scenario("feasible")), lags=None)
     planned = feasible_reference(manoeuvre).duration
     coarse, fine = (shortest(manoeuvre, math.radians(one)) for one in DISTANCES_DEG)
     bound = fine - (coarse - fine)

@@ -13,8 +13,9 @@ import numpy as np
 import running
 
 import flighttune as ft
+from flighttune.flight.conditions import command_limits, reference_of, start_condition
 from flighttune.flight.fly import plant_of
-from flighttune.flight.outer_loop import gain_sets, law_setup
+from flighttune.flight.models import gain_sets, law_setup
 from flighttune.references.follow import RouteReference
 from flighttune.simulate.loop import simulate
 
@@ -114,15 +115,15 @@ def flown(
         tables["route"]["waypoint"] = [{"north_m": p.real, "east_m": p.imag} for p in ends.tolist()]
     made = ft.scenario_from({k: v for k, v in tables.items() if k not in ("verifies", "source")})
     ((name, gains),) = gain_sets(made)[0].items()
-    r, plant = made.followed(), plant_of(made.plant[0], made)
+    r, plant = reference_of(made), plant_of(made.plant[0], made)
     assert isinstance(r, RouteReference)
     assert gains is not None
     path = replace(r.path, east=r.path.east - aside)
-    setup = law_setup(made, gains, made.command_limits.within(plant.limits))
+    setup = law_setup(made, gains, command_limits(made).within(plant.limits))
     signals, stop = simulate(
         plant, made.law_of(name, gains)[0].controller(setup),
         Guided(path=path, V_a=r.V_a, g=r.g, look_ahead=T, guidance=guidance),
-        condition=made.condition, duration=2000.0,
+        condition=start_condition(made), duration=2000.0,
     )  # fmt: skip
     return signals if stop is None else signals * math.nan
 

@@ -14,19 +14,20 @@ import time
 
 import running
 
+from flighttune import load_scenario, scenario_from
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.files.shipped import scenario_files
+from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.flight.fly import aircraft_table, fly_alone
-from flighttune.flight.outer_loop import gain_sets
+from flighttune.flight.models import gain_sets
 from flighttune.metrics import measures
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.jsbsim.trim import trim
 from flighttune.plants.weather import Gust, OscillatingWind, Turbulence, Weather, WindProfile
-from flighttune.scenario import load_scenario, scenario_from
 from flighttune.simulate.loop import simulate
 
 SECONDS, ROUTE_SECONDS = (5.0, 18.0) if running.QUICK else (60.0, 300.0)
@@ -84,7 +85,7 @@ def closed_loop(weather: Weather | None) -> tuple[float, int]:
     )
     plant = TimedPlant(weather=weather, seed=1)
     signals, stop = simulate(
-        plant, controller, scenario.followed(), condition=scenario.condition,
+        plant, controller, reference_of(scenario), condition=start_condition(scenario),
         duration=SECONDS,
     )  # fmt: skip
     took = time.process_time() - plant.began
@@ -116,7 +117,7 @@ def main() -> int:
     parser = running.options(__doc__)
     as_json = parser.parse_args().json
 
-    condition = load_scenario(scenario_files()["paper"]).condition
+    condition = start_condition(load_scenario(scenario_files()["paper"]))
     bare_s, signals = math.inf, 0
     loop_s = dict.fromkeys(HIGHEST_RATIO, math.inf)
     for _ in range(REPEATS):

@@ -16,11 +16,11 @@ import running
 from scipy.optimize import minimize
 
 import flighttune as ft
+from flighttune import Scenario, scenario_from
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.meet import Search, Trial, flights_to_meet
 from flighttune.control.gains import PIGains
-from flighttune.flight.outer_loop import gain_set
-from flighttune.scenario import Scenario, scenario_from
+from flighttune.flight.models import gain_set
 
 MOST_FLIGHTS = 100
 

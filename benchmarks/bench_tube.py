@@ -24,7 +24,8 @@ import running
 
 import flighttune as ft
 from flighttune.claims.conformance import load_conformance
-from flighttune.flight.outer_loop import gain_set
+from flighttune.flight.conditions import reference_of, start_condition
+from flighttune.flight.models import gain_set
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.problem import tube_problem
@@ -289,8 +290,8 @@ def flown_by_model(problem, count, rng):
         signals, _ = simulate(
             plant,
             problem.controller(),
-            scenario.followed(),
-            condition=scenario.condition,
+            reference_of(scenario),
+            condition=start_condition(scenario),
             duration=scenario.flight.duration_s,
         )
         flights.append(signals[["chi_err", "gamma_err"]].to_numpy())

@@ -42,7 +42,8 @@ from flighttune.flight.flown import FlownScenario as FlownScenario
 from flighttune.flight.fly import fly as fly
 from flighttune.flight.gains import certify as certify
 from flighttune.flight.gains import tune as tune
-from flighttune.flight.outer_loop import tuning_problem as tuning_problem
+from flighttune.flight.load import load_scenario as load_scenario
+from flighttune.flight.models import tuning_problem as tuning_problem
 from flighttune.flight.route import PlannedRoute as PlannedRoute
 from flighttune.flight.route import route as route
 from flighttune.gaps.gap import Gap as Gap
@@ -72,10 +73,9 @@ from flighttune.references.segments import Reference as Reference
 from flighttune.reports.page import Report as Report
 from flighttune.reports.page import write_report as write_report
 from flighttune.reports.panels import plot as plot
-from flighttune.scenario import Scenario as Scenario
-from flighttune.scenario import load_gains as load_gains
-from flighttune.scenario import load_scenario as load_scenario
-from flighttune.scenario import scenario_from as scenario_from
+from flighttune.scenario.load import load_gains as load_gains
+from flighttune.scenario.load import scenario_from as scenario_from
+from flighttune.scenario.schema import Scenario as Scenario
 from flighttune.simulate.run import Provenance as Provenance
 from flighttune.simulate.run import Run as Run
 from flighttune.theory.indicators import Indicators as Indicators

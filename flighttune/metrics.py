@@ -49,7 +49,7 @@ FLIGHT_METRICS = {
 # Measures that say why a response does not settle; see `settling_measures`.
 UNSETTLED = ("settling_band_rad", "late_rad")
 
-# Measures of a linear loop and their units; see `loop_measures` of `flighttune.flight.outer_loop`.
+# Measures of a linear loop and their units; see `loop_measures` of `flighttune.flight.models`.
 LOOP_METRICS = {
     "R_K": "1/s",
     "I_K": "s^2",

@@ -5,7 +5,7 @@ would take hours to fly.
 """
 
 from pathlib import Path
-from typing import Annotated, TypeAlias
+from typing import Annotated, Any, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 
@@ -14,6 +14,12 @@ class Table(BaseModel):
     """A table of a file: unknown keys and other types are refused, and it does not change."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    def __getstate__(self) -> dict[Any, Any]:
+        """Only its keys are pickled: files that it names may lie elsewhere on another machine."""
+        state = super().__getstate__()
+        keys = {key: state["__dict__"][key] for key in type(self).model_fields}
+        return {**state, "__dict__": keys}
 
 
 Finite: TypeAlias = Annotated[float, Field(allow_inf_nan=False)]

@@ -9,7 +9,7 @@ from test_tuned_on_identified import NOTHING_ASKED, UNUSED, manoeuvre
 
 import flighttune as ft
 from flighttune.control.exact_law import rate_model
-from flighttune.flight.outer_loop import identified_problems
+from flighttune.flight.models import identified_problems
 
 pytestmark = pytest.mark.slow
 

@@ -28,6 +28,7 @@ from flighttune.control.margins import loop_margins
 from flighttune.files.seal import BLANK, seal
 from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.files.value import tables_of
+from flighttune.flight.models import law_model
 from flighttune.identification.file import design_model
 from flighttune.plants.jsbsim.trim import trim_table
 from tests.tubes.test_aircraft import conformance, flight
@@ -222,7 +223,7 @@ def modelled(identified):
 def closed(gains):
     """The linear loop of gains, its margins, and a flight of some samples."""
     if gains.inputs == ft.PAPER_GAINS.inputs:
-        model = ft.load_scenario("paper").kinematic_model()
+        model = law_model(ft.load_scenario("paper"))
         if ft.indicators(ft.closed_loop(model, gains)).status == "stable":
             loop_margins(model, gains)
     read = [{"name": "read", **gains.as_lists()}]

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 import flighttune as ft
-from flighttune.flight.outer_loop import gain_set
+from flighttune.flight.models import gain_set
 
 FOLDER = Path(__file__).parent / "adopted" / "B747"
 HALF_A_DEGREE = math.radians(0.5)

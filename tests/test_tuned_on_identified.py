@@ -9,7 +9,7 @@ import pytest
 
 import flighttune as ft
 from flighttune.files.value import tables_of, value_of
-from flighttune.flight.outer_loop import identified_problems
+from flighttune.flight.models import identified_problems, linear_model
 from flighttune.theory.common import common_Q
 from flighttune.theory.indicators import scaled
 
@@ -148,11 +148,11 @@ def test_the_loop_on_the_identified_model_is_certified():
 
     found = ft.certify(scenario, gains, L_d=0.015)
 
-    assert len(scenario.linear_model().states) > 6
+    assert len(linear_model(scenario).states) > 6
     assert np.array_equal(gains.K, ft.tune(paper, model="identified").gains.K)
     assert found.status == "certified"
     assert ft.verify(found.certificate).valid
-    assert ft.certify(scenario.linear_model(), gains).status == "certified"
+    assert ft.certify(linear_model(scenario), gains).status == "certified"
 
 
 @pytest.fixture(scope="module")

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 
 import flighttune as ft
-from flighttune.flight.outer_loop import gain_set
+from flighttune import load_scenario
+from flighttune.flight.models import gain_set
 from flighttune.gaps.gap import Gap
 from flighttune.reports.gap_charts import gap_sheet
-from flighttune.scenario import load_scenario
 from flighttune.simulate.run import Run
 from flighttune.units import DEG_PER_RAD
 

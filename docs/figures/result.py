@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from flighttune import load_scenario
 from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.planning.load import load_campaign
@@ -17,7 +18,6 @@ from flighttune.files.shipped import campaign_files
 from flighttune.flight.fly import fly
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.palette import HUES, INK, NEUTRAL
-from flighttune.scenario import load_scenario
 from flighttune.simulate.run import Run
 from flighttune.units import DEG_PER_RAD
 

@@ -25,6 +25,7 @@ from flighttune.files.table import toml_tables
 from flighttune.files.whole import made_folder, write_text
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import fly
+from flighttune.flight.load import load_scenario
 from flighttune.identification.design import Airframe, airframe, design
 from flighttune.identification.file import FILE_NAME, rounded, save_identified
 from flighttune.identification.identify import GOOD_FIT, AircraftIdentification, identify
@@ -36,7 +37,6 @@ from flighttune.plants.jsbsim.trim import level, trim_table
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.present.tables import Column, Table
-from flighttune.scenario.load import load_scenario
 from flighttune.units import DEG
 
 TURN = "turn.toml"

@@ -35,6 +35,7 @@ from flighttune.claims.band import (
 from flighttune.claims.count import fresh_flights
 from flighttune.control.law import split_name
 from flighttune.errors import InputError
+from flighttune.flight.conditions import reference_of
 from flighttune.metrics import OFF_ROUTE
 from flighttune.present.names import listed
 from flighttune.references.follow import SAME_PLACE, RouteReference
@@ -129,7 +130,7 @@ def _axis_of(plan: Plan, signals: int, flights: int) -> Axis:
     """The axis of a band of so many signals, of which so many `flights` are to be counted first."""
     (group,), central = plan.groups, plan.campaign.central
     over, length, per_unit = "time", central.flight.duration_s, central.controller.rate_hz
-    followed = central.followed()
+    followed = reference_of(central)
     if isinstance(followed, RouteReference):
         over, length, per_unit = "along", math.ceil(followed.path.length), 1.0
     edges = window_edges(round(length * per_unit) + 1, flights, signals) / per_unit
@@ -312,7 +313,7 @@ def _extremes(
     samples = np.searchsorted(axis, edges - SAME).clip(max=len(axis) - 1)
     samples[:-1] = samples[:-1].clip(max=len(axis) - 2)  # a window has a sample before its last
     values = np.ravel(window_extremes(run.signals[signals].to_numpy(), samples)).tolist()
-    route = scenario.followed()
+    route = reference_of(scenario)
     if (
         not anywhere
         and isinstance(route, RouteReference)

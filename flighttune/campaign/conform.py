@@ -22,6 +22,7 @@ from flighttune.claims.distribution import Distribution, flown_values
 from flighttune.control.law import split_name
 from flighttune.errors import InputError
 from flighttune.files.table import hash_of
+from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.gaps.residual import RESIDUALS, ConformantModel, residuals_of
 from flighttune.identification.file import identified_tables, load_identified
 from flighttune.scenario.load import scenario_from
@@ -242,7 +243,7 @@ def _residuals_of(
     """The score of a flight in boxes; without boxes its extremes, lowest first."""
     references = (run.signals[name].to_numpy() for name in ("chi_ref", "gamma_ref"))
     window = windows.of_samples(run.t, *references)
-    extremes = windows.extremes(residuals_of(model, run, scenario.condition), window)
+    extremes = windows.extremes(residuals_of(model, run, start_condition(scenario)), window)
     return np.ravel(extremes).tolist() if boxes is None else [boxes.score(*extremes)]
 
 
@@ -260,7 +261,7 @@ def conformant_model(scenario: Scenario, plant: str) -> ConformantModel:
     """The point mass behind the identified lag against which flights of a scenario are checked."""
     flight = scenario.flight
     identified = load_identified(scenario.plant_table(plant).aircraft or "")
-    nearest = identified.nearest(flight.V_a_mps, scenario.followed().initial[1])
+    nearest = identified.nearest(flight.V_a_mps, reference_of(scenario).initial[1])
     return ConformantModel(V_a=flight.V_a_mps, g=flight.g_mps2, lags=nearest.lags)
 
 
@@ -363,5 +364,5 @@ def _over(plan: Plan) -> Over:
         scenario = plan.scenario_of(draw)
         rate = scenario.controller.rate_hz
         t = np.arange(round(scenario.flight.duration_s * rate) + 1) / rate
-        moving.add(np.any(np.diff(scenario.followed().sampled(t)) != 0.0, axis=0).tobytes())
+        moving.add(np.any(np.diff(reference_of(scenario).sampled(t)) != 0.0, axis=0).tobytes())
     return "time" if len(moving) == 1 else "phase"

@@ -11,6 +11,7 @@ from flighttune.campaign.planning.plan import Plan
 from flighttune.claims.band import Band
 from flighttune.claims.count import supported_epsilon
 from flighttune.errors import InputError
+from flighttune.flight.conditions import reference_of
 from flighttune.metrics import OFF_ROUTE
 from flighttune.present.tables import number, printable
 from flighttune.references.fence import DISTANCE_SIGNS, Fence, read_fence, room_along
@@ -40,7 +41,7 @@ class FenceCount(NamedTuple):
 
 def where_of(scenario: Scenario) -> Where:
     """Path, start and height of a scenario with a route."""
-    route = scenario.followed()
+    route = reference_of(scenario)
     if scenario.route is None or not isinstance(route, RouteReference):
         raise InputError("`route` must be given for a corridor, got a reference over time.")
     return route.path, scenario.route.origin, scenario.flight.h_m

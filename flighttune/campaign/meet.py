@@ -25,7 +25,7 @@ from flighttune.control.law import Law, plain_laws, split_name
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
 from flighttune.flight.expectations import BoundCheck, bound_checks, with_loop
-from flighttune.flight.outer_loop import gain_set, tuning_problem
+from flighttune.flight.models import gain_set, identified_models, tuning_problem
 from flighttune.plants.label import goes_by
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, ExpectTable, LawTable, in_rad
@@ -161,7 +161,7 @@ class Search:
         self._problem = tuning_problem(scenarios[0], law)
         self._model = self._problem.model
         with suppress(InputError):  # without an identified aircraft: [tuning]'s
-            self._model = scenarios[0].identified_models(law)[0].model
+            self._model = identified_models(scenarios[0], law)[0].model
 
     def fly(self, sets: Sequence[PIGains]) -> list[Trial]:
         """Fly candidates in all scenarios; none that is unstable or has been flown before."""

@@ -19,7 +19,8 @@ from flighttune.campaign.planning.schema import (
 from flighttune.errors import InputError
 from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.files.table import toml_tables
-from flighttune.scenario.load import load_scenario, scenario_from, with_gains
+from flighttune.flight.load import load_scenario
+from flighttune.scenario.load import scenario_from, with_gains
 from flighttune.scenario.schema import GainsTable, Scenario
 
 # Angular frequencies of a disturbance without a stated one, rad/s.

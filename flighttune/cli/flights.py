@@ -65,7 +65,7 @@ def new(
     ] = None,
 ) -> Answer:
     """Write a scenario of your own, with comments, that an aircraft can fly."""
-    from flighttune.scenario.new import new_scenario
+    from flighttune.flight.new import new_scenario
 
     file = new_scenario(name, aircraft=aircraft, like=like)
     return Answer(files={"scenario": file})

@@ -14,7 +14,7 @@ from flighttune.present.tables import Table
 
 if TYPE_CHECKING:
     from flighttune.control.gains import PIGains
-    from flighttune.scenario import Scenario
+    from flighttune.scenario.schema import Scenario
 
 
 def tune(
@@ -69,10 +69,10 @@ def frontier(
     """
     from flighttune.control.gains import paper_family
     from flighttune.files.whole import write_text
-    from flighttune.flight.outer_loop import gain_set, tuning_problem
+    from flighttune.flight.load import load_scenario
+    from flighttune.flight.models import gain_set, tuning_problem
     from flighttune.present.chart import Sheet
     from flighttune.present.palette import line_styles
-    from flighttune.scenario import load_scenario
     from flighttune.tuning.frontier import frontier as frontier_table
     from flighttune.tuning.frontier import frontier_chart
 
@@ -109,7 +109,7 @@ def chosen_gains(
     source: str, wanted: str | None, settings: list[str] | None
 ) -> "tuple[Scenario, str, PIGains]":
     """Scenario, and the name and gains of ``--gains``; exit status 1 if tuning finds none."""
-    from flighttune.flight.outer_loop import scenario_and_gains
+    from flighttune.flight.load import scenario_and_gains
 
     return scenario_and_gains(source, wanted, options.changes(settings))
 

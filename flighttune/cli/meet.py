@@ -94,8 +94,8 @@ def meet(
     from flighttune.control.gains import gains_lists, gains_table
     from flighttune.control.linear_model import closed_loop
     from flighttune.control.margins import loop_margins, margins_table
-    from flighttune.flight.outer_loop import certify_scenario
-    from flighttune.scenario import load_scenario
+    from flighttune.flight.load import load_scenario
+    from flighttune.flight.models import certify_scenario, linear_model
     from flighttune.theory.indicators import indicators
 
     options.check_ending(out, ".json")
@@ -119,7 +119,7 @@ def meet(
             success=success,
         )
     law = first.laws[0]
-    model = first.linear_model(law)
+    model = linear_model(first, law)
     loop = indicators(closed_loop(model, gains), errors=len(model.errors))
     of_loop = pick(loop, "R_K I_K E_K spectral_abscissa")
     made = certify_scenario(first, gains, law=law)

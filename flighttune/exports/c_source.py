@@ -8,8 +8,9 @@ from flighttune import __version__
 from flighttune.control.gains import PIGains
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.files.whole import write_text
+from flighttune.flight.conditions import command_limits
 from flighttune.flight.fly import aircraft_table, plant_of
-from flighttune.flight.outer_loop import law_setup
+from flighttune.flight.models import law_setup
 from flighttune.scenario.schema import Scenario
 
 SOURCE = "ft_outer_loop.c"
@@ -29,7 +30,7 @@ def export_c(
     InputError if the scenario has no such aircraft, or the law is another than the paper's. Raises
     OutputError if the file cannot be written.
     """
-    limits = scenario.command_limits
+    limits = command_limits(scenario)
     if plant is not None or any(table.aircraft is not None for table in scenario.plant):
         limits = limits.within(plant_of(aircraft_table(scenario, plant), scenario).limits)
     law, _ = scenario.law_of(name, gains)

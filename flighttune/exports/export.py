@@ -8,7 +8,7 @@ from typing import Any, Literal, TypeAlias
 from flighttune.control.gains import PIGains
 from flighttune.exports.c_source import export_c
 from flighttune.exports.jsbsim_folder import ExportedFlight, export_jsbsim
-from flighttune.flight.outer_loop import scenario_and_gains
+from flighttune.flight.load import scenario_and_gains
 from flighttune.present.answer import Answer, Answering
 from flighttune.scenario.schema import Scenario
 

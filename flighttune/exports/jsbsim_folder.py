@@ -25,8 +25,9 @@ from flighttune.control.law import OuterLoop
 from flighttune.errors import InputError
 from flighttune.exports.check import COLUMNS, differences
 from flighttune.files.whole import whole_file, write_text
+from flighttune.flight.conditions import command_limits, reference_of, start_condition, weather_of
 from flighttune.flight.fly import aircraft_table, fly_once, plant_of
-from flighttune.flight.outer_loop import law_setup
+from flighttune.flight.models import law_setup
 from flighttune.plants.jsbsim import properties
 from flighttune.plants.jsbsim.fdm import STARTER, STARTING, Fdm, weigh
 from flighttune.plants.jsbsim.model_files import model_files, model_folders, source_folders
@@ -118,11 +119,11 @@ def export_jsbsim(
     aircraft_plant = plant_of(table, scenario)
     assert isinstance(aircraft_plant, JSBSimPlant)
     law, _ = scenario.law_of(name, gains)
-    setup = law_setup(scenario, gains, scenario.command_limits.within(aircraft_plant.limits))
+    setup = law_setup(scenario, gains, command_limits(scenario).within(aircraft_plant.limits))
     loop = law.outer_loop(setup)
     if loop is None:
         raise law.refusal("outer_loop", "exported")
-    aircraft_plant.start(scenario.condition)
+    aircraft_plant.start(start_condition(scenario))
     fdm, folder = aircraft_plant.fdm, folder.absolute()
     assert fdm is not None
     frames = round(fdm.rate * setup.dt)
@@ -192,7 +193,7 @@ def export_jsbsim(
 
 def _not_in_script(scenario: Scenario) -> Iterator[str]:
     """Keys of moving air that the script does not have."""
-    if weather := scenario.weather():
+    if weather := weather_of(scenario):
         moves = {
             "gust": weather.gust,
             "turbulence": weather.turbulence,
@@ -219,7 +220,7 @@ def _outer_loop(loop: OuterLoop, frames: int) -> Element:
 
 def _values(scenario: Scenario, setup: LawSetup, loop: OuterLoop, fdm: Fdm) -> dict[str, float]:
     """Properties of the aircraft at rest before the flight, and those of the law."""
-    condition, limits, gains = scenario.condition, setup.limits, setup.gains
+    condition, limits, gains = start_condition(scenario), setup.limits, setup.gains
     assert gains is not None
     values = {**fdm.settings, **inner_loop_settings(fdm.config)}
     for trim_name, law_name in zip(properties.TRIMS, properties.LAWS, strict=True):
@@ -253,7 +254,7 @@ def _times(scenario: Scenario, setup: LawSetup) -> FloatArray:
 
 def _sampled(scenario: Scenario, setup: LawSetup, loop: OuterLoop) -> dict[str, FloatArray]:
     """Inputs of the law at every sample that are not measured, by property."""
-    t, followed = _times(scenario, setup), scenario.followed()
+    t, followed = _times(scenario, setup), reference_of(scenario)
     chi, gamma = followed.sampled(t)
     sampled = {"ft/outer/chi-ref-rad": chi, "ft/outer/gamma-ref-rad": gamma}
     if loop.takes_rates:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, TypeAlias, get_args
 
 from flighttune.control.gains import PIGains
-from flighttune.flight.outer_loop import loop_measures
+from flighttune.flight.models import loop_measures
 from flighttune.metrics import CHANNELS, measures, settling_band, stated_bounds
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import ExpectTable, in_rad

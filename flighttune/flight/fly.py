@@ -20,13 +20,20 @@ from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.errors import InputError, TrimError
 from flighttune.flight.apart import Progress, apart
+from flighttune.flight.conditions import (
+    command_limits,
+    reference_of,
+    start_condition,
+    stated_condition,
+    weather_of,
+)
 from flighttune.flight.flown import FlownScenario
-from flighttune.flight.outer_loop import gain_sets, law_setup, linear_loop
+from flighttune.flight.load import as_arguments, as_scenario, check_scenario
+from flighttune.flight.models import gain_sets, law_setup, linear_loop
 from flighttune.flight.own import LawMaker, PlantMaker, with_own
 from flighttune.plants.base import AirPathPlant, GuardedPlant, Plant
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.plants.weather import WIND, WindRecord
-from flighttune.scenario.load import as_arguments, as_scenario, check_aircraft
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, PlantTable
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
@@ -90,7 +97,7 @@ def fly(
     arguments = "SCENARIO" if isinstance(scenario, Scenario) else as_arguments(scenario, changes)
     wanted = [gains] if isinstance(gains, str) else gains
     scenario = with_own(as_scenario(scenario, changes, wanted), laws, plants)
-    check_aircraft(scenario, scenario.title)
+    check_scenario(scenario, scenario.title)
     sets, tuning = gain_sets(scenario)
     indicators_of = {}
     for name, gain_set in sets.items():
@@ -188,7 +195,7 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
         config,
         steps=steps_for(config, scenario.controller.rate_hz),
         seed=scenario.seed,
-        weather=scenario.weather(),
+        weather=weather_of(scenario),
         ground=scenario.flight.ground_m,
         throttle_max=table.throttle_max,
         off_nominal=table.airframe,
@@ -217,7 +224,7 @@ def fly_alone(
     `wind_run`, a flight of the same gains; without one it flies in the steady wind of the scenario.
     """
     scenario, label = with_own(scenario), table.label
-    wind, weather = None, scenario.weather()
+    wind, weather = None, weather_of(scenario)
     if wind_run is not None and len(wind_run.signals):
         wind = wind_met(wind_run)
     elif wind_run is not None and gains is not None:
@@ -262,7 +269,7 @@ def fly_once(
     started = time.perf_counter()
     duration = scenario.flight.duration_s
     if limits is None:
-        limits = scenario.command_limits.within(plant.limits)
+        limits = command_limits(scenario).within(plant.limits)
     law, _ = scenario.law_of(gains_name, gains)
     # A law that gains do not describe flies by something of its own, and its run has none.
     of_run = scenario, plant_label, gains_name, gains if law.by_gains else None
@@ -272,8 +279,8 @@ def fly_once(
         signals, stop = simulate(
             plant,
             controller,
-            scenario.followed(),
-            condition=scenario.condition if WIND[0] in plant.signals else scenario.stated_condition,
+            reference_of(scenario),
+            condition=(start_condition if WIND[0] in plant.signals else stated_condition)(scenario),
             duration=duration,
             sensors=None if scenario.sensors is None else scenario.sensors.sensors(scenario.seed),
             progress=None if progress is None else (lambda t: progress(label, t / duration)),

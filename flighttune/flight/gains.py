@@ -11,17 +11,16 @@ from flighttune.control.gains import PIGains
 from flighttune.control.law import Law
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InfeasibleError, InputError
-from flighttune.flight.outer_loop import (
+from flighttune.flight.load import load_scenario, scenario_and_gains
+from flighttune.flight.models import (
     certify_scenario,
     linear_loop,
-    scenario_and_gains,
     trim_and_envelope,
     tune_scenario,
     tuning_problem,
     tuning_scaling,
 )
 from flighttune.flight.own import with_own
-from flighttune.scenario.load import load_scenario
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TuningModel
 from flighttune.tuning.diagnosis import diagnosis

@@ -8,12 +8,13 @@ from typing import Any
 
 from flighttune.errors import InputError
 from flighttune.files.whole import write_text
+from flighttune.flight.conditions import reference_of
+from flighttune.flight.load import as_scenario, route_scenario
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.tables import Column, Table, printable
 from flighttune.references.follow import RouteReference
 from flighttune.references.maps import Corridor, Where, route_geojson, route_kml
 from flighttune.references.mission import OTHER_FILES, ROUTE_FILES
-from flighttune.scenario.load import as_scenario, route_scenario
 from flighttune.scenario.schema import Scenario
 from flighttune.units import DEG
 
@@ -163,7 +164,7 @@ def route(
         raise InputError(f"{source}: `aircraft` and `skip` must be absent for a scenario.")
     else:
         scenario = as_scenario(source, changes)
-    reference, table = scenario.followed(), scenario.route
+    reference, table = reference_of(scenario), scenario.route
     if table is None or not isinstance(reference, RouteReference):
         raise InputError(f"{source}: `route` must be given, got a reference over time.")
     wind, assumed = table.wind_at(reference.V_a), " (assumed)"

@@ -16,6 +16,7 @@ from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import Law
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
+from flighttune.flight.conditions import command_limits, reference_of, weather_of
 from flighttune.flight.fly import (
     Progress,
     aircraft_table,
@@ -25,7 +26,8 @@ from flighttune.flight.fly import (
     steered,
     wind_met,
 )
-from flighttune.flight.outer_loop import scenario_and_gains
+from flighttune.flight.load import scenario_and_gains
+from flighttune.flight.models import law_model
 from flighttune.gaps.gap import Gap, LagSource, Step, failure_of
 from flighttune.gaps.mismatch import CHANNELS, Mismatch, mismatch
 from flighttune.identification.file import FILE_NAME, load_identified
@@ -122,10 +124,10 @@ def explain_flight(
     _check_length(aircraft)
     table = aircraft_table(scenario, made_by.plant)
     lag_source, lags = _inner_loop(table.aircraft or "", scenario, aircraft, lag)
-    limits = scenario.command_limits.within(plant_of(table, scenario).limits)
+    limits = command_limits(scenario).within(plant_of(table, scenario).limits)
     g = scenario.flight.g_mps2
     # In still air JSBSim records a wind of rounding errors; to fly in it takes twice as long.
-    wind = None if scenario.weather() is None else wind_met(aircraft)
+    wind = None if weather_of(scenario) is None else wind_met(aircraft)
     lower = {
         "kinematic": PointMassPlant(turn="paper", wind=wind, g=g),
         "point_mass": PointMassPlant(wind=wind, g=g),
@@ -170,7 +172,7 @@ def _check_length(run: Run) -> None:
 
 
 def _indicators(scenario: Scenario, law: Law, gains: PIGains) -> Indicators:
-    return indicators(closed_loop(scenario.kinematic_model(law), gains))
+    return indicators(closed_loop(law_model(scenario, law), gains))
 
 
 def _inner_loop(
@@ -190,7 +192,7 @@ def _inner_loop(
         source = "identified" if file.exists() else "fitted"
     lags = None, None
     if source == "identified":
-        _, gamma = scenario.followed().initial
+        _, gamma = reference_of(scenario).initial
         lags = load_identified(aircraft).nearest(scenario.flight.V_a_mps, gamma).lags
     return source, {
         name: fitted_lag(run.t, *signals, lag=lag)

@@ -7,6 +7,7 @@ import numpy as np
 import rerun as rr
 
 from flighttune.arrays import FloatArray
+from flighttune.flight.conditions import reference_of
 from flighttune.metrics import OFF_ROUTE
 from flighttune.present.palette import NEUTRAL, rgb
 from flighttune.present.thinning import evenly
@@ -56,7 +57,7 @@ def route_of(flights: Sequence[DrawnRun]) -> DrawnRoute | None:
     if "route" not in scenario:
         return None
     loaded = scenario_from(dict(scenario))
-    followed = loaded.followed()
+    followed = reference_of(loaded)
     assert isinstance(followed, RouteReference)
     assert loaded.route is not None
     return DrawnRoute(followed.path, loaded.route)

@@ -13,12 +13,12 @@ import pandas as pd
 from flighttune.errors import InputError, RecordingError
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import fly
+from flighttune.flight.load import load_scenario
 from flighttune.metrics import FLIGHT_METRICS, METRICS, measures, unit_of
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import columns, shown_unit
 from flighttune.present.tables import Column, Table
 from flighttune.records.parquet import load_recording
-from flighttune.scenario.load import load_scenario
 from flighttune.scenario.places import leaves
 from flighttune.simulate.claim import Claim, with_claims
 from flighttune.simulate.run import Run

@@ -56,9 +56,8 @@ class Reference:
 
     Examples
     --------
-    >>> reference = ft.load_scenario("level_turn").followed()
-    >>> reference.chi_segments[0].start
-    2.0
+    >>> ft.Reference(chi=0.5, gamma=0.1).initial
+    (0.5, 0.1)
     """
 
     chi: float

@@ -12,8 +12,9 @@ from flighttune.claims.linear_loop import flight_check
 from flighttune.errors import FlightTuneError, RecordingError
 from flighttune.files.table import toml_text
 from flighttune.flight.advice import advice
+from flighttune.flight.conditions import reference_of, stated_condition
 from flighttune.flight.expectations import check_claim
-from flighttune.flight.outer_loop import tuning_problem
+from flighttune.flight.models import tuning_problem
 from flighttune.gaps.gap import Gap, step_table
 from flighttune.gaps.ladder import explain_flight
 from flighttune.present.chart import Chart
@@ -212,12 +213,12 @@ def _flown_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
             aircraft.append(load_aircraft(name).title)
         except FlightTuneError:  # of somebody else's recording
             aircraft.append(name)
-    start, subject = scenario.stated_condition, "; ".join(aircraft) or "Guidance law"
+    start, subject = stated_condition(scenario), "; ".join(aircraft) or "Guidance law"
     if scenario.route is not None:
         passed = len(scenario.route.waypoint)
         return f"{subject}: at {start.V_a:g} m/s in {scenario.air}, {passed} waypoints."
     t = np.linspace(0.0, scenario.flight.duration_s, ANGLES)
-    chi, gamma = scenario.followed().sampled(t)
+    chi, gamma = reference_of(scenario).sampled(t)
     course, climb = _moves("course", start.chi, chi), _moves("path angle", start.gamma, gamma)
     if "goes from" in course:
         climb = climb.replace("goes from", "from")  # the page has no room to say it twice

@@ -3,6 +3,7 @@
 import numpy as np
 
 from flighttune.arrays import FloatArray
+from flighttune.flight.conditions import reference_of
 from flighttune.present.chart import Chart
 from flighttune.present.palette import INK, NEUTRAL
 from flighttune.references.follow import RouteReference
@@ -34,7 +35,7 @@ ARROW = 0.12
 
 def planned_path(flights: Drawn) -> Path | None:
     """The path of the route that runs fly, if they fly one."""
-    followed = _scenario(flights).followed()
+    followed = reference_of(_scenario(flights))
     return followed.path if isinstance(followed, RouteReference) else None
 
 

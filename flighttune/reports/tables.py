@@ -8,7 +8,7 @@ import numpy as np
 from flighttune.claims.linear_loop import FlightCheck
 from flighttune.control.gains import PIGains
 from flighttune.flight.expectations import ClaimCheck
-from flighttune.flight.outer_loop import certify_scenario
+from flighttune.flight.models import certify_scenario
 from flighttune.metrics import CHANNELS, channel_metrics, flight_metrics
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.present.tables import MISSING, Column, Table, facts_table

@@ -1,44 +1,26 @@
-"""A scenario: its tables, checked against each other, and what they mean in SI."""
+"""A scenario: the tables of its file, checked against each other."""
 
 import math
-from dataclasses import replace
 from typing import Annotated, Any
 
-import numpy as np
 from pydantic import Field, model_validator
 
-from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.control.gains import COMMANDS, PIGains, paper_family
-from flighttune.control.inner_loop import with_input_delay, with_input_lag
-from flighttune.control.law import DEFAULT, Law, Trim, law_name, made_law, split_name
-from flighttune.control.limits import Limits
-from flighttune.control.linear_model import LinearModel
+from flighttune.control.law import DEFAULT, Law, law_name, made_law, split_name
 from flighttune.errors import InputError
 from flighttune.files.shipped import nearest_name
 from flighttune.files.table import hash_of
-from flighttune.identification.file import DesignModel, design_model, load_identified
-from flighttune.plants.base import FlightCondition
-from flighttune.plants.weather import Weather, WindProfile, path_through_air
 from flighttune.present.names import listed
 from flighttune.quantities import FASTEST_WIND, STEEPEST_DEG, Table
-from flighttune.references.feasible import FeasibleReference, Manoeuvre, feasible_reference
-from flighttune.references.follow import RouteReference
-from flighttune.references.path import Ability
-from flighttune.references.segments import Reference
 from flighttune.scenario import tables
 from flighttune.scenario.route import RouteTable
 from flighttune.scenario.tables import LAWS, TUNED, TUNED_IDENTIFIED, GainsTable, law_named
-from flighttune.units import DEG
 
 # Samples of the controller in a flight: five and a half hours at 50 Hz, 200 MB of signals.
 MAX_SAMPLES = 1_000_000
 
 # deg, and share of a duration.
 ROUNDING = 1e-9
-
-
-# Share of every limit that a reference of shape feasible leaves to the feedback by default.
-MARGIN = 0.2
 
 
 class Scenario(Table):
@@ -89,7 +71,7 @@ class Scenario(Table):
                     "act on rates, not on roll and load factor"
                 )
         if TUNED_IDENTIFIED in self.gains or self.tuning.model == "identified":
-            self._identified()
+            _ = self.identified_in
         plants = [plant.label for plant in self.plant]
         laws = [law.name for law in self.laws]
         for key, labels in (("law", laws), ("gains", self.gain_names), ("plant", plants)):
@@ -149,7 +131,7 @@ class Scenario(Table):
 
     @model_validator(mode="after")
     def _air_fits(self) -> "Scenario":
-        disturbance, aircraft = self.disturbance, any(plant.aircraft for plant in self.plant)
+        disturbance, aircraft = self.disturbance, self.aircraft
         for name in () if aircraft else ("gust", "turbulence"):
             if getattr(self, name):
                 raise ValueError(
@@ -181,19 +163,6 @@ class Scenario(Table):
         return self
 
     @model_validator(mode="after")
-    def _starts_in_its_wind(self) -> "Scenario":
-        try:
-            _ = self.stated_condition
-        except InputError:  # a route that cannot be flown: `check_aircraft` says why
-            return self
-        try:
-            _ = self.condition
-        except InputError as error:
-            key = "level" if self.wind and self.wind.level else "speed_mps"
-            raise ValueError(f"`{key}` of [wind] {error}") from error
-        return self
-
-    @model_validator(mode="after")
     def _errors_can_be_bounded(self) -> "Scenario":
         law = self.laws[0]
         if self.tuning.E_star is not None and not law.by_gains:
@@ -201,17 +170,6 @@ class Scenario(Table):
                 f"`E_star` of [tuning] must be absent with the law {law.name}, which has no linear "
                 f"model, got {self.tuning.E_star:g}"
             )
-        return self
-
-    @model_validator(mode="after")
-    def _scaling_fits(self) -> "Scenario":
-        if self.tuning.state_scaling is not None:
-            n, _, p = self.linear_model().shape
-            if len(self.tuning.state_scaling) != n + p:
-                raise ValueError(
-                    f"`state_scaling` of [tuning] must be {n + p} numbers, one a state and one an "
-                    f"error, got {len(self.tuning.state_scaling)}"
-                )
         return self
 
     @property
@@ -287,6 +245,20 @@ class Scenario(Table):
         return plants[label]
 
     @property
+    def aircraft(self) -> tuple[tables.PlantTable, ...]:
+        """Its plants that are aircraft, in order."""
+        return tuple(plant for plant in self.plant if plant.aircraft is not None)
+
+    @property
+    def identified_in(self) -> tables.PlantTable | tables.TuningTable:
+        """The table that names the identified model: [tuning], else that of the first aircraft."""
+        if self.tuning.identified is None and not self.aircraft:
+            raise InputError(
+                "`identified` of [tuning] must be given: no plant is an aircraft, got nothing"
+            )
+        return self.tuning if self.tuning.identified is not None else self.aircraft[0]
+
+    @property
     def windy(self) -> bool:
         """Whether the air moves on every plant, by [wind], [gust] or [turbulence]."""
         return any((self.wind, self.gust, self.turbulence))
@@ -294,21 +266,7 @@ class Scenario(Table):
     @property
     def wind_source(self) -> tables.PlantTable | None:
         """The plant whose wind those replay that have no weather: the first aircraft in wind."""
-        aircraft = (plant for plant in self.plant if plant.aircraft is not None)
-        return next(aircraft, None) if self.windy else None
-
-    def weather(self) -> Weather | None:
-        """Motion of the air around the full aircraft; None for still air."""
-        swing = self.disturbance if self.disturbance and self.disturbance.as_wind else None
-        if not (self.windy or swing):
-            return None
-        V_a, (chi, gamma) = self.flight.V_a_mps, self.followed().initial
-        return Weather(
-            wind=self.wind.profile() if self.wind else WindProfile(),
-            gust=self.gust.gust(V_a) if self.gust else None,
-            turbulence=self.turbulence.turbulence() if self.turbulence else None,
-            oscillation=swing.sinusoid().as_wind(V_a, chi, gamma) if swing else None,
-        )
+        return self.aircraft[0] if self.windy and self.aircraft else None
 
     @property
     def air(self) -> str:
@@ -325,176 +283,9 @@ class Scenario(Table):
         return f"{weather}, with a disturbance" if disturbance and not blows else weather
 
     @property
-    def command_limits(self) -> Limits:
-        """Limits of the commands on every plant: those of [limits], else of the first aircraft."""
-        aircraft = [plant.aircraft for plant in self.plant if plant.aircraft is not None]
-        if aircraft and self.limits == tables.LimitsTable():
-            return load_aircraft(aircraft[0]).limits.limits()
-        return self.limits.limits()
-
-    @property
-    def condition(self) -> FlightCondition:
-        """Condition in which the flight starts in its steady wind: the path through the air."""
-        start, wind = self.stated_condition, self.wind
-        if wind is None or self.flight.start == "heading":
-            return start
-        at_start = wind.profile().at(start.h)
-        chi, gamma = path_through_air(start.V_a, start.chi, start.gamma, at_start)
-        return replace(start, chi=chi, gamma=gamma)
-
-    @property
-    def stated_condition(self) -> FlightCondition:
-        """Condition that [flight] states; on a route its angles count from those of its start."""
-        f = self.flight
-        chi, gamma = (0.0, 0.0) if self.route is None else self.followed().initial
-        return FlightCondition(
-            V_a=f.V_a_mps,
-            h=f.h_m,
-            chi=chi + f.chi_deg * DEG,
-            gamma=gamma + f.gamma_deg * DEG,
-            phi=f.phi_deg * DEG,
-            n_z=f.n_z,
-        )
-
-    @property
     def feasible(self) -> bool:
         """Whether the reference is the fastest change within the limits."""
         return self.reference is not None and self.reference.shape == "feasible"
-
-    def followed(self) -> Reference | FeasibleReference | RouteReference:
-        """The reference that the outer loop follows.
-
-        An InputError says that no feasible reference was found, that a route cannot be flown, or
-        that limits are missing.
-        """
-        f = self.flight
-        if self.feasible:
-            return feasible_reference(self.manoeuvre)
-        if self.route is not None:
-            route = self.route.reference(self._ability)
-            heights = f.h_m + route.path.up[route.path.s <= route.path.length]
-            if (lowest := heights.min()) <= f.ground_m:
-                raise InputError(
-                    f"`up_m` of [[route.waypoint]] must be above `ground_m` {f.ground_m:g} m "
-                    f"everywhere on the route, got a height of {lowest:.0f} m."
-                )
-            return route
-        assert self.reference is not None  # one of both is there
-        return self.reference.reference(chi_deg=f.chi_deg, gamma_deg=f.gamma_deg)
-
-    @property
-    def _ability(self) -> Ability:
-        """Limits of a route: the share of those of the scenario and of all its aircraft."""
-        assert self.route is not None
-        limits, f = self.command_limits, self.flight
-        for plant in self.plant:
-            if plant.aircraft is not None:
-                limits = limits.within(load_aircraft(plant.aircraft).limits.limits())
-        phi = float(min(limits.upper[0], -limits.lower[0]))
-        phi_rate = float(min(limits.rate_upper[0], -limits.rate_lower[0]))
-        for key, value in (("phi_deg", phi), ("phi_rate_dps", phi_rate)):
-            if not 0.0 < value < math.inf:
-                raise InputError(f"[limits] `{key}` must be given, and on both sides, for a route.")
-        return self.route.ability(
-            V_a=f.V_a_mps, g=f.g_mps2, phi=phi, phi_rate=phi_rate, duration=f.duration_s
-        )
-
-    @property
-    def manoeuvre(self) -> Manoeuvre:
-        """The change that a reference of shape feasible makes, within the limits less the margin.
-
-        The limits are those of the scenario and of all its aircraft; the lag is that of the first
-        plant. Below the airspeed an aircraft is designed for its largest load factor falls with the
-        square of airspeed, as lift does.
-        """
-        reference, f, limits = self.reference, self.flight, self.command_limits
-        assert reference is not None  # of shape feasible
-        for plant in self.plant:
-            if plant.aircraft is not None:
-                limits = limits.within(_lift_and_limits(plant.aircraft, f.V_a_mps))
-        # Bounds of roll and load factor, and of their rates, less the margin about level flight.
-        share = 1.0 - (MARGIN if reference.margin is None else reference.margin)
-        level = np.array([[0.0, 1.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0]])
-        ends = np.array([limits.lower, limits.upper, limits.rate_lower, limits.rate_upper])
-        bounds = level + share * (ends - level)
-        if not np.isfinite(bounds).all():
-            raise InputError(
-                "`phi_deg`, `n_z`, `phi_rate_dps` and `n_z_rate_per_s` of [limits] must all be "
-                "given with a reference of shape feasible."
-            )
-        lower, upper, rate_lower, rate_upper = map(tuple, bounds.tolist())
-        chi_from, gamma_from = reference.chi_from_deg, reference.gamma_from_deg
-        chi = DEG * (f.chi_deg if chi_from is None else chi_from)
-        gamma = DEG * (f.gamma_deg if gamma_from is None else gamma_from)
-        end = reference.reference(chi_deg=f.chi_deg, gamma_deg=f.gamma_deg)
-        phi, n_z, first = self.condition.phi, self.condition.n_z, self.plant[0]
-        return Manoeuvre(
-            V_a=f.V_a_mps,
-            g=f.g_mps2,
-            start=(chi, gamma),
-            end=(end.chi, end.gamma),
-            u_0=(phi, math.cos(gamma) / math.cos(phi) if n_z is None else n_z),
-            lower=lower,
-            upper=upper,
-            rate_lower=rate_lower,
-            rate_upper=rate_upper,
-            lags=first.lags()
-            if first.aircraft is None
-            else load_identified(first.aircraft).nearest(f.V_a_mps, gamma).lags,
-            dt=1.0 / self.controller.rate_hz,
-        )
-
-    def _identified(self) -> str:
-        """Aircraft or file the identified model comes from."""
-        flown = [plant.aircraft for plant in self.plant if plant.aircraft is not None]
-        source = self.tuning.identified or next(iter(flown), None)
-        if source is None:
-            raise InputError(
-                "`identified` of [tuning] must be given: no plant is an aircraft, got nothing"
-            )
-        return source
-
-    def identified_models(
-        self, law: Law | None = None, *, everywhere: bool = False
-    ) -> tuple[DesignModel, ...]:
-        """A law, by default the first, behind the identified inner loop and half a sample of delay.
-
-        The model is about wings-level flight on the first reference with the lags of the nearest
-        condition. If `everywhere`, or where [tuning] says ``robust``, there is one model for each
-        condition, at its own airspeed and climb.
-        """
-        identified, law = load_identified(self._identified()), law or self.laws[0]
-        V_a, gamma = self.flight.V_a_mps, self.followed().initial[1]
-        g, hold = self.flight.g_mps2, 0.5 / self.controller.rate_hz
-        if everywhere or self.tuning.robust:
-            speed = V_a if self.controller.schedule else None
-            return tuple(
-                design_model(condition, g=g, hold=hold, schedule_speed=speed, law=law)
-                for condition in identified.conditions
-            )
-        nearest = identified.nearest(V_a, gamma)
-        return (design_model(nearest, g=g, V_a=V_a, gamma=gamma, hold=hold, law=law),)
-
-    def kinematic_model(self, law: Law | None = None) -> LinearModel:
-        """A law alone, by default the first, about wings-level flight on the first reference."""
-        f = self.flight
-        trim = Trim(V_a=f.V_a_mps, gamma=self.followed().initial[1], g=f.g_mps2)
-        return (law or self.laws[0]).linear_model(trim)
-
-    def linear_model(self, law: Law | None = None) -> LinearModel:
-        """The model that [tuning] names, about wings-level flight on the first reference.
-
-        Of an identified aircraft that is the first condition where [tuning] says ``robust``. The
-        law is the first by default.
-        """
-        if self.tuning.model == "identified":
-            return self.identified_models(law)[0].model
-        model = self.kinematic_model(law)
-        if self.tuning.lag_rad_s is not None:
-            model = with_input_lag(model, self.tuning.lag_rad_s)
-        if self.tuning.sample_delay:
-            model = with_input_delay(model, 0.5 / self.controller.rate_hz)
-        return model
 
     def expected(self, plant: str, gains: str) -> list[tables.ExpectTable]:
         """The requirements of a run of this plant and these gains."""
@@ -513,12 +304,3 @@ class Scenario(Table):
     def sha256(self) -> str:
         """Hash of the scenario's values, the same for every way to write them."""
         return hash_of(self.as_dict())
-
-
-def _lift_and_limits(aircraft: str, V_a: float) -> Limits:
-    """Limits of an aircraft's commands at an airspeed (m/s), with no more lift than there is."""
-    config = load_aircraft(aircraft)
-    limits = config.limits.limits()
-    share = 1.0 if config.design is None else min(1.0, (V_a / config.design.V_a) ** 2)
-    at_lift = np.array([1.0, share])
-    return replace(limits, lower=at_lift * limits.lower, upper=at_lift * limits.upper)

@@ -3,6 +3,7 @@
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
 
@@ -17,6 +18,7 @@ from pydantic import (
 )
 
 from flighttune import quantities as q
+from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft
 from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import AntiWindup
@@ -26,6 +28,7 @@ from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import DEFAULT, Law, law_kinds, made_law, plain_laws
 from flighttune.control.limits import Limits
+from flighttune.identification.file import IdentifiedAircraft, load_identified
 from flighttune.metrics import CHANNELS, FLIGHT_METRICS, LOOP_METRICS, METRICS
 from flighttune.plants.base import PLANT_KINDS, PlantKind
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, HIGHEST_GROUND, LARGEST_SEED
@@ -308,6 +311,18 @@ class PlantTable(OwnTable):
     def family(self) -> PlantKind:
         """Description of its kind for the other rooms."""
         return PLANT_KINDS[self.kind]
+
+    @cached_property
+    def config(self) -> AircraftConfig:
+        """The aircraft, read once."""
+        assert self.aircraft is not None  # of a plant that is one
+        return load_aircraft(self.aircraft)
+
+    @cached_property
+    def identified_model(self) -> IdentifiedAircraft:
+        """The model identified of the aircraft, read once."""
+        assert self.aircraft is not None  # of a plant that is one
+        return load_identified(self.aircraft)
 
     @property
     def label(self) -> str:
@@ -631,6 +646,12 @@ class TuningTable(q.Table):
     command_weights: Weights | None = None
     R_min: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
     starts: Annotated[int, Field(ge=1, le=1000)] = 12
+
+    @cached_property
+    def identified_model(self) -> IdentifiedAircraft:
+        """The model that `identified` names, read once."""
+        assert self.identified is not None  # else it is that of an aircraft
+        return load_identified(self.identified)
 
     @property
     def weights(self) -> tuple[FloatArray, FloatArray] | None:

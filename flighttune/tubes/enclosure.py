@@ -25,7 +25,7 @@ from flighttune.tubes.problem import (
     QUANTITIES,
     SAME_REFERENCE,
     TubeProblem,
-    reference_of,
+    reference_samples,
 )
 from flighttune.tubes.replay import replay
 from flighttune.tubes.sample import start_set
@@ -173,7 +173,7 @@ class Tube(Answering):
         for key in dict.fromkeys([*flown, *enclosed]):
             if not self._allows(key, flown.get(key), enclosed.get(key)):
                 return f"`{key}` must be {enclosed.get(key)!r}, got {flown.get(key)!r}"
-        reference = reference_of(scenario)
+        reference = reference_samples(scenario)
         same = reference.shape == problem.reference.shape
         if not same or np.abs(reference - problem.reference).max() > SAME_REFERENCE:
             return "its reference must be that of the tube, got another"

@@ -10,7 +10,6 @@ from functools import cached_property
 
 import numpy as np
 
-from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray, check_positive
 from flighttune.claims.conformance import Conformance, conformance_tables
 from flighttune.control.controller import SelfLimiting
@@ -20,7 +19,8 @@ from flighttune.control.law import Law, SampledController
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
 from flighttune.files.table import hash_of
-from flighttune.flight.outer_loop import law_setup
+from flighttune.flight.conditions import limits_on, reference_of, start_condition
+from flighttune.flight.models import law_setup
 from flighttune.plants.base import PLANT_KINDS
 from flighttune.plants.weather import course_of, velocity_along
 from flighttune.references.feasible import FeasibleReference
@@ -74,8 +74,7 @@ class TubeProblem:
     conformance: Conformance | None  # source of the boxes of an aircraft
     law: Law  # law that flies the gains
     # shape (k, 6), rad, rad, rad, 1, rad/s, rad/s: course and flight-path angle to follow, the
-    # commands planned for them (zeros where none are), and their rates, as `reference_of` makes
-    # them.
+    # commands planned for them (zeros where none are), and their rates; see `reference_samples`
     reference: FloatArray
     # Boxes from the file of a tube: compared to those of the conformance, or believed without one
     stored: AircraftBoxes | None = None
@@ -140,7 +139,7 @@ class TubeProblem:
                 f"`start` must be 0 in wind, got {math.degrees(self.start):g} deg: the path over "
                 "ground begins elsewhere than that through the air."
             )
-        condition, limits = self.scenario.condition, self.limits
+        condition, limits = start_condition(self.scenario), self.limits
         ends = [replace(condition, gamma=condition.gamma + x) for x in (-self.start, self.start)]
         n_z = [end.n_z_start for end in (condition, *ends)]
         for i, (name, starts) in enumerate((("phi_deg", [condition.phi]), ("n_z", n_z))):
@@ -212,10 +211,7 @@ class TubeProblem:
     @property
     def limits(self) -> Limits:
         """Limits of the commands: of the scenario and, for an aircraft, of its folder."""
-        limits, aircraft = self.scenario.command_limits, self.table.aircraft
-        if aircraft is None:
-            return limits
-        return limits.within(load_aircraft(aircraft).limits.limits())
+        return limits_on(self.scenario, [self.table])
 
     @property
     def lags(self) -> tuple[InnerLag, ...]:
@@ -230,7 +226,7 @@ class TubeProblem:
     @property
     def path_at_start(self) -> tuple[float, float]:
         """Course and path angle over ground; [flight] has those through the air, rad."""
-        condition, wind = self.scenario.condition, self.scenario.wind
+        condition, wind = start_condition(self.scenario), self.scenario.wind
         if wind is None:
             return condition.chi, condition.gamma
         north, east, down = velocity_along(condition.V_a, condition.chi, condition.gamma)
@@ -258,7 +254,8 @@ class TubeProblem:
     @cached_property
     def loop(self) -> SampledLoop:
         """The loop that flies, with the numbers of its controller and its plant."""
-        flight, condition, controller = self.scenario.flight, self.scenario.condition, self.sampled
+        flight, controller = self.scenario.flight, self.sampled
+        condition = start_condition(self.scenario)
         reference = self.reference.copy()
         # A law that inverts follows the rates of the reference, the other the commands planned.
         reference[:, PLANNED if controller.inverts else RATES] = 0.0
@@ -309,13 +306,13 @@ def tube_problem(
         disturbance=disturbance,
         conformance=conformance,
         law=law or scenario.law_for(gains),
-        reference=reference_of(scenario),
+        reference=reference_samples(scenario),
     )
 
 
-def reference_of(scenario: Scenario) -> FloatArray:
+def reference_samples(scenario: Scenario) -> FloatArray:
     """Reference of a scenario at its samples, as `TubeProblem.reference`."""
-    t, reference = sample_times(scenario), scenario.followed()
+    t, reference = sample_times(scenario), reference_of(scenario)
     followed = np.zeros((len(t), 6))
     followed[:, REFERENCE] = np.stack(reference.sampled(t), axis=1)
     followed[:, RATES] = np.stack(reference.rates(t), axis=1)

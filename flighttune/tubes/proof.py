@@ -30,7 +30,7 @@ from flighttune.tubes.problem import (
     SAME_REFERENCE,
     AircraftBoxes,
     TubeProblem,
-    reference_of,
+    reference_samples,
     sample_count,
     sample_times,
 )
@@ -197,7 +197,7 @@ def _problem(
         raise InputError(f"`gains` must have 2 rows and columns, got {gains.K_P.shape}.")
     # Files of gains on roll and load factor may name the law of rates that the scenario had.
     law, _ = scenario.law_of(f"{claim.law}:", gains if gains.inputs == COMMANDS else None)
-    reference = reference_of(scenario)
+    reference = reference_samples(scenario)
     if scenario.feasible:
         off = float(np.abs(arrays["reference"] - reference).max())
         if off > SAME_REFERENCE:

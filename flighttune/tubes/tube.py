@@ -13,8 +13,9 @@ from flighttune.arrays import FloatArray
 from flighttune.claims.conformance import Conformance
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError
+from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.flight.fly import plant_of
-from flighttune.flight.outer_loop import scenario_and_gains
+from flighttune.flight.load import scenario_and_gains
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.enclosure import Settings, Tube, bounds_of
@@ -232,13 +233,13 @@ def flights_inside(enclosure: Tube) -> bool:
     A tube that is not bounded is compared as far as it goes.
     """
     problem = enclosure.problem
-    scenario, condition = problem.scenario, problem.scenario.condition
+    scenario, condition = problem.scenario, start_condition(problem.scenario)
     corners = {(0.0, 0.0), *product((-problem.start, problem.start), repeat=2)}
     for chi, gamma in sorted(corners):
         signals, _ = simulate(
             plant_of(problem.table, scenario),
             problem.controller(),
-            scenario.followed(),
+            reference_of(scenario),
             condition=replace(condition, chi=condition.chi + chi, gamma=condition.gamma + gamma),
             duration=scenario.flight.duration_s,
         )

@@ -15,6 +15,7 @@ import flighttune as ft
 from flighttune.adoption.survey import survey
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.files.shipped import models_of_jsbsim
+from flighttune.flight.conditions import start_condition
 
 ROOT = Path(jsbsim.get_default_root_dir())
 DEG = math.pi / 180.0
@@ -291,7 +292,7 @@ def test_an_aircraft_has_the_name_of_its_folder(own, model, below):
 def test_a_glider_turns_about_its_steady_glide(tmp_path):
     found = answer("adopt", "sgs126", "--out", tmp_path / "sgs126")
     trims = answer("trim", tmp_path / "sgs126", "--V-a", found["V_a_mps"])["trims"]
-    start = ft.load_scenario(tmp_path / "sgs126/turn.toml").condition
+    start = start_condition(ft.load_scenario(tmp_path / "sgs126/turn.toml"))
 
     assert found["status"] == "adopted"
     # In steady flight without thrust the tangent of the glide is drag over lift.

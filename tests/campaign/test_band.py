@@ -18,6 +18,7 @@ from flighttune.campaign.flying.rows import rows_flown
 from flighttune.campaign.stated_set import planned
 from flighttune.claims.band import save_band
 from flighttune.errors import InputError
+from flighttune.flight.conditions import reference_of
 from flighttune.flight.fly import fly
 from flighttune.scenario.load import scenario_from
 from flighttune.simulate.claim import with_claims
@@ -225,7 +226,7 @@ def test_a_band_on_a_route_follows_the_distance_along_it():
     changes = {"route.waypoint": corner, "flight.duration_s": 60.0}
     plan = planned("circuit", plant="kinematic", start_deg=3.0, changes=changes)
     band = count(plan)
-    path = plan.scenario.followed().path
+    path = reference_of(plan.scenario).path
 
     assert band.about.signals == {"cross_track": "m", "height_err": "m"}
     assert (band.axis.over, band.axis.edges[-1]) == ("along", math.ceil(path.length))

@@ -7,14 +7,14 @@ from commands import answer
 from dispersed import KINEMATIC, tables_of
 from scipy.signal import dimpulse, dlti
 
+from flighttune import load_scenario, scenario_from
 from flighttune.campaign import worst as worst_module
 from flighttune.campaign.stated_set import planned
 from flighttune.errors import ScenarioError
 from flighttune.files.table import toml_text
 from flighttune.flight.fly import fly
-from flighttune.flight.outer_loop import gain_set
+from flighttune.flight.models import gain_set
 from flighttune.metrics import measures
-from flighttune.scenario import load_scenario, scenario_from
 from flighttune.tubes.problem import tube_problem
 from flighttune.units import DEG
 

@@ -11,6 +11,7 @@ import pytest
 from commands import answer, flighttune
 
 import flighttune as ft
+from flighttune import load_gains, load_scenario, scenario_from
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.meet import Search, flights_to_meet, meet
@@ -19,9 +20,8 @@ from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.control.gains import PAPER_GAINS, PIGains, rate_gains, shifted
 from flighttune.errors import InputError
 from flighttune.files.table import toml_text
-from flighttune.flight.outer_loop import gain_set, loop_measures, tuning_problem
+from flighttune.flight.models import gain_set, linear_model, loop_measures, tuning_problem
 from flighttune.reports.meet import write_meet_page
-from flighttune.scenario import load_gains, load_scenario, scenario_from
 from flighttune.units import DEG
 
 pytestmark = pytest.mark.slow
@@ -265,7 +265,7 @@ def test_measures_of_the_loop_are_those_of_python_control():
     assert gains is not None
     measured = loop_measures(identified, "tuned_identified", gains, ["phase_margin_rad"])
 
-    model = identified.linear_model()
+    model = linear_model(identified)
     plant = control.ss(model.A, model.B, model.C, 0.0)
     pi = control.ss(np.zeros((2, 2)), np.eye(2), gains.K_I, gains.K_P)
     # each loop with the other one closed, cut at its input

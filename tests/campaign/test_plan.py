@@ -10,14 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from flighttune import load_scenario
 from flighttune.campaign.planning.draws import SEED
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign, plan_from
 from flighttune.errors import InputError, ScenarioError
 from flighttune.files.shipped import aircraft_folder
-from flighttune.flight.outer_loop import gain_set
+from flighttune.flight.models import gain_set
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
-from flighttune.scenario import load_scenario
 from flighttune.scenario.schema import Scenario
 
 LEVEL_TURN = load_scenario("level_turn")

@@ -29,7 +29,7 @@ from flighttune.campaign.flying.columns import row_schema, table_of, unit_of_key
 from flighttune.campaign.flying.rows import fly_runs, lost_row
 from flighttune.control.margins import channel_margins
 from flighttune.errors import InputError
-from flighttune.flight import outer_loop
+from flighttune.flight import models
 from flighttune.flight.fly import fly
 from flighttune.records.refly import reflights
 
@@ -293,7 +293,7 @@ def test_the_table_of_columns_in_the_documentation_is_the_schema():
 
 def test_a_bound_on_the_loop_is_in_every_row_and_its_margins_are_computed_once(monkeypatch):
     counted = Mock(side_effect=channel_margins)
-    monkeypatch.setattr(outer_loop, "channel_margins", counted)
+    monkeypatch.setattr(models, "channel_margins", counted)
     bound = {"at_least": {"loop": {"phase_margin_deg": 179.0}}}
     plan = plan_of(tables_of((KINEMATIC,), gains=["paper", "K3"], expect=[bound]), *START, runs=8)
 

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from flighttune import load_scenario
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.schema import (
     DISTRIBUTIONS,
@@ -13,7 +14,6 @@ from flighttune.campaign.planning.schema import (
     KeepTable,
 )
 from flighttune.errors import ScenarioError
-from flighttune.scenario import load_scenario
 
 ROOT = Path(__file__).parents[2]
 HEAD = 'title = "t"\nscenario = "level_turn"\nruns = 10\n'

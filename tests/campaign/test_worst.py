@@ -9,6 +9,7 @@ from commands import answer, flighttune
 from dispersed import KINEMATIC, SOFT, plan_of, tables_of, uniform
 from scipy.stats import chi2
 
+from flighttune import load_scenario
 from flighttune.campaign import worst as worst_module
 from flighttune.campaign.conform import at_random
 from flighttune.campaign.flying.rows import fly_runs
@@ -25,7 +26,6 @@ from flighttune.campaign.worst import (
 from flighttune.files.table import toml_text
 from flighttune.flight.fly import fly
 from flighttune.metrics import measures
-from flighttune.scenario import load_scenario
 from flighttune.simulate.bounds import Bounds
 from tests.tubes.test_soundness import made_up
 

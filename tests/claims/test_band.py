@@ -11,6 +11,7 @@ from dispersed import SOFT
 from dispersed import tables_of as scenario_tables
 from scipy.stats import binom
 
+from flighttune import scenario_from
 from flighttune.claims import band as band_module
 from flighttune.claims.band import (
     About,
@@ -27,8 +28,8 @@ from flighttune.claims.count import allowed_outside, flights_needed
 from flighttune.errors import InputError
 from flighttune.files.seal import BLANK, seal
 from flighttune.files.value import tables_of
-from flighttune.flight.outer_loop import gain_sets, law_setup
-from flighttune.scenario import scenario_from
+from flighttune.flight.conditions import command_limits, start_condition
+from flighttune.flight.models import gain_sets, law_setup
 from flighttune.simulate.batch import fly_sampled
 
 # s and samples of the made-up flights, and their signals
@@ -347,13 +348,14 @@ def test_bands_are_false_no_more_often_than_their_confidence_says():
     scenario = scenario_from(scenario_tables(gains=[SOFT], flight=flight))
     sets, _ = gain_sets(scenario)
     law, _ = scenario.law_of("soft")
-    control = law.make(law_setup(scenario, sets["soft"], scenario.command_limits))
+    control = law.make(law_setup(scenario, sets["soft"], command_limits(scenario)))
     rng, edges = np.random.default_rng(29), np.arange(0, 51, 2)
 
     def extremes(flights):
         starts = np.deg2rad(rng.uniform(-20.0, 20.0, (flights, 2)))
         conditions = [
-            replace(scenario.condition, chi=chi, gamma=gamma) for chi, gamma in starts.tolist()
+            replace(start_condition(scenario), chi=chi, gamma=gamma)
+            for chi, gamma in starts.tolist()
         ]
         batch = fly_sampled([control], conditions, (0.0, 0.0), duration=1.0)
         assert (batch.ends == 0).all()

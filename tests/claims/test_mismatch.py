@@ -6,12 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from flighttune import load_scenario
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.errors import InputError
 from flighttune.flight.fly import fly_once
 from flighttune.gaps.mismatch import mismatch
 from flighttune.plants.point_mass import PointMassPlant
-from flighttune.scenario import load_scenario
 from flighttune.simulate.disturbance import Sinusoid
 
 V_A, G = 25.0, 9.81

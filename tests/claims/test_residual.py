@@ -6,6 +6,7 @@ from made_up import made_up_scenario
 
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.inner_loop import InnerLag
+from flighttune.flight.conditions import start_condition
 from flighttune.flight.fly import fly_once
 from flighttune.gaps.residual import ConformantModel, residual_rates, residuals_of
 from flighttune.plants.point_mass import PointMassPlant
@@ -34,7 +35,7 @@ def flown(lags, disturbance):
     plant = PointMassPlant(lags, disturbance=disturbance, g=SCENARIO.flight.g_mps2)
     run = fly_once(SCENARIO, plant, PAPER_GAINS, plant_label="model", gains_name="paper")
     model = ConformantModel(V_a=25.0, g=SCENARIO.flight.g_mps2, lags=lags)
-    return residuals_of(model, run, SCENARIO.condition)
+    return residuals_of(model, run, start_condition(SCENARIO))
 
 
 @pytest.mark.parametrize(("roll", "load"), [*zip(LAGS, [*LAGS][::-1], strict=True)])
@@ -61,11 +62,11 @@ def test_the_roll_of_another_lag_is_off_by_how_the_two_differ():
     run = fly_once(SCENARIO, plant, PAPER_GAINS, plant_label="model", gains_name="paper")
     model = ConformantModel(V_a=25.0, g=SCENARIO.flight.g_mps2, lags=(fast, load))
 
-    found = residuals_of(model, run, SCENARIO.condition)
+    found = residuals_of(model, run, start_condition(SCENARIO))
 
     # Both first-order lags, step by step.
     commands = run.signals["phi_cmd"].to_numpy()
-    rolls = np.full((2, len(commands)), SCENARIO.condition.phi)
+    rolls = np.full((2, len(commands)), start_condition(SCENARIO).phi)
     for k in range(len(commands) - 1):
         left = np.exp(-0.02 * np.array([4.0, 6.0]))
         rolls[:, k + 1] = left * rolls[:, k] + (1.0 - left) * commands[k]

@@ -8,10 +8,10 @@ import pandas as pd
 import pytest
 from commands import answer, flighttune
 
+from flighttune import load_scenario
 from flighttune.control.gains import PIGains
 from flighttune.files.shipped import scenario_files
 from flighttune.reports.tables import certificates_table
-from flighttune.scenario import load_scenario
 
 PAPER_RADIUS = 0.0333
 """Invariant ellipsoid of K* under L_d = 0.015, to the digits given."""

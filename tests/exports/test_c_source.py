@@ -12,7 +12,7 @@ from commands import answer
 
 import flighttune as ft
 from flighttune.exports import c_source, export_c
-from flighttune.flight.outer_loop import gain_set
+from flighttune.flight.models import gain_set
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler is installed")

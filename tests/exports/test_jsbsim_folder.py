@@ -19,8 +19,9 @@ from places import SCENARIO_NAMES, SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft, save_gains
 from flighttune.exports import CSV, export_jsbsim
+from flighttune.flight.conditions import weather_of
 from flighttune.flight.fly import fly_alone
-from flighttune.flight.outer_loop import gain_set
+from flighttune.flight.models import gain_set
 from flighttune.plants.jsbsim.model_files import model_hash
 
 SAME = 1e-9
@@ -37,7 +38,7 @@ def flights():
     for name in SCENARIO_NAMES:
         scenario = ft.load_scenario(name)
         gains, *_ = (one for one in scenario.gain_names if scenario.law_of(one)[0].kind != "python")
-        of_time = scenario.route is None and scenario.weather() is None
+        of_time = scenario.route is None and weather_of(scenario) is None
         for table in scenario.plant if of_time else ():
             if table.kind == "jsbsim":
                 yield name, gains, table.label

@@ -6,7 +6,7 @@ from made_up import made_up_scenario
 
 import flighttune as ft
 from flighttune.claims.linear_loop import flight_check
-from flighttune.flight.outer_loop import gain_set
+from flighttune.flight.models import gain_set
 from flighttune.metrics import METRICS
 from flighttune.records.parquet import read_run, write_run
 

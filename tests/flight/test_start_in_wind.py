@@ -9,6 +9,7 @@ from dispersed import plan_of, tables_of, uniform
 from made_up import made_up_scenario
 
 import flighttune as ft
+from flighttune.flight.conditions import start_condition, stated_condition
 from flighttune.flight.fly import fly_alone, plant_of
 
 SPEED = 8.0
@@ -66,7 +67,7 @@ def test_an_aircraft_starts_on_its_course_over_ground_and_in_trim(aircraft, from
     scenario = windy(from_deg, [table], V_a_mps=V_a, gamma_deg=gamma_deg, down=-0.5)
     plant = plant_of(scenario.plant[0], scenario)
 
-    plant.start(scenario.condition)
+    plant.start(start_condition(scenario))
     start = seen(plant)
     stop = plant.advance(0.0, start["n_z"], 1.0)
     later = seen(plant)
@@ -83,7 +84,7 @@ def test_the_nose_points_into_the_wind_by_the_angle_of_the_law_of_sines(from_deg
     scenario = windy(from_deg, [{"kind": "jsbsim", "aircraft": "aerosonde"}])
     plant = plant_of(scenario.plant[0], scenario)
 
-    plant.start(scenario.condition)
+    plant.start(start_condition(scenario))
 
     into_wind = math.asin(SPEED / 25.0 * math.sin(math.radians(from_deg) - CHI))
     now = seen(plant)
@@ -143,7 +144,7 @@ def test_turbulence_and_an_oscillating_wind_do_not_turn_the_start():
         plant=aircraft, disturbance=swing, turbulence={"intensity": "light"}
     )
 
-    assert scenario.condition == scenario.stated_condition
+    assert start_condition(scenario) == stated_condition(scenario)
 
 
 def test_every_draw_of_the_wind_has_a_start_of_its_own():
@@ -154,7 +155,7 @@ def test_every_draw_of_the_wind_has_a_start_of_its_own():
     )
     scenarios = [plan.scenario_of(draw) for draw in range(3)]
 
-    assert len({scenario.condition.chi for scenario in scenarios}) == 3
+    assert len({start_condition(scenario).chi for scenario in scenarios}) == 3
     for scenario in scenarios:
         now = fly_alone(scenario, scenario.plant[0], ft.PAPER_GAINS, "paper").signals.iloc[0]
         on_course = math.radians(20.0), math.radians(10.0)
@@ -186,8 +187,8 @@ def test_a_plant_that_shows_no_wind_starts_as_the_scenario_states():
 )  # fmt: skip
 def test_a_wind_too_strong_for_the_course_names_its_key(tables, message):
     with pytest.raises(ft.ScenarioError, match=message):
-        windy(tables.pop("from_deg"), [LAW], **tables)
-    windy(100.0, [LAW], speed=30.0, start="heading")
+        ft.fly(windy(tables.pop("from_deg"), [LAW], **tables))
+    ft.fly(windy(100.0, [LAW], speed=30.0, start="heading"))
 
 
 def test_a_recording_from_before_the_key_is_flown_again_as_it_was():

@@ -6,7 +6,7 @@ from scipy.linalg import solve_continuous_lyapunov, svdvals
 
 import flighttune as ft
 from flighttune.control.margins import loop_margins
-from flighttune.flight.outer_loop import gain_set
+from flighttune.flight.models import gain_set, identified_models, law_model
 
 ROUNDING = 1e-8
 FLAT = 1e-9
@@ -25,7 +25,7 @@ LOOPS = [
 @pytest.mark.parametrize("identified", [False, True], ids=["kinematic", "identified"])
 def test_indicators_are_those_of_scipys_lyapunov_solver(name, gains, identified):
     scenario = ft.load_scenario(name)
-    model = scenario.identified_models()[0].model if identified else scenario.kinematic_model()
+    model = identified_models(scenario)[0].model if identified else law_model(scenario)
     A_K = ft.closed_loop(model, gain_set(scenario, gains))
 
     found = ft.indicators(A_K)
@@ -47,7 +47,7 @@ def test_margins_on_the_identified_aircraft_are_those_of_python_control(name, ga
     import control
 
     scenario = ft.load_scenario(name)
-    model, chosen = scenario.identified_models()[0].model, gain_set(scenario, gains)
+    model, chosen = identified_models(scenario)[0].model, gain_set(scenario, gains)
     n, m, p = model.shape
     A = np.block([[model.A, np.zeros((n, p))], [model.C, np.zeros((p, p))]])
     B = np.vstack([model.B, np.zeros((p, m))])

@@ -13,6 +13,7 @@ from places import SHIPPED_SCENARIOS
 from scipy.spatial import cKDTree
 
 import flighttune as ft
+from flighttune.flight.conditions import reference_of
 from flighttune.references.follow import SAME_PLACE
 
 DEG = math.pi / 180.0
@@ -66,7 +67,7 @@ def test_an_error_of_position_is_flown_off_in_the_look_ahead():
         "look_ahead_s": 4.0,
         "waypoint": [{"north_m": 0.0, "east_m": 0.0}, {"north_m": 2000.0, "east_m": 0.0}],
     }
-    reference = scenario([{"kind": "kinematic"}], route=straight).followed()
+    reference = reference_of(scenario([{"kind": "kinematic"}], route=straight))
     dt, V = 0.01, 25.0
     follow, north, east, chi = reference.follower(dt, 1000.0), 0.0, 5.0, 0.0
     aside = []
@@ -102,7 +103,7 @@ def test_places_on_a_route_are_whole_positions(course, wind, wind_from, circles)
         wind={"speed_mps": wind, "from_deg": wind_from},
         route={"waypoint": points, "wind_mps": 12.0},
     )
-    (run,), reference = ft.fly(made).runs, made.followed()
+    (run,), reference = ft.fly(made).runs, reference_of(made)
     signals, path = run.signals, reference.path
     positions = signals[["north", "east", "down"]].to_numpy() * (1, 1, -1)
     places = path.beside(*signals[["along", "cross_track", "height_err"]].to_numpy().T)
@@ -130,7 +131,7 @@ def test_a_flight_behind_its_start_is_as_far_from_its_route_as_from_the_start():
 
 
 def test_a_flight_that_is_carried_back_has_no_places_there():
-    reference = scenario([{"kind": "kinematic"}]).followed()
+    reference = reference_of(scenario([{"kind": "kinematic"}]))
     along = np.array([0.0, 50.0, 100.0, 90.0, 95.0, 120.0])
     signals = pd.DataFrame(
         {"north": along, "east": 2.0, "down": 3.0, "along": along, "cross_track": 2.0}
@@ -148,7 +149,7 @@ def test_a_flight_that_does_not_arrive_says_what_is_left():
 
     assert run.status == "not_arrived"
     left = float(run.reason.split(": ")[1].split(" m")[0])
-    assert left == pytest.approx(made.followed().path.length - 62.0 * 25.0, abs=2.0)
+    assert left == pytest.approx(reference_of(made).path.length - 62.0 * 25.0, abs=2.0)
 
 
 @pytest.mark.parametrize(

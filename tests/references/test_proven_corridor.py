@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flighttune as ft
+from flighttune.flight.conditions import reference_of
 
 DEG = math.pi / 180.0
 DT, V_A, T = 0.01, 25.0, 3.0
@@ -68,7 +69,7 @@ def test_the_law_flies_a_circuit_within_the_corridor_of_its_course_error(from_de
 @pytest.mark.parametrize("wind", [0.0, WIND])
 def test_a_course_that_is_always_wrong_leads_to_the_edge_of_the_corridor(eps, wind):
     """In turns too; half of the corridor would not do."""
-    flown, between_samples = biased_point(circuit().followed(), (eps, 0.0), wind=wind)
+    flown, between_samples = biased_point(reference_of(circuit()), (eps, 0.0), wind=wind)
     beside = np.abs(flown[:, 1])
     L = (V_A + wind) * T
 
@@ -78,7 +79,9 @@ def test_a_course_that_is_always_wrong_leads_to_the_edge_of_the_corridor(eps, wi
 
 @pytest.mark.parametrize("eps", [-5.0 * DEG, 5.0 * DEG])
 def test_from_beside_the_path_a_flight_comes_back_into_the_corridor(eps):
-    flown, between_samples = biased_point(circuit().followed(), (eps, 0.0), aside=50.0, seconds=35)
+    flown, between_samples = biased_point(
+        reference_of(circuit()), (eps, 0.0), aside=50.0, seconds=35
+    )
     beside = flown[:, 1]
     edge = half_width(V_A * T, abs(eps) + between_samples[0]) + SAG_M
 
@@ -92,7 +95,7 @@ def test_from_beside_the_path_a_flight_comes_back_into_the_corridor(eps):
 @pytest.mark.parametrize("eps", [-2.0 * DEG, 2.0 * DEG])
 def test_a_path_angle_that_is_always_wrong_leads_to_the_edge_in_height(eps):
     """On a level leg, in a turn and in a climb."""
-    flown, between_samples = biased_point(circuit().followed(), (0.0, eps), seconds=60.0)
+    flown, between_samples = biased_point(reference_of(circuit()), (0.0, eps), seconds=60.0)
     below = np.abs(flown[:, 2])
 
     assert below.max() <= half_width(V_A * T, abs(eps) + between_samples[1])

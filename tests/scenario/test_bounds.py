@@ -37,7 +37,7 @@ BEYOND = [
 @pytest.mark.parametrize(("changes", "message"), BEYOND)
 def test_a_number_beyond_its_bound_is_refused_with_key_and_bound(changes, message):
     with pytest.raises(ft.ScenarioError, match=message) as caught:
-        short(**changes)
+        ft.fly(short(**changes))
 
     assert len(str(caught.value)) < 300
 

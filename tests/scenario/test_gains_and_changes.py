@@ -12,7 +12,7 @@ import flighttune as ft
 from flighttune.campaign.planning.plan import plan_from
 from flighttune.campaign.stated_set import planned
 from flighttune.control.gains import PAPER_EPSILON
-from flighttune.flight.outer_loop import gain_set
+from flighttune.flight.models import gain_set
 from flighttune.scenario.load import with_gains
 
 TURN = {

@@ -11,6 +11,7 @@ from places import SHIPPED_SCENARIOS
 
 import flighttune as ft
 from flighttune.control.gains import paper_family
+from flighttune.flight.conditions import reference_of, start_condition
 
 ROUNDING = 1e-12
 
@@ -28,8 +29,8 @@ def test_edges_are_degrees_and_the_inside_is_radians():
     scenario = ft.load_scenario("paper")
     limits = scenario.limits.limits()
 
-    assert scenario.condition.chi == pytest.approx(math.pi / 3, abs=ROUNDING)
-    assert scenario.condition.gamma == pytest.approx(math.pi / 4, abs=ROUNDING)
+    assert start_condition(scenario).chi == pytest.approx(math.pi / 3, abs=ROUNDING)
+    assert start_condition(scenario).gamma == pytest.approx(math.pi / 4, abs=ROUNDING)
     assert limits.lower == pytest.approx([-math.pi / 4, -2.1], abs=ROUNDING)
     assert limits.rate_upper == pytest.approx([math.pi / 6, 1.0], abs=ROUNDING)
 
@@ -48,8 +49,8 @@ def test_segments_add_to_the_start_of_the_flight(tables):
         {"shape": "ramp", "start_s": 2.0, "duration_s": 2.0, "rate_dps": -5.0},
         {"shape": "doublet", "start_s": 6.0, "width_s": 1.0, "amplitude_deg": 3.0},
     ]
-    chi, _ = (
-        ft.scenario_from(tables).followed().sampled(np.array([0.0, 1.5, 3.0, 5.0, 6.5, 7.5, 9.0]))
+    chi, _ = reference_of(ft.scenario_from(tables)).sampled(
+        np.array([0.0, 1.5, 3.0, 5.0, 6.5, 7.5, 9.0])
     )
 
     assert np.rad2deg(chi) == pytest.approx([60.0, 90.0, 85.0, 80.0, 83.0, 77.0, 80.0])

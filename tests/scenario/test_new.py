@@ -12,7 +12,8 @@ from made_up import made_up_scenario
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.files.shipped import aircraft_folders, aircraft_names
-from flighttune.scenario.new import new_scenario
+from flighttune.flight.conditions import reference_of
+from flighttune.flight.new import new_scenario
 
 ADOPTED = Path(__file__).parents[1] / "adopted"
 
@@ -52,7 +53,10 @@ def test_a_scenario_made_for_another_aircraft_flies(like, aircraft, tmp_path):
 def test_a_route_made_for_a_faster_aircraft_is_larger_and_flown(tmp_path):
     answer("new", "mine", "--aircraft", "c172p", "--like", "circuit", cwd=tmp_path)
     made, original = ft.load_scenario(tmp_path / "mine.toml"), ft.load_scenario("circuit")
-    radii = [made.followed().path.stretches[1].radius, original.followed().path.stretches[1].radius]
+    radii = [
+        reference_of(made).path.stretches[1].radius,
+        reference_of(original).path.stretches[1].radius,
+    ]
 
     # (V + W)^2, at the same roll: 61^2 / 36^2
     assert radii[0] / radii[1] == pytest.approx((61.0 / 36.0) ** 2, rel=1e-6)

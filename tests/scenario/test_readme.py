@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 import flighttune as ft
-from flighttune.scenario.new import new_scenario
+from flighttune.flight.new import new_scenario
 
 PAGE = (Path(__file__).parents[2] / "scenarios" / "README.md").read_text(encoding="utf-8")
 ROWS = dict(re.findall(r"^\| (\(top\)|`\[.*\]`) \| (.*) \|$", PAGE, re.MULTILINE))

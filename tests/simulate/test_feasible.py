@@ -9,8 +9,9 @@ import pytest
 from made_up import scenario_tables
 
 import flighttune as ft
+from flighttune.flight.conditions import reference_of
+from flighttune.flight.load import check_scenario
 from flighttune.references.feasible import Manoeuvre, feasible_reference
-from flighttune.scenario.load import check_aircraft
 from flighttune.simulate.loop import simulate
 
 DEG = math.pi / 180.0
@@ -130,7 +131,7 @@ def changed(**tables):
 
 
 def test_the_margin_is_taken_off_every_limit_about_level_flight():
-    commands = ft.scenario_from(TABLES).followed().commands(np.arange(0.0, 10.0, 0.02))
+    commands = reference_of(ft.scenario_from(TABLES)).commands(np.arange(0.0, 10.0, 0.02))
 
     assert commands[:, 0].min() == pytest.approx(-27.0 * DEG, abs=1e-6)
     assert commands[:, 1].max() <= 1.0 + 0.9 * 0.8 + 1e-6
@@ -141,7 +142,7 @@ def test_below_the_design_speed_there_is_less_lift():
     slow["plant"] = [{"kind": "jsbsim", "aircraft": "aerosonde"}]
     most = 1.0 + 0.9 * (2.1 * (20.0 / 25.0) ** 2 - 1.0)  # the Aerosonde has 2.1 at 25 m/s
 
-    commands = ft.scenario_from(slow).followed().commands(np.arange(0.0, 10.0, 0.02))
+    commands = reference_of(ft.scenario_from(slow)).commands(np.arange(0.0, 10.0, 0.02))
 
     assert commands[:, 1].max() <= most + 1e-6
 
@@ -149,7 +150,7 @@ def test_below_the_design_speed_there_is_less_lift():
 def test_the_reference_may_begin_elsewhere_than_the_flight():
     scenario = ft.scenario_from(changed(reference={"chi_from_deg": 25.0, "gamma_from_deg": 1.0}))
 
-    assert np.array(scenario.followed().initial) / DEG == pytest.approx([25.0, 1.0])
+    assert np.array(reference_of(scenario).initial) / DEG == pytest.approx([25.0, 1.0])
 
 
 @pytest.mark.parametrize(
@@ -180,7 +181,7 @@ def test_the_reference_may_begin_elsewhere_than_the_flight():
 def test_what_cannot_be_is_one_line_and_takes_no_time(tables, message):
     began = time.process_time()
     with pytest.raises((ft.ScenarioError, ft.InputError), match=message) as raised:
-        check_aircraft(ft.scenario_from(changed(**tables)), "file.toml")
+        check_scenario(ft.scenario_from(changed(**tables)), "file.toml")
 
     assert "\n" not in str(raised.value)
     assert time.process_time() - began < 3.0  # without bounds: minutes

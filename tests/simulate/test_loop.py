@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flighttune as ft
+from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.simulate.loop import LOOP_SIGNALS, simulate
 from flighttune.simulate.run import SIGNAL_UNITS
 
@@ -50,7 +51,11 @@ def test_the_papers_mode_peaks_where_the_continuous_law_does():
     plant = ft.PointMassPlant(turn="paper", disturbance=scenario.disturbance.sinusoid())
 
     signals, _ = simulate(
-        plant, controller, scenario.followed(), condition=scenario.condition, duration=20.0
+        plant,
+        controller,
+        reference_of(scenario),
+        condition=start_condition(scenario),
+        duration=20.0,
     )
 
     peaks = signals[["chi_err", "gamma_err"]].max().to_numpy()

@@ -5,7 +5,7 @@ import math
 import pytest
 
 import flighttune as ft
-from flighttune.flight.outer_loop import gain_set
+from flighttune.flight.models import gain_set
 from tests.tubes.test_soundness import made_up, tube
 
 DEG = math.pi / 180.0

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import flighttune as ft
+from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.hand_over import hull, inside, parallelotope
@@ -55,8 +56,8 @@ def test_flights_ten_times_as_long_stay_inside(scenario, found, omega):
             g=scenario.flight.g_mps2,
         ),
         found.problem.controller(),
-        longer.followed(),
-        condition=longer.condition,
+        reference_of(longer),
+        condition=start_condition(longer),
         duration=longer.flight.duration_s,
     )
 

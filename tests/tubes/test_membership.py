@@ -15,6 +15,7 @@ from scipy.linalg import expm
 from scipy.optimize import linprog
 
 import flighttune as ft
+from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.exact import enclosure_of
 from flighttune.tubes.problem import tube_problem
@@ -162,7 +163,7 @@ def with_law(plant, *, exact, **manoeuvre):
 
 def flights(problem, count, disturbance, rng):
     """Signals and starts of flights from the set of starts, half of them at its edge."""
-    scenario, condition = problem.scenario, problem.scenario.condition
+    scenario, condition = problem.scenario, start_condition(problem.scenario)
     flown = []
     for i in range(count):
         off = problem.start * rng.uniform(-1.0, 1.0, 2)
@@ -178,7 +179,7 @@ def flights(problem, count, disturbance, rng):
         signals, _ = simulate(
             plant,
             problem.controller(),
-            scenario.followed(),
+            reference_of(scenario),
             condition=start,
             duration=scenario.flight.duration_s,
         )

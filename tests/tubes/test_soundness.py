@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from made_up import made_up_scenario
 
 import flighttune as ft
+from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.simulate.batch import fly_sampled
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.tubes.enclosure import Settings
@@ -63,7 +64,7 @@ def tube(scenario, gains, **flights):
 def flown(scenario, gains, start, disturbance, seed):
     """Signals of flights from random starts in the set, under random sinusoids within the bound."""
     rng = np.random.default_rng(seed)
-    condition, dt = scenario.condition, 1.0 / scenario.controller.rate_hz
+    condition, dt = start_condition(scenario), 1.0 / scenario.controller.rate_hz
     t = np.arange(round(scenario.flight.duration_s / dt) + 1) * dt
     corners = rng.choice([-1.0, 1.0], (FLIGHTS, 2)) * rng.choice([1.0, rng.random()], (FLIGHTS, 2))
     sizes = disturbance * rng.choice([-1.0, 1.0], (FLIGHTS, 2))
@@ -84,7 +85,7 @@ def flown(scenario, gains, start, disturbance, seed):
             )
             for a, b in corners
         ],
-        np.stack(scenario.followed().sampled(t), axis=1),
+        np.stack(reference_of(scenario).sampled(t), axis=1),
         duration=scenario.flight.duration_s,
         disturbances=[
             Sinusoid(chi_amplitude=a, chi_omega=u, gamma_amplitude=b, gamma_omega=v)

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 import flighttune as ft
 from flighttune.claims.boxes import RateBoxes, Windows
+from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.gaps.residual import residual_rates
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.problem import tube_problem
@@ -84,9 +85,13 @@ def check_conformant(case, seed):
     scenario, known = case
     problem = tube_problem(scenario, ft.PAPER_GAINS, conformance=known)
     found = tube_of(problem, attempts=FEW_PIECES, for_ever=False)
-    rng, dt, condition = np.random.default_rng(seed), problem.controller().dt, scenario.condition
+    rng, dt, condition = (
+        np.random.default_rng(seed),
+        problem.controller().dt,
+        start_condition(scenario),
+    )
     t = problem.t
-    boxes = known.boxes.over(t, *scenario.followed().sampled(t))
+    boxes = known.boxes.over(t, *reference_of(scenario).sampled(t))
     low, high = boxes.low[:-1, :2], boxes.high[:-1, :2]
     for _ in range(FLIGHTS):
         share = rng.random(low.shape) if rng.random() < 0.5 else rng.choice([0.0, 1.0], low.shape)
@@ -94,7 +99,7 @@ def check_conformant(case, seed):
         signals, _ = simulate(
             Disturbed(known.model.lags, rates, roll_beyond(len(t), rng), scenario.flight.g_mps2),
             problem.controller(),
-            scenario.followed(),
+            reference_of(scenario),
             condition=condition,
             duration=scenario.flight.duration_s,
         )

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 import flighttune as ft
 from flighttune.control.gains import RATES
+from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.problem import tube_problem
 from flighttune.tubes.tube import tube_of
@@ -87,7 +88,7 @@ def check_point_mass(case, seed):
     scenario, gains, start, disturbance = case
     problem = tube_problem(scenario, gains, start=start, disturbance=disturbance or None)
     found = tube_of(problem, attempts=FEW_PIECES, for_ever=False)
-    rng, condition = np.random.default_rng(seed), scenario.condition
+    rng, condition = np.random.default_rng(seed), start_condition(scenario)
     for chi, gamma in start * rng.choice([-1.0, 1.0], (4, 2)):
         signals, _ = simulate(
             ft.PointMassPlant(
@@ -97,7 +98,7 @@ def check_point_mass(case, seed):
                 g=scenario.flight.g_mps2,
             ),
             problem.controller(),
-            scenario.followed(),
+            reference_of(scenario),
             condition=replace(condition, chi=condition.chi + chi, gamma=condition.gamma + gamma),
             duration=scenario.flight.duration_s,
         )

@@ -8,7 +8,7 @@ import pytest
 import flighttune as ft
 from flighttune.control.envelope import Envelope
 from flighttune.control.inner_loop import with_input_lag
-from flighttune.flight.outer_loop import identified_problems
+from flighttune.flight.models import identified_problems
 from flighttune.tuning.envelope import tune_over_envelope
 from flighttune.tuning.problem import decoupled
 from flighttune.tuning.result import assessment, is_feasible, why_infeasible

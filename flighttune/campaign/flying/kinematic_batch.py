@@ -7,7 +7,8 @@ import numpy as np
 
 from flighttune.control.gains import PIGains
 from flighttune.control.law import Law
-from flighttune.flight.outer_loop import law_setup
+from flighttune.flight.conditions import command_limits, reference_of, start_condition
+from flighttune.flight.models import law_setup
 from flighttune.metrics import MEASURED, measures_of, settling_names
 from flighttune.plants.point_mass import rolled_over
 from flighttune.scenario.schema import Scenario
@@ -64,12 +65,12 @@ def fly_batch(
     dt = 1.0 / controller.rate_hz
     t = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
     at = t if _moving(scenarios[0]) else np.zeros(1)
-    references = [scenario.followed() for scenario in scenarios]
-    conditions = [scenario.condition for scenario in scenarios]
+    references = [reference_of(scenario) for scenario in scenarios]
+    conditions = [start_condition(scenario) for scenario in scenarios]
     ref = np.array([np.column_stack(reference.sampled(at)) for reference in references])
     batch = fly_sampled(
         # the plant itself has no limits
-        [law.make(law_setup(s, gains, s.command_limits)) for s in scenarios],
+        [law.make(law_setup(s, gains, command_limits(s))) for s in scenarios],
         conditions,
         ref,
         duration=duration,

@@ -23,7 +23,9 @@ from flighttune.campaign.planning.schema import MEASURES
 from flighttune.control.law import split_name
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import FlightTuneError, ending_of
+from flighttune.flight.conditions import reference_of
 from flighttune.flight.expectations import missed, with_loop
+from flighttune.flight.models import linear_model
 from flighttune.metrics import measures
 from flighttune.records.refly import Difference
 from flighttune.scenario.schema import Scenario
@@ -296,11 +298,11 @@ def _indicators(plan: Plan, group: Group, scenarios: Sequence[Scenario]) -> list
         return [(None, None, None)] * len(scenarios)
     # what the loop of a draw depends on: often it is not dispersed, and all draws share a loop
     keys = [
-        (s.flight.V_a_mps, s.flight.g_mps2, s.followed().initial[1], s.controller)
+        (s.flight.V_a_mps, s.flight.g_mps2, reference_of(s).initial[1], s.controller)
         for s in scenarios
     ]
     different = dict(zip(keys, scenarios, strict=True))
-    loops = [closed_loop(scenario.linear_model(law), gains) for scenario in different.values()]
+    loops = [closed_loop(linear_model(scenario, law), gains) for scenario in different.values()]
     both = indicators_batch(np.array(loops))
     # one by one: in a stack the last bits depend on the other loops
     E_K = [_E_K(tuple(map(tuple, loop.tolist())), len(gains.errors)) for loop in loops]

@@ -11,13 +11,11 @@ from flighttune.errors import InputError, ScenarioError
 from flighttune.files.mistakes import abridged, shown, validated
 from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.files.table import toml_tables
+from flighttune.flight.load import check_identified, check_scenario, load_scenario
 from flighttune.plants.label import goes_by
 from flighttune.scenario.load import (
-    check_aircraft,
-    check_identified,
     existing_file,
     gain_entries,
-    load_scenario,
     title_with,
     with_gains,
 )
@@ -116,7 +114,7 @@ def _nominal(table: CampaignTable, base: Scenario, source: str) -> Scenario:
     tables["expect"] = _plain(table.success) or _expectations(tables)
     whole = f"{source}: the scenario with the campaign's keys"
     scenario = validated(Scenario, tables, whole)
-    check_aircraft(scenario, whole)
+    check_scenario(scenario, whole)
     check_identified(scenario, whole)
     return scenario
 
@@ -162,5 +160,5 @@ def _central(table: CampaignTable, nominal: Scenario, source: str) -> Scenario:
     tables = with_drawn(nominal.as_dict(), table.disperse, places, medians)
     where = f"{source}: the scenario at the median of [[disperse]]"
     central = validated(Scenario, tables, where)
-    check_aircraft(central, where)
+    check_scenario(central, where)
     return central

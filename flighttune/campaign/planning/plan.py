@@ -16,10 +16,11 @@ from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
 from flighttune.files.mistakes import abridged, validated
 from flighttune.files.table import hash_of
-from flighttune.flight.outer_loop import gain_sets
+from flighttune.flight.load import check_scenario
+from flighttune.flight.models import gain_sets
 from flighttune.plants.label import goes_by
 from flighttune.quantities import Table
-from flighttune.scenario.load import as_recorded, check_aircraft
+from flighttune.scenario.load import as_recorded
 from flighttune.scenario.places import Place, leaves, with_values
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
@@ -220,7 +221,7 @@ class Plan:
         others = [key for key in drawn if key not in self.places]
         tables = with_values(tables, [((*key.split("."),), drawn[key]) for key in others])
         scenario = validated(Scenario, tables, f"draw {draw}")
-        check_aircraft(scenario, f"draw {draw}")
+        check_scenario(scenario, f"draw {draw}")
         return scenario
 
     def scenario_of(self, draw: int) -> Scenario:

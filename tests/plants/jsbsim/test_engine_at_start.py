@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 import flighttune as ft
+from flighttune.flight.conditions import start_condition
 from flighttune.flight.fly import plant_of
 
 TURBOPROP = Path(__file__).parents[2] / "adopted/DHC6/turn.toml"
@@ -16,7 +17,7 @@ STEADY = 1e-3
 def test_the_thrust_of_a_turboprop_does_not_fall_after_the_start():
     scenario = ft.load_scenario(TURBOPROP)
     plant = plant_of(scenario.plant[0], scenario)
-    plant.start(scenario.condition)
+    plant.start(start_condition(scenario))
     thrust = plant.signals.index("thrust")
     before = plant.observe()[thrust]
 

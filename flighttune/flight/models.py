@@ -1,9 +1,7 @@
-"""The outer loop that a scenario asks for: its tuning problem, its gains, and their guarantees."""
+"""What a scenario asks of gains: linear models, tuning problems, gain sets and their proofs."""
 
 import math
-from collections.abc import Collection, Mapping
-from pathlib import Path
-from typing import Any
+from collections.abc import Collection
 
 import numpy as np
 
@@ -12,14 +10,15 @@ from flighttune.certificates.make import Certification, certify_model
 from flighttune.control.controller import LawSetup
 from flighttune.control.envelope import Envelope
 from flighttune.control.gains import COMMANDS, LAW_OF_INPUTS, PAPER_GAINS, PIGains, paper_family
-from flighttune.control.law import Law
+from flighttune.control.inner_loop import with_input_delay, with_input_lag
+from flighttune.control.law import Law, Trim
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.control.margins import channel_margins, loop_margins
-from flighttune.errors import InfeasibleError, InputError, ScenarioError
+from flighttune.errors import InputError, ScenarioError
 from flighttune.files.shipped import nearest_name
-from flighttune.identification.file import DesignModel
-from flighttune.scenario.load import load_scenario, with_gains
+from flighttune.flight.conditions import command_limits, reference_of, stated_condition
+from flighttune.identification.file import DesignModel, design_model
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, TuningModel
 from flighttune.theory.indicators import indicators
@@ -34,6 +33,52 @@ TINY = 1e-300
 
 # Smallest integral time of the course loop over the delay of a limited roll: design/roll_rate.md.
 INTEGRAL_TIME = 4.0
+
+
+def identified_models(
+    scenario: Scenario, law: Law | None = None, *, everywhere: bool = False
+) -> tuple[DesignModel, ...]:
+    """A law, by default the first, behind the identified inner loop and half a sample of delay.
+
+    The model is about wings-level flight on the first reference with the lags of the nearest
+    condition. If `everywhere`, or where [tuning] says ``robust``, there is one model for each
+    condition, at its own airspeed and climb.
+    """
+    identified, law = scenario.identified_in.identified_model, law or scenario.laws[0]
+    V_a, gamma = scenario.flight.V_a_mps, reference_of(scenario).initial[1]
+    g, hold = scenario.flight.g_mps2, 0.5 / scenario.controller.rate_hz
+    if everywhere or scenario.tuning.robust:
+        speed = V_a if scenario.controller.schedule else None
+        return tuple(
+            design_model(condition, g=g, hold=hold, schedule_speed=speed, law=law)
+            for condition in identified.conditions
+        )
+    nearest = identified.nearest(V_a, gamma)
+    return (design_model(nearest, g=g, V_a=V_a, gamma=gamma, hold=hold, law=law),)
+
+
+def law_model(scenario: Scenario, law: Law | None = None) -> LinearModel:
+    """A law alone, by default the first, about wings-level flight on the first reference."""
+    f = scenario.flight
+    trim = Trim(V_a=f.V_a_mps, gamma=reference_of(scenario).initial[1], g=f.g_mps2)
+    return (law or scenario.laws[0]).linear_model(trim)
+
+
+def linear_model(scenario: Scenario, law: Law | None = None) -> LinearModel:
+    """The model that [tuning] names, about wings-level flight on the first reference.
+
+    Of an identified aircraft that is the first condition where [tuning] says ``robust``. The
+    law is the first by default.
+    """
+    settings = scenario.tuning
+    if settings.model == "identified":
+        return identified_models(scenario, law)[0].model
+    model = law_model(scenario, law)
+    if settings.lag_rad_s is not None:
+        model = with_input_lag(model, settings.lag_rad_s)
+    if settings.sample_delay:
+        model = with_input_delay(model, 0.5 / scenario.controller.rate_hz)
+    return model
 
 
 def tuning_problem(scenario: Scenario, law: Law | None = None) -> TuningProblem:
@@ -66,7 +111,7 @@ def tuning_problem(scenario: Scenario, law: Law | None = None) -> TuningProblem:
     if settings.model == "identified":
         return identified_problems(scenario, law)[0]
     scaling = tuning_scaling(scenario, law)
-    return _problem(scenario, scenario.linear_model(law), scaling, settings.I_star)
+    return _problem(scenario, linear_model(scenario, law), scaling, settings.I_star)
 
 
 def tuning_scaling(scenario: Scenario, law: Law | None = None) -> FloatArray | None:
@@ -76,8 +121,16 @@ def tuning_scaling(scenario: Scenario, law: Law | None = None) -> FloatArray | N
     """
     settings = scenario.tuning
     if settings.model == "identified":
-        return scenario.identified_models(law)[0].scaling
-    return None if settings.state_scaling is None else np.array(settings.state_scaling)
+        return identified_models(scenario, law)[0].scaling
+    if settings.state_scaling is None:
+        return None
+    n, _, p = linear_model(scenario, law).shape
+    if len(settings.state_scaling) != n + p:
+        raise InputError(
+            f"`state_scaling` of [tuning] must be {n + p} numbers, one a state and one an "
+            f"error, got {len(settings.state_scaling)}"
+        )
+    return np.array(settings.state_scaling)
 
 
 def identified_problems(scenario: Scenario, law: Law | None = None) -> tuple[TuningProblem, ...]:
@@ -89,7 +142,7 @@ def identified_problems(scenario: Scenario, law: Law | None = None) -> tuple[Tun
     law = law or scenario.laws[0]
     return tuple(
         _problem(scenario, at.model, at.scaling, math.inf, _followed_roll(scenario, at, law))
-        for at in scenario.identified_models(law)
+        for at in identified_models(scenario, law)
     )
 
 
@@ -101,7 +154,7 @@ def _followed_roll(scenario: Scenario, at: DesignModel, law: Law) -> tuple[float
     course error that commands this bank, ``phi / K_P``: else every turn ends beyond its course, and
     in a limit cycle. The integral must not have grown by as much meanwhile: its time is 4 T.
     """
-    limits = scenario.command_limits
+    limits = command_limits(scenario)
     phi, rate = min(limits.upper[0], -limits.lower[0]), limits.rate_upper[0]
     if not scenario.tuning.roll_rate or not np.isfinite([phi, rate]).all():
         return math.inf, math.inf
@@ -117,8 +170,8 @@ def _problem(
     I_star: float,
     roll_gains_max: tuple[float, float] | None = None,
 ) -> TuningProblem:
-    chi_ref, gamma_ref = scenario.followed().initial
-    condition, settings = scenario.stated_condition, scenario.tuning
+    chi_ref, gamma_ref = reference_of(scenario).initial
+    condition, settings = stated_condition(scenario), scenario.tuning
     _, m, p = model.shape
     bound = np.full((m, 2 * p), settings.gain_max or LARGEST_GAIN)
     if identified := roll_gains_max is not None:
@@ -127,7 +180,7 @@ def _problem(
         model=model,
         I_star=I_star,
         E_star=settings.E_star or math.inf,
-        limits=scenario.command_limits if settings.input_limits else None,
+        limits=command_limits(scenario) if settings.input_limits else None,
         x_0=np.array([wrap_angle(chi_ref - condition.chi), gamma_ref - condition.gamma]),
         scaling=scaling,
         K_min=-bound,
@@ -208,32 +261,6 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
     return law.gains_from(available[own], V_a=scenario.flight.V_a_mps, g=scenario.flight.g_mps2)
 
 
-def scenario_and_gains(
-    source: Scenario | str | Path,
-    wanted: PIGains | str | None,
-    changes: Mapping[str, Any] | None = None,
-) -> tuple[Scenario, str, PIGains]:
-    """A scenario, the name of one gain set, and its gains.
-
-    `source` is a scenario, a file or the name of a shipped one, and `changes` are values to set in
-    it; `wanted` is a gain set by name or file, by default the first, or gains. Raises
-    InfeasibleError if tuning finds no such gains.
-    """
-    if isinstance(source, Scenario):
-        scenario, place = source, source.title
-    else:
-        scenario, place = load_scenario(source, changes=changes), str(source)
-    if isinstance(wanted, PIGains):
-        return scenario, "gains", wanted
-    if wanted not in (None, *scenario.gain_names):
-        scenario, wanted = with_gains(scenario, [wanted], place), None
-    name = wanted or scenario.gain_names[0]
-    gains = gain_set(scenario, name)
-    if gains is None:
-        raise InfeasibleError(f"{place}: `{name}` must be feasible: tuning found no such gains.")
-    return scenario, name, gains
-
-
 def trim_and_envelope(scenario: Scenario) -> tuple[Envelope, Envelope]:
     """Steady wings-level flight on the first reference, and the scenario's ranges of flight.
 
@@ -246,13 +273,13 @@ def trim_and_envelope(scenario: Scenario) -> tuple[Envelope, Envelope]:
             "[envelope] with its ranges, or use the scenario `paper`, which has one; a claim at "
             'all conditions identified needs none, but [tuning] `model = "identified"`.'
         )
-    states = scenario.linear_model().states
+    states = linear_model(scenario).states
     if len(states) != len(PAPER_GAINS.errors):
         raise ScenarioError(
             f"{scenario.title}: `model` of [tuning] must be the kinematic law without a lag for a "
             f"claim over an envelope, got one with the states {', '.join(states)}."
         )
-    _, gamma = scenario.followed().initial
+    _, gamma = reference_of(scenario).initial
     trim = Envelope.at(V_a=scenario.flight.V_a_mps, gamma=gamma)
     envelope = scenario.envelope.envelope()
     if not envelope.contains(trim):
@@ -304,7 +331,7 @@ def certify_scenario(
     identified = envelope and scenario.tuning.model == "identified"
     varies = envelope and not (identified or law.same_everywhere)
     ranges = trim_and_envelope(scenario)[1] if varies else None
-    everywhere = scenario.identified_models(law, everywhere=True) if identified else ()
+    everywhere = identified_models(scenario, law, everywhere=True) if identified else ()
     orders = sorted({len(design.model.states) for design in everywhere})
     if len(orders) > 1:
         raise InputError(
@@ -312,7 +339,7 @@ def certify_scenario(
             f"models of {' and '.join(map(str, orders))} states."
         )
     return certify_model(
-        scenario.linear_model(law),
+        linear_model(scenario, law),
         gains,
         envelope=ranges,
         g=None if ranges is None else scenario.flight.g_mps2,
@@ -330,8 +357,8 @@ def linear_loop(
     The scenario holds the classes of the user's laws, as `with_own` returns it.
     """
     law, _ = scenario.law_of(name, gains)
-    setup = law_setup(scenario, gains, scenario.command_limits)
-    return law.loop(scenario.linear_model(law), gains, setup)
+    setup = law_setup(scenario, gains, command_limits(scenario))
+    return law.loop(linear_model(scenario, law), gains, setup)
 
 
 def loop_measures(
@@ -372,7 +399,7 @@ def loop_measures(
 
 def _needed_roll_rate(scenario: Scenario, law: Law, gains: PIGains) -> float:
     """Roll rate with which `_followed_roll` allows the gains; NaN without a limit of roll."""
-    limits, at = scenario.command_limits, scenario.identified_models(law)[0]
+    limits, at = command_limits(scenario), identified_models(scenario, law)[0]
     phi = min(limits.upper[0], -limits.lower[0])
     roll_per_turn = law.command_per_rate(at.V_a, scenario.flight.g_mps2)
     K_P, K_I = np.maximum(gains.K[0, [0, 2]], TINY)  # a gain that is 0 or below asks for no rate

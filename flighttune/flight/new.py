@@ -15,11 +15,13 @@ from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, OutputError, ScenarioError
 from flighttune.files.shipped import scenario_files
 from flighttune.files.whole import write_text
+from flighttune.flight.conditions import reference_of
+from flighttune.flight.load import load_scenario
 from flighttune.identification.file import rounded
 from flighttune.plants.jsbsim.trim import level, trim_table
 from flighttune.plants.label import plant_label
 from flighttune.references.follow import RouteReference
-from flighttune.scenario.load import GAINS_FILES, existing_file, load_scenario
+from flighttune.scenario.load import GAINS_FILES, existing_file
 from flighttune.scenario.route import RouteTable
 from flighttune.scenario.schema import Scenario
 from flighttune.units import DEG
@@ -265,7 +267,7 @@ def _climb(config: AircraftConfig, V_a: float, scenario: Scenario) -> float:
         _, steepest = scenario.reference.steepest(flight.gamma_deg, flight.duration_s)
         asked = {flight.gamma_deg * DEG, steepest * DEG} - {0.0}
     else:
-        route = scenario.followed()
+        route = reference_of(scenario)
         assert isinstance(route, RouteReference)
         asked = {math.atan(route.path.slope.max()), math.atan(route.path.slope.min())} - {0.0}
     for share in SHARES if asked else ():

@@ -1,0 +1,182 @@
+"""What a scenario means in SI: its start, the limits of its commands, its reference, its air."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from flighttune.aircraft.aircraft import AircraftConfig
+from flighttune.control.inner_loop import InnerLag
+from flighttune.control.limits import Limits
+from flighttune.errors import InputError
+from flighttune.plants.base import FlightCondition
+from flighttune.plants.weather import Weather, WindProfile, path_through_air
+from flighttune.references.feasible import FeasibleReference, Manoeuvre, feasible_reference
+from flighttune.references.follow import RouteReference
+from flighttune.references.path import Ability
+from flighttune.references.segments import Reference
+from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import LimitsTable, PlantTable
+from flighttune.units import DEG
+
+# Share of every limit that a reference of shape feasible leaves to the feedback by default.
+MARGIN = 0.2
+
+
+def stated_condition(scenario: Scenario) -> FlightCondition:
+    """Condition that [flight] states; on a route its angles count from those of its start."""
+    f = scenario.flight
+    chi, gamma = (0.0, 0.0) if scenario.route is None else reference_of(scenario).initial
+    return FlightCondition(
+        V_a=f.V_a_mps,
+        h=f.h_m,
+        chi=chi + f.chi_deg * DEG,
+        gamma=gamma + f.gamma_deg * DEG,
+        phi=f.phi_deg * DEG,
+        n_z=f.n_z,
+    )
+
+
+def start_condition(scenario: Scenario) -> FlightCondition:
+    """Condition in which the flight starts in its steady wind: the path through the air.
+
+    An InputError names the key of a wind in which the aircraft cannot fly along the stated path.
+    """
+    start, wind = stated_condition(scenario), scenario.wind
+    if wind is None or scenario.flight.start == "heading":
+        return start
+    try:
+        chi, gamma = path_through_air(start.V_a, start.chi, start.gamma, wind.profile().at(start.h))
+    except InputError as error:
+        key = "level" if wind.level else "speed_mps"
+        raise InputError(f"`{key}` of [wind] {error}") from error
+    return replace(start, chi=chi, gamma=gamma)
+
+
+def command_limits(scenario: Scenario) -> Limits:
+    """Limits of the commands on every plant: those of [limits], else of the first aircraft."""
+    if scenario.limits == LimitsTable() and (aircraft := scenario.aircraft):
+        return aircraft[0].config.limits.limits()
+    return scenario.limits.limits()
+
+
+def limits_on(scenario: Scenario, plants: Iterable[PlantTable]) -> Limits:
+    """Limits of the commands that the scenario and these plants allow, on aircraft their own."""
+    limits = command_limits(scenario)
+    for plant in plants:
+        if plant.aircraft is not None:
+            limits = limits.within(plant.config.limits.limits())
+    return limits
+
+
+def weather_of(scenario: Scenario) -> Weather | None:
+    """Motion of the air around the full aircraft; None for still air."""
+    disturbance, wind = scenario.disturbance, scenario.wind
+    swing = disturbance if disturbance and disturbance.as_wind else None
+    if not (scenario.windy or swing):
+        return None
+    V_a, (chi, gamma) = scenario.flight.V_a_mps, reference_of(scenario).initial
+    return Weather(
+        wind=wind.profile() if wind else WindProfile(),
+        gust=scenario.gust.gust(V_a) if scenario.gust else None,
+        turbulence=scenario.turbulence.turbulence() if scenario.turbulence else None,
+        oscillation=swing.sinusoid().as_wind(V_a, chi, gamma) if swing else None,
+    )
+
+
+def reference_of(scenario: Scenario) -> Reference | FeasibleReference | RouteReference:
+    """The reference that the outer loop of a scenario follows.
+
+    An InputError says that no feasible reference was found, that a route cannot be flown, or that
+    limits are missing.
+    """
+    f = scenario.flight
+    if scenario.feasible:
+        return feasible_reference(manoeuvre_of(scenario))
+    if scenario.route is not None:
+        route = scenario.route.reference(_ability(scenario))
+        heights = f.h_m + route.path.up[route.path.s <= route.path.length]
+        if (lowest := heights.min()) <= f.ground_m:
+            raise InputError(
+                f"`up_m` of [[route.waypoint]] must be above `ground_m` {f.ground_m:g} m "
+                f"everywhere on the route, got a height of {lowest:.0f} m."
+            )
+        return route
+    assert scenario.reference is not None  # one of both is there
+    return scenario.reference.reference(chi_deg=f.chi_deg, gamma_deg=f.gamma_deg)
+
+
+def _ability(scenario: Scenario) -> Ability:
+    """Limits of a route: the share of those of the scenario and of all its aircraft."""
+    assert scenario.route is not None
+    limits, f = limits_on(scenario, scenario.plant), scenario.flight
+    phi = float(min(limits.upper[0], -limits.lower[0]))
+    phi_rate = float(min(limits.rate_upper[0], -limits.rate_lower[0]))
+    for key, value in (("phi_deg", phi), ("phi_rate_dps", phi_rate)):
+        if not 0.0 < value < math.inf:
+            raise InputError(f"[limits] `{key}` must be given, and on both sides, for a route.")
+    return scenario.route.ability(
+        V_a=f.V_a_mps, g=f.g_mps2, phi=phi, phi_rate=phi_rate, duration=f.duration_s
+    )
+
+
+def manoeuvre_of(scenario: Scenario) -> Manoeuvre:
+    """The change that a reference of shape feasible makes, within the limits less the margin.
+
+    The limits are those of the scenario and of all its aircraft; the lag is that of the first
+    plant. Below the airspeed an aircraft is designed for its largest load factor falls with the
+    square of airspeed, as lift does.
+    """
+    reference, f, limits = scenario.reference, scenario.flight, command_limits(scenario)
+    assert reference is not None  # of shape feasible
+    for plant in scenario.aircraft:
+        limits = limits.within(_lift_and_limits(plant.config, f.V_a_mps))
+    # Bounds of roll and load factor, and of their rates, less the margin about level flight.
+    share = 1.0 - (MARGIN if reference.margin is None else reference.margin)
+    level = np.array([[0.0, 1.0], [0.0, 1.0], [0.0, 0.0], [0.0, 0.0]])
+    ends = np.array([limits.lower, limits.upper, limits.rate_lower, limits.rate_upper])
+    bounds = level + share * (ends - level)
+    if not np.isfinite(bounds).all():
+        raise InputError(
+            "`phi_deg`, `n_z`, `phi_rate_dps` and `n_z_rate_per_s` of [limits] must all be "
+            "given with a reference of shape feasible."
+        )
+    lower, upper, rate_lower, rate_upper = map(tuple, bounds.tolist())
+    chi_from, gamma_from = reference.chi_from_deg, reference.gamma_from_deg
+    chi = DEG * (f.chi_deg if chi_from is None else chi_from)
+    gamma = DEG * (f.gamma_deg if gamma_from is None else gamma_from)
+    end = reference.reference(chi_deg=f.chi_deg, gamma_deg=f.gamma_deg)
+    phi, n_z = f.phi_deg * DEG, f.n_z
+    return Manoeuvre(
+        V_a=f.V_a_mps,
+        g=f.g_mps2,
+        start=(chi, gamma),
+        end=(end.chi, end.gamma),
+        u_0=(phi, math.cos(gamma) / math.cos(phi) if n_z is None else n_z),
+        lower=lower,
+        upper=upper,
+        rate_lower=rate_lower,
+        rate_upper=rate_upper,
+        lags=lags_of(scenario.plant[0], f.V_a_mps, gamma),
+        dt=1.0 / scenario.controller.rate_hz,
+    )
+
+
+def lags_of(plant: PlantTable, V_a: float, gamma: float) -> tuple[InnerLag, InnerLag] | None:
+    """Lags of roll and load factor; None for a plant without.
+
+    Those of an aircraft are identified, at the condition nearest to an airspeed (m/s) and a path
+    angle (rad).
+    """
+    if plant.aircraft is None:
+        return plant.lags()
+    return plant.identified_model.nearest(V_a, gamma).lags
+
+
+def _lift_and_limits(config: AircraftConfig, V_a: float) -> Limits:
+    """Limits of an aircraft's commands at an airspeed (m/s), with no more lift than there is."""
+    limits = config.limits.limits()
+    share = 1.0 if config.design is None else min(1.0, (V_a / config.design.V_a) ** 2)
+    at_lift = np.array([1.0, share])
+    return replace(limits, lower=at_lift * limits.lower, upper=at_lift * limits.upper)

@@ -1,0 +1,216 @@
+"""A scenario from its file, with what it names; what cannot be flown is refused in one line."""
+
+import json
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from flighttune.aircraft.aircraft import AircraftConfig, start_faults
+from flighttune.control.gains import PIGains
+from flighttune.errors import InfeasibleError, InputError, ScenarioError
+from flighttune.files.mistakes import joined, validated
+from flighttune.files.shipped import scenario_files
+from flighttune.files.table import toml_tables
+from flighttune.flight.conditions import reference_of, start_condition
+from flighttune.flight.models import gain_set, tuning_scaling
+from flighttune.identification.file import load_identified
+from flighttune.plants.jsbsim.plant import check_off_nominal
+from flighttune.references.mission import read_route
+from flighttune.scenario.load import existing_file, title_with, with_files, with_gains
+from flighttune.scenario.places import leaves, with_changes
+from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import TUNED_IDENTIFIED, PlantTable
+from flighttune.units import DEG
+
+# Key of [flight] for each attribute of a condition that an aircraft bounds.
+FLIGHT_KEYS = {"V_a": "V_a_mps", "h": "h_m", "phi": "phi_deg", "n_z": "n_z"}
+
+# Longest flight along the route of a file, s.
+LONGEST_S = 10_000.0
+
+
+def load_scenario(
+    path: str | Path, *, changes: Mapping[str, Any] | None = None, gains: Sequence[str] = ()
+) -> Scenario:
+    """Read and check a scenario file.
+
+    Parameters
+    ----------
+    path : path-like
+        A TOML file, or the name of a scenario that ships with the package.
+    changes : mapping of str to value, optional
+        Values to set by dotted key, ``{"flight.V_a_mps": 30.0}``; the title then names them.
+    gains : sequence of str, optional
+        Gain sets in place of the scenario's: names as runs have them, or files.
+
+    Returns
+    -------
+    Scenario
+        Frozen and valid.
+
+    Raises
+    ------
+    ScenarioError
+        If the file cannot be read, a key is unknown, missing or impossible, or an aircraft does not
+        exist or cannot start where it shall, or a model named in [tuning] cannot be read.
+
+    Examples
+    --------
+    >>> ft.load_scenario("level_turn").flight.V_a_mps
+    25.0
+    """
+    path = existing_file(path, "scenario", scenario_files(), ["scenarios"])
+    tables, source = with_files(toml_tables(path), path), str(path)
+    scenario = validated(Scenario, tables, source)
+    if changes:
+        source = f"{path} with its changes"
+        tables = with_changes(scenario.as_dict(), changes, f"{source}:")
+        scenario = validated(Scenario, tables | {"title": title_with(tables, changes)}, source)
+    check_scenario(scenario, source)
+    check_identified(scenario, source)
+    return with_gains(scenario, gains, source) if gains else scenario
+
+
+def as_scenario(
+    source: Scenario | str | Path,
+    changes: Mapping[str, Any] | None = None,
+    gains: Sequence[str] = (),
+) -> Scenario:
+    """A scenario as it is, from a file, or that of a name, with other gain sets if there are any.
+
+    Raises InputError if there are `changes` to a scenario that is not read from a file.
+    """
+    if not isinstance(source, Scenario):
+        return load_scenario(source, changes=changes, gains=gains)
+    if changes:
+        raise InputError(
+            f"`changes` must be absent for a scenario that is not read from a file, got "
+            f"{', '.join(changes)}."
+        )
+    return with_gains(source, gains, source.title) if gains else source
+
+
+def as_arguments(source: str | Path, changes: Mapping[str, Any] | None) -> str:
+    """A scenario and values set in it as the arguments of a command."""
+    words = (("--set", f"{key}={json.dumps(value)}") for key, value in leaves(changes or {}))
+    return shlex.join([str(source), *chain(*words)])
+
+
+def route_scenario(
+    file: Path, aircraft: str, *, skip: bool = False, changes: Mapping[str, Any] | None = None
+) -> Scenario:
+    """A scenario in which an aircraft flies the route of a file, within limits of its own."""
+    first, mission = load_identified(aircraft).conditions[0], read_route(file, skip=skip)
+    condition = {"V_a_mps": first.V_a, "h_m": first.h, "duration_s": LONGEST_S}
+    tables = {
+        "title": file.stem,
+        "gains": [TUNED_IDENTIFIED],
+        "flight": condition | mission.flight,
+        "route": {"waypoint": mission.waypoint, "notes": mission.notes},
+        "controller": {"feed_forward": True},
+        "tuning": {"identified": aircraft},
+        "plant": [{"kind": "jsbsim", "aircraft": aircraft}],
+    }
+    tables = with_changes(tables, changes or {}, f"{file}:")
+    scenario = validated(Scenario, tables, str(file))
+    check_scenario(scenario, str(file))
+    return scenario
+
+
+def scenario_and_gains(
+    source: Scenario | str | Path,
+    wanted: PIGains | str | None,
+    changes: Mapping[str, Any] | None = None,
+) -> tuple[Scenario, str, PIGains]:
+    """A scenario, the name of one gain set, and its gains.
+
+    `source` is a scenario, a file or the name of a shipped one, and `changes` are values to set in
+    it; `wanted` is a gain set by name or file, by default the first, or gains. Raises
+    InfeasibleError if tuning finds no such gains.
+    """
+    scenario = as_scenario(source, changes)
+    place = scenario.title if isinstance(source, Scenario) else str(source)
+    if isinstance(wanted, PIGains):
+        return scenario, "gains", wanted
+    if wanted not in (None, *scenario.gain_names):
+        scenario, wanted = with_gains(scenario, [wanted], place), None
+    name = wanted or scenario.gain_names[0]
+    gains = gain_set(scenario, name)
+    if gains is None:
+        raise InfeasibleError(f"{place}: `{name}` must be feasible: tuning found no such gains.")
+    return scenario, name, gains
+
+
+def check_scenario(scenario: Scenario, source: str) -> None:
+    """Read the aircraft of a scenario, and refuse it where one cannot start or none can be tuned.
+
+    Steady flight at the start is not required here: without it a run ends with a status. The
+    ScenarioError names `source`, the file of the scenario, and every key, or the first reason why a
+    route cannot be planned.
+    """
+    try:
+        if scenario.route is not None:
+            reference_of(scenario)
+        start_condition(scenario)
+        tuning_scaling(scenario)
+        faults = {fault: None for plant in scenario.plant for fault in _faults(scenario, plant)}
+        if scenario.feasible and not faults:
+            reference_of(scenario)
+    except InputError as error:
+        raise ScenarioError(f"{source}: {error}") from error
+    if faults:
+        raise ScenarioError(f"{source}: {joined(faults)}")
+
+
+def check_identified(scenario: Scenario, source: str) -> None:
+    """Read the model that [tuning] names, or refuse it, naming `source` and key."""
+    try:
+        if scenario.tuning.identified is not None:
+            _ = scenario.tuning.identified_model
+    except InputError as error:
+        raise ScenarioError(
+            f"{source}: [tuning] `identified` must be an aircraft or a model file: {error}"
+        ) from error
+
+
+def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:
+    if plant.aircraft is None:
+        return
+    try:
+        config = plant.config
+    except InputError as error:
+        reason = str(error)
+        if not reason.startswith("`aircraft` must"):
+            reason = f"`aircraft` must be one that can be read: {reason}"
+        yield f"[plant] {reason}"
+        return
+    if plant.throttle_max is not None:
+        try:
+            config.with_throttle_max(plant.throttle_max)
+        except InputError as error:
+            yield f"[plant] {error}"
+    if plant.airframe is not None:
+        try:
+            check_off_nominal(config.with_off_nominal(plant.airframe))
+        except InputError as error:
+            yield f"[plant.airframe] {error}"
+    ground = scenario.flight.ground_m
+    for name, fault in start_faults(config, start_condition(scenario), ground):
+        yield f"[flight] `{FLIGHT_KEYS[name]}` {fault}"
+    yield from _limit_faults(scenario, config)
+
+
+def _limit_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
+    """Ranges of commands that do not overlap with those of the aircraft."""
+    limits = scenario.limits
+    for key, asked, (low, high), unit, symbol in (
+        ("phi_deg", limits.phi_deg, config.limits.phi, DEG, " deg"),
+        ("n_z", limits.n_z, config.limits.n_z, 1.0, ""),
+    ):
+        if asked is not None and not (asked[0] < high / unit and low / unit < asked[1]):
+            yield (
+                f"[limits] `{key}` must overlap {low / unit:g} to {high / unit:g}{symbol} "
+                f"({config.file}), got {asked}"
+            )
