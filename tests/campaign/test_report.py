@@ -11,11 +11,10 @@ from commands import answer
 from made_up_campaign import made_up_plan, made_up_rows
 from scipy import stats
 
+import flighttune as ft
 from flighttune.campaign.dataset import dataset_hash
-from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.statistics.findings import findings
 from flighttune.campaign.statistics.flights import flights_of, load_flights
-from flighttune.errors import RecordingError
 from flighttune.reports.campaign.page import notes, write_campaign_report
 from flighttune.reports.campaign.tables import success_sentences
 from flighttune.scenario.tables import ExpectTable
@@ -31,8 +30,8 @@ def flown_folder(tmp_path_factory, address):
     """A real campaign of two gain sets on law and aircraft, in wind."""
     folder = tmp_path_factory.mktemp("flown")
     ours, out = plan(folder / "files", runs=RUNS), folder / "out"
-    run_campaign(ours.with_runs(RUNS // 2), out, scheduler=address)
-    run_campaign(ours, out, scheduler=address, resume=True)  # at least two files of rows
+    ft.run_campaign(ours.with_runs(RUNS // 2), out, scheduler=address)
+    ft.run_campaign(ours, out, scheduler=address, resume=True)  # at least two files of rows
     return out
 
 
@@ -117,7 +116,7 @@ def test_a_campaign_that_is_not_over_says_how_much_is_there(tmp_path, flown_fold
     assert f"{len(found.rows)} of {RUNS} flights" in said
     for path in first[: len(first) // 2]:
         path.unlink()
-    with pytest.raises(RecordingError, match=r"no run .*flown"):
+    with pytest.raises(ft.RecordingError, match=r"no run .*flown"):
         load_flights(out)
 
 

@@ -9,8 +9,8 @@ import pytest
 from campaigns import write_campaign
 from commands import answer, flighttune
 
+import flighttune as ft
 from flighttune.campaign.band import load_band
-from flighttune.records.parquet import load_recording
 
 pytestmark = pytest.mark.slow
 
@@ -45,7 +45,7 @@ def test_a_draw_of_a_band_is_flown_with_the_band_around_it(file, tmp_path):
     for draw, inside in ((band.nearest, True), (outside, False)):
         out = tmp_path / str(draw)
         found = answer("refly", file, "--run", draw, "--out", out)
-        (run,) = load_recording(out).runs
+        (run,) = ft.load_recording(out).runs
         (claim,) = run.claims
         assert [claim["inside"] for claim in found["claims"]] == [inside]
         assert (claim.kind, claim.sentence) == ("counted", band.sentence)
@@ -90,7 +90,7 @@ def test_the_draw_nearest_to_the_edge_of_a_band_is_searched(file, tmp_path):
     again = answer("fly", toml, "--claim", file, "--out", tmp_path)
     assert found["metric"] == "band"
     assert [claim["inside"] for claim in again["claims"]] == [found["value"] <= 1.0]
-    assert found["value"] == pytest.approx(_share(load_recording(tmp_path).runs[0]), rel=1e-4)
+    assert found["value"] == pytest.approx(_share(ft.load_recording(tmp_path).runs[0]), rel=1e-4)
     _, told = flighttune("worst", file, "--metric", "chi.ITAE", status=2)
     assert "must be absent for a band file" in told
 

@@ -13,7 +13,6 @@ import flighttune as ft
 from flighttune.campaign.dataset import Dataset, open_dataset
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.flight.fly import library_versions
-from flighttune.metrics import channel_metrics
 
 CHANGED, REFUSED = 3, 8
 
@@ -56,7 +55,7 @@ def test_a_run_is_flown_into_a_recording_and_is_what_its_row_says(folder, tmp_pa
     recorded = ft.load_recording(found["recording"])
     assert [run.label for run in recorded.runs] == ["jsbsim:aerosonde / soft", "kinematic / soft"]
     flown = recorded["kinematic / soft"]
-    assert row["chi.ITAE"] == pytest.approx(channel_metrics(flown).at["chi", "ITAE"], rel=1e-12)
+    assert row["chi.ITAE"] == pytest.approx(ft.channel_metrics(flown).at["chi", "ITAE"], rel=1e-12)
     assert flown.provenance.scenario["flight"]["chi_deg"] == row["flight.chi_deg"]
     assert ft.refly(recorded).equal
 

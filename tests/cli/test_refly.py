@@ -8,9 +8,8 @@ import pytest
 from commands import answer, flighttune
 from made_up import shortened
 
-from flighttune.flight.fly import fly
-from flighttune.recording.record import record
-from flighttune.records.parquet import load_recording, write_run
+import flighttune as ft
+from flighttune.records.parquet import write_run
 from flighttune.records.refly import Reflight
 
 pytestmark = pytest.mark.slow
@@ -19,13 +18,13 @@ pytestmark = pytest.mark.slow
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     found = tmp_path_factory.mktemp("refly")
-    record(fly(shortened("paper", 3.0)), found, name="short")
+    ft.record(ft.fly(shortened("paper", 3.0)), found, name="short")
     return found
 
 
 def rewritten(folder, path, *, change):
     """A folder with the same runs, the last one changed."""
-    *runs, last = load_recording(folder).runs
+    *runs, last = ft.load_recording(folder).runs
     for number, run in enumerate([*runs, change(last)]):
         write_run(run, path / f"{number}.parquet")
     return path
@@ -52,7 +51,7 @@ def test_a_recording_flies_again_to_the_same_bits(folder):
 
 
 def test_the_last_bit_of_one_sample_is_found(folder, tmp_path):
-    run = load_recording(folder).runs[-1]
+    run = ft.load_recording(folder).runs[-1]
     t, was = run.signals.index[77], run.signals["phi"].iloc[77]
     path = rewritten(
         folder,
@@ -93,14 +92,14 @@ def test_another_version_is_said_and_no_failure(folder, tmp_path):
 
 
 def test_a_run_of_fewer_samples_differs_in_their_number(folder):
-    run = load_recording(folder).runs[0]
+    run = ft.load_recording(folder).runs[0]
     shorter = replace(run, signals=run.signals.iloc[:40])
 
     assert Reflight(shorter, run).difference.what == "samples"
 
 
 def test_a_run_that_is_not_of_its_scenario_cannot_fly_again(folder, tmp_path):
-    run = load_recording(folder).runs[0]
+    run = ft.load_recording(folder).runs[0]
     strange = replace(run, provenance=replace(run.provenance, plant="ladder"))
     path = tmp_path / "strange.parquet"
     write_run(strange, path)
