@@ -16,7 +16,6 @@ LAGGED = with_input_lag(MODEL, (4.0, 8.0))
 K6 = ft.PIGains(K_P=ft.PAPER_GAINS.K_P - np.eye(2), K_I=ft.PAPER_GAINS.K_I - np.eye(2))
 BELOW, ABOVE = 0.99, 1.01
 PADE_SECTIONS = 6
-HALF_MILLISECOND = 5e-4
 ROUNDING = 1e-9
 
 REFERENCE = json.loads(
@@ -31,11 +30,6 @@ def abscissa(model, gains=ft.PAPER_GAINS):
 
 def with_input_gains(model, factors):
     return replace(model, B=model.B * factors)
-
-
-def test_the_papers_gains_lose_stability_at_a_lag_of_0_360_s_and_k6_at_0_169_s():
-    assert lag_margin(MODEL, ft.PAPER_GAINS) == pytest.approx(0.360, abs=HALF_MILLISECOND)
-    assert lag_margin(MODEL, K6) == pytest.approx(0.169, abs=HALF_MILLISECOND)
 
 
 @pytest.mark.parametrize("gains", [ft.PAPER_GAINS, K6])

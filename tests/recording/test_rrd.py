@@ -156,12 +156,6 @@ def test_a_lane_says_how_a_flight_ended_and_all_end_together(contents):
     ]
 
 
-@pytest.mark.parametrize("folder", ["/plots/chi", "/plots/V_a"])
-def test_every_time_axis_ends_beyond_the_longest_flight(contents, folder):
-    assert contents.nanoseconds(f"{folder}/_axis").tolist() == [0, 22_000_000_000]
-    assert np.isnan(contents.values(f"{folder}/_axis")).all()
-
-
 def test_the_readout_has_the_numbers_of_the_instant(contents, four_runs):
     when = contents.nanoseconds("/now")
     k = int(np.searchsorted(when, 5_000_000_000))

@@ -9,7 +9,6 @@ import flighttune as ft
 from flighttune.present.palette import LIMIT, NEUTRAL, rgb
 from flighttune.recording.blueprint import leader
 from flighttune.recording.entities import runs_to_draw
-from flighttune.recording.record import write_recording
 from flighttune.simulate.run import run_styles
 
 pytestmark = pytest.mark.slow
@@ -51,12 +50,6 @@ BORDER = 6
 
 LABEL_ROOM, TIME_LABELS = 60, 20
 """Pixels left of a plot where the labels of its vertical axis are, and below it those of time."""
-
-COLOURED = 30
-"""Difference of the channels of a pixel that is not grey: the aircraft, alone in its view."""
-
-SPAN_OF_CHASE = 0.33, 0.47
-"""Width of the aircraft over that of the view from behind, wings level at the start."""
 
 
 @pytest.fixture(scope="module")
@@ -219,24 +212,6 @@ def test_on_a_laptop_six_runs_fit(six, tabs, tmp_path):
             (tmp_path / f"{tab}.png").write_bytes(opened.picture())
             assert_fits(opened, flown.runs, tab)
         assert set(ERRORS) | {SCENE, LANES, "Now", "How to read"} <= set(opened.views("Overview"))
-
-
-@pytest.mark.usefixtures("viewer")
-@pytest.mark.soak
-@pytest.mark.parametrize("size", [LAPTOP, (1400, 900)], ids=str)
-def test_the_aircraft_that_is_followed_fills_two_fifths_of_its_view(six, size, tmp_path):
-    flown, _ = six
-    write_recording(flown.runs[-1:], tmp_path / "one.rrd", page="# One\n", title="One")
-    with HeadlessViewer(tmp_path / "one.rrd", size=size) as opened:
-        opened.show("Overview", at=0.0)
-        views = opened.views("Overview")
-        name = next(name for name in views if name.startswith("Behind"))
-        picture = pixels(opened.picture(views[name]))
-    coloured = picture.max(axis=2) - picture.min(axis=2) > COLOURED
-    columns = np.flatnonzero(coloured.sum(axis=0) >= 2)
-
-    low, high = SPAN_OF_CHASE
-    assert low <= np.ptp(columns) / picture.shape[1] <= high
 
 
 def test_in_a_flight_that_fails_the_view_follows_the_one_that_fails(four_runs, cut_short):

@@ -99,15 +99,6 @@ def test_a_run_without_a_partner_is_named(fly_line, tmp_path):
     assert found.unpaired == (f"{tmp_path / 'a'}: kinematic / K1",)
 
 
-def test_where_no_run_has_a_partner_the_way_out_is_said(fly_line):
-    sides = [
-        Source(name=gains, runs=tuple(fly_line(plant=p, gains=gains) for p in plants), chosen=True)
-        for gains, plants in (("paper", ("kinematic", "jsbsim:aerosonde")), ("K1", ("point_mass",)))
-    ]
-
-    assert "choose with SOURCE@GAINS" in ft.compare(*sides).reason
-
-
 def other(scenario, table, key, value):
     changed = copy.deepcopy(scenario)
     changed[table][key] = value

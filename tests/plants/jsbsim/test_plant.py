@@ -122,17 +122,6 @@ def signals_of_a_turn(aircraft="aerosonde"):
     return rows
 
 
-def test_a_plant_can_be_started_again():
-    plant = ft.JSBSimPlant()
-    starts = []
-    for _ in range(2):
-        plant.start(ft.FlightCondition(V_a=25.0))
-        starts.append(plant.observe())
-        plant.advance(0.5, 1.5, 1.0)
-
-    assert starts[0] == starts[1]
-
-
 def test_flights_in_threads_equal_those_in_the_main_thread():
     flown = []
     threads = [threading.Thread(target=lambda: flown.append(signals_of_a_turn())) for _ in range(4)]
