@@ -10,7 +10,6 @@ from flighttune.identification.fit import SAMPLES, fitted_lag, frequency_respons
 
 DT = 0.02
 T = np.arange(600) * DT
-ROUNDING = 1e-12
 RECOVERED = 1e-4
 """Relative difference of a fitted parameter from the one that made the data."""
 
@@ -19,25 +18,6 @@ def commands(seed=2):
     """Steps of random height every 0.7 s."""
     heights = np.random.default_rng(seed).normal(size=20)
     return heights[(T / 0.7).astype(int)]
-
-
-def test_a_step_through_a_first_order_lag_is_an_exponential_after_its_delay():
-    lag = ft.InnerLag(order=1, natural_frequency=5.0, delay=0.13)
-
-    flown = lag_response(lag, DT, np.full(len(T), 2.0), 0.5)
-
-    expected = 2.0 - 1.5 * np.exp(-5.0 * np.maximum(T - 0.13, 0.0))
-    assert flown == pytest.approx(expected, abs=ROUNDING)
-
-
-def test_a_step_through_a_second_order_lag_rings_as_the_textbook_says():
-    lag = ft.InnerLag(order=2, natural_frequency=8.0, damping=0.3, delay=0.055)
-
-    flown = lag_response(lag, DT, np.ones(len(T)), 0.0)
-
-    root, since = math.sqrt(1.0 - 0.09), np.maximum(T - 0.055, 0.0)
-    swing = np.cos(8.0 * root * since) + 0.3 / root * np.sin(8.0 * root * since)
-    assert flown == pytest.approx(1.0 - np.exp(-2.4 * since) * swing, abs=ROUNDING)
 
 
 @pytest.mark.parametrize(
