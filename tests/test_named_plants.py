@@ -12,8 +12,6 @@ from flighttune.recording.entities import runs_to_draw
 from flighttune.records.compare import load_source
 
 NOMINAL, HEAVY = "jsbsim:aerosonde", "jsbsim:aerosonde:heavy_aft"
-SPAN = 2.8956
-"""Wing span of the Aerosonde in its file, m."""
 
 PAGE = (Path(__file__).parents[1] / "docs" / "off_nominal.md").read_text(encoding="utf-8")
 HALF_OF_THE_LAST_DIGIT = 0.0051

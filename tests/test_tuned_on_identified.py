@@ -63,11 +63,6 @@ def itae(flown, gains, plant=AIRCRAFT):
     return {channel: flown.metrics.at[(label, channel), "ITAE"] for channel in ("chi", "gamma")}
 
 
-def run_of(flown, gains):
-    (run,) = (r for r in flown.runs if r.label == f"{AIRCRAFT} / {gains}")
-    return run
-
-
 @pytest.fixture(scope="module")
 def paper():
     return ft.fly(ft.load_scenario("paper_identified"))

@@ -12,7 +12,6 @@ from flighttune.campaign.planning.schema import Choice, Grid, LogNormal, Normal,
 POINTS = 4000
 CHANCE = 1e-3
 """Smallest p-value that a fixed seed may have."""
-ROUNDING = 1e-12
 
 KEY = "flight.h_m"
 

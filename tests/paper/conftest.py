@@ -1,7 +1,6 @@
 """One study and one reproduction for all tests of the paper: they take some seconds each."""
 
 import pytest
-from browser import headless_chromium
 
 from flighttune.paper.reproduce import reproduce
 from flighttune.paper.study import Study
@@ -18,9 +17,3 @@ def reproduction(study, tmp_path_factory):
     """Everything made, and the folder it is in."""
     folder = tmp_path_factory.mktemp("reproduced")
     return reproduce(out=folder, study=study), folder
-
-
-@pytest.fixture(scope="session")
-def chromium():
-    """Start chromium once with some flags and an empty profile; return what it printed."""
-    return headless_chromium()

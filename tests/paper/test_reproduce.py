@@ -10,7 +10,6 @@ from xml.etree import ElementTree
 import numpy as np
 import pandas as pd
 import pytest
-from browser import told_at_widths
 from commands import answer, flighttune
 
 from flighttune.paper.claims import CLAIMS
@@ -112,12 +111,6 @@ def test_the_command_refuses_an_unknown_item_in_one_line_that_names_the_known_on
 @pytest.fixture(scope="module")
 def html(reproduction):
     return reproduction[0].page.read_text(encoding="utf-8")
-
-
-@pytest.fixture(scope="module")
-def told(chromium, html, tmp_path_factory):
-    """What the page says of itself, by the width it is shown at."""
-    return told_at_widths(chromium, html, tmp_path_factory.mktemp("frames"))
 
 
 @pytest.mark.slow

@@ -10,7 +10,6 @@ from flighttune.theory.attractor import invariant_ellipsoid, paper_balls
 
 LAST_DIGIT = 5e-4
 SEARCH = 1e-6
-EIGENVALUE_ROUNDING = 1e-12
 
 
 def test_the_papers_ball_has_three_readings():

@@ -14,7 +14,6 @@ from flighttune.theory.optimal import least_radius, optimal_channel, slowest_cha
 
 MODEL = ft.kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
 ROUNDING = 1e-9
-FIFTH_DIGIT = 1e-5
 SEARCHED = 1e-6  # an optimum found by a search is as good as one root
 
 
