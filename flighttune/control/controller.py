@@ -195,11 +195,11 @@ class SelfLimiting(ABC):
 
     @abstractmethod
     def start(self, condition: FlightCondition, /) -> None:
-        """As of `Controller`."""
+        """Prepare for a flight from `condition`, as a `Controller` does."""
 
     @abstractmethod
     def step(self, measured: Measured, reference: ReferenceSample, t: float, /) -> Sequence[float]:
-        """As of `Controller`, the commands inside their limits."""
+        """Return the commands of a sample, as a `Controller` does, inside their limits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

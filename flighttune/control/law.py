@@ -182,11 +182,11 @@ class Law(ABC):
         return 1.0 if self.inputs == RATES else V_a / g
 
     def sampled(self, _setup: LawSetup, /) -> SampledController | None:
-        """How a tube follows it; None where no tube knows it."""
+        """The controller as a tube encloses it; None where no tube knows the law."""
         return None
 
     def outer_loop(self, _setup: LawSetup, /) -> OuterLoop | None:
-        """How JSBSim flies it by itself; None where it cannot be exported."""
+        """The controller for JSBSim alone; None where the law cannot be exported."""
         return None
 
     def discrete_pi(self, _setup: LawSetup, /) -> MimoPI | None:
@@ -194,7 +194,7 @@ class Law(ABC):
         return None
 
     def refusal(self, ability: str, purpose: str) -> InputError:
-        """Why its gains cannot be exported or enclosed: it has no method of its own for it."""
+        """An error for a law that lacks the method `ability`, with the laws that have it."""
         able = (
             k for k, law in law_kinds().items() if getattr(law, ability) != getattr(Law, ability)
         )

@@ -21,7 +21,7 @@ DEEP_KEY = re.compile(rf"(?m)(?:^|[\[{{,])[ \t]*+(?:{PART}[ \t]*+\.[ \t]*+){{32}
 
 
 def stamp(file: Path) -> tuple[int, ...]:
-    """When a file was last written to, which one it is, and its size; empty without a file."""
+    """Time of the last write to a file, its number and its size; empty without a file."""
     try:
         status = file.stat()
     except OSError:

@@ -92,6 +92,6 @@ def scratch_folder() -> "TemporaryDirectory[str]":
 
 
 def scratch_place() -> Path:
-    """Where temporary folders are: in memory, unless ``TMPDIR`` says otherwise."""
+    """Folder for temporary folders: in memory, unless ``TMPDIR`` says otherwise."""
     in_memory = "TMPDIR" not in os.environ and os.access(MEMORY, os.W_OK | os.X_OK)
     return MEMORY if in_memory else Path(gettempdir())

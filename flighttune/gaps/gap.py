@@ -75,7 +75,7 @@ class Step:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Gap(Answering):
-    """Where the difference between the paper's law and the aircraft comes from.
+    """The difference between the paper's law and the aircraft, split into its causes.
 
     Attributes
     ----------

@@ -151,7 +151,7 @@ class AircraftIdentification(Answering):
     Attributes
     ----------
     identified : IdentifiedAircraft
-        What a model file holds.
+        The content of a model file.
     conditions : tuple of Identification
         The flights, condition by condition.
     skipped : tuple of str

@@ -86,7 +86,7 @@ def turn_rates(
 
 
 def rolled_over(phi_cmd: float, n_z_cmd: float, t: float) -> Stop:
-    """Why a flight by the paper's law ends at time `t` (s) under a command it has no value for."""
+    """The end at time `t` (s) of a flight by the paper's law, which has no value for a command."""
     return Stop(
         "diverged",
         f"roll command {math.degrees(phi_cmd):.4g} deg and load-factor command {n_z_cmd:.4g} "

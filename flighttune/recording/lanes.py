@@ -45,7 +45,7 @@ def log_lanes(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None:
 
 
 def lane(run: Run) -> tuple[FloatArray, list[str]]:
-    """When the state of a run begins and changes (s), and to what.
+    """Times (s) at which the state of a run begins and changes, and the states.
 
     A state names the limits that hold commands, such as ``roll rate``; else it is `FREE`.
     """
@@ -62,6 +62,6 @@ def lane(run: Run) -> tuple[FloatArray, list[str]]:
 
 
 def runs_of_equal(t: FloatArray, values: np.ndarray) -> tuple[FloatArray, np.ndarray]:
-    """When a piecewise constant signal begins and changes, and to what."""
+    """Times at which a piecewise constant signal begins and changes, and its values there."""
     changes = np.flatnonzero(np.diff(values, prepend=np.nan))
     return t[changes], values[changes]

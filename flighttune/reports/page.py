@@ -240,7 +240,7 @@ def _moves(name: str, start: float, reference: FloatArray) -> str:
 
 
 def _gains_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
-    """Where the gains of the runs come from, in one line."""
+    """Sources of the gains of the runs, in one line."""
     identified = "largest R_K on the identified aircraft"
     on_the_law = f"largest R_K with I_K ≤ {scenario.tuning.I_star:g} on the guidance law"
     origins = {
@@ -275,7 +275,7 @@ def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[list[Gap], list[str]
 
 
 def _areas(runs: Sequence[Run]) -> tuple[str, list[str]]:
-    """What the areas on a page are: the note at its top on a route, and that below the errors."""
+    """Captions of tubes and bands: at the top on a route, and below the errors."""
     words = claim_notes(runs)
     return (" ".join(words), []) if "along" in runs[0].signals else ("", words)
 

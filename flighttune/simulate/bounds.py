@@ -102,7 +102,7 @@ class RunClaim:
     kind : {"proven", "counted"}
         A tube is proven, a band is counted.
     title : str
-        What is drawn around the run, in few words.
+        A few words, for legends.
     sentence : str
         The claim in words.
     bounds : Bounds

@@ -124,7 +124,7 @@ class Run:
     units : mapping of str to str
         Units of signals that `SIGNAL_UNITS` does not know: those of a user's own law.
     claims : tuple of RunClaim
-        What is claimed of flights like it: tubes and bands around its signals.
+        Tubes and bands around its signals, which bound flights like it.
 
     Examples
     --------

@@ -175,7 +175,7 @@ class Verification:
         The first inequality that fails and by how much; empty for a valid claim.
     checks : tuple of Check
     notes : tuple of str
-        What else was done to check it.
+        Sentences on further checks.
     """
 
     valid: bool

@@ -215,7 +215,7 @@ class Pieces:
         self.values, self.err = self.values[flags], self.err[flags]
 
     def reduce(self, pairs: Indices) -> None:
-        """Have fewer symbols.
+        """Merge or drop noise symbols.
 
         Parameters
         ----------

@@ -44,11 +44,11 @@ class Replay:
         split, i, side = self._next(3)
         if split == 0.0:
             return None
-        which, at, row = (self._next(len(pieces)) for _ in range(3))
+        flags, splits, row = (self._next(len(pieces)) for _ in range(3))
         is_row = (row >= 0) & (row < len(pieces.constrained))
         if side not in channels[int(i)].excesses or not is_row.all():
             raise IndexError("a split names a limit or a constraint that is not there")
-        return int(i), side, which > 0.0, at, row.astype(np.intp)
+        return int(i), side, flags > 0.0, splits, row.astype(np.intp)
 
     def pairs(self, pieces: Pieces) -> Indices:  # noqa: ARG002
         """The choice of the search."""
@@ -80,27 +80,32 @@ def replay(
     the sample and the inequality. The arguments are those of a `Tube`, and the pieces of its
     starts.
     """
+    # Every sample is enclosed by the code that the search used, with a `Replay` in place of its
+    # `Search`: choices (where to split, which symbols to merge, which multipliers) decide how wide
+    # the set becomes, never whether it encloses. A wrong choice can therefore only lose the claim,
+    # and none is trusted. Without looking for choices it is about five times as fast (0.7 s of
+    # 3.4 s for 5 s of `paper`).
     loop = problem.loop if ever is None else continued(problem.loop, ever.samples)
     enclosure = enclosure_of(loop, starts, Replay(chosen))
     margins, claimed = np.full(len(QUANTITIES), np.inf), bounds.pairs
     after_end = []
     for k in range(len(loop.reference)):
         t = k / problem.scenario.controller.rate_hz
-        at = f"sample {k} ({t:.2f} s)"
+        when = f"sample {k} ({t:.2f} s)"
         try:
             ranges, limited = enclosure.sample(k)
         except (Unbounded, IndexError, InputError) as error:
-            return _refused(f"{at}: {error}")
+            return _refused(f"{when}: {error}")
         if k >= len(claimed):
             after_end.append(ranges)
             continue
         broken = _broken(ranges, claimed[k])
         if broken:
-            return _refused(f"{at}: {broken}")
+            return _refused(f"{when}: {broken}")
         unproven = np.flatnonzero(limited & ~can_limit[k])
         if len(unproven):
             name = QUANTITIES[2:][unproven[0]]
-            return _refused(f"{at}: that no limit holds {name} is not proven")
+            return _refused(f"{when}: that no limit holds {name} is not proven")
         room = (ranges - claimed[k]) * [1.0, -1.0]
         margins = np.minimum(margins, room.min(axis=1))
         if ever is not None and k + 1 == ever.sample:

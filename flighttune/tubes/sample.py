@@ -469,7 +469,7 @@ class Enclosure:
         pieces.constrain(appended, row, part, upper)
 
     def _limited(self, i: int, channel: Channel, integral: Form) -> tuple[Form, Form, bool]:
-        """How the command moves, its integral after the sample, and whether a limit can hold it."""
+        """Move of a command, its integral after the sample, and whether a limit can hold it."""
         moves, integral_terms = [(1.0, channel.x)], [(1.0, integral), (1.0, channel.increment)]
         remainders, between = [], Interval.point(np.zeros(len(self.pieces)))
         for side, excess in channel.excesses.items():

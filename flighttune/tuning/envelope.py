@@ -153,7 +153,7 @@ class _Linearised:
         ]
 
     def step(self, point: Point, size: float, excess: float) -> FloatArray | None:
-        """New free gains, or None where the solver has none."""
+        """Free gains after one step; None if the solver fails."""
         space = self._space
         trust = size * np.maximum(np.abs(point.k), 1.0)
         self._upper.value = np.minimum(trust, space.k_max - point.k)
@@ -304,6 +304,11 @@ def tune_over_envelope(
     if math.isfinite(problem.E_star):
         value = f"{problem.E_star:g}"
         raise InputError(f"`E_star` must be inf for a rate over an envelope, got {value}.")
+    # A common Q of all vertices bounds the rate from below; for fixed gains it is a linear matrix
+    # inequality, in gains and Q together it is not. So each step solves the inequality linearised
+    # about the gains at hand and is kept only if the true common rate has grown: the result is a
+    # local optimum, and a search from other gains may end higher. The gains for the trim alone
+    # are the natural first start; that they are a good one is experience, not a theorem (XX).
     space = search_space(problem)
     nominal = tune_by_gradient(problem)
     firsts = []

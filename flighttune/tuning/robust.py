@@ -48,6 +48,10 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
     for problem in problems[1:]:
         if not np.array_equal(problem.gain_bounds, whole.gain_bounds):
             raise InputError("`problems` must share their bounds on gains.")
+    # R_K of a loop is that of its slowest channel. Tuned as a whole, the faster channels would be
+    # left anywhere above it; so each channel is tuned over all models by itself, and the gains are
+    # put together again. What couples the channels, limits and E_K of the whole loop, is checked
+    # at the end.
     split = [channels(problem) for problem in problems]
     results = [_tuned([part for _, _, part in same], starts) for same in zip(*split, strict=True)]
     solved = [result for result in results if result is not None]

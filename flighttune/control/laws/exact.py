@@ -72,12 +72,12 @@ class Exact(Law):
         return scaling
 
     def sampled(self, setup: LawSetup, /) -> SampledController:
-        """How a tube follows it: channels that command rates, and their inversion."""
+        """The controller as a tube encloses it: channels of rates, and their inversion."""
         law = self.make(setup).law
         return SampledController(law.channels, law.conditional, inverts=law)
 
     def outer_loop(self, setup: LawSetup, /) -> OuterLoop:
-        """How JSBSim flies it by itself."""
+        """The controller for JSBSim alone."""
         law = self.make(setup).law
         values = {
             "ft/outer/conditional": float(law.conditional),

@@ -39,12 +39,12 @@ class Paper(Law):
         return replace(model, B=model.B * (trim.V_a / trim.schedule_speed))
 
     def sampled(self, setup: LawSetup, /) -> SampledController:
-        """How a tube follows it."""
+        """The controller as a tube encloses it."""
         pi = self.make(setup)
         return SampledController(pi.law.channels, pi.law.conditional, pi.feed_forward)
 
     def outer_loop(self, setup: LawSetup, /) -> OuterLoop:
-        """How JSBSim flies it by itself."""
+        """The controller for JSBSim alone."""
         controller = self.make(setup)
         values = {
             "ft/outer/conditional": float(controller.law.conditional),
