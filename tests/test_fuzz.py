@@ -323,7 +323,9 @@ def loads(load, path):
         assert line.startswith(f"{path}: "), line
         assert "\n" not in line
         assert len(line) < LONGEST_LINE, len(line)
-        assert re.search(r"`[^`]*`|the file must|must be a conformance file", line), line
+        assert re.search(
+            r"`[^`]*`|the file must|must be a (conformance file|claim: the file of)", line
+        ), line
         return None
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 from zipfile import ZipFile
 
 from flighttune.errors import RecordingError
+from flighttune.files.mistakes import abridged
 from flighttune.files.table import json_tables
 from flighttune.files.whole import reason_of
 
@@ -89,8 +90,9 @@ def format_of(path: Path, formats: Collection[str], kind: str) -> str:
     stated = _format_in(data)
     if stated in formats:
         return stated
-    if data.lstrip().startswith(b"{"):
-        json_tables(path)  # says what is wrong with its JSON
+    if data.lstrip().startswith(b"{") and stated not in FILES:
+        got = abridged(json_tables(path).get("format"))
+        raise RecordingError(f"{path}: `format` must be that of a {kind}, got {got}.")
     begun = [what for begin, what in BEGINNINGS.items() if data.startswith(begin)]
     got = FILES.get(stated) or (begun or ["another file, or a damaged one"])[0]
     raise RecordingError(f"{path}: must be a {kind}, got {got}.")
