@@ -5,14 +5,12 @@ import pytest
 from campaigns import flown_here
 from commands import answer
 from dispersed import KINEMATIC, tables_of
+from made_up import scenario_file
 from scipy.signal import dimpulse, dlti
 
-from flighttune import load_scenario, scenario_from
+import flighttune as ft
 from flighttune.campaign import worst as worst_module
 from flighttune.campaign.stated_set import planned
-from flighttune.errors import ScenarioError
-from flighttune.files.table import toml_text
-from flighttune.flight.fly import fly
 from flighttune.flight.models import gain_set
 from flighttune.metrics import measures
 from flighttune.tubes.problem import tube_problem
@@ -72,7 +70,7 @@ def largest_by_square_waves(h):
 def searched(folder, start_deg):
     """What `worst` says of disturbances, and of starts within `start_deg`."""
     path = folder / "level.toml"
-    path.write_text(toml_text(scenario_from(level()).as_dict()), encoding="utf-8")
+    scenario_file(path, ft.scenario_from(level()))
     plan = planned(str(path), start_deg=start_deg, disturbance=SMALL)
     with flown_here(worst_module, "planned", plan):
         return answer(
@@ -92,7 +90,7 @@ def test_for_a_linear_loop_it_is_the_worst_there_is_and_flies_to_what_is_said(tm
     assert said["value"] == pytest.approx(optimum, rel=BY_INTERVALS)
     assert said["value"] <= optimum * (1.0 + LINEAR)
     assert said["value"] > SMALL * largest_by_square_waves(h)
-    (run,) = fly(load_scenario(tmp_path / "worst.toml")).runs
+    (run,) = ft.fly(ft.load_scenario(tmp_path / "worst.toml")).runs
     assert measures(run)["chi"]["peak_rad"] == pytest.approx(said["value"], rel=SAME)
     assert {*run.signals["d_chi"].abs()} == {SMALL}
 
@@ -109,7 +107,7 @@ def test_the_start_is_part_of_it(tmp_path):
 
 def test_a_tube_encloses_every_switching_time():
     switched = {"chi_amplitude": -0.01, "chi_switch_s": [1.0], "gamma_amplitude": 0.02}
-    scenario = scenario_from(level(disturbance=switched))
+    scenario = ft.scenario_from(level(disturbance=switched))
 
     problem = tube_problem(scenario, gain_set(scenario, "coupled"))
 
@@ -131,7 +129,7 @@ def test_a_tube_encloses_every_switching_time():
     ],
 )
 def test_switching_times_that_cannot_be_flown_are_refused_in_one_line(table, message):
-    with pytest.raises(ScenarioError, match=message) as refused:
-        scenario_from(level(disturbance={"chi_amplitude": 0.1, **table}))
+    with pytest.raises(ft.ScenarioError, match=message) as refused:
+        ft.scenario_from(level(disturbance={"chi_amplitude": 0.1, **table}))
 
     assert "\n" not in str(refused.value)

@@ -9,16 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from places import SHIPPED_AIRCRAFT
 
+import flighttune as ft
 from flighttune import load_scenario
 from flighttune.campaign.planning.draws import SEED
-from flighttune.campaign.planning.load import load_campaign
-from flighttune.campaign.planning.plan import plan_campaign, plan_from
-from flighttune.errors import InputError, ScenarioError
-from flighttune.files.shipped import aircraft_folder
+from flighttune.campaign.planning.plan import plan_from
 from flighttune.flight.models import gain_set
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
-from flighttune.scenario.schema import Scenario
 
 LEVEL_TURN = load_scenario("level_turn")
 SPEED = {"key": "flight.V_a_mps", "distribution": "uniform", "lower": 24.0, "upper": 26.0}
@@ -31,7 +29,7 @@ def campaign_of(*disperse, nominal=LEVEL_TURN, gains=("paper",), **keys):
 
 
 def plan_of(*disperse, **keys):
-    return plan_campaign(campaign_of(*disperse, **keys))
+    return ft.plan_campaign(campaign_of(*disperse, **keys))
 
 
 def through_json(plan):
@@ -75,7 +73,7 @@ def campaigns(draw):
 @settings(max_examples=15)
 @given(campaign=campaigns())
 def test_a_plan_comes_back_from_json_and_pickle_to_the_bit(campaign):
-    plan = plan_campaign(campaign)
+    plan = ft.plan_campaign(campaign)
 
     for again in (through_json(plan), pickle.loads(pickle.dumps(plan))):
         assert again.sha256 == plan.sha256
@@ -92,7 +90,7 @@ def test_a_plan_comes_back_from_json_and_pickle_to_the_bit(campaign):
 @settings(max_examples=40)
 @given(campaign=campaigns(), more=st.integers(1, 40), first=st.integers(0, 40))
 def test_draws_do_not_depend_on_where_one_begins_or_ends(campaign, more, first):
-    plan = plan_campaign(campaign)
+    plan = ft.plan_campaign(campaign)
     longer = plan.with_runs(plan.runs + more)
     first = min(first, plan.draws)
     whole = plan.parameters()
@@ -108,7 +106,7 @@ def test_a_campaign_may_have_the_name_of_a_shipped_scenario(tmp_path):
     drawn = ", ".join(f"{key} = {json.dumps(value)}" for key, value in SPEED.items())
     file.write_text(f'title = "t"\nscenario = "paper"\nruns = 2\ndisperse = [{{ {drawn} }}]')
 
-    assert load_campaign(file).nominal.flight == load_scenario("paper").flight
+    assert ft.load_campaign(file).nominal.flight == load_scenario("paper").flight
 
 
 def test_every_draw_is_flown_by_every_group_plant_by_plant():
@@ -133,7 +131,7 @@ def test_in_dispersed_wind_the_aircraft_comes_first(tmp_path):
         '[[disperse]]\nkey = "wind.speed_mps"\ndistribution = "uniform"\nlower = 0.0\nupper = 8.0\n'
         '[[disperse]]\nkey = "wind.from_deg"\ndistribution = "choice"\nvalues = [0.0, 90.0]\n'
     )
-    plan = plan_campaign(load_campaign(file))
+    plan = ft.plan_campaign(ft.load_campaign(file))
 
     assert [group.plant for group in plan.groups] == ["jsbsim:aerosonde", "kinematic"]
     assert not plan.scenario.windy
@@ -169,7 +167,7 @@ def test_values_of_a_draw_are_those_of_its_row():
 
     for draw in (0, plan.draws - 1):
         assert plan.values_of(draw) == frame.loc[draw].to_dict()
-    with pytest.raises(InputError, match=f"`draw` .*{plan.draws - 1}.* {plan.draws}"):
+    with pytest.raises(ft.InputError, match=f"`draw` .*{plan.draws - 1}.* {plan.draws}"):
         plan.values_of(plan.draws)
 
 
@@ -194,7 +192,7 @@ def test_a_grid_is_flown_cell_by_cell_with_the_same_draws_in_each():
 
 def test_a_grid_without_runs_is_flown_once():
     grid = {"key": "flight.V_a_mps", "distribution": "grid", "values": [24.0, 25.0, 26.0]}
-    plan = plan_campaign(campaign_of(grid, design="grid", runs=None, gains=["paper", "K4"]))
+    plan = ft.plan_campaign(campaign_of(grid, design="grid", runs=None, gains=["paper", "K4"]))
 
     assert plan.runs == 3 * 2 * 2
     assert plan.draws == 3
@@ -233,9 +231,9 @@ def test_differences_name_what_was_and_what_is():
 
 
 def test_an_edited_aircraft_is_seen(tmp_path):
-    shutil.copytree(aircraft_folder("aerosonde"), tmp_path / "mine")
+    shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", tmp_path / "mine")
     mine = [{"kind": "jsbsim", "aircraft": str(tmp_path / "mine")}]
-    nominal = Scenario.model_validate({**LEVEL_TURN.as_dict(), "plant": mine})
+    nominal = ft.Scenario.model_validate({**LEVEL_TURN.as_dict(), "plant": mine})
     was = plan_of(SPEED, nominal=nominal)
     assert was.aircraft[str(tmp_path / "mine")] == plan_of(SPEED).aircraft["aerosonde"]
 
@@ -247,13 +245,13 @@ def test_an_edited_aircraft_is_seen(tmp_path):
 
 
 def test_a_plan_of_another_version_is_refused():
-    with pytest.raises(ScenarioError, match=r"x.json: `version` .*1.* 99"):
+    with pytest.raises(ft.ScenarioError, match=r"x.json: `version` .*1.* 99"):
         plan_from({**plan_of(SPEED).as_dict(), "version": 99}, "x.json")
 
 
 @pytest.mark.parametrize("runs", [0, -3])
 def test_a_plan_of_no_flights_is_refused(runs):
-    with pytest.raises(InputError, match=f"`runs` .* {runs}"):
-        plan_campaign(campaign_of(SPEED), runs=runs)
-    with pytest.raises(InputError, match=f"`runs` .* {runs}"):
+    with pytest.raises(ft.InputError, match=f"`runs` .* {runs}"):
+        ft.plan_campaign(campaign_of(SPEED), runs=runs)
+    with pytest.raises(ft.InputError, match=f"`runs` .* {runs}"):
         plan_of(SPEED).with_runs(runs)

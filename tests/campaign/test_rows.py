@@ -24,13 +24,12 @@ from dispersed import (
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import flighttune as ft
 from flighttune.campaign.flying.alone import fly_again, scenario_of_run
 from flighttune.campaign.flying.columns import row_schema, table_of, unit_of_key
 from flighttune.campaign.flying.rows import fly_runs, lost_row
 from flighttune.control.margins import channel_margins
-from flighttune.errors import InputError
 from flighttune.flight import models
-from flighttune.flight.fly import fly
 from flighttune.records.refly import reflights
 
 BOUNDS = {"at_most": {"chi": {"peak_deg": 21.0}, "flight": {"alpha_max_rad": 0.3}}}
@@ -79,7 +78,7 @@ def test_rows_are_the_same_however_runs_are_divided_into_chunks(whole, data):
 def test_a_row_is_what_fly_says_of_the_scenario_of_its_draw(whole):
     plan, rows = whole
     for draw in range(2):
-        flown = fly(plan.scenario_of(draw))
+        flown = ft.fly(plan.scenario_of(draw))
         for row in rows.filter(pa.compute.equal(rows["draw"], draw)).to_pylist():
             run = next(
                 r for r in flown.runs
@@ -185,9 +184,9 @@ def test_gains_that_tuning_did_not_find_are_rows_too():
 
     assert [row["status"] for row in rows] == ["no_gains", "completed"] * 2
     assert rows[0]["R_K"] is None
-    with pytest.raises(InputError, match=r"`gains` .* none for tuned"):
+    with pytest.raises(ft.InputError, match=r"`gains` .* none for tuned"):
         scenario_of_run(plan, 0)
-    with pytest.raises(InputError, match=r"`run` .*3.* 4"):
+    with pytest.raises(ft.InputError, match=r"`run` .*3.* 4"):
         scenario_of_run(plan, 4)
 
 

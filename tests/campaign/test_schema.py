@@ -5,15 +5,14 @@ from pathlib import Path
 
 import pytest
 
+import flighttune as ft
 from flighttune import load_scenario
-from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.schema import (
     DISTRIBUTIONS,
     CampaignTable,
     CorrelationTable,
     KeepTable,
 )
-from flighttune.errors import ScenarioError
 
 ROOT = Path(__file__).parents[2]
 HEAD = 'title = "t"\nscenario = "level_turn"\nruns = 10\n'
@@ -66,7 +65,7 @@ def load(tmp_path):
     def load(text):
         file = tmp_path / "campaign.toml"
         file.write_text(text)
-        return load_campaign(file)
+        return ft.load_campaign(file)
 
     return load
 
@@ -118,7 +117,7 @@ def test_the_example_of_the_page_is_a_campaign(load):
     ],
 )
 def test_a_wrong_file_is_refused_in_one_line(load, tmp_path, text, says):
-    with pytest.raises(ScenarioError, match=rf"^{tmp_path}/campaign\.toml: .*{says}") as caught:
+    with pytest.raises(ft.ScenarioError, match=rf"^{tmp_path}/campaign\.toml: .*{says}") as caught:
         load(text)
 
     assert "\n" not in str(caught.value)
@@ -156,7 +155,7 @@ def test_a_wrong_file_is_refused_in_one_line(load, tmp_path, text, says):
 def test_a_wrong_dispersion_is_refused_in_one_line_that_names_its_key(
     load, tmp_path, tables, key, says
 ):
-    with pytest.raises(ScenarioError, match=says) as caught:
+    with pytest.raises(ft.ScenarioError, match=says) as caught:
         load(HEAD + tables)
 
     assert str(caught.value).startswith(f"{tmp_path}/campaign.toml: [[disperse]] `{key}`")
@@ -200,7 +199,7 @@ def test_a_scenario_beside_the_campaign_is_found(load, tmp_path):
 
 
 def test_no_such_campaign_is_answered_with_those_there_are(tmp_path):
-    with pytest.raises(ScenarioError, match=r"nowhere: .*list`"):
-        load_campaign("nowhere")
-    with pytest.raises(ScenarioError, match="must be a file or"):
-        load_campaign(tmp_path)
+    with pytest.raises(ft.ScenarioError, match=r"nowhere: .*list`"):
+        ft.load_campaign("nowhere")
+    with pytest.raises(ft.ScenarioError, match="must be a file or"):
+        ft.load_campaign(tmp_path)

@@ -6,12 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import flighttune as ft
 from flighttune import load_scenario
-from flighttune.control.gains import PAPER_GAINS
-from flighttune.errors import InputError
 from flighttune.flight.fly import fly_once
 from flighttune.gaps.mismatch import mismatch
-from flighttune.plants.point_mass import PointMassPlant
 from flighttune.simulate.disturbance import Sinusoid
 
 V_A, G = 25.0, 9.81
@@ -23,13 +21,13 @@ SINUSOID = Sinusoid(chi_amplitude=0.03, chi_omega=0.8, gamma_amplitude=0.02, gam
 
 def flown(plant):
     return fly_once(
-        load_scenario("paper"), plant, PAPER_GAINS, plant_label=plant.kind, gains_name="paper"
+        load_scenario("paper"), plant, ft.PAPER_GAINS, plant_label=plant.kind, gains_name="paper"
     )
 
 
 @pytest.fixture(scope="module")
 def undisturbed():
-    return flown(PointMassPlant(turn="paper"))
+    return flown(ft.PointMassPlant(turn="paper"))
 
 
 @pytest.mark.parametrize("turned", [0.0, math.pi])  # courses run on through south
@@ -43,7 +41,7 @@ def test_the_kinematic_law_has_no_mismatch_with_itself(undisturbed, turned):
 
 
 def test_the_mismatch_of_a_disturbed_law_is_the_mean_of_its_disturbance():
-    found = mismatch(flown(PointMassPlant(turn="paper", disturbance=SINUSOID)))
+    found = mismatch(flown(ft.PointMassPlant(turn="paper", disturbance=SINUSOID)))
 
     ends = np.append(found.t, 20.0)
     chi = -0.03 / 0.8 * np.diff(np.cos(0.8 * ends)) / 0.02
@@ -55,7 +53,7 @@ def test_the_mismatch_of_a_disturbed_law_is_the_mean_of_its_disturbance():
 
 
 def test_the_mismatch_of_the_point_mass_is_lift_that_the_law_does_not_know():
-    run = flown(PointMassPlant())
+    run = flown(ft.PointMassPlant())
     found = mismatch(run)
 
     phi, n_z = (run.signals[name].to_numpy()[:-1] for name in ("phi_cmd", "n_z_cmd"))
@@ -67,5 +65,5 @@ def test_the_mismatch_of_the_point_mass_is_lift_that_the_law_does_not_know():
 
 
 def test_a_flight_of_three_samples_is_too_short(undisturbed):
-    with pytest.raises(InputError, match=r"`run`.* 4 .* 3"):
+    with pytest.raises(ft.InputError, match=r"`run`.* 4 .* 3"):
         mismatch(replace(undisturbed, signals=undisturbed.signals.iloc[:3]))

@@ -4,12 +4,10 @@ import numpy as np
 import pytest
 from made_up import made_up_scenario
 
-from flighttune.control.gains import PAPER_GAINS
-from flighttune.control.inner_loop import InnerLag
+import flighttune as ft
 from flighttune.flight.conditions import start_condition
 from flighttune.flight.fly import fly_once
 from flighttune.gaps.residual import ConformantModel, residual_rates, residuals_of
-from flighttune.plants.point_mass import PointMassPlant
 
 MICRO = 1e-6
 """Rates agree to this, rad/s: both sides integrate by the classical Runge-Kutta rule."""
@@ -21,19 +19,19 @@ SCENARIO = made_up_scenario(
     controller={"feed_forward": True},
 )
 LAGS = {
-    "first order, no delay": InnerLag(order=1, natural_frequency=6.0),
-    "second order, delay within a sample": InnerLag(
+    "first order, no delay": ft.InnerLag(order=1, natural_frequency=6.0),
+    "second order, delay within a sample": ft.InnerLag(
         order=2, natural_frequency=9.0, damping=0.7, delay=0.013
     ),
-    "third order, delay of samples and a part": InnerLag(
+    "third order, delay of samples and a part": ft.InnerLag(
         order=3, natural_frequency=12.0, damping=0.8, lag=0.1, delay=0.047
     ),
 }
 
 
 def flown(lags, disturbance):
-    plant = PointMassPlant(lags, disturbance=disturbance, g=SCENARIO.flight.g_mps2)
-    run = fly_once(SCENARIO, plant, PAPER_GAINS, plant_label="model", gains_name="paper")
+    plant = ft.PointMassPlant(lags, disturbance=disturbance, g=SCENARIO.flight.g_mps2)
+    run = fly_once(SCENARIO, plant, ft.PAPER_GAINS, plant_label="model", gains_name="paper")
     model = ConformantModel(V_a=25.0, g=SCENARIO.flight.g_mps2, lags=lags)
     return residuals_of(model, run, start_condition(SCENARIO))
 
@@ -56,10 +54,10 @@ def test_a_disturbance_that_swings_comes_back_as_its_mean_over_each_sample():
 
 
 def test_the_roll_of_another_lag_is_off_by_how_the_two_differ():
-    slow, fast = (InnerLag(order=1, natural_frequency=w) for w in (4.0, 6.0))
+    slow, fast = (ft.InnerLag(order=1, natural_frequency=w) for w in (4.0, 6.0))
     load = LAGS["first order, no delay"]
-    plant = PointMassPlant((slow, load), g=SCENARIO.flight.g_mps2)
-    run = fly_once(SCENARIO, plant, PAPER_GAINS, plant_label="model", gains_name="paper")
+    plant = ft.PointMassPlant((slow, load), g=SCENARIO.flight.g_mps2)
+    run = fly_once(SCENARIO, plant, ft.PAPER_GAINS, plant_label="model", gains_name="paper")
     model = ConformantModel(V_a=25.0, g=SCENARIO.flight.g_mps2, lags=(fast, load))
 
     found = residuals_of(model, run, start_condition(SCENARIO))
@@ -77,7 +75,7 @@ def test_the_roll_of_another_lag_is_off_by_how_the_two_differ():
 
 
 def test_the_course_may_pass_north():
-    lags = (InnerLag(order=1, natural_frequency=6.0),) * 2
+    lags = (ft.InnerLag(order=1, natural_frequency=6.0),) * 2
     model = ConformantModel(V_a=25.0, g=9.81, lags=lags)
     chi = np.deg2rad([359.0, 359.5, 0.0, 0.5])
     level = np.column_stack([chi, np.zeros(4)]), np.column_stack([np.zeros(4), np.ones(4)])
