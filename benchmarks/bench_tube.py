@@ -23,7 +23,6 @@ import numpy as np
 import running
 
 import flighttune as ft
-from flighttune.claims.conformance import load_conformance
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.flight.models import gain_set
 from flighttune.plants.point_mass import PointMassPlant
@@ -48,7 +47,7 @@ AIRCRAFT = {
     "feasible": (["feasible", "--start-deg", "1"], (0.6, 0.4), 0.3, 3.0, 2.0),
     "paper_identified": (["random_starts"], (4.0, 1.5), 0.6, 60.0, 2.5),
 }
-"""Of the Aerosonde in calm air, by scenario: what `conform` flies, then the same targets."""
+"""Of the Aerosonde in calm air, by scenario: what `band` flies, then the same targets."""
 
 # In the quick mode the flights, the rows and the counts are few.
 SHORTER = {"flight.duration_s": 7.0} if running.QUICK else None
@@ -300,17 +299,17 @@ def flown_by_model(problem, count, rng):
 
 def count(name, folder):
     """The file of a count for a scenario of the Aerosonde in calm air."""
-    path = Path(folder) / f"{name}.json"
-    command = ["conform", *AIRCRAFT[name][0], *COUNT, "--window", "0.1", "--out", str(path)]
+    path = Path(folder) / f"{name}.npz"
+    command = ["band", *AIRCRAFT[name][0], *COUNT, "--of", "residual", "--out", str(path)]
     subprocess.run([sys.executable, "-m", "flighttune", *command], check=True, capture_output=True)
     return path
 
 
 def tube_of_aircraft(name, path, folder):
     """The tube of the Aerosonde in the boxes of a file, and what was measured."""
-    scenario, known = ft.load_scenario(name, changes=SHORTER), load_conformance(path)
+    scenario, known = ft.load_scenario(name, changes=SHORTER), ft.load_claim(path)
     began = time.process_time()
-    found = tube(scenario, gain_set(scenario, "tuned_identified"), conformance=known)
+    found = tube(scenario, gain_set(scenario, "tuned_identified"), band=known)
     cpu = time.process_time() - began
     measured: dict[str, Any] = {
         "status": found.status, "reason": found.reason, "cpu_s": cpu,

@@ -1,6 +1,7 @@
 """The public names and their modules: read by type checkers, and by `flighttune` itself."""
 
 from flighttune.adoption.adopt import adopt as adopt
+from flighttune.campaign.band import band as band
 from flighttune.campaign.claims import load_claim as load_claim
 from flighttune.campaign.claims import verify as verify
 from flighttune.campaign.engine.engine import run_campaign as run_campaign
@@ -12,6 +13,8 @@ from flighttune.campaign.refly import refly as refly
 from flighttune.certificates.certificate import Certificate as Certificate
 from flighttune.certificates.certificate import save_certificate as save_certificate
 from flighttune.certificates.make import Certification as Certification
+from flighttune.claims.band import Band as Band
+from flighttune.claims.band import save_band as save_band
 from flighttune.control.controller import Controller as Controller
 from flighttune.control.controller import FlightCondition as FlightCondition
 from flighttune.control.controller import LawSetup as LawSetup

@@ -261,8 +261,10 @@ def flown_here(module, planned, plan, rows=rows_flown):
         def in_order(self, plan, runs, doing, **options):
             return list(rows(plan, runs, **options))
 
+    pool = nullcontext(Pool())
     with (
-        mock.patch.object(pool_module, "WorkerPool", return_value=nullcontext(Pool())),
+        mock.patch.object(pool_module, "WorkerPool", return_value=pool),
+        mock.patch.object(module, "WorkerPool", return_value=pool),
         mock.patch.object(module, planned, return_value=plan),
     ):
         yield Pool()

@@ -17,11 +17,10 @@ import pytest
 from fuzzing import EDGES, TEXTS, TIMES, damaged, digit_changed
 
 import flighttune as ft
-from flighttune.claims.band import save_band
-from flighttune.claims.conformance import load_conformance, save_conformance
 from flighttune.tubes.proof import load_tube
 from tests.claims.test_band import band_of, load_walks, random_flights, values_of, write_band
-from tests.tubes.test_aircraft import conformance, flight
+from tests.made_up_band import counted_boxes
+from tests.tubes.test_aircraft import flight
 from tests.tubes.test_proof import arrays_of
 from tests.tubes.test_soundness import flown, made_up, outside, tube
 
@@ -101,7 +100,7 @@ def changed_rows(rows, draw):
 
 def band(folder):
     rng = np.random.default_rng(5)
-    save_band(band_of(random_flights(20, rng), random_flights(93, rng)), folder / "band.npz")
+    ft.save_band(band_of(random_flights(20, rng), random_flights(93, rng)), folder / "band.npz")
     return folder / "band.npz"
 
 
@@ -123,7 +122,7 @@ def follows_from_its_flights(path, _):
     """Whether so few flights are outside the bounds as the claim takes, in exact numbers."""
     loaded = load_walks(path)
     about, low_high = loaded.about, loaded.extremes.astype(float)
-    bounds = loaded.bounds(loaded.axis.edges[:-1])
+    bounds = loaded.bounds(loaded.flights.edges[:-1])
     inside = (low_high[..., 0] >= bounds.low) & (low_high[..., 1] <= bounds.high)
     N, r = len(low_high), int((~inside.all(axis=(1, 2))).sum())
     e = Fraction(about.epsilon)
@@ -133,7 +132,7 @@ def follows_from_its_flights(path, _):
     return one_less <= (1 - Fraction(about.confidence)) * (1 + Fraction(1, 10**9))
 
 
-# Proofs of tubes: of the law, and of an aircraft with the conformance of its boxes.
+# Proofs of tubes: of the law, and of an aircraft with the band of its boxes.
 
 
 def proven(folder):
@@ -143,16 +142,16 @@ def proven(folder):
 
 def proven_of_aircraft(folder):
     scenario = flight(duration_s=0.2)
-    boxes = conformance(scenario)
-    save_conformance(boxes, folder / "boxes.json")
-    ft.save_tube(tube(scenario, ft.PAPER_GAINS, conformance=boxes), folder / "tube.npz")
+    boxes = counted_boxes(scenario)
+    ft.save_band(boxes, folder / "boxes.npz")
+    ft.save_tube(tube(scenario, ft.PAPER_GAINS, band=boxes), folder / "tube.npz")
     return folder / "tube.npz"
 
 
 def proven_in(path):
     """What is proven; InputError where it is not."""
-    boxes = path.with_name("boxes.json")
-    loaded = load_tube(path, load_conformance(boxes) if boxes.exists() else None)
+    boxes = path.with_name("boxes.npz")
+    loaded = load_tube(path, ft.load_claim(boxes) if boxes.exists() else None)
     verification = loaded.verify()
     if not verification.valid:
         raise ft.InputError(f"{path}: {verification.reason}")

@@ -23,15 +23,12 @@ import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.campaign.dataset import Dataset, open_dataset
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.claims.conformance import conformance_tables, load_conformance
 from flighttune.control.margins import loop_margins
-from flighttune.files.seal import BLANK, seal
 from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.files.value import tables_of
 from flighttune.flight.models import law_model
 from flighttune.identification.file import design_model
 from flighttune.plants.jsbsim.trim import trim_table
-from tests.tubes.test_aircraft import conformance, flight
 
 G_0 = 9.80665
 
@@ -121,7 +118,6 @@ CAMPAIGN = {
 }
 AIRCRAFT = tomllib.loads((SHIPPED_AIRCRAFT / "aerosonde" / "aircraft.toml").read_text())
 IDENTIFIED = json.loads((SHIPPED_AIRCRAFT / "aerosonde" / "identified.json").read_text())
-CONFORMANCE = conformance_tables(conformance(flight(duration_s=1.0)))
 
 
 def certificate_of(name, **settings):
@@ -140,13 +136,6 @@ def planned(folder):
     file.write_text(to_toml(CAMPAIGN))
     Dataset(folder, ft.plan_campaign(ft.load_campaign(file)), {"python": "3"}).write_plan()
     return json.loads((folder / "campaign.json").read_text())
-
-
-def stamped(tables):
-    """A conformance with the SHA-256 of what it says."""
-    if not isinstance(tables, dict):
-        return to_json(tables)
-    return seal(json.dumps({**tables, "seal": BLANK}, ensure_ascii=False).encode()).decode()
 
 
 class Kind(NamedTuple):
@@ -303,7 +292,6 @@ KINDS = {
     "identified": Kind(
         "x.json", lambda _: IDENTIFIED, to_json, ft.load_identified, modelled, designed
     ),
-    "conformance": Kind("x.json", lambda _: CONFORMANCE, stamped, load_conformance),
     "certificate": Kind(
         "x.json",
         lambda _: certificate_of("paper_as_printed"),
@@ -324,7 +312,7 @@ def loads(load, path):
         assert "\n" not in line
         assert len(line) < LONGEST_LINE, len(line)
         assert re.search(
-            r"`[^`]*`|the file must|must be a (conformance file|claim: the file of)", line
+            r"`[^`]*`|the file must|must be a claim: the file of", line
         ), line
         return None
 

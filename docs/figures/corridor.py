@@ -51,7 +51,7 @@ def route(band: Band) -> Chart:
 
 def flights(band: Band) -> Chart:
     """Distances of some counted flights from the route, and the corridor that all of them set."""
-    axis, corridor = band.axis, corridor_of(band)
+    flights, corridor = band.flights, corridor_of(band)
     chart = Chart(
         title=f"How far {len(band.scores)} flights in wind and turbulence come from it",
         x="along the route [km]",
@@ -64,7 +64,7 @@ def flights(band: Band) -> Chart:
     inside = np.argsort(band.scores)[: np.sum(band.scores <= band.scale)][::-1]
     some = inside[:: -(-len(inside) // MAX_FLIGHTS)]
     distances = band.extremes[some, :, list(band.about.signals).index("cross_track")]
-    x = np.linspace(axis.edges[0], axis.edges[-1], 2 * len(middles)) / KM
+    x = np.linspace(flights.edges[0], flights.edges[-1], 2 * len(middles)) / KM
     # one line that is broken between two flights
     lines = np.pad(distances.reshape(len(some), -1), ((0, 0), (0, 1)), constant_values=np.nan)
     xs = np.tile(np.append(x, np.nan), len(some))

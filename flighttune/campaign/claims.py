@@ -4,32 +4,19 @@ from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import ClassVar, TypeAlias
+from typing import TypeAlias
 
-import numpy as np
-
-from flighttune.campaign.band import (
-    axis_of,
-    difference,
-    load_band,
-    plan_of,
-    recount,
-    wind_at_start,
-)
+from flighttune.campaign.band import load_band, plan_of, recount
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.fence import count_inside, inside_sentence
 from flighttune.certificates.bound import RateBound, load_bound
 from flighttune.certificates.certificate import Certificate, load_certificate
 from flighttune.claims.band import Band
-from flighttune.claims.conformance import load_conformance
 from flighttune.errors import InputError, RecordingError
 from flighttune.files.seal import format_of
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import columns, listed
 from flighttune.present.tables import Column, Table
-from flighttune.scenario.load import scenario_from
-from flighttune.simulate.bounds import Kind, RunClaim
-from flighttune.simulate.run import Run
 from flighttune.theory.exact import Check, Verification
 from flighttune.tubes.enclosure import Tube
 from flighttune.tubes.proof import load_tube
@@ -42,84 +29,46 @@ FLOWN_AGAIN = 5
 CHECK_COLUMNS = [Column("name", "check"), *columns("margin exact")]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class BandClaim(Answering):
-    """The claim of a band about the flights of its campaign."""
+def verified_band(
+    band: Band, *, run_code: bool = False, pool: WorkerPool | None = None
+) -> Verification:
+    """Fly a few flights again, chosen at random; all must be equal to the bit.
 
-    band: Band
-
-    kind: ClassVar[Kind] = "counted"
-
-    @property
-    def sentence(self) -> str:
-        """The claim in words."""
-        return self.band.sentence
-
-    def answer(self, file: str | Path = "FILE") -> Answer:
-        """The half-widths and the claim; a failure if nothing is claimed. `file` is its file."""
-        return self.band.answer(file)
-
-    def verify(self, *, run_code: bool = False, pool: WorkerPool | None = None) -> Verification:
-        """Fly a few flights again, chosen at random; all must be equal to the bit.
-
-        The claim itself was computed from the flights when its file was read. Without `run_code` no
-        flight is flown that runs Python files which the band names.
-        """
-        band, flights = self.band, min(FLOWN_AGAIN, len(self.band.scores))
-        flown = f"{flights} of its flights, chosen at random, were flown again: equal to the bit."
-        try:
-            code = plan_of(band).code
-            fences = [inside_sentence(band, count_inside(band, x)) for x in band.about.fences]
-            if code and not run_code:
-                flown = f"No flight was flown again: --run-code runs {listed(code)} for it."
-            else:
-                with nullcontext(pool) if pool else WorkerPool(1) as workers:
-                    differ = recount(band, flights, workers)
-                if differ:
-                    raise InputError(
-                        f"flights flown again must be equal to the bit, draw {differ[0]} is not"
-                    )
-        except InputError as error:
-            return Verification(valid=False, reason=str(error))
-        notes = "The scale is that of the flights in the file.", flown, *fences
-        return Verification(valid=True, reason="", notes=notes)
-
-    def why_not(self, run: Run) -> str:
-        """Why the band says nothing of a run; empty if its flights could have been this one.
-
-        It may differ from them in keys that they draw, whatever its value, and in its wind, gust,
-        turbulence and disturbance.
-        """
-        if not self.band.claims:
-            return "nothing is claimed: too many of the flights counted were not completed"
-        differs = difference(plan_of(self.band), run, scenario_from(dict(run.provenance.scenario)))
-        return f"its {differs} must be that of the flights counted" if differs else ""
-
-    def on(self, run: Run) -> RunClaim:
-        """The bounds of the signals at the samples of a run."""
-        about, scenario = self.band.about, scenario_from(dict(run.provenance.scenario))
-        wind = np.array(wind_at_start(scenario)) if about.predicted_from else None
-        return RunClaim(
-            kind=self.kind,
-            title="counted band",
-            sentence=self.sentence,
-            bounds=self.band.bounds(axis_of(run), wind),
-            units=about.signals,
-        )
+    The claim itself was computed from the flights when its file was read. Without `run_code` no
+    flight is flown that runs Python files which the band names.
+    """
+    flights = min(FLOWN_AGAIN, len(band.scores))
+    flown = f"{flights} of its flights, chosen at random, were flown again: equal to the bit."
+    try:
+        code = plan_of(band).code
+        fences = [inside_sentence(band, count_inside(band, x)) for x in band.about.fences]
+        if code and not run_code:
+            flown = f"No flight was flown again: --run-code runs {listed(code)} for it."
+        else:
+            with nullcontext(pool) if pool else WorkerPool(1) as workers:
+                differ = recount(band, flights, workers)
+            if differ:
+                raise InputError(
+                    f"flights flown again must be equal to the bit, draw {differ[0]} is not"
+                )
+    except InputError as error:
+        return Verification(valid=False, reason=str(error))
+    notes = "The scale is that of the flights in the file.", flown, *fences
+    return Verification(valid=True, reason="", notes=notes)
 
 
-AnyClaim: TypeAlias = Certificate | RateBound | Tube | BandClaim
+AnyClaim: TypeAlias = Certificate | RateBound | Tube | Band
 
 # Readers of files of claims, by the `format` that they state.
 READERS: dict[str, Callable[[Path], AnyClaim]] = {
     "flighttune certificate": load_certificate,
     "flighttune rate bound": load_bound,
     "flighttune tube": load_tube,
-    "flighttune band": lambda path: BandClaim(band=load_band(path)),
+    "flighttune band": load_band,
 }
 
 
-def load_claim(path: str | Path, conformance: str | Path | None = None) -> AnyClaim:
+def load_claim(path: str | Path, boxes: str | Path | None = None) -> AnyClaim:
     """Read a claim, whatever its kind; what it is, is read from the content of its file.
 
     Nothing in it is proven again, as `verify` does. The scale of a band is computed again from its
@@ -129,13 +78,13 @@ def load_claim(path: str | Path, conformance: str | Path | None = None) -> AnyCl
     ----------
     path : str or Path
         A file of a certificate, a bound on R_K, a tube or a band.
-    conformance : str or Path, optional
-        File of `flighttune conform` that confirms the boxes of an aircraft's tube.
+    boxes : str or Path, optional
+        File of `flighttune band --of residual` that confirms the boxes of an aircraft's tube.
 
     Returns
     -------
-    Certificate, RateBound, Tube or BandClaim
-        Each has a `sentence`, an `answer()` and a `verify()`.
+    Certificate, RateBound, Tube or Band
+        Each has a `sentence` and an `answer()`.
 
     Raises
     ------
@@ -151,11 +100,11 @@ def load_claim(path: str | Path, conformance: str | Path | None = None) -> AnyCl
     """
     path = Path(path)
     stated = format_of(path, READERS, CLAIM_FILE)
-    if conformance is None:
+    if boxes is None:
         return READERS[stated](path)
     if stated != "flighttune tube":
-        raise InputError("`conformance` must be given for the tube of an aircraft only.")
-    return load_tube(path, load_conformance(conformance))
+        raise InputError("`boxes` must be given for the tube of an aircraft only.")
+    return load_tube(path, load_band(boxes))
 
 
 def is_claim_file(path: str | Path) -> bool:
@@ -171,7 +120,7 @@ class Verified(Answering):
 
     Attributes
     ----------
-    claim : Certificate, RateBound, Tube or BandClaim
+    claim : Certificate, RateBound, Tube or Band
     verification : Verification
     source : str
         The file of the claim; empty for a value.
@@ -217,7 +166,7 @@ class Verified(Answering):
 def verify(
     claim: AnyClaim | str | Path,
     *,
-    conformance: str | Path | None = None,
+    boxes: str | Path | None = None,
     run_code: bool = False,
     pool: WorkerPool | None = None,
 ) -> Verified:
@@ -230,10 +179,10 @@ def verify(
 
     Parameters
     ----------
-    claim : Certificate, RateBound, Tube, BandClaim, str or Path
+    claim : Certificate, RateBound, Tube, Band, str or Path
         A claim, or its file; what it is, is read from its content.
-    conformance : str or Path, optional
-        File of `flighttune conform` that confirms the boxes of an aircraft's tube.
+    boxes : str or Path, optional
+        File of `flighttune band --of residual` that confirms the boxes of an aircraft's tube.
     run_code : bool
         Fly flights of a band again that run Python files which it names.
     pool : WorkerPool, optional
@@ -255,9 +204,9 @@ def verify(
     True
     """
     source = "" if isinstance(claim, AnyClaim) else str(claim)
-    value = claim if isinstance(claim, AnyClaim) else load_claim(claim, conformance)
-    if isinstance(value, BandClaim):
-        verification = value.verify(run_code=run_code, pool=pool)
+    value = claim if isinstance(claim, AnyClaim) else load_claim(claim, boxes)
+    if isinstance(value, Band):
+        verification = verified_band(value, run_code=run_code, pool=pool)
     else:
         verification = value.verify()
     return Verified(claim=value, verification=verification, source=source)

@@ -65,7 +65,7 @@ def corridor_of(band: Band, where: Where | None = None) -> Corridor:
         raise InputError(f"the band must claim one corridor for all flights, got {claim}.")
     if where and where != where_of(plan_of(band).campaign.central):  # a path is planned once
         raise InputError("the band must be of this route and start, got one of another.")
-    edges, columns = band.axis.edges, _columns(band)
+    edges, columns = band.flights.edges, _columns(band)
     bounds, windows = band.bounds(edges[:-1]), np.column_stack([edges[:-1], edges[1:]])
     low, high = bounds.low[:, columns], bounds.high[:, columns]
     return Corridor(windows, low, high, printable(band.sentence))
@@ -91,7 +91,7 @@ def count_inside(band: Band, tables: Tables, file: Path = KEPT) -> FenceCount:
         reaches["band"] = DISTANCE_SIGNS * np.stack([corridor.low, corridor.high], axis=-1)
     widest = max([0.0, *(float(reach[:, 0].max()) for reach in reaches.values())])
     overlap = OVERLAP_SAMPLES * central.flight.V_a_mps / central.controller.rate_hz
-    room = room_along(fence, where[0], band.axis.edges, widest=widest, overlap=overlap)
+    room = room_along(fence, where[0], band.flights.edges, widest=widest, overlap=overlap)
     # The limits to the sides are finite: flights that were not completed are outside.
     outside = int(np.sum(~(away <= room.limits).all(axis=(1, 2, 3))))
     epsilon = supported_epsilon(outside, len(away), about.confidence)
@@ -120,5 +120,5 @@ def check_off_route(signals: Iterable[str], over: str = "along") -> None:
 
 def _columns(band: Band) -> list[int]:
     """Where the distances from a route are among the signals of a band."""
-    check_off_route(band.about.signals, band.axis.over)
+    check_off_route(band.about.signals, band.flights.over)
     return [list(band.about.signals).index(name) for name in OFF_ROUTE]

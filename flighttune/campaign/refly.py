@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from flighttune.campaign.band import differing, load_band, plan_of, some_draws
-from flighttune.campaign.claims import BandClaim, is_claim_file
+from flighttune.campaign.claims import is_claim_file
 from flighttune.campaign.dataset import CAMPAIGN, Dataset, open_dataset
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
@@ -159,7 +159,7 @@ def _of_band(
     """Flights of a band against the extremes that it keeps of them."""
     band, flown = load_band(file), None
     claim, plan, completed = (
-        BandClaim(band=band),
+        band,
         plan_of(band),
         dict(zip(band.draws, np.isfinite(band.scores), strict=True)),
     )

@@ -23,7 +23,7 @@ from flighttune.campaign.planning.draws import LARGEST_POINT, SEED, SMALLEST_POI
 from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.planning.schema import MEASURES
 from flighttune.campaign.stated_set import measured_in, planned
-from flighttune.claims.band import About, Axis
+from flighttune.claims.band import About, BandFlights
 from flighttune.errors import InputError
 from flighttune.flight.expectations import bound_checks
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
@@ -133,7 +133,7 @@ class StatedSet:
         self._start_deg, self._lost = start_deg, -FAILED if completed else FAILED
         self._probes: Probes = {TUBE: partial(_use_of, tube)} if tube else {}
         if band is not None:
-            share = partial(_share_of, band.about, band.axis, band.scale)
+            share = partial(_share_of, band.about, band.flights, band.scale)
             self.metric, self._probes = BAND, {BAND: share}
         self._pool = pool
 
@@ -333,9 +333,11 @@ def _use_of(tube: Bounds, run: Run, _: Scenario) -> list[float]:
     return [tube.share(run.signals), *tube.reach(run.signals).tolist()]
 
 
-def _share_of(about: About, axis: Axis, scale: float, run: Run, scenario: Scenario) -> list[float]:
+def _share_of(
+    about: About, flights: BandFlights, scale: float, run: Run, scenario: Scenario
+) -> list[float]:
     """Share of a band that a flight uses."""
-    return [score(about, axis, run, scenario) / scale]
+    return [score(about, flights, run, scenario) / scale]
 
 
 def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:

@@ -7,7 +7,7 @@ Statistics 12 (1941).
 import math
 
 import numpy as np
-from scipy.special import bdtr, bdtrc, bdtri
+from scipy.special import bdtr, bdtri
 
 from flighttune.arrays import FloatArray, check_between
 from flighttune.errors import InputError
@@ -62,15 +62,6 @@ def fresh_flights(flights: int | None, epsilon: float, confidence: float) -> int
             f"{epsilon:g} and `confidence` {confidence:.10g}, got {flights}."
         )
     return flights
-
-
-def refuting_outside(flights: int, epsilon: float, confidence: float) -> int:
-    """Fewest of `flights` outside that refute the claim that a flight leaves with `epsilon`.
-
-    If the claim is true, so many lie outside with a probability of at most ``1 - confidence``.
-    """
-    k = np.arange(flights + 1)
-    return int(np.sum(bdtrc(k - 1, flights, epsilon) > 1.0 - confidence))
 
 
 def counted_scale(scores: FloatArray, epsilon: float, confidence: float) -> tuple[float, int]:

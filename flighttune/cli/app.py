@@ -20,7 +20,7 @@ from flighttune.cli.gains import frontier, tune
 from flighttune.cli.meet import meet
 from flighttune.cli.pages import compare, export, gap, report, reproduce
 from flighttune.cli.route import route
-from flighttune.cli.searches import conform, worst
+from flighttune.cli.searches import worst
 from flighttune.cli.show import COULD_NOT_RUN, NO, emit, fail, output, working
 from flighttune.cli.tube import tube
 from flighttune.errors import FlightTuneError, InfeasibleError
@@ -98,7 +98,6 @@ COMMANDS = {
         (worst, "worst", "searching", "worst first_campaign --budget 40"),
         (tube, "tube", "enclosing", "tube paper --gains paper"),
         (band, "band", "counting", "band mission_in_wind --out mission.npz"),
-        (conform, "conform", "learning", "conform feasible_starts --out boxes.json"),
     ],
     "Publish": [
         (report, "report", "reporting", "report runs/paper"),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from typer import Argument, Option
 
 from flighttune.cli import options
-from flighttune.cli.show import campaign_pool, pick
+from flighttune.cli.show import campaign_display, campaign_pool, pick
 from flighttune.errors import InputError
 from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.present.answer import Answer
@@ -42,6 +42,13 @@ def band(
     ],
     gains: options.CampaignGainsOption = None,
     plant: Annotated[str | None, options.plant_label("the first aircraft, else the first")] = None,
+    of: Annotated[
+        Literal["residual"] | None,
+        Option(
+            help="Bound what the identified model of an aircraft misses, which `tube` takes, in "
+            "place of recorded signals."
+        ),
+    ] = None,
     signal: Annotated[
         list[str] | None,
         Option(
@@ -74,6 +81,10 @@ def band(
             "--given", help="Put the band around a middle predicted from the wind of each flight."
         ),
     ] = None,
+    air: Annotated[
+        Literal["calm", "wind", "light", "moderate", "severe"] | None,
+        Option(help="Air of all flights, of those of the campaign [default: as it draws them]."),
+    ] = None,
     start_deg: options.StartOption = 0.0,
     seed: options.SeedOption = None,
     out: Annotated[
@@ -102,7 +113,8 @@ def band(
     does not support that a flight leaves it with a probability of at most epsilon.
     """
     options.check_ending(out, ".npz")
-    from flighttune.campaign.band import count_band, count_more, load_band, plan_of
+    from flighttune.campaign.band import band as count_band
+    from flighttune.campaign.band import count_more, load_band, plan_of
     from flighttune.campaign.fence import count_inside, fence_of
     from flighttune.campaign.stated_set import planned
     from flighttune.claims.band import save_band
@@ -110,11 +122,13 @@ def band(
 
     claim = _stated(epsilon=epsilon, confidence=confidence)
     of_source = _stated(
+        of=of,
         signals=signal,
         learn=learn,
         predicted_from=predicted_from,
         gains=gains,
         plant=plant,
+        air=air,
         start_deg=start_deg or None,
         seed=seed,
         changes=options.changes(settings) or None,
@@ -123,8 +137,9 @@ def band(
         if fence is not None:  # refuse it before a flight
             own = {key: of_source[key] for key in of_source if key in PLANNED}
             fence_of(planned(source, **own), json_tables(fence), fence, *signal or ())
-        with campaign_pool(workers, scheduler) as pool:
-            kept = count_band(source, pool, flights=flights, **claim, **of_source)
+        with campaign_display() as observer:
+            by = {"workers": workers, "scheduler": scheduler, "observer": observer}
+            kept = count_band(source, flights=flights, **claim, **of_source, **by)
         file = out = out or Path("runs") / f"{Path(source).stem}-band.npz"
         save_band(kept, file)
     else:

@@ -60,9 +60,12 @@ def verify(
     file: Annotated[
         Path, Argument(metavar="FILE", help="Certificate, bound on R_K, proof of a tube, or band.")
     ],
-    conformance: Annotated[
+    boxes: Annotated[
         Path | None,
-        Option(help="File of `flighttune conform` that confirms the boxes of an aircraft's tube."),
+        Option(
+            metavar="FILE",
+            help="File of `flighttune band --of residual` that confirms the boxes of a tube.",
+        ),
     ] = None,
     run_code: Annotated[
         bool,
@@ -80,5 +83,5 @@ def verify(
     from flighttune.campaign.claims import verify as verify_claim
 
     with campaign_pool(1, None) as pool:
-        checked = verify_claim(file, conformance=conformance, run_code=run_code, pool=pool)
+        checked = verify_claim(file, boxes=boxes, run_code=run_code, pool=pool)
     return checked.answer()

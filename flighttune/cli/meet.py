@@ -87,7 +87,7 @@ def meet(
 
     Exit status 1 if none are found; the nearest are printed.
     """
-    from flighttune.campaign.conform import distribution_of
+    from flighttune.campaign.counted_flights import distribution_of
     from flighttune.campaign.meet import BY_DEFAULT
     from flighttune.campaign.meet import meet as search
     from flighttune.campaign.planning.load import load_campaign

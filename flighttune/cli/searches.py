@@ -1,14 +1,13 @@
-"""Commands that decide by many flights: the worst one, counted boxes, gains tuned by flying."""
+"""The command that searches the worst flight."""
 
 import math
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from typer import Argument, Option
 
 from flighttune.cli import options
 from flighttune.cli.show import campaign_pool
-from flighttune.errors import InputError
 from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.present.answer import Answer
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
@@ -26,8 +25,6 @@ WORST_COLUMNS = [
     Column("ratio_of_search.gamma", "over the widest flight of the search γ"),
     Column("family", "disturbance"),
 ]
-RATE_COLUMNS = columns("channel low_rad_s high_rad_s widest_rad_s narrowest_rad_s last_rad_s")
-COUNT_COLUMNS = columns("training flights outside scale")
 
 
 def worst(
@@ -128,130 +125,4 @@ def worst(
         ],
         verdict=values["missed"] or "no requirement is missed",
         files={"scenario": written},
-    )
-
-
-def conform(
-    source: Annotated[
-        str,
-        Argument(
-            metavar="CAMPAIGN|SCENARIO",
-            help="Folder of a campaign, a campaign file or the name of a shipped one; or a "
-            "scenario with --start-deg.",
-            autocompletion=lambda: [*campaign_files(), *scenario_files()],
-        ),
-    ],
-    out: Annotated[Path | None, Option("--out", help="JSON file to write.")] = None,
-    epsilon: Annotated[float, Option(help="Accepted probability of leaving the boxes.")] = 0.01,
-    confidence: Annotated[float, Option(help="Confidence of the claim, 0 to 1.")] = 0.999,
-    flights: Annotated[
-        int | None,
-        Option(
-            help="Number of fresh flights [default: the fewest of which 5 may lie outside the "
-            "boxes].",
-            min=1,
-        ),
-    ] = None,
-    gains: options.CampaignGainsOption = None,
-    plant: options.AircraftPlantOption = None,
-    air: Annotated[
-        str | None,
-        Option(
-            help="Air: calm, wind, light, moderate or severe [default: the most likely air of the "
-            "campaign]."
-        ),
-    ] = None,
-    boxes: Annotated[
-        Literal["time", "phase"] | None,
-        Option(
-            help="One box per window of time, or per window of the time since the reference last "
-            "moved [default: time if all flights follow the same reference]."
-        ),
-    ] = None,
-    window: Annotated[
-        float, Option(help="Length of the windows of the boxes, s; shorter ones are narrower.")
-    ] = 0.5,
-    start_deg: options.StartOption = 0.0,
-    seed: options.SeedOption = None,
-    recount: Annotated[
-        Path | None,
-        Option(
-            help="Conformance file made of the same source: fly as many new flights with another "
-            "seed [default: the next one] and count those that leave its boxes."
-        ),
-    ] = None,
-    settings: options.SetOption = None,
-    workers: options.WorkersOption = None,
-    scheduler: options.SchedulerOption = None,
-) -> Answer:
-    """Learn bounds (boxes) on the part of an aircraft's rates that its identified model misses.
-
-    The model is the exact point mass behind the identified lag. The shape of the boxes is learned
-    from the campaign's flights; new random flights set its scale. Exit status 1 if so many flights
-    of a recount leave the boxes that it refutes their claim.
-    """
-    if (out is None) == (recount is None):
-        raise InputError("`--out` must be given, or `--recount` in its place.")
-    options.check_ending(out, ".json")
-    from flighttune.campaign.conform import ConformSettings
-    from flighttune.campaign.conform import conform as conform_source
-    from flighttune.campaign.conform import recount as count_again
-    from flighttune.claims.boxes import LEAST_SHARE
-    from flighttune.claims.conformance import conformance_tables, load_conformance, save_conformance
-
-    claim = ConformSettings(
-        epsilon=epsilon,
-        confidence=confidence,
-        flights=flights,
-        gains=gains,
-        plant=plant,
-        air=air,
-        over=boxes,
-        window=window,
-        start_deg=start_deg,
-        seed=seed,
-        changes=options.changes(settings),
-    )
-    with campaign_pool(workers, scheduler) as pool:
-        if recount is not None:
-            again = count_again(source, load_conformance(recount), claim, pool)
-            sentence = (
-                f"{recount}: {again['outside']} of {again['flights']} new flights left the boxes; "
-                f"{again['refuting']} or more would refute its claim"
-            )
-            refuted = again["outside"] >= again["refuting"]
-            return Answer(values=again, verdict=sentence, failure=sentence if refuted else "")
-        counted = conform_source(source, claim, pool)
-    assert out is not None
-    save_conformance(counted, out)
-    low, high = counted.boxes.low, counted.boxes.high
-    rates = [
-        {
-            "channel": name,
-            "low_rad_s": float(low[:, i].min()),
-            "high_rad_s": float(high[:, i].max()),
-            "widest_rad_s": float((high - low)[:, i].max()),
-            "narrowest_rad_s": float((high - low)[:, i].min()),
-            "last_rad_s": float(high[-1, i] - low[-1, i]),
-        }
-        for i, name in enumerate(CHANNEL_SYMBOLS)
-    ]
-    scale, outside = counted.counted
-    count = {"flights": len(counted.all_scores), "outside": outside, "scale": scale}
-    title = f"{counted.aircraft}, {counted.gains_name}: residual rates"
-    return Answer(
-        values={
-            **conformance_tables(counted),
-            **count,
-        },
-        tables=[
-            Table(RATE_COLUMNS, rates, title),
-            Table(COUNT_COLUMNS, [{"training": counted.training, **count}], "count of new flights"),
-        ],
-        notes=[
-            f"No box is narrower than {LEAST_SHARE:g} times the widest of its rate: a narrowest or "
-            "last box of that width is not measured."
-        ],
-        verdict=counted.sentence,
-        files={"out": out},
     )

@@ -33,9 +33,12 @@ def tube(
         float | None,
         Option(help="Bound on the disturbance of each rate, rad/s [default: the scenario's]."),
     ] = None,
-    conformance: Annotated[
+    boxes: Annotated[
         Path | None,
-        Option(help="File of `flighttune conform`: bound its aircraft, with rates in its boxes."),
+        Option(
+            metavar="FILE",
+            help="File of `flighttune band --of residual`: bound its aircraft, with rates in it.",
+        ),
     ] = None,
     out: Annotated[
         Path | None,
@@ -54,15 +57,15 @@ def tube(
 
     Exit status 1 if the set cannot be bounded for the whole time, or if a flight leaves it.
     """
-    from flighttune.claims.conformance import load_conformance
+    from flighttune.campaign.band import load_band
     from flighttune.tubes import tube as tubes
     from flighttune.tubes.problem import tube_problem
     from flighttune.tubes.proof import save_tube
 
     options.check_ending(out, ".npz")
-    if largest_disturbance and (disturbance, conformance, out) != (None, None, None):
+    if largest_disturbance and (disturbance, boxes, out) != (None, None, None):
         raise InputError(
-            "`largest_disturbance` must not be given with --disturbance, --conformance or --out."
+            "`largest_disturbance` must not be given with --disturbance, --boxes or --out."
         )
     loaded, name, chosen = chosen_gains(scenario, gains, settings)
     place, began = f"{scenario}: gains {name}", time.perf_counter()
@@ -77,7 +80,7 @@ def tube(
         enclosure = tubes.tube(
             loaded,
             name if gains is None else gains,
-            None if conformance is None else load_conformance(conformance),
+            None if boxes is None else load_band(boxes),
             plant=plant,
             start=start_deg * DEG,
             disturbance=disturbance,
@@ -89,7 +92,7 @@ def tube(
         proof = out or Path("runs") / f"{Path(scenario).stem}-tube.npz"
         save_tube(enclosure, proof)
         if enclosure.problem.boxes is not None:
-            notes.append(f"Check the boxes too: flighttune verify {proof} --conformance FILE")
+            notes.append(f"Check the boxes too: flighttune verify {proof} --boxes FILE")
     return replace(
         answer,
         values={**answer.values, "inside": inside, "seconds": time.perf_counter() - began},

@@ -27,7 +27,6 @@ BLANK = MARK.decode() + "0" * DIGITS
 FILES = {
     "flighttune band": "a band file, which `flighttune band`, `fly --claim` and `verify` take",
     "flighttune tube": "the proof of a tube, which `flighttune fly --claim` and `verify` take",
-    "flighttune conformance": "a conformance file, which `flighttune tube --conformance` takes",
     "flighttune certificate": "a certificate, which `flighttune verify` takes",
     "flighttune rate bound": "a bound on R_K, which `flighttune verify` takes",
 }

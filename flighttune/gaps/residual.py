@@ -8,13 +8,23 @@ import numpy as np
 
 from flighttune.arrays import FloatArray, check_positive
 from flighttune.control.inner_loop import InnerLag
+from flighttune.errors import InputError
+from flighttune.flight.conditions import reference_of
+from flighttune.identification.file import load_identified
 from flighttune.identification.fit import lag_response
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import turn_rates
+from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run
 
-# Parts of a flight that the model misses; a feed-forward of the roll flown sees the last two.
-RESIDUALS = ("d_chi_rad_s", "d_gamma_rad_s", "roll_rad", "roll_change_rad")
+# Parts of a flight that the model misses, and their units; a feed-forward of the roll flown sees
+# the last two.
+RESIDUALS = {
+    "residual_chi_dot": "rad/s",
+    "residual_gamma_dot": "rad/s",
+    "residual_phi": "rad",
+    "residual_phi_change": "rad",
+}
 
 # Corrections of a residual. Each shrinks its error by about ``g sin(gamma) dt / V``, below 0.01 at
 # 50 Hz: five leave rounding.
@@ -108,3 +118,18 @@ def residuals_of(model: ConformantModel, run: Run, start: FlightCondition) -> Fl
     rates = residual_rates(model, dt, angles, commands, (start.phi, start.n_z_start))
     roll = signals["phi"].to_numpy() - lag_response(model.lags[0], dt, commands[:, 0], start.phi)
     return np.column_stack([rates, roll[:-1], np.diff(roll)])
+
+
+def conformant_model(scenario: Scenario, plant: str) -> ConformantModel:
+    """The point mass behind the identified lag of the aircraft of a scenario.
+
+    Its lag is that of the identified condition nearest to the start. Raises InputError if the plant
+    is no aircraft, ScenarioError if the aircraft has no identified model.
+    """
+    flight, table = scenario.flight, scenario.plant_table(plant)
+    if table.aircraft is None:
+        raise InputError(f"`plant` must be an aircraft to have residual signals, got {plant}.")
+    nearest = load_identified(table.aircraft).nearest(
+        flight.V_a_mps, reference_of(scenario).initial[1]
+    )
+    return ConformantModel(V_a=flight.V_a_mps, g=flight.g_mps2, lags=nearest.lags)

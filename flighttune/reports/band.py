@@ -9,7 +9,8 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.campaign.band import plan_of
 from flighttune.campaign.fence import count_inside, fence_of, inside_sentence, where_of
-from flighttune.claims.band import Band, predicted
+from flighttune.claims.band import Band
+from flighttune.claims.shape import predicted
 from flighttune.present.chart import DOTTED, Chart
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import shown_unit
@@ -47,7 +48,7 @@ def write_band_page(
     }
     note = " ".join([NOTE, *([GIVEN] if about.predicted_from else []), *notes])
     charts = [_chart(band, i) for i in range(len(about.signals))]
-    if band.axis.over == "along":
+    if band.flights.over == "along":
         charts.insert(0, _map(band))
     fences = [inside_sentence(band, count_inside(band, tables)) for tables in about.fences]
     return write_page(
@@ -67,8 +68,8 @@ def _chart(band: Band, i: int) -> Chart:
     name, si = list(about.signals.items())[i]
     unit, factor = shown_unit(si)
     title, label = TITLES.get(name, (name, f"{name} [{unit}]"))
-    edges, axis = band.axis.edges, "t [s]"
-    if band.axis.over == "along":
+    edges, axis = band.flights.edges, "t [s]"
+    if band.flights.over == "along":
         edges, axis = edges / KM, DISTANCE_AXIS
     chart = Chart(title=title, x=axis, y=label, linked=True)
     flights = band.extremes[..., i, :].astype(float)

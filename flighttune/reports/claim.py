@@ -3,7 +3,8 @@
 import hashlib
 from pathlib import Path
 
-from flighttune.campaign.claims import AnyClaim, BandClaim
+from flighttune.campaign.claims import AnyClaim
+from flighttune.claims.band import Band
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.tables import facts_table
 from flighttune.reports.band import write_band_page
@@ -18,9 +19,9 @@ def write_claim_page(claim: AnyClaim, source: str, path: str | Path) -> Report:
     """
     if isinstance(claim, Tube):
         return write_tube_page(claim, source, path)
-    if isinstance(claim, BandClaim):
+    if isinstance(claim, Band):
         answer = claim.answer(source)
-        return write_band_page(claim.band, source, path, answer.tables, answer.notes)
+        return write_band_page(claim, source, path, answer.tables, answer.notes)
     answer = claim.answer()
     facts = {"file": source, "its SHA-256": hashlib.sha256(Path(source).read_bytes()).hexdigest()}
     return write_page(

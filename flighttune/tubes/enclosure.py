@@ -9,7 +9,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from flighttune.arrays import FloatArray
-from flighttune.claims.conformance import STARTS, CountedProbability, flown_values
+from flighttune.claims.distribution import STARTS, flown_values
 from flighttune.control.gains import gains_table
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
@@ -18,6 +18,7 @@ from flighttune.scenario.load import scenario_from
 from flighttune.simulate.bounds import ERRORS, Bounds, Kind, RunClaim
 from flighttune.simulate.run import Run
 from flighttune.theory.exact import Verification
+from flighttune.tubes.boxes import CountedProbability, probability_of
 from flighttune.tubes.hand_over import HandOver
 from flighttune.tubes.problem import (
     MAX_PIECES,
@@ -163,11 +164,11 @@ class Tube(Answering):
         if not np.array_equal(made.gains.K, problem.gains.K):
             return "its gains must be those of the tube, got others"
         scenario = scenario_from(dict(made.scenario))
-        plant, counted = scenario.plant_table(made.plant), problem.conformance
+        plant, counted = scenario.plant_table(made.plant), problem.band
         if (plant.kind, plant.aircraft) != (problem.table.kind, problem.table.aircraft):
             return f"its plant must be {problem.plant}, got {made.plant}"
         if counted is not None:
-            return counted.distribution.difference(scenario, plant) or ""
+            return counted.flights.distribution.difference(scenario, plant) or ""
         flown = flown_values(scenario, plant)
         enclosed = flown_values(problem.scenario, problem.table)
         for key in dict.fromkeys([*flown, *enclosed]):
@@ -219,7 +220,7 @@ class Tube(Answering):
         `gains` is their name, if it is known.
         """
         problem, widths = self.problem, self.half_widths
-        flight, limits, counted = problem.scenario.flight, problem.limits, problem.conformance
+        flight, limits, counted = problem.scenario.flight, problem.limits, problem.band
         low, high = problem.disturbances
         lowest, highest = low.min(axis=0).tolist(), high.max(axis=0).tolist()
         limited = {name: self.held_intervals(i) for i, name in enumerate(("phi_cmd", "n_z_cmd"))}
@@ -299,12 +300,12 @@ class Tube(Answering):
     def probability(self) -> CountedProbability | None:
         """Probability counted for an aircraft, of its flights if all of them are in the tube.
 
-        None without a conformance, and for a tube that is lost.
+        None without a band of its boxes, and for a tube that is lost.
         """
         problem = self.problem
-        if problem.conformance is None or self.status != "bounded":
+        if problem.band is None or self.status != "bounded":
             return None
-        return problem.conformance.probability(problem.scenario, problem.table, problem.start)
+        return probability_of(problem.band, problem.scenario, problem.table, problem.start)
 
     def held_intervals(self, channel: int) -> list[tuple[float, float]]:
         """Intervals, s, in which a limit can hold the command of a channel."""

@@ -11,14 +11,13 @@ from functools import cached_property
 import numpy as np
 
 from flighttune.arrays import FloatArray, check_positive
-from flighttune.claims.conformance import Conformance, conformance_tables
+from flighttune.claims.band import Band
 from flighttune.control.controller import SelfLimiting
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import Law, SampledController
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
-from flighttune.files.table import hash_of
 from flighttune.flight.conditions import limits_on, reference_of, start_condition
 from flighttune.flight.models import law_setup
 from flighttune.plants.base import PLANT_KINDS
@@ -26,7 +25,7 @@ from flighttune.plants.weather import course_of, velocity_along
 from flighttune.references.feasible import FeasibleReference
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
-from flighttune.simulate.bounds import Bounds
+from flighttune.tubes.boxes import AircraftBoxes, check_covered
 from flighttune.tubes.lag import SampledLag
 from flighttune.tubes.sample import PLANNED, RATES, REFERENCE, SampledLoop
 
@@ -43,26 +42,6 @@ MAX_PIECES, MAX_SYMBOLS = 4096, 20000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class AircraftBoxes:
-    """Boxes counted for an aircraft's flights, at the k samples of one flight."""
-
-    # Bounds on `RESIDUALS`: from each sample to the next on the residual rates of course and
-    # flight-path angle, of any shape; on the roll seen minus that behind the lag, and its change
-    # to the next sample.
-    bounds: Bounds
-    lags: tuple[InnerLag, ...]  # of roll and load factor, in the model whose rates were subtracted
-    # Hash of all values of the conformance, the same however its file is laid out
-    conformance_sha256: str
-
-    def difference(self, other: "AircraftBoxes") -> str | None:
-        """Name of the first part that differs; None if none does."""
-        if not np.array_equal(self.bounds.pairs, other.bounds.pairs):
-            return "boxes"
-        names = ("lags", "conformance_sha256")
-        return next((x for x in names if getattr(self, x) != getattr(other, x)), None)
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class TubeProblem:
     """All flights of one gain set on one plant of a scenario."""
 
@@ -71,12 +50,12 @@ class TubeProblem:
     plant: str  # label of the plant
     start: float  # rad: course and flight-path angle start within this of the scenario's
     disturbance: float | None  # rad/s: see `tube_problem`
-    conformance: Conformance | None  # source of the boxes of an aircraft
+    band: Band | None  # of the residual signals of an aircraft: source of its boxes
     law: Law  # law that flies the gains
     # shape (k, 6), rad, rad, rad, 1, rad/s, rad/s: course and flight-path angle to follow, the
     # commands planned for them (zeros where none are), and their rates; see `reference_samples`
     reference: FloatArray
-    # Boxes from the file of a tube: compared to those of the conformance, or believed without one
+    # Boxes from the file of a tube: compared to those of the band, or believed without one
     stored: AircraftBoxes | None = None
 
     def __post_init__(self) -> None:
@@ -84,15 +63,15 @@ class TubeProblem:
         self._check_start()
         if (self.boxes is None) != (self.table.aircraft is None):
             raise InputError(
-                f"`conformance` must be given for the tube of an aircraft, got {self.plant} "
-                "without: `flighttune conform` makes one."
+                f"`boxes` must be given for the tube of an aircraft, got {self.plant} without: "
+                "`flighttune band SCENARIO --of residual` counts them."
                 if self.boxes is None
                 else f"`boxes` must be of an aircraft, got {self.plant}."
             )
         if self.disturbance is None:
             return
         if self.boxes is not None:
-            raise InputError("`disturbance` must not be given with a conformance: its boxes are.")
+            raise InputError("`disturbance` must not be given with boxes, which bound it.")
         check_positive("rad/s", disturbance=self.disturbance)
         if self.disturbance < (swing := max(self._swing)):
             raise InputError(
@@ -159,37 +138,27 @@ class TubeProblem:
     def model(self) -> str:
         """The plant enclosed, in words, and what was counted for it."""
         kind = self.table.family.enclosed or ""
-        return kind if self.conformance is None else f"{kind}; {self.conformance.sentence}"
+        return kind if self.band is None else f"{kind}; {self.band.sentence}"
 
     @cached_property
     def boxes(self) -> AircraftBoxes | None:
         """Boxes counted for the flights of an aircraft; None for another plant.
 
-        Raises InputError if the conformance does not cover these flights, or is not the one of the
-        boxes stored.
+        Raises InputError if the band does not cover these flights, or is not the one of the boxes
+        stored.
         """
-        conformance, scenario = self.conformance, self.scenario
-        if conformance is None:
+        if self.band is None:
             return self.stored
-        conformance.check(scenario, self.table, self.gains, self.start)
-        if conformance.distribution.windy and scenario.wind is None:
-            raise InputError(
-                "`wind` must be stated, as the flights counted had wind, got none: the path over "
-                "ground begins elsewhere than that through the air."
-            )
-        boxes = AircraftBoxes(
-            bounds=conformance.boxes.over(self.t, *self.reference[:, REFERENCE].T),
-            lags=conformance.model.lags,
-            conformance_sha256=hash_of(conformance_tables(conformance)),
-        )
+        boxes = AircraftBoxes.of_band(self.band, self.t)
+        check_covered(self.band, self.scenario, self.table, self.gains, self.start)
         if self.stored is not None and (differs := boxes.difference(self.stored)):
-            raise InputError(f"`{differs}` must be that of the conformance, got another.")
+            raise InputError(f"`{differs}` must be that of the band, got another.")
         return boxes
 
     @property
     def aircraft_checked(self) -> bool | None:
-        """Whether the boxes were rebuilt from a conformance; None for a plant without boxes."""
-        return None if self.boxes is None else self.conformance is not None
+        """Whether the boxes were rebuilt from a band; None for a plant without boxes."""
+        return None if self.boxes is None else self.band is not None
 
     @property
     def _swing(self) -> tuple[float, float]:
@@ -284,27 +253,27 @@ def tube_problem(
     plant: str | None = None,
     start: float = 0.0,
     disturbance: float | None = None,
-    conformance: Conformance | None = None,
+    band: Band | None = None,
     law: Law | None = None,
 ) -> TubeProblem:
     """The flights of a scenario on one of its plants.
 
-    `plant` is a label; by default the first aircraft with a conformance, else the first plant that
-    is none. Course and flight-path angle start within `start` (rad) of the scenario's. The
+    `plant` is a label; by default the first aircraft with a band, else the first plant that is
+    none. Course and flight-path angle start within `start` (rad) of the scenario's. The
     disturbance of each rate is within `disturbance` (rad/s) of zero, in any shape; by default
-    within the amplitudes of the scenario's [disturbance], or zero. With the `conformance` of an
-    aircraft its model flies, under every disturbance in its boxes. The `law` is by default the
-    first of the scenario that takes the gains. Raises InputError if a value cannot be used, or the
-    tube does not know the law.
+    within the amplitudes of the scenario's [disturbance], or zero. With the `band` of the
+    residual signals of an aircraft its model flies, under every disturbance in its boxes. The `law`
+    is by default the first of the scenario that takes the gains. Raises InputError if a value
+    cannot be used, or the tube does not know the law.
     """
     scenario.check_over_time("a tube")
     return TubeProblem(
         scenario=scenario,
         gains=gains,
-        plant=_chosen(scenario, plant, aircraft=conformance is not None).label,
+        plant=_chosen(scenario, plant, aircraft=band is not None).label,
         start=start,
         disturbance=disturbance,
-        conformance=conformance,
+        band=band,
         law=law or scenario.law_for(gains),
         reference=reference_samples(scenario),
     )

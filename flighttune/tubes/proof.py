@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field
 
 from flighttune.arrays import read_only_matrix
-from flighttune.claims.conformance import Conformance
+from flighttune.claims.band import Band
 from flighttune.control.gains import COMMANDS, PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import InputError
@@ -23,12 +23,12 @@ from flighttune.gaps.residual import RESIDUALS
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.bounds import Bounds
+from flighttune.tubes.boxes import AircraftBoxes
 from flighttune.tubes.enclosure import Settings, Tube, bounds_of
 from flighttune.tubes.hand_over import HandOver, settled_from
 from flighttune.tubes.problem import (
     QUANTITIES,
     SAME_REFERENCE,
-    AircraftBoxes,
     TubeProblem,
     reference_samples,
     sample_count,
@@ -71,10 +71,10 @@ class Claim:
     hand_over: tuple[int, Annotated[int, Field(ge=1, le=MAX_SAMPLES)]] | None
     # See `AircraftBoxes`; no lags and no hash where the plant is no aircraft
     lags: tuple[InnerLag, ...]
-    conformance_sha256: str | None
+    band_sha256: str | None
 
     __pydantic_config__: ClassVar = STRICT
-    FORMAT: ClassVar[str] = "flighttune tube 7"
+    FORMAT: ClassVar[str] = "flighttune tube 8"
     UNITS: ClassVar[Mapping[str, str]] = {
         "bounds": "lower and upper bounds of the errors (rad) and commands (rad, 1) by sample",
         "boxes": "bounds on the rates left over (rad/s) and the roll (rad) by sample",
@@ -117,7 +117,7 @@ def save_tube(tube: Tube, path: str | Path) -> None:
         settings=tube.settings,
         hand_over=None if ever is None else (ever.sample, ever.samples),
         lags=() if boxes is None else boxes.lags,
-        conformance_sha256=None if boxes is None else boxes.conformance_sha256,
+        band_sha256=None if boxes is None else boxes.band_sha256,
     )
     looser = np.array([-BOUND_MARGIN, BOUND_MARGIN])
     arrays = {
@@ -137,27 +137,25 @@ def save_tube(tube: Tube, path: str | Path) -> None:
         np.savez_compressed(file, **arrays)
 
 
-def load_tube(path: str | Path, conformance: Conformance | None = None) -> Tube:
+def load_tube(path: str | Path, band: Band | None = None) -> Tube:
     """Read a tube and rebuild its problem from the scenario in the file.
 
     Bounds and choices in it are not trusted before `Tube.verify` has checked them. The boxes of an
-    aircraft are those of the file, unless there is a conformance to rebuild them from.
-
-    The boxes of an aircraft must come from `conformance`, if it is there. Raises InputError if the
-    file cannot be read, is no tube, or has another reference or other boxes than those rebuilt; the
-    message names the file and what is wrong.
+    aircraft are those of the file, and must be those of the `band`, if there is one. Raises
+    InputError if the file cannot be read, is no tube, or has another reference or other boxes than
+    those rebuilt; the message names the file and what is wrong.
     """
     try:
         arrays = read_arrays(Path(path), "tube", MEMBERS, MAX_BYTES, MAX_COMPRESSED)
         claim = value_of(json_object(str(arrays["claim"]), "`claim`"), Claim)
-        return _tube_from(claim, arrays, conformance)
+        return _tube_from(claim, arrays, band)
     except OSError as error:
         raise InputError(f"{path}: the file must be readable: {error.strerror}.") from error
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 
 
-def _tube_from(claim: Claim, arrays: Arrays, conformance: Conformance | None) -> Tube:
+def _tube_from(claim: Claim, arrays: Arrays, band: Band | None) -> Tube:
     scenario = scenario_from(claim.scenario)
     # Before anything as long as the scenario is made: a file may state a duration of years.
     k = sample_count(scenario)
@@ -168,14 +166,14 @@ def _tube_from(claim: Claim, arrays: Arrays, conformance: Conformance | None) ->
     }
     if scenario.feasible:
         shapes["reference"] = k, 6
-    if claim.conformance_sha256 is not None:
+    if claim.band_sha256 is not None:
         shapes["boxes"] = k, len(RESIDUALS), 2
     if claim.hand_over is not None:
         shapes |= dict.fromkeys(f"ever_{name}" for name in EVER)
     for name in arrays.keys() - shapes.keys():
         raise InputError(f"`{name}.npy` must not be in the file of this tube.")
     _check_shapes(arrays, shapes)
-    problem = _problem(claim, scenario, arrays, conformance)
+    problem = _problem(claim, scenario, arrays, band)
     return Tube(
         problem=problem,
         status="bounded",
@@ -188,9 +186,7 @@ def _tube_from(claim: Claim, arrays: Arrays, conformance: Conformance | None) ->
     )
 
 
-def _problem(
-    claim: Claim, scenario: Scenario, arrays: Arrays, conformance: Conformance | None
-) -> TubeProblem:
+def _problem(claim: Claim, scenario: Scenario, arrays: Arrays, band: Band | None) -> TubeProblem:
     """The problem of the scenario; only boxes may come from the file, and a feasible reference."""
     gains = claim.gains
     if gains.K.shape != (2, 4):
@@ -207,14 +203,14 @@ def _problem(
             )
         reference = read_only_matrix("reference", arrays["reference"])
     stored = None
-    if claim.conformance_sha256 is not None:
+    if claim.band_sha256 is not None:
         low, high = np.moveaxis(arrays["boxes"], 2, 0)
         if len(claim.lags) != 2 or not (low <= high).all():
             raise InputError("`boxes` must be lower and upper bounds, with two `lags`.")
         stored = AircraftBoxes(
-            bounds=Bounds(sample_times(scenario), low, high, RESIDUALS),
+            bounds=Bounds(sample_times(scenario), low, high, tuple(RESIDUALS)),
             lags=claim.lags,
-            conformance_sha256=claim.conformance_sha256,
+            band_sha256=claim.band_sha256,
         )
     return TubeProblem(
         scenario=scenario,
@@ -222,7 +218,7 @@ def _problem(
         plant=scenario.plant_table(claim.plant).label,
         start=claim.start_rad,
         disturbance=claim.disturbance_rad_s,
-        conformance=conformance,
+        band=band,
         law=law,
         reference=reference,
         stored=stored,

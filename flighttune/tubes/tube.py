@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.claims.conformance import Conformance
+from flighttune.claims.band import Band
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError
 from flighttune.flight.conditions import reference_of, start_condition
@@ -60,7 +60,7 @@ def largest_disturbance(
 def tube(
     scenario: Scenario | str | Path,
     gains: PIGains | str | None = None,
-    boxes: Conformance | None = None,
+    boxes: Band | None = None,
     *,
     plant: str | None = None,
     start: float = 0.0,
@@ -80,9 +80,9 @@ def tube(
     gains : PIGains or str, optional
         Gains of the paper's or of the exact law, or a gain set by name or file; by default the
         first of the scenario.
-    boxes : Conformance, optional
-        Boxes counted around the rates of an aircraft that its identified model misses: its flights
-        are then enclosed.
+    boxes : Band, optional
+        Band of the residual signals of an aircraft, ``ft.band(..., of="residual")``: flights of its
+        identified model with these residuals are then enclosed.
     plant : str, optional
         Label of the plant; by default the first that is no aircraft, or with `boxes` the first
         aircraft.
@@ -123,7 +123,7 @@ def tube(
         plant=plant,
         start=start,
         disturbance=disturbance,
-        conformance=boxes,
+        band=boxes,
         law=law,
     )
     enclosure = tube_of(problem, progress=progress)

@@ -9,10 +9,10 @@ from campaigns import flown_here, write_campaign
 from commands import answer, flighttune
 from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_of, uniform
 
+import flighttune as ft
 from flighttune.campaign import band as band_module
-from flighttune.campaign.band import count_band, count_more, load_band, recount
+from flighttune.campaign.band import count_more, load_band, recount
 from flighttune.campaign.band import plan_of as plan_of_band
-from flighttune.campaign.claims import BandClaim
 from flighttune.campaign.flying.alone import fly_group, scenario_of_run
 from flighttune.campaign.flying.rows import rows_flown
 from flighttune.campaign.stated_set import planned
@@ -20,6 +20,7 @@ from flighttune.claims.band import save_band
 from flighttune.errors import InputError
 from flighttune.flight.conditions import reference_of
 from flighttune.flight.fly import fly
+from flighttune.gaps.residual import residuals_of
 from flighttune.scenario.load import scenario_from
 from flighttune.simulate.claim import with_claims
 
@@ -38,8 +39,8 @@ def small_plan(*disperse, runs=12, plants=(KINEMATIC,), **tables):
 
 def count(plan=None, rows=rows_flown, **settings):
     """The band of a small plan, flown in this process."""
-    with flown_here(band_module, "planned", plan or small_plan(), rows) as pool:
-        return count_band("campaign", pool, **{**FEW, **settings})
+    with flown_here(band_module, "planned", plan or small_plan(), rows):
+        return ft.band("campaign", **{**FEW, **settings})
 
 
 @pytest.fixture(scope="module")
@@ -177,6 +178,11 @@ def test_the_command_counts_reads_adds_and_verifies(tmp_path):
         distribution = "uniform"
         lower = -5.0
         upper = 5.0
+        [[disperse]]
+        key = "flight.gamma_deg"
+        distribution = "uniform"
+        lower = 3.0
+        upper = 7.0
         """,
     )  # fmt: skip
     file = tmp_path / "band.npz"
@@ -229,7 +235,7 @@ def test_a_band_on_a_route_follows_the_distance_along_it():
     path = reference_of(plan.scenario).path
 
     assert band.about.signals == {"cross_track": "m", "height_err": "m"}
-    assert (band.axis.over, band.axis.edges[-1]) == ("along", math.ceil(path.length))
+    assert (band.flights.over, band.flights.edges[-1]) == ("along", math.ceil(path.length))
     for run, score in enumerate(band.scores, start=band.about.learned):
         signals = fly_group(plan, plan_of_band(band).scenario_of(run), plan.groups[0]).signals
         assert band.bounds(signals["along"].to_numpy()).contain(signals) == (score <= band.scale)
@@ -254,8 +260,7 @@ def test_a_band_is_not_drawn_around_a_run_of_another_airframe_or_with_sensors():
         made = scenario_from({**tables, **changes})
         return [run for run in fly(made).runs if run.provenance.plant == label]
 
-    claim = BandClaim(band=counted)
-    (run, *_) = with_claims(flown(), [claim])
+    (run, *_) = with_claims(flown(), [counted])
     assert run.claims[0].sentence == counted.sentence
     heavy = [plant | {"airframe": {"mass_factor": 1.3}} for plant in tables["plant"]]
     for key, changes in (
@@ -263,4 +268,41 @@ def test_a_band_is_not_drawn_around_a_run_of_another_airframe_or_with_sensors():
         ("sensors.chi_bias_deg", {"sensors": {"chi_bias_deg": 1.0}}),
     ):
         with pytest.raises(InputError, match=rf"must cover a run: .*: its {key} must be"):
-            with_claims(flown(**changes), [claim])
+            with_claims(flown(**changes), [counted])
+
+
+@pytest.mark.slow
+def test_residual_signals_of_an_aircraft_are_counted_like_any_other():
+    counted = count(small_plan(plants=(KINEMATIC, AEROSONDE)), of="residual", flights=ALONE)
+    plan, model = plan_of_band(counted), counted.flights.model
+    bounds = counted.bounds(np.arange(25) / 50.0)
+
+    for run, score in enumerate(counted.scores, start=counted.about.learned):
+        flown = fly_group(plan, plan.scenario_of(run), plan.groups[0])
+        signals = residuals_of(model, flown, plan.scenario_of(run).condition)
+        residuals = dict(zip(counted.about.signals, signals.T, strict=True))
+        assert bounds.contain(residuals) == (score <= counted.scale)
+    assert [row["unit"] for row in counted.answer().tables[0].records] == 2 * ["deg/s"] + 2 * [
+        "deg"
+    ]
+    with pytest.raises(InputError, match="no recorded signal: `flighttune tube --boxes` takes it"):
+        ft.fly(plan.scenario).within(counted)
+
+
+def test_residual_signals_need_an_aircraft_and_are_not_recorded():
+    for settings, message in (
+        ({}, "`plant` must be an aircraft to have residual signals, got kinematic"),
+        ({"signals": ["n_z"]}, "`signals` and `given` must be absent"),
+    ):
+        with pytest.raises(InputError, match=message):
+            count(of="residual", **settings)
+
+
+@pytest.mark.slow
+def test_flights_of_one_air_are_counted_where_the_campaign_has_several():
+    plan = small_plan(plants=[AEROSONDE], wind=WIND, turbulence={"intensity": "light"})
+
+    calm = count(plan, air="calm", flights=ALONE)
+
+    assert "in calm air" in calm.sentence
+    assert plan_of_band(calm).scenario.turbulence is None

@@ -129,7 +129,7 @@ def test_ctrl_c_ends_it_and_resume_goes_on(tmp_path, file, address, number):
     "command",
     [
         "worst first_campaign --budget 100000",
-        "conform random_starts --out boxes.json",
+        "band random_starts --of residual",
         "meet paper_identified --campaign robust_tuning",
     ],
 )

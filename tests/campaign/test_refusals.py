@@ -4,19 +4,15 @@ import pytest
 from commands import flighttune
 
 CASES = {
-    "conform": [
-        (("random_starts",), "`--out` must be given"),
-        (("random_starts", "--out", "x.json", "--epsilon", "0"), "`epsilon` must be between"),
-        (("random_starts", "--out", "x.json", "--air", "severe"), "`air` must be one of calm"),
-        (("feasible", "--out", "x.json"), "feasible: `start_deg` must be given for a scenario in"),
-        (("feasible", "--out", "x.json", "--start-deg", "-2"), "`start_deg` must not be negative"),
-        (("aerosonde", "--out", "x.json"), "aerosonde"),
-        (
-            ("random_starts", "--out", "x.json", "--flights", "600"),
-            "`flights` must be at least 688",
-        ),
-        (("feasible_starts", "--out", "x.json", "--start-deg", "2"), "are for scenarios"),
-        (("kinematic_sweep", "--out", "x.json"), "`plant` must be one of kind jsbsim"),
+    "band": [
+        (("random_starts", "--epsilon", "0"), "`epsilon` must be between"),
+        (("random_starts", "--of", "residual", "--air", "severe"), "`air` must be one of calm"),
+        (("feasible",), "feasible: `start_deg` must be given for a scenario in"),
+        (("feasible", "--start-deg", "-2"), "`start_deg` must not be negative"),
+        (("aerosonde",), "aerosonde"),
+        (("random_starts", "--flights", "600"), "`flights` must be at least 688"),
+        (("feasible_starts", "--start-deg", "2"), "are for scenarios"),
+        (("kinematic_sweep", "--of", "residual"), "`plant` must be an aircraft"),
     ],
     "worst": [
         (("paper",), "`disperse` must name a key"),

@@ -11,7 +11,7 @@ from scipy.stats import chi2
 
 from flighttune import load_scenario
 from flighttune.campaign import worst as worst_module
-from flighttune.campaign.conform import at_random
+from flighttune.campaign.counted_flights import at_random
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign

@@ -12,25 +12,17 @@ from dispersed import tables_of as scenario_tables
 from scipy.stats import binom
 
 from flighttune import scenario_from
-from flighttune.claims import band as band_module
-from flighttune.claims.band import (
-    About,
-    Axis,
-    Band,
-    learned_shape,
-    read_band,
-    save_band,
-    scores_of,
-    window_edges,
-    window_extremes,
-)
-from flighttune.claims.count import allowed_outside, flights_needed
+from flighttune.claims import shape as shape_module
+from flighttune.claims.band import About, Band, read_band, save_band
+from flighttune.claims.count import allowed_outside, counted_scale, flights_needed
+from flighttune.claims.shape import learned_shape, scores_of, window_edges, window_extremes
 from flighttune.errors import InputError
 from flighttune.files.seal import BLANK, seal
 from flighttune.files.value import tables_of
 from flighttune.flight.conditions import command_limits, start_condition
 from flighttune.flight.models import gain_sets, law_setup
 from flighttune.simulate.batch import fly_sampled
+from tests.made_up_band import band_flights
 
 # s and samples of the made-up flights, and their signals
 DT, SAMPLES, SIGNALS = 0.1, 41, {"chi_err": "rad", "h": "m"}
@@ -66,15 +58,15 @@ def band_of(learned, counted, epsilon=0.05, confidence=0.95, winds=None):
         epsilon=epsilon,
         confidence=confidence,
     )
-    return Band(about=about, axis=walks_axis(about), extremes=extremes, wind=kept[1])
+    return Band(about=about, flights=walks_flights(about), extremes=extremes, wind=kept[1])
 
 
-def walks_axis(_):
-    return Axis(edges=EDGES * DT, distribution="random walks")
+def walks_flights(_):
+    return band_flights(EDGES * DT)
 
 
 def load_walks(path):
-    return read_band(path, walks_axis)
+    return read_band(path, walks_flights)
 
 
 @pytest.fixture(scope="module")
@@ -100,6 +92,15 @@ def test_windows_include_both_of_their_edges_and_are_rounded_outwards():
     assert (high > 5.1).all()
 
 
+def test_windows_of_values_that_last_to_the_next_sample_share_no_edge():
+    values = np.array([0.0, 1.0, 2.0, 5.0, 4.0, 3.0])[:, None]
+
+    low, high = np.moveaxis(window_extremes(values, np.array([0, 3, 6]))[:, 0], -1, 0)
+
+    assert low == pytest.approx([0.0, 3.0], rel=SINGLE)
+    assert high == pytest.approx([2.0, 5.0], rel=SINGLE)
+
+
 def test_a_signal_without_a_value_in_a_window_may_have_had_any():
     values = np.array([[0.0, np.nan], [1.0, np.nan], [2.0, 3.0], [np.nan, 4.0]])
 
@@ -110,7 +111,7 @@ def test_a_signal_without_a_value_in_a_window_may_have_had_any():
 
 
 def test_windows_are_few_enough_for_memory():
-    assert len(window_edges(1001, 1640, 2)) == band_module.MAX_WINDOWS + 1
+    assert len(window_edges(1001, 1640, 2)) == shape_module.MAX_WINDOWS + 1
     assert 2 * 2 * 1_000_000 * (len(window_edges(1001, 1_000_000, 2)) - 1) <= 2**27
     assert window_edges(3, 10, 1).tolist() == [0, 1, 2]
 
@@ -129,6 +130,16 @@ def test_the_flights_outside_are_those_that_leave_the_bounds(walks, counted):
     nearest = counted.nearest - counted.about.learned
     assert counted.scores[nearest] == counted.scale
     assert bounds.half_widths[0] == pytest.approx(counted.half_widths[0])
+
+
+def test_a_peak_that_all_flights_share_is_not_spread_over_its_neighbours():
+    flights = 1e-3 * np.random.default_rng(8).normal(size=(60, 1)) * np.ones(40)
+    flights[:, 20] *= 1e3
+    extremes = np.repeat(flights.astype(np.float32)[:, :, None, None], 2, axis=-1)
+
+    _, half = learned_shape(extremes, np.zeros((60, 0)), 0.05)
+
+    assert half[[19, 21], 0].max() < 0.01 * half[20, 0]
 
 
 @pytest.mark.slow
@@ -180,7 +191,7 @@ def test_flights_that_did_not_complete_count(walks, counted):
     assert not none.claims
     assert "2 did not complete, and at most 1 may: nothing is claimed" in none.sentence
     learned = extremes_of(walks[0])
-    learned[band_module.MIN_LEARNED - 1 :] = lost[0]
+    learned[shape_module.MIN_LEARNED - 1 :] = lost[0]
     with pytest.raises(InputError, match=r"`learn` .* 10 flights .* got 9"):
         learned_shape(learned, np.zeros((60, 0)), 0.05)
 
@@ -247,11 +258,11 @@ def test_no_choice_of_when_to_stop_makes_a_continued_count_false_more_often_than
         signals={"h": "m"}, coefficients=np.zeros((1, 1, 1)), half=np.ones((1, 1)), plan=plan,
         predicted_from=None, learned=10, epsilon=epsilon, confidence=confidence,
     )  # fmt: skip
-    axis = Axis(edges=np.array([0.0, 1.0]), distribution="made up")
+    over = band_flights(np.array([0.0, 1.0]))
     numbers = [lambda _: [first], *3 * [lambda n: [2 * n]]]
     for k in range(1, 5):
         flights = np.zeros((first * 2 ** (k - 1), 1, 1, 2))
-        band = Band(about=about, axis=axis, extremes=flights, wind=np.zeros((len(flights), 0)))
+        band = Band(about=about, flights=over, extremes=flights, wind=np.zeros((len(flights), 0)))
         worst = worst_chance(numbers[:k], epsilon, confidence)
 
         assert band.readings[-1] == len(flights)
@@ -366,9 +377,7 @@ def test_bands_are_false_no_more_often_than_their_confidence_says():
     fresh = np.concatenate([extremes(more // 10) for _ in range(10)])
     for _ in range(bands):
         shape = learned_shape(extremes(learn), none[:learn], 0.05)
-        scale, _ = band_module.counted_scale(
-            scores_of(extremes(count), none[:count], *shape), 0.05, 0.95
-        )
+        scale, _ = counted_scale(scores_of(extremes(count), none[:count], *shape), 0.05, 0.95)
         false += np.mean(scores_of(fresh, none, *shape) > scale) > 0.05
 
     sys.stdout.write(f"{false} of {bands} bands are left more often than 5 %\n")

@@ -9,7 +9,6 @@ from flighttune.claims.count import (
     allowed_outside,
     counted_scale,
     flights_needed,
-    refuting_outside,
     supported_epsilon,
 )
 
@@ -41,19 +40,6 @@ def test_flights_that_were_not_completed_count():
     assert counted_scale(scores, 0.05, 0.95) == (np.inf, 0)
     with pytest.raises(ft.InputError, match=r"at least 59 .*`epsilon`"):
         counted_scale(scores[:58], 0.05, 0.95)
-
-
-@pytest.mark.parametrize(
-    ("flights", "epsilon", "confidence", "refuting"),
-    [
-        (14, 0.5, 0.75, 9),  # P(Bin >= 9) = 3473 / 16384 = 0.212, P(Bin >= 8) = 0.395
-        (3, 0.5, 0.75, 3),  # 1/8, and 1/2 with two
-        (1, 0.1, 0.8, 1),  # one flight, with probability 0.1
-        (1, 0.1, 0.99, 2),  # one flight refutes nothing
-    ],
-)
-def test_so_many_outside_refute_a_probability(flights, epsilon, confidence, refuting):
-    assert refuting_outside(flights, epsilon, confidence) == refuting
 
 
 @pytest.mark.parametrize(("outside", "flights"), [(0, 40), (3, 40), (5, 1640), (40, 40)])

@@ -3,7 +3,7 @@
 import pytest
 from dispersed import AEROSONDE, KINEMATIC, WIND, one_of, plan_of, tables_of, uniform
 
-from flighttune.campaign.conform import at_random, distribution_of
+from flighttune.campaign.counted_flights import at_random, distribution_of
 from flighttune.campaign.planning.load import load_campaign
 
 GUST = {"axis": "right", "peak_mps": 12.0, "start_s": 1.0, "length_m": 30.0}

@@ -14,11 +14,12 @@ import flighttune as ft
 from flighttune.campaign.band import load_band, plan_of
 from flighttune.campaign.fence import corridor_of, count_inside, where_of
 from flighttune.campaign.stated_set import planned
-from flighttune.claims.band import About, Axis, Band, save_band
+from flighttune.claims.band import About, Band
 from flighttune.references.earth import north_east, on_earth
 from flighttune.references.fence import SCAN_STEP, read_fence, room_along
 from flighttune.references.maps import route_geojson, route_kml
 from flighttune.references.path import Ability, Waypoint, plan
+from tests.made_up_band import band_flights
 
 ORIGIN = (47.0, 8.0)
 ABILITY = Ability(V_a=25.0, wind=8.0, phi=0.6, phi_rate=0.4, gamma=(-0.2, 0.2), g=9.81)
@@ -75,8 +76,8 @@ def band():
         epsilon=0.25,
         confidence=0.9,
     )
-    axis = Axis(over="along", edges=np.linspace(0.0, 800.0, 201), distribution="made up")
-    return Band(about=about, axis=axis, extremes=extremes, wind=np.zeros((40, 0)))
+    along = band_flights(np.linspace(0.0, 800.0, 201), over="along")
+    return Band(about=about, flights=along, extremes=extremes, wind=np.zeros((40, 0)))
 
 
 def test_a_leg_in_a_rectangle_has_the_distances_of_its_edges(tmp_path):
@@ -188,7 +189,7 @@ def test_a_fence_needs_one_start_for_all_flights(band, box):
 
 
 def test_the_answer_is_no_where_the_count_does_not_support_it(band, box, tmp_path):
-    save_band(band, tmp_path / "b.npz")
+    ft.save_band(band, tmp_path / "b.npz")
     command = ("band", tmp_path / "b.npz", "--fence", box)
     narrow = fence_file(tmp_path / "n.geojson", [(n, e / 30.0) for n, e in BOX])
 
@@ -199,7 +200,7 @@ def test_the_answer_is_no_where_the_count_does_not_support_it(band, box, tmp_pat
 
 def test_a_fence_is_kept_with_its_band_and_shares_its_confidence_and_page(band, box, tmp_path):
     file, page = tmp_path / "b.npz", tmp_path / "b.html"
-    save_band(band, file)
+    ft.save_band(band, file)
 
     said = answer("band", file, "--fence", box)
     answer("report", file, "--out", page)
@@ -293,7 +294,7 @@ def test_maps_show_the_corridor_as_wide_and_high_as_the_band(band, tmp_path):
 
 
 def test_the_corridor_of_another_route_is_refused(band, tmp_path):
-    save_band(band, tmp_path / "b.npz")
+    ft.save_band(band, tmp_path / "b.npz")
     out = ("--claim", tmp_path / "b.npz", "--out", tmp_path / "c.kml")
 
     flighttune("route", "circuit", *SETTINGS, *out)

@@ -166,9 +166,9 @@ def test_a_route_that_cannot_be_read_is_refused(change, message):
         scenario([{"kind": "kinematic"}], **change)
 
 
-@pytest.mark.parametrize("command", ["tube", "export", "conform"])
+@pytest.mark.parametrize("command", ["tube", "export"])
 def test_what_needs_a_reference_over_time_refuses_a_route_by_name(command, tmp_path):
-    options = {"export": ("--out", tmp_path / "out"), "conform": ("--out", tmp_path / "out.json")}
+    options = {"export": ("--out", tmp_path / "out")}
     _, said = flighttune(command, "circuit", *options.get(command, ()), status=2)
 
     assert "`route` must be absent" in said

@@ -62,7 +62,7 @@ def changed(proven, tmp_path):
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
-    ["band FILE", "worst FILE", "tube feasible --conformance FILE"],
+    ["band FILE", "worst FILE", "tube feasible --boxes FILE"],
 )  # fmt: skip
 def test_the_proof_of_a_tube_is_told_from_other_files(command, proven, tmp_path):
     words = (proven[1] if word == "FILE" else word for word in command.split())

@@ -7,13 +7,15 @@ import pytest
 from hypothesis import strategies as st
 
 import flighttune as ft
-from flighttune.claims.boxes import RateBoxes, Windows
+from flighttune.campaign.band import plan_of
+from flighttune.claims.shape import LEAST
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.gaps.residual import residual_rates
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.problem import tube_problem
 from flighttune.tubes.tube import tube_of
-from tests.tubes.test_aircraft import ROLL, ROLL_CHANGE, conformance, flight
+from tests.made_up_band import ROLL, ROLL_CHANGE, boxes_of, counted_boxes
+from tests.tubes.test_aircraft import flight
 from tests.tubes.test_soundness import FEW_PIECES, check_cases, few_or_many
 
 FLIGHTS = 4
@@ -65,46 +67,46 @@ def conformant(draw):
         feed_forward=draw(st.booleans()),
         ramp_dps=draw(st.one_of(st.none(), st.floats(-8.0, 8.0))),
     )
-    known = conformance(scenario)
-    windows = Windows.covering(
-        draw(st.sampled_from(["time", "phase"])),
-        scenario.flight.duration_s,
-        draw(st.sampled_from([0.02, 0.1, 0.5])),
-    )
+    known = counted_boxes(scenario)
+    windows = len(known.flights.edges) - 1
     ends = np.array(draw(st.lists(RATE, min_size=4, max_size=4))).reshape(2, 2)
     rng = np.random.default_rng(draw(st.integers(0, 99)))
-    scale = rng.random((2, windows.count, 2)) * np.sort(ends, axis=0)[:, None]
-    rest = np.tile([ROLL, ROLL_CHANGE], (windows.count, 1))
+    alike = draw(st.sampled_from([1, 5, 25]))  # windows in a row with the same box
+    scale = np.repeat(rng.random((2, windows, 2)), alike, axis=1)[:, :windows]
+    scale = scale * np.sort(ends, axis=0)[:, None]
+    rest = np.tile([ROLL, ROLL_CHANGE], (windows, 1))
     low, high = np.hstack([scale.min(axis=0), -rest]), np.hstack([scale.max(axis=0), rest])
-    boxes = RateBoxes(windows=windows, low=low, high=high)
-    model = replace(known.model, lags=draw(st.sampled_from(LAGS)))
-    return scenario, replace(known, learned=boxes.scaled(0.5), boxes=boxes, model=model)
+    model = replace(known.flights.model, lags=draw(st.sampled_from(LAGS)))
+    flights, centre = replace(known.flights, model=model), 0.5 * (low + high)
+    half = np.maximum(0.5 * (high - low), LEAST)
+    return scenario, boxes_of(plan_of(known), flights, centre, half)
 
 
 def check_conformant(case, seed):
     scenario, known = case
-    problem = tube_problem(scenario, ft.PAPER_GAINS, conformance=known)
+    problem = tube_problem(scenario, ft.PAPER_GAINS, band=known)
     found = tube_of(problem, attempts=FEW_PIECES, for_ever=False)
     rng, dt, condition = (
         np.random.default_rng(seed),
         problem.controller().dt,
         start_condition(scenario),
     )
+    model = known.flights.model
     t = problem.t
-    boxes = known.boxes.over(t, *reference_of(scenario).sampled(t))
+    boxes = known.bounds(t)
     low, high = boxes.low[:-1, :2], boxes.high[:-1, :2]
     for _ in range(FLIGHTS):
         share = rng.random(low.shape) if rng.random() < 0.5 else rng.choice([0.0, 1.0], low.shape)
         rates = low + share * (high - low)
         signals, _ = simulate(
-            Disturbed(known.model.lags, rates, roll_beyond(len(t), rng), scenario.flight.g_mps2),
+            Disturbed(model.lags, rates, roll_beyond(len(t), rng), scenario.flight.g_mps2),
             problem.controller(),
             reference_of(scenario),
             condition=condition,
             duration=scenario.flight.duration_s,
         )
         again = residual_rates(
-            known.model,
+            model,
             dt,
             signals[["chi", "gamma"]].to_numpy(),
             signals[["phi_cmd", "n_z_cmd"]].to_numpy(),

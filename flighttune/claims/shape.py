@@ -1,0 +1,167 @@
+"""Windows of flights, their extremes, and the shape of a band that is learned from these."""
+
+from itertools import product
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.arrays import FloatArray
+from flighttune.errors import InputError
+
+# Most windows of a flight, and most numbers kept of all flights that are counted.
+MAX_WINDOWS, MAX_NUMBERS = 200, 2**27
+
+# Fewest learned flights that must have been completed.
+MIN_LEARNED = 10
+
+# Shapes that are tried: the part of the learned flights inside at each time, before it is scaled;
+# the windows whose flights a window takes, its neighbours' too or its own alone; and a constant
+# added to every half-width, as a share of the largest. Without a constant the band is narrow where
+# flights agree; with a large one it is equally wide at all times.
+INSIDE = (0.98, 0.99, 0.995, 1.0)
+WINDOWS = (3, 1)
+ADDED = (0.0, 0.03, 0.06, 0.1, 0.2, 0.4, 0.8, 1.6)
+
+# Parts of the learned flights; a shape is learned from all but one of them, and scaled by that one.
+FOLDS = 5
+
+# Smallest half-width, as a share of the largest of its signal, and absolute: flights that agree to
+# the last digit need some width.
+LEAST_SHARE, LEAST = 1e-3, 1e-9
+
+# Flights scored at a time: those of the largest count do not fit into memory as doubles.
+PART = 4096
+
+# Lowest and highest value of each signal in each window in single precision, shape (N, windows,
+# signals, 2) of N flights. A flight that was not completed, or whose position its distances from a
+# route do not give, has -inf and inf.
+Extremes: TypeAlias = npt.NDArray[np.floating]
+
+
+def window_edges(samples: int, flights: int, signals: int) -> npt.NDArray[np.intp]:
+    """First samples of the windows of a flight, and the last sample of all.
+
+    There are fewer windows if so many `flights` are counted that their extremes would not fit.
+    """
+    fitting = MAX_NUMBERS // (2 * flights * signals)
+    count = max(1, min(MAX_WINDOWS, fitting, samples - 1))
+    return np.round(np.linspace(0, samples - 1, count + 1)).astype(np.intp)
+
+
+def window_extremes(values: FloatArray, edges: npt.NDArray[np.intp]) -> Extremes:
+    """Extremes of one flight in windows that include both of their edges, rounded outwards.
+
+    `values` has shape (samples, signals); the result (windows, signals, 2). Without a row for the
+    last sample, values last from a sample to the next and windows have their first edge alone. A
+    signal without a value in a window may have had any.
+    """
+    lasting = len(values) == edges[-1]
+    before = values if lasting else values[:-1]
+    low, high = (
+        ends if lasting else extreme(ends, values[edges[1:]])
+        for extreme in (np.fmin, np.fmax)
+        for ends in [extreme.reduceat(before, edges[:-1])]
+    )
+    outwards = [
+        np.nextafter(np.nan_to_num(ends, nan=far).astype(np.float32), np.float32(far))
+        for ends, far in ((low, -np.inf), (high, np.inf))
+    ]
+    return np.stack(outwards, axis=-1)
+
+
+def scores_of(
+    extremes: Extremes, wind: FloatArray, coefficients: FloatArray, half: FloatArray
+) -> FloatArray:
+    """Scale at which each flight is just inside at all times; infinite if it was not completed."""
+    parts = [np.zeros(0)]
+    for first in range(0, len(extremes), PART):
+        part = slice(first, first + PART)
+        middle = predicted(wind[part], coefficients)
+        away = np.abs(extremes[part] - middle[..., None]).max(axis=-1)
+        parts.append((away / half).max(axis=(1, 2)))
+    return np.concatenate(parts)
+
+
+def learned_shape(
+    extremes: Extremes, wind: FloatArray, epsilon: float
+) -> tuple[FloatArray, FloatArray]:
+    """Middle and half-widths of a band, as in `About`.
+
+    The middle is fitted by least squares. Of all shapes each signal takes the one that is narrowest
+    after it is learned from some of the flights and scaled by the others: in its largest half-width
+    and in its geometric mean over time. The scale is that of the last `epsilon` of the flights, so
+    that all signals are left about equally often. Raises InputError if fewer than `MIN_LEARNED`
+    flights were completed.
+    """
+    completed = np.isfinite(extremes).all(axis=(1, 2, 3))
+    extremes, wind = extremes[completed], wind[completed]
+    if len(extremes) < MIN_LEARNED:
+        raise InputError(
+            f"`learn` must have {MIN_LEARNED} flights that are completed, got {len(extremes)}."
+        )
+    middles = extremes.mean(axis=-1, dtype=float)
+    fit, *_ = np.linalg.lstsq(_terms(wind), middles.reshape(len(middles), -1), rcond=None)
+    coefficients = fit.reshape(-1, *middles.shape[1:])
+    away = extremes - predicted(wind, coefficients)[..., None]
+    shapes = [_narrowest(away[:, :, i], epsilon) for i in range(away.shape[2])]
+    centres, halves = (np.stack(columns, axis=1) for columns in zip(*shapes, strict=True))
+    coefficients[0] += centres
+    return coefficients, halves
+
+
+def _narrowest(away: FloatArray, epsilon: float) -> tuple[FloatArray, FloatArray]:
+    """Centre and half-width of the narrowest shape of one signal, shape (windows,) each."""
+    flights, best = np.arange(len(away)), (np.inf, 0.0, 0, 0.0, 0.0)
+    for inside, windows in product(INSIDE, WINDOWS):
+        folds = [
+            (away[flights % FOLDS == fold], *_hull(away[flights % FOLDS != fold], inside, windows))
+            for fold in range(FOLDS)
+        ]
+        for added in ADDED:
+            scores, logs = [], []
+            for others, centre, hull in folds:
+                half = _widened(hull, added)
+                scores.append(np.abs(others - centre[:, None]).max(axis=-1) / half)
+                logs.append(np.log(half))
+            largest = np.sort(np.concatenate(scores).max(axis=1))[-1 - int(epsilon * len(away)) :]
+            scale, log = np.mean(np.log(largest)), np.mean(logs, axis=0)
+            width = 2.0 * scale + log.max() + log.mean()
+            best = min(best, (width, inside, windows, added, scale))
+    _, inside, windows, added, scale = best
+    centre, hull = _hull(away, inside, windows)
+    return centre, np.exp(scale) * _widened(hull, added)
+
+
+def _hull(away: FloatArray, inside: float, windows: int) -> tuple[FloatArray, FloatArray]:
+    """Centre and half-width that have a share `inside` of flights below, and above, at each time.
+
+    With 3 `windows` each window also takes those of its neighbours: the quantiles of few flights
+    are ragged in weather. In calm air this only spreads a peak over its neighbours.
+    """
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+    low = np.quantile(away[..., 0], 1.0 - inside, axis=0)
+    high = np.quantile(away[..., 1], inside, axis=0)
+    low = minimum_filter1d(low, windows, mode="nearest")
+    high = maximum_filter1d(high, windows, mode="nearest")
+    return 0.5 * (low + high), 0.5 * (high - low)
+
+
+def _widened(half: FloatArray, added: float) -> FloatArray:
+    """Half-widths with a share of the largest of them added."""
+    largest = max(half.max(), LEAST)
+    return np.maximum(half, LEAST_SHARE * largest) + added * largest
+
+
+def predicted(wind: FloatArray, coefficients: FloatArray) -> FloatArray:
+    """Middles of the band in these winds, shape (N, windows, signals)."""
+    return np.einsum("nc,cws->nws", _terms(wind), coefficients)
+
+
+def _terms(wind: FloatArray) -> FloatArray:
+    """All products of at most three wind components, shape (N, 10); (N, 1) without them."""
+    if not wind.shape[1]:
+        return np.ones((len(wind), 1))
+    north, east = wind.T
+    return np.column_stack([north**i * east**j for i in range(4) for j in range(4 - i)])
