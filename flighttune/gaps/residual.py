@@ -10,7 +10,6 @@ from flighttune.arrays import FloatArray, check_positive
 from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import InputError
 from flighttune.flight.conditions import reference_of
-from flighttune.identification.file import load_identified
 from flighttune.identification.fit import lag_response
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import turn_rates
@@ -129,7 +128,5 @@ def conformant_model(scenario: Scenario, plant: str) -> ConformantModel:
     flight, table = scenario.flight, scenario.plant_table(plant)
     if table.aircraft is None:
         raise InputError(f"`plant` must be an aircraft to have residual signals, got {plant}.")
-    nearest = load_identified(table.aircraft).nearest(
-        flight.V_a_mps, reference_of(scenario).initial[1]
-    )
+    nearest = table.identified_model.nearest(flight.V_a_mps, reference_of(scenario).initial[1])
     return ConformantModel(V_a=flight.V_a_mps, g=flight.g_mps2, lags=nearest.lags)
