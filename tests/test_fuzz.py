@@ -311,9 +311,7 @@ def loads(load, path):
         assert line.startswith(f"{path}: "), line
         assert "\n" not in line
         assert len(line) < LONGEST_LINE, len(line)
-        assert re.search(
-            r"`[^`]*`|the file must|must be a claim: the file of", line
-        ), line
+        assert re.search(r"`[^`]*`|the file must|must be a claim: the file of", line), line
         return None
 
 
