@@ -1,7 +1,7 @@
 """Batched kinematic flights against python-control and against the single-run loop.
 
-Run with ``python benchmarks/bench_batch.py``. Times are medians, wall times with all cores and
-processor times, which other load on the machine disturbs less. What python-control flies is the
+Run with ``python benchmarks/bench_batch.py``. Times are medians, wall and processor times of
+one thread; other load on the machine disturbs the latter less. What python-control flies is the
 same sampled loop, written as one discrete-time system with one Runge-Kutta step of the plant a
 sample, so that both must give the same errors (`SAME`).
 

@@ -2,14 +2,13 @@
 
 import math
 import os
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, check_at_least, check_positive
+from flighttune.arrays import FloatArray, check_positive
 from flighttune.control.controller import Controller
 from flighttune.control.exact_law import ExactLaw
 from flighttune.control.mimo_pi import MimoPI
@@ -27,12 +26,10 @@ SIGNALS = (
     *("phi_integral", "n_z_integral", "phi_limited", "n_z_limited"),
 )
 
-BLOCKS_PER_THREAD = 8
-
 # Numbers of a `RateLaw`; a `PILaw` has fewer.
 LAW_NUMBERS = 23
 
-# Flights a thread keeps the errors of sensors of.
+# Flights whose errors of sensors are in memory at the same time
 SENSED_AT_ONCE = 256
 
 
@@ -82,7 +79,6 @@ def fly_sampled(
     disturbances: Sequence[Sinusoid] = (Sinusoid(),),
     sensors: Sequence[Sensors] = (),
     g: npt.ArrayLike = G_PAPER,
-    threads: int | None = None,
 ) -> BatchResult:
     """Fly discrete controllers on the kinematic plant, every flight as `simulate` would.
 
@@ -100,14 +96,12 @@ def fly_sampled(
         Their rates, which the exact law follows.
     g : float or array_like, shape (N,), m/s^2
         Acceleration of gravity.
-    threads : int, optional
-        Threads to use; by default one a core. The results do not depend on it.
 
     Returns
     -------
     BatchResult
-        Trajectories, of 112 bytes a sample, are those of the single run but for rounding (1e-12),
-        the same bits for any number of threads. Integrals of the exact law (rad/s) stand in
+        Trajectories, of 112 bytes a sample, are those of the single run but for rounding (1e-12).
+        Integrals of the exact law (rad/s) stand in
         ``phi_integral`` and ``n_z_integral``.
 
     Raises
@@ -170,15 +164,12 @@ def fly_sampled(
     )
     from flighttune.simulate.kernel import fly_block
 
-    def fly(first: int, end: int) -> None:
-        # Errors of sensors are made flight by flight in Python: only so many are kept at a time.
-        most = SENSED_AT_ONCE if sensors else max(end - first, 1)
-        for begin in range(first, end, most) or [first]:
-            until = min(begin + most, end)
-            errors = _sensor_errors(sensors, begin, until, len(t), dt)
-            fly_block(begin, until, errors, flights, result)
-
-    _in_blocks(fly, N, threads)
+    # One thread: campaigns share their draws out among processes.
+    at_once = SENSED_AT_ONCE if sensors else N
+    for first in range(0, N, at_once):
+        end = min(first + at_once, N)
+        errors = _sensor_errors(sensors, first, end, len(t), dt)
+        fly_block(first, end, errors, flights, result)
     return result
 
 
@@ -214,16 +205,6 @@ def _sensor_errors(
     chosen = sensors[first:end] if len(sensors) > 1 else sensors[: end - first]
     errors = np.array([sensor.errors(samples, dt) for sensor in chosen])
     return np.resize(errors, (end - first if sensors else 0, samples, len(SENSED)))
-
-
-def _in_blocks(fly: Callable[[int, int], Any], flights: int, threads: int | None) -> None:
-    """Fly all flights in blocks that the threads take one after the other."""
-    threads = cores() if threads is None else threads
-    check_at_least(1, threads=threads)
-    edges = np.linspace(0, flights, min(flights, threads * BLOCKS_PER_THREAD) + 1).astype(int)
-    fly(0, 0)  # compiles before the threads start: each of them would
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(fly, edges[:-1].tolist(), edges[1:].tolist()))
 
 
 def cores() -> int:

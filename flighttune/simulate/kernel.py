@@ -48,16 +48,16 @@ pi_step = register_jitable(inline="always")(mimo_pi.pi_step)
 
 
 def kernel(function: Callable[..., None]) -> Any:
-    """Compile `function` for use from several threads and keep the result on disk.
+    """Compile `function` and keep the result on disk.
 
     Numba looks only at the file of the function to see whether a kept result is still good. The
     digest of every source that goes into it is therefore made a part of its name.
     """
     function.__qualname__ = f"{function.__qualname__}_{DIGEST}"
     try:
-        return njit(nogil=True, cache=True)(function)
+        return njit(cache=True)(function)
     except RuntimeError:  # nowhere to write
-        return njit(nogil=True)(function)
+        return njit(function)
 
 
 @kernel

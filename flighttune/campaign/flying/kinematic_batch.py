@@ -78,7 +78,6 @@ def fly_batch(
         disturbances=[s.disturbance.sinusoid() if s.disturbance else Sinusoid() for s in scenarios],
         sensors=[s.sensors.sensors(s.seed) for s in scenarios if s.sensors is not None],
         g=np.array([scenario.flight.g_mps2 for scenario in scenarios]),
-        threads=1,
     )
     settling = settling_names([table.model_dump() for table in scenarios[0].expect])
     for i in range(len(scenarios)):
