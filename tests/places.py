@@ -6,3 +6,4 @@ ROOT = Path(__file__).parents[1]
 SHIPPED_AIRCRAFT = ROOT / "aircraft"
 SHIPPED_SCENARIOS = ROOT / "scenarios"
 SCENARIO_NAMES = sorted(path.stem for path in SHIPPED_SCENARIOS.glob("*.toml"))
+CAMPAIGN_NAMES = sorted(path.stem for path in (SHIPPED_SCENARIOS / "campaigns").glob("*.toml"))

@@ -1,21 +1,21 @@
 """The campaigns that ship: their headers, and what becomes of their first flights."""
 
-from pathlib import Path
-
 import pytest
+from places import CAMPAIGN_NAMES, ROOT
 
 import flighttune as ft
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.files.shipped import campaign_files
 
 pytestmark = pytest.mark.slow
 
-ROOT = Path(__file__).parents[2]
 FLOWN = 12
 """Flights of each campaign here; what all of one come to is told by its report."""
 
+LONG = {"circuit_in_wind_a4", "circuit_in_wind_c172p"}
+"""Campaigns whose first flights alone take over 15 s."""
 
-@pytest.mark.parametrize("name", campaign_files())
+
+@pytest.mark.parametrize("name", CAMPAIGN_NAMES)
 def test_every_campaign_says_what_it_is_for(name):
     campaign = ft.load_campaign(name)
 
@@ -32,11 +32,14 @@ def test_the_table_of_campaigns_says_what_their_headers_say():
 
     assert rows == [
         f"| `{name}.toml` | {campaign.title} | {campaign.verifies} |"
-        for name, campaign in ((name, ft.load_campaign(name)) for name in campaign_files())
+        for name, campaign in ((name, ft.load_campaign(name)) for name in CAMPAIGN_NAMES)
     ]
 
 
-@pytest.mark.parametrize("name", campaign_files())
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(name, marks=pytest.mark.soak if name in LONG else ()) for name in CAMPAIGN_NAMES],
+)
 def test_the_first_flights_of_every_campaign_are_flown(name):
     plan = ft.plan_campaign(ft.load_campaign(name), runs=FLOWN)
     rows = fly_runs(plan, range(FLOWN)).to_pandas()

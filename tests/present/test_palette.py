@@ -5,20 +5,7 @@ import itertools
 import numpy as np
 import pytest
 
-from flighttune.present.palette import (
-    DARK,
-    HUES,
-    LIGHT,
-    LIMIT,
-    MIN_CONTRAST,
-    MORE,
-    NEUTRAL,
-    ON_DARK,
-    PLANTS,
-    line_styles,
-    rgb,
-    visible,
-)
+from flighttune.present import palette
 
 SMALLEST_DIFFERENCE = 17.0
 """CIE 1976 colour difference; 2.3 is just noticeable."""
@@ -60,12 +47,12 @@ XYZ_OF_RGB = np.array(
         [0.0193339, 0.1191920, 0.9503041],
     ]
 )
-COLOURS = [colour for hue in HUES for colour, _ in hue]
-EIGHTEEN = [*COLOURS, *(colour for colour, _ in MORE)]
+COLOURS = [colour for hue in palette.HUES for colour, _ in hue]
+EIGHTEEN = [*COLOURS, *(colour for colour, _ in palette.MORE)]
 
 
 def linear(colour):
-    share = np.array(rgb(colour)) / 255.0
+    share = np.array(palette.rgb(colour)) / 255.0
     return np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
 
 
@@ -78,7 +65,9 @@ def lab(light):
 @pytest.mark.parametrize("sight", SIGHT)
 def test_colours_can_be_told_apart_and_from_references_and_limits(sight):
     seen = [lab(np.array(SIGHT[sight]) @ linear(colour)) for colour in EIGHTEEN]
-    marks = [lab(np.array(SIGHT[sight]) @ linear(colour)) for colour in (NEUTRAL, LIMIT)]
+    marks = [
+        lab(np.array(SIGHT[sight]) @ linear(colour)) for colour in (palette.NEUTRAL, palette.LIMIT)
+    ]
 
     def smallest(colours):
         return min(np.linalg.norm(a - b) for a, b in colours)
@@ -93,15 +82,20 @@ def contrast(colour, ground):
     return max(light, dark) / min(light, dark)
 
 
-@pytest.mark.parametrize("colour", [*EIGHTEEN, *(colour for colour, _ in PLANTS)])
+@pytest.mark.parametrize("colour", [*EIGHTEEN, *(colour for colour, _ in palette.PLANTS)])
 def test_every_colour_stands_out_from_the_viewer_and_from_both_pages_with_its_hue(colour):
-    on_light, on_dark = (visible(colour, ground["paper"]) for ground in (LIGHT, DARK))
+    on_light, on_dark = (
+        palette.visible(colour, ground["paper"]) for ground in (palette.LIGHT, palette.DARK)
+    )
 
     for ground, least in GROUNDS.items():
         assert contrast(colour, ground) >= least
-    assert contrast(on_light, LIGHT["paper"]) > 0.99 * MIN_CONTRAST
-    assert contrast(on_dark, DARK["paper"]) > 0.99 * ON_DARK
-    original, channels = np.array(rgb(colour), float), np.array(rgb(on_light), float)
+    assert contrast(on_light, palette.LIGHT["paper"]) > 0.99 * palette.MIN_CONTRAST
+    assert contrast(on_dark, palette.DARK["paper"]) > 0.99 * palette.ON_DARK
+    original, channels = (
+        np.array(palette.rgb(colour), float),
+        np.array(palette.rgb(on_light), float),
+    )
     along = channels @ original / (original @ original)
     assert channels == pytest.approx(along * original, abs=ONE_STEP)
 
@@ -109,8 +103,8 @@ def test_every_colour_stands_out_from_the_viewer_and_from_both_pages_with_its_hu
 def test_eighteen_runs_have_a_colour_each_and_the_first_twelve_keep_theirs():
     pairs = [("plant", f"gains{k}") for k in range(19)]
 
-    found = line_styles(pairs)
+    found = palette.line_styles(pairs)
 
     assert len({found[pair].colour for pair in pairs[:18]}) == 18
     assert found[pairs[18]] == found[pairs[0]]
-    assert {pair: found[pair] for pair in pairs[:12]} == line_styles(pairs[:12])
+    assert {pair: found[pair] for pair in pairs[:12]} == palette.line_styles(pairs[:12])
