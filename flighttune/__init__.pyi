@@ -5,6 +5,8 @@ from flighttune.campaign.band import band as band
 from flighttune.campaign.claims import load_claim as load_claim
 from flighttune.campaign.claims import verify as verify
 from flighttune.campaign.engine.engine import run_campaign as run_campaign
+from flighttune.campaign.meet import meet as meet
+from flighttune.campaign.meeting import Meeting as Meeting
 from flighttune.campaign.planning.load import load_campaign as load_campaign
 from flighttune.campaign.planning.plan import Plan as Plan
 from flighttune.campaign.planning.plan import plan_campaign as plan_campaign

@@ -4,17 +4,20 @@ import math
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray
+from flighttune.arrays import FloatArray, check_at_least
 from flighttune.campaign.engine.pool import WorkerPool
+from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.rows import Row
+from flighttune.campaign.meeting import BY_DEFAULT, Meeting, Trial
 from flighttune.campaign.planning.draws import SEED, cycle
-from flighttune.campaign.planning.load import campaign_on
+from flighttune.campaign.planning.load import campaign_on, load_campaign
 from flighttune.campaign.planning.plan import Group, Plan, aircraft_hashes
 from flighttune.campaign.planning.schema import MEASURES, Campaign, CampaignTable
 from flighttune.campaign.stated_set import measured_in
@@ -25,6 +28,7 @@ from flighttune.control.law import Law, plain_laws, split_name
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
 from flighttune.flight.expectations import BoundCheck, bound_checks, with_loop
+from flighttune.flight.load import as_scenario, scenario_and_gains
 from flighttune.flight.models import gain_set, identified_models, tuning_problem
 from flighttune.plants.label import goes_by
 from flighttune.scenario.schema import Scenario
@@ -39,10 +43,8 @@ ITAE, MARGIN = "ITAE", "margin"
 # Margin of the requirement met worst, relative to its bound, that comes before the metric
 WANTED = 0.2
 
-# Margins of the linear loop that are required unless the scenario states others, and how their rows
-# are named
+# Margins of the linear loop that are required unless the scenario states others
 MARGINS = {"gain_margin_dB": 6.0, "phase_margin_deg": 35.0}
-BY_DEFAULT = "default"
 
 # Share of the draws of a campaign on which gains must meet all requirements, by default
 SUCCESS = 0.95
@@ -76,31 +78,6 @@ LOST = 1e3
 
 # A requirement is active if it is within this share of the one that is met worst
 ACTIVE = 0.02
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Trial:
-    """Gains with every requirement on every draw."""
-
-    gains: PIGains
-    excess: FloatArray  # (draws, requirements); relative to the bounds, `LOST` without a value
-    checks: tuple[tuple[BoundCheck, ...], ...]  # likewise
-    metric: float = math.inf  # sum over the flights of what is minimised
-
-    @property
-    def worst(self) -> FloatArray:
-        """Largest excess of each draw."""
-        return self.excess.max(axis=1)
-
-    @property
-    def met(self) -> bool:
-        """Whether all requirements are met on all draws."""
-        return bool(self.worst.max() <= 0.0)
-
-    @property
-    def default(self) -> npt.NDArray[np.bool_]:
-        """Which requirements are `MARGINS`, which no flight decides."""
-        return np.array([check.run.endswith(BY_DEFAULT) for check in self.checks[0]])
 
 
 def flights_to_meet(
@@ -355,60 +332,84 @@ def starting_gains(scenario: Scenario, law: Law) -> dict[str, PIGains]:
 
 
 def meet(
-    scenarios: Sequence[Scenario],
-    pool: WorkerPool,
+    scenario: Scenario | str | Path,
     *,
-    start: Mapping[str, PIGains] | None = None,
+    also: Sequence[Scenario | str | Path] = (),
+    start: PIGains | str | None = None,
     budget: int | None = None,
     metric: str = ITAE,
-    table: CampaignTable | None = None,
+    campaign: str | Path | None = None,
     success: float = SUCCESS,
-) -> tuple[dict[str, Any], PIGains, list[Trial]]:
-    """Find gains that meet the ``[[expect]]`` of scenarios, by flying candidates.
+    changes: Mapping[str, Any] | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    observer: CampaignObserver | None = None,
+) -> Meeting:
+    """Find gains that meet the ``[[expect]]`` of a scenario, by flying candidates.
+
+    Seconds for the law, a minute for an aircraft (600 flights), several with a campaign.
 
     Parameters
     ----------
-    scenarios : sequence of Scenario
-        The law tuned is the first one of the first scenario.
-    pool : WorkerPool
-        The answer does not depend on the number of workers.
-    start : mapping of str to PIGains, optional
-        Gains to start from, by name; by default those tuned for the law and those of the scenario.
+    scenario : Scenario, str or Path
+        The gains are for its first law. Also a file, or the name of a shipped one.
+    also : sequence of Scenario, str or Path
+        Other scenarios whose requirements the same gains must meet; none with a campaign.
+    start : PIGains or str, optional
+        Gains to start from, also by name or file; by default the best of those tuned for the law
+        and those of the scenario.
     budget : int, optional
-        Maximum number of flights, by default `BUDGET`, with a campaign `CAMPAIGN_BUDGET`; the count
-        on fresh draws comes on top.
+        Maximum number of flights, by default 600, with a campaign 6000; the count on fresh draws
+        comes on top.
     metric : str
-        What is minimised once all requirements are met with the margin `WANTED`, see `Search`; not
-        with a campaign.
-    table : CampaignTable, optional
-        Campaign on the first scenario, which is then the only one. Gains are searched for that
-        meet the requirements on as many draws as possible, and counted on the draws of the
+        What is minimised once all requirements are met by 20 % of their bounds: ``ITAE``, the sum
+        over both channels, or a column of campaign rows; or ``margin``, which maximises the margin
+        further. Not with a campaign.
+    campaign : str or Path, optional
+        Campaign file, or the name of a shipped one, that disperses the scenario. Gains are searched
+        for that meet the requirements on as many draws as possible, and counted on the draws of the
         campaign, none of which the search has seen.
     success : float, 1
-        Share of the draws on which gains must meet all requirements: the lower end of its interval
-        must reach it, or the estimate where no count of so many draws has such an end.
+        Share of the draws of a campaign on which gains must meet all requirements: the lower end of
+        its interval must reach it, or the estimate where no count of so many draws has such an end.
+    changes : mapping of str to value, optional
+        Values to set in a scenario that is read from a file, by dotted key.
+    workers : int, optional
+        Processes that fly on this machine, by default one per core; the gains found do not depend
+        on them.
+    scheduler : str, optional
+        Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
+    observer : CampaignObserver, optional
+        Receives the progress; may stop the search.
 
     Returns
     -------
-    values : dict
-        The answer: its ``status`` is ``met`` or ``missed``; ``start_met`` says whether the best of
-        the starts meets all. ``requirements`` have value, bound, and margin relative to the bound;
-        those that are ``active`` hold the others off, and those whose run is `BY_DEFAULT` are
-        `MARGINS`. On a campaign they have the share of draws on which each is met. ``trade_offs``
-        say how far each of the requirements that conflict came in this search, in any candidate and
-        in those that met the others (None if none did).
-    gains : PIGains
-        The best ones, even if they miss a requirement.
-    trials : list of Trial
-        All candidates.
+    Meeting
+        The best gains, even if they miss a requirement.
 
     Raises
     ------
-    InputError
+    InputError, ScenarioError
         If nothing is required, the law has no gains, or an argument is out of its range.
     StoppedError
-        If the observer of the pool stopped the flights.
+        If the observer stopped the search.
+
+    Examples
+    --------
+    >>> meeting = ft.meet("paper_identified", start="tuned_identified", budget=4)
+    >>> meeting.status, meeting.start_met, meeting.gains.K_P.shape
+    ('met', True, (2, 2))
     """
+    check_at_least(1, budget=budget)
+    if campaign is not None and also:
+        raise InputError("`also` must be absent with a campaign, which is about one scenario.")
+    loaded = as_scenario(scenario, changes)
+    starts = {}
+    if start is not None:
+        _, name, gains = scenario_and_gains(loaded, start)
+        starts = {name: gains}
+    dispersed = None if campaign is None else load_campaign(campaign, loaded)
+    scenarios = [loaded if dispersed is None else dispersed.nominal, *map(as_scenario, also)]
     law_table = scenarios[0].law_tables[0]
     law = law_table.law()
     if not law.by_gains:
@@ -417,54 +418,72 @@ def meet(
         )
     if not 0.0 < success <= 1.0:
         raise InputError(f"`success` must be above 0 and at most 1, got {success:g}.")
-    if table is not None and metric != ITAE:
+    if dispersed is not None and metric != ITAE:
         raise InputError(
             f"`metric` must be absent with a campaign, whose share of flights that succeed is "
             f"maximised, got {metric}."
         )
-    seen = table and table.model_copy(update={"design": "random", "seed": table.seed + 1})
+    seen = dispersed and dispersed.model_copy(
+        update={"design": "random", "seed": dispersed.seed + 1}
+    )
     campaigns = [flights_to_meet(scenario, law_table, seen) for scenario in scenarios]
-    starts = start or starting_gains(scenarios[0], law)
+    starts = starts or starting_gains(scenarios[0], law)
     if not starts:
         raise InputError("`start` must be given: no gains could be tuned to start from.")
-    draws = 1 if table is None else whole_cycles(campaigns[0], DRAWS)
-    search = Search(campaigns, law, pool, metric=metric, draws=draws, success=success)
-    budget = budget or (BUDGET if table is None else CAMPAIGN_BUDGET)
-    trials = dict(zip(starts, search.fly([*starts.values()]), strict=True))
-    first = min(trials, key=lambda name: search.value(trials[name]))
-    search.search([*starts.values()], budget)
-    best, counted, by, start_flown = search.best(), None, "", trials[first]
-    met, start_met, nearest = best.met, start_flown.met, best
-    if table is not None:
-        campaign = flights_to_meet(scenarios[0], law_table, table)
-        groups = len(scenarios[0].gain_names) * len(scenarios[0].plant)
-        fresh = whole_cycles(campaign, max(COUNTED, (table.runs or 0) // groups))
-        count = Search([campaign], law, pool, draws=fresh)
-        nearest, start_flown = count.fly([best.gains, start_flown.gains])
-        cycles = np.arange(fresh) // cycle(campaign)
-        flown = ~nearest.default
-        # The lower end of the interval decides, unless it is below `success` for any count.
-        by = "lo" if share(np.ones(fresh, dtype=bool), cycles).lo >= success else "value"
-        both = nearest, start_flown
-        counted = [asdict(share(x.excess[:, flown].max(axis=1) <= 0.0, cycles)) for x in both]
-        met, start_met = (
-            own[by] >= success and bool((x.excess[:, ~flown] <= 0.0).all())
-            for own, x in zip(counted, both, strict=True)
-        )
-        search.flights += count.flights
-    values = {
-        "status": "met" if met else "missed",
-        "start": first,
-        "start_met": start_met,
-        "flights": search.flights,
-        "candidates": search.candidates,
-        "metric": {"name": metric, "value": nearest.metric, "start": start_flown.metric},
-        "requirements": [*_requirements(nearest, start_flown, search.conflicting(nearest))],
-        "trade_offs": [] if met or table else [*search.trade_offs(best)],
-        "success": counted
-        and {"share": counted[0], "of_start": counted[1], "wanted": success, "by": by},
-    }
-    return values, best.gains, [*search.trials.values()]
+    draws = 1 if dispersed is None else whole_cycles(campaigns[0], DRAWS)
+    with WorkerPool(workers, scheduler, observer) as pool:
+        search = Search(campaigns, law, pool, metric=metric, draws=draws, success=success)
+        trials = dict(zip(starts, search.fly([*starts.values()]), strict=True))
+        first = min(trials, key=lambda name: search.value(trials[name]))
+        search.search([*starts.values()], budget or (CAMPAIGN_BUDGET if campaign else BUDGET))
+        best = nearest = search.best()
+        met, start_met, flown_start, counted = best.met, trials[first].met, trials[first], None
+        if dispersed is not None:
+            fresh = _fresh_draws(dispersed)
+            count = Search(
+                [flights_to_meet(scenarios[0], law_table, dispersed)], law, pool, draws=fresh
+            )
+            nearest, flown_start = count.fly([best.gains, flown_start.gains])
+            counted, (met, start_met) = _counted(
+                (nearest, flown_start), np.arange(fresh) // cycle(dispersed), success
+            )
+            search.flights += count.flights
+    return Meeting(
+        status="met" if met else "missed",
+        scenario=scenarios[0],
+        campaign=dispersed,
+        gains=best.gains,
+        start=first,
+        start_met=start_met,
+        flights=search.flights,
+        candidates=search.candidates,
+        metric={"name": metric, "value": nearest.metric, "start": flown_start.metric},
+        requirements=[*_requirements(nearest, flown_start, search.conflicting(nearest))],
+        trade_offs=[] if met or dispersed else [*search.trade_offs(best)],
+        success=counted,
+        trials=[*search.trials.values()],
+    )
+
+
+def _fresh_draws(campaign: Campaign) -> int:
+    """Draws of a campaign on which gains are counted: its own, and at least `COUNTED`."""
+    groups = len(campaign.nominal.gain_names) * len(campaign.nominal.plant)
+    return whole_cycles(campaign, max(COUNTED, (campaign.runs or 0) // groups))
+
+
+def _counted(
+    trials: tuple[Trial, Trial], cycles: npt.NDArray[np.intp], wanted: float
+) -> tuple[dict[str, Any], list[bool]]:
+    """Shares of draws on which gains and start meet all, and whether each share is enough."""
+    flown = ~trials[0].default
+    # The lower end of the interval decides, unless it is below `wanted` for any count.
+    by = "lo" if share(np.ones(len(cycles), dtype=bool), cycles).lo >= wanted else "value"
+    shares = [asdict(share(trial.excess[:, flown].max(axis=1) <= 0.0, cycles)) for trial in trials]
+    enough = [
+        part[by] >= wanted and bool((trial.excess[:, ~flown] <= 0.0).all())
+        for part, trial in zip(shares, trials, strict=True)
+    ]
+    return {"share": shares[0], "of_start": shares[1], "wanted": wanted, "by": by}, enough
 
 
 def _requirements(trial: Trial, start: Trial, active: Sequence[int]) -> Iterator[dict[str, Any]]:

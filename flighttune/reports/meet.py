@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.meet import Trial
+from flighttune.campaign.meeting import Meeting, Trial
 from flighttune.files.table import toml_text
 from flighttune.flight.fly import library_versions
 from flighttune.present.chart import DASHED, Chart
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.palette import HUES, INK, LIMIT, NEUTRAL
-from flighttune.present.tables import Table, facts_table
-from flighttune.scenario.schema import Scenario
+from flighttune.present.tables import facts_table
 
 # Charts on the page: pairs of the requirements that are met worst
 PAIRS = 3
@@ -27,18 +26,14 @@ SHARE_NOTE = "Each dot is a gain set on the draws of the search; the result is c
 
 def write_meet_page(
     path: Path,
-    scenario: Scenario,
-    values: Mapping[str, Any],
-    tables: Sequence[Table],
-    trials: Sequence[Trial],
-    summary: Sequence[str],
+    meeting: Meeting,
     command: str,
 ) -> Report:
-    """Write a page of the answer of `flighttune.campaign.meet.meet`."""
-    rows = values["requirements"]
+    """Write a page of a search, which `command` repeats."""
+    rows, trials, scenario = meeting.requirements, meeting.trials, meeting.scenario
     margins = np.nan_to_num([row["margin"] for row in rows], nan=-np.inf)
     worst = np.argsort(margins, kind="stable")[:PAIRS].tolist()
-    counted = values["success"]
+    counted = meeting.success
     charts = (
         [share_chart(trials, counted["wanted"])]
         if counted
@@ -47,14 +42,14 @@ def write_meet_page(
     return write_page(
         path,
         page_template("flighttune.reports", "commands.html.jinja"),
-        summary=tuple(summary),
+        summary=tuple(filter(None, (meeting.start_sentence, meeting.sentence))),
         sections=[
             Section(
                 id="candidates",
                 title="Candidates",
                 note=SHARE_NOTE if counted else NOTE if charts else "",
                 charts=charts,
-                tables=tables,
+                tables=meeting.answer().tables,
                 legend=False,
             )
         ],

@@ -14,7 +14,7 @@ import flighttune as ft
 from flighttune import load_gains, load_scenario, scenario_from
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.campaign.meet import Search, flights_to_meet, meet
+from flighttune.campaign.meet import Search, flights_to_meet
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.control.gains import PAPER_GAINS, PIGains, rate_gains, shifted
@@ -40,8 +40,10 @@ def at_most(subject="chi", **bounds):
 
 
 def searched(*scenarios, workers=1, **settings):
-    with WorkerPool(workers) as pool:
-        return meet(scenarios, pool, **{"start": {"paper": PAPER_GAINS}, "budget": 160, **settings})
+    first, *others = scenarios
+    settings = {"start": "paper", "budget": 160, **settings}
+    meeting = ft.meet(first, also=others, workers=workers, **settings)
+    return meeting.answer().values, meeting.gains, meeting.trials
 
 
 @pytest.fixture(scope="module")
@@ -247,7 +249,7 @@ def test_only_plants_with_requirements_are_flown_and_all_scenarios_are():
 
 def test_gains_of_the_exact_law_are_rates(overshoot):
     exact = scenario_from({**overshoot.as_dict(), "law": ["exact"], "limits": {}})
-    start = {"paper": rate_gains(PAPER_GAINS, V_a=25.0)}
+    start = rate_gains(PAPER_GAINS, V_a=25.0)
 
     values, gains, _ = searched(exact, start=start, budget=160)
 
@@ -331,9 +333,9 @@ def test_the_share_of_a_campaign_is_counted_on_draws_that_the_search_has_not_see
     base.write_text(toml_text(overshoot.as_dict()), encoding="utf-8")
     file = tmp_path / "own.toml"
     file.write_text(CAMPAIGN.format(scenario="base.toml"), encoding="utf-8")
-    table = load_campaign(file)
 
-    values, gains, trials = searched(table.nominal, table=table, budget=1500)
+    meeting = ft.meet(base, campaign=file, start="paper", budget=1500, workers=1)
+    gains = meeting.gains
 
     tables = [{"name": "tuned", **gains.as_lists()}, "paper"]
     file.write_text(
@@ -343,15 +345,15 @@ def test_the_share_of_a_campaign_is_counted_on_draws_that_the_search_has_not_see
     )
     plan = plan_campaign(load_campaign(file), runs=400)
     rows = fly_runs(plan, range(400)).to_pandas()
-    success = values["success"]
+    success = meeting.success
     assert success["share"]["n"] == 200
     counted = rows.groupby("gains")["success"].mean()
     assert success["share"]["value"] == counted["tuned"] > counted["paper"]
     assert success["of_start"]["value"] == counted["paper"]
     assert success["share"]["lo"] < success["share"]["value"] <= success["share"]["hi"]
     page = tmp_path / "own.html"
-    write_meet_page(page, table.nominal, values, [], trials, "", "")
-    assert page.read_text().count("<circle") == len(trials) + 1  # that of the legend
+    write_meet_page(page, meeting, "")
+    assert page.read_text().count("<circle") == len(meeting.trials) + 1  # that of the legend
 
 
 def test_a_campaign_that_disperses_nothing_has_the_draws_of_its_turbulence(tmp_path):
@@ -372,7 +374,7 @@ def test_a_campaign_that_disperses_nothing_has_the_draws_of_its_turbulence(tmp_p
     [
         ({"metric": "chi.nothing"}, r"`metric`.*ITAE, margin.* 'chi.nothing'"),
         ({"success": 0.0}, "`success`.* 0"),
-        ({"table": load_campaign("robust_tuning"), "metric": "chi.MO_deg"}, "`metric`.*campaign"),
+        ({"campaign": "robust_tuning", "metric": "chi.MO_deg"}, "`metric`.*campaign"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(overshoot, settings, message):
@@ -517,9 +519,9 @@ def test_requirements_are_answered_as_brute_force_answers_them(task):
         can = 1.02 * best * values[0]
         for bounds, status in (can, "met"), ([*can[:-1], TASKS[task][3]], "missed"):
             task_now = required(task, bounds)
-            answered, gains, _ = meet([task_now], pool, budget=160)
-            assert answered["status"] == status
-            claim = flown(task_now, gains).claim
+            meeting = ft.meet(task_now, budget=160)
+            assert meeting.status == status
+            claim = flown(task_now, meeting.gains).claim
             assert claim.verdict == ("met" if status == "met" else "not met")
-        nearest = max(-row["margin"] for row in answered["requirements"])
+        nearest = max(-row["margin"] for row in meeting.requirements)
         assert nearest <= np.nanmin((values / bounds).max(axis=1)) - 1.0 + NEAR_GRID

@@ -37,6 +37,10 @@ VERBS = {
     "fly": (lambda: ft.fly("paper", changes=SHORT), ["paper", *SET]),
     "route": (lambda: ft.route("circuit"), ["circuit"]),
     "refly": (lambda: ft.refly(recorded()), ["run"]),
+    "meet": (
+        lambda: ft.meet("paper_identified", start="paper", budget=2, changes=SHORT),
+        ["paper_identified", "--start", "paper", "--budget", 2, *SET],
+    ),
     "compare": (lambda: ft.compare("paper@paper", "paper@K1"), ["paper@paper", "paper@K1"]),
     "trim": (lambda: ft.trim("aerosonde", V_a=[25.0]), ["aerosonde", "--V-a", 25]),
     "design": (lambda: ft.design("aerosonde"), ["aerosonde", "--dry-run"]),

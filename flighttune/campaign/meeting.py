@@ -1,0 +1,218 @@
+"""Gains that were searched for to meet requirements, with all candidates."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from flighttune.arrays import FloatArray
+from flighttune.campaign.counted_flights import distribution_of
+from flighttune.campaign.planning.schema import Campaign
+from flighttune.control.gains import PIGains, gains_lists, gains_table
+from flighttune.control.linear_model import closed_loop
+from flighttune.control.margins import loop_margins, margins_table
+from flighttune.flight.expectations import BoundCheck
+from flighttune.flight.models import certify_scenario, linear_model
+from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.names import columns, listed
+from flighttune.present.tables import Column, Table, interval, percent
+from flighttune.scenario.schema import Scenario
+from flighttune.theory.indicators import indicators
+
+# How rows of the margins are named that are required unless the scenario states others.
+BY_DEFAULT = "default"
+
+REQUIREMENT_COLUMNS = [
+    *columns("run"),
+    Column("measure", "requirement"),
+    Column("sense", "must be"),
+    Column("bound", "bound"),
+    Column("value", "value"),
+    Column("start", "at the start"),
+    Column("margin", "margin", "%", percent),
+    Column("active", "active"),
+]
+SHARE_COLUMNS = [
+    *REQUIREMENT_COLUMNS[:4],
+    Column("share", "met", "%", percent),
+    Column("share_start", "met at the start", "%", percent),
+]
+TRADE_COLUMNS = [
+    *REQUIREMENT_COLUMNS[:5],
+    Column("alone", "best seen"),
+    Column("beside", "best seen with the others met", missing="none"),
+]
+LOOP_COLUMNS = columns("R_K I_K E_K spectral_abscissa")
+CERTIFICATE_COLUMNS = [Column("in_words", "status"), *columns("rate growth radius")]
+BY_DEFAULT_NOTE = (
+    "Margins of the linear loop of 6 dB and 35 deg are required by default: others under "
+    "at_least.loop of [[expect]] replace them."
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trial:
+    """Gains with every requirement on every draw."""
+
+    gains: PIGains
+    excess: FloatArray  # (draws, requirements); relative to the bounds, `LOST` without a value
+    checks: tuple[tuple[BoundCheck, ...], ...]  # likewise
+    metric: float = math.inf  # sum over the flights of what is minimised
+
+    @property
+    def worst(self) -> FloatArray:
+        """Largest excess of each draw."""
+        return self.excess.max(axis=1)
+
+    @property
+    def met(self) -> bool:
+        """Whether all requirements are met on all draws."""
+        return bool(self.worst.max() <= 0.0)
+
+    @property
+    def default(self) -> npt.NDArray[np.bool_]:
+        """Which requirements are required by default, which no flight decides."""
+        return np.array([check.run.endswith(BY_DEFAULT) for check in self.checks[0]])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Meeting(Answering):
+    """The gains nearest to meeting the requirements of scenarios, of all that were flown.
+
+    Attributes
+    ----------
+    status : "met" or "missed"
+    scenario : Scenario
+        The first one, whose first law the gains are for.
+    campaign : Campaign or None
+        The campaign that dispersed it.
+    gains : PIGains
+        The best ones, even if they miss a requirement.
+    start : str
+        Name of the best gains of the start.
+    start_met : bool
+        Whether those meet all requirements already.
+    flights, candidates : int
+        Number of flights, and of gain sets that were flown.
+    metric : mapping
+        What was minimised: its ``name``, its ``value`` with the gains and at the ``start``.
+    requirements : sequence of mapping
+        ``run``, ``measure``, ``sense``, ``bound``, ``value``, ``margin`` relative to the bound, why
+        there is no value (``why``), the value at the ``start``, and the shares of draws on which it
+        is met; those that are ``active`` hold the others off.
+    trade_offs : sequence of mapping
+        How far each requirement in conflict came in this search: in any candidate (``alone``), and
+        in those that met the others (``beside``, None if none did). Empty on a campaign.
+    success : mapping or None
+        On a campaign the ``share`` of fresh draws on which all are met, that of the start
+        (``of_start``), the share ``wanted``, and whether the lower end of the interval or the
+        estimate decides (``by``).
+    trials : sequence of Trial
+        All candidates.
+
+    Examples
+    --------
+    >>> meeting = ft.meet("paper_identified", start="paper", budget=2)
+    >>> meeting.status, [row["measure"] for row in meeting.requirements if row["margin"] >= 0.0]
+    ('missed', ['loop.gain_margin_dB'])
+    """
+
+    status: Literal["met", "missed"]
+    scenario: Scenario
+    campaign: Campaign | None
+    gains: PIGains
+    start: str
+    start_met: bool
+    flights: int
+    candidates: int
+    metric: Mapping[str, Any]
+    requirements: Sequence[Mapping[str, Any]]
+    trade_offs: Sequence[Mapping[str, Any]]
+    success: Mapping[str, Any] | None
+    trials: Sequence[Trial]
+
+    def answer(self) -> Answer:
+        """Requirements, gains, margins and certificate; a failure if a requirement is missed."""
+        scenario, rows, law = self.scenario, self.requirements, self.scenario.laws[0]
+        model = linear_model(scenario, law)
+        loop = indicators(closed_loop(model, self.gains), errors=len(model.errors))
+        figures = pick(loop, "R_K I_K E_K spectral_abscissa")
+        certificate = certify_scenario(scenario, self.gains, law=law).values
+        drawn = []
+        if self.campaign is not None:
+            labels = [plant.label for plant in scenario.plant]
+            drawn = [distribution_of(self.campaign, label).table(label) for label in labels]
+        missed = [f"{row['measure']} on {row['run']}: {row['why']}" for row in rows if row["why"]]
+        by_default = any(row["run"].endswith(BY_DEFAULT) for row in rows)
+        return Answer(
+            values={
+                **pick(self, "status start start_met flights candidates metric"),
+                **pick(self, "requirements trade_offs success"),
+                **gains_lists(self.gains),
+                **figures,
+                "certificate": certificate,
+            },
+            tables=[
+                Table(
+                    SHARE_COLUMNS if self.success else REQUIREMENT_COLUMNS,
+                    rows,
+                    self.start_sentence or scenario.title,
+                ),
+                Table(
+                    TRADE_COLUMNS, self.trade_offs, "the best of each among the gains flown here"
+                ),
+                gains_table("gains", self.gains),
+                *drawn,
+                Table(LOOP_COLUMNS, [figures]),
+                margins_table(loop_margins(model, self.gains)),
+                Table(CERTIFICATE_COLUMNS, [certificate], "certificate"),
+            ],
+            notes=[*missed, *[BY_DEFAULT_NOTE] * by_default],
+            verdict=self.sentence,
+            failure="" if self.status == "met" else self.sentence,
+        )
+
+    @property
+    def start_sentence(self) -> str:
+        """That the gains of the start need no search; empty if they do."""
+        n = len(self.requirements)
+        return f"{self.start} already meets all {n} requirements" if self.start_met else ""
+
+    @property
+    def sentence(self) -> str:
+        """Whether the requirements are met, after how many flights, and which are active."""
+        rows, flights = self.requirements, f"{self.flights} flights"
+        if self.success:
+            return self._counted(self.success, flights)
+        n, missed = len(rows), sum(not row["margin"] >= 0.0 for row in rows)
+        if missed:
+            return (
+                f"{missed} of {n} requirements missed, after {flights}; these are the nearest "
+                "gains."
+            )
+        least = 100.0 * min(row["margin"] for row in rows)
+        met = f"All {n} requirements are met by {least:.1f} %, after {flights}"
+        if self.metric["name"] == "margin":
+            return f"{met}."
+        active = [f"{row['measure']} on {row['run']}" for row in rows if row["active"]]
+        limits = f"; {listed(active)} hold{'s' * (len(active) == 1)} it off" if active else ""
+        return (
+            f"{met}. {self.metric['name']} is {self.metric['value']:.4g}, "
+            f"{self.metric['start']:.4g} at the start{limits}."
+        )
+
+    def _counted(self, success: Mapping[str, Any], flights: str) -> str:
+        """The share of fresh draws on which the requirements are met."""
+        gains, start = (
+            interval(*(100.0 * success[key][end] for end in ("value", "lo", "hi")))
+            for key in ("share", "of_start")
+        )
+        by = "lower end of the interval" if success["by"] == "lo" else "estimate"
+        return (
+            f"On {success['share']['n']} fresh draws {gains} % of the flights meet all "
+            f"requirements, {start} % with {self.start}; {100.0 * success['wanted']:g} % are "
+            f"wanted, by the {by} ({flights})."
+        )
