@@ -3,10 +3,10 @@
 import numpy as np
 from dispersed import plan_of
 
+import flighttune as ft
 from flighttune.campaign.band import flights_of
-from flighttune.claims.band import About, Band, BandFlights
+from flighttune.claims.band import About, BandFlights
 from flighttune.claims.distribution import Distribution
-from flighttune.control.gains import PAPER_GAINS
 from flighttune.gaps.residual import RESIDUALS
 from tests.made_up import made_up_scenario
 
@@ -28,7 +28,7 @@ def band_flights(edges, over="time", title="made up"):
     )  # fmt: skip
     return BandFlights(
         over=over, edges=edges, distribution=distribution, scenario=made_up_scenario(),
-        plant="kinematic", gains_name="paper", gains=PAPER_GAINS, aircraft={},
+        plant="kinematic", gains_name="paper", gains=ft.PAPER_GAINS, aircraft={},
     )  # fmt: skip
 
 
@@ -60,4 +60,6 @@ def boxes_of(plan, flights, centre, half, scores=(1.0,) * FLIGHTS):
         confidence=CONFIDENCE,
     )
     extremes = (centre[..., None] + away).astype(np.float32)
-    return Band(about=about, flights=flights, extremes=extremes, wind=np.zeros((len(extremes), 0)))
+    return ft.Band(
+        about=about, flights=flights, extremes=extremes, wind=np.zeros((len(extremes), 0))
+    )

@@ -16,12 +16,8 @@ from flighttune.campaign.band import plan_of as plan_of_band
 from flighttune.campaign.flying.alone import fly_group, scenario_of_run
 from flighttune.campaign.flying.rows import rows_flown
 from flighttune.campaign.stated_set import planned
-from flighttune.claims.band import save_band
-from flighttune.errors import InputError
 from flighttune.flight.conditions import reference_of
-from flighttune.flight.fly import fly
 from flighttune.gaps.residual import residuals_of
-from flighttune.scenario.load import scenario_from
 from flighttune.simulate.claim import with_claims
 
 START = uniform("flight.chi_deg", -5.0, 5.0), uniform("flight.gamma_deg", 3.0, 7.0)
@@ -90,7 +86,7 @@ def test_more_flights_are_added_to_the_count(counted):
         more = count_more(counted, 2 * WITH_FIVE, pool)
         for other in (WITH_FIVE, 40, 3 * WITH_FIVE):
             with pytest.raises(
-                InputError, match=r"`flights` must be one of .*, 58, 116, 232 \.\.\."
+                ft.InputError, match=r"`flights` must be one of .*, 58, 116, 232 \.\.\."
             ):
                 count_more(counted, other, pool)
     # the draws of this one begin with the second half of that: a draw between them is left out
@@ -108,7 +104,7 @@ def test_a_recount_finds_a_flight_that_differs(counted):
     with flown_here(band_module, "planned", None) as pool:
         assert recount(counted, WITH_FIVE, pool) == []
         assert recount(replace(counted, extremes=extremes), WITH_FIVE, pool) == [14]
-        with pytest.raises(InputError, match="`recount` must be 1 to"):
+        with pytest.raises(ft.InputError, match="`recount` must be 1 to"):
             recount(counted, WITH_FIVE + 1, pool)
 
 
@@ -164,7 +160,7 @@ def test_a_band_that_is_given_the_wind_is_narrower():
     ],
 )
 def test_what_cannot_be_counted_is_refused_in_one_line(plan, settings, message):
-    with pytest.raises(InputError, match=message) as caught:
+    with pytest.raises(ft.InputError, match=message) as caught:
         count(plan and small_plan(*plan), **settings)
     assert "\n" not in str(caught.value)
 
@@ -211,16 +207,16 @@ def test_the_command_counts_reads_adds_and_verifies(tmp_path):
 def test_a_band_of_an_aircraft_that_has_changed_is_refused(counted, tmp_path):
     plan = {**counted.about.plan, "aircraft": {"aerosonde": 64 * "0"}}
     changed = replace(counted, about=replace(counted.about, plan=plan))
-    save_band(changed, tmp_path / "x.npz")
+    ft.save_band(changed, tmp_path / "x.npz")
 
-    with pytest.raises(InputError, match="`aerosonde` must have the files"):
+    with pytest.raises(ft.InputError, match="`aerosonde` must have the files"):
         plan_of_band(changed)
     _, stderr = flighttune("verify", tmp_path / "x.npz", status=1)
     assert "`aerosonde` must have the files" in stderr
 
 
 def test_a_file_of_another_campaign_takes_no_options_of_a_source(counted, tmp_path):
-    save_band(counted, tmp_path / "x.npz")
+    ft.save_band(counted, tmp_path / "x.npz")
 
     for option, value, name in (("gains", "soft", "gains"), ("start-deg", 1, "start_deg")):
         _, stderr = flighttune("band", tmp_path / "x.npz", f"--{option}", value, status=2)
@@ -257,8 +253,8 @@ def test_a_band_is_not_drawn_around_a_run_of_another_airframe_or_with_sensors():
     label = plan.groups[0].plant
 
     def flown(**changes):
-        made = scenario_from({**tables, **changes})
-        return [run for run in fly(made).runs if run.provenance.plant == label]
+        made = ft.scenario_from({**tables, **changes})
+        return [run for run in ft.fly(made).runs if run.provenance.plant == label]
 
     (run, *_) = with_claims(flown(), [counted])
     assert run.claims[0].sentence == counted.sentence
@@ -267,7 +263,7 @@ def test_a_band_is_not_drawn_around_a_run_of_another_airframe_or_with_sensors():
         ("plant.airframe.mass_factor", {"plant": heavy}),
         ("sensors.chi_bias_deg", {"sensors": {"chi_bias_deg": 1.0}}),
     ):
-        with pytest.raises(InputError, match=rf"must cover a run: .*: its {key} must be"):
+        with pytest.raises(ft.InputError, match=rf"must cover a run: .*: its {key} must be"):
             with_claims(flown(**changes), [counted])
 
 
@@ -285,7 +281,9 @@ def test_residual_signals_of_an_aircraft_are_counted_like_any_other():
     assert [row["unit"] for row in counted.answer().tables[0].records] == 2 * ["deg/s"] + 2 * [
         "deg"
     ]
-    with pytest.raises(InputError, match="no recorded signal: `flighttune tube --boxes` takes it"):
+    with pytest.raises(
+        ft.InputError, match="no recorded signal: `flighttune tube --boxes` takes it"
+    ):
         ft.fly(plan.scenario).within(counted)
 
 
@@ -294,7 +292,7 @@ def test_residual_signals_need_an_aircraft_and_are_not_recorded():
         ({}, "`plant` must be an aircraft to have residual signals, got kinematic"),
         ({"signals": ["n_z"]}, "`signals` and `given` must be absent"),
     ):
-        with pytest.raises(InputError, match=message):
+        with pytest.raises(ft.InputError, match=message):
             count(of="residual", **settings)
 
 

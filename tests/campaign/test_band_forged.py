@@ -9,10 +9,10 @@ import pytest
 from campaigns import flown_here
 from commands import flighttune
 
+import flighttune as ft
 from flighttune.campaign import band as band_module
 from flighttune.campaign import claims
 from flighttune.campaign.band import count_more, load_band, recount
-from flighttune.claims.band import save_band
 from flighttune.files.value import tables_of
 from flighttune.flight import own
 from tests.campaign.test_band import WITH_FIVE, count, small_plan
@@ -43,7 +43,7 @@ def edited(band, *keys, value):
 
 
 def test_an_honest_file_is_valid(counted, tmp_path, monkeypatch):
-    save_band(counted, tmp_path / "x.npz")
+    ft.save_band(counted, tmp_path / "x.npz")
 
     assert "flown again: equal to the bit" in verified(tmp_path / "x.npz", 0, monkeypatch)
 
@@ -146,7 +146,7 @@ def test_the_code_of_a_strangers_file_is_run_only_where_that_is_asked_for(tmp_pa
     code, mark, path = tmp_path / "law.py", tmp_path / "ran", tmp_path / "x.npz"
     code.write_text(dedent(LAW))
     law = {"name": "mine", "kind": "python", "module": str(code), "class": "Mine"}
-    save_band(count(small_plan(law=[law])), path)
+    ft.save_band(count(small_plan(law=[law])), path)
     mark.unlink()
     own._module.cache_clear()
 

@@ -5,7 +5,6 @@ from dispersed import AEROSONDE, SOFT, TURBULENCE, WIND, plan_of, tables_of, uni
 
 import flighttune as ft
 from flighttune.campaign.counted_flights import air_of, at_random, distribution_of, in_air
-from flighttune.errors import InputError
 
 START = uniform("flight.chi_deg", -5.0, 5.0), uniform("flight.gamma_deg", 3.0, 7.0)
 
@@ -58,7 +57,7 @@ def test_air_is_taken_apart():
     assert air_of(in_air(campaign, "calm").nominal) == "calm"
     assert air_of(in_air(campaign, "wind").nominal) == "wind"
     assert air_of(in_air(words, "severe").nominal) == "severe"
-    with pytest.raises(InputError, match=r"`air`.*'stormy'"):
+    with pytest.raises(ft.InputError, match=r"`air`.*'stormy'"):
         in_air(campaign, "stormy")
 
 

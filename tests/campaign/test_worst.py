@@ -9,12 +9,11 @@ from commands import answer, flighttune
 from dispersed import KINEMATIC, SOFT, plan_of, tables_of, uniform
 from scipy.stats import chi2
 
+import flighttune as ft
 from flighttune import load_scenario
 from flighttune.campaign import worst as worst_module
 from flighttune.campaign.counted_flights import at_random
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.campaign.planning.load import load_campaign
-from flighttune.campaign.planning.plan import plan_campaign
 from flighttune.campaign.stated_set import planned
 from flighttune.campaign.worst import (
     SEEDS_EVERY,
@@ -24,7 +23,6 @@ from flighttune.campaign.worst import (
     value_of,
 )
 from flighttune.files.table import toml_text
-from flighttune.flight.fly import fly
 from flighttune.metrics import measures
 from flighttune.simulate.bounds import Bounds
 from tests.tubes.test_soundness import made_up
@@ -86,7 +84,7 @@ def test_the_worst_flight_is_worse_than_random_ones_and_is_flown_again_as_it_was
     assert worst["value"] > rows["chi.peak_rad"].max()
     assert worst["distance"] <= worst["radius"] * (1.0 + SAME)
     assert abs(worst["drawn"]["flight.chi_deg"]) <= 40.0
-    (run,) = fly(scenario).runs
+    (run,) = ft.fly(scenario).runs
     assert measures(run)["chi"]["peak_rad"] == pytest.approx(worst["value"], rel=SAME)
 
 
@@ -133,7 +131,7 @@ def test_a_scenario_is_searched_over_starts_and_disturbances_of_one_plant():
 
 
 def test_nearness_is_that_to_the_widest_place_until_a_flight_leaves_the_narrowest():
-    (run,) = fly(small_plan().scenario_of(2)).runs
+    (run,) = ft.fly(small_plan().scenario_of(2)).runs
     t = run.signals.index.to_numpy()
     middle = run.signals[["chi_err", "gamma_err"]].to_numpy()
     width = np.where(t < 1.0, 0.01, 0.1)[:, None]
@@ -194,7 +192,7 @@ def test_workers_fly_what_is_searched(tmp_path):
 
     assert said["flights"] == 64
     assert said["value"] > said["first"]
-    (run,) = fly(load_scenario(said["scenario"])).runs
+    (run,) = ft.fly(load_scenario(said["scenario"])).runs
     assert measures(run)["chi"]["ITAE"] == said["value"]
 
 
@@ -205,8 +203,8 @@ def test_the_search_finds_worse_than_random_flights_of_the_dispersed_aerosonde(t
         "worst", "aerosonde_dispersed", "--budget", 320, "--metric", "chi.ITAE", "--completed",
         "--out", tmp_path / "worst.toml",
     )  # fmt: skip
-    campaign = at_random(load_campaign("aerosonde_dispersed"))
-    plan = plan_campaign(campaign, runs=640)
+    campaign = at_random(ft.load_campaign("aerosonde_dispersed"))
+    plan = ft.plan_campaign(campaign, runs=640)
     drawn = fly_runs(plan, range(1, 640, 2)).to_pandas()  # odd runs are those of tuned_identified
 
     assert set(drawn["gains"]) == {said["gains"]}

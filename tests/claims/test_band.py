@@ -11,12 +11,12 @@ from dispersed import SOFT
 from dispersed import tables_of as scenario_tables
 from scipy.stats import binom
 
+import flighttune as ft
 from flighttune import scenario_from
 from flighttune.claims import shape as shape_module
-from flighttune.claims.band import About, Band, read_band, save_band
+from flighttune.claims.band import About, read_band
 from flighttune.claims.count import allowed_outside, counted_scale, flights_needed
 from flighttune.claims.shape import learned_shape, scores_of, window_edges, window_extremes
-from flighttune.errors import InputError
 from flighttune.files.seal import BLANK, seal
 from flighttune.files.value import tables_of
 from flighttune.flight.conditions import command_limits, start_condition
@@ -58,7 +58,7 @@ def band_of(learned, counted, epsilon=0.05, confidence=0.95, winds=None):
         epsilon=epsilon,
         confidence=confidence,
     )
-    return Band(about=about, flights=walks_flights(about), extremes=extremes, wind=kept[1])
+    return ft.Band(about=about, flights=walks_flights(about), extremes=extremes, wind=kept[1])
 
 
 def walks_flights(_):
@@ -167,7 +167,7 @@ def test_a_band_that_is_given_the_wind_is_as_narrow_as_without_any():
 
     assert blind > 20.0 * calm
     assert knowing < 1.3 * calm
-    with pytest.raises(InputError, match="`wind`"):
+    with pytest.raises(ft.InputError, match="`wind`"):
         band_of(*flights, winds=winds).bounds(np.zeros(1))
 
 
@@ -176,7 +176,7 @@ def test_another_claim_of_the_same_count_costs_no_flight(counted):
 
     assert wider.scale == counted.scores.max()
     assert narrower.scale < counted.scale < wider.scale
-    with pytest.raises(InputError, match=r"`flights` .* 688 .* got 93"):
+    with pytest.raises(ft.InputError, match=r"`flights` .* 688 .* got 93"):
         counted.claiming(0.01, 0.999)
 
 
@@ -192,7 +192,7 @@ def test_flights_that_did_not_complete_count(walks, counted):
     assert "2 did not complete, and at most 1 may: nothing is claimed" in none.sentence
     learned = extremes_of(walks[0])
     learned[shape_module.MIN_LEARNED - 1 :] = lost[0]
-    with pytest.raises(InputError, match=r"`learn` .* 10 flights .* got 9"):
+    with pytest.raises(ft.InputError, match=r"`learn` .* 10 flights .* got 9"):
         learned_shape(learned, np.zeros((60, 0)), 0.05)
 
 
@@ -208,7 +208,7 @@ def test_each_reading_of_a_growing_count_spends_its_part_of_the_confidence(walks
     assert "confidence 0.9 (shared by 2 numbers of flights)" in twice.sentence
     assert "0.8 (shared by the band and its fence at 2 numbers of flights)" in fenced.sentence
     assert fenced.with_fence({"some": "fence"}).confidence == fenced.confidence
-    with pytest.raises(InputError, match="`confidence`"):
+    with pytest.raises(ft.InputError, match="`confidence`"):
         twice.claiming(0.05, 0.5)
 
 
@@ -262,7 +262,9 @@ def test_no_choice_of_when_to_stop_makes_a_continued_count_false_more_often_than
     numbers = [lambda _: [first], *3 * [lambda n: [2 * n]]]
     for k in range(1, 5):
         flights = np.zeros((first * 2 ** (k - 1), 1, 1, 2))
-        band = Band(about=about, flights=over, extremes=flights, wind=np.zeros((len(flights), 0)))
+        band = ft.Band(
+            about=about, flights=over, extremes=flights, wind=np.zeros((len(flights), 0))
+        )
         worst = worst_chance(numbers[:k], epsilon, confidence)
 
         assert band.readings[-1] == len(flights)
@@ -284,7 +286,7 @@ def values_of(band):
 
 
 def test_a_file_comes_back_as_it_was_written(counted, tmp_path):
-    save_band(counted, tmp_path / "x.npz")
+    ft.save_band(counted, tmp_path / "x.npz")
 
     assert values_of(load_walks(tmp_path / "x.npz")) == values_of(counted)
 
@@ -292,21 +294,21 @@ def test_a_file_comes_back_as_it_was_written(counted, tmp_path):
 @pytest.mark.slow
 def test_a_damaged_file_is_refused(counted, tmp_path):
     path = tmp_path / "x.npz"
-    save_band(counted, path)
+    ft.save_band(counted, path)
     whole = path.read_bytes()
     places = np.linspace(0, len(whole) - 1, 60).astype(int)
     damages = [whole[:k] + bytes([whole[k] ^ 1]) + whole[k + 1 :] for k in places]
 
     for damaged in [*damages, whole[:-100], whole[: len(whole) // 2], b""]:
         path.write_bytes(damaged)
-        with pytest.raises(InputError, match=r"x\.npz: ") as caught:
+        with pytest.raises(ft.InputError, match=r"x\.npz: ") as caught:
             load_walks(path)
         assert "\n" not in str(caught.value)
 
 
 def forged(band, path, about=None, **arrays):
     """The file of a band with other values, and the SHA-256 of what it says then."""
-    save_band(band, path)
+    ft.save_band(band, path)
     with np.load(path) as file:
         members = {**file, **arrays}
     tables = {**json.loads(str(members["band"])), **(about or {})}
@@ -346,7 +348,7 @@ def write_band(path, arrays):
 def test_a_forged_file_is_refused_in_one_line(counted, tmp_path, change, message):
     path = forged(counted, tmp_path / "x.npz", **change(counted))
 
-    with pytest.raises(InputError, match=f"x.npz: {message}") as caught:
+    with pytest.raises(ft.InputError, match=f"x.npz: {message}") as caught:
         load_walks(path)
     assert "\n" not in str(caught.value)
 

@@ -3,8 +3,8 @@
 import pytest
 from dispersed import AEROSONDE, KINEMATIC, WIND, one_of, plan_of, tables_of, uniform
 
+import flighttune as ft
 from flighttune.campaign.counted_flights import at_random, distribution_of
-from flighttune.campaign.planning.load import load_campaign
 
 GUST = {"axis": "right", "peak_mps": 12.0, "start_s": 1.0, "length_m": 30.0}
 WAVE = {"chi_amplitude": 0.1, "chi_omega_rad_s": 0.3}
@@ -57,7 +57,7 @@ def test_the_sentence_names_the_air_the_airspeed_and_ranges_with_units(disperse,
 
 
 def test_many_keys_stand_in_the_table_with_their_units_and_the_sentence_counts_them():
-    campaign = load_campaign("mission_in_wind")
+    campaign = ft.load_campaign("mission_in_wind")
     known = distribution_of(campaign, campaign.nominal.plant[0].label)
 
     sentence, table = known.sentence("x"), known.table("x")

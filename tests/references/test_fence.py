@@ -14,7 +14,7 @@ import flighttune as ft
 from flighttune.campaign.band import load_band, plan_of
 from flighttune.campaign.fence import corridor_of, count_inside, where_of
 from flighttune.campaign.stated_set import planned
-from flighttune.claims.band import About, Band
+from flighttune.claims.band import About
 from flighttune.references.earth import north_east, on_earth
 from flighttune.references.fence import SCAN_STEP, read_fence, room_along
 from flighttune.references.maps import route_geojson, route_kml
@@ -77,7 +77,7 @@ def band():
         confidence=0.9,
     )
     along = band_flights(np.linspace(0.0, 800.0, 201), over="along")
-    return Band(about=about, flights=along, extremes=extremes, wind=np.zeros((40, 0)))
+    return ft.Band(about=about, flights=along, extremes=extremes, wind=np.zeros((40, 0)))
 
 
 def test_a_leg_in_a_rectangle_has_the_distances_of_its_edges(tmp_path):
