@@ -156,7 +156,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     plan = planned(
         source, plant=plant, kind="jsbsim", gains=gains, start_deg=start_deg, changes=changes
     )
-    aircraft = (table.label for table in plan.scenario.plant if table.aircraft is not None)
+    aircraft = (table.label for table in plan.scenario.aircraft)
     plant = plant or next(aircraft, None)
     group = plan.chosen_group(plant, gains if gains in plan.gain_sets else None)
     campaign = at_random(plan.campaign if air is None else in_air(plan.campaign, air))

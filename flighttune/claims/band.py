@@ -29,7 +29,7 @@ from flighttune.gaps.residual import ConformantModel
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import shown_unit
 from flighttune.present.tables import Column, Table, number
-from flighttune.scenario.load import scenario_from
+from flighttune.scenario.load import scenario_of
 from flighttune.scenario.places import leaves
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.bounds import Bounds, Kind, RunClaim
@@ -320,13 +320,13 @@ class Band(Answering):
                 "it bounds what the model of an aircraft misses, and no recorded signal: "
                 "`flighttune tube --boxes` takes it"
             )
-        scenario = scenario_from(dict(run.provenance.scenario))
+        scenario = scenario_of(run)
         differs = self.flights.difference(run, scenario)
         return f"its {differs} must be that of the flights counted" if differs else ""
 
     def on(self, run: Run) -> RunClaim:
         """The bounds of the signals at the samples of a run."""
-        about, scenario = self.about, scenario_from(dict(run.provenance.scenario))
+        about, scenario = self.about, scenario_of(run)
         wind = np.array(wind_at_start(scenario)) if about.predicted_from else None
         return RunClaim(
             kind=self.kind,

@@ -31,7 +31,7 @@ def export_c(
     OutputError if the file cannot be written.
     """
     limits = command_limits(scenario)
-    if plant is not None or any(table.aircraft is not None for table in scenario.plant):
+    if plant is not None or scenario.aircraft:
         limits = limits.within(plant_of(aircraft_table(scenario, plant), scenario).limits)
     law, _ = scenario.law_of(name, gains)
     controller = law.discrete_pi(law_setup(scenario, gains, limits))

@@ -161,7 +161,7 @@ def _fly_apart(
 
 def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
     """An aircraft of a scenario by its label, by default the first."""
-    aircraft = {table.label: table for table in scenario.plant if table.aircraft is not None}
+    aircraft = {table.label: table for table in scenario.aircraft}
     label = plant or next(iter(aircraft), None)
     if label not in aircraft:
         raise InputError(
@@ -187,13 +187,11 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
             turn=table.family.turn,
             g=scenario.flight.g_mps2,
         )
-    from flighttune.aircraft.aircraft import load_aircraft
     from flighttune.plants.jsbsim.plant import JSBSimPlant, steps_for
 
-    config = load_aircraft(table.aircraft)
     aircraft = JSBSimPlant(
-        config,
-        steps=steps_for(config, scenario.controller.rate_hz),
+        table.config,
+        steps=steps_for(table.config, scenario.controller.rate_hz),
         seed=scenario.seed,
         weather=weather_of(scenario),
         ground=scenario.flight.ground_m,

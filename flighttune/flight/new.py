@@ -173,9 +173,10 @@ def _made_for(like: str, aircraft: str | None, folder: Path) -> str:
     source = existing_file(like, "scenario", scenario_files(), ["scenarios"])
     scenario = load_scenario(source)
     document: Any = tomlkit.parse(source.read_text(encoding="utf-8"))
-    flown = [plant.aircraft for plant in scenario.plant if plant.aircraft is not None]
-    aircraft = aircraft or next(iter(flown), AIRCRAFT)
-    config, other = load_aircraft(aircraft), load_aircraft(flown[0] if flown else aircraft)
+    flown = scenario.aircraft
+    aircraft = aircraft or (flown[0].aircraft if flown else None) or AIRCRAFT
+    config = load_aircraft(aircraft)
+    other = flown[0].config if flown else config
     faster = _design(config)[0] / (_design(other)[0] if flown else scenario.flight.V_a_mps)
     flight = scenario.flight
     V_a = flight.V_a_mps * faster

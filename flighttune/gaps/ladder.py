@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import Law
@@ -30,11 +29,12 @@ from flighttune.flight.load import scenario_and_gains
 from flighttune.flight.models import law_model
 from flighttune.gaps.gap import Gap, LagSource, Step, failure_of
 from flighttune.gaps.mismatch import CHANNELS, Mismatch, mismatch
-from flighttune.identification.file import FILE_NAME, load_identified
+from flighttune.identification.file import FILE_NAME
 from flighttune.identification.fit import fitted_lag
 from flighttune.metrics import channel_metrics, flight_metrics
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.run import Run
 from flighttune.theory.indicators import Indicators, indicators
 
@@ -123,7 +123,7 @@ def explain_flight(
         raise InputError(f"`aircraft` must have gains, got none for {aircraft.label}.")
     _check_length(aircraft)
     table = aircraft_table(scenario, made_by.plant)
-    lag_source, lags = _inner_loop(table.aircraft or "", scenario, aircraft, lag)
+    lag_source, lags = _inner_loop(table, scenario, aircraft, lag)
     limits = command_limits(scenario).within(plant_of(table, scenario).limits)
     g = scenario.flight.g_mps2
     # In still air JSBSim records a wind of rounding errors; to fly in it takes twice as long.
@@ -176,7 +176,7 @@ def _indicators(scenario: Scenario, law: Law, gains: PIGains) -> Indicators:
 
 
 def _inner_loop(
-    aircraft: str, scenario: Scenario, run: Run, source: LagSource | None
+    table: PlantTable, scenario: Scenario, run: Run, source: LagSource | None
 ) -> tuple[LagSource, dict[str, tuple[InnerLag, float]]]:
     """Lags of an aircraft that has flown, and their source.
 
@@ -188,12 +188,12 @@ def _inner_loop(
         for name in ("phi", "n_z")
     }
     if source is None:
-        file = load_aircraft(aircraft).folder / FILE_NAME
+        file = table.config.folder / FILE_NAME
         source = "identified" if file.exists() else "fitted"
     lags = None, None
     if source == "identified":
         _, gamma = reference_of(scenario).initial
-        lags = load_identified(aircraft).nearest(scenario.flight.V_a_mps, gamma).lags
+        lags = table.identified_model.nearest(scenario.flight.V_a_mps, gamma).lags
     return source, {
         name: fitted_lag(run.t, *signals, lag=lag)
         for (name, signals), lag in zip(commanded_and_flown.items(), lags, strict=True)

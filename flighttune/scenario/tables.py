@@ -663,8 +663,8 @@ class TuningTable(q.Table):
         )
 
     @model_validator(mode="after")
-    def _of_the_kinematic_law(self) -> "TuningTable":
-        of_cost = [
+    def _keys_of_model_and_objective(self) -> "TuningTable":
+        cost_keys = [
             key for key in ("error_weights", "command_weights", "R_min") if getattr(self, key)
         ]
         foreign = {"I_star", "lag_rad_s", "sample_delay", "state_scaling", "structure", "objective"}
@@ -675,8 +675,8 @@ class TuningTable(q.Table):
         ]
         if self.model == "identified" and changed:
             raise ValueError(f"`{changed[0]}` must be absent with model identified")
-        if self.objective == "R_K" and of_cost:
-            raise ValueError(f'`{of_cost[0]}` must be absent without objective = "cost"')
+        if self.objective == "R_K" and cost_keys:
+            raise ValueError(f'`{cost_keys[0]}` must be absent without objective = "cost"')
         return self
 
 

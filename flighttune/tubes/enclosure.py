@@ -14,7 +14,7 @@ from flighttune.control.gains import gains_table
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.present.tables import Column, Table, number
-from flighttune.scenario.load import scenario_from
+from flighttune.scenario.load import scenario_of
 from flighttune.simulate.bounds import ERRORS, Bounds, Kind, RunClaim
 from flighttune.simulate.run import Run
 from flighttune.theory.exact import Verification
@@ -163,7 +163,7 @@ class Tube(Answering):
             return f"its law must be {problem.law.name}, got {made.law.name}"
         if not np.array_equal(made.gains.K, problem.gains.K):
             return "its gains must be those of the tube, got others"
-        scenario = scenario_from(dict(made.scenario))
+        scenario = scenario_of(run)
         plant, counted = scenario.plant_table(made.plant), problem.band
         if (plant.kind, plant.aircraft) != (problem.table.kind, problem.table.aircraft):
             return f"its plant must be {problem.plant}, got {made.plant}"
