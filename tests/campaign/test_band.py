@@ -16,7 +16,7 @@ from flighttune.campaign.band import plan_of as plan_of_band
 from flighttune.campaign.flying.alone import fly_group, scenario_of_run
 from flighttune.campaign.flying.rows import rows_flown
 from flighttune.campaign.stated_set import planned
-from flighttune.flight.conditions import reference_of
+from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.gaps.residual import residuals_of
 from flighttune.simulate.claim import with_claims
 
@@ -275,7 +275,7 @@ def test_residual_signals_of_an_aircraft_are_counted_like_any_other():
 
     for run, score in enumerate(counted.scores, start=counted.about.learned):
         flown = fly_group(plan, plan.scenario_of(run), plan.groups[0])
-        signals = residuals_of(model, flown, plan.scenario_of(run).condition)
+        signals = residuals_of(model, flown, start_condition(plan.scenario_of(run)))
         residuals = dict(zip(counted.about.signals, signals.T, strict=True))
         assert bounds.contain(residuals) == (score <= counted.scale)
     assert [row["unit"] for row in counted.answer().tables[0].records] == 2 * ["deg/s"] + 2 * [
