@@ -17,8 +17,6 @@ SOLVER_OPTIONS = {
     "tol_gap_abs": TOLERANCE,
     "tol_gap_rel": TOLERANCE,
     "tol_feas": TOLERANCE,
-    # The problems come scaled; scaled once more by the solver they lose some digits.
-    "equilibrate_enable": False,
 }
 
 # Statuses of cvxpy with which the unknowns have values.
@@ -66,8 +64,10 @@ def largest(objective: Any, constraints: Sequence[Any]) -> Any:
     return cvxpy.Problem(cvxpy.Maximize(objective), list(constraints))
 
 
-def solve(problem: Any) -> str:
+def solve(problem: Any, *, equilibrate: bool = False) -> str:
     """Solve a problem of `largest` for the values that its parameters have now.
+
+    Problems that come scaled lose some digits where the solver scales (`equilibrate`) them again.
 
     Returns the reason why the unknowns have no values; empty where they have.
     """
@@ -76,7 +76,7 @@ def solve(problem: Any) -> str:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Solution may be inaccurate")
         try:
-            problem.solve(solver="CLARABEL", **SOLVER_OPTIONS)
+            problem.solve(solver="CLARABEL", equilibrate_enable=equilibrate, **SOLVER_OPTIONS)
             status = problem.status
         except cvxpy.SolverError:
             status = "solver_error"

@@ -1,0 +1,126 @@
+"""The loop as it is flown: sampled PI, held commands, lags and delays of roll and load factor.
+
+The continuous models of this project take a delay, and the half sample that a held command is late,
+as a Pade section. Here both are exact: over one sample the plant is linear with commands that
+change at most once, so that its state at the next sample is a matrix exponential.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from flighttune.arrays import FloatArray, check_positive
+from flighttune.control.gains import PIGains
+from flighttune.control.inner_loop import InnerLag
+from flighttune.control.linear_model import LinearModel
+from flighttune.errors import ShapeError
+
+# Samples of delay of all inputs together: beyond it the exact arithmetic would take minutes.
+MOST_DELAYED = 40
+
+
+def sampled_loop(
+    model: LinearModel,
+    lags: Sequence[InnerLag],
+    gains: PIGains,
+    *,
+    dt: float,
+    trapezoidal: bool = True,
+) -> tuple[FloatArray, FloatArray]:
+    """The map of the loop over one sample, while no limit holds, and units of its state.
+
+    Parameters
+    ----------
+    model : LinearModel
+        Of the law alone: n states, m inputs, p errors.
+    lags : sequence of InnerLag, length m
+        Inner loop of each input; no delay of the hold, which is exact here.
+    gains : PIGains
+    dt : float, s
+        Sample time of the law, positive.
+    trapezoidal : bool
+        The integral takes the mean of two errors, as `MimoPI` does; false: each error after the
+        command of its sample, as `ExactLaw` does.
+
+    Returns
+    -------
+    loop : ndarray, shape (N, N)
+        N = n + lag states + commands under way + m + p. Acts on the state at a sample before its
+        command: states of the model, of the lags in turn, commands of each input from the last one
+        back, integrals in the unit of the inputs, and the errors of the sample before.
+    units : ndarray, shape (N,)
+        In these a command and a lag's state count by the rate that they cause, as in
+        `inner_loop_scaling`.
+
+    Raises
+    ------
+    ShapeError
+        If there is not one lag an input, or the delays are longer than `MOST_DELAYED` samples.
+    InputError
+        If the channels of `gains` are not those of `model`, or `dt` is not positive.
+    """
+    model.check_channels(gains)
+    check_positive(dt=dt)
+    n, m, p = model.shape
+    if len(lags) != m:
+        raise ShapeError(f"`lags` must be {m}, one an input, got {len(lags)}.")
+    A, B = _plant(model, lags)
+    whole = [math.floor(lag.delay / dt) for lag in lags]
+    if sum(whole) > MOST_DELAYED:
+        raise ShapeError(f"`lags` must be late by {MOST_DELAYED} samples in all, got {sum(whole)}.")
+    k, kept = len(A), [count + 1 for count in whole]
+    first_kept = k + np.cumsum([0, *kept])
+    integral, before = int(first_kept[-1]), int(first_kept[-1]) + m
+    size = before + p
+    C = np.hstack([model.C, np.zeros((p, k - n))])
+
+    # Rows that give the errors, the new integrals and the commands from the state.
+    error, old_error, old_integral = np.zeros((p, size)), np.zeros((p, size)), np.zeros((m, size))
+    error[:, :k] = C
+    old_error[:, before:] = np.eye(p)
+    old_integral[:, integral:before] = np.eye(m)
+    if trapezoidal:
+        new_integral = old_integral + gains.K_I @ (error + old_error) * (dt / 2.0)
+        command = gains.K_P @ error + new_integral
+    else:
+        new_integral = old_integral + gains.K_I @ error * dt
+        command = gains.K_P @ error + old_integral
+
+    M = np.zeros((size, size))
+    M[:k, :k] = _held(A, np.zeros((k, 0)), dt)[0]
+    for i in range(m):
+        # The command of `whole` samples ago takes over after the rest of the delay.
+        late = lags[i].delay - whole[i] * dt
+        fresh_A, fresh = _held(A, B[:, [i]], dt - late)
+        _, stale = _held(A, B[:, [i]], late)
+        under_way = np.eye(size)[first_kept[i] : first_kept[i + 1]]
+        acting = [command[[i]], *under_way[:, None, :]]
+        M[:k] += fresh @ acting[whole[i]] + fresh_A @ stale @ acting[whole[i] + 1]
+        M[first_kept[i]] = command[i]
+        M[first_kept[i] + 1 : first_kept[i + 1]] = under_way[:-1]
+    M[integral:before], M[before:] = new_integral, error
+    per_rate = 1.0 / np.linalg.norm(model.B, axis=0)
+    late = np.repeat(per_rate, [lag.order for lag in lags]), np.repeat(per_rate, kept)
+    return M, np.concatenate([np.ones(n), *late, per_rate, np.ones(p)])
+
+
+def _plant(model: LinearModel, lags: Sequence[InnerLag]) -> tuple[FloatArray, FloatArray]:
+    """A and B of the model behind lags whose delays are left out; every lag's first state acts."""
+    from scipy.linalg import block_diag
+
+    inside, entries = zip(*(lag.undelayed for lag in lags), strict=True)
+    response = block_diag(*(np.eye(len(A))[:1] for A in inside))
+    n, k = model.shape[0], sum(map(len, inside))
+    A = np.block([[model.A, model.B @ response], [np.zeros((k, n)), block_diag(*inside)]])
+    B = np.vstack([np.zeros((n, len(lags))), block_diag(*(column[:, None] for column in entries))])
+    return A, B
+
+
+def _held(A: FloatArray, B: FloatArray, time: float) -> tuple[FloatArray, FloatArray]:
+    """State and input matrix over `time` with a held input, of ``x' = A x + B u``."""
+    from scipy.linalg import expm
+
+    n, m = B.shape
+    both = expm(np.block([[A, B], [np.zeros((m, n + m))]]) * time)
+    return both[:n, :n], both[:n, n:]
