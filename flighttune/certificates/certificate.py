@@ -12,6 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from flighttune.arrays import FloatArray, check_positive, set_read_only
+from flighttune.certificates.exact_rate import ExactRate
 from flighttune.control.envelope import ENTRIES, Envelope, JacobianHull
 from flighttune.control.gains import PIGains, gains_table
 from flighttune.control.linear_model import (
@@ -24,7 +25,7 @@ from flighttune.errors import InputError
 from flighttune.files.value import STRICT, read, write
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import columns, listed
-from flighttune.present.tables import Table
+from flighttune.present.tables import Column, Table
 from flighttune.theory.exact import (
     Check,
     Interval,
@@ -52,6 +53,13 @@ MAX_I_K = 200.0
 
 # The exact check takes seconds at this size, and grows with its fourth power.
 MAX_STATES = 24
+
+
+EXACT_COLUMNS = [
+    Column("loop"),
+    *columns("decay growth"),
+    Column("true_rate", "true rate", "1/s", "z.6g"),
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,6 +147,9 @@ class Certificate(Answering):
         Versions of flighttune and of the solvers.
     scenario_sha256 : str or None
         Hash of the scenario file the gains belong to.
+    exact_rates : tuple of ExactRate
+        The largest rates that a norm proves of the loop at the trim, continuous and sampled. They
+        say nothing of an envelope or of other conditions.
 
     Examples
     --------
@@ -157,13 +168,15 @@ class Certificate(Answering):
     models: tuple[LinearModel, ...] = ()
     made_with: Mapping[str, str] = field(default_factory=dict)
     scenario_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
+    exact_rates: tuple[ExactRate, ...] = ()
 
     kind: ClassVar[Literal["proven"]] = "proven"
 
     __pydantic_config__: ClassVar = STRICT
-    FORMAT: ClassVar[str] = "flighttune certificate 2"
+    FORMAT: ClassVar[str] = "flighttune certificate 3"
     UNITS: ClassVar[Mapping[str, str]] = {
         "angles and times": "rad and s; V_a in m/s, g in m/s^2",
+        "exact_rates": "1/s and s: the norm sqrt(s' Q s) of s over `units` decays at `rate`",
         "claim.rate": "1/s: decay of s' Q s, s = (rates of the states, errors); its norm: half",
         "claim.radius": "norm of s: states' units per second and errors' units (rad/s and rad)",
         "claim.L_d": "norm of the disturbance's derivative: states' units per second^2",
@@ -212,9 +225,18 @@ class Certificate(Answering):
         return math.sqrt(float(np.linalg.cond(self.Q)))
 
     @property
+    def rates_values(self) -> list[dict[str, Any]]:
+        """Loop, rate, growth and true rate of each exact rate."""
+        return [proven.values(self.model, self.gains) for proven in self.exact_rates]
+
+    @property
     def in_words(self) -> str:
         """``certified``, and what that is worth where it is little."""
-        halving_s = 2.0 * math.log(2.0) / self.claim.rate  # the norm decays at half the rate
+        # The norm decays at half the rate of its square, or at the exact rate of the loop.
+        norm_rate, growth = self.claim.rate / 2.0, self.growth
+        if self.exact_rates:
+            norm_rate, growth = self.exact_rates[0].rate, self.exact_rates[0].growth
+        halving_s = math.log(2.0) / norm_rate
         alone = self.claim.envelope is None and not self.claim.conditions
         sigma_min = np.linalg.svd(closed_loop(self.model, self.gains), compute_uv=False)[-1]
         I_K = self.growth**2 / (self.claim.rate * sigma_min) if alone else 0.0
@@ -223,8 +245,8 @@ class Certificate(Answering):
             hours = f"{halving_s / 3600.0:.2g} hours"
             lasts = hours if halving_s > 3600.0 else f"{halving_s / 60.0:.2g} minutes"
             worth.append(f"the proven rate halves errors in {lasts}")
-        if self.growth > MAX_GROWTH:
-            worth.append(f"an error may first grow {self.growth:.0f}-fold")
+        if growth > MAX_GROWTH:
+            worth.append(f"an error may first grow {growth:.0f}-fold")
         if I_K > MAX_I_K:
             worth.append(f"I_K of {I_K:.2g} s² is no useful bound under a disturbance")
         return f"certified, but {listed(worth)}" if worth else "certified"
@@ -245,6 +267,11 @@ class Certificate(Answering):
             f"{where}: a quadratic form of errors and their rates decays at {claim.rate:.6g} 1/s, "
             "their norm at half of it"
         )
+        for values in self.rates_values:
+            words += (
+                f"; a norm of the loop ({values['loop']}) decays at {values['decay']:.6g} 1/s, "
+                f"with a growth of at most {values['growth']:.3g}"
+            )
         if claim.radius is None:
             return words
         return (
@@ -258,6 +285,7 @@ class Certificate(Answering):
         values = {
             **claim.values,
             **pick(claim, "envelope g"),
+            "exact_rates": self.rates_values,
             "sentence": self.sentence,
             "gains": pick(self.gains, "inputs errors K_P K_I"),
             "model": pick(self.model, "states inputs errors A B C"),
@@ -266,6 +294,7 @@ class Certificate(Answering):
             values=values,
             tables=[
                 Table(columns("rate radius L_d"), [values], "certificate"),
+                *exact_rates_tables(self.rates_values),
                 gains_table("gains", self.gains),
             ],
             notes=[self.in_words],
@@ -288,7 +317,14 @@ class Certificate(Answering):
         if claim.radius is not None and not (W is None or multiplier is None or L_d is None):
             sizes = {"multiplier": multiplier, "radius": claim.radius, "L_d": L_d}
             checks += radius_checks(vertices, disturbance_entry(model), W, **sizes)
+        for proven in self.exact_rates:
+            checks += proven.checks(model, self.gains)
         return Verification.of(checks)
+
+
+def exact_rates_tables(rates: Sequence[Mapping[str, Any]]) -> list[Table]:
+    """The table of exact rates, a row each; none without a rate."""
+    return [Table(EXACT_COLUMNS, rates, "exact rates of the norm")] if rates else []
 
 
 def save_certificate(certificate: Certificate, path: str | Path) -> None:

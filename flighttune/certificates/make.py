@@ -10,7 +10,13 @@ from typing import Any, Literal
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.certificates.certificate import Certificate, Claim, vertex_matrices
+from flighttune.certificates.certificate import (
+    Certificate,
+    Claim,
+    exact_rates_tables,
+    vertex_matrices,
+)
+from flighttune.certificates.exact_rate import ExactRate
 from flighttune.control.envelope import Envelope, jacobian_hull, vertex_loops
 from flighttune.control.gains import PIGains
 from flighttune.control.linear_model import LinearModel, closed_loop, disturbance_entry
@@ -111,11 +117,13 @@ class Certification(Answering):
         The norm decays at half the rate, from at most ``growth`` times its start.
         """
         values = dict.fromkeys(("rate", "radius", "L_d", "holds", "growth"))
-        values |= {"status": self.status, "reason": self.reason, "conditions": [], "checks": []}
+        values |= {"status": self.status, "reason": self.reason}
+        values |= {"conditions": [], "checks": [], "exact_rates": []}
         values["in_words"] = self.in_words
         if self.certificate is not None and self.verification is not None:
             values |= self.certificate.claim.values
             values["growth"] = self.certificate.growth
+            values["exact_rates"] = self.certificate.rates_values
             values["checks"] = [asdict(check) for check in self.verification.checks]
         return values
 
@@ -156,6 +164,7 @@ class Certification(Answering):
                     [{**certificate, "largest_factor": self.largest_factor}],
                     "certificate",
                 ),
+                *exact_rates_tables(certificate["exact_rates"]),
             ],
             notes=[ANY_ENVELOPE] if everywhere and not identified else [],
             verdict=f"proven: {self.certificate.sentence}"
@@ -174,6 +183,7 @@ def certify_model(
     L_d: float | None = None,
     conditions: Sequence[Condition] = (),
     scenario_sha256: str | None = None,
+    rates: Sequence[ExactRate] = (),
 ) -> Certification:
     """Certify the rate of gains, and the ultimate radius for a disturbance bound.
 
@@ -193,6 +203,8 @@ def certify_model(
         together with an envelope.
     scenario_sha256 : str, optional
         Kept in the certificate.
+    rates : sequence of ExactRate
+        Rates of the loop of `model` that go into the certificate.
 
     Returns
     -------
@@ -249,6 +261,7 @@ def certify_model(
         models=models,
         made_with={"flighttune": version("flighttune"), **solvers},
         scenario_sha256=scenario_sha256,
+        exact_rates=tuple(rates),
     )
     verification = certificate.verify()
     if not verification.valid:

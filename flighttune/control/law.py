@@ -110,6 +110,9 @@ class Law(ABC):
     by_gains : bool
         Whether gains and `linear_model` say how it flies. Where they do not it has no claim, and
         the runs have no gains.
+    trapezoidal : bool
+        Its integrals take the mean of two errors; false: each error after the command of its
+        sample.
     same_everywhere : bool
         True if its linear model is the same at every condition of an envelope.
     batched : bool
@@ -126,6 +129,7 @@ class Law(ABC):
     named_alone: ClassVar[bool] = True
     inputs: ClassVar[tuple[str, str]] = COMMANDS
     by_gains: ClassVar[bool] = True
+    trapezoidal: ClassVar[bool] = True
     same_everywhere: ClassVar[bool] = False
     batched: ClassVar[bool] = False
     plant: ClassVar[str] = "kinematic"

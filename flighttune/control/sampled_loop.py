@@ -14,7 +14,7 @@ from flighttune.arrays import FloatArray, check_positive
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.linear_model import LinearModel
-from flighttune.errors import ShapeError
+from flighttune.errors import InputError, ShapeError
 
 # Samples of delay of all inputs together: beyond it the exact arithmetic would take minutes.
 MOST_DELAYED = 40
@@ -34,8 +34,9 @@ def sampled_loop(
     ----------
     model : LinearModel
         Of the law alone: n states, m inputs, p errors.
-    lags : sequence of InnerLag, length m
-        Inner loop of each input; no delay of the hold, which is exact here.
+    lags : sequence of InnerLag, length m or 0
+        Inner loop of each input, without the delay of the hold, which is exact here; none where the
+        inputs are the commands.
     gains : PIGains
     dt : float, s
         Sample time of the law, positive.
@@ -56,19 +57,21 @@ def sampled_loop(
     Raises
     ------
     ShapeError
-        If there is not one lag an input, or the delays are longer than `MOST_DELAYED` samples.
+        If there is not one lag an input.
     InputError
-        If the channels of `gains` are not those of `model`, or `dt` is not positive.
+        If the channels of `gains` are not those of `model`, `dt` is not positive, or the delays are
+        longer than `MOST_DELAYED` samples together.
     """
     model.check_channels(gains)
     check_positive(dt=dt)
     n, m, p = model.shape
-    if len(lags) != m:
+    if lags and len(lags) != m:
         raise ShapeError(f"`lags` must be {m}, one an input, got {len(lags)}.")
     A, B = _plant(model, lags)
-    whole = [math.floor(lag.delay / dt) for lag in lags]
+    delays = [lag.delay for lag in lags] or [0.0] * m
+    whole = [math.floor(delay / dt) for delay in delays]
     if sum(whole) > MOST_DELAYED:
-        raise ShapeError(f"`lags` must be late by {MOST_DELAYED} samples in all, got {sum(whole)}.")
+        raise InputError(f"`lags` must be late by {MOST_DELAYED} samples in all, got {sum(whole)}.")
     k, kept = len(A), [count + 1 for count in whole]
     first_kept = k + np.cumsum([0, *kept])
     integral, before = int(first_kept[-1]), int(first_kept[-1]) + m
@@ -91,7 +94,7 @@ def sampled_loop(
     M[:k, :k] = _held(A, np.zeros((k, 0)), dt)[0]
     for i in range(m):
         # The command of `whole` samples ago takes over after the rest of the delay.
-        late = lags[i].delay - whole[i] * dt
+        late = delays[i] - whole[i] * dt
         fresh_A, fresh = _held(A, B[:, [i]], dt - late)
         _, stale = _held(A, B[:, [i]], late)
         under_way = np.eye(size)[first_kept[i] : first_kept[i + 1]]
@@ -101,7 +104,8 @@ def sampled_loop(
         M[first_kept[i] + 1 : first_kept[i + 1]] = under_way[:-1]
     M[integral:before], M[before:] = new_integral, error
     per_rate = 1.0 / np.linalg.norm(model.B, axis=0)
-    late = np.repeat(per_rate, [lag.order for lag in lags]), np.repeat(per_rate, kept)
+    orders = [lag.order for lag in lags] or [0] * m
+    late = np.repeat(per_rate, orders), np.repeat(per_rate, kept)
     return M, np.concatenate([np.ones(n), *late, per_rate, np.ones(p)])
 
 
@@ -109,6 +113,8 @@ def _plant(model: LinearModel, lags: Sequence[InnerLag]) -> tuple[FloatArray, Fl
     """A and B of the model behind lags whose delays are left out; every lag's first state acts."""
     from scipy.linalg import block_diag
 
+    if not lags:
+        return model.A, model.B
     inside, entries = zip(*(lag.undelayed for lag in lags), strict=True)
     response = block_diag(*(np.eye(len(A))[:1] for A in inside))
     n, k = model.shape[0], sum(map(len, inside))

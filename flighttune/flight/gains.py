@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from flighttune.arrays import check_at_least
+from flighttune.certificates.exact_rate import exact_rates
 from flighttune.certificates.make import Certification, certify_model
 from flighttune.control.gains import PIGains
 from flighttune.control.law import Law
@@ -154,7 +155,7 @@ def certify(
     if isinstance(source, LinearModel):
         if not isinstance(gains, PIGains) or envelope:
             raise InputError("`gains` must be given for a model, and `envelope` be false.")
-        return certify_model(source, gains, L_d=L_d)
+        return certify_model(source, gains, L_d=L_d, rates=exact_rates(source, gains))
     scenario, name, chosen = scenario_and_gains(source, gains, changes)
     law = (
         scenario.law_for(chosen) if isinstance(gains, PIGains) else scenario.law_of(name, chosen)[0]
@@ -167,8 +168,13 @@ def certify(
             raise InfeasibleError(
                 f"{name}: the law must have `linear()` to be certified, got none."
             )
-        return replace(certify_model(*linear, L_d=L_d, scenario_sha256=scenario.sha256), name=name)
-    certification = certify_scenario(scenario, chosen, envelope=envelope, L_d=L_d, law=law)
+        certification = certify_model(
+            *linear, L_d=L_d, scenario_sha256=scenario.sha256, rates=exact_rates(*linear)
+        )
+        return replace(certification, name=name)
+    certification = certify_scenario(
+        scenario, chosen, envelope=envelope, L_d=L_d, law=law, with_rates=True
+    )
     certification = replace(
         certification,
         name=name,

@@ -6,11 +6,12 @@ from collections.abc import Collection
 import numpy as np
 
 from flighttune.arrays import FloatArray
+from flighttune.certificates.exact_rate import ExactRate, Sampling, exact_rates
 from flighttune.certificates.make import Certification, certify_model
 from flighttune.control.controller import LawSetup
 from flighttune.control.envelope import Envelope
 from flighttune.control.gains import COMMANDS, LAW_OF_INPUTS, PAPER_GAINS, PIGains, paper_family
-from flighttune.control.inner_loop import with_input_delay, with_input_lag
+from flighttune.control.inner_loop import InnerLag, with_input_delay, with_input_lag
 from flighttune.control.law import Law, Trim
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loop
@@ -296,6 +297,7 @@ def certify_scenario(
     envelope: bool = False,
     L_d: float | None = None,
     law: Law | None = None,
+    with_rates: bool = False,
 ) -> Certification:
     """A certificate of gains on the linear model of a scenario, or the reason for its absence.
 
@@ -311,6 +313,8 @@ def certify_scenario(
         Bound of the disturbance's derivative; by default that of the scenario's sinusoid, if any.
     law : Law, optional
         Law that flies the gains; by default the first of the scenario that takes them.
+    with_rates : bool
+        Prove the exact rates of the loop too, which takes up to a second.
 
     Returns
     -------
@@ -346,6 +350,26 @@ def certify_scenario(
         L_d=L_d,
         conditions=[((design.V_a, design.gamma), design.model) for design in everywhere],
         scenario_sha256=scenario.sha256,
+        rates=scenario_rates(scenario, gains, law) if with_rates else (),
+    )
+
+
+def scenario_rates(scenario: Scenario, gains: PIGains, law: Law) -> tuple[ExactRate, ...]:
+    """Exact rates of gains on the linear model of a scenario, and on the loop as it is sampled."""
+    settings, dt = scenario.tuning, 1.0 / scenario.controller.rate_hz
+    if settings.model == "identified":
+        design = identified_models(scenario, law)[0]
+        alone, lags = design.law_model, design.lags
+    else:
+        alone, lags = law_model(scenario, law), ()
+        if settings.lag_rad_s is not None:
+            each = np.broadcast_to(settings.lag_rad_s, len(alone.inputs)).tolist()
+            lags = tuple(InnerLag(order=1, natural_frequency=omega) for omega in each)
+    return exact_rates(
+        linear_model(scenario, law),
+        gains,
+        scaling=tuning_scaling(scenario, law),
+        sampling=Sampling(model=alone, lags=lags, dt=dt, trapezoidal=law.trapezoidal),
     )
 
 

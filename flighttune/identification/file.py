@@ -186,7 +186,9 @@ class DesignModel:
     # m/s and rad: airspeed and flight-path angle of the law
     V_a: float
     gamma: float
-    roll_lag: float  # s: whole lag and delay of roll
+    law_model: LinearModel  # of the law alone
+    lags: tuple[InnerLag, ...]  # of roll and load factor, without the delay of the hold
+    roll_lag: float  # s: whole lag and delay of roll, that of the hold too
 
 
 def design_model(
@@ -226,6 +228,8 @@ def design_model(
         scaling=law.state_scaling(model, lags),
         V_a=V_a,
         gamma=gamma,
+        law_model=model,
+        lags=condition.lags,
         roll_lag=lags[0].whole,
     )
 

@@ -128,6 +128,7 @@ QUANTITIES = {
         Column("spectral_abscissa", "spectral abscissa", "1/s"),
         Column("rate", "rate", "1/s", ".6g"),
         Column("growth", "largest growth of the norm"),
+        Column("decay", "proven rate", "1/s", "z.6g"),
         Column("radius", "ultimate radius", "rad"),
         Column("L_d", "L_d", "rad/s²"),
         Column("V_a_mps", "V_a", "m/s"),

@@ -248,9 +248,9 @@ def test_a_claim_must_be_positive(at_trim):
     ("text", "message"),
     [
         ("{", "valid JSON"),
-        ('{"format": "flighttune certificate 1"}', "`format`.* 2'"),
-        ('{"format": "flighttune certificate 2", "format": "x"}', "`format` is given twice"),
-        ('{"format": "flighttune certificate 2"}', "`units`"),
+        ('{"format": "flighttune certificate 1"}', "`format`.* 3'"),
+        ('{"format": "flighttune certificate 3", "format": "x"}', "`format` is given twice"),
+        ('{"format": "flighttune certificate 3"}', "`units`"),
     ],
 )
 def test_a_file_that_is_no_certificate_is_named_with_what_is_wrong(tmp_path, text, message):

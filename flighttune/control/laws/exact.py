@@ -38,6 +38,7 @@ class Exact(Law):
     kind: ClassVar[str] = "exact"
     keys: ClassVar[frozenset[str]] = frozenset({"priority", "lift_floor", "braking"})
     inputs: ClassVar[tuple[str, str]] = RATES
+    trapezoidal: ClassVar[bool] = False
     same_everywhere: ClassVar[bool] = True
     batched: ClassVar[bool] = True
     plant: ClassVar[str] = "point_mass"

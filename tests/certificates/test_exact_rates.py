@@ -1,0 +1,95 @@
+"""Exact rates in certificates: near the truth for every shipped aircraft, and not to be forged."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import flighttune as ft
+from flighttune.certificates.exact_rate import MAX_SAMPLED, Sampling, exact_rates
+
+# Share of the true rate that must be proven.
+TARGET = 0.99
+
+# Of rates behind lags, of two ways to take the delay: exactly and by a Pade section.
+PADE = 0.02
+
+IDENTIFIED = {"tuning.model": "identified"}
+
+
+@pytest.fixture(scope="module")
+def mission():
+    return ft.certify("mission", changes=IDENTIFIED).certificate
+
+
+@pytest.mark.parametrize("scenario", ["mission", "circuit_c172p", "circuit_a4"])
+def test_the_gains_of_shipped_aircraft_have_nearly_their_true_rate(scenario):
+    certificate = ft.certify(scenario, changes=IDENTIFIED).certificate
+
+    continuous, sampled = (
+        rate.values(certificate.model, certificate.gains) for rate in certificate.exact_rates
+    )
+
+    poles = np.linalg.eigvals(ft.closed_loop(certificate.model, certificate.gains))
+    assert continuous["decay"] == pytest.approx(-poles.real.max(), rel=1.0 - TARGET)
+    assert sampled["decay"] == pytest.approx(-poles.real.max(), rel=PADE)
+    assert sampled["decay"] >= TARGET * sampled["true_rate"]
+    # The rate of R_K is of a form whose square root decays at half of it.
+    assert continuous["decay"] > 4.0 * certificate.claim.rate
+
+
+def test_a_certificate_keeps_its_exact_rates_in_its_file(mission, tmp_path):
+    ft.save_certificate(mission, tmp_path / "proof.json")
+
+    read = ft.load_claim(tmp_path / "proof.json")
+
+    assert read.sentence == mission.sentence
+    assert ft.verify(tmp_path / "proof.json").valid
+    assert "sampled at 50 Hz" in read.sentence
+
+
+@pytest.mark.parametrize(
+    ("place", "forgery"),
+    [
+        *((place, forgery) for place in (0, 1) for forgery in ("rate", "Q", "units", "gains")),
+        *((1, forgery) for forgery in ("dt", "delay", "law")),
+    ],
+)
+def test_a_forged_exact_rate_is_not_valid(mission, place, forgery):
+    rate, certificate = mission.exact_rates[place], mission
+    sampling = rate.sampling
+    if forgery == "rate":
+        rate = replace(rate, rate=1.002 * rate.rate)
+    elif forgery == "Q":
+        rate = replace(rate, Q=rate.Q - 0.1 * np.eye(len(rate.Q)))
+    elif forgery == "units":
+        rate = replace(rate, units=rate.units * np.linspace(1.0, 3.0, len(rate.units)))
+    elif forgery == "gains":
+        slower = replace(mission.gains, K_I=0.9 * mission.gains.K_I)
+        certificate = replace(mission, gains=slower)
+    elif forgery == "dt":
+        rate = replace(rate, sampling=replace(sampling, dt=0.021))
+    elif forgery == "delay":
+        later = tuple(replace(lag, delay=lag.delay + 0.005) for lag in sampling.lags)
+        rate = replace(rate, sampling=replace(sampling, lags=later))
+    else:
+        rate = replace(rate, sampling=replace(sampling, trapezoidal=not sampling.trapezoidal))
+    forged = replace(certificate, exact_rates=(rate,))
+
+    verification = ft.verify(forged).verification
+
+    assert not verification.valid
+    assert "loop)" in verification.reason or forgery == "gains"
+
+
+def test_a_loop_with_too_many_samples_of_delay_has_the_continuous_rate_alone():
+    model = ft.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
+    late = ft.InnerLag(order=1, natural_frequency=5.0, delay=0.02 * MAX_SAMPLED / 2)
+    gains = ft.PIGains(K_P=0.1 * np.eye(2), K_I=0.01 * np.eye(2))
+    sampling = Sampling(model=model, lags=(late, late), dt=0.02, trapezoidal=True)
+
+    rates = exact_rates(model, gains, sampling=sampling)
+
+    assert [rate.sampling for rate in rates] == [None]
+    with pytest.raises(ft.InputError, match="`lags` must"):
+        sampling.loop(gains)
