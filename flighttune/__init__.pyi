@@ -12,6 +12,8 @@ from flighttune.campaign.planning.plan import Plan as Plan
 from flighttune.campaign.planning.plan import plan_campaign as plan_campaign
 from flighttune.campaign.planning.schema import Campaign as Campaign
 from flighttune.campaign.refly import refly as refly
+from flighttune.campaign.worst import WorstFlight as WorstFlight
+from flighttune.campaign.worst import worst as worst
 from flighttune.certificates.certificate import Certificate as Certificate
 from flighttune.certificates.certificate import save_certificate as save_certificate
 from flighttune.certificates.make import Certification as Certification

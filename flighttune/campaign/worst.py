@@ -3,7 +3,7 @@
 import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from flighttune.arrays import FloatArray, check_at_least
 from flighttune.campaign.band import load_band, plan_of, score
 from flighttune.campaign.bang_bang import search_bang_bang
 from flighttune.campaign.engine.pool import WorkerPool
+from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.alone import scenario_of_run
 from flighttune.campaign.flying.rows import Drawn, Probes
 from flighttune.campaign.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
@@ -26,11 +27,16 @@ from flighttune.campaign.stated_set import measured_in, planned
 from flighttune.claims.band import About, BandFlights
 from flighttune.errors import InputError
 from flighttune.flight.expectations import bound_checks
+from flighttune.flight.fly import fly
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
+from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.names import CHANNEL_SYMBOLS, columns
+from flighttune.present.tables import Column, Table
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.bounds import ERRORS, Bounds
 from flighttune.simulate.run import Run
+from flighttune.tubes.enclosure import Tube
 
 # Metric: largest excess over a requirement relative to its bound; 0 just meets it.
 MARGIN = "margin"
@@ -56,11 +62,191 @@ SPREAD = 0.5
 # Value of a flight that was not flown to its end, beyond all others.
 FAILED = 1e3
 
+WORST_COLUMNS = [
+    *columns("plant gains value"),
+    Column("first", "worst of the first generation, drawn from the distribution"),
+    Column("distance", "standard deviations from the median"),
+    Column("radius", "of those that have 99.9 % of the distribution"),
+    *columns("status"),
+    Column("ratio.chi", "tube over flight χ"),
+    Column("ratio.gamma", "tube over flight γ"),
+    Column("ratio_of_search.chi", "over the widest flight of the search χ"),
+    Column("ratio_of_search.gamma", "over the widest flight of the search γ"),
+    Column("family", "disturbance"),
+]
+
 Seeds = npt.NDArray[np.int64]
 
 # Values of the metric for n draws, larger is worse. The arguments are normal scores before
 # correlation, shape (n, d), and seeds, shape (n,).
 Objective = Callable[[FloatArray, Seeds], FloatArray]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WorstFlight(Answering):
+    """The worst flight that a search found.
+
+    Attributes
+    ----------
+    scenario : Scenario
+        This flight alone, which `fly` flies.
+    metric : str
+        What was maximised.
+    value : float
+        Its value; infinite for a flight that ended early.
+    first : float
+        Worst value of the first generation, which is drawn from the distribution.
+    flights : int
+        Number of flights.
+    family : "bang_bang", "square_wave" or None
+        Disturbance of the flight.
+    distance, radius : float or None
+        Distance from the median in standard normal space, and radius of the region searched; None
+        for a bang-bang disturbance.
+    status, missed, plant, gains : str
+        Outcome, requirements missed, and labels of the flight.
+    drawn : mapping
+        Dispersed keys and the seed, or amplitudes and switching times.
+    ratio, ratio_of_search : mapping of str to float, or None
+        With a tube: its largest half width over the largest distance from its middle, by channel,
+        of this flight and of all flights of the search; below 1 the tube is left.
+
+    Examples
+    --------
+    >>> worst = ft.worst("first_campaign", budget=32, metric="chi.ITAE", plant="kinematic")
+    >>> worst.value == worst.first, worst.scenario.plant[0].label
+    (True, 'kinematic')
+    """
+
+    scenario: Scenario
+    metric: str
+    value: float
+    first: float
+    flights: int
+    family: str | None
+    distance: float | None
+    radius: float | None
+    status: str
+    missed: str
+    plant: str
+    gains: str
+    drawn: Mapping[str, Any]
+    ratio: Mapping[str, float] | None = None
+    ratio_of_search: Mapping[str, float] | None = None
+
+    def answer(self) -> Answer:
+        """The flight, what was drawn for it, and the requirements that it misses."""
+        values = pick(self, "metric value first flights family distance radius status missed plant")
+        values |= pick(self, "gains drawn ratio ratio_of_search")
+        drawn = [
+            # A seed is no quantity: all its digits are needed to fly it again.
+            {"key": key, "value": value if isinstance(value, float) else str(value)}
+            for key, value in self.drawn.items()
+        ]
+        title = f"worst {self.metric} in {self.flights} flights"
+        return Answer(
+            values=values,
+            tables=[
+                Table(WORST_COLUMNS, [values], title),
+                Table(columns("key value"), drawn, "drawn"),
+            ],
+            verdict=self.missed or "no requirement is missed",
+        )
+
+
+def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
+    source: str | Path,
+    *,
+    claim: Tube | None = None,
+    budget: int = 2000,
+    metric: str | None = None,
+    gains: str | None = None,
+    plant: str | None = None,
+    completed: bool = False,
+    start_deg: float = 0.0,
+    disturbance: float = 0.0,
+    seed: int = 1,
+    changes: Mapping[str, Any] | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    observer: CampaignObserver | None = None,
+) -> WorstFlight:
+    """Search dispersions and disturbances for the worst flight.
+
+    2000 flights take seconds for the law and minutes for an aircraft.
+
+    Parameters
+    ----------
+    source : str or Path
+        Folder of a campaign, campaign or scenario file, or the name of a shipped one; or the file
+        of a band, whose flights are searched for the one nearest to its edge.
+    claim : Tube, optional
+        Search for the flight closest to the bounds of this tube.
+    budget : int
+        Maximum number of flights.
+    metric : str, optional
+        Column of campaign rows to maximise, or ``margin``, the largest excess over a requirement
+        relative to its bound; by default margin if there are requirements, else ``chi.ITAE``.
+    gains, plant : str, optional
+        Gain set by name or file, by default tuned_identified, else the first; and label of the
+        plant, by default the first.
+    completed : bool
+        Consider only completed flights.
+    start_deg : float, deg
+        Largest deviation of the starts of a scenario in course and path angle.
+    disturbance : float, rad/s
+        Largest disturbance of both rates of a scenario.
+    seed : int
+        Seed of the search.
+    changes : mapping of str to value, optional
+        Values to set in the scenario, by dotted key.
+    workers : int, optional
+        Processes that fly on this machine, by default one per core; the flight does not depend on
+        them.
+    scheduler : str, optional
+        Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
+    observer : CampaignObserver, optional
+        Receives the progress; may stop the search.
+
+    Returns
+    -------
+    WorstFlight
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If source, gains or plant are not there, nothing is dispersed, or the budget is too small.
+    StoppedError
+        If the observer stopped the search.
+
+    Examples
+    --------
+    >>> ft.worst("first_campaign", budget=32, metric="chi.ITAE", plant="kinematic").flights
+    32
+    """
+    bounds = None if claim is None else claim.bounds.of(ERRORS)
+    with WorkerPool(workers, scheduler, observer) as pool:
+        searched = StatedSet(
+            str(source),
+            pool,
+            metric=metric,
+            tube=bounds,
+            gains=gains,
+            plant=plant,
+            completed=completed,
+            start_deg=start_deg,
+            disturbance=disturbance,
+            changes=changes,
+        )
+        flight = find_worst(searched, budget=budget, seed=seed)
+    if bounds is None:
+        return flight
+    of_search = {
+        channel: 1.0 / share if share else math.inf  # no flight came to its end
+        for channel, share in zip(CHANNEL_SYMBOLS, searched.reach.tolist(), strict=True)
+    }
+    ratio = bounds.ratios(fly(flight.scenario).runs[0].signals)
+    return replace(flight, ratio=ratio, ratio_of_search=of_search)
 
 
 class StatedSet:
@@ -207,27 +393,8 @@ class StatedSet:
         return self._pool.in_order(plan, runs, doing="searching", probes=probes, draws=draws)
 
 
-def find_worst(searched: StatedSet, *, budget: int, seed: int) -> tuple[dict[str, Any], Scenario]:
-    """Search a stated set for its worst flight.
-
-    Parameters
-    ----------
-    searched : StatedSet
-    budget : int
-        Maximum number of flights.
-    seed : int
-        Seed of the search.
-
-    Returns
-    -------
-    values : dict
-        The answer. ``first`` is the worst value of the first generation, which are draws from the
-        distribution; ``distance`` is that from the median in standard normal space, and ``radius``
-        that of the region searched, both None for a bang-bang disturbance; ``drawn`` has the
-        dispersed keys and the seed, or amplitudes and switching times; a flight that ended early
-        has the value infinity.
-    scenario : Scenario
-        This flight alone, which ``flighttune fly`` flies.
+def find_worst(searched: StatedSet, *, budget: int, seed: int) -> WorstFlight:
+    """Search a stated set for its worst flight by at most `budget` flights.
 
     Notes
     -----
@@ -254,19 +421,19 @@ def find_worst(searched: StatedSet, *, budget: int, seed: int) -> tuple[dict[str
     place = {"distance": float(np.linalg.norm(z)), "radius": region_radius(len(keys))}
     if plan.keys != keys:
         family, place = "bang_bang", {"distance": None, "radius": None}
-    values = {
-        "metric": searched.metric,
-        "value": row["value"] if row["value"] < FAILED else math.inf,
-        "first": first if first < FAILED else math.inf,
-        "flights": searched.flights,
-        "family": family,
+    scenario = scenario_of_run(plan, row["run"], drawn)
+    title = f"the worst flight found of: {plan.campaign.title}"
+    return WorstFlight(
+        scenario=scenario.model_copy(update={"title": title}),
+        metric=searched.metric,
+        value=row["value"] if row["value"] < FAILED else math.inf,
+        first=first if first < FAILED else math.inf,
+        flights=searched.flights,
+        family=family,
         **place,
         **{key: row[key] for key in ("status", "missed", "plant", "gains")},
-        "drawn": drawn,
-    }
-    title = f"the worst flight found of: {plan.campaign.title}"
-    scenario = scenario_of_run(plan, row["run"], drawn)
-    return values, scenario.model_copy(update={"title": title})
+        drawn=drawn,
+    )
 
 
 def region_radius(dimension: int) -> float:

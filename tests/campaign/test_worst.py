@@ -78,14 +78,14 @@ def test_the_worst_flight_is_worse_than_random_ones_and_is_flown_again_as_it_was
     plan = small_plan()
     with flown_here(worst_module, "planned", plan) as pool:
         searched = StatedSet("campaign", pool, metric="chi.peak_rad")
-        worst, scenario = find_worst(searched, budget=320, seed=1)
+        worst = find_worst(searched, budget=320, seed=1)
 
     rows = fly_runs(plan.with_runs(300), range(300)).to_pandas()
-    assert worst["value"] > rows["chi.peak_rad"].max()
-    assert worst["distance"] <= worst["radius"] * (1.0 + SAME)
-    assert abs(worst["drawn"]["flight.chi_deg"]) <= 40.0
-    (run,) = ft.fly(scenario).runs
-    assert measures(run)["chi"]["peak_rad"] == pytest.approx(worst["value"], rel=SAME)
+    assert worst.value > rows["chi.peak_rad"].max()
+    assert worst.distance <= worst.radius * (1.0 + SAME)
+    assert abs(worst.drawn["flight.chi_deg"]) <= 40.0
+    (run,) = ft.fly(worst.scenario).runs
+    assert measures(run)["chi"]["peak_rad"] == pytest.approx(worst.value, rel=SAME)
 
 
 def test_the_margin_is_that_of_the_nearest_demand():

@@ -15,7 +15,7 @@ SET = "--set", "flight.duration_s=2.0"
 # Which files were written, and what the clock or the folder decides.
 OF_THE_COMMAND = {
     *("proof", "written", "figure", "recording", "page", "folder", "source", "model", "route"),
-    *("seconds", "wall_s", "inside", "out", "verdict"),
+    *("scenario", "seconds", "wall_s", "inside", "out", "verdict"),
 }
 
 
@@ -37,6 +37,10 @@ VERBS = {
     "fly": (lambda: ft.fly("paper", changes=SHORT), ["paper", *SET]),
     "route": (lambda: ft.route("circuit"), ["circuit"]),
     "refly": (lambda: ft.refly(recorded()), ["run"]),
+    "worst": (
+        lambda: ft.worst("first_campaign", budget=32, metric="chi.ITAE", plant="kinematic"),
+        ["first_campaign", "--budget", 32, "--metric", "chi.ITAE", "--plant", "kinematic"],
+    ),
     "meet": (
         lambda: ft.meet("paper_identified", start="paper", budget=2, changes=SHORT),
         ["paper_identified", "--start", "paper", "--budget", 2, *SET],
