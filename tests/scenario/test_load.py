@@ -2,6 +2,7 @@
 
 import json
 import math
+import pickle
 import tomllib
 
 import numpy as np
@@ -215,3 +216,15 @@ def test_the_papers_family_is_shifted_as_its_table_says():
 
     assert family["K1"].K_P == pytest.approx(ft.PAPER_GAINS.K_P + 4.0 * np.eye(2))
     assert family["K6"].K_I == pytest.approx(ft.PAPER_GAINS.K_I - 1.0 * np.eye(2))
+
+
+def test_a_scenario_keeps_its_aircraft_but_does_not_send_it_to_workers():
+    scenario = ft.load_scenario("paper")
+    table = scenario.aircraft[0]
+
+    copy = pickle.loads(pickle.dumps(scenario))
+
+    assert table.config is table.config
+    assert "config" not in vars(copy.aircraft[0])  # its files may lie elsewhere there
+    assert copy == scenario
+    assert copy.aircraft[0].config == table.config
