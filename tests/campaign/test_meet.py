@@ -9,18 +9,15 @@ import control
 import numpy as np
 import pytest
 from commands import answer, flighttune
+from made_up import scenario_file
 
 import flighttune as ft
 from flighttune import load_gains, load_scenario, scenario_from
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.meet import Search, flights_to_meet
-from flighttune.campaign.planning.load import load_campaign
-from flighttune.campaign.planning.plan import plan_campaign
-from flighttune.control.gains import PAPER_GAINS, PIGains, rate_gains, shifted
-from flighttune.errors import InputError
-from flighttune.files.table import toml_text
-from flighttune.flight.models import gain_set, linear_model, loop_measures, tuning_problem
+from flighttune.control.gains import shifted
+from flighttune.flight.models import gain_set, linear_model, loop_measures
 from flighttune.reports.meet import write_meet_page
 from flighttune.units import DEG
 
@@ -73,7 +70,7 @@ def test_gains_meet_the_requirements_when_they_are_flown(overshoot, met):
     metrics = again.metrics.loc[again.runs[0].label, "MO_rad"] / DEG
     # the kernel and a single flight differ by rounding
     assert [chi["value"], gamma["value"]] == pytest.approx([*metrics], abs=1e-6)
-    assert flown(overshoot, PAPER_GAINS).claim.verdict == "not met"
+    assert flown(overshoot, ft.PAPER_GAINS).claim.verdict == "not met"
     assert chi["margin"] == pytest.approx(1.0 - chi["value"] / 3.0)
 
 
@@ -215,9 +212,9 @@ def test_unstable_and_known_candidates_are_not_flown(overshoot):
     law = overshoot.laws[0]
     with WorkerPool(1) as pool:
         search = Search([flights_to_meet(overshoot, overshoot.law_tables[0])], law, pool)
-        unstable, same = search.fly([shifted(PAPER_GAINS, 4.0), PAPER_GAINS])
+        unstable, same = search.fly([shifted(ft.PAPER_GAINS, 4.0), ft.PAPER_GAINS])
         once = search.flights
-        search.fly([PAPER_GAINS])
+        search.fly([ft.PAPER_GAINS])
 
     assert once == search.flights == 1
     assert search.value(unstable) > search.value(same)
@@ -227,7 +224,7 @@ def test_a_metric_in_degrees_is_told_in_degrees(overshoot):
     values, _, trials = searched(overshoot, metric="chi.MO_deg", budget=8)
     by_gains = {trial.gains: trial for trial in trials}
 
-    assert values["metric"]["start"] == by_gains[PAPER_GAINS].checks[0][0].value > 1.0
+    assert values["metric"]["start"] == by_gains[ft.PAPER_GAINS].checks[0][0].value > 1.0
 
 
 def test_only_plants_with_requirements_are_flown_and_all_scenarios_are():
@@ -249,7 +246,7 @@ def test_only_plants_with_requirements_are_flown_and_all_scenarios_are():
 
 def test_gains_of_the_exact_law_are_rates(overshoot):
     exact = scenario_from({**overshoot.as_dict(), "law": ["exact"], "limits": {}})
-    start = rate_gains(PAPER_GAINS, V_a=25.0)
+    start = ft.rate_gains(ft.PAPER_GAINS, V_a=25.0)
 
     values, gains, _ = searched(exact, start=start, budget=160)
 
@@ -287,13 +284,13 @@ def test_measures_of_the_loop_are_those_of_python_control():
 def test_the_roll_rate_that_gains_need_is_that_for_which_they_are_the_largest():
     """design/roll_rate.md bounds K_P and K_I by the rate; here the rate is asked for."""
     limited = scenario(tuning={"model": "identified", "identified": "aerosonde", "roll_rate": True})
-    largest = tuning_problem(limited).K_max[0, [0, 2]]
+    largest = ft.tuning_problem(limited).K_max[0, [0, 2]]
 
     for K_P, K_I in ((largest[0], 0.01), (0.1, largest[1])):
-        gains = PIGains.from_lists([[K_P, 0.0], [0.0, 1.0]], [[K_I, 0.0], [0.0, 1.0]])
+        gains = ft.PIGains.from_lists([[K_P, 0.0], [0.0, 1.0]], [[K_I, 0.0], [0.0, 1.0]])
         measured = loop_measures(limited, "own", gains, ["roll_rate_rad_s"])
         assert measured["roll_rate_rad_s"] / DEG == pytest.approx(30.0, rel=1e-12)
-    without = PIGains.from_lists([[0.1, 0.0], [0.0, 1.0]], [[-0.1, 0.0], [0.0, 0.0]])
+    without = ft.PIGains.from_lists([[0.1, 0.0], [0.0, 1.0]], [[-0.1, 0.0], [0.0, 0.0]])
     assert loop_measures(limited, "own", without, ["roll_rate_rad_s"])["roll_rate_rad_s"] < 1.0
 
 
@@ -301,7 +298,7 @@ def test_a_roll_rate_without_an_identified_aircraft_is_refused():
     bounded = scenario(
         at_most("loop", roll_rate_dps=30.0), name="paper_as_printed", gains=["paper"]
     )
-    with pytest.raises(InputError, match=r"`identified` of \[tuning\]"):
+    with pytest.raises(ft.InputError, match=r"`identified` of \[tuning\]"):
         assert ft.fly(bounded).claim
 
 
@@ -330,7 +327,7 @@ def test_the_share_of_a_campaign_is_counted_on_draws_that_the_search_has_not_see
     tmp_path, overshoot
 ):
     base = tmp_path / "base.toml"
-    base.write_text(toml_text(overshoot.as_dict()), encoding="utf-8")
+    scenario_file(base, overshoot)
     file = tmp_path / "own.toml"
     file.write_text(CAMPAIGN.format(scenario="base.toml"), encoding="utf-8")
 
@@ -343,7 +340,7 @@ def test_the_share_of_a_campaign_is_counted_on_draws_that_the_search_has_not_see
             'gains = ["paper"]', f"gains = {json.dumps(tables)}".replace('": ', '" = ')
         )
     )
-    plan = plan_campaign(load_campaign(file), runs=400)
+    plan = ft.plan_campaign(ft.load_campaign(file), runs=400)
     rows = fly_runs(plan, range(400)).to_pandas()
     success = meeting.success
     assert success["share"]["n"] == 200
@@ -361,10 +358,10 @@ def test_a_campaign_that_disperses_nothing_has_the_draws_of_its_turbulence(tmp_p
     text = 'title = "t"\nscenario = "turbulent_climb"\nruns = 2\ngains = ["paper"]\n'
     file.write_text(text + "[[success]]\nat_most.chi.peak_rad = 1.0\n")
     level = {"flight.duration_s": 1.0, "reference.chi_deg": 0.0, "reference.gamma_deg": 0.0}
-    table = load_campaign(file, changes=level)
+    table = ft.load_campaign(file, changes=level)
     flights = flights_to_meet(table.nominal, table.nominal.law_tables[0], table)
     with WorkerPool(1) as pool:
-        (trial,) = Search([flights], table.nominal.laws[0], pool, draws=3).fly([PAPER_GAINS])
+        (trial,) = Search([flights], table.nominal.laws[0], pool, draws=3).fly([ft.PAPER_GAINS])
 
     assert len({checks[0].value for checks in trial.checks}) == len(trial.excess) == 3
 
@@ -378,18 +375,18 @@ def test_a_campaign_that_disperses_nothing_has_the_draws_of_its_turbulence(tmp_p
     ],
 )
 def test_settings_that_cannot_be_are_refused(overshoot, settings, message):
-    with pytest.raises(InputError, match=message):
+    with pytest.raises(ft.InputError, match=message):
         searched(overshoot, **settings)
 
 
 def test_a_scenario_without_requirements_is_refused():
-    with pytest.raises(InputError, match=r"\[\[expect\]\].*tuned_identified"):
+    with pytest.raises(ft.InputError, match=r"\[\[expect\]\].*tuned_identified"):
         searched(scenario({"gains": "paper", **at_most(MO_deg=3.0)}))
 
 
 def test_the_command_prints_writes_gains_and_a_page(tmp_path, overshoot):
     file, out, page = tmp_path / "own.toml", tmp_path / "gains.json", tmp_path / "own.html"
-    file.write_text(toml_text(overshoot.as_dict()), encoding="utf-8")
+    scenario_file(file, overshoot)
 
     said = answer("meet", file, "--budget", 40, "--out", out, "--page", page)
 
@@ -406,7 +403,7 @@ def test_the_command_prints_writes_gains_and_a_page(tmp_path, overshoot):
 
 def test_that_the_start_meets_everything_is_the_first_line(tmp_path, overshoot):
     file = tmp_path / "own.toml"
-    file.write_text(toml_text(scenario(at_most(MO_deg=30.0)).as_dict()), encoding="utf-8")
+    scenario_file(file, scenario(at_most(MO_deg=30.0)))
 
     shown, _ = flighttune("meet", file, "--budget", 2, "--start", "tuned_identified")
 
@@ -423,7 +420,7 @@ def test_requirements_that_no_flight_reaches_draw_a_page_and_a_faulty_page_keeps
         flight={**overshoot.as_dict()["flight"], "duration_s": 1.0},
     )
     file, out, page = tmp_path / "own.toml", tmp_path / "gains.json", tmp_path / "own.html"
-    file.write_text(toml_text(short.as_dict()), encoding="utf-8")
+    scenario_file(file, short)
     command = ("meet", file, "--budget", 8, "--start", "paper", "--out", out)
 
     answer(*command, "--page", page, status=1)
@@ -438,7 +435,7 @@ def test_requirements_that_no_flight_reaches_draw_a_page_and_a_faulty_page_keeps
 @pytest.mark.slow
 def test_the_page_of_a_campaign_has_the_table_of_its_flights(tmp_path, overshoot):
     file, crowd, page = (tmp_path / name for name in ("base.toml", "crowd.toml", "own.html"))
-    file.write_text(toml_text(overshoot.as_dict()), encoding="utf-8")
+    scenario_file(file, overshoot)
     crowd.write_text(CAMPAIGN.format(scenario="base.toml"), encoding="utf-8")
 
     command = "meet", file, "--campaign", crowd, "--success", 0.01
@@ -504,7 +501,7 @@ def test_requirements_are_answered_as_brute_force_answers_them(task):
     for factors in product(STEPS, repeat=4):
         whole = start.K.copy()
         whole[whole != 0.0] *= factors
-        sets.append(PIGains(K_P=whole[:, :2], K_I=whole[:, 2:], inputs=start.inputs))
+        sets.append(ft.PIGains(K_P=whole[:, :2], K_I=whole[:, 2:], inputs=start.inputs))
     with WorkerPool() as pool:
         search = Search([flights_to_meet(base, base.law_tables[0])], law, pool)
         stable = [
