@@ -78,8 +78,8 @@ from flighttune.records.parquet import load_recording as load_recording
 from flighttune.records.refly import Reflown as Reflown
 from flighttune.references.segments import Reference as Reference
 from flighttune.reports.page import Report as Report
-from flighttune.reports.page import write_report as write_report
 from flighttune.reports.panels import plot as plot
+from flighttune.reports.report import report as report
 from flighttune.scenario.load import load_gains as load_gains
 from flighttune.scenario.load import scenario_from as scenario_from
 from flighttune.scenario.schema import Scenario as Scenario

@@ -28,7 +28,7 @@ trim aerosonde
 adopt 737 --out mine
 export paper --out folder
 campaign run first_campaign
-campaign report runs/first_campaign
+report runs/first_campaign
 """.strip().splitlines()
 NEED_AN_EXTRA = {
     "campaign run first_campaign --out other --scheduler tcp://127.0.0.1:1": "cluster",

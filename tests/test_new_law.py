@@ -86,7 +86,7 @@ COMMANDS = {
     "tune both.toml": 0,
     "certify both.toml --gains rectangles:tuned --envelope": 0,
     "campaign run many.toml --out runs/many --workers 1": 0,
-    "campaign report runs/many": 0,
+    "report runs/many": 0,
     "tube both.toml --gains rectangles:paper": 2,
     "export both.toml --gains rectangles:paper --format c --out c": 2,
 }
@@ -131,7 +131,7 @@ def told(tmp_path_factory):
     assert done.returncode == 0, done.stderr
     printed = zip(COMMANDS.items(), json.loads(done.stdout), strict=True)
     return {
-        re.match(r"(campaign )?\w+", line)[0]: err if status else json.loads(out)
+        re.match(r"report runs/many|(campaign )?\w+", line)[0]: err if status else json.loads(out)
         for (line, status), (out, err) in printed
     }
 
@@ -159,7 +159,7 @@ def test_its_gains_are_tuned_and_certified_on_its_linear_model(told):
 
 
 def test_it_is_flown_in_a_campaign(told):
-    assert "rectangles:paper" in json.dumps(told["campaign report"])
+    assert "rectangles:paper" in json.dumps(told["report runs/many"])
 
 
 @pytest.mark.parametrize("command", ["tube", "export"])

@@ -39,7 +39,7 @@ COMMANDS = (
     "identify aerosonde --out identified.json",
     "export paper_identified --gains paper --out exported",
     "campaign run first_campaign --runs 8 --out campaign",
-    "campaign report campaign",
+    "report campaign",
     "refly campaign --run 1 --out run",
     "worst first_campaign --budget 64 --out worst.toml",
     "list",

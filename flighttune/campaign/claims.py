@@ -1,10 +1,10 @@
 """Claims from files and their check: certificates, bounds on R_K, tubes and bands."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, Protocol, TypeAlias, TypeVar
 
 from flighttune.campaign.band import load_band, plan_of, recount
 from flighttune.campaign.engine.pool import WorkerPool
@@ -210,3 +210,25 @@ def verify(
     else:
         verification = value.verify()
     return Verified(claim=value, verification=verification, source=source)
+
+
+class Flights(Protocol):
+    """Flights that claims can be drawn around."""
+
+    def within(self: "T", *claims: Any) -> "T":
+        """The flights with these claims."""
+        ...
+
+
+T = TypeVar("T", bound=Flights)
+
+
+def within(flights: T, files: Sequence[str | Path]) -> T:
+    """Flights with the claims in files around them; an InputError names the file."""
+    for file in files:
+        try:
+            flights = flights.within(load_claim(file))
+        except InputError as error:
+            reason = str(error).removeprefix(f"{file}: ")
+            raise InputError(f"{file}: {reason}") from error
+    return flights

@@ -79,10 +79,6 @@ COMMANDS = {
         (frontier, "frontier", "tuning", "frontier paper"),
         (certify, "certify", "certifying", "certify paper --gains tuned --out certificate.json"),
         (verify, "verify", "verifying", "verify certificate.json"),
-        (trim, "trim", "trimming", "trim aerosonde --V-a 25 --gamma 0"),
-        (design, "design", "designing", "design aerosonde --dry-run"),
-        (adopt, "adopt", "adopting", "adopt 737"),
-        (identify, "identify", "identifying", "identify aerosonde --V-a 25"),
     ],
     "Fly": [
         (fly, "fly", "flying", "fly paper"),
@@ -99,6 +95,12 @@ COMMANDS = {
         (tube, "tube", "enclosing", "tube paper --gains paper"),
         (band, "band", "counting", "band mission_in_wind --out mission.npz"),
     ],
+    "Aircraft": [
+        (adopt, "adopt", "adopting", "adopt 737"),
+        (trim, "trim", "trimming", "trim aerosonde --V-a 25 --gamma 0"),
+        (design, "design", "designing", "design aerosonde --dry-run"),
+        (identify, "identify", "identifying", "identify aerosonde --V-a 25"),
+    ],
     "Publish": [
         (report, "report", "reporting", "report runs/paper"),
         (reproduce, "reproduce", "reproducing", "reproduce gains"),
@@ -108,7 +110,6 @@ COMMANDS = {
 
 CAMPAIGN_COMMANDS = [
     (campaign.run, "run", "planning", "campaign run first_campaign"),
-    (campaign.report, "report", "reporting", "campaign report runs/first_campaign"),
 ]
 
 

@@ -1,18 +1,14 @@
-"""Commands about campaigns: fly them, report on them, fly a run again."""
+"""The command that flies campaigns."""
 
-from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
-from typer import Argument, Option
+from typer import Option
 
 from flighttune.cli import options
 from flighttune.cli.show import (
-    INTERRUPTED,
     campaign_display,
-    duration,
     pick,
-    rate,
 )
 from flighttune.errors import CampaignError, OutputError
 from flighttune.present.answer import Answer
@@ -29,49 +25,6 @@ COST_COLUMNS = [
     Column("rows_bytes", "rows", "MB", factor=1e-6),
     Column("signals_bytes", "signals, at most", "MB", factor=1e-6),
 ]
-
-
-def report(
-    folder: Annotated[
-        str, Argument(metavar="DIR", help="Folder of a campaign; it may be running.")
-    ],
-    out: Annotated[
-        Path | None,
-        Option(
-            "--out", "-o", help="HTML file to write [default: DIR/report.html if DIR is local]."
-        ),
-    ] = None,
-    interval: Annotated[
-        Literal["wilson", "clopper-pearson"], Option(help="Confidence interval of rates.")
-    ] = "wilson",
-    confidence: Annotated[float, Option(help="Confidence of intervals, 0 to 1.")] = 0.95,
-) -> Answer:
-    """Report success rates with intervals, failures and influential parameters of a campaign.
-
-    The page is one file and needs no network.
-    """
-    options.check_ending(out, ".html", ".htm")
-    from flighttune.campaign.dataset import dataset_hash
-    from flighttune.campaign.statistics.findings import findings
-    from flighttune.campaign.statistics.flights import load_flights
-    from flighttune.reports.campaign import tables
-    from flighttune.reports.campaign.page import notes, summary, write_campaign_report
-
-    made = findings(load_flights(folder), method=interval, confidence=confidence)
-    if out is None and Path(folder).is_dir():
-        out = Path(folder) / "report.html"
-    page = None if out is None else write_campaign_report(made, out).path
-    groups = made.values["groups"]
-    return Answer(
-        values={**made.values, "sha256": dataset_hash(folder)},
-        tables=[
-            tables.success_table(made, groups),
-            tables.reasons_table(groups),
-            *tables.paired_tables(made),
-        ],
-        notes=[*summary(made), *notes(made)],
-        files={"page": page},
-    )
 
 
 def run(
@@ -97,7 +50,7 @@ def run(
     from flighttune.campaign.dataset import CAMPAIGN, open_dataset
     from flighttune.campaign.engine.engine import campaign_cost, run_campaign
     from flighttune.campaign.planning.load import load_campaign
-    from flighttune.campaign.planning.plan import draws_in_words, plan_campaign
+    from flighttune.campaign.planning.plan import plan_campaign
     from flighttune.simulate.batch import cores
 
     folder = out or str(Path("runs") / Path(file).stem)
@@ -123,30 +76,7 @@ def run(
         if not file_of_plan.exists():
             raise
         raise type(error)(f"{str(error).removesuffix('.')}; {KEPT}") from error
-    values = asdict(done)
-    dataset = values.pop("dataset")
-    shown = {key: values[key] for key in ("runs", "completed", "failed", "crashed", "succeeded")}
-    shown |= {key: n for key, n in done.statuses.items() if key not in shown}
-    notes = [f"{done.runs} flights = {draws_in_words(done.runs, len(plan.groups))}"]
-    failure = ""
-    if done.flown:
-        speed = f"{rate(done.rate_per_s)} a second"
-        notes.append(f"flown now: {done.flown} in {duration(done.wall_s)}, {speed}")
-    else:
-        notes.append("nothing was missing")
-    if done.interrupted:
-        failure = (
-            f"interrupted, {done.runs} of {done.planned} runs are in {dataset}; go on with the "
-            "same command and --resume"
-        )
-    return Answer(
-        values=values,
-        tables=[Table(columns(" ".join(shown)), [shown])],
-        notes=notes,
-        files={"dataset": dataset},
-        failure=failure,
-        status=INTERRUPTED,
-    )
+    return done.answer()
 
 
 def _plan(plan: "Plan", cost: dict[str, Any]) -> Answer:

@@ -9,7 +9,6 @@ from typing import Annotated
 from typer import Argument, Option
 
 from flighttune.cli import options
-from flighttune.cli.claims import within
 from flighttune.cli.show import campaign_display, fail, on_interrupt, progress_bar, say, show
 from flighttune.errors import RecordingError
 from flighttune.files.shipped import aircraft_names, scenario_files
@@ -30,13 +29,14 @@ def fly(
     settings: options.SetOption = None,
 ) -> None:
     """Fly every gain set of SCENARIO on each of its plants and record it."""
+    from flighttune.campaign.claims import within
     from flighttune.flight.fly import fly as fly_scenario
     from flighttune.recording.record import record
 
     name, changed = Path(scenario).stem, options.changes(settings)
     with progress_bar() as progress:
         flown = fly_scenario(scenario, gains or (), changes=changed, progress=progress)
-    flown = within(flown, claim)
+    flown = within(flown, claim or ())
     files = record(flown, out or Path("runs") / name, name=name)
     answer = replace(flown.answer(files.signals), files={"recording": files.recording})
     show(answer)

@@ -8,14 +8,10 @@ from typing import Annotated, Literal
 from typer import Argument, Option
 
 from flighttune.cli import options
-from flighttune.cli.claims import claim_page, within
 from flighttune.cli.show import pick, progress_bar
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Table
-
-# Tables of the page that are printed too; ``--json`` has the records of all.
-PRINTED = ("convergence", "certificates", "aircraft")
 
 
 def gap(
@@ -37,6 +33,7 @@ def gap(
 
     Exit status 1 if a flight ends early, or the aircraft leaves its tube.
     """
+    from flighttune.campaign.claims import within
     from flighttune.gaps.ladder import gap as explain_gap
     from flighttune.recording.record import record
     from flighttune.reports.gap import write_gap_page
@@ -53,7 +50,7 @@ def gap(
             changes=options.changes(settings),
             progress=progress,
         )
-    explained = within(explained, claim)
+    explained = within(explained, claim or ())
     files = record(explained.flown(), folder, name=stem)
     answer = explained.answer(files.signals)
     figure = page = None
@@ -106,48 +103,47 @@ def compare(
 
 
 def report(
-    path: Annotated[
+    source: Annotated[
         str,
         Argument(
             metavar="PATH",
-            help="A run folder, a recording or a Parquet file; SCENARIO@GAINS, which is flown; or "
-            "a file of a tube or band.",
+            help="A run folder, a recording or a Parquet file; SCENARIO@GAINS, which is flown; the "
+            "folder of a campaign, which may be running; or the file of a claim.",
         ),
     ],
-    out: Annotated[Path, Option("--out", "-o", help="HTML file to write.")] = Path("report.html"),
+    out: Annotated[
+        Path | None,
+        Option(
+            "--out",
+            "-o",
+            help="HTML file to write [default: report.html, in the folder of a campaign].",
+        ),
+    ] = None,
+    interval: Annotated[
+        Literal["wilson", "clopper-pearson"],
+        Option(help="Confidence interval of the rates of a campaign."),
+    ] = "wilson",
+    confidence: Annotated[
+        float, Option(help="Confidence of the intervals of a campaign, 0 to 1.")
+    ] = 0.95,
     claim: options.ClaimOption = None,
     settings: options.SetOption = None,
 ) -> Answer:
-    """Write one page about runs, a tube or a band: headline, figures, tables, how to do it again.
+    """Write one page about runs, a campaign or a claim: headline, figures, tables, the way to it.
 
     The page is one file and needs no network.
     """
-    from flighttune.campaign.claims import is_claim_file
-    from flighttune.records.compare import load_source
-    from flighttune.reports.page import write_report
-    from flighttune.simulate.claim import claimed
+    from flighttune.reports.report import report as write_report
 
     options.check_ending(out, ".html", ".htm")
-    if is_claim_file(path):
-        return claim_page(path, out)
-    source = load_source(path, changes=options.changes(settings))
-    source = within(source, claim)
-    claims = claimed(source.runs)
-    page = write_report(source, out)
-    named = [table for table in page.tables if table.name]
-    return Answer(
-        values={
-            "bytes": page.path.stat().st_size,
-            "summary": page.summary,
-            "sections": page.sections,
-            "tables": {table.name: table.records for table in named},
-            **claims.values,
-        },
-        tables=[replace(table, name="") for table in named if table.name in PRINTED],
-        notes=[*page.summary, *claims.notes],
-        files={"report": page.path},
-        failure=claims.failure,
-    )
+    return write_report(
+        source,
+        out,
+        claims=claim or (),
+        changes=options.changes(settings),
+        interval=interval,
+        confidence=confidence,
+    ).answer()
 
 
 def reproduce(

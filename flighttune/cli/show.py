@@ -20,6 +20,7 @@ from flighttune.files.whole import reason_of
 from flighttune.flight.notice import NOTICE
 from flighttune.present.answer import Answer
 from flighttune.present.answer import pick as pick  # for the commands
+from flighttune.present.names import duration, rate
 from flighttune.present.tables import printable
 
 if TYPE_CHECKING:
@@ -233,18 +234,6 @@ def campaign_pool(workers: int | None, scheduler: str | None) -> "Iterator[Worke
 
     with campaign_display() as observer, WorkerPool(workers, scheduler, observer) as pool:
         yield pool
-
-
-def rate(per_s: float) -> str:
-    """A number a second, to three figures or whole."""
-    return f"{per_s:.0f}" if per_s >= 100.0 else f"{per_s:.3g}"
-
-
-def duration(seconds: float) -> str:
-    """A time as one would say it: ``48 s``, ``12 min``, ``3.4 h``."""
-    if seconds < 120.0:
-        return f"{seconds:.0f} s" if seconds >= 10.0 else f"{seconds:.2g} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.1f} h"
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from flighttune.present.tables import Table
 # Command that reads a file, by the key of the file in an answer.
 READ_BY = {
     "recording": "view",
-    "dataset": "campaign report",
+    "dataset": "report",
     "proof": "verify",
     "scenario": "fly",
 }

@@ -3,12 +3,13 @@
 import base64
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flighttune.files.whole import write_text
+from flighttune.present.answer import Answer, Answering
 from flighttune.present.chart import Chart, dashes, key, marked_up, style
 from flighttune.present.tables import Table
 
@@ -30,7 +31,7 @@ class Section:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Report:
+class Report(Answering):
     """A page that was written.
 
     Attributes
@@ -43,10 +44,12 @@ class Report:
         Titles.
     tables : tuple of Table
         Its tables.
+    shown : Answer
+        What a terminal shows of it.
 
     Examples
     --------
-    >>> report = ft.write_report("paper_as_printed@paper", "report.html")
+    >>> report = ft.report("paper_as_printed@paper", "report.html")
     >>> report.path.name, report.sections[0]
     ('report.html', 'Errors and metrics')
     """
@@ -55,6 +58,11 @@ class Report:
     summary: tuple[str, ...]
     sections: tuple[str, ...]
     tables: tuple[Table, ...]
+    shown: Answer = field(default_factory=Answer, repr=False)
+
+    def answer(self) -> Answer:
+        """What is on the page, and its file."""
+        return replace(self.shown, files={"report": self.path})
 
 
 def write_page(

@@ -82,31 +82,10 @@ def write_report(
     source: str | Path | Source,
     path: str | Path,
 ) -> Report:
-    """Write one self-contained page about the runs of a scenario.
+    """Write one self-contained page about the runs of a scenario; `source` is as for `compare`.
 
-    Parameters
-    ----------
-    source : str, path-like or Source
-        A source as of `compare`: a run folder, a recording, a Parquet
-        file or ``scenario@gains``.
-    path : path-like
-        HTML file to write or replace; parent folders are made.
-
-    Returns
-    -------
-    Report
-
-    Raises
-    ------
-    RecordingError
-        If no run flew, the runs are of several scenarios, or the file cannot be written.
-    ScenarioError
-        If the recorded scenario is not valid any more.
-
-    Examples
-    --------
-    >>> ft.write_report("paper_as_printed@paper", "report.html").summary[0]
-    'Claim met: 4 of 4 requirements.'
+    Raises RecordingError if no run flew or the runs are of several scenarios, and ScenarioError if
+    the recorded scenario is not valid any more.
     """
     source = source if isinstance(source, Source) else load_source(source)
     runs = [run for run in source.runs if len(run.signals) > 1]

@@ -69,7 +69,7 @@ def test_gains_of_a_file_are_flown_by_workers_elsewhere_resumed_and_kept(
 
     assert (resumed["runs"], resumed["flown"]) == (12, 4)
     assert again["equal"]
-    assert again["runs"][0]["run"] == "run 11: jsbsim:aerosonde / mine, draw 11"
+    assert again["runs"][0]["run"] == "run 11: kinematic / mine, draw 5"
     assert open_dataset(out).plan.scenario.flight.V_a_mps == 26.5
 
 

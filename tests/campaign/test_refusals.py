@@ -30,10 +30,6 @@ CASES = {
         (("paper", "--page", "page.pdf"), "page.pdf: --page must end in .html"),
         (("gust_in_turn",), "[[expect]] must bound a measure"),
     ],
-    "campaign report": [
-        (("nowhere",), "nowhere: must hold a campaign, got no campaign.json"),
-        (("nowhere", "--out", "page.pdf"), "page.pdf: --out must end in .html"),
-    ],
 }
 
 

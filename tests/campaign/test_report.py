@@ -38,7 +38,7 @@ def flown_folder(tmp_path_factory, address):
 @pytest.fixture(scope="module")
 def told(flown_folder):
     """What the command says of it."""
-    return answer("campaign", "report", flown_folder)
+    return answer("report", flown_folder)
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +82,7 @@ def test_the_json_object_has_what_the_rows_say(told, flown_folder):
 
 
 def test_the_page_stands_in_the_folder_and_the_campaign_is_still_one(told, flown_folder):
-    assert told["page"] == str(flown_folder / "report.html")
+    assert told["report"] == str(flown_folder / "report.html")
     text = (flown_folder / "report.html").read_text(encoding="utf-8")
 
     assert dataset_hash(flown_folder) in text
@@ -92,7 +92,7 @@ def test_the_page_stands_in_the_folder_and_the_campaign_is_still_one(told, flown
 
 def test_intervals_and_their_confidence_can_be_chosen(told, flown_folder, tmp_path):
     other = answer(
-        "campaign", "report", flown_folder, "--interval", "clopper-pearson", "--confidence", 0.9,
+        "report", flown_folder, "--interval", "clopper-pearson", "--confidence", 0.9,
         "--out", tmp_path / "page.html",
     )  # fmt: skip
 

@@ -45,6 +45,7 @@ VERBS = {
         lambda: ft.meet("paper_identified", start="paper", budget=2, changes=SHORT),
         ["paper_identified", "--start", "paper", "--budget", 2, *SET],
     ),
+    "report": (lambda: ft.report("paper_as_printed@K1"), ["paper_as_printed@K1"]),
     "compare": (lambda: ft.compare("paper@paper", "paper@K1"), ["paper@paper", "paper@K1"]),
     "trim": (lambda: ft.trim("aerosonde", V_a=[25.0]), ["aerosonde", "--V-a", 25]),
     "design": (lambda: ft.design("aerosonde"), ["aerosonde", "--dry-run"]),

@@ -24,7 +24,7 @@ def run_folder(flown_paper, tmp_path_factory):
 @pytest.fixture(scope="session")
 def written(run_folder):
     """The report of that folder."""
-    return ft.write_report(run_folder, run_folder.parent / "report.html")
+    return ft.report(run_folder, run_folder.parent / "report.html")
 
 
 @pytest.fixture(scope="session")

@@ -70,7 +70,7 @@ def test_twelve_long_runs_are_still_small_enough(paper_source, tmp_path):
 
     runs = tuple(noisy(plant, f"set{i}") for plant in ("kinematic", "other") for i in range(6))
 
-    written = ft.write_report(Source(name="twelve", runs=runs), tmp_path / "twelve.html")
+    written = ft.report(Source(name="twelve", runs=runs), tmp_path / "twelve.html")
 
     assert written.path.stat().st_size < LARGEST
 
@@ -129,7 +129,7 @@ def test_a_flight_that_ended_at_once_has_its_row_its_count_and_its_reason(paper_
         first, signals=first.signals[:1], status="diverged", reason=f"t = 0 s: {why}"
     )
 
-    page = ft.write_report(Source(name="x", runs=(ended, *others)), tmp_path / "report.html")
+    page = ft.report(Source(name="x", runs=(ended, *others)), tmp_path / "report.html")
 
     rows = records_of(page, "convergence")
     assert list(rows) == [run.label for run in paper_source.runs]
@@ -163,7 +163,7 @@ def test_every_flight_of_a_law_is_held_against_its_certificate(written, paper_so
 
 
 def test_a_flight_that_limits_hold_to_the_end_is_said_to_prove_nothing(tmp_path):
-    written = ft.write_report("paper_printed_limits", tmp_path / "limits.html")
+    written = ft.report("paper_printed_limits", tmp_path / "limits.html")
 
     (record,) = records_of(written, "kept").values()
     assert record["run"] == "kinematic / paper"
@@ -180,7 +180,7 @@ def test_the_ladder_of_a_very_long_flight_is_left_to_gap_and_that_is_said(paper_
     )
     long = Source(name="long", runs=(dataclasses.replace(craft, signals=signals),))
 
-    written = ft.write_report(long, tmp_path / "long.html")
+    written = ft.report(long, tmp_path / "long.html")
 
     assert "From the law to the aircraft" not in written.sections
     assert f"{craft.label}: {rows} samples are more than" in written.path.read_text()
@@ -195,7 +195,7 @@ def test_words_of_a_scenario_are_text_and_not_markup(paper_source, tmp_path):
         return dataclasses.replace(run, provenance=dataclasses.replace(made, scenario=scenario))
 
     runs = tuple(named(run) for run in paper_source.runs if run.provenance.plant == "kinematic")
-    written = ft.write_report(Source(name=wicked, runs=runs), tmp_path / "wicked.html")
+    written = ft.report(Source(name=wicked, runs=runs), tmp_path / "wicked.html")
     text = written.path.read_text()
 
     assert "<script>alert" not in text
@@ -206,19 +206,19 @@ def test_runs_of_several_scenarios_are_refused(paper_source, printed_source, tmp
     mixed = Source(name="mixed", runs=(*paper_source.runs, *printed_source.runs))
 
     with pytest.raises(ft.RecordingError, match=r"^mixed: .*one scenario"):
-        ft.write_report(mixed, tmp_path / "never.html")
+        ft.report(mixed, tmp_path / "never.html")
     assert not (tmp_path / "never.html").exists()
 
 
 def test_a_flight_with_sensors_is_not_compared_with_the_bound(tmp_path):
-    written = ft.write_report("sensor_noise", tmp_path / "noise.html")
+    written = ft.report("sensor_noise", tmp_path / "noise.html")
 
     assert "none is compared with the bound" in written.path.read_text(encoding="utf-8")
     assert not any(table.name == "kept" for table in written.tables)
 
 
 def test_an_aircraft_beside_its_nominal_self_has_a_gap_of_its_own(tmp_path):
-    written = ft.write_report("heavy_and_aft@paper", tmp_path / "both.html")
+    written = ft.report("heavy_and_aft@paper", tmp_path / "both.html")
 
     (table,) = (table for table in written.tables if table.name == "gap")
     nominal, heavy = (

@@ -76,7 +76,7 @@ def test_the_arrow_points_where_the_air_moves(run):
 def test_a_page_of_a_route_begins_with_its_map_and_the_claim(run, tmp_path):
     source = Source(name="leg", runs=(run,))
 
-    page = ft.write_report(source, tmp_path / "r.html").path.read_text(encoding="utf-8")
+    page = ft.report(source, tmp_path / "r.html").path.read_text(encoding="utf-8")
 
     top = page.partition("<details")[0]
     assert "<b>Map</b>" in top

@@ -1,6 +1,7 @@
 """Fly a plan into a folder, here or on a cluster; runs that have a row are not repeated."""
 
 import time
+from dataclasses import asdict, dataclass
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -17,11 +18,14 @@ from flighttune.campaign.dataset import (
     signals_path,
 )
 from flighttune.campaign.engine.pool import WorkerPool
-from flighttune.campaign.engine.progress import CampaignObserver, CampaignOutcome, StoppedError
+from flighttune.campaign.engine.progress import CampaignObserver, StoppedError
 from flighttune.campaign.flying.columns import table_of
-from flighttune.campaign.planning.plan import Plan
+from flighttune.campaign.planning.plan import Plan, draws_in_words
 from flighttune.errors import InputError, RecordingError
 from flighttune.flight.fly import library_versions
+from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.names import columns, duration, rate
+from flighttune.present.tables import Table
 from flighttune.records.refly import changed_versions
 
 # A timing that takes at least this long is accurate enough, s
@@ -32,6 +36,53 @@ COUNTED = ("completed", "failed", "crashed", "succeeded", "flown")
 
 # Factor by which the number of runs grows from one timing to the next
 MORE = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CampaignOutcome(Answering):
+    """State of a campaign after it was flown or resumed."""
+
+    dataset: str  # folder, as it was given
+    planned: int  # runs of the plan
+    runs: int  # runs that are there: completed + failed + crashed
+    completed: int  # flown to their end
+    failed: int  # ended early, never began, or took too long
+    crashed: int  # ended the process that flew them
+    succeeded: int  # met every requirement
+    statuses: dict[str, int]  # number of runs by status
+    flown: int  # rows that were flown this time
+    kept: int  # runs whose signals are kept
+    wall_s: float  # s, of this time
+    rate_per_s: float  # 1/s, flown / wall_s
+    groups: int  # plants and gain sets that fly each draw
+    interrupted: bool = False  # stopped before its end
+
+    def answer(self) -> Answer:
+        """Flights by their status, and the time they took; status 130 if they were interrupted."""
+        counts = pick(self, "runs completed failed crashed succeeded")
+        counts |= {key: n for key, n in self.statuses.items() if key not in counts}
+        notes = [f"{self.runs} flights = {draws_in_words(self.runs, self.groups)}"]
+        if self.flown:
+            speed = f"{rate(self.rate_per_s)} a second"
+            notes.append(f"flown now: {self.flown} in {duration(self.wall_s)}, {speed}")
+        else:
+            notes.append("nothing was missing")
+        interrupted = (
+            f"interrupted, {self.runs} of {self.planned} runs are in {self.dataset}; go on with "
+            "the same command and --resume"
+        )
+        return Answer(
+            values={
+                key: value
+                for key, value in asdict(self).items()
+                if key not in ("dataset", "groups")
+            },
+            tables=[Table(columns(" ".join(counts)), [counts])],
+            notes=notes,
+            files={"dataset": self.dataset},
+            failure=interrupted if self.interrupted else "",
+            status=130,
+        )
 
 
 def run_campaign(
@@ -102,6 +153,7 @@ def run_campaign(
         **{name: getattr(progress, name) for name in COUNTED},
         statuses=dict(sorted(progress.statuses.items())),
         kept=len(dataset.kept),
+        groups=len(plan.groups),
         wall_s=wall,
         rate_per_s=progress.flown / wall,
         interrupted=interrupted,

@@ -1,4 +1,4 @@
-"""Progress and outcome of a campaign, and the observer that is informed of them."""
+"""Progress of a campaign, and the observer that is informed of them."""
 
 import time
 from collections import Counter
@@ -71,22 +71,3 @@ class CampaignObserver:
 
     def hear(self, sentence: str) -> None:
         """Report something out of the ordinary."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CampaignOutcome:
-    """State of a campaign after it was flown or resumed."""
-
-    dataset: str  # folder, as it was given
-    planned: int  # runs of the plan
-    runs: int  # runs that are there: completed + failed + crashed
-    completed: int  # flown to their end
-    failed: int  # ended early, never began, or took too long
-    crashed: int  # ended the process that flew them
-    succeeded: int  # met every requirement
-    statuses: dict[str, int]  # number of runs by status
-    flown: int  # rows that were flown this time
-    kept: int  # runs whose signals are kept
-    wall_s: float  # s, of this time
-    rate_per_s: float  # 1/s, flown / wall_s
-    interrupted: bool = False  # stopped before its end

@@ -1,0 +1,126 @@
+"""The page of anything: of runs, of a campaign, or of the claim in a file."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from flighttune.campaign.claims import is_claim_file, load_claim, within
+from flighttune.campaign.dataset import CAMPAIGN, dataset_hash
+from flighttune.campaign.statistics.findings import findings
+from flighttune.campaign.statistics.flights import load_flights
+from flighttune.campaign.statistics.intervals import CONFIDENCE, Method
+from flighttune.errors import InputError
+from flighttune.present.answer import Answer, pick
+from flighttune.present.frame import Report
+from flighttune.records.compare import Source, load_source
+from flighttune.reports.campaign import tables
+from flighttune.reports.campaign.page import notes, summary, write_campaign_report
+from flighttune.reports.claim import write_claim_page
+from flighttune.reports.page import write_report
+from flighttune.simulate.claim import claimed
+
+# Tables of runs that a terminal shows too; ``--json`` has the records of all.
+PRINTED = ("convergence", "certificates", "aircraft")
+
+
+def report(
+    source: str | Path | Source,
+    path: str | Path | None = None,
+    *,
+    claims: Sequence[str | Path] = (),
+    changes: Mapping[str, Any] | None = None,
+    interval: Method = "wilson",
+    confidence: float = CONFIDENCE,
+) -> Report:
+    """Write one page about runs, a campaign or a claim, which needs no network.
+
+    It takes seconds: a page about runs of an aircraft flies the plants below it too.
+
+    Parameters
+    ----------
+    source : str, Path or Source
+        A run folder, a recording or a Parquet file; ``scenario@gains``, which is flown; the folder
+        of a campaign, which may be running; or the file of a claim. What a file is, is read from
+        its content.
+    path : str or Path, optional
+        HTML file to write or replace; by default ``report.html``, in the folder of a campaign.
+        Parent folders are made.
+    claims : sequence of str or Path
+        Files of tubes and bands to draw around runs.
+    changes : mapping of str to value, optional
+        Values to set in a scenario that is flown, by dotted key.
+    interval : {"wilson", "clopper-pearson"}
+        Confidence interval of the rates of a campaign.
+    confidence : float
+        Confidence of the intervals of a campaign, 0 to 1.
+
+    Returns
+    -------
+    Report
+
+    Raises
+    ------
+    RecordingError
+        If no run flew, the runs are of several scenarios, or a file is damaged.
+    OutputError
+        If the page cannot be written.
+    InputError
+        If a claim does not cover a run, or claims or changes are given for anything but runs.
+
+    Examples
+    --------
+    >>> ft.report("paper_as_printed@paper", "report.html").summary[0]
+    'Claim met: 4 of 4 requirements.'
+    """
+    changes = changes or {}
+    if not isinstance(source, Source):
+        place = Path(source)
+        of_campaign = (place / CAMPAIGN).is_file()
+        if of_campaign or is_claim_file(place):
+            if claims or changes:
+                raise InputError(
+                    f"{place}: `--claim` and `--set` are for runs, and must be absent."
+                )
+            if not of_campaign:
+                return _of_claim(place, Path(path or "report.html"))
+            return _of_campaign(place, Path(path or place / "report.html"), interval, confidence)
+        source = load_source(source, changes=changes)
+    return _of_runs(within(source, claims), Path(path or "report.html"))
+
+
+def _of_claim(file: Path, path: Path) -> Report:
+    claim = load_claim(file)
+    return replace(write_claim_page(claim, str(file), path), shown=claim.answer())
+
+
+def _of_campaign(folder: Path, path: Path, interval: Method, confidence: float) -> Report:
+    found = findings(load_flights(str(folder)), method=interval, confidence=confidence)
+    groups = found.values["groups"]
+    shown = Answer(
+        values={**found.values, "sha256": dataset_hash(folder)},
+        tables=[
+            tables.success_table(found, groups),
+            tables.reasons_table(groups),
+            *tables.paired_tables(found),
+        ],
+        notes=[*summary(found), *notes(found)],
+    )
+    return replace(write_campaign_report(found, path), shown=shown)
+
+
+def _of_runs(source: Source, path: Path) -> Report:
+    page, around = write_report(source, path), claimed(source.runs)
+    named = [table for table in page.tables if table.name]
+    shown = Answer(
+        values={
+            "bytes": path.stat().st_size,
+            **pick(page, "summary sections"),
+            "tables": {table.name: table.records for table in named},
+            **around.values,
+        },
+        tables=[replace(table, name="") for table in named if table.name in PRINTED],
+        notes=[*page.summary, *around.notes],
+        failure=around.failure,
+    )
+    return replace(page, shown=shown)
