@@ -7,7 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from flighttune.arrays import FloatArray, check_positive, set_read_only
+from flighttune.arrays import (
+    FloatArray,
+    check_positive,
+    read_only_vector,
+    set_read_only,
+    square_matrices,
+)
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.linear_model import LinearModel, closed_loop
@@ -41,12 +47,13 @@ class Sampling:
 
     def loop(self, gains: PIGains) -> FloatArray:
         """The map over a sample, in units in which commands count by the rate they cause."""
-        loop, units = sampled_loop(
-            self.model, self.lags, gains, dt=self.dt, trapezoidal=self.trapezoidal
-        )
-        if len(loop) > MAX_SAMPLED:
-            raise InputError(f"`lags` must give at most {MAX_SAMPLED} states, got {len(loop)}.")
-        return loop * units / units[:, None]
+        with np.errstate(all="ignore"):  # numbers of a damaged file are refused as not finite
+            loop, units = sampled_loop(
+                self.model, self.lags, gains, dt=self.dt, trapezoidal=self.trapezoidal
+            )
+            if len(loop) > MAX_SAMPLED:
+                raise InputError(f"`lags` must give at most {MAX_SAMPLED} states, got {len(loop)}.")
+            return square_matrices("loop", loop * units / units[:, None], 2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,8 +78,8 @@ class ExactRate:
 
     def __post_init__(self) -> None:
         check_positive(rate=self.rate)
-        N = len(self.units)
-        set_read_only(self, Q=(N, N), units=(N,))
+        object.__setattr__(self, "units", read_only_vector("units", self.units))
+        set_read_only(self, Q=(len(self.units),) * 2)
         if not (self.units > 0.0).all():
             raise InputError(f"`units` must be positive, got {self.units.tolist()}.")
 

@@ -69,9 +69,10 @@ def sampled_loop(
         raise ShapeError(f"`lags` must be {m}, one an input, got {len(lags)}.")
     A, B = _plant(model, lags)
     delays = [lag.delay for lag in lags] or [0.0] * m
+    late = sum(delays) / dt
+    if late > MOST_DELAYED:
+        raise InputError(f"`lags` must be late by {MOST_DELAYED} samples in all, got {late:.3g}.")
     whole = [math.floor(delay / dt) for delay in delays]
-    if sum(whole) > MOST_DELAYED:
-        raise InputError(f"`lags` must be late by {MOST_DELAYED} samples in all, got {sum(whole)}.")
     k, kept = len(A), [count + 1 for count in whole]
     first_kept = k + np.cumsum([0, *kept])
     integral, before = int(first_kept[-1]), int(first_kept[-1]) + m
