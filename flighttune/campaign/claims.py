@@ -23,6 +23,9 @@ from flighttune.tubes.proof import load_tube
 
 CLAIM_FILE = "claim: the file of a certificate, a bound on R_K, a tube or a band"
 
+# What the files of tubes and bands begin with, whatever follows it
+ARCHIVE = b"PK"
+
 # Flights of a band that are flown again.
 FLOWN_AGAIN = 5
 
@@ -108,7 +111,10 @@ def load_claim(path: str | Path, boxes: str | Path | None = None) -> AnyClaim:
 
 
 def is_claim_file(path: str | Path) -> bool:
-    """Whether a file is that of a claim, by its content."""
+    """Whether a file is that of a claim, by its content, or a damaged one of a tube or band."""
+    with suppress(OSError), Path(path).open("rb") as file:
+        if file.read(len(ARCHIVE)) == ARCHIVE:
+            return True
     with suppress(RecordingError):
         return bool(format_of(Path(path), READERS, CLAIM_FILE))
     return False

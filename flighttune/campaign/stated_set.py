@@ -20,8 +20,11 @@ from flighttune.errors import InputError
 from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.files.table import toml_tables
 from flighttune.flight.load import load_scenario
+from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.scenario.load import scenario_from, with_gains
 from flighttune.scenario.schema import GainsTable, Scenario
+from flighttune.tubes.enclosure import Tube
+from flighttune.units import DEG_PER_RAD
 
 # Angular frequencies of a disturbance without a stated one, rad/s.
 FREQUENCIES = (0.05, 6.0)
@@ -48,13 +51,14 @@ def planned(
     `changes` are values to set in the scenario by dotted key.
     """
     check_not_negative(start_deg=start_deg, disturbance=disturbance)
+    sizes = disturbance, disturbance
     if _is_scenario(source):
         scenario = load_scenario(source, changes=changes)
         if gains not in (None, *scenario.gain_names):
             scenario = with_gains(scenario, [gains], source, tables)
         labels = [table.label for table in scenario.plant if kind in (None, table.kind)]
         chosen = plant or next(iter(labels), None)
-        plan = plan_campaign(_about(scenario, Path(source).stem, chosen, start_deg, disturbance))
+        plan = plan_campaign(_about(scenario, Path(source).stem, chosen, start_deg, sizes))
         return plan.with_runs(draws * len(plan.groups))
     if start_deg or disturbance:
         raise InputError("`start_deg` and `disturbance` are for scenarios: campaigns have theirs.")
@@ -72,6 +76,28 @@ def planned(
     return plan_campaign(campaign)
 
 
+def enclosed(tube: Tube) -> Plan:
+    """The plan of the flights that a tube encloses."""
+    problem, sizes = tube.problem, disturbance_of(tube)
+    gains = {**problem.gains.as_lists(), "law": problem.gains.law}
+    table = GainsTable.model_validate({"name": "tube", **gains})
+    title = problem.scenario.title
+    scenario = with_gains(problem.scenario, [f"{problem.law.name}:tube"], title, [table])
+    start_deg = problem.start * DEG_PER_RAD
+    return plan_campaign(_about(scenario, "tube", problem.plant, start_deg, sizes))
+
+
+def disturbance_of(tube: Tube) -> tuple[float, float]:
+    """Bounds on the disturbances of both rates that can be searched, rad/s.
+
+    They are zero for an aircraft, whose residual rates are a result of its flights.
+    """
+    if tube.problem.boxes is not None:
+        return 0.0, 0.0
+    chi, gamma = tube.problem.disturbances[1].max(axis=0).tolist()
+    return chi, gamma
+
+
 def _is_scenario(source: str) -> bool:
     path = Path(source)
     if path.is_file() and path.suffix == ".toml":
@@ -81,7 +107,11 @@ def _is_scenario(source: str) -> bool:
 
 
 def _about(
-    scenario: Scenario, name: str, plant: str | None, start_deg: float, disturbance: float
+    scenario: Scenario,
+    name: str,
+    plant: str | None,
+    start_deg: float,
+    disturbance: tuple[float, float],
 ) -> Campaign:
     """Starts and disturbances of one plant of a scenario, all equally likely."""
     if plant in [table.label for table in scenario.plant]:  # callers refuse an unknown one
@@ -91,10 +121,12 @@ def _about(
     if start_deg:
         for key in ("flight.chi_deg", "flight.gamma_deg"):
             drawn.append(Uniform(key=key, lower=-start_deg, upper=start_deg, acts="adds"))
-    if disturbance:
-        for channel in ("chi", "gamma"):
+    if any(disturbance):
+        for channel, size in zip(CHANNEL_SYMBOLS, disturbance, strict=True):
+            if not size:
+                continue
             for key, low, high in (
-                ("amplitude", -disturbance, disturbance),
+                ("amplitude", -size, size),
                 ("omega_rad_s", *FREQUENCIES),
                 ("phase_deg", -180.0, 180.0),
             ):

@@ -14,8 +14,9 @@ import pandas as pd
 from scipy.special import chdtri, ndtr
 
 from flighttune.arrays import FloatArray, check_at_least
-from flighttune.campaign.band import load_band, plan_of, score
+from flighttune.campaign.band import plan_of, score
 from flighttune.campaign.bang_bang import search_bang_bang
+from flighttune.campaign.claims import is_claim_file, load_claim
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.alone import scenario_of_run
@@ -23,8 +24,10 @@ from flighttune.campaign.flying.rows import Drawn, Probes
 from flighttune.campaign.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
 from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.planning.schema import MEASURES
-from flighttune.campaign.stated_set import measured_in, planned
-from flighttune.claims.band import About, BandFlights
+from flighttune.campaign.stated_set import disturbance_of, enclosed, measured_in, planned
+from flighttune.certificates.bound import RateBound
+from flighttune.certificates.certificate import Certificate
+from flighttune.claims.band import About, Band, BandFlights
 from flighttune.errors import InputError
 from flighttune.flight.expectations import bound_checks
 from flighttune.flight.fly import fly
@@ -37,6 +40,7 @@ from flighttune.scenario.schema import Scenario
 from flighttune.simulate.bounds import ERRORS, Bounds
 from flighttune.simulate.run import Run
 from flighttune.tubes.enclosure import Tube
+from flighttune.units import DEG_PER_RAD
 
 # Metric: largest excess over a requirement relative to its bound; 0 just meets it.
 MARGIN = "margin"
@@ -58,6 +62,10 @@ SEEDS_EVERY = 6
 
 # First step of a search about the worst draw so far, in standard deviations.
 SPREAD = 0.5
+
+# Share of a tube by which a flight from a corner of the starts may be outside: starts in files are
+# in deg, and the edge of the tube is that corner.
+ROUNDING = 1e-9
 
 # Value of a flight that was not flown to its end, beyond all others.
 FAILED = 1e3
@@ -110,6 +118,8 @@ class WorstFlight(Answering):
     ratio, ratio_of_search : mapping of str to float, or None
         With a tube: its largest half width over the largest distance from its middle, by channel,
         of this flight and of all flights of the search; below 1 the tube is left.
+    contradicts : bool
+        Whether the flight leaves a tube that is proven for it, which is then wrong.
 
     Examples
     --------
@@ -133,9 +143,13 @@ class WorstFlight(Answering):
     drawn: Mapping[str, Any]
     ratio: Mapping[str, float] | None = None
     ratio_of_search: Mapping[str, float] | None = None
+    contradicts: bool = False
 
     def answer(self) -> Answer:
-        """The flight, what was drawn for it, and the requirements that it misses."""
+        """The flight, what was drawn for it, and the requirements that it misses.
+
+        A failure if it contradicts the proof of a tube.
+        """
         values = pick(self, "metric value first flights family distance radius status missed plant")
         values |= pick(self, "gains drawn ratio ratio_of_search")
         drawn = [
@@ -144,18 +158,22 @@ class WorstFlight(Answering):
             for key, value in self.drawn.items()
         ]
         title = f"worst {self.metric} in {self.flights} flights"
+        near = f"the worst flight uses {self.value:.4g} of the {self.metric}"
+        share = [near] if self.metric in (TUBE, BAND) else []
         return Answer(
             values=values,
             tables=[
                 Table(WORST_COLUMNS, [values], title),
                 Table(columns("key value"), drawn, "drawn"),
             ],
-            verdict=self.missed or "no requirement is missed",
+            notes=[] if self.contradicts else share,
+            verdict="" if self.contradicts else self.missed or "no requirement is missed",
+            failure=f"{near}: this contradicts its proof" if self.contradicts else "",
         )
 
 
 def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
-    source: str | Path,
+    source: str | Path | Tube | Band,
     *,
     claim: Tube | None = None,
     budget: int = 2000,
@@ -177,9 +195,9 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
 
     Parameters
     ----------
-    source : str or Path
-        Folder of a campaign, campaign or scenario file, or the name of a shipped one; or the file
-        of a band, whose flights are searched for the one nearest to its edge.
+    source : str, Path, Tube or Band
+        Folder of a campaign, campaign or scenario file, or the name of a shipped one; or a tube or
+        band, or its file, whose flights are searched for the one nearest to its edge.
     claim : Tube, optional
         Search for the flight closest to the bounds of this tube.
     budget : int
@@ -215,7 +233,8 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
     Raises
     ------
     InputError, ScenarioError
-        If source, gains or plant are not there, nothing is dispersed, or the budget is too small.
+        If source, gains or plant are not there, nothing is dispersed, the budget is too small, or
+        other flights are asked for than those of a tube or band.
     StoppedError
         If the observer stopped the search.
 
@@ -224,10 +243,26 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
     >>> ft.worst("first_campaign", budget=32, metric="chi.ITAE", plant="kinematic").flights
     32
     """
+    place, stated = "", str(source) if isinstance(source, Path) else source
+    if isinstance(stated, str) and is_claim_file(stated):
+        place, stated = f"{source}: ", load_claim(stated)
+    if isinstance(stated, Certificate | RateBound):
+        raise InputError(f"{place}must be of flights, to be searched, got a claim about gains.")
+    if isinstance(stated, Tube | Band):
+        if metric or gains or start_deg or disturbance or changes or claim:
+            raise InputError(
+                f"{place}metric, gains, starts, disturbance, changes and claim must be absent for "
+                "a tube or band file, which has its own."
+            )
+        if isinstance(stated, Tube):
+            claim = stated
+            _check_searchable(stated, place)
+        elif not stated.claims:
+            raise InputError(f"{place}the band must have a claim, got none.")
     bounds = None if claim is None else claim.bounds.of(ERRORS)
     with WorkerPool(workers, scheduler, observer) as pool:
         searched = StatedSet(
-            str(source),
+            stated,
             pool,
             metric=metric,
             tube=bounds,
@@ -245,8 +280,34 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
         channel: 1.0 / share if share else math.inf  # no flight came to its end
         for channel, share in zip(CHANNEL_SYMBOLS, searched.reach.tolist(), strict=True)
     }
-    ratio = bounds.ratios(fly(flight.scenario).runs[0].signals)
-    return replace(flight, ratio=ratio, ratio_of_search=of_search)
+    (run,) = fly(flight.scenario).runs
+    return replace(
+        flight,
+        ratio=bounds.ratios(run.signals),
+        ratio_of_search=of_search,
+        contradicts=_contradicts(run, claim),
+    )
+
+
+def _check_searchable(tube: Tube, place: str) -> None:
+    """Refuse a tube that is lost, or of one flight only."""
+    if tube.status != "bounded":
+        raise InputError(f"{place}the tube must be bounded, got one that is not: {tube.reason}.")
+    if not (tube.problem.start or any(disturbance_of(tube))):
+        raise InputError(
+            f"{place}the tube must have a range of starts or a disturbance to search, got that of "
+            "one flight."
+        )
+
+
+def _contradicts(run: Run, tube: Tube | None) -> bool:
+    """Whether a flight leaves a tube that is proven to hold it.
+
+    That of an aircraft holds only flights whose residual rates keep its boxes, which are counted.
+    """
+    if tube is None or tube.problem.boxes is not None or tube.why_not(run):
+        return False
+    return tube.bounds.of(ERRORS).share(run.signals) > 1.0 + ROUNDING
 
 
 class StatedSet:
@@ -256,14 +317,14 @@ class StatedSet:
     off by up to `start_deg` and the rates of which are disturbed by up to `disturbance` (rad/s).
     The metric is a column of the rows or `MARGIN`; by default the margin where there are
     requirements with bounds, else chi.ITAE. With a tube it is the share of it that a flight uses.
-    A `source` that is a band file stands for the campaign counted, and its metric is the share of
-    the band.
+    A `source` that is a tube or band stands for the flights enclosed or counted, and its metric is
+    the share of its bounds.
     A flight that ends early is the worst, or with `completed` the best.
     """
 
     def __init__(
         self,
-        source: str,
+        source: str | Tube | Band,
         pool: WorkerPool,
         *,
         metric: str | None = None,
@@ -281,16 +342,13 @@ class StatedSet:
             raise InputError(
                 f"`metric` must be {MARGIN} or one of {', '.join(MEASURES)}, got {metric!r}."
             )
-        band = load_band(source) if Path(source).suffix == ".npz" else None
-        if band is not None:
-            if tube or metric or gains or start_deg or disturbance or changes:
-                raise InputError(
-                    f"{source}: metric, tube, gains, start and changes must be absent for a band "
-                    "file, which has its own."
-                )
-            if not band.claims:
-                raise InputError(f"{source}: the band must have a claim, got none.")
-            plan = plan_of(band)
+        sizes = disturbance, disturbance
+        if isinstance(source, Tube | Band):
+            if isinstance(source, Tube):
+                plan, sizes = enclosed(source), disturbance_of(source)
+                start_deg = source.problem.start * DEG_PER_RAD
+            else:
+                plan = plan_of(source)
         else:
             plan = planned(
                 source,
@@ -310,7 +368,7 @@ class StatedSet:
         tables = plan.scenario.expected(group.plant, group.gains)
         bounded = any(table.at_most or table.at_least for table in tables)
         self.metric = TUBE if tube else metric or (MARGIN if bounded else "chi.ITAE")
-        self.disturbance = disturbance
+        self.disturbances = sizes  # of both rates, rad/s
         self.flights = 0
         self.worst: dict[str, Any] = {"value": -math.inf}
         self.made_by: tuple[Plan, Drawn] = self.plan, {}  # plan and draw of the worst row
@@ -318,8 +376,8 @@ class StatedSet:
         self.reach = np.zeros(2)
         self._start_deg, self._lost = start_deg, -FAILED if completed else FAILED
         self._probes: Probes = {TUBE: partial(_use_of, tube)} if tube else {}
-        if band is not None:
-            share = partial(_share_of, band.about, band.flights, band.scale)
+        if isinstance(source, Band):
+            share = partial(_share_of, source.about, source.flights, source.scale)
             self.metric, self._probes = BAND, {BAND: share}
         self._pool = pool
 
@@ -357,9 +415,10 @@ class StatedSet:
         for signs in flights:
             start = zip(starts, signs[0].tolist(), strict=False)
             drawn: dict[str, Any] = {table.key: self._start_deg * sign for table, sign in start}
-            for channel, column in zip(("chi", "gamma"), signs[1:].T, strict=True):
+            disturbed = zip(CHANNEL_SYMBOLS, self.disturbances, signs[1:].T, strict=True)
+            for channel, size, column in disturbed:
                 switches = (np.flatnonzero(np.diff(column)) + 1) / rate
-                drawn[f"disturbance.{channel}_amplitude"] = self.disturbance * float(column[0])
+                drawn[f"disturbance.{channel}_amplitude"] = size * float(column[0])
                 drawn[f"disturbance.{channel}_switch_s"] = switches.tolist()
             draws.append({**drawn, SEED: nominal.seed})
         changed = {"nominal": nominal, "central": nominal, "disperse": starts}
@@ -411,7 +470,7 @@ def find_worst(searched: StatedSet, *, budget: int, seed: int) -> WorstFlight:
     """
     check_at_least(POPULATION, budget=budget)
     family = None
-    if searched.disturbance:
+    if any(searched.disturbances):
         searched.fly_bang_bang(budget // 2)
         family = "square_wave"
     keys = searched.plan.keys

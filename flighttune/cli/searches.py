@@ -18,8 +18,8 @@ def worst(
         Argument(
             metavar="SCENARIO|CAMPAIGN|FILE",
             help="A campaign (file, shipped name or folder), whose dispersions are searched, a "
-            "scenario with --start-deg or --disturbance, or a band file (.npz): its flights are "
-            "searched for the one nearest to its edge.",
+            "scenario with --start-deg or --disturbance, or the file of a tube or band: its "
+            "flights are searched for the one nearest to its edge.",
             autocompletion=lambda: [*scenario_files(), *campaign_files()],
         ),
     ],
@@ -60,7 +60,8 @@ def worst(
 ) -> Answer:
     """Search dispersions and disturbances for the flight with the smallest margin.
 
-    Writes that flight as a scenario for `flighttune fly`.
+    Writes that flight as a scenario for `flighttune fly`. Exit status 1 if it leaves a tube that is
+    proven for it.
     """
     options.check_ending(out, ".toml")
     from flighttune.campaign.worst import worst as search

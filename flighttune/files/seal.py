@@ -26,7 +26,7 @@ BLANK = MARK.decode() + "0" * DIGITS
 # Kinds of files by what their `format` begins with
 FILES = {
     "flighttune band": "a band file, which `flighttune band`, `fly --claim` and `verify` take",
-    "flighttune tube": "the proof of a tube, which `flighttune fly --claim` and `verify` take",
+    "flighttune tube": "the proof of a tube, which `fly --claim`, `verify` and `worst` take",
     "flighttune certificate": "a certificate, which `flighttune verify` takes",
     "flighttune rate bound": "a bound on R_K, which `flighttune verify` takes",
 }

@@ -1,6 +1,7 @@
 """The worst flight: against closed forms, and on small campaigns of the law."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -24,8 +25,9 @@ from flighttune.campaign.worst import (
 )
 from flighttune.files.table import toml_text
 from flighttune.metrics import measures
-from flighttune.simulate.bounds import Bounds
+from flighttune.simulate.bounds import ERRORS, Bounds
 from tests.tubes.test_soundness import made_up
+from tests.tubes.test_soundness import tube as tube_of
 
 SAME = 1e-9
 """A flight of a batch and the same one alone differ by 1e-12."""
@@ -210,3 +212,60 @@ def test_the_search_finds_worse_than_random_flights_of_the_dispersed_aerosonde(t
     assert set(drawn["gains"]) == {said["gains"]}
     # One random flight in a thousand loses its course in severe turbulence: not the maximum.
     assert said["value"] > drawn["chi.ITAE"].quantile(0.99)
+
+
+@pytest.fixture(scope="module")
+def proven(tmp_path_factory):
+    """A tube of half a second of the law from a box of starts, disturbed, and its file."""
+    scenario = made_up(chi_err_deg=15.0, gamma_deg=5.0, duration_s=0.5)
+    proven = tube_of(scenario, ft.PAPER_GAINS, start=0.01, disturbance=0.02)
+    file = tmp_path_factory.mktemp("tube") / "proof"  # no ending: it is known by its content
+    ft.save_tube(proven, file)
+    return proven, file
+
+
+def test_the_flights_of_a_tube_are_searched_and_stay_inside(proven):
+    tube, file = proven
+
+    worst = ft.worst(file, budget=32, workers=1)
+
+    flown = ft.fly(worst.scenario).within(tube).runs[0]
+    assert (worst.metric, worst.contradicts) == ("tube", False)
+    assert worst.answer().failure == ""
+    assert tube.why_not(flown) == ""
+    assert 0.5 < worst.value <= 1.0
+    # the batch and a flight alone differ by rounding, and the bounds in the file by their margin
+    assert tube.bounds.of(ERRORS).share(flown.signals) == pytest.approx(worst.value, abs=1e-6)
+    assert abs(worst.drawn["flight.chi_deg"]) <= np.degrees(0.01)
+    assert worst.value == pytest.approx(ft.worst(tube, budget=32, workers=1).value, abs=1e-6)
+
+
+def test_a_flight_outside_of_a_tube_contradicts_its_proof(proven):
+    tube, _ = proven
+    bounds = tube.bounds
+    middle, half = 0.5 * (bounds.low + bounds.high), 0.1 * bounds.half_widths
+    wrong = replace(tube, bounds=replace(bounds, low=middle - half, high=middle + half))
+
+    worst = ft.worst(wrong, budget=32, workers=1)
+
+    assert worst.value > 1.0
+    assert worst.contradicts
+    answer = worst.answer()
+    assert answer.status == 1
+    assert "contradicts its proof" in answer.failure
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [({"metric": "margin"}, "must be absent for a tube"), ({"budget": 1}, "`budget` must be")],
+)
+def test_a_tube_has_flights_and_metric_of_its_own(options, reason, proven):
+    with pytest.raises(ft.InputError, match=reason):
+        ft.worst(proven[1], workers=1, **options)
+
+
+def test_a_tube_of_one_flight_has_nothing_to_search():
+    tube = tube_of(made_up(duration_s=0.1), ft.PAPER_GAINS)
+
+    with pytest.raises(ft.InputError, match="a range of starts or a disturbance to search"):
+        ft.worst(tube)
