@@ -32,7 +32,7 @@ def refly(
     source: str | Path | Recording | Sequence[Run],
     run: int | None = None,
     *,
-    count: int = DRAWN,
+    count: int | None = None,
     laws: Mapping[str, LawMaker] | None = None,
     plants: Mapping[str, PlantMaker] | None = None,
     progress: Progress | None = None,
@@ -50,8 +50,8 @@ def refly(
     run : int, optional
         Number of the run in a campaign (column `run`), or of the draw of a band; by default some
         are drawn at random.
-    count : int
-        Number of runs drawn at random of a campaign or band.
+    count : int, optional
+        Number of runs drawn at random of a campaign or band, by default 5; not with `run`.
     laws, plants : mapping of str to callable, optional
         As for `fly`, where recorded runs were flown with them.
     progress : callable, optional
@@ -72,7 +72,8 @@ def refly(
     ScenarioError
         If a scenario cannot be read, being from another version.
     InputError
-        If a band has fewer flights, or the files of an aircraft have changed since.
+        If `count` is given where no runs are drawn, a band has fewer flights, or the files of an
+        aircraft have changed since.
 
     Examples
     --------
@@ -80,20 +81,22 @@ def refly(
     >>> ft.refly("runs/printed").equal
     True
     """
-    if count < 1:
-        raise InputError(f"`count` must be at least 1, got {count}.")
+    if count is not None and (run is not None or count < 1):
+        got = f"{count} and run {run}" if run is not None else str(count)
+        raise InputError(f"`count` must be at least 1, and absent with `run`, got {got}.")
     if isinstance(source, (str, Path)):
         if is_claim_file(source):
-            return _of_band(source, run, count, progress, observer)
+            return _of_band(source, run, count or DRAWN, progress, observer)
         if (Path(source) / CAMPAIGN).is_file():
-            return _of_campaign(open_dataset(source), run, count, progress)
+            return _of_campaign(open_dataset(source), run, count or DRAWN, progress)
         source = load_recording(source)
     if isinstance(source, Recording):
         name, runs, missing = str(source.path), source.runs, source.missing
     else:
         name, runs, missing = "the runs", source, ()
-    if run is not None:
-        raise InputError(f"{name}: `run` must be absent: all runs of a recording fly again.")
+    for key, value in {"run": run, "count": count}.items():
+        if value is not None:
+            raise InputError(f"{name}: `{key}` must be absent: all runs of a recording fly again.")
     try:
         flights = reflights(runs, laws=laws, plants=plants, progress=progress)
     except (RecordingError, ScenarioError) as error:

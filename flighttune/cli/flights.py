@@ -10,14 +10,11 @@ from typer import Argument, Option
 
 from flighttune.cli import options
 from flighttune.cli.show import campaign_display, fail, on_interrupt, progress_bar, say, show
-from flighttune.errors import RecordingError
+from flighttune.errors import InputError, RecordingError
 from flighttune.files.shipped import aircraft_names, scenario_files
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Table
-
-EQUAL = "equal to the bit"
-REFLOWN_COLUMNS = columns("run status samples result")
 
 
 def fly(
@@ -89,9 +86,13 @@ def refly(
         ),
     ] = None,
     count: Annotated[
-        int, Option(min=1, help="Number of runs of a campaign or band to draw at random.")
-    ] = 5,
-    out: Annotated[Path | None, options.out_folder("runs/NAME-run-N")] = None,
+        int | None,
+        Option(min=1, help="Number of runs of a campaign or band to draw at random [default: 5]."),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        Option("--out", help="Folder to record --run N to [default: runs/NAME-run-N]."),
+    ] = None,
 ) -> Answer:
     """Fly runs of PATH again and compare them bit by bit.
 
@@ -102,6 +103,8 @@ def refly(
     from flighttune.campaign.refly import refly as fly_again
     from flighttune.recording.record import record
 
+    if out is not None and run is None:
+        raise InputError(f"--out: must come with --run N, which is recorded, got {out} alone.")
     if is_claim_file(source):
         with campaign_display() as observer:
             reflown = fly_again(source, run, count=count, observer=observer)

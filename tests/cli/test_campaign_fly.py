@@ -92,3 +92,17 @@ def test_a_run_that_cannot_be_flown_says_why(folder, tmp_path, run, says):
     assert says in told
     assert printed == ""
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--run", 2, "--count", 3], "`count` must be at least 1, and absent with `run`"),
+        (["--out", "again"], "--out: must come with --run N"),
+    ],
+)
+def test_an_option_without_effect_is_refused(folder, tmp_path, options, says):
+    _, told = flighttune("refly", folder, *options, status=2, cwd=tmp_path)
+
+    assert says in told
+    assert not list(tmp_path.iterdir())

@@ -107,3 +107,8 @@ def test_a_run_that_is_not_of_its_scenario_cannot_fly_again(folder, tmp_path):
     _, err = flighttune("refly", path, status=2)
 
     assert err.startswith(f"flighttune: {path}: ladder / paper: ")
+
+
+def test_runs_of_a_recording_are_not_drawn(folder):
+    with pytest.raises(ft.InputError, match="`count` must be absent"):
+        ft.refly(folder, count=2)

@@ -6,6 +6,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from flighttune.arrays import check_at_least
 from flighttune.campaign.dataset import (
     CAMPAIGN,
     RUNS,
@@ -20,7 +21,8 @@ from flighttune.campaign.dataset import (
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver, StoppedError
 from flighttune.campaign.flying.columns import table_of
-from flighttune.campaign.planning.plan import Plan, draws_in_words
+from flighttune.campaign.planning.load import load_campaign
+from flighttune.campaign.planning.plan import Plan, draws_in_words, plan_campaign
 from flighttune.errors import InputError, RecordingError
 from flighttune.flight.fly import library_versions
 from flighttune.present.answer import Answer, Answering, pick
@@ -86,9 +88,10 @@ class CampaignOutcome(Answering):
 
 
 def run_campaign(
-    plan: Plan,
+    campaign: Plan | str | Path,
     out: str | Path,
     *,
+    runs: int | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
     resume: bool = False,
@@ -98,10 +101,12 @@ def run_campaign(
 
     Parameters
     ----------
-    plan : Plan
-        Flights of the campaign.
+    campaign : Plan, str or Path
+        A plan, a campaign file, or the name of a shipped one.
     out : str or Path
         Folder of the rows. Only this process writes.
+    runs : int, optional
+        Total number of flights; by default that of the plan or file.
     workers : int, optional
         Processes that fly on this machine; by default one per core.
     scheduler : str, optional
@@ -119,7 +124,8 @@ def run_campaign(
     Raises
     ------
     InputError
-        If `out` holds another campaign, or is in use; if dask.distributed is not installed.
+        If the campaign cannot be read; if `out` holds another campaign, or is in use; if
+        dask.distributed is not installed.
     OutputError
         If `out` cannot be written, e.g. on a full disk. Files already written are complete.
     CampaignError
@@ -127,11 +133,14 @@ def run_campaign(
 
     Examples
     --------
-    >>> plan = ft.plan_campaign(ft.load_campaign("first_campaign"), runs=4)
-    >>> ft.run_campaign(plan, "runs/first").completed
+    >>> ft.run_campaign("first_campaign", "runs/first", runs=4).completed
     4
     """
     began = time.perf_counter()
+    plan = campaign if isinstance(campaign, Plan) else plan_campaign(load_campaign(campaign))
+    if runs is not None:
+        check_at_least(1, runs=runs)
+        plan = plan.with_runs(runs)
     with WorkerPool(workers, scheduler, observer) as pool, locked(Path(out)):
         dataset = _dataset(out, plan, resume=resume)
         dataset.clean()
