@@ -47,6 +47,8 @@ from flighttune.errors import TrimError as TrimError
 from flighttune.exports.export import export as export
 from flighttune.flight.flown import FlownScenario as FlownScenario
 from flighttune.flight.fly import fly as fly
+from flighttune.flight.frontier import Frontier as Frontier
+from flighttune.flight.frontier import frontier as frontier
 from flighttune.flight.gains import certify as certify
 from flighttune.flight.gains import tune as tune
 from flighttune.flight.load import load_scenario as load_scenario

@@ -9,8 +9,6 @@ from typer import Option
 from flighttune.cli import options
 from flighttune.cli.show import NO, fail
 from flighttune.present.answer import Answer
-from flighttune.present.names import columns
-from flighttune.present.tables import Table
 
 if TYPE_CHECKING:
     from flighttune.control.gains import PIGains
@@ -67,42 +65,15 @@ def frontier(
 
     The same gains are drawn against E_K, the largest error that a disturbance can cause.
     """
-    from flighttune.control.gains import paper_family
     from flighttune.files.whole import write_text
-    from flighttune.flight.load import load_scenario
-    from flighttune.flight.models import gain_set, tuning_problem
-    from flighttune.present.chart import Sheet
-    from flighttune.present.palette import line_styles
-    from flighttune.tuning.frontier import frontier as frontier_table
-    from flighttune.tuning.frontier import frontier_chart
+    from flighttune.flight.frontier import frontier as find_frontier
 
-    loaded = load_scenario(scenario, changes=options.changes(settings))
-    law, flight = loaded.laws[0], loaded.flight
-    own = [name for name in loaded.gain_names if loaded.law_of(name)[0].by_gains]
-    sets = {**paper_family(), **{name: gain_set(loaded, name) for name in own}}
-    marked = {
-        name: law.gains_from(gains, V_a=flight.V_a_mps, g=flight.g_mps2)
-        for name, gains in sets.items()
-        if gains is not None
-    }
-    table = frontier_table(tuning_problem(loaded), points=points, marked=marked)
+    result = find_frontier(scenario, points=points, changes=options.changes(settings))
     folder = out or Path("runs") / Path(scenario).stem
     csv, svg = folder / "frontier.csv", folder / "frontier.svg"
-    write_text(csv, table.to_csv(index=False, lineterminator="\n"))
-    styles = line_styles([("", name) for name in loaded.gain_names])
-    of_gains = {name: style for (_, name), style in styles.items()}
-    charts = [frontier_chart(table, of_gains, against=key) for key in ("I_K", "E_K")]
-    Sheet(charts=charts, columns=1).save(svg)
-    shown = columns("name I_K E_K R_K spectral_abscissa")
-    rows = table[[column.key for column in shown]].to_dict(orient="records")
-    return Answer(
-        values={
-            "points": [row for row in rows if row["name"] == "frontier"],
-            "marked": {row["name"]: row for row in rows if row["name"] != "frontier"},
-        },
-        tables=[Table(shown, rows, loaded.title)],
-        files={"csv": csv, "figure": svg},
-    )
+    write_text(csv, result.table.to_csv(index=False, lineterminator="\n"))
+    result.sheet.save(svg)
+    return replace(result.answer(), files={"csv": csv, "figure": svg})
 
 
 def chosen_gains(

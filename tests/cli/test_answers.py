@@ -15,7 +15,7 @@ SET = "--set", "flight.duration_s=2.0"
 # Which files were written, and what the clock or the folder decides.
 OF_THE_COMMAND = {
     *("proof", "written", "figure", "recording", "page", "folder", "source", "model", "route"),
-    *("scenario", "seconds", "wall_s", "inside", "out", "verdict"),
+    *("csv", "scenario", "seconds", "wall_s", "inside", "out", "verdict"),
 }
 
 
@@ -32,6 +32,7 @@ def verified():
 
 VERBS = {
     "tune": (lambda: ft.tune("paper"), ["paper"]),
+    "frontier": (lambda: ft.frontier("paper", points=3), ["paper", "--points", 3]),
     "certify": (lambda: ft.certify("paper", "K1"), ["paper", "--gains", "K1"]),
     "verify": (verified, ["certificate.json"]),
     "fly": (lambda: ft.fly("paper", changes=SHORT), ["paper", *SET]),
