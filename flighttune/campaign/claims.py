@@ -153,7 +153,11 @@ class Verified(Answering):
 
     def answer(self) -> Answer:
         """The checks and the claim; a failure if one of them does not hold."""
-        claim, valid, kind = self.claim.answer(), self.valid, self.claim.kind
+        value, valid, kind = self.claim, self.valid, self.claim.kind
+        if isinstance(value, Band) and self.source:  # its note has a command that takes the file
+            claim = value.answer(self.source)
+        else:
+            claim = value.answer()
         checks = [asdict(check) for check in self.verification.checks]
         place = f"{self.source}: " if self.source else ""
         title = f"{place}{'valid: every check holds' if valid else 'not valid'}"

@@ -184,7 +184,7 @@ class Meeting(Answering):
     @property
     def sentence(self) -> str:
         """Whether the requirements are met, after how many flights, and which are active."""
-        rows, flights = self.requirements, f"{self.flights} flights"
+        rows, flights = self.requirements, f"{self.flights} flight{'s' * (self.flights != 1)}"
         if self.success:
             return self._counted(self.success, flights)
         n, missed = len(rows), sum(not row["margin"] >= 0.0 for row in rows)

@@ -198,6 +198,7 @@ def test_the_command_counts_reads_adds_and_verifies(tmp_path):
     assert (again["equal"], len(again["runs"])) == (True, 5)
     assert valid["valid"]
     assert "5 of its flights, chosen at random, were flown again" in valid["notes"][1]
+    assert f"flighttune refly {file} --run {band.nearest}" in valid["notes"][-1]
     assert valid["claim"]["sentence"] == more["sentence"] == band.sentence
     widths = np.rad2deg(band.half_widths)
     assert valid["half_widths"][1]["largest"] == pytest.approx(widths[:, 1].max())
