@@ -92,7 +92,7 @@ def test_the_draw_nearest_to_the_edge_of_a_band_is_searched(file, tmp_path):
     assert [claim["inside"] for claim in again["claims"]] == [found["value"] <= 1.0]
     assert found["value"] == pytest.approx(_share(ft.load_recording(tmp_path).runs[0]), rel=1e-4)
     _, told = flighttune("worst", file, "--metric", "chi.ITAE", status=2)
-    assert "must be absent for a band file" in told
+    assert "must be absent for a tube or band file" in told
 
 
 def _share(run):
