@@ -35,7 +35,7 @@ class InputError(FlightTuneError, ValueError):
     --------
     >>> ft.indicators([[float("nan")]])
     Traceback (most recent call last):
-    flighttune.errors.InputError: `A_K` must be finite, got [[nan]].
+    InputError: `A_K` must be finite, got [[nan]].
     """
 
 
@@ -46,7 +46,7 @@ class ShapeError(InputError):
     --------
     >>> ft.indicators([[1.0, 2.0]])
     Traceback (most recent call last):
-    flighttune.errors.ShapeError: `A_K` must have shape (..., n, n), got (1, 2).
+    ShapeError: `A_K` must have shape (..., n, n), got (1, 2).
     """
 
 
@@ -57,7 +57,7 @@ class ScenarioError(InputError):
     --------
     >>> ft.load_gains("nowhere.json")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    flighttune.errors.ScenarioError: nowhere.json: the file must be readable: ...
+    ScenarioError: nowhere.json: the file must be readable: ...
     """
 
 
@@ -68,7 +68,7 @@ class RecordingError(InputError):
     --------
     >>> ft.load_recording("nowhere.rrd")
     Traceback (most recent call last):
-    flighttune.errors.RecordingError: nowhere.rrd: must be a recording (.rrd), got no such file.
+    RecordingError: nowhere.rrd: must be a recording (.rrd), got no such file.
     """
 
 
@@ -80,7 +80,7 @@ class OutputError(InputError):
     >>> flown = ft.fly(ft.load_scenario("paper_as_printed"))
     >>> ft.record(flown, "/dev/null/runs")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    flighttune.errors.OutputError: /dev/null/runs/kinematic-paper.parquet: must be writable, ...
+    OutputError: /dev/null/runs/kinematic-paper.parquet: must be writable, ...
     """
 
 
@@ -95,7 +95,7 @@ class PlantError(FlightTuneError, RuntimeError):
     --------
     >>> ft.JSBSimPlant().observe()
     Traceback (most recent call last):
-    flighttune.errors.PlantError: `JSBSimPlant` must be started before it can be observed or flown.
+    PlantError: `JSBSimPlant` must be started before it can be observed or flown.
     """
 
 
@@ -106,7 +106,7 @@ class TrimError(PlantError):
     --------
     >>> ft.JSBSimPlant().start(ft.FlightCondition(V_a=25.0, gamma=-0.7))  # doctest: +ELLIPSIS
     Traceback (most recent call last):
-    flighttune.errors.TrimError: ...: no steady flight at V_a 25 m/s, h 1000 m, ...
+    TrimError: ...: no steady flight at V_a 25 m/s, h 1000 m, ...
     """
 
 

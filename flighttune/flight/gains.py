@@ -173,7 +173,7 @@ def certify(
         )
         return replace(certification, name=name)
     certification = certify_scenario(
-        scenario, chosen, envelope=envelope, L_d=L_d, law=law, with_rates=True
+        scenario, chosen, envelope=envelope, L_d=L_d, law=law, sampled=True
     )
     certification = replace(
         certification,

@@ -297,7 +297,7 @@ def certify_scenario(
     envelope: bool = False,
     L_d: float | None = None,
     law: Law | None = None,
-    with_rates: bool = False,
+    sampled: bool = False,
 ) -> Certification:
     """A certificate of gains on the linear model of a scenario, or the reason for its absence.
 
@@ -313,8 +313,9 @@ def certify_scenario(
         Bound of the disturbance's derivative; by default that of the scenario's sinusoid, if any.
     law : Law, optional
         Law that flies the gains; by default the first of the scenario that takes them.
-    with_rates : bool
-        Prove the exact rates of the loop too, which takes up to a second.
+    sampled : bool
+        Prove the exact rate of the sampled loop beside that of the continuous one, which takes up
+        to a second. Over an envelope neither is.
 
     Returns
     -------
@@ -350,12 +351,17 @@ def certify_scenario(
         L_d=L_d,
         conditions=[((design.V_a, design.gamma), design.model) for design in everywhere],
         scenario_sha256=scenario.sha256,
-        rates=scenario_rates(scenario, gains, law) if with_rates else (),
+        rates=() if envelope else scenario_rates(scenario, gains, law, sampled=sampled),
     )
 
 
-def scenario_rates(scenario: Scenario, gains: PIGains, law: Law) -> tuple[ExactRate, ...]:
+def scenario_rates(
+    scenario: Scenario, gains: PIGains, law: Law, *, sampled: bool
+) -> tuple[ExactRate, ...]:
     """Exact rates of gains on the linear model of a scenario, and on the loop as it is sampled."""
+    model, scaling = linear_model(scenario, law), tuning_scaling(scenario, law)
+    if not sampled:
+        return exact_rates(model, gains, scaling=scaling)
     settings, dt = scenario.tuning, 1.0 / scenario.controller.rate_hz
     if settings.model == "identified":
         design = identified_models(scenario, law)[0]
@@ -366,9 +372,9 @@ def scenario_rates(scenario: Scenario, gains: PIGains, law: Law) -> tuple[ExactR
             each = np.broadcast_to(settings.lag_rad_s, len(alone.inputs)).tolist()
             lags = tuple(InnerLag(order=1, natural_frequency=omega) for omega in each)
     return exact_rates(
-        linear_model(scenario, law),
+        model,
         gains,
-        scaling=tuning_scaling(scenario, law),
+        scaling=scaling,
         sampling=Sampling(model=alone, lags=lags, dt=dt, trapezoidal=law.trapezoidal),
     )
 

@@ -76,7 +76,7 @@ kind = "kinematic"
 kind     = "jsbsim"
 aircraft = ""
 
-[[expect]]                          # what both must achieve; MO: overshoot, ST: error at the end
+[[expect]]                          # what both must achieve; MO: overshoot, ST: scatter at the end
 at_most.chi.MO_deg   = 5.0
 at_most.gamma.MO_deg = 3.0
 at_most.chi.ST_deg   = 0.5

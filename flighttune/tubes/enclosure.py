@@ -142,6 +142,8 @@ class Tube(Answering):
         )
         starts = f"from starts within {number(problem.start * DEG_PER_RAD)} deg of its start"
         shaken = f" and under any disturbance of at most {number(worst)} rad/s" if worst else ""
+        if self.probability is not None or problem.aircraft_checked is not None:
+            shaken = " and under any disturbance in the boxes of its file"
         words = (
             f'every flight of {problem.model} in "{problem.scenario.title}" at '
             f"{problem.scenario.flight.V_a_mps:g} m/s with these gains, "

@@ -116,7 +116,8 @@ class LogNormal(DisperseTable):
 
     def at(self, u: FloatArray) -> FloatArray:
         """Values at points `u` of the open unit interval, shape as `u`."""
-        return self.median * np.exp(self.sd_log * ndtri(u))
+        with np.errstate(over="ignore"):  # a drawn infinity is refused by its key
+            return self.median * np.exp(self.sd_log * ndtri(u))
 
 
 class Uniform(DisperseTable):
