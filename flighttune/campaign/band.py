@@ -288,7 +288,7 @@ def some_draws(band: Band, flights: int) -> list[int]:
 
 
 def differing(band: Band, draws: Sequence[int], pool: WorkerPool) -> list[int]:
-    """Those of some counted draws, in rising order, that differ by a bit when flown again.
+    """The counted draws, in rising order, that differ by a bit when they are flown again.
 
     Raises InputError as `plan_of` does.
     """

@@ -291,7 +291,8 @@ class Search:
     def trade_offs(self, nearest: Trial) -> Iterator[dict[str, Any]]:
         """The conflicting requirements with their best values among all candidates.
 
-        That alone, and that of a candidate that meets the others; None if there is none.
+        The first is its value alone, the second that of a candidate that meets the others; either
+        is None if there is none.
         """
         trials = list(self.trials.values())
         excess = np.array([trial.excess[0] for trial in trials])

@@ -98,7 +98,8 @@ class Meeting(Answering):
     flights, candidates : int
         Number of flights, and of gain sets that were flown.
     metric : mapping
-        What was minimised: its ``name``, its ``value`` with the gains and at the ``start``.
+        The quantity that was minimised: its ``name``, and its ``value`` with the gains and at the
+        ``start``.
     requirements : sequence of mapping
         ``run``, ``measure``, ``sense``, ``bound``, ``value``, ``margin`` relative to the bound, why
         there is no value (``why``), the value at the ``start``, and the shares of draws on which it
@@ -177,7 +178,7 @@ class Meeting(Answering):
 
     @property
     def start_sentence(self) -> str:
-        """That the gains of the start need no search; empty if they do."""
+        """A note that the gains of the start need no search; empty if they do."""
         n = len(self.requirements)
         return f"{self.start} already meets all {n} requirements" if self.start_met else ""
 

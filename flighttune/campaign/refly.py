@@ -62,7 +62,7 @@ def refly(
     Returns
     -------
     Reflown
-        Of a stated `run` it has the flight too, with the band around it.
+        If one `run` was stated it has the flight too, with the band around it.
 
     Raises
     ------

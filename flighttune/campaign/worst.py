@@ -99,7 +99,7 @@ class WorstFlight(Answering):
     scenario : Scenario
         This flight alone, which `fly` flies.
     metric : str
-        What was maximised.
+        The quantity that was maximised.
     value : float
         Its value; infinite for a flight that ended early.
     first : float

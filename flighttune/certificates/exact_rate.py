@@ -33,7 +33,7 @@ class Sampling:
     Attributes
     ----------
     model : LinearModel
-        Of the law alone.
+        The linear model of the law alone.
     lags : tuple of InnerLag
         One an input, or none for a model without an inner loop.
     dt : float, s
@@ -66,7 +66,7 @@ class ExactRate:
     Q : ndarray, shape (N, N)
         The norm is ``sqrt(s' Q s)``, s in `units`.
     units : ndarray, shape (N,)
-        Of the state of the continuous loop; ones for a sampled loop, which has its own.
+        The units of the state of the continuous loop; ones for a sampled loop, which has its own.
     sampling : Sampling or None
         None: the continuous loop of the certificate's model.
     """
@@ -104,7 +104,7 @@ class ExactRate:
         ]
 
     def values(self, model: LinearModel, gains: PIGains) -> dict[str, Any]:
-        """What is printed of it: the loop, rate, growth, and the rate by eigenvalues."""
+        """The figures that are printed: the loop, rate, growth, and the rate by eigenvalues."""
         if self.sampling is None:
             loop, dt = closed_loop(model, gains), None
         else:

@@ -126,7 +126,7 @@ class Distribution:
 
     @property
     def _air(self) -> dict[str, str]:
-        """What moves the air, what disturbs the rates and what the sensors add."""
+        """The parts that move the air, disturb the rates, and add errors of sensors."""
         intensity = self._range("turbulence.intensity")
         if severity := self._range("turbulence.severity"):
             intensity = f"severity {severity} ({self._range('turbulence.wind_20ft_mps')} at 20 ft)"

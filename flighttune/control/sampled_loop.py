@@ -33,7 +33,7 @@ def sampled_loop(
     Parameters
     ----------
     model : LinearModel
-        Of the law alone: n states, m inputs, p errors.
+        The linear model of the law alone: n states, m inputs, p errors.
     lags : sequence of InnerLag, length m or 0
         Inner loop of each input, without the delay of the hold, which is exact here; none where the
         inputs are the commands.

@@ -45,7 +45,7 @@ class Report(Answering):
     tables : tuple of Table
         Its tables.
     shown : Answer
-        What a terminal shows of it.
+        The answer that a terminal shows.
 
     Examples
     --------
@@ -61,7 +61,7 @@ class Report(Answering):
     shown: Answer = field(default_factory=Answer, repr=False)
 
     def answer(self) -> Answer:
-        """What is on the page, and its file."""
+        """The answer that the page shows, and its file."""
         return replace(self.shown, files={"report": self.path})
 
 

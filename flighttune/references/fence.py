@@ -51,7 +51,7 @@ class Fence:
     sag : ndarray, shape (edges,)
         Distance of each from the line that is straight in latitude and longitude.
     names : tuple of str, length edges + 2
-        Of the edges, and of ceiling and floor.
+        Names of the edges, and of ceiling and floor.
     low, high : float
         Lowest and highest height.
     """
@@ -114,7 +114,7 @@ def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
     origin : tuple of two floats, deg
         Latitude and longitude of the start.
     tables : dict, optional
-        What the file holds, if it has been read.
+        The content of the file, if it has been read.
 
     Raises
     ------

@@ -100,7 +100,7 @@ class TuningResult(Answering):
     method : str
         The optimiser.
     problem : TuningProblem
-        What was asked for; of several models that at the first reference.
+        The problem that was stated; that at the first reference if there are several models.
     gains : PIGains or None
         The best ones; if infeasible those of the smallest I_K; None if failed.
     R_K, I_K, E_K, spectral_abscissa : float
@@ -121,7 +121,7 @@ class TuningResult(Answering):
     factor : float or None
         Part of the envelope, scaled about the trim, that was reached; 1 if found.
     diagnosis : Diagnosis or None
-        Of an infeasible problem: what would have to give.
+        For an infeasible problem, what would have to give.
 
     Examples
     --------
