@@ -41,6 +41,7 @@ NOT_RUN = {
     "flighttune tube feasible": "minutes, after `band feasible_starts`",
     "flighttune tube paper --gains paper --disturbance": "minutes",
     "flighttune verify proof.npz": "after `tube`; tests/tube",
+    "flighttune worst proof.npz": "after `tube`; tests/campaign/test_worst.py",
     "flighttune fly runs/aerosonde_dispersed-worst.toml": "after `worst`; tests/campaign",
     "flighttune worst paper": "minutes",
     "flighttune meet paper_identified --campaign": "minutes",
