@@ -35,7 +35,6 @@ OLD_BOUNDS = ("_err_low", "_err_high", "_err_worst", "_band_low", "_band_high")
 
 # Keys in the metadata of the schema, in the order of the file: the seal must be the last one.
 DESCRIPTION = b"flighttune.run"
-RUN_SHA256 = b"flighttune.run.sha256"
 FLIGHT = b"flighttune.flight"  # JSON: the SHA-256 of all runs flown with this one, in order
 SEAL = b"flighttune.file"
 
@@ -120,7 +119,7 @@ def signals_sha256(description: str, rows: FloatArray) -> str:
 
 def record_bytes(parts: Parts, flight: Sequence[str] = ()) -> bytes:
     """The file of a run; `flight` has the SHA-256 of all runs that belong together."""
-    description, rows, sha256 = parts
+    description, rows, _ = parts
     schema = pa.schema(
         [
             pa.field(name, pa.float64(), metadata={"unit": unit} if unit else None)
@@ -128,7 +127,6 @@ def record_bytes(parts: Parts, flight: Sequence[str] = ()) -> bytes:
         ],
         metadata={
             DESCRIPTION: description,
-            RUN_SHA256: sha256,
             FLIGHT: json.dumps(list(flight)),
             SEAL: BLANK,
         },
@@ -160,8 +158,9 @@ def _read(path: Path) -> tuple[Run, str, tuple[str, ...]]:
         table = pq.ParquetFile(pa.BufferReader(data)).read()
         stated = table.schema.metadata
         rows = np.column_stack([column.to_numpy() for column in table.columns])
-        parts = stated[DESCRIPTION].decode(), rows, stated[RUN_SHA256].decode()
-        return run_of(parts), parts[2], tuple(json.loads(stated.get(FLIGHT, b"[]")))
+        description = stated[DESCRIPTION].decode()
+        flight = tuple(json.loads(stated.get(FLIGHT, b"[]")))
+        return _run_of(description, rows), signals_sha256(description, rows), flight
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
     except UNREADABLE as error:
@@ -169,14 +168,8 @@ def _read(path: Path) -> tuple[Run, str, tuple[str, ...]]:
         raise RecordingError(f"{path}: must be a {PARQUET_FILE} of a run, got {got}.") from error
 
 
-def run_of(parts: Parts) -> Run:
-    """The run, with signals equal to the bit, if its SHA-256 is that of the other parts."""
-    description, rows, sha256 = parts
-    if sha256 != signals_sha256(description, rows):
-        raise RecordingError(
-            "description and signals must have the SHA-256 that was recorded, got another one; "
-            "fly it again."
-        )
+def _run_of(description: str, rows: FloatArray) -> Run:
+    """The run that a description and rows are of, with signals equal to the bit."""
     entry = json.loads(description)
     if entry["format"] > FORMAT:
         raise RecordingError(
