@@ -72,9 +72,9 @@ FAILED = 1e3
 
 WORST_COLUMNS = [
     *columns("plant gains value"),
-    Column("first", "worst of the first generation, drawn from the distribution"),
+    Column("first", "worst of the first draws, which are random"),
     Column("distance", "standard deviations from the median"),
-    Column("radius", "of those that have 99.9 % of the distribution"),
+    Column("radius", "radius of the 99.9 % region"),
     *columns("status"),
     Column("ratio.chi", "tube over flight χ"),
     Column("ratio.gamma", "tube over flight γ"),

@@ -248,7 +248,7 @@ class Certificate(Answering):
         if growth > MAX_GROWTH:
             worth.append(f"an error may first grow {growth:.0f}-fold")
         if I_K > MAX_I_K:
-            worth.append(f"I_K of {I_K:.2g} s² is no useful bound under a disturbance")
+            worth.append(f"I_K of {I_K:.2g} s² is too large to be a useful bound")
         return f"certified, but {listed(worth)}" if worth else "certified"
 
     @property

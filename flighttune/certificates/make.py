@@ -45,7 +45,7 @@ EIGENVALUE_COLUMNS = [
 CERTIFICATE_COLUMNS = [
     Column("in_words", "status"),
     *columns("rate growth radius L_d"),
-    Column("largest_factor", "largest certified envelope"),
+    Column("largest_factor", "largest certified envelope, times that of the scenario"),
 ]
 
 # Airspeed (m/s) and flight-path angle (rad), and the model there.

@@ -256,8 +256,8 @@ class Tube(Answering):
             ]
         else:
             notes = [
-                f"From {self.handed_over:.2f} s on no limit ever holds a command, under "
-                "disturbances within those at the end."
+                f"From {self.handed_over:.2f} s on no limit holds a command, if later "
+                "disturbances stay within those at the end."
             ]
         if counted is not None:
             notes.append(f"counted: {counted.sentence}")

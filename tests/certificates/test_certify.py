@@ -66,7 +66,7 @@ def test_a_weak_certificate_says_what_it_is_worth(at_trim):
     assert at_trim.in_words == "certified"
     assert f"certified, but the proven rate halves errors in {hours:.2g} hours" in made.in_words
     assert f"an error may first grow {made.values['growth']:.0f}-fold" in made.in_words
-    assert "s² is no useful bound under a disturbance" in made.in_words
+    assert "s² is too large to be a useful bound" in made.in_words
 
 
 def test_the_tuned_gains_are_certified_over_an_envelope(over_envelope):
