@@ -22,9 +22,6 @@ from flighttune.errors import InputError
 from flighttune.theory.decay import decay, decay_checks, true_rate
 from flighttune.theory.exact import Check, exact
 
-# States of a sampled loop up to which its rate is offered: the exact check takes 3 s at 40.
-MAX_SAMPLED = 40
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sampling:
@@ -51,8 +48,6 @@ class Sampling:
             loop, units = sampled_loop(
                 self.model, self.lags, gains, dt=self.dt, trapezoidal=self.trapezoidal
             )
-            if len(loop) > MAX_SAMPLED:
-                raise InputError(f"`lags` must give at most {MAX_SAMPLED} states, got {len(loop)}.")
             return square_matrices("loop", loop * units / units[:, None], 2)
 
 
@@ -134,7 +129,8 @@ def exact_rates(
     scaling : ndarray, shape (n + p,), optional
         Units of s = (x', e) in which the growth is measured; ones by default.
     sampling : Sampling, optional
-        Without it, or where its loop has more than `MAX_SAMPLED` states, the continuous rate alone.
+        Without it, or where its loop has too many states for the exact check, there is the
+        continuous rate alone.
     """
     loop = closed_loop(model, gains)
     units = np.ones(len(loop)) if scaling is None else np.asarray(scaling, dtype=float)

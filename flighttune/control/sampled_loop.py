@@ -16,8 +16,8 @@ from flighttune.control.inner_loop import InnerLag
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError, ShapeError
 
-# Samples of delay of all inputs together: beyond it the exact arithmetic would take minutes.
-MOST_DELAYED = 40
+# States of a sampled loop: the exact check of its rate takes 3 s at as many.
+MAX_SAMPLED = 40
 
 
 def sampled_loop(
@@ -59,8 +59,8 @@ def sampled_loop(
     ShapeError
         If there is not one lag an input.
     InputError
-        If the channels of `gains` are not those of `model`, `dt` is not positive, or the delays are
-        longer than `MOST_DELAYED` samples together.
+        If the channels of `gains` are not those of `model`, `dt` is not positive, or N is above
+        `MAX_SAMPLED`.
     """
     model.check_channels(gains)
     check_positive(dt=dt)
@@ -69,9 +69,11 @@ def sampled_loop(
         raise ShapeError(f"`lags` must be {m}, one an input, got {len(lags)}.")
     A, B = _plant(model, lags)
     delays = [lag.delay for lag in lags] or [0.0] * m
-    late = sum(delays) / dt
-    if late > MOST_DELAYED:
-        raise InputError(f"`lags` must be late by {MOST_DELAYED} samples in all, got {late:.3g}.")
+    late, others = sum(delays) / dt, len(A) + 2 * m + p
+    if others + late > MAX_SAMPLED:
+        raise InputError(
+            f"`lags` must be late by {MAX_SAMPLED - others} samples in all, got {late:.3g}."
+        )
     whole = [math.floor(delay / dt) for delay in delays]
     k, kept = len(A), [count + 1 for count in whole]
     first_kept = k + np.cumsum([0, *kept])

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.certificates.exact_rate import MAX_SAMPLED, Sampling, exact_rates
+from flighttune.certificates.exact_rate import Sampling, exact_rates
+from flighttune.control.sampled_loop import MAX_SAMPLED
 
 # Share of the true rate that must be proven.
 TARGET = 0.99
