@@ -56,7 +56,7 @@ MAX_STATES = 24
 
 
 EXACT_COLUMNS = [
-    Column("loop"),
+    Column("loop", "loop"),
     *columns("decay growth"),
     Column("true_rate", "true rate", "1/s", "z.6g"),
 ]
