@@ -8,7 +8,7 @@ import pytest
 from made_up import made_up_run
 
 import flighttune as ft
-from flighttune.metrics import METRICS, measures, settling_measures
+from flighttune.metrics import measures, settling_measures
 
 SAMPLING = 2e-4
 T = np.linspace(0.0, 20.0, 200_001)
@@ -107,21 +107,6 @@ def test_flight_metrics_are_the_extremes():
     assert found["V_a_dev_mps"] == pytest.approx(1.0, abs=1e-6)
     assert found["alpha_max_rad"] == pytest.approx(0.2, abs=1e-6)
     assert (found["n_z_min"], found["n_z_max"]) == pytest.approx((0.5, 1.5), abs=1e-6)
-
-
-def test_all_measures_are_those_of_the_tables_and_the_largest_error():
-    gamma_err = 0.3 * np.sin(T)
-    run = run_of(np.exp(-0.5 * T), gamma_err, alpha=0.1 * np.cos(T))
-
-    found = measures(run)
-
-    table = ft.channel_metrics(run)
-    for channel in ("chi", "gamma"):
-        numbers = [found[channel][name] for name in METRICS]
-        assert np.array_equal(numbers, table.loc[channel], equal_nan=True)
-    assert found["flight"] == ft.flight_metrics(run)
-    assert found["chi"]["peak_rad"] == 1.0
-    assert found["gamma"]["peak_rad"] == pytest.approx(0.3, abs=SAMPLING)
 
 
 def test_a_run_of_one_sample_has_no_measures():

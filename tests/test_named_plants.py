@@ -7,9 +7,7 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.plants.label import aircraft_of, label_of, plant_label
 from flighttune.recording.entities import runs_to_draw
-from flighttune.records.compare import load_source
 
 NOMINAL, HEAVY = "jsbsim:aerosonde", "jsbsim:aerosonde:heavy_aft"
 
@@ -35,22 +33,6 @@ def folder(flown, tmp_path_factory):
     folder = tmp_path_factory.mktemp("named") / "both"
     ft.record(flown, folder)
     return folder
-
-
-@pytest.mark.parametrize(
-    ("parts", "label"),
-    [
-        (("kinematic",), "kinematic"),
-        (("jsbsim", "aerosonde"), NOMINAL),
-        (("jsbsim", "aerosonde", "heavy_aft"), HEAVY),
-        (("point_mass_lag", None, "slow"), "point_mass_lag:slow"),
-    ],
-)
-def test_a_label_is_kind_aircraft_and_name(parts, label):
-    table = {k: v for k, v in zip(("kind", "aircraft", "name"), parts, strict=False) if v}
-
-    assert plant_label(*parts) == label_of(table) == label
-    assert aircraft_of(label, [{"kind": "point_mass"}, table]) == table.get("aircraft")
 
 
 def test_both_fly_their_own_flight_and_the_nominal_one_to_the_same_bits(tables, flown):
@@ -103,15 +85,6 @@ def test_names_that_letters_do_not_tell_apart_have_files_of_their_own(tables, tm
 
     assert len({*files.signals.values()}) == len(list(tmp_path.glob("*.parquet"))) == 2
     assert [run.label for run in ft.load_recording(files.recording).runs] == [*files.signals]
-
-
-def test_one_is_compared_with_the_other(folder):
-    found = ft.compare(load_source(f"{folder}@{NOMINAL}"), load_source(f"{folder}@{HEAVY}"))
-
-    assert (found.comparable, found.reason) == (True, "")
-    assert [(pair.a.label, pair.b.label) for pair in found.pairs] == [
-        (f"{NOMINAL} / {name}", f"{HEAVY} / {name}") for name in ("paper", "K1")
-    ]
 
 
 def test_the_gap_is_that_of_the_plant_asked_for(tables, flown):

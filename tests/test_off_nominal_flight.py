@@ -38,13 +38,6 @@ def test_the_example_of_the_page_comes_to_what_it_expects(example):
     assert flown.claim.missed == ()
 
 
-def test_what_was_recorded_is_flown_again_to_the_bit(flown, tmp_path):
-    runs = ft.load_recording(ft.record(flown, tmp_path).recording).runs
-
-    assert [set(MEASURED) <= set(run.signals) for run in runs] == [True, True]
-    assert ft.refly(runs).equal
-
-
 def errors_seen(run):
     return run.signals[[*MEASURED]].to_numpy() - run.signals[[*SENSED]].to_numpy()
 

@@ -295,13 +295,3 @@ def test_residual_signals_need_an_aircraft_and_are_not_recorded():
     ):
         with pytest.raises(ft.InputError, match=message):
             count(of="residual", **settings)
-
-
-@pytest.mark.slow
-def test_flights_of_one_air_are_counted_where_the_campaign_has_several():
-    plan = small_plan(plants=[AEROSONDE], wind=WIND, turbulence={"intensity": "light"})
-
-    calm = count(plan, air="calm", flights=ALONE)
-
-    assert "in calm air" in calm.sentence
-    assert plan_of_band(calm).scenario.turbulence is None

@@ -42,12 +42,6 @@ def edited(band, *keys, value):
     return {"plan": plan}
 
 
-def test_an_honest_file_is_valid(counted, tmp_path, monkeypatch):
-    ft.save_band(counted, tmp_path / "x.npz")
-
-    assert "flown again: equal to the bit" in verified(tmp_path / "x.npz", 0, monkeypatch)
-
-
 @pytest.mark.parametrize(
     "keys",
     [

@@ -161,16 +161,6 @@ def test_the_scenario_of_a_draw_has_its_values_and_seed():
         assert scenario.model_dump(exclude=same) == plan.scenario.model_dump(exclude=same)
 
 
-def test_values_of_a_draw_are_those_of_its_row():
-    plan = plan_of(SPEED, {"key": "flight.n_z", "distribution": "choice", "values": [1.0]})
-    frame = plan.parameters()
-
-    for draw in (0, plan.draws - 1):
-        assert plan.values_of(draw) == frame.loc[draw].to_dict()
-    with pytest.raises(ft.InputError, match=f"`draw` .*{plan.draws - 1}.* {plan.draws}"):
-        plan.values_of(plan.draws)
-
-
 def test_a_grid_is_flown_cell_by_cell_with_the_same_draws_in_each():
     plan = plan_of(
         {"key": "flight.V_a_mps", "distribution": "grid", "lower": 20.0, "upper": 30.0, "count": 3},

@@ -120,23 +120,6 @@ def test_a_campaign_that_is_not_over_says_how_much_is_there(tmp_path, flown_fold
         load_flights(out)
 
 
-def records_of(page, title):
-    (table,) = (table for table in page.tables if table.title == title)
-    return table.records
-
-
-def test_the_tables_have_the_numbers_of_the_groups(made_up, page):
-    groups = {record["group"]: record for record in records_of(page, "Success")}
-
-    for group in made_up.values["groups"]:
-        record = groups[group["group"]]
-        assert all(record[key] == group[key] for key in ("successes", "n", "lo", "hi"))
-    reasons = records_of(page, "Why flights fail")
-    assert any("the course error passed 180 deg" in record["reason"] for record in reasons)
-    for pair in records_of(page, "Gains on the same draws"):
-        assert (pair["a"], pair["win_rate"]) == ("paper", 0.0)
-
-
 def test_the_first_screen_says_what_success_is_and_draws_the_measure_that_decides(page):
     first = page.path.read_text(encoding="utf-8").partition("<body>")[2].partition("<details")[0]
 

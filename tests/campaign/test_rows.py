@@ -26,7 +26,7 @@ from hypothesis import strategies as st
 
 import flighttune as ft
 from flighttune.campaign.flying.alone import fly_again, scenario_of_run
-from flighttune.campaign.flying.columns import row_schema, table_of, unit_of_key
+from flighttune.campaign.flying.columns import row_schema, table_of
 from flighttune.campaign.flying.rows import fly_runs, lost_row
 from flighttune.control.margins import channel_margins
 from flighttune.flight import models
@@ -114,20 +114,6 @@ def test_the_schema_is_that_of_the_plan_with_units(whole):
     assert units["gamma.effort_rms"] == units["flight.n_z_max"] == "1"
     numbers = [f.name for f in rows.schema if pa.types.is_floating(f.type)]
     assert set(numbers) <= set(units)
-
-
-@pytest.mark.parametrize(
-    ("key", "unit"),
-    [
-        ("flight.g_mps2", "m/s^2"), ("limits.phi_deg[1]", "deg"), ("controller.rate_hz", "1/s"),
-        ("reference.chi_deg[0].rate_dps", "deg/s"), ("disturbance.chi_omega_rad_s", "rad/s"),
-        ("limits.n_z_rate_per_s[0]", "1/s"), ("plant.airframe.cg_aft_m", "m"),
-        ("plant.airframe.mass_factor", "1"), ("disturbance.gamma_amplitude", "rad/s"),
-        ("sensors.noise_time_constant_s", "s"), ("flight.n_z", "1"),
-    ],
-)  # fmt: skip
-def test_a_key_tells_its_unit_by_its_ending(key, unit):
-    assert unit_of_key(key) == unit
 
 
 def test_columns_of_dispersed_keys_have_the_type_of_what_is_drawn():

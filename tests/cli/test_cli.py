@@ -1,6 +1,5 @@
 """The command line as a user meets it: a process with stdout, stderr and an exit status."""
 
-import io
 import json
 import math
 import re
@@ -101,41 +100,6 @@ def test_a_run_that_ends_early_is_a_result_with_a_reason_and_exit_status_one(tmp
 
 
 @pytest.mark.slow
-def test_fly_says_of_which_model_the_indicators_are(tmp_path):
-    path, text = tmp_path / "mine.toml", (SHIPPED_SCENARIOS / "feasible.toml").read_text()
-    text = text.partition("[[expect]]")[0].replace('"paper", "tuned_identified"', '"paper"')
-    printed = {}
-    for model in ("kinematic", "identified"):
-        path.write_text(f'{text}\n[tuning]\nmodel = "{model}"\n')
-        printed[model], _ = flighttune("fly", path, "--out", tmp_path)
-
-    assert "\nlinear loop on the kinematic law, steady flight" in printed["kinematic"]
-    assert "\nlinear loop on the identified aircraft, steady flight" in printed["identified"]
-
-
-@pytest.mark.slow
-def test_a_scenario_becomes_a_page_whose_summary_is_printed(tmp_path):
-    out = tmp_path / "sent" / "report.html"
-
-    shown, err = flighttune("report", "paper_as_printed", "-o", out, "--json")
-
-    found = json.loads(shown)
-    assert err == ""
-    assert found["report"] == str(out)
-    assert found["bytes"] == out.stat().st_size
-    assert len(found["summary"]) == 2
-    assert {"tracking", "convergence", "certificates"} <= found["tables"].keys()
-    assert out.read_text().startswith("<!doctype html>")
-
-
-def test_a_command_to_copy_has_a_line_of_its_own(tmp_path, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "40")
-    printed, _ = flighttune("export", "level_turn", "--out", tmp_path)
-
-    assert answer("export", "level_turn", "--out", tmp_path)["command"] in printed.splitlines()
-
-
-@pytest.mark.slow
 def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
     text = (SHIPPED_SCENARIOS / "paper_printed_limits.toml").read_text()
     path = tmp_path / "infeasible.toml"
@@ -220,26 +184,6 @@ def test_quiet_prints_failures_only():
     out, err = flighttune("fly", "nowhere", "-q", status=2)
     assert out == ""
     assert "nowhere" in err
-
-
-def test_a_terminal_sees_at_once_what_a_command_does(monkeypatch):
-    class Terminal(io.StringIO):
-        def isatty(self):
-            return True
-
-    def on_a_terminal(*arguments):
-        seen = Terminal()
-        with mock.patch.object(sys, "argv", ["flighttune", *arguments]):
-            monkeypatch.setattr(sys, "stderr", seen)
-            with pytest.raises(SystemExit):
-                main()
-        return seen.getvalue()
-
-    shown = on_a_terminal("list")
-
-    assert shown.startswith("listing ...")
-    assert shown.endswith(f"\r{' ' * len('listing ...')}\r")  # and it is gone again
-    assert on_a_terminal("list", "-q") == ""
 
 
 def commands_of(group, above=()):

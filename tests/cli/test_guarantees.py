@@ -9,7 +9,6 @@ import pytest
 from commands import answer, flighttune
 
 import flighttune as ft
-from flighttune.reports.tables import certificates_table
 
 
 @pytest.fixture(scope="module")
@@ -48,21 +47,6 @@ def test_over_the_envelope_the_radius_is_larger_and_the_claim_says_where_it_hold
         "over the envelope V_a 22..28 m/s, gamma -15..45 deg, phi -20..20 deg, n_z 0.8..1.3"
         in checked.answer().verdict
     )
-
-
-def test_where_certified_is_printed_it_says_what_that_is_worth(tmp_path):
-    gains, proof = tmp_path / "weak.json", tmp_path / "proof.json"
-    gains.write_text('{"K_P": [[1.5, 0.0], [0.0, 1.9]], "K_I": [[2e-5, 0.0], [0.0, 2e-5]]}')
-    # The slowest eigenvalue, of the integral of the path angle, is at -1.2187e-5 1/s.
-    exactly = "certified, but the proven rate halves errors in 16 hours"
-
-    printed, _ = flighttune("certify", "paper", "--gains", gains, "--out", proof)
-
-    assert exactly in " ".join(printed.split())
-    assert exactly in flighttune("verify", proof)[0]
-    weak = ft.PIGains(**json.loads(gains.read_text()))
-    table = certificates_table(ft.load_scenario("paper"), {"weak": weak})
-    assert table.records[0]["status"].startswith(exactly)
 
 
 def test_verify_refuses_a_changed_digit_and_names_the_inequality(certificate, tmp_path):

@@ -41,12 +41,3 @@ def test_the_figure_is_drawn_beside_the_model(aerosonde):
     bandwidth = ft.load_identified(out).conditions[0].lags[0].bandwidth
     assert f"−3 dB at {bandwidth:.1f} rad/s" in figure
     assert figure.count('class="chart"') == 8
-
-
-def test_without_json_there_are_tables_and_the_default_place(tmp_path):
-    printed, _ = flighttune("identify", "aerosonde", "--gamma", 10, "--gamma", -30, cwd=tmp_path)
-
-    assert "short period" in printed
-    assert "left out: " in printed
-    assert "throttle closed" in printed
-    assert (tmp_path / "runs" / "identified" / "aerosonde.json").exists()

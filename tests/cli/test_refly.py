@@ -81,16 +81,6 @@ def test_other_gains_are_told_before_what_came_of_them(folder, tmp_path):
     assert "K_P[0][0] differs: " in flighttune("refly", path, status=1)[1]
 
 
-def test_another_version_is_said_and_no_failure(folder, tmp_path):
-    def older(run):
-        versions = {**run.provenance.versions, "numpy": "1.0"}
-        return replace(run, provenance=replace(run.provenance, versions=versions))
-
-    path = rewritten(folder, tmp_path / "old", change=older)
-
-    assert "numpy: 1.0 then, " in flighttune("refly", path)[0]
-
-
 def test_a_run_of_fewer_samples_differs_in_their_number(folder):
     run = ft.load_recording(folder).runs[0]
     shorter = replace(run, signals=run.signals.iloc[:40])

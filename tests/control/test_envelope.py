@@ -127,10 +127,3 @@ def test_an_envelope_must_be_one_a_law_can_fly_in(change, message):
 
     with pytest.raises(ft.InputError, match=message):
         Envelope(**(ranges | change))
-
-
-def test_a_factor_and_gravity_must_make_sense():
-    with pytest.raises(ft.InputError, match="`factor` must not be negative"):
-        WIDE.scaled(TRIM, -1.0)
-    with pytest.raises(ft.InputError, match="`g` must be positive"):
-        jacobian_hull(WIDE, g=0.0)

@@ -240,33 +240,6 @@ def test_a_title_with_control_characters_is_written_as_xml(tmp_path):
     assert "\x1b" not in (tmp_path / "README.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize(
-    ("tables", "key"),
-    [
-        ({"gust": {"axis": "right", "peak_mps": 3.0, "start_s": 2.0, "length_m": 30.0}}, "gust"),
-        ({"turbulence": {"severity": 3, "wind_20ft_mps": 8.0}}, "turbulence"),
-        (
-            {"wind": {"level": [
-                {"h_m": 0.0, "speed_mps": 2.0, "from_deg": 0.0},
-                {"h_m": 2000.0, "speed_mps": 9.0, "from_deg": 0.0},
-            ]}},
-            "wind.level",
-        ),
-        (
-            {"disturbance": {
-                "chi_amplitude": 0.01, "chi_omega_rad_s": 0.5, "as_wind": True,
-            }},
-            "disturbance.as_wind",
-        ),
-    ],
-)  # fmt: skip
-def test_air_that_changes_is_refused_by_its_key(tables, key, tmp_path):
-    scenario = ft.scenario_from(ft.load_scenario("level_turn").as_dict() | tables)
-
-    with pytest.raises(ft.InputError, match=f"`{key}` must be absent"):
-        export_jsbsim(scenario, "paper", gain_set(scenario, "paper"), tmp_path)
-
-
 @pytest.mark.slow
 def test_a_console_that_takes_another_step_flies_nothing(tmp_path):
     found = exported("level_turn", tmp_path)

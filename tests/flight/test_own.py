@@ -159,14 +159,6 @@ def test_a_law_that_cannot_be_made_ends_its_own_flights_alone(scenario):
     assert flown.runs[1].reason.startswith("law mine at t = 0.00 s: KeyError: 'no model'")
 
 
-def test_a_law_of_another_sample_time_is_said_so(scenario):
-    changed = ft.scenario_from(scenario.as_dict() | {"controller": {"rate_hz": 100.0}})
-
-    (_, run) = ft.fly(changed, laws={"mine": mine}).runs
-
-    assert "`dt` must be that of the flight, 0.01 s, got 0.02" in run.reason
-
-
 class Falls(Glider):
     def advance(self, phi_cmd, n_z_cmd, duration):
         if self.chi > 0.05:

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dispersed import plan_of, tables_of, uniform
 from made_up import made_up_scenario
 
 import flighttune as ft
@@ -145,21 +144,6 @@ def test_turbulence_and_an_oscillating_wind_do_not_turn_the_start():
     )
 
     assert start_condition(scenario) == stated_condition(scenario)
-
-
-def test_every_draw_of_the_wind_has_a_start_of_its_own():
-    plan = plan_of(
-        tables_of(wind={"speed_mps": 5.0, "from_deg": 0.0}),
-        uniform("wind.from_deg", 0.0, 360.0),
-        runs=6,
-    )
-    scenarios = [plan.scenario_of(draw) for draw in range(3)]
-
-    assert len({start_condition(scenario).chi for scenario in scenarios}) == 3
-    for scenario in scenarios:
-        now = fly_alone(scenario, scenario.plant[0], ft.PAPER_GAINS, "paper").signals.iloc[0]
-        on_course = math.radians(20.0), math.radians(10.0)
-        assert (now["chi"], now["gamma"]) == pytest.approx(on_course, abs=1e-12)
 
 
 class Still(ft.PointMassPlant):

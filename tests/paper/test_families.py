@@ -110,14 +110,6 @@ def test_the_first_commands_of_the_printed_gains_are_those_worked_out_by_hand(st
     )
 
 
-def test_the_family_is_shifted_by_epsilon_times_the_identity(study):
-    family = study.gains
-
-    assert list(family) == ["K1", "K2", "K3", "K*", "K4", "K5", "K6"]
-    assert family["K4"].K_P == pytest.approx(study.star.K_P - 0.5 * np.eye(2))
-    assert family["K1"].K_I == pytest.approx(study.star.K_I + 4.0 * np.eye(2))
-
-
 def test_decay_and_oscillations_of_a_known_signal():
     t = np.linspace(0.0, 10.0, 1001)
 

@@ -8,7 +8,6 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flighttune as ft
-from flighttune.plants.lagged import LaggedChannel
 from flighttune.plants.point_mass import turn_rates
 from flighttune.plants.weather import WindRecord, course_of, velocity_along
 from flighttune.simulate.disturbance import Sinusoid
@@ -99,20 +98,6 @@ def test_in_steady_wind_course_and_ground_speed_close_the_wind_triangle():
     assert end["V_g"] == pytest.approx(V_g, rel=ROUNDING)
     assert end["chi"] == pytest.approx(heading + crossing, abs=ROUNDING)
     assert math.atan2(end["east"], end["north"]) == pytest.approx(end["chi"], abs=INTEGRATION)
-
-
-def test_the_course_over_ground_turns_at_the_still_air_rate_times_the_crab_over_ground_speed():
-    V_a, phi, dt = 25.0, math.radians(20.0), 1e-3
-    plant = ft.PointMassPlant(wind=WindRecord.steady(north=4.0, east=7.0))
-    plant.start(ft.FlightCondition(V_a=V_a, phi=phi))
-    before = seen(plant)
-    crab = before["chi"]
-
-    plant.advance(phi, 1.0 / math.cos(phi), dt)
-
-    still = G * math.tan(phi) / V_a
-    rate = (seen(plant)["chi"] - before["chi"]) / dt
-    assert rate == pytest.approx(still * V_a * math.cos(crab) / before["V_g"], rel=1e-3)
 
 
 def test_a_turn_in_steady_wind_is_a_circle_that_drifts():
@@ -217,14 +202,6 @@ def channel_rates(lag, state, command):
         w * w * (aim - value) - 2.0 * lag.damping * w * rate,
         (command - before) / lag.lag,
     )
-
-
-def test_a_first_order_step_is_an_exponential_after_its_delay():
-    channel = LaggedChannel(FIRST_ORDER, 0.0)
-    channel.order(0.0, 2.0)
-    channel.move_to(FIRST_ORDER.delay)
-
-    assert channel.at(0.5) == pytest.approx(2.0 * (1.0 - math.exp(-6.0 * 0.453)), rel=ROUNDING)
 
 
 def test_straight_up_ends_the_flight_with_a_reason():

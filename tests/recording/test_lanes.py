@@ -8,11 +8,6 @@ from flighttune.recording.entities import runs_to_draw
 from flighttune.recording.plots import PARTS, with_derived
 
 
-def at(states, t):
-    begun, words = states
-    return words[int(np.searchsorted(begun, t, side="right")) - 1]
-
-
 def test_the_parts_of_the_gap_add_up_to_what_the_law_leaves_out(four_runs):
     kinematic, aircraft = with_derived(runs_to_draw(four_runs[:2]))
     d = mismatch(aircraft.run).d

@@ -16,27 +16,12 @@ import psutil
 import pytest
 
 import flighttune as ft
-from flighttune.recording.viewer import DISPLAYS, has_screen, viewer
+from flighttune.recording.viewer import DISPLAYS, viewer
 
 pytestmark = pytest.mark.slow
 
 LONGEST_S = 120.0
 COMMAND = [sys.executable, "-u", "-m", "flighttune", "view"]
-
-
-@pytest.mark.parametrize(
-    ("environment", "platform", "screen"),
-    [
-        ({}, "linux", False),
-        ({"DISPLAY": ""}, "linux", False),
-        ({"DISPLAY": ":0"}, "linux", True),
-        ({"WAYLAND_DISPLAY": "wayland-0"}, "linux", True),
-        ({}, "darwin", True),
-        ({}, "win32", True),
-    ],
-)
-def test_a_screen_is_found_by_platform_and_environment(environment, platform, screen):
-    assert has_screen(environment, platform) is screen
 
 
 def test_what_is_no_recording_gives_one_line(tmp_path):

@@ -25,31 +25,12 @@ ERRORS = (
 )
 NEVER_HIDDEN = {"Course chi, reference grey [deg]", *ERRORS}
 SCENE = "Paths and aircraft"
-LANES = "Runs: limits"
 
 FIRST_TABS = ["Overview", "Tracking", "Commands and limits", "Why"]
 LAST_TABS = ["Scenario and metrics"]
 IN_CALM_FLIGHT = [*FIRST_TABS, "Aircraft", "Controller", *LAST_TABS]
 ON_A_ROUTE = ["Overview", "Route", *IN_CALM_FLIGHT[1:]]
 IN_TURBULENCE = [*FIRST_TABS, "Aircraft", "Controller", "Weather", *LAST_TABS]
-
-LAPTOP = 1280, 720
-"""Width and height in pixels of the smallest window in which all is to be seen."""
-
-LANE_HEIGHT = 18
-"""Pixels of a lane that is whole."""
-
-LANE_SHADE = 0.785
-"""How much darker the viewer draws a lane than its colour."""
-
-LABELS_LIKE = 90
-"""Brightness of a label of an axis, of 255, or more."""
-
-BORDER = 6
-"""Pixels left of a view where the line between two views is."""
-
-LABEL_ROOM, TIME_LABELS = 60, 20
-"""Pixels left of a plot where the labels of its vertical axis are, and below it those of time."""
 
 
 @pytest.fixture(scope="module")
@@ -162,56 +143,6 @@ def test_no_view_of_turbulence_a_ladder_or_a_route_is_empty(request, flight, tab
     assert list(opened.tabs) == tabs
     opened.show(tab, at=4.4)
     views_drawn(opened, tab)
-
-
-def labels_in(strip, along):
-    """How many labels a strip of a picture has, one after the other along an axis."""
-    bright = (strip.max(axis=2) >= LABELS_LIKE).any(axis=1 - along)
-    places = np.flatnonzero(bright)
-    return 0 if not len(places) else 1 + int((np.diff(places) > 6).sum())
-
-
-def left_edge(inside):
-    """Column at which a plot begins: the cursor stands there at the start, or its frame."""
-    edges = np.flatnonzero((inside[:, BORDER:] > 40).mean(axis=0) > 0.9)
-    return BORDER + int(edges[0]) - 1 if len(edges) else LABEL_ROOM
-
-
-def assert_fits(opened, runs, tab):
-    """Every run has its lane whole, and every plot two numbers on its vertical axis."""
-    views = views_drawn(opened, tab)
-    for label, style in run_styles(runs).items():
-        height = drawn_in(views[LANES], LANE_SHADE * np.array(style.rgb)).sum(axis=0).max()
-        assert height >= LANE_HEIGHT, f"{label} is cut off on {tab}: {height} pixels"
-    for name, picture in views.items():
-        if name.endswith("]") or "faint" in name:
-            inside = picture[:-TIME_LABELS, :LABEL_ROOM].max(axis=2)
-            axis = picture[:-TIME_LABELS, BORDER : left_edge(inside)]
-            assert labels_in(axis, along=0) >= 2, f"{name} on {tab} has too few numbers"
-
-
-@pytest.fixture(scope="module")
-def six(tmp_path_factory):
-    flown = ft.fly(ft.load_scenario("paper_identified"))
-    assert len(flown.runs) == 6
-    return flown, ft.record(flown, tmp_path_factory.mktemp("six")).recording
-
-
-@pytest.mark.usefixtures("viewer")
-@pytest.mark.parametrize(
-    "tabs",
-    [IN_CALM_FLIGHT[:1], pytest.param(IN_CALM_FLIGHT[1:-1], marks=pytest.mark.soak)],
-    ids=["the first tab", "the others"],
-)
-def test_on_a_laptop_six_runs_fit(six, tabs, tmp_path):
-    """A larger window gives every view more room."""
-    flown, recording = six
-    with HeadlessViewer(recording, size=LAPTOP) as opened:
-        for tab in tabs:
-            opened.show(tab, at=0.0)
-            (tmp_path / f"{tab}.png").write_bytes(opened.picture())
-            assert_fits(opened, flown.runs, tab)
-        assert set(ERRORS) | {SCENE, LANES, "Now", "How to read"} <= set(opened.views("Overview"))
 
 
 def test_in_a_flight_that_fails_the_view_follows_the_one_that_fails(four_runs, cut_short):

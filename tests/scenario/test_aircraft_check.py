@@ -4,7 +4,6 @@ import pytest
 from made_up import made_up_scenario
 
 import flighttune as ft
-from flighttune.cli import main
 
 SCENARIO = """
 title = "Straight on"
@@ -42,21 +41,6 @@ def test_what_an_aircraft_cannot_start_names_file_and_key(change, message, tmp_p
 
     assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)
-
-
-def test_fly_prints_one_line_with_every_mistake(tmp_path, monkeypatch, capsys):
-    path = tmp_path / "fast.toml"
-    path.write_text(text(flight=", h_m = -500.0").replace("25.0", "250.0"))
-    monkeypatch.setattr("sys.argv", ["flighttune", "fly", str(path)])
-
-    with pytest.raises(SystemExit) as ended:
-        main()
-
-    (line,) = capsys.readouterr().err.splitlines()
-    assert ended.value.code == 2
-    assert line.startswith(f"flighttune: {path}: [flight] `h_m` must be above the ground at 0 m")
-    assert "; [flight] `V_a_mps` must lie in 15 to 45 m/s (" in line
-    assert line.endswith("got 250 m/s.")
 
 
 def test_a_scenario_made_in_python_is_refused_by_its_title_when_it_is_flown():

@@ -134,13 +134,6 @@ def test_a_name_that_no_file_can_have_is_refused_in_one_line(name, tmp_path):
     assert not [*tmp_path.iterdir()]
 
 
-def test_the_next_commands_can_be_pasted_whatever_the_name(tmp_path):
-    out, _ = flighttune("new", "a b", cwd=tmp_path)
-    lines = (tmp_path / "a b.toml").read_text(), out
-
-    assert all("flighttune fly 'a b.toml'" in text for text in lines)
-
-
 def test_a_weaker_engine_is_no_other_model():
     """The A-4's file says nothing of engines: a throttle limit was once taken for another model."""
     config = load_aircraft("a4")

@@ -101,14 +101,3 @@ def test_what_the_aircraft_cannot_be_is_refused_before_anything_flies(airframe, 
         ft.fly(ft.scenario_from(tables(airframe)))
 
     assert "\n" not in str(got.value)
-
-
-def test_a_file_with_what_the_aircraft_cannot_be_is_refused_when_it_is_read(tmp_path):
-    path = tmp_path / "impossible.toml"
-    path.write_text(
-        'title = "x"\nflight.V_a_mps = 25.0\nreference = { chi_deg = 0.0, gamma_deg = 0.0 }\n'
-        '[[plant]]\nkind = "jsbsim"\naircraft = "aerosonde"\nairframe.izz_factor = 1.5\n'
-    )
-
-    with pytest.raises(ft.ScenarioError, match=rf"^{path}: \[plant\.airframe\] `izz_factor` must"):
-        ft.load_scenario(path)

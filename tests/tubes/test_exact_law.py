@@ -18,29 +18,6 @@ def with_exact(scenario, plant):
 
 
 @pytest.mark.slow
-def test_in_a_turn_its_tube_is_narrower_than_that_of_the_paper_s_law_and_is_proven(tmp_path):
-    tables = made_up(chi_err_deg=0.0, gamma_deg=0.0, gamma_ref_deg=0.0, duration_s=2.5).as_dict()
-    ramp = {"shape": "ramp", "start_s": 0.2, "rate_dps": 6.0, "duration_s": 4.0}
-    tables["reference"]["chi_deg"] = [ramp]
-    tables["limits"] = {"phi_deg": [-45.0, 45.0], "phi_rate_dps": 90.0}
-    scenario = ft.scenario_from(tables | {"plant": [{"kind": "point_mass"}]})
-    exact = with_exact(scenario, {"kind": "point_mass"})
-
-    paper = tube(scenario, ft.PAPER_GAINS, disturbance=0.005)
-    found = tube(exact, EXACT_PAPER, disturbance=0.005)
-
-    assert found.status == "bounded"
-    # The same gains and, at gamma = 0, the same loop; the turn is what the paper's law ignores.
-    narrower = found.bounds.half_widths[:, :2].max(axis=0) / paper.bounds.half_widths[:, :2].max(
-        axis=0
-    )
-    assert narrower[0] < 0.9
-    assert narrower[1] < 1.05
-    ft.save_tube(found, tmp_path / "tube.npz")
-    assert ft.verify(tmp_path / "tube.npz").valid
-
-
-@pytest.mark.slow
 def test_where_it_does_not_invert_the_reason_says_why():
     scenario = with_exact(made_up(gamma_deg=45.0), {"kind": "point_mass"})
 

@@ -11,7 +11,6 @@ from flighttune.aircraft.off_nominal import OffNominal
 
 from .conftest import fdm_of
 
-DEG = math.pi / 180.0
 LEVEL = ft.FlightCondition(V_a=25.0)
 
 
@@ -113,14 +112,6 @@ def test_a_state_that_is_no_number_and_jsbsim_giving_up_stop_the_flight(
 
     assert stop.status == "diverged"
     assert re.match(reason, stop.reason)
-
-
-def test_dive_into_the_ground_is_a_ground_contact(fly):
-    flight = fly(lambda now: (0.0, math.cos(now["gamma"])), h=30.0, gamma=-4.0 * DEG, duration=60.0)
-
-    assert flight.stop.status == "ground_contact"
-    assert re.fullmatch(r"t = 17\.\d+ s: hit the ground at V_a = 25\.\d m/s\.", flight.stop.reason)
-    assert flight["h"][-2] > 0.0 >= flight["h"][-1]
 
 
 @pytest.mark.parametrize(
@@ -230,10 +221,3 @@ def test_what_our_own_copy_of_a_file_cannot_hold_is_refused(changed_aircraft, te
     with pytest.raises(ft.PlantError, match=rf"aerosonde\.xml {message}") as error:
         ft.JSBSimPlant(folder, off_nominal=OffNominal(lift_factor=1.1))
     assert "\n" not in str(error.value)
-
-
-def test_an_aircraft_that_is_not_there_is_named(tmp_path):
-    with pytest.raises(ft.InputError, match=r"`aircraft` .*aerosonde.*'concorde'"):
-        ft.JSBSimPlant("concorde")
-    with pytest.raises(ft.InputError, match=r"aircraft\.toml: .*readable"):
-        ft.JSBSimPlant(tmp_path)

@@ -4,8 +4,6 @@ import math
 
 import pytest
 
-import flighttune as ft
-
 from .conftest import fdm_of
 
 G_0 = 9.80665
@@ -53,19 +51,6 @@ def test_the_clock_starts_at_zero_after_the_engine_has_settled():
     fdm.settle_engine()
 
     assert fdm.reader("simulation/sim-time-sec")() == 0.0
-
-
-@pytest.mark.parametrize(
-    ("name", "V_a", "gamma_deg", "obstacle"),
-    [
-        ("c172p", 50.0, 15.0, "full throttle has too little thrust"),
-        ("c172p", 50.0, -12.0, "the aircraft speeds up with the throttle closed"),
-        ("a4", 200.0, 45.0, "full throttle has too little thrust"),
-    ],
-)
-def test_why_there_is_no_steady_flight_is_said_for_every_engine(name, V_a, gamma_deg, obstacle):
-    with pytest.raises(ft.TrimError, match=obstacle):
-        ft.JSBSimPlant(name).start(ft.FlightCondition(V_a=V_a, gamma=gamma_deg * DEG))
 
 
 def test_the_shift_of_the_aerodynamic_reference_point_acts(changed_aircraft):
