@@ -268,10 +268,7 @@ def _of_flightgear(path: Path) -> Path:
 
 
 def _settings(file: Path) -> dict[str, str]:
-    """Values in the table ``sim`` of a file of FlightGear, and of those in its folder it includes.
-
-    The first file that has a value sets it.
-    """
+    """Values of the table ``sim`` in a file of FlightGear's, or else in those it includes."""
     values: dict[str, str] = {}
     files = [Path(os.path.realpath(file))]
     for path in files:
@@ -506,12 +503,7 @@ def aircraft_text(tables: Mapping[str, Any], notes: Sequence[str]) -> str:
 
 
 def turn_text(aircraft: str, start: FlightCondition, tables: Mapping[str, Any]) -> str:
-    """The text of a scenario: a turn of 20 deg with a climb of 3 deg, both as a step.
-
-    Without an engine the descent of the glide at its `start` gets steeper by 3 deg instead.
-    `aircraft` is the folder that the scenario stands in, `tables` are those of its
-    ``aircraft.toml``.
-    """
+    """The text of a scenario: a turn of 20 deg with a climb, or a steeper glide, of 3 deg."""
     K_P, K_I = (start.V_a / PAPER_SPEED * getattr(PAPER_GAINS, key) for key in ("K_P", "K_I"))
     glide = start.gamma / DEG
     kind, gamma = ("climb", 3.0) if tables["engines"]["count"] else ("steeper glide", glide - 3.0)

@@ -340,10 +340,7 @@ def _end_of_lift(C_L: FloatArray, slope: float, sense: int) -> int:
 def _driven(
     tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench], lift: Lift, V_a: float | None
 ) -> tuple[Lift, float, float, str]:
-    """Lift, airspeed, spare thrust and the position of the levers: the first in which it flies.
-
-    The levers are written into `tables`.
-    """
+    """Lift, airspeed, spare thrust and the position of the levers: the first in which it flies."""
     fdm, refused = load(tables).fdm, None
     texts = {text for _, text in _texts(fdm.config)} | {*tables["declared"]}
     links = {
@@ -448,10 +445,7 @@ def _surfaces(
 
 
 def _answers(bench: Bench, level: AirframeState) -> tuple[dict[str, dict[str, Any]], str]:
-    """Travel of each surface by its command, and the fault of the flight control, if any.
-
-    There are no surfaces if a command moves nothing.
-    """
+    """Travel of each surface, empty if one moves nothing, and the fault of the flight control."""
     try:
         answers = {name: _moved(bench, level, name) for name in SURFACES}
     except Refusal as error:

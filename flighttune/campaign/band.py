@@ -230,10 +230,7 @@ def flights_of(
 
 
 def load_band(path: str | Path) -> Band:
-    """Read a band; its windows, and the words for its flights, are those of its plan.
-
-    Raises InputError as `read_band` does, or if the plan is none of flights to count.
-    """
+    """Read a band; its windows, and the words for its flights, are those of its plan."""
 
     def of_plan(about: About) -> BandFlights:
         plan = _plan(about)
@@ -245,10 +242,7 @@ def load_band(path: str | Path) -> Band:
 
 
 def count_more(band: Band, flights: int, pool: WorkerPool) -> Band:
-    """The band after more draws of its campaign were flown, `flights` in all, and it was read.
-
-    Raises InputError if there are not more, or the files of an aircraft have changed.
-    """
+    """The band after `flights` draws of its campaign in all: an InputError refuses fewer."""
     counted = len(band.scores)
     most = MAX_NUMBERS // (2 * band.about.half.size)
     allowed = [n for n in (counted * DOUBLED[1:]).tolist() if n <= most]
@@ -271,14 +265,11 @@ def recount(band: Band, flights: int, pool: WorkerPool) -> list[int]:
 
 
 def some_draws(band: Band, flights: int) -> list[int]:
-    """Some of the counted draws, chosen at random.
-
-    Where flights are equal to the bit, so many of the repeated ones are chosen too: they may be
-    copies. Raises InputError if there are not so many flights.
-    """
+    """Some of the counted draws at random, and some of those that repeat another to the bit."""
     counted = len(band.scores)
     if not 1 <= flights <= counted:
         raise InputError(f"`recount` must be 1 to the {counted} counted, got {flights}.")
+    # Flights that are equal to the bit may be copies: so many of those are chosen too.
     rng, rows = np.random.default_rng(), band.extremes.reshape(counted, -1)
     _, first = np.unique(rows, axis=0, return_index=True)
     repeated = np.setdiff1d(np.flatnonzero(np.isfinite(band.scores)), first)
@@ -288,10 +279,7 @@ def some_draws(band: Band, flights: int) -> list[int]:
 
 
 def differing(band: Band, draws: Sequence[int], pool: WorkerPool) -> list[int]:
-    """The counted draws, in rising order, that differ by a bit when they are flown again.
-
-    Raises InputError as `plan_of` does.
-    """
+    """The counted draws, in rising order, that differ by a bit when they are flown again."""
     chosen = np.searchsorted(band.draws, draws)
     probe = _probe(band.about, band.flights)
     again, wind = _flown(pool, plan_of(band), probe, draws, "counting again")
@@ -370,11 +358,7 @@ def _extremes(
     *,
     anywhere: bool = False,
 ) -> list[float]:
-    """Extremes of a flight, window by window; after them the north and east wind at its start.
-
-    With a `model` they are of its residuals, else of recorded signals. Those of distances from a
-    route are infinite if they do not give the positions of the flight, unless it may be `anywhere`.
-    """
+    """Extremes of signals, or of residuals of a `model`, by window; then the wind at the start."""
     axis = axis_of(run)
     samples = np.searchsorted(axis, edges - SAME).clip(max=len(axis) - 1)
     samples[:-1] = samples[:-1].clip(max=len(axis) - 2)  # a window has a sample before its last

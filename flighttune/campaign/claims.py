@@ -35,11 +35,7 @@ CHECK_COLUMNS = [Column("name", "check"), *columns("margin exact")]
 def verified_band(
     band: Band, *, run_code: bool = False, pool: WorkerPool | None = None
 ) -> Verification:
-    """Fly a few flights again, chosen at random; all must be equal to the bit.
-
-    The claim itself was computed from the flights when its file was read. Without `run_code` no
-    flight is flown that runs Python files which the band names.
-    """
+    """Fly a few flights again, chosen at random; all must be equal to the bit."""
     flights = min(FLOWN_AGAIN, len(band.scores))
     flown = f"{flights} of its flights, chosen at random, were flown again: equal to the bit."
     try:

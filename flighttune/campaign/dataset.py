@@ -105,11 +105,7 @@ class Dataset:
         self._write(CAMPAIGN, f"{text}\n".encode())
 
     def write_rows(self, rows: Iterable[Row], gaps: Iterable[range]) -> None:
-        """Write rows of the runs in `gaps` as they come, in parts of consecutive runs.
-
-        A row waits for those of the runs before it. When the rows end, by an error too, all that
-        wait are written.
-        """
+        """Write rows of the runs in `gaps` as they come, in parts of consecutive runs."""
         waiting: dict[int, Row] = {}
         runs = chain.from_iterable(gaps)
         following = next(runs, None)
@@ -142,10 +138,7 @@ class Dataset:
         self._write(Part.holding(range(first, first + len(rows)), data).path, data)
 
     def read_part(self, part: Part, columns: Sequence[str] | None = None) -> pa.Table:
-        """The rows of one file.
-
-        Raises RecordingError if the file cannot be read or is not as it was written.
-        """
+        """The rows of one file; RecordingError if they are not as they were written."""
         path = self.folder / part.path
         wanted = None if columns is None else [*dict.fromkeys(["run", *columns])]
         try:
@@ -196,13 +189,7 @@ class Dataset:
 
 
 def runs_to_keep(dataset: Dataset) -> tuple[int, ...]:
-    """The runs to keep signals of: the first failures, the worst by a measure, and a sample.
-
-    The choice follows from the rows alone. A failure is a run without success by the campaign's
-    requirements; the worst have the largest measure over all groups; the sample is drawn with the
-    seed of the campaign. Runs without a time history are left out, and runs without the measure
-    are not among the worst.
-    """
+    """The runs to keep signals of: the first failures, the worst by a measure, and a sample."""
     campaign = dataset.plan.campaign
     keep = campaign.keep
     rows = dataset.rows(["success", "status", keep.worst_by]).to_pandas()
@@ -223,10 +210,7 @@ def parquet_bytes(rows: pa.Table) -> bytes:
 
 
 def open_dataset(folder: str | Path) -> Dataset:
-    """The campaign in a folder.
-
-    Raises RecordingError if there is none or its ``campaign.json`` was changed.
-    """
+    """The campaign in a folder; RecordingError if there is none, or its plan was changed."""
     path = Path(folder) / CAMPAIGN
     if not path.exists():
         raise RecordingError(f"{folder}: must hold a campaign, got no {CAMPAIGN}.")
@@ -248,10 +232,7 @@ def open_dataset(folder: str | Path) -> Dataset:
 
 
 def dataset_hash(folder: str | Path) -> str:
-    """Digest of the rows in order of `run`, in all columns but ``wall_s``.
-
-    Two campaigns have the same digest only if every number has the same bits.
-    """
+    """Digest of the rows in order of `run`, in all columns but ``wall_s``."""
     rows = open_dataset(folder).rows()
     digest = hashlib.sha256()
     for field in rows.schema:
@@ -283,11 +264,7 @@ def signals_path(run: int) -> str:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[None]:
-    """Lock the folder for the block; the system drops the lock of a process that was killed.
-
-    The folder is made where it does not exist. InputError if another process has locked it,
-    OutputError if it cannot be written or its file system has no locks.
-    """
+    """Lock a folder for the block; the system drops the lock of a process that was killed."""
     path, owner = folder / LOCK, ""
     lock = FileLock(path, timeout=0.0)
     try:

@@ -55,10 +55,7 @@ def fence_of(plan: Plan, tables: Tables, file: Path = KEPT, *signals: str) -> Fe
 
 
 def corridor_of(band: Band, where: Where | None = None) -> Corridor:
-    """The corridor that a band claims, in any wind, about the route `where`.
-
-    Raises InputError if it claims none, or is one of another route.
-    """
+    """The corridor that a band claims, in any wind, about the route `where`."""
     about = band.about
     if about.predicted_from or not band.claims:
         claim = "one around a prediction from the wind" if about.predicted_from else "no claim"
@@ -72,12 +69,7 @@ def corridor_of(band: Band, where: Where | None = None) -> Corridor:
 
 
 def count_inside(band: Band, tables: Tables, file: Path = KEPT) -> FenceCount:
-    """Count the flights of a band that are not certainly inside the fence in the tables of a file.
-
-    A flight is certainly inside if the path is and, in each window, the box from its lowest to its
-    highest distances. A flight that was not completed is not. Raises InputError if the band is not
-    of a route, its flights plan different paths, or the file has no fence around their start.
-    """
+    """Count the flights of a band that are not certainly inside a fence."""
     about, plan = band.about, plan_of(band)
     central, columns = plan.campaign.central, _columns(band)
     fence, where = fence_of(plan, tables, file), where_of(central)

@@ -83,11 +83,7 @@ ACTIVE = 0.02
 def flights_to_meet(
     scenario: Scenario, law: LawTable, table: CampaignTable | None = None
 ) -> Campaign:
-    """Flights of a scenario by a law, dispersed as the `table` of a campaign says.
-
-    The requirements are those about all gain sets, and about `TUNED_IDENTIFIED`, in whose place the
-    new gains come. InputError where there is none.
-    """
+    """Flights of a scenario by a law, dispersed as the `table` of a campaign says."""
     of_tuned = {None, TUNED_IDENTIFIED, *law.law().names_of([TUNED_IDENTIFIED])}
     expect = [
         requirement.model_copy(update={"gains": None, "status": None})
@@ -228,11 +224,7 @@ class Search:
         return min(self.trials.values(), key=self.value)
 
     def search(self, starts: Sequence[PIGains], budget: float) -> None:
-        """Descend from the starts and `FACTORS` of them, best first, and from the best so far.
-
-        The search ends at `budget` flights, or where the margin is `WANTED` and a restart gains
-        nothing.
-        """
+        """Descend from the starts and `FACTORS` of them, best first, up to `budget` flights."""
         varied = [_varied(gains, *factors) for gains in starts for factors in FACTORS]
         varied = varied[: max(0, int((budget - self.flights) // self._each))]
         trials = self.fly(varied)
@@ -289,11 +281,7 @@ class Search:
         return [int(i) for i in np.argsort(-excess, kind="stable") if excess[i] >= least]
 
     def trade_offs(self, nearest: Trial) -> Iterator[dict[str, Any]]:
-        """The conflicting requirements with their best values among all candidates.
-
-        The first is its value alone, the second that of a candidate that meets the others; either
-        is None if there is none.
-        """
+        """The conflicting requirements: best value, and best value with the others met, or None."""
         trials = list(self.trials.values())
         excess = np.array([trial.excess[0] for trial in trials])
         for i in self.conflicting(nearest):

@@ -42,13 +42,11 @@ def planned(
     tables: Sequence[GainsTable] = (),
     changes: Mapping[str, Any] | None = None,
 ) -> Plan:
-    """The plan of a campaign in a folder, of a campaign file, or of flights about a scenario.
+    """The plan of a campaign in a folder or file, or of flights about a scenario.
 
-    About a scenario, starts are off by up to `start_deg` in course and path angle, all equally
-    likely; square waves of up to `disturbance` (rad/s) disturb the two rates, and each group has
-    `draws` flights. Its plant is by default the first one, or the first one of a `kind`. `gains`
-    that source does not have, by name, file or one of `tables`, take the place of its own;
-    `changes` are values to set in the scenario by dotted key.
+    About a scenario, starts are off by up to `start_deg`, and square waves of up to `disturbance`
+    (rad/s) disturb both rates, for its first plant of a `kind`. `gains` that source does not have,
+    by name, file or one of `tables`, take the place of its own.
     """
     check_not_negative(start_deg=start_deg, disturbance=disturbance)
     sizes = disturbance, disturbance
@@ -88,10 +86,7 @@ def enclosed(tube: Tube) -> Plan:
 
 
 def disturbance_of(tube: Tube) -> tuple[float, float]:
-    """Bounds on the disturbances of both rates that can be searched, rad/s.
-
-    They are zero for an aircraft, whose residual rates are a result of its flights.
-    """
+    """Bounds on the disturbances of both rates that can be searched, rad/s."""
     if tube.problem.boxes is not None:
         return 0.0, 0.0
     chi, gamma = tube.problem.disturbances[1].max(axis=0).tolist()

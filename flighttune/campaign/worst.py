@@ -146,10 +146,7 @@ class WorstFlight(Answering):
     contradicts: bool = False
 
     def answer(self) -> Answer:
-        """The flight, what was drawn for it, and the requirements that it misses.
-
-        A failure if it contradicts the proof of a tube.
-        """
+        """The flight and what was drawn for it; a failure if it contradicts the proof of a tube."""
         values = pick(self, "metric value first flights family distance radius status missed plant")
         values |= pick(self, "gains drawn ratio ratio_of_search")
         drawn = [
@@ -301,26 +298,15 @@ def _check_searchable(tube: Tube, place: str) -> None:
 
 
 def _contradicts(run: Run, tube: Tube | None) -> bool:
-    """Whether a flight leaves a tube that is proven to hold it.
-
-    That of an aircraft holds only flights whose residual rates keep its boxes, which are counted.
-    """
+    """Whether a flight leaves a tube that is proven to hold it."""
+    # That of an aircraft holds only flights whose residual rates keep its boxes, which are counted.
     if tube is None or tube.problem.boxes is not None or tube.why_not(run):
         return False
     return tube.bounds.of(ERRORS).share(run.signals) > 1.0 + ROUNDING
 
 
 class StatedSet:
-    """The flights to search, by one plant and gain set: flies them and keeps the worst.
-
-    `source` is a campaign (folder, file or shipped name) or a scenario, the starts of which are
-    off by up to `start_deg` and the rates of which are disturbed by up to `disturbance` (rad/s).
-    The metric is a column of the rows or `MARGIN`; by default the margin where there are
-    requirements with bounds, else chi.ITAE. With a tube it is the share of it that a flight uses.
-    A `source` that is a tube or band stands for the flights enclosed or counted, and its metric is
-    the share of its bounds.
-    A flight that ends early is the worst, or with `completed` the best.
-    """
+    """The flights of a stated set by one plant and gain set: flies them and keeps the worst."""
 
     def __init__(
         self,
@@ -503,11 +489,7 @@ def region_radius(dimension: int) -> float:
 def search_worst(
     values: Objective, dimension: int, *, budget: int, seed: int
 ) -> tuple[FloatArray, int, float]:
-    """Search the region of a standard normal distribution for the largest value.
-
-    The results are the worst point, its seed and the largest value of the first generation.
-    `budget` is the maximum number of points.
-    """
+    """The worst of `budget` points of the region, its seed, and the worst of the first ones."""
     warnings.filterwarnings("ignore", "Could not import matplotlib")  # of cma
     import cma
 
@@ -567,10 +549,7 @@ def _share_of(
 
 
 def value_of(row: Mapping[str, Any], metric: str, scenario: Scenario) -> float:
-    """Value of a metric (a column, ``margin``, ``tube`` or ``band``) in a row; larger is worse.
-
-    It is `FAILED` for a flight without a value.
-    """
+    """Value of a metric in a row, larger is worse; `FAILED` for a flight without a value."""
     if row["status"] != "completed":
         return FAILED
     if metric != MARGIN:

@@ -23,13 +23,7 @@ _UNUSED = "V_a is not used: the gains are not scheduled."
 def export_c(
     scenario: Scenario, name: str, gains: PIGains, folder: Path, *, plant: str | None = None
 ) -> Path:
-    """Write the outer loop of one gain set as a C file.
-
-    `name` is that of the gain set with its law. The `folder` is made if there is none. `plant`:
-    label of the aircraft whose limits hold as well; by default the first, if there is one. Raises
-    InputError if the scenario has no such aircraft, or the law is another than the paper's. Raises
-    OutputError if the file cannot be written.
-    """
+    """Write the outer loop of one gain set as a C file, limited as the aircraft `plant` is."""
     limits = command_limits(scenario)
     if plant is not None or scenario.aircraft:
         limits = limits.within(plant_of(aircraft_table(scenario, plant), scenario).limits)
@@ -42,11 +36,7 @@ def export_c(
 
 
 def c_source(law: MimoPI, *, title: str, gains: str) -> str:
-    """The C99 text of a controller, which needs nothing but the C library's ``math.h``.
-
-    The `law` turns the errors of course and path angle into two commands. `title` and `gains` are
-    names of the scenario and the gain set, for the comment at the top.
-    """
+    """The C99 text of a controller, which needs nothing but the C library's ``math.h``."""
     values, channels = law.law, law.law.channels
     return Template(_TEMPLATE.read_text(encoding="utf-8")).substitute(
         title=_comment(title),

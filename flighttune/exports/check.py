@@ -22,11 +22,7 @@ COLUMNS = {"chi": "chi_rad", "gamma": "gamma_rad", "phi": "phi_rad", "n_z": "n_z
 def differences(
     options: Sequence[str], csv: Path, start: float, run: Run
 ) -> tuple[dict[str, float], str]:
-    """Largest difference of each signal (rad and 1), and how the flights differ; empty if not.
-
-    `options` are those of JSBSim's console command, which writes `csv`; the flight begins at
-    `start` (s) in it, and is compared until `run` ends.
-    """
+    """Largest difference of each signal of a run (rad, 1) from JSBSim's `csv`, and what differs."""
     import pandas as pd
 
     write_text(csv, "")  # so that no flight of before is compared

@@ -99,16 +99,7 @@ class ExportedFlight(Answering):
 def export_jsbsim(
     scenario: Scenario, name: str, gains: PIGains, folder: Path, *, plant: str | None = None
 ) -> ExportedFlight:
-    """Write the flight of one gain set on one aircraft as files that JSBSim flies by itself.
-
-    JSBSim flies the folder, and the flight is compared with that of `fly`.
-
-    `name` is that of the gain set with its law. The `folder` is made if there is none; files of the
-    same names are replaced. `plant`: label of the aircraft; by default the first of the scenario.
-    Raises InputError if the scenario has no such aircraft or a wind that changes, or the law is one
-    in Python. Raises TrimError if there is no steady flight to start from. Raises PlantError if the
-    aircraft cannot be built. Raises OutputError if the folder cannot be written.
-    """
+    """Write a flight as files that JSBSim flies by itself, fly them, and compare with `fly`."""
     scenario.check_over_time("an export")
     table = aircraft_table(scenario, plant)
     for key in _not_in_script(scenario):

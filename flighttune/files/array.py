@@ -26,9 +26,8 @@ def read_arrays(
 ) -> Arrays:
     """The arrays of a file; their sizes and names are checked before any of them is unpacked.
 
-    `kind` is what the file must be. `kinds`: types of the arrays that it may have; those of floats
-    must be finite unless they are `unbounded`. The first one must be there. `max_bytes` and
-    `max_compressed` bound all arrays and the file. Raises InputError.
+    `kind` is what the file must be, `kinds` the types of the arrays that it may have, of which the
+    first must be there; floats must be finite unless they are `unbounded`.
     """
     try:
         if path.stat().st_size > max_compressed:

@@ -47,11 +47,7 @@ def joined(faults: Iterable[str]) -> str:
 
 
 def mistakes(error: ValidationError, tables: object, model: type[BaseModel] | None = None) -> str:
-    """All mistakes in `tables` as one line, the deepest first.
-
-    The tables of a TOML file have a `model` with their keys, and are named in brackets. The keys of
-    a JSON file are joined by dots.
-    """
+    """All mistakes in `tables` as one line, the deepest first; a `model` is that of a TOML file."""
     # An unknown key comes before the key that is missing in its place, and the fault of a range
     # before the remark that a range is no number.
     problems = sorted(
@@ -69,10 +65,7 @@ def mistakes(error: ValidationError, tables: object, model: type[BaseModel] | No
 
 
 def validated(model: type[Model], tables: Any, source: object) -> Model:
-    """Tables read as `model`.
-
-    A ScenarioError names `source`, the file, and each key that is unknown, missing or impossible.
-    """
+    """Tables read as `model`; a ScenarioError names `source`, the file, and each wrong key."""
     try:
         return model.model_validate(tables)
     except ValidationError as error:

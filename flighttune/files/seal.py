@@ -81,10 +81,7 @@ def file_bytes(path: Path, kind: str) -> bytes:
 
 
 def format_of(path: Path, formats: Collection[str], kind: str) -> str:
-    """Which of some `formats`, keys of `FILES`, a file has; a RecordingError if it has none.
-
-    `kind` is what the file must be.
-    """
+    """Which of some `formats` a file has; a RecordingError if it is no `kind`."""
     data = file_bytes(path, kind)
     stated = _format_in(data)
     if stated in formats:

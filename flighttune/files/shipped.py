@@ -23,11 +23,7 @@ def aircraft_names() -> tuple[str, ...]:
 
 
 def aircraft_places() -> tuple[Path, ...]:
-    """Folders in which an aircraft is looked for by its name, in this order.
-
-    ``./aircraft``, the user's (`OWN_AIRCRAFT` in the environment, by default one where the system
-    keeps data of programs), and that of the shipped ones.
-    """
+    """Folders in which an aircraft is looked for by its name, in this order."""
     # Not `Path.home`, which fails for users without a home, as containers have them.
     data = os.environ.get("XDG_DATA_HOME") or os.path.expanduser("~/.local/share")
     personal = os.environ.get(OWN_AIRCRAFT) or Path(data) / "flighttune" / "aircraft"
@@ -65,10 +61,7 @@ def is_shipped(folder: Path) -> bool:
 
 
 def aircraft_folder(name: str) -> Path:
-    """Return the folder of the aircraft `name`, found in one of `aircraft_places`.
-
-    Raises InputError if there is no aircraft of that name.
-    """
+    """Return the folder of the aircraft `name`, found in one of `aircraft_places`."""
     if Path(name).name == name:
         for place in aircraft_places():
             if os.path.isfile(place / name / "aircraft.toml"):  # False where access is denied

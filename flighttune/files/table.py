@@ -30,35 +30,22 @@ def stamp(file: Path) -> tuple[int, ...]:
 
 
 def toml_tables(path: Path) -> dict[str, Any]:
-    """The tables of a TOML file.
-
-    Raises ScenarioError if the file cannot be read, is not TOML, or is nested too deeply.
-    """
+    """The tables of a TOML file; ScenarioError if it cannot be read."""
     return _tables(path, _toml, "TOML")
 
 
 def json_tables(path: Path) -> dict[str, Any]:
-    """The object of a JSON file; ``NaN`` and ``Infinity`` are read as floats.
-
-    Raises ScenarioError if the file cannot be read, is not JSON, gives a key twice, or is nested
-    too deeply.
-    """
+    """The object of a JSON file, read strictly; ``NaN`` and ``Infinity`` are read as floats."""
     return _tables(path, _json, "JSON")
 
 
 def json_object(text: str, place: str) -> dict[str, Any]:
-    """The object of a JSON text inside a file, read as strictly as `json_tables`.
-
-    Raises ScenarioError as `json_tables` does; the message begins with `place`.
-    """
+    """The object of a JSON text inside a file; a ScenarioError begins with `place`."""
     return _parsed(text, place, _json, "JSON")
 
 
 def toml_value(text: str, place: str) -> Any:
-    """A value written as TOML; a text that is no TOML is itself the value.
-
-    Raises ScenarioError as `toml_tables` does; the message begins with `place`.
-    """
+    """A value written as TOML; a text that is no TOML is itself the value."""
 
     def parse(line: str) -> Any:
         try:

@@ -7,7 +7,7 @@ for files as well.
 """
 
 import json
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, Protocol, TypeVar
@@ -38,11 +38,11 @@ def write(value: ValueOfFile, path: str | Path) -> None:
     write_text(Path(path), json.dumps(tables_of(value), indent=2, allow_nan=False) + "\n")
 
 
-def read(path: str | Path, kind: type[V], *, beside: Collection[str] = ()) -> V:
-    """Read a value of some class, without the keys `beside`; a ScenarioError names file and key."""
+def read(path: str | Path, kind: type[V]) -> V:
+    """Read a value of some class; a ScenarioError names file and key."""
     tables = json_tables(Path(path))
     try:
-        return value_of({key: tables[key] for key in tables if key not in beside}, kind)
+        return value_of(tables, kind)
     except InputError as error:
         raise ScenarioError(f"{path}: {error}") from error
 

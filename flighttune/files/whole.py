@@ -19,14 +19,10 @@ UNFINISHED, ABANDONED_S = ".flighttune-", 60.0
 
 @contextmanager
 def whole_file(path: Path, unfinished: Path | None = None) -> Iterator[Path]:
-    """Give a temporary name beside `path`, and rename it to `path` when the block ends well.
+    """Give a temporary name beside `path`, or in `unfinished`; rename it when the block ends well.
 
-    Several blocks in an `ExitStack` are renamed after all are written, the last one first.
-
-    An existing file at `path` stays until it is replaced. Yields the name to write to, in the same
-    folder, or in `unfinished`, and with the same suffix. It begins with a dot: readers pass over
-    the file that a killed command left behind, and the next command that writes there removes it.
-    Raises OutputError if a folder or the file cannot be written.
+    Several blocks in an `ExitStack` are renamed after all are written, the last one first. Raises
+    OutputError if a folder or the file cannot be written.
     """
     folder = path.parent if unfinished is None else unfinished
     part = folder / f"{UNFINISHED}{path.stem}-{uuid.uuid4().hex}{path.suffix}"
@@ -58,10 +54,7 @@ def lock(file: "IO[bytes] | int") -> None:
 
 
 def write_text(path: Path, text: str) -> Path:
-    """Write a file whole, in UTF-8 with the line ends of `text`.
-
-    Raises OutputError if the folder or the file cannot be written.
-    """
+    """Write a file whole, in UTF-8 with the line ends of `text`; OutputError if it cannot be."""
     with whole_file(path) as part:
         part.write_bytes(text.encode())
     return path
@@ -74,10 +67,7 @@ def reason_of(error: OSError) -> str:
 
 
 def made_folder(folder: Path) -> Path:
-    """Make a folder, and those above it, where there is none.
-
-    Raises OutputError if it cannot be made.
-    """
+    """Make a folder and those above it; OutputError if it cannot be made."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:

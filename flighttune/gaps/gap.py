@@ -149,10 +149,7 @@ class Gap(Answering):
 
     @property
     def residual(self) -> float:
-        """Largest difference between the sum of the steps and the whole; should be rounding.
-
-        Metrics count only if the whole has them.
-        """
+        """Largest difference between the sum of the steps and the whole; should be rounding."""
         parts = []
         for name in ("chi", "gamma", "metrics", "flight"):
             steps = [np.asarray(getattr(step, name), dtype=float) for step in self.steps]
@@ -177,10 +174,7 @@ class Gap(Answering):
         return replace(self, runs=(*self.runs[:-1], *with_claims(self.runs[-1:], claims)))
 
     def answer(self, signals: Mapping[str, Path] | None = None) -> Answer:
-        """The steps and the inner loop; a failure unless all rungs flew to the end.
-
-        `signals`: files of recorded rungs by label.
-        """
+        """The steps and the inner loop; a failure unless all rungs flew to the end."""
         ladder, lags = self.flown().records(signals or {}), self._lags
         inner_loop = {"source": self.lag_source} | lags if lags else None
         mismatch = self.mismatch and {"L_d": self.mismatch.L_d, "bound": self.mismatch.bound}
@@ -259,15 +253,12 @@ def step_table(gaps: Sequence[Gap]) -> Table:
 
 
 def failure_of(run: Run) -> str:
-    """Why the metrics of a run are meaningless; empty if they are valid.
-
-    A course error that jumps by more than half a turn while the reference does not has wrapped: the
-    flight went around, and its overshoot is an artefact of the wrapping.
-    """
+    """Why the metrics of a run are meaningless; empty if they are valid."""
     if run.status != "completed":
         return f"ended early ({run.status.replace('_', ' ')})"
     jumps, moved = (
         np.abs(np.diff(run.signals[f"chi_{part}"].to_numpy())) for part in ("err", "ref")
     )
+    # The flight went around: its overshoot is an artefact of the wrapping.
     wrapped = (jumps > math.pi) & (moved < REFERENCE_STEP)
     return "diverged (course error past 180 deg)" if wrapped.any() else ""

@@ -113,11 +113,7 @@ def explain_flight(
     lag: LagSource | None = None,
     progress: Progress | None = None,
 ) -> Gap:
-    """Explain the gap of an aircraft that has flown: fly the rungs below it in the wind it met.
-
-    `aircraft` is a run of one of the scenario's jsbsim plants; `lag` is as for `gap`. An
-    InputError says that a flight is too short or has no gains.
-    """
+    """Explain the gap of an aircraft that has flown: fly the rungs below it in the wind it met."""
     made_by = aircraft.provenance
     if made_by.gains is None:
         raise InputError(f"`aircraft` must have gains, got none for {aircraft.label}.")
@@ -178,11 +174,7 @@ def _indicators(scenario: Scenario, law: Law, gains: PIGains) -> Indicators:
 def _inner_loop(
     table: PlantTable, scenario: Scenario, run: Run, source: LagSource | None
 ) -> tuple[LagSource, dict[str, tuple[InnerLag, float]]]:
-    """Lags of an aircraft that has flown, and their source.
-
-    The condition of the model file is the one nearest to the airspeed and first climb angle of the
-    scenario. A ScenarioError says that the file is required and missing, or cannot be used.
-    """
+    """Source and lags of an aircraft that has flown: those of the nearest condition, or fitted."""
     commanded_and_flown = {
         name: (run.signals[f"{name}_cmd"].to_numpy(), run.signals[name].to_numpy())
         for name in ("phi", "n_z")
@@ -217,10 +209,8 @@ def _step(lower: Run, upper: Run, adds: str) -> Step:
 
 
 def _with_mismatch(run: Run, mismatch: Mismatch) -> Run:
-    """The run with the mismatch as signals.
-
-    Values that are constant over a sample interval are stored at its start; the last is repeated.
-    """
+    """The run with the mismatch as signals."""
     columns = {f"mismatch_{name}": mismatch.d[:, i] for i, name in enumerate(CHANNELS)}
+    # constant over a sample interval and stored at its start; the last is repeated
     added = {key: np.append(values, values[-1]) for key, values in columns.items()}
     return replace(run, signals=run.signals.assign(**added))

@@ -19,15 +19,7 @@ LEAST_SAMPLES = 4
 
 
 def trim_of(run: Run) -> Trim | None:
-    """Wings-level flight on the first reference, about which the law of a run is linearised.
-
-    None where the scenario gives no airspeed, or gains do not say how the law flies.
-
-    Parameters
-    ----------
-    run : Run
-        A run of a scenario with ``V_a_mps`` in its table ``flight``.
-    """
+    """The flight about which the law of a run is linearised; None if nothing says which."""
     flight = run.provenance.scenario.get("flight") or {}
     if not run.provenance.law.by_gains:
         return None

@@ -105,11 +105,7 @@ def residual_rates(
 
 
 def residuals_of(model: ConformantModel, run: Run, start: FlightCondition) -> FloatArray:
-    """Parts of a flight that the model misses: `RESIDUALS` at every sample but the last.
-
-    `run` has at least two samples. Returns `residual_rates`; roll beyond that behind the lag at the
-    sample, and how much more of it there is at the next one (shape (n - 1, 4), rad/s and rad).
-    """
+    """`RESIDUALS` of a flight at every sample but the last, shape (n - 1, 4)."""
     signals = run.signals
     dt = run.duration / (len(signals) - 1)
     commands = signals[["phi_cmd", "n_z_cmd"]].to_numpy()
@@ -120,11 +116,7 @@ def residuals_of(model: ConformantModel, run: Run, start: FlightCondition) -> Fl
 
 
 def conformant_model(scenario: Scenario, plant: str) -> ConformantModel:
-    """The point mass behind the identified lag of the aircraft of a scenario.
-
-    Its lag is that of the identified condition nearest to the start. Raises InputError if the plant
-    is no aircraft, ScenarioError if the aircraft has no identified model.
-    """
+    """The point mass behind the lag identified nearest to the start of a scenario."""
     flight, table = scenario.flight, scenario.plant_table(plant)
     if table.aircraft is None:
         raise InputError(f"`plant` must be an aircraft to have residual signals, got {plant}.")

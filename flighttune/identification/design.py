@@ -101,10 +101,7 @@ class Airframe:
 
 
 def airframe(fdm: Fdm, condition: FlightCondition) -> Airframe:
-    """Return the derivatives of `fdm` about wings-level flight at `condition`.
-
-    Central differences of evaluations in the trimmed state, actuators and engine settled.
-    """
+    """Return the derivatives of `fdm` about wings-level flight at `condition`."""
     trimmed = trim(fdm, condition)
     bench = Bench(fdm, condition.h)
 
@@ -160,10 +157,7 @@ class DesignedAircraft(Answering):
         return ""
 
     def save(self, folder: Path) -> dict[str, Path]:
-        """Write gains and a figure of the steps into the folder of an aircraft.
-
-        Returns the files by kind. Raises OutputError if one cannot be written.
-        """
+        """Write gains and a figure of the steps into a folder; return the files by kind."""
         written, figure = save_gains(self.gains, folder), folder / FIGURE
         step_figure(self.config, self.steps).save(figure)
         return {"written": written, "figure": figure}

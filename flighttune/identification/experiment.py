@@ -128,12 +128,7 @@ def _ramped(command: FloatArray, rate: float) -> FloatArray:
 def respond(
     plant_factory: Callable[[], Plant], condition: FlightCondition, changes: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Fly changes of the commands on fresh plants, at half the size where the flight ends early.
-
-    The load-factor command is what steady flight at the present attitude needs, plus the change, so
-    that the path stays near the trim. Returns commands, and the response read when each is given:
-    shapes (samples, 2), roll in rad and load factor in 1.
-    """
+    """Fly changes of the commands; return commands and responses, shape (samples, 2), rad and 1."""
     reason = ""
     for attempt in range(ATTEMPTS):
         plant = plant_factory()

@@ -79,11 +79,7 @@ class LagCandidate:
 def frequency_responses(
     experiment: tuple[FloatArray, FloatArray], lines: Lines
 ) -> tuple[FrequencyResponse, FrequencyResponse]:
-    """Return the responses of roll and load factor from the last period of a multisine flight.
-
-    `experiment` has commands and response of two periods at least: the last one is in the steady
-    state. The responses are corrected for the sample-and-hold of the commands.
-    """
+    """Return the responses of roll and load factor from the last period of a multisine flight."""
     if len(experiment[1]) < 2 * SAMPLES or not all(len(line) for line in lines):
         raise InputError(
             f"`experiment` must be two periods of {PERIOD:g} s of multisines, got "
@@ -115,13 +111,10 @@ def candidates(response: FrequencyResponse) -> tuple[LagCandidate, ...]:
 def fitted_lag(
     t: FloatArray, commanded: FloatArray, measured: FloatArray, *, lag: InnerLag | None = None
 ) -> tuple[InnerLag, float]:
-    """Return the lag whose response to `commanded` is nearest to `measured` in the least squares.
+    """Return the lag whose response is nearest to `measured`, and the percentage explained.
 
-    The samples are evenly spaced; commands are held from each to the next, and the first measured
-    value is taken as at rest. The lag is of second order where that is worth it, and `UNEXCITED`
-    where nothing was commanded; a `lag` from elsewhere is kept as it is. Returns the lag and the
-    share of the variance of the response that it explains, in percent; NaN where the channel was
-    not commanded.
+    The samples are evenly spaced, commands held in between, and the first measured value is taken
+    as at rest. A `lag` from elsewhere is kept; `UNEXCITED` and NaN where nothing was commanded.
     """
     if not len(t) > 10:
         raise InputError(f"`t` must have more than 10 samples, got {len(t)}.")
@@ -149,10 +142,7 @@ def fit_percent(measured: FloatArray, model: FloatArray) -> float:
 
 
 def lag_response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) -> FloatArray:
-    """Return the exact response of a lag to commands that are held over samples of `dt` seconds.
-
-    `start` is the command and the response before the first sample.
-    """
+    """Return the exact response of a lag, at rest at `start`, to commands held for `dt` (s)."""
     # The delay is `whole` samples and a fraction: over each sample the command before it acts for
     # `late` seconds still, then the one of the sample. Both enter the state at its end.
     whole = math.floor(lag.delay / dt)

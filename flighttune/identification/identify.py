@@ -74,10 +74,7 @@ class Identification:
 
     @cached_property
     def check(self) -> dict[str, FloatArray]:
-        """The validation manoeuvre, not used for the fit, shape (samples, 2) each.
-
-        ``commanded``, ``flown``, and ``fit``, the response of the chosen lags.
-        """
+        """Commands, flight and fit of the validation manoeuvre, shape (samples, 2) each."""
         commanded, measured = self.manoeuvre
         change, fit = commanded - commanded[0], np.empty_like(measured)
         for i, fits in enumerate(self.candidates):
@@ -122,10 +119,8 @@ def identify_plant(
 
 
 def _of_one_order(identifications: Sequence[Identification]) -> tuple[Identification, ...]:
-    """The identifications with lags of one order a channel, the best over all of them.
-
-    Models of one structure can be mixed, and one Lyapunov function can cover them all.
-    """
+    """The identifications with lags of one order a channel, the best over all of them."""
+    # Models of one structure can be mixed, and one Lyapunov function can cover them all.
     orders = []
     for channel in range(2):
         total: dict[Order, float] = {}

@@ -86,10 +86,7 @@ def fly_step(
     h: float = 1000.0,
     duration: float = 4.0,
 ) -> StepResponse:
-    """Fly a step of roll, at a load factor that holds the climb angle, or one of load factor.
-
-    `size` is in rad or 1; the flight begins in steady level flight, or a glide without an engine.
-    """
+    """Fly a step of roll (rad) at a held climb angle, or of load factor, from steady flight."""
     plant = JSBSimPlant(config)
     plant.start(level(config, V_a, h))
     rows, stop = [plant.observe()], None

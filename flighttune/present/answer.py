@@ -22,12 +22,7 @@ READ_BY = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """The result of a command. Its tables show numbers of its values, or have records of their own.
-
-    The text has tables, notes, verdict, command and files; the JSON object has the values, the
-    records of tables with a name, notes, verdict, command, and each file under its key. The failure
-    goes to stderr.
-    """
+    """The result of a command: values, tables, sentences, a command to copy, files, failure."""
 
     values: Mapping[str, Any] = field(default_factory=dict)
     tables: Sequence[Table] = ()

@@ -93,12 +93,7 @@ class Chart:
         most: int = MAX_DRAWN,
         hover: bool = True,
     ) -> None:
-        """Draw a line through points, broken at NaN.
-
-        A page hides the line by its `run`; `name` is for the legend of this chart if it is no run.
-        Of more points than `most` only the lowest and highest of each stretch are drawn. The
-        value is shown under the pointer if `hover`.
-        """
+        """Draw a line through points, broken at NaN, of at most `most` points with every peak."""
         xs, ys = thinned(np.asarray(x, dtype=float), np.asarray(y, dtype=float), most)
         self._seen.append((xs, ys))
         # a path in space has no single value at a place
@@ -187,10 +182,7 @@ class Chart:
         opacity: float = 1.0,
         tips: Sequence[str] = (),
     ) -> None:
-        """Draw points.
-
-        `size` is half the width in pixels; `filled` is for dots; `tips` are for the pointer.
-        """
+        """Draw points; `size` is half the width in pixels, `tips` are for the pointer."""
         xs, ys = (np.atleast_1d(np.asarray(values, dtype=float)) for values in (x, y))
         self._seen.append((xs, ys))
         full = [filled] * len(xs) if isinstance(filled, bool) else filled
@@ -370,10 +362,7 @@ class Chart:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sheet:
-    """Charts side by side as one picture, each under its title and legend.
-
-    A notebook shows it as it is.
-    """
+    """Charts side by side as one picture, each under its title and legend."""
 
     charts: Sequence[Chart]  # row by row
     columns: int = 2

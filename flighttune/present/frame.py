@@ -73,11 +73,7 @@ def write_page(
     sections: Sequence[Section] = (),
     **more: Any,
 ) -> Report:
-    """Write a page: summary, sections, and what its template asks for besides.
-
-    Tables without a row are left out, and sections without a chart or a table.
-    Parent folders of `path` are made. Raises OutputError if the file cannot be written.
-    """
+    """Write a page, without tables that have no row and sections that have nothing to show."""
     filled = (
         replace(section, tables=[table for table in section.tables if table.records])
         for section in sections

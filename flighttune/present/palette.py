@@ -73,12 +73,7 @@ def rgb(colour: str) -> tuple[int, int, int]:
 
 
 def line_styles(pairs: Iterable[tuple[str, str]]) -> dict[tuple[str, str], LineStyle]:
-    """Line style of each pair of plant and gain set, in the order of the scenario.
-
-    A gain set on three or four plants has `PLANTS`. With at most two plants and six gain sets the
-    hue stands for the gain set and the shade for the plant: the last plant has the strong one.
-    Otherwise up to eighteen pairs have a colour each in order, and more begin again.
-    """
+    """Line style of each pair of plant and gain set, in the order of the scenario."""
     pairs = list(dict.fromkeys(pairs))
     plants = list(dict.fromkeys(plant for plant, _ in pairs))
     gains = list(dict.fromkeys(name for _, name in pairs))
@@ -125,10 +120,7 @@ def css_variables() -> str:
 
 
 def visible(colour: str, ground: str) -> str:
-    """`colour`, darkened or lightened until a line of it can be seen on a ground.
-
-    On a light ground the hue stays; on a dark one it fades towards white.
-    """
+    """`colour`, darkened or lightened until a line of it can be seen on a ground."""
     below, channels = _luminance(rgb(ground)), tuple(map(float, rgb(colour)))
     # Contrast of WCAG 2: (lighter + 0.05) / (darker + 0.05).
     if below < 0.2:

@@ -163,12 +163,7 @@ class Table:
         return any(len(row[-1]) > LONG_WORDS for row in self.rows)
 
     def text(self, width: int) -> str:
-        """The table in lines of at most `width` characters.
-
-        Words are wrapped. Numbers never are: where they have no room side by side, the rest of the
-        columns follows in a second table, each with the first column. Columns without any value
-        are left out.
-        """
+        """The table in lines of at most `width` characters; words are wrapped, numbers are not."""
         # one line, for a title of a file must not look like a line of ours
         title = [" ".join(self.title.split())] if self.title else []
         first, *others = shown = self.filled.columns

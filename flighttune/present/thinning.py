@@ -15,8 +15,7 @@ def peaks(values: FloatArray, *, most: int = MOST) -> np.ndarray:
     """Samples to draw of a long flight: the lowest and the highest of every stretch.
 
     The lines `values`, shape (n, k) or (n,), are over the same time; of each stretch with a gap
-    (NaN) one sample of the gap is kept too. All samples are drawn up to `most`; of more, about
-    as many of each line. The indices increase, with the first and the last sample.
+    (NaN) one sample of the gap is kept too. The indices increase, from the first to the last.
     """
     n = len(values)
     if n <= most:

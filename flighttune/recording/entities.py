@@ -53,11 +53,11 @@ def plain_name(text: str) -> str:
     return re.sub(r"[^A-Za-z0-9.]+", "_", text).strip("_") or "unnamed"
 
 
-def times(seconds: npt.ArrayLike, *, timeline: str = TIMELINE) -> rr.TimeColumn:
+def times(seconds: npt.ArrayLike) -> rr.TimeColumn:
     """Time column of a run."""
     # Whole nanoseconds: Rerun truncates float seconds, which puts a third of them 1 ns early.
     nanoseconds = np.rint(np.asarray(seconds, dtype=float) * 1e9)
-    return rr.TimeColumn(timeline, duration=nanoseconds.astype("timedelta64[ns]"))
+    return rr.TimeColumn(TIMELINE, duration=nanoseconds.astype("timedelta64[ns]"))
 
 
 def log_lines(
@@ -98,10 +98,7 @@ def runs_to_draw(runs: Sequence[Run]) -> list[DrawnRun]:
 
 
 def lane_name(drawn_run: DrawnRun, count: int) -> str:
-    """Entity of a lane, in no folder: the viewer shows its whole path as the name of the lane.
-
-    The number keeps the order of the runs.
-    """
+    """Entity of a lane, in no folder: the viewer shows its whole path as the name of the lane."""
     made_by = drawn_run.run.provenance
     number = f"{drawn_run.number:0{len(str(count))}d}"
     return f"{number}_{plain_name(made_by.plant)}/{plain_name(made_by.gains_name)}"

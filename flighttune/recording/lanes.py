@@ -45,10 +45,7 @@ def log_lanes(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None:
 
 
 def lane(run: Run) -> tuple[FloatArray, list[str]]:
-    """Times (s) at which the state of a run begins and changes, and the states.
-
-    A state names the limits that hold commands, such as ``roll rate``; else it is `FREE`.
-    """
+    """Times (s) at which the limits that hold commands change, and their names or `FREE`."""
     t = run.t[:-1]
     now = np.zeros(len(t), dtype=int)
     for name, factor in LIMITED.items():

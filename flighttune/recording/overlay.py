@@ -8,11 +8,7 @@ from flighttune.records.compare import Comparison, comparison_table, overlaid
 
 
 def write_overlay(comparison: Comparison, path: str | Path) -> None:
-    """Write all runs of a comparison to one recording, aligned at the start of the flight.
-
-    `comparison`: comparable; time 0 of every run is the start of its flight. `path`: a ``.rrd``
-    file to write or replace. Raises RecordingError if the file cannot be written.
-    """
+    """Write all runs of a comparison to one recording, aligned at the start of the flight."""
     runs = overlaid(comparison)
     scenario = runs[0].provenance.scenario
     title = f"{scenario.get('title', 'Flight')}: comparison"

@@ -69,10 +69,7 @@ def scenario_page(
     scenario: Mapping[str, Any],
     indicators: Mapping[str, tuple[float, float, float] | None] | None = None,
 ) -> str:
-    """The page of text in a recording, as Markdown.
-
-    `indicators` are R_K, I_K and E_K by name of the gain set, None where the loop is not stable.
-    """
+    """The page of text in a recording, as Markdown; `indicators` are by name of the gain set."""
     metrics, flight = metric_tables(runs)
     parts = [f"# {scenario.get('title', 'Flight')}", *_about(scenario)]
     parts += ["## Runs", _runs(runs), "## Gains", _gains(runs, indicators or {})]

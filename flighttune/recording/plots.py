@@ -28,7 +28,6 @@ UNITS = {
     **{f"step_{channel}": "rad" for channel in CHANNELS},
     "distance": "m",
 }
-SMALLEST = 1e-4  # norms of s below this (rad and rad/s) are drawn as this: they go down for ever
 FLOWN = ("phi", "n_z", "phi_cmd", "n_z_cmd", "V_a", "gamma")
 
 
@@ -127,11 +126,7 @@ TABS: dict[str, tuple[Plot, ...]] = {
 
 
 def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
-    """The plots of each tab that at least one run has a signal for.
-
-    Signals of a user's own law stand beside those of the controller. Wind and disturbance that are
-    zero throughout are not shown. Measured values stand behind the true signal.
-    """
+    """The plots of each tab that at least one run has a signal for; no wind in calm air."""
     aircraft = any(run.provenance.aircraft for run in runs)
 
     def shows(tab: str, plot: Plot) -> bool:
@@ -168,10 +163,7 @@ def _as_flown(plot: Plot, runs: Sequence[Run]) -> Plot:
 
 
 def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
-    """Values of a signal in the unit shown: degrees for angles, courses without jumps at +-180.
-
-    A measured course stays beside the true one.
-    """
+    """Values of a signal in the unit shown: degrees for angles, courses without jumps at +-180."""
     values = signals[name].to_numpy(dtype=float)
     if name in ("chi", "chi_ref"):
         values = np.unwrap(values)
@@ -187,12 +179,7 @@ def unit_of(name: str) -> str:
 
 
 def value_range(plot: Plot, runs: Sequence[Run], *, share: float) -> tuple[float, float] | None:
-    """Range of the vertical axis: all that is drawn, and where it costs little, two labels.
-
-    The range is in the unit shown, and None where nothing varies: there the viewer finds a better
-    one. `share` is the height of the plot over that of the tab. The viewer labels multiples of a
-    power of ten: between -9 and 9 that is a lonely 0.
-    """
+    """Range of the vertical axis in the unit shown, or None where nothing varies."""
     having = [run for run in runs if plot.signal in run.signals]
     names = [*plot.signals, *filter(None, (plot.common, plot.measured))]
     values = [
@@ -208,7 +195,8 @@ def value_range(plot: Plot, runs: Sequence[Run], *, share: float) -> tuple[float
     low, high = (everything.min(), everything.max()) if len(everything) else (0.0, 0.0)
     if not high - low > SMALLEST_SPAN * max(1.0, abs(low), abs(high)):
         return None
-    # In steps between two labels; at least one label more than there are steps.
+    # The viewer labels multiples of a power of ten: between -9 and 9 that is a lonely 0. In steps
+    # between two labels; at least one label more than there are steps.
     step = 10.0 ** math.ceil(math.log10((high - low) / max(LABELS * share - 2.0, 2.0)))
     lower, upper = low / step, high / step
     while math.floor(upper) - math.ceil(lower) < 1:
@@ -238,12 +226,7 @@ def positions(signals: pd.DataFrame) -> FloatArray:
 
 
 def with_derived(flights: "Sequence[DrawnRun]") -> "list[DrawnRun]":
-    """The runs with the signals of `UNITS` that they have; and height and speed over ground.
-
-    A run is compared with that of the same gains on the plant before it: `step_chi` and
-    `step_gamma` are its course and path angle minus theirs. `distance` is that from the path on the
-    first plant.
-    """
+    """The runs with the signals of `UNITS` that they have; and height and speed over ground."""
     before: dict[str, list[Run]] = {}
     extended = []
     for drawn_run in flights:
@@ -269,12 +252,7 @@ def _over_ground(run: Run) -> dict[str, FloatArray]:
 
 
 def _parts(run: Run) -> dict[str, FloatArray]:
-    """Rates that each part of an aircraft adds to those of the law under the same commands.
-
-    Lift: rates of the exact point mass minus those of the law, both under the commands. Lag: rates
-    of the point mass under roll and load factor as flown minus those under the commands. Rest:
-    rates of the flight minus the former.
-    """
+    """Rates that each part of an aircraft adds to those of the law under the same commands."""
     trim, signals = trim_of(run), run.signals
     if run.provenance.aircraft is None or trim is None or not set(FLOWN) <= set(signals):
         return {}
@@ -285,6 +263,7 @@ def _parts(run: Run) -> dict[str, FloatArray]:
     behind = turn_rates(V_a, gamma, phi, n_z, turn="exact", g=trim.g)
     kinematic = turn_rates(trim.V_a, gamma, phi_cmd, n_z_cmd, turn="paper", g=trim.g)
     modelled = {"kinematic": kinematic, "point_mass": exact}[run.provenance.law.plant]
+    # lift: exact less modelled; inner loop: behind it less commanded; rest: flown less that
     steps = modelled, exact, behind, actual
     return {
         f"{part}_{channel}": steps[k + 1][i] - steps[k][i]

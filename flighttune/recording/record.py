@@ -108,11 +108,7 @@ def page_of(flown: FlownScenario) -> str:
 
 
 def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: str) -> None:
-    """Write all runs of a scenario to one recording that opens by itself in Rerun.
-
-    Angles are shown in degrees. A signal that a run does not have is not drawn, and a run with
-    fewer than two samples appears on the page only.
-    """
+    """Write all runs of a scenario to one recording that opens by itself in Rerun."""
     data = recording_bytes(runs, page=page, title=title)
     with whole_file(Path(path)) as part:
         part.write_bytes(data)

@@ -67,10 +67,7 @@ def headings(signals: pd.DataFrame) -> FloatArray:
 
 
 def attitudes(signals: pd.DataFrame) -> FloatArray:
-    """Rotation from body axes to the axes of `headings`, shape (n, 4): x, y, z, w.
-
-    A plant without pitch and heading is drawn along its path.
-    """
+    """Rotation from body axes to the axes of `headings`, shape (n, 4): x, y, z, w."""
     pitch = signals["theta" if "theta" in signals else "gamma"]
     crab = signals["psi"] - signals["chi"] if "psi" in signals else 0.0 * pitch
     angles = np.column_stack([crab, pitch, signals["phi"]]).astype(float)
@@ -78,10 +75,7 @@ def attitudes(signals: pd.DataFrame) -> FloatArray:
 
 
 def span_of(run: Run) -> float:
-    """Wing span of the run's aircraft, m; `MODEL_SPAN` if there is none.
-
-    A plant without an aircraft is drawn as the first aircraft of its scenario.
-    """
+    """Wing span of the run's aircraft, else of the first of its scenario, else `MODEL_SPAN`, m."""
     tables = run.provenance.scenario.get("plant") or []
     names = [run.provenance.aircraft, *(table.get("aircraft") for table in tables)]
     return next((_span(name) for name in names if name), MODEL_SPAN)
@@ -101,19 +95,13 @@ def drawn_scale(flights: Sequence[DrawnRun]) -> float:
 
 
 def enlargement(points: FloatArray, span: float) -> float:
-    """Factor by which aircraft are drawn larger than they are: a round number, at least 1.
-
-    `points` are all positions, and `span` is that of the widest aircraft, m.
-    """
+    """Factor by which aircraft are drawn larger than they are: a round number, at least 1."""
     factor = float(np.linalg.norm(np.ptp(points, axis=0))) * SHARE_OF_FLIGHT / span
     return max(1.0, round_below(factor, FINELY_ROUND))
 
 
 def ground_grid(points: FloatArray) -> tuple[list[FloatArray], float]:
-    """Lines of a level grid half a spacing below the flight and as wide as it, and their spacing.
-
-    Each line is its two ends, shape (2, 3), m; the spacing is 1, 2 or 5 times a power of ten.
-    """
+    """Lines (2, 3) of a level grid below the flight and as wide as it, and their spacing, m."""
     longest = float(np.ptp(points[:, :2], axis=0).max())
     spacing = round_below(max(longest, 1.0) * 2.0 / GROUND_LINES)
     low = np.floor(points[:, :2].min(axis=0) / spacing) * spacing
@@ -144,11 +132,7 @@ def overview(flights: Sequence[DrawnRun]) -> Eye:
 
 
 def overview_eye(points: FloatArray, *, margin: float) -> Eye:
-    """Camera that sees the whole flight from its left, a little from behind and above.
-
-    The picture holds `points`, shape (n, 3), m, and `margin` (m) around them: half the width of an
-    aircraft as drawn.
-    """
+    """Camera that sees all `points` and `margin` (m) around them, from the left and above."""
     low, high = points.min(axis=0), points.max(axis=0)
     # The direction of flight is that diagonal of the box around it which it takes.
     moved = (low + high) / 2.0 - points[0]
@@ -176,10 +160,7 @@ def eye_above(points: FloatArray) -> Eye:
 
 
 def chase_eye(width: float) -> Eye:
-    """Camera behind and above an aircraft `width` m wide, in axes that turn with its course.
-
-    The aircraft takes two fifths of the width of a square view.
-    """
+    """Camera behind and above an aircraft `width` m wide, in axes that turn with its course."""
     return width * np.array([-2.0, -0.9, -1.0]), width * np.array([0.3, 0.0, 0.0])
 
 

@@ -31,11 +31,7 @@ def stream_url(port: int) -> str:
 
 
 def viewer(path: str | Path, *, port: int | None = None) -> tuple[list[str], str]:
-    """Command that opens a recording (.rrd), and the address of its page; empty for a window.
-
-    With `port`, or where there is no screen, the page is served on this machine at `port` (by
-    default `PORT`), and its data at the next one.
-    """
+    """Command that opens a recording, and the address of the page if a browser is served."""
     check_recording(path)
     command = [rerun_program(), "--bind", LOCAL, str(Path(path).resolve())]
     if port is None and has_screen():

@@ -210,15 +210,10 @@ def pairs_table(comparison: Comparison) -> Table:
 
 
 def load_source(name: str | Path, *, changes: Mapping[str, Any] | None = None) -> Source:
-    """Find the runs of a name.
+    """Find the runs of a name: a folder, a Parquet file, a recording, or a scenario to fly.
 
-    `name`: a run folder of ``flighttune fly``, a Parquet file of one run, a recording (.rrd), or a
-    scenario, which is flown. Behind an ``@`` a gain set, a plant or the label of a run chooses
-    among its runs; of a scenario also a file of gains, or a set it does not list. The source has at
-    least one run. Raises RecordingError if a file or folder holds no runs, or none of that choice.
-    Raises ScenarioError if there is no such scenario or gains file.
-
-    `changes`: values to set by dotted key in a scenario that is flown.
+    Behind an ``@`` a gain set, a plant or the label of a run chooses among its runs; of a scenario
+    also a file of gains, or a set it does not list. `changes` are by dotted key.
     """
     name = str(name)
     place, _, choice = name.partition("@") if not Path(name).exists() else (name, "", "")
@@ -322,10 +317,7 @@ def better(name: str, a: float, b: float) -> str:
 
 
 def largest_distance(a: Run, b: Run) -> tuple[float, float]:
-    """Largest distance of two runs at the same time after the start, m, and that time, s.
-
-    The samples of both count, over the time both flew; positions between samples are linear.
-    """
+    """Largest distance of two runs at the same time after the start, m, and that time, s."""
     t = np.union1d(a.t, b.t)
     t = t[t <= min(a.duration, b.duration)]
 
@@ -364,10 +356,7 @@ def _each_run(source: Source) -> list[Source]:
 
 
 def _paired(a: Sequence[Run], b: Sequence[Run]) -> list[tuple[Run, Run]]:
-    """Pair two single runs; else the runs of equal label, plant or gains.
-
-    Plants pair runs where each side has a single gain set, and gains where it has a single plant.
-    """
+    """Pair two single runs; else the runs of equal label, plant or gains."""
     if len(a) == len(b) == 1:
         return [(a[0], b[0])]
 
@@ -476,10 +465,7 @@ def sources_of(comparison: Comparison) -> list[str]:
 
 
 def overlaid(comparison: Comparison) -> list[Run]:
-    """Every run of a comparison once, with a letter for the source if runs share a label.
-
-    The first source is A, the next one B and so on.
-    """
+    """Every run of a comparison once; equal labels get the letter of their source, A, B, ..."""
     letters = {name: chr(ord("A") + i) for i, name in enumerate(sources_of(comparison))}
     runs: dict[tuple[str, str], Run] = {}
     for pair in comparison.pairs:

@@ -56,10 +56,7 @@ def signal_files(runs: Sequence[Run], folder: Path) -> list[Path]:
 
 
 def write_run(run: Run, path: str | Path) -> None:
-    """Write `run` to one Parquet file: signals as float64 columns, the rest as JSON in the schema.
-
-    The signals may be empty. An existing file is replaced, and parent folders are made.
-    """
+    """Write `run` to a Parquet file: signals as float64 columns, the rest as JSON in the schema."""
     data = parquet_bytes(run)
     with whole_file(Path(path)) as part:
         part.write_bytes(data)
@@ -140,19 +137,12 @@ def record_bytes(parts: Parts, flight: Sequence[str] = ()) -> bytes:
 
 
 def read_run(path: str | Path) -> Run:
-    """Return the run that `write_run` wrote to `path`, equal to the bit.
-
-    A RecordingError says in one line if there is no such file, it is not as flighttune wrote it
-    (damaged, edited, of another program or of flighttune 0.1.0), or it has a newer layout.
-    """
+    """Return the run that `write_run` wrote to `path`, equal to the bit."""
     return _read(Path(path))[0]
 
 
 def _read(path: Path) -> tuple[Run, str, tuple[str, ...]]:
-    """The run in a Parquet file, its SHA-256, and those of all runs of its flight.
-
-    The latter are empty if the file was written on its own.
-    """
+    """The run in a Parquet file, its SHA-256, and those of all runs recorded with it."""
     data = sealed_bytes(path, PARQUET_FILE)
     try:
         table = pq.ParquetFile(pa.BufferReader(data)).read()

@@ -128,10 +128,7 @@ class Reflown(Answering):
         return not any(run.differences for run in self.runs)
 
     def answer(self, signals: Mapping[str, Path] | None = None) -> Answer:
-        """Each run with what differs; a failure names the first difference.
-
-        `signals`: files of recorded flights by label.
-        """
+        """Each run with what differs; `signals` are files of recorded flights by label."""
         records = [run.record for run in self.runs]
         differences = [{"run": r["run"], **other} for r in records for other in r["differences"]]
         drawn = [{"parameter": key, "value": value} for key, value in self.runs[0].drawn.items()]
@@ -166,11 +163,7 @@ def reflights(
     plants: Mapping[str, PlantMaker] | None = None,
     progress: Progress | None = None,
 ) -> tuple[Reflight, ...]:
-    """Fly runs of one scenario again, as the scenario and seed in their provenance say.
-
-    `laws` and `plants` are as for `fly`. Raises RecordingError if the runs are of several
-    scenarios, or not of theirs, and ScenarioError if it cannot be read.
-    """
+    """Fly runs of one scenario again, as the scenario and seed in their provenance say."""
     scenarios = [dict(run.provenance.scenario) for run in runs]
     if not runs or any(other != scenarios[0] for other in scenarios[1:]):
         raise RecordingError(f"the runs must be of one scenario, got {len(runs)} of several.")

@@ -34,10 +34,7 @@ GIVEN = "The middle predicted from the wind of each flight is subtracted."
 def write_band_page(
     band: Band, source: str, path: str | Path, tables: Sequence[Table], notes: Sequence[str]
 ) -> Report:
-    """Write one self-contained page about the band in the file `source`.
-
-    Raises OutputError if the file cannot be written.
-    """
+    """Write one self-contained page about the band in the file `source`."""
     about = band.about
     facts = {
         "band": source,

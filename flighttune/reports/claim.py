@@ -13,10 +13,7 @@ from flighttune.tubes.enclosure import Tube
 
 
 def write_claim_page(claim: AnyClaim, source: str, path: str | Path) -> Report:
-    """Write one self-contained page about the claim in the file `source`.
-
-    Raises OutputError if the file cannot be written.
-    """
+    """Write one self-contained page about the claim in the file `source`."""
     if isinstance(claim, Tube):
         return write_tube_page(claim, source, path)
     if isinstance(claim, Band):

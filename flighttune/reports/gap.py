@@ -18,10 +18,7 @@ CLAIM_NOTE = (
 
 
 def write_gap_page(gap: Gap, tables: Sequence[Table], path: str | Path) -> Report:
-    """Write one self-contained page about a gap; parent folders are made.
-
-    Raises InputError if the aircraft did not fly, OutputError if the file cannot be written.
-    """
+    """Write one self-contained page about a gap; InputError if the aircraft did not fly."""
     origin = gap.aircraft.provenance
     return write_page(
         Path(path),

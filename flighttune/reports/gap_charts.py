@@ -28,10 +28,7 @@ def colours(gap: Gap) -> tuple[str, ...]:
 
 
 def gap_charts(gap: Gap) -> list[Chart]:
-    """Every chart of a gap, those of course and path angle next to each other.
-
-    Without a ladder, because the aircraft did not fly, there is an InputError.
-    """
+    """Every chart of a gap; InputError without a ladder, because the aircraft did not fly."""
     if not gap.steps:
         raise InputError(f"`gap` must have a ladder to be drawn, got none: {gap.reason}")
     kinds = (itae_chart, _rungs, steps_chart, _mismatch, bound_chart)

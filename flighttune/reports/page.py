@@ -82,11 +82,7 @@ def write_report(
     source: str | Path | Source,
     path: str | Path,
 ) -> Report:
-    """Write one self-contained page about the runs of a scenario; `source` is as for `compare`.
-
-    Raises RecordingError if no run flew or the runs are of several scenarios, and ScenarioError if
-    the recorded scenario is not valid any more.
-    """
+    """Write one self-contained page about the runs of a scenario; `source` is as for `compare`."""
     source = source if isinstance(source, Source) else load_source(source)
     runs = [run for run in source.runs if len(run.signals) > 1]
     scenario = _scenario(source, runs)
@@ -137,10 +133,7 @@ def write_report(
 
 
 def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
-    """Write one self-contained page about comparable runs; parent folders are made.
-
-    Raises OutputError if the file cannot be written.
-    """
+    """Write one self-contained page about comparable runs."""
     runs = overlaid(comparison)
     styles = run_styles(runs)
     flights = [(run, styles[run.label]) for run in runs]

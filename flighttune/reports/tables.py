@@ -98,10 +98,7 @@ def convergence_table(runs: Sequence[Run], claim: ClaimCheck) -> Table:
 
 
 def final_errors(run: Run) -> dict[str, Any]:
-    """Whether a run converges: its largest errors over the last quarter and their limits, rad.
-
-    On a route, where the reference never rests, a run converges if it arrives.
-    """
+    """Whether a run converges: its largest errors over the last quarter and their limits, rad."""
     t = run.t
     errors = np.abs(run.signals[[f"{channel}_err" for channel in CHANNELS]].to_numpy())
     residual = errors[t >= LATE * t[-1]].max(axis=0)

@@ -15,10 +15,7 @@ from flighttune.units import DEG_PER_RAD
 
 
 def write_tube_page(tube: Tube, source: str, path: str | Path) -> Report:
-    """Write one self-contained page about the tube in the file `source`.
-
-    Raises OutputError if the file cannot be written.
-    """
+    """Write one self-contained page about the tube in the file `source`."""
     answer, problem = tube.answer(), tube.problem
     facts = {
         "tube": source,

@@ -42,12 +42,7 @@ def title_with(tables: Mapping[str, Any], changes: Mapping[str, Any]) -> Any:
 def with_gains(
     scenario: Scenario, names: Sequence[str], source: str, tables: Sequence[GainsTable] = ()
 ) -> Scenario:
-    """The scenario with these gain sets in place of its own, and the requirements about them.
-
-    A name is one that runs can have (``tuned``, ``exact:tuned``, one of the scenario's or of
-    `tables`), or a file, whose gains are flown by the first law of the scenario that they fit.
-    Errors name `source`.
-    """
+    """The scenario with these gain sets in place of its own, and the requirements about them."""
     listed = [entry for entry in scenario.gains if isinstance(entry, GainsTable)]
     own = {entry.name: entry for entry in (*listed, *tables)}
     laws: dict[str, LawTable] = {}
@@ -231,11 +226,7 @@ def load_gains(path: str | Path) -> PIGains:
 def existing_file(
     path: str | Path, kind: str, shipped: Mapping[str, Path], folders: Sequence[str]
 ) -> Path:
-    """A file, or the shipped one of that name.
-
-    The name may have the ending and one of the `folders` of the shipped file; `kind` is the kind of
-    file for the message.
-    """
+    """A file, or the shipped one of that name, maybe with its ending and one of its `folders`."""
     file = Path(path)
     if file.is_file():
         return file

@@ -23,9 +23,8 @@ PATH = re.compile(rf"{SEGMENT}(?:\.{SEGMENT})*")
 def places_of(key: str, tables: Mapping[str, Any], value: Any) -> tuple[Place, ...]:
     """Every place of a scenario that a dotted key means.
 
-    ``name[1]`` is a position in an array, counted from 0; ``plant`` without a position is every
-    plant that has the key, ``plant[LABEL]`` the plant of that label. `value` is a value that the
-    key can have: it tells which kinds of plant have the key.
+    ``name[1]`` is a position in an array, from 0; ``plant`` without one is every plant that can
+    have this `value` there, ``plant[LABEL]`` the plant of that label.
     """
     if len(key) > MAX_KEY or not PATH.fullmatch(key):
         raise InputError(
@@ -51,10 +50,7 @@ def value_at(tables: Mapping[str, Any], place: Place) -> Any:
 
 
 def with_values(tables: Mapping[str, Any], values: Iterable[tuple[Place, Any]]) -> dict[str, Any]:
-    """A copy of `tables` with values put in; tables off the way to a value are shared with it.
-
-    Tables on the way that are missing are made.
-    """
+    """A copy of `tables` with values put in; tables off the way to a value are shared with it."""
     changed = dict(tables)
     for place, value in values:
         changed = _with_value(changed, place, value)

@@ -220,13 +220,7 @@ class Scenario(Table):
         return listed.get(law) or law_named(law)
 
     def law_of(self, name: str, gains: PIGains | None = None) -> tuple[Law, str]:
-        """The law that flies a gain set, and the gain set as ``gains`` lists it.
-
-        `name` is one of `gain_names`. A law that the scenario does not name but can
-        (``exact:tuned``) has its default settings; without a law it is the paper's, or the only one
-        there is. `gains` may come from a file: if they act on other inputs than those of the named
-        law, the law is `law_for` of the gains.
-        """
+        """The law that flies a gain set of `gain_names`, and the gain set as ``gains`` lists it."""
         law, own = self.law_table(name).law(), split_name(name)[1]
         if gains is not None and law.by_gains and gains.inputs != law.inputs:
             law = self.law_for(gains)

@@ -202,10 +202,7 @@ class ReferenceTable(q.Table):
                 yield f"[reference.{key}] `start_s`", segment.start_s
 
     def steepest(self, start_deg: float, duration: float) -> tuple[float, float]:
-        """Time (s) and value (deg) of the steepest path angle asked for, up or down.
-
-        `start_deg` is the path angle of ``[flight]``; `duration` is in s.
-        """
+        """Time (s) and value (deg) of the steepest path angle asked for, up or down."""
         segments = self.gamma_deg if isinstance(self.gamma_deg, list) else []
         inside = {t for table in segments for t in table.segment().times if t < duration}
         ends = np.array(sorted({0.0, duration, *inside}))

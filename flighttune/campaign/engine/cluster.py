@@ -28,10 +28,7 @@ COUNT_S = 1.0
 
 
 def check_scheduler(scheduler: str) -> tuple[str, int]:
-    """Host and port of the address of a scheduler, ``tcp://HOST:PORT`` or ``tls://HOST:PORT``.
-
-    InputError if dask.distributed is not installed, or the address cannot be one.
-    """
+    """Host and port of the address of a scheduler; InputError if it cannot be one."""
     need("`scheduler`", "dask", "distributed")
     with suppress(ValueError):  # of a port that is no number
         at = urlsplit(scheduler if "://" in scheduler else f"tcp://{scheduler}")

@@ -179,11 +179,7 @@ def _keep_signals(dataset: Dataset, pool: WorkerPool) -> None:
 
 
 def campaign_cost(plan: Plan, workers: int) -> dict[str, Any]:
-    """Fly a few runs of a plan in one process and estimate what all of them will take.
-
-    The estimate follows from the last timing, which has the most runs: kinematic flights take less
-    time each in a larger batch. Nothing is written.
-    """
+    """Fly a few runs of a plan in one process and estimate what all of them will take."""
     size = min(len(plan.groups), plan.runs)
     with WorkerPool(1) as pool:
         list(pool.rows(plan, range(size)))  # untimed: starts the process
@@ -195,6 +191,7 @@ def campaign_cost(plan: Plan, workers: int) -> dict[str, Any]:
                 break
             size = min(size * MORE, plan.runs)
         sizes = [len(signals) for _, signals in pool.signals(plan, [0])]
+    # The last timing has the most runs: kinematic flights take less time each in a larger batch.
     table, keep = table_of(plan, rows), plan.campaign.keep
     run_s = table.to_pandas().groupby(["plant", "gains"], sort=False)["wall_s"].mean()
     core_s = spent / size * plan.runs

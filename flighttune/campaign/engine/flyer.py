@@ -44,10 +44,7 @@ OF_THREAD = threading.local()
 
 
 class Flyer:
-    """Client of the process that flies for one thread; starts a new one after each crash.
-
-    PlantError if a process cannot start.
-    """
+    """Client of the process that flies for one thread; starts a new one after each crash."""
 
     def __init__(self) -> None:
         self.stopped = False
@@ -149,10 +146,7 @@ def fly(work: bytes, draw: "Draw") -> list[Answer]:
 
 
 def work_of(plan: "Plan", probes: "Probes", *, signals: bool = False) -> bytes:
-    """A plan and probes as processes get them, with the libraries that rows must come from.
-
-    With `signals` its flights are recorded and have no rows.
-    """
+    """A plan and probes as processes get them; with `signals` flights are recorded."""
     from flighttune.flight.fly import library_versions
 
     # The versions are compared before the rest is read, which other versions may not be able to.

@@ -62,9 +62,8 @@ class Threads:
 class WorkerPool:
     """Flies runs with the workers of a campaign, for an observer that may stop it.
 
-    They are processes of this machine, by default one per core, or the workers of a dask scheduler.
-    They are started, or connected to, only when there is something to fly, and stop at the end of
-    the ``with`` block. Raises InputError if the arguments cannot be used.
+    They are started, or connected to, when there is something to fly, and stop at the end of the
+    ``with`` block.
     """
 
     def __init__(
@@ -107,8 +106,7 @@ class WorkerPool:
     ) -> Iterator[Row]:
         """Fly runs of a plan, in rising order; their rows, as they come.
 
-        `doing` names a phase that counts its own runs; without it they are added to those counted
-        before. `probes` and `draws` are those of `flighttune.campaign.flying.rows.rows_flown`.
+        `doing` names a phase that counts its runs; `probes` and `draws` are those of `rows_flown`.
         Raises StoppedError after the rows that are there, if the observer stopped the flights.
         """
         runs, probes, progress = list(runs), probes or {}, self.progress
@@ -148,10 +146,7 @@ class WorkerPool:
         return sorted(self.rows(plan, runs, **options), key=lambda row: row["run"])
 
     def signals(self, plan: Plan, runs: Iterable[int]) -> Iterator[tuple[int, bytes]]:
-        """Fly runs of a plan once more for their signals; each run with the bytes of its recording.
-
-        Raises StoppedError as `rows` does.
-        """
+        """Fly runs of a plan again for their signals: each with the bytes of its recording."""
         self.progress.runs = self.progress.done  # the progress goes on to show the rows
         draws, work = (Draw((run,), {}) for run in runs), work_of(plan, {}, signals=True)
         for ((run,), _), (signals,) in self._answers("keeping signals", work, draws):
@@ -165,10 +160,7 @@ class WorkerPool:
     def _answers(
         self, doing: str, work: bytes, draws: Iterator[Draw]
     ) -> Iterator[tuple[Draw, list[Any]]]:
-        """Draws with the answers of the workers, in any order, until the observer stops them.
-
-        One without runs comes back at once.
-        """
+        """Draws with the answers of the workers, in any order; one without runs at once."""
         observer, progress, more = self.observer, self.progress, True
         if progress.began is None:
             observer.see(progress)

@@ -29,7 +29,7 @@ PREPARE_S, START_S = 120.0, 10.0
 def serve(pipe: Connection) -> None:
     """Fly what the pipe asks for until its other end is closed."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # no image of a crash in the working folder
-    with suppress(EOFError, OSError):  # the parent is gone, maybe without a word
+    with suppress(EOFError, OSError):  # the parent was killed
         while True:
             work, draw = pipe.recv()
             try:
@@ -53,10 +53,7 @@ def serve(pipe: Connection) -> None:
 
 @lru_cache(maxsize=2)
 def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]]]:
-    """The plan, and a function that flies the runs of a draw.
-
-    FlightTuneError if rows would be others than elsewhere.
-    """
+    """The plan, and a function that flies the runs of a draw."""
     wanted, content = pickle.loads(work)
     other = changed_versions(dict.fromkeys(library_versions(), "absent") | wanted)
     if other:
@@ -80,11 +77,9 @@ def _prepared(work: bytes) -> tuple[Plan, Callable[[Draw], Iterator[Row | bytes]
 
 @contextmanager
 def _time_limit(seconds: float) -> Iterator[None]:
-    """End this process by SIGALRM if the block takes longer.
-
-    The system does it, by a signal without a handler: a thread of Python could not, while JSBSim
-    computes and does not release the interpreter. So a flight ends in time without its parent too.
-    """
+    """End this process by SIGALRM if the block takes longer."""
+    # The system does it, by a signal without a handler: a thread of Python could not, while JSBSim
+    # computes and does not release the interpreter. So it ends in time without its parent too.
     signal.setitimer(signal.ITIMER_REAL, seconds)
     try:
         yield

@@ -14,11 +14,7 @@ from flighttune.simulate.run import Run
 
 
 def wind_source(scenario: Scenario, group: Group) -> Group | None:
-    """The group whose wind a group replays; None for an aircraft, or in still air.
-
-    In wind, the plants that are not aircraft replay the wind that the scenario's first aircraft met
-    with the same gains.
-    """
+    """The aircraft's group whose wind a group replays; None for an aircraft, or in still air."""
     source = scenario.wind_source
     if source is None or scenario.plant_table(group.plant).aircraft is not None:
         return None
@@ -28,12 +24,7 @@ def wind_source(scenario: Scenario, group: Group) -> Group | None:
 def fly_group(
     plan: Plan, scenario: Scenario, group: Group, wind_runs: dict[Group, Run] | None = None
 ) -> Run:
-    """One flight: a group of a plan in the scenario of a draw, or in the undispersed one.
-
-    `wind_runs` are flights of aircraft in the same scenario, whose wind other plants replay. The
-    flight that is needed is flown first where it is missing, and added. PlantError if an aircraft
-    cannot be built.
-    """
+    """One flight: a group of a plan in a scenario; `wind_runs` have the wind that others replay."""
     wind_runs = {} if wind_runs is None else wind_runs
     source, wind_run = wind_source(scenario, group), None
     if source is not None:
@@ -46,12 +37,7 @@ def fly_group(
 
 
 def scenario_of_run(plan: Plan, run: int, drawn: Mapping[str, Any] | None = None) -> Scenario:
-    """The scenario of one run of a plan: its draw, its plant and its gains, these as numbers.
-
-    `drawn` are values in place of those of its draw.
-    Flown as any other it gives the flight of the run, to the bit. In wind it also has the aircraft
-    whose wind the run replays.
-    """
+    """The scenario of one run of a plan, which `fly` flies to the same bits: gains are numbers."""
     if not 0 <= run < plan.runs:
         raise InputError(f"`run` must be 0 to {plan.runs - 1}, got {run}.")
     group, draw = plan.group_of(run), plan.draw_of(run)
@@ -66,8 +52,7 @@ def scenario_of_run(plan: Plan, run: int, drawn: Mapping[str, Any] | None = None
     gains = plan.gain_sets[group.gains]
     if gains is None:
         raise InputError(
-            f"`gains` must have been found to fly, got none for {group.gains}: its tuning problem "
-            "is infeasible."
+            f"`gains` must be there to fly, got none for {group.gains}: its tuning was infeasible."
         )
     tables["gains"] = [{"name": split_name(group.gains)[1], **gains.as_lists()}]
     tables["title"] = f"{scenario.title}, run {run}"
@@ -77,8 +62,5 @@ def scenario_of_run(plan: Plan, run: int, drawn: Mapping[str, Any] | None = None
 
 
 def fly_again(plan: Plan, run: int, *, progress: Progress | None = None) -> FlownScenario:
-    """Fly a single run of a plan under the label of its group.
-
-    The aircraft whose wind the run replays is flown too.
-    """
+    """Fly one run of a plan again, and the aircraft whose wind it replays."""
     return fly(scenario_of_run(plan, run), progress=progress)

@@ -74,9 +74,8 @@ def rows_flown(
 ) -> Iterator[Row]:
     """Fly runs of a plan, in rising order, in this process; their rows, draw by draw.
 
-    All columns but ``wall_s`` depend only on the plan and the run, to the bit. Where the scenario
-    or an aircraft refuses a drawn value, the status is ``invalid`` and the reason names the key.
-    `draws` replace those of the design; they may set keys that the campaign does not disperse.
+    All columns but ``wall_s`` depend only on the plan and the run, to the bit. `draws` replace
+    those of the design; they may set keys that the campaign does not disperse.
     """
     for batch, alone in flown_blocks(plan, runs, probes or {}, draws):
         yield from batch
@@ -85,10 +84,8 @@ def rows_flown(
 
 
 def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Difference, ...]:
-    """Every column in which a run that is flown again differs from its row, to the bit.
-
-    It is flown as rows are: a kinematic flight of a batch and a single one differ by rounding.
-    """
+    """Every column in which a run that is flown again differs from its row, to the bit."""
+    # flown as rows are: a kinematic flight of a batch and a single one differ by rounding
     again = fly_runs(plan, [run]).to_pylist()[0]
     return tuple(
         Difference(name, None, row[name], value)
@@ -101,10 +98,7 @@ def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Diffe
 def flown_blocks(
     plan: Plan, runs: Iterable[int], probes: Probes, draws: Sequence[Drawn] | None = None
 ) -> Iterator[tuple[list[Row], list[Draw]]]:
-    """Rows of the flights in a batch, and the draws that are left to `fly_draw`, block by block.
-
-    `draws` replace those of the design.
-    """
+    """Rows of the flights in a batch, and the draws left to `fly_draw`, block by block."""
     in_batch = batched_groups(plan, probes, draws)
     for _, block in groupby(runs, key=lambda run: plan.draw_of(run) // BLOCK):
         together: list[Draw] = []
@@ -205,10 +199,7 @@ def lost_row(plan: Plan, run: int, drawn: Drawn, ending: int | str) -> Row:
 
 
 def warm_up(plan: Plan) -> None:
-    """Load what the flights of a plan need, before the time of its runs is taken.
-
-    Errors are ignored here: every run of the group reports them in its row.
-    """
+    """Load what the flights of a plan need, before the time of its runs is taken."""
     scenario = plan.scenario
     short = scenario.flight.model_copy(update={"duration_s": SAMPLES / scenario.controller.rate_hz})
     scenario = scenario.model_copy(update={"flight": short})

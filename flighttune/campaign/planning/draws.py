@@ -40,11 +40,7 @@ def cycle(campaign: Campaign) -> int:
 
 
 def drawn(campaign: Campaign, first: int, end: int, *, draws: int) -> pd.DataFrame:
-    """The dispersed values and seeds of draws `first` to `end`, which is not among them.
-
-    The index is ``draw``; the columns are the dispersed keys in order of the file, and ``seed``.
-    Only a Latin hypercube depends on `draws`, the size of the whole campaign.
-    """
+    """Dispersed values (columns by key, and ``seed``) of draws `first` to `end`, exclusive."""
     length = cycle(campaign)
     point, place = np.divmod(np.arange(first, end), length)
     low, high = first // length, -(-end // length)
@@ -87,10 +83,7 @@ def unit_points(
 
 
 def run_seeds(seed: int, first: int, end: int) -> npt.NDArray[np.int64]:
-    """Seeds of points `first` to `end`, 0 to `LARGEST_SEED`.
-
-    Each depends on the campaign's seed and the point alone.
-    """
+    """Seeds of points `first` to `end`, 0 to `LARGEST_SEED`."""
     raw = _stream(seed, SEED, first).bit_generator.random_raw(max(end - first, 0))
     return (np.atleast_1d(raw) >> np.uint64(33)).astype(np.int64) % (LARGEST_SEED + 1)
 

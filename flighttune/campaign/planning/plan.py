@@ -128,26 +128,15 @@ class Plan:
 
     @cached_property
     def cycle(self) -> int:
-        """Number of draws that belong together; a design consists of whole cycles of them.
-
-        A grid has one per cell; others have cycles of 1.
-        """
+        """Number of draws that belong together: one per cell of a grid, else 1."""
         return cycle(self.campaign)
 
-    def chosen_group(
-        self, plant: str | None, gains: str | None, *, kind: str | None = None
-    ) -> Group:
-        """The group asked for; by default the first plant with its default gains.
-
-        The default gains are ``tuned_identified`` if there are any, otherwise the first. `kind`
-        restricts the choice to plants of that kind.
-        """
-        plants = [table.label for table in self.scenario.plant if kind in (None, table.kind)]
-        chosen = plant or next(iter(plants), "")
+    def chosen_group(self, plant: str | None, gains: str | None) -> Group:
+        """The group asked for; by default the first plant with its default gains."""
+        plants = [table.label for table in self.scenario.plant]
+        chosen = plant or plants[0]
         if chosen not in plants:
-            labels = ", ".join(plants) or f"kind {kind}"
-            got = plant or ", ".join(table.label for table in self.scenario.plant)
-            raise InputError(f"`plant` must be one of {labels}, got {got}.")
+            raise InputError(f"`plant` must be one of {', '.join(plants)}, got {plant}.")
         names = list(self.gain_sets)
         name = gains or (TUNED_IDENTIFIED if TUNED_IDENTIFIED in names else names[0])
         if self.gain_sets.get(name) is None:
@@ -165,11 +154,8 @@ class Plan:
         return replace(self, runs=runs)
 
     def with_tuned_gains_of(self, other: "Plan") -> "Plan":
-        """The same plan with the tuned gains of `other` where they agree to rounding.
-
-        The last digits of tuned gains depend on the number of BLAS threads. Other gains stay as
-        they are: they are numbers from a file or from the paper.
-        """
+        """The same plan with the tuned gains of `other` where they agree to rounding."""
+        # The last digits of tuned gains depend on the number of BLAS threads.
         gain_sets = dict(self.gain_sets)
         for name, mine in self.gain_sets.items():
             theirs, tuned = other.gain_sets.get(name), name.rpartition(":")[2] in TUNED_SETS
@@ -189,8 +175,8 @@ class Plan:
     def parameters(self, first: int = 0, end: int | None = None) -> pd.DataFrame:
         """Drawn values of draws `first` up to, but not including, `end`; by default of all.
 
-        The index is ``draw``; the columns are the dispersed keys, in their units, and ``seed``.
-        The column of a key that ``adds`` or ``multiplies`` holds the addends or the factors.
+        Columns are the dispersed keys, in their units, and ``seed``; a key that ``adds`` or
+        ``multiplies`` has the addends or the factors.
         """
         end = self.draws if end is None else end
         return drawn(self.campaign, first, end, draws=self.draws)
@@ -212,10 +198,7 @@ class Plan:
         return self.scenario.as_dict()
 
     def dispersed(self, drawn: Mapping[str, Any], draw: int) -> Scenario:
-        """The scenario with drawn values in it; `draw` is named in errors.
-
-        Raises ScenarioError, which names the keys, if the scenario or an aircraft refuses a value.
-        """
+        """The scenario with drawn values in it; `draw` is named in errors."""
         tables = with_drawn(self._tables, self.campaign.disperse, self.places, drawn)
         # the seed, and keys that only a search sets, e.g. the switching times of a disturbance
         others = [key for key in drawn if key not in self.places]
@@ -225,10 +208,7 @@ class Plan:
         return scenario
 
     def scenario_of(self, draw: int) -> Scenario:
-        """The scenario of a draw.
-
-        Raises ScenarioError as `dispersed` does, and InputError if there is no such draw.
-        """
+        """The scenario of a draw."""
         return self.dispersed(self.values_of(draw), draw)
 
     def as_dict(self) -> dict[str, Any]:
@@ -333,11 +313,7 @@ def _groups(campaign: Campaign) -> tuple[Group, ...]:
 
 
 def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
-    """The plan that `Plan.as_dict` wrote, with the same bits; `source` names its file in errors.
-
-    A ScenarioError refuses a plan of another version. That nothing else was edited is for the hash
-    of its file to tell.
-    """
+    """The plan that `Plan.as_dict` wrote, with the same bits; `source` names its file in errors."""
     if tables.get("version") != VERSION:
         got = abridged(tables.get("version"))
         raise ScenarioError(f"{source}: `version` of a plan must be {VERSION}, got {got}.")

@@ -41,13 +41,7 @@ MAX_SD = 8.0
 
 
 class DisperseTable(Table):
-    """``[[disperse]]``: one key of the scenario that differs from draw to draw.
-
-    The drawn value replaces the scenario's own, is added to it or multiplies it. Each
-    distribution has two members more: ``central`` is the value at which a campaign is checked, the
-    median or, of values that have none, the likeliest; ``at(u)`` has the values at points ``u`` of
-    the open unit interval: inverse CDFs, for pseudo-random and quasi-random points alike.
-    """
+    """``[[disperse]]``: one key of the scenario that differs from draw to draw."""
 
     key: Key
     acts: Acts = "sets"

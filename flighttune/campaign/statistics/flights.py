@@ -36,10 +36,7 @@ class Flights:
         return tuple(name for name in there if self.rows[name].notna().to_numpy().any())
 
     def clusters(self, rows: pd.DataFrame) -> npt.NDArray[np.intp]:
-        """Number of the cycle of the design that each of some rows belongs to.
-
-        Cycles are independent of each other.
-        """
+        """Design cycle of each row; cycles are independent of each other."""
         return rows["draw"].to_numpy() // self.plan.cycle
 
     def share(self, flags: npt.NDArray[np.bool_], clusters: npt.ArrayLike) -> Estimate:

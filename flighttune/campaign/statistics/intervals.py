@@ -131,11 +131,9 @@ def quantile_interval(
 
 
 def not_above(values: FloatArray, value: float) -> npt.NDArray[np.bool_]:
-    """Whether each value is at most `value`, up to rounding.
-
-    Flights from one start have the same largest error, but for the last bits: which of them lie
-    below it by a bit or two must not decide how wide an interval is.
-    """
+    """Whether each value is at most `value`, up to rounding."""
+    # Flights from one start have the same largest error, but for the last bits: which of them lie
+    # below it by a bit or two must not decide how wide an interval is.
     return values <= value + TIED * abs(value)
 
 

@@ -16,12 +16,7 @@ from flighttune.campaign.statistics.intervals import CONFIDENCE, quantile_interv
 def paired(
     rows: pd.DataFrame, measure: str, *, confidence: float = CONFIDENCE
 ) -> list[dict[str, Any]]:
-    """Compare every two gain sets on every plant, draw by draw, by a measure to be minimised.
-
-    A flight that was not completed, or has no value, counts as worse than any other; two such are
-    tied. Pairs that have no draw in common are left out. The win rate is that of the draws without
-    a tie, the median that of the measure with `a` less that with `b`.
-    """
+    """Compare every two gain sets on every plant, draw by draw, by a measure to be minimised."""
     return list(_pairs(rows.assign(**{measure: scores(rows, measure)}), measure, confidence))
 
 

@@ -102,12 +102,10 @@ def influences(
 
 
 def strength(influence: Mapping[str, Any]) -> float:
-    """The larger of `share` and the square of `rho`, 0 to 1, by which influences are ordered.
-
-    To nine digits: two parameters that are drawn together have the same share but for rounding,
-    and then stay in the order of the campaign.
-    """
+    """The larger of `share` and the square of `rho`, to nine digits; it orders influences."""
     strengths = [influence["share"], influence["rho"] ** 2]
+    # Two parameters that are drawn together have the same share but for rounding, and then stay in
+    # the order of the campaign.
     return round(max((each for each in strengths if math.isfinite(each)), default=0.0), 9)
 
 
@@ -123,11 +121,7 @@ def holm(p: npt.ArrayLike) -> FloatArray:
 
 
 def classes_of(column: pd.Series, most: int = CLASSES) -> npt.NDArray[np.intp]:
-    """Class of each flight by its value of a parameter, from 0 on, rising with a number.
-
-    A number with more than `most` values, or with fewer than five flights of each, is cut into
-    classes of equal size.
-    """
+    """Class of each flight by its value of a parameter, from 0 on, rising with a number."""
     from scipy.stats import rankdata
 
     codes, distinct = pd.factorize(column, sort=True)

@@ -29,15 +29,11 @@ _NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|(?<=[\s=
 
 
 def summary(flights: Flights, group: Group, rows: pd.DataFrame) -> dict[str, Any]:
-    """Counts, rates and metrics of the flights of a group, as ``--json`` has them.
-
-    Where draws of a design belong together (the cells of a grid), counts
-    are replaced by effective ones, see `flighttune.campaign.statistics.intervals.effective_size`.
-    Points of a Latin hypercube or Sobol sequence are taken as if they were independent: their
-    intervals are wider than they need be.
-    """
+    """Counts, rates and metrics of the flights of a group, as ``--json`` has them."""
     success = rows["success"].to_numpy(dtype=bool)
     completed = rows.loc[(rows["status"] == "completed").to_numpy()]
+    # Points of a Latin hypercube or Sobol sequence are taken as if they were independent: their
+    # intervals are wider than they need be.
     rate = flights.share(success, flights.clusters(rows))
     statuses = rows["status"].value_counts().to_dict()
     by_status = [(status, rows.loc[(rows["status"] == status).to_numpy()]) for status in statuses]
@@ -66,11 +62,7 @@ def summary(flights: Flights, group: Group, rows: pd.DataFrame) -> dict[str, Any
 
 
 def requirements(flights: Flights) -> list[dict[str, Any]]:
-    """Bounds of success, the one that most completed flights miss or come nearest to first.
-
-    Bounds are in the units of the columns; `near` is the 95th percentile of the distance of flights
-    beyond the bound, relative to it and negative inside; None if that is not finite.
-    """
+    """Bounds of success in the units of the columns, the one most missed or nearest first."""
     completed, stated = flights.rows.loc[(flights.rows["status"] == "completed").to_numpy()], []
     groups = list(zip(completed["plant"], completed["gains"], strict=True))
     for table in flights.plan.scenario.expect:
@@ -143,10 +135,7 @@ def prefixes(n: int) -> list[int]:
 
 
 def reasons(texts: Sequence[str], runs: Sequence[int]) -> list[dict[str, Any]]:
-    """Sentences that differ only in their numbers, counted; the most frequent first.
-
-    `run` is the first run with that sentence. Numbers that differ are shown as an ellipsis.
-    """
+    """Sentences that differ only in their numbers, counted; the most frequent first."""
     places_of: dict[str, list[int]] = {}
     for place, text in enumerate(texts):
         if text:

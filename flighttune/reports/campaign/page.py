@@ -20,10 +20,7 @@ CONFIDENCE = {"clopper-pearson": "Clopper and Pearson's", "wilson": "Wilson's"}
 
 
 def write_campaign_report(findings: Findings, path: str | Path) -> Report:
-    """Write one self-contained page about a campaign; parent folders are made.
-
-    Raises OutputError if the file cannot be written.
-    """
+    """Write one self-contained page about a campaign."""
     flights, campaign = findings.flights, findings.flights.plan.campaign
     styles = panels.styles_of(findings)
     shipped = campaign.scenario.removesuffix(".toml") in scenario_files()
