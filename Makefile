@@ -5,7 +5,7 @@ DEBIAN := mesa-vulkan-drivers chromium gcc libc6-dev
 INSTALL := apt-get update -qq && apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null
 PYTEST := $(PYTHON) -m pytest -n 2 --dist loadfile
 
-.PHONY: demo check test soak counts lint docs bench bounds lines clean picture-packages
+.PHONY: demo check test soak counts lint docs bench bounds clean picture-packages
 
 demo: $(STAMP)
 	$(VENV)/bin/flighttune fly scenarios/paper.toml --out runs/paper
@@ -51,9 +51,6 @@ docs: $(STAMP)
 # The lowest and the newest versions of the dependencies, and wheels for other systems; minutes.
 bounds: $(STAMP)
 	$(PYTHON) tests/bounds.py $(PYTHONS)
-
-lines: $(STAMP)
-	$(PYTHON) tests/lines.py
 
 clean:
 	rm -rf $(VENV) runs dist build .pytest_cache .ruff_cache .hypothesis .benchmarks

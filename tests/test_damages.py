@@ -1,13 +1,11 @@
 """No damage and no forgery is silent: a file is refused, or says what was written or is true."""
 
 import json
-import math
 import random
 import shutil
 import sys
 from collections import Counter
 from collections.abc import Callable
-from fractions import Fraction
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,7 +16,7 @@ from fuzzing import EDGES, TEXTS, TIMES, damaged, digit_changed
 
 import flighttune as ft
 from flighttune.tubes.proof import load_tube
-from tests.claims.test_band import band_of, load_walks, random_flights, values_of, write_band
+from tests.claims.test_band import band_of, random_flights
 from tests.made_up_band import counted_boxes
 from tests.tubes.test_aircraft import flight
 from tests.tubes.test_proof import arrays_of
@@ -95,41 +93,10 @@ def changed_rows(rows, draw):
     return rows
 
 
-# Bands, and what is kept of the flights that were counted.
-
-
 def band(folder):
     rng = np.random.default_rng(5)
     ft.save_band(band_of(random_flights(20, rng), random_flights(93, rng)), folder / "band.npz")
     return folder / "band.npz"
-
-
-def band_in(path):
-    return values_of(load_walks(path))
-
-
-def forge_band(path, draw):
-    arrays = arrays_of(path)
-    name = draw.choice(["band", *arrays])
-    if name == "band":
-        arrays[name] = np.array(changed_text(str(arrays[name]), draw))
-    elif arrays[name].size:
-        arrays[name] = changed_rows(arrays[name], draw).astype(arrays[name].dtype)
-    write_band(path, arrays)
-
-
-def follows_from_its_flights(path, _):
-    """Whether so few flights are outside the bounds as the claim takes, in exact numbers."""
-    loaded = load_walks(path)
-    about, low_high = loaded.about, loaded.extremes.astype(float)
-    bounds = loaded.bounds(loaded.flights.edges[:-1])
-    inside = (low_high[..., 0] >= bounds.low) & (low_high[..., 1] <= bounds.high)
-    N, r = len(low_high), int((~inside.all(axis=(1, 2))).sum())
-    e = Fraction(about.epsilon)
-    chance = sum(math.comb(N, i) * e**i * (1 - e) ** (N - i) for i in range(r + 1))
-    # the flight on the bound may be rounded outside
-    one_less = chance - math.comb(N, r) * e**r * (1 - e) ** (N - r)
-    return one_less <= (1 - Fraction(about.confidence)) * (1 + Fraction(1, 10**9))
 
 
 # Proofs of tubes: of the law, and of an aircraft with the band of its boxes.
@@ -197,7 +164,6 @@ def its_flight_stays(path, _):
 
 
 KINDS = {
-    "band": Kind(band, band_in, forge_band, follows_from_its_flights),
     "proof": Kind(proven, proven_in, forge_proof, no_flight_leaves),
     "proof of an aircraft": Kind(proven_of_aircraft, proven_in, forge_proof, its_flight_stays),
 }

@@ -6,7 +6,6 @@ import re
 import shutil
 from pathlib import Path
 
-import jsbsim
 import pytest
 from commands import answer, flighttune
 from places import SHIPPED_AIRCRAFT
@@ -17,7 +16,6 @@ from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.files.shipped import models_of_jsbsim
 from flighttune.flight.conditions import start_condition
 
-ROOT = Path(jsbsim.get_default_root_dir())
 DEG = math.pi / 180.0
 CENTIDEGREE = 0.01
 
@@ -73,24 +71,6 @@ def test_an_identified_model_of_other_gains_is_refused(adopted, tmp_path):
     _, err = flighttune("tune", folder / "turn.toml", status=2)
 
     assert "identified.json: must be identified with the gains in gains.json" in err
-
-
-@pytest.mark.slow
-def test_the_airspeed_is_that_of_a_trim_by_jsbsim_itself(adopted):
-    folder, found = adopted
-    V_a = found["V_a_mps"]
-    ours = answer("trim", folder, "--V-a", V_a, "--gamma", 0)["trims"][0]["trim"]
-    fdm = jsbsim.FGFDMExec(str(ROOT))
-    fdm.set_debug_level(0)
-    fdm.load_model("T38")
-    fdm["ic/h-sl-ft"] = 1000.0 / 0.3048
-    fdm["ic/vt-fps"] = V_a / 0.3048
-    fdm["gear/gear-cmd-norm"] = 0.0
-    fdm.run_ic()
-    fdm["propulsion/set-running"] = -1
-    fdm["simulation/do_simple_trim"] = 1
-
-    assert ours["alpha_deg"] == pytest.approx(fdm["aero/alpha-deg"], abs=10.0 * CENTIDEGREE)
 
 
 @pytest.mark.slow

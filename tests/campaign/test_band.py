@@ -85,9 +85,7 @@ def test_more_flights_are_added_to_the_count(counted):
     with flown_here(band_module, "planned", None) as pool:
         more = count_more(counted, 2 * WITH_FIVE, pool)
         for other in (WITH_FIVE, 40, 3 * WITH_FIVE):
-            with pytest.raises(
-                ft.InputError, match=r"`flights` must be one of .*, 58, 116, 232 \.\.\."
-            ):
+            with pytest.raises(ft.InputError, match=r"`flights` .*58, 116, 232"):
                 count_more(counted, other, pool)
     # the draws of this one begin with the second half of that: a draw between them is left out
     after = count(flights=WITH_FIVE, learn=10 + WITH_FIVE + 1)
@@ -106,20 +104,6 @@ def test_a_recount_finds_a_flight_that_differs(counted):
         assert recount(replace(counted, extremes=extremes), WITH_FIVE, pool) == [14]
         with pytest.raises(ft.InputError, match="`recount` must be 1 to"):
             recount(counted, WITH_FIVE + 1, pool)
-
-
-def test_a_flight_that_does_not_complete_counts():
-    def rows(plan, runs, probes):
-        for row in rows_flown(plan, runs, probes=probes):
-            if row["run"] == 12:
-                del row["extremes"]
-            yield row
-
-    counted = count(rows=rows, flights=ALONE)
-
-    assert counted.not_completed == 1
-    assert not counted.claims
-    assert "1 did not complete, and at most 0 may" in counted.sentence
 
 
 def test_any_recorded_signal_has_a_band():
@@ -282,9 +266,7 @@ def test_residual_signals_of_an_aircraft_are_counted_like_any_other():
     assert [row["unit"] for row in counted.answer().tables[0].records] == 2 * ["deg/s"] + 2 * [
         "deg"
     ]
-    with pytest.raises(
-        ft.InputError, match="no recorded signal: `flighttune tube --boxes` takes it"
-    ):
+    with pytest.raises(ft.InputError, match="`flighttune tube --boxes`"):
         ft.fly(plan.scenario).within(counted)
 
 

@@ -28,27 +28,6 @@ def test_a_wind_that_is_drawn_may_be_stated():
     assert "`wind.down_mps` must be 0.0" in difference(speed_mps=3.0, from_deg=30.0, down_mps=1.0)
 
 
-@pytest.mark.parametrize(
-    ("change", "key"),
-    [
-        ({"flight": {"V_a_mps": 26.0}}, "`flight.V_a_mps` must be 25.0, got 26.0"),
-        ({"flight": {"chi_deg": 9.0}}, "`flight.chi_deg` must be -5 to 5, got 9"),
-        ({"limits": {"n_z_rate_per_s": 1.0}}, "`limits.n_z_rate_per_s` must be "),
-        ({"wind": {"speed_mps": 3.0, "from_deg": 0.0}}, "`wind.speed_mps` must be None, got 3.0"),
-    ],
-)
-def test_flights_that_differ_are_told_by_key(change, key):
-    campaign = small_campaign()
-    tables = campaign.central.as_dict()
-    tables["flight"] |= {"chi_deg": 0.0, "gamma_deg": 5.0}
-    (plant,) = campaign.nominal.plant
-    known = distribution_of(campaign, plant.label)
-
-    assert known.difference(ft.scenario_from(tables), plant) is None
-    changed = {name: {**tables.get(name, {}), **values} for name, values in change.items()}
-    assert key in known.difference(ft.scenario_from(tables | changed), plant)
-
-
 def test_air_is_taken_apart():
     campaign = small_campaign(wind=WIND, turbulence=TURBULENCE)
     words = small_campaign(wind=WIND, turbulence={"intensity": "light"})

@@ -2,14 +2,12 @@
 
 import json
 import pickle
-import shutil
 
 import dispersed
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
 from flighttune import load_scenario
@@ -218,20 +216,6 @@ def test_differences_name_what_was_and_what_is():
     assert "disperse.flight.V_a_mps.upper: was 26.0, is 27.0" in said
     assert "disperse.flight.h_m.mean: was not given, is 500.0" in said
     assert len({plan.sha256, wider.sha256, plan.with_runs(25).sha256}) == 3
-
-
-def test_an_edited_aircraft_is_seen(tmp_path):
-    shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", tmp_path / "mine")
-    mine = [{"kind": "jsbsim", "aircraft": str(tmp_path / "mine")}]
-    nominal = ft.Scenario.model_validate({**LEVEL_TURN.as_dict(), "plant": mine})
-    was = plan_of(SPEED, nominal=nominal)
-    assert was.aircraft[str(tmp_path / "mine")] == plan_of(SPEED).aircraft["aerosonde"]
-
-    with (tmp_path / "mine/aerosonde.xml").open("a") as model:
-        model.write("<!-- heavier -->")
-    assert [line.split(":")[0] for line in was.differences(plan_of(SPEED, nominal=nominal))] == [
-        f"files of aircraft {tmp_path}/mine"
-    ]
 
 
 def test_a_plan_of_another_version_is_refused():

@@ -16,7 +16,6 @@ from flighttune.campaign.dataset import dataset_hash
 from flighttune.campaign.statistics.findings import findings
 from flighttune.campaign.statistics.flights import flights_of, load_flights
 from flighttune.reports.campaign.page import notes, write_campaign_report
-from flighttune.reports.campaign.tables import success_sentences
 from flighttune.scenario.tables import ExpectTable
 
 pytestmark = pytest.mark.slow
@@ -150,22 +149,6 @@ def test_every_part_is_on_the_page_and_nothing_points_outside(page):
     assert all(address.strip("'\"").startswith(("data:", "#")) for address in addresses)
     assert text.count("<script") == 1
     assert page.path.stat().st_size < 3_000_000
-
-
-def test_success_is_a_clause_for_each_group_with_requirements_of_its_own():
-    made = made_up_plan(
-        ExpectTable(plant="jsbsim", gains="paper", status="left_envelope"),
-        ExpectTable(gains="K3", at_most={"chi": {"MO_deg": 12.0}}),
-        runs=40,
-    )
-    rows = made_up_rows(made).assign(**{"chi.MO_rad": 0.1})
-
-    assert success_sentences(findings(flights_of(rows, made))) == (
-        "A flight of kinematic / paper succeeds if it is completed. "
-        "A flight of kinematic / K3 or jsbsim:aerosonde / K3 succeeds if it is completed with "
-        "overshoot of course at most 12 deg. "
-        "A flight of jsbsim:aerosonde / paper succeeds if it leaves the envelope."
-    )
 
 
 @pytest.mark.parametrize("completed", [True, False])

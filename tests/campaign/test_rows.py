@@ -116,23 +116,6 @@ def test_the_schema_is_that_of_the_plan_with_units(whole):
     assert set(numbers) <= set(units)
 
 
-def test_columns_of_dispersed_keys_have_the_type_of_what_is_drawn():
-    tables = tables_of((AEROSONDE,), wind=WIND, turbulence=TURBULENCE)
-    plan = plan_of(
-        tables,
-        one_of("turbulence.model", "tustin", "milspec"), one_of("turbulence.severity", 3, 4),
-        one_of("controller.feed_forward", True, False), one_of("flight.h_m", 900.0, 1000.0),
-    )  # fmt: skip
-
-    types = {field.name: field.type for field in row_schema(plan)}
-    assert types["turbulence.model"] == pa.string()
-    assert types["turbulence.severity"] == pa.int64()
-    assert types["controller.feed_forward"] == pa.bool_()
-    assert types["flight.h_m"] == pa.float64()
-    rows = fly_runs(plan, [0, 1])
-    assert rows["turbulence.severity"].to_pylist() == [plan.values_of(0)["turbulence.severity"]] * 2
-
-
 REFUSED = (
     ("flight.V_a_mps", float("nan"), "`V_a_mps`"),
     ("flight.V_a_mps", -3.0, "`V_a_mps`"),

@@ -5,13 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from campaigns import flown_here, write_campaign
+from campaigns import flown_here
 from commands import answer, flighttune
 from dispersed import KINEMATIC, SOFT, plan_of, tables_of, uniform
 from scipy.stats import chi2
 
 import flighttune as ft
-from flighttune import load_scenario
 from flighttune.campaign import worst as worst_module
 from flighttune.campaign.counted_flights import at_random
 from flighttune.campaign.flying.rows import fly_runs
@@ -183,21 +182,6 @@ def test_the_command_writes_a_scenario_that_flies_to_what_it_says(tmp_path):
     assert f"got {peak:.4g}" in err + out
 
 
-@pytest.mark.slow
-def test_workers_fly_what_is_searched(tmp_path):
-    windy = write_campaign(tmp_path, runs=20, law=False)
-
-    said = answer(
-        "worst", windy, "--budget", 64, "--metric", "chi.ITAE", "--workers", 1, "--out",
-        tmp_path / "worst.toml",
-    )  # fmt: skip
-
-    assert said["flights"] == 64
-    assert said["value"] > said["first"]
-    (run,) = ft.fly(load_scenario(said["scenario"])).runs
-    assert measures(run)["chi"]["ITAE"] == said["value"]
-
-
 @pytest.mark.soak
 def test_the_search_finds_worse_than_random_flights_of_the_dispersed_aerosonde(tmp_path):
     """Turbulence, sensors, airframe and start: 320 flights searched against 320 drawn."""
@@ -267,5 +251,5 @@ def test_a_tube_has_flights_and_metric_of_its_own(options, reason, proven):
 def test_a_tube_of_one_flight_has_nothing_to_search():
     tube = tube_of(made_up(duration_s=0.1), ft.PAPER_GAINS)
 
-    with pytest.raises(ft.InputError, match="a range of starts or a disturbance to search"):
+    with pytest.raises(ft.InputError, match="starts or a disturbance"):
         ft.worst(tube)

@@ -1,27 +1,19 @@
 """Bands: windows, learned shapes, claims, files, and how often a claim is false."""
 
 import json
-import sys
-from dataclasses import replace
 from zipfile import ZipFile
 
 import numpy as np
 import pytest
-from dispersed import SOFT
-from dispersed import tables_of as scenario_tables
 from scipy.stats import binom
 
 import flighttune as ft
-from flighttune import scenario_from
 from flighttune.claims import shape as shape_module
 from flighttune.claims.band import About, read_band
-from flighttune.claims.count import allowed_outside, counted_scale, flights_needed
-from flighttune.claims.shape import learned_shape, scores_of, window_edges, window_extremes
+from flighttune.claims.count import allowed_outside, flights_needed
+from flighttune.claims.shape import learned_shape, window_edges, window_extremes
 from flighttune.files.seal import BLANK, seal
 from flighttune.files.value import tables_of
-from flighttune.flight.conditions import command_limits, start_condition
-from flighttune.flight.models import gain_sets, law_setup
-from flighttune.simulate.batch import fly_sampled
 from tests.made_up_band import band_flights
 
 # s and samples of the made-up flights, and their signals
@@ -176,7 +168,7 @@ def test_another_claim_of_the_same_count_costs_no_flight(counted):
 
     assert wider.scale == counted.scores.max()
     assert narrower.scale < counted.scale < wider.scale
-    with pytest.raises(ft.InputError, match=r"`flights` .* 688 .* got 93"):
+    with pytest.raises(ft.InputError, match=r"`flights` .*688.* 93"):
         counted.claiming(0.01, 0.999)
 
 
@@ -192,7 +184,7 @@ def test_flights_that_did_not_complete_count(walks, counted):
     assert "2 did not complete, and at most 1 may: nothing is claimed" in none.sentence
     learned = extremes_of(walks[0])
     learned[shape_module.MIN_LEARNED - 1 :] = lost[0]
-    with pytest.raises(ft.InputError, match=r"`learn` .* 10 flights .* got 9"):
+    with pytest.raises(ft.InputError, match=r"`learn` .*10.* 9"):
         learned_shape(learned, np.zeros((60, 0)), 0.05)
 
 
@@ -291,6 +283,21 @@ def test_a_file_comes_back_as_it_was_written(counted, tmp_path):
     assert values_of(load_walks(tmp_path / "x.npz")) == values_of(counted)
 
 
+@pytest.mark.slow
+def test_a_damaged_file_is_refused(counted, tmp_path):
+    path = tmp_path / "x.npz"
+    ft.save_band(counted, path)
+    whole = path.read_bytes()
+    places = np.linspace(0, len(whole) - 1, 60).astype(int)
+    damages = [whole[:k] + bytes([whole[k] ^ 1]) + whole[k + 1 :] for k in places]
+
+    for damaged in [*damages, whole[:-100], whole[: len(whole) // 2], b""]:
+        path.write_bytes(damaged)
+        with pytest.raises(ft.InputError, match=r"x\.npz: ") as caught:
+            load_walks(path)
+        assert "\n" not in str(caught.value)
+
+
 def forged(band, path, about=None, **arrays):
     """The file of a band with other values, and the SHA-256 of what it says then."""
     ft.save_band(band, path)
@@ -336,37 +343,3 @@ def test_a_forged_file_is_refused_in_one_line(counted, tmp_path, change, message
     with pytest.raises(ft.InputError, match=f"x.npz: {message}") as caught:
         load_walks(path)
     assert "\n" not in str(caught.value)
-
-
-@pytest.mark.soak
-def test_bands_are_false_no_more_often_than_their_confidence_says():
-    """200 bands of flights of the law; each is false if 20,000 more leave it above 5 %."""
-    bands, learn, count, more = 200, 60, 208, 20_000
-    flight = {"V_a_mps": 25.0, "duration_s": 1.0}
-    scenario = scenario_from(scenario_tables(gains=[SOFT], flight=flight))
-    sets, _ = gain_sets(scenario)
-    law, _ = scenario.law_of("soft")
-    control = law.make(law_setup(scenario, sets["soft"], command_limits(scenario)))
-    rng, edges = np.random.default_rng(29), np.arange(0, 51, 2)
-
-    def extremes(flights):
-        starts = np.deg2rad(rng.uniform(-20.0, 20.0, (flights, 2)))
-        conditions = [
-            replace(start_condition(scenario), chi=chi, gamma=gamma)
-            for chi, gamma in starts.tolist()
-        ]
-        batch = fly_sampled([control], conditions, (0.0, 0.0), duration=1.0)
-        assert (batch.ends == 0).all()
-        errors = np.stack([batch.signal("chi_err"), batch.signal("gamma_err")], axis=-1)
-        return np.stack([window_extremes(flight, edges) for flight in errors])
-
-    none, false = np.zeros((more, 0)), 0
-    fresh = np.concatenate([extremes(more // 10) for _ in range(10)])
-    for _ in range(bands):
-        shape = learned_shape(extremes(learn), none[:learn], 0.05)
-        scale, _ = counted_scale(scores_of(extremes(count), none[:count], *shape), 0.05, 0.95)
-        false += np.mean(scores_of(fresh, none, *shape) > scale) > 0.05
-
-    sys.stdout.write(f"{false} of {bands} bands are left more often than 5 %\n")
-    # at 5 % each, more happen once in a thousand times
-    assert false <= binom.isf(1e-3, bands, 0.05)

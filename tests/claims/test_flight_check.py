@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from made_up import made_up_run, shortened
-from recording.conftest import SCENARIO, fly
+from recording.conftest import LAW, SCENARIO, flown
 from scipy.linalg import expm
 
 import flighttune as ft
@@ -122,7 +122,7 @@ def test_a_step_of_the_reference_does_not_break_the_bound():
 
 def test_a_loop_slower_than_its_gains_exceeds_the_bound():
     lame = ft.PIGains(K_P=0.12 * ft.PAPER_GAINS.K_P, K_I=0.02 * ft.PAPER_GAINS.K_I)
-    slow = fly("kinematic", "lame", lame, seconds=20.0)
+    (slow,) = flown(plant=[LAW], gains=[{"name": "lame", **lame.as_lists()}])
     pretended = replace(slow, provenance=replace(slow.provenance, gains=ft.PAPER_GAINS))
 
     found = flight_check(pretended)
@@ -132,7 +132,7 @@ def test_a_loop_slower_than_its_gains_exceeds_the_bound():
 
 
 def test_there_is_a_bound_only_of_what_the_statement_is_about():
-    run = fly("kinematic", "paper", ft.PAPER_GAINS, seconds=2.0)
+    (run,) = flown(plant=[LAW], gains=["paper"])
     unstable = ft.PIGains(K_P=-ft.PAPER_GAINS.K_P, K_I=ft.PAPER_GAINS.K_I)
 
     def check(signals=run.signals, scenario=SCENARIO, **made):

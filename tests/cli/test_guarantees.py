@@ -3,8 +3,6 @@
 import json
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
 import pytest
 from commands import answer, flighttune
 
@@ -33,20 +31,6 @@ def test_verify_shows_the_claim_and_the_gains_that_it_checked(certificate):
     assert f"{stored['claim']['rate']:.6g}" in text
     assert "for the linear model (states chi, gamma)" in text
     assert "phi [rad] 1.6968 0.5906 3.4869 0.1784" in text
-
-
-@pytest.mark.slow
-def test_over_the_envelope_the_radius_is_larger_and_the_claim_says_where_it_holds(certificate):
-    over = ft.certify("paper_as_printed", envelope=True)
-
-    checked = ft.verify(over.certificate)
-
-    assert checked.valid
-    assert over.certificate.claim.radius > ft.load_claim(certificate).claim.radius
-    assert (
-        "over the envelope V_a 22..28 m/s, gamma -15..45 deg, phi -20..20 deg, n_z 0.8..1.3"
-        in checked.answer().verdict
-    )
 
 
 def test_verify_refuses_a_changed_digit_and_names_the_inequality(certificate, tmp_path):
@@ -89,24 +73,6 @@ def test_gains_tuned_over_the_envelope_decay_faster_there_than_those_printed():
     assert 0.0 < printed.certificate.claim.rate < 0.5 * found.R_envelope
     assert found.status == "found"
     assert found.I_K <= 5.0 + 1e-6
-
-
-@pytest.mark.slow
-def test_the_frontier_is_written_as_table_and_figure(tmp_path):
-    found = answer("frontier", "paper", "--points", "6", "--out", tmp_path)
-
-    table = pd.read_csv(found["csv"])
-    along = table[table["name"] == "frontier"]
-    assert len(along) == len(found["points"]) == 6
-    assert np.all(np.diff(along["R_K"]) >= 0.0)
-    assert found["points"][0]["I_K"] == pytest.approx(4.8503, abs=5e-5)
-    assert {"paper", "K1", "K6", "tuned"} <= found["marked"].keys()
-    for name, mark in found["marked"].items():
-        beyond = along[along["I_K"] >= mark["I_K"]]["R_K"]
-        assert mark["R_K"] <= beyond.min() + 1e-9, name
-    figure = Path(found["figure"]).read_text(encoding="utf-8")
-    for name in found["marked"]:
-        assert f">{name}</text>" in figure
 
 
 @pytest.mark.slow

@@ -15,7 +15,6 @@ import flighttune as ft
 pytestmark = pytest.mark.soak
 
 ROOT = Path(__file__).parents[2]
-sys.path.insert(0, str(ROOT / "docs" / "figures"))
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +96,7 @@ def test_the_search_puts_what_explains_a_word_first_without_a_server(site, words
 
 
 def test_no_key_or_column_that_is_documented_is_lost():
-    import formats
+    from figures import formats
 
     def entries(text):
         under, found = "", set()

@@ -340,7 +340,7 @@ def test_a_linear_model_of_the_wrong_kind_is_said(files):
     law = files / "my_law.py"
     law.write_text(law.read_text() + "\n    def linear(self):\n        return 1, 2\n")
 
-    with pytest.raises(ft.InputError, match=r"mine: `linear` .* got \(1, 2\)"):
+    with pytest.raises(ft.InputError, match=r"`linear` .*\(1, 2\)"):
         ft.fly(ft.load_scenario(files / "own.toml"))
 
 

@@ -158,20 +158,6 @@ def test_an_aircraft_that_cannot_begin_is_not_flown_and_says_why():
 
 
 @pytest.mark.slow
-def test_a_pull_up_without_roll_is_explained_too():
-    straight = changed(
-        "paper",
-        flight={"V_a_mps": 25.0, "duration_s": 6.0},
-        reference={"chi_deg": 0.0, "gamma_deg": 10.0},
-    )
-
-    for lag in ("identified", "fitted"):
-        gap = ft.gap(straight, ft.PAPER_GAINS, lag=lag)
-        assert gap.status == "explained"
-        assert gap.residual < ROUNDING
-
-
-@pytest.mark.slow
 def test_without_a_model_file_the_lag_is_fitted_to_the_flight(tmp_path):
     folder = tmp_path / "unmeasured"
     shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", folder)

@@ -1,4 +1,4 @@
-"""Flights made up for the tests: the kinematic law, once bare and once behind a slow inner loop."""
+"""A climbing turn, flown by the law and by the aircraft with two gain sets."""
 
 from dataclasses import replace
 
@@ -9,99 +9,33 @@ from made_up import made_up_run
 import flighttune as ft
 from flighttune.recording.record import write_recording
 
-G_0 = 9.80665
-
-DT = 0.02
-V_A = 25.0
-PHI_MAX = np.deg2rad(45.0)
-PHI_RATE = np.deg2rad(60.0)
+TUNED = {"name": "tuned", "K_P": [[3.1, 0.0], [0.0, 2.9]], "K_I": [[1.1, 0.0], [0.0, 0.9]]}
+LAW = {"kind": "kinematic"}
 SCENARIO = {
     "title": "Climbing turn, made up",
     "verifies": "that a recording shows what was flown",
     "seed": 7,
-    "gains": ["paper", "tuned"],
-    "flight": {"V_a_mps": V_A, "h_m": 1000.0, "chi_deg": 0.0, "gamma_deg": 0.0, "duration_s": 20.0},
+    "gains": ["paper", TUNED],
+    "flight": {
+        "V_a_mps": 25.0, "h_m": 1000.0, "chi_deg": 0.0, "gamma_deg": 0.0, "duration_s": 20.0,
+    },
     "reference": {"chi_deg": 60.0, "gamma_deg": 30.0},
     "limits": {"phi_deg": [-45.0, 45.0], "phi_rate_dps": 60.0, "n_z": [0.0, 2.0]},
-    "plant": [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "aerosonde"}],
-}
-TUNED_GAINS = ft.PIGains(K_P=np.diag([3.1, 2.9]), K_I=np.diag([1.1, 0.9]))
+    "controller": {"feed_forward": True},
+    "plant": [LAW, {"kind": "jsbsim", "aircraft": "aerosonde"}],
+}  # fmt: skip
 
 
-def fly(plant, gains_name, gains, *, seconds=20.0, amplitude=0.0, lag=0.0):
-    """Integrate the kinematic law by Euler steps; a lag makes it a stand-in for a full aircraft."""
-    t = np.arange(round(seconds / DT) + 1) * DT
-    chi_ref, gamma_ref = np.deg2rad(60.0), np.deg2rad(30.0)
-    chi = gamma = north = east = down = phi = phi_cmd = 0.0
-    n_z, xi, rows = 1.0, np.zeros(2), []
-    for now in t:
-        error = np.array([chi_ref - chi, gamma_ref - gamma])
-        integral = gains.K_I @ xi
-        phi_free, n_z_free = gains.K_P @ error + integral + [0.0, np.cos(gamma_ref) / np.cos(phi)]
-        wanted = np.clip(phi_free, -PHI_MAX, PHI_MAX)
-        step = np.clip(wanted - phi_cmd, -PHI_RATE * DT, PHI_RATE * DT)
-        phi_limited = 2.0 if phi_cmd + step != wanted else 1.0 if wanted != phi_free else 0.0
-        phi_cmd += step
-        n_z_cmd = np.clip(n_z_free, 0.0, 2.0)
-        n_z_limited = float(n_z_cmd != n_z_free)
-        if not (phi_limited or n_z_limited):
-            xi = xi + DT * error
-        share = DT / (lag + DT)
-        phi += share * (phi_cmd - phi)
-        n_z += share * (n_z_cmd - n_z)
-        d_chi, d_gamma = amplitude * np.sin(2.0 * now), amplitude * np.cos(2.0 * now)
-        row = {"chi": chi, "gamma": gamma, "phi": phi, "n_z": n_z, "V_a": V_A}
-        row |= {"north": north, "east": east, "down": down}
-        row |= {"chi_ref": chi_ref, "gamma_ref": gamma_ref}
-        row |= {"chi_err": error[0], "gamma_err": error[1], "phi_cmd": phi_cmd, "n_z_cmd": n_z_cmd}
-        row |= {"phi_unlimited": phi_free, "n_z_unlimited": n_z_free}
-        row |= {"phi_integral": integral[0], "n_z_integral": integral[1]}
-        row |= {"phi_limited": phi_limited, "n_z_limited": n_z_limited}
-        if lag:
-            row |= _full_aircraft(row, now)
-        else:
-            row |= {"d_chi": d_chi, "d_gamma": d_gamma}
-        rows.append(row)
-        north += DT * V_A * np.cos(gamma) * np.cos(chi)
-        east += DT * V_A * np.cos(gamma) * np.sin(chi)
-        down -= DT * V_A * np.sin(gamma)
-        chi += DT * (G_0 / V_A * np.tan(phi) + d_chi)
-        gamma += DT * (G_0 / V_A * (n_z * np.cos(phi) - np.cos(gamma)) + d_gamma)
-    return made_up_run(rows, t, plant=plant, gains_name=gains_name, gains=gains, scenario=SCENARIO)
-
-
-def _full_aircraft(row, now):
-    alpha = 0.03 + 0.05 * (row["n_z"] - 1.0)
-    V_a = V_A - 1.5 * np.sin(0.3 * now) * np.exp(-now / 8.0)
-    return {
-        "V_a": V_a,
-        "V_g": V_a,
-        "alpha": alpha,
-        "beta": 0.02 * np.sin(row["phi"]),
-        "theta": row["gamma"] + alpha * np.cos(row["phi"]),
-        "psi": row["chi"] + 0.01,
-        "p": 0.2 * np.cos(now),
-        "q": 0.1 * np.sin(now),
-        "r": 0.05 * np.sin(2.0 * now),
-        "h": 1000.0 - row["down"],
-        "n_y": 0.01 * np.sin(now),
-        "aileron": 0.1 * (row["phi_cmd"] - row["phi"]),
-        "elevator": -0.05 * (row["n_z_cmd"] - row["n_z"]) - 0.02,
-        "rudder": 0.01 * np.sin(3.0 * now),
-        "throttle": 0.4 + 0.5 * np.sin(row["gamma"]),
-        "thrust": 20.0,
-    }
+def flown(**changes):
+    """Runs of the scenario, with other tables in it."""
+    return ft.fly(ft.scenario_from(SCENARIO | changes)).runs
 
 
 @pytest.fixture(scope="session")
 def four_runs():
     """Two gain sets on two plants, 20 s each."""
-    return [
-        fly("kinematic", "paper", ft.PAPER_GAINS),
-        fly("jsbsim:aerosonde", "paper", ft.PAPER_GAINS, lag=0.25),
-        fly("kinematic", "tuned", TUNED_GAINS),
-        fly("jsbsim:aerosonde", "tuned", TUNED_GAINS, lag=0.25),
-    ]
+    law_paper, law_tuned, aircraft_paper, aircraft_tuned = flown()
+    return [law_paper, aircraft_paper, law_tuned, aircraft_tuned]
 
 
 @pytest.fixture(scope="session")
@@ -116,7 +50,9 @@ def without_gains():
 @pytest.fixture(scope="session")
 def in_sinusoid():
     """A kinematic run in the sinusoidal disturbance."""
-    return fly("kinematic", "paper", ft.PAPER_GAINS, amplitude=0.05, seconds=6.0)
+    waves = {"chi_amplitude": 0.05, "chi_omega_rad_s": 2.0}
+    (run,) = flown(plant=[LAW], gains=["paper"], disturbance=waves)
+    return run
 
 
 @pytest.fixture(scope="session")

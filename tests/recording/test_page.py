@@ -5,7 +5,6 @@ import tomllib
 
 import pytest
 
-import flighttune as ft
 from flighttune.recording.page import scenario_page
 
 
@@ -48,18 +47,6 @@ def test_every_run_is_named_with_its_colour_and_outcome(page):
             "no gains: the smallest reachable I_K is 67.15",
         ],
     ]
-
-
-def test_metrics_are_shown_in_degrees_with_their_units(page, four_runs):
-    overshoot = ft.channel_metrics(four_runs[1]).loc["gamma", "MO_rad"] * 57.29577951308232
-    found = {row[0]: row[1:] for row in rows(page, "Tracking")}
-
-    assert "overshoot [deg]" in page
-    assert found["jsbsim:aerosonde / paper, γ"][2] == f"{overshoot:.2f}"
-    assert len(found) == 10
-    of_aircraft = {row[0]: row[1:] for row in rows(page, "Aircraft")}
-    assert of_aircraft["kinematic / paper"][-1] == "–"
-    assert of_aircraft["jsbsim:aerosonde / paper"][-1] != "–"
 
 
 def test_the_scenario_is_there_as_toml_that_flies_again(page, four_runs):

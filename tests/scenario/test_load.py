@@ -12,7 +12,7 @@ from places import SHIPPED_SCENARIOS
 
 import flighttune as ft
 from flighttune.control.gains import paper_family
-from flighttune.flight.conditions import reference_of, start_condition
+from flighttune.flight.conditions import start_condition
 
 ROUNDING = 1e-12
 
@@ -42,19 +42,6 @@ def test_a_rate_may_be_a_range(tables):
 
     assert limits.rate_lower[0] == pytest.approx(math.radians(-10.0))
     assert limits.rate_upper[0] == pytest.approx(math.radians(20.0))
-
-
-def test_segments_add_to_the_start_of_the_flight(tables):
-    tables["reference"]["chi_deg"] = [
-        {"shape": "step", "start_s": 1.0, "change_deg": 30.0},
-        {"shape": "ramp", "start_s": 2.0, "duration_s": 2.0, "rate_dps": -5.0},
-        {"shape": "doublet", "start_s": 6.0, "width_s": 1.0, "amplitude_deg": 3.0},
-    ]
-    chi, _ = reference_of(ft.scenario_from(tables)).sampled(
-        np.array([0.0, 1.5, 3.0, 5.0, 6.5, 7.5, 9.0])
-    )
-
-    assert np.rad2deg(chi) == pytest.approx([60.0, 90.0, 85.0, 80.0, 83.0, 77.0, 80.0])
 
 
 def test_a_scenario_cannot_be_changed():

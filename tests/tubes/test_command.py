@@ -1,7 +1,6 @@
 """`flighttune tube` and `verify` of its file, as a user meets them."""
 
 import json
-import math
 import re
 
 import numpy as np
@@ -10,7 +9,6 @@ from made_up import scenario_file
 
 import flighttune as ft
 from flighttune.tubes.problem import tube_problem
-from flighttune.tubes.proof import load_tube
 from flighttune.tubes.tube import tube_of
 from tests.commands import flighttune
 from tests.tubes.test_proof import claim_of, rewritten
@@ -24,33 +22,6 @@ def scenario(tmp_path):
         return scenario_file(tmp_path / "short.toml", turn, **more)
 
     return write
-
-
-@pytest.mark.slow
-def test_a_tube_is_found_written_and_verified(scenario, tmp_path):
-    proof = tmp_path / "proof.npz"
-    arguments = scenario(), "--start-deg", "1", "--disturbance", "0.005", "--out", proof
-
-    stdout, _ = flighttune("tube", *arguments, "--json")
-
-    found = json.loads(stdout)
-    assert found["status"] == "bounded"
-    assert found["inside"] is True
-    assert found["reason"] == ""
-    assert found["half_width_deg"]["chi"]["max"] >= 1.0
-    assert found["limits_can_hold"]["phi_cmd"][0][0] == 0.0
-    assert {"model", "handed_over_s", "seconds"} <= found.keys()
-    bounds = load_tube(proof).bounds
-    assert bounds.names == ("chi_err", "gamma_err", "phi_cmd", "n_z_cmd")
-    assert (bounds.low < bounds.high).all()
-    valid, _ = flighttune("verify", proof, "--json")
-    valid = json.loads(valid)
-    assert (valid["valid"], valid["claim"]["aircraft_checked"]) == (True, None)
-    for answer in (found, valid["claim"]):
-        assert answer["gains"] == ft.PAPER_GAINS.as_lists()
-        assert answer["start_rad"] == pytest.approx(math.radians(1.0))
-        assert answer["disturbance_rad_s"] == [[-0.005, -0.005], [0.005, 0.005]]
-        assert answer["counted"] is None
 
 
 @pytest.mark.slow

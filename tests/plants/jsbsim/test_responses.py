@@ -5,8 +5,6 @@ import math
 import numpy as np
 import pytest
 
-import flighttune as ft
-
 DEG = math.pi / 180.0
 FINE = 0.005
 
@@ -91,19 +89,6 @@ def test_holds_course_for_a_minute_wings_level(fly, chi_deg):
     flight = fly((0.0, 1.0), chi=chi_deg * DEG, duration=60.0, dt=0.1)
 
     assert flight["chi"] == pytest.approx(chi_deg * DEG, abs=COURSE_DRIFT)
-
-
-def test_holds_course_after_a_bank(fly):
-    plant = ft.JSBSimPlant()
-    plant.start(ft.FlightCondition(V_a=25.0))
-    for phi_cmd, seconds in ((20.0 * DEG, 3.0), (0.0, 10.0)):
-        for _ in range(round(seconds / 0.1)):
-            plant.advance(phi_cmd, 1.0, 0.1)
-    chi_then = plant.observe()[0]
-    for _ in range(600):
-        assert plant.advance(0.0, 1.0, 0.1) is None
-
-    assert plant.observe()[0] == pytest.approx(chi_then, abs=COURSE_DRIFT)
 
 
 @pytest.mark.parametrize("share", [0.5, 2.0, 3.0])
