@@ -37,58 +37,19 @@ LAW = '''
             self.sum = self.sum + self.dt * (self.gains.K_I @ error)
             return phi, n_z + cos(measured.gamma) / cos(measured.phi), self.sum[0]
 '''
-SCENARIO = """
-    title = "two laws"
-    law   = ["paper", "rectangles"]
-    gains = ["paper"]
-
-    [flight]
-    V_a_mps    = 25.0
-    duration_s = 4.0
-
-    [reference]
-    chi_deg   = 10.0
-    gamma_deg = 0.0
-
-    [limits]
-    phi_deg = [-45.0, 45.0]
-
-    [controller]
-    feed_forward = true
-
-    [envelope]
-    V_a_mps   = [24.0, 26.0]
-    gamma_deg = [-1.0, 1.0]
-    phi_deg   = [-5.0, 5.0]
-    n_z       = [0.9, 1.1]
-
-    [[plant]]
-    kind = "kinematic"
-"""
-CAMPAIGN = """
-    title    = "both laws dispersed"
-    scenario = "both.toml"
-    runs     = 12
-
-    [[disperse]]
-    key          = "flight.chi_deg"
-    distribution = "uniform"
-    lower        = -5.0
-    upper        = 5.0
-"""
-
-
+NEW = "--gains rectangles:paper"
+BOTH = 'paper_as_printed --set law=["paper","rectangles"] --set expect=[]'
 COMMANDS = {
-    "fly both.toml --out runs/both": 0,
+    f"fly {BOTH} --out runs/both": 0,
     "refly runs/both": 0,
     "report runs/both -o page.html": 0,
-    "compare both.toml@paper both.toml@rectangles:paper": 0,
-    "tune both.toml": 0,
-    "certify both.toml --gains rectangles:tuned --envelope": 0,
-    "campaign run many.toml --out runs/many --workers 1": 0,
+    "compare paper_as_printed@paper paper_as_printed@rectangles:paper": 0,
+    f"tune {BOTH}": 0,
+    f"certify {BOTH} --gains rectangles:tuned --envelope": 0,
+    f"campaign run kinematic_sweep {NEW} --runs 4 --out runs/many --workers 1": 0,
     "report runs/many": 0,
-    "tube both.toml --gains rectangles:paper": 2,
-    "export both.toml --gains rectangles:paper --format c --out c": 2,
+    f"tube paper_as_printed {NEW}": 2,
+    f"export paper {NEW} --format c --out c": 2,
 }
 """Each with its exit status."""
 
@@ -113,8 +74,6 @@ def told(tmp_path_factory):
         (copy / name).symlink_to(ROOT / name)
     file = copy / "flighttune/control/laws/rectangles.py"
     file.write_text(textwrap.dedent(LAW))
-    (folder / "both.toml").write_text(textwrap.dedent(SCENARIO))
-    (folder / "many.toml").write_text(textwrap.dedent(CAMPAIGN))
     done = subprocess.run(
         [sys.executable, "-c", IN_ONE_PROCESS],
         cwd=folder,

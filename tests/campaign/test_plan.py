@@ -178,14 +178,6 @@ def test_a_grid_is_flown_cell_by_cell_with_the_same_draws_in_each():
     assert plan.parameters(4, 9).equals(frame.iloc[4:9])
 
 
-def test_a_grid_without_runs_is_flown_once():
-    grid = {"key": "flight.V_a_mps", "distribution": "grid", "values": [24.0, 25.0, 26.0]}
-    plan = ft.plan_campaign(campaign_of(grid, design="grid", runs=None, gains=["paper", "K4"]))
-
-    assert plan.runs == 3 * 2 * 2
-    assert plan.draws == 3
-
-
 def test_a_grid_crosses_the_points_of_any_design():
     grid = {"key": "flight.phi_deg", "distribution": "grid", "values": [-5.0, 5.0]}
     crossed = plan_of(SPEED, grid, design="sobol", runs=32).parameters()

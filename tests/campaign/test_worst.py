@@ -12,9 +12,7 @@ from scipy.stats import chi2
 
 import flighttune as ft
 from flighttune.campaign import worst as worst_module
-from flighttune.campaign.counted_flights import at_random
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.campaign.stated_set import planned
 from flighttune.campaign.worst import (
     SEEDS_EVERY,
     StatedSet,
@@ -122,15 +120,6 @@ def test_flights_that_end_early_are_the_worst_or_left_out(completed, worst):
     assert np.argmax(values) == searched.worst["run"] == worst
 
 
-@pytest.mark.slow
-def test_a_scenario_is_searched_over_starts_and_disturbances_of_one_plant():
-    plan = planned("paper", start_deg=5.0, disturbance=0.01)
-
-    assert {"flight.chi_deg", "disturbance.gamma_amplitude"} <= set(plan.keys)
-    assert [table.label for table in plan.scenario.plant] == ["kinematic"]
-    assert plan.scenario.disturbance.wave == "square"
-
-
 def test_nearness_is_that_to_the_widest_place_until_a_flight_leaves_the_narrowest():
     (run,) = ft.fly(small_plan().scenario_of(2)).runs
     t = run.signals.index.to_numpy()
@@ -180,22 +169,6 @@ def test_the_command_writes_a_scenario_that_flies_to_what_it_says(tmp_path):
     peak = 35.0 * (1.0 + said["value"])
     assert "chi.peak_deg must be at most 35" in err + out
     assert f"got {peak:.4g}" in err + out
-
-
-@pytest.mark.soak
-def test_the_search_finds_worse_than_random_flights_of_the_dispersed_aerosonde(tmp_path):
-    """Turbulence, sensors, airframe and start: 320 flights searched against 320 drawn."""
-    said = answer(
-        "worst", "aerosonde_dispersed", "--budget", 320, "--metric", "chi.ITAE", "--completed",
-        "--out", tmp_path / "worst.toml",
-    )  # fmt: skip
-    campaign = at_random(ft.load_campaign("aerosonde_dispersed"))
-    plan = ft.plan_campaign(campaign, runs=640)
-    drawn = fly_runs(plan, range(1, 640, 2)).to_pandas()  # odd runs are those of tuned_identified
-
-    assert set(drawn["gains"]) == {said["gains"]}
-    # One random flight in a thousand loses its course in severe turbulence: not the maximum.
-    assert said["value"] > drawn["chi.ITAE"].quantile(0.99)
 
 
 @pytest.fixture(scope="module")

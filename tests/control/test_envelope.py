@@ -10,7 +10,6 @@ from scipy.optimize import linprog
 
 import flighttune as ft
 from flighttune.control.envelope import Envelope, jacobian_hull, vertex_loops
-from flighttune.control.linear_model import entry_model
 
 G = 9.81
 ROUNDING = 1e-12
@@ -90,15 +89,6 @@ def test_the_polytope_of_a_single_condition_is_the_models_own_loop():
 
     for A in vertex_loops(TRIM, ft.PAPER_GAINS, g=G):
         assert pytest.approx(ft.closed_loop(model, ft.PAPER_GAINS), abs=ROUNDING) == A
-
-
-def test_entries_make_the_model_they_were_read_from():
-    model = ft.kinematic_model(V_a=31.0, gamma=0.3, phi=-0.2, n_z=1.4, g=G)
-
-    rebuilt = entry_model(entries(model))
-
-    assert np.array_equal(rebuilt.A, model.A)
-    assert np.array_equal(rebuilt.B, model.B)
 
 
 def test_an_envelope_is_scaled_about_the_trim():

@@ -13,7 +13,6 @@ from flighttune.control.inner_loop import (
     with_input_delay,
     with_input_lag,
 )
-from flighttune.control.linear_model import closed_loops
 
 ROUNDING = 1e-12
 SLOW, FAST = (
@@ -82,23 +81,6 @@ def test_the_response_is_exact_in_the_delay():
 )
 def test_bandwidth_is_where_half_the_power_is_lost(lag, bandwidth):
     assert lag.bandwidth == pytest.approx(bandwidth, rel=1e-9)
-
-
-def test_a_lag_at_rest_has_gain_one_and_adding_delay_keeps_the_rest():
-    assert abs(FAST.response(1e-9)) == pytest.approx(1.0)
-    assert FAST.delayed(0.02) == ft.InnerLag(
-        order=3, natural_frequency=12.0, damping=0.4, lag=0.1, delay=0.07
-    )
-
-
-def test_states_have_names_and_the_loop_closes_on_the_errors_alone():
-    model = with_inner_loop(MODEL, (SLOW, FAST))
-
-    assert model.states == (
-        "chi", "gamma", "phi", "phi_lag_1", "n_z", "n_z_lag_1", "n_z_lag_2", "n_z_delay",
-    )  # fmt: skip
-    assert np.abs(model.C[:, 2:]).max() == 0.0
-    assert closed_loops(model, np.zeros((2, 4))).shape == (10, 10)
 
 
 def test_a_lag_counts_by_the_turn_it_causes():

@@ -316,11 +316,6 @@ def test_whatever_a_law_of_a_file_does_ends_its_own_flight_alone(
     assert "\n" not in run.reason
 
 
-def test_an_answer_that_cannot_be_copied_is_refused_in_a_line():
-    with pytest.raises(ft.PlantError, match="can be copied"):
-        apart.apart(lambda _: lambda: 1, 5.0)
-
-
 @pytest.mark.slow
 def test_a_copy_is_not_waited_for_because_a_process_of_its_own_goes_on(monkeypatch):
     def ends_before_its_own_copy(_):

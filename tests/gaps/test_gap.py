@@ -2,13 +2,11 @@
 
 import math
 import re
-import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from claimed import claimed
-from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
 from flighttune.metrics import METRICS
@@ -155,18 +153,6 @@ def test_an_aircraft_that_cannot_begin_is_not_flown_and_says_why():
     assert gap.steps == ()
     with pytest.raises(ft.InputError, match="`gap` must have a ladder"):
         gap_charts(gap)
-
-
-@pytest.mark.slow
-def test_without_a_model_file_the_lag_is_fitted_to_the_flight(tmp_path):
-    folder = tmp_path / "unmeasured"
-    shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", folder)
-    (folder / "identified.json").unlink()
-    plant = [{"kind": "jsbsim", "aircraft": str(folder)}]
-
-    gap = ft.gap(changed("paper", plant=plant, expect=[]), ft.PAPER_GAINS)
-
-    assert gap.lag_source == "fitted"
 
 
 def test_a_scenario_without_aircraft_has_no_gap():

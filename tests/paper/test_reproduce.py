@@ -13,7 +13,6 @@ import pytest
 from commands import answer, flighttune
 
 from flighttune.paper.claims import CLAIMS
-from flighttune.paper.reproduce import reproduce
 
 NINE_DIGITS = 1e-8
 ROUNDING = 2e-3
@@ -68,19 +67,6 @@ def test_the_committed_errata_are_those_computed_now(reproduction):
     assert NUMBER.sub("#", now) == NUMBER.sub("#", committed)
     new, old = (np.array(NUMBER.findall(text), dtype=float) for text in (now, committed))
     assert new == pytest.approx(old, rel=ROUNDING, abs=1e-9)
-
-
-@pytest.mark.slow
-def test_some_items_are_made_alone_and_progress_is_told(study, tmp_path):
-    told = []
-
-    made = reproduce(["fig6"], tmp_path, study=study, progress=lambda *step: told.append(step))
-
-    assert [item.name for item, _, _ in made.items] == ["fig6"]
-    assert not list(tmp_path.glob("fig5*"))
-    assert not list(tmp_path.glob(".*"))
-    assert told[0] == ("items", 0.0)
-    assert ("claims", 1.0) in told
 
 
 @pytest.mark.slow

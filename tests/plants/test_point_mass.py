@@ -100,19 +100,6 @@ def test_in_steady_wind_course_and_ground_speed_close_the_wind_triangle():
     assert math.atan2(end["east"], end["north"]) == pytest.approx(end["chi"], abs=INTEGRATION)
 
 
-def test_a_turn_in_steady_wind_is_a_circle_that_drifts():
-    V_a, phi, drift = 25.0, math.radians(30.0), (3.0, -4.0)
-    turn = math.tau * V_a / (G * math.tan(phi))
-    plant = ft.PointMassPlant(wind=WindRecord.steady(north=drift[0], east=drift[1]))
-
-    start = ft.FlightCondition(V_a=V_a, phi=phi)
-    end = fly(plant, start, [(phi, 1.0 / math.cos(phi))] * 50, turn / 50)
-
-    assert (end["north"], end["east"]) == pytest.approx(
-        (drift[0] * turn, drift[1] * turn), abs=METRE
-    )
-
-
 def test_a_crosswind_that_rises_turns_the_nose_and_not_the_path_over_ground():
     V_a, w = 25.0, 5.0
     gust = WindRecord(t=np.array([1.0, 1.5]), wind=np.array([[0.0, 0.0, 0.0], [0.0, w, 0.0]]))

@@ -87,18 +87,6 @@ def test_runs_pair_by_label_then_by_plant_then_by_gains(fly_line):
     assert paired((law,), (tuned[1],)) == [(law, tuned[1])]
 
 
-def test_a_run_without_a_partner_is_named(fly_line, tmp_path):
-    for folder, sets in (("a", ("paper", "K1")), ("b", ("paper",))):
-        for gains in sets:
-            write_run(fly_line(gains=gains), tmp_path / folder / f"{gains}.parquet")
-
-    found = ft.compare(tmp_path / "a", tmp_path / "b")
-
-    assert found.comparable
-    assert len(found.pairs) == 1
-    assert found.unpaired == (f"{tmp_path / 'a'}: kinematic / K1",)
-
-
 def other(scenario, table, key, value):
     changed = copy.deepcopy(scenario)
     changed[table][key] = value
@@ -189,14 +177,6 @@ def test_a_scenario_flies_with_gains_by_name_or_from_a_file(tmp_path):
     assert [run.label for run in by_name.runs] == ["kinematic / K1", "jsbsim:aerosonde / K1"]
     assert by_file.runs[0].provenance.gains.K_P == pytest.approx(np.diag([2.0, 2.0]))
     assert by_file.runs[0].label == "kinematic / mine"
-
-
-def test_the_scenario_of_chosen_gains_expects_nothing_of_others_and_is_valid():
-    run = load_source("paper_identified@paper").runs[0]
-
-    scenario = ft.scenario_from(dict(run.provenance.scenario))
-
-    assert (scenario.gains, scenario.expect) == (["paper"], [])
 
 
 def test_behind_an_at_sign_gains_or_plant_choose_among_the_runs_of_a_folder(fly_line, tmp_path):

@@ -1,6 +1,5 @@
 """Flights along a route, on every plant: where they are, and how they come back to it."""
 
-import json
 import math
 
 import numpy as np
@@ -16,7 +15,6 @@ import flighttune as ft
 from flighttune.flight.conditions import reference_of
 from flighttune.references.follow import SAME_PLACE
 
-DEG = math.pi / 180.0
 ROUTE = {
     "wind_mps": 8.0,
     "waypoint": [
@@ -172,17 +170,6 @@ def test_what_needs_a_reference_over_time_refuses_a_route_by_name(command, tmp_p
     _, said = flighttune(command, "circuit", *options.get(command, ()), status=2)
 
     assert "`route` must be absent" in said
-
-
-@pytest.mark.slow
-def test_the_worst_start_of_a_route_is_searched(tmp_path):
-    straight = "[{north_m = 0.0, east_m = 0.0}, {north_m = 450.0, east_m = 0.0}]"
-    made = ["--start-deg", 3, "--budget", 32, "--plant", "kinematic", "--set"]
-    made += [f"route.waypoint={straight}", "--set", "flight.duration_s=20"]
-    made += ["--metric", "flight.cross_track_m"]
-    printed, _ = flighttune("worst", "circuit", *made, "--out", tmp_path / "w.toml", "--json")
-
-    assert json.loads(printed)["metric"] == "flight.cross_track_m"
 
 
 def test_a_route_below_the_ground_is_refused_by_its_height(tmp_path):

@@ -215,31 +215,6 @@ def test_another_file_is_refused(tmp_path, text):
     assert "Error" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("place", ["lat", "turns", "home", "command", "line", "fence"])
-def test_an_integer_of_400_digits_is_refused(tmp_path, place):
-    number = 10**399
-    file = tmp_path / "m.json"
-    if place == "line":
-        shape = {"type": "LineString", "coordinates": [[8.5, 47.4], [number, 47.4]]}
-        file.write_text(json.dumps(shape))
-    else:
-        items = {
-            "lat": waypoint(number, 8.5, 60),
-            "turns": item(18, number, 0, 150, 1, *PLACE),
-            "command": item(number, 0, 0, 0, 0, *PLACE),
-        }
-        home = (47.4, 8.5, number) if place == "home" else HOME
-        plan_file(file, *PATROL, items.get(place, PATROL[0]), home=home)
-    if place == "fence":
-        ring = [[8.4, 47.3], [8.6, 47.3], [number, 47.5], [8.4, 47.3]]
-        file.write_text(json.dumps({"type": "Polygon", "coordinates": [ring]}))
-        said = flighttune("band", "circuit", "--flights", 22, "--fence", file, status=2)[1]
-    else:
-        said = flighttune("route", file, status=2)[1]
-    assert "m.json: " in said
-    assert "a fault of flighttune" not in said
-
-
 @pytest.mark.parametrize("ending", [".waypoints", ".kml"])
 def test_files_of_other_programs_are_refused_in_one_line_with_a_way_out(tmp_path, ending):
     file = tmp_path / f"m{ending}"

@@ -147,21 +147,6 @@ def test_words_of_a_scenario_are_text_and_not_markup(paper_source, tmp_path):
     assert "&lt;script&gt;alert" in text
 
 
-def test_runs_of_several_scenarios_are_refused(paper_source, printed_source, tmp_path):
-    mixed = Source(name="mixed", runs=(*paper_source.runs, *printed_source.runs))
-
-    with pytest.raises(ft.RecordingError, match=r"^mixed: .*one scenario"):
-        ft.report(mixed, tmp_path / "never.html")
-    assert not (tmp_path / "never.html").exists()
-
-
-def test_a_flight_with_sensors_is_not_compared_with_the_bound(tmp_path):
-    written = ft.report("sensor_noise", tmp_path / "noise.html")
-
-    assert "none is compared with the bound" in written.path.read_text(encoding="utf-8")
-    assert not any(table.name == "kept" for table in written.tables)
-
-
 def test_an_aircraft_beside_its_nominal_self_has_a_gap_of_its_own(tmp_path):
     written = ft.report("heavy_and_aft@paper", tmp_path / "both.html")
 

@@ -1,44 +1,35 @@
 """A scenario its aircraft cannot start is refused with file, table and key."""
 
 import pytest
-from made_up import made_up_scenario
+from made_up import made_up_scenario, scenario_tables
 
 import flighttune as ft
+from flighttune.files.table import toml_text
 
-SCENARIO = """
-title = "Straight on"
-gains = ["paper"]
-flight = {{ V_a_mps = 25.0, duration_s = 1.0{flight} }}
-reference = {{ chi_deg = 0.0, gamma_deg = 0.0 }}
-limits = {{ {limits} }}
-plant = [{{ kind = "jsbsim", aircraft = "{aircraft}" }}]
-"""
+
+def aircraft(name):
+    return {"kind": "jsbsim", "aircraft": name}
+
 
 OUTSIDE = [
-    ({"flight": ", h_m = -500.0"}, r"\[flight\] `h_m` must be above the ground at 0 m, got -500 m"),
-    ({"flight": ", ground_m = 2e3"}, r"\[flight\] `h_m` must be above the ground at 2000 m"),
-    ({"flight": ", ground_m = 9e3"}, r"\[flight\] `ground_m` must be less than or equal to 6000"),
-    ({"flight": ", phi_deg = 50.0"}, r"\[flight\] `phi_deg` must lie in -45 to 45 deg .*, got 50"),
-    ({"flight": ", n_z = 9.0"}, r"\[flight\] `n_z` must lie in .*aircraft\.toml\), got 9"),
-    ({"aircraft": "boeing"}, r"\[plant\] `aircraft` must be one of .*aerosonde.*, got 'boeing'"),
-    ({"aircraft": "my/boeing"}, r"\[plant\] `aircraft` must be one that can be read: .*boeing"),
-    ({"limits": "phi_deg = [50.0, 60.0]"}, r"\[limits\] `phi_deg` must overlap -45 to 45 deg"),
-    ({"limits": "n_z = [20.0, 30.0]"}, r"\[limits\] `n_z` must overlap"),
+    ("flight", {"h_m": -500.0}, r"\[flight\] `h_m` must be above the ground at 0 m, got -500 m"),
+    ("flight", {"ground_m": 2e3}, r"\[flight\] `h_m` must be above the ground at 2000 m"),
+    ("flight", {"phi_deg": 50.0}, r"\[flight\] `phi_deg` must lie in -45 to 45 deg .*, got 50"),
+    ("flight", {"n_z": 9.0}, r"\[flight\] `n_z` must lie in .*aircraft\.toml\), got 9"),
+    ("limits", {"phi_deg": [50.0, 60.0]}, r"\[limits\] `phi_deg` must overlap -45 to 45 deg"),
+    ("limits", {"n_z": [20.0, 30.0]}, r"\[limits\] `n_z` must overlap"),
+    ("plant", [aircraft("boeing")], r"\[plant\] `aircraft` must be one of .*, got 'boeing'"),
+    ("plant", [aircraft("my/boeing")], r"\[plant\] `aircraft` must be one that can be read: "),
 ]
 
 
-def text(*, flight="", limits="", aircraft="aerosonde"):
-    return SCENARIO.format(flight=flight, limits=limits, aircraft=aircraft)
-
-
-@pytest.mark.parametrize(("change", "message"), OUTSIDE)
-def test_what_an_aircraft_cannot_start_names_file_and_key(change, message, tmp_path):
+@pytest.mark.parametrize(("table", "change", "message"), OUTSIDE)
+def test_what_an_aircraft_cannot_start_names_file_and_key(table, change, message, tmp_path):
+    tables = scenario_tables(**{"plant": [aircraft("aerosonde")], table: change})
     path = tmp_path / "outside.toml"
-    path.write_text(text(**change))
-
+    path.write_text(toml_text(tables))
     with pytest.raises(ft.ScenarioError, match=message) as caught:
         ft.load_scenario(path)
-
     assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)
 

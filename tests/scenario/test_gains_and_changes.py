@@ -142,31 +142,15 @@ def _has_poles(said):
     [
         ("fly", lambda said: [run["gains"] for run in said["runs"]] == ["my_gains"]),
         ("certify", _has_poles),
-        pytest.param(
-            "tube --start-deg 1 --out t.npz",
-            lambda said: said["gains"]["K_P"] == K["K_P"],
-            marks=pytest.mark.slow,
-        ),
-        pytest.param(
-            "worst --start-deg 5 --budget 32",
-            lambda said: said["gains"] == "my_gains",
-            marks=pytest.mark.slow,
-        ),
         pytest.param("tune", lambda said: said["status"] == "optimal", marks=pytest.mark.slow),
-        pytest.param(
-            "frontier --points 2 --out f",
-            lambda said: "my_gains" not in said,
-            marks=pytest.mark.slow,
-        ),
     ],
 )
 def test_a_command_takes_gains_from_a_file_and_values_by_key(command, right, turn, monkeypatch):
     monkeypatch.chdir(turn.parent)
-    name, *options = command.split()
-    chosen = [] if name in ("tune", "frontier") else ["--gains", "my gains.json"]
+    chosen = [] if command == "tune" else ["--gains", "my gains.json"]
 
-    said = answer(name, turn, *options, *chosen, "--set", SPEED)
-    _, err = flighttune(name, turn, *options, *chosen, "--set", "flight.V_a_mps=0", status=2)
+    said = answer(command, turn, *chosen, "--set", SPEED)
+    _, err = flighttune(command, turn, *chosen, "--set", "flight.V_a_mps=0", status=2)
 
     assert right(said)
     assert "turn.toml with its changes: [flight] `V_a_mps` must be" in err

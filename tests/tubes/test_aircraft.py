@@ -8,7 +8,6 @@ from dispersed import uniform
 from made_up import scenario_file
 
 import flighttune as ft
-from flighttune.tubes.problem import tube_problem
 from flighttune.tubes.proof import load_tube
 from flighttune.tubes.tube import flights_inside
 from tests.commands import flighttune
@@ -71,21 +70,6 @@ def test_in_wind_the_start_must_be_stated():
     assert tube(windy, ft.PAPER_GAINS, band=boxes).status == "bounded"
     with pytest.raises(ft.InputError, match="`wind` must be stated"):
         tube(calm, ft.PAPER_GAINS, band=boxes)
-
-
-def test_turbulence_is_that_of_the_boxes_and_no_other():
-    windy = flight(duration_s=0.3).as_dict()
-    windy["wind"] = {"speed_mps": 3.0, "from_deg": 90.0}
-    windy["turbulence"] = {"intensity": "light"}
-    scenario = ft.scenario_from(windy)
-    known = counted_boxes(scenario, half_width=10.0 * WIDE)
-
-    assert tube_problem(scenario, ft.PAPER_GAINS, band=known).boxes is not None
-    windy["turbulence"]["intensity"] = "severe"
-    with pytest.raises(ft.InputError, match=r"`turbulence.intensity`.*'light'.*'severe'"):
-        tube(ft.scenario_from(windy), ft.PAPER_GAINS, band=known)
-    with pytest.raises(ft.InputError, match=r"`wind.speed_mps`.*None.*3"):
-        tube(scenario, ft.PAPER_GAINS, band=counted_boxes(flight(duration_s=0.3)))
 
 
 @pytest.mark.slow

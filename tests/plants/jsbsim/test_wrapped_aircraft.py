@@ -46,13 +46,6 @@ def test_propeller_thrust_at_the_trim_balances_drag_and_weight(fly):
     assert gained == pytest.approx(weight * math.sin(gamma), rel=0.02)
 
 
-def test_the_clock_starts_at_zero_after_the_engine_has_settled():
-    fdm = fdm_of("c172p")
-    fdm.settle_engine()
-
-    assert fdm.reader("simulation/sim-time-sec")() == 0.0
-
-
 def test_the_shift_of_the_aerodynamic_reference_point_acts(changed_aircraft):
     """JSBSim drops it where a planet is loaded after the model."""
     share = 0.5
