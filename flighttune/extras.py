@@ -9,6 +9,8 @@ EXTRAS = {
     "dask": "cluster",
     "distributed": "cluster",
     "numba": "fast",
+    "pymavlink": "logs",
+    "pyulog": "logs",
     "rerun_notebook": "notebook",
 }
 

@@ -78,7 +78,7 @@ def metric_tables(runs: Sequence[Run]) -> "tuple[pd.DataFrame, pd.DataFrame]":
     """
     import pandas as pd
 
-    flown = [run for run in runs if len(run.signals) > 1]
+    flown = [run for run in runs if len(run.signals) > 1 and not run.provenance.log]
     channels = {run.label: channel_metrics(run) for run in flown}
     flights = {run.label: flight_metrics(run) for run in flown}
     return (
@@ -149,9 +149,9 @@ def measures(run: Run) -> dict[str, dict[str, float]]:
 
     Returns ``chi`` and ``gamma``: `channel_metrics` and ``peak_rad``, the largest magnitude of the
     error; ``flight``: `flight_metrics`. A channel whose settling time the scenario bounds has its
-    `settling_measures` too. Empty for a run of fewer than two samples.
+    `settling_measures` too. Empty for a run of fewer than two samples, and for a log.
     """
-    if len(run.signals) < 2:
+    if len(run.signals) < 2 or run.provenance.log:
         return {}
     settling = settling_names(run.provenance.scenario.get("expect", ()))
     return measures_of(run.t, signal_arrays(run, MEASURED), settling)

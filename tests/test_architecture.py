@@ -16,6 +16,8 @@ ONLY_IN = {
     "distributed": "campaign/engine/cluster",
     "jsbsim": "plants/jsbsim",
     "numba": "simulate/kernel.py",
+    "pymavlink": "logs/read.py",
+    "pyulog": "logs/read.py",
     "rerun": ("recording", "records/parquet.py"),  # a recording names the runs it was drawn from
 }  # a file, or the folder it may be used in
 

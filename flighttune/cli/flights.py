@@ -140,7 +140,13 @@ def list_shipped() -> Answer:
 
 
 def view(
-    path: Annotated[Path, Argument(metavar="PATH", help="A recording, or the folder of one.")],
+    path: Annotated[
+        Path,
+        Argument(
+            metavar="PATH",
+            help="A recording, or the folder of one; or the log of a real flight, recorded first.",
+        ),
+    ],
     port: Annotated[
         int | None,
         Option(
@@ -150,8 +156,24 @@ def view(
             "be tunnelled [default: a window; without a screen, a browser at 9090].",
         ),
     ] = None,
+    column: options.ColumnOption = None,
+    out: Annotated[
+        Path | None,
+        Option(help="Recording (.rrd) of a log to write [default: runs/NAME/NAME.rrd]."),
+    ] = None,
 ) -> None:
-    """Open a recording in the Rerun viewer."""
+    """Open a recording, or the log of a real flight, in the Rerun viewer."""
+    from flighttune.logs.read import is_log
+
+    place = Path(str(path).partition("@")[0])
+    if not path.is_dir() and is_log(place):
+        from flighttune.recording.record import write_log
+        from flighttune.records.compare import load_source
+
+        (run,) = load_source(path, columns=column or ()).runs
+        path = out or Path("runs") / place.stem / f"{place.stem}.rrd"
+        write_log(run, path)
+        say(f"recording: {path}")
     _open(path, port=port)
 
 

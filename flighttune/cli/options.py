@@ -91,6 +91,17 @@ def plant_label(default: str) -> Any:
 AircraftPlantOption = Annotated[str | None, plant_label("the first aircraft")]
 
 
+ColumnOption = Annotated[
+    list[str] | None,
+    Option(
+        "--column",
+        metavar="NAME=COLUMN[:UNIT]",
+        help="Column of a log (TOPIC.FIELD of a binary one) with a signal, such as "
+        "chi=heading:deg, or a TOML file of such pairs; repeatable.",
+    ),
+]
+
+
 def out_folder(default: str) -> Any:
     """The option ``--out`` of a command that writes into a folder."""
     return Option("--out", help=f"Folder to write to [default: {default}].")

@@ -67,8 +67,9 @@ def compare(
         str,
         Argument(
             metavar="A",
-            help="A run folder, a Parquet file, a recording or SCENARIO@GAINS, which is flown. "
-            "Append @ and a gain set, a plant or a run to choose among the runs of a folder.",
+            help="A run folder, a Parquet file, a recording, the log of a real flight or "
+            "SCENARIO@GAINS, which is flown. Append @ and a gain set, a plant or a run to choose "
+            "among the runs of a folder, START:END in s for a part of a log.",
         ),
     ],
     others: Annotated[
@@ -82,15 +83,24 @@ def compare(
         Path | None,
         Option(help="Recording (.rrd) or page (.html) to write, with all runs overlaid."),
     ] = None,
+    column: options.ColumnOption = None,
 ) -> Answer:
     """Compare runs: metrics, which is better, and how far apart the paths are.
 
     Exit status 2 if manoeuvre or aircraft differ.
     """
+    from flighttune.logs.read import is_log
     from flighttune.records.compare import compare as compare_sources
+    from flighttune.records.compare import load_source
 
     options.check_ending(out, ".rrd", ".html")
-    comparison = compare_sources(first, *(others or ()))
+    places = first, *(others or ())
+    comparison = compare_sources(
+        *(
+            load_source(name, columns=column or () if is_log(Path(name.partition("@")[0])) else ())
+            for name in places
+        )
+    )
     files: dict[str, Path | None] = {"recording": None, "page": None}
     if out is not None and comparison.comparable:
         if out.suffix.lower() == ".html":
@@ -108,7 +118,8 @@ def report(
         Argument(
             metavar="PATH",
             help="A run folder, a recording or a Parquet file; SCENARIO@GAINS, which is flown; the "
-            "folder of a campaign, which may be running; or the file of a claim.",
+            "folder of a campaign, which may be running; the file of a claim; or the log of a real "
+            "flight (.ulg, .bin, .tlog, .csv), @START:END for a part of it in s.",
         ),
     ],
     out: Annotated[
@@ -128,6 +139,7 @@ def report(
     ] = 0.95,
     claim: options.ClaimOption = None,
     settings: options.SetOption = None,
+    column: options.ColumnOption = None,
 ) -> Answer:
     """Write one page about runs, a campaign or a claim: headline, figures, tables, the way to it.
 
@@ -141,6 +153,7 @@ def report(
         out,
         claims=claim or (),
         changes=options.changes(settings),
+        columns=column or (),
         interval=interval,
         confidence=confidence,
     ).answer()

@@ -166,7 +166,8 @@ def displayed(signals: pd.DataFrame, name: str) -> FloatArray:
     """Values of a signal in the unit shown: degrees for angles, courses without jumps at +-180."""
     values = signals[name].to_numpy(dtype=float)
     if name in ("chi", "chi_ref"):
-        values = np.unwrap(values)
+        values, there = values.copy(), np.isfinite(values)
+        values[there] = np.unwrap(values[there])
     elif name == SEEN_AS["chi"]:
         centre = signals["chi"].to_numpy(dtype=float)
         values = np.unwrap(centre) + (values - centre)

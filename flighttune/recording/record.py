@@ -14,6 +14,7 @@ import rerun_bindings
 from rerun.error_utils import catch_and_log_exceptions
 
 from flighttune.arrays import FloatArray
+from flighttune.errors import RecordingError
 from flighttune.extras import need
 from flighttune.files.whole import whole_file
 from flighttune.flight.flown import FlownScenario
@@ -34,6 +35,7 @@ from flighttune.simulate.run import Run
 
 FAINT = 150  # opacity of thin lines, of 255
 FAINTEST = 110  # opacity of measured signals
+POSE = ("north", "east", "down", "chi", "gamma", "phi")
 DASH, GAP = 0.35, 0.15  # length of a dash of a band, and of the gap after it, s
 
 
@@ -112,6 +114,19 @@ def write_recording(runs: Sequence[Run], path: str | Path, *, page: str, title: 
     data = recording_bytes(runs, page=page, title=title)
     with whole_file(Path(path)) as part:
         part.write_bytes(data)
+
+
+def write_log(run: Run, path: str | Path) -> None:
+    """Write the log of a real flight to a recording; a RecordingError names what it needs for it.
+
+    The pose must be known: positions, course, path angle and roll.
+    """
+    lacking = [name for name in POSE if name not in run.signals]
+    if lacking:
+        raise RecordingError(f"{run.label}: must have {', '.join(lacking)} to be seen in 3D.")
+    scenario = run.provenance.scenario
+    page = scenario_page([run], scenario=scenario)
+    write_recording([run], path, page=page, title=str(scenario["title"]))
 
 
 def recording_bytes(

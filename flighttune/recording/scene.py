@@ -165,9 +165,10 @@ def chase_eye(width: float) -> Eye:
 
 
 def somewhere(drawn_run: DrawnRun) -> DrawnRun:
-    """The run where its position is finite: in a plot a NaN is a gap, but it breaks a camera."""
+    """The run where its pose is finite: in a plot a NaN is a gap, but it breaks a camera."""
     signals = drawn_run.run.signals
-    signals = signals.loc[np.isfinite(positions(signals)).all(axis=1)]
+    pose = [positions(signals), signals[["chi", "gamma", "phi"]].to_numpy(dtype=float)]
+    signals = signals.loc[np.isfinite(np.hstack(pose)).all(axis=1)]
     return replace(drawn_run, run=replace(drawn_run.run, signals=signals))
 
 
@@ -244,7 +245,8 @@ def log_aircraft(
 
 def _is_aircraft(drawn_run: DrawnRun) -> bool:
     """Whether a run is of an aircraft; a law is drawn as an outline and dashes."""
-    return drawn_run.run.provenance.aircraft is not None
+    made_by = drawn_run.run.provenance
+    return made_by.aircraft is not None or made_by.log is not None
 
 
 def _ghost(width: float) -> list[FloatArray]:
@@ -269,13 +271,14 @@ def _log_arrows(
 ) -> None:
     """Log the arrows of velocity and wind, in axes that turn with the course."""
     signals = signals.iloc[evenly(len(signals), most=INSTANTS)]
-    V = float(drawn_run.run.signals["V_a"].iloc[0])
+    airspeed = "V_a" if "V_a" in signals else "V_g"  # the log of a flight may have no airspeed
+    V = float(drawn_run.run.signals[airspeed].iloc[0])
     scale = REACH * width / V if math.isfinite(V) and V > 0.0 else 0.0  # m per m/s
     time = times(signals.index)
     chi, gamma = (signals[name].to_numpy(dtype=float) for name in ("chi", "gamma"))
     # With columns over ground beside them, `chi` and `gamma` are through the air: so is the speed.
     over_ground = "V_g" in signals and OVER_GROUND[0] not in signals
-    speed = signals["V_g" if over_ground else "V_a"].to_numpy(dtype=float)
+    speed = signals["V_g" if over_ground else airspeed].to_numpy(dtype=float)
     ahead = np.column_stack([np.cos(gamma), np.zeros_like(gamma), -np.sin(gamma)])
     arrows = {"velocity": (ahead * (scale * speed)[:, None], drawn_run.style.rgb)}
     if set(WIND) <= set(signals) and np.abs(signals[list(WIND)].to_numpy()).max() > STILL_AIR:

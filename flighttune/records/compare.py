@@ -14,6 +14,9 @@ from flighttune.errors import InputError, RecordingError
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import fly
 from flighttune.flight.load import load_scenario
+from flighttune.logs.columns import Columns
+from flighttune.logs.log import load_log, part_of
+from flighttune.logs.read import is_log
 from flighttune.metrics import FLIGHT_METRICS, METRICS, measures, unit_of
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import columns, shown_unit
@@ -209,15 +212,27 @@ def pairs_table(comparison: Comparison) -> Table:
     return Table(title="pairs", name="pairs", columns=PAIR_COLUMNS, records=records)
 
 
-def load_source(name: str | Path, *, changes: Mapping[str, Any] | None = None) -> Source:
-    """Find the runs of a name: a folder, a Parquet file, a recording, or a scenario to fly.
+def load_source(
+    name: str | Path, *, changes: Mapping[str, Any] | None = None, columns: Columns = ()
+) -> Source:
+    """Find the runs of a name: a folder, Parquet file, recording or log, or a scenario to fly.
 
     Behind an ``@`` a gain set, a plant or the label of a run chooses among its runs; of a scenario
-    also a file of gains, or a set it does not list. `changes` are by dotted key.
+    also a file of gains, or a set it does not list; of a log ``START:END``, a part of it in s.
+    `changes` are by dotted key, `columns` those of a log.
     """
     name = str(name)
     place, _, choice = name.partition("@") if not Path(name).exists() else (name, "", "")
     path = Path(place)
+    if is_log(path):
+        if changes:
+            raise InputError(f"{name}: `--set` must be absent where runs are read, not flown.")
+        run = load_log(path, columns=columns, **part_of(choice, name))
+        lacking = run.provenance.log or {}
+        missing = *lacking["missing"], *(f"in gaps, {gap}" for gap in lacking["gaps"])
+        return Source(name=name, runs=(run,), missing=missing)
+    if columns:
+        raise InputError(f"{name}: `--column` must be absent for what is no log.")
     if not (path.is_dir() or path.suffix.lower() in RECORDED):
         return Source(name=name, runs=_runs_of(place, choice, changes), chosen=bool(choice))
     if changes:
@@ -322,8 +337,9 @@ def largest_distance(a: Run, b: Run) -> tuple[float, float]:
     t = t[t <= min(a.duration, b.duration)]
 
     def path(run: Run) -> list[Any]:
-        axes = ("north", "east", "down")
-        return [np.interp(t, run.t, run.signals[axis].to_numpy()) for axis in axes]
+        axes = ["north", "east", "down"]
+        places = run.signals[axes].dropna() if run.provenance.log else run.signals
+        return [np.interp(t, places.index, places[axis].to_numpy()) for axis in axes]
 
     distance = np.linalg.norm(np.subtract(path(b), path(a)), axis=0)
     at = int(np.argmax(distance))
@@ -395,6 +411,8 @@ def _why_not(a: Source, b: Source, pairs: Sequence[tuple[Run, Run]]) -> str:
         for source, run in zip((a, b), pair, strict=True):
             if len(run.signals) < 2:
                 return f"{source.name}: {run.label} must have flown, got {run.status}: {run.reason}"
+        if any(map(_is_log, pair)):
+            continue  # a log does not say what its flight was meant to be
         aircraft = [run.provenance.aircraft for run in pair]
         if all(aircraft) and aircraft[0] != aircraft[1]:
             return f"{between}: the aircraft must be the same, got {aircraft[0]} and {aircraft[1]}."
@@ -409,6 +427,10 @@ def _manoeuvre(run: Run) -> dict[str, Any]:
     flight = {key: value for key, value in scenario["flight"].items() if key in MANOEUVRE}
     followed = {key: scenario[key] for key in ("reference", "route") if key in scenario}
     return dict(leaves({"flight": flight, **followed}))
+
+
+def _is_log(run: Run) -> bool:
+    return run.provenance.log is not None
 
 
 def _settings(run: Run) -> dict[str, Any]:
@@ -435,7 +457,7 @@ def _pair(first: Source, second: Source, a: Run, b: Run) -> Pair:
         durations=(a.duration, b.duration),
         max_distance=distance,
         t_max_distance=at,
-        differs=_changes(_settings(a), _settings(b)),
+        differs={} if _is_log(a) or _is_log(b) else _changes(_settings(a), _settings(b)),
     )
 
 
@@ -454,7 +476,7 @@ def _metric_rows(a: Run, b: Run) -> list[dict[str, Any]]:
         }
         for channel, own in first.items()
         for name, value in own.items()
-        if name in BETTER_IF and name in second[channel]
+        if name in BETTER_IF and name in second.get(channel, ())
     ]
 
 

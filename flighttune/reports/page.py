@@ -20,6 +20,7 @@ from flighttune.gaps.ladder import explain_flight
 from flighttune.present.chart import Chart
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import CHANNEL_SYMBOLS
+from flighttune.present.tables import facts_table
 from flighttune.records.compare import (
     Comparison,
     Source,
@@ -31,6 +32,7 @@ from flighttune.records.compare import (
 )
 from flighttune.reports import panels, tables
 from flighttune.reports.gap_charts import bound_chart, itae_chart, steps_chart
+from flighttune.reports.log import log_sections
 from flighttune.reports.route_charts import planned_path, route_charts
 from flighttune.scenario.load import scenario_of
 from flighttune.scenario.schema import Scenario
@@ -135,15 +137,16 @@ def write_report(
 def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
     """Write one self-contained page about comparable runs."""
     runs = overlaid(comparison)
+    flown = [run for run in runs if not run.provenance.log]
     styles = run_styles(runs)
     flights = [(run, styles[run.label]) for run in runs]
-    scenario = runs[0].provenance.scenario
+    scenario = (flown or runs)[0].provenance.scenario
     sources = sources_of(comparison)
     at_top, below = _areas(runs)
-    return write_page(
-        Path(path),
-        page_template("flighttune.reports", "commands.html.jinja"),
-        sections=[
+    if len(flown) < len(runs):
+        sections = log_sections(flights, [pairs_table(comparison)])
+    else:
+        sections = [
             Section(note=at_top, charts=_overview(flights), tables=[pairs_table(comparison)]),
             Section(
                 id="metrics",
@@ -153,11 +156,17 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
                 tables=[comparison_table("metrics", comparison.metrics)],
             ),
             _commands_section(flights),
-        ],
+        ]
+    return write_page(
+        Path(path),
+        page_template("flighttune.reports", "commands.html.jinja"),
+        sections=sections,
         title=f"{scenario.get('title', 'Flight')}: comparison",
         legend=list(styles.items()),
         styles=styles,
-        provenance=tables.provenance_table(", ".join(sources), scenario_of(runs[0]), runs),
+        provenance=tables.provenance_table(", ".join(sources), scenario_of(flown[0]), flown)
+        if flown
+        else facts_table("Versions", runs[0].provenance.versions),
         commands=f"flighttune compare {' '.join(sources)}",
         scenario_text=toml_text(scenario),
     )

@@ -68,6 +68,8 @@ def errors(flights: Drawn) -> list[Chart]:
     """Both errors with what is claimed of them, and other signals of which something is claimed."""
     charts = []
     for signal, title, unit in ERRORS:
+        if not any(signal in run.signals for run, _ in flights):
+            continue  # logs of real flights, which may not say what they follow
         chart = over_time(flights, title, unit)
         chart.level(0.0, NEUTRAL, dash="")
         for run, style in flights:
@@ -214,6 +216,8 @@ def over_time(flights: Drawn, title: str, unit: str) -> Chart:
 
 def _with_runs(chart: Chart, flights: Drawn, signal: str) -> Chart:
     for run, style in flights:
+        if signal not in run.signals:
+            continue
         chart.run_line(
             run.t, displayed(run.signals, signal), style, run.label, most=most_points(len(flights))
         )

@@ -11,12 +11,14 @@ from flighttune.campaign.statistics.findings import findings
 from flighttune.campaign.statistics.flights import load_flights
 from flighttune.campaign.statistics.intervals import CONFIDENCE, Method
 from flighttune.errors import InputError
+from flighttune.logs.columns import Columns
 from flighttune.present.answer import Answer, pick
 from flighttune.present.frame import Report
 from flighttune.records.compare import Source, load_source
 from flighttune.reports.campaign import tables
 from flighttune.reports.campaign.page import notes, summary, write_campaign_report
 from flighttune.reports.claim import write_claim_page
+from flighttune.reports.log import write_log_page
 from flighttune.reports.page import write_report
 from flighttune.simulate.claim import claimed
 
@@ -30,6 +32,7 @@ def report(
     *,
     claims: Sequence[str | Path] = (),
     changes: Mapping[str, Any] | None = None,
+    columns: Columns = (),
     interval: Method = "wilson",
     confidence: float = CONFIDENCE,
 ) -> Report:
@@ -41,8 +44,8 @@ def report(
     ----------
     source : str, Path or Source
         A run folder, a recording or a Parquet file; ``scenario@gains``, which is flown; the folder
-        of a campaign, which may be running; or the file of a claim. What a file is, is read from
-        its content.
+        of a campaign, which may be running; the file of a claim; or the log of a real flight, of
+        which ``@START:END`` chooses a part in s. What a file is, is read from its content.
     path : str or Path, optional
         HTML file to write or replace; by default ``report.html``, in the folder of a campaign.
         Parent folders are made.
@@ -50,6 +53,8 @@ def report(
         Files of tubes and bands to draw around runs.
     changes : mapping of str to value, optional
         Values to set in a scenario that is flown, by dotted key.
+    columns : mapping or sequence
+        Where a log has its signals, as for `load_log`.
     interval : {"wilson", "clopper-pearson"}
         Confidence interval of the rates of a campaign.
     confidence : float
@@ -85,7 +90,11 @@ def report(
             if not of_campaign:
                 return _of_claim(place, Path(path or "report.html"))
             return _of_campaign(place, Path(path or place / "report.html"), interval, confidence)
-        source = load_source(source, changes=changes)
+        source = load_source(source, changes=changes, columns=columns)
+    if any(run.provenance.log for run in source.runs):
+        if claims:
+            raise InputError(f"{source.name}: `--claim` must be absent: a log is of no scenario.")
+        return write_log_page(source, Path(path or "report.html"))
     return _of_runs(within(source, claims), Path(path or "report.html"))
 
 

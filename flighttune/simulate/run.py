@@ -101,6 +101,11 @@ class Provenance:
         return law
 
     @property
+    def log(self) -> Mapping[str, Any] | None:
+        """What is missing and was checked of the log of a real flight; None for a simulated one."""
+        return self.scenario.get("log")
+
+    @property
     def aircraft(self) -> str | None:
         """Aircraft flown, as its scenario names it; None for a plant that is none."""
         return aircraft_of(self.plant, self.scenario.get("plant") or ())

@@ -55,6 +55,8 @@ NOT_RUN = {
     "flighttune adopt Aircraft/": "an aircraft of FlightGear",
     "flighttune design mine": "an aircraft of the reader's own",
     "flighttune identify mine": "an aircraft of the reader's own",
+    "flighttune report flight.ulg": "a log of the reader's own; tests/logs",
+    "flighttune compare flight.ulg": "a log of the reader's own; tests/logs",
     "flighttune route mission.plan": "a file of the reader's own",
     "flighttune report runs/mine": "of the flight of a page's Python",
 }

@@ -1,0 +1,1 @@
+"""Logs of real flights as runs, and what is identified from them."""

@@ -1,0 +1,211 @@
+"""The file of a log to streams of numbers; the only place that knows pyulog and pymavlink.
+
+A log is a stranger's file, and its libraries raise what they please at a damaged one, take any
+memory and print: it is read in a copy of this process, with bounds on memory and time.
+"""
+
+import math
+import os
+import resource
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterator, Mapping
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.errors import InputError, RecordingError
+from flighttune.extras import need
+from flighttune.files.whole import reason_of
+from flighttune.flight.apart import apart
+
+# Time (s) and value of the samples of one field.
+Stream: TypeAlias = tuple[FloatArray, FloatArray]
+# Streams by TOPIC.FIELD, the vehicle as the log names it, the columns of a table.
+Read: TypeAlias = tuple[dict[str, Stream], str, list[str]]
+Fields: TypeAlias = Mapping[str, Collection[str]]  # fields wanted, by topic
+
+# First bytes of a file, by kind; the stamp of a telemetry log comes before its first message.
+MAGIC = {"ULog": (0, b"ULog\x01\x12\x35"), "DataFlash": (0, b"\xa3\x95")}
+MAVLINK_STARTS = b"\xfe\xfd"
+SUFFIXES = (".ulg", ".bin", ".tlog", ".csv")
+
+# Memory that reading a log may take besides that of this process, bytes.
+MAX_MEMORY = 900_000_000
+
+# Time in which nothing comes back after which a log is given up, s, and more for each byte.
+PATIENCE_S, PATIENCE_PER_BYTE = 10.0, 1e-5
+
+MAX_CELLS = 50_000_000  # numbers of a table, rows times columns
+
+
+def is_log(path: Path) -> bool:
+    """Whether a path is one of a log: by its ending or its first bytes."""
+    return path.suffix.lower() in SUFFIXES or (path.is_file() and bool(_kind_of(path)))
+
+
+def _kind_of(path: Path) -> str:
+    """Kind of a log by its first bytes, ``csv`` by its ending; empty for another file."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(16)
+    except OSError as error:
+        raise RecordingError(f"{path}: the log must be readable: {reason_of(error)}.") from error
+    for kind, (start, magic) in MAGIC.items():
+        if head[start:].startswith(magic):
+            return kind
+    if len(head) > 8 and head[8] in MAVLINK_STARTS and path.suffix.lower() != ".csv":
+        return "MAVLink"
+    return "csv" if path.suffix.lower() == ".csv" else ""
+
+
+def read_log(
+    path: Path, wanted: Callable[[str, list[str]], Fields]
+) -> tuple[str, dict[str, Stream], str, list[str]]:
+    """Kind of a log, streams of its fields by ``TOPIC.FIELD``, the vehicle, columns of a table.
+
+    `wanted` gives the fields to read by topic, from the kind and, for a table, its columns. Raises
+    RecordingError if the file is no log or cannot be read.
+    """
+    kind = _kind_of(path)
+    if not kind:
+        raise RecordingError(
+            f"{path}: must be a ULog (.ulg), a DataFlash log (.bin), a telemetry log (.tlog) or a "
+            "table (.csv), got another file."
+        )
+    need(f"a log of kind {kind}", *({"ULog": ["pyulog"], "csv": []}.get(kind, ["pymavlink"])))
+
+    def read(_: object) -> Read:
+        _confine()
+        return _READERS[kind](path, wanted)
+
+    patience = PATIENCE_S + PATIENCE_PER_BYTE * path.stat().st_size
+    try:
+        result, ended, _ = apart(read, patience)
+    except InputError:
+        raise
+    except MemoryError as error:
+        raise RecordingError(
+            f"{path}: must be read in {MAX_MEMORY / 1e6:g} MB, got a log that takes more."
+        ) from error
+    except Exception as error:
+        got = f"{type(error).__name__}: {next(iter(str(error).splitlines()), '')}"[:160]
+        raise RecordingError(f"{path}: must be a {kind} log, got a damaged one ({got}).") from error
+    if ended:
+        raise RecordingError(f"{path}: must be a {kind} log, got one whose reader {ended}.")
+    return kind, *result
+
+
+def _confine() -> None:
+    """Bound the memory of this copy, and drop what libraries print."""
+    used = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
+    most = used * resource.getpagesize() + MAX_MEMORY
+    _, hard = resource.getrlimit(resource.RLIMIT_AS)
+    resource.setrlimit(resource.RLIMIT_AS, (most if hard < 0 else min(most, hard), hard))
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 1)
+    os.dup2(nowhere, 2)
+
+
+def _read_ulog(path: Path, wanted: Callable[..., Fields]) -> Read:
+    from pyulog import ULog
+
+    fields = wanted("ULog", [])
+    log = ULog(str(path), list(fields), True)
+    streams: dict[str, Stream] = {}
+    for data in sorted(log.data_list, key=lambda data: -data.multi_id):  # the first one stays
+        t = 1e-6 * data.data["timestamp"].astype(float)
+        for field in set(fields[data.name]) & set(data.data):
+            streams[f"{data.name}.{field}"] = t, data.data[field].astype(float)
+    return streams, "", []
+
+
+def _read_dataflash(path: Path, wanted: Callable[..., Fields]) -> Read:
+    from pymavlink.DFReader import DFReader_binary
+
+    log = DFReader_binary(str(path), zero_time_base=True)
+    fields, first, vehicle = wanted("DataFlash", []), {}, ""
+
+    def rows() -> Iterator[tuple[str, float, Any]]:
+        nonlocal vehicle
+        while (message := log.recv_match(type=[*fields, "MSG"])) is not None:
+            topic = message.get_type()
+            if topic == "MSG":
+                text = str(message.Message)
+                vehicle = vehicle or (text.split()[0] if text.startswith("Ardu") else "")
+                continue
+            instance = message.fmt.instance_field
+            number = getattr(message, instance) if instance else None
+            if first.setdefault(topic, number) == number:
+                yield topic, 1e-6 * message.TimeUS, message
+
+    streams = _collected(rows(), fields)
+    return streams, vehicle, []
+
+
+def _read_mavlink(path: Path, wanted: Callable[..., Fields]) -> Read:
+    from pymavlink.mavutil import mavlogfile
+
+    log, fields = mavlogfile(str(path)), wanted("MAVLink", [])
+    system, vehicle, clock = None, "", math.nan
+
+    def rows() -> Iterator[tuple[str, float, Any]]:
+        nonlocal system, vehicle, clock
+        while (message := log.recv_msg()) is not None:
+            topic = message.get_type()
+            if topic == "HEARTBEAT" and message.autopilot != 8 and system is None:
+                system, vehicle = message.get_srcSystem(), f"type {message.type}"
+            if topic in fields and system in (None, message.get_srcSystem()):
+                # The stamp of the file is that of the ground station, at which messages come in
+                # bursts. Those without the vehicle's clock were sent with the one before.
+                clock = 1e-3 * getattr(message, "time_boot_ms", 1e3 * clock)
+                yield topic, clock, message
+
+    streams = _collected(rows(), fields)
+    return streams, vehicle, []
+
+
+def _collected(rows: Iterator[tuple[str, float, Any]], fields: Fields) -> dict[str, Stream]:
+    """Streams of messages; a field that a message has not is left out."""
+    t: dict[str, list[float]] = defaultdict(list)
+    values: dict[tuple[str, str], list[float]] = defaultdict(list)
+    for topic, stamp, message in rows:
+        got = [getattr(message, field, None) for field in fields[topic]]
+        t[topic].append(stamp)
+        for field, value in zip(fields[topic], got, strict=True):
+            number = isinstance(value, int | float)
+            values[topic, field].append(float(value) if number else np.nan)
+    streams = {f"{a}.{b}": (np.array(t[a]), np.array(column)) for (a, b), column in values.items()}
+    return {name: stream for name, stream in streams.items() if not np.isnan(stream[1]).all()}
+
+
+def _read_csv(path: Path, wanted: Callable[..., Fields]) -> Read:
+    import pandas as pd
+
+    columns = [str(name) for name in pd.read_csv(path, nrows=0).columns]
+    fields = list(wanted("csv", columns)[""])
+    rows = MAX_CELLS // max(1, len(fields))
+    table = pd.read_csv(path, usecols=fields, nrows=rows, dtype_backend="numpy_nullable")
+    clock = table[fields[0]]
+    if not pd.api.types.is_numeric_dtype(clock):  # dates
+        stamps = pd.to_datetime(clock, errors="coerce")
+        t = ((stamps - stamps.dropna().iloc[0]) / pd.Timedelta(seconds=1)).to_numpy(float)
+    else:
+        t = clock.to_numpy(float, na_value=np.nan)
+    streams = {}
+    for field in fields:
+        if field == fields[0]:
+            streams[f".{field}"] = t, t
+            continue
+        values = pd.to_numeric(table[field], errors="coerce").to_numpy(float, na_value=np.nan)
+        streams[f".{field}"] = t, values
+    return streams, "", columns
+
+
+_READERS = {
+    "ULog": _read_ulog,
+    "DataFlash": _read_dataflash,
+    "MAVLink": _read_mavlink,
+    "csv": _read_csv,
+}

@@ -1,0 +1,173 @@
+"""Small logs of the kinds that aircraft write, made of the signals of a run."""
+
+import csv
+import struct
+
+import numpy as np
+
+G = 9.80665
+
+
+def sampled(run, rate=25.0, *, seed=0, noise=True, dropouts=True, late=True):
+    """Times and signals of a run as a log has them: noise, dropouts and late stamps (s)."""
+    random = np.random.default_rng(seed)
+    step = round(1.0 / (rate * (run.t[1] - run.t[0])))
+    signals = {name: run.signals[name].to_numpy()[::step].copy() for name in run.signals}
+    t = run.t[::step].copy()
+    if noise:
+        for name, size in (("phi", 0.003), ("n_z", 0.01), ("V_a", 0.2)):
+            signals[name] += size * random.standard_normal(len(t))
+    if late:
+        t = np.sort(t + 0.004 * random.random(len(t)))
+    kept = np.ones(len(t), dtype=bool)
+    if dropouts:
+        for start in random.integers(0, len(t) - 40, len(t) // 500):
+            kept[start : start + 12] = False
+    return t[kept], {name: values[kept] for name, values in signals.items()}
+
+
+def fields(signals):
+    """Ground velocity and attitude of signals."""
+    chi, gamma, speed = (signals[name] for name in ("chi", "gamma", "V_a"))
+    level = speed * np.cos(gamma)
+    return {
+        "vx": level * np.cos(chi),
+        "vy": level * np.sin(chi),
+        "vz": -speed * np.sin(gamma),
+        "x": signals["north"],
+        "y": signals["east"],
+        "z": signals["down"],
+    }
+
+
+def quaternion(phi, theta, psi):
+    """From body axes to north-east-down, shape (n, 4): w, x, y, z."""
+    c, s = zip(*((np.cos(0.5 * a), np.sin(0.5 * a)) for a in (phi, theta, psi)), strict=True)
+    return np.column_stack(
+        [
+            c[0] * c[1] * c[2] + s[0] * s[1] * s[2],
+            s[0] * c[1] * c[2] - c[0] * s[1] * s[2],
+            c[0] * s[1] * c[2] + s[0] * c[1] * s[2],
+            c[0] * c[1] * s[2] - s[0] * s[1] * c[2],
+        ]
+    )
+
+
+def write_ulog(path, t, signals, *, vehicle=2):
+    """A ULog with the topics of PX4 and `flighttune.n_z_cmd`; version 1 of the format."""
+    zero = 0.0 * t
+    q = quaternion(signals["phi"], signals["gamma"], signals["chi"])
+    q_cmd = quaternion(signals["phi_cmd"], zero, signals["chi"])
+    ned = fields(signals)
+    topics = {
+        "vehicle_attitude": ("float[4] q;", q),
+        "vehicle_attitude_setpoint": ("float[4] q_d;", q_cmd),
+        "vehicle_local_position": (
+            "".join(f"float {name};" for name in ned),
+            np.column_stack([*ned.values()]),
+        ),
+        "airspeed_validated": ("float true_airspeed_m_s;", signals["V_a"][:, None]),
+        "vehicle_acceleration": (
+            "float[3] xyz;",
+            np.column_stack([zero, zero, -G * signals["n_z"]]),
+        ),
+        "flighttune": ("float n_z_cmd;", signals["n_z_cmd"][:, None]),
+        "vehicle_status": ("float vehicle_type;", zero[:, None] + vehicle),
+    }
+    out = [b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0), _message("B", bytes(40))]
+    for name, (layout, _) in topics.items():
+        out.append(_message("F", f"{name}:uint64_t timestamp;{layout}".encode()))
+    for number, name in enumerate(topics):
+        out.append(_message("A", struct.pack("<BH", 0, number) + name.encode()))
+    for k, stamp in enumerate(t):
+        for number, (_, values) in enumerate(topics.values()):
+            row = values[k].astype("<f4").tobytes()
+            out.append(_message("D", struct.pack("<HQ", number, round(1e6 * stamp) + 10**6) + row))
+    path.write_bytes(b"".join(out))
+    return path
+
+
+def _message(kind, body):
+    return struct.pack("<HB", len(body), ord(kind)) + body
+
+
+def write_dataflash(path, t, signals, *, vehicle="ArduPlane V4.5"):
+    """A DataFlash log with the messages of ArduPlane, and FTUN with the load-factor command."""
+    ned = fields(signals)
+    deg = np.degrees
+    angles = [deg(signals[name]) for name in ("phi_cmd", "phi", "gamma")]
+    messages = {
+        "ATT": ("DesRoll,Roll,Pitch,Yaw", [*angles, deg(signals["chi"]) % 360.0]),
+        "XKF1": (
+            "PN,PE,PD,VN,VE,VD",
+            [ned[name] for name in ("x", "y", "z", "vx", "vy", "vz")],
+        ),
+        "IMU": ("AccZ", [-G * signals["n_z"]]),
+        "ARSP": ("Airspeed", [signals["V_a"]]),
+        "FTUN": ("NzCmd", [signals["n_z_cmd"]]),
+    }
+    out = [_format(128, 89, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns")]
+    out.append(_format(129, 75, "MSG", "QZ", "TimeUS,Message"))
+    for number, (name, (columns, values)) in enumerate(messages.items(), 130):
+        layout = "Q" + "f" * len(values)
+        out.append(_format(number, 11 + 4 * len(values), name, layout, f"TimeUS,{columns}"))
+    out.append(b"\xa3\x95" + struct.pack("<BQ64s", 129, 10**6, vehicle.encode()))
+    for k, stamp in enumerate(t):
+        for number, (_, values) in enumerate(messages.values(), 130):
+            row = np.array([column[k] for column in values], dtype="<f4").tobytes()
+            out.append(b"\xa3\x95" + struct.pack("<BQ", number, round(1e6 * stamp) + 10**6) + row)
+    path.write_bytes(b"".join(out))
+    return path
+
+
+def _format(number, length, name, layout, columns):
+    body = struct.pack(
+        "<BB4s16s64s", number, length, name.encode(), layout.encode(), columns.encode()
+    )
+    return b"\xa3\x95\x80" + body
+
+
+def write_tlog(path, t, signals, *, kind=1):
+    """A telemetry log, written by pymavlink; it has no load-factor command."""
+    from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+    sender, ned, out = mavlink.MAVLink(None, srcSystem=1, srcComponent=1), fields(signals), []
+    for k, stamp in enumerate(t):
+        ms = round(1e3 * stamp) + 1000
+        row = {name: float(values[k]) for name, values in signals.items()}
+        place = [float(values[k]) for values in (*[ned[a] for a in "xyz"],)]
+        velocity = [float(ned[name][k]) for name in ("vx", "vy", "vz")]
+        messages = [
+            mavlink.MAVLink_attitude_message(
+                ms, row["phi"], row["gamma"], row["chi"], 0.0, 0.0, 0.0
+            ),
+            mavlink.MAVLink_nav_controller_output_message(
+                np.degrees(row["phi_cmd"]), 0.0, 0, 0, 0, 0.0, 0.0, 0.0
+            ),
+            mavlink.MAVLink_local_position_ned_message(ms, *place, *velocity),
+            mavlink.MAVLink_vfr_hud_message(row["V_a"], row["V_a"], 0, 0, 0.0, 0.0),
+        ]
+        if k % 25 == 0:
+            messages.insert(0, mavlink.MAVLink_heartbeat_message(kind, 3, 0, 0, 4, 3))
+        for message in messages:
+            out.append(struct.pack(">Q", 1_600_000_000_000_000 + 1000 * ms) + message.pack(sender))
+    path.write_bytes(b"".join(out))
+    return path
+
+
+def write_csv(path, t, signals):
+    """A table with columns of the names and units that need no saying."""
+    ned = fields(signals)
+    table = {
+        "t_s": t,
+        **{f"{name}_deg": np.degrees(signals[name]) for name in ("phi", "phi_cmd")},
+        **{f"{name}": signals[name] for name in ("n_z", "n_z_cmd")},
+        "V_a_mps": signals["V_a"],
+        **{f"v_{axis}": ned[name] for axis, name in (("north", "vx"), ("east", "vy"))},
+        "v_down_mps": ned["vz"],
+    }
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(table)
+        writer.writerows(np.column_stack([*table.values()]).tolist())
+    return path

@@ -1,0 +1,84 @@
+"""Damaged logs of every kind end in one line or in a run: no fault, no hang, bounded memory."""
+
+import random
+import resource
+import time
+
+import numpy as np
+import pytest
+from fuzzing import TIMES
+from log_files import sampled, write_csv, write_dataflash, write_tlog, write_ulog
+
+import flighttune as ft
+
+WRITERS = {"ulg": write_ulog, "bin": write_dataflash, "tlog": write_tlog, "csv": write_csv}
+FEW, MANY = 12, 250 * TIMES
+LONGEST_S = 60.0
+MOST_KB = 1_000_000
+"""Memory of a child, kB."""
+
+
+def damaged(data, draw):
+    """Bytes with some changed, cut off, moved, repeated or put in."""
+    data = bytearray(data)
+    for _ in range(draw.choice([1, 1, 3, 20])):
+        at, size = draw.randrange(len(data)), draw.choice([1, 2, 8, 64, 1000])
+        match draw.randrange(6):
+            case 0:
+                data[at] ^= 1 << draw.randrange(8)
+            case 1:
+                data[at : at + size] = draw.randbytes(min(size, 64))
+            case 2:
+                del data[at : at + size]
+            case 3:
+                data[at:at] = data[: 4 * size]
+            case 4:
+                data[at : at + size] = draw.choice([b"\x00", b"\xff", b"9", b","]) * size
+            case _:
+                del data[max(20, at) :]
+    return bytes(data)
+
+
+@pytest.fixture(scope="module")
+def originals(flight, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("whole")
+    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
+    there = t < 6.0
+    part = {name: values[there] for name, values in signals.items()}
+    return {
+        kind: write(folder / f"log.{kind}", t[there], part).read_bytes()
+        for kind, write in WRITERS.items()
+    }
+
+
+def try_damages(originals, folder, count, seed):
+    draw, read = random.Random(seed), 0
+    for k in range(count):
+        kind = draw.choice([*originals])
+        path = folder / f"damaged.{kind}"
+        path.write_bytes(damaged(originals[kind], draw))
+        began = time.monotonic()
+        said = ""
+        try:
+            run = ft.load_log(path)
+        except ft.InputError as error:
+            said = str(error)
+        else:
+            read += 1
+            assert np.isfinite(run.t).all(), (seed, k, kind)
+        assert "\n" not in said, (seed, k, kind)
+        assert time.monotonic() - began < LONGEST_S, (seed, k, kind)
+    return read
+
+
+@pytest.mark.slow
+def test_damaged_logs_are_refused_in_one_line_or_read(originals, tmp_path):
+    try_damages(originals, tmp_path, 4 * FEW, seed=1)
+
+
+@pytest.mark.soak
+def test_many_damaged_logs_are_refused_in_one_line_or_read(originals, tmp_path):
+    read = try_damages(originals, tmp_path, 4 * MANY, seed=2)
+
+    assert read > MANY  # damage that matters little is read over
+    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss < MOST_KB + 300_000

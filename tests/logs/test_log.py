@@ -1,0 +1,207 @@
+"""Logs of every kind written from one flight come back as that flight; bad ones are one line."""
+
+import struct
+
+import numpy as np
+import pytest
+from log_files import sampled, write_csv, write_dataflash, write_tlog, write_ulog
+
+import flighttune as ft
+
+WRITERS = {
+    "flight.ulg": write_ulog,
+    "flight.bin": write_dataflash,
+    "flight.tlog": write_tlog,
+    "flight.csv": write_csv,
+}
+COMMAND = {
+    "flight.ulg": ["n_z_cmd=flighttune.n_z_cmd"],
+    "flight.bin": ["n_z_cmd=FTUN.NzCmd"],
+}
+
+SINGLE = 2e-5
+"""Rounding of an angle or speed to 32 bits, and of a stamp to 1 ms at 1 rad/s, over 40 ms."""
+BETWEEN = 0.03
+"""What a straight line between samples at 25 Hz misses of a signal, rad and 1."""
+
+
+@pytest.fixture(scope="session", params=[*WRITERS])
+def written(request, flight, tmp_path_factory):
+    path = tmp_path_factory.mktemp("logs") / request.param
+    return WRITERS[request.param](path, *sampled(flight, noise=False, dropouts=False, late=False))
+
+
+def test_a_log_is_the_flight_in_our_signals_units_and_signs(written, flight):
+    run = ft.load_log(written, columns=COMMAND.get(written.name, ()))
+
+    step = run.t[1] - run.t[0]
+    assert step == pytest.approx(0.04, abs=2e-4)
+    signals = run.signals.dropna()
+    assert len(signals) > 0.99 * len(flight.signals) / 2
+    t = signals.index.to_numpy()
+    for name in {"chi", "gamma", "phi", "n_z", "V_a", "north", "east", "down"} & set(signals):
+        true = flight.signals[name].to_numpy()
+        true = np.interp(t, flight.t, np.unwrap(true) if name == "chi" else true)
+        off = signals[name].to_numpy() - true
+        off = np.angle(np.exp(1j * off)) if name == "chi" else off
+        size = 1.0 if name in ("north", "east", "down") else BETWEEN
+        assert np.max(np.abs(off)) < size, name
+    missing = run.provenance.log["missing"]
+    assert ("no n_z_cmd" in missing) == ("n_z_cmd" not in run.signals)
+    commands = np.interp(t, flight.t, flight.signals["phi_cmd"].to_numpy())
+    assert np.median(np.abs(signals["phi_cmd"].to_numpy() - commands)) < SINGLE
+
+
+def test_the_content_says_what_a_log_is(written, tmp_path):
+    if written.suffix == ".csv":
+        pytest.skip("a table is known by its ending")
+    other = tmp_path / "anything.dat"
+    other.write_bytes(written.read_bytes())
+
+    assert len(ft.load_log(other).signals) == len(ft.load_log(written).signals)
+
+
+def test_a_gap_is_a_gap(flight, tmp_path):
+    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
+    kept = (t < 50.0) | (t > 53.0)
+    path = write_ulog(tmp_path / "gap.ulg", t[kept], {n: v[kept] for n, v in signals.items()})
+
+    run = ft.load_log(path)
+
+    gap = run.signals["phi"].isna()
+    assert gap.sum() * (run.t[1] - run.t[0]) == pytest.approx(3.0, abs=0.1)
+    assert run.signals["phi"][40.0:49.9].notna().all()
+    assert "phi: 1.0% of the time" in run.provenance.log["gaps"]
+
+
+def test_units_signs_and_names_of_a_table_are_given(flight, tmp_path):
+    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
+    path = tmp_path / "named.csv"
+    rows = zip(1e3 * t, -np.degrees(signals["phi"]), 3.6 * signals["V_a"], strict=True)
+    lines = ["clock,bank,speed,vn", *(f"{a},{b},{c},{c / 3.6}" for a, b, c in rows)]
+    path.write_text("\n".join(lines), encoding="utf-8")
+    given = tmp_path / "columns.toml"
+    given.write_text('t = "clock:ms"\nphi = "bank:-deg"\nv_north = "vn"\nv_east = "vn"\n')
+
+    run = ft.load_log(path, columns=[given, "V_a=speed:km/h"])
+
+    assert run.signals["phi"].to_numpy()[1:-1] == pytest.approx(signals["phi"][1:-1], abs=1e-9)
+    assert run.signals["V_a"].to_numpy()[1:-1] == pytest.approx(signals["V_a"][1:-1], abs=1e-9)
+
+
+def test_what_a_log_says_about_its_own_signs_is_said(flight, tmp_path):
+    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
+    upside = write_ulog(tmp_path / "up.ulg", t, {**signals, "n_z": -signals["n_z"]})
+    feet = write_ulog(tmp_path / "feet.ulg", t, {**signals, "north": signals["north"] / 0.3048})
+
+    turned, wrong = (ft.load_log(path) for path in (upside, feet))
+
+    assert "after its sign was turned" in str(turned.provenance.log["checks"])
+    assert np.nanmedian(turned.signals["n_z"]) > 0.8
+    assert "axes of velocity or position are wrong" in str(wrong.provenance.log["checks"])
+
+
+@pytest.mark.slow
+def test_reports_comparisons_and_recordings_take_logs(flight, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    write_ulog(tmp_path / "flight.ulg", *sampled(flight))
+
+    page = ft.report("flight.ulg@10:60", "log.html")
+    both = ft.compare("flight.ulg@0:20", "paper_as_printed@paper")
+
+    assert "A real flight of 50.0 s." in page.summary
+    assert "no n_z_cmd" in page.path.read_text(encoding="utf-8")
+    assert both.comparable
+    assert both.pairs[0].durations[0] == pytest.approx(20.0, abs=0.05)
+    assert both.max_distance > 10.0
+    from flighttune.recording.overlay import write_overlay
+    from flighttune.recording.record import write_log
+    from flighttune.reports.page import write_comparison_page
+
+    write_comparison_page(both, "both.html")
+    write_overlay(both, "both.rrd")
+    write_log(ft.load_log("flight.ulg"), "log.rrd")
+    assert all((tmp_path / name).stat().st_size > 10_000 for name in ("both.rrd", "log.rrd"))
+    ft.plot(ft.load_log("flight.ulg")).save("log.svg")
+
+
+def bench(path, t, signals):
+    still = {name: 0.0 * values for name, values in signals.items()}
+    return write_ulog(path, t, {**still, "n_z": 1.0 + 0.0 * t})
+
+
+def jumping(path, t, signals):
+    return write_ulog(path, np.where(t > 100.0, t - 40.0, t), signals)
+
+
+def no_table(path, t, signals):
+    path.write_text("a,b\n1,2\n", encoding="utf-8")
+    return path
+
+
+def empty(path, t, signals):
+    return write_ulog(path, t[:0], {name: values[:0] for name, values in signals.items()})
+
+
+def cut(path, t, signals):
+    path.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(3))
+    return path
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("make", "name", "says"),
+    [
+        (lambda *a: write_ulog(*a, vehicle=1), "x.ulg", "must be the log of an aeroplane"),
+        (lambda *a: write_dataflash(*a, vehicle="ArduCopter V4"), "x.bin", "an aeroplane"),
+        (lambda *a: write_tlog(*a, kind=2), "x.tlog", "must be the log of an aeroplane"),
+        (bench, "x.ulg", "must be the log of a flight, got a speed of at most 0"),
+        (jumping, "x.ulg", "the clock of `.*` must run forward, got a jump by -"),
+        (no_table, "x.csv", "the time must be a column `t`"),
+        (empty, "x.ulg", "must have roll"),
+        (cut, "x.ulg", "must be a ULog log, got a damaged one"),
+    ],
+)
+def test_what_is_no_flight_is_refused_in_one_line(flight, tmp_path, make, name, says):
+    t, signals = sampled(flight)
+    path = make(tmp_path / name, t, signals)
+
+    with pytest.raises(ft.InputError, match=says) as error:
+        ft.load_log(path)
+
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("columns", "says"),
+    [
+        (["chi=heding:deg"], "the column of `chi` must be one of the file's, got 'heding'"),
+        (["course=V_a_mps"], "`course` must be a signal"),
+        (["V_a=V_a_mps:furlong"], "the unit of `V_a` must be one of .*got 'furlong'"),
+    ],
+)
+def test_a_wrong_column_is_one_line(flight, tmp_path, columns, says):
+    path = write_csv(tmp_path / "flight.csv", *sampled(flight))
+
+    with pytest.raises(ft.InputError, match=says):
+        ft.load_log(path, columns=columns)
+
+
+@pytest.mark.slow
+def test_a_format_that_asks_for_all_memory_ends_the_reading_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr("flighttune.logs.read.PATIENCE_S", 2.0)
+
+    def message(kind, body):
+        return struct.pack("<HB", len(body), ord(kind)) + body
+
+    layouts = [f"m{k}:m{k + 1}[65535] a;" for k in range(4)]
+    layouts = [*layouts, "m4:uint8_t x;", "vehicle_attitude:uint64_t timestamp;m0[65535] q;"]
+    data = [b"ULog\x01\x12\x35\x01" + bytes(8), message("B", bytes(40))]
+    data += [message("F", layout.encode()) for layout in layouts]
+    data += [message("A", struct.pack("<BH", 0, 0) + b"vehicle_attitude")]
+    data += [message("D", bytes(2 + 8 + 100))]
+    path = tmp_path / "bomb.ulg"
+    path.write_bytes(b"".join(data))
+
+    with pytest.raises(ft.RecordingError, match=r"must be (read in 900 MB|a ULog log)"):
+        ft.load_log(path)
