@@ -87,19 +87,6 @@ def test_names_that_letters_do_not_tell_apart_have_files_of_their_own(tables, tm
     assert [run.label for run in ft.load_recording(files.recording).runs] == [*files.signals]
 
 
-def test_the_gap_is_that_of_the_plant_asked_for(tables, flown):
-    scenario = ft.scenario_from(tables)
-
-    gap = ft.gap(scenario, ft.PAPER_GAINS, name="paper", plant=HEAVY)
-
-    assert [run.provenance.plant for run in gap.runs][-2:] == ["point_mass_lag", HEAVY]
-    heavy = next(run for run in flown.runs if run.label == f"{HEAVY} / paper")
-    assert np.array_equal(gap.runs[-1].signals[[*heavy.signals]], heavy.signals)
-    assert ft.gap(scenario, ft.PAPER_GAINS).runs[-1].provenance.plant == NOMINAL
-    with pytest.raises(ft.InputError, match=rf"`plant` .* {NOMINAL}, {HEAVY}, .*h"):
-        ft.gap(scenario, ft.PAPER_GAINS, plant="h")
-
-
 @pytest.mark.slow
 def test_the_table_of_the_page_is_what_the_shipped_scenario_flies():
     flown = ft.fly(ft.load_scenario("heavy_and_aft"))

@@ -11,7 +11,6 @@ import nbformat
 import numpy as np
 import pytest
 from jupyter_client.manager import start_new_kernel
-from made_up import shortened
 from pictures import FLAT, opened_recording, pixels
 
 import flighttune as ft
@@ -146,20 +145,6 @@ def test_the_widget_of_a_kernel_gets_a_recording_that_the_viewer_draws(kernel, t
         for name, part in viewer.views("Overview").items():
             assert pixels(viewer.picture(part)).std() > FLAT, f"{name} is empty"
         assert viewer.complaints() == []
-
-
-@pytest.mark.slow
-def test_every_cell_of_the_tour_runs_on_a_short_flight(tmp_path, monkeypatch):
-    short = shortened("paper", 2.0)
-    monkeypatch.setattr(ft, "load_scenario", lambda _: short)
-    monkeypatch.chdir(tmp_path)
-    names = {}
-
-    for cell in nbformat.read(TOUR, as_version=4).cells:
-        if cell.cell_type == "code":
-            exec(compile(cell.source, "tour.ipynb", "exec"), names)
-
-    assert (tmp_path / "tour/report.html").is_file()
 
 
 @pytest.mark.soak

@@ -254,20 +254,6 @@ def test_files_of_flightgear_that_include_each_other_are_read_once(own, tmp_path
     assert "got none" in err
 
 
-@pytest.mark.parametrize(("model", "below"), [(".", "."), ("..", "Systems")])
-def test_an_aircraft_has_the_name_of_its_folder(own, model, below):
-    sonde = own("<wingarea.*?>[^<]*", '<wingarea unit="M2"> 0 ').parent
-    sim = "<sim><flight-model>jsb</flight-model><aero>aerosonde</aero></sim>"
-    (sonde / "any-set.xml").write_text(f"<PropertyList>{sim}</PropertyList>")
-    cwd = sonde / below
-    (cwd / "aircraft/sonde").mkdir(parents=True)
-    (cwd / "aircraft/sonde/aircraft.toml").touch()
-
-    _, err = flighttune("adopt", model, status=2, cwd=cwd)
-
-    assert "aircraft/sonde: must not hold an aircraft that `adopt` did not make" in err
-
-
 @pytest.mark.slow
 def test_a_glider_turns_about_its_steady_glide(tmp_path):
     found = answer("adopt", "sgs126", "--out", tmp_path / "sgs126")

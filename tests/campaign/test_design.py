@@ -93,18 +93,6 @@ def test_correlated_keys_have_the_rank_correlation_asked_for(rank):
         assert stats.kstest(column, "uniform").pvalue > CHANCE
 
 
-def test_correlation_has_the_same_bits_in_a_chunk_as_in_the_whole():
-    tables = [
-        CorrelationTable(keys=[KEYS[0], KEYS[1]], rank=0.4),
-        CorrelationTable(keys=[KEYS[1], KEYS[2]], rank=-0.7),
-    ]
-    u = points("random", end=500)
-    whole = correlated(u, KEYS, tables)
-
-    for first, end in ((0, 1), (1, 8), (8, 301), (301, 500)):
-        assert np.array_equal(correlated(u[first:end], KEYS, tables), whole[first:end])
-
-
 def test_correlations_that_contradict_each_other_are_refused():
     pairs = [(KEYS[0], KEYS[1], 0.9), (KEYS[1], KEYS[2], 0.9), (KEYS[0], KEYS[2], -0.9)]
     tables = [CorrelationTable(keys=[a, b], rank=rank) for a, b, rank in pairs]

@@ -96,6 +96,7 @@ MOVED = (
     uniform("reference.gamma_deg[0].width_s", 0.2, 1.0),
     uniform("reference.gamma_deg[0].amplitude_deg", -10.0, 10.0),
 )
+EXACT = {"name": "e", "kind": "exact", "braking": 0.2, "lift_floor": 0.5}
 DISTURBED_BY = {"disturbance": WAVE, "expect": [SUCCESS]}
 
 
@@ -109,8 +110,9 @@ DISTURBED_BY = {"disturbance": WAVE, "expect": [SUCCESS]}
             160,
         ),
         ({"reference": MOVING}, MOVED, 60),
+        ({**DISTURBED_BY, "law": [EXACT], "gains": ["paper"]}, EVERYTHING, 80),
     ],
-    ids=["seen as it is", "seen by sensors", "references that move"],
+    ids=["seen as it is", "seen by sensors", "references that move", "exact law"],
 )
 def test_draws_of_everything_at_once_are_flown_as_flights_alone(tables, dispersed, runs):
     plan = plan_of(tables_of(**tables), *dispersed, runs=runs)

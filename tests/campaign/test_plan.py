@@ -4,7 +4,6 @@ import json
 import pickle
 
 import dispersed
-import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -176,14 +175,6 @@ def test_a_grid_is_flown_cell_by_cell_with_the_same_draws_in_each():
         assert len(set(values[:6])) == 1
         assert len(set(values)) == 2
     assert plan.parameters(4, 9).equals(frame.iloc[4:9])
-
-
-def test_a_grid_crosses_the_points_of_any_design():
-    grid = {"key": "flight.phi_deg", "distribution": "grid", "values": [-5.0, 5.0]}
-    crossed = plan_of(SPEED, grid, design="sobol", runs=32).parameters()
-    alone = plan_of(SPEED, design="sobol", runs=16).parameters()
-
-    assert crossed["flight.V_a_mps"].tolist() == np.repeat(alone["flight.V_a_mps"], 2).tolist()
 
 
 @pytest.mark.slow

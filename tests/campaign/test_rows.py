@@ -25,12 +25,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flighttune as ft
-from flighttune.campaign.flying.alone import fly_again, scenario_of_run
+from flighttune.campaign.flying.alone import scenario_of_run
 from flighttune.campaign.flying.columns import row_schema, table_of
 from flighttune.campaign.flying.rows import fly_runs, lost_row
 from flighttune.control.margins import channel_margins
 from flighttune.flight import models
-from flighttune.records.refly import reflights
 
 BOUNDS = {"at_most": {"chi": {"peak_deg": 21.0}, "flight": {"alpha_max_rad": 0.3}}}
 START = (uniform("flight.chi_deg", 10.0, 30.0), uniform("flight.V_a_mps", 23.0, 27.0))
@@ -179,17 +178,6 @@ def test_a_start_without_steady_flight_and_a_flight_into_the_ground_are_rows():
     assert {row["status"] for row in rows} == {"no_trim", "ground_contact", "completed"}
 
 
-def test_a_plant_that_replays_wind_says_when_the_aircraft_did_not_fly():
-    tables = tables_of((KINEMATIC, AEROSONDE), gains=["paper"], wind=WIND)
-    plan = plan_of(tables, one_of("plant.throttle_max", 0.02), runs=2)
-
-    aircraft, law = fly_runs(plan, range(2)).to_pylist()
-
-    assert (aircraft["plant"], aircraft["status"]) == ("jsbsim:aerosonde", "no_trim")
-    assert law["status"] == "no_trim"
-    assert "the wind is that of jsbsim:aerosonde, which did not fly" in law["reason"]
-
-
 def test_the_row_of_a_crashed_run_is_a_row_of_the_plan():
     plan = still_plan()
 
@@ -213,19 +201,6 @@ def test_a_lost_run_whose_drawn_value_is_refused_has_no_indicators():
 
     assert row["status"] == "crashed"
     assert row["R_K"] is row["I_K"] is row["E_K"] is None
-
-
-@pytest.mark.parametrize("run", [2, 5, 15])
-def test_a_run_flown_for_its_signals_can_be_flown_again_from_what_it_says(whole, run):
-    plan, rows = whole
-
-    flown = fly_again(plan, run)[plan.group_of(run).label]
-
-    row = rows.slice(run, 1).to_pylist()[0]
-    assert (flown.provenance.plant, flown.provenance.gains_name) == (row["plant"], row["gains"])
-    assert flown.provenance.seed == row["seed"]
-    (again,) = reflights([flown])
-    assert again.difference is None
 
 
 @pytest.mark.slow

@@ -48,13 +48,6 @@ def test_the_first_flights_of_every_campaign_are_flown(name):
     assert rows["status"].value_counts()["completed"] > FLOWN / 2
 
 
-@pytest.mark.parametrize("name", ["kinematic_sweep", "grid_speed_gain"])
-def test_runs_make_up_whole_cycles(name):
-    plan = ft.plan_campaign(ft.load_campaign(name))
-
-    assert plan.runs % (plan.cycle * len(plan.groups)) == 0
-
-
 def test_the_first_campaign_comes_to_what_its_header_says():
     plan = ft.plan_campaign(ft.load_campaign("first_campaign"))
     success = fly_runs(plan, range(plan.runs)).to_pandas().groupby(["plant", "gains"])["success"]

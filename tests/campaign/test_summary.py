@@ -45,18 +45,6 @@ def own_rows(flown, group):
     return rows[(rows["plant"] == group["plant"]) & (rows["gains"] == group["gains"])]
 
 
-def test_the_success_rate_of_a_group_is_that_of_its_rows(flown, by_group, plan):
-    assert list(by_group) == [group.label for group in plan.groups]
-    for group in by_group.values():
-        rows = own_rows(flown, group)
-        expected = stats.binomtest(int(rows["success"].sum()), len(rows))
-        interval = expected.proportion_ci(method="wilson")
-        assert group["n"] == len(rows) == 200
-        assert group["success"] == pytest.approx(rows["success"].mean())
-        assert group["lo"] == pytest.approx(interval.low, abs=ROUNDING)
-        assert group["hi"] == pytest.approx(interval.high, abs=ROUNDING)
-
-
 def test_a_measure_is_that_of_completed_flights_and_keeps_its_percentiles(by_group, flown):
     """ITAE is 1.5 + 0.375 (V - 23)^2 with V uniform from 23 to 26.9 m/s."""
     group = by_group[f"{CRAFT} / paper"]

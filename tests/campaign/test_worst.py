@@ -20,7 +20,6 @@ from flighttune.campaign.worst import (
     search_worst,
     value_of,
 )
-from flighttune.files.table import toml_text
 from flighttune.metrics import measures
 from flighttune.simulate.bounds import ERRORS, Bounds
 from tests.tubes.test_soundness import made_up
@@ -135,28 +134,6 @@ def test_nearness_is_that_to_the_widest_place_until_a_flight_leaves_the_narrowes
         {"chi": 1.0 / 0.09, "gamma": 1.0 / 0.09}
     )
     assert tube(0.02).share(run.signals) == pytest.approx(2.0)
-
-
-@pytest.mark.slow
-def test_the_flight_nearest_to_leaving_a_tube_is_searched(tmp_path):
-    scenario, proof = tmp_path / "turn.toml", tmp_path / "tube.npz"
-    scenario.write_text(toml_text(made_up(chi_err_deg=20.0, gamma_deg=0.0).as_dict()))
-    answer("tube", scenario, "--start-deg", 1, "--out", proof)
-
-    said = answer(
-        "worst", scenario, "--start-deg", 1, "--budget", 96, "--claim", proof, "--out",
-        tmp_path / "worst.toml",
-    )  # fmt: skip
-
-    assert said["metric"] == "tube"
-    # the largest half width over the largest distance, the same number as the share's inverse
-    assert min(said["ratio"].values()) == pytest.approx(1.0 / said["value"], rel=1e-6)
-    assert all(said["ratio_of_search"][name] <= said["ratio"][name] for name in ("chi", "gamma"))
-    assert said["family"] is None  # no disturbance was searched
-    # A start at the corner is as far from the middle as the tube is wide there.
-    assert 0.9 < said["value"] <= 1.0
-    drawn = answer("fly", said["scenario"], "--claim", proof, "--out", tmp_path / "runs")
-    assert [claim["inside"] for claim in drawn["claims"]] == [True]
 
 
 def test_the_command_writes_a_scenario_that_flies_to_what_it_says(tmp_path):

@@ -213,25 +213,6 @@ def test_the_largest_envelope_of_gains_can_be_proven_and_one_percent_more_cannot
     assert certify_model(MODEL, gains, envelope=beyond, g=G).status == "refused"
 
 
-def test_a_model_with_lag_states_is_certified_at_its_trim():
-    lag = 0.2
-    model = ft.LinearModel(
-        A=np.block([[MODEL.A, MODEL.B], [np.zeros((2, 2)), -np.eye(2) / lag]]),
-        B=np.vstack([np.zeros((2, 2)), np.eye(2) / lag]),
-        C=np.hstack([np.eye(2), np.zeros((2, 2))]),
-        states=("chi", "gamma", "phi", "n_z"),
-        inputs=MODEL.inputs,
-        errors=MODEL.errors,
-    )
-
-    certified = certify_model(
-        model, ft.PIGains(K_P=np.diag([3.17, 2.90]), K_I=np.diag([1.13, 0.92])), L_d=L_D
-    )
-
-    assert certified.status == "certified"
-    assert certified.certificate.Q.shape == (6, 6)
-
-
 def test_envelope_and_gravity_go_together():
     with pytest.raises(ft.InputError, match="`envelope` and `g`"):
         certify_model(MODEL, TUNED, envelope=ENVELOPE)
@@ -242,20 +223,3 @@ def test_a_claim_must_be_positive(at_trim):
         replace(at_trim.claim, rate=-1.0)
     with pytest.raises(ft.InputError, match="`radius` and `L_d`"):
         replace(at_trim.claim, L_d=None)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("{", "valid JSON"),
-        ('{"format": "flighttune certificate 1"}', "`format`.* 3'"),
-        ('{"format": "flighttune certificate 3", "format": "x"}', "`format` is given twice"),
-        ('{"format": "flighttune certificate 3"}', "`units`"),
-    ],
-)
-def test_a_file_that_is_no_certificate_is_named_with_what_is_wrong(tmp_path, text, message):
-    path = tmp_path / "broken.json"
-    path.write_text(text)
-
-    with pytest.raises(ft.InputError, match=r"broken\.json: .*" + message):
-        ft.verify(path)

@@ -31,13 +31,3 @@ def test_the_model_file_can_be_tuned_on(aerosonde, tmp_path):
     assert tuned["status"] == "optimal"
     assert tuned["K_P"][0][1] == tuned["K_P"][1][0] == 0.0
     assert 2.0 < tuned["K_P"][0][0] < 5.0
-
-
-def test_the_figure_is_drawn_beside_the_model(aerosonde):
-    found, out = aerosonde
-
-    assert found["figure"] == str(out.with_suffix(".svg"))
-    figure = out.with_suffix(".svg").read_text(encoding="utf-8")
-    bandwidth = ft.load_identified(out).conditions[0].lags[0].bandwidth
-    assert f"−3 dB at {bandwidth:.1f} rad/s" in figure
-    assert figure.count('class="chart"') == 8

@@ -8,6 +8,8 @@ from pathlib import Path
 import pytest
 from commands import flighttune
 
+from flighttune.campaign.dataset import open_dataset
+
 pytestmark = pytest.mark.slow
 
 
@@ -67,3 +69,16 @@ def test_a_closed_standard_output_is_no_failure():
     )
 
     assert (done.returncode, done.stderr) == (0, b"")
+
+
+def test_a_campaign_goes_on_where_nobody_reads_its_progress(tmp_path):
+    command = [sys.executable, "-m", "flighttune", "campaign", "run", "first_campaign"]
+    options = ["--runs", str(4), "--workers", "1", "--out", str(tmp_path / "runs")]
+    with subprocess.Popen(
+        [*command, *options], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
+    ) as running:
+        running.stderr.close()
+
+        assert running.wait(timeout=120.0) == 0
+
+    assert sum(len(part.runs) for part in open_dataset(tmp_path / "runs").parts) == 4

@@ -84,13 +84,6 @@ def test_roll_on_one_side_has_its_extremes_at_the_ends():
     assert hull.lower[1] == pytest.approx(math.cos(0.2) ** -2, rel=ROUNDING)
 
 
-def test_the_polytope_of_a_single_condition_is_the_models_own_loop():
-    model = ft.kinematic_model(V_a=25.0, gamma=math.pi / 12, g=G)
-
-    for A in vertex_loops(TRIM, ft.PAPER_GAINS, g=G):
-        assert pytest.approx(ft.closed_loop(model, ft.PAPER_GAINS), abs=ROUNDING) == A
-
-
 def test_an_envelope_is_scaled_about_the_trim():
     half, none = WIDE.scaled(TRIM, 0.5), WIDE.scaled(TRIM, 0.0)
 

@@ -88,18 +88,6 @@ def test_a_start_outside_the_range_comes_back_as_fast_as_the_rate_limit_lets_it(
     assert commands[:10] == pytest.approx(1.0 - 0.1 * np.arange(1, 11), abs=ROUNDING)
 
 
-def test_without_anti_windup_the_integrator_takes_everything():
-    dt, error, samples = 0.1, 2.0, 31
-    controller = ft.MimoPI(
-        diagonal([1.0, 1.0], [0.5, 0.5]), limits((0.4, 0.4)), dt=dt, anti_windup="none"
-    )
-
-    flown(controller, (error, error), samples)
-
-    wound_up = 0.5 * error * dt * (samples - 1)
-    assert controller.state.integral == pytest.approx([wound_up, wound_up], abs=ROUNDING)
-
-
 def test_conditional_integration_never_drives_the_command_beyond_a_limit():
     controller = ft.MimoPI(diagonal([0.1, 0.1], [0.5, 0.5]), limits((0.4, 0.4)), dt=0.1)
 

@@ -160,19 +160,6 @@ def exported(scenario, folder):
     return answer("export", scenario, "--gains", "paper", "--out", folder)
 
 
-@pytest.mark.slow
-def test_nothing_in_the_folder_points_out_of_it(tmp_path):
-    values = exported("c172_cruise_turn", tmp_path)
-
-    files = [path for path in tmp_path.rglob("*") if path.is_file()]
-    assert len(files) >= 7  # aircraft, start, script, engine, propeller, inner and outer loop
-    assert Path(values["script"]) in files
-    for file in files:
-        text = file.read_text(encoding="utf-8")
-        assert 'file="/' not in text
-        assert str(Path(ft.__file__).parents[1]) not in text
-
-
 CLOCK = """
 <function name="aero/moment/clock"> <product> <value> 0.1 </value>
   <sin> <property> simulation/sim-time-sec </property> </sin>

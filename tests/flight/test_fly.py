@@ -33,16 +33,6 @@ def test_gains_that_are_numbers_fly_without_the_identified_file_that_tuning_name
     assert run.status == "completed"
 
 
-def test_where_there_is_no_steady_flight_the_run_says_why_and_the_others_fly():
-    dive = {"V_a_mps": 25.0, "gamma_deg": -30.0, "duration_s": 5.0}
-    kinematic, aircraft = ft.fly(scenario(flight=dive)).runs
-
-    assert kinematic.status == "completed"
-    assert aircraft.status == "no_trim"
-    assert "throttle closed" in aircraft.reason
-    assert len(aircraft.signals) == 0
-
-
 def test_a_run_knows_what_made_it_and_tells_its_progress():
     told = {}
 

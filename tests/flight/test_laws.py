@@ -7,7 +7,6 @@ from made_up import made_up_scenario
 import flighttune as ft
 from flighttune.claims.linear_loop import flight_check
 from flighttune.flight.models import gain_set
-from flighttune.metrics import METRICS
 from flighttune.records.parquet import read_run, write_run
 
 ENVELOPE = {
@@ -17,7 +16,6 @@ ENVELOPE = {
     "n_z": [0.5, 2.1],
 }
 TRIAL = {"name": "trial", "K_P": [[1.41, 0.0], [0.0, 1.22]], "K_I": [[0.73, 0.0], [0.0, 0.77]]}
-ROUNDING = 1e-12
 
 
 def scenario(**tables):
@@ -29,19 +27,6 @@ def scenario(**tables):
         "plant": [{"kind": "kinematic"}, {"kind": "point_mass"}],
     }
     return made_up_scenario(**made | tables)
-
-
-def test_runs_with_the_papers_law_keep_their_names_and_others_say_law_and_gains():
-    flown = ft.fly(scenario())
-
-    assert [run.label for run in flown.runs] == [
-        "kinematic / paper",
-        "kinematic / exact:paper",
-        "point_mass / paper",
-        "point_mass / exact:paper",
-    ]
-    assert [run.provenance.law.kind for run in flown.runs] == ["paper", "exact"] * 2
-    assert set(flown.indicators) == {"paper", "exact:paper"}
 
 
 def test_a_scenario_of_the_papers_law_alone_has_the_same_hash_as_ever():
@@ -145,29 +130,3 @@ def test_an_expectation_may_name_law_and_gains():
 def test_what_cannot_be_flown_is_refused_by_key(change, said):
     with pytest.raises(ft.ScenarioError, match=said):
         scenario(**change)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("anti_windup", ["conditional", "back_calculation", "none"])
-def test_the_batch_flies_the_exact_law_as_the_single_run_does(anti_windup):
-    from flighttune.campaign.flying.kinematic_batch import batchable, fly_batch
-
-    limits = {"phi_deg": [-20.0, 20.0], "phi_rate_dps": 15.0, "n_z_rate_per_s": 0.3}
-    laws = [{"name": "e", "kind": "exact", "braking": 0.2, "lift_floor": 0.5}]
-    sensors = {"chi_noise_sd_deg": 0.3, "V_a_bias_mps": 1.0}
-    for plain in (
-        scenario(law=laws, limits=limits, controller={"anti_windup": anti_windup}, sensors=sensors),
-        scenario(law="exact", gains=[TRIAL], flight={"V_a_mps": 30.0, "duration_s": 3.0}),
-    ):
-        (run, *_), law = ft.fly(plain).runs, plain.laws[0]
-        alone = ft.fly(plain).metrics_of(run)
-        assert batchable(plain, plain.plant[0], law)
-
-        (together,) = fly_batch([plain], law, run.provenance.gains)
-
-        for channel in ("chi", "gamma"):
-            for name in METRICS:
-                assert together.measured[channel][name] == pytest.approx(
-                    alone[channel][name], rel=1e-9, abs=ROUNDING, nan_ok=True
-                ), name
-    assert np.isfinite(alone["chi"]["ITAE"])

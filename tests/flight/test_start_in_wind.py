@@ -108,16 +108,6 @@ def test_a_point_mass_starts_along_its_course_or_with_its_nose_there(kind, start
         assert now["gamma"] == pytest.approx(math.radians(20.0), abs=1e-12)
 
 
-def test_a_turn_starts_on_its_course_too():
-    aircraft = {"kind": "jsbsim", "aircraft": "aerosonde"}
-    scenario = windy(100.0, [LAW, aircraft], phi_deg=20.0, chi_deg=730.0)
-
-    for run in ft.fly(scenario).runs:
-        now = run.signals.iloc[0]
-        assert now["chi"] == pytest.approx(math.radians(730.0), abs=JSBSIM_DIGITS)
-        assert now["phi"] == pytest.approx(math.radians(20.0), abs=1e-9)
-
-
 @pytest.mark.parametrize("wind", [None, {"speed_mps": 0.0, "from_deg": 70.0}])
 @pytest.mark.parametrize("plant", [LAW, {"kind": "jsbsim", "aircraft": "aerosonde"}])
 def test_in_calm_air_both_starts_are_one_to_the_bit(wind, plant):

@@ -16,17 +16,6 @@ def found(study):
     return {name: judge(name, study) for name in CLAIMS}
 
 
-@pytest.mark.parametrize(
-    ("claim", "verdict", "t"),
-    [("peak-time", "not reproduced", 5.24), ("peak-time-gamma", "reproduced", 2.69)],
-)
-def test_the_peak_time_is_reproduced_for_the_path_angle_alone(found, claim, verdict, t):
-    (check,) = found[claim].checks
-
-    assert found[claim].verdict == verdict
-    assert check.computed == pytest.approx(t, abs=0.005)
-
-
 def test_every_verdict_is_one_of_four_and_each_kind_occurs(found):
     assert {finding.verdict for finding in found.values()} == set(VERDICTS)
     for name in ("overshoot-chi", "overshoot-gamma", "table-2", "eigenvalues"):

@@ -145,17 +145,3 @@ def test_a_sheet_is_an_svg_file_of_its_own_with_titles_and_names():
     assert texts.count("error") == 3
     assert float(root.get("height")) > 2.0 * HEAD_AND_FOOT
     assert "prefers-color-scheme: dark" in root.find(f"{SVG}style").text
-
-
-def test_bars_stand_where_they_are_asked_for_and_reach_their_values():
-    chart = Chart(title="shares", y_range=(0.0, 10.0))
-    chart.bars([0.0, 0.0], [5.0, 10.0], [BLUE, RUST], x=[1.0, 4.0])
-
-    root = drawn(chart)
-    x0, x1, _, _, width, height = (float(v) for v in root.get("data-axes").split())
-    first, second = root.iter(f"{SVG}rect")
-    middles = [float(one.get("x")) + float(one.get("width")) / 2.0 for one in (first, second)]
-
-    assert [x0 + m / width * (x1 - x0) for m in middles] == pytest.approx([1.0, 4.0], abs=0.01)
-    assert float(first.get("height")) == pytest.approx(height / 2.0, abs=TENTH)
-    assert float(second.get("height")) == pytest.approx(height, abs=TENTH)

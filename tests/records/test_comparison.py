@@ -4,7 +4,6 @@ import copy
 import dataclasses
 import math
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -149,14 +148,6 @@ def test_a_run_cut_short_is_compared_over_the_time_both_flew(fly_line):
     assert value(found, "ITAE")["diff"] == 0.0
 
 
-def test_several_are_held_against_the_first(fly_line):
-    found = ft.compare(fly_line(), fly_line(rate=2.0), fly_line(rate=0.5))
-
-    assert list(value(found, "ITAE").index) == list(found.metrics.columns)
-    better_one = found.metrics[found.metrics["name"] == "ITAE"].groupby("pair")["better"].first()
-    assert list(better_one) == ["b", "a"]
-
-
 def test_the_runs_of_one_source_are_compared_with_its_first(fly_line):
     runs = [fly_line(gains=gains) for gains in ("paper", "K1", "K2")]
     nothing = pd.DataFrame(index=pd.Index([], name="t", dtype=float))
@@ -166,17 +157,6 @@ def test_the_runs_of_one_source_are_compared_with_its_first(fly_line):
 
     assert [(pair.a, pair.b) for pair in found.pairs] == [(runs[0], run) for run in runs[1:]]
     assert found.missing == ("kinematic / K2: no gains: infeasible",)
-
-
-def test_a_scenario_flies_with_gains_by_name_or_from_a_file(tmp_path):
-    gains = tmp_path / "mine.toml"
-    gains.write_text("K_P = [[2.0, 0.0], [0.0, 2.0]]\nK_I = [[1.0, 0.0], [0.0, 1.0]]\n")
-
-    by_name, by_file = load_source("paper@K1"), load_source(f"paper@{gains}")
-
-    assert [run.label for run in by_name.runs] == ["kinematic / K1", "jsbsim:aerosonde / K1"]
-    assert by_file.runs[0].provenance.gains.K_P == pytest.approx(np.diag([2.0, 2.0]))
-    assert by_file.runs[0].label == "kinematic / mine"
 
 
 def test_behind_an_at_sign_gains_or_plant_choose_among_the_runs_of_a_folder(fly_line, tmp_path):

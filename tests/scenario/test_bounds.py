@@ -5,7 +5,6 @@ from made_up import made_up_scenario
 
 import flighttune as ft
 
-LAG = {"kind": "point_mass_lag", "roll_lag_rad_s": 4.0, "n_z_lag_rad_s": 8.0}
 GUST = {"axis": "down", "peak_mps": 3.0, "start_s": 0.1, "length_m": 10.0}
 GAINS = {"name": "x", "K_P": [[1.0, 0.0], [0.0, 1.0]], "K_I": [[1.0, 0.0], [0.0, 1.0]]}
 
@@ -17,16 +16,11 @@ def short(*, flight=(), **changes):
 AIRCRAFT = {"kind": "jsbsim", "aircraft": "a4"}
 SLOW_WIND = {"chi_amplitude": 1.0, "chi_omega_rad_s": 1e-300, "as_wind": True}
 BEYOND = [
-    ({"flight": {"V_a_mps": 1e30}}, r"\[flight\] `V_a_mps`.* 1000,"),
-    ({"flight": {"gamma_deg": 89.9999999}}, r"`gamma_deg`.* 89,"),
     ({"flight": {"duration_s": 1e5}}, r"`duration_s` of \[flight\].* 1000000"),
-    ({"plant": [{**LAG, "n_z_delay_s": 1e9}]}, r"`n_z_delay_s`.* 2,"),
     ({"gust": {**GUST, "length_m": 5e-324}}, r"\[gust\] `length_m`.* 0\.1,"),
     ({"disturbance": SLOW_WIND, "plant": [AIRCRAFT]}, r"`chi_amplitude`.* 200 m/s .* 2\.5e\+301"),
-    ({"gains": [{**GAINS, "K_I": [[1e308, 0.0], [0.0, 1.0]]}]}, r"`K_I`.* 1e"),
     ({"gains": [{**GAINS, "name": "x" * 240}]}, r"`name`.* 80 bytes"),
     ({"tuning": {"state_scaling": [1.0]}}, r"`state_scaling` of \[tuning\].* 4 numbers"),
-    ({"plant": [{**AIRCRAFT, "aircraft": "a" * 5000}]}, r"\[plant\] `aircraft`.* 4096"),
     (
         {"plant": [{**AIRCRAFT, "airframe": {"drag_factor": 1e308}}]},
         r"\[plant\.airframe\] `drag_factor`.* 100",

@@ -78,14 +78,3 @@ def test_a_schedule_goes_by_the_airspeed_that_was_measured():
     )
 
     assert fast["phi_cmd"] == pytest.approx(true["phi_cmd"] * 30.0 / 25.0, rel=1e-12)
-
-
-def many(count):
-    rng = np.random.default_rng(5)
-    for k in range(count):
-        yield ft.Sensors(
-            bias=tuple(rng.normal(0.0, 0.05, 3)),
-            noise_sd=(0.02, 0.0 if k % 3 else 0.01, 1.0),
-            time_constant=0.4 if k % 2 else 0.0,
-            seed=k,
-        )

@@ -3,13 +3,9 @@
 import json
 import re
 
-import numpy as np
 import pytest
 from made_up import scenario_file
 
-import flighttune as ft
-from flighttune.tubes.problem import tube_problem
-from flighttune.tubes.tube import tube_of
 from tests.commands import flighttune
 from tests.tubes.test_proof import claim_of, rewritten
 from tests.tubes.test_soundness import made_up
@@ -52,22 +48,6 @@ def test_a_set_that_cannot_be_bounded_is_an_answer_with_time_and_reason(scenario
     assert found["limits_can_hold"]["phi_cmd"][0][0] == 0.0
     assert found["reason"] in stderr
     assert not out.exists()
-
-
-@pytest.mark.slow
-def test_a_lost_set_says_from_when_on_its_width_doubles_again_and_again(scenario):
-    problem = tube_problem(ft.load_scenario(scenario()), ft.PAPER_GAINS, disturbance=1.0)
-    found = tube_of(problem)
-    bounds, said = (
-        found.bounds,
-        re.search(r"from (\d\.\d\d) s on the width doubles within 0\.2 s", found.reason),
-    )
-    widths = (bounds.high - bounds.low)[:, :2]
-    span = round(0.2 / bounds.t[1])
-    doubles = (widths[span:] >= 2.0 * widths[:-span]).any(axis=1)
-    first = int(np.searchsorted(bounds.t, float(said[1]) - 1e-9))
-    assert doubles[first:].all()
-    assert first == 0 or not doubles[first - 1]
 
 
 @pytest.mark.slow

@@ -14,7 +14,6 @@ import pytest
 
 import flighttune as ft
 from flighttune.tubes.proof import load_tube
-from tests.commands import flighttune
 from tests.tubes.test_soundness import made_up, tube
 
 
@@ -57,21 +56,6 @@ def changed(proven, tmp_path):
         return rewritten(proven[1], other, tmp_path / "changed.npz", **in_claim)
 
     return change
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    "command",
-    ["band FILE", "tube feasible --boxes FILE"],
-)  # fmt: skip
-def test_the_proof_of_a_tube_is_told_from_other_files(command, proven, tmp_path):
-    words = (proven[1] if word == "FILE" else word for word in command.split())
-    _, reason = flighttune(*words, status=2, cwd=tmp_path)
-
-    assert reason.startswith(f"flighttune: {proven[1]}: must be a ")
-    assert reason.endswith(
-        "got the proof of a tube, which `fly --claim`, `verify` and `worst` take.\n"
-    )
 
 
 def with_entry(index, value):

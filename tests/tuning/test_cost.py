@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from places import SHIPPED_SCENARIOS
 from scipy.integrate import solve_ivp
 from scipy.linalg import solve_continuous_are
 
@@ -135,22 +134,3 @@ def test_a_rate_above_what_exists_is_refused_with_the_largest(problem):
 def test_a_cost_that_means_nothing_is_refused(problem, changes, message):
     with pytest.raises(ft.InputError, match=message):
         replace(problem, **changes)
-
-
-@pytest.mark.parametrize(
-    ("lines", "message"),
-    [
-        (
-            'objective = "cost"\nerror_weights = [1.0, 0.0]',
-            "`error_weights` must be greater than 0",
-        ),
-        ("R_min = 0.3", "`R_min` must be absent"),
-    ],
-)
-def test_keys_of_a_scenario_that_do_not_fit_are_refused(tmp_path, lines, message):
-    path = tmp_path / "cost.toml"
-    text = (SHIPPED_SCENARIOS / "paper.toml").read_text(encoding="utf-8")
-    path.write_text(text.replace("[tuning]", f"[tuning]\n{lines}"))
-
-    with pytest.raises(ft.InputError, match=message):
-        ft.load_scenario(path)

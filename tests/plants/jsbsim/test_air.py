@@ -276,17 +276,6 @@ def test_air_over_high_ground_is_that_of_the_standard_atmosphere(ground, above):
     assert density == pytest.approx(standard_density(ground + above), rel=1e-4)
 
 
-def test_height_is_above_sea_level_and_the_ground_is_hit_where_it_lies(fly):
-    flight = fly(
-        lambda now: (0.0, math.cos(now["gamma"])),
-        h=1530.0, ground=1500.0, gamma=-4.0 * DEG, duration=60.0,
-    )  # fmt: skip
-
-    assert flight["h"][0] == pytest.approx(1530.0)
-    assert flight.stop.status == "ground_contact"
-    assert flight["h"][-2] > 1500.0 >= flight["h"][-1]
-
-
 def test_ground_must_be_where_ground_is_and_a_start_above_it():
     for ground in (math.nan, 9000.0, -2000.0):
         with pytest.raises(ft.InputError, match=r"`ground` .*-500 to 6000 m"):

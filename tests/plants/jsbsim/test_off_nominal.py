@@ -236,17 +236,6 @@ def test_where_there_is_no_room_for_the_private_folder_is_told(tmp_path, monkeyp
         aircraft("aerosonde", mass=1.1)
 
 
-def test_a_file_that_was_changed_is_read_anew(changed_aircraft):
-    folder = changed_aircraft("aerosonde.xml", r"-2\.74 ", "-2.70 ")
-    points = []
-    for pattern, text in (("-2.70 ", "-2.70 "), ("-2.70 ", "-1.90 ")):
-        folder = changed_aircraft("aerosonde.xml", pattern, text)
-        config = load_aircraft(folder).with_off_nominal(off_nominal(mass=1.1))
-        points.append(trim(Fdm(config), ft.FlightCondition(V_a=25.0)))
-
-    assert points[0].elevator < points[1].elevator - 0.01
-
-
 REFUSED = [
     ({"mass": 0.1}, "c172p", r"`mass_factor` must be above 0\.202, what load and fuel weigh"),
     ({"izz": 1.4}, "aerosonde", r"`izz_factor` must leave principal inertias .*, got 0\.815.* kg"),
