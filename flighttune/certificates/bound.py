@@ -86,10 +86,7 @@ def bound_rate(
 ) -> RateBound | None:
     """A verified bound on R_K for gains on `model`; None where the proof takes too many boxes.
 
-    Raises
-    ------
-    InputError
-        If the errors are not the states in plain units, or `I_star` is not finite: then R_K < 1.
+    Raises InputError if the errors are not the states in plain units, or `I_star` is not finite.
     """
     n, _, p = model.shape
     output = np.ones(n + p) if scaling is None else np.asarray(scaling)

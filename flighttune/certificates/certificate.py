@@ -367,12 +367,8 @@ def vertex_matrices(
 ) -> tuple[Rationals, ...]:
     """A_K at every vertex of the polytope, or of the model and `models`, without rounding.
 
-    Loops that are the same are one vertex.
-
-    Returns
-    -------
-    tuple of ndarray of Fraction, shape (n + p, n + p)
-        ``[[A + B K_P C, B K_I], [C, 0]]``, assembled in rational arithmetic.
+    ``[[A + B K_P C, B K_I], [C, 0]]`` in rational arithmetic; loops that are the same are one
+    vertex.
     """
     K_P, K_I = exact(gains.K_P), exact(gains.K_I)
     if hull is None:
@@ -395,15 +391,7 @@ def vertex_matrices(
 def coverage_checks(
     model: LinearModel, envelope: Envelope, hull: JacobianHull, *, g: float
 ) -> list[Check]:
-    """Check that the polytope contains the Jacobian at every condition, and that of the model.
-
-    Parameters
-    ----------
-    model : LinearModel
-    envelope : Envelope
-    hull : JacobianHull
-    g : float, m/s^2
-    """
+    """Check that the polytope contains the Jacobian at every condition, and that of the model."""
     slowest, fastest = (Fraction(V) for V in envelope.V_a)
     rates = Fraction(g) / fastest, Fraction(g) / slowest
     sine_gamma, sine_phi = (

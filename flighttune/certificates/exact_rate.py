@@ -25,21 +25,11 @@ from flighttune.theory.exact import Check, exact
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Sampling:
-    """How a loop is sampled: what `flighttune.control.sampled_loop.sampled_loop` takes.
+    """How a loop is sampled: what `flighttune.control.sampled_loop.sampled_loop` takes."""
 
-    Attributes
-    ----------
-    model : LinearModel
-        The linear model of the law alone.
-    lags : tuple of InnerLag
-        One an input, or none for a model without an inner loop.
-    dt : float, s
-    trapezoidal : bool
-    """
-
-    model: LinearModel
-    lags: tuple[InnerLag, ...]
-    dt: float
+    model: LinearModel  # of the law alone
+    lags: tuple[InnerLag, ...]  # one an input, or none for a model without an inner loop
+    dt: float  # s
     trapezoidal: bool
 
     def loop(self, gains: PIGains) -> FloatArray:
@@ -121,16 +111,9 @@ def exact_rates(
 ) -> tuple[ExactRate, ...]:
     """The exact rates of the continuous loop and of the sampled one; empty where none is proven.
 
-    Parameters
-    ----------
-    model : LinearModel
-        n states and p errors.
-    gains : PIGains
-    scaling : ndarray, shape (n + p,), optional
-        Units of s = (x', e) in which the growth is measured; ones by default.
-    sampling : Sampling, optional
-        Without it, or where its loop has too many states for the exact check, there is the
-        continuous rate alone.
+    `scaling` (shape (n + p,)): units of s = (x', e) in which the growth is measured. Without
+    `sampling`, or where its loop has too many states for the exact check, there is the continuous
+    rate alone.
     """
     loop = closed_loop(model, gains)
     units = np.ones(len(loop)) if scaling is None else np.asarray(scaling, dtype=float)

@@ -187,30 +187,22 @@ def certify_model(
 ) -> Certification:
     """Certify the rate of gains, and the ultimate radius for a disturbance bound.
 
+    Every inequality of a certificate has been proven; the claims are less than what was computed by
+    about 1e-8 of themselves to leave room for that.
+
     Parameters
     ----------
     model : LinearModel
         At the trim. With an envelope: the chi/gamma law's, and inside it.
-    gains : PIGains
     envelope : Envelope, optional
-        Claim the same for every flight of the chi/gamma law whose conditions stay in it.
-    g : float, m/s^2, optional
-        Acceleration of gravity; needed with an envelope.
+        Claim the same for every flight of the chi/gamma law whose conditions stay in it; needs `g`.
     L_d : float, unit of x' per second, optional
         Bound on the norm of the disturbance's derivative; without one only the rate is claimed.
     conditions : sequence of ((V_a, gamma), model), optional
         Claim the same at these, behind the same gains, and for every mixture of their loops; not
         together with an envelope.
-    scenario_sha256 : str, optional
-        Kept in the certificate.
     rates : sequence of ExactRate
         Rates of the loop of `model` that go into the certificate.
-
-    Returns
-    -------
-    Certification
-        Every inequality of a certificate has been proven; the claims are less than what was
-        computed by about 1e-8 of themselves to leave room for that.
 
     Raises
     ------

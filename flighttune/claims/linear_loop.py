@@ -59,17 +59,9 @@ class FlightCheck:
 def flight_check(run: Run) -> FlightCheck | None:
     """Check a run against the bound of its gains.
 
-    Parameters
-    ----------
-    run : Run
-        A flight whose scenario says ``V_a_mps`` in its table ``flight``.
-
-    Returns
-    -------
-    FlightCheck or None
-        None if there is no bound: another plant than the model of the law, wind, sensors, a
-        disturbance that jumps, no gains, an unstable loop, a flight of fewer than four samples, or
-        signals of the loop that are missing.
+    None if there is no bound: another plant than the model of the law, wind, sensors, a disturbance
+    that jumps, no gains, an unstable loop, a flight of fewer than four samples, or signals of the
+    loop that are missing.
     """
     trim, gains, L_d = trim_of(run), run.provenance.gains, stated_L_d(run)
     signals = run.signals
@@ -104,16 +96,10 @@ def stated_L_d(run: Run) -> float | None:
 
 
 def check_against(run: Run, indicators: Indicators, unit: Ellipsoid, L_d: float) -> FlightCheck:
-    """Compare a run with the bound of its loop.
+    """Compare a run with the bound of its stable loop in velocity form, ``s' = A_K s + E v``.
 
-    Parameters
-    ----------
-    indicators : Indicators
-        R_K and I_K of the loop in velocity form, ``s' = A_K s + E v``, which is stable.
-    unit : Ellipsoid
-        Its invariant ellipsoid for ``|v| <= 1``.
-    L_d : float
-        Bound of the norm of the derivative of the disturbance, rad/s^2.
+    `unit` is its invariant ellipsoid for ``|v| <= 1``, `L_d` (rad/s^2) the bound of the norm of v,
+    the derivative of the disturbance.
 
     Notes
     -----
@@ -146,15 +132,9 @@ def check_against(run: Run, indicators: Indicators, unit: Ellipsoid, L_d: float)
 
 
 def error_states(run: Run) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
-    """The states s = (e', e) of a flight, errors and their rates, and where the reference moves.
+    """The states s = (e', e), shape (n, 4), rad/s and rad, and where the reference bends.
 
-    Returns
-    -------
-    states : ndarray, shape (n, 4), rad/s and rad
-        Rates of the errors of course and flight-path angle, and the errors, in the middle of each
-        interval.
-    moved : ndarray of bool, shape (n,)
-        Where the reference changes its slope.
+    Both are in the middle of each interval.
 
     Notes
     -----

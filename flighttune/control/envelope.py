@@ -31,21 +31,11 @@ Range = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Envelope:
-    """Ranges of flight conditions, each independent of the others.
+    """Ranges of flight conditions, each independent of the others."""
 
-    Attributes
-    ----------
-    V_a : (float, float), m/s
-        Airspeed, positive.
-    gamma, phi : (float, float), rad
-        Flight-path angle, climb positive; roll angle, right wing down positive; inside +-pi/2.
-    n_z : (float, float), 1
-        Load factor.
-    """
-
-    V_a: Range
-    gamma: Range
-    phi: Range
+    V_a: Range  # m/s
+    gamma: Range  # rad
+    phi: Range  # rad
     n_z: Range
 
     def __post_init__(self) -> None:
@@ -139,22 +129,7 @@ class JacobianHull:
 
 
 def jacobian_hull(envelope: Envelope, *, g: float) -> JacobianHull:
-    """A polytope that contains the law's Jacobian at every condition of an envelope.
-
-    Parameters
-    ----------
-    g : float, m/s^2
-        Acceleration of gravity, positive.
-
-    Returns
-    -------
-    JacobianHull
-        Rounded outward.
-
-    Raises
-    ------
-    InputError
-        If `g` is not positive.
+    """A polytope, rounded outward, with the law's Jacobian at every condition of an envelope.
 
     Notes
     -----

@@ -196,21 +196,10 @@ class ExactLaw(StatefulPI):
 def turning_speed(measured: Measured) -> float:
     """Speed that turns lift into rates of course and path angle, m/s: the airspeed in still air.
 
-    Parameters
-    ----------
-    measured : Measured
-        With wind the course is that over ground: lift turns the velocity over ground, and only the
-        part of it across that velocity does.
-
-    Returns
-    -------
-    float
-        ``V_g / cos(delta)``, delta the angle between the velocities over ground and through the
-        air; the airspeed where no wind is known, or the path flown is that through the air.
-
-    Notes
-    -----
-    With u the direction over ground and w the wind, ``|V_g u - w| = V_a``.
+    With wind the course is that over ground: lift turns the velocity over ground, and only the part
+    of it across that velocity does. That is ``V_g / cos(delta)``, delta the angle between the
+    velocities over ground and through the air; with u the direction over ground and w the wind,
+    ``|V_g u - w| = V_a``. It is the airspeed where the path flown is that through the air.
     """
     V_a, wind = measured.V_a, measured.wind
     if wind is None:
@@ -229,10 +218,7 @@ def turning_speed(measured: Measured) -> float:
 def rate_model() -> LinearModel:
     """Error dynamics of the exact law while no limit holds: ``e' = -nu`` on rates of the reference.
 
-    Returns
-    -------
-    LinearModel
-        A = 0, B = -I, C = I: the same at every airspeed, path angle, roll and load factor.
+    They are the same at every airspeed, path angle, roll and load factor.
     """
     return LinearModel(
         A=np.zeros((2, 2)),
@@ -251,17 +237,9 @@ def exact_step(
     y: Sequence[float],
     V_a: float,
 ) -> None:
-    """One sample of `ExactLaw`, written so that Numba compiles it too.
+    """One sample of `ExactLaw`, which writes to `state`, written so that Numba compiles it too.
 
-    Parameters
-    ----------
-    state : PIState
-        Written to.
-    ref : sequence of float
-        Course, flight-path angle, and their rates.
-    y : sequence of float
-        Course and flight-path angle measured, and what else may follow.
-    V_a : float, m/s
+    `ref`: course, flight-path angle (rad) and their rates; `y`: both angles measured; `V_a` (m/s).
     """
     channels, wrapped, conditional, tracking_gain, per_g, lift_floor, brake, course_first = law
     (K_chi, I_chi, phi_low, phi_high, phi_down, phi_up), gamma_law = channels

@@ -19,27 +19,10 @@ from flighttune.errors import InputError, ShapeError
 
 
 def with_input_lag(model: LinearModel, bandwidths: npt.ArrayLike) -> LinearModel:
-    """The model behind a first-order lag of each input.
+    """The model behind a first-order lag of each input, `bandwidths` (rad/s) one or m numbers.
 
-    Parameters
-    ----------
-    model : LinearModel
-        n states, m inputs, p errors.
-    bandwidths : array_like, shape (m,) or (), rad/s
-        Inverse time constants from command to input, positive.
-
-    Returns
-    -------
-    LinearModel
-        States (x, u), n + m of them; its inputs are the commands. The loop closes on the errors
-        alone: output feedback.
-
-    Raises
-    ------
-    ShapeError
-        If `bandwidths` is not one number or m of them.
-    InputError
-        If one is not positive and finite.
+    Its states are (x, u) and its inputs the commands; the loop closes on the errors alone: output
+    feedback. Raises ShapeError or InputError if a bandwidth is missing or not positive.
     """
     each = _one_per_input("bandwidths", bandwidths, len(model.inputs)).tolist()
     return with_inner_loop(model, [InnerLag(order=1, natural_frequency=w) for w in each])
@@ -221,24 +204,10 @@ class InnerLag:
 
 
 def with_inner_loop(model: LinearModel, lags: Sequence[InnerLag]) -> LinearModel:
-    """The model behind the inner loop of each input.
+    """The model behind the inner loop of each input, whose inputs are the commands.
 
-    Parameters
-    ----------
-    model : LinearModel
-        n states, m inputs, p errors.
-    lags : sequence of InnerLag, length m
-
-    Returns
-    -------
-    LinearModel
-        States: those of `model`, then of each lag in turn. Its inputs are the commands, and the
-        loop closes on the errors alone: output feedback.
-
-    Raises
-    ------
-    ShapeError
-        If there is not one lag an input.
+    Its states are those of `model`, then of each lag in turn; the loop closes on the errors alone:
+    output feedback.
     """
     if len(lags) != len(model.inputs):
         raise ShapeError(f"`lags` must be {len(model.inputs)}, one an input, got {len(lags)}.")
@@ -252,26 +221,12 @@ def with_inner_loop(model: LinearModel, lags: Sequence[InnerLag]) -> LinearModel
 
 
 def inner_loop_scaling(model: LinearModel, lags: Sequence[InnerLag]) -> FloatArray:
-    """Return units of s = (x', e) of `with_inner_loop` in which a lag counts by its effect on x'.
+    """Units of s = (x', e) of `with_inner_loop` in which a lag counts by its effect on x'.
 
-    A state of the lag of input i is measured in units of ``1 / norm(B[:, i])``, B of `model`: of
-    the chi/gamma law the rate of roll then enters as the angular acceleration it causes. States and
-    errors of `model` keep their units.
-
-    Parameters
-    ----------
-    model : LinearModel
-        Without the inner loop: n states, m inputs, p errors.
-    lags : sequence of InnerLag, length m
-
-    Returns
-    -------
-    ndarray, shape (n + lag states + p,)
-
-    Raises
-    ------
-    InputError
-        If an input of `model` acts on nothing.
+    A state of the lag of input i is measured in units of ``1 / norm(B[:, i])``, B of `model`, which
+    is without the inner loop: of the chi/gamma law the rate of roll then enters as the angular
+    acceleration it causes. States and errors of `model` keep their units. Raises InputError if an
+    input acts on nothing.
     """
     n, _, p = model.shape
     effect = np.linalg.norm(model.B, axis=0)

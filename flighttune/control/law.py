@@ -26,64 +26,34 @@ from flighttune.errors import InputError
 
 
 class Trim(NamedTuple):
-    """Steady wings-level flight about which a law is linearised.
+    """Steady wings-level flight about which a law is linearised."""
 
-    Attributes
-    ----------
-    V_a : float, m/s
-        Airspeed.
-    gamma : float, rad
-        Flight-path angle, climb positive.
-    g : float, m/s^2
-        Acceleration of gravity.
-    schedule_speed : float or None, m/s
-        Airspeed for which gains were made that the controller scales by airspeed; None without.
-    """
-
-    V_a: float
-    gamma: float
-    g: float
+    V_a: float  # m/s
+    gamma: float  # rad
+    g: float  # m/s^2
+    # m/s: airspeed for which gains were made that the controller scales by airspeed
     schedule_speed: float | None = None
 
 
 class SampledController(NamedTuple):
-    """A law as a tube follows it from sample to sample.
-
-    Attributes
-    ----------
-    channels : tuple of ChannelLaw, length 2
-    conditional : bool
-        True for conditional anti-windup; it is none otherwise.
-    feed_forward : bool
-        True if ``cos(gamma_ref)/cos(phi)`` is added to the load-factor command.
-    inverts : RateLaw or None
-        Set for a law whose channels command rates, which it inverts for roll and load factor.
-    """
+    """A law as a tube follows it from sample to sample."""
 
     channels: tuple[ChannelLaw, ...]
-    conditional: bool
+    conditional: bool  # anti-windup; there is none otherwise
+    # Whether ``cos(gamma_ref)/cos(phi)`` is added to the load-factor command
     feed_forward: bool = False
+    # Of a law whose channels command rates, which it inverts for roll and load factor
     inverts: RateLaw | None = None
 
 
 class OuterLoop(NamedTuple):
-    """A law as JSBSim flies it by itself.
+    """A law as JSBSim flies it by itself."""
 
-    Attributes
-    ----------
-    components : str or None
-        File of `flighttune.exports` whose components take the place of those of the paper's law.
-    rows : tuple of two str
-        Names of the properties that its gains act on.
-    values : mapping of str to float
-        Its settings by property, besides gains and limits.
-    takes_rates, takes_plan : bool
-        True if it follows the rates of the reference, or the commands planned for it.
-    """
-
+    # File of `flighttune.exports` whose components take the place of those of the paper's law
     components: str | None
-    rows: tuple[str, str]
-    values: Mapping[str, float]
+    rows: tuple[str, str]  # names of the properties that its gains act on
+    values: Mapping[str, float]  # settings by property, besides gains and limits
+    # Whether it follows the rates of the reference, or the commands planned for it
     takes_rates: bool = False
     takes_plan: bool = False
 
@@ -141,10 +111,7 @@ class Law(ABC):
     def controller(self, setup: LawSetup, /) -> SelfLimiting:
         """Make a controller that applies the limits of the flight, or one that is guarded.
 
-        Raises
-        ------
-        LawError
-            If a law of the user's cannot be made, or has another sample time than the flight.
+        Raises LawError if a law of the user's cannot be made, or has another sample time.
         """
         flown_law = self.make(setup)
         if isinstance(flown_law, SelfLimiting):
@@ -154,10 +121,7 @@ class Law(ABC):
     def linear_model(self, trim: Trim, /) -> LinearModel:
         """Error dynamics that its gains act on: from `inputs` to the errors of course and path.
 
-        Raises
-        ------
-        InputError
-            If there is no such flight condition.
+        Raises InputError if there is no such flight condition.
         """
         return kinematic_model(V_a=trim.V_a, gamma=trim.gamma, g=trim.g)
 
@@ -250,10 +214,7 @@ def plain_laws() -> tuple[str, ...]:
 def made_law(kind: str, name: str | None = None, **options: Any) -> Law:
     """A law of some kind; options that it does not have, or that are None, are left out.
 
-    Raises
-    ------
-    InputError
-        If there is no such kind.
+    Raises InputError if there is no such kind.
     """
     law = law_kinds().get(kind)
     if law is None:

@@ -64,13 +64,7 @@ class Limits:
         return cls(lower=-unbounded, upper=unbounded, rate_lower=-unbounded, rate_upper=unbounded)
 
     def within(self, other: "Limits") -> "Limits":
-        """The limits that hold where both these and `other` do.
-
-        Raises
-        ------
-        InputError
-            If no command meets both.
-        """
+        """The limits that hold where both these and `other` do; an InputError if none can."""
         return Limits(
             lower=np.maximum(self.lower, other.lower),
             upper=np.minimum(self.upper, other.upper),
@@ -82,23 +76,10 @@ class Limits:
 def limit_command(
     command: float, before: float, lower: float, upper: float, step_down: float, step_up: float
 ) -> tuple[float, int]:
-    """One command after its limits, and what holds it; written so that Numba compiles it too.
+    """One command after its limits, and which holds it; written so that Numba compiles it too.
 
-    Parameters
-    ----------
-    wanted : float
-        Command before the limits.
-    before : float
-        Command in force at the sample before.
-    lower, upper : float
-        Its range.
-    step_down, step_up : float
-        Largest steps in a sample: the rate limits times the sample time.
-
-    Returns
-    -------
-    kind : int
-        0 free, 1 held by a magnitude limit, 2 held by a rate limit.
+    `before` is in force at the sample before; `step_down` and `step_up` are the largest steps in a
+    sample, the rate limits times the sample time.
     """
     # The reach of one sample, cut to the range. Where they do not meet (a start outside the
     # range) the rate limit rules: the command comes back at it instead of jumping.

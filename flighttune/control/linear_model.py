@@ -51,13 +51,7 @@ class LinearModel:
         return self.states, self.inputs, self.errors
 
     def check_channels(self, gains: PIGains) -> None:
-        """Refuse gains for other channels.
-
-        Raises
-        ------
-        InputError
-            If `gains` does not act from the errors of this model on its inputs.
-        """
+        """Refuse gains that do not act from the errors of this model on its inputs."""
         if (gains.inputs, gains.errors) != (self.inputs, self.errors):
             raise InputError(
                 f"`gains` must act from {self.errors} on {self.inputs}, "
@@ -162,13 +156,7 @@ def closed_loop(model: LinearModel, gains: PIGains) -> FloatArray:
 
 
 def closed_loops(model: LinearModel, K: npt.ArrayLike) -> FloatArray:
-    """A_K of many stacked gains (K_P, K_I): shape (..., m, 2 p) to (..., n + p, n + p).
-
-    Raises
-    ------
-    ShapeError
-        If the last two axes of `K` are not (m, 2 p).
-    """
+    """A_K of many stacked gains (K_P, K_I): shape (..., m, 2 p) to (..., n + p, n + p)."""
     n, m, p = model.shape
     K = np.asarray(K, dtype=float)
     if K.shape[-2:] != (m, 2 * p):
@@ -190,10 +178,8 @@ def velocity_form(model: LinearModel) -> tuple[FloatArray, FloatArray]:
 def disturbance_entry(model: LinearModel) -> FloatArray:
     """E of ``d_s = E d'``: where the derivative of a state disturbance enters s = (x', e).
 
-    Returns
-    -------
-    ndarray, shape (n + p, n)
-        ``[I; 0]``: the disturbance reaches the velocity form only through its derivative.
+    ``[I; 0]``, shape (n + p, n): the disturbance reaches the velocity form only through its
+    derivative.
     """
     n, _, p = model.shape
     return np.vstack([np.eye(n), np.zeros((p, n))])

@@ -61,51 +61,26 @@ Interval: TypeAlias = tuple[float, float]
 class Margins:
     """Margins of one input with the other loops closed, or of all inputs at once.
 
-    Attributes
-    ----------
-    loop : str
-        The input at which the loop is cut, or `TOGETHER`: every input then changes by its own
-        amount, and all at once, up to these margins; delay and lag are common to all.
-    gain_decrease, gain_increase : float, 1
-        Factors on the loop gain at which it becomes unstable: below 1 (0 if none) and above 1 (inf
-        if none).
-    phase_margin : float, rad
-        Smallest additional phase lag that destabilises; inf if the gain never crosses 1.
-    delay_margin : float, s
-        Smallest additional delay that destabilises; inf if no delay does.
-    lag_margin : float or None, s
-        Smallest time constant of a first-order lag that destabilises; for all inputs only.
-    disk_margin : float or None, 1
-        Size of the largest disk of gain and phase changes that the loop survives: 2 would be
-        perfect, 0 is the verge of instability; for all inputs only.
+    For all at once (`TOGETHER`) every input changes by its own amount, up to these margins; delay
+    and lag are common to all.
     """
 
-    loop: str
+    loop: str  # the input at which the loop is cut, or `TOGETHER`
+    # Factors on the loop gain at which it becomes unstable: below 1 (0 if none) and above 1 (inf)
     gain_decrease: float
     gain_increase: float
-    phase_margin: float
-    delay_margin: float
+    phase_margin: float  # rad: smallest additional lag that destabilises; inf if no gain is 1
+    delay_margin: float  # s: smallest additional delay that destabilises; inf if none does
+    # For all inputs only: smallest time constant (s) of a lag that destabilises, and the size of
+    # the largest disk of gain and phase changes that the loop survives, 2 at best, 0 at the verge
     lag_margin: float | None = None
     disk_margin: float | None = None
 
 
 def loop_margins(model: LinearModel, gains: PIGains) -> tuple[Margins, ...]:
-    """Margins of the loop that `gains` close on `model`; none if it is not stable.
+    """Margins of the loop that `gains` close on `model`, each input's and all at once.
 
-    Parameters
-    ----------
-    gains : PIGains
-        With the channels of `model`.
-
-    Returns
-    -------
-    tuple of Margins
-        One for each input, then that of all at once.
-
-    Raises
-    ------
-    InputError
-        If the channels of `gains` are not those of `model`.
+    There are none if the loop is not stable.
 
     Notes
     -----
@@ -141,18 +116,9 @@ def channel_margins(model: LinearModel, gains: PIGains) -> tuple[Margins, ...]:
 def channel_responses(
     model: LinearModel, gains: PIGains, omega: FloatArray
 ) -> npt.NDArray[np.complex128]:
-    """Frequency responses of the loop cut at one input at a time, the other loops closed.
+    """Responses of the loop cut at one input at a time, the other loops closed, shape (k, m).
 
-    Parameters
-    ----------
-    gains : PIGains
-        With the channels of `model`.
-    omega : ndarray, shape (k,), rad/s
-
-    Returns
-    -------
-    ndarray of complex, shape (k, m), 1
-        A loop is on the verge of instability where its response is -1.
+    `omega` (shape (k,), rad/s). A loop is on the verge of instability where its response is -1.
     """
     A, B, C = _opened(model, gains)
     cut = (_cut_at(i, A, B, C) for i in range(B.shape[1]))
@@ -162,15 +128,7 @@ def channel_responses(
 def lag_margin(model: LinearModel, gains: PIGains) -> float:
     """Smallest time constant, s, of a first-order lag common to all inputs that destabilises.
 
-    Returns
-    -------
-    float
-        0 if the loop is unstable without a lag, inf if no lag up to `LONGEST_LAG` destabilises.
-
-    Raises
-    ------
-    InputError
-        If the channels of `gains` are not those of `model`.
+    0 if the loop is unstable without a lag, inf if no lag up to `LONGEST_LAG` destabilises.
     """
     from scipy.optimize import brentq
 
@@ -199,17 +157,7 @@ def lag_margin(model: LinearModel, gains: PIGains) -> float:
 
 
 def delay_margin(model: LinearModel, gains: PIGains) -> float:
-    """Smallest delay, s, common to all inputs that destabilises a stable loop.
-
-    Returns
-    -------
-    float
-        0 if the loop is unstable without a delay, inf if no delay destabilises it.
-
-    Raises
-    ------
-    InputError
-        If the channels of `gains` are not those of `model`.
+    """Smallest delay, s, common to all inputs that destabilises a loop; 0 if it is unstable.
 
     Notes
     -----

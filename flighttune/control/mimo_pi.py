@@ -274,21 +274,9 @@ def pi_step(
 ) -> Vector:
     """One sample of the controller: the command of `MimoPI`, written so that Numba compiles it too.
 
-    Parameters
-    ----------
-    state : PIState
-        Written to.
-    ref, y : sequence
-        Course and flight-path angle, and what else may follow.
-    u_ff : sequence of float, length m, input unit
-        Feed-forward.
-    V_a : float, m/s
-        Airspeed; used where the gains are scheduled.
-
-    Returns
-    -------
-    list of float, length m
-        Command after all limits: ``state.u``.
+    `ref` and `y` begin with course and flight-path angle; `u_ff` (length m, input unit) is the
+    feed-forward, and `V_a` (m/s) is used where the gains are scheduled. Writes to `state` and
+    returns the command after all limits, ``state.u``.
     """
     channels, wrapped, conditional, tracking_gain, per_speed = law
     # All of it by name at once: inlined by Numba, writes through attributes would be lost.

@@ -30,19 +30,10 @@ def sampled_loop(
 ) -> tuple[FloatArray, FloatArray]:
     """The map of the loop over one sample, while no limit holds, and units of its state.
 
-    Parameters
-    ----------
-    model : LinearModel
-        The linear model of the law alone: n states, m inputs, p errors.
-    lags : sequence of InnerLag, length m or 0
-        Inner loop of each input, without the delay of the hold, which is exact here; none where the
-        inputs are the commands.
-    gains : PIGains
-    dt : float, s
-        Sample time of the law, positive.
-    trapezoidal : bool
-        The integral takes the mean of two errors, as `MimoPI` does; false: each error after the
-        command of its sample, as `ExactLaw` does.
+    `model` is that of the law alone (n states, m inputs, p errors), `lags` the inner loop of each
+    input without the delay of the hold, which is exact here; none where the inputs are the
+    commands. `trapezoidal`: the integral takes the mean of two errors, as `MimoPI` does; else each
+    error after the command of its sample, as `ExactLaw` does.
 
     Returns
     -------
@@ -56,11 +47,8 @@ def sampled_loop(
 
     Raises
     ------
-    ShapeError
-        If there is not one lag an input.
-    InputError
-        If the channels of `gains` are not those of `model`, `dt` is not positive, or N is above
-        `MAX_SAMPLED`.
+    ShapeError, InputError
+        If models, lags and gains do not fit, or N is above `MAX_SAMPLED`.
     """
     model.check_channels(gains)
     check_positive(dt=dt)

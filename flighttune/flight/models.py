@@ -198,19 +198,10 @@ def tune_scenario(
 ) -> TuningResult:
     """The gains named ``tuned`` of a scenario, and how they were found.
 
-    Parameters
-    ----------
-    scenario : Scenario
-    model : "kinematic" or "identified", optional
-        By default what the scenario's [tuning] says. On the identified model each channel is tuned
-        by itself, for the smallest R_K over the models of `identified_problems`.
-    law : Law, optional
-        Law of the gains; by default the scenario's first.
-
-    Raises
-    ------
-    InputError, ScenarioError
-        If an identified model is needed and missing.
+    `model`: "kinematic" or "identified", by default what [tuning] says. On the identified model
+    each channel is tuned by itself, for the smallest R_K over the models of `identified_problems`.
+    `law`: by default the scenario's first. Raises InputError or ScenarioError if an identified
+    model is needed and missing.
     """
     settings = scenario.tuning
     if (model or settings.model) == "identified":
@@ -303,9 +294,6 @@ def certify_scenario(
 
     Parameters
     ----------
-    scenario : Scenario
-        Its hash goes into the certificate.
-    gains : PIGains
     envelope : bool
         Claim the rate for every flight inside the scenario's ranges; where [tuning] names the
         identified model, at every condition identified and for every mixture of their loops.
@@ -317,17 +305,11 @@ def certify_scenario(
         Prove the exact rate of the sampled loop beside that of the continuous one, which takes up
         to a second. Over an envelope neither is.
 
-    Returns
-    -------
-    Certification
-
     Raises
     ------
-    ScenarioError
-        If an envelope is asked for and the scenario gives none, or its model is the kinematic law
-        behind a lag; or if there is no identified model.
-    InputError
-        If `L_d` is not positive, or the conditions identified have lags of different order.
+    ScenarioError, InputError
+        If an envelope is asked for and the scenario gives none, its model is the kinematic law
+        behind a lag, there is no identified model, or its conditions have lags of different order.
     """
     if L_d is None and scenario.disturbance is not None:
         bound = scenario.disturbance.sinusoid().rate_bound

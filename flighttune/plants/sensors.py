@@ -62,19 +62,10 @@ class Sensors:
         check_not_negative(seed=self.seed)
 
     def errors(self, samples: int, dt: float) -> FloatArray:
-        """Measured minus true value at each sample.
+        """Measured minus true value at each of the samples, `dt` s apart, shape (samples, 3).
 
-        Parameters
-        ----------
-        samples : int
-            Samples of the flight, the first at its start.
-        dt : float, s
-            Sample time.
-
-        Returns
-        -------
-        ndarray, shape (samples, 3), rad, rad, m/s
-            The same bits for the same seed; a longer flight begins as a shorter one does.
+        In rad, rad and m/s: the same bits for the same seed; a longer flight begins as a shorter
+        one.
         """
         errors = np.empty((samples, len(SENSED)))
         for j, (bias, sd) in enumerate(zip(self.bias, self.noise_sd, strict=True)):

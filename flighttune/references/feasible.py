@@ -130,10 +130,7 @@ class FeasibleReference:
 def feasible_reference(manoeuvre: Manoeuvre) -> FeasibleReference:
     """The fastest reference that the commands of a manoeuvre can make an aircraft fly.
 
-    Raises
-    ------
-    InputError
-        If the limits let no manoeuvre through, or none was found.
+    Raises InputError if the limits let no manoeuvre through, or none was found.
 
     Notes
     -----

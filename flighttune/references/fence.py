@@ -42,24 +42,14 @@ SIDES = ("left", "right", "up", "down")
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Fence:
-    """Where flights may be, in m from the start.
+    """Where flights may be, in m from the start."""
 
-    Attributes
-    ----------
-    start, end : ndarray, shape (edges, 2)
-        North and east of where the edges of the polygon begin and end, and of its zones.
-    sag : ndarray, shape (edges,)
-        Distance of each from the line that is straight in latitude and longitude.
-    names : tuple of str, length edges + 2
-        Names of the edges, and of ceiling and floor.
-    low, high : float
-        Lowest and highest height.
-    """
-
+    # `start` and `end`: (edges, 2), north and east of the ends of each edge of polygon and zones
     start: FloatArray
     end: FloatArray
+    # (edges,): distance of each from the line that is straight in latitude and longitude
     sag: FloatArray
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # of the edges, then of ceiling and floor
     low: float
     high: float
 
@@ -103,23 +93,12 @@ class Room(NamedTuple):
 
 
 def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
-    """The fence of a GeoJSON file, about the start of a flight.
+    """The fence of a GeoJSON file, about the start of a flight at `origin`.
 
-    Parameters
-    ----------
-    path : Path
-        One Polygon in longitude and latitude, of which inner rings are zones not to enter. The
-        properties ``min_up_m`` and ``max_up_m`` of its feature are heights above the start. Edges
-        are straight in longitude and latitude, the shorter way round the Earth.
-    origin : tuple of two floats, deg
-        Latitude and longitude of the start.
-    tables : dict, optional
-        The content of the file, if it has been read.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is none of these, or is no fence around the start.
+    The file has one Polygon in longitude and latitude, of which inner rings are zones not to enter.
+    The properties ``min_up_m`` and ``max_up_m`` of its feature are heights above the start. Edges
+    are straight in longitude and latitude, the shorter way round the Earth. `tables`: the content
+    of the file, if it has been read. Raises InputError if it is no fence around the start.
     """
     tables = tables or json_tables(path)
     with reading(path, "GeoJSON with a Polygon"):
@@ -226,26 +205,19 @@ def _surrounds(ring: FloatArray) -> bool:
 def room_along(
     fence: Fence, path: Route, windows: FloatArray, *, widest: float, overlap: float
 ) -> Room:
-    r"""How far from a path flights are certainly inside a fence.
+    """How far from a path flights are certainly inside a fence.
 
-    Parameters
-    ----------
-    fence : Fence
-    path : Route
-    windows : ndarray, shape (windows + 1,), m
-        Edges of windows of distance along the path.
-    widest : float, m
-        Largest distance to the side of the flights that are judged.
-    overlap : float, m
-        Distance by which the path of a window is looked at beyond both its edges.
+    `windows` (shape (windows + 1,), m) are edges of windows of distance along the path, `widest`
+    the largest distance to the side of the flights that are judged, and `overlap` (m) how far the
+    path of a window is looked at beyond both its edges.
 
     Notes
     -----
     A place at the distance e to the right of the path is at most ``SCAN_STEP / 2 (1 + k e)`` from
     the place with the same e at the nearest point of the table, with the largest curvature k. Edges
     are therefore widened by this at ``e = widest``. If the line across the path at each point is
-    clear of all widened edges as far as the flights come, the surface that these lines sweep
-    is clear of the edges, and inside like the start.
+    clear of all widened edges as far as the flights come, the surface that these lines sweep is
+    clear of the edges, and inside like the start.
     """
     s = SCAN_STEP * np.arange(int((path.length + overlap) / SCAN_STEP) + 2)
     table = (path.north, path.east, path.up, path.course)

@@ -53,39 +53,20 @@ PLACE = ("lat_deg", "lon_deg", "up_m")
 
 
 class RouteFile(NamedTuple):
-    """A route as a file states it.
+    """A route as a file states it."""
 
-    Attributes
-    ----------
-    waypoint : list of dict
-        Rows of ``waypoint`` in [route]: ``lat_deg``, ``lon_deg`` and ``up_m`` above the first
-        waypoint; circles have ``turns`` and ``radius_m``.
-    flight : dict
-        ``h_m`` of the first waypoint and ``ground_m`` of [flight], as far as the file has them.
-    notes : list of str
-        Sentences about what is left out of the file or read in another way.
-    """
-
+    # Rows of ``waypoint`` in [route], heights above the first; circles have ``turns``, ``radius_m``
     waypoint: list[Row]
-    flight: dict[str, float]
-    notes: list[str]
+    flight: dict[str, float]  # ``h_m`` and ``ground_m`` of [flight], as far as the file has them
+    notes: list[str]  # what is left out of the file or read in another way
 
 
 def read_route(path: Path, *, skip: bool = False) -> RouteFile:
-    """Read a route.
+    """Read a route: a plan of QGroundControl (.plan), or GeoJSON with one LineString.
 
-    Parameters
-    ----------
-    path : Path
-        A plan of QGroundControl (.plan) or GeoJSON with one LineString (.json, .geojson).
-    skip : bool
-        Leave out commands of a plan that change the flight but have no place. Commands that leave
-        the path as it is are always left out.
-
-    Raises
-    ------
-    InputError
-        If the file cannot be read, is none of these, or has a position that cannot be flown.
+    `skip`: leave out commands of a plan that change the flight but have no place. Commands that
+    leave the path as it is are always left out. Raises InputError if the file cannot be read, is
+    none of these, or has a position that cannot be flown.
     """
     if path.suffix.lower() in OTHER_FILES:
         raise InputError(

@@ -66,29 +66,15 @@ class Waypoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ability:
-    """Speed and limits for which a route is planned.
+    """Speed and limits for which a route is planned."""
 
-    Attributes
-    ----------
-    V_a, wind : float, m/s
-        Airspeed, and the largest wind for which turns are planned.
-    phi, phi_rate : float, rad and rad/s
-        Roll that turns may use, and the rate at which it changes.
-    gamma : tuple of two floats, rad
-        Lowest and highest path angle.
-    g : float, m/s^2
-        Acceleration of gravity.
-    duration : float, s
-        Longest time of a flight. The path does not depend on it: abilities that differ in it alone
-        are equal.
-    """
-
-    V_a: float
-    wind: float
-    phi: float
-    phi_rate: float
-    gamma: tuple[float, float]
-    g: float
+    V_a: float  # m/s
+    wind: float  # m/s: the largest for which turns are planned
+    phi: float  # rad: roll that turns may use
+    phi_rate: float  # rad/s: rate at which it changes
+    gamma: tuple[float, float]  # rad: lowest and highest path angle
+    g: float  # m/s^2
+    # s: longest time of a flight, on which the path does not depend
     duration: float = field(default=math.inf, compare=False)
 
     def __post_init__(self) -> None:
@@ -112,59 +98,30 @@ class Ability:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretch:
-    """A leg, a turn or the circles around a waypoint.
-
-    Attributes
-    ----------
-    kind : {"leg", "turn", "loiter"}
-    waypoint : int
-        Number of the waypoint where it ends or around which it turns; the first has 1.
-    start, length : float, m
-        Distance along the route at which it begins, and its own.
-    course, turn : float, rad
-        Course at its beginning, and change of course, right positive.
-    radius : float, m
-        Smallest radius; infinite on a leg.
-    gamma : float, rad
-        Mean path angle.
-    """
+    """A leg, a turn or the circles around a waypoint."""
 
     kind: Kind
-    waypoint: int
-    start: float
-    length: float
-    course: float
-    turn: float
-    radius: float
-    gamma: float
+    waypoint: int  # number of the one where it ends or around which it turns, from 1
+    start: float  # m: distance along the route at which it begins
+    length: float  # m
+    course: float  # rad: at its beginning
+    turn: float  # rad: change of course, right positive
+    radius: float  # m: the smallest; infinite on a leg
+    gamma: float  # rad: mean path angle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Path:
-    """A planned path: a table of its points, `STEP` apart, and the stretches it consists of.
+    """A planned path: a table of n points, `STEP` apart, and the stretches it consists of."""
 
-    Attributes
-    ----------
-    length : float, m
-        From start to end; the table goes on straight for `BEYOND_S`.
-    north, east, up : ndarray, shape (n,), m
-        Position from the start of the flight.
-    course : ndarray, shape (n,), rad
-        Continuous, clockwise from north.
-    curvature : ndarray, shape (n,), 1/m
-        Right positive.
-    slope : ndarray, shape (n,)
-        Height per distance.
-    stretches : tuple of Stretch
-    """
-
-    length: float
+    length: float  # m, from start to end; the table goes on straight for `BEYOND_S`
+    # `north`, `east` and `up`: (n,), m, from the start of the flight
     north: FloatArray
     east: FloatArray
     up: FloatArray
-    course: FloatArray
-    curvature: FloatArray
-    slope: FloatArray
+    course: FloatArray  # (n,), rad: continuous, clockwise from north
+    curvature: FloatArray  # (n,), 1/m: right positive
+    slope: FloatArray  # (n,): height per distance
     stretches: tuple[Stretch, ...]
 
     @property
@@ -200,23 +157,10 @@ class _Turn(NamedTuple):
 
 
 def plan(waypoints: Sequence[Waypoint], ability: Ability) -> Path:
-    """Plan the path of a route, which begins at its first waypoint.
+    """Plan the path of a route, from its first waypoint, which has no circles, through the others.
 
-    Parameters
-    ----------
-    waypoints : sequence of Waypoint
-        At least two; there are no circles around the first.
-    ability : Ability
-
-    Returns
-    -------
-    Path
-
-    Raises
-    ------
-    InputError
-        If a corner is too sharp, a leg too short, circles are too small, a climb is too steep or
-        the route too long; the message has the number of the waypoint, and what would do.
+    Raises InputError if a corner is too sharp, a leg too short, circles are too small, a climb is
+    too steep or the route too long; the message has the number of the waypoint, and what would do.
 
     Notes
     -----

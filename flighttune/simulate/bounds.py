@@ -95,27 +95,13 @@ class Bounds:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RunClaim:
-    """A claim about flights, as one run that it covers has it.
-
-    Attributes
-    ----------
-    kind : {"proven", "counted"}
-        A tube is proven, a band is counted.
-    title : str
-        A few words, for legends.
-    sentence : str
-        The claim in words.
-    bounds : Bounds
-        Bounds of the signals that it is about, at the samples of the run.
-    units : mapping of str to str
-        Units of these signals.
-    """
+    """A claim about flights, as one run that it covers has it."""
 
     kind: Kind
-    title: str
-    sentence: str
-    bounds: Bounds
-    units: Mapping[str, str]
+    title: str  # a few words, for legends
+    sentence: str  # the claim in words
+    bounds: Bounds  # of the signals that it is about, at the samples of the run
+    units: Mapping[str, str]  # of these signals
 
     def contains(self, signals: "pd.DataFrame") -> bool:
         """Whether the flight with these signals is inside the bounds."""

@@ -62,21 +62,9 @@ class Sinusoid:
     def as_wind(self, V_a: float, chi: float, gamma: float) -> OscillatingWind:
         """Oscillating wind that turns a path through the air at these rates, to first order.
 
-        Parameters
-        ----------
-        V_a : float, m/s
-            Airspeed.
-        chi, gamma : float, rad
-            Direction of flight about which the wind is laid: the derivation holds near it.
-
-        Returns
-        -------
-        OscillatingWind
-            Horizontal and across for the course, normal to the path for the climb; its amplitudes
-            are ``V_a cos(gamma) a_chi/omega_chi`` and ``V_a a_gamma/omega_gamma``.
-
-        Notes
-        -----
+        `V_a` (m/s) is the airspeed, `chi` and `gamma` (rad) the direction of flight about which the
+        wind is laid: horizontal and across for the course, normal to the path for the climb, with
+        amplitudes ``V_a cos(gamma) a_chi/omega_chi`` and ``V_a a_gamma/omega_gamma``.
         ``docs/weather.md`` derives it. Both frequencies must be positive where there is an
         amplitude.
         """

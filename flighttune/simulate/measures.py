@@ -40,18 +40,10 @@ ErrorMeasures = namedtuple("ErrorMeasures", METRICS)
 def error_measures(
     t: FloatArray, error: FloatArray, effort: FloatArray, limited: FloatArray
 ) -> ErrorMeasures:
-    """Tracking measures of one channel.
+    """Tracking measures of one channel at the times `t` (two or more, s, from 0).
 
-    Parameters
-    ----------
-    t : ndarray, shape (k,), s
-        Times of the samples, two or more, from 0.
-    error : ndarray, shape (k,), rad
-        Reference minus actual.
-    effort : ndarray, shape (k,)
-        Command minus that of steady flight on the reference.
-    limited : ndarray, shape (k,)
-        Not zero where a limit holds the command.
+    `error` (rad) is reference minus actual, `effort` the command minus that of steady flight on the
+    reference, and `limited` not zero where a limit holds the command.
     """
     weighted, spacing = t * np.abs(error), t[1:] - t[:-1]
     itae = float(np.sum(spacing * (weighted[1:] + weighted[:-1]))) / 2.0

@@ -21,37 +21,21 @@ NARROW = 1e-6  # width, in its logit, of the interval in which the search for a 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Ellipsoid:
-    """An invariant ellipsoid ``s' W^-1 s <= 1``: the loop approaches it and does not leave it.
+    """An invariant ellipsoid ``s' W^-1 s <= 1``: the loop approaches it and does not leave it."""
 
-    Attributes
-    ----------
-    W : ndarray, shape (n, n)
-        Square of the unit of s.
-    multiplier : float, 1/s
-        The a of ``A W + W A' + a W + (L_d^2 / a) E E' = 0``; rate at which ``s' W^-1 s``
-        approaches one from outside.
-    radius : float, unit of s
-        Longest half axis: the square root of lambda_max(W).
-    """
-
-    W: FloatArray
+    W: FloatArray  # (n, n), square of the unit of s
+    # 1/s: the a of ``A W + W A' + a W + (L_d^2 / a) E E' = 0``, the rate at which ``s' W^-1 s``
+    # approaches one from outside
     multiplier: float
-    radius: float
+    radius: float  # longest half axis: the square root of lambda_max(W)
 
 
 def paper_balls(A_K: npt.ArrayLike, A: npt.ArrayLike, *, I_K: float, L_d: float) -> FloatArray:
     """Radii of the paper's ultimate ball ``||s|| <= 2 L_d L_f I_K`` for three readings of L_f.
 
-    Parameters
-    ----------
-    A_K : array_like, shape (n + p, n + p), 1/s
-        Closed loop in velocity form, s = (x', e).
-    A : array_like, shape (n, n), 1/s
-        Open-loop Jacobian df/dx.
-    I_K : float, s^2
-        As `indicators` gives it.
-    L_d : float, unit of x' per second
-        Bound on the norm of the disturbance's derivative, positive.
+    `A_K` (shape (n + p, n + p), 1/s) is the closed loop in velocity form, `A` (shape (n, n)) the
+    open-loop Jacobian df/dx, `I_K` in s^2 and `L_d` the bound on the norm of the disturbance's
+    derivative.
 
     Returns
     -------
@@ -60,11 +44,6 @@ def paper_balls(A_K: npt.ArrayLike, A: npt.ArrayLike, *, I_K: float, L_d: float)
         ``df/dx + df/du K_P`` (Theorem 2 with f(x, u(x)) read as the loop under K_P), and of
         ``df/dx`` (Theorem 2 to the letter of its formula). The theorem's proof covers only the
         first: the loop can leave the ball of either of the others.
-
-    Raises
-    ------
-    ShapeError, InputError
-        If a matrix is not square or not finite, or `L_d` is not positive.
 
     Notes
     -----
@@ -85,28 +64,10 @@ def invariant_ellipsoid(
     L_d: float,
     slack: float = 0.0,
 ) -> Ellipsoid:
-    """The invariant ellipsoid with the smallest radius.
+    """The invariant ellipsoid of ``s' = A s + E v``, ``|v| <= L_d``, with the smallest radius.
 
-    Parameters
-    ----------
-    A : array_like, shape (n, n), 1/s
-        Stable.
-    E : array_like, shape (n, m)
-        Where the disturbance enters.
-    L_d : float
-        Bound on the norm of the disturbance v, positive.
-    slack : float, 1
-        Slack left in the inequality, as a fraction of the disturbance's term, so that it holds
-        strictly.
-
-    Returns
-    -------
-    Ellipsoid
-
-    Raises
-    ------
-    ShapeError, InputError
-        If the matrices do not fit, `A` is not stable, or `L_d` is not positive.
+    `slack`: part of the disturbance's term left in the inequality, so that it holds strictly.
+    Raises ShapeError or InputError if the matrices do not fit or `A` is not stable.
 
     Notes
     -----

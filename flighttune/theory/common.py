@@ -32,43 +32,21 @@ SLACK = 1e-6
 class CommonQ:
     """A Q for all vertices, checked by eigenvalues.
 
-    Attributes
-    ----------
-    status : "optimal", "inaccurate", "none" or "failed"
-        Inaccurate: Q holds what it says, but a better one may exist. None: no common Q was found;
-        `R_bound` says how small the rate of any must be.
-    reason : str
-        Why it is not optimal; empty otherwise.
-    Q : ndarray, shape (n, n), s, or None
-        Positive, with ``A' Q + Q A + I <= 0`` at every vertex up to rounding.
-    R : float, 1/s
-        ``1 / lambda_max(Q)``: rate of decay of ``s' Q s``; 0 without a Q.
-    R_bound : float, 1/s
-        No common Q has a higher rate: from the solver's multipliers, made feasible.
+    Inaccurate: Q holds what it says, but a better one may exist. None: no common Q was found, and
+    `R_bound` says how small the rate of any must be.
     """
 
     status: Literal["optimal", "inaccurate", "none", "failed"]
-    reason: str
+    reason: str  # why it is not optimal; empty otherwise
+    # (n, n), s: positive, with ``A' Q + Q A + I <= 0`` at every vertex up to rounding
     Q: FloatArray | None = None
-    R: float = 0.0
+    R: float = 0.0  # 1/s: ``1 / lambda_max(Q)``, the rate of decay of ``s' Q s``; 0 without a Q
+    # 1/s: no common Q has a higher rate, by the solver's multipliers, made feasible
     R_bound: float = math.inf
 
 
 def common_Q(vertices: npt.ArrayLike) -> CommonQ:
-    """The common Q with the highest rate.
-
-    Parameters
-    ----------
-    vertices : array_like, shape (k, n, n), 1/s
-
-    Returns
-    -------
-    CommonQ
-
-    Raises
-    ------
-    ShapeError, InputError
-        If `vertices` are not k finite square matrices, k >= 1.
+    """The common Q with the highest rate at some vertices, shape (k, n, n), 1/s.
 
     Notes
     -----
@@ -110,25 +88,9 @@ def common_ellipsoid(
 ) -> tuple[Ellipsoid | None, str]:
     """The ellipsoid with the smallest radius that no vertex leaves, for disturbances of norm L_d.
 
-    Parameters
-    ----------
-    vertices : array_like, shape (k, n, n), 1/s
-    E : array_like, shape (n, m)
-        Where the disturbance enters: ``s' = A s + E v``.
-    L_d : float
-        Bound on the norm of v, positive.
-
-    Returns
-    -------
-    ellipsoid : Ellipsoid or None
-        Its multiplier is the a of ``A W + W A' + a W + (L_d^2 / a) E E' <= 0``.
-    reason : str
-        Why none was found; empty otherwise.
-
-    Raises
-    ------
-    ShapeError, InputError
-        If the matrices do not fit, are not finite, or `L_d` is not positive.
+    `vertices` (shape (k, n, n), 1/s) are the loops of ``s' = A s + E v``. Returns the ellipsoid,
+    with the a of ``A W + W A' + a W + (L_d^2 / a) E E' <= 0`` as its multiplier, or None and why
+    none was found.
 
     Notes
     -----

@@ -38,48 +38,22 @@ AHEAD = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Decay:
-    """A proven rate of decay of a norm, and what it costs.
+    """A proven rate of decay of a norm, and what it costs."""
 
-    Attributes
-    ----------
-    rate : float, 1/s
-        ``sqrt(s' Q s)`` falls at least as fast as ``exp(-rate t)``; of a sampled loop at its
-        samples.
-    Q : ndarray, shape (n, n)
-        Positive; its largest eigenvalue is one.
-    growth : float
-        ``|s(t)| <= growth exp(-rate t) |s(0)|``: the square root of the condition of Q, in the
-        units in which s is measured.
-    limit : float, 1/s
-        The true rate, by eigenvalues in floating point: no norm decays faster for ever.
-    """
-
+    # 1/s: ``sqrt(s' Q s)`` falls at least as fast as ``exp(-rate t)``, at the samples of a sampled
+    # loop
     rate: float
-    Q: FloatArray
+    Q: FloatArray  # (n, n): positive; its largest eigenvalue is one
+    # ``|s(t)| <= growth exp(-rate t) |s(0)|``: root of the condition of Q, in the units of s
     growth: float
-    limit: float
+    limit: float  # 1/s: the true rate by eigenvalues; no norm decays faster for ever
 
 
 def decay(loop: npt.ArrayLike, *, dt: float | None = None) -> Decay | None:
-    """The largest proven rate of ``s' = A s``, or of ``s[k+1] = M s[k]``.
+    """The largest proven rate of ``s' = A s``, or with `dt` (s) of ``s[k+1] = M s[k]``.
 
-    Parameters
-    ----------
-    loop : array_like, shape (n, n)
-        A in 1/s; with `dt` the map M over a sample. In the units in which s is measured: `growth`
-        depends on them, the rate does not.
-    dt : float, s, optional
-        Sample time, positive.
-
-    Returns
-    -------
-    Decay or None
-        None for a loop that is not proven to be stable.
-
-    Raises
-    ------
-    ShapeError, InputError
-        If `loop` is not a finite square matrix or `dt` is not positive.
+    `loop` is A in 1/s, or the map M over a sample, in the units in which s is measured: `growth`
+    depends on them, the rate does not. None for a loop that is not proven to be stable.
 
     Notes
     -----
@@ -164,16 +138,7 @@ def _of_norm_one(Q: FloatArray) -> FloatArray:
 def decay_checks(
     loop: Rationals, Q: FloatArray, *, rate: float, dt: float | None = None
 ) -> list[Check]:
-    """The inequalities of a rate of decay.
-
-    Parameters
-    ----------
-    loop : ndarray of Fraction, shape (n, n)
-        A in 1/s; with `dt` the map over a sample.
-    Q : ndarray, shape (n, n)
-    rate : float, 1/s
-    dt : float, s, optional
-        Sample time.
+    """The inequalities of a rate of decay (1/s) of a loop, A in 1/s or with `dt` (s) its map.
 
     Notes
     -----

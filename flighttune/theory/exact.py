@@ -77,10 +77,6 @@ def integers(matrix: Rationals) -> tuple[Rationals, int]:
 def positive_definite(matrix: Rationals) -> bool:
     """Whether a rational matrix is symmetric with only positive eigenvalues: a proof, not a test.
 
-    Parameters
-    ----------
-    matrix : ndarray of Fraction or int, shape (n, n)
-
     Notes
     -----
     The leading minors of a matrix of integers (the same one times a common denominator) by
@@ -146,42 +142,23 @@ def _series(x: Fraction, power: int) -> Interval:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Check:
-    """One inequality of a certificate.
-
-    Attributes
-    ----------
-    name : str
-    margin : float
-        By how much it holds, negative where it fails: the smallest eigenvalue of what must be
-        positive, or the smallest distance of what must lie inside.
-    exact : bool
-        Whether it is proven in rational arithmetic.
-    """
+    """One inequality of a certificate."""
 
     name: str
+    # By how much it holds: the smallest eigenvalue of what must be positive, or the smallest
+    # distance of what must lie inside
     margin: float
-    exact: bool
+    exact: bool  # whether it is proven in rational arithmetic
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verification:
-    """The outcome of checking a claim.
+    """The outcome of checking a claim."""
 
-    Attributes
-    ----------
-    valid : bool
-        Every check is proven.
-    reason : str
-        The first inequality that fails and by how much; empty for a valid claim.
-    checks : tuple of Check
-    notes : tuple of str
-        Sentences on further checks.
-    """
-
-    valid: bool
-    reason: str
+    valid: bool  # every check is proven
+    reason: str  # the first inequality that fails and by how much; empty for a valid claim
     checks: tuple[Check, ...] = ()
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # sentences on further checks
 
     @classmethod
     def of(cls, checks: Sequence[Check]) -> "Verification":
@@ -217,14 +194,7 @@ def _as_float(value: Fraction) -> float:
 
 
 def rate_checks(vertices: Sequence[Rationals], Q: FloatArray, *, rate: float) -> list[Check]:
-    """The inequalities of the rate claim.
-
-    Parameters
-    ----------
-    vertices : sequence of ndarray of Fraction, shape (n, n)
-    Q : ndarray, shape (n, n), s
-    rate : float, 1/s
-    """
+    """The inequalities of the rate claim, `rate` in 1/s."""
     form, eye = exact(Q), identity(len(Q))
     checks = [
         margin_check("rate >= 0", Fraction(rate)),
@@ -251,20 +221,10 @@ def radius_checks(
     radius: float,
     L_d: float,
 ) -> list[Check]:
-    """The inequalities of the radius claim.
+    """The inequalities of the radius claim; their margins are divided by ``radius^2``.
 
-    Parameters
-    ----------
-    vertices : sequence of ndarray of Fraction, shape (n, n)
-    E : ndarray, shape (n, m)
-    W : ndarray, shape (n, n), square of the unit of s
-    multiplier : float, 1/s
-    radius : float, unit of s
-    L_d : float, unit of v
-
-    Notes
-    -----
-    The margins are those of the inequalities divided by ``radius^2``.
+    `W` (shape (n, n), square of the unit of s) is the ellipsoid, `E` (n, m) the disturbance's
+    entry.
     """
     positive = {"radius": radius, "multiplier": multiplier, "L_d": L_d}
     checks = [

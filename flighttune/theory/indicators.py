@@ -69,16 +69,9 @@ class Indicators:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class IndicatorArrays:
-    """Indicators of many loops, every array of the shape (...) of the stack.
+    """Indicators of many loops, as in `Indicators`: every array has the shape (...) of the stack.
 
-    Attributes
-    ----------
-    stable : ndarray of bool
-        Where there is a guarantee.
-    R_K, I_K : ndarray, 1/s and s^2
-        As in `Indicators`; 0 and inf where not stable.
-    spectral_abscissa : ndarray, 1/s
-        Largest real part of an eigenvalue.
+    R_K is 0 and I_K infinite where a loop is not stable.
     """
 
     stable: npt.NDArray[np.bool_]
@@ -204,13 +197,7 @@ def _largest_error(A_K: FloatArray, errors: int | None) -> float:
 
 
 def state_scaling(scaling: npt.ArrayLike | None, n: int) -> FloatArray:
-    """The scaling of n states as a checked read-only vector; all ones for None.
-
-    Raises
-    ------
-    ShapeError, InputError
-        If it does not have n entries, or one is not positive.
-    """
+    """The scaling of n states, positive, as a checked read-only vector; all ones for None."""
     scale = read_only_vector("scaling", np.ones(n) if scaling is None else scaling, (n,))
     if not (scale > 0.0).all():
         raise InputError(f"`scaling` must be positive, got {scale.tolist()}.")

@@ -19,28 +19,12 @@ CHUNK_BYTES = 1 << 22
 
 
 def lyapunov_solution(A: npt.ArrayLike, S: npt.ArrayLike | None = None) -> FloatArray:
-    """Q of ``A' Q + Q A + S = 0``, for one matrix or a stack of them.
+    """Q of ``A' Q + Q A + S = 0``, for one stable matrix or a stack of them, symmetric to the bit.
 
-    Parameters
-    ----------
-    A : array_like, shape (..., n, n), 1/s
-        Stable matrices: Q is then the integral of ``exp(A't) S exp(At)``. The dual equation
-        ``A X + X A' + S = 0`` is that of the transposed matrices.
-    S : array_like, shape (..., n, n), optional
-        Right-hand sides, symmetric, broadcast against `A`; by default the identity.
-
-    Returns
-    -------
-    ndarray, shape (..., n, n), unit of S times s
-        Symmetric to the bit.
-
-    Raises
-    ------
-    ShapeError
-        If `A` is not square or `S` does not broadcast against it.
-    InputError
-        If an entry is not finite, `S` is not symmetric, or two eigenvalues of a matrix of `A` add
-        up to zero, so that there is no unique solution.
+    `A` has shape (..., n, n), 1/s; `S`, symmetric and by default the identity, broadcasts against
+    it. Q is the integral of ``exp(A't) S exp(At)``. The dual equation ``A X + X A' + S = 0`` is
+    that of the transposed matrices. Raises ShapeError or InputError if the matrices do not fit, `S`
+    is not symmetric, or two eigenvalues of a matrix add up to zero: there is no unique solution.
 
     Notes
     -----

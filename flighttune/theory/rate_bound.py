@@ -68,14 +68,9 @@ def bound_checks(
 ) -> list[Check]:
     """Check exactly that no gains with ``I_K <= I_star`` have an R_K above `R_bound`.
 
-    Parameters
-    ----------
-    I_star : float, s^2
-    R_bound : float, 1/s
-    boxes : ndarray, shape (N, 4), N >= 1
-        Smallest and largest R_K, smallest and largest sigma_min(A_K).
-    multipliers : ndarray, shape (N, `NUMBERS`)
-        Lower triangles of three matrices of order 2 and one of order 4 for each box.
+    A row of `boxes` (shape (N, 4)) has the smallest and largest R_K, then sigma_min(A_K); one of
+    `multipliers` (shape (N, `NUMBERS`)) the lower triangles of three matrices of order 2 and one of
+    order 4.
 
     Notes
     -----

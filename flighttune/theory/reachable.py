@@ -57,25 +57,11 @@ STEP = 1e-40
 
 
 def largest_errors(A_K: npt.ArrayLike, *, errors: int) -> FloatArray:
-    r"""Largest ``|e_i|`` that a disturbance with ``||d'|| <= 1`` can cause, for each error.
+    """Largest ``|e_i|`` that a disturbance with ``||d'|| <= 1`` can cause, s^2, shape (..., p).
 
-    Parameters
-    ----------
-    A_K : array_like, shape (..., n + p, n + p), 1/s
-        Closed loops in velocity form, ``s = (x', e)``.
-    errors : int
-        Number p of errors, the last states of s.
-
-    Returns
-    -------
-    ndarray, shape (..., p), s^2
-        inf where a loop is not stable, or so lightly damped that it has no figure. E_K is the
-        largest of them.
-
-    Raises
-    ------
-    ShapeError, InputError
-        If `A_K` is not square or not finite, or has not more states than errors.
+    `A_K` (shape (..., n + p, n + p), 1/s) are closed loops in velocity form, ``s = (x', e)``, with
+    p `errors`. It is infinite where a loop is not stable, or so lightly damped that it has no
+    figure. E_K is the largest of them.
 
     Notes
     -----
@@ -110,12 +96,7 @@ def error_slopes(
 def largest_outputs(A: Numbers, E: FloatArray, C: FloatArray) -> Numbers:
     """Integral of the norm of each row of ``C exp(At) E``, shape (N, p); inf where not stable.
 
-    Parameters
-    ----------
-    A : ndarray, shape (N, n, n), 1/s
-        Finite.
-    E : ndarray, shape (n, m)
-    C : ndarray, shape (p, n)
+    A has shape (N, n, n), E (n, m) and C (p, n).
     """
     reached = np.full((len(A), len(C)), np.inf, dtype=A.dtype)
     for start in range(0, len(A), CHUNK_LOOPS):
@@ -231,13 +212,8 @@ def _norm_integrals(
 ) -> tuple[Numbers, FloatArray]:
     """Integrals of the norm of responses over panels, shape (N, p), and the largest of a panel.
 
-    Parameters
-    ----------
-    values : ndarray, shape (m, NODES, N, p, panels)
-        Responses at the nodes.
-    width : ndarray, shape (N,), s
-    largest : ndarray, shape (N,)
-        Largest integral of an earlier panel.
+    `values` (shape (m, NODES, N, p, panels)) are responses at the nodes, `width` (shape (N,), s)
+    that of a panel, `largest` (shape (N,)) the largest integral of an earlier one.
     """
     m, _, N, p, panels = values.shape
     values, width = values.reshape(m, NODES, -1), np.repeat(width, p * panels)

@@ -106,37 +106,21 @@ def _column(a: Floats) -> Floats:
 
 
 class Pieces:
-    """A set as a union of pieces: rows (state and constraints) of forms over common symbols.
+    """A set as a union of P pieces: rows (state and constraints) of forms over common symbols.
 
-    Parameters
-    ----------
-    rows : int
-        Rows of the state.
-    constraints : int
-        Further rows: each is a quantity q of the flight that is known to be inside +-1.
-    capacity : int
-        Most symbols.
-
-    Attributes
-    ----------
-    values : ndarray, shape (P, rows + constraints, 1 + M)
-        Coefficients, with room for M symbols.
-    err : ndarray, shape (P, rows + constraints)
-    constrained : ndarray of bool, shape (constraints,)
-        Which rows hold a constraint of any piece.
-    used : int
-        Symbols in use.
-    kind : ndarray of int, shape (capacity,)
-        Origin of each symbol: symbols of a kind follow each other in time.
+    A constraint row is a quantity q of the flight that is known to be inside +-1.
     """
 
     def __init__(self, centres: FloatArray, constraints: int, capacity: int) -> None:
         P, self.rows = centres.shape
-        self.capacity = capacity
+        self.capacity = capacity  # most symbols
+        # Coefficients, (P, rows + constraints, 1 + M), with room for M symbols, and errors of forms
         self.values = np.zeros((P, self.rows + constraints, 1 + self.rows))
         self.values[:, : self.rows, 0] = centres
         self.err = np.zeros(self.values.shape[:2])
+        # Which rows hold a constraint of any piece
         self.constrained = np.zeros(constraints, dtype=bool)
+        # Symbols in use, and their origin: those of a kind follow each other in time
         self.used, self.kind = 0, np.zeros(capacity, dtype=int)
 
     def __len__(self) -> int:
@@ -174,11 +158,8 @@ class Pieces:
     def constrained_range(self, form: Form, multipliers: FloatArray) -> Interval:
         """The values of a form where every constraint q holds.
 
-        Parameters
-        ----------
-        multipliers : ndarray, shape (P, c)
-            Any numbers mu, for the rows of `constrained`: ``F = (F - mu q) + mu q``, and q is
-            inside +-1.
+        The `multipliers` mu (shape (P, c)) are any numbers, for the rows of `constrained`:
+        ``F = (F - mu q) + mu q``, and q is inside +-1.
         """
         rows = self.rows + np.flatnonzero(self.constrained)
         q, q_err = self.values[:, rows], self.err[:, rows]
@@ -215,15 +196,12 @@ class Pieces:
         self.values, self.err = self.values[flags], self.err[flags]
 
     def reduce(self, pairs: Indices) -> None:
-        """Merge or drop noise symbols.
+        """Merge or drop the noise symbols `pairs`, shape (n, 2).
 
-        Parameters
-        ----------
-        pairs : ndarray, shape (n, 2)
-            Symbols to give up. Of a pair (a, b), ``g_a xi_a + g_b xi_b`` is the sum of
-            ``(g_a + g_b) (xi_a + xi_b)/2`` and ``(g_a - g_b) (xi_a - xi_b)/2``, or the other way
-            round where that is smaller; the first becomes one symbol, the second joins a box. With
-            b negative a alone joins the box. The box, an interval a row, takes one symbol a row.
+        Of a pair (a, b), ``g_a xi_a + g_b xi_b`` is the sum of ``(g_a + g_b) (xi_a + xi_b)/2`` and
+        ``(g_a - g_b) (xi_a - xi_b)/2``, or the other way round where that is smaller; the first
+        becomes one symbol, the second joins a box. With b negative a alone joins the box. The box,
+        an interval a row, takes one symbol a row.
         """
         named = pairs[pairs >= 0]
         if (

@@ -110,25 +110,11 @@ def parallelotope(W: FloatArray, centre: FloatArray, size: FloatArray) -> Pieces
 def return_map(
     loop: SampledLoop, W: FloatArray, centre: FloatArray, size: FloatArray, samples: int, plan: Plan
 ) -> tuple[FloatArray, FloatArray]:
-    """Propagate the set through 2 N samples.
+    """Propagate the set of a `HandOver` through 2 N samples.
 
-    Returns the ranges of ``W z`` after the first round, and of errors and commands at every sample.
-    There is no second round if the first does not end inside the set.
-
-    Parameters
-    ----------
-    W, centre, size, samples
-        See `HandOver`.
-
-    Returns
-    -------
-    after : ndarray, shape (n, 2)
-    passed : ndarray, shape (2 * samples, 4, 2), or (samples, 4, 2)
-
-    Raises
-    ------
-    Unbounded
-        If it cannot be enclosed, or a limit may act on a command.
+    Returns the ranges of ``W z`` after the first round, shape (n, 2), and of errors and commands at
+    every sample, (2 N, 4, 2). There is no second round if the first does not end inside the set.
+    Raises Unbounded if it cannot be enclosed, or a limit may act on a command.
     """
     still = settled(loop, 2 * samples)
     enclosure = enclosure_of(still, parallelotope(W, centre, size), plan)
@@ -148,12 +134,8 @@ def return_map(
 def for_ever(after_end: FloatArray, passed: FloatArray) -> FloatArray:
     """Bounds of errors and commands at all times after the last sample, shape (4, 2).
 
-    Parameters
-    ----------
-    after_end : ndarray, shape (N, 4, 2)
-        Ranges of the tube at the first N samples after the last one, when all flights are in T.
-    passed : ndarray, shape (2 N, 4, 2)
-        See `return_map`.
+    `after_end` (shape (N, 4, 2)): ranges of the tube at the first N samples after the last one,
+    when all flights are in T. `passed`: see `return_map`.
     """
     later = np.concatenate([after_end, passed[len(passed) // 2 :]])
     return np.stack([later[:, :, 0].min(axis=0), later[:, :, 1].max(axis=0)], axis=1)

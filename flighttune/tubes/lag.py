@@ -82,17 +82,10 @@ class SampledLag:
     def values_within(
         self, state: list[Interval], end: Interval, command: Interval, h: float
     ) -> Interval:
-        """All values of the response over a sample; Unbounded if they cannot be enclosed.
+        """All values of the response over a sample of `h` seconds.
 
-        Parameters
-        ----------
-        state : list of Interval, length n
-            At the start.
-        end : Interval
-            The response at the end.
-        command : Interval
-            Commands in force within the sample.
-        h : float, s
+        Raises Unbounded if they cannot be enclosed. `state` is that at the start, `end` the
+        response at the end, `command` what is in force within.
 
         Notes
         -----

@@ -47,24 +47,10 @@ def point_mass_sample(
     h: float,
     g_over_v: float,
 ) -> tuple[Form, Form, FloatArray]:
-    """Course and flight-path angle one sample later.
+    """Course and flight-path angle one sample of `h` seconds later, under the disturbances `d`.
 
-    Parameters
-    ----------
-    chi : Form, rad
-    gamma : Quantity, rad
-    phi, n_z : Quantity, rad and 1
-        The form of the mean over the sample, and all values in it.
-    d : Interval, shape (2,), rad/s
-        The disturbances.
-    h : float, s
-    g_over_v : float, 1/s
-
-    Returns
-    -------
-    chi, gamma : Form, rad
-    spread : ndarray, shape (2,), rad/s
-        Largest difference of a rate within the sample.
+    `phi` and `n_z` have the form of the mean over the sample, and all values in it. Also returned
+    is the largest difference of a rate within the sample, shape (2,), rad/s.
     """
     d_chi, d_gamma = (Interval(d.low[j], d.high[j]) for j in (0, 1))
     start = _point(phi.values, n_z.values, gamma.values)

@@ -259,18 +259,7 @@ def start_set(loop: SampledLoop, within_start: float, sides: int, symbols: int) 
 
 
 class Enclosure:
-    """A set of flights taken from sample to sample.
-
-    Parameters
-    ----------
-    pieces : Pieces
-        The starts; changed by every sample.
-
-    Attributes
-    ----------
-    overlap : float
-        Overlap of the halves of a piece.
-    """
+    """A set of flights, at first that of the starts, taken from sample to sample."""
 
     overlap = 0.0
 
@@ -281,19 +270,10 @@ class Enclosure:
     def sample(self, k: int) -> tuple[FloatArray, Flags]:
         """Take the set through sample k and on to the next; return what is proven of it.
 
-        Returns
-        -------
-        ranges : ndarray, shape (4, 2)
-            Lower and upper bound of course error, flight-path-angle error, roll and load-factor
-            command. The errors have a margin, with which they also hold between the samples: on
-            the straight line from the bounds of one to those of the next.
-        limited : ndarray of bool, shape (2,)
-            Whether a limit can hold the command.
-
-        Raises
-        ------
-        Unbounded
-            If an angle leaves the range in which the functions are enclosed.
+        Bounds of course error, flight-path-angle error, roll and load-factor command, shape (4, 2),
+        and whether a limit can hold each command. The errors have a margin, with which they also
+        hold between the samples: on the straight line from the bounds of one to those of the next.
+        Raises Unbounded if an angle leaves the range in which the functions are enclosed.
         """
         pieces, loop = self.pieces, self.loop
         if pieces.used + FRESH_SYMBOLS > pieces.capacity or k % REDUCE_EVERY == REDUCE_EVERY - 1:

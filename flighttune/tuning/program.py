@@ -111,19 +111,10 @@ class Program:
     def descend(
         self, k: FloatArray, I_star: FloatArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Free gains and factors where SLSQP stops.
+        """Free gains and factors where SLSQP stops, shapes (N, f) and (N,), from free gains `k`.
 
-        Parameters
-        ----------
-        k : ndarray, shape (N, f)
-            Free gains of stable loops.
-        I_star : ndarray, shape (N,), s^2, optional
-            Bounds on I_K of each start, in place of a finite one of the problem.
-
-        Returns
-        -------
-        k, factor : ndarray, shapes (N, f) and (N,)
-            Local optima, or where no more progress was made; constraints may be broken there.
+        These are local optima, or where no more progress was made; constraints may be broken there.
+        `I_star` (shape (N,), s^2): bounds on I_K of each start, in place of the problem's.
         """
         if not k.size:  # no start, or every gain is fixed
             return k, np.ones(len(k))
@@ -287,21 +278,12 @@ VARIANTS = 16
 
 
 def stabilising_starts(problem: TuningProblem, space: SearchSpace, starts: int) -> FloatArray:
-    """Free gains of stable loops, at most `starts` of them, the best R_K first.
+    """Free gains of stable loops, shape (at most `starts`, f), the best R_K first.
 
     Candidates are linear-quadratic regulators of the velocity form with random weights, projected
     on what the loop may feed back, scaled and disturbed at random, moved inside the bounds, and
     half of them shrunk into the input limits. The result is spread over the better half of the
     stable ones; it may be empty.
-
-    Parameters
-    ----------
-    space : SearchSpace
-        Search space of `problem`.
-
-    Returns
-    -------
-    ndarray, shape (at most starts, f)
     """
     if not starts:
         return np.empty((0, len(space.k_min)))
