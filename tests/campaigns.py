@@ -90,9 +90,9 @@ def write_campaign(
     return file
 
 
-def plan(folder, *, in_total=None, **settings):
+def plan(folder, **settings):
     """The plan of a campaign written into a folder."""
-    return ft.plan_campaign(ft.load_campaign(write_campaign(folder, **settings)), runs=in_total)
+    return ft.plan_campaign(ft.load_campaign(write_campaign(folder, **settings)))
 
 
 class Notes:

@@ -6,7 +6,7 @@ import pytest
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.files.shipped import OWN_AIRCRAFT, aircraft_folder, aircraft_folders, scenario_files
+from flighttune.files.shipped import OWN_AIRCRAFT, aircraft_folder, aircraft_folders
 
 
 @pytest.fixture
@@ -36,20 +36,6 @@ def test_the_nearest_place_counts(places):
     shutil.rmtree(here)
     shutil.rmtree(own)
     assert load_aircraft("aerosonde").folder == shipped
-
-
-@pytest.mark.parametrize("aircraft", ["mine", "./mine"])
-def test_beside_the_scenario_comes_first_and_the_label_stays_short(places, tmp_path, aircraft):
-    copied(places[0], "mine")
-    beside = copied(tmp_path / "scenarios", "mine")
-    text = scenario_files()["paper"].read_text(encoding="utf-8")
-    file = tmp_path / "scenarios" / "turn.toml"
-    file.write_text(text.replace('"aerosonde"', f'"{aircraft}"'), encoding="utf-8")
-
-    plant = next(one for one in ft.load_scenario(file).plant if one.aircraft)
-
-    assert load_aircraft(plant.aircraft).folder == beside
-    assert plant.label == "jsbsim:mine"
 
 
 def test_a_name_that_is_nowhere_is_answered_with_those_there_are(places):

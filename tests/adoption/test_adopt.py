@@ -89,14 +89,6 @@ def test_travel_is_found_as_the_model_has_it(tmp_path, model, surface, travel_de
     assert found["travel_deg"] == pytest.approx(travel_deg, abs=5.0 * CENTIDEGREE)
 
 
-def test_a_clipped_command_is_used_as_far_as_it_goes(tmp_path):
-    rudder = survey("A4", tmp_path, h=1000.0).tables["surfaces"]["rudder"]
-
-    # The A-4's flight control clips the rudder command to 0.35 of the travel of 0.35 rad.
-    assert rudder["full_rad"] == pytest.approx([-0.35, 0.35], rel=0.02)
-    assert max(rudder["travel_deg"]) == pytest.approx(0.35 * 0.35 / DEG, rel=0.02)
-
-
 @pytest.mark.parametrize(
     ("model", "sentence"),
     [

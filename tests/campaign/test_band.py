@@ -73,14 +73,6 @@ def test_the_flights_inside_are_those_whose_errors_are(counted):
     assert inside == (counted.scores <= counted.scale).tolist()
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("plant", "flown"), [(None, "jsbsim:aerosonde"), ("kinematic",) * 2])
-def test_the_aircraft_is_flown_unless_another_plant_is_named(plant, flown):
-    both = small_plan(plants=[KINEMATIC, AEROSONDE])
-
-    assert [group.plant for group in plan_of_band(count(both, plant=plant)).groups] == [flown]
-
-
 def test_more_flights_are_added_to_the_count(counted):
     with flown_here(band_module, "planned", None) as pool:
         more = count_more(counted, 2 * WITH_FIVE, pool)

@@ -10,6 +10,7 @@ import sys
 import time
 from collections import Counter
 from contextlib import suppress
+from textwrap import dedent
 
 import psutil
 import pytest
@@ -40,6 +41,7 @@ from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.engine.flyer import Flyer
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.errors import CampaignError
+from tests.cli.test_code_of_files import LAW
 
 pytestmark = pytest.mark.slow  # real clusters, processes that are killed
 
@@ -124,26 +126,11 @@ def test_a_run_that_ends_its_process_is_one_row(
     assert (done.crashed, done.failed) == ((1, 0) if status == "crashed" else (0, 1))
 
 
-OWN_LAW = """
-class Level:
-    signals = {}
-
-    def __init__(self, setup):
-        self.dt = setup.dt
-
-    def start(self, condition):
-        pass
-
-    def step(self, measured, reference, t):
-        return reference.chi - measured.chi, 1.0
-"""
-
-
 def with_own_law(scenario):
     """Add a law of the user's to a scenario; its file."""
     law = scenario.with_name("level.py")
-    law.write_text(OWN_LAW)
-    tables = '[[law]]\nname = "level"\nkind = "python"\nmodule = "level.py"\nclass = "Level"\n'
+    law.write_text(dedent(LAW))
+    tables = '[[law]]\nname = "level"\nkind = "python"\nmodule = "level.py"\nclass = "Mine"\n'
     scenario.write_text(scenario.read_text() + tables)
     return law
 
@@ -152,7 +139,7 @@ def with_own_law(scenario):
     ("change", "said"),
     [
         (lambda law: law.unlink(), "must be a file"),
-        (lambda law: law.write_text(OWN_LAW + "# other"), "must be the file that was planned"),
+        (lambda law: law.write_text(dedent(LAW) + "# other"), "must be the file that was planned"),
     ],
     ids=["no file", "another file"],
 )
@@ -167,7 +154,7 @@ def test_a_worker_that_lacks_the_law_of_a_campaign_refuses_it_by_name(
     with pytest.raises(CampaignError, match=rf"worker .*\[\[law\]\] level: .*{said}"):
         ft.run_campaign(ours, tmp_path / "out", scheduler=address)
 
-    law.write_text(OWN_LAW)
+    law.write_text(dedent(LAW))
     assert ft.run_campaign(ours, tmp_path / "out", scheduler=address, resume=True).completed == 4
 
 
@@ -178,7 +165,7 @@ def test_a_law_whose_file_changes_meanwhile_ends_the_count_at_once(tmp_path):
 
     def change(progress):
         if progress.done:
-            law.write_text(OWN_LAW + "# other")
+            law.write_text(dedent(LAW) + "# other")
         return False
 
     with pytest.raises(CampaignError, match=r"level: .* other contents now"):
@@ -186,7 +173,7 @@ def test_a_law_whose_file_changes_meanwhile_ends_the_count_at_once(tmp_path):
 
     rows = rows_of(tmp_path / "out").to_pylist()
     assert sum(row["status"] == "invalid" for row in rows) <= WORKERS  # flights of that moment
-    law.write_text(OWN_LAW)
+    law.write_text(dedent(LAW))
     done = ft.run_campaign(ours, tmp_path / "out", workers=WORKERS, resume=True)
     assert done.statuses["completed"] >= RUNS - WORKERS
 

@@ -121,20 +121,6 @@ def test_every_draw_is_flown_by_every_group_plant_by_plant():
     assert [plan.group_of(run) for run in (0, 5, 9)] == [plan.groups[i] for i in (0, 1, 1)]
 
 
-def test_in_dispersed_wind_the_aircraft_comes_first(tmp_path):
-    file = tmp_path / "windy.toml"
-    file.write_text(
-        'title = "t"\nscenario = "level_turn"\nruns = 4\ngains = ["paper"]\n'
-        '[[disperse]]\nkey = "wind.speed_mps"\ndistribution = "uniform"\nlower = 0.0\nupper = 8.0\n'
-        '[[disperse]]\nkey = "wind.from_deg"\ndistribution = "choice"\nvalues = [0.0, 90.0]\n'
-    )
-    plan = ft.plan_campaign(ft.load_campaign(file))
-
-    assert [group.plant for group in plan.groups] == ["jsbsim:aerosonde", "kinematic"]
-    assert not plan.scenario.windy
-    assert plan.scenario_of(1).windy
-
-
 def test_the_scenario_of_a_draw_has_its_values_and_seed():
     chi_rate = {"key": "reference.chi_deg[0].rate_dps", "distribution": "uniform"}
     plan = plan_of(

@@ -14,7 +14,6 @@ import flighttune as ft
 from flighttune.certificates.bound import bound_rate
 from flighttune.files.value import write
 from flighttune.records.parquet import read_run, write_run
-from flighttune.simulate.claim import with_claims
 from tests.tubes.test_soundness import made_up, tube
 
 START_DEG, DISTURBANCE = 1.0, 0.004
@@ -95,12 +94,6 @@ def test_the_bounds_that_a_tube_states_in_words_are_not_below_those_proven(prove
 
     assert all(stated >= widest)
     assert all(stated <= 1.1 * widest)
-
-
-def test_a_claim_is_drawn_around_the_runs_that_it_covers_and_no_others(proven):
-    runs = with_claims([*flown(gains=["K5"]).runs, *flown().runs], [proven])
-
-    assert [len(run.claims) for run in runs] == [0, 1]
 
 
 @pytest.mark.slow

@@ -26,13 +26,6 @@ def test_the_controller_keeps_inside_the_limits_of_the_aircraft_it_flies():
     assert (aircraft["phi_cmd"].diff().abs().max() / 0.02) <= np.deg2rad(30.0) * (1.0 + 1e-9)
 
 
-def test_gains_that_are_numbers_fly_without_the_identified_file_that_tuning_names():
-    tables = {"plant": [{"kind": "kinematic"}], "expect": []}
-    (run,) = ft.fly(scenario(tuning={"identified": "gone.json"}, **tables)).runs
-
-    assert run.status == "completed"
-
-
 def test_a_run_knows_what_made_it_and_tells_its_progress():
     told = {}
 

@@ -58,16 +58,6 @@ def test_numbers_are_in_the_units_of_the_law_that_flies_or_that_the_table_names(
     assert gain_set(named, "trial").K_P[0, 0] == pytest.approx(1.41 * 25.0 / 9.81)
 
 
-def test_a_gains_file_says_whose_it_is(tmp_path):
-    file = tmp_path / "gains.toml"
-    file.write_text(
-        'law = "exact"\nK_P = [[1.4, 0.0], [0.0, 1.2]]\nK_I = [[0.7, 0.0], [0.0, 0.7]]\n'
-    )
-
-    assert ft.load_gains(file).law == "exact"
-    assert ft.load_gains(file).inputs == ("chi_dot", "gamma_dot")
-
-
 def test_a_run_of_the_exact_law_is_read_and_flown_again_to_the_bit(tmp_path):
     tables = [{"name": "slow", "kind": "exact", "lift_floor": 0.3, "priority": "chi"}]
     run = ft.fly(scenario(law=tables)).runs[0]
@@ -99,14 +89,6 @@ def test_its_rate_is_the_same_over_any_envelope_and_kstar_has_none_there():
     assert everywhere.status == "certified"
     assert everywhere.certificate.claim.rate == at_trim.certificate.claim.rate
     assert ft.certify(both, paper, envelope=True).status != "certified"
-
-
-def test_an_expectation_may_name_law_and_gains():
-    tables = [{"gains": "exact:paper", "at_most": {"chi": {"ITAE": 0.0}}}]
-    missed = ft.fly(scenario(expect=tables)).claim.missed
-
-    assert len(missed) == 2
-    assert all("exact:paper" in sentence for sentence in missed)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ import textwrap
 import time
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 from made_up import made_up_scenario
 from plain_members import Glider, Proportional
@@ -19,7 +18,6 @@ from flighttune.campaign.planning.plan import plan_from
 from flighttune.claims.linear_loop import flight_check
 from flighttune.flight import apart
 from flighttune.flight.own import with_own
-from flighttune.recording.plots import LAW_TAB, displayed, shown_plots
 
 SCENARIO = """
     title = "own"
@@ -120,19 +118,6 @@ def test_they_are_recorded_read_and_flown_again_with_their_classes(scenario, tmp
     assert ft.refly(again, laws={"mine": mine}, plants={"glider": Glider}).equal
     with pytest.raises(ft.ScenarioError, match=r"\[\[law\]\] mine: .*`laws="):
         ft.refly(again)
-
-
-def test_what_a_law_records_keeps_its_unit_and_is_drawn(scenario, tmp_path):
-    flown = ft.fly(scenario, laws={"mine": mine})
-    written = record(flown, tmp_path / "out")
-
-    field = pq.read_schema(written.signals["kinematic / mine:paper"]).field("chi_seen")
-    assert field.metadata == {b"unit": b"rad"}
-    (again,) = (run for run in ft.load_recording(tmp_path / "out").runs if "mine" in run.label)
-    assert again.units == {"chi_seen": "rad"}
-    (plot,) = (one for one in shown_plots([again])[LAW_TAB] if one.signal == "chi_seen")
-    assert plot.heading == "chi_seen [rad]"
-    assert displayed(again.signals, "chi_seen") == pytest.approx(again.signals["chi_seen"])
 
 
 def test_a_law_with_a_linear_model_has_indicators(scenario):

@@ -120,17 +120,6 @@ def test_recovers_a_third_order_lag():
     assert lag.delay == pytest.approx(0.02, abs=DELAY_RECOVERED)
 
 
-@pytest.mark.slow
-def test_cross_coupling_is_shown_and_kept_out_of_the_other_channel():
-    channels = first_order(4.0, 0.05), first_order(8.0, 0.0)
-    coupled = identify_plant(partial(SyntheticPlant, *channels, cross=0.3), LEVEL, LIMITS).condition
-
-    low_band = 1.0 / math.hypot(1.0, 0.314 / 4.0)
-    assert coupled.channels["phi"].cross == pytest.approx(0.3 * low_band, rel=0.05)
-    assert coupled.channels["n_z"].cross < 0.01
-    assert coupled.lags[1].natural_frequency == pytest.approx(8.0, rel=RECOVERED)
-
-
 def test_the_same_seed_gives_the_same_excitation_and_another_one_another():
     one, same, other = (multisines(LIMITS, seed=seed)[0] for seed in (1, 1, 2))
 
@@ -147,15 +136,6 @@ def test_excitations_stay_inside_the_limits(changes):
     assert (commands < LIMITS.upper).all()
     assert (rates > LIMITS.rate_lower).all()
     assert (rates < LIMITS.rate_upper).all()
-
-
-def test_the_channels_share_no_frequency():
-    changes, lines = multisines(LIMITS)
-    power = np.abs(np.fft.rfft(changes, axis=0))
-    strong = power > 1e-9 * power.max(axis=0)
-
-    assert not (strong[:, 0] & strong[:, 1]).any()
-    assert np.flatnonzero(strong[:, 0]).tolist() == lines[0].tolist()
 
 
 def test_an_aircraft_that_takes_no_excitation_says_why():

@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 import flighttune as ft
 from flighttune.control.gains import paper_family
 from flighttune.paper import parameters as printed
-from flighttune.paper.flight import ContinuousLoop, fly, integrate
+from flighttune.paper.flight import fly
 from flighttune.simulate.loop import simulate
 
 TRAJECTORY = 1e-6  # rad, what the reproduction of the paper asks for
@@ -118,13 +118,3 @@ def test_without_feedback_the_disturbance_integrates_to_its_closed_form():
 
     wave = 0.1 / 0.15 * (1.0 - np.cos(0.15 * flight.t))
     assert flight.x[:, 0] == pytest.approx(math.pi / 3 + wave, abs=1e-10)
-
-
-def test_samples_are_where_they_were_asked_for():
-    loop = ContinuousLoop(ft.PAPER_GAINS, BOTH, conditional=True, disturbance=WAVE)
-
-    rows, reason = integrate(loop, np.array([0.0, 0.3, 1.0]))
-
-    whole = fly(ft.PAPER_GAINS, WAVE, limits=BOTH, conditional=True, duration=1.0)
-    assert reason == ""
-    assert rows[:, 0] == pytest.approx(whole.x[[0, 30, 100]], abs=1e-9)

@@ -61,19 +61,6 @@ def test_a_line_and_a_band_have_gaps_where_there_is_no_value():
     assert band.count("M") == band.count("Z") == 3
 
 
-def test_metres_are_alike_to_the_right_and_upwards_and_east_may_be_down():
-    chart = Chart(title="from above", equal=True, downwards=True)
-    chart.line([0.0, 400.0], [0.0, 80.0], BLUE)
-
-    root = drawn(chart)
-    x0, x1, y0, y1, width, height = (float(v) for v in root.get("data-axes").split())
-    (path,) = (one for one in root.iter(f"{SVG}path") if one.get("stroke"))
-    start, end = points(path.get("d"))
-
-    assert (x1 - x0) / width == pytest.approx((y0 - y1) / height, rel=1e-4)
-    assert end[1] > start[1]
-
-
 @pytest.mark.parametrize(
     ("ends", "labels"),
     [

@@ -140,36 +140,6 @@ def test_world_axes_are_north_east_down(contents):
     assert list(forward_right_down) == [5, 3, 2]
 
 
-def lane(contents, entity):
-    states = [state for (state,) in contents.timed[entity]["StateChange:state"].to_pylist()]
-    return list(zip(contents.nanoseconds(entity).tolist(), states, strict=True))
-
-
-def test_a_lane_says_how_a_flight_ended_and_all_end_together(contents):
-    assert lane(contents, "/5_jsbsim_aerosonde/bold")[-2:] == [
-        (7_000_000_000, "left envelope"),
-        (22_000_000_000, "ended"),
-    ]
-    assert lane(contents, "/1_kinematic/paper")[-2:] == [
-        (20_000_000_000, ""),
-        (22_000_000_000, "ended"),
-    ]
-
-
-def test_the_readout_has_the_numbers_of_the_instant(contents, four_runs):
-    when = contents.nanoseconds("/now")
-    k = int(np.searchsorted(when, 5_000_000_000))
-    (page,) = contents.timed["/now"]["TextDocument:text"].to_pylist()[k]
-    row = next(line for line in page.splitlines() if line.startswith("| 2 jsbsim"))
-    shown = [float(cell) for cell in row.strip("| ").split("|")[1:]]
-    at = four_runs[1].signals.loc[when[k] / 1e9]
-    turned = np.rad2deg([at["phi"], at["chi_err"], at["gamma_err"]])
-
-    assert f"t = {when[k] / 1e9:.1f} s" in page
-    assert shown[:2] == pytest.approx([at["V_a"], at["h"]], abs=0.5)
-    assert [shown[2], *shown[4:]] == pytest.approx(turned, abs=0.5)
-
-
 def test_a_run_is_drawn_as_far_as_it_flew_and_on_the_page_that_the_caller_wrote(contents):
     assert contents.nanoseconds("/plots/chi/jsbsim_aerosonde_bold")[-1] == 7_000_000_000
     assert not [path for path in [*contents.timed, *contents.static] if "strict" in path]

@@ -114,16 +114,6 @@ def test_another_manoeuvre_cannot_be_compared(fly_line, table, key, got):
     assert math.isnan(found.max_distance)
 
 
-def test_limits_and_weather_may_differ_and_are_said(fly_line):
-    run = fly_line()
-    changed = fly_line(scenario=other(run.provenance.scenario, "limits", "phi_deg", [-30.0, 30.0]))
-
-    found = ft.compare(run, changed)
-
-    assert found.comparable
-    assert found.pairs[0].differs == {"limits.phi_deg": ([-45.0, 45.0], [-30.0, 30.0])}
-
-
 def test_two_aircraft_cannot_be_compared_but_law_and_aircraft_can(fly_line):
     craft = fly_line(plant="jsbsim:aerosonde")
 

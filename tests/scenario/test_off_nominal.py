@@ -55,22 +55,6 @@ def test_impossible_values_are_refused_by_table_and_key(change, message):
         ft.scenario_from(given)
 
 
-def test_two_plants_of_one_label_are_told_to_have_a_name():
-    given = tables()
-    given["plant"] *= 2
-
-    with pytest.raises(ft.ScenarioError) as got:
-        ft.scenario_from(given)
-
-    assert str(got.value) == (
-        "scenario: `plant` must not name anything twice, got jsbsim:aerosonde, jsbsim:aerosonde; "
-        "a `name` of its own distinguishes a plant."
-    )
-    given["plant"][1] = given["plant"][1] | {"name": "other"}
-    labels = [plant.label for plant in ft.scenario_from(given).plant]
-    assert labels == ["jsbsim:aerosonde", "jsbsim:aerosonde:other"]
-
-
 @pytest.mark.parametrize("name", ["heavy", "v1.2+cg*", "größer"])
 def test_a_plant_of_any_kind_may_have_a_name(name):
     given = tables(name=name)

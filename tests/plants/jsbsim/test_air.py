@@ -174,26 +174,6 @@ def test_in_a_climb_it_turns_the_path_over_ground_as_the_tilt_of_the_force_does(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("model", ["tustin", "milspec"])
-def test_turbulence_high_up_is_as_strong_as_the_standards_curve(fly, model):
-    # Fig. 7 of MIL-F-8785C, curve 3: 6.9 ft/s at 1750 ft and 7.4 ft/s at 3750 ft.
-    sigma = np.interp(1000.0 / FPS, [1750.0, 3750.0], [6.9, 7.4]) * FPS
-    seconds, correlation = 900.0, 1750.0 * FPS / 25.0
-    turbulence = Turbulence(severity=3, wind_20ft=7.7, model=model)
-
-    flight = fly(
-        holding_height(1000.0), duration=seconds, dt=0.1, seed=1,
-        weather=Weather(turbulence=turbulence),
-    )  # fmt: skip
-
-    assert flight.stop is None
-    three_deviations = 3.0 * sigma * math.sqrt(correlation / seconds)
-    for axis in ("north", "east", "down"):
-        rms = math.sqrt(np.mean(flight[f"wind_{axis}"] ** 2))
-        assert rms == pytest.approx(sigma, abs=three_deviations), axis
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("ground", [0.0, 1500.0])
 def test_turbulence_near_the_ground_takes_the_height_above_it(fly, ground):
     # Section 3.7.3.2 of MIL-F-8785C: sigma_w is a tenth of the wind at 20 ft, L_w the height.

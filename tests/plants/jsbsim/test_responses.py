@@ -125,13 +125,6 @@ def test_meets_the_roll_targets_with_the_other_published_lateral_coefficients(
     assert overshoot(flight["phi"], 0.0, phi_1) <= ROLL_OVERSHOOT
 
 
-def test_negative_limit_of_the_load_factor_is_beyond_the_aircraft(fly):
-    flight = fly((0.0, -2.1), duration=5.0)
-
-    assert flight.stop.status == "left_envelope"
-    assert -2.0 < np.min(flight["n_z"]) < -1.7
-
-
 def test_inner_loop_limits_commands_in_size_and_rate(fly, holding_gamma):
     flight = fly(holding_gamma(80.0 * DEG), duration=3.0)
 
