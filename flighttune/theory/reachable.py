@@ -46,8 +46,9 @@ TERMS = 20
 # Panels of a loop: one that needs more, of a damping ratio below 3e-4, has no figure.
 MAX_PANELS = 1 << 15
 
-# Loops worked on at once, and their panels: more would not fit a processor's cache
-CHUNK_LOOPS, FIRST_PANELS, CHUNK_PANELS = 512, 16, 8192
+# Loops worked on at once, and panels of each: first ones, twice as many each time, and the most.
+# More would not fit a processor's cache. Panels are the same in any stack, and so are the bits.
+CHUNK_LOOPS, FIRST_PANELS, LAST_PANELS = 64, 16, 256
 
 # Part of the first state below which an output that nothing reaches is not waited for
 VANISHED = 1e-30
@@ -164,8 +165,7 @@ def _integrals(
         alive, X, t, used, width = alive[more], X[more], t[more], used[more], width[more]
         within, across, per_norm = within[more], across[more], per_norm[more]
         eigenvalues, largest = eigenvalues[more], largest[more]
-        if 2 * panels * len(alive) <= CHUNK_PANELS:
-            panels *= 2
+        panels = min(2 * panels, LAST_PANELS)
     return totals
 
 
@@ -229,7 +229,10 @@ def _norm_integrals(
         if not halved.any():
             return totals.reshape(N, p), largest
         values = np.compress(halved, values, axis=2).view(float)
-        halves = [to_half @ values for to_half in _TO_HALVES]
+        columns = values.shape[2]
+        if columns == 1:  # BLAS rounds a vector otherwise, and a loop has its bits in any stack
+            values = np.repeat(values, 2, axis=2)
+        halves = [(to_half @ values)[:, :, :columns] for to_half in _TO_HALVES]
         values = np.concatenate(halves, axis=2).view(totals.dtype)
         row, width = np.tile(row[halved], 2), np.tile(width[halved] / 2.0, 2)
         allowed = np.tile(allowed[halved], 2)

@@ -276,3 +276,16 @@ def test_lags_behind_a_model_have_no_disturbance_of_their_own():
     assert math.isnan(ft.indicators(lagged).E_K)
     with pytest.raises(ft.ShapeError, match="`A_K`"):
         ft.indicators(lagged, errors=8)
+
+
+def test_a_loop_has_its_bits_in_any_stack():
+    rng = np.random.default_rng(1)
+    loops = rng.normal(size=(40, 4, 4))
+    abscissas = np.linalg.eigvals(loops).real.max(axis=1)
+    # from quickly to very lightly damped: from a pass of a few panels to many passes
+    loops -= np.eye(4) * (abscissas + np.geomspace(1e-3, 3.0, 40))[:, None, None]
+
+    together = largest_errors(loops, errors=2)
+
+    alone = [largest_errors(loop, errors=2) for loop in loops]
+    np.testing.assert_array_equal(together, alone)

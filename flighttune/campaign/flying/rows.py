@@ -295,14 +295,8 @@ def _indicators(plan: Plan, group: Group, scenarios: Sequence[Scenario]) -> list
     different = dict(zip(keys, scenarios, strict=True))
     loops = [closed_loop(linear_model(scenario, law), gains) for scenario in different.values()]
     both = indicators_batch(np.array(loops))
-    # one by one: in a stack the last bits depend on the other loops
-    E_K = [_E_K(tuple(map(tuple, loop.tolist())), len(gains.errors)) for loop in loops]
-    columns = (map(_number, values) for values in (both.R_K.tolist(), both.I_K.tolist(), E_K))
+    E_K = largest_errors(np.array(loops), errors=len(gains.errors)).max(axis=1)
+    columns = (map(_number, values.tolist()) for values in (both.R_K, both.I_K, E_K))
     numbers = zip(*columns, strict=True)
     by_key = dict(zip(different, numbers, strict=True))
     return [by_key[key] for key in keys]
-
-
-@lru_cache(maxsize=32)  # draws often share a loop, and it takes as long as a second of flight
-def _E_K(loop: tuple[tuple[float, ...], ...], errors: int) -> float:
-    return float(largest_errors(loop, errors=errors).max())
