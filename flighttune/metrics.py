@@ -1,7 +1,7 @@
 """Tracking measures of a run: those of the paper and the usual step measures."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from flighttune.simulate.measures import (
     NO_STEP,
     SETTLING_BAND,
     STEADY_FROM,
+    ErrorMeasures,
     error_measures,
 )
 from flighttune.simulate.run import Run
@@ -18,6 +19,9 @@ from flighttune.units import DEG
 
 if TYPE_CHECKING:
     import pandas as pd
+
+# `error_measures`, or the same compiled
+Measure: TypeAlias = Callable[..., ErrorMeasures]
 
 # Controlled quantity and the command that mostly moves it.
 CHANNELS = {"chi": "phi", "gamma": "n_z"}
@@ -158,11 +162,14 @@ def measures(run: Run) -> dict[str, dict[str, float]]:
 
 
 def measures_of(
-    t: FloatArray, columns: Mapping[str, FloatArray], settling: Mapping[str, Sequence[str]]
+    t: FloatArray,
+    columns: Mapping[str, FloatArray],
+    settling: Mapping[str, Sequence[str]],
+    measure: Measure = error_measures,
 ) -> dict[str, dict[str, float]]:
     """`measures` of two or more samples of signals; `settling` are `settling_names`."""
     channels = {
-        channel: _channel_measures(t, columns, channel)
+        channel: _channel_measures(t, columns, channel, measure)
         | {"peak_rad": float(np.max(np.abs(columns[f"{channel}_err"])))}
         | settling_measures(t, columns[f"{channel}_err"], settling.get(channel, ()))
         for channel in CHANNELS
@@ -262,11 +269,14 @@ def _flight_measures(columns: Mapping[str, FloatArray]) -> dict[str, float]:
 
 
 def _channel_measures(
-    t: FloatArray, columns: Mapping[str, FloatArray], channel: str
+    t: FloatArray,
+    columns: Mapping[str, FloatArray],
+    channel: str,
+    measure: Measure = error_measures,
 ) -> dict[str, float]:
     command = CHANNELS[channel]
     steady = np.cos(columns["gamma_ref"]) if command == "n_z" else 0.0
-    return error_measures(
+    return measure(
         t,
         columns[f"{channel}_err"],
         columns[f"{command}_cmd"] - steady,

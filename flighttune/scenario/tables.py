@@ -3,7 +3,7 @@
 import math
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping
-from functools import cached_property
+from functools import cache, cached_property, lru_cache
 from itertools import pairwise
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
 
@@ -87,6 +87,7 @@ class LimitsTable(q.Table):
     n_z: q.LoadFactors | None = None
     n_z_rate_per_s: Rates | None = None
 
+    @lru_cache(maxsize=64)  # noqa: B019 - equal tables share it
     def limits(self) -> Limits:
         """The limits in rad, 1 and seconds; infinite where the file gives none."""
         lower, upper = _ends(self.phi_deg, self.n_z)
@@ -384,6 +385,7 @@ class LawTable(OwnTable):
         return made_law(self.kind, self.name, **options, maker=self.maker)
 
 
+@cache
 def law_named(name: str) -> LawTable:
     """One of `LAWS` as it is by default."""
     return LawTable.model_validate({"name": name, "kind": name})

@@ -62,11 +62,11 @@ class BatchResult(NamedTuple):
     # (N,): 0 where the flight was completed, 1 where it ended at 90 deg of roll, 2 where an angle
     # went beyond 1000 rad
     ends: npt.NDArray[np.int64]
-    trajectories: FloatArray  # (N, k, 14): `SIGNALS` over time, NaN after the end
+    trajectories: FloatArray  # (N, 14, k): `SIGNALS` over time, NaN after the end
 
     def signal(self, name: str) -> FloatArray:
         """One of `SIGNALS` over time, shape (N, k)."""
-        return self.trajectories[..., SIGNALS.index(name)]
+        return self.trajectories[:, SIGNALS.index(name)]
 
 
 def fly_sampled(
@@ -160,7 +160,7 @@ def fly_sampled(
         t=t,
         samples=np.zeros(N, dtype=np.int64),
         ends=np.zeros(N, dtype=np.int64),
-        trajectories=np.full((N, len(t), len(SIGNALS)), np.nan),
+        trajectories=np.empty((N, len(SIGNALS), len(t))),
     )
     from flighttune.simulate.kernel import fly_block
 

@@ -19,6 +19,7 @@ from flighttune.control.exact_law import RateLaw
 from flighttune.control.mimo_pi import ChannelLaw, PILaw, PIState
 from flighttune.plants import point_mass
 from flighttune.plants.point_mass import LOST
+from flighttune.simulate import measures
 from flighttune.units import wrap_angle
 
 try:
@@ -34,7 +35,10 @@ except ImportError:
 SOURCES = (
     Path(__file__),
     Path(__file__).with_name("batch.py"),
-    *(Path(str(module.__file__)) for module in (exact_law, limits, mimo_pi, point_mass, units)),
+    *(
+        Path(str(module.__file__))
+        for module in (exact_law, limits, mimo_pi, point_mass, units, measures)
+    ),
 )
 DIGEST = sha256(b"".join(path.read_bytes() for path in SOURCES)).hexdigest()[:12]
 
@@ -45,9 +49,11 @@ register_jitable(wrap_angle)
 register_jitable(limits.limit_command)
 exact_step = register_jitable(inline="always")(exact_law.exact_step)
 pi_step = register_jitable(inline="always")(mimo_pi.pi_step)
+for of_errors in (measures.first_below, measures.step_measures, measures.error_measures):
+    register_jitable(of_errors)
 
 
-def kernel(function: Callable[..., None]) -> Any:
+def kernel(function: Callable[..., Any]) -> Any:
     """Compile `function` and keep the result on disk.
 
     Numba looks only at the file of the function to see whether a kept result is still good. The
@@ -71,6 +77,13 @@ def fly_block(first, end, sensor_errors, flights, result):
         errors = sensor_errors[i - first] if len(sensor_errors) else sensor_errors.reshape((0, 3))
         rows = result.trajectories[i]
         result.samples[i], result.ends[i] = _fly(i, errors, flights, result.t, rows)
+        rows[:, result.samples[i] :] = np.nan
+
+
+@kernel
+def error_measures(t, error, effort, limited):
+    """The function of that name, compiled."""
+    return measures.error_measures(t, error, effort, limited)
 
 
 @njit
@@ -106,7 +119,7 @@ def _fly(i, sensor_errors, flights, t, rows):
         true_error[1] = gamma_ref - gamma
         turn, lift = g_over_v * math.tan(u[0]), u[1] * math.cos(u[0])
         rates = turn + disturbance[0], g_over_v * (lift - math.cos(gamma)) + disturbance[1]
-        _fill(rows[k], (chi, gamma), true_error, rates, state)
+        _fill(rows[:, k], (chi, gamma), true_error, rates, state)
         if k == len(t) - 1:
             break
         if not (abs(u[0]) < math.pi / 2 and math.isfinite(u[1])):

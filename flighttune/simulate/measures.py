@@ -48,7 +48,7 @@ def error_measures(
     weighted, spacing = t * np.abs(error), t[1:] - t[:-1]
     itae = float(np.sum(spacing * (weighted[1:] + weighted[:-1]))) / 2.0
     steady = error[t >= STEADY_FROM * t[-1]]
-    peak_time, overshoot, rise, settling = _step_measures(t, error)
+    peak_time, overshoot, rise, settling = step_measures(t, error)
     return ErrorMeasures(
         itae,
         itae / t[-1],
@@ -63,7 +63,7 @@ def error_measures(
     )
 
 
-def _step_measures(t: FloatArray, error: FloatArray) -> tuple[float, float, float, float]:
+def step_measures(t: FloatArray, error: FloatArray) -> tuple[float, float, float, float]:
     """Peak time, overshoot, rise time and settling time."""
     away = np.flatnonzero(np.abs(error) > NO_STEP)
     if len(away) == 0:
@@ -76,14 +76,14 @@ def _step_measures(t: FloatArray, error: FloatArray) -> tuple[float, float, floa
     if step < SMALLEST_STEP:
         return peak_time, overshoot, math.nan, math.nan
     to_go = -beyond / step
-    rise = _first_below(t, to_go, 0.1) - _first_below(t, to_go, 0.9)
+    rise = first_below(t, to_go, 0.1) - first_below(t, to_go, 0.9)
     # The first sample is outside the band by definition, so there always is a last one.
     settled = int(np.flatnonzero(np.abs(to_go) > SETTLING_BAND)[-1]) + 1
     settling = float(t[settled] - t[0]) if settled < len(t) else math.nan
     return peak_time, overshoot, rise, settling
 
 
-def _first_below(t: FloatArray, to_go: FloatArray, level: float) -> float:
+def first_below(t: FloatArray, to_go: FloatArray, level: float) -> float:
     """Time at which `to_go`, the part of the step still to go, first passes `level`."""
     below = np.flatnonzero(to_go <= level)
     if len(below) == 0:

@@ -10,8 +10,9 @@ from campaigns import SPEED, Notes, bits, children, plan
 
 import flighttune as ft
 from flighttune.campaign.dataset import Dataset, dataset_hash, open_dataset
+from flighttune.campaign.engine import pool as shared_out
 from flighttune.campaign.engine.pool import WorkerPool
-from flighttune.campaign.flying.columns import row_schema
+from flighttune.campaign.flying.columns import row_schema, table_of
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.flight.fly import library_versions
 
@@ -62,6 +63,19 @@ def test_every_run_is_there_once_with_the_bits_of_one_process(tmp_path, monkeypa
     assert {path.name for path in tmp_path.iterdir()} == {"files", "one", "out"}
     assert not LISTENING
     assert not children()
+
+
+def test_many_kinematic_flights_are_shared_out_with_the_bits_of_a_few(tmp_path, monkeypatch):
+    ours = plan(tmp_path, runs=300, wind="", aircraft=())
+    few = fly_runs(ours, range(300))
+    monkeypatch.setattr(shared_out, "FEW", 100)
+
+    with WorkerPool(2) as pool:
+        many = pool.in_order(ours, range(300))
+        started = len(children())
+
+    assert bits(table_of(ours, many)) == bits(few)
+    assert started == 2
 
 
 def test_each_phase_counts_its_own_runs_from_its_first_flight_on(tmp_path):

@@ -183,6 +183,7 @@ def test_the_row_of_a_crashed_run_is_a_row_of_the_plan():
 
     row = lost_row(plan, 7, plan.values_of(plan.draw_of(7)), -signal.SIGSEGV)
 
+    assert lost_row(plan, 7, None, -signal.SIGSEGV) == row  # as of a batch of many draws
     (found,) = table_of(plan, [row]).to_pylist()
     whole = fly_runs(plan, [7]).to_pylist()[0]
     assert found["status"] == "crashed"

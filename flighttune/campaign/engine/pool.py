@@ -1,4 +1,4 @@
-"""Runs of plans flown into rows: kinematic flights in batches here, all others by workers."""
+"""Runs of plans flown into rows by workers; a few kinematic flights in batches here."""
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -16,7 +16,8 @@ from flighttune.campaign.flying.rows import (
     Probes,
     Row,
     batched_groups,
-    flown_blocks,
+    blocks,
+    fly_together,
     lost_row,
 )
 from flighttune.campaign.planning.plan import Plan
@@ -26,6 +27,9 @@ from flighttune.simulate.batch import cores
 
 # Tasks handed to each worker: one in flight, and one ready for when that ends
 TASKS_PER_WORKER = 2
+
+# Kinematic flights that take this process less time than workers take to start
+FEW = 2000
 
 # Longest wait for a result before progress is shown and a stop is noticed, s
 POLL_S = 0.2
@@ -120,12 +124,18 @@ class WorkerPool:
         flown_here: list[Row] = []
 
         def alone_draws() -> Iterator[Draw]:
-            """Draws for the workers; one without runs after a batch that this process flew."""
-            if len(batched_groups(plan, probes, draws)) < len(plan.groups):
+            """Work for the workers; a draw without runs after a batch that this process flew."""
+            many = draws is None and len(runs) > FEW
+            if many or len(batched_groups(plan, probes, draws)) < len(plan.groups):
                 self._started()  # the processes get ready while the first batch is flown
-            for batch, alone in flown_blocks(plan, runs, probes, draws):
-                flown_here.extend(batch)
-                yield from (Draw((), {}), *alone)
+            for together, alone in blocks(plan, runs, probes, draws):
+                if many and together:
+                    batch = tuple(run for draw in together for run in draw.runs)
+                    yield Draw(batch, None)
+                else:
+                    flown_here.extend(fly_together(plan, together))
+                    yield Draw((), {})
+                yield from alone
 
         work = work_of(plan, probes)
         for draw, answers in self._answers(doing or "flying", work, alone_draws()):

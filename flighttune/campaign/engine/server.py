@@ -42,8 +42,9 @@ def serve(pipe: Connection) -> None:
             pipe.send("")  # from here on a crash is that of the flight
             answers = fly(draw)
             try:
+                together = len(draw.runs) if draw.drawn is None else 1  # flown before the first row
                 for _ in draw.runs:
-                    with _time_limit(plan.campaign.time_limit_s):
+                    with _time_limit(plan.campaign.time_limit_s * together):
                         answer = next(answers)
                     pipe.send(answer)
             except Exception as error:  # whatever a run does, it is the outcome of that run

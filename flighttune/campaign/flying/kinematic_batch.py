@@ -79,17 +79,19 @@ def fly_batch(
         sensors=[s.sensors.sensors(s.seed) for s in scenarios if s.sensors is not None],
         g=np.array([scenario.flight.g_mps2 for scenario in scenarios]),
     )
+    from flighttune.simulate.kernel import error_measures
+
     settling = settling_names([table.model_dump() for table in scenarios[0].expect])
     for i in range(len(scenarios)):
         if batch.ends[i] > ROLLED:
             yield None
             continue
         n = batch.samples[i]
-        columns = {name: batch.signal(name)[i, :n].copy() for name in MEASURED_HERE}
+        columns = {name: batch.signal(name)[i, :n] for name in MEASURED_HERE}
         columns["V_a"] = np.full(n, conditions[i].V_a)  # what the law assumes
         columns["n_z"] = np.append(conditions[i].n_z_start, columns["n_z_cmd"][:-1])
         columns["gamma_ref"] = np.broadcast_to(ref[i, :n, 1], n)
-        measured = measures_of(t[:n], columns, settling) if n > 1 else {}
+        measured = measures_of(t[:n], columns, settling, error_measures) if n > 1 else {}
         yield FlightResult(*_status(batch, i), measured)
 
 

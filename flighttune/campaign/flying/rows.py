@@ -54,10 +54,10 @@ Probes = Mapping[str, Callable[[Run, Scenario], Sequence[float]]]
 
 
 class Draw(NamedTuple):
-    """Some runs of one draw, and its drawn values."""
+    """Some runs of one draw and its drawn values, or runs of several draws without them."""
 
     runs: tuple[int, ...]
-    drawn: Drawn
+    drawn: Drawn | None
 
 
 def fly_runs(plan: Plan, runs: Sequence[int]) -> pa.Table:
@@ -77,8 +77,8 @@ def rows_flown(
     All columns but ``wall_s`` depend only on the plan and the run, to the bit. `draws` replace
     those of the design; they may set keys that the campaign does not disperse.
     """
-    for batch, alone in flown_blocks(plan, runs, probes or {}, draws):
-        yield from batch
+    for together, alone in blocks(plan, runs, probes or {}, draws):
+        yield from fly_together(plan, together)
         for draw in alone:
             yield from fly_draw(plan, draw, probes or {})
 
@@ -95,10 +95,10 @@ def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Diffe
     )
 
 
-def flown_blocks(
+def blocks(
     plan: Plan, runs: Iterable[int], probes: Probes, draws: Sequence[Drawn] | None = None
-) -> Iterator[tuple[list[Row], list[Draw]]]:
-    """Rows of the flights in a batch, and the draws left to `fly_draw`, block by block."""
+) -> Iterator[tuple[list[Draw], list[Draw]]]:
+    """What `fly_together` flies, and the draws left to `fly_draw`, block by block."""
     in_batch = batched_groups(plan, probes, draws)
     for _, block in groupby(runs, key=lambda run: plan.draw_of(run) // BLOCK):
         together: list[Draw] = []
@@ -112,7 +112,7 @@ def flown_blocks(
                 by_gains.setdefault(None if group in in_batch else group.gains, []).append(run)
             for gains, some in by_gains.items():
                 (together if gains is None else alone).append(Draw(tuple(some), drawn))
-        yield _fly_together(plan, together), alone
+        yield together, alone
 
 
 def batched_groups(
@@ -132,11 +132,12 @@ def _batchable(plan: Plan, scenario: Scenario, group: Group) -> bool:
     return batchable(scenario, plan.scenario.plant_table(group.plant), law)
 
 
-def _fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
+def fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
     """Rows of kinematic flights, those of each group in one batch."""
     rows: list[Row] = []
     batches: dict[tuple[Group, Hashable], list[tuple[int, Drawn, Scenario]]] = {}
     for runs, drawn in draws:
+        assert drawn is not None
         began = time.perf_counter()
         try:
             scenario = plan.dispersed(drawn, plan.draw_of(runs[0]))
@@ -169,8 +170,11 @@ def _fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
 
 
 def fly_draw(plan: Plan, draw: Draw, probes: Probes) -> Iterator[Row]:
-    """Rows of runs of one draw, each as soon as it is flown."""
+    """Rows of runs of one draw, each as soon as it is flown; of several draws in order."""
     (runs, drawn), began = draw, time.perf_counter()
+    if drawn is None:
+        yield from sorted(rows_flown(plan, runs), key=lambda row: row["run"])
+        return
     try:
         scenario = plan.dispersed(drawn, plan.draw_of(runs[0]))
     except FlightTuneError as error:
@@ -183,9 +187,10 @@ def fly_draw(plan: Plan, draw: Draw, probes: Probes) -> Iterator[Row]:
         yield _row(plan, run, drawn, outcome, *_indicators(plan, group, [scenario]))
 
 
-def lost_row(plan: Plan, run: int, drawn: Drawn, ending: int | str) -> Row:
+def lost_row(plan: Plan, run: int, drawn: Drawn | None, ending: int | str) -> Row:
     """Row of a run that ended the process that flew it, with this exit code or error."""
     status, reason = "crashed", ending
+    drawn = plan.values_of(plan.draw_of(run)) if drawn is None else drawn
     if ending == -signal.SIGALRM:
         limit = plan.campaign.time_limit_s
         status, reason = "timed_out", f"the flight must end within {limit:g} s of wall time"
