@@ -200,6 +200,7 @@ def test_a_file_of_another_campaign_takes_no_options_of_a_source(counted, tmp_pa
         assert f"`{name}` must be absent for a band file" in stderr
 
 
+@pytest.mark.slow
 def test_a_band_on_a_route_follows_the_distance_along_it():
     corner = [{"north_m": n, "east_m": e} for n, e in ((0.0, 0.0), (500.0, 0.0), (500.0, 500.0))]
     changes = {"route.waypoint": corner, "flight.duration_s": 60.0}

@@ -158,6 +158,7 @@ def proven(tmp_path_factory):
     return proven, file
 
 
+@pytest.mark.slow
 def test_the_flights_of_a_tube_are_searched_and_stay_inside(proven):
     tube, file = proven
 
@@ -174,6 +175,7 @@ def test_the_flights_of_a_tube_are_searched_and_stay_inside(proven):
     assert worst.value == pytest.approx(ft.worst(tube, budget=32, workers=1).value, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_a_flight_outside_of_a_tube_contradicts_its_proof(proven):
     tube, _ = proven
     bounds = tube.bounds
@@ -189,6 +191,7 @@ def test_a_flight_outside_of_a_tube_contradicts_its_proof(proven):
     assert "contradicts its proof" in answer.failure
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("options", "reason"),
     [({"metric": "margin"}, "must be absent for a tube"), ({"budget": 1}, "`budget` must be")],
@@ -198,6 +201,7 @@ def test_a_tube_has_flights_and_metric_of_its_own(options, reason, proven):
         ft.worst(proven[1], workers=1, **options)
 
 
+@pytest.mark.slow
 def test_a_tube_of_one_flight_has_nothing_to_search():
     tube = tube_of(made_up(duration_s=0.1), ft.PAPER_GAINS)
 

@@ -158,6 +158,7 @@ def test_a_claim_about_gains_is_drawn_around_no_flight():
         flown().within(certificate)
 
 
+@pytest.mark.slow
 def test_every_claim_about_gains_has_a_page_with_its_sentence_and_hash(tmp_path):
     model = ft.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
     write(ft.certify(model, ft.PAPER_GAINS).certificate, tmp_path / "c")

@@ -134,6 +134,25 @@ def test_back_calculation_settles_where_the_excess_balances_the_error():
     assert excess == pytest.approx([0.5 * error * tracking] * 2, rel=1e-9)
 
 
+def test_the_tracking_time_is_the_integral_time_unless_given():
+    gains = diagonal([3.0, 4.0], [0.6, 0.8])
+    commands = [
+        flown(
+            ft.MimoPI(
+                gains,
+                limits((0.4, 0.4)),
+                dt=0.02,
+                anti_windup="back_calculation",
+                tracking_time=tracking,
+            ),
+            (1.0, -1.0),
+            100,
+        )
+        for tracking in (None, 5.0)
+    ]
+    assert commands[0] == pytest.approx(commands[1], abs=ROUNDING)
+
+
 def test_scheduled_gains_grow_with_airspeed_and_its_change_does_not_move_the_integral():
     error = (0.2, 0.1)
     plain = ft.MimoPI(ft.PAPER_GAINS, dt=0.02)

@@ -275,10 +275,11 @@ def test_lags_around_a_plant_are_those_of_the_point_mass_behind_them():
         ("return ", "faulthandler.disable(); ctypes.string_at(0) #", "ended by SIGSEGV"),
         ("pass", "os._exit(0)", "exit status 0"),
         ("self.dt,", "os._exit(0); self.dt,", "exit status 0"),
-        (
+        pytest.param(
             "return ",
             "while t > 0.9: pass\n        return ",
             "after t = 0.00 s: .* no progress for 3 s",
+            marks=pytest.mark.slow,
         ),
     ],
 )
