@@ -108,7 +108,7 @@ def flown(found, d, starts):
         errors[k] = error
         increment = 0.0 if before is None else K_I_half @ (error + before)
         before = error
-        ahead = np.stack([np.zeros(count), loop.lift(k) / np.cos(u[0])])
+        ahead = np.stack([np.zeros(count), loop.lift[k] / np.cos(u[0])])
         held = ahead + K_P @ error + integral
         down, up = np.maximum(low, u - step), np.minimum(high, u + step)
         wanted = held + increment

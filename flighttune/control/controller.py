@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Literal, NamedTuple, Protocol, TypeAlias
 
-from flighttune.arrays import check_finite, check_positive, check_upright
+from flighttune.arrays import FloatArray, check_finite, check_positive, check_upright
 from flighttune.control.gains import PIGains
 from flighttune.control.limits import Limits
 from flighttune.units import G_PAPER
@@ -91,6 +91,23 @@ class Measured(NamedTuple):
     wind: tuple[float, ...] | None
 
 
+class Followed(Protocol):
+    """A reference over the time of a flight, which a law may look at ahead."""
+
+    @property
+    def initial(self) -> tuple[float, float]:
+        """Course and path angle at the start, rad."""
+        ...
+
+    def sampled(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Course and path angle (rad) at times `t` (s); those of still air along a route."""
+        ...
+
+    def rates(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rates of course and path angle (rad/s) from times `t` (s) on."""
+        ...
+
+
 class ReferenceSample(NamedTuple):
     """Reference of a law at a sample.
 
@@ -99,10 +116,11 @@ class ReferenceSample(NamedTuple):
     chi, gamma : float, rad
         Course, not wrapped, and flight-path angle.
     chi_dot, gamma_dot : float, rad/s
-        Their rates from this sample on; a step has none.
+        Their rates from this sample on; a step has none. Where roll and lift are planned for the
+        rates, these are those of the time by which the aircraft follows late.
     planned : tuple of two floats or None, rad and 1
         Roll and load-factor command under which the reference is flown where nothing disturbs; None
-        where it was not made of commands.
+        where it neither was made of commands nor rolls in.
 
     Examples
     --------
@@ -226,6 +244,8 @@ class LawSetup:
         Airspeed for which gains were made that follow the airspeed; None without a schedule.
     feed_forward : bool
         True if the load factor of steady flight on the reference is added.
+    reference : Followed or None
+        The reference of the flight, to look at ahead: ``setup.reference.sampled(t)``.
 
     Examples
     --------
@@ -243,3 +263,4 @@ class LawSetup:
     tracking_time: float | None = None
     schedule_speed: float | None = None
     feed_forward: bool = False
+    reference: Followed | None = field(default=None, repr=False)

@@ -8,10 +8,11 @@ from flighttune import __version__
 from flighttune.control.gains import PIGains
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.files.whole import write_text
-from flighttune.flight.conditions import command_limits
+from flighttune.flight.conditions import command_limits, lead_on
 from flighttune.flight.fly import aircraft_table, plant_of
 from flighttune.flight.models import law_setup
 from flighttune.scenario.schema import Scenario
+from flighttune.units import G_PAPER
 
 SOURCE = "ft_outer_loop.c"
 
@@ -31,12 +32,26 @@ def export_c(
     controller = law.discrete_pi(law_setup(scenario, gains, limits))
     if controller is None:
         raise law.refusal("discrete_pi", "exported")
-    write_text(folder / SOURCE, c_source(controller, title=scenario.title, gains=name))
+    lead = lead_on(scenario, aircraft_table(scenario, plant) if scenario.aircraft else None)
+    source = c_source(
+        controller, title=scenario.title, gains=name, lead=lead, g=scenario.flight.g_mps2
+    )
+    write_text(folder / SOURCE, source)
     return folder / SOURCE
 
 
-def c_source(law: MimoPI, *, title: str, gains: str) -> str:
-    """The C99 text of a controller, which needs nothing but the C library's ``math.h``."""
+def c_source(
+    law: MimoPI,
+    *,
+    title: str,
+    gains: str,
+    lead: tuple[float, float] = (0.0, 0.0),
+    g: float = G_PAPER,
+) -> str:
+    """The C99 text of a controller, which needs nothing but the C library's ``math.h``.
+
+    Roll and load factor follow `lead` (s) late; `g` (m/s^2) is the acceleration of gravity.
+    """
     values, channels = law.law, law.law.channels
     return Template(_TEMPLATE.read_text(encoding="utf-8")).substitute(
         title=_comment(title),
@@ -44,6 +59,9 @@ def c_source(law: MimoPI, *, title: str, gains: str) -> str:
         version=__version__,
         uses_V_a=_USED if values.per_speed else _UNUSED,
         dt=_number(law.dt),
+        g=_number(g),
+        lead_phi=_number(lead[0]),
+        lead_n_z=_number(lead[1]),
         conditional=int(values.conditional),
         tracking_gain=_number(values.tracking_gain),
         per_speed=_number(values.per_speed),

@@ -20,12 +20,19 @@ from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.aircraft.model_xml import template_of
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import LawSetup
+from flighttune.control.exact_law import LEAST_SPEED
 from flighttune.control.gains import PIGains
 from flighttune.control.law import OuterLoop
 from flighttune.errors import InputError
 from flighttune.exports.check import COLUMNS, differences
 from flighttune.files.whole import whole_file, write_text
-from flighttune.flight.conditions import command_limits, reference_of, start_condition, weather_of
+from flighttune.flight.conditions import (
+    command_limits,
+    lead_on,
+    reference_of,
+    start_condition,
+    weather_of,
+)
 from flighttune.flight.fly import aircraft_table, fly_once, plant_of
 from flighttune.flight.models import law_setup
 from flighttune.plants.jsbsim import properties
@@ -35,6 +42,7 @@ from flighttune.plants.jsbsim.plant import JSBSimPlant, inner_loop_settings
 from flighttune.present.answer import Answer, Answering
 from flighttune.present.tables import printable
 from flighttune.references.feasible import FeasibleReference
+from flighttune.references.segments import Reference
 from flighttune.scenario.schema import Scenario
 from flighttune.units import FT, G_0
 
@@ -122,7 +130,8 @@ def export_jsbsim(
     whole = frames * fdm.steps
     still = AT_REST + 4.0 * fdm.engine_settles
     t_0 = math.ceil(still * fdm.rate / whole) * whole / fdm.rate
-    sampled = _sampled(scenario, setup, loop)
+    lead = lead_on(scenario, table)
+    sampled = _sampled(scenario, setup, loop, lead)
     values = _values(scenario, setup, loop, fdm)
     if "ft/outer/plan/n_z" in sampled:
         values["ft/outer/planned"] = 1.0
@@ -146,7 +155,9 @@ def export_jsbsim(
     # The console command takes no step from a script, and writes to its root.
     options = [f"--simulation-rate={fdm.rate!r}", f"--script={SCRIPT}"]
     at_folder = [f"--root={folder}", *options]
-    run = fly_once(scenario, aircraft_plant, gains, plant_label=table.label, gains_name=name)
+    run = fly_once(
+        scenario, aircraft_plant, gains, plant_label=table.label, gains_name=name, lead=lead
+    )
     largest, differs = differences(at_folder, folder / CSV, t_0, run)
     if differs:
         verdict = f"JSBSim's flight is not that of `flighttune fly`: {differs}."
@@ -221,6 +232,8 @@ def _values(scenario: Scenario, setup: LawSetup, loop: OuterLoop, fdm: Fdm) -> d
         "ft/outer/dt-s": setup.dt,
         "ft/outer/phi/start": condition.phi,
         "ft/outer/n_z/start": condition.n_z_start,
+        "ft/outer/least-speed": LEAST_SPEED,
+        "ft/outer/per-g-s2_m": 1.0 / scenario.flight.g_mps2,
         **loop.values,
     }
     bounds = (limits.lower, limits.upper, limits.rate_lower, limits.rate_upper)
@@ -243,15 +256,18 @@ def _times(scenario: Scenario, setup: LawSetup) -> FloatArray:
     return np.arange(round(scenario.flight.duration_s / setup.dt) + 1, dtype=float) * setup.dt
 
 
-def _sampled(scenario: Scenario, setup: LawSetup, loop: OuterLoop) -> dict[str, FloatArray]:
+def _sampled(
+    scenario: Scenario, setup: LawSetup, loop: OuterLoop, lead: tuple[float, float]
+) -> dict[str, FloatArray]:
     """Inputs of the law at every sample that are not measured, by property."""
     t, followed = _times(scenario, setup), reference_of(scenario)
     chi, gamma = followed.sampled(t)
     sampled = {"ft/outer/chi-ref-rad": chi, "ft/outer/gamma-ref-rad": gamma}
-    if loop.takes_rates:
-        rates = followed.rates(t)
-        for name, rate in zip(("chi", "gamma"), rates, strict=True):
-            sampled[f"ft/outer/{name}-ref-rate-rad_sec"] = rate
+    if loop.takes_rates or (loop.takes_plan and scenario.rolls_in):
+        rates = followed.rates(t, lead) if isinstance(followed, Reference) else followed.rates(t)
+        name = "{}-ref-rate-rad_sec" if loop.takes_rates else "plan/{}-rate-rad_sec"
+        for channel, rate in zip(("chi", "gamma"), rates, strict=True):
+            sampled[f"ft/outer/{name.format(channel)}"] = rate
     if loop.takes_plan and isinstance(followed, FeasibleReference):
         sampled["ft/outer/plan/phi-rad"], sampled["ft/outer/plan/n_z"] = followed.commands(t).T
     if scenario.sensors is not None:

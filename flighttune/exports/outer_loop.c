@@ -7,7 +7,7 @@
  * path angle gamma up, roll phi right wing down; any course of a full turn will do.
  *
  * Use: call ft_outer_loop_start with the roll and the load factor that are in force, then
- * ft_outer_loop_step every FT_DT seconds; it leaves the commands in `u`, held until the next sample.
+ * ft_outer_loop_step (or ft_outer_loop_step_along) every FT_DT seconds; it leaves the commands in `u`, held until the next sample.
  * One struct per aircraft; no other memory, no allocation. ${uses_V_a}
  *
  * C99 and its <math.h>. Without contraction of multiply and add (-std=c99 or -ffp-contract=off) the
@@ -20,6 +20,9 @@
 #define FT_CONDITIONAL ${conditional}         /* anti-windup takes only what the limits let through */
 #define FT_TRACKING_GAIN ${tracking_gain} /* sample time over tracking time; 0: no back-calculation */
 #define FT_PER_SPEED ${per_speed}     /* 1 / airspeed the gains are for, s/m; 0: unscheduled */
+#define FT_G ${g}              /* acceleration of gravity, m/s^2 */
+#define FT_LEAD_PHI ${lead_phi}     /* by which roll and load factor follow late, s */
+#define FT_LEAD_N_Z ${lead_n_z}
 #define FT_FEED_FORWARD ${feed_forward}        /* load factor of steady flight at this bank */
 
 /* Rows: phi, n_z; columns: chi, gamma */
@@ -65,11 +68,17 @@ static double limited(int i, double wanted, double before)
     return wanted < low ? low : wanted > high ? high : wanted;
 }
 
-void ft_outer_loop_step(struct ft_outer_loop *loop, double chi_ref, double gamma_ref, double chi,
-                        double gamma, double phi, double V_a)
+/* A step along a reference with rates (rad/s), FT_LEAD_PHI and FT_LEAD_N_Z ahead: roll and lift are
+ * planned for them at V_turn (m/s), the speed that lift turns. In still air that is V_a; in wind it is
+ * V_g / cos(delta), delta between the velocities over ground and through the air. */
+void ft_outer_loop_step_along(struct ft_outer_loop *loop, double chi_ref, double gamma_ref,
+                              double chi_rate, double gamma_rate, double V_turn, double chi,
+                              double gamma, double phi, double V_a)
 {
     const double error[2] = {shorter_way_round(chi_ref - chi), gamma_ref - gamma};
-    const double u_ff[2] = {0.0, FT_FEED_FORWARD ? cos(gamma_ref) / cos(phi) : 0.0};
+    const double lift = cos(gamma_ref) + gamma_rate * (V_turn / FT_G);
+    const double u_ff[2] = {FT_FEED_FORWARD ? atan(chi_rate * (V_turn / FT_G)) : 0.0,
+                            FT_FEED_FORWARD ? lift / cos(phi) : 0.0};
     const double gain = FT_PER_SPEED != 0.0 ? V_a * FT_PER_SPEED : 1.0;
     double sum[2] = {0.0, 0.0}; /* of two errors; the first sample has none before it */
     int i, j;
@@ -99,4 +108,10 @@ void ft_outer_loop_step(struct ft_outer_loop *loop, double chi_ref, double gamma
         }
         loop->integral[i] += increment;
     }
+}
+
+void ft_outer_loop_step(struct ft_outer_loop *loop, double chi_ref, double gamma_ref, double chi,
+                        double gamma, double phi, double V_a)
+{
+    ft_outer_loop_step_along(loop, chi_ref, gamma_ref, 0.0, 0.0, V_a, chi, gamma, phi, V_a);
 }

@@ -104,7 +104,8 @@ def reference_of(scenario: Scenario) -> Reference | FeasibleReference | RouteRef
             )
         return route
     assert scenario.reference is not None  # one of both is there
-    return scenario.reference.reference(chi_deg=f.chi_deg, gamma_deg=f.gamma_deg)
+    reference = scenario.reference.reference(chi_deg=f.chi_deg, gamma_deg=f.gamma_deg)
+    return replace(reference, g=f.g_mps2)
 
 
 def _ability(scenario: Scenario) -> Ability:
@@ -172,6 +173,60 @@ def lags_of(plant: PlantTable, V_a: float, gamma: float) -> tuple[InnerLag, Inne
     if plant.aircraft is None:
         return plant.lags()
     return plant.identified_model.nearest(V_a, gamma).lags
+
+
+def lead_on(scenario: Scenario, plant: PlantTable | None) -> tuple[float, float]:
+    """Time (s) by which roll and lift follow their plan late on a plant; on None without lags.
+
+    It is the lag of each, and half of a sample, over which commands are held; zero where the
+    reference is not planned by its rates. A ScenarioError says that the model of an aircraft is
+    missing.
+    """
+    reference = reference_of(scenario)
+    if isinstance(reference, Reference) and not reference.planned:
+        return 0.0, 0.0
+    lags = plant and lags_of(plant, scenario.flight.V_a_mps, reference.initial[1])
+    phi, n_z = (0.0, 0.0) if lags is None else (lags[0].whole, lags[1].whole)
+    hold = 0.5 / scenario.controller.rate_hz
+    return phi + hold, n_z + hold
+
+
+def check_roll_in(scenario: Scenario) -> None:
+    """Refuse ramps that roll in by a rate beyond the limits, in still air.
+
+    Raises InputError with the key, and what would do.
+    """
+    reference, f = scenario.reference, scenario.flight
+    if reference is None or not scenario.rolls_in:
+        return
+    limits = limits_on(scenario, scenario.plant)
+    (phi_low, n_z_low), (phi_high, n_z_high) = limits.lower, limits.upper
+    phi_rate, n_z_rate = np.minimum(limits.rate_upper, -limits.rate_lower)
+    for key, ramp in reference.ramps_in():
+        change = ramp.rate_dps * DEG * f.V_a_mps / f.g_mps2
+        name, command, rate = (
+            ("phi", math.atan(change), phi_rate)
+            if key == "chi_deg"
+            else ("n_z", 1.0 + change, n_z_rate)
+        )
+        low, high = (phi_low, phi_high) if name == "phi" else (n_z_low, n_z_high)
+        where = f"[reference.{key}]"
+        if not low <= command <= high:
+            raise InputError(
+                f"{where} `rate_dps` must need `{name}` within its limits where it rolls in, got "
+                f"{ramp.rate_dps:g} deg/s at {f.V_a_mps:g} m/s, which needs "
+                f"{_angle_or_load(name, command)}."
+            )
+        least = abs(change) / rate
+        if ramp.roll_in_s < least:
+            raise InputError(
+                f"{where} `roll_in_s` must be at least {least:.3g} s, in which `{name}_rate` of "
+                f"[limits] gives the rate of {ramp.rate_dps:g} deg/s, got {ramp.roll_in_s:g} s."
+            )
+
+
+def _angle_or_load(name: str, command: float) -> str:
+    return f"{command / DEG:.3g} deg" if name == "phi" else f"{command:.3g}"
 
 
 def _lift_and_limits(config: AircraftConfig, V_a: float) -> Limits:

@@ -22,6 +22,7 @@ from flighttune.errors import InputError, TrimError
 from flighttune.flight.apart import Progress, apart
 from flighttune.flight.conditions import (
     command_limits,
+    lead_on,
     reference_of,
     start_condition,
     stated_condition,
@@ -234,7 +235,13 @@ def fly_alone(
         wind = WindRecord.steady(north=north, east=east, down=down)
     plant = plant_of(scenario.plant_table(label), scenario, wind)
     return fly_once(
-        scenario, plant, gains, plant_label=label, gains_name=gains_name, progress=progress
+        scenario,
+        plant,
+        gains,
+        plant_label=label,
+        gains_name=gains_name,
+        lead=lead_on(scenario, scenario.plant_table(label)),
+        progress=progress,
     )
 
 
@@ -251,14 +258,15 @@ def fly_once(
     plant_label: str,
     gains_name: str,
     limits: Limits | None = None,
+    lead: tuple[float, float] = (0.0, 0.0),
     progress: Progress | None = None,
 ) -> Run:
     """Fly the manoeuvre of a scenario once, on a plant that has not flown before.
 
     `gains` is None where tuning found none: the run then says so. `limits` are by default those of
-    the scenario and of the plant. A run that diverged, left the envelope, hit the ground or could
-    not start says so in its status and reason; only an aircraft that cannot be built raises a
-    PlantError.
+    the scenario and of the plant; `lead` is that of `simulate`. A run that diverged, left the
+    envelope, hit the ground or could not start says so in its status and reason; only an aircraft
+    that cannot be built raises a PlantError.
     """
     scenario = with_own(scenario)
     if gains is None:
@@ -281,6 +289,7 @@ def fly_once(
             condition=(start_condition if WIND[0] in plant.signals else stated_condition)(scenario),
             duration=duration,
             sensors=None if scenario.sensors is None else scenario.sensors.sensors(scenario.seed),
+            lead=lead,
             progress=None if progress is None else (lambda t: progress(label, t / duration)),
         )
     except LawError as error:

@@ -434,4 +434,5 @@ def law_setup(scenario: Scenario, gains: PIGains, limits: Limits) -> LawSetup:
         tracking_time=settings.tracking_time_s,
         schedule_speed=flight.V_a_mps if settings.schedule else None,
         feed_forward=settings.feed_forward,
+        reference=reference_of(scenario),
     )

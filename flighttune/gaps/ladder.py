@@ -15,7 +15,7 @@ from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import Law
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
-from flighttune.flight.conditions import command_limits, reference_of, weather_of
+from flighttune.flight.conditions import command_limits, lead_on, reference_of, weather_of
 from flighttune.flight.fly import (
     Progress,
     aircraft_table,
@@ -137,6 +137,7 @@ def explain_flight(
             plant_label=label,
             gains_name=made_by.gains_name,
             limits=limits,
+            lead=lead_on(scenario, table if label == "point_mass_lag" else None),
             progress=progress,
         )
         for label, plant in lower.items()

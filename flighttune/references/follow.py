@@ -11,6 +11,7 @@ from flighttune.arrays import FloatArray
 from flighttune.control.controller import Measured, ReferenceSample
 from flighttune.plants.base import Stop
 from flighttune.references.path import STEP, Path
+from flighttune.references.planner import Planner
 
 # Signals of a flight along a route, and their units.
 ROUTE_SIGNALS = {"along": "m", "cross_track": "m", "height_err": "m"}
@@ -21,15 +22,11 @@ Place = tuple[float, float, float]
 # Distance between a position and the one that its place gives, up to which they are the same, m.
 SAME_PLACE = 0.01
 
-# Time by which roll is planned ahead, s: about the lag of an inner loop.
-LEAD_S = 0.2
-
 COLUMNS = ("north", "east", "course", "curvature", "up", "slope")
 _CURVATURE, _SLOPE = map(COLUMNS.index, ("curvature", "slope"))
 
-# Lower bounds of 1 - curvature e_y, which is zero at the centre of a turn, and of the cosine of the
-# crab angle.
-MIN_SPREAD, MIN_CRAB_COSINE = 0.2, 0.2
+# Lower bound of 1 - curvature e_y, which is zero at the centre of a turn.
+MIN_SPREAD = 0.2
 
 # Newton's steps to the nearest point of the path, from that of the sample before.
 SEARCHES = 2
@@ -103,15 +100,19 @@ class RouteReference:
         values = np.stack([getattr(self.path, name) for name in COLUMNS], axis=1)
         return np.hstack([values[:-1], np.diff(values, axis=0)]).tolist()
 
-    def follower(self, dt: float, h_0: float) -> "Follower":
-        """Guidance of one flight with samples of `dt` (s) that starts at the height `h_0` (m)."""
-        return Follower(self, dt, h_0)
+    def follower(self, dt: float, h_0: float, lead: tuple[float, float] = (0.0, 0.0)) -> "Follower":
+        """Guidance of one flight with samples of `dt` (s) that starts at the height `h_0` (m).
+
+        Roll and lift are planned `lead` (s) ahead.
+        """
+        return Follower(self, dt, h_0, lead)
 
 
 class Follower:
     r"""Measurements to the reference of a law, sample by sample.
 
-    `reference`: the route. `dt` (s): time between samples. `h_0` (m): height of the start.
+    `reference`: the route. `dt` (s): time between samples. `h_0` (m): height of the start. `lead`
+    (s): time by which roll and lift follow their commands late.
 
     Notes
     -----
@@ -125,20 +126,23 @@ class Follower:
     and path angle are as asked, ``e_y' = -V_g sin(arctan(e_y / L))``: the distance shrinks like
     ``exp(-t / T)`` once it is small against L (T. Fossen, *Handbook of Marine Craft Hydrodynamics
     and Motion Control*, look-ahead-based steering). The rates of the reference are those of this
-    motion, with the curvature `LEAD_S` ahead, as roll lags. The roll planned is that of the same
-    curvature at the speed over ground, and the load factor that of the change of the climb.
+    motion, with the curvature and the bend of the climb `lead` ahead. `Planner` plans roll and lift
+    for those of the path itself.
     """
 
-    def __init__(self, reference: RouteReference, dt: float, h_0: float) -> None:
+    def __init__(
+        self, reference: RouteReference, dt: float, h_0: float, lead: tuple[float, float]
+    ) -> None:
         self._rows, self._last = reference.rows, len(reference.rows) - 1
-        self._dt, self._h_0, self._T, self._g = dt, h_0, reference.look_ahead, reference.g
+        self._dt, self._h_0, self._T, self._lead = dt, h_0, reference.look_ahead, lead
+        self._plan = Planner(dt, reference.g)
         self._s, self._nearest = 0.0, self._at(0.0)
         self._before: tuple[float, float] | None = None
         self._V_g = reference.V_a * math.cos(reference.initial[1])
 
     def __call__(self, m: Measured) -> tuple[ReferenceSample, Place]:
         """Return the reference at a sample, and where the aircraft is on the route."""
-        chi, gamma, V_a, phi, _, h, (north, east, _), wind = m
+        chi, gamma, _, _, _, h, (north, east, _), _ = m
         if self._before is not None:
             n, e = self._before
             self._V_g = math.hypot(north - n, east - e) / self._dt
@@ -166,23 +170,17 @@ class Follower:
         forward = V_g * math.cos(chi - course) / spread
         aside = V_g * math.sin(chi - course)
         sinking = forward * slope - V_g * math.tan(gamma)
-        bend = (self._column(_SLOPE, s + STEP) - slope) / STEP / (1.0 + slope * slope)
+        later = s + V_g * self._lead[1]
+        bend = (self._column(_SLOPE, later + STEP) - self._column(_SLOPE, later)) / STEP
+        climb_rate = bend / (1.0 + slope * slope) * forward
+        turn_rate = self._column(_CURVATURE, s + V_g * self._lead[0]) * forward
         gamma_ref = math.atan(slope) + math.atan(below)
-        crab = 1.0
-        if wind is not None:
-            behind = wind[0] * math.cos(chi) + wind[1] * math.sin(chi)
-            crab = max((V_g - behind) / (V_a * math.cos(gamma)), MIN_CRAB_COSINE)
-        next_curvature = self._column(_CURVATURE, s + V_g * LEAD_S)
-        lift = math.cos(gamma_ref) + V_g * bend * forward / self._g
         sample = (
             course - math.atan(side),
             gamma_ref,
-            next_curvature * forward - aside / (L * (1.0 + side * side)),
-            bend * forward + sinking / (L * (1.0 + below * below)),
-            (
-                math.atan(next_curvature * V_g * V_g / (self._g * crab)),
-                lift / math.cos(phi),
-            ),
+            turn_rate - aside / (L * (1.0 + side * side)),
+            climb_rate + sinking / (L * (1.0 + below * below)),
+            self._plan(m, turn_rate, climb_rate, gamma_ref),
         )
         # Behind the start the distance from the route is that from the start.
         off = e_y if abs(ahead) < SAME_PLACE else math.copysign(math.hypot(e_y, ahead), e_y)

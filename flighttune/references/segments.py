@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 
 from flighttune.arrays import FloatArray, read_only_vector
+from flighttune.units import G_PAPER
 
 # Times that differ by less are one, s.
 SAME_INSTANT = 1e-9
@@ -13,21 +14,33 @@ SAME_INSTANT = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """A change that adds to a reference from `start` on, straight between its breaks."""
+    """A change that adds to a reference from `start` on, straight between its breaks.
+
+    With a `roll_in` its rate is the mean over that time: each change of the rate takes so long,
+    half of it before the break. The change is the same in all, and so is the time of its middle.
+    """
 
     start: float  # s
     breaks: tuple[float, ...]  # s after the start, rising
     jumps: tuple[float, ...] = ()  # at each break, in the unit of the channel
     rates: tuple[float, ...] = ()  # from each break to the next, in that unit per second
+    roll_in: float = 0.0  # s, at most the time between two breaks; without jumps
 
     @property
     def times(self) -> tuple[float, ...]:
         """Times (s) at which it begins and its shape changes."""
-        return tuple(self.start + after for after in self.breaks)
+        sides = (-0.5 * self.roll_in, 0.5 * self.roll_in) if self.roll_in else (0.0,)
+        return tuple(self.start + after + side for after in self.breaks for side in sides)
 
     def __call__(self, t: FloatArray) -> FloatArray:
         """Return the change at times `t`, in the unit of the channel."""
         since, change = t - self.start, np.zeros_like(t)
+        if width := self.roll_in:
+            for (low, high), rate in zip(pairwise(self.breaks), self.rates, strict=True):
+                begun = np.clip(since - low + 0.5 * width, 0.0, high - low + width)
+                late = np.maximum(begun - width, 0.0), np.maximum(begun - (high - low), 0.0)
+                change += rate * (begun**2 - late[0] ** 2 - late[1] ** 2) / (2.0 * width)
+            return change
         for after, jump in zip(self.breaks, self.jumps, strict=False):
             change += np.where(since >= after, jump, 0.0)
         for (low, high), rate in zip(pairwise(self.breaks), self.rates, strict=False):
@@ -36,8 +49,17 @@ class Segment:
 
     def slope(self, t: FloatArray) -> FloatArray:
         """Return the slope from times `t` on, in that unit per second; a jump has none."""
-        # The rounding of a sample time shall not decide whether the sample is inside.
-        since, slope = t - self.start + SAME_INSTANT, np.zeros_like(t)
+        since, slope = t - self.start, np.zeros_like(t)
+        if width := self.roll_in:
+            for (low, high), rate in zip(pairwise(self.breaks), self.rates, strict=True):
+                begun, length = since - low + 0.5 * width, high - low
+                slope += (
+                    rate
+                    / width
+                    * (np.clip(begun, 0.0, length) - np.clip(begun - width, 0.0, length))
+                )
+            return slope
+        since += SAME_INSTANT  # the rounding of a sample time shall not decide
         for (low, high), rate in zip(pairwise(self.breaks), self.rates, strict=False):
             slope += np.where((since >= low) & (since < high), rate, 0.0)
         return slope
@@ -53,6 +75,8 @@ class Reference:
         Values before any segment.
     chi_segments, gamma_segments : tuple of Segment
         Changes in rad.
+    g : float, m/s^2
+        Acceleration of gravity, for commands planned.
 
     Examples
     --------
@@ -64,6 +88,12 @@ class Reference:
     gamma: float
     chi_segments: tuple[Segment, ...] = ()
     gamma_segments: tuple[Segment, ...] = ()
+    g: float = G_PAPER
+
+    @property
+    def planned(self) -> bool:
+        """Whether it rolls in, so that roll and lift can be planned for its rates."""
+        return any(s.roll_in for s in (*self.chi_segments, *self.gamma_segments))
 
     @property
     def initial(self) -> tuple[float, float]:
@@ -78,9 +108,15 @@ class Reference:
         gamma = self.gamma + sum((s(t) for s in self.gamma_segments), np.zeros_like(t))
         return chi, gamma
 
-    def rates(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the rates of chi and gamma (rad/s) from times `t` (s) on, of the shape of `t`."""
+    def rates(
+        self, t: FloatArray, lead: tuple[float, float] = (0.0, 0.0)
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the rates of chi and gamma (rad/s) from times `t` (s) on, of the shape of `t`.
+
+        Where the reference is planned they are those `lead` (s) later.
+        """
         t = read_only_vector("t", t)
-        chi = sum((s.slope(t) for s in self.chi_segments), np.zeros_like(t))
-        gamma = sum((s.slope(t) for s in self.gamma_segments), np.zeros_like(t))
+        ahead = lead if self.planned else (0.0, 0.0)
+        chi = sum((s.slope(t + ahead[0]) for s in self.chi_segments), np.zeros_like(t))
+        gamma = sum((s.slope(t + ahead[1]) for s in self.gamma_segments), np.zeros_like(t))
         return chi, gamma

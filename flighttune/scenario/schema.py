@@ -277,6 +277,11 @@ class Scenario(Table):
         return f"{weather}, with a disturbance" if disturbance and not blows else weather
 
     @property
+    def rolls_in(self) -> bool:
+        """Whether a ramp of its reference rolls in: roll and lift are planned for it."""
+        return self.reference is not None and any(self.reference.ramps_in())
+
+    @property
     def feasible(self) -> bool:
         """Whether the reference is the fastest change within the limits."""
         return self.reference is not None and self.reference.shape == "feasible"

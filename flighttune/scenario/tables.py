@@ -145,10 +145,22 @@ class RampTable(q.Table):
     start_s: q.Instant = 0.0
     duration_s: q.Duration
     rate_dps: q.AngularRate
+    roll_in_s: q.Instant = 0.0
+
+    @model_validator(mode="after")
+    def _roll_in_fits(self) -> "RampTable":
+        most = min(self.duration_s, 2.0 * self.start_s)
+        if self.roll_in_s > most:
+            raise ValueError(
+                f"`roll_in_s` must be at most {most:g} s, which is `duration_s` or twice `start_s` "
+                f"(half of it lies before the ramp), got {self.roll_in_s:g} s"
+            )
+        return self
 
     def segment(self) -> Segment:
         """The segment in s and rad."""
-        return Segment(self.start_s, (0.0, self.duration_s), rates=(self.rate_dps * DEG,))
+        rates = (self.rate_dps * DEG,)
+        return Segment(self.start_s, (0.0, self.duration_s), rates=rates, roll_in=self.roll_in_s)
 
 
 class DoubletTable(q.Table):
@@ -201,6 +213,14 @@ class ReferenceTable(q.Table):
         for key, segments in (("chi_deg", self.chi_deg), ("gamma_deg", self.gamma_deg)):
             for segment in segments if isinstance(segments, list) else ():
                 yield f"[reference.{key}] `start_s`", segment.start_s
+
+    def ramps_in(self) -> Iterator[tuple[str, RampTable]]:
+        """Key and table of each ramp that rolls in."""
+        for key in ("chi_deg", "gamma_deg"):
+            segments = getattr(self, key)
+            for ramp in segments if isinstance(segments, list) else ():
+                if isinstance(ramp, RampTable) and ramp.roll_in_s:
+                    yield key, ramp
 
     def steepest(self, start_deg: float, duration: float) -> tuple[float, float]:
         """Time (s) and value (deg) of the steepest path angle asked for, up or down."""

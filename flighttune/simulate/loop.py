@@ -24,6 +24,7 @@ from flighttune.plants.sensors import MEASURED, SensedPlant, Sensors
 from flighttune.plants.weather import WIND
 from flighttune.references.feasible import FeasibleReference
 from flighttune.references.follow import ROUTE_SIGNALS, Follower, RouteReference
+from flighttune.references.planner import Planner
 from flighttune.references.segments import Reference
 
 # Signals that the loop adds to those of the plant, one row per sample of the controller.
@@ -50,6 +51,7 @@ def simulate(
     condition: FlightCondition,
     duration: float,
     sensors: Sensors | None = None,
+    lead: tuple[float, float] = (0.0, 0.0),
     progress: Callable[[float], None] | None = None,
 ) -> tuple[pd.DataFrame, Stop | None]:
     """Fly `plant` under `controller` along `reference` from `condition`.
@@ -72,6 +74,9 @@ def simulate(
     sensors : Sensors, optional
         Sensors through which the controller sees course, climb and airspeed; by default it sees the
         true values. With sensors the signals also hold `MEASURED`; the errors are the true ones.
+    lead : tuple of two floats, s, optional
+        Time by which roll and lift of a planned reference, or of a route, are planned ahead: that
+        by which they follow their commands late.
     progress : callable, optional
         Called with the time flown in s, about once a second of flight.
 
@@ -119,9 +124,10 @@ def simulate(
         plant,
         controller,
         measured_of,
-        zip(t.tolist(), _references(reference, t), strict=True),
+        zip(t.tolist(), _references(reference, t, lead), strict=True),
         count=count,
-        follow=None if route is None else route.follower(dt, condition.h),
+        follow=None if route is None else route.follower(dt, condition.h, lead),
+        plan=_planner(reference, dt),
         end=math.inf if route is None else route.path.length,
         pack=struct.Struct(f"{len(columns)}d").pack,
         rows=rows,
@@ -141,6 +147,7 @@ def _fly(
     *,
     count: int,
     follow: Follower | None,
+    plan: Planner | None,
     end: float,
     pack: Callable[..., bytes],
     rows: bytearray,
@@ -155,6 +162,9 @@ def _fly(
         measured = measured_of(signals)
         if follow is not None:
             ref, place = follow(measured)
+        elif plan is not None:
+            _, gamma_ref, chi_dot, gamma_dot, _ = ref
+            ref = ref._replace(planned=plan(measured, chi_dot, gamma_dot, gamma_ref))
         try:
             commands = step(measured, ref, now)
         except LawError as error:
@@ -194,17 +204,29 @@ def _measured(
 
 
 def _references(
-    reference: Reference | FeasibleReference | RouteReference, t: np.ndarray
+    reference: Reference | FeasibleReference | RouteReference,
+    t: np.ndarray,
+    lead: tuple[float, float],
 ) -> Iterable[ReferenceSample]:
     if isinstance(reference, RouteReference):
         return repeat(ReferenceSample(*reference.initial), len(t))  # until it is followed
-    values = np.stack([*reference.sampled(t), *reference.rates(t)])
     if isinstance(reference, FeasibleReference):
+        values = [*reference.sampled(t), *reference.rates(t)]
         planned = map(tuple, reference.commands(t).tolist())
-        return map(ReferenceSample, *values.tolist(), planned)
+        return map(ReferenceSample, *(each.tolist() for each in values), planned)
+    values = np.stack([*reference.sampled(t), *reference.rates(t, lead)])
     if (values == values[:, :1]).all():
         return repeat(ReferenceSample(*values[:, 0].tolist()), len(t))
     return map(ReferenceSample, *values.tolist())
+
+
+def _planner(
+    reference: Reference | FeasibleReference | RouteReference, dt: float
+) -> Planner | None:
+    """What plans roll and lift for a reference over time; a route's follower has its own."""
+    if isinstance(reference, Reference) and reference.planned:
+        return Planner(dt, reference.g)
+    return None
 
 
 def _columns(plant_signals: tuple[str, ...], law_signals: tuple[str, ...]) -> tuple[str, ...]:

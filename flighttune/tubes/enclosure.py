@@ -176,7 +176,7 @@ class Tube(Answering):
         for key in dict.fromkeys([*flown, *enclosed]):
             if not self._allows(key, flown.get(key), enclosed.get(key)):
                 return f"`{key}` must be {enclosed.get(key)!r}, got {flown.get(key)!r}"
-        reference = reference_samples(scenario)
+        reference = reference_samples(scenario, plant)
         same = reference.shape == problem.reference.shape
         if not same or np.abs(reference - problem.reference).max() > SAME_REFERENCE:
             return "its reference must be that of the tube, got another"

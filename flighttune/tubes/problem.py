@@ -18,11 +18,12 @@ from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import Law, SampledController
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
-from flighttune.flight.conditions import limits_on, reference_of, start_condition
+from flighttune.flight.conditions import lead_on, limits_on, reference_of, start_condition
 from flighttune.flight.models import law_setup
 from flighttune.plants.base import PLANT_KINDS
 from flighttune.plants.weather import course_of, velocity_along
 from flighttune.references.feasible import FeasibleReference
+from flighttune.references.segments import Reference
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.tubes.boxes import AircraftBoxes, check_covered
@@ -97,6 +98,12 @@ class TubeProblem:
                 "back_calculation."
             )
         # Both follow the measured airspeed, which varies on an aircraft; no box of it was counted.
+        if scenario.rolls_in and aircraft:
+            raise InputError(
+                "`roll_in_s` must be absent from the tube of an aircraft: roll is planned for the "
+                "airspeed measured there, of which no box was counted. That of a point mass behind "
+                "lags encloses it."
+            )
         if self.sampled.inverts is not None and aircraft:
             raise InputError(
                 f"`gains` must be of the paper's law for the tube of an aircraft: the "
@@ -228,7 +235,12 @@ class TubeProblem:
         reference = self.reference.copy()
         # A law that inverts follows the rates of the reference, the other the commands planned.
         reference[:, PLANNED if controller.inverts else RATES] = 0.0
-        feed_forward = controller.feed_forward and not reference[:, PLANNED].any()
+        lift = np.zeros(len(reference))
+        if controller.feed_forward and self.scenario.rolls_in:
+            lift, reference[:, PLANNED.stop - 1] = reference[:, PLANNED.stop - 1].copy(), 0.0
+        elif controller.feed_forward and not reference[:, PLANNED].any():
+            lift = np.cos(reference[:, REFERENCE.stop - 1])
+        feed_forward = bool(lift.any())
         boxes = np.stack(self.disturbances, axis=2)
         if self.boxes is not None and feed_forward:
             boxes = self.boxes.bounds.pairs
@@ -236,6 +248,7 @@ class TubeProblem:
         return SampledLoop(
             law=controller._replace(feed_forward=feed_forward),
             reference=reference,
+            lift=lift,
             boxes=boxes,
             dt=dt,
             V_a=flight.V_a_mps,
@@ -267,26 +280,39 @@ def tube_problem(
     cannot be used, or the tube does not know the law.
     """
     scenario.check_over_time("a tube")
+    table = _chosen(scenario, plant, aircraft=band is not None)
     return TubeProblem(
         scenario=scenario,
         gains=gains,
-        plant=_chosen(scenario, plant, aircraft=band is not None).label,
+        plant=table.label,
         start=start,
         disturbance=disturbance,
         band=band,
         law=law or scenario.law_for(gains),
-        reference=reference_samples(scenario),
+        reference=reference_samples(scenario, table),
     )
 
 
-def reference_samples(scenario: Scenario) -> FloatArray:
-    """Reference of a scenario at its samples, as `TubeProblem.reference`."""
+def reference_samples(scenario: Scenario, plant: PlantTable) -> FloatArray:
+    """Reference of a scenario at its samples, as `TubeProblem.reference`.
+
+    Where it rolls in, the vertical lift in weights stands in place of the load factor planned.
+    """
     t, reference = sample_times(scenario), reference_of(scenario)
     followed = np.zeros((len(t), 6))
     followed[:, REFERENCE] = np.stack(reference.sampled(t), axis=1)
-    followed[:, RATES] = np.stack(reference.rates(t), axis=1)
+    if scenario.rolls_in:
+        assert isinstance(reference, Reference)  # of ramps
+        rates = np.stack(reference.rates(t, lead_on(scenario, plant)))
+        turn, bend = rates * scenario.flight.V_a_mps / reference.g
+        if scenario.controller.feed_forward:
+            lift = np.cos(followed[:, REFERENCE][:, 1]) + bend
+            followed[:, PLANNED] = np.column_stack([np.arctan(turn), lift])
+    else:
+        rates = np.stack(reference.rates(t))
     if isinstance(reference, FeasibleReference) and scenario.controller.feed_forward:
         followed[:, PLANNED] = reference.commands(t)
+    followed[:, RATES] = rates.T
     followed.flags.writeable = False
     return followed
 

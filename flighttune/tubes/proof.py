@@ -193,7 +193,7 @@ def _problem(claim: Claim, scenario: Scenario, arrays: Arrays, band: Band | None
         raise InputError(f"`gains` must have 2 rows and columns, got {gains.K_P.shape}.")
     # Files of gains on roll and load factor may name the law of rates that the scenario had.
     law, _ = scenario.law_of(f"{claim.law}:", gains if gains.inputs == COMMANDS else None)
-    reference = reference_samples(scenario)
+    reference = reference_samples(scenario, scenario.plant_table(claim.plant))
     if scenario.feasible:
         off = float(np.abs(arrays["reference"] - reference).max())
         if off > SAME_REFERENCE:

@@ -107,6 +107,7 @@ class SampledLoop:
     # shape (k, 6), rad, rad, rad, 1, rad/s, rad/s, in the columns `REFERENCE`, `PLANNED` and
     # `RATES`: zeros where a law follows no plan, or no rates.
     reference: FloatArray
+    lift: FloatArray  # shape (k,), weights: vertical lift of the feed-forward; zeros without one
     # shape (k, 2 or 4, 2), rad/s and rad: lowest and highest values from a sample to the next, in
     # the rows `D`, and `ROLL` and `ROLL_CHANGE` where the controller sees more roll than the lag's.
     boxes: FloatArray
@@ -141,17 +142,13 @@ class SampledLoop:
         rows = [slice(*ends) for ends in pairwise(accumulate(counts, initial=STATES))]
         return rows[: len(self.lags)], rows[len(self.lags) :]
 
-    def lift(self, k: int) -> float:
-        """``cos(gamma_ref)`` of the feed-forward at sample k; 0 without one."""
-        return math.cos(self.reference[max(k, 0), GAMMA]) if self.law.feed_forward else 0.0
-
     @property
     def steady(self) -> FloatArray:
         """State of steady flight on the last reference."""
         state = np.zeros(self.rows)
         chi, gamma, phi, planned = self.reference[-1, :4]
         n_z = planned or np.cos(gamma)
-        extra = n_z - self.lift(len(self.reference) - 1)
+        extra = n_z - self.lift[-1]
         state[[CHI, GAMMA, PHI, EXTRA_LIFT]] = chi, gamma, phi, extra
         state[N_Z_INTEGRAL] = 0.0 if self.law.inverts else extra - planned
         for rows, queue, lag, value in zip(*self.layout, self.lags, (phi, n_z), strict=False):
@@ -203,7 +200,7 @@ class Controlled(NamedTuple):
     roll: Quantity  # rad: roll that the controller sees
     phi: Form  # rad: roll command
     extra: Form  # load-factor command, as in the row `EXTRA_LIFT`
-    lift: float  # ``cos(gamma_ref)`` of the feed-forward; 0 without one
+    lift: float  # vertical lift of the feed-forward, in weights; 0 without one
     integrals: list[Form]
     limited: Sequence[bool]  # whether a limit can hold the command
 
@@ -244,7 +241,7 @@ def start_set(loop: SampledLoop, within_start: float, sides: int, symbols: int) 
         doubt = level.radius * load.size + COMPUTED
         state[EXTRA_LIFT] = combined((level.middle, load)).widened(doubt)
     else:
-        feed_forward = Interval.point(np.full(len(centres), loop.lift(0))) / level
+        feed_forward = Interval.point(np.full(len(centres), loop.lift[0])) / level
         extra = combined((1.0, load), shift=-feed_forward.middle)
         state[EXTRA_LIFT] = extra.widened(feed_forward.radius)
     for rows, queue, lag, value in zip(*loop.layout, loop.lags, (state[PHI], load), strict=False):
@@ -298,7 +295,7 @@ class Enclosure:
 
     def _controlled(self, k: int) -> Controlled:
         """The commands of sample k, in as many pieces as that takes."""
-        pieces, lift = self.pieces, self.loop.lift(k)
+        pieces, lift = self.pieces, self.loop.lift[k]
         # A split changes the pieces and their constraints, so every form is made anew after it. No
         # symbol is added before the last pass: constraints may only speak of symbols that stay.
         while True:
@@ -306,7 +303,7 @@ class Enclosure:
             errors = self._errors(k, state)
             roll = self._seen(state)
             # The row was kept relative to the reference of the sample before.
-            extra, moved = state[EXTRA_LIFT], lift - self.loop.lift(k - 1)
+            extra, moved = state[EXTRA_LIFT], lift - self.loop.lift[max(k - 1, 0)]
             if moved != 0.0:
                 extra = combined((1.0, extra), (-moved, secant(roll).form))
             channels = self._channels(k, state, errors, roll, extra)
@@ -379,7 +376,7 @@ class Enclosure:
     def _channels(
         self, k: int, state: Sequence[Form], errors: Sequence[Form], roll: Quantity, extra: Form
     ) -> list[Channel]:
-        channels, lift = [], self.loop.lift(k)
+        channels, lift = [], self.loop.lift[k]
         for i, law in enumerate(self.loop.law.channels):
             # The trapezoid begins with the second sample: there is no time before the first.
             increment = combined((0.0, errors[0]))

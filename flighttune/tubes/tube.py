@@ -13,7 +13,7 @@ from flighttune.arrays import FloatArray
 from flighttune.claims.band import Band
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError
-from flighttune.flight.conditions import reference_of, start_condition
+from flighttune.flight.conditions import lead_on, reference_of, start_condition
 from flighttune.flight.fly import plant_of
 from flighttune.flight.load import scenario_and_gains
 from flighttune.scenario.schema import Scenario
@@ -243,6 +243,7 @@ def flights_inside(enclosure: Tube) -> bool:
             reference_of(scenario),
             condition=replace(condition, chi=condition.chi + chi, gamma=condition.gamma + gamma),
             duration=scenario.flight.duration_s,
+            lead=lead_on(scenario, problem.table),
         )
         if not enclosure.bounds.contain(signals):
             return False

@@ -89,7 +89,7 @@ def whole_state(problem, signals, start, k):
     commands = [(start.phi, phi), (start.n_z_start, n_z)]
     in_force = [one[k - 1] if k else first for first, one in commands]
     if loop.law.inverts is None:
-        extra = in_force[1] - loop.lift(k - 1) / math.cos(row["phi"])
+        extra = in_force[1] - loop.lift[max(k - 1, 0)] / math.cos(row["phi"])
         names = "phi_integral", "n_z_integral"
     else:
         extra = in_force[1] * math.cos(in_force[0])

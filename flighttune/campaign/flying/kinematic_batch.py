@@ -35,7 +35,7 @@ class FlightResult(NamedTuple):
 def batchable(scenario: Scenario, table: PlantTable, law: Law) -> bool:
     """Whether law, plant, air, disturbance and reference are ones that the kernel flies."""
     acting = scenario.disturbance.sinusoid() if scenario.disturbance else Sinusoid()
-    planned = scenario.feasible or scenario.route is not None
+    planned = scenario.feasible or scenario.route is not None or scenario.rolls_in
     kernel_knows = law.batched and table.family.batched and acting.batched
     return kernel_knows and not (scenario.windy or planned)
 

@@ -8,7 +8,6 @@ from flighttune.arrays import FloatArray
 from flighttune.control.controller import LawSetup
 from flighttune.control.exact_law import (
     BRAKING,
-    LEAST_SPEED,
     LIFT_FLOOR,
     ExactLaw,
     Priority,
@@ -84,7 +83,7 @@ class Exact(Law):
             "ft/outer/conditional": float(law.conditional),
             "ft/outer/tracking-gain": law.tracking_gain,
             "ft/outer/per-speed-s_m": law.per_g,
-            "ft/outer/least-speed": LEAST_SPEED,
+            "ft/outer/by-turning-speed": 1.0,
             "ft/outer/brake": float(min(law.brake, NO_BRAKE)),
             "ft/outer/lift-floor": law.lift_floor,
             "ft/outer/course-first": float(law.course_first),
