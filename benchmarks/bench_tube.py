@@ -29,6 +29,7 @@ from flighttune.plants.point_mass import PointMassPlant
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.problem import tube_problem
 from flighttune.tubes.proof import load_tube, save_tube
+from flighttune.tubes.sample import LIFT
 from flighttune.tubes.tube import flights_inside, tube_of
 from flighttune.units import DEG
 
@@ -108,7 +109,7 @@ def flown(found, d, starts):
         errors[k] = error
         increment = 0.0 if before is None else K_I_half @ (error + before)
         before = error
-        ahead = np.stack([np.zeros(count), loop.lift[k] / np.cos(u[0])])
+        ahead = np.stack([np.zeros(count), loop.reference[k, LIFT] / np.cos(u[0])])
         held = ahead + K_P @ error + integral
         down, up = np.maximum(low, u - step), np.minimum(high, u + step)
         wanted = held + increment

@@ -258,7 +258,7 @@ def fly_once(
     plant_label: str,
     gains_name: str,
     limits: Limits | None = None,
-    lead: tuple[float, float] = (0.0, 0.0),
+    lead: tuple[float, float] | None = None,
     progress: Progress | None = None,
 ) -> Run:
     """Fly the manoeuvre of a scenario once, on a plant that has not flown before.

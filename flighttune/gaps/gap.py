@@ -22,6 +22,7 @@ from flighttune.scenario.schema import Scenario
 from flighttune.simulate.claim import Claim, claimed, with_claims
 from flighttune.simulate.run import Run
 from flighttune.theory.indicators import Indicators
+from flighttune.units import DEG_PER_RAD
 
 # If the course reference moves by more between two samples, it may itself wrap the error.
 REFERENCE_STEP = math.radians(5.0)
@@ -98,6 +99,8 @@ class Gap(Answering):
         Source of the lags: the aircraft's model file, or this flight.
     mismatch : Mismatch or None
         Mismatch of the aircraft against the paper's law.
+    unplanned : Run or None
+        The aircraft once more without roll and lift planned, where the reference rolls in.
 
     Examples
     --------
@@ -114,6 +117,7 @@ class Gap(Answering):
     lags: Mapping[str, tuple[InnerLag, float]] = field(default_factory=dict)
     lag_source: LagSource | None = None
     mismatch: Mismatch | None = None
+    unplanned: Run | None = None
 
     @property
     def status(self) -> Literal["explained", "cut_short", "not_flown"]:
@@ -209,10 +213,11 @@ class Gap(Answering):
                     if (cause := self.cause(channel))
                 },
                 "mismatch": mismatch,
+                "planning": self._largest,
                 **around.values,
             },
             tables=tables if self.steps else [],
-            notes=[*self.scenario.notes, *notes, *self.causes, *around.notes],
+            notes=[*self.scenario.notes, *notes, *self.causes, *self._planning, *around.notes],
             failure=around.failure or early,
         )
 
@@ -223,6 +228,33 @@ class Gap(Answering):
             name: {**lag_table(lag), "fit_percent": fit_percent}
             for name, (lag, fit_percent) in self.lags.items()
         }
+
+    @property
+    def _largest(self) -> dict[str, dict[str, float]] | None:
+        """Largest errors (rad) with roll and lift planned and without, by channel."""
+        if self.unplanned is None:
+            return None
+        return {
+            channel: {
+                word: float(run.signals[f"{channel}_err"].abs().max())
+                for word, run in (("planned", self.aircraft), ("unplanned", self.unplanned))
+            }
+            for channel in CHANNEL_SYMBOLS
+        }
+
+    @property
+    def _planning(self) -> list[str]:
+        """A sentence on what planning takes away; none where nothing is planned."""
+        errors = [
+            f"{CHANNEL_NAMES[channel]} from {largest['unplanned'] * DEG_PER_RAD:.3g} to "
+            f"{largest['planned'] * DEG_PER_RAD:.3g} deg"
+            for channel, largest in (self._largest or {}).items()
+        ]
+        if not errors:
+            return []
+        return [
+            f"Planning roll and lift takes the largest error of {' and that of '.join(errors)}."
+        ]
 
     @property
     def causes(self) -> tuple[str, ...]:

@@ -146,6 +146,18 @@ def explain_flight(
     shortest = min(runs, key=lambda run: len(run.signals))
     _check_length(shortest)
     cut = [replace(run, signals=run.signals.iloc[: len(shortest.signals)]) for run in runs]
+    unplanned = None
+    if scenario.rolls_in:
+        again, label = plant_of(table, scenario), aircraft.provenance.plant
+        unplanned = fly_once(
+            scenario,
+            again,
+            made_by.gains,
+            plant_label=label,
+            gains_name=made_by.gains_name,
+            limits=limits,
+            progress=progress,
+        )
     measured = mismatch(cut[-1])
     steps = zip(pairwise(cut), ADDS, strict=True)
     return Gap(
@@ -157,6 +169,7 @@ def explain_flight(
         lags=lags,
         lag_source=lag_source,
         mismatch=measured,
+        unplanned=unplanned,
     )
 
 

@@ -42,6 +42,8 @@ _POSITION = slice(COMMON_SIGNALS.index("north"), _DOWN + 1)
 
 PROGRESS_EVERY = 50
 
+NOT_LATE = (0.0, 0.0)
+
 
 def simulate(
     plant: Plant,
@@ -51,7 +53,7 @@ def simulate(
     condition: FlightCondition,
     duration: float,
     sensors: Sensors | None = None,
-    lead: tuple[float, float] = (0.0, 0.0),
+    lead: tuple[float, float] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[pd.DataFrame, Stop | None]:
     """Fly `plant` under `controller` along `reference` from `condition`.
@@ -75,8 +77,8 @@ def simulate(
         Sensors through which the controller sees course, climb and airspeed; by default it sees the
         true values. With sensors the signals also hold `MEASURED`; the errors are the true ones.
     lead : tuple of two floats, s, optional
-        Time by which roll and lift of a planned reference, or of a route, are planned ahead: that
-        by which they follow their commands late.
+        Time by which roll and lift are planned ahead where the reference rolls in, or is a route:
+        that by which they follow late. By default nothing is planned for a reference over time.
     progress : callable, optional
         Called with the time flown in s, about once a second of flight.
 
@@ -124,10 +126,10 @@ def simulate(
         plant,
         controller,
         measured_of,
-        zip(t.tolist(), _references(reference, t, lead), strict=True),
+        zip(t.tolist(), _references(reference, t, lead or NOT_LATE), strict=True),
         count=count,
-        follow=None if route is None else route.follower(dt, condition.h, lead),
-        plan=_planner(reference, dt),
+        follow=None if route is None else route.follower(dt, condition.h, lead or NOT_LATE),
+        plan=None if lead is None else _planner(reference, dt),
         end=math.inf if route is None else route.path.length,
         pack=struct.Struct(f"{len(columns)}d").pack,
         rows=rows,

@@ -247,8 +247,7 @@ class TubeProblem:
         dt = 1.0 / self.scenario.controller.rate_hz
         return SampledLoop(
             law=controller._replace(feed_forward=feed_forward),
-            reference=reference,
-            lift=lift,
+            reference=np.column_stack([reference, lift]),
             boxes=boxes,
             dt=dt,
             V_a=flight.V_a_mps,

@@ -86,8 +86,9 @@ REDUCE_EVERY = 25
 # rule over 0.02 s, and some rounding.
 COMPUTED = 1e-11
 
-# Columns of the reference of a loop: angles to follow, commands planned for them, their rates
-REFERENCE, PLANNED, RATES = slice(0, 2), slice(2, 4), slice(4, 6)
+# Columns of the reference of a loop: angles to follow, commands planned for them, their rates, and
+# the vertical lift of the feed-forward
+REFERENCE, PLANNED, RATES, LIFT = slice(0, 2), slice(2, 4), slice(4, 6), 6
 
 # Rows of the boxes of a loop: disturbances of the two rates, roll seen beyond that behind the lag,
 # and its change to the next sample.
@@ -104,10 +105,9 @@ class SampledLoop:
     """The loop that all flights of a set share."""
 
     law: SampledController  # the numbers of the controller itself
-    # shape (k, 6), rad, rad, rad, 1, rad/s, rad/s, in the columns `REFERENCE`, `PLANNED` and
-    # `RATES`: zeros where a law follows no plan, or no rates.
+    # shape (k, 7), rad, rad, rad, 1, rad/s, rad/s, weights, in the columns `REFERENCE`, `PLANNED`,
+    # `RATES` and `LIFT`: zeros where a law follows no plan, or no rates, or has no feed-forward.
     reference: FloatArray
-    lift: FloatArray  # shape (k,), weights: vertical lift of the feed-forward; zeros without one
     # shape (k, 2 or 4, 2), rad/s and rad: lowest and highest values from a sample to the next, in
     # the rows `D`, and `ROLL` and `ROLL_CHANGE` where the controller sees more roll than the lag's.
     boxes: FloatArray
@@ -148,7 +148,7 @@ class SampledLoop:
         state = np.zeros(self.rows)
         chi, gamma, phi, planned = self.reference[-1, :4]
         n_z = planned or np.cos(gamma)
-        extra = n_z - self.lift[-1]
+        extra = n_z - self.reference[-1, LIFT]
         state[[CHI, GAMMA, PHI, EXTRA_LIFT]] = chi, gamma, phi, extra
         state[N_Z_INTEGRAL] = 0.0 if self.law.inverts else extra - planned
         for rows, queue, lag, value in zip(*self.layout, self.lags, (phi, n_z), strict=False):
@@ -241,7 +241,7 @@ def start_set(loop: SampledLoop, within_start: float, sides: int, symbols: int) 
         doubt = level.radius * load.size + COMPUTED
         state[EXTRA_LIFT] = combined((level.middle, load)).widened(doubt)
     else:
-        feed_forward = Interval.point(np.full(len(centres), loop.lift[0])) / level
+        feed_forward = Interval.point(np.full(len(centres), loop.reference[0, LIFT])) / level
         extra = combined((1.0, load), shift=-feed_forward.middle)
         state[EXTRA_LIFT] = extra.widened(feed_forward.radius)
     for rows, queue, lag, value in zip(*loop.layout, loop.lags, (state[PHI], load), strict=False):
@@ -295,7 +295,7 @@ class Enclosure:
 
     def _controlled(self, k: int) -> Controlled:
         """The commands of sample k, in as many pieces as that takes."""
-        pieces, lift = self.pieces, self.loop.lift[k]
+        pieces, lift = self.pieces, self.loop.reference[k, LIFT]
         # A split changes the pieces and their constraints, so every form is made anew after it. No
         # symbol is added before the last pass: constraints may only speak of symbols that stay.
         while True:
@@ -303,7 +303,7 @@ class Enclosure:
             errors = self._errors(k, state)
             roll = self._seen(state)
             # The row was kept relative to the reference of the sample before.
-            extra, moved = state[EXTRA_LIFT], lift - self.loop.lift[max(k - 1, 0)]
+            extra, moved = state[EXTRA_LIFT], lift - self.loop.reference[max(k - 1, 0), LIFT]
             if moved != 0.0:
                 extra = combined((1.0, extra), (-moved, secant(roll).form))
             channels = self._channels(k, state, errors, roll, extra)
@@ -376,7 +376,7 @@ class Enclosure:
     def _channels(
         self, k: int, state: Sequence[Form], errors: Sequence[Form], roll: Quantity, extra: Form
     ) -> list[Channel]:
-        channels, lift = [], self.loop.lift[k]
+        channels, lift = [], self.loop.reference[k, LIFT]
         for i, law in enumerate(self.loop.law.channels):
             # The trapezoid begins with the second sample: there is no time before the first.
             increment = combined((0.0, errors[0]))

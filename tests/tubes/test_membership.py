@@ -19,7 +19,7 @@ from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.exact import enclosure_of
 from flighttune.tubes.problem import tube_problem
-from flighttune.tubes.sample import SPLITS, start_set
+from flighttune.tubes.sample import LIFT, SPLITS, start_set
 from flighttune.tubes.search import Search
 from tests.tubes.test_soundness import made_up
 from tests.tubes.test_soundness_lagged import bang_bang
@@ -89,7 +89,7 @@ def whole_state(problem, signals, start, k):
     commands = [(start.phi, phi), (start.n_z_start, n_z)]
     in_force = [one[k - 1] if k else first for first, one in commands]
     if loop.law.inverts is None:
-        extra = in_force[1] - loop.lift[max(k - 1, 0)] / math.cos(row["phi"])
+        extra = in_force[1] - loop.reference[max(k - 1, 0), LIFT] / math.cos(row["phi"])
         names = "phi_integral", "n_z_integral"
     else:
         extra = in_force[1] * math.cos(in_force[0])
