@@ -63,7 +63,7 @@ _OUTER_LOOP, _SCRIPT, _README = (
 # Components of the outer loop that every law has.
 _MEASURED = {
     *(f"ft/outer/{name}" for name in ("sample", "chi-rad", "gamma-rad", "gain")),
-    *(f"ft/outer/{name}-mps" for name in ("V_a", "wind-along", "ahead")),
+    *(f"ft/outer/{name}-mps" for name in ("V_a", "wind-along", "ahead", "turning")),
     *(f"ft/outer/{name}-rad" for name in ("half-turn-less", "chi-err", "gamma-err")),
     *(f"ft/outer/{u}/{name}" for u in ("phi", "n_z") for name in ("in-force", "low", "high")),
 }

@@ -24,12 +24,14 @@ from flighttune.references.follow import RouteReference
 from flighttune.scenario.load import GAINS_FILES, existing_file
 from flighttune.scenario.route import RouteTable
 from flighttune.scenario.schema import Scenario
-from flighttune.units import DEG
+from flighttune.units import DEG, G_PAPER
 
 AIRCRAFT = "aerosonde"
 
 # deg: climb of the first manoeuvre; without an engine the glide gets steeper by it.
 CLIMB = 3.0
+
+TURN = 30.0  # deg: turn of the first manoeuvre
 
 # Significant digits of values that are computed.
 DIGITS = 5
@@ -51,10 +53,9 @@ h_m        = 1000.0
 gamma_deg  = 0.0
 duration_s = 40.0
 
-[reference]                         # where to: each channel a constant, or a list of segments
-chi_deg   = 30.0
-gamma_deg = 0.0
-# shape   = "feasible"              # no step: the fastest change that the limits allow
+[reference]                         # where to: a constant (flown as a step), or a list of segments
+chi_deg   = []
+gamma_deg = []
 
 [limits]                            # of the commands, on the law as on the aircraft
 phi_deg        = []
@@ -157,15 +158,41 @@ def _first(aircraft: str, folder: Path) -> str:
     V_a, h = _design(config)
     start = level(config, V_a, h).gamma / DEG
     climb, change = ("climb", CLIMB) if config.engines.count else ("descend", -CLIMB)
-    document["title"] = f"Turn right by 30 deg and {climb} by {CLIMB:g} deg"
+    document["title"] = f"Turn right by {TURN:g} deg and {climb} by {CLIMB:g} deg"
     document["verifies"] = f"the aircraft turns and {climb}s with little overshoot, and settles"
     flight.comment(f"start: {config.title}")
     flight.update(rounded({"V_a_mps": V_a, "h_m": h, "gamma_deg": start}, DIGITS + 1))
     flight["V_a_mps"].comment(f"the aircraft flies {low:g} to {high:g} m/s")
-    document["reference"]["gamma_deg"] = rounded(start + change, DIGITS + 1)
+    ramps = _first_ramps(config, V_a, change)
+    for key, ramp in ramps.items():
+        table = tomlkit.inline_table()
+        table.update(ramp)
+        document["reference"][key].append(table)
+    ends = [sum(ramp[key] for key in ("start_s", "duration_s")) for ramp in ramps.values()]
+    flight["duration_s"] = max(flight["duration_s"], math.ceil(2.0 * max(ends)))
     document["limits"].update(_limits(config))
     document["plant"][1]["aircraft"] = _named(aircraft, folder)
     return tomlkit.dumps(document)
+
+
+def _first_ramps(config: AircraftConfig, V_a: float, climb: float) -> dict[str, Any]:
+    """A turn and a climb (deg) that roll in, in parts of what the aircraft's limits allow."""
+    limits = config.limits
+    roll = 0.6 * limits.phi[1]
+    loads = {"chi_deg": math.tan(roll), "gamma_deg": 0.3 * (limits.n_z[1] - 1.0)}
+    rates = {"chi_deg": limits.phi_rate, "gamma_deg": limits.n_z_rate}
+    changes = {"chi_deg": TURN, "gamma_deg": climb}
+    ramps = {}
+    for key, change in changes.items():
+        # Over the roll-in the command changes at up to 0.6 of its rate limit, and it takes at most
+        # half of the ramp: a small change has a small rate.
+        roll_in = loads[key] / (0.6 * rates[key])
+        rate = math.copysign(loads[key] * G_PAPER / V_a / DEG, change)
+        duration = max(change / rate, 2.0 * roll_in)
+        values = {"start_s": 2.0, "duration_s": duration, "rate_dps": change / duration}
+        values["roll_in_s"] = min(roll_in, 4.0)
+        ramps[key] = {"shape": "ramp", **rounded(values, DIGITS)}
+    return ramps
 
 
 def _made_for(like: str, aircraft: str | None, folder: Path) -> str:
@@ -186,7 +213,11 @@ def _made_for(like: str, aircraft: str | None, folder: Path) -> str:
     document["flight"]["V_a_mps"], document["limits"] = rounded(V_a, DIGITS), _limits(config)
     _scale(document["flight"], {"gamma_deg": climb})
     if scenario.route is None:
-        _scale_reference(document["reference"], turn, climb)
+        rates = [(of.limits.phi_rate, of.limits.n_z_rate) for of in (other, config)]
+        loads = turn * faster, climb * faster
+        # Of the same change of a command, a slower one takes longer.
+        roll_in = tuple(max(a / b * load, 1.0) for a, b, load in zip(*rates, loads, strict=True))
+        _scale_reference(document["reference"], turn, climb, (roll_in[0], roll_in[1]))
     else:
         room = (
             _room(scenario.route, speed, flight.g_mps2, of)
@@ -219,14 +250,21 @@ def _made_for(like: str, aircraft: str | None, folder: Path) -> str:
     return tomlkit.dumps(document)
 
 
-def _scale_reference(reference: Any, turn: float, climb: float) -> None:
-    """Multiply the turn rates of a reference, and its path angles."""
-    for key, angle, rate in (("chi", 1.0, turn), ("gamma", climb, climb)):
+def _scale_reference(
+    reference: Any, turn: float, climb: float, roll_in: tuple[float, float]
+) -> None:
+    """Multiply the turn rates of a reference, its path angles, and the times of roll-ins."""
+    scales_of = ("chi", 1.0, turn, roll_in[0]), ("gamma", climb, climb, roll_in[1])
+    for key, angle, rate, rolling in scales_of:
         _scale(reference, {f"{key}_from_deg": angle})
         if isinstance(reference[f"{key}_deg"], list):
             scales = {"change_deg": angle, "amplitude_deg": angle, "rate_dps": rate}
+            scales["roll_in_s"] = rolling
             for segment in reference[f"{key}_deg"]:
                 _scale(segment, scales)
+                if "roll_in_s" in segment:  # no longer than the ramp
+                    most = min(segment["duration_s"], 2.0 * segment["start_s"])
+                    segment["roll_in_s"] = min(segment["roll_in_s"], most)
         else:
             _scale(reference, {f"{key}_deg": angle})
 
