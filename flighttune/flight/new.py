@@ -189,8 +189,12 @@ def _first_ramps(config: AircraftConfig, V_a: float, climb: float) -> dict[str, 
         roll_in = loads[key] / (0.6 * rates[key])
         rate = math.copysign(loads[key] * G_PAPER / V_a / DEG, change)
         duration = max(change / rate, 2.0 * roll_in)
-        values = {"start_s": 2.0, "duration_s": duration, "rate_dps": change / duration}
-        values["roll_in_s"] = min(roll_in, 4.0)
+        values = {
+            "start_s": max(2.0, roll_in),
+            "duration_s": duration,
+            "rate_dps": change / duration,
+            "roll_in_s": roll_in,
+        }
         ramps[key] = {"shape": "ramp", **rounded(values, DIGITS)}
     return ramps
 

@@ -61,7 +61,7 @@ def test_the_law_flies_a_circuit_within_the_corridor_of_its_course_error(from_de
     V_g = np.hypot(*signals[["north", "east"]].diff().to_numpy()[1:].T) * rate_hz
     course_err = signals["chi_err"].abs().max() + signals["chi_err"].diff().abs().max()
     beside = signals["cross_track"].abs().max()
-    assert 0.1 < beside <= half_width(V_g.max() * T, course_err) + SAG_M
+    assert 0.001 < beside <= half_width(V_g.max() * T, course_err) + SAG_M
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import flighttune as ft
 from flighttune.control.gains import RATES
-from flighttune.flight.conditions import reference_of, start_condition
+from flighttune.flight.conditions import lead_on, reference_of, start_condition
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.problem import tube_problem
 from flighttune.tubes.tube import tube_of
@@ -18,6 +18,8 @@ DEG = math.pi / 180.0
 
 PATH_DEG = st.floats(-20.0, 30.0)
 RAMP_DPS = st.one_of(st.none(), st.floats(-8.0, 8.0))
+RAMP = {"shape": "ramp", "start_s": 0.2, "duration_s": 1.0, "roll_in_s": 0.3}
+PLANNED = {"chi_deg": [RAMP | {"rate_dps": 12.0}], "gamma_deg": [RAMP | {"rate_dps": -4.0}]}
 START_DEG, DISTURBANCE = st.sampled_from([0.0, 0.5]), st.sampled_from([0.0, 0.01])
 
 
@@ -46,7 +48,9 @@ def lagged_problems(draw):
         feed_forward=draw(st.booleans()),
         ramp_dps=draw(RAMP_DPS),
     )
-    scenario = ft.scenario_from({**scenario.as_dict(), "plant": [draw(lagged_plants())]})
+    reference = draw(st.sampled_from([scenario.as_dict()["reference"], PLANNED]))
+    tables = {"plant": [draw(lagged_plants())], "reference": reference}
+    scenario = ft.scenario_from({**scenario.as_dict(), **tables})
     return scenario, ft.PAPER_GAINS, draw(START_DEG) * DEG, draw(DISTURBANCE)
 
 
@@ -101,6 +105,7 @@ def check_point_mass(case, seed):
             reference_of(scenario),
             condition=replace(condition, chi=condition.chi + chi, gamma=condition.gamma + gamma),
             duration=scenario.flight.duration_s,
+            lead=lead_on(scenario, scenario.plant[0]),
         )
         assert found.bounds.contain(signals)
 
