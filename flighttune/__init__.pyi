@@ -3,6 +3,7 @@
 from flighttune.adoption.adopt import adopt as adopt
 from flighttune.campaign.band import band as band
 from flighttune.campaign.claims import load_claim as load_claim
+from flighttune.campaign.claims import save_claim as save_claim
 from flighttune.campaign.claims import verify as verify
 from flighttune.campaign.engine.engine import run_campaign as run_campaign
 from flighttune.campaign.meet import meet as meet
@@ -15,10 +16,8 @@ from flighttune.campaign.refly import refly as refly
 from flighttune.campaign.worst import WorstFlight as WorstFlight
 from flighttune.campaign.worst import worst as worst
 from flighttune.certificates.certificate import Certificate as Certificate
-from flighttune.certificates.certificate import save_certificate as save_certificate
 from flighttune.certificates.make import Certification as Certification
 from flighttune.claims.band import Band as Band
-from flighttune.claims.band import save_band as save_band
 from flighttune.control.controller import Controller as Controller
 from flighttune.control.controller import FlightCondition as FlightCondition
 from flighttune.control.controller import LawSetup as LawSetup
@@ -92,7 +91,6 @@ from flighttune.theory.indicators import Indicators as Indicators
 from flighttune.theory.indicators import indicators as indicators
 from flighttune.theory.indicators import indicators_batch as indicators_batch
 from flighttune.tubes.enclosure import Tube as Tube
-from flighttune.tubes.proof import save_tube as save_tube
 from flighttune.tubes.tube import tube as tube
 from flighttune.tuning.problem import TuningProblem as TuningProblem
 from flighttune.tuning.result import TuningResult as TuningResult

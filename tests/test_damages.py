@@ -95,7 +95,7 @@ def changed_rows(rows, draw):
 
 def band(folder):
     rng = np.random.default_rng(5)
-    ft.save_band(band_of(random_flights(20, rng), random_flights(93, rng)), folder / "band.npz")
+    ft.save_claim(band_of(random_flights(20, rng), random_flights(93, rng)), folder / "band.npz")
     return folder / "band.npz"
 
 
@@ -103,15 +103,15 @@ def band(folder):
 
 
 def proven(folder):
-    ft.save_tube(tube(PROVEN, ft.PAPER_GAINS, disturbance=0.02), folder / "tube.npz")
+    ft.save_claim(tube(PROVEN, ft.PAPER_GAINS, disturbance=0.02), folder / "tube.npz")
     return folder / "tube.npz"
 
 
 def proven_of_aircraft(folder):
     scenario = flight(duration_s=0.2)
     boxes = counted_boxes(scenario)
-    ft.save_band(boxes, folder / "boxes.npz")
-    ft.save_tube(tube(scenario, ft.PAPER_GAINS, band=boxes), folder / "tube.npz")
+    ft.save_claim(boxes, folder / "boxes.npz")
+    ft.save_claim(tube(scenario, ft.PAPER_GAINS, band=boxes), folder / "tube.npz")
     return folder / "tube.npz"
 
 

@@ -22,7 +22,7 @@ from flighttune.control.linear_model import (
     disturbance_entry,
 )
 from flighttune.errors import InputError
-from flighttune.files.value import STRICT, read, write
+from flighttune.files.value import STRICT, read
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import columns, listed
 from flighttune.present.tables import Column, Table
@@ -325,29 +325,6 @@ class Certificate(Answering):
 def exact_rates_tables(rates: Sequence[Mapping[str, Any]]) -> list[Table]:
     """The table of exact rates, a row each; none without a rate."""
     return [Table(EXACT_COLUMNS, rates, "exact rates of the norm")] if rates else []
-
-
-def save_certificate(certificate: Certificate, path: str | Path) -> None:
-    """Write a certificate as JSON, under a temporary name until it is whole.
-
-    Parameters
-    ----------
-    certificate : Certificate
-    path : path-like
-        File to write or replace; its folder is made where there is none.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
-
-    Examples
-    --------
-    >>> ft.save_certificate(ft.certify("paper", "paper").certificate, "proof.json")
-    >>> ft.verify("proof.json").valid
-    True
-    """
-    write(certificate, path)
 
 
 def load_certificate(path: str | Path) -> Certificate:

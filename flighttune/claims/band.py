@@ -409,28 +409,7 @@ def wind_at_start(scenario: Scenario) -> Sequence[float]:
 
 
 def save_band(band: Band, path: str | Path) -> None:
-    """Write a band with its SHA-256, whole or not at all, which `flighttune verify` checks.
-
-    Parameters
-    ----------
-    band : Band
-    path : str or Path
-        File (.npz) to write or replace; parent folders are made. About 1.3 MB for 1640 flights of
-        two signals.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
-
-    Examples
-    --------
-    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "workers": 1}
-    >>> band = ft.band("level_turn", start_deg=2.0, plant="kinematic", **few)
-    >>> ft.save_band(band, "turn.npz")
-    >>> ft.load_claim("turn.npz").sentence == band.sentence
-    True
-    """
+    """Write a band with its SHA-256, whole or not at all."""
     about = np.array(json.dumps(tables_of(band.about)))
     with whole_file(Path(path)) as part:
         with part.open("wb") as file:

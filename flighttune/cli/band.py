@@ -35,7 +35,7 @@ def band(
         Argument(
             metavar="CAMPAIGN|SCENARIO|FILE",
             help="A campaign (file, shipped name or folder), a scenario in which something is "
-            "random or --start-deg is given, or a band file (.npz): its flights are not flown "
+            "random or --start-deg is given, or a band file: its flights are not flown "
             "again.",
             autocompletion=lambda: [*campaign_files(), *scenario_files()],
         ),
@@ -105,7 +105,7 @@ def band(
     workers: options.WorkersOption = None,
     scheduler: options.SchedulerOption = None,
 ) -> Answer:
-    """Count the band that a flight of a campaign leaves with at most a stated probability.
+    """Bound signals by counting flights: a new one leaves the band with at most a probability.
 
     Its shape is learned from some flights, and its scale counted on fresh ones: it holds for all
     signals at all times, for any law, plant and weather. Exit status 1 if too many flights did not
@@ -115,9 +115,10 @@ def band(
     options.check_ending(out, ".npz")
     from flighttune.campaign.band import band as count_band
     from flighttune.campaign.band import count_more, load_band, plan_of
+    from flighttune.campaign.claims import is_claim_file
+    from flighttune.campaign.claims import save_claim as save
     from flighttune.campaign.fence import count_inside, fence_of
     from flighttune.campaign.stated_set import planned
-    from flighttune.claims.band import save_band
     from flighttune.files.table import json_tables
 
     claim = _stated(epsilon=epsilon, confidence=confidence)
@@ -133,7 +134,7 @@ def band(
         seed=seed,
         changes=options.changes(settings) or None,
     )
-    if Path(source).suffix != ".npz":
+    if not is_claim_file(source):
         if fence is not None:  # refuse it before a flight
             own = {key: of_source[key] for key in of_source if key in PLANNED}
             fence_of(planned(source, **own), json_tables(fence), fence, *signal or ())
@@ -141,7 +142,7 @@ def band(
             by = {"workers": workers, "scheduler": scheduler, "observer": observer}
             kept = count_band(source, flights=flights, **claim, **of_source, **by)
         file = out = out or Path("runs") / f"{Path(source).stem}-band.npz"
-        save_band(kept, file)
+        save(kept, file)
     else:
         for name in of_source:
             raise InputError(f"`{name}` must be absent for a band file, which has its own.")
@@ -151,14 +152,14 @@ def band(
         with campaign_pool(workers, scheduler) as pool:
             if flights is not None:
                 kept, out = count_more(kept, flights, pool), out or file
-                save_band(kept, file)  # whatever else is written: its readings are those of FILE
+                save(kept, file)  # whatever else is written: its readings are those of FILE
     if fence is not None:
         kept = kept.with_fence(json_tables(fence))
         count_inside(kept, kept.about.fences[-1], fence)  # refuses it before it is kept
-        save_band(kept, file)
+        save(kept, file)
     counted = kept.claiming(**{**pick(kept.about, "epsilon confidence"), **claim})
     if out is not None:
-        save_band(counted, out)
+        save(counted, out)
     file = out or file
     answer = counted.answer(file)
     if fence is not None:

@@ -36,7 +36,7 @@ def certify(
 
     Exit status 1 if the loop is unstable or no certificate can be proven.
     """
-    from flighttune.certificates.certificate import save_certificate
+    from flighttune.files.value import write
     from flighttune.flight.gains import certify as certify_gains
 
     options.check_ending(figure, ".svg", option="--figure")
@@ -45,7 +45,7 @@ def certify(
     )
     proof = out if certified.certificate else None
     if certified.certificate is not None and out is not None:
-        save_certificate(certified.certificate, out)
+        write(certified.certificate, out)
     if figure is not None:
         from flighttune.reports.loop_charts import loop_sheet
 

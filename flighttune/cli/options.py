@@ -50,7 +50,7 @@ SchedulerOption = Annotated[
 ]
 StartOption = Annotated[
     float,
-    Option(help="Largest deviation from a scenario's start, course and path angle, deg."),
+    Option(help="Half-width of the start range in course and path angle, deg."),
 ]
 SeedOption = Annotated[
     int | None, Option(help="Seed of the draws [default: the campaign's].", min=0)

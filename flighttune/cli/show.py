@@ -48,7 +48,7 @@ _DOING: ContextVar[str] = ContextVar("doing", default="")
 
 @contextmanager
 def working(doing: str, *, quiet: bool, as_json: bool = False) -> Iterator[None]:
-    """Show on a terminal, from the start, what a command is `doing`, such as ``tuning``."""
+    """Show a status line on a terminal while the command runs, such as ``tuning ...``."""
     asked, form = _QUIET.set(quiet), _JSON.set(as_json)
     # Once a file, and with -q too: the file may be a stranger's.
     notice = NOTICE.set(cache(lambda file: tell(f"runs the Python code of {file}")))

@@ -58,9 +58,9 @@ def tube(
     Exit status 1 if the set cannot be bounded for the whole time, or if a flight leaves it.
     """
     from flighttune.campaign.band import load_band
+    from flighttune.campaign.claims import save_claim
     from flighttune.tubes import tube as tubes
     from flighttune.tubes.problem import tube_problem
-    from flighttune.tubes.proof import save_tube
 
     options.check_ending(out, ".npz")
     if largest_disturbance and (disturbance, boxes, out) != (None, None, None):
@@ -90,7 +90,7 @@ def tube(
     notes, inside = [*answer.notes], enclosure.reason != tubes.LEFT
     if enclosure.status == "bounded":
         proof = out or Path("runs") / f"{Path(scenario).stem}-tube.npz"
-        save_tube(enclosure, proof)
+        save_claim(enclosure, proof)
         if enclosure.problem.boxes is not None:
             notes.append(f"Check the boxes too: flighttune verify {proof} --boxes FILE")
     return replace(

@@ -82,26 +82,7 @@ class Claim:
 
 
 def save_tube(tube: Tube, path: str | Path) -> None:
-    """Write a bounded tube with its proof, which `flighttune verify` checks.
-
-    Parameters
-    ----------
-    tube : Tube
-    path : str or Path
-        File to write or replace; parent folders are made.
-
-    Raises
-    ------
-    InputError
-        If the tube is not bounded.
-    OutputError
-        If the file cannot be written.
-
-    Examples
-    --------
-    >>> tube = ft.tube("paper", "paper", changes={"flight.duration_s": 2.0})
-    >>> ft.save_tube(tube, "tube.npz")
-    """
+    """Write a bounded tube with its proof; an InputError if it is not bounded."""
     if tube.status != "bounded":
         raise InputError(
             f"`tube` must be bounded to be proven, got one that is not: {tube.reason}."

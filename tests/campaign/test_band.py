@@ -184,7 +184,7 @@ def test_the_command_counts_reads_adds_and_verifies(tmp_path):
 def test_a_band_of_an_aircraft_that_has_changed_is_refused(counted, tmp_path):
     plan = {**counted.about.plan, "aircraft": {"aerosonde": 64 * "0"}}
     changed = replace(counted, about=replace(counted.about, plan=plan))
-    ft.save_band(changed, tmp_path / "x.npz")
+    ft.save_claim(changed, tmp_path / "x.npz")
 
     with pytest.raises(ft.InputError, match="`aerosonde` must have the files"):
         plan_of_band(changed)
@@ -193,10 +193,10 @@ def test_a_band_of_an_aircraft_that_has_changed_is_refused(counted, tmp_path):
 
 
 def test_a_file_of_another_campaign_takes_no_options_of_a_source(counted, tmp_path):
-    ft.save_band(counted, tmp_path / "x.npz")
+    ft.save_claim(counted, tmp_path / "x")  # known by its content, whatever its name
 
     for option, value, name in (("gains", "soft", "gains"), ("start-deg", 1, "start_deg")):
-        _, stderr = flighttune("band", tmp_path / "x.npz", f"--{option}", value, status=2)
+        _, stderr = flighttune("band", tmp_path / "x", f"--{option}", value, status=2)
         assert f"`{name}` must be absent for a band file" in stderr
 
 

@@ -129,7 +129,7 @@ def test_the_code_of_a_strangers_file_is_run_only_where_that_is_asked_for(tmp_pa
     code, mark, path = tmp_path / "law.py", tmp_path / "ran", tmp_path / "x.npz"
     code.write_text(dedent(LAW))
     law = {"name": "mine", "kind": "python", "module": str(code), "class": "Mine"}
-    ft.save_band(count(small_plan(law=[law])), path)
+    ft.save_claim(count(small_plan(law=[law])), path)
     mark.unlink()
     own._module.cache_clear()
 

@@ -40,7 +40,7 @@ def test_the_gains_of_shipped_aircraft_have_nearly_their_true_rate(scenario):
 
 
 def test_a_certificate_keeps_its_exact_rates_in_its_file(mission, tmp_path):
-    ft.save_certificate(mission, tmp_path / "proof.json")
+    ft.save_claim(mission, tmp_path / "proof.json")
 
     read = ft.load_claim(tmp_path / "proof.json")
 

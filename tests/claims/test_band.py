@@ -269,7 +269,7 @@ def values_of(band):
 
 
 def test_a_file_comes_back_as_it_was_written(counted, tmp_path):
-    ft.save_band(counted, tmp_path / "x.npz")
+    ft.save_claim(counted, tmp_path / "x.npz")
 
     assert values_of(load_walks(tmp_path / "x.npz")) == values_of(counted)
 
@@ -277,7 +277,7 @@ def test_a_file_comes_back_as_it_was_written(counted, tmp_path):
 @pytest.mark.slow
 def test_a_damaged_file_is_refused(counted, tmp_path):
     path = tmp_path / "x.npz"
-    ft.save_band(counted, path)
+    ft.save_claim(counted, path)
     whole = path.read_bytes()
     places = np.linspace(0, len(whole) - 1, 60).astype(int)
     damages = [whole[:k] + bytes([whole[k] ^ 1]) + whole[k + 1 :] for k in places]
@@ -291,7 +291,7 @@ def test_a_damaged_file_is_refused(counted, tmp_path):
 
 def forged(band, path, about=None, **arrays):
     """The file of a band with other values, and the SHA-256 of what it says then."""
-    ft.save_band(band, path)
+    ft.save_claim(band, path)
     with np.load(path) as file:
         members = {**file, **arrays}
     tables = {**json.loads(str(members["band"])), **(about or {})}

@@ -100,7 +100,7 @@ def test_the_bounds_that_a_tube_states_in_words_are_not_below_those_proven(prove
 def test_commands_draw_a_claim_by_its_content_whatever_the_name_of_its_file(proven, tmp_path):
     scenario, file = tmp_path / "turn.toml", tmp_path / "a_claim"
     scenario_file(scenario, turn())
-    ft.save_tube(proven, tmp_path / "t.npz")
+    ft.save_claim(proven, tmp_path / "t.npz")
     (tmp_path / "t.npz").rename(file)
 
     found = answer("fly", scenario, "--claim", file, "--out", tmp_path / "runs")
@@ -119,7 +119,7 @@ def test_a_flight_that_leaves_its_tube_is_a_failure(proven, tmp_path):
     scenario, file = tmp_path / "turn.toml", tmp_path / "t.npz"
     scenario_file(scenario, turn(**swing(0.9 * DISTURBANCE)))
     narrow = replace(proven.bounds, low=0.99 * proven.bounds.low, high=0.5 * proven.bounds.high)
-    ft.save_tube(
+    ft.save_claim(
         replace(proven, bounds=replace(narrow, low=np.minimum(narrow.low, narrow.high))), file
     )
 

@@ -26,7 +26,7 @@ def recorded():
 
 
 def verified():
-    ft.save_certificate(ft.certify("paper", "paper").certificate, "certificate.json")
+    ft.save_claim(ft.certify("paper", "paper").certificate, "certificate.json")
     return ft.verify("certificate.json")
 
 

@@ -33,7 +33,7 @@ def test_the_aircraft_flies_inside_its_tube_which_is_proven_again(tmp_path, feed
     assert found.status == "bounded"
     assert flights_inside(found)
     assert "probability at most 0.05" in found.problem.model
-    ft.save_tube(found, tmp_path / "tube.npz")
+    ft.save_claim(found, tmp_path / "tube.npz")
     assert ft.verify(tmp_path / "tube.npz").valid
 
 
@@ -44,7 +44,7 @@ def test_a_set_that_is_lost_bounds_no_flight(tmp_path):
     boxes = counted_boxes(scenario, half_width=1.0)
     lost = tube(scenario, ft.PAPER_GAINS, band=boxes)
     path = scenario_file(tmp_path / "flight.toml", scenario)
-    ft.save_band(boxes, tmp_path / "boxes.npz")
+    ft.save_claim(boxes, tmp_path / "boxes.npz")
 
     stdout, stderr = flighttune(
         "tube", path, "--gains", "paper", "--boxes", tmp_path / "boxes.npz", "--out",
@@ -54,7 +54,7 @@ def test_a_set_that_is_lost_bounds_no_flight(tmp_path):
     assert (lost.status, lost.probability) == ("unbounded", None)
     assert 0 < len(lost.bounds.t) < len(lost.problem.t)
     with pytest.raises(ft.InputError, match="must be bounded"):
-        ft.save_tube(lost, tmp_path / "tube.npz")
+        ft.save_claim(lost, tmp_path / "tube.npz")
     assert lost.reason in stderr
     assert "`flighttune band` bounds such flights" in stdout
     assert "leaves the tube with" not in stdout
@@ -113,8 +113,8 @@ def proof(tmp_path_factory):
     scenario = flight(duration_s=0.3, feed_forward=True)
     folder = tmp_path_factory.mktemp("proof")
     boxes = counted_boxes(scenario)
-    ft.save_band(boxes, folder / "boxes.npz")
-    ft.save_tube(tube(scenario, ft.PAPER_GAINS, band=boxes), folder / "tube.npz")
+    ft.save_claim(boxes, folder / "boxes.npz")
+    ft.save_claim(tube(scenario, ft.PAPER_GAINS, band=boxes), folder / "tube.npz")
     return folder / "tube.npz", folder / "boxes.npz"
 
 
@@ -181,7 +181,7 @@ def test_of_a_tube_that_a_flight_leaves_no_file_is_written(tmp_path):
     scenario = flight(duration_s=0.6)
     path = scenario_file(tmp_path / "flight.toml", scenario)
     # The aircraft leaves boxes that are this narrow, and so does its flight their tube.
-    ft.save_band(counted_boxes(scenario, half_width=1e-7), tmp_path / "boxes.npz")
+    ft.save_claim(counted_boxes(scenario, half_width=1e-7), tmp_path / "boxes.npz")
     options = "--gains", "paper", "--boxes", tmp_path / "boxes.npz"
 
     stdout, stderr = flighttune(

@@ -36,7 +36,7 @@ def found(scenario):
 @pytest.fixture(scope="module")
 def path(found, tmp_path_factory):
     path = tmp_path_factory.mktemp("tube") / "tube.npz"
-    ft.save_tube(found, path)
+    ft.save_claim(found, path)
     return path
 
 

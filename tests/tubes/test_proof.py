@@ -23,7 +23,7 @@ def proven(tmp_path_factory):
     # Roll leaves its rate limit within the time: there is something to choose.
     scenario = made_up(chi_err_deg=15.0, gamma_deg=15.0, duration_s=1.0)
     found = tube(scenario, ft.PAPER_GAINS, disturbance=0.02)
-    ft.save_tube(found, path)
+    ft.save_claim(found, path)
     return found, path
 
 
@@ -165,7 +165,7 @@ def test_a_feasible_reference_in_the_file_must_be_that_of_the_scenario(tmp_path)
     tables["flight"]["duration_s"] = 1.0
     path = tmp_path / "tube.npz"
     found = tube(ft.scenario_from(tables), ft.PAPER_GAINS)
-    ft.save_tube(found, path)
+    ft.save_claim(found, path)
     near, far = (found.problem.reference + by for by in (1e-9, 1e-5))
 
     again = load_tube(rewritten(path, {"reference": near}, tmp_path / "near.npz"))
