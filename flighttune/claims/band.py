@@ -122,20 +122,20 @@ class BandFlights:
 
     def difference(self, run: Run, scenario: Scenario) -> str:
         """First key in which a run differs from these flights; empty if it is one of them."""
-        made, flown = run.provenance, run.provenance.gains
+        origin, flown = run.provenance, run.provenance.gains
         if run.status != "completed":
             return "status"
-        if self.plant != made.plant:
+        if self.plant != origin.plant:
             return "plant"
-        if split_name(self.gains_name)[0] != split_name(made.gains_name)[0]:
+        if split_name(self.gains_name)[0] != split_name(origin.gains_name)[0]:
             return "law"
         if flown is None or not np.allclose(self.gains.K, flown.K, rtol=SAME_GAINS):
             return "gains"
         if self.changed:
             return "aircraft files"
-        stated, own = (_stated(some, self.plant) for some in (self.scenario, scenario))
+        counted, of_run = (_stated(tables, self.plant) for tables in (self.scenario, scenario))
         drawn = {PLACE.sub("", key) for key in self.distribution.dispersed}
-        differ = (key for key in stated | own if stated.get(key) != own.get(key))
+        differ = (key for key in counted | of_run if counted.get(key) != of_run.get(key))
         return next((key for key in differ if key not in drawn), "")
 
 
@@ -254,8 +254,8 @@ class Band(Answering):
     def shared(self) -> str:
         """How many claims share the confidence, in words; empty for a single one."""
         fences, readings = len(self.about.fences), len(self.readings)
-        of = ["the band and its fence" if fences == 1 else f"the band and {fences} fences"]
-        parts = of * bool(fences) + [f"{readings} numbers of flights"] * (readings > 1)
+        claims = ["the band and its fence" if fences == 1 else f"the band and {fences} fences"]
+        parts = claims * bool(fences) + [f"{readings} numbers of flights"] * (readings > 1)
         return f" (shared by {' at '.join(parts)})" if parts else ""
 
     @property

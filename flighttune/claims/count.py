@@ -65,7 +65,7 @@ def fresh_flights(flights: int | None, epsilon: float, confidence: float) -> int
 
 
 def counted_scale(scores: FloatArray, epsilon: float, confidence: float) -> tuple[float, int]:
-    """The score that a new flight exceeds with probability at most `epsilon`, and how many do.
+    """Scale that a new score exceeds with probability at most `epsilon`, and how many exceed it.
 
     `scores`, shape (N,): of independent flights that played no part in how they are scored; a
     flight that was not completed has an infinite one. The scale is the (r + 1)-th largest score,

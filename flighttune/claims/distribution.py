@@ -133,20 +133,20 @@ class Distribution:
         errors = [key for key in self.fixed | self.dispersed if key.startswith("sensors.")]
         errors = [f"{_words(key)} {self._range(key)}" for key in errors if any(self._values(key))]
         largest = max(map(abs, self._values("disturbance.", "_amplitude")), default=0.0)
-        said = {
+        words = {
             "wind": self._range("wind.", "speed_mps"),
             "gust": self._range("gust.peak_mps"),
             "turbulence": intensity,
             "sensors": ", ".join(errors),
             "disturbance": f"up to {largest:g} rad/s" if largest else "",
         }
-        if said["wind"]:
+        if words["wind"]:
             origins = self._values("wind.", "from_deg")
             anywhere = max(origins) - min(origins) >= FULL_CIRCLE_DEG
-            said["wind"] += f" from {'anywhere' if anywhere else _spread(origins, 'deg')}"
-        if said["gust"]:
-            said["gust"] += f" ({self._range('gust.axis')})"
-        return {name: text for name, text in said.items() if text}
+            words["wind"] += f" from {'anywhere' if anywhere else _spread(origins, 'deg')}"
+        if words["gust"]:
+            words["gust"] += f" ({self._range('gust.axis')})"
+        return {name: text for name, text in words.items() if text}
 
     def _values(self, start: str, end: str = "") -> list[Any]:
         """Both ends of the range, or the value, of each key that begins and ends so."""
@@ -165,27 +165,27 @@ class Distribution:
         None unless its flights are those of the scenario in calm air in all but their starts, which
         are drawn within as much to either side in both angles.
         """
-        own, drawn = flown_values(scenario, plant), set(self.dispersed)
-        alike = drawn <= set(STARTS) and {*own} == {*self.fixed} | drawn and self.air == "calm"
+        flown, drawn = flown_values(scenario, plant), set(self.dispersed)
+        alike = drawn <= set(STARTS) and {*flown} == {*self.fixed} | drawn and self.air == "calm"
         if not alike or any(table.get("distribution") not in BOUNDED for table in self.disperse):
             return None
-        ranges = ((own[key], self.dispersed.get(key, [own[key]])) for key in STARTS)
+        ranges = ((flown[key], self.dispersed.get(key, [flown[key]])) for key in STARTS)
         away = [abs(end - start) for start, ends in ranges for end in (ends[0], ends[-1])]
         return math.radians(max(away)) if max(away) - min(away) <= ROUNDING_DEG else None
 
     def difference(self, scenario: Scenario, plant: PlantTable) -> str | None:
         """Why no flight of the distribution can be one of this scenario; None if one can."""
-        own = flown_values(scenario, plant)
-        for key in dict.fromkeys([*own, *self.fixed]):
+        flown = flown_values(scenario, plant)
+        for key in dict.fromkeys([*flown, *self.fixed]):
             if key in self.dispersed:
                 drawn = self.dispersed[key]
                 words = any(isinstance(value, str) for value in drawn)
-                if own[key] not in drawn if words else not drawn[0] <= own[key] <= drawn[-1]:
+                if flown[key] not in drawn if words else not drawn[0] <= flown[key] <= drawn[-1]:
                     allowed = f"one of {drawn}" if words else f"{drawn[0]:g} to {drawn[-1]:g}"
-                    return f"`{key}` must be {allowed}, got {own[key]!r}"
-            elif key.split(".")[0] in FLOWN_ALIKE or key in own:
-                if own.get(key) != self.fixed.get(key):
-                    return f"`{key}` must be {self.fixed.get(key)!r}, got {own.get(key)!r}"
+                    return f"`{key}` must be {allowed}, got {flown[key]!r}"
+            elif key.split(".")[0] in FLOWN_ALIKE or key in flown:
+                if flown.get(key) != self.fixed.get(key):
+                    return f"`{key}` must be {self.fixed.get(key)!r}, got {flown.get(key)!r}"
         return None
 
 

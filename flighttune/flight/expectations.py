@@ -99,15 +99,15 @@ class ClaimCheck:
         if self.verdict == "not tested":
             return "Claim not tested: no [[expect]] is about these runs; all were completed"
         n, met, not_flown = self.total
-        of = f"{n} requirement{'s' if n > 1 else ''}"
+        stated = f"{n} requirement{'s' if n > 1 else ''}"
         if self.verdict == "met":
             poor = len(self.lower)
             lower = f" ({poor} lower bound{'s' * (poor > 1)})" if poor else ""
-            return f"Claim met: {met} of {of}{lower}"
+            return f"Claim met: {met} of {stated}{lower}"
         counts = {"met": met, "missed": n - met - not_flown}
         counts |= {"not flown": not_flown} if not_flown else {}
         words = ", ".join(f"{number} {what}" for what, number in counts.items())
-        return f"Claim not met: of {of} {words}"
+        return f"Claim not met: of {stated} {words}"
 
     @property
     def sentence(self) -> str:
@@ -136,17 +136,17 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
         stated = any(table.status for table in tables)
         if wrong_end := _wrong_end(tables, run.status, run.reason):
             missed.append(f"{run.label}: {wrong_end}")
-            own = [replace(check, flown=False) for check in bound_checks(tables, {}, run.label)]
+            checks = [replace(check, flown=False) for check in bound_checks(tables, {}, run.label)]
             # A stated end is missed; without one and without bounds the run itself was not flown.
-            met, not_flown = 0, len(own) or int(not stated)
+            met, not_flown = 0, len(checks) or int(not stated)
         else:
             of_run = tables, scenario, made_by.gains_name, made_by.gains
-            own = list(bound_checks(tables, with_loop(measures(run), *of_run), run.label))
-            missed += [f"{run.label}: {check.sentence}" for check in own if not check.met]
-            met, not_flown = sum(check.met for check in own) + int(stated), 0
-        end = stated or bool(wrong_end and not own)
-        counts.append(Counts(len(own) + int(end), met, not_flown))
-        bounds += own
+            checks = list(bound_checks(tables, with_loop(measures(run), *of_run), run.label))
+            missed += [f"{run.label}: {check.sentence}" for check in checks if not check.met]
+            met, not_flown = sum(check.met for check in checks) + int(stated), 0
+        end = stated or bool(wrong_end and not checks)
+        counts.append(Counts(len(checks) + int(end), met, not_flown))
+        bounds += checks
     tested = any(count.requirements for count in counts)
     return ClaimCheck(
         verdict="not met" if missed else "met" if tested else "not tested",

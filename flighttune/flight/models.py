@@ -142,12 +142,14 @@ def identified_problems(scenario: Scenario, law: Law | None = None) -> tuple[Tun
     """
     law = law or scenario.laws[0]
     return tuple(
-        _problem(scenario, at.model, at.scaling, math.inf, _followed_roll(scenario, at, law))
-        for at in identified_models(scenario, law)
+        _problem(
+            scenario, design.model, design.scaling, math.inf, _followed_roll(scenario, design, law)
+        )
+        for design in identified_models(scenario, law)
     )
 
 
-def _followed_roll(scenario: Scenario, at: DesignModel, law: Law) -> tuple[float, float]:
+def _followed_roll(scenario: Scenario, design: DesignModel, law: Law) -> tuple[float, float]:
     """Largest K_P and K_I from course to roll that the rate limit of roll can follow.
 
     From the largest bank phi, roll taken out at its largest rate and late by its lag turns the
@@ -159,8 +161,8 @@ def _followed_roll(scenario: Scenario, at: DesignModel, law: Law) -> tuple[float
     phi, rate = min(limits.upper[0], -limits.lower[0]), limits.rate_upper[0]
     if not scenario.tuning.roll_rate or not np.isfinite([phi, rate]).all():
         return math.inf, math.inf
-    roll_per_turn = law.command_per_rate(at.V_a, scenario.flight.g_mps2)
-    late = phi / (2.0 * rate) + at.roll_lag
+    roll_per_turn = law.command_per_rate(design.V_a, scenario.flight.g_mps2)
+    late = phi / (2.0 * rate) + design.roll_lag
     return roll_per_turn / late, roll_per_turn / (INTEGRAL_TIME * late**2)
 
 
@@ -233,24 +235,24 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
     law, others are mapped to it (`Law.gains_from`). Without `tuning`, the result for ``tuned`` is
     computed anew.
     """
-    law, own = scenario.law_of(name)
+    law, gains = scenario.law_of(name)
     inputs = {law.inputs for law in scenario.laws}
     # Numbers that do not say what they act on are those of the only kind of gains there is.
     untold = LAW_OF_INPUTS[inputs.pop() if len(inputs) == 1 else COMMANDS]
-    own_gains = {e.name: e.gains(untold) for e in scenario.gains if isinstance(e, GainsTable)}
-    if own in (TUNED, TUNED_IDENTIFIED) and own not in own_gains:
-        if own == TUNED_IDENTIFIED:
+    numbers = {e.name: e.gains(untold) for e in scenario.gains if isinstance(e, GainsTable)}
+    if gains in (TUNED, TUNED_IDENTIFIED) and gains not in numbers:
+        if gains == TUNED_IDENTIFIED:
             tuning = tune_scenario(scenario, "identified", law=law)
         elif tuning is None:
             tuning = tune_scenario(scenario, law=law)
         return tuning.gains if tuning.status == "optimal" else None
-    available = {**paper_family(), **own_gains}
-    if own not in available:
+    available = {**paper_family(), **numbers}
+    if gains not in available:
         names = [TUNED, *available, TUNED_IDENTIFIED]
         raise InputError(
-            f"`gains` must be one of {', '.join(names)}, got {name!r}{nearest_name(own, names)}"
+            f"`gains` must be one of {', '.join(names)}, got {name!r}{nearest_name(gains, names)}"
         )
-    return law.gains_from(available[own], V_a=scenario.flight.V_a_mps, g=scenario.flight.g_mps2)
+    return law.gains_from(available[gains], V_a=scenario.flight.V_a_mps, g=scenario.flight.g_mps2)
 
 
 def trim_and_envelope(scenario: Scenario) -> tuple[Envelope, Envelope]:
@@ -398,27 +400,27 @@ def loop_measures(
         measured["disk_margin"] = margins[-1].disk_margin or 0.0
     single = () if measured.keys() >= set(wanted) else channel_margins(model, gains)
     if single:
-        increase = min(own.gain_increase for own in single)
-        decrease = max(own.gain_decrease for own in single)
+        increase = min(cut.gain_increase for cut in single)
+        decrease = max(cut.gain_decrease for cut in single)
         gain = min(increase, 1.0 / decrease if decrease else math.inf)
         measured |= {
             "gain_margin_dB": 20.0 * math.log10(gain),
-            "phase_margin_rad": min(own.phase_margin for own in single),
-            "delay_margin_s": min(own.delay_margin for own in single),
+            "phase_margin_rad": min(cut.phase_margin for cut in single),
+            "delay_margin_s": min(cut.delay_margin for cut in single),
         }
     return measured
 
 
 def _needed_roll_rate(scenario: Scenario, law: Law, gains: PIGains) -> float:
     """Roll rate with which `_followed_roll` allows the gains; NaN without a limit of roll."""
-    limits, at = command_limits(scenario), identified_models(scenario, law)[0]
+    limits, design = command_limits(scenario), identified_models(scenario, law)[0]
     phi = min(limits.upper[0], -limits.lower[0])
-    roll_per_turn = law.command_per_rate(at.V_a, scenario.flight.g_mps2)
+    roll_per_turn = law.command_per_rate(design.V_a, scenario.flight.g_mps2)
     K_P, K_I = np.maximum(gains.K[0, [0, 2]], TINY)  # a gain that is 0 or below asks for no rate
     late = min(roll_per_turn / K_P, math.sqrt(roll_per_turn / (INTEGRAL_TIME * K_I)))
     if not math.isfinite(phi):
         return math.nan
-    return phi / (2.0 * (late - at.roll_lag)) if late > at.roll_lag else math.inf
+    return phi / (2.0 * (late - design.roll_lag)) if late > design.roll_lag else math.inf
 
 
 def law_setup(scenario: Scenario, gains: PIGains, limits: Limits) -> LawSetup:

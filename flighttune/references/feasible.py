@@ -108,8 +108,8 @@ class FeasibleReference:
 
     def sampled(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return chi and gamma (rad) at times `t` (s), each of the shape of `t`."""
-        at = self.dt * np.arange(len(self.chi))
-        return np.interp(t, at, self.chi), np.interp(t, at, self.gamma)
+        knots = self.dt * np.arange(len(self.chi))
+        return np.interp(t, knots, self.chi), np.interp(t, knots, self.gamma)
 
     def rates(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the mean rates of chi and gamma (rad/s) over the sample of each time `t` (s)."""
@@ -296,9 +296,9 @@ def _missed(manoeuvre: Manoeuvre, x: FloatArray) -> FloatArray:
     """Course and path angle at the end of plans `x` (N, size) less those wanted, (N, 2) rad."""
     commands = _at_knots(manoeuvre, x)
     step = np.maximum(x[:, -1], DIFFERENCE) / (KNOTS * SUBSTEPS)
-    at = np.arange(2 * KNOTS * SUBSTEPS + 1) / (2 * SUBSTEPS)
-    before = np.minimum(at.astype(np.intp), KNOTS - 1)
-    share = at - before
+    knot = np.arange(2 * KNOTS * SUBSTEPS + 1) / (2 * SUBSTEPS)
+    before = np.minimum(knot.astype(np.intp), KNOTS - 1)
+    share = knot - before
     fine = (1.0 - share) * commands[..., before] + share * commands[..., before + 1]
     phi, n_z = fine.transpose(1, 2, 0)
     turning, lifting, g_over_v = n_z * np.sin(phi), n_z * np.cos(phi), manoeuvre.g / manoeuvre.V_a

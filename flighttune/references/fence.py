@@ -102,7 +102,7 @@ def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
     """
     tables = tables or json_tables(path)
     with reading(path, "GeoJSON with a Polygon"):
-        shapes = [own for own in features(tables) if own["geometry"]["type"] == "Polygon"]
+        shapes = [x for x in features(tables) if x["geometry"]["type"] == "Polygon"]
         if len(shapes) != 1:
             raise InputError(f"`features` must have one Polygon, got {len(shapes)}.")
         stated = dict(shapes[0].get("properties") or {})
@@ -236,17 +236,17 @@ def room_along(
             free[nearer, 0, side], edges[nearer, 0, side] = nearest[nearer], edge
     first = np.floor((windows[:-1] - overlap) / SCAN_STEP).clip(min=0.0).astype(int)
     last = np.ceil((windows[1:] + overlap) / SCAN_STEP).astype(int) + 1
-    at = np.array([i + free[i:j].argmin(axis=0) for i, j in zip(first, last, strict=True)])
-    limits, of = (np.take_along_axis(values, at, axis=0) for values in (free, edges))
-    return Room(limits, np.minimum(s[at], path.length), np.array(fence.names)[of], path)
+    tightest = np.array([i + free[i:j].argmin(axis=0) for i, j in zip(first, last, strict=True)])
+    limits, edge = (np.take_along_axis(values, tightest, axis=0) for values in (free, edges))
+    return Room(limits, np.minimum(s[tightest], path.length), np.array(fence.names)[edge], path)
 
 
 def _met(
     places: FloatArray, aside: FloatArray, start: FloatArray, end: FloatArray, wide: float
 ) -> tuple[FloatArray, FloatArray]:
-    """From where to where lines through `places` are in the rectangle around an edge, m.
+    """Interval of each line through `places` inside the widened edge, m.
 
-    The first is larger than the second for a line that misses it.
+    The first end is larger than the second for a line that misses it.
     """
     length = float(np.hypot(*(end - start)))
     along = (end - start) / length

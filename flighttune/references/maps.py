@@ -121,8 +121,8 @@ def _pieces(
     """
     path = where[0]
     for (begin, end), low, high in zip(*corridor[:3], strict=True) if corridor else ():
-        own = slice(int(begin / STEP), int(end / STEP) + 2)
-        turn, up = np.abs(path.curvature[own]).max() * (end - begin), path.up[own]
+        window = slice(int(begin / STEP), int(end / STEP) + 2)
+        turn, up = np.abs(path.curvature[window]).max() * (end - begin), path.up[window]
         s = np.linspace(begin, end, 2 + int(max((end - begin) / APART, turn / CHORD)))
         right = np.repeat([high[0], low[0], high[0]], [len(s), len(s), 1])
         s = np.concatenate([s, s[::-1], s[:1]])

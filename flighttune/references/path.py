@@ -130,7 +130,7 @@ class Path:
         return STEP * np.arange(len(self.north), dtype=np.float64)
 
     def points(self, apart: float) -> FloatArray:
-        """Distances along the route that are so far apart, and its end, m."""
+        """Distances every `apart` m along the route, and its end, m."""
         return np.append(np.arange(0.0, self.length, apart), self.length)
 
     def beside(self, s: FloatArray, right: Floats = 0.0, below: Floats = 0.0) -> FloatArray:
@@ -321,28 +321,28 @@ def _path(
 ) -> Path:
     """The table of a path whose stretches have these pieces, from its first course on."""
     beyond = _Piece(BEYOND_S * ability.speed, 0.0, 0.0)
-    lengths, k, k_end = np.array([piece for own in pieces for piece in own] + [beyond]).T
+    lengths, k, k_end = np.array([piece for stretch in pieces for piece in stretch] + [beyond]).T
     begins = np.concatenate([[0.0], np.cumsum(lengths)])
     turned = np.concatenate([[course], course + np.cumsum(0.5 * (k + k_end) * lengths)])
     s = np.arange(math.ceil(begins[-1] / STEP) * SUBSTEPS + 1) * (STEP / SUBSTEPS)
-    of = np.clip(np.searchsorted(begins, s, side="right") - 1, 0, len(lengths) - 1)
-    inside = s - begins[of]
+    piece = np.clip(np.searchsorted(begins, s, side="right") - 1, 0, len(lengths) - 1)
+    inside = s - begins[piece]
     change = (k_end - k) / np.maximum(lengths, NO_LENGTH)
-    courses = turned[of] + inside * (k[of] + 0.5 * change[of] * inside)
+    courses = turned[piece] + inside * (k[piece] + 0.5 * change[piece] * inside)
     north, east = (
         np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]))]) * (STEP / SUBSTEPS)
         for rate in (np.cos(courses), np.sin(courses))
     )
     counts = list(accumulate(map(len, pieces), initial=0))
     ends = begins[counts]
-    at, up = _profile(kinds, ends, waypoints, ability)
-    half = _half_pull_up(at, up, ability)
-    # on as at the ends, for as far as the mean reaches
-    (before, after), far = _climbs(at, up)[[0, -1]], BEYOND_S * ability.speed + 2.0 * half
-    at = np.concatenate([[-far], at, [at[-1] + far]])
+    along, up = _profile(kinds, ends, waypoints, ability)
+    half = _half_pull_up(along, up, ability)
+    # The climbs at the ends go on for as far as the mean of `_rounded` reaches.
+    (before, after), far = _climbs(along, up)[[0, -1]], BEYOND_S * ability.speed + 2.0 * half
+    along = np.concatenate([[-far], along, [along[-1] + far]])
     up = np.concatenate([[up[0] - far * before], up, [up[-1] + far * after]])
-    height, slope = _rounded(s[::SUBSTEPS], at, up, half)
-    climbs = np.diff(np.interp(ends, at, up)) / np.maximum(np.diff(ends), NO_LENGTH)
+    height, slope = _rounded(s[::SUBSTEPS], along, up, half)
+    climbs = np.diff(np.interp(ends, along, up)) / np.maximum(np.diff(ends), NO_LENGTH)
     curved = np.maximum(np.abs(k), np.abs(k_end))
     stretches = tuple(
         Stretch(
@@ -365,7 +365,7 @@ def _path(
         east=waypoints[0].east + east[::SUBSTEPS],
         up=height,
         course=courses[::SUBSTEPS],
-        curvature=(k[of] + change[of] * inside)[::SUBSTEPS],
+        curvature=(k[piece] + change[piece] * inside)[::SUBSTEPS],
         slope=slope,
         stretches=stretches,
     )
@@ -378,30 +378,30 @@ def _profile(
     ability: Ability,
 ) -> tuple[FloatArray, FloatArray]:
     """Distances, m, and heights, m, between which the height changes at a steady rate."""
-    at, up = [0.0], [waypoints[0].up]
+    along, up = [0.0], [waypoints[0].up]
     for i, (kind, number) in enumerate(kinds):
         point = waypoints[number - 1]
         follows = kinds[i + 1][0] if i + 1 < len(kinds) else None
         if kind == "leg":
             reached = ends[i + 1] + (0.5 * (ends[i + 2] - ends[i + 1]) if follows == "turn" else 0)
-            _climb(number, point, at, up, float(reached), ability)
+            _climb(number, point, along, up, float(reached), ability)
         elif kind == "loiter":
-            at.append(float(ends[i + 1]))
+            along.append(float(ends[i + 1]))
             up.append(point.up)
-    distinct = np.append(True, np.diff(at) > NO_LENGTH)
-    return np.array(at)[distinct], np.array(up)[distinct]
+    distinct = np.append(True, np.diff(along) > NO_LENGTH)
+    return np.array(along)[distinct], np.array(up)[distinct]
 
 
-def _climbs(at: FloatArray, up: FloatArray) -> FloatArray:
+def _climbs(along: FloatArray, up: FloatArray) -> FloatArray:
     """Slopes between these distances and heights."""
-    return np.diff(up) / np.diff(at)
+    return np.diff(up) / np.diff(along)
 
 
-def _half_pull_up(at: FloatArray, up: FloatArray, ability: Ability) -> float:
+def _half_pull_up(along: FloatArray, up: FloatArray, ability: Ability) -> float:
     """Half the distance over which each change of the climb is spread, m."""
-    bends = np.abs(np.diff(np.arctan(_climbs(at, up))))
+    bends = np.abs(np.diff(np.arctan(_climbs(along, up))))
     pull_up = max(PULL_UP_S, ability.V_a * bends.max(initial=0.0) / (ability.g * PULL_UP_N_Z))
-    apart = np.diff(at[1:-1][bends > NO_TURN]).min(initial=math.inf)
+    apart = np.diff(along[1:-1][bends > NO_TURN]).min(initial=math.inf)
     if pull_up > PULL_UP_S and pull_up * ability.V_a > apart:
         raise InputError(
             f"`waypoints`: changes of the climb must be {pull_up * ability.V_a:.0f} m apart at "
@@ -411,10 +411,15 @@ def _half_pull_up(at: FloatArray, up: FloatArray, ability: Ability) -> float:
 
 
 def _climb(
-    number: int, point: Waypoint, at: list[float], up: list[float], reached: float, ability: Ability
+    number: int,
+    point: Waypoint,
+    along: list[float],
+    up: list[float],
+    reached: float,
+    ability: Ability,
 ) -> None:
     """Add the change of height of the leg to a waypoint, which is `reached` there."""
-    change, distance = point.up - up[-1], reached - at[-1]
+    change, distance = point.up - up[-1], reached - along[-1]
     gamma = math.atan2(change, distance)
     if point.climb is not None and change:
         gamma = math.copysign(point.climb, change)
@@ -429,9 +434,9 @@ def _climb(
             f"{distance:.0f} m, got {abs(change):.0f} m at {gamma / DEG:.1f} deg."
         )
     if NO_LENGTH < needed < distance - NO_LENGTH:
-        at.append(at[-1] + needed)
+        along.append(along[-1] + needed)
         up.append(point.up)
-    at.append(reached)
+    along.append(reached)
     up.append(point.up)
 
 

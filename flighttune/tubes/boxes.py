@@ -127,5 +127,5 @@ def probability_of(
     """
     starts = band.flights.distribution.start_range(scenario, plant)
     from_all = starts is not None and start >= starts - ROUNDING_RAD
-    of = "flight" if from_all else "residual_rates"
-    return CountedProbability(of=of, at_most=band.about.epsilon, confidence=band.confidence)
+    subject = "flight" if from_all else "residual_rates"
+    return CountedProbability(of=subject, at_most=band.about.epsilon, confidence=band.confidence)
