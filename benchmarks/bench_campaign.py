@@ -7,9 +7,9 @@ with the loop closed at 50 Hz, measures, expectations, the table. It is held
 against the bare ``fdm.run()`` loop of the same 20 s at 200 Hz in still air. It is processor time,
 best of several, so that other work on the machine does not count.
 
-Kinematic draws are flown by as many processes as there are cores, each its share, from the plan to
-Parquet files, processes started included. They are timed by the clock, and by the processor time
-over the cores, which is what the clock shows on a machine that does nothing else.
+Kinematic draws are those of a whole campaign, as `campaign run` flies it. They are timed by the
+clock, and by the processor time over the cores, which is what the clock shows on a machine that
+does nothing else.
 
 Exits with 1 where a ratio is above its limit in `HIGHEST_RATIO`, or kinematic flights at 50 Hz take
 more processor time than is in `SECONDS`.
@@ -17,28 +17,26 @@ more processor time than is in `SECONDS`.
 
 import json
 import math
-import multiprocessing
 import os
 import resource
 import tempfile
 import time
-from itertools import pairwise
 from pathlib import Path
 
-import pyarrow.parquet as pq
 import running
 from bench_jsbsim import bare
 
-from flighttune import load_scenario, scenario_from
+from flighttune import load_scenario, run_campaign, scenario_from
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.campaign.planning.plan import Plan, plan_campaign, plan_from
+from flighttune.campaign.planning.plan import Plan, plan_campaign
 from flighttune.campaign.planning.schema import Campaign, CampaignTable
 from flighttune.flight.conditions import start_condition
+from flighttune.simulate.batch import cores
 
 STEPS, BARE_SECONDS = 4000, 60.0
 BLOCK, REPEATS = (1, 1) if running.QUICK else (25, 8)
 HIGHEST_RATIO = {"still air": 1.6, "airframe dispersed": 1.6}
-MANY, SECONDS, CHUNK = 100 if running.QUICK else 100_000, 60.0, 2000
+MANY, SECONDS = 100 if running.QUICK else 100_000, 30.0
 
 
 def dispersed(key: str, lower: float, upper: float) -> dict[str, object]:
@@ -94,40 +92,22 @@ def jsbsim_rows() -> dict[str, float]:
     return {"bare_ms": bare_s * 1e3} | {name: took / bare_s for name, took in row_s.items()}
 
 
-def _share(text: str, first: int, end: int, folder: str) -> None:
-    made = plan_from(json.loads(text))
-    for start in range(first, end, CHUNK):
-        rows = fly_runs(made, range(start, min(start + CHUNK, end)))
-        pq.write_table(rows, Path(folder) / f"part-{start}.parquet", compression="zstd")
-
-
 def kinematic_rows(rate_hz: float, runs: int) -> tuple[float, float]:
-    """Times for `runs` kinematic flights of 20 s on all cores: clock, processor over cores, s."""
+    """Times of a campaign of kinematic flights of 20 s: clock, processor time over cores, s."""
     keys = [*START, dispersed("flight.chi_deg", -60.0, 60.0), dispersed("limits.n_z[1]", 1.5, 2.1)]
-    text = json.dumps(plan(LAW, keys, rate_hz=rate_hz, runs=runs).as_dict())
-    cores = len(os.sched_getaffinity(0))
-    edges = [runs * i // cores for i in range(cores + 1)]
-    context = multiprocessing.get_context("spawn")
+    sweep = plan(LAW, keys, rate_hz=rate_hz, runs=runs)
     with tempfile.TemporaryDirectory() as folder:
-        began, busy = time.perf_counter(), _children_s()
-        shares = [
-            context.Process(target=_share, args=(text, first, end, folder))
-            for first, end in pairwise(edges)
-        ]
-        for share in shares:
-            share.start()
-        for share in shares:
-            share.join()
-        took = time.perf_counter() - began, (_children_s() - busy) / cores
-        there = sum(pq.read_metadata(path).num_rows for path in Path(folder).iterdir())
-    if there != runs or any(share.exitcode for share in shares):
-        raise RuntimeError(f"{there} of {runs} rows are there")
+        began, busy = time.perf_counter(), _processor_s()
+        flown = run_campaign(sweep, Path(folder) / "rows").flown
+        took = time.perf_counter() - began, (_processor_s() - busy) / cores()
+    if flown != runs:
+        raise RuntimeError(f"{flown} of {runs} rows are there")
     return took
 
 
-def _children_s() -> float:
+def _processor_s() -> float:
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return used.ru_utime + used.ru_stime
+    return time.process_time() + used.ru_utime + used.ru_stime
 
 
 def main() -> int:
