@@ -24,6 +24,7 @@ def spoken(*disperse, **tables):
     [
         ([], {}, "aircraft / gains at 25 m/s in calm air"),
         ([uniform("flight.V_a_mps", 20.0, 30.0)], {}, "at 20 to 30 m/s in calm air"),
+        ([uniform("flight.V_a_mps", 0.8, 1.2) | {"acts": "multiplies"}], {}, "at 20 to 30 m/s in"),
         ([], {"wind": WIND}, "in wind 6 m/s from 250 deg"),
         ([uniform("wind.speed_mps", 0.0, 8.0)], {"wind": WIND}, "wind 0 to 8 m/s from 250 deg"),
         ([uniform("wind.speed_mps", 0.0, 25.0)], {"wind": WIND}, "wind 0 to 25 m/s from 250 deg"),

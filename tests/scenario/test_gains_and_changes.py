@@ -95,6 +95,21 @@ def test_values_set_by_key_are_flown_and_named_in_the_title(turn):
 
 
 @pytest.mark.parametrize(
+    ("key", "changed"),
+    [
+        ("plant.throttle_max", [True, True]),
+        ("plant[1].throttle_max", [False, True]),
+        ("plant[jsbsim:aerosonde].throttle_max", [True, False]),
+        ("plant[jsbsim:aerosonde:heavy_aft].throttle_max", [False, True]),
+    ],
+)
+def test_a_key_of_plants_is_set_for_each_or_for_the_one_named(key, changed):
+    plants = ft.load_scenario("heavy_and_aft", changes={key: 0.9}).plant
+
+    assert [plant.throttle_max == 0.9 for plant in plants] == changed
+
+
+@pytest.mark.parametrize(
     ("setting", "message"),
     [
         ("flight.V_a_mp=30", "turn.toml with its changes: [flight] `V_a_mp` is not a known key; "
