@@ -98,24 +98,14 @@ def refly(
         if value is not None:
             raise InputError(f"{name}: `{key}` must be absent: all runs of a recording fly again.")
     try:
-        flights = reflights(runs, laws=laws, plants=plants, progress=progress)
+        checked = reflights(runs, laws=laws, plants=plants, progress=progress)
     except (RecordingError, ScenarioError) as error:
         if not isinstance(source, Recording):
             raise
         raise RecordingError(f"{name}: {error}") from error
-    return Reflown(
-        source=name,
-        runs=tuple(
-            CheckedRun(
-                name=flight.recorded.label,
-                status=flight.recorded.status,
-                differences=tuple(filter(None, [flight.difference])),
-            )
-            for flight in flights
-        ),
-        versions={key: pair for flight in flights for key, pair in flight.versions.items()},
-        missing=missing,
-    )
+    changed = [changed_versions(run.provenance.versions) for run in runs]
+    versions = {key: pair for run in changed for key, pair in run.items()}
+    return Reflown(source=name, runs=checked, versions=versions, missing=missing)
 
 
 def _of_campaign(
@@ -161,18 +151,14 @@ def _of_band(
 ) -> Reflown:
     """Flights of a band against the extremes that it keeps of them."""
     band, flown = load_band(file), None
-    claim, plan, completed = (
-        band,
-        plan_of(band),
-        dict(zip(band.draws, np.isfinite(band.scores), strict=True)),
-    )
+    plan, completed = plan_of(band), dict(zip(band.draws, np.isfinite(band.scores), strict=True))
     if run is not None:
         if run not in completed:
             first, last = band.draws[[0, -1]]
             raise InputError(f"{file}: `run` must be {first} to {last}, got {run}.")
         flown = fly_again(plan, run, progress=progress)
-        if not claim.why_not(flown[plan.group_of(run).label]):
-            flown = flown.within(claim)
+        if not band.why_not(flown[plan.group_of(run).label]):
+            flown = flown.within(band)
     draws = some_draws(band, count) if run is None else [run]
     with WorkerPool(None, None, observer) as pool:
         differ = differing(band, draws, pool)

@@ -97,8 +97,6 @@ class Pair:
     # Names of the sources of `a` and `b`
     source_a: str
     source_b: str
-    # s: time that each of the two flew; `a` and `b` have no more than the shorter
-    durations: tuple[float, float]
     max_distance: float  # m: largest distance of the two at the same time after the start
     t_max_distance: float  # s: when that was
     # Settings of the two scenarios that are not the same, by dotted key
@@ -454,7 +452,6 @@ def _pair(first: Source, second: Source, a: Run, b: Run) -> Pair:
         b=cut[1],
         source_a=first.name,
         source_b=second.name,
-        durations=(a.duration, b.duration),
         max_distance=distance,
         t_max_distance=at,
         differs={} if _is_log(a) or _is_log(b) else _changes(_settings(a), _settings(b)),

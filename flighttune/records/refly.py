@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -50,24 +51,6 @@ class Difference:
             for value in (self.recorded, self.reflown)
         )
         return f"{self.what} differs{when}: {recorded} recorded, {reflown} flown again"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Reflight:
-    """A recorded run and the same flight flown again."""
-
-    recorded: Run
-    reflown: Run
-
-    @property
-    def difference(self) -> Difference | None:
-        """The first one; None where gains, outcome and every sample are equal to the bit."""
-        return next(_differences(self.recorded, self.reflown), None)
-
-    @property
-    def versions(self) -> Mapping[str, tuple[str, str]]:
-        """Libraries whose version is not the recorded one: then and now."""
-        return changed_versions(self.recorded.provenance.versions)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -162,8 +145,8 @@ def reflights(
     laws: Mapping[str, LawMaker] | None = None,
     plants: Mapping[str, PlantMaker] | None = None,
     progress: Progress | None = None,
-) -> tuple[Reflight, ...]:
-    """Fly runs of one scenario again, as the scenario and seed in their provenance say."""
+) -> tuple[CheckedRun, ...]:
+    """Fly runs of one scenario again, as it and the seed in their provenance say, and compare."""
     scenarios = [dict(run.provenance.scenario) for run in runs]
     if not runs or any(other != scenarios[0] for other in scenarios[1:]):
         raise RecordingError(f"the runs must be of one scenario, got {len(runs)} of several.")
@@ -177,7 +160,14 @@ def reflights(
                 "to be flown again."
             )
     again = fly(scenario, laws=laws, plants=plants, progress=progress)
-    return tuple(Reflight(run, again[run.label]) for run in runs)
+    return tuple(
+        CheckedRun(
+            name=run.label,
+            status=run.status,
+            differences=tuple(islice(differences(run, again[run.label]), 1)),
+        )
+        for run in runs
+    )
 
 
 def changed_versions(then: Mapping[str, str]) -> dict[str, tuple[str, str]]:
@@ -190,7 +180,7 @@ def changed_versions(then: Mapping[str, str]) -> dict[str, tuple[str, str]]:
     }
 
 
-def _differences(recorded: Run, reflown: Run) -> Iterator[Difference]:
+def differences(recorded: Run, reflown: Run) -> Iterator[Difference]:
     """Differences to the bit: of gains, then of signals in time, then of the outcome."""
     yield from _in_gains(recorded.provenance.gains, reflown.provenance.gains)
     yield from _in_signals(recorded, reflown)

@@ -10,7 +10,7 @@ from made_up import shortened
 
 import flighttune as ft
 from flighttune.records.parquet import write_run
-from flighttune.records.refly import Reflight
+from flighttune.records.refly import differences
 
 pytestmark = pytest.mark.slow
 
@@ -85,7 +85,7 @@ def test_a_run_of_fewer_samples_differs_in_their_number(folder):
     run = ft.load_recording(folder).runs[0]
     shorter = replace(run, signals=run.signals.iloc[:40])
 
-    assert Reflight(shorter, run).difference.what == "samples"
+    assert next(differences(shorter, run)).what == "samples"
 
 
 def test_a_run_that_is_not_of_its_scenario_cannot_fly_again(folder, tmp_path):

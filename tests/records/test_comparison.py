@@ -134,7 +134,7 @@ def test_a_run_cut_short_is_compared_over_the_time_both_flew(fly_line):
     found = ft.compare(fly_line(), fly_line(seconds=5.0, status="left_envelope"))
 
     assert found.comparable
-    assert found.pairs[0].durations == (20.0, 5.0)
+    assert found.pairs[0].a.duration == found.pairs[0].b.duration == 5.0
     assert value(found, "ITAE")["diff"] == 0.0
 
 
