@@ -10,7 +10,7 @@ from flighttune.metrics import OFF_ROUTE
 from flighttune.recording import entities, scene
 from flighttune.recording.entities import DrawnRun
 from flighttune.recording.plots import Plot, value_range
-from flighttune.recording.route import DrawnRoute
+from flighttune.scenario.route import RouteTable
 
 PAGE_TAB = "Scenario and metrics"
 ROUTE_TAB, MAP_TAB = "Route", "Map"
@@ -32,7 +32,7 @@ SIDE, MIDDLE = 0.23, 0.31  # shares of the width: the column of lanes, the plots
 def blueprint(
     flights: Sequence[DrawnRun],
     plots: Mapping[str, Sequence[Plot]],
-    route: DrawnRoute | None = None,
+    route: RouteTable | None = None,
 ) -> rrb.Blueprint:
     """Lay out the runs that flew, with the plots of each tab; without runs only the page."""
     page = rrb.TextDocumentView(origin=entities.PAGE, name=PAGE_TAB)

@@ -165,7 +165,7 @@ def log_recording(
     extended = with_derived(recorded)
     plots = shown_plots([drawn_run.run for drawn_run in extended])
     route = route_of(extended)
-    _send_layout(stream, blueprint(extended, plots, route))
+    _send_layout(stream, blueprint(extended, plots, route and route[1]))
     stream.send_recording_name(title)
     stream.log(entities.PAGE, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
     if extended:
@@ -173,7 +173,7 @@ def log_recording(
         log_lanes(stream, extended)
         log_readout(stream, extended)
     if route is not None:
-        log_route(stream, [somewhere(drawn_run) for drawn_run in extended], route)
+        log_route(stream, [somewhere(drawn_run) for drawn_run in extended], *route)
     for plot in dict.fromkeys(plot for tab in plots.values() for plot in tab):
         _log_plot(stream, plot, extended)
 

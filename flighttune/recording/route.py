@@ -1,7 +1,6 @@
 """A route in a recording: planned path, corridor and map."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import rerun as rr
@@ -14,6 +13,7 @@ from flighttune.present.thinning import evenly
 from flighttune.recording.entities import MAP, ROUTE, TRUE_SIZE, DrawnRun, on_screen, times
 from flighttune.recording.plots import positions
 from flighttune.recording.scene import log_aircraft, span_of
+from flighttune.references.earth import LatLon
 from flighttune.references.follow import RouteReference
 from flighttune.references.maps import on_earth
 from flighttune.references.path import Path
@@ -29,54 +29,35 @@ GREY = [rgb(NEUTRAL)]
 TO_NED = np.array([1.0, 1.0, -1.0])  # of north, east and up
 
 
-@dataclass(frozen=True, slots=True)
-class DrawnRoute:
-    """The route that all runs of a recording fly."""
-
-    path: Path
-    table: RouteTable
-
-    @property
-    def geographic(self) -> bool:
-        """Whether it is known where on earth it is."""
-        return self.table.origin != (0.0, 0.0)
-
-    @property
-    def points(self) -> FloatArray:
-        """North, east and down of the waypoints, shape (n, 3), m."""
-        return np.array([[p.north, p.east, -p.up] for p in self.table.waypoints()])
-
-    def on_earth(self, points: FloatArray) -> FloatArray:
-        """Latitude and longitude of points, shape (n, 2), deg."""
-        return on_earth(points[evenly(len(points))], self.table.origin)
-
-
-def route_of(flights: Sequence[DrawnRun]) -> DrawnRoute | None:
-    """The route of the runs, which are of one scenario; None if they fly none."""
+def route_of(flights: Sequence[DrawnRun]) -> tuple[Path, RouteTable] | None:
+    """Path and table of the route of the runs of one scenario; None if they fly none."""
     if not flights or "route" not in flights[0].run.provenance.scenario:
         return None
     scenario = scenario_of(flights[0].run)
     followed = reference_of(scenario)
     assert isinstance(followed, RouteReference)
     assert scenario.route is not None
-    return DrawnRoute(followed.path, scenario.route)
+    return followed.path, scenario.route
 
 
-def log_route(stream: rr.RecordingStream, flights: Sequence[DrawnRun], route: DrawnRoute) -> None:
+def log_route(
+    stream: rr.RecordingStream, flights: Sequence[DrawnRun], path: Path, table: RouteTable
+) -> None:
     """Log path, waypoints, corridors, and a map where the place is known."""
-    path = route.path.beside(route.path.points(APART)) * TO_NED
-    _log(stream, f"{ROUTE}/path", rr.LineStrips3D([path], colors=GREY, radii=on_screen(1.0)))
+    line = path.beside(path.points(APART)) * TO_NED
+    waypoints = np.array([[p.north, p.east, -p.up] for p in table.waypoints()])
+    _log(stream, f"{ROUTE}/path", rr.LineStrips3D([line], colors=GREY, radii=on_screen(1.0)))
     names: dict[tuple[float, ...], str] = {}
-    for number, point in enumerate(map(tuple, route.points), start=1):  # it may end at its start
+    for number, point in enumerate(map(tuple, waypoints), start=1):  # it may end at its start
         names[point] = f"{names[point]}, {number}" if point in names else f"WP{number}"
     labels = {"labels": [*names.values()], "show_labels": True, "colors": GREY}
     _log(stream, f"{ROUTE}/waypoints", rr.Points3D([*names], radii=on_screen(3.0), **labels))
     for drawn_run in flights:
         run, frame = drawn_run.run, f"{TRUE_SIZE}/{drawn_run.key}"
         log_aircraft(stream, drawn_run, run.signals, frame, span_of(run))
-        _log_corridor(stream, drawn_run, route.path)
-    if route.geographic:
-        _log_map(stream, flights, route, path)
+        _log_corridor(stream, drawn_run, path)
+    if table.geographic:
+        _log_map(stream, flights, table.origin, line, waypoints)
 
 
 def _log(stream: rr.RecordingStream, path: str, drawing: rr.AsComponents) -> None:
@@ -111,17 +92,26 @@ def _log_corridor(stream: rr.RecordingStream, drawn_run: DrawnRun, path: Path) -
 
 
 def _log_map(
-    stream: rr.RecordingStream, flights: Sequence[DrawnRun], route: DrawnRoute, path: FloatArray
+    stream: rr.RecordingStream,
+    flights: Sequence[DrawnRun],
+    origin: LatLon,
+    path: FloatArray,
+    waypoints: FloatArray,
 ) -> None:
-    line, points = route.on_earth(path), route.on_earth(route.points)
+    line, points = _on_map(path, origin), _on_map(waypoints, origin)
     thin, size = on_screen(1.0), on_screen(4.0)
     _log(stream, f"{MAP}/_path", rr.GeoLineStrings(lat_lon=[line], colors=GREY, radii=thin))
     _log(stream, f"{MAP}/_waypoints", rr.GeoPoints(lat_lon=points, colors=GREY, radii=size))
     for drawn_run in flights:
         signals, colours = drawn_run.run.signals, [drawn_run.style.rgb]
-        line_flown, name = route.on_earth(positions(signals)), f"{MAP}/{drawn_run.key}"
+        line_flown, name = _on_map(positions(signals), origin), f"{MAP}/{drawn_run.key}"
         _log(stream, name, rr.GeoLineStrings(lat_lon=[line_flown], colors=colours, radii=thin))
         dot = rr.GeoPoints.from_fields(colors=colours, radii=on_screen(6.0))
         _log(stream, f"{name}/now", dot)
         time = times(signals.index[evenly(len(signals))])
         stream.send_columns(f"{name}/now", [time], rr.GeoPoints.columns(positions=line_flown))
+
+
+def _on_map(points: FloatArray, origin: LatLon) -> FloatArray:
+    """Latitude and longitude of points, thinned, shape (n, 2), deg."""
+    return on_earth(points[evenly(len(points))], origin)

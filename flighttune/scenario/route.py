@@ -79,6 +79,11 @@ class RouteTable(q.Table):
             return self.lat_deg, self.lon_deg
         return first.lat_deg, first.lon_deg
 
+    @property
+    def geographic(self) -> bool:
+        """Whether it is known where on earth it is."""
+        return self.origin != (0.0, 0.0)
+
     def waypoints(self) -> tuple[Waypoint, ...]:
         """The waypoints in m and rad, from the first on."""
         return tuple(self._waypoints())

@@ -11,7 +11,7 @@ import pytest
 from commands import answer
 
 import flighttune as ft
-from flighttune.exports import c_source, export_c
+from flighttune.exports.c_source import c_source, export_c
 from flighttune.flight.models import gain_set
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")

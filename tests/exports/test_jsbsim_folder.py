@@ -18,7 +18,7 @@ from places import SCENARIO_NAMES, SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft, save_gains
-from flighttune.exports import CSV, export_jsbsim
+from flighttune.exports.jsbsim_folder import CSV, export_jsbsim
 from flighttune.flight.conditions import weather_of
 from flighttune.flight.fly import fly_alone
 from flighttune.flight.models import gain_set
