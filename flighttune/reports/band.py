@@ -1,21 +1,15 @@
-"""The page of a counted band: its signals with the flights that were counted, and its claim."""
-
-import hashlib
-from collections.abc import Sequence
-from pathlib import Path
+"""Charts of a counted band: its signals with the flights that were counted."""
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.campaign.band import plan_of
-from flighttune.campaign.fence import count_inside, fence_of, inside_sentence, where_of
+from flighttune.campaign.fence import fence_of, where_of
 from flighttune.claims.band import Band
 from flighttune.claims.shape import predicted
 from flighttune.present.chart import DOTTED, Chart
-from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import shown_unit
 from flighttune.present.palette import HUES, LIMIT, NEUTRAL
-from flighttune.present.tables import Table, facts_table
 from flighttune.reports.panels import ERRORS
 from flighttune.reports.route_charts import APART, DISTANCE_AXIS, KM, ROUTE_ERRORS, route_map
 
@@ -27,36 +21,11 @@ MIN_DRAWN = 100
 # Titles and labels of signals; others have their names.
 TITLES = {name: (title, label) for name, title, label in (*ERRORS, *ROUTE_ERRORS)}
 
-NOTE = "A line joins the lowest and the highest value of a counted flight in each window."
-GIVEN = "The middle predicted from the wind of each flight is subtracted."
 
-
-def write_band_page(
-    band: Band, source: str, path: str | Path, tables: Sequence[Table], notes: Sequence[str]
-) -> Report:
-    """Write one self-contained page about the band in the file `source`."""
-    about = band.about
-    facts = {
-        "band": source,
-        "its SHA-256": hashlib.sha256(Path(source).read_bytes()).hexdigest(),
-        "flights": f"{len(band.scores)} counted, {about.learned} learned from",
-        "flights lost": band.lost,
-        "seed": f"{about.plan['campaign']['seed']}",
-    }
-    note = " ".join([NOTE, *([GIVEN] if about.predicted_from else []), *notes])
-    charts = [_chart(band, i) for i in range(len(about.signals))]
-    if band.flights.over == "along":
-        charts.insert(0, _map(band))
-    fences = [inside_sentence(band, count_inside(band, tables)) for tables in about.fences]
-    return write_page(
-        Path(path),
-        page_template("flighttune.reports", "commands.html.jinja"),
-        summary=tuple(f"{claim[:1].upper()}{claim[1:]}." for claim in (band.sentence, *fences)),
-        sections=[Section(note=note, charts=charts, tables=tables)],
-        title=f"Counted band: {about.plan['campaign']['title']}",
-        provenance=facts_table("Provenance", facts),
-        commands=f"flighttune verify {source}\nflighttune refly {source} --count 20",
-    )
+def band_charts(band: Band) -> list[Chart]:
+    """Each signal with the flights that were counted; on a route its map before them."""
+    charts = [_chart(band, i) for i in range(len(band.about.signals))]
+    return [_map(band), *charts] if band.flights.over == "along" else charts
 
 
 def _chart(band: Band, i: int) -> Chart:

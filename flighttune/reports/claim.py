@@ -4,29 +4,68 @@ import hashlib
 from pathlib import Path
 
 from flighttune.campaign.claims import AnyClaim
+from flighttune.campaign.fence import count_inside, inside_sentence
+from flighttune.certificates.certificate import Certificate
 from flighttune.claims.band import Band
+from flighttune.files.table import toml_text
+from flighttune.present.chart import Chart
 from flighttune.present.frame import Report, Section, page_template, write_page
+from flighttune.present.palette import HUES, NEUTRAL
 from flighttune.present.tables import facts_table
-from flighttune.reports.band import write_band_page
-from flighttune.reports.tube import write_tube_page
+from flighttune.reports.band import band_charts
+from flighttune.reports.panels import ERRORS
 from flighttune.tubes.enclosure import Tube
+from flighttune.units import DEG_PER_RAD
+
+(STRONG, _), _ = HUES[0]
+
+BAND_NOTE = "A line joins the lowest and the highest value of a counted flight in each window."
+GIVEN = "The middle predicted from the wind of each flight is subtracted."
 
 
 def write_claim_page(claim: AnyClaim, source: str, path: str | Path) -> Report:
     """Write one self-contained page about the claim in the file `source`."""
-    if isinstance(claim, Tube):
-        return write_tube_page(claim, source, path)
-    if isinstance(claim, Band):
-        answer = claim.answer(source)
-        return write_band_page(claim, source, path, answer.tables, answer.notes)
-    answer = claim.answer()
+    answer = claim.answer(source) if isinstance(claim, Band) else claim.answer()
     facts = {"file": source, "its SHA-256": hashlib.sha256(Path(source).read_bytes()).hexdigest()}
+    sentences, notes, charts = [claim.sentence], [*answer.notes], []
+    title, commands, scenario = "Bound on R_K", f"flighttune verify {source}", ""
+    if isinstance(claim, Certificate):
+        title = "Certificate"
+    elif isinstance(claim, Tube):
+        problem, settings, charts = claim.problem, claim.settings, _charts(claim)
+        title, scenario = f"Tube: {problem.scenario.title}", toml_text(problem.scenario.as_dict())
+        facts["law"] = problem.law.name
+        facts["settings"] = f"{settings.symbols} symbols, {settings.most} pieces at most"
+    elif isinstance(claim, Band):
+        about, charts = claim.about, band_charts(claim)
+        title = f"Counted band: {about.plan['campaign']['title']}"
+        facts["flights"] = f"{len(claim.scores)} counted, {about.learned} learned from"
+        facts["flights lost"] = claim.lost
+        facts["seed"] = f"{about.plan['campaign']['seed']}"
+        sentences += [inside_sentence(claim, count_inside(claim, x)) for x in about.fences]
+        notes = [BAND_NOTE, *([GIVEN] if about.predicted_from else []), *notes]
+        commands += f"\nflighttune refly {source} --count 20"
     return write_page(
         Path(path),
         page_template("flighttune.reports", "commands.html.jinja"),
-        summary=(f"{claim.sentence[:1].upper()}{claim.sentence[1:]}.",),
-        sections=[Section(note=" ".join(answer.notes), tables=answer.tables, legend=False)],
-        title="Certificate" if answer.notes else "Bound on R_K",
+        summary=tuple(f"{sentence[:1].upper()}{sentence[1:]}." for sentence in sentences),
+        sections=[Section(note=" ".join(notes), charts=charts, tables=answer.tables, legend=False)],
+        title=title,
         provenance=facts_table("Provenance", facts),
-        commands=f"flighttune verify {source}",
+        commands=commands,
+        scenario_text=scenario,
     )
+
+
+def _charts(tube: Tube) -> list[Chart]:
+    """Both errors: the bounds of every flight."""
+    charts, bounds = [], tube.bounds
+    for i, (_, title, unit) in enumerate(ERRORS):
+        chart = Chart(title=title, y=unit, x_range=(0.0, float(bounds.t[-1])), linked=True)
+        chart.level(0.0, NEUTRAL, dash="")
+        low, high = bounds.low[:, i] * DEG_PER_RAD, bounds.high[:, i] * DEG_PER_RAD
+        chart.band(bounds.t, low, high, STRONG, name="tube")
+        for edge in (low, high):
+            chart.line(bounds.t, edge, STRONG, width=1.2)
+        charts.append(chart)
+    return charts
