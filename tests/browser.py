@@ -21,8 +21,8 @@ QUIET = (
 )  # fmt: skip
 SECONDS = 90
 
-DESK, PHONE, NARROW = 1280, 390, 320
-"""Widths in pixels; 390 is a phone of today, 320 the narrowest still in use."""
+DESK, TABLET, PHONE, NARROW = 1280, 600, 390, 320
+"""Widths in pixels; 600 is a small tablet, 390 is a phone of today, 320 the narrowest still in use."""
 
 FLAT = 3.0
 """Standard deviation of the pixels of a screen that shows nothing."""
@@ -42,6 +42,7 @@ TELL = """<script>addEventListener("load", () => setTimeout(() => {
   const cut = [...document.querySelectorAll("h1, h2, h3, li, p, .legend span")].filter(
     e => e.scrollWidth > e.clientWidth + 1 && getComputedStyle(e).display !== "inline");
   parent.postMessage({width: page.clientWidth, needs: page.scrollWidth, wide: wide,
+    columns: getComputedStyle(document.querySelector(".charts")).gridTemplateColumns.split(" ").length,
     cut: cut.map(e => e.textContent), images: [...document.images].map(i => i.naturalWidth)}, "*");
 }, 100));</script>"""
 FRAMES = """<!doctype html><meta charset="utf-8"><title>[]</title><body>{frames}<script>
@@ -77,14 +78,14 @@ def headless_chromium() -> Callable[..., str]:
 
 
 def told_at_widths(chromium: Callable[..., str], page: str, folder: Path) -> dict[int, dict]:
-    """What the page says of itself, by the width it is shown at: DESK, PHONE and NARROW."""
+    """What the page says of itself, by the width it is shown at."""
     (folder / "page.html").write_text(POLICY.sub("", page) + TELL, encoding="utf-8")
     frames = "".join(
         f'<iframe src="page.html" width={width} height={SCREEN} style="border:0"></iframe>'
-        for width in (DESK, PHONE, NARROW)
+        for width in (DESK, TABLET, PHONE, NARROW)
     )
     (folder / "frames.html").write_text(FRAMES.format(frames=frames), encoding="utf-8")
-    shown = chromium("--window-size=2200,1000", "--dump-dom", folder / "frames.html")
+    shown = chromium("--window-size=2800,1000", "--dump-dom", folder / "frames.html")
     title = re.search(r"<title>(.*?)</title>", shown, re.DOTALL).group(1)
     return {one["width"]: one for one in json.loads(html.unescape(title))}
 

@@ -57,7 +57,9 @@ MAX_STATES = 24
 
 EXACT_COLUMNS = [
     Column("loop", "loop"),
-    *columns("decay growth"),
+    *columns("decay"),
+    # [tuning] may scale the states of the law; those of a lag count by the rate that they cause
+    Column("growth", "largest growth of the norm, units of the design"),
     Column("true_rate", "true rate", "1/s", "z.6g"),
 ]
 

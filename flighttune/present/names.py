@@ -127,7 +127,7 @@ QUANTITIES = {
         Column("E_K", "E_K", "s²", ".5g"),
         Column("spectral_abscissa", "spectral abscissa", "1/s"),
         Column("rate", "rate", "1/s", ".6g"),
-        Column("growth", "largest growth of the norm"),
+        Column("growth", "largest growth of the norm, plain units"),
         Column("decay", "proven rate", "1/s", "z.6g"),
         Column("radius", "ultimate radius", "rad"),
         Column("L_d", "L_d", "rad/s²"),

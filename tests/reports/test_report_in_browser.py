@@ -13,6 +13,7 @@ from browser import (
     PHONE,
     POLICY,
     SCREEN,
+    TABLET,
     asked_by_the_page,
     screenshot,
     told_at_widths,
@@ -27,11 +28,16 @@ def told(chromium, page, tmp_path_factory):
     return told_at_widths(chromium, page, tmp_path_factory.mktemp("frames"))
 
 
-@pytest.mark.parametrize("width", [DESK, PHONE, NARROW])
+@pytest.mark.parametrize("width", [DESK, TABLET, PHONE, NARROW])
 def test_the_page_fits_its_width_and_cuts_no_text_off(told, width):
     assert told[width]["needs"] <= width
     assert told[width]["wide"] == []
     assert told[width]["cut"] == []
+
+
+@pytest.mark.parametrize(("width", "columns"), [(DESK, 2), (TABLET, 2), (PHONE, 1)])
+def test_charts_stand_side_by_side_down_to_a_small_tablet(told, width, columns):
+    assert told[width]["columns"] == columns
 
 
 def test_no_request_leaves_the_machine(chromium, written, tmp_path):
