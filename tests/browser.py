@@ -22,7 +22,7 @@ QUIET = (
 SECONDS = 90
 
 DESK, TABLET, PHONE, NARROW = 1280, 600, 390, 320
-"""Widths in pixels; 600 is a small tablet, 390 is a phone of today, 320 the narrowest still in use."""
+"""Widths in pixels: 600 of a small tablet, 390 of a phone, 320 the narrowest still in use."""
 
 FLAT = 3.0
 """Standard deviation of the pixels of a screen that shows nothing."""
@@ -42,7 +42,8 @@ TELL = """<script>addEventListener("load", () => setTimeout(() => {
   const cut = [...document.querySelectorAll("h1, h2, h3, li, p, .legend span")].filter(
     e => e.scrollWidth > e.clientWidth + 1 && getComputedStyle(e).display !== "inline");
   parent.postMessage({width: page.clientWidth, needs: page.scrollWidth, wide: wide,
-    columns: getComputedStyle(document.querySelector(".charts")).gridTemplateColumns.split(" ").length,
+    columns: getComputedStyle(
+      document.querySelector(".charts")).gridTemplateColumns.split(" ").length,
     cut: cut.map(e => e.textContent), images: [...document.images].map(i => i.naturalWidth)}, "*");
 }, 100));</script>"""
 FRAMES = """<!doctype html><meta charset="utf-8"><title>[]</title><body>{frames}<script>

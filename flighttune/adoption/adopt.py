@@ -434,6 +434,10 @@ def final_tables(surveyed: Survey, model: Airframe, h: float, share: float) -> d
         )
     lowest = float(np.interp(lift.negative_stall, lift.alpha, lift.lift))
     n_z_min = max(min(LIFT_USED * ratio * lowest, 0.4), MIN_LOAD_FACTOR)
+    # Full aileron rolls at the rate power / damping in the end. Commands use a share of it, and may
+    # take (bandwidth + damping) times their rate of the power. The load factor follows the elevator
+    # the wrong way at first: its bandwidth stays below that zero. XX: the factor 0.12 of the rate
+    # of its command has no other reason than that it suits the adopted aircraft.
     travel = surveyed.tables["surfaces"]["aileron"]["travel_deg"]
     power = abs(model.of("p_dot", "aileron")) * min(map(abs, travel)) * DEG
     damping = max(-model.of("p_dot", "p"), 0.1)

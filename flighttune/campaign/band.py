@@ -339,9 +339,9 @@ def _flown(
     extremes, winds = [], []
     for first in range(0, len(runs), PART):
         number = f", part {first // PART + 1} of {math.ceil(len(runs) / PART)}"
-        said = f"{doing}{number if len(runs) > PART else ''}"
+        phase = f"{doing}{number if len(runs) > PART else ''}"
         part = runs[first : first + PART]
-        rows = pool.in_order(plan, part, doing=said, probes={"extremes": probe})
+        rows = pool.in_order(plan, part, doing=phase, probes={"extremes": probe})
         values = np.array([row.get("extremes", lost) for row in rows])
         extremes.append(values[:, :size].astype(np.float32).reshape(-1, *shape))
         winds.append(values[:, size:])

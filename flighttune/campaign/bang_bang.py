@@ -56,6 +56,7 @@ def search_bang_bang(
     about, worst = np.ones((1 + samples, 2)), -np.inf
     for block in blocks[::2]:
         about[block] = -1.0
+    # A round flies the middle, a change of each channel in each block, and both senses per target.
     cost = 1 + 2 * len(blocks) + 2 * len(targets) * len(pushed)
     while budget >= cost:
         budget -= cost

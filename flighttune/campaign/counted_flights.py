@@ -54,7 +54,7 @@ def in_air(campaign: Campaign, air: str) -> Campaign:
         raise InputError(f"`air` must be one of {', '.join(sorted(airs))}, got {air!r}.")
     dropped = DROPPED.get(air, ("turbulence",) if air in INTENSITIES else ())
     tables = {name: table for name, table in nominal.items() if name not in dropped}
-    disperse = [own for own in campaign.disperse if own.key.split(".")[0] not in dropped]
+    disperse = [table for table in campaign.disperse if table.key.split(".")[0] not in dropped]
     if air in INTENSITIES:
         turbulence = central.model_dump(mode="json", exclude_none=True)["turbulence"]
         tables["turbulence"] = {**turbulence, "intensity": air}
@@ -64,8 +64,10 @@ def in_air(campaign: Campaign, air: str) -> Campaign:
 def at_random(campaign: Campaign) -> Campaign:
     """The same campaign with independent draws; points of a grid become equally likely values."""
     disperse = [
-        Choice(key=own.key, acts=own.acts, values=own.levels) if isinstance(own, Grid) else own
-        for own in campaign.disperse
+        Choice(key=table.key, acts=table.acts, values=table.levels)
+        if isinstance(table, Grid)
+        else table
+        for table in campaign.disperse
     ]
     return _rebuilt(campaign, disperse, campaign.nominal, "random")
 
@@ -97,12 +99,14 @@ def distribution_of(campaign: Campaign, plant: str) -> Distribution:
     dispersed: dict[str, list[Any]] = {}
     disperse: list[dict[str, Any]] = []
     for table in campaign.disperse:
-        own = [place for place in places[table.key] if place[0] != "plant" or place[1] == position]
-        for place in own:
+        plant_places = [
+            place for place in places[table.key] if place[0] != "plant" or place[1] == position
+        ]
+        for place in plant_places:
             key = spelled(("plant", *place[2:]) if place[0] == "plant" else place)
             fixed.pop(key, None)
             dispersed[key] = _range(table, nominal.get(key))
-        disperse += [table.model_dump(mode="json")] * bool(own)
+        disperse += [table.model_dump(mode="json")] * bool(plant_places)
     correlation = campaign.model_dump(mode="json", include={"correlation"})
     return Distribution(
         title=campaign.title,

@@ -66,10 +66,10 @@ class Part(NamedTuple):
 
 def missing(present: Iterable[range], runs: int) -> tuple[range, ...]:
     """The gaps between the runs that are present among the first `runs`, in order."""
-    gaps, at = [], 0
+    gaps, end = [], 0
     for span in (*sorted(present, key=lambda span: span.start), range(runs, runs)):
-        gaps.append(range(at, min(span.start, runs)))
-        at = max(at, span.stop)
+        gaps.append(range(end, min(span.start, runs)))
+        end = max(end, span.stop)
     return tuple(filter(None, gaps))
 
 

@@ -205,7 +205,7 @@ class Search:
             for of_draw in checks.values():
                 of_draw.extend(bound_checks(margins, loop, where + BY_DEFAULT))
         by_draw = tuple(map(tuple, checks.values()))
-        excess = [[check.margin if check.flown else LOST for check in of] for of in by_draw]
+        excess = [[check.margin if check.flown else LOST for check in draw] for draw in by_draw]
         finite = np.nan_to_num(np.array(excess), nan=LOST, posinf=LOST)
         return Trial(gains=gains, excess=finite, checks=by_draw, metric=metric)
 

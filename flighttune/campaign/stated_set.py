@@ -69,8 +69,8 @@ def planned(
     campaign = load_campaign(source, changes=changes)
     if gains not in (None, *campaign.nominal.gain_names):
         nominal = with_gains(campaign.nominal, [gains], source, tables)
-        own = campaign.model_copy(update={"gains": nominal.gains})
-        campaign = campaign_on(own, nominal, source)
+        table = campaign.model_copy(update={"gains": nominal.gains})
+        campaign = campaign_on(table, nominal, source)
     return plan_campaign(campaign)
 
 

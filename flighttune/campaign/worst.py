@@ -414,7 +414,7 @@ class StatedSet:
     def _errors(self, plan: Plan, draws: Sequence[Drawn]) -> list[FloatArray | None]:
         """Fly draws and return the errors of each; None for a flight that ends early."""
         errors = [row.get("errors") for row in self._rows(plan, draws, {"errors": _errors_of})]
-        return [None if own is None else np.reshape(own, (-1, 2)) for own in errors]
+        return [None if flat is None else np.reshape(flat, (-1, 2)) for flat in errors]
 
     def _fly(self, plan: Plan, draws: Sequence[Drawn], channel: int | None = None) -> FloatArray:
         """Fly draws and return the metric of each, or its reach in one `channel` of the tube."""
@@ -502,8 +502,8 @@ def search_worst(
     z = inside(rng.standard_normal((POPULATION, dimension)))
     seeds = rng.integers(0, 2**31, POPULATION)
     objective = values(z, seeds)
-    at = int(np.argmax(objective))
-    best, chance, worst = z[at], int(seeds[at]), float(objective[at])
+    place = int(np.argmax(objective))
+    best, chance, worst = z[place], int(seeds[place]), float(objective[place])
     first, strategy = worst, None
     for generation in range(1, budget // POPULATION):
         if generation % SEEDS_EVERY == 0:
@@ -522,12 +522,12 @@ def search_worst(
             # distance: the strategy learns to stay inside. Signs are reversed, as it minimises.
             over = np.linalg.norm(asked - z, axis=1)
             strategy.tell(list(asked), (-objective + (1e-3 + np.std(objective)) * over**2).tolist())
-        at = int(np.argmax(objective))
-        if objective[at] > worst:
-            best, worst = z[at], float(objective[at])
-            if seeds[at] != chance:
+        place = int(np.argmax(objective))
+        if objective[place] > worst:
+            best, worst = z[place], float(objective[place])
+            if seeds[place] != chance:
                 # With another seed the objective is another function: the strategy starts anew.
-                chance, strategy = int(seeds[at]), None
+                chance, strategy = int(seeds[place]), None
     return best, chance, first
 
 

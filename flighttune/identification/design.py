@@ -287,6 +287,8 @@ def _n_z_step(
     d, g_over_V = airframe.of, G_0 / airframe.V_a
     n_alpha, n_e = d("n_z", "alpha"), d("n_z", "elevator")
     m_alpha, m_q, m_e = d("q_dot", "alpha"), d("q_dot", "q"), d("q_dot", "elevator")
+    # The command is a state that stays constant, so that one matrix exponential steps the loop
+    # exactly. An unstable one is clipped by the caller: the fit must see a number.
     alpha, q, elevator, n_model, integral, command = range(6)
     A = np.zeros((6, 6))
     n_z = np.zeros(6)

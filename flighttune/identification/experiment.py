@@ -136,6 +136,7 @@ def respond(
         commanded, measured = [], []
         for phi_cmd, n_z_change in (0.5**attempt * changes).tolist():
             _, gamma, phi, n_z = plant.observe()[:4]
+            # about what holds the present path angle: the flight stays near the trim
             n_z_cmd = math.cos(gamma) / math.cos(phi) + n_z_change
             commanded.append((phi_cmd, n_z_cmd))
             measured.append((phi, n_z))

@@ -90,6 +90,8 @@ def frequency_responses(
     own = [measured[lines[i], i] / commanded[lines[i], i] for i in range(2)]
     responses = []
     for i, j in ((0, 1), (1, 0)):
+        # The other channel is excited at the lines between these: its answer to its command is
+        # taken off, and what is left is coupling. A held command is a sinc, late by half a sample.
         expected = _interpolated(omegas[i], omegas[j], own[j]) * commanded[lines[i], j]
         other = (measured[lines[i], j] - expected) / commanded[lines[i], i]
         hold = np.sinc(omegas[i] * DT / (2.0 * math.pi)) * np.exp(-0.5j * omegas[i] * DT)

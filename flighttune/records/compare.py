@@ -340,8 +340,8 @@ def largest_distance(a: Run, b: Run) -> tuple[float, float]:
         return [np.interp(t, places.index, places[axis].to_numpy()) for axis in axes]
 
     distance = np.linalg.norm(np.subtract(path(b), path(a)), axis=0)
-    at = int(np.argmax(distance))
-    return float(distance[at]), float(t[at])
+    farthest = int(np.argmax(distance))
+    return float(distance[farthest]), float(t[farthest])
 
 
 def _source(runs_of: str | Path | Run | FlownScenario | Source, place: int) -> Source:
@@ -442,7 +442,7 @@ def _changes(a: Mapping[str, Any], b: Mapping[str, Any]) -> dict[str, tuple[Any,
 
 def _pair(first: Source, second: Source, a: Run, b: Run) -> Pair:
     end = min(a.duration, b.duration)
-    distance, at = largest_distance(a, b)
+    distance, t_farthest = largest_distance(a, b)
     cut = [
         run if run.duration <= end else replace(run, signals=run.signals.loc[:end])
         for run in (a, b)
@@ -453,7 +453,7 @@ def _pair(first: Source, second: Source, a: Run, b: Run) -> Pair:
         source_a=first.name,
         source_b=second.name,
         max_distance=distance,
-        t_max_distance=at,
+        t_max_distance=t_farthest,
         differs={} if _is_log(a) or _is_log(b) else _changes(_settings(a), _settings(b)),
     )
 
@@ -471,8 +471,8 @@ def _metric_rows(a: Run, b: Run) -> list[dict[str, Any]]:
             "diff": second[channel][name] - value,
             "better": better(name, value, second[channel][name]),
         }
-        for channel, own in first.items()
-        for name, value in own.items()
+        for channel, values in first.items()
+        for name, value in values.items()
         if name in BETTER_IF and name in second.get(channel, ())
     ]
 

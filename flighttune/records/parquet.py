@@ -295,15 +295,15 @@ def _in_folder(folder: Path) -> Recording:
     flights = _by_flight(files)
 
     def rank(flight: tuple[str, ...]) -> tuple[bool, float]:
-        there = flights[flight]
-        newest = max(file.stat().st_mtime for file, _ in there.values())
-        return set(flight) <= set(there), newest
+        by_hash = flights[flight]
+        newest = max(file.stat().st_mtime for file, _ in by_hash.values())
+        return set(flight) <= set(by_hash), newest
 
     flight = max(flights, key=rank)
-    there = flights[flight]
-    order = flight or tuple(there)
-    runs = tuple(there[sha256][1] for sha256 in order if sha256 in there)
-    lost, taken = len(order) - len(runs), [file for file, _ in there.values()]
+    by_hash = flights[flight]
+    order = flight or tuple(by_hash)
+    runs = tuple(by_hash[sha256][1] for sha256 in order if sha256 in by_hash)
+    lost, taken = len(order) - len(runs), [file for file, _ in by_hash.values()]
     missing = [f"{folder}: {lost} of the {len(order)} runs are not there"] if lost else []
     missing += [f"{file}: of another flight" for file in files if file not in taken]
     return Recording(path=folder, runs=runs, missing=tuple(missing))

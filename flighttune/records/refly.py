@@ -222,5 +222,5 @@ def _in_signals(recorded: Run, reflown: Run) -> Iterator[Difference]:
     bits = [np.ascontiguousarray(table).view(np.uint64) for table in (then, now)]
     for row, column in np.argwhere(bits[0] != bits[1])[:1].tolist():
         what = ["t", *columns[0]][column]
-        at = (row, column)
-        yield Difference(what, float(then[row, 0]), float(then[at]), float(now[at]))
+        entry = (row, column)
+        yield Difference(what, float(then[row, 0]), float(then[entry]), float(now[entry]))

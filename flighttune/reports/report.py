@@ -104,18 +104,18 @@ def _of_claim(file: Path, path: Path) -> Report:
 
 
 def _of_campaign(folder: Path, path: Path, interval: Method, confidence: float) -> Report:
-    found = findings(load_flights(str(folder)), method=interval, confidence=confidence)
-    groups = found.values["groups"]
+    statistics = findings(load_flights(str(folder)), method=interval, confidence=confidence)
+    groups = statistics.values["groups"]
     shown = Answer(
-        values={**found.values, "sha256": dataset_hash(folder)},
+        values={**statistics.values, "sha256": dataset_hash(folder)},
         tables=[
-            tables.success_table(found, groups),
+            tables.success_table(statistics, groups),
             tables.reasons_table(groups),
-            *tables.paired_tables(found),
+            *tables.paired_tables(statistics),
         ],
-        notes=[*summary(found), *notes(found)],
+        notes=[*summary(statistics), *notes(statistics)],
     )
-    return replace(write_campaign_report(found, path), shown=shown)
+    return replace(write_campaign_report(statistics, path), shown=shown)
 
 
 def _of_runs(source: Source, path: Path) -> Report:

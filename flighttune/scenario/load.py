@@ -44,7 +44,7 @@ def with_gains(
 ) -> Scenario:
     """The scenario with these gain sets in place of its own, and the requirements about them."""
     listed = [entry for entry in scenario.gains if isinstance(entry, GainsTable)]
-    own = {entry.name: entry for entry in (*listed, *tables)}
+    by_name = {entry.name: entry for entry in (*listed, *tables)}
     laws: dict[str, LawTable] = {}
     entries: list[str | GainsTable] = []
     wanted: list[str] = []
@@ -55,7 +55,7 @@ def with_gains(
             gains, law = entry.name, f"{scenario.law_of('', entry.gains())[0].name}:"
         else:
             gains, law = split_name(name)[1], name
-            entry = own.get(gains, gains)
+            entry = by_name.get(gains, gains)
         flown_by = scenario.law_table(law)
         laws[flown_by.name] = flown_by
         wanted += flown_by.law().names_of([gains])

@@ -61,8 +61,8 @@ def _with_value(table: Any, place: Place, value: Any) -> Any:
     step, *below = place
     changed: Any = list(table) if isinstance(table, list) else dict(table or {})
     if below:
-        own = changed[step] if isinstance(step, int) else changed.get(step)
-        value = _with_value(own, (*below,), value)
+        inside = changed[step] if isinstance(step, int) else changed.get(step)
+        value = _with_value(inside, (*below,), value)
     changed[step] = value
     return changed
 
@@ -93,27 +93,27 @@ def leaves(tables: Mapping[str, Any], above: str = "") -> Iterator[tuple[str, An
 
 def _walked(steps: tuple[str, ...], tables: Mapping[str, Any]) -> Place:
     place: list[str | int] = []
-    at: Any = tables
+    table: Any = tables
     for step in steps:
         name, where = step.strip("[]"), spelled(place)
-        if isinstance(at, list):
+        if isinstance(table, list):
             if not step.startswith("["):
                 raise InputError(f"must say which of `{where}` is meant, by its position: [0], ...")
-            labels = [_label(each) for each in at if where == "plant"]
+            labels = [_label(each) for each in table if where == "plant"]
             digits = name.isascii() and name.isdigit()
             position = labels.index(name) if name in labels else int(name) if digits else -1
-            if not 0 <= position < len(at):
+            if not 0 <= position < len(table):
                 label = f" or a label ({', '.join(filter(None, labels))})" if labels else ""
                 raise InputError(
-                    f"must be a position, 0 to {len(at) - 1},{label} of `{where}`, got {step}"
+                    f"must be a position, 0 to {len(table) - 1},{label} of `{where}`, got {step}"
                 )
             place.append(position)
-            at = at[position]
-        elif isinstance(at, Mapping) or at is None:
+            table = table[position]
+        elif isinstance(table, Mapping) or table is None:
             place.append(name)
-            at = at.get(name) if at else None
+            table = table.get(name) if table else None
         else:
-            raise InputError(f"must be a key of a table, but `{where}` is {at!r}")
+            raise InputError(f"must be a key of a table, but `{where}` is {table!r}")
     return tuple(place)
 
 

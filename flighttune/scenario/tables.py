@@ -776,7 +776,7 @@ class ExpectTable(q.Table):
 
 def in_rad(measure: str) -> str:
     """Name of a measure with ``_deg`` replaced by ``_rad``, and ``_dps`` by ``_rad_s``."""
-    for ending, own in (("_deg", "_rad"), ("_dps", "_rad_s")):
+    for ending, si in (("_deg", "_rad"), ("_dps", "_rad_s")):
         if measure.endswith(ending):
-            return measure.removesuffix(ending) + own
+            return measure.removesuffix(ending) + si
     return measure

@@ -31,9 +31,9 @@ def check_scheduler(scheduler: str) -> tuple[str, int]:
     """Host and port of the address of a scheduler; InputError if it cannot be one."""
     need("`scheduler`", "dask", "distributed")
     with suppress(ValueError):  # of a port that is no number
-        at = urlsplit(scheduler if "://" in scheduler else f"tcp://{scheduler}")
-        if at.hostname and at.port:
-            return at.hostname, at.port
+        address = urlsplit(scheduler if "://" in scheduler else f"tcp://{scheduler}")
+        if address.hostname and address.port:
+            return address.hostname, address.port
     raise InputError(f"`scheduler` must be tcp://HOST:PORT, got {scheduler!r}.")
 
 

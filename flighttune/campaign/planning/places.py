@@ -43,11 +43,11 @@ def dispersed_places(
             if any(a[: len(b)] == b[: len(a)] for a in places for b in theirs):
                 raise ScenarioError(f"{where} must be dispersed once, but `{other}` means it too.")
         for place in places if table.acts != "sets" else ():
-            own = value_at(values, place)
-            if isinstance(own, bool) or not isinstance(own, (int, float)):
+            value = value_at(values, place)
+            if isinstance(value, bool) or not isinstance(value, (int, float)):
                 raise ScenarioError(
                     f"{where} must be a number in the scenario for `acts` {table.acts!r}, "
-                    f"got {'nothing' if own is None else repr(own)}."
+                    f"got {'nothing' if value is None else repr(value)}."
                 )
         places_by_key[table.key] = places
     return places_by_key

@@ -105,8 +105,8 @@ def _split(flights: Flights, group: Group, rows: pd.DataFrame, parameter: str) -
     """Success rate over the classes of a parameter."""
     rows = rows.loc[rows[parameter].notna().to_numpy()]
     numeric = is_number(rows[parameter])
-    classes = [own for _, own in rows.groupby(classes_of(rows[parameter], SPLIT_INTO))]
-    values = [own[parameter].to_numpy() for own in classes]
+    classes = [members for _, members in rows.groupby(classes_of(rows[parameter], SPLIT_INTO))]
+    values = [members[parameter].to_numpy() for members in classes]
     return {
         "group": group.label,
         "parameter": parameter,
@@ -117,8 +117,8 @@ def _split(flights: Flights, group: Group, rows: pd.DataFrame, parameter: str) -
             for place, of_class in enumerate(values)
         ],
         "success": [
-            flights.share(own[SUCCESS].to_numpy(dtype=bool), flights.clusters(own))
-            for own in classes
+            flights.share(members[SUCCESS].to_numpy(dtype=bool), flights.clusters(members))
+            for members in classes
         ],
     }
 

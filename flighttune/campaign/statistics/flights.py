@@ -32,8 +32,8 @@ class Flights:
     @property
     def measures(self) -> tuple[str, ...]:
         """Measures that at least one flight has."""
-        there = [name for name in MEASURES if name in self.rows]
-        return tuple(name for name in there if self.rows[name].notna().to_numpy().any())
+        recorded = [name for name in MEASURES if name in self.rows]
+        return tuple(name for name in recorded if self.rows[name].notna().to_numpy().any())
 
     def clusters(self, rows: pd.DataFrame) -> npt.NDArray[np.intp]:
         """Design cycle of each row; cycles are independent of each other."""

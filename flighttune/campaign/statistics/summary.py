@@ -49,8 +49,8 @@ def summary(flights: Flights, group: Group, rows: pd.DataFrame) -> dict[str, Any
         "statuses": statuses,
         "reasons": [
             {"status": status, **reason}
-            for status, own in by_status
-            for reason in reasons(own["reason"].tolist(), own["run"].tolist())
+            for status, ended in by_status
+            for reason in reasons(ended["reason"].tolist(), ended["run"].tolist())
         ],
         "missed": _missed(completed),
         "metrics": {
@@ -86,7 +86,10 @@ def requirements(flights: Flights) -> list[dict[str, Any]]:
                 }
             )
     ordered = sorted(stated, key=lambda bound: (-bound["missed"], -bound["near"]))
-    return [{**own, "near": own["near"] if np.isfinite(own["near"]) else None} for own in ordered]
+    return [
+        {**bound, "near": bound["near"] if np.isfinite(bound["near"]) else None}
+        for bound in ordered
+    ]
 
 
 def _missed(completed: pd.DataFrame) -> list[dict[str, Any]]:
@@ -141,8 +144,12 @@ def reasons(texts: Sequence[str], runs: Sequence[int]) -> list[dict[str, Any]]:
         if text:
             places_of.setdefault(_NUMBER.sub("…", text), []).append(place)
     grouped = [
-        {"reason": _shared([texts[place] for place in at]), "count": len(at), "run": runs[at[0]]}
-        for at in places_of.values()
+        {
+            "reason": _shared([texts[place] for place in members]),
+            "count": len(members),
+            "run": runs[members[0]],
+        }
+        for members in places_of.values()
     ]
     return sorted(grouped, key=lambda reason: (-reason["count"], reason["run"]))
 
