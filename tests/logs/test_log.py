@@ -112,7 +112,7 @@ def test_reports_comparisons_and_recordings_take_logs(flight, tmp_path, monkeypa
     assert "A real flight of 50.0 s." in page.summary
     assert "no n_z_cmd" in page.path.read_text(encoding="utf-8")
     assert both.comparable
-    assert both.pairs[0].durations[0] == pytest.approx(20.0, abs=0.05)
+    assert both.pairs[0].a.duration == pytest.approx(20.0, abs=0.05)
     assert both.max_distance > 10.0
     from flighttune.recording.overlay import write_overlay
     from flighttune.recording.record import write_log
