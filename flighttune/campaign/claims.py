@@ -151,15 +151,7 @@ def is_claim_file(path: str | Path) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Verified(Answering):
-    """A claim and whether it holds.
-
-    Attributes
-    ----------
-    claim : Certificate, RateBound, Tube or Band
-    verification : Verification
-    source : str
-        The file of the claim; empty for a value.
-    """
+    """A claim, its verification, and the file that it was read from; empty for a value."""
 
     claim: AnyClaim
     verification: Verification

@@ -205,8 +205,6 @@ def design_model(
 
     Parameters
     ----------
-    condition : IdentifiedCondition
-    g : float, m/s^2
     V_a, gamma : float, m/s and rad, optional
         Condition of the law, by default `condition`.
     hold : float, s

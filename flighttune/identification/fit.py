@@ -100,12 +100,9 @@ def frequency_responses(
 
 
 def candidates(response: FrequencyResponse) -> tuple[LagCandidate, ...]:
-    """Return the best lag of each order, the lowest information criterion first.
-
-    Least squares of the complex error, which is ``N log(rss / N) + k log N`` (G. Schwarz, *Annals
-    of Statistics* 6, 1978) for ``N = 2 lines`` numbers and k parameters: lines, not samples of
-    time, are independent of each other.
-    """
+    """Return the best lag of each order, the lowest information criterion first."""
+    # The criterion is ``N log(rss / N) + k log N`` (G. Schwarz, *Annals of Statistics* 6, 1978) for
+    # ``N = 2 lines`` numbers and k parameters: lines, not samples of time, are independent.
     fitted = [_fitted(response, order) for order in get_args(Order)]
     return tuple(sorted(fitted, key=lambda candidate: candidate.bic))
 

@@ -63,12 +63,9 @@ def drawn(campaign: Campaign, first: int, end: int, *, draws: int) -> pd.DataFra
 def unit_points(
     design: str, keys: Sequence[str], *, seed: int, first: int, end: int, points: int
 ) -> FloatArray:
-    """Points `first` to `end` of a design, inside the open unit interval: (end - first, len(keys)).
-
-    A coordinate of a random or Latin hypercube point depends on the seed, the point and the key
-    alone, not on the other keys; a Sobol point on the seed and the set of keys. Only a Latin
-    hypercube depends on `points`, the size of the whole design.
-    """
+    """Points `first` to `end` of a design of `points`, in (0, 1): (end - first, len(keys))."""
+    # A coordinate of a random or Latin hypercube point depends on the seed, the point and the key
+    # alone, not on the other keys; a Sobol point on the seed and the set of keys.
     if end <= first or not keys:
         return np.empty((max(end - first, 0), len(keys)))
     match design:
@@ -93,24 +90,8 @@ def correlated(
 ) -> FloatArray:
     r"""Independent uniform coordinates made dependent by a Gaussian copula, each still uniform.
 
-    Parameters
-    ----------
-    u : ndarray, shape (n, len(keys)), 1
-        Inside the open unit interval.
-    keys : sequence of str
-        Names of the coordinates.
-    correlations : sequence of CorrelationTable
-        Correlations of these keys.
-
-    Returns
-    -------
-    ndarray, shape (n, len(keys)), 1
-        Inside the open unit interval; a coordinate without correlation is as it was.
-
-    Raises
-    ------
-    InputError
-        If the correlations contradict each other.
+    `u`, shape (n, len(keys)), and the result are inside the open unit interval. An InputError says
+    that correlations contradict each other.
 
     Notes
     -----

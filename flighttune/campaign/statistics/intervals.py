@@ -35,8 +35,6 @@ def rate_interval(
     ----------
     successes, n : array_like, shape (...), 1
         Successes, and trials they are of; not whole where they are effective numbers.
-    confidence : float, 1
-        Between 0 and 1.
     method : "wilson" or "clopper-pearson"
         Wilson's score interval, or Clopper and Pearson's, which never covers less often than it
         claims.
@@ -45,11 +43,6 @@ def rate_interval(
     -------
     lo, hi : ndarray, shape (...), 1
         0 and 1 without trials.
-
-    Raises
-    ------
-    InputError
-        If `confidence` is not between 0 and 1.
 
     Notes
     -----
@@ -92,10 +85,6 @@ def quantile_interval(
     ----------
     values : array_like, shape (n,)
         Values of one distribution, without NaN.
-    q : float, 1
-        Between 0 and 1.
-    confidence : float, 1
-        Between 0 and 1.
     effective : float, 1, optional
         Number of independent values with as much information (`effective_size`); by default n.
 
@@ -103,11 +92,6 @@ def quantile_interval(
     -------
     lo, hi : float
         Two of the values; minus or plus infinity where there are too few to bound that side.
-
-    Raises
-    ------
-    InputError
-        If `q` or `confidence` is not between 0 and 1.
 
     Notes
     -----
