@@ -1,7 +1,7 @@
 """The flights that a campaign states, or starts and disturbances about a scenario."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -37,27 +37,25 @@ def planned(
     kind: str | None = None,
     start_deg: float = 0.0,
     disturbance: float = 0.0,
-    draws: int = 1,
     gains: str | None = None,
-    tables: Sequence[GainsTable] = (),
     changes: Mapping[str, Any] | None = None,
 ) -> Plan:
     """The plan of a campaign in a folder or file, or of flights about a scenario.
 
     About a scenario, starts are off by up to `start_deg`, and square waves of up to `disturbance`
     (rad/s) disturb both rates, for its first plant of a `kind`. `gains` that source does not have,
-    by name, file or one of `tables`, take the place of its own.
+    by name or file, take the place of its own.
     """
     check_not_negative(start_deg=start_deg, disturbance=disturbance)
     sizes = disturbance, disturbance
     if _is_scenario(source):
         scenario = load_scenario(source, changes=changes)
         if gains not in (None, *scenario.gain_names):
-            scenario = with_gains(scenario, [gains], source, tables)
+            scenario = with_gains(scenario, [gains], source)
         labels = [table.label for table in scenario.plant if kind in (None, table.kind)]
         chosen = plant or next(iter(labels), None)
         plan = plan_campaign(_about(scenario, Path(source).stem, chosen, start_deg, sizes))
-        return plan.with_runs(draws * len(plan.groups))
+        return plan.with_runs(len(plan.groups))
     if start_deg or disturbance:
         raise InputError("`start_deg` and `disturbance` are for scenarios: campaigns have theirs.")
     if (Path(source) / CAMPAIGN).is_file():
@@ -68,7 +66,7 @@ def planned(
         return plan
     campaign = load_campaign(source, changes=changes)
     if gains not in (None, *campaign.nominal.gain_names):
-        nominal = with_gains(campaign.nominal, [gains], source, tables)
+        nominal = with_gains(campaign.nominal, [gains], source)
         table = campaign.model_copy(update={"gains": nominal.gains})
         campaign = campaign_on(table, nominal, source)
     return plan_campaign(campaign)
