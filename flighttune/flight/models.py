@@ -32,6 +32,9 @@ from flighttune.units import wrap_angle
 # Stands for a gain that may fall to nothing.
 TINY = 1e-300
 
+# Largest sensitivity of gains of the fastest decay or the least E_K, where none is stated.
+SENSITIVITY = 1.4
+
 # Smallest integral time of the course loop over the delay of a limited roll: design/roll_rate.md.
 INTEGRAL_TIME = 4.0
 
@@ -190,6 +193,8 @@ def _problem(
         K_max=bound,
         K_fixed=decoupled(model) if settings.structure == "decoupled" else None,
         seed=scenario.seed,
+        objective=settings.objective if identified and settings.objective != "cost" else "R_K",
+        sensitivity_max=settings.sensitivity_max or SENSITIVITY if identified else math.inf,
         weights=None if identified else settings.weights,
         R_min=0.0 if identified else settings.R_min,
     )

@@ -646,6 +646,9 @@ class TuningTable(q.Table):
     With ``objective = "cost"`` the gains minimise the integral over the first transient of the
     squares of errors and commands about their end values, times ``error_weights`` (chi, gamma; 1
     by default) and ``command_weights`` (phi, n_z; 0.1), under ``R_K >= R_min`` and the rest.
+
+    On the identified model ``objective = "decay"`` or ``"E_K"`` seeks the fastest decay of the loop
+    or the least E_K, with a largest sensitivity of each channel of ``sensitivity_max`` (1.4).
     """
 
     I_star: Annotated[float, Field(gt=0.0)] = 5.0  # may be infinite: no bound
@@ -660,7 +663,8 @@ class TuningTable(q.Table):
     gain_max: q.PositiveGain | None = None
     roll_rate: bool = False
     state_scaling: list[q.Scale] | None = None
-    objective: Literal["R_K", "cost"] = "R_K"
+    objective: Literal["R_K", "cost", "decay", "E_K"] = "R_K"
+    sensitivity_max: Annotated[float, Field(gt=1.0)] | None = None
     error_weights: Weights | None = None
     command_weights: Weights | None = None
     R_min: Annotated[float, Field(ge=0.0, allow_inf_nan=False)] = 0.0
@@ -675,7 +679,7 @@ class TuningTable(q.Table):
     @property
     def weights(self) -> tuple[FloatArray, FloatArray] | None:
         """Weights of errors and commands; None where R_K is maximised."""
-        if self.objective == "R_K":
+        if self.objective != "cost":
             return None
         return np.array(self.error_weights or [1.0] * 2), np.array(
             self.command_weights or [0.1] * 2
@@ -692,9 +696,20 @@ class TuningTable(q.Table):
             for name in sorted(foreign & self.model_fields_set)
             if getattr(self, name) != type(self).model_fields[name].default
         ]
+        shaped = self.objective in ("decay", "E_K")
+        if shaped and self.model != "identified":
+            raise ValueError(
+                f'`objective` must be "R_K" or "cost" without model = "identified", got '
+                f'"{self.objective}"'
+            )
+        if self.sensitivity_max is not None and not shaped:
+            raise ValueError(
+                '`sensitivity_max` must be absent without objective = "decay" or "E_K"'
+            )
+        changed = [key for key in changed if not (shaped and key == "objective")]
         if self.model == "identified" and changed:
             raise ValueError(f"`{changed[0]}` must be absent with model identified")
-        if self.objective == "R_K" and cost_keys:
+        if self.objective != "cost" and cost_keys:
             raise ValueError(f'`{cost_keys[0]}` must be absent without objective = "cost"')
         return self
 

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -45,6 +45,11 @@ class TuningProblem:
         Gains that must have a value; NaN where a gain is free. All free by default.
     seed : int
         Seed of everything random in an optimiser.
+    objective : "R_K", "decay" or "E_K"
+        What is sought without `weights`; the last two on identified loops alone.
+    sensitivity_max : float
+        With the last two: largest sensitivity, above 1, of each channel of commands that acts on
+        no other.
     weights : tuple of ndarray, shapes (p,) and (m,), optional
         Of errors and commands: minimise the quadratic cost from `x_0` instead of maximising R_K.
     R_min : float, 1/s
@@ -75,6 +80,8 @@ class TuningProblem:
     K_max: FloatArray | None = None
     K_fixed: FloatArray | None = None
     seed: int = 0
+    objective: Literal["R_K", "decay", "E_K"] = "R_K"
+    sensitivity_max: float = math.inf
     weights: tuple[FloatArray, FloatArray] | None = None
     R_min: float = 0.0
 

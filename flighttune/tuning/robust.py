@@ -19,6 +19,7 @@ from flighttune.theory.indicators import indicators, indicators_batch
 from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
 from flighttune.tuning.program import Program, stabilising_starts
 from flighttune.tuning.result import ROUNDING, TuningResult
+from flighttune.tuning.shaped import FACTORS, shaped
 from flighttune.tuning.tune import AGREEMENT, STARTS
 
 METHOD = "worst of models"
@@ -114,6 +115,9 @@ def _tuned(problems: list[TuningProblem], starts: int) -> tuple[FloatArray, int,
         for k in ends
     ]
     best = int(np.argmax(rates))
+    if problems[0].objective != "R_K":
+        k, agreeing = shaped(problems, ends[best])
+        return space.K(k), len(ends) + len(FACTORS), agreeing
     agreeing = sum(rate >= (1.0 - AGREEMENT) * rates[best] for rate in rates)
     return space.K(ends[best]), len(ends), agreeing
 

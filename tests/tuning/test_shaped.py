@@ -1,0 +1,124 @@
+"""Gains of the least E_K and of the fastest decay under a bound on the sensitivity."""
+
+import numpy as np
+import pytest
+from made_up import made_up_scenario
+from scipy.linalg import expm
+from scipy.optimize import minimize
+
+import flighttune as ft
+
+SAME = 2e-3  # relative: the oracle's integral is a sum over 0.01 s, its search a simplex
+
+
+def tuned(objective, aircraft="aerosonde", V_a=25.0, **tuning):
+    """Gains of an aircraft's identified loop by the paper's law."""
+    tuning |= {"model": "identified", "objective": objective, "identified": aircraft}
+    return ft.tune(made_up_scenario(flight={"V_a_mps": V_a}, tuning=tuning))
+
+
+def channel(model, i):
+    """State space of one channel, from its command to its error."""
+    states = [j for j, name in enumerate(model.states) if name.startswith(CHANNELS[i])]
+    return model.A[np.ix_(states, states)], model.B[states, i], model.C[i, states]
+
+
+CHANNELS = ("chi", "phi"), ("gamma", "n_z")
+OMEGA = np.geomspace(1e-2, 1e3, 4000)
+
+
+def sensitivity(parts, gains):
+    """Largest ``|1 / (1 - K G)|``, by the definition at many frequencies."""
+    (A, B, C), (K_P, K_I) = parts, gains
+    s = 1j * OMEGA
+    G = np.array([C @ np.linalg.solve(x * np.eye(len(A)) - A, B) for x in s])
+    return np.abs(1.0 / (1.0 - (K_P + K_I / s) * G)).max()
+
+
+def loop(parts, gains):
+    """The loop with its integrator, of x and the integral of the error."""
+    (A, B, C), (K_P, K_I) = parts, gains
+    return np.block([[A + K_P * np.outer(B, C), K_I * B[:, None]], [C[None], np.zeros((1, 1))]])
+
+
+def largest_error(parts, gains):
+    """Integral of the error's size after a unit step of the disturbance's rate, s^2."""
+    A_cl = loop(parts, gains)
+    if np.linalg.eigvals(A_cl).real.max() >= 0.0:
+        return 1e3
+    # The disturbance adds to the rate of the error: its ramp's response is that of a step twice.
+    enters = np.zeros(len(A_cl))
+    enters[0] = 1.0
+    step, x, total = expm(0.01 * A_cl), -np.linalg.solve(A_cl, enters), 0.0
+    for _ in range(4000):
+        total += abs(parts[2] @ x[:-1]) * 0.01
+        x = step @ x
+    return total
+
+
+def oracle(parts, cost, start):
+    """A simplex search of a cost with the sensitivity as a penalty."""
+
+    def penalised(gains):
+        return cost(parts, gains) + 100.0 * max(sensitivity(parts, gains) - 1.4, 0.0)
+
+    for _ in range(2):
+        start = minimize(penalised, start, method="Nelder-Mead", options={"maxfev": 120}).x
+    return start
+
+
+@pytest.mark.parametrize("objective", ["E_K", "decay"])
+@pytest.mark.parametrize(("aircraft", "V_a"), [("aerosonde", 25.0), ("c172p", 50.0), ("a4", 200.0)])
+def test_the_sensitivity_of_each_channel_is_the_largest_allowed_or_less(objective, aircraft, V_a):
+    result = tuned(objective, aircraft, V_a)
+    K = result.gains.K
+
+    peaks = [sensitivity(channel(result.problem.model, i), K[i, [i, 2 + i]]) for i in (0, 1)]
+    assert max(peaks) <= 1.4 * (1.0 + 1e-5)
+    assert max(peaks) >= 1.399 if objective == "E_K" else max(peaks) > 1.2
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("i", [0, 1])
+def test_a_simplex_search_finds_no_smaller_error(i):
+    result = tuned("E_K")
+    parts = channel(result.problem.model, i)
+    gains = result.gains.K[i, [i, 2 + i]]
+
+    found = oracle(parts, largest_error, 0.9 * gains)
+    assert largest_error(parts, gains) <= (1.0 + SAME) * largest_error(parts, found)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("i", [0, 1])
+def test_a_simplex_search_finds_no_faster_decay(i):
+    result = tuned("decay")
+    parts = channel(result.problem.model, i)
+    gains = result.gains.K[i, [i, 2 + i]]
+
+    def abscissa(parts, gains):
+        return np.linalg.eigvals(loop(parts, gains)).real.max()
+
+    found = oracle(parts, abscissa, 0.8 * gains)
+    assert abscissa(parts, gains) <= (1.0 - 0.01) * abscissa(parts, found)  # both negative
+
+
+def test_a_larger_sensitivity_makes_errors_smaller_and_stays_below_the_wide_bound():
+    results = [tuned("E_K", sensitivity_max=limit) for limit in (1.2, 1.4, 1.6)]
+
+    errors = [result.E_K for result in results]
+    assert errors == sorted(errors, reverse=True)
+    assert errors[0] > 1.5 * errors[-1]
+
+
+@pytest.mark.parametrize(
+    ("tuning", "message"),
+    [
+        ({"objective": "decay"}, "`objective` must be .* without model = .identified"),
+        ({"sensitivity_max": 1.3}, "`sensitivity_max` must be absent"),
+        ({"objective": "E_K", "model": "identified", "sensitivity_max": 1.0}, "`sensitivity_max`"),
+    ],
+)
+def test_keys_that_do_not_go_together_are_refused(tuning, message):
+    with pytest.raises(ft.ScenarioError, match=message):
+        made_up_scenario(tuning=tuning)
