@@ -30,6 +30,8 @@ from flighttune.claims.band import (
 from flighttune.claims.count import fresh_flights
 from flighttune.claims.shape import (
     MAX_NUMBERS,
+    MAX_RESIDUAL_WINDOWS,
+    MAX_WINDOWS,
     MIN_LEARNED,
     PART,
     Extremes,
@@ -212,13 +214,14 @@ def flights_of(
     length, per_unit = central.flight.duration_s, central.controller.rate_hz
     if of:
         central.check_over_time("a band of residual signals")
+    most = MAX_RESIDUAL_WINDOWS if of else MAX_WINDOWS
     followed, gains = reference_of(central), plan.gain_sets[group.gains]
     assert gains is not None  # of the group that was chosen
     if isinstance(followed, RouteReference):
         over, length, per_unit = "along", math.ceil(followed.path.length), 1.0
     return BandFlights(
         over=over,
-        edges=window_edges(round(length * per_unit) + 1, flights, signals) / per_unit,
+        edges=window_edges(round(length * per_unit) + 1, flights, signals, most=most) / per_unit,
         distribution=distribution_of(plan.campaign, group.plant),
         scenario=plan.scenario,
         plant=group.plant,

@@ -12,6 +12,12 @@ from flighttune.errors import InputError
 # Most windows of a flight, and most numbers kept of all flights that are counted.
 MAX_WINDOWS, MAX_NUMBERS = 200, 2**27
 
+# Most windows of residual signals, which a tube adds up over time. Where a command moves they pass
+# through zero within some samples, and a longer window has their extremes at all of its times: of
+# the c172p, in 30 s, the boxes of 200 windows add up to 1.5 (course) and 1.8 times (path angle) as
+# much as those of 1000. XX: 500 is where the file of 1640 flights has 26 MB before it is packed.
+MAX_RESIDUAL_WINDOWS = 500
+
 # Fewest learned flights that must have been completed.
 MIN_LEARNED = 10
 
@@ -39,13 +45,15 @@ PART = 4096
 Extremes: TypeAlias = npt.NDArray[np.floating]
 
 
-def window_edges(samples: int, flights: int, signals: int) -> npt.NDArray[np.intp]:
-    """First samples of the windows of a flight, and the last sample of all.
+def window_edges(
+    samples: int, flights: int, signals: int, *, most: int = MAX_WINDOWS
+) -> npt.NDArray[np.intp]:
+    """First samples of the windows of a flight, at most `most`, and the last sample of all.
 
     There are fewer windows if so many `flights` are counted that their extremes would not fit.
     """
     fitting = MAX_NUMBERS // (2 * flights * signals)
-    count = max(1, min(MAX_WINDOWS, fitting, samples - 1))
+    count = max(1, min(most, fitting, samples - 1))
     return np.round(np.linspace(0, samples - 1, count + 1)).astype(np.intp)
 
 
@@ -129,6 +137,9 @@ def _narrowest(away: FloatArray, epsilon: float) -> tuple[FloatArray, FloatArray
                 logs.append(np.log(half))
             largest = np.sort(np.concatenate(scores).max(axis=1))[-1 - int(epsilon * len(away)) :]
             scale, log = np.mean(np.log(largest)), np.mean(logs, axis=0)
+            # Logarithm of the largest half-width times the geometric mean, each at the scale. XX: a
+            # tube adds half-widths up, but with their arithmetic mean, or that and the largest, the
+            # sums of residual boxes differed by some percent, and not always for the better.
             width = 2.0 * scale + log.max() + log.mean()
             best = min(best, (width, inside, windows, added, scale))
     _, inside, windows, added, scale = best

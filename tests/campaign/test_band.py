@@ -11,7 +11,7 @@ from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_
 
 import flighttune as ft
 from flighttune.campaign import band as band_module
-from flighttune.campaign.band import count_more, load_band, recount
+from flighttune.campaign.band import count_more, flights_of, load_band, recount
 from flighttune.campaign.band import plan_of as plan_of_band
 from flighttune.campaign.flying.alone import fly_group, scenario_of_run
 from flighttune.campaign.flying.rows import rows_flown
@@ -261,6 +261,18 @@ def test_residual_signals_of_an_aircraft_are_counted_like_any_other():
     ]
     with pytest.raises(ft.InputError, match="`flighttune tube --boxes`"):
         ft.fly(plan.scenario).within(counted)
+
+
+def test_residual_signals_have_shorter_windows_than_recorded_ones():
+    """The boxes of a tube add up over time: windows of 7.5 samples had 1.5 times those of 1.5."""
+    tables = tables_of((AEROSONDE,), gains=[SOFT])
+    tables["flight"]["duration_s"] = 20.0
+    plan = plan_of(tables, *START, runs=12)
+
+    recorded, residual = (flights_of(plan, of, 4, 1640) for of in (None, "residual"))
+
+    assert np.diff(recorded.edges) == pytest.approx(0.1)
+    assert np.diff(residual.edges) == pytest.approx(0.04)
 
 
 def test_residual_signals_need_an_aircraft_and_are_not_recorded():
