@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
-from flighttune.cli.options import check_ending, out_folder
+from flighttune.cli.options import ColumnOption, check_ending, out_folder
 from flighttune.cli.show import INTERRUPTED, fail, on_interrupt, quiet, tell
 from flighttune.errors import InputError
 from flighttune.files.shipped import aircraft_names, is_shipped
@@ -75,7 +75,18 @@ def design(
 
 
 def identify(
-    aircraft: AircraftArgument,
+    aircraft: Annotated[
+        str,
+        Argument(
+            metavar="AIRCRAFT|LOG",
+            help="A shipped aircraft, or the folder of one; or the log of a real flight (.ulg, "
+            ".bin, .tlog, .csv), @START:END for a part of it in s.",
+            autocompletion=aircraft_names,
+        ),
+    ],
+    logs: Annotated[
+        list[str] | None, Argument(metavar="[LOG...]", help="Further logs of the same aircraft.")
+    ] = None,
     V_a: Annotated[list[float] | None, _airspeeds("that of the design")] = None,
     gamma: Annotated[list[float] | None, _path_angles("0, or the glide")] = None,
     h: HeightOption = 1000.0,
@@ -84,17 +95,43 @@ def identify(
         Path | None,
         Option(
             help="Model file to write, with a figure of the same name [default: identified.json in "
-            "the aircraft's folder; for a shipped one runs/identified/AIRCRAFT.json]."
+            "the aircraft's folder; for a shipped one or a log runs/identified/NAME.json]."
+        ),
+    ] = None,
+    column: ColumnOption = None,
+    assume: Annotated[
+        list[str] | None,
+        Option(
+            metavar="CHANNEL=RAD_S",
+            help="Bandwidth of phi or n_z to assume where logs cannot tell it; repeatable.",
         ),
     ] = None,
 ) -> Answer:
-    """Identify AIRCRAFT's roll and load-factor response in flight; write a model to tune on."""
+    """Identify AIRCRAFT's roll and load-factor response in flight; write a model to tune on.
+
+    Logs are of real flights: their stretches with enough command are fitted. Exit status 1 if
+    they cannot tell a channel; then nothing is written.
+    """
     from flighttune.aircraft.aircraft import load_aircraft
     from flighttune.identification.figure import identification_figure
     from flighttune.identification.file import FILE_NAME, save_identified
     from flighttune.identification.identify import identify as identify_aircraft
+    from flighttune.logs.identify import identify_log
+    from flighttune.logs.read import is_log
 
     check_ending(out, ".json")
+    if logs or is_log(Path(aircraft.partition("@")[0])):
+        found = identify_log(aircraft, *(logs or ()), columns=column or (), assume=_assumed(assume))
+        files: dict[str, Path | None] = {"model": None, "figure": None}
+        if found.identified is not None:
+            name = Path(aircraft.partition("@")[0]).stem
+            model = out or Path("runs") / "identified" / f"{name}.json"
+            save_identified(found.identified, model)
+            files = {"model": model, "figure": None}
+            if found.channels:
+                files["figure"] = model.with_suffix(".svg")
+                found.sheet().save(model.with_suffix(".svg"))
+        return replace(found.answer(), files=files)
     angles = [angle * DEG for angle in gamma or ()]
     identified = identify_aircraft(aircraft, V_a=V_a or (), gamma=angles, h=h, seed=seed)
     folder = load_aircraft(aircraft).folder
@@ -104,6 +141,18 @@ def identify(
     save_identified(identified.identified, model)
     identification_figure(identified.conditions[0], identified.place).save(figure)
     return replace(identified.answer(), files={"model": model, "figure": figure})
+
+
+def _assumed(settings: list[str] | None) -> dict[str, float]:
+    """The values of ``--assume`` by channel."""
+    assumed = {}
+    for setting in settings or ():
+        channel, _, text = setting.partition("=")
+        try:
+            assumed[channel] = float(text)
+        except ValueError:
+            raise InputError(f"--assume: must be CHANNEL=RAD_S, got {setting!r}.") from None
+    return assumed
 
 
 def adopt(

@@ -177,6 +177,11 @@ def check_identified(scenario: Scenario, source: str) -> None:
 
 
 def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:
+    if plant.identified is not None:
+        try:
+            _ = plant.identified_model
+        except InputError as error:
+            yield f"[plant] `identified` must be an aircraft or a model file: {error}"
     if plant.aircraft is None:
         return
     try:

@@ -17,7 +17,7 @@ from flighttune.files.shipped import scenario_files
 from flighttune.files.whole import write_text
 from flighttune.flight.conditions import reference_of
 from flighttune.flight.load import load_scenario
-from flighttune.identification.file import rounded
+from flighttune.identification.file import load_identified, rounded
 from flighttune.plants.jsbsim.trim import level, trim_table
 from flighttune.plants.label import plant_label
 from flighttune.references.follow import RouteReference
@@ -110,6 +110,8 @@ def new_scenario(name: str, *, aircraft: str | None = None, like: str | None = N
     file = Path(f"{stem}.toml")
     if os.path.exists(file):  # which a name that is too long does not; writing says so
         raise OutputError(f"{file}: must be a new file, there is one already; give another NAME.")
+    if like is not None and aircraft is not None and aircraft.lower().endswith(".json"):
+        raise InputError(f"{aircraft}: `--like` must be absent: the model has no airframe to trim.")
     if aircraft is not None and (Path(aircraft) / "aircraft.toml").is_file():
         aircraft = str(Path(aircraft).resolve())
     if like is None:
@@ -152,6 +154,8 @@ def _design(config: AircraftConfig) -> tuple[float, float]:
 
 def _first(aircraft: str, folder: Path) -> str:
     """The template with the values of an aircraft; as values, for its texts may hold quotes."""
+    if Path(aircraft).suffix.lower() == ".json":
+        return _of_logs(Path(aircraft), folder)
     config = load_aircraft(aircraft)
     document: Any = tomlkit.parse(TEMPLATE)
     flight, (low, high) = document["flight"], config.envelope.V_a
@@ -197,6 +201,33 @@ def _first_ramps(config: AircraftConfig, V_a: float, climb: float) -> dict[str, 
         }
         ramps[key] = {"shape": "ramp", **rounded(values, DIGITS)}
     return ramps
+
+
+def _of_logs(model: Path, folder: Path) -> str:
+    """The template with a model identified from logs as the plant, and the limits that they show.
+
+    Without an airframe behind it such a model flies as a point mass behind its lags.
+    """
+    identified = load_identified(model)
+    log, condition = identified.log, identified.conditions[0]
+    if log is None:
+        raise InputError(f"{model}: must be identified from logs; others are in their aircraft.")
+    document: Any = tomlkit.parse(TEMPLATE)
+    document["title"] = f"Turn right by {TURN:g} deg and climb by {CLIMB:g} deg"
+    document["verifies"] = "the aircraft turns and climbs with little overshoot, and settles"
+    document["flight"].update({"V_a_mps": rounded(condition.V_a, 4), "h_m": condition.h})
+    document["flight"].comment(f"start: as in {log.logs[0]}")
+    document["reference"].update({"chi_deg": TURN, "gamma_deg": CLIMB})
+    limits = {key: getattr(log, key) for key in ("phi_deg", "n_z")}
+    rates = {key: getattr(log, key) for key in ("phi_rate_dps", "n_z_rate_per_s")}
+    seen = {**{key: [*ends] for key, ends in limits.items()}, **rates}
+    document["limits"].update(rounded(seen, 3))
+    document["limits"].comment("as seen in the logs")
+    document["plant"].pop()
+    plant = tomlkit.table()
+    plant.update({"kind": "point_mass_lag", "identified": os.path.relpath(model, folder)})
+    document["plant"].append(plant)
+    return tomlkit.dumps(document)
 
 
 def _made_for(like: str, aircraft: str | None, folder: Path) -> str:

@@ -88,8 +88,8 @@ class IdentifiedChannel(LagTable):
     fit_percent: q.Finite
     residual: q.Finite  # 1: root mean square distance between fitted and measured response
     # unit of the other channel over that of this one: largest response of the other channel to this
-    # one's command over the band
-    cross: q.Finite
+    # one's command over the band; None where a log cannot tell
+    cross: q.Finite | None
     simpler: LagTable  # the best lag of at most second order; the lag itself where that is one
 
     @computed_field
@@ -128,6 +128,23 @@ class IdentifiedCondition(_Table):
         }
 
 
+Interval: TypeAlias = Annotated[tuple[q.Finite, q.Finite], Field(strict=False)]
+
+
+class LogEvidence(_Table):
+    """What a model identified from logs rests on, and the limits that they show."""
+
+    logs: Annotated[tuple[str, ...], Field(strict=False)]
+    assumed: Annotated[tuple[Channel, ...], Field(strict=False)]  # channels that no log shows
+    frequency_95_rad_s: dict[Channel, Interval]
+    delay_95_s: dict[Channel, Interval]
+    stretches: dict[Channel, int]
+    phi_deg: Interval
+    phi_rate_dps: q.Positive
+    n_z: Interval
+    n_z_rate_per_s: q.Positive
+
+
 class IdentifiedAircraft(_Table):
     """An aircraft's inner loop at every condition identified."""
 
@@ -136,6 +153,7 @@ class IdentifiedAircraft(_Table):
     seed: int = 0  # of the excitation
     # Hash of the inner loop's gains; empty where it is not known
     gains: str = Field(alias="gains_sha256", default="")
+    log: LogEvidence | None = None  # of a model identified from logs of real flights
     # The first is the nominal one
     conditions: Annotated[tuple[IdentifiedCondition, ...], Field(strict=False, min_length=1)]
 
@@ -248,6 +266,8 @@ def identified_tables(aircraft: IdentifiedAircraft) -> dict[str, Any]:
     tables = aircraft.model_dump()
     if not aircraft.gains:
         del tables["gains_sha256"]
+    if aircraft.log is None:
+        del tables["log"]
     return rounded(tables, DIGITS, EXACT)
 
 

@@ -30,6 +30,7 @@ FINEST = 1e-3
 
 # Starts of the fit in time, rad/s.
 START_FREQUENCIES = 4.0, 12.0
+TIME_STARTS = [(math.log(w), 0.01, 0.0, 0.0) for w in (1.5, *START_FREQUENCIES)]
 
 # In time, the second order is taken where it leaves less than this share of the first's error.
 SECOND_ORDER_GAIN = 0.95
@@ -45,6 +46,7 @@ UNEXCITED = InnerLag(order=1, natural_frequency=10.0)
 _CONVERGED = 1e-12
 
 Parameters: TypeAlias = tuple[float, float, float, float]
+Bounds: TypeAlias = tuple[Parameters, Parameters]
 
 _FREQUENCY_BOUNDS: tuple[Parameters, Parameters] = (
     (math.log(0.05), 0.0, math.log(0.2), math.log(1e-3)),
@@ -127,7 +129,7 @@ def fitted_lag(
     if lag is None:
         starts = [(math.log(w), 0.5 * dt, 0.0, 0.0) for w in START_FREQUENCIES]
         (first, first_rss), (second, second_rss) = (
-            _best_lag(lambda lag: response(lag) - measured, order, starts, _TIME_BOUNDS)
+            best_lag(lambda lag: response(lag) - measured, order, starts, _TIME_BOUNDS)
             for order in (1, 2)
         )
         lag = second if second_rss < SECOND_ORDER_GAIN * first_rss else first
@@ -175,7 +177,7 @@ def _fitted(response: FrequencyResponse, order: Order) -> LagCandidate:
         (math.log(corner * faster), delay, math.log(damping), math.log(part / corner))
         for delay, (faster, damping, part) in product(START_DELAYS, START_SHAPES)
     }
-    lag, rss = _best_lag(error, order, sorted(starts), _FREQUENCY_BOUNDS)
+    lag, rss = best_lag(error, order, sorted(starts), _FREQUENCY_BOUNDS)
     mean_square = rss / count
     return LagCandidate(
         lag=lag,
@@ -184,11 +186,11 @@ def _fitted(response: FrequencyResponse, order: Order) -> LagCandidate:
     )
 
 
-def _best_lag(
+def best_lag(
     error: Callable[[InnerLag], FloatArray],
     order: Order,
     starts: Iterable[Parameters],
-    bounds: tuple[Parameters, Parameters],
+    bounds: Bounds,
 ) -> tuple[InnerLag, float]:
     """Lag of the least squares of `error` from the best of `starts`, and the sum of squares."""
     from scipy.optimize import least_squares
@@ -196,20 +198,28 @@ def _best_lag(
     lower, upper = (np.array(edge[: order + 1]) for edge in bounds)
     inside = [np.clip(start[: order + 1], lower + 1e-3, upper - 1e-3) for start in starts]
     tight = dict.fromkeys(("xtol", "ftol", "gtol"), _CONVERGED)
-    runs = [
-        least_squares(lambda p: error(_lag(p, order)), start, bounds=(lower, upper), **tight)
-        for start in inside
-    ]
+
+    def at(p: FloatArray) -> FloatArray:
+        return error(with_parameters(p, order))
+
+    runs = [least_squares(at, start, bounds=(lower, upper), **tight) for start in inside]
     best = min(runs, key=lambda run: run.cost)
-    lag = _lag(best.x, order)
+    lag = with_parameters(best.x, order)
     return lag if lag.delay >= NO_DELAY else replace(lag, delay=0.0), 2.0 * float(best.cost)
 
 
-def _lag(p: FloatArray, order: Order) -> InnerLag:
+def parameters(lag: InnerLag) -> FloatArray:
+    """Log frequency (rad/s), delay (s), log damping and log lag (s), as the order has them."""
+    logs = math.log(lag.natural_frequency), lag.delay, math.log(lag.damping), math.log(lag.lag)
+    return np.array(logs[: lag.order + 1])
+
+
+def with_parameters(p: FloatArray, order: Order) -> InnerLag:
+    """The lag of an order with `parameters`; a negative delay is taken as none."""
     return InnerLag(
         order=order,
         natural_frequency=math.exp(p[0]),
-        delay=float(p[1]),
+        delay=max(0.0, float(p[1])),
         damping=math.exp(p[2]) if order > 1 else 1.0,
         lag=math.exp(p[3]) if order > 2 else 1.0,
     )

@@ -264,8 +264,7 @@ PLANT_KINDS: Mapping[str, PlantKind] = MappingProxyType(
         "kinematic": PlantKind(turn="paper", enclosed="the paper's law", batched=True),
         "point_mass": PlantKind(enclosed="the exact point mass"),
         "point_mass_lag": PlantKind(
-            keys=frozenset({*_LAGS, "roll_damping", "n_z_damping"}),
-            required=("roll_lag_rad_s", "n_z_lag_rad_s"),
+            keys=frozenset({*_LAGS, "roll_damping", "n_z_damping", "identified"}),
             enclosed="the exact point mass behind lags",
         ),
         "jsbsim": PlantKind(

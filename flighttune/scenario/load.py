@@ -94,6 +94,18 @@ def gain_entries(entries: Any, folder: Path) -> Any:
     ]
 
 
+def _name_beside(table: dict[str, Any], key: str, folder: Path) -> None:
+    """Put the path of an aircraft or model file that lies in `folder` in the place of its name."""
+    name = table.get(key)
+    if not isinstance(name, str):
+        return
+    beside = folder / name
+    model = name.endswith(".json") and os.path.isfile(beside)
+    if model or os.path.isfile(beside / "aircraft.toml"):
+        # A path without a separator is the name of an aircraft.
+        table[key] = str(beside) if len(beside.parts) > 1 else os.path.join(".", beside)
+
+
 def with_files(tables: dict[str, Any], path: Path) -> dict[str, Any]:
     """Tables whose modules and aircraft are those beside the scenario; modules have their hash."""
     listed = {
@@ -118,15 +130,13 @@ def with_files(tables: dict[str, Any], path: Path) -> dict[str, Any]:
                         f"{path}: [[{key}]] `module` must be a file that can be read, got {file}: "
                         f"{reason_of(error)}."
                     ) from error
-    named = [(table, "aircraft") for table in listed.get("plant", ())]
+    plants = listed.get("plant", ())
+    named = [(table, "aircraft") for table in plants]
     if isinstance(tables.get("tuning"), dict):
         named.append((tables["tuning"], "identified"))
+    named += [(table, "identified") for table in plants]
     for table, key in named:
-        name = table.get(key)
-        if isinstance(name, str) and os.path.isfile(path.parent / name / "aircraft.toml"):
-            beside = path.parent / name
-            # A path without a separator is the name of an aircraft.
-            table[key] = str(beside) if len(beside.parts) > 1 else os.path.join(".", beside)
+        _name_beside(table, key, path.parent)
     route = tables.get("route")
     if isinstance(route, dict) and "file" in route:
         _add_waypoints(tables, route, path)

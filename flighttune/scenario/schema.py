@@ -245,12 +245,15 @@ class Scenario(Table):
 
     @property
     def identified_in(self) -> tables.PlantTable | tables.TuningTable:
-        """The table that names the identified model: [tuning], else that of the first aircraft."""
-        if self.tuning.identified is None and not self.aircraft:
+        """The table that names the identified model: [tuning], else the first plant with one."""
+        if self.tuning.identified is not None:
+            return self.tuning
+        identified = (*self.aircraft, *(plant for plant in self.plant if plant.identified))
+        if not identified:
             raise InputError(
                 "`identified` of [tuning] must be given: no plant is an aircraft, got nothing"
             )
-        return self.tuning if self.tuning.identified is not None else self.aircraft[0]
+        return identified[0]
 
     @property
     def windy(self) -> bool:

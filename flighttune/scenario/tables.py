@@ -304,8 +304,9 @@ class PlantTable(OwnTable):
     ``kinematic`` is the paper's law, ``point_mass`` the exact point mass, ``point_mass_lag`` the
     same behind the lag of an inner loop, ``jsbsim`` an aircraft of six degrees of freedom,
     ``python`` a class of the user's: ``class`` in the file ``module``. A channel's lag is of first
-    order, or of second order where a damping ratio is given. A name tells a plant from another one
-    of the same kind and aircraft.
+    order, or of second order where a damping ratio is given; both lags may come from the nominal
+    condition of the model file ``identified``. A name tells a plant from another one of the same
+    kind and aircraft.
     """
 
     kind: Literal["kinematic", "point_mass", "point_mass_lag", "jsbsim", "python"]
@@ -319,10 +320,19 @@ class PlantTable(OwnTable):
     n_z_lag_rad_s: q.Bandwidth | None = None
     n_z_damping: q.Damping | None = None
     n_z_delay_s: q.Delay | None = None
+    identified: q.PathName | None = None
 
     @model_validator(mode="after")
     def _keys_of_the_kind(self) -> Self:
         _check_keys(self, self.kind, PLANT_KINDS)
+        if self.kind == "point_mass_lag":
+            given = [key for key in type(self).model_fields if key[:4] in ("roll", "n_z_")]
+            given = [key for key in given if getattr(self, key) is not None]
+            if self.identified is not None and given:
+                raise ValueError(f"`{given[0]}` must be absent beside `identified`")
+            for key in ("roll_lag_rad_s", "n_z_lag_rad_s"):
+                if self.identified is None and key not in given:
+                    raise ValueError(f"`{key}` must be given with kind {self.kind}")
         return self
 
     @property
@@ -339,8 +349,9 @@ class PlantTable(OwnTable):
     @cached_property
     def identified_model(self) -> IdentifiedAircraft:
         """The model identified of the aircraft, read once."""
-        assert self.aircraft is not None  # of a plant that is one
-        return load_identified(self.aircraft)
+        name = self.aircraft or self.identified
+        assert name is not None  # of a plant that has one
+        return load_identified(name)
 
     @property
     def label(self) -> str:
@@ -349,6 +360,8 @@ class PlantTable(OwnTable):
 
     def lags(self) -> tuple[InnerLag, InnerLag] | None:
         """Lag of roll and of load factor; None for a plant without lags."""
+        if self.identified is not None:  # of the nominal condition
+            return self.identified_model.conditions[0].lags
         if self.roll_lag_rad_s is None:
             return None
         return self._lag("roll"), self._lag("n_z")

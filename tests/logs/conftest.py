@@ -2,11 +2,9 @@
 
 import numpy as np
 import pytest
+from log_files import LOAD, ROLL
 
 import flighttune as ft
-
-ROLL = ft.InnerLag(order=2, natural_frequency=5.0, damping=0.8, delay=0.08)
-LOAD = ft.InnerLag(order=1, natural_frequency=6.0, delay=0.06)
 
 
 @pytest.fixture(scope="session")

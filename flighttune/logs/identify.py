@@ -1,0 +1,424 @@
+"""Lags of roll and load factor from the logs of real flights, scored on what was not fitted."""
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.control.inner_loop import InnerLag, Order
+from flighttune.errors import InputError
+from flighttune.identification.file import (
+    Channel,
+    IdentifiedAircraft,
+    IdentifiedChannel,
+    IdentifiedCondition,
+    LagTable,
+    LogEvidence,
+    identified_tables,
+    lag_table,
+    lags_table,
+)
+from flighttune.identification.fit import (
+    SECOND_ORDER_GAIN,
+    TIME_STARTS,
+    Bounds,
+    best_lag,
+    lag_response,
+    parameters,
+    with_parameters,
+)
+from flighttune.logs.columns import Columns
+from flighttune.logs.log import load_log, part_of
+from flighttune.present.answer import Answer, Answering
+from flighttune.present.chart import DASHED, Chart, Sheet
+from flighttune.present.names import columns as layout
+from flighttune.present.palette import HUES, NEUTRAL
+from flighttune.present.tables import Column, Table
+from flighttune.simulate.run import Run
+from flighttune.units import DEG, DEG_PER_RAD
+
+CHANNELS: tuple[Channel, ...] = ("phi", "n_z")
+
+# Change of a command within a stretch from which on the stretch shows the response, rad and 1.
+EXCITED = {"phi": 5.0 * DEG, "n_z": 0.1}
+
+STRETCH_S = 5.0  # longest stretch that is drawn again as a whole in the resampling
+SETTLED_S = 3.0  # time after a gap in which the response still remembers what came before
+MIN_STRETCHES = 4
+SLOW = 0.5  # part of the median speed below which a vehicle is taken to be on its way up or down
+
+RESAMPLES, SEED, CONFIDENCE = 1000, 0, 0.95
+STEP = 1e-4  # of the parameters, for the slopes of the response
+
+BOUNDS: Bounds = (
+    (math.log(0.2), 0.0, math.log(0.05), 0.0),
+    (math.log(100.0), 1.0, math.log(5.0), 0.0),
+)
+UNITS = {"phi": DEG, "n_z": 1.0}
+NAMES = {"phi": "roll", "n_z": "load-factor"}
+SHOWN_S = 40.0
+
+CHANNEL_COLUMNS = [
+    *layout("channel order"),
+    Column("natural_frequency", "frequency", "rad/s", ".2f"),
+    Column("frequency_interval", "95 %", "rad/s"),
+    Column("delay", "delay", "s", ".3f"),
+    Column("delay_interval", "95 %", "s"),
+    Column("fit_percent", "held out", "%", ".1f"),
+    Column("stretches", "stretches", "", ".0f"),
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Section:
+    """Samples without a gap, in which a vehicle flies."""
+
+    run: int  # place of its log
+    t: FloatArray  # s
+    dt: float  # s
+    commanded: FloatArray  # held from each sample to the next
+    measured: FloatArray
+    stretch: FloatArray  # number of the stretch of each sample; NaN where it is not used
+
+    def residual(self, lag: InnerLag) -> FloatArray:
+        """Response of a lag minus that measured."""
+        return lag_response(lag, self.dt, self.commanded, float(self.measured[0])) - self.measured
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ChannelOfLogs:
+    """The lag of one channel."""
+
+    lag: InnerLag
+    fit_percent: float  # %: share of the variance explained in stretches not used for a fit
+    frequency: tuple[float, float]  # rad/s: interval of the natural frequency
+    delay: tuple[float, float]  # s: interval of the delay
+    stretches: int
+    sections: tuple[Section, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LogIdentification(Answering):
+    """What logs say about the response of an inner loop.
+
+    Attributes
+    ----------
+    identified : IdentifiedAircraft or None
+        The content of a model file; None where a channel has no lag.
+    channels : mapping of str to ChannelOfLogs
+        Lags by channel, with their intervals.
+    untold : mapping of str to str
+        Why the logs cannot tell a channel, by its name.
+    title : str
+        The logs.
+    """
+
+    identified: IdentifiedAircraft | None
+    channels: Mapping[Channel, ChannelOfLogs]
+    untold: Mapping[str, str]
+    title: str
+
+    def answer(self) -> Answer:
+        """Lags with intervals; a failure where a channel has none."""
+        records = [
+            {
+                "channel": name,
+                "order": channel.lag.order,
+                "natural_frequency": channel.lag.natural_frequency,
+                "frequency_interval": "{:.2f} to {:.2f}".format(*channel.frequency),
+                "delay": channel.lag.delay,
+                "delay_interval": "{:.3f} to {:.3f}".format(*channel.delay),
+                "fit_percent": channel.fit_percent,
+                "stretches": channel.stretches,
+            }
+            for name, channel in self.channels.items()
+        ]
+        tables = [Table(CHANNEL_COLUMNS, records, f"{self.title}: responses", name="responses")]
+        notes = [f"{name}: {reason}" for name, reason in self.untold.items()]
+        if self.identified is None:
+            name = next(iter(self.untold))
+            return Answer(
+                values={"untold": dict(self.untold)},
+                tables=tables,
+                failure=f"{self.title}: {self.untold[name]}; give its bandwidth to be assumed, "
+                f"--assume {name}=RAD_S, or logs that show it",
+            )
+        values = {**identified_tables(self.identified), "untold": dict(self.untold)}
+        return Answer(values=values, tables=[*tables, lags_table(self.identified)], notes=notes)
+
+    def sheet(self) -> Sheet:
+        """The first seconds of each channel: commanded, measured and the fit."""
+        charts = []
+        for name, channel in self.channels.items():
+            section = max(channel.sections, key=lambda section: len(section.t))
+            shown = section.t - section.t[0] <= SHOWN_S
+            title = f"{NAMES[name]}: {channel.fit_percent:.1f} % of the variance held out"
+            chart = Chart(title=title, y=f"{name} [{'deg' if name == 'phi' else '1'}]")
+            fit = section.measured + section.residual(channel.lag)
+            lines = (
+                ("commanded", section.commanded, NEUTRAL, DASHED),
+                ("measured", section.measured, HUES[0][0][0], ""),
+                (f"lag of order {channel.lag.order}", fit, HUES[1][0][0], ""),
+            )
+            for label, values, colour, dash in lines:
+                t, shape = section.t[shown] - section.t[0], values[shown] / UNITS[name]
+                chart.line(t, shape, colour, dash=dash, name=label)
+            charts.append(chart)
+        return Sheet(charts=charts, title=self.title)
+
+
+def identify_log(
+    *logs: str | Path | Run, columns: Columns = (), assume: Mapping[str, float] | None = None
+) -> LogIdentification:
+    """Identify the lags of roll and load factor from logs of real flights.
+
+    It takes seconds for minutes of flight. Lags are fitted to every stretch in which the command
+    changes by 5 deg or 0.1 within 5 s. Their score is of stretches that were not fitted: of other
+    logs where there are several, else of every second stretch. Their intervals, at 95 %, are those
+    of stretches drawn again with replacement, to first order.
+
+    Parameters
+    ----------
+    logs : str, Path or Run
+        Files of logs, ``LOG@START:END`` for a part in s, or what `load_log` returns.
+    columns : mapping or sequence
+        Where the logs have their signals, as for `load_log`.
+    assume : mapping of str to float, rad/s
+        Bandwidth of a first-order lag of ``phi`` or ``n_z`` where the logs cannot tell.
+
+    Returns
+    -------
+    LogIdentification
+
+    Raises
+    ------
+    RecordingError
+        If a file is no log of a flight.
+    InputError
+        If a column is not there, or a channel assumed is not ``phi`` or ``n_z``.
+
+    Examples
+    --------
+    >>> import numpy as np, pandas
+    >>> t = np.arange(3000) / 25.0
+    >>> command, phi = 20.0 * np.sign(np.sin(0.5 * t)), np.zeros(3000)
+    >>> for k in range(2999):
+    ...     phi[k + 1] = command[k] + np.exp(-4.0 / 25.0) * (phi[k] - command[k])
+    >>> table = {"t_s": t, "phi_deg": phi, "phi_cmd_deg": command, "v_north": 20.0, "v_east": 0.0}
+    >>> pandas.DataFrame(table).to_csv("flight.csv", index=False)
+    >>> found = ft.identify_log("flight.csv", assume={"n_z": 5.0})
+    >>> round(found.channels["phi"].fit_percent), found.untold["n_z"]
+    (100, 'the logs have no load-factor commands')
+    """
+    if not logs:
+        raise InputError("`logs` must be given: one log at least.")
+    assume = dict(assume or {})
+    if set(assume) - set(CHANNELS):
+        raise InputError(f"`assume` must name phi or n_z, got {', '.join(assume)}.")
+    runs = [log if isinstance(log, Run) else _loaded(str(log), columns) for log in logs]
+    channels: dict[Channel, ChannelOfLogs] = {}
+    untold: dict[str, str] = {}
+    for name in CHANNELS:
+        told = _channel(runs, name)
+        if isinstance(told, str):
+            untold[name] = told
+        else:
+            channels[name] = told
+    names = tuple(dict.fromkeys(str(run.provenance.gains_name) for run in runs))
+    title = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
+    identified = None
+    if set(untold) <= set(assume):
+        identified = _aircraft(runs, names, channels, assume)
+    return LogIdentification(identified=identified, channels=channels, untold=untold, title=title)
+
+
+def _loaded(name: str, columns: Columns) -> Run:
+    place, _, part = name.partition("@") if not Path(name).exists() else (name, "", "")
+    return load_log(place, columns=columns, **part_of(part, name))
+
+
+def _speed(run: Run) -> FloatArray:
+    """Airspeed, or ground speed where there is none, m/s."""
+    return run.signals["V_a" if "V_a" in run.signals else "V_g"].to_numpy(dtype=float)
+
+
+def _sections(run: Run, number: int, name: Channel, first: int) -> Iterator[Section]:
+    """Sections of a run, with stretches from `first` on."""
+    signals = run.signals
+    measured, commanded = (signals[key].to_numpy(dtype=float) for key in (name, f"{name}_cmd"))
+    speed, dt = _speed(run), float(run.t[1] - run.t[0])
+    good = np.isfinite(measured) & np.isfinite(commanded) & (speed > SLOW * np.nanmedian(speed))
+    edges = np.flatnonzero(np.diff(good.astype(int), prepend=0, append=0))
+    wait, size = round(SETTLED_S / dt), round(STRETCH_S / dt)
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        if end - begin < wait + size // 2:
+            continue
+        command, stretch = commanded[begin:end], np.full(end - begin, np.nan)
+        for low in range(wait, end - begin - size // 2 + 1, size):
+            piece = slice(low, low + size)
+            if np.ptp(command[piece]) > EXCITED[name]:
+                stretch[piece] = first
+                first += 1
+        # A control loop is faster than its log: between samples its command is a straight line.
+        held = np.append(0.5 * (command[1:] + command[:-1]), command[-1])
+        if np.isfinite(stretch).any():
+            yield Section(
+                run=number,
+                t=run.t[begin:end],
+                dt=dt,
+                commanded=held,
+                measured=measured[begin:end],
+                stretch=stretch,
+            )
+
+
+def _channel(runs: Sequence[Run], name: Channel) -> ChannelOfLogs | str:
+    """The lag of a channel, or why the logs cannot tell it."""
+    there = [run for run in runs if {name, f"{name}_cmd"} <= set(run.signals)]
+    if not there:
+        return f"the logs have no {NAMES[name]} commands"
+    sections: list[Section] = []
+    for number, run in enumerate(there):
+        first = 1 + int(max((np.nanmax(s.stretch) for s in sections), default=-1))
+        sections += _sections(run, number, name, first)
+    count = 1 + int(max((np.nanmax(section.stretch) for section in sections), default=-1))
+    if count < MIN_STRETCHES:
+        unit = "deg" if name == "phi" else ""
+        return (
+            f"{NAMES[name]} commands changed by more than {EXCITED[name] / UNITS[name]:g} {unit} "
+            f"in {count} stretches of {STRETCH_S:g} s without a gap, and must in {MIN_STRETCHES}"
+        ).replace("  ", " ")
+    several = len({section.run for section in sections}) > 1
+    lag = _fitted(sections, None)
+    explained, total = 0.0, 0.0
+    for fold in (0, 1):
+        sides = [
+            np.full(len(s.stretch), s.run % 2 == fold) if several else s.stretch % 2 == fold
+            for s in sections
+        ]
+        fitted = _fitted(sections, [~side for side in sides], lag.order)
+        for section, side in zip(sections, sides, strict=True):
+            scored = side & np.isfinite(section.stretch)
+            explained += float(np.sum(section.residual(fitted)[scored] ** 2))
+    used = [section.measured[np.isfinite(section.stretch)] for section in sections]
+    total = sum(float(np.sum((part - part.mean()) ** 2)) for part in used)
+    spread = _resampled(sections, lag, count)
+    edges = 50.0 * (1.0 - CONFIDENCE), 50.0 * (1.0 + CONFIDENCE)
+    low, high = np.percentile(spread, edges, axis=0)
+    return ChannelOfLogs(
+        lag=lag,
+        fit_percent=100.0 * (1.0 - explained / total),
+        frequency=(math.exp(low[0]), math.exp(high[0])),
+        delay=(max(0.0, float(low[1])), max(0.0, float(high[1]))),
+        stretches=count,
+        sections=tuple(sections),
+    )
+
+
+def _fitted(
+    sections: Sequence[Section], sides: Sequence[np.ndarray] | None, order: Order | None = None
+) -> InnerLag:
+    """The lag of the least squares over stretches on these sides; its order where not given."""
+    used = [np.isfinite(section.stretch) for section in sections]
+    if sides is not None:
+        used = [there & side for there, side in zip(used, sides, strict=True)]
+
+    def error(lag: InnerLag) -> FloatArray:
+        both = zip(sections, used, strict=True)
+        return np.concatenate([section.residual(lag)[there] for section, there in both])
+
+    fits = {
+        k: best_lag(error, k, TIME_STARTS, BOUNDS) for k in ((1, 2) if order is None else (order,))
+    }
+    if order is not None:
+        return fits[order][0]
+    (first, first_rss), (second, second_rss) = fits[1], fits[2]
+    return second if second_rss < SECOND_ORDER_GAIN * first_rss else first
+
+
+def _resampled(sections: Sequence[Section], lag: InnerLag, count: int) -> FloatArray:
+    """Parameters of the lag for stretches drawn with replacement, shape (resamples, parameters).
+
+    One step of Gauss and Newton from the fit to all of them.
+    """
+    centre = parameters(lag)
+    normal = np.zeros((count, len(centre), len(centre)))
+    slope = np.zeros((count, len(centre)))
+    for section in sections:
+        here = section.residual(lag)
+        steps = STEP * np.eye(len(centre))
+        ahead = [section.residual(with_parameters(centre + step, lag.order)) for step in steps]
+        jacobian = (np.column_stack(ahead) - here[:, None]) / STEP
+        for number in np.unique(section.stretch[np.isfinite(section.stretch)]).astype(int):
+            there = section.stretch == number
+            normal[number] += jacobian[there].T @ jacobian[there]
+            slope[number] += jacobian[there].T @ here[there]
+    drawn = np.random.default_rng(SEED).integers(0, count, (RESAMPLES, count))
+    weights = np.apply_along_axis(np.bincount, 1, drawn, minlength=count).astype(float)
+    matrices = np.einsum("rs,sij->rij", weights, normal)
+    ridge = 1e-12 * np.trace(normal.sum(axis=0)) * np.eye(len(centre))
+    steps = np.linalg.solve(matrices + ridge, (weights @ slope)[..., None])[..., 0]
+    return centre - steps
+
+
+def _aircraft(
+    runs: Sequence[Run],
+    names: tuple[str, ...],
+    channels: Mapping[Channel, ChannelOfLogs],
+    assume: Mapping[str, float],
+) -> IdentifiedAircraft:
+    """The content of a model file: lags, limits as seen, and where they are from."""
+    tables = {}
+    for name in CHANNELS:
+        channel = channels.get(name)
+        lag = channel.lag if channel else InnerLag(order=1, natural_frequency=assume[name])
+        fit = channel.fit_percent if channel else 0.0
+        tables[name] = IdentifiedChannel.model_construct(
+            **lag_table(lag),
+            fit_percent=fit,
+            residual=math.sqrt(max(0.0, 1.0 - fit / 100.0)),
+            cross=None,
+            simpler=LagTable.model_construct(**lag_table(lag)),
+        )
+    speeds = np.concatenate([_speed(run) for run in runs])
+    heights = [run.signals["h"].to_numpy(dtype=float) for run in runs if "h" in run.signals]
+    h = float(np.nanmedian(np.concatenate(heights))) if heights else 0.0
+    condition = IdentifiedCondition.model_construct(
+        V_a=float(np.nanmedian(speeds[speeds > SLOW * np.nanmedian(speeds)])),
+        gamma=0.0,
+        h=round(h, 1),
+        channels=tables,
+    )
+    phi, phi_rate = _range(runs, "phi", DEG_PER_RAD)
+    n_z, n_z_rate = _range(runs, "n_z", 1.0)
+    evidence = LogEvidence.model_construct(
+        logs=names,
+        assumed=tuple(name for name in CHANNELS if name not in channels),
+        frequency_95_rad_s={name: channel.frequency for name, channel in channels.items()},
+        delay_95_s={name: channel.delay for name, channel in channels.items()},
+        stretches={name: channel.stretches for name, channel in channels.items()},
+        phi_deg=phi,
+        phi_rate_dps=phi_rate,
+        n_z=n_z,
+        n_z_rate_per_s=n_z_rate,
+    )
+    made = {"aircraft": names[0], "conditions": (condition,), "log": evidence}
+    return IdentifiedAircraft.model_construct(**made)
+
+
+def _range(runs: Sequence[Run], name: str, unit: float) -> tuple[tuple[float, float], float]:
+    """Range of a command, or of the response without one, and the fastest response, as seen."""
+    values, rates = [np.zeros(0)], [np.zeros(0)]
+    for run in runs:
+        key = f"{name}_cmd" if f"{name}_cmd" in run.signals else name
+        if key in run.signals and name in run.signals:
+            values.append(unit * run.signals[key].dropna().to_numpy())
+            rate = np.gradient(run.signals[name].to_numpy(dtype=float), run.t)
+            rates.append(np.abs(unit * rate[np.isfinite(rate)]))
+    if not len(np.concatenate(values)):
+        return ((-45.0, 45.0), 60.0) if name == "phi" else ((0.5, 1.5), 2.0)
+    low, high = np.percentile(np.concatenate(values), (0.5, 99.5))
+    return (float(low), float(high)), float(np.percentile(np.concatenate(rates), 99.0))

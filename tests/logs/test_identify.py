@@ -1,0 +1,149 @@
+"""Lags from logs written by the tests are those of the plant flown; a model from logs flies."""
+
+import json
+
+import pytest
+from commands import answer, flighttune
+from log_files import LOAD, ROLL, sampled, write_csv, write_dataflash, write_tlog, write_ulog
+
+import flighttune as ft
+
+SAMPLE = 0.04
+"""s: of the logs."""
+LAG = 0.03
+"""Relative error allowed of the lag without its delay, with noise, dropouts and late stamps."""
+
+WRITERS = {
+    "flight.ulg": (write_ulog, ["n_z_cmd=flighttune.n_z_cmd"]),
+    "flight.bin": (write_dataflash, ["n_z_cmd=FTUN.NzCmd"]),
+    "flight.csv": (write_csv, []),
+}
+
+
+@pytest.fixture(scope="module")
+def log(flight, tmp_path_factory):
+    path = tmp_path_factory.mktemp("identified") / "flight.csv"
+    return write_csv(path, *sampled(flight))
+
+
+@pytest.fixture(scope="module")
+def model(log):
+    found = ft.identify_log(log)
+    ft.save_identified(found.identified, log.with_name("mine.json"))
+    return log.with_name("mine.json")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [*WRITERS])
+def test_lag_and_delay_come_back_from_every_kind_of_log(flight, tmp_path, name):
+    write, columns = WRITERS[name]
+    path = write(tmp_path / name, *sampled(flight))
+
+    found = ft.identify_log(path, columns=columns)
+
+    assert not found.untold
+    for channel, true in (("phi", ROLL), ("n_z", LOAD)):
+        told = found.channels[channel]
+        assert told.lag.order == true.order
+        assert told.lag.whole - told.lag.delay == pytest.approx(true.whole - true.delay, rel=LAG)
+        assert told.lag.delay == pytest.approx(true.delay, abs=SAMPLE)
+        low, high = told.frequency
+        assert low < told.lag.natural_frequency < high < 1.2 * low
+        assert told.fit_percent > 97.0
+
+
+def test_limits_are_those_seen(model):
+    evidence = ft.load_identified(model).log
+
+    assert evidence.phi_deg[0] > -46.0
+    assert evidence.phi_deg[1] < 46.0
+    assert 10.0 < evidence.phi_rate_dps < 200.0
+    assert evidence.assumed == ()
+
+
+def test_a_model_file_that_was_changed_is_refused(model, tmp_path):
+    tables = json.loads(model.read_text(encoding="utf-8"))
+    tables["log"]["pilot"] = "me"
+    path = tmp_path / "changed.json"
+    path.write_text(json.dumps(tables), encoding="utf-8")
+
+    with pytest.raises(ft.ScenarioError, match=r"`log\.pilot` is not a known key"):
+        ft.load_identified(path)
+
+
+def test_what_the_logs_cannot_tell_is_said(flight, tmp_path):
+    t, signals = sampled(flight)
+    calm = {**signals, "phi_cmd": 0.03 * signals["phi_cmd"], "phi": 0.03 * signals["phi"]}
+    path = write_ulog(tmp_path / "calm.ulg", t, calm)
+
+    found = ft.identify_log(path)
+
+    assert found.identified is None
+    assert found.untold["n_z"] == "the logs have no load-factor commands"
+    assert "changed by more than 5 deg in 0 stretches" in found.untold["phi"]
+    said = flighttune("identify", path, status=1, cwd=tmp_path)[1]
+    assert "--assume phi=RAD_S" in said
+    assert not (tmp_path / "runs").exists()
+
+
+@pytest.mark.slow
+def test_telemetry_identifies_roll_and_takes_the_other_channel_as_assumed(flight, tmp_path):
+    path = write_tlog(tmp_path / "flight.tlog", *sampled(flight))
+
+    said = answer("identify", path, "--assume", "n_z=5", "--out", "mine.json", cwd=tmp_path)
+
+    roll, load = (said["conditions"][0]["channels"][name] for name in ("phi", "n_z"))
+    assert said["log"]["assumed"] == ["n_z"]
+    assert (load["natural_frequency_rad_s"], load["fit_percent"], load["cross"]) == (5.0, 0.0, None)
+    assert roll["fit_percent"] > 97.0
+    assert (tmp_path / "mine.svg").stat().st_size > 1000
+
+
+@pytest.mark.slow
+def test_several_logs_score_each_other(flight, log):
+    whole = ft.load_log(log)
+    halves = [f"{log}@0:150", f"{log}@150:300"]
+
+    found = ft.identify_log(*halves)
+
+    assert found.channels["phi"].fit_percent > 97.0
+    assert found.identified.conditions[0].V_a == pytest.approx(
+        whole.signals["V_a"].median(), abs=0.2
+    )
+
+
+@pytest.mark.slow
+def test_a_model_from_logs_is_an_aircraft_without_an_airframe(model):
+    folder = model.parent
+    flighttune("new", "mine", "--aircraft", "mine.json", cwd=folder)
+
+    flown = ft.fly(folder / "mine.toml")
+    certification = ft.certify(folder / "mine.toml")
+    c = ft.export(folder / "mine.toml", form="c", out=folder / "c")
+    tube = ft.tube(folder / "mine.toml", plant="point_mass_lag", changes={"flight.duration_s": 1.0})
+
+    assert [run.status for run in flown.runs] == ["completed"] * 2
+    table = flown.scenario.plant_table("point_mass_lag")
+    assert table.lags() == ft.load_identified(model).conditions[0].lags
+    assert certification.answer().failure == ""
+    assert any(str(file).endswith(".c") for file in c.answer().files.values())
+    assert tube.status == "bounded"
+    said = flighttune("gap", "mine.toml", status=2, cwd=folder)[1]
+    assert "`plant` must be an aircraft (jsbsim)" in said
+
+
+@pytest.mark.parametrize(
+    ("table", "says"),
+    [
+        ({"identified": "aerosonde", "roll_lag_rad_s": 3.0}, "`roll_lag_rad_s` must be absent"),
+        ({"roll_lag_rad_s": 3.0}, "`n_z_lag_rad_s` must be given with kind point_mass_lag"),
+        ({"identified": "nowhere.json"}, r"\[plant\] `identified` must be an aircraft or a model"),
+    ],
+)
+def test_lags_of_a_plant_are_given_or_identified(table, says):
+    tables = ft.load_scenario("level_turn").as_dict()
+    tables["plant"] = [{"kind": "point_mass_lag", **table}]
+    tables["expect"] = []
+
+    with pytest.raises(ft.InputError, match=says):
+        ft.fly(ft.scenario_from(tables))
