@@ -41,8 +41,8 @@ class Guided(RouteReference):
 
     guidance: type["VectorField"] | None
 
-    def follower(self, dt: float, h_0: float) -> Any:
-        inner = super().follower(dt, h_0)
+    def follower(self, dt: float, h_0: float, lead: tuple[float, float] = (0.0, 0.0)) -> Any:
+        inner = super().follower(dt, h_0, lead)
         return inner if self.guidance is None else self.guidance(self, inner, dt)
 
 

@@ -33,6 +33,8 @@ CLIMB = 3.0
 
 TURN = 30.0  # deg: turn of the first manoeuvre
 
+REST = 4.0  # s: flown after it
+
 # Significant digits of values that are computed.
 DIGITS = 5
 
@@ -172,8 +174,9 @@ def _first(aircraft: str, folder: Path) -> str:
         table = tomlkit.inline_table()
         table.update(ramp)
         document["reference"][key].append(table)
-    ends = [sum(ramp[key] for key in ("start_s", "duration_s")) for ramp in ramps.values()]
-    flight["duration_s"] = max(flight["duration_s"], math.ceil(2.0 * max(ends)))
+    # At rest for some seconds at the end, and no more: a glider whose glide got steeper speeds up.
+    rest = max(r["start_s"] + r["duration_s"] + 0.5 * r["roll_in_s"] for r in ramps.values())
+    flight["duration_s"] = max(flight["duration_s"], math.ceil(rest + REST))
     document["limits"].update(_limits(config))
     document["plant"][1]["aircraft"] = _named(aircraft, folder)
     return tomlkit.dumps(document)
@@ -194,7 +197,7 @@ def _first_ramps(config: AircraftConfig, V_a: float, climb: float) -> dict[str, 
         rate = math.copysign(loads[key] * G_PAPER / V_a / DEG, change)
         duration = max(change / rate, 2.0 * roll_in)
         values = {
-            "start_s": max(2.0, roll_in),
+            "start_s": max(2.0, 0.51 * roll_in),  # half of the roll-in lies before it
             "duration_s": duration,
             "rate_dps": change / duration,
             "roll_in_s": roll_in,

@@ -43,7 +43,7 @@ def shaped(problems: Sequence[TuningProblem], k: FloatArray) -> tuple[FloatArray
     """
     first, space = problems[0], search_space(problems[0])
     limit = math.log(first.sensitivity_max)
-    fine = [_Peaks(case.model, space, FINE) for case in problems]
+    fine = [Peaks(case.model, space, FINE) for case in problems]
     search = _Search(problems, space)
     starts = [np.clip(factor * k, space.k_min, space.k_max) for factor in FACTORS]
     ends = [k]
@@ -70,7 +70,7 @@ class _Search:
     def __init__(self, problems: Sequence[TuningProblem], space: SearchSpace) -> None:
         self._problems, self._space = problems, space
         self._slopes = [loop_slopes(case.model, space) for case in problems]
-        self._peaks = [_Peaks(case.model, space, GRID) for case in problems]
+        self._peaks = [Peaks(case.model, space, GRID) for case in problems]
         self._bounds = list(zip(space.k_min, space.k_max, strict=True))
 
     def end(self, k: FloatArray, objective: str, limit: float) -> FloatArray:
@@ -134,7 +134,7 @@ class _Search:
         return np.concatenate(values), np.concatenate(in_k) if in_k else np.empty((0, len(k)))
 
 
-class _Peaks:
+class Peaks:
     """Largest singular value of ``S = 1 / (1 - K G)`` at the commands, over frequencies.
 
     Minus, because errors fall with the commands: ``G = C (s - A)^-1 B`` has their sign.
