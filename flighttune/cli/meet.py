@@ -87,10 +87,10 @@ def meet(
     if page is not None:
         from flighttune.reports.meet import write_meet_page
 
-        given = [("also", name) for name in also or ()]
-        given += [("start", start), ("budget", budget), ("metric", metric)]
-        given += [("campaign", campaign), ("success", success if campaign else None)]
-        words = chain(*((f"--{key}", str(value)) for key, value in given if value is not None))
+        passed = [("also", name) for name in also or ()]
+        passed += [("start", start), ("budget", budget), ("metric", metric)]
+        passed += [("campaign", campaign), ("success", success if campaign else None)]
+        words = chain(*((f"--{key}", str(value)) for key, value in passed if value is not None))
         command = f"flighttune meet {options.repeated(scenario, settings)} {shlex.join(words)}"
         write_meet_page(page, meeting, command)
     return answer

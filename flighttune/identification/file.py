@@ -132,7 +132,7 @@ Interval: TypeAlias = Annotated[tuple[q.Finite, q.Finite], Field(strict=False)]
 
 
 class LogEvidence(_Table):
-    """What a model identified from logs rests on, and the limits that they show."""
+    """The logs behind a model identified from them, and the limits that they show."""
 
     logs: Annotated[tuple[str, ...], Field(strict=False)]
     assumed: Annotated[tuple[Channel, ...], Field(strict=False)]  # channels that no log shows

@@ -60,10 +60,10 @@ class Column(NamedTuple):
 
 
 def _column(name: str, source: str, place: str) -> Column:
-    known = {*SIGNAL_UNITS, *RAW}
-    if name not in known:
+    signals = {*SIGNAL_UNITS, *RAW}
+    if name not in signals:
         raise InputError(
-            f"{place}: `{name}` must be a signal, got no such{nearest_name(name, sorted(known))}"
+            f"{place}: `{name}` must be a signal, got no such{nearest_name(name, sorted(signals))}"
         )
     field, colon, unit = source.rpartition(":") if ":" in source else (source, "", "")
     sign = -1.0 if unit.startswith("-") else 1.0
@@ -108,8 +108,8 @@ def columns_of(
     """
     if kind != "csv":
         tables = _tables()[kind].items()
-        known = {name: [_column(name, text, kind) for text in texts] for name, texts in tables}
-        return {**known, **{name: [column] for name, column in given.items()}}
+        shipped = {name: [_column(name, text, kind) for text in texts] for name, texts in tables}
+        return {**shipped, **{name: [column] for name, column in given.items()}}
     for name, column in given.items():
         if column.source not in header:
             raise InputError(

@@ -102,7 +102,7 @@ class ChannelOfLogs:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LogIdentification(Answering):
-    """What logs say about the response of an inner loop.
+    """The response of an inner loop as logs show it.
 
     Attributes
     ----------
@@ -222,11 +222,11 @@ def identify_log(
     channels: dict[Channel, ChannelOfLogs] = {}
     untold: dict[str, str] = {}
     for name in CHANNELS:
-        told = _channel(runs, name)
-        if isinstance(told, str):
-            untold[name] = told
+        channel = _channel(runs, name)
+        if isinstance(channel, str):
+            untold[name] = channel
         else:
-            channels[name] = told
+            channels[name] = channel
     names = tuple(dict.fromkeys(str(run.provenance.gains_name) for run in runs))
     title = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
     identified = None
@@ -263,13 +263,13 @@ def _sections(run: Run, number: int, name: Channel, first: int) -> Iterator[Sect
                 stretch[piece] = first
                 first += 1
         # A control loop is faster than its log: between samples its command is a straight line.
-        held = np.append(0.5 * (command[1:] + command[:-1]), command[-1])
+        commanded = np.append(0.5 * (command[1:] + command[:-1]), command[-1])
         if np.isfinite(stretch).any():
             yield Section(
                 run=number,
                 t=run.t[begin:end],
                 dt=dt,
-                commanded=held,
+                commanded=commanded,
                 measured=measured[begin:end],
                 stretch=stretch,
             )

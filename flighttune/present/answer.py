@@ -20,6 +20,9 @@ READ_BY = {
 }
 
 
+WIDTH = 100  # characters of a result that is printed from Python
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
     """The result of a command: values, tables, sentences, a command to copy, files, failure."""
@@ -80,6 +83,9 @@ class Answering:
     def answer(self) -> Answer:
         """Values, tables, notes and verdict, as they are shown."""
         raise NotImplementedError
+
+    def __str__(self) -> str:
+        return "\n".join(self.answer().text(WIDTH))
 
     def _repr_html_(self) -> str:
         return self.answer().html()

@@ -35,7 +35,7 @@ def log_sections(flights: panels.Drawn, tables: Sequence[Table] = ()) -> list[Se
 
 
 def log_facts(source: Source) -> Table:
-    """What logs hold, lack, and say about their own units and signs."""
+    """Contents and gaps of logs, and what they show about their own units and signs."""
     facts: dict[str, str] = {}
     for run in source.runs:
         log = run.provenance.log or {}

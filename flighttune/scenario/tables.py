@@ -159,8 +159,8 @@ class RampTable(q.Table):
 
     def segment(self) -> Segment:
         """The segment in s and rad."""
-        rates = (self.rate_dps * DEG,)
-        return Segment(self.start_s, (0.0, self.duration_s), rates=rates, roll_in=self.roll_in_s)
+        breaks, rate = (0.0, self.duration_s), self.rate_dps * DEG
+        return Segment(self.start_s, breaks, rates=(rate,), roll_in=self.roll_in_s)
 
 
 class DoubletTable(q.Table):
@@ -326,12 +326,12 @@ class PlantTable(OwnTable):
     def _keys_of_the_kind(self) -> Self:
         _check_keys(self, self.kind, PLANT_KINDS)
         if self.kind == "point_mass_lag":
-            given = [key for key in type(self).model_fields if key[:4] in ("roll", "n_z_")]
-            given = [key for key in given if getattr(self, key) is not None]
-            if self.identified is not None and given:
-                raise ValueError(f"`{given[0]}` must be absent beside `identified`")
+            lags = [key for key in type(self).model_fields if key[:4] in ("roll", "n_z_")]
+            lags = [key for key in lags if getattr(self, key) is not None]
+            if self.identified is not None and lags:
+                raise ValueError(f"`{lags[0]}` must be absent beside `identified`")
             for key in ("roll_lag_rad_s", "n_z_lag_rad_s"):
-                if self.identified is None and key not in given:
+                if self.identified is None and key not in lags:
                     raise ValueError(f"`{key}` must be given with kind {self.kind}")
         return self
 

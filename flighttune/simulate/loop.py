@@ -225,7 +225,7 @@ def _references(
 def _planner(
     reference: Reference | FeasibleReference | RouteReference, dt: float
 ) -> Planner | None:
-    """What plans roll and lift for a reference over time; a route's follower has its own."""
+    """The planner of a reference that rolls in; a route's follower has its own."""
     if isinstance(reference, Reference) and reference.planned:
         return Planner(dt, reference.g)
     return None

@@ -102,7 +102,7 @@ class Provenance:
 
     @property
     def log(self) -> Mapping[str, Any] | None:
-        """What is missing and was checked of the log of a real flight; None for a simulated one."""
+        """Gaps and checks of the log of a real flight; None for a simulated one."""
         return self.scenario.get("log")
 
     @property

@@ -46,7 +46,7 @@ class TuningProblem:
     seed : int
         Seed of everything random in an optimiser.
     objective : "R_K", "decay" or "E_K"
-        What is sought without `weights`; the last two on identified loops alone.
+        Goal without `weights`; the last two on identified loops alone.
     sensitivity_max : float
         With the last two: largest sensitivity, above 1, of each channel of commands that acts on
         no other.

@@ -93,7 +93,7 @@ class _Search:
             in_t = np.append(np.ones(len(errors)), np.zeros(len(in_k) - len(errors)))
             return np.column_stack([in_k, in_t])
 
-        found = minimize(
+        run = minimize(
             lambda z: (z[-1], np.append(np.zeros(len(k)), 1.0)),
             np.append(k, self.goals(k, "E_K")[0].max()),
             jac=True,
@@ -102,7 +102,7 @@ class _Search:
             constraints=[{"type": "ineq", "fun": room, "jac": slopes}],
             options={"maxiter": MAX_ITERATIONS, "ftol": ACCURACY},
         )
-        return np.clip(found.x[:-1], self._space.k_min, self._space.k_max)
+        return np.clip(run.x[:-1], self._space.k_min, self._space.k_max)
 
     def _fastest(self, k: FloatArray, limit: float) -> FloatArray:
         """The fastest decay. It lies where eigenvalues meet, at which they have no slope."""

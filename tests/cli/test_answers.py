@@ -80,3 +80,10 @@ def test_a_command_prints_the_answer_of_its_verb(verb, tmp_path, monkeypatch):
 
     assert of_the_value(printed) == of_the_value(json.loads(value.answer().json()))
     assert value._repr_html_() == value.answer().html()
+
+
+def test_a_result_prints_what_its_answer_says():
+    certified = ft.certify("paper", "tuned")
+
+    assert str(certified) == "\n".join(certified.answer().text(100))
+    assert "proven: for the linear model" in str(certified)

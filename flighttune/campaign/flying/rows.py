@@ -98,7 +98,7 @@ def row_differences(plan: Plan, run: int, row: Mapping[str, Any]) -> tuple[Diffe
 def blocks(
     plan: Plan, runs: Iterable[int], probes: Probes, draws: Sequence[Drawn] | None = None
 ) -> Iterator[tuple[list[Draw], list[Draw]]]:
-    """What `fly_together` flies, and the draws left to `fly_draw`, block by block."""
+    """The draws for `fly_together` and those left to `fly_draw`, block by block."""
     in_batch = batched_groups(plan, probes, draws)
     for _, block in groupby(runs, key=lambda run: plan.draw_of(run) // BLOCK):
         together: list[Draw] = []
