@@ -55,6 +55,7 @@ def compiled(source, folder):
     loaded = ctypes.CDLL(str(library))
     loaded.ft_outer_loop_start.argtypes = [ctypes.POINTER(OuterLoop), *[ctypes.c_double] * 2]
     loaded.ft_outer_loop_step.argtypes = [ctypes.POINTER(OuterLoop), *[ctypes.c_double] * 6]
+    loaded.ft_outer_loop_step_along.argtypes = [ctypes.POINTER(OuterLoop), *[ctypes.c_double] * 9]
     return loaded
 
 
@@ -88,6 +89,30 @@ def test_the_c_file_commands_what_mimo_pi_does_to_the_bit(settings, tmp_path):
         assert np.array([*state.u, *state.integral]).tobytes() == np.array(expected).tobytes()
         limited += any(law.state.limited)
     assert limited == 0 if settings.get("limits", LIMITS) is None else limited > SAMPLES / 2
+
+
+@needs_compiler
+def test_the_c_file_plans_roll_and_lift_for_the_rates_of_a_reference(tmp_path):
+    """Expected: the law, given roll atan(chi' V / g) and lift cos(gamma) + gamma' V / g."""
+    law, g = ft.MimoPI(GAINS, LIMITS, dt=0.02, feed_forward=True), 9.81
+    source = c_source(law, title="t", gains="g", lead=(0.17, 0.19), g=g)
+    loop, state = compiled(source, tmp_path), OuterLoop()
+    law.start(ft.FlightCondition(V_a=25.0))
+    loop.ft_outer_loop_start(state, 0.0, 1.0)
+    rng = np.random.default_rng(3)
+    for chi, gamma, phi in rng.uniform(-0.3, 0.3, (500, 3)).tolist():
+        chi_rate, gamma_rate, V = 0.3 * chi, 0.2 * gamma, 31.0
+        lift = math.cos(0.1) + gamma_rate * (V / g)
+        planned = math.atan(chi_rate * (V / g)), lift / math.cos(phi)
+        measured = ft.Measured(chi, gamma, 25.0, phi, 1.0, 100.0, (0.0, 0.0, 0.0), None)
+        sample = ft.ReferenceSample(0.2, 0.1, chi_rate, gamma_rate, planned)
+        expected = law.step(measured, sample, 0.0)
+
+        loop.ft_outer_loop_step_along(
+            state, 0.2, 0.1, chi_rate, gamma_rate, V, chi, gamma, phi, 25.0
+        )
+        assert [*state.u, *state.integral] == pytest.approx(list(expected), abs=1e-14)
+    assert "FT_LEAD_PHI 0.17" in source
 
 
 @needs_compiler
