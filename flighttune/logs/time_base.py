@@ -119,7 +119,7 @@ def _fresh(values: FloatArray) -> npt.NDArray[np.intp]:
 
 def _between(t: FloatArray, times: FloatArray, values: FloatArray, dt: float) -> FloatArray:
     """Values at each time: means of a stream that is faster, straight lines of a slower one."""
-    if _period(times) > 0.5 * dt:
+    if len(times) < 2 or _period(times) > 0.5 * dt:
         return np.interp(t, times, values)
     total = np.concatenate([[0.0], np.cumsum(values)])
     low, high = (np.searchsorted(times, t + side * 0.5 * dt) for side in (-1.0, 1.0))

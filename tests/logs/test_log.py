@@ -74,6 +74,16 @@ def test_a_gap_is_a_gap(flight, tmp_path):
     assert "phi: 1.0% of the time" in run.provenance.log["gaps"]
 
 
+def test_a_signal_of_a_table_that_never_changes_is_its_value(flight, tmp_path):
+    """Ten rows have an airspeed, always the same: one measurement, repeated."""
+    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
+    signals = signals | {"V_a": np.where(np.arange(len(t)) < 10, 24.0, np.nan)}
+    path = tmp_path / "flight.csv"
+    write_csv(path, t, signals)
+
+    assert set(ft.load_log(path).signals["V_a"].dropna()) == {24.0}
+
+
 def test_units_signs_and_names_of_a_table_are_given(flight, tmp_path):
     t, signals = sampled(flight, noise=False, dropouts=False, late=False)
     path = tmp_path / "named.csv"
