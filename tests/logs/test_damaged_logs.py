@@ -22,6 +22,8 @@ def damaged(data, draw):
     """Bytes with some changed, cut off, moved, repeated or put in."""
     data = bytearray(data)
     for _ in range(draw.choice([1, 1, 3, 20])):
+        if not data:  # nothing is left to damage
+            break
         at, size = draw.randrange(len(data)), draw.choice([1, 2, 8, 64, 1000])
         match draw.randrange(6):
             case 0:
