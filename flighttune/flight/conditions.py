@@ -210,6 +210,7 @@ def check_roll_in(scenario: Scenario) -> None:
             else ("n_z", 1.0 + change, n_z_rate)
         )
         low, high = (phi_low, phi_high) if name == "phi" else (n_z_low, n_z_high)
+        rate_key = "phi_rate_dps" if name == "phi" else "n_z_rate_per_s"
         where = f"[reference.{key}]"
         if not low <= command <= high:
             raise InputError(
@@ -219,8 +220,9 @@ def check_roll_in(scenario: Scenario) -> None:
             )
         least = abs(change) / rate
         if ramp.roll_in_s < least:
+            enough = math.ceil(1000.0 * least) / 1000.0  # rounded up: what is named must do
             raise InputError(
-                f"{where} `roll_in_s` must be at least {least:.3g} s, in which `{name}_rate` of "
+                f"{where} `roll_in_s` must be at least {enough:g} s, in which `{rate_key}` of "
                 f"[limits] gives the rate of {ramp.rate_dps:g} deg/s, got {ramp.roll_in_s:g} s."
             )
 

@@ -114,7 +114,8 @@ def test_the_wind_of_the_plan_is_an_estimate_that_comes_late():
     [
         (TURN | {"roll_in_s": 7.0}, "`roll_in_s` must be at most 6 s"),
         (TURN | {"start_s": 0.1}, "`roll_in_s` must be at most 0.2 s"),
-        (TURN | {"roll_in_s": 0.1}, "`roll_in_s` must be at least 0.68 s"),
+        (TURN | {"roll_in_s": 0.1}, "`roll_in_s` must be at least 0.68 s, in which `phi_rate_dps`"),
+        (TURN | {"rate_dps": 10.0, "roll_in_s": 0.1}, "`roll_in_s` must be at least 0.85 s"),
         (TURN | {"rate_dps": 30.0}, "`rate_dps` must need `phi` within its limits"),
     ],
 )
