@@ -263,13 +263,13 @@ def _sections(run: Run, number: int, name: Channel, first: int) -> Iterator[Sect
                 stretch[piece] = first
                 first += 1
         # A control loop is faster than its log: between samples its command is a straight line.
-        commanded = np.append(0.5 * (command[1:] + command[:-1]), command[-1])
+        between = np.append(0.5 * (command[1:] + command[:-1]), command[-1])
         if np.isfinite(stretch).any():
             yield Section(
                 run=number,
                 t=run.t[begin:end],
                 dt=dt,
-                commanded=commanded,
+                commanded=between,
                 measured=measured[begin:end],
                 stretch=stretch,
             )
