@@ -23,6 +23,9 @@ from flighttune.units import DEG
 # Share of every limit that a reference of shape feasible leaves to the feedback by default.
 MARGIN = 0.2
 
+# Roll short of 90 deg, rad: beyond it no turn rate is out of reach.
+STEEPEST_ROLL = math.pi / 2.0 - 1e-6
+
 
 def stated_condition(scenario: Scenario) -> FlightCondition:
     """Condition that [flight] states; on a route its angles count from those of its start."""
@@ -182,10 +185,10 @@ def lead_on(scenario: Scenario, plant: PlantTable | None) -> tuple[float, float]
     reference is not planned by its rates. A ScenarioError says that the model of an aircraft is
     missing.
     """
-    reference = reference_of(scenario)
-    if isinstance(reference, Reference) and not reference.planned:
+    if scenario.route is None and not scenario.rolls_in:
         return 0.0, 0.0
-    lags = plant and lags_of(plant, scenario.flight.V_a_mps, reference.initial[1])
+    _, gamma = reference_of(scenario).initial
+    lags = plant and lags_of(plant, scenario.flight.V_a_mps, gamma)
     phi, n_z = (0.0, 0.0) if lags is None else (lags[0].whole, lags[1].whole)
     hold = 0.5 / scenario.controller.rate_hz
     return phi + hold, n_z + hold
@@ -200,35 +203,28 @@ def check_roll_in(scenario: Scenario) -> None:
     if reference is None or not scenario.rolls_in:
         return
     limits = limits_on(scenario, scenario.plant)
-    (phi_low, n_z_low), (phi_high, n_z_high) = limits.lower, limits.upper
-    phi_rate, n_z_rate = np.minimum(limits.rate_upper, -limits.rate_lower)
-    for key, ramp in reference.ramps_in():
-        change = ramp.rate_dps * DEG * f.V_a_mps / f.g_mps2
-        name, command, rate = (
-            ("phi", math.atan(change), phi_rate)
-            if key == "chi_deg"
-            else ("n_z", 1.0 + change, n_z_rate)
+    rates = np.minimum(limits.rate_upper, -limits.rate_lower)
+    keys = {"chi_deg": ("phi_deg", "phi_rate_dps"), "gamma_deg": ("n_z", "n_z_rate_per_s")}
+    for channel, ramp in reference.ramps_in():
+        i, (key, rate_key) = [*keys].index(channel), keys[channel]
+        where, per_load = f"[reference.{channel}]", f.V_a_mps * DEG / f.g_mps2
+        load = ramp.rate_dps * per_load
+        bound = float(limits.upper[i] if load > 0.0 else limits.lower[i])
+        largest = (
+            math.tan(min(max(bound, -STEEPEST_ROLL), STEEPEST_ROLL)) if i == 0 else bound - 1.0
         )
-        low, high = (phi_low, phi_high) if name == "phi" else (n_z_low, n_z_high)
-        rate_key = "phi_rate_dps" if name == "phi" else "n_z_rate_per_s"
-        where = f"[reference.{key}]"
-        if not low <= command <= high:
+        if abs(load) > abs(largest):
             raise InputError(
-                f"{where} `rate_dps` must need `{name}` within its limits where it rolls in, got "
-                f"{ramp.rate_dps:g} deg/s at {f.V_a_mps:g} m/s, which needs "
-                f"{_angle_or_load(name, command)}."
+                f"{where} `rate_dps` must lie within {largest / per_load:.4g} deg/s where it rolls "
+                f"in, for which `{key}` of [limits] has the lift at {f.V_a_mps:g} m/s, got "
+                f"{ramp.rate_dps:g} deg/s."
             )
-        least = abs(change) / rate
-        if ramp.roll_in_s < least:
+        if ramp.roll_in_s < (least := abs(load) / float(rates[i])):
             enough = math.ceil(1000.0 * least) / 1000.0  # rounded up: what is named must do
             raise InputError(
                 f"{where} `roll_in_s` must be at least {enough:g} s, in which `{rate_key}` of "
                 f"[limits] gives the rate of {ramp.rate_dps:g} deg/s, got {ramp.roll_in_s:g} s."
             )
-
-
-def _angle_or_load(name: str, command: float) -> str:
-    return f"{command / DEG:.3g} deg" if name == "phi" else f"{command:.3g}"
 
 
 def _lift_and_limits(config: AircraftConfig, V_a: float) -> Limits:

@@ -13,7 +13,12 @@ from flighttune.errors import InfeasibleError, InputError, ScenarioError
 from flighttune.files.mistakes import joined, validated
 from flighttune.files.shipped import scenario_files
 from flighttune.files.table import toml_tables
-from flighttune.flight.conditions import check_roll_in, reference_of, start_condition
+from flighttune.flight.conditions import (
+    check_roll_in,
+    lead_on,
+    reference_of,
+    start_condition,
+)
 from flighttune.flight.models import gain_set, tuning_scaling
 from flighttune.identification.file import load_identified
 from flighttune.plants.jsbsim.plant import check_off_nominal
@@ -155,6 +160,8 @@ def check_scenario(scenario: Scenario, source: str) -> None:
             reference_of(scenario)
         start_condition(scenario)
         check_roll_in(scenario)
+        for plant in scenario.plant:
+            lead_on(scenario, plant)
         tuning_scaling(scenario)
         faults = {fault: None for plant in scenario.plant for fault in _faults(scenario, plant)}
         if scenario.feasible and not faults:

@@ -60,7 +60,12 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
     if len(solved) < len(results):
         return TuningResult(
             status="failed",
-            reason="No gains were found that stabilise every model.",
+            reason="No gains were found that stabilise every model"
+            + (
+                "."
+                if whole.objective == "R_K"
+                else f" with a sensitivity of at most {whole.sensitivity_max:g}."
+            ),
             method=METHOD,
             problem=whole,
             starts=tried,
@@ -99,7 +104,7 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
 def _tuned(problems: list[TuningProblem], starts: int) -> tuple[FloatArray, int, int] | None:
     """The best gains of one channel over its models, the searches made and those that agree.
 
-    None if no gains stabilise all the models.
+    None if no gains stabilise all the models, or keep the sensitivity that is asked for.
     """
     space = search_space(problems[0])
     candidates = np.vstack([stabilising_starts(problem, space, starts) for problem in problems])
@@ -116,7 +121,9 @@ def _tuned(problems: list[TuningProblem], starts: int) -> tuple[FloatArray, int,
     ]
     best = int(np.argmax(rates))
     if problems[0].objective != "R_K":
-        k, agreeing = shaped(problems, ends[best])
+        if (answer := shaped(problems, ends[best])) is None:
+            return None
+        k, agreeing = answer
         return space.K(k), len(ends) + len(FACTORS), agreeing
     agreeing = sum(rate >= (1.0 - AGREEMENT) * rates[best] for rate in rates)
     return space.K(ends[best]), len(ends), agreeing

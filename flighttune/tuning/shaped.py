@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 
@@ -11,8 +10,6 @@ from flighttune.control.linear_model import LinearModel, closed_loops
 from flighttune.theory.reachable import error_slopes
 from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
 from flighttune.tuning.program import UNSTABLE_LOG, loop_slopes
-
-ShapedObjective = Literal["decay", "E_K"]
 
 # Frequencies of the constraint: so many, from a part of the slowest pole's to many times the
 # fastest's. Between two of them a peak is higher by less than 1e-3, which the last step takes off.
@@ -34,12 +31,11 @@ MAX_TIGHTENINGS, MORE_THAN_MISSED = 6, 1.1
 MISSED, AGREEMENT = 1e-6, 1e-3
 
 
-def shaped(problems: Sequence[TuningProblem], k: FloatArray) -> tuple[FloatArray, int]:
+def shaped(problems: Sequence[TuningProblem], k: FloatArray) -> tuple[FloatArray, int] | None:
     """Free gains of one objective over several models, and how many searches agree on it.
 
     `problems`: of the same free gains; the first says what is sought and the largest sensitivity.
-    `k` (shape (f,)): gains that stabilise all of them. They are returned where no search does
-    better within the bound.
+    `k` (shape (f,)): gains that stabilise all of them. None if no search keeps the sensitivity.
     """
     first, space = problems[0], search_space(problems[0])
     limit = math.log(first.sensitivity_max)
@@ -60,6 +56,8 @@ def shaped(problems: Sequence[TuningProblem], k: FloatArray) -> tuple[FloatArray
     values = np.array([search.goals(end, first.objective)[0].max() for end in ends])
     peaks = np.array([max(each.logs(end)[0].max() for each in fine) for end in ends])
     values[peaks > limit + MISSED] = math.inf
+    if not np.isfinite(values).any():
+        return None
     best = int(np.argmin(values))
     return ends[best], int((values[1:] <= values[best] + AGREEMENT).sum())
 

@@ -116,7 +116,8 @@ def test_the_wind_of_the_plan_is_an_estimate_that_comes_late():
         (TURN | {"start_s": 0.1}, "`roll_in_s` must be at most 0.2 s"),
         (TURN | {"roll_in_s": 0.1}, "`roll_in_s` must be at least 0.68 s, in which `phi_rate_dps`"),
         (TURN | {"rate_dps": 10.0, "roll_in_s": 0.1}, "`roll_in_s` must be at least 0.85 s"),
-        (TURN | {"rate_dps": 30.0}, "`rate_dps` must need `phi` within its limits"),
+        (TURN | {"rate_dps": 30.0}, "`rate_dps` must lie within 22.48 deg/s .* `phi_deg`"),
+        (TURN | {"rate_dps": -30.0}, "`rate_dps` must lie within -22.48 deg/s"),
     ],
 )
 def test_a_roll_in_that_cannot_be_flown_is_refused(ramp, message, tmp_path):

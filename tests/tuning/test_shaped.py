@@ -8,7 +8,10 @@ from scipy.optimize import minimize
 
 import flighttune as ft
 
-SAME = 2e-3  # relative: the oracle's integral is a sum over 0.01 s, its search a simplex
+SAME, SAME_DECAY = (
+    2e-3,
+    1e-2,
+)  # relative: the oracle's integral is a sum over 0.01 s, its search a simplex
 
 
 def tuned(objective, aircraft="aerosonde", V_a=25.0, **tuning):
@@ -78,29 +81,29 @@ def test_the_sensitivity_of_each_channel_is_the_largest_allowed_or_less(objectiv
     assert max(peaks) >= 1.399 if objective == "E_K" else max(peaks) > 1.2
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("i", [0, 1])
-def test_a_simplex_search_finds_no_smaller_error(i):
-    result = tuned("E_K")
-    parts = channel(result.problem.model, i)
-    gains = result.gains.K[i, [i, 2 + i]]
-
-    found = oracle(parts, largest_error, 0.9 * gains)
-    assert largest_error(parts, gains) <= (1.0 + SAME) * largest_error(parts, found)
+def abscissa(parts, gains):
+    """Largest real part of the loop's eigenvalues, 1/s."""
+    return np.linalg.eigvals(loop(parts, gains)).real.max()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("i", [0, 1])
-def test_a_simplex_search_finds_no_faster_decay(i):
-    result = tuned("decay")
-    parts = channel(result.problem.model, i)
-    gains = result.gains.K[i, [i, 2 + i]]
+@pytest.mark.parametrize(
+    ("objective", "cost", "same"), [("E_K", largest_error, SAME), ("decay", abscissa, SAME_DECAY)]
+)
+def test_a_simplex_search_finds_nothing_better(objective, cost, same, i):
+    result = tuned(objective)
+    parts, gains = channel(result.problem.model, i), result.gains.K[i, [i, 2 + i]]
 
-    def abscissa(parts, gains):
-        return np.linalg.eigvals(loop(parts, gains)).real.max()
+    best = cost(parts, oracle(parts, cost, 0.85 * gains))
+    assert cost(parts, gains) <= best + same * abs(best)
 
-    found = oracle(parts, abscissa, 0.8 * gains)
-    assert abscissa(parts, gains) <= (1.0 - 0.01) * abscissa(parts, found)  # both negative
+
+def test_a_sensitivity_that_no_gains_have_is_refused():
+    result = tuned("E_K", sensitivity_max=1.0 + 1e-9)
+
+    assert result.status == "failed"
+    assert "with a sensitivity of at most 1" in result.reason
 
 
 def test_a_larger_sensitivity_makes_errors_smaller_and_stays_below_the_wide_bound():
