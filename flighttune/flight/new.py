@@ -55,7 +55,9 @@ h_m        = 1000.0
 gamma_deg  = 0.0
 duration_s = 40.0
 
-[reference]                         # where to: a constant (flown as a step), or a list of segments
+# Where to: each channel a constant, which is flown as a step, or a list of segments. A ramp that
+# rises to its rate within roll_in_s has its roll and lift planned.
+[reference]
 chi_deg   = []
 gamma_deg = []
 

@@ -59,6 +59,9 @@ BOUNDS: Bounds = (
 )
 UNITS = {"phi": DEG, "n_z": 1.0}
 NAMES = {"phi": "roll", "n_z": "load-factor"}
+
+# Limits and rate limit, deg and 1, of a channel of which the logs have neither command nor response
+UNSEEN = {"phi": ((-45.0, 45.0), 60.0), "n_z": ((0.5, 1.5), 2.0)}
 SHOWN_S = 40.0
 
 CHANNEL_COLUMNS = [
@@ -210,8 +213,10 @@ def identify_log(
     >>> table = {"t_s": t, "phi_deg": phi, "phi_cmd_deg": command, "v_north": 20.0, "v_east": 0.0}
     >>> pandas.DataFrame(table).to_csv("flight.csv", index=False)
     >>> found = ft.identify_log("flight.csv", assume={"n_z": 5.0})
-    >>> round(found.channels["phi"].fit_percent), found.untold["n_z"]
-    (100, 'the logs have no load-factor commands')
+    >>> round(found.channels["phi"].fit_percent)
+    100
+    >>> found.untold["n_z"]
+    'the logs have no load-factor commands; its limits are assumed: 0.5 to 1.5, 2 per s'
     """
     if not logs:
         raise InputError("`logs` must be given: one log at least.")
@@ -224,7 +229,10 @@ def identify_log(
     for name in CHANNELS:
         channel = _channel(runs, name)
         if isinstance(channel, str):
-            untold[name] = channel
+            (low, high), rate = UNSEEN[name]
+            seen = any(name in run.signals for run in runs)
+            limits = f"; its limits are assumed: {low:g} to {high:g}, {rate:g} per s"
+            untold[name] = channel if seen else channel + limits
         else:
             channels[name] = channel
     names = tuple(dict.fromkeys(str(run.provenance.gains_name) for run in runs))
@@ -293,7 +301,7 @@ def _channel(runs: Sequence[Run], name: Channel) -> ChannelOfLogs | str:
         ).replace("  ", " ")
     several = len({section.run for section in sections}) > 1
     lag = _fitted(sections, None)
-    explained, total = 0.0, 0.0
+    missed = 0.0
     for fold in (0, 1):
         sides = [
             np.full(len(s.stretch), s.run % 2 == fold) if several else s.stretch % 2 == fold
@@ -302,7 +310,7 @@ def _channel(runs: Sequence[Run], name: Channel) -> ChannelOfLogs | str:
         fitted = _fitted(sections, [~side for side in sides], lag.order)
         for section, side in zip(sections, sides, strict=True):
             scored = side & np.isfinite(section.stretch)
-            explained += float(np.sum(section.residual(fitted)[scored] ** 2))
+            missed += float(np.sum(section.residual(fitted)[scored] ** 2))
     used = [section.measured[np.isfinite(section.stretch)] for section in sections]
     total = sum(float(np.sum((part - part.mean()) ** 2)) for part in used)
     spread = _resampled(sections, lag, count)
@@ -310,7 +318,7 @@ def _channel(runs: Sequence[Run], name: Channel) -> ChannelOfLogs | str:
     low, high = np.percentile(spread, edges, axis=0)
     return ChannelOfLogs(
         lag=lag,
-        fit_percent=100.0 * (1.0 - explained / total),
+        fit_percent=100.0 * (1.0 - missed / total),
         frequency=(math.exp(low[0]), math.exp(high[0])),
         delay=(max(0.0, float(low[1])), max(0.0, float(high[1]))),
         stretches=count,
@@ -419,6 +427,6 @@ def _range(runs: Sequence[Run], name: str, unit: float) -> tuple[tuple[float, fl
             rate = np.gradient(run.signals[name].to_numpy(dtype=float), run.t)
             rates.append(np.abs(unit * rate[np.isfinite(rate)]))
     if not len(np.concatenate(values)):
-        return ((-45.0, 45.0), 60.0) if name == "phi" else ((0.5, 1.5), 2.0)
+        return UNSEEN[name]
     low, high = np.percentile(np.concatenate(values), (0.5, 99.5))
     return (float(low), float(high)), float(np.percentile(np.concatenate(rates), 99.0))

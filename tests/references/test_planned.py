@@ -1,6 +1,7 @@
 """References that roll in: their rates, the roll and lift planned for them, and what flies them."""
 
 import math
+import shutil
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from made_up import made_up_scenario, scenario_tables
 from scipy.integrate import quad
 
 import flighttune as ft
+from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.campaign.flying.kinematic_batch import batchable
 from flighttune.control.controller import Measured
 from flighttune.files.table import toml_text
@@ -127,6 +129,21 @@ def test_a_roll_in_that_cannot_be_flown_is_refused(ramp, message, tmp_path):
     )
     file.write_text(toml_text(tables))
     with pytest.raises(ft.ScenarioError, match=f"turn.toml.*{message}"):
+        ft.load_scenario(file)
+
+
+def test_an_aircraft_whose_lag_is_not_known_flies_no_plan(tmp_path):
+    aircraft = tmp_path / "mine"
+    shutil.copytree(load_aircraft("c172p").folder, aircraft)
+    (aircraft / "identified.json").unlink()
+    tables = ft.load_scenario("mission").as_dict()
+    tables |= {"gains": ["paper"], "expect": [], "limits": {}, "tuning": {}}
+    tables["reference"] = {"chi_deg": [TURN | {"rate_dps": 3.0}], "gamma_deg": 0.0}
+    tables["plant"] = [{"kind": "jsbsim", "aircraft": str(aircraft)}]
+    file = tmp_path / "mission.toml"
+    file.write_text(toml_text(tables | {"flight": tables["flight"] | {"V_a_mps": 50.0}}))
+
+    with pytest.raises(ft.ScenarioError, match=r"mission.toml: .*identified.json: must be there"):
         ft.load_scenario(file)
 
 
