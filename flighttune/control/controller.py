@@ -117,10 +117,10 @@ class ReferenceSample(NamedTuple):
         Course, not wrapped, and flight-path angle.
     chi_dot, gamma_dot : float, rad/s
         Their rates from this sample on; a step has none. Where roll and lift are planned for the
-        rates, these are those of the time by which the aircraft follows late.
+        rates, they are taken ahead by the lags of the aircraft.
     planned : tuple of two floats or None, rad and 1
         Roll and load-factor command under which the reference is flown where nothing disturbs; None
-        where it neither was made of commands nor rolls in.
+        where it is neither made of commands nor planned.
 
     Examples
     --------

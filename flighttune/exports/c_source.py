@@ -50,7 +50,7 @@ def c_source(
 ) -> str:
     """The C99 text of a controller, which needs nothing but the C library's ``math.h``.
 
-    Roll and load factor follow `lead` (s) late; `g` (m/s^2) is the acceleration of gravity.
+    `lead` (s) has the lags of roll and load factor; `g` (m/s^2) is the acceleration of gravity.
     """
     values, channels = law.law, law.law.channels
     return Template(_TEMPLATE.read_text(encoding="utf-8")).substitute(

@@ -21,7 +21,7 @@
 #define FT_TRACKING_GAIN ${tracking_gain} /* sample time over tracking time; 0: no back-calculation */
 #define FT_PER_SPEED ${per_speed}     /* 1 / airspeed the gains are for, s/m; 0: unscheduled */
 #define FT_G ${g}              /* acceleration of gravity, m/s^2 */
-#define FT_LEAD_PHI ${lead_phi}     /* by which roll and load factor follow late, s */
+#define FT_LEAD_PHI ${lead_phi}     /* lags of roll and load factor, s */
 #define FT_LEAD_N_Z ${lead_n_z}
 #define FT_FEED_FORWARD ${feed_forward}        /* load factor of steady flight at this bank */
 

@@ -179,9 +179,9 @@ def lags_of(plant: PlantTable, V_a: float, gamma: float) -> tuple[InnerLag, Inne
 
 
 def lead_on(scenario: Scenario, plant: PlantTable | None) -> tuple[float, float]:
-    """Time (s) by which roll and lift follow their plan late on a plant; on None without lags.
+    """Lags (s) of roll and lift behind their plan on a plant; None is a plant without lags.
 
-    It is the lag of each, and half of a sample, over which commands are held; zero where the
+    Each is the lag to a ramp and half of a sample, over which commands are held; zero where the
     reference is not planned by its rates. A ScenarioError says that the model of an aircraft is
     missing.
     """

@@ -112,7 +112,7 @@ class Follower:
     r"""Measurements to the reference of a law, sample by sample.
 
     `reference`: the route. `dt` (s): time between samples. `h_0` (m): height of the start. `lead`
-    (s): time by which roll and lift follow their commands late.
+    (s): lags of roll and lift behind their commands.
 
     Notes
     -----

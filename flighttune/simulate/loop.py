@@ -77,8 +77,8 @@ def simulate(
         Sensors through which the controller sees course, climb and airspeed; by default it sees the
         true values. With sensors the signals also hold `MEASURED`; the errors are the true ones.
     lead : tuple of two floats, s, optional
-        Time by which roll and lift are planned ahead where the reference rolls in, or is a route:
-        that by which they follow late. By default nothing is planned for a reference over time.
+        Lags of roll and lift, by which they are planned ahead where the reference rolls in or is a
+        route. By default nothing is planned for a reference over time.
     progress : callable, optional
         Called with the time flown in s, about once a second of flight.
 
