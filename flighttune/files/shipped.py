@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Iterable
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -90,6 +91,7 @@ def nearest_name(name: str, names: Iterable[str]) -> str:
     return f"; did you mean {close[0]}?" if close else "."
 
 
+@cache
 def _shipped_folder(name: str) -> Path:
     """Return the folder `name` of an installed package, or of the checkout it runs from."""
     installed = _PACKAGE / "_shipped" / name

@@ -299,10 +299,9 @@ def fly_once(
     if progress is not None:
         progress(label, 1.0)
     status, reason = ("completed", "") if stop is None else (stop.status, stop.reason)
-    run = _run_without_samples(*of_run, status, reason)
-    made_by = replace(run.provenance, wall_s=time.perf_counter() - started)
+    made_by = _provenance(*of_run, wall_s=time.perf_counter() - started)
     units = {name: unit for name, unit in controller.signals.items() if name not in SIGNAL_UNITS}
-    return replace(run, signals=signals, provenance=made_by, units=units)
+    return Run(signals=signals, status=status, reason=reason, provenance=made_by, units=units)
 
 
 def _run_without_samples(
@@ -316,16 +315,27 @@ def _run_without_samples(
     """A run of a scenario without samples."""
     no_samples = pd.Index([], name="t")
     signals = pd.DataFrame(columns=pd.Index(LOOP_SIGNALS), index=no_samples, dtype=float)
-    made_by = Provenance(
+    made_by = _provenance(scenario, plant_label, gains_name, gains)
+    return Run(signals=signals, status=status, reason=reason, provenance=made_by)
+
+
+def _provenance(
+    scenario: Scenario,
+    plant_label: str,
+    gains_name: str,
+    gains: PIGains | None,
+    *,
+    wall_s: float = 0.0,
+) -> Provenance:
+    return Provenance(
         scenario=scenario.as_dict(),
         plant=plant_label,
         gains_name=gains_name,
         gains=gains,
         seed=scenario.seed,
         versions=library_versions(),
-        wall_s=0.0,
+        wall_s=wall_s,
     )
-    return Run(signals=signals, status=status, reason=reason, provenance=made_by)
 
 
 def library_versions() -> dict[str, str]:

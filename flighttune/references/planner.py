@@ -31,9 +31,11 @@ class Planner:
     ) -> tuple[float, float]:
         """Roll (rad) and load factor for rates (rad/s) of the reference at its path angle (rad)."""
         if m.wind is not None:
-            before = m.wind if self._wind is None else self._wind
-            pairs = zip(before, m.wind, strict=True)
-            self._wind = tuple(old + self._share * (new - old) for old, new in pairs)
-        per_g = turning_speed(m._replace(wind=self._wind)) / self._g
+            share, (north, east, down) = self._share, m.wind if self._wind is None else self._wind
+            n, e, d = m.wind
+            estimate = north + share * (n - north), east + share * (e - east)
+            self._wind = *estimate, down + share * (d - down)
+        # A third of the time of `_replace`; the wind comes last.
+        per_g = turning_speed(Measured(*m[:-1], self._wind)) / self._g
         lift = math.cos(gamma) + gamma_dot * per_g
         return math.atan(chi_dot * per_g), lift / math.cos(m.phi)

@@ -64,7 +64,8 @@ class Scenario(Table):
                     f".toml) or a table with K_P and K_I, got {entry!r}"
                     + nearest_name(entry, available).removesuffix(".")
                 )
-        for law in self.laws:
+        laws, plants = self.laws, [plant.label for plant in self.plant]
+        for law in laws:
             if self.tuning.input_limits and law.inputs != COMMANDS:
                 raise ValueError(
                     f"`input_limits` of [tuning] must be absent with the {law.kind} law: its gains "
@@ -72,9 +73,8 @@ class Scenario(Table):
                 )
         if TUNED_IDENTIFIED in self.gains or self.tuning.model == "identified":
             _ = self.identified_in
-        plants = [plant.label for plant in self.plant]
-        laws = [law.name for law in self.laws]
-        for key, labels in (("law", laws), ("gains", self.gain_names), ("plant", plants)):
+        names, gain_names = [law.name for law in laws], self.gain_names
+        for key, labels in (("law", names), ("gains", gain_names), ("plant", plants)):
             if len(set(labels)) < len(labels):
                 hint = "; a `name` of its own distinguishes a plant" if key == "plant" else ""
                 raise ValueError(
@@ -82,7 +82,7 @@ class Scenario(Table):
                 )
         plants = list(dict.fromkeys((*plants, *(plant.kind for plant in self.plant))))
         for table in self.expect:
-            for key, labels in (("gains", self.gain_names), ("plant", plants)):
+            for key, labels in (("gains", gain_names), ("plant", plants)):
                 if getattr(table, key) not in (None, *labels):
                     raise ValueError(
                         f"`{key}` of [[expect]] must be one of {', '.join(labels)}, "

@@ -297,11 +297,21 @@ def _indicators(plan: Plan, group: Group, scenarios: Sequence[Scenario]) -> list
         (s.flight.V_a_mps, s.flight.g_mps2, reference_of(s).initial[1], s.controller)
         for s in scenarios
     ]
-    different = dict(zip(keys, scenarios, strict=True))
-    loops = [closed_loop(linear_model(scenario, law), gains) for scenario in different.values()]
-    both = indicators_batch(np.array(loops))
-    E_K = largest_errors(np.array(loops), errors=len(gains.errors)).max(axis=1)
-    columns = (map(_number, values.tolist()) for values in (both.R_K, both.I_K, E_K))
-    numbers = zip(*columns, strict=True)
-    by_key = dict(zip(different, numbers, strict=True))
-    return [by_key[key] for key in keys]
+    known = _indicators_known(plan, group)
+    values: dict[Hashable, Indicators] = {key: known[key] for key in keys if key in known}
+    new = {key: s for key, s in zip(keys, scenarios, strict=True) if key not in values}
+    if new:
+        loops = np.array([closed_loop(linear_model(s, law), gains) for s in new.values()])
+        both = indicators_batch(loops)
+        E_K = largest_errors(loops, errors=len(gains.errors)).max(axis=1)
+        columns = (map(_number, each.tolist()) for each in (both.R_K, both.I_K, E_K))
+        values |= zip(new, zip(*columns, strict=True), strict=True)
+        known.clear()
+        known.update(values)
+    return [values[key] for key in keys]
+
+
+@lru_cache(maxsize=32)
+def _indicators_known(_plan: Plan, _group: Group) -> dict[Hashable, Indicators]:
+    """Those of the last loops of a group, for draws that do not disperse its loop."""
+    return {}

@@ -10,9 +10,9 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Hashable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import NoReturn, TypeAlias
 from xml.etree.ElementTree import Element
@@ -98,11 +98,17 @@ class ModelFolders:
         return (*folders, *self.near, self.engines, self.systems)
 
 
-def source_folders(config: AircraftConfig) -> ModelFolders:
-    """Folders of an aircraft's model: in JSBSim's own set, or the user's."""
+@cache
+def _shipped_models() -> Path:
+    """JSBSim's own set of models, found once: it takes as long as all else before a load."""
     import jsbsim
 
-    shipped = Path(jsbsim.get_default_root_dir()).resolve()
+    return Path(jsbsim.get_default_root_dir()).resolve()
+
+
+def source_folders(config: AircraftConfig) -> ModelFolders:
+    """Folders of an aircraft's model: in JSBSim's own set, or the user's."""
+    shipped = _shipped_models()
     shared = shipped / "engine", shipped / "systems"
     name = config.model
     if not name.endswith(".xml"):  # a model of JSBSim's own set
@@ -186,7 +192,7 @@ class Unchanged:
 
 def unchanged(config: AircraftConfig, *further: Hashable) -> Unchanged:
     """An aircraft as the key of a cache, for as long as its files and `further` do not change."""
-    return Unchanged(config, (config.fingerprint, stamps(file_tree(config)), *further))
+    return Unchanged(config, (config.fingerprint, _stamps(config), *further))
 
 
 @lru_cache(maxsize=256)
@@ -213,22 +219,28 @@ def _hash(unchanged: Unchanged) -> str:
     return digest.hexdigest()
 
 
-def file_tree(config: AircraftConfig) -> set[Path]:
-    """The file of the aircraft and the XML files in its folder and its model's."""
-    model = source_folders(config).model
-    below = {
-        file
-        for folder in (config.folder, model)
-        for pattern in ("*.xml", "*/*.xml")
-        for file in folder.glob(pattern)
-    }
-    return below | ({config.file} if config.file.is_file() else set())
+def _stamps(config: AircraftConfig) -> tuple[tuple[str, int, int], ...]:
+    """The aircraft's file and the XML files in its folder and its model's, two levels deep.
+
+    With the time of their last change and their size.
+    """
+    # Strings and directory entries: a flight asks three to five times, and paths take ten times as
+    # long.
+    model = os.path.join(config.folder, config.model)
+    xml = model.endswith(".xml")
+    model = os.path.dirname(os.path.realpath(model)) if xml else source_folders(config).model
+    entries = [entry for folder in {str(config.folder), str(model)} for entry in _entries(folder)]
+    entries += [below for entry in entries if entry.is_dir() for below in _entries(entry.path)]
+    states = {entry.path: entry.stat() for entry in entries if entry.name.endswith(".xml")}
+    with suppress(OSError):
+        states[str(config.file)] = config.file.stat()
+    return tuple((path, s.st_mtime_ns, s.st_size) for path, s in sorted(states.items()))
 
 
-def stamps(files: set[Path]) -> tuple[tuple[Path, int, int], ...]:
-    """Files with the time of their last change and their size."""
-    states = [(path, path.stat()) for path in sorted(files)]
-    return tuple((path, state.st_mtime_ns, state.st_size) for path, state in states)
+def _entries(folder: str) -> list[os.DirEntry[str]]:
+    with suppress(OSError), os.scandir(folder) as entries:
+        return list(entries)
+    return []
 
 
 @contextmanager
@@ -250,9 +262,9 @@ def model_folders(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> Itera
             # In memory, so that no flight waits for a disk.
             folder = Path(stack.enter_context(scratch_folder()))
             # A main file refers to parts beside it; only this file itself is another.
-            for beside in folders.model.iterdir():
-                if beside.name != folders.file.name:
-                    (folder / beside.name).symlink_to(beside)
+            for beside in os.listdir(folders.model):
+                if beside != folders.file.name:
+                    os.symlink(os.path.join(folders.model, beside), os.path.join(folder, beside))
             shared = {}
             for kind, near in zip(("engines", "systems"), folders.near, strict=False):
                 if near.is_dir():  # JSBSim takes one folder of each kind: it holds those of both
