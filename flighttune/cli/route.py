@@ -17,7 +17,7 @@ def route(
         str,
         Argument(
             metavar="SCENARIO|FILE",
-            help="A scenario with a route, or a plan of QGroundControl (.plan) or GeoJSON.",
+            help="A scenario with a route, or a mission: .plan, .waypoints, .kml or .geojson.",
             autocompletion=scenario_files,
         ),
     ],

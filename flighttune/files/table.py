@@ -80,12 +80,17 @@ def _json(text: str) -> Any:
 
 
 def _tables(path: Path, parse: Callable[[str], Any], language: str) -> dict[str, Any]:
+    return _parsed(file_text(path), f"{path}: the file", parse, language)
+
+
+def file_text(path: Path) -> str:
+    """The text of a file; ScenarioError if it is too large or no UTF-8."""
     try:
         with path.open("rb") as file:
             data = file.read(MAX_BYTES + 1)
         if len(data) > MAX_BYTES:
             raise ScenarioError(f"{path}: the file must have at most {MAX_BYTES} bytes, got more.")
-        return _parsed(data.decode("utf-8"), f"{path}: the file", parse, language)
+        return data.decode("utf-8-sig")
     except OSError as error:
         raise ScenarioError(f"{path}: the file must be readable: {error.strerror}.") from error
     except UnicodeDecodeError as error:

@@ -22,7 +22,7 @@ from flighttune.flight.conditions import (
 from flighttune.flight.models import gain_set, tuning_scaling
 from flighttune.identification.file import load_identified
 from flighttune.plants.jsbsim.plant import check_off_nominal
-from flighttune.references.mission import read_route
+from flighttune.references.mission import RouteFile
 from flighttune.scenario.load import existing_file, title_with, with_files, with_gains
 from flighttune.scenario.places import leaves, with_changes
 from flighttune.scenario.schema import Scenario
@@ -104,16 +104,16 @@ def as_arguments(source: str | Path, changes: Mapping[str, Any] | None) -> str:
 
 
 def route_scenario(
-    file: Path, aircraft: str, *, skip: bool = False, changes: Mapping[str, Any] | None = None
+    file: Path, mission: RouteFile, aircraft: str, changes: Mapping[str, Any] | None = None
 ) -> Scenario:
-    """A scenario in which an aircraft flies the route of a file, within limits of its own."""
-    first, mission = load_identified(aircraft).conditions[0], read_route(file, skip=skip)
+    """A scenario in which an aircraft flies what a file states, within limits of its own."""
+    first = load_identified(aircraft).conditions[0]
     condition = {"V_a_mps": first.V_a, "h_m": first.h, "duration_s": LONGEST_S}
     tables = {
         "title": file.stem,
         "gains": [TUNED_IDENTIFIED],
         "flight": condition | mission.flight,
-        "route": {"waypoint": mission.waypoint, "notes": mission.notes},
+        "route": mission.route,
         "controller": {"feed_forward": True},
         "tuning": {"identified": aircraft},
         "plant": [{"kind": "jsbsim", "aircraft": aircraft}],

@@ -14,12 +14,15 @@ from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.tables import Column, Table, printable
 from flighttune.references.follow import RouteReference
 from flighttune.references.maps import Corridor, Where, route_geojson, route_kml
-from flighttune.references.mission import OTHER_FILES, ROUTE_FILES
+from flighttune.references.mission import OTHER_FILES, ROUTE_FILES, read_route
 from flighttune.scenario.schema import Scenario
 from flighttune.units import DEG
 
 # Aircraft that flies a file by default.
 AIRCRAFT = "aerosonde"
+
+# Difference of radii that is none, m.
+WIDER_M = 0.5
 
 COLUMNS = [
     Column("kind", "stretch"),
@@ -93,6 +96,25 @@ class PlannedRoute(Answering):
         assert scenario.route is not None
         return self.reference.path, scenario.route.origin, scenario.flight.h_m
 
+    @property
+    def changed(self) -> list[str]:
+        """What is flown in another way than the waypoints say, in words."""
+        assert self.scenario.route is not None
+        stretches, notes = self.reference.path.stretches, []
+        if around := [x for x in stretches if x.kind == "turn-around"]:
+            places = ", ".join(str(stretch.waypoint) for stretch in around)
+            farthest = max(stretch.aside for stretch in around)
+            notes = [f"Turn-arounds at waypoints {places} go up to {farthest:.0f} m from the legs."]
+        stated = [point.radius_m for point in self.scenario.route.waypoint]
+        for stretch in stretches:
+            radius = stated[stretch.waypoint - 1] if stretch.kind == "loiter" else None
+            if radius and radius < stretch.radius - WIDER_M:
+                notes.append(
+                    f"The circle at waypoint {stretch.waypoint} has {stretch.radius:.0f} m in "
+                    f"place of {radius:g} m, the smallest radius that can be flown."
+                )
+        return notes
+
     def answer(self) -> Answer:
         """The stretches, the length and the time in still air and in wind."""
         path, V_a, time = self.reference.path, self.reference.V_a, self.time
@@ -106,7 +128,7 @@ class PlannedRoute(Answering):
                 "stretches": stretches,
             },
             tables=[Table(COLUMNS, stretches, f"{self.scenario.title}: {self.conditions}")],
-            notes=self.scenario.notes,
+            notes=[*self.scenario.notes, *self.changed],
             verdict=f"{path.length:.0f} m, {time:.0f} s in still air, at most {longest:.0f} s in a "
             f"wind of {self.wind:.3g} m/s",
         )
@@ -115,6 +137,11 @@ class PlannedRoute(Answering):
         """Write the path, and a corridor about it, to a file .geojson or .kml."""
         written = route_kml if Path(path).suffix.lower() == ".kml" else route_geojson
         write_text(Path(path), written(self.where, printable(self.scenario.title), corridor))
+
+
+def is_mission(source: str | Path) -> bool:
+    """Whether a source is called like a file of a route."""
+    return Path(source).suffix.lower() in ROUTE_FILES + OTHER_FILES
 
 
 def route(
@@ -129,8 +156,8 @@ def route(
     Parameters
     ----------
     source : Scenario, str or Path
-        A scenario with a route, its file or name; or a plan of QGroundControl (``.plan``) or
-        GeoJSON.
+        A scenario with a route, its file or name; or a mission: ``.plan`` of QGroundControl,
+        ``.waypoints`` of Mission Planner, KML or GeoJSON.
     aircraft : str, optional
         Aircraft that is to fly a file, at an airspeed at which it is identified; by default
         ``aerosonde``.
@@ -154,12 +181,11 @@ def route(
     >>> [stretch["kind"] for stretch in ft.route("circuit").stretches][:3]
     ['leg', 'turn', 'leg']
     """
-    changes, is_file = changes or {}, False
-    if not isinstance(source, Scenario):
-        is_file = Path(source).suffix.lower() in ROUTE_FILES + OTHER_FILES
-    if is_file:
-        file = Path(str(source))
-        scenario = route_scenario(file, aircraft or AIRCRAFT, skip=skip, changes=changes)
+    changes, speed_assumed = changes or {}, False
+    if not isinstance(source, Scenario) and is_mission(source):
+        mission = read_route(Path(source), skip=skip)
+        scenario = route_scenario(Path(source), mission, aircraft or AIRCRAFT, changes)
+        speed_assumed = not ("V_a_mps" in mission.flight or "flight.V_a_mps" in changes)
     elif aircraft is not None or skip:
         raise InputError(f"{source}: `aircraft` and `skip` must be absent for a scenario.")
     else:
@@ -169,7 +195,7 @@ def route(
         raise InputError(f"{source}: `route` must be given, got a reference over time.")
     wind, assumed = table.wind_at(reference.V_a), " (assumed)"
     conditions = (
-        f"airspeed {reference.V_a:g} m/s{assumed * (is_file and 'flight.V_a_mps' not in changes)}, "
+        f"airspeed {reference.V_a:g} m/s{assumed * speed_assumed}, "
         f"turns for wind up to {wind:.3g} m/s{assumed * (table.wind_mps is None)}, "
         f"start {scenario.flight.h_m:g} m above sea level"
     )

@@ -66,6 +66,30 @@ def features(tables: Mapping[str, Any]) -> Iterable[Mapping[str, Any]]:
     return [tables if tables["type"] == "Feature" else {"geometry": tables}]
 
 
+def kml_features(text: str) -> list[dict[str, Any]]:
+    """Lines and polygons of KML as features of GeoJSON, lines with their ``altitudeMode``."""
+    if "<!DOCTYPE" in text:  # entities could make a small file a large one
+        raise InputError("must be KML without a document type.")
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise InputError(f"must be KML: {error}.") from error
+    found = []
+    for shape in root.iter():
+        kind = shape.tag.rpartition("}")[2]
+        if kind in ("LineString", "Polygon"):
+            rings = [_points(x.text or "") for x in shape.iter() if x.tag.endswith("}coordinates")]
+            modes = [x.text for x in shape.iter() if x.tag.endswith("}altitudeMode")]
+            coordinates = rings if kind == "Polygon" else rings[0]
+            mode = {"altitudeMode": (modes or ["clampToGround"])[0]}
+            found.append({"geometry": {"type": kind, "coordinates": coordinates, **mode}})
+    return found
+
+
+def _points(text: str) -> list[list[float]]:
+    return [[float(value) for value in point.split(",")] for point in text.split()]
+
+
 def route_geojson(where: Where, title: str, corridor: Corridor | None = None) -> str:
     """A path as GeoJSON, with heights above sea level, and its corridor window by window."""
     claim = {"corridor": corridor.claim} if corridor else {}

@@ -1,13 +1,13 @@
 """A path over ground from waypoints: straight legs, and turns that a limited roll rate can follow.
 
-A turn is a circular arc between two clothoids, on which curvature grows in proportion to the
-distance flown: roll that changes at a steady rate. Curvature is that of the path seen from above,
-positive where the path turns right, and distances are those seen from above.
+Curvature is that of the path seen from above, positive where the path turns right, and distances
+are those seen from above.
 """
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import accumulate, pairwise
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -15,9 +15,21 @@ import numpy as np
 
 from flighttune.arrays import FloatArray, Floats, check_not_negative, check_positive
 from flighttune.errors import InputError
+from flighttune.references.turns import (
+    NO_LENGTH,
+    SHARES,
+    Piece,
+    Pieces,
+    Pose,
+    bent,
+    centre,
+    curved,
+    turn_arounds,
+    turned,
+)
 from flighttune.units import DEG
 
-Kind: TypeAlias = Literal["leg", "turn", "loiter"]
+Kind: TypeAlias = Literal["leg", "turn", "loiter", "turn-around"]
 
 # Distance between the points of a path's table, m: a chord of it is 3 mm off an arc of 50 m.
 STEP = 1.0
@@ -34,8 +46,14 @@ PULL_UP_S, PULL_UP_N_Z = 2.0, 0.2
 # Largest change of course at a corner, rad: its turn begins some six radii before the waypoint.
 SHARPEST = 160.0 * DEG
 
-# Course change (rad) and distance (m) below which there is none.
-NO_TURN, NO_LENGTH = 1e-6, 1e-6
+# Course change (rad) below which there is none.
+NO_TURN = 1e-6
+
+# Path angle of circles that take a change of height, rad.
+SPIRAL = 5.0 * DEG
+
+# Steps in which the speed and the wind of a way out are looked for, and the lowest speed, a share.
+HALVINGS, SLOWEST = 10, 0.4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +72,10 @@ class Waypoint:
     climb : float or None, rad
         Size of the path angle at which the leg to the point changes its height, from its beginning
         on; None for a steady change along the whole leg.
+    hold : float, s
+        Time that the circles take at least, at the airspeed.
+    spiral : bool
+        Whether the circles take the change of height, in place of the leg to the point.
     """
 
     north: float
@@ -62,6 +84,8 @@ class Waypoint:
     turns: float = 0.0
     radius: float | None = None
     climb: float | None = None
+    hold: float = 0.0
+    spiral: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +98,9 @@ class Ability:
     phi_rate: float  # rad/s: rate at which it changes
     gamma: tuple[float, float]  # rad: lowest and highest path angle
     g: float  # m/s^2
+    widen: bool = False  # whether circles that are too small are flown at the smallest radius
+    # m: how far a turn-around may go from the leg that it replaces; 0 for none
+    turnaround: float = 0.0
     # s: longest time of a flight, on which the path does not depend
     duration: float = field(default=math.inf, compare=False)
 
@@ -98,7 +125,7 @@ class Ability:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretch:
-    """A leg, a turn or the circles around a waypoint."""
+    """A leg, a turn, a turn-around in place of a leg, or the circles around a waypoint."""
 
     kind: Kind
     waypoint: int  # number of the one where it ends or around which it turns, from 1
@@ -108,6 +135,7 @@ class Stretch:
     turn: float  # rad: change of course, right positive
     radius: float  # m: the smallest; infinite on a leg
     gamma: float  # rad: mean path angle
+    aside: float = 0.0  # m: how far a turn-around goes from its leg
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -141,19 +169,24 @@ class Path:
         return np.column_stack([north + aside[0], east + aside[1], up - below])
 
 
-class _Piece(NamedTuple):
-    """Part of a path on which curvature changes at a steady rate."""
-
-    length: float  # m
-    curvature: float  # at its beginning, 1/m
-    curvature_end: float
-
-
 class _Turn(NamedTuple):
     """A corner, or the circles around a waypoint."""
 
-    pieces: tuple[_Piece, ...] = ()
+    pieces: Pieces = ()
     reach: float = 0.0  # distance from its beginning to the foot of the waypoint on the leg, m
+
+
+class _Laid(NamedTuple):
+    """A stretch before the table of its path."""
+
+    kind: Kind
+    waypoint: int
+    pieces: Pieces
+    aside: float = 0.0
+
+
+class _NoRoomError(InputError):
+    """A leg is too short, or a corner too sharp, for the turns that are allowed."""
 
 
 def plan(waypoints: Sequence[Waypoint], ability: Ability) -> Path:
@@ -174,32 +207,83 @@ def plan(waypoints: Sequence[Waypoint], ability: Ability) -> Path:
         raise InputError(f"`waypoints` must be at least 2, got {len(waypoints)}.")
     if waypoints[0].turns:
         raise InputError("`turns` must be absent at the first waypoint, where the flight starts.")
-    courses = _courses(waypoints, ability)
-    corners = [
-        _circles(i, point, out - into, ability) if point.turns else _corner(i, out - into, ability)
-        for i, (point, (into, out)) in enumerate(
-            zip(waypoints[1:], pairwise([*courses, courses[-1]]), strict=True), start=2
-        )
-    ]
-    pieces: list[tuple[_Piece, ...]] = []
-    kinds: list[tuple[Kind, int]] = []
-    for i, (before, after) in enumerate(pairwise([_Turn(), *corners]), start=1):
-        apart = _along(waypoints[i - 1], waypoints[i], courses[i - 1])
-        straight = apart - before.reach - after.reach
-        if straight < -NO_LENGTH:
-            raise InputError(
-                f"`waypoints`: the leg to waypoint {i + 1} must be {-straight:.0f} m longer for "
-                f"the turns at its ends, which take {before.reach + after.reach:.0f} m of its "
-                f"{apart:.0f} m at {ability.speed:g} m/s and {ability.phi / DEG:.0f} deg of roll."
+    if ability.widen:
+        least = 1.0 / ability.curvature
+        waypoints = [
+            replace(point, radius=max(point.radius, least)) if point.radius else point
+            for point in waypoints
+        ]
+    try:
+        stretches = _lay(waypoints, ability)
+    except _NoRoomError as error:
+        raise InputError(f"{error}{_ways_out(waypoints, ability)}.") from None
+    ends = accumulate(sum(piece.length for piece in laid.pieces) for laid in stretches)
+    numbers = (laid.waypoint for laid in stretches)
+    check_length(zip(numbers, ends, strict=True), ability)
+    return _path(stretches, waypoints, _courses(waypoints, ability, set())[0], ability)
+
+
+def _lay(waypoints: Sequence[Waypoint], ability: Ability) -> list[_Laid]:
+    """The stretches of a path, with turn-arounds in place of legs that are too short."""
+    around: set[int] = set()
+    laid, lengths, corners = _stretches(waypoints, around, ability)
+    while short := [i for i, x in enumerate(lengths) if x < -NO_LENGTH]:
+        i = short[0]
+        if not ability.turnaround:
+            raise _NoRoomError(
+                f"`waypoints`: the leg to waypoint {i + 2} must be {-lengths[i]:.0f} m longer for "
+                f"the turns at its ends, at {ability.speed:g} m/s and {ability.phi / DEG:.0f} deg "
+                "of roll"
             )
-        pieces.append((_Piece(max(straight, 0.0), 0.0, 0.0),))
-        kinds.append(("leg", i + 1))
+        i = min(short, key=lengths.__getitem__)
+        # A turn-around in place of a leg beyond a corner gives room too, and is often shorter.
+        legs = [i, *[i - 1] * (i in corners), *[i + 1] * (i + 1 in corners)]
+        tried = [{*around, leg} for leg in legs]
+        ways = [(legs, *_stretches(waypoints, legs, ability)) for legs in tried]
+        around, laid, lengths, corners = min(ways, key=lambda way: _cost(*way[1:3], ability))
+    if wrong := [x for x in laid if x.aside > ability.turnaround]:
+        raise _NoRoomError(
+            f"`waypoints`: the turn-around to waypoint {wrong[0].waypoint} must go "
+            f"{wrong[0].aside:.0f} m from its leg at {ability.speed:g} m/s and "
+            f"{ability.phi / DEG:.0f} deg of roll, where `turnaround_m` is {ability.turnaround:g}"
+        )
+    return laid
+
+
+def _cost(laid: Sequence[_Laid], lengths: Sequence[float], ability: Ability) -> float:
+    """Length of stretches, m, with a circle for each leg that is still too short."""
+    flown = sum(piece.length for stretch in laid for piece in stretch.pieces)
+    beyond = sum(max(stretch.aside - ability.turnaround, 0.0) for stretch in laid)
+    left = sum(x < -NO_LENGTH for x in lengths)
+    return flown + (left + (beyond > 0.0) * len(lengths)) * math.tau / ability.curvature
+
+
+def _stretches(
+    waypoints: Sequence[Waypoint], around: set[int], ability: Ability
+) -> tuple[list[_Laid], list[float], set[int]]:
+    """Stretches with turn-arounds in place of some legs, and what turns leave of the others, m.
+
+    Also the positions of the waypoints with corners, which the legs before and after them share.
+    """
+    courses = _courses(waypoints, ability, around)
+    turns = _turns(waypoints, courses, around, ability)
+    lengths = _straights(waypoints, courses, turns)
+    laid: list[_Laid] = []
+    for i, after in enumerate(turns[1:]):
+        number, straight = i + 2, Piece(max(lengths[i], 0.0), 0.0, 0.0)
+        start = _pose(waypoints[i], courses, i, around, ability, out=True)
+        if i in around:
+            end = _pose(waypoints[i + 1], courses, i + 1, around, ability, out=False)
+            laid.append(_around(number, start, end, ability))
+            lengths[i] = 0.0
+        else:
+            if _over(waypoints, courses, i, around):
+                laid.append(_around(i + 1, start, start._replace(course=courses[i]), ability))
+            laid.append(_Laid("leg", number, (straight,)))
         if after.pieces:
-            pieces.append(after.pieces)
-            kinds.append(("loiter" if waypoints[i].turns else "turn", i + 1))
-    ends = accumulate(sum(piece.length for piece in stretch) for stretch in pieces)
-    check_length(zip((number for _, number in kinds), ends, strict=True), ability)
-    return _path(pieces, kinds, waypoints, courses[0], ability)
+            laid.append(_Laid("loiter" if waypoints[i + 1].turns else "turn", number, after.pieces))
+    corners = {i for i, turn in enumerate(turns) if turn.pieces and not waypoints[i].turns}
+    return laid, lengths, corners
 
 
 def check_length(ends: Iterable[tuple[int, float]], ability: Ability) -> None:
@@ -214,9 +298,9 @@ def check_length(ends: Iterable[tuple[int, float]], ability: Ability) -> None:
             )
 
 
-def _courses(waypoints: Sequence[Waypoint], ability: Ability) -> list[float]:
-    """Course of the leg after each waypoint but the last, rad."""
-    courses = []
+def _courses(waypoints: Sequence[Waypoint], ability: Ability, around: set[int]) -> list[float]:
+    """Course of the leg after each waypoint but the last, rad; of a turn-around at its ends."""
+    courses: list[float] = []
     asides = [_beside(point, ability)[1] if point.turns else 0.0 for point in waypoints]
     for i, (start, end) in enumerate(pairwise(waypoints)):
         north, east, aside = (
@@ -226,12 +310,123 @@ def _courses(waypoints: Sequence[Waypoint], ability: Ability) -> list[float]:
         )
         apart = math.hypot(north, east)
         if apart <= max(abs(aside), NO_LENGTH):
-            raise InputError(
-                f"`waypoints`: waypoint {i + 2} must be more than {abs(aside):.0f} m from the one "
-                f"before, got {apart:.1f} m."
-            )
-        courses.append(math.atan2(east, north) - math.asin(aside / apart))
+            if not ability.turnaround or (apart <= NO_LENGTH and not aside):
+                raise InputError(
+                    f"`waypoints`: waypoint {i + 2} must be more than {abs(aside):.0f} m from the "
+                    f"one before, got {apart:.1f} m."
+                )
+            around.add(i)
+        if i in around:
+            straight = courses[-1] if apart <= NO_LENGTH and courses else math.atan2(east, north)
+            courses.append(straight)
+        else:
+            courses.append(math.atan2(east, north) - math.asin(aside / apart))
     return courses
+
+
+def _turns(
+    waypoints: Sequence[Waypoint], courses: Sequence[float], around: set[int], ability: Ability
+) -> list[_Turn]:
+    """What is flown at each waypoint: circles, a corner, or nothing beside a turn-around."""
+    turns = [_Turn()]
+    for i, (into, out) in enumerate(pairwise([*courses, courses[-1]]), start=1):
+        point = waypoints[i]
+        if point.turns:
+            turns.append(_circles(i + 1, point, out - into, waypoints[i - 1], ability))
+        elif {i - 1, i} & around or _over(waypoints, courses, i, around):
+            if not ability.turnaround:
+                raise _NoRoomError(
+                    f"`waypoints`: the course must change by at most {SHARPEST / DEG:.0f} deg at "
+                    f"waypoint {i + 1}, got "
+                    f"{abs(math.remainder(out - into, math.tau)) / DEG:.1f} deg; two waypoints "
+                    "make two corners of it"
+                )
+            turns.append(_Turn())
+        else:
+            turns.append(_corner(out - into, ability))
+    return turns
+
+
+def _over(
+    waypoints: Sequence[Waypoint], courses: Sequence[float], i: int, around: set[int]
+) -> bool:
+    """Whether the corner at a waypoint between two legs is too sharp to pass inside of it."""
+    if waypoints[i].turns or {i - 1, i} & around or not 0 < i < len(courses):
+        return False
+    return abs(math.remainder(courses[i] - courses[i - 1], math.tau)) > SHARPEST
+
+
+def _straights(
+    waypoints: Sequence[Waypoint], courses: Sequence[float], turns: Sequence[_Turn]
+) -> list[float]:
+    """What turns leave of each leg, m."""
+    legs = zip(pairwise(waypoints), courses, pairwise(turns), strict=True)
+    return [_along(*ends, chi) - before.reach - after.reach for ends, chi, (before, after) in legs]
+
+
+def _pose(
+    point: Waypoint,
+    courses: Sequence[float],
+    i: int,
+    around: set[int],
+    ability: Ability,
+    *,
+    out: bool,
+) -> Pose:
+    """Where a turn-around begins or ends at a waypoint: on the course of a leg beside it."""
+    before, after = courses[max(i - 1, 0)], courses[min(i, len(courses) - 1)]
+    if not point.turns:
+        if i - 1 not in around and 0 < i:
+            course = before
+        elif i not in around and i < len(courses):
+            course = after
+        else:  # between two turn-arounds half way from one leg's course to the other's
+            course = before + 0.5 * math.remainder(after - before, math.tau)
+        return Pose(point.north, point.east, course)
+    ahead, right = _beside(point, ability)
+    course, ahead = (after, -ahead) if out else (before, ahead)
+    return Pose(*Pose(point.north, point.east, course).beside(-ahead, -right), course)
+
+
+@lru_cache(maxsize=4096)  # each is tried beside others
+def _around(number: int, start: Pose, end: Pose, ability: Ability) -> _Laid:
+    """The shortest turn-around within its room, or else the one that takes the least room."""
+    curvatures = [share * ability.curvature for share in SHARES]
+    found = turn_arounds(start, end, [(k, ability.rolling(k)) for k in curvatures])
+    inside = (way for way in found if way[0] <= ability.turnaround)
+    aside, pieces = next(inside, None) or min(found)
+    return _Laid("turn-around", number, pieces, aside)
+
+
+def _ways_out(waypoints: Sequence[Waypoint], ability: Ability) -> str:
+    """Speed, room or wind with which a route would have room for its turns, in words."""
+
+    def fits(**changed: float) -> bool:
+        try:
+            _lay(waypoints, replace(ability, **changed))
+        except InputError:
+            return False
+        return True
+
+    def largest(key: str, low: float, high: float) -> float | None:
+        if not fits(**{key: low}):
+            return None
+        for _ in range(HALVINGS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if fits(**{key: middle}) else (low, middle)
+        return low
+
+    speed = largest("V_a", SLOWEST * ability.V_a, ability.V_a)
+    room = max(laid.aside for laid in _lay(waypoints, replace(ability, turnaround=math.inf)))
+    wind = largest("wind", 0.0, ability.wind) if ability.wind else None
+    found = {
+        "`V_a_mps` of {:.1f}": speed and math.floor(10.0 * speed) / 10.0,
+        "`turnaround_m` of {:.0f}": math.ceil(room),
+        "`wind_mps` of {:.1f}": wind and math.floor(10.0 * wind) / 10.0,
+    }
+    return "; it is flown with " + " or ".join(
+        text.format(value) for text, value in found.items() if value is not None
+    )
 
 
 def _along(start: Waypoint, end: Waypoint, course: float) -> float:
@@ -243,32 +438,27 @@ def _along(start: Waypoint, end: Waypoint, course: float) -> float:
 def _beside(point: Waypoint, ability: Ability) -> tuple[float, float]:
     """Where the centre of circles lies from the beginning of the roll-in, m: ahead and right."""
     roll_in, *_ = _ring(point, 0.0, ability)
-    x, y, course = _curved([roll_in])
-    return x - math.sin(course) / roll_in[2], y + math.cos(course) / roll_in[2]
+    return centre(roll_in.curvature_end, roll_in.length)
 
 
-def _ring(point: Waypoint, angle: float, ability: Ability) -> tuple[_Piece, ...]:
+def _ring(point: Waypoint, angle: float, ability: Ability) -> Pieces:
     """Circles around a waypoint that change the course by `angle`, rad."""
     tightest = ability.curvature
     if point.radius is not None and point.radius * tightest < 1.0 - NO_TURN:
         raise InputError(f"`radius_m` must be at least {1.0 / tightest:.0f}, got {point.radius:g}.")
     size = tightest if point.radius is None else 1.0 / point.radius
-    return _turned(math.copysign(size, point.turns), abs(angle), ability.rolling(size))
+    return turned(math.copysign(size, point.turns), abs(angle), ability.rolling(size))
 
 
-def _turned(curvature: float, angle: float, rolling: float) -> tuple[_Piece, ...]:
-    """An arc between roll-in and roll-out, each of which turns half as much as an arc would."""
-    arc = angle / abs(curvature) - rolling
-    return (
-        _Piece(rolling, 0.0, curvature),
-        _Piece(arc, curvature, curvature),
-        _Piece(rolling, curvature, 0.0),
-    )
-
-
-def _circles(number: int, point: Waypoint, turn: float, ability: Ability) -> _Turn:
+def _circles(
+    number: int, point: Waypoint, turn: float, before: Waypoint, ability: Ability
+) -> _Turn:
     """The circles around a waypoint where the course changes by `turn`, rad."""
-    least = abs(point.turns) * math.tau
+    curvature = abs(_ring(point, 0.0, ability)[1].curvature)
+    change = (point.up - before.up) * point.spiral
+    steepest = min(SPIRAL, abs(ability.gamma[change > 0.0]))
+    rise = abs(change) / math.tan(steepest) if change else 0.0
+    least = max(abs(point.turns) * math.tau, curvature * max(point.hold * ability.V_a, rise))
     onward = (math.copysign(1.0, point.turns) * turn - least) % math.tau
     pieces = _ring(point, least + onward, ability)
     if pieces[1].length < 0.0:
@@ -279,62 +469,39 @@ def _circles(number: int, point: Waypoint, turn: float, ability: Ability) -> _Tu
     return _Turn(pieces, _beside(point, ability)[0])
 
 
-def _corner(number: int, turn: float, ability: Ability) -> _Turn:
+@lru_cache(maxsize=4096)
+def _corner(turn: float, ability: Ability) -> _Turn:
     """The turn at a waypoint that is passed, where the course changes by `turn`, rad."""
     turn = math.remainder(turn, math.tau)
     if abs(turn) < NO_TURN:
         return _Turn()
-    if abs(turn) > SHARPEST:
-        raise InputError(
-            f"`waypoints`: the course must change by at most {SHARPEST / DEG:.0f} deg at waypoint "
-            f"{number}, got {abs(turn) / DEG:.1f} deg; two waypoints make two corners of it."
-        )
     curvature = ability.curvature
     rolling = ability.rolling(curvature)
     # A small turn ends before roll is at its limit.
     share = min(1.0, math.sqrt(abs(turn) / (curvature * rolling)))
-    pieces = _turned(math.copysign(share * curvature, turn), abs(turn), share * rolling)
-    x, y, _ = _curved(pieces)
+    pieces = turned(math.copysign(share * curvature, turn), abs(turn), share * rolling)
+    x, y, _ = curved(pieces)
     return _Turn(pieces, x - y / math.tan(turn))
 
 
-def _curved(pieces: Sequence[_Piece]) -> tuple[float, float, float]:
-    """Distance ahead and to the right, m, and change of course, rad, after some pieces."""
-    x = y = course = 0.0
-    for length, k, k_end in pieces:
-        # Gauss's rule with 32 points: exact to rounding up to a half turn.
-        nodes, weights = np.polynomial.legendre.leggauss(32)
-        s = 0.5 * (nodes + 1.0)
-        chi = course + length * (k * s + 0.5 * (k_end - k) * s * s)
-        x += 0.5 * length * float(weights @ np.cos(chi))
-        y += 0.5 * length * float(weights @ np.sin(chi))
-        course += 0.5 * length * (k + k_end)
-    return x, y, course
-
-
 def _path(
-    pieces: Sequence[tuple[_Piece, ...]],
-    kinds: Sequence[tuple[Kind, int]],
-    waypoints: Sequence[Waypoint],
-    course: float,
-    ability: Ability,
+    laid: Sequence[_Laid], waypoints: Sequence[Waypoint], course: float, ability: Ability
 ) -> Path:
-    """The table of a path whose stretches have these pieces, from its first course on."""
-    beyond = _Piece(BEYOND_S * ability.speed, 0.0, 0.0)
-    lengths, k, k_end = np.array([piece for stretch in pieces for piece in stretch] + [beyond]).T
-    begins = np.concatenate([[0.0], np.cumsum(lengths)])
-    turned = np.concatenate([[course], course + np.cumsum(0.5 * (k + k_end) * lengths)])
+    """The table of a path from its first course on."""
+    pieces = [stretch.pieces for stretch in laid]
+    kinds: list[tuple[Kind, int]] = [(stretch.kind, stretch.waypoint) for stretch in laid]
+    beyond = Piece(BEYOND_S * ability.speed, 0.0, 0.0)
+    flat = [*(piece for stretch in pieces for piece in stretch), beyond]
+    counts = list(accumulate(map(len, pieces), initial=0))
+    begins = np.cumsum([0.0, *(piece.length for piece in flat)])
     s = np.arange(math.ceil(begins[-1] / STEP) * SUBSTEPS + 1) * (STEP / SUBSTEPS)
-    piece = np.clip(np.searchsorted(begins, s, side="right") - 1, 0, len(lengths) - 1)
-    inside = s - begins[piece]
-    change = (k_end - k) / np.maximum(lengths, NO_LENGTH)
-    courses = turned[piece] + inside * (k[piece] + 0.5 * change[piece] * inside)
+    changes, curvature = bent(flat, s)
+    courses, ends = course + changes, begins[counts]
+    turned_at = course + bent(flat, ends)[0]
     north, east = (
         np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]))]) * (STEP / SUBSTEPS)
         for rate in (np.cos(courses), np.sin(courses))
     )
-    counts = list(accumulate(map(len, pieces), initial=0))
-    ends = begins[counts]
     along, up = _profile(kinds, ends, waypoints, ability)
     half = _half_pull_up(along, up, ability)
     # The climbs at the ends go on for as far as the mean of `_rounded` reaches.
@@ -343,21 +510,19 @@ def _path(
     up = np.concatenate([[up[0] - far * before], up, [up[-1] + far * after]])
     height, slope = _rounded(s[::SUBSTEPS], along, up, half)
     climbs = np.diff(np.interp(ends, along, up)) / np.maximum(np.diff(ends), NO_LENGTH)
-    curved = np.maximum(np.abs(k), np.abs(k_end))
     stretches = tuple(
         Stretch(
-            kind=kind,
-            waypoint=waypoint,
+            kind=stretch.kind,
+            waypoint=stretch.waypoint,
             start=float(ends[i]),
             length=float(ends[i + 1] - ends[i]),
-            course=float(turned[first]),
-            turn=float(turned[last] - turned[first]),
-            radius=float(1.0 / most) if (most := curved[first:last].max()) else math.inf,
+            course=float(turned_at[i]),
+            turn=float(turned_at[i + 1] - turned_at[i]),
+            radius=1.0 / most if (most := _tightest(stretch.pieces)) else math.inf,
             gamma=math.atan(climbs[i]),
+            aside=stretch.aside,
         )
-        for i, ((kind, waypoint), (first, last)) in enumerate(
-            zip(kinds, pairwise(counts), strict=True)
-        )
+        for i, stretch in enumerate(laid)
     )
     return Path(
         length=float(ends[-1]),
@@ -365,10 +530,15 @@ def _path(
         east=waypoints[0].east + east[::SUBSTEPS],
         up=height,
         course=courses[::SUBSTEPS],
-        curvature=(k[piece] + change[piece] * inside)[::SUBSTEPS],
+        curvature=curvature[::SUBSTEPS],
         slope=slope,
         stretches=stretches,
     )
+
+
+def _tightest(pieces: Pieces) -> float:
+    """Largest curvature of pieces, 1/m."""
+    return max(abs(k) for piece in pieces for k in piece[1:])
 
 
 def _profile(
@@ -382,12 +552,14 @@ def _profile(
     for i, (kind, number) in enumerate(kinds):
         point = waypoints[number - 1]
         follows = kinds[i + 1][0] if i + 1 < len(kinds) else None
-        if kind == "leg":
+        if kind in ("leg", "turn-around"):
+            if point.spiral:
+                point = replace(point, up=up[-1])
             reached = ends[i + 1] + (0.5 * (ends[i + 2] - ends[i + 1]) if follows == "turn" else 0)
             _climb(number, point, along, up, float(reached), ability)
         elif kind == "loiter":
             along.append(float(ends[i + 1]))
-            up.append(point.up)
+            up.append(waypoints[number - 1].up)
     distinct = np.append(True, np.diff(along) > NO_LENGTH)
     return np.array(along)[distinct], np.array(up)[distinct]
 

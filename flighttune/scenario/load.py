@@ -155,7 +155,7 @@ def _add_waypoints(tables: dict[str, Any], route: dict[str, Any], path: Path) ->
         mission = read_route(path.parent / file, skip=skip)
     except InputError as error:
         raise ScenarioError(f"{path}: [route] `file`: {error}") from error
-    tables["route"] = {**kept, "waypoint": mission.waypoint, "notes": mission.notes}
+    tables["route"] = mission.route | kept
     if isinstance(tables.get("flight"), dict):
         tables["flight"] = flight = mission.flight | tables["flight"]
         h, start = flight.get("h_m"), mission.flight.get("h_m")

@@ -35,6 +35,8 @@ class WaypointTable(q.Table):
     turns: Annotated[q.Finite, Field(ge=-100.0, le=100.0)] = 0.0
     radius_m: q.Length | None = None
     climb_deg: Annotated[q.Finite, Field(gt=0.0, le=60.0)] | None = None
+    hold_s: q.Instant = 0.0
+    spiral: bool = False
 
     @model_validator(mode="after")
     def _somewhere(self) -> Self:
@@ -43,17 +45,27 @@ class WaypointTable(q.Table):
         keys = {"north_m", "east_m", "lat_deg", "lon_deg"} & self.model_fields_set
         if local == geographic or len(keys) > 2:
             raise ValueError("`north_m` and `east_m`, or `lat_deg` and `lon_deg` must be given")
-        if self.radius_m is not None and not self.turns:
-            raise ValueError("`radius_m` must be absent without `turns`")
+        circles = ("radius_m", "hold_s", "spiral")
+        if not self.turns and (wrong := [key for key in circles if getattr(self, key)]):
+            raise ValueError(f"`{wrong[0]}` must be absent without `turns`")
         return self
+
+
+class RallyTable(q.Table):
+    """``[[route.rally]]``: a point to fly to if the mission is broken off; it is drawn on maps."""
+
+    lat_deg: Latitude
+    lon_deg: Longitude
+    up_m: Distance = 0.0
 
 
 class RouteTable(q.Table):
     """``[route]``: what is flown in place of a reference over time.
 
     The route begins at its first waypoint, where the flight starts; `lat_deg` and `lon_deg` say
-    where that is for maps, if the waypoints do not. `notes` say what is not flown of the file that
-    the waypoints were read from.
+    where that is for maps, if the waypoints do not. `widen` flies circles that are too small at the
+    smallest radius, and turn-arounds go `turnaround_m` from their leg at most. `notes` say what is
+    not flown of the file that the waypoints were read from.
     """
 
     waypoint: Annotated[list[WaypointTable], Field(min_length=2, max_length=MAX_WAYPOINTS)]
@@ -63,6 +75,9 @@ class RouteTable(q.Table):
     look_ahead_s: q.TimeConstant = 3.0
     lat_deg: Latitude = 0.0
     lon_deg: Longitude = 0.0
+    widen: bool = False
+    turnaround_m: Annotated[q.Finite, Field(ge=0.0, le=1e5)] | None = None
+    rally: Annotated[list[RallyTable], Field(default_factory=list, max_length=MAX_WAYPOINTS)]
     notes: Annotated[list[str], Field(default_factory=list)]
 
     @model_validator(mode="after")
@@ -103,6 +118,8 @@ class RouteTable(q.Table):
                 turns=point.turns,
                 radius=point.radius_m,
                 climb=None if point.climb_deg is None else point.climb_deg * DEG,
+                hold=point.hold_s,
+                spiral=point.spiral,
             )
 
     def wind_at(self, V_a: float) -> float:
@@ -122,6 +139,8 @@ class RouteTable(q.Table):
             phi_rate=share * phi_rate,
             gamma=(low * DEG, high * DEG),
             g=g,
+            widen=self.widen,
+            turnaround=math.inf if self.turnaround_m is None else self.turnaround_m,
             duration=duration,
         )
 

@@ -186,7 +186,7 @@ def test_a_route_that_cannot_be_flown_in_wind_is_refused_by_its_waypoint(tmp_pat
     points = [(0.0, 0.0), (99.0, 0.0), (99.0, 99.0)]
     sharp = ", ".join(f"{{north_m = {north}, east_m = {east}}}" for north, east in points)
     values = f"route.waypoint=[{sharp}]", "wind.speed_mps=8", "wind.from_deg=90"
-    made = [word for value in values for word in ("--set", value)]
+    made = [word for x in (*values, "route.turnaround_m=0") for word in ("--set", x)]
     _, said = flighttune("fly", "circuit", *made, "--out", tmp_path, status=2)
 
     assert "leg to waypoint 2" in said

@@ -1,4 +1,4 @@
-"""What is read of plans of QGroundControl and GeoJSON, and what is refused."""
+"""What is read of plans, waypoint files, KML and GeoJSON, and what is refused."""
 
 import json
 
@@ -31,17 +31,27 @@ kind = "kinematic"
 """
 
 
+def notes_of(route):
+    return route.route["notes"]
+
+
+def rows_of(file, **options):
+    return read_route(file, **options).route["waypoint"]
+
+
 def test_a_plan_gives_its_waypoints_with_heights_above_the_first(tmp_path):
     route = read_route(plan_file(tmp_path / "m.plan", *PATROL))
 
-    assert route.waypoint == [
+    assert route.route["waypoint"] == [
         {"lat_deg": 47.4, "lon_deg": 8.5, "up_m": 0.0},
         {"lat_deg": 47.41, "lon_deg": 8.5, "up_m": 0.0},
         {"lat_deg": 47.41, "lon_deg": 8.52, "up_m": 30.0, "turns": -2.0, "radius_m": 180.0},
         {"lat_deg": 47.4, "lon_deg": 8.52, "up_m": 30.0},
     ]
     assert route.flight == {"h_m": 540.0, "ground_m": 480.0}
-    assert route.notes == []
+    assert notes_of(route) == [
+        "Flown of the plan: items 1, 2, 4 (NAV_WAYPOINT 16), item 3 (NAV_LOITER_TURNS 18)."
+    ]
 
 
 def test_a_home_position_of_zeros_far_from_the_route_is_refused(tmp_path):
@@ -59,9 +69,9 @@ def test_a_plan_without_the_height_of_its_home_position_is_refused(tmp_path, hom
 
 def test_a_survey_is_the_items_that_it_consists_of(tmp_path):
     survey = {"type": "ComplexItem", "TransectStyleComplexItem": {"Items": list(PATROL[1:3])}}
-    file = plan_file(tmp_path / "m.plan", PATROL[0], survey, item(21, 0, 0, 0, 0, *PLACE))
+    file = plan_file(tmp_path / "m.plan", PATROL[0], survey, item(82, 0, 0, 0, 0, *PLACE))
 
-    with pytest.raises(ft.InputError, match=r"item 4 \(NAV_LAND 21\)"):
+    with pytest.raises(ft.InputError, match=r"item 4 \(NAV_SPLINE_WAYPOINT 82\)"):
         read_route(file)
 
 
@@ -73,42 +83,35 @@ def test_commands_without_a_place_are_left_out_by_number_and_name(tmp_path):
         "items 3, 9 (DO_SET_CAM_TRIGG_DIST 206), item 7 (DO_SET_ROI 201), item 8 (DO_GRIPPER 211)."
     )
 
-    assert read_route(file).waypoint == read_route(plan_file(tmp_path / "p.plan", *PATROL)).waypoint
+    assert rows_of(file) == rows_of(plan_file(tmp_path / "p.plan", *PATROL))
     assert listed in " ".join(flighttune("route", file)[0].split())
     assert listed in json.loads(flighttune("route", file, "--json")[0])["notes"]
 
 
 def test_commands_that_change_the_flight_are_left_out_on_request_alone(tmp_path):
-    home, jump, other = item(20), item(177, 2, 3, 0, 0, 0, 0, 0, frame=2), item(4242, 1)
-    file = plan_file(tmp_path / "m.plan", *PATROL, jump, other, home)
-    listed = "item 5 (DO_JUMP 177), item 6 (command 4242), item 7 (NAV_RETURN_TO_LAUNCH 20)"
+    delay, other = item(93, 30, -1, -1, -1, 0, 0, 0, frame=2), item(4242, 1)
+    file = plan_file(tmp_path / "m.plan", *PATROL, delay, other)
+    listed = "item 5 (NAV_DELAY 93), item 6 (command 4242)"
 
     with pytest.raises(ft.InputError) as refusal:
         read_route(file)
     assert f"got {listed}; `--skip` or" in str(refusal.value)
-    assert read_route(file, skip=True).notes == [f"Not flown of the plan: {listed}."]
+    assert notes_of(read_route(file, skip=True))[1:] == [f"Not flown of the plan: {listed}."]
 
 
-LANDING = {"type": "ComplexItem", "complexItemType": "fwLandingPattern", "landCoordinate": [*PLACE]}
 REFUSED = {
-    "'fwLandingPattern'": LANDING,
+    "'StructureScan'": {"type": "ComplexItem", "complexItemType": "StructureScan"},
     "'survey'": {"type": "ComplexItem", "complexItemType": "survey"},
     "'CorridorScan'": {
         "type": "ComplexItem",
         "complexItemType": "CorridorScan",
         "TransectStyleComplexItem": {"Items": []},
     },
-    "NAV_LOITER_UNLIM 17": item(17, 0, 0, 120, None, *PLACE),
-    "NAV_LOITER_TIME 19": item(19, 60, 0, 150, 1, *PLACE),
-    "NAV_LAND 21": item(21, 25, 0, 0, None, 47.405, 8.51, 0),
-    "NAV_TAKEOFF 22": item(22, 15, 0, 0, None, *PLACE),
-    "NAV_LOITER_TO_ALT 31": item(31, 1, 120, 0, 1, *PLACE),
+    "NAV_TAKEOFF 22, in flight": item(22, 15, 0, 0, None, *PLACE),
     "NAV_SPLINE_WAYPOINT 82": item(82, 0, 0, 0, None, *PLACE),
-    "NAV_VTOL_TAKEOFF 84": item(84, 0, 0, 0, None, *PLACE),
-    "NAV_VTOL_LAND 85": item(85, 0, 0, 0, None, *PLACE),
+    "NAV_VTOL_TAKEOFF 84, in flight": item(84, 0, 0, 0, None, *PLACE),
     "DO_SET_HOME 179": item(179, 1, 0, 0, 0, 0, 0, 0),
     "command 4242": item(4242, 0, 0, 0, 0, *PLACE),
-    "NAV_WAYPOINT 16, frame 10: above terrain": waypoint(*PLACE, frame=10),
     "NAV_LOITER_TURNS 18, frame 2": item(18, 1, 0, 150, 1, *PLACE, frame=2),
 }
 
@@ -127,10 +130,12 @@ def test_a_take_off_with_a_place_is_where_the_route_begins(tmp_path):
     items = SPEED, item(22, 15, 0, 0, None, 47.39, 8.5, 50), *PATROL
     route = read_route(plan_file(tmp_path / "m.plan", *items))
 
-    assert [row["lat_deg"] for row in route.waypoint[:2]] == [47.39, 47.4]
-    assert [row["up_m"] for row in route.waypoint[:2]] == [0.0, 10.0]
+    first = route.route["waypoint"][:2]
+    assert [row["lat_deg"] for row in first] == [47.39, 47.4]
+    assert [row["up_m"] for row in first] == [0.0, 10.0]
     assert route.flight["h_m"] == HOME[2] + 50.0
-    assert route.notes[1] == "The route begins where the take-off of item 2 ends."
+    begins = "The route begins where the take-off of item 2 (NAV_TAKEOFF 22) ends."
+    assert begins in notes_of(route)
 
 
 def test_a_loiter_of_no_turns_is_refused(tmp_path):
@@ -147,19 +152,166 @@ def test_shapes_beside_the_line_are_said_to_be_left(tmp_path):
     features = [{"type": "Feature", "properties": {}, "geometry": shape} for shape in shapes]
     file.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
 
-    assert read_route(file).notes == ["Of the shapes in the file the LineString alone is read."]
+    assert notes_of(read_route(file)) == ["Of the shapes in the file the LineString alone is read."]
 
 
-def test_what_of_a_plan_is_not_read_is_said(tmp_path):
-    waiting = item(16, 10, 0, 0, None, *PLACE)
-    circle = {"circle": {"center": [47.4, 8.5], "radius": 900}, "inclusion": True}
-    fence = {"circles": [circle], "polygons": [], "version": 2}
-    file = plan_file(tmp_path / "m.plan", *PATROL[:2], waiting, PATROL[3], geoFence=fence)
+def test_what_of_a_waypoint_is_not_flown_is_said(tmp_path):
+    waiting = item(16, 10, 15, 0, None, *PLACE)
+    notes = notes_of(read_route(plan_file(tmp_path / "m.plan", *PATROL[:2], waiting, PATROL[3])))
 
-    assert read_route(file).notes == [
-        "Not flown of the plan: item 3 (hold time or radius of NAV_WAYPOINT 16).",
-        "Its fence is not read; `flighttune band --fence` takes one in GeoJSON.",
+    assert notes[1:] == [
+        "The hold time of item 3 (NAV_WAYPOINT 16), 10 s, is not flown.",
+        "The radius of item 3 (NAV_WAYPOINT 16) is not used: the path passes inside of the corner.",
     ]
+
+
+# Circles by time, without an end and to a height, as QGroundControl has their parameters, and keys
+# of the waypoint that they become.
+CIRCLES = {
+    "without an end": (item(17, 0, 0, -200, None, *PLACE), {"turns": -2.0, "radius_m": 200.0}),
+    "by time": (
+        item(19, 90, 0, 220, 1, *PLACE),
+        {"turns": 1.0, "radius_m": 220.0, "hold_s": 90.0},
+    ),
+    "to a height": (
+        item(31, 1, -210, 0, 1, *PLACE),
+        {"turns": -1.0, "radius_m": 210.0, "spiral": True},
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", CIRCLES)
+def test_loiters_become_turns(tmp_path, kind):
+    loiter, keys = CIRCLES[kind]
+    row = rows_of(plan_file(tmp_path / "m.plan", *PATROL[:2], loiter, PATROL[3]))[2]
+
+    assert row == {"lat_deg": 47.405, "lon_deg": 8.51, "up_m": 0.0, **keys}
+
+
+def test_a_jump_repeats_its_items_as_often_as_it_says(tmp_path):
+    jump = item(177, 2, 2, 0, 0, 0, 0, 0, frame=2)
+    items = [dict(x, doJumpId=i) for i, x in enumerate((*PATROL[:2], PATROL[3], jump), start=1)]
+    rows = rows_of(plan_file(tmp_path / "m.plan", *items))
+
+    assert [row["lat_deg"] for row in rows] == [47.4, *[47.41, 47.4] * 3]
+
+
+@pytest.mark.parametrize("repeats", [-1, 11])
+def test_a_jump_without_an_end_or_with_many_repeats_is_refused(tmp_path, repeats):
+    jump = dict(item(177, 1, repeats, 0, 0, 0, 0, 0, frame=2), doJumpId=1)
+
+    with pytest.raises(ft.InputError, match=rf"item 5 .*at most 10 times, got {repeats}"):
+        read_route(plan_file(tmp_path / "m.plan", *PATROL, jump))
+
+
+def test_a_landing_pattern_is_a_circle_down_and_a_final_to_a_height_above_its_place(tmp_path):
+    landing = {
+        "type": "ComplexItem",
+        "complexItemType": "fwLandingPattern",
+        "altitudesAreRelative": True,
+        "landCoordinate": [47.4, 8.51, 0],
+        "landingApproachCoordinate": [47.39, 8.51, 40],
+        "loiterRadius": 180,
+        "loiterClockwise": False,
+        "useLoiterToAlt": True,
+    }
+    route = read_route(plan_file(tmp_path / "m.plan", *PATROL, landing))
+
+    assert route.route["waypoint"][-2:] == [
+        {"lat_deg": 47.39, "lon_deg": 8.51, "up_m": -20.0}
+        | {"turns": -1.0, "radius_m": 180.0, "spiral": True},
+        {"lat_deg": 47.4, "lon_deg": 8.51, "up_m": -50.0},
+    ]
+    assert "Item 7 (NAV_LAND 21) is flown to 10 m above its place." in notes_of(route)
+    assert "item 5 (DO_LAND_START 189)" in notes_of(route)[1]
+
+
+def test_a_return_ends_above_home_and_what_follows_is_not_flown(tmp_path):
+    items = *PATROL, item(20, 0, 0, 0, 0, 0, 0, 0, frame=2), waypoint(47.5, 8.5, 60)
+    route = read_route(plan_file(tmp_path / "m.plan", *items, home=(47.402, 8.503, 480.0)))
+
+    assert route.route["waypoint"][-1] == {"lat_deg": 47.402, "lon_deg": 8.503, "up_m": 30.0}
+    assert "item 6 (NAV_WAYPOINT 16, after the end of item 5)" in notes_of(route)[1]
+
+
+def test_heights_above_terrain_are_said_to_count_from_home(tmp_path):
+    items = *PATROL[:2], waypoint(*PLACE, frame=10), waypoint(47.405, 8.52, 60, frame=10)
+    known = dict(items[3], AMSLAltAboveTerrain=600.0)
+    route = read_route(plan_file(tmp_path / "m.plan", *items[:3], known))
+
+    assert [row["up_m"] for row in route.route["waypoint"]] == [0.0, 0.0, 0.0, 60.0]
+    assert [note for note in notes_of(route) if "terrain" in note] == [
+        "The height of item 3 (NAV_WAYPOINT 16) is above terrain, which is unknown: "
+        "it counts from home."
+    ]
+
+
+def test_the_largest_airspeed_of_a_plan_is_flown(tmp_path):
+    slow = item(178, 0, 20, -1, 0, 0, 0, 0, frame=2)
+    throttle = item(178, 0, -1, 40, 0, 0, 0, 0, frame=2)
+    file = plan_file(tmp_path / "m.plan", PATROL[0], SPEED, throttle, *PATROL[1:3], slow, PATROL[3])
+
+    assert read_route(file).flight["V_a_mps"] == 22.0
+    assert notes_of(read_route(file))[-1] == (
+        "The plan sets an airspeed of 22 m/s by item 2, 20 m/s by item 6. "
+        "All of it is flown at the largest."
+    )
+    assert flighttune("route", file)[0].startswith("m: airspeed 22 m/s, turns for")
+
+
+def test_rally_points_are_read_with_heights_above_the_first_waypoint(tmp_path):
+    rally = {"points": [[47.401, 8.51, 70]], "version": 2}
+    file = plan_file(tmp_path / "m.plan", *PATROL, rallyPoints=rally)
+
+    assert read_route(file).route["rally"] == [{"lat_deg": 47.401, "lon_deg": 8.51, "up_m": 10.0}]
+
+
+WAYPOINTS = """QGC WPL 110
+0\t1\t0\t16\t0\t0\t0\t0\t47.4\t8.5\t488\t1
+1\t0\t3\t22\t15\t0\t0\t0\t0\t0\t50\t1
+2\t0\t3\t16\t0\t0\t0\t0\t47.41\t8.5\t80\t1
+3\t0\t0\t16\t0\t0\t0\t0\t47.41\t8.52\t588\t1
+"""
+
+
+def test_waypoints_of_mission_planner_are_read(tmp_path):
+    file = tmp_path / "m.waypoints"
+    file.write_text(WAYPOINTS.replace("\n", "\r\n"))
+    route = read_route(file)
+
+    assert route.route["waypoint"] == [
+        {"lat_deg": 47.4, "lon_deg": 8.5, "up_m": 0.0},
+        {"lat_deg": 47.41, "lon_deg": 8.5, "up_m": 30.0},
+        {"lat_deg": 47.41, "lon_deg": 8.52, "up_m": 50.0},
+    ]
+    assert route.flight == {"h_m": 538.0, "ground_m": 488.0}
+
+
+@pytest.mark.parametrize("wrong", ["", "QGC WPL 110\n", WAYPOINTS.replace("588", "588\t5")])
+def test_waypoints_that_are_none_are_refused(tmp_path, wrong):
+    file = tmp_path / "m.waypoints"
+    file.write_text(wrong)
+
+    with pytest.raises(ft.InputError, match=r"m\.waypoints"):
+        read_route(file)
+
+
+KML = """<?xml version="1.0" encoding="UTF-8"?>
+<kml xmlns="http://www.opengis.net/kml/2.2"><Document><Placemark><LineString>
+<altitudeMode>{}</altitudeMode><coordinates>8.5,47.4,548 8.5,47.42,560</coordinates>
+</LineString></Placemark></Document></kml>
+"""
+
+
+def test_a_line_of_kml_is_read(tmp_path):
+    file = tmp_path / "m.kml"
+    file.write_text(KML.format("absolute"))
+
+    assert [row["up_m"] for row in rows_of(file)] == [0.0, 12.0]
+    assert read_route(file).flight == {"h_m": 548.0}
+    file.write_text(KML.format("relativeToGround"))
+    assert read_route(file).flight == {}
+    assert "above the ground" in notes_of(read_route(file))[0]
 
 
 def test_the_airspeed_and_the_wind_that_are_assumed_are_in_the_first_lines(tmp_path):
@@ -197,8 +349,8 @@ def test_a_line_has_heights_at_every_point_or_at_none(tmp_path):
     assert line([8.5, 47.4, 548.0], [8.5, 47.42, 560.0]).flight == {"h_m": 548.0}
     for height in ([], [0.0]):
         route = line([8.5, 47.4, *height], [8.5, 47.42, *height])
-        assert (route.flight, len(route.waypoint)) == ({}, 2)
-        assert route.notes == ["The file has no heights: the route is level, at `h_m`."]
+        assert (route.flight, len(route.route["waypoint"])) == ({}, 2)
+        assert notes_of(route) == ["The file has no heights: the route is level, at `h_m`."]
     with pytest.raises(ft.InputError, match="a height at every point"):
         line([8.5, 47.4, 548.0], [8.5, 47.42])
 
@@ -215,15 +367,16 @@ def test_another_file_is_refused(tmp_path, text):
     assert "Error" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("ending", [".waypoints", ".kml"])
-def test_files_of_other_programs_are_refused_in_one_line_with_a_way_out(tmp_path, ending):
+@pytest.mark.parametrize("ending", [".mission", ".kmz"])
+def test_files_of_other_programs_are_refused_in_one_line_that_names_what_is_read(tmp_path, ending):
     file = tmp_path / f"m{ending}"
-    file.write_text("QGC WPL 110\n0\t1\t0\t16\t0\t0\t0\t0\t47.4\t8.5\t488\t1\n")
+    file.write_text("")
     (tmp_path / "s.toml").write_text(SCENARIO.format(flight="").replace("m.plan", file.name))
 
     for source in (file, tmp_path / "s.toml"):
         said = flighttune("route", source, status=2)[1]
         assert (
-            f"must be a plan of QGroundControl (.plan) or GeoJSON (.geojson), got {ending}" in said
+            "must be a plan of QGroundControl, waypoints of Mission Planner, or KML or Geo" in said
         )
+        assert f"got {ending}" in said
         assert len(said.splitlines()) == 1

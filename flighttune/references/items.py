@@ -1,0 +1,309 @@
+"""Items of a mission by the numbers of MAVLink: what is flown of each, and what of none."""
+
+import math
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+from flighttune.errors import InputError
+from flighttune.files.mistakes import abridged
+from flighttune.references.maps import json_number
+
+# Values of a row of the table `waypoint` of [route], and keys of its place.
+Row: TypeAlias = dict[str, Any]
+PLACE = ("lat_deg", "lon_deg", "up_m")
+
+# What becomes of an item.
+Fate: TypeAlias = Literal["flown", "harmless", "no place", "refused", "not flown"]
+
+# Commands of MAVLink that have a part of their own here.
+WAYPOINT, UNLIMITED, TURNS, TIMED, RETURN, LAND, TAKEOFF = 16, 17, 18, 19, 20, 21, 22
+TO_HEIGHT, VTOL_TAKEOFF, VTOL_LAND, JUMP, SPEED, SET_HOME = 31, 84, 85, 177, 178, 179
+CIRCLES, TAKEOFFS = (UNLIMITED, TURNS, TIMED, TO_HEIGHT), (TAKEOFF, VTOL_TAKEOFF)
+ENDS = (RETURN, LAND, VTOL_LAND)
+PLACED = (WAYPOINT, *CIRCLES, LAND, VTOL_LAND)
+
+# Index of the radius among the parameters of circles.
+RADIUS = {UNLIMITED: 2, TURNS: 2, TIMED: 2, TO_HEIGHT: 1}
+
+
+def _names(text: str) -> dict[int, str]:
+    """Names of commands by number, as MAVLink has them in common.xml."""
+    return {int(number): f"{name} {number}" for number, name in map(str.split, text.split(","))}
+
+
+MANOEUVRES = _names("""16 NAV_WAYPOINT, 17 NAV_LOITER_UNLIM, 18 NAV_LOITER_TURNS,
+    19 NAV_LOITER_TIME, 20 NAV_RETURN_TO_LAUNCH, 21 NAV_LAND, 22 NAV_TAKEOFF, 31 NAV_LOITER_TO_ALT,
+    82 NAV_SPLINE_WAYPOINT, 84 NAV_VTOL_TAKEOFF, 85 NAV_VTOL_LAND, 93 NAV_DELAY, 177 DO_JUMP,
+    176 DO_SET_MODE, 179 DO_SET_HOME, 192 DO_REPOSITION, 194 DO_SET_REVERSE,
+    210 DO_INVERTED_FLIGHT, 224 DO_SET_MISSION_CURRENT, 601 DO_JUMP_TAG""")
+
+# Commands that leave the path as it is; the place of a region of interest is looked at, not flown.
+HARMLESS = _names("""112 CONDITION_DELAY, 114 CONDITION_DISTANCE, 115 CONDITION_YAW,
+    178 DO_CHANGE_SPEED, 181 DO_SET_RELAY, 182 DO_REPEAT_RELAY, 183 DO_SET_SERVO,
+    184 DO_REPEAT_SERVO, 188 DO_RETURN_PATH_START, 189 DO_LAND_START, 191 DO_GO_AROUND,
+    195 DO_SET_ROI_LOCATION, 196 DO_SET_ROI_WPNEXT_OFFSET, 197 DO_SET_ROI_NONE,
+    200 DO_CONTROL_VIDEO, 201 DO_SET_ROI, 202 DO_DIGICAM_CONFIGURE, 203 DO_DIGICAM_CONTROL,
+    204 DO_MOUNT_CONFIGURE, 205 DO_MOUNT_CONTROL, 206 DO_SET_CAM_TRIGG_DIST, 207 DO_FENCE_ENABLE,
+    211 DO_GRIPPER, 212 DO_AUTOTUNE_ENABLE, 214 DO_SET_CAM_TRIGG_INTERVAL,
+    215 DO_SET_RESUME_REPEAT_DIST, 216 DO_SPRAYER, 217 DO_SEND_SCRIPT_MESSAGE, 218 DO_AUX_FUNCTION,
+    220 DO_MOUNT_CONTROL_QUAT, 530 SET_CAMERA_MODE, 531 SET_CAMERA_ZOOM, 532 SET_CAMERA_FOCUS,
+    534 SET_CAMERA_SOURCE, 600 JUMP_TAG, 1000 DO_GIMBAL_MANAGER_PITCHYAW,
+    2000 IMAGE_START_CAPTURE, 2001 IMAGE_STOP_CAPTURE, 2003 DO_TRIGGER_CONTROL,
+    2500 VIDEO_START_CAPTURE, 2501 VIDEO_STOP_CAPTURE, 3000 DO_VTOL_TRANSITION""")
+
+# Frames whose heights are above sea level, above the home position, and above terrain.
+ABOVE_SEA, ABOVE_HOME, ABOVE_TERRAIN = (0, 5), (3, 6), (10, 11)
+
+# Most repeats of a jump, turns flown for a circle without an end, and turns of one by time or
+# height at least.
+MAX_REPEATS, UNLIMITED_TURNS, LEAST_TURNS = 10, 2.0, 1.0
+
+# Most items of a mission with its repeats.
+MAX_ITEMS = 5000
+
+# Height above its place at which a landing ends, m: below it an aircraft flares.
+LANDING_UP_M = 10.0
+
+# Difference in latitude and longitude up to which places are the same: 1 m.
+SAME_PLACE_DEG = 1e-5
+
+# Types of the speed that a change sets for an aircraft with wings: of the air and over ground.
+AIRSPEED, GROUND_SPEED = 0, 1
+
+
+class Mission(NamedTuple):
+    """What is flown of the items of a mission."""
+
+    rows: list[Row]  # heights above the home position
+    speed: float | None  # m/s: the largest airspeed that it sets
+    notes: list[str]  # what becomes of each item, and what is flown in another way
+
+
+def read_items(items: Sequence[Mapping[str, Any]], home: tuple[float, ...], skip: bool) -> Mission:
+    """What is flown of items; `home`: latitude and longitude, deg, height above sea level, m.
+
+    `skip`: leave out commands that change the flight but have no place. Raises InputError, with the
+    number and name of each item that cannot be flown.
+    """
+    flat = [*_flat(items)]
+    rows: list[Row] = []
+    numbers: dict[Fate, dict[str, list[int]]] = defaultdict(lambda: defaultdict(list))
+    notes: dict[str, None] = {}
+    ended = ""
+    for number in _in_order(flat):
+        item = flat[number - 1]
+        name, fate = _fate(item, first=not rows)
+        if fate == "flown" and ended:
+            name, fate = f"{name}, after {ended}", "not flown"
+        listed = numbers[fate][name]
+        if number not in listed:
+            listed.append(number)
+        if fate != "flown" or item["command"] == JUMP:
+            continue
+        label, command = f"item {number} ({name})", item["command"]
+        if not rows and command not in (WAYPOINT, *TAKEOFFS):
+            rows.append(_at_home(home, _row(label, item, home, rows)["up_m"]))
+            notes["The route begins above home."] = None
+        row = _row(label, item, home, rows)
+        # A take-off and the waypoint above it, or a return from home, have one place.
+        if not (rows and "turns" not in {**row, **rows[-1]} and _same(row, rows[-1])):
+            rows.append(row)
+        notes |= dict.fromkeys(_notes(label, item))
+        if command in ENDS:
+            ended = f"the end of item {number}"
+    no_place = numbers["no place"]
+    if wrong := listed_items(numbers["refused"] | ({} if skip else no_place)):
+        skips = f"; `--skip` or `skip = true` in [route] leaves out {listed_items(no_place)}"
+        raise InputError(
+            "`items` must be waypoints, circles, a take-off at the beginning, landings, returns, "
+            "surveys or corridor scans, at heights above home, sea level or terrain, got "
+            f"{wrong}{skips if no_place and not skip else ''}."
+        )
+    fates = [f"Flown of the plan: {listed_items(numbers['flown'])}."] if rows else []
+    if left_out := listed_items(numbers["harmless"] | no_place | numbers["not flown"]):
+        fates.append(f"Not flown of the plan: {left_out}.")
+    speed, changes = _speed(flat)
+    return Mission(rows, speed, [*fates, *notes, *changes])
+
+
+def _flat(items: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
+    """The items in order; surveys, corridor scans and landings as those that they consist of."""
+    for item in items:
+        if parts := item.get("TransectStyleComplexItem", {}).get("Items"):
+            yield from _flat(parts)
+        elif item.get("complexItemType") in ("fwLandingPattern", "vtolLandingPattern"):
+            yield from _landing(item)
+        else:
+            yield item
+
+
+def _landing(item: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
+    """The start, the circle or waypoint, and the landing of a landing pattern."""
+    approach = item.get("landingApproachCoordinate") or item["loiterCoordinate"]
+    radius = json_number(item.get("loiterRadius", 0.0), "`loiterRadius`")
+    radius = math.copysign(radius, 1.0 if item.get("loiterClockwise", True) else -1.0)
+    frame = ABOVE_HOME[0] if item.get("altitudesAreRelative", True) else ABOVE_SEA[0]
+    down = VTOL_LAND if item["complexItemType"] == "vtolLandingPattern" else LAND
+    circle = TO_HEIGHT if item.get("useLoiterToAlt", True) else WAYPOINT
+    simple = {"type": "SimpleItem", "frame": frame}
+    yield simple | {"command": 189, "params": [0, 0, 0, 0, 0, 0, 0]}
+    before = [0, radius, 0, 1] if circle == TO_HEIGHT else [0, 0, 0, None]
+    yield simple | {"command": circle, "params": [*before, *approach]}
+    yield simple | {"command": down, "params": [0, 0, 0, None, *item["landCoordinate"]]}
+
+
+def _in_order(items: Sequence[Mapping[str, Any]]) -> Iterator[int]:
+    """Numbers of items in the order in which they are flown, with the repeats of jumps."""
+    names = {item.get("doJumpId"): number for number, item in enumerate(items, start=1)}
+    repeats: dict[int, int] = {}
+    number, count = 1, 0
+    while number <= len(items):
+        yield number
+        count += 1
+        if count > MAX_ITEMS:
+            raise InputError(f"`items` must be at most {MAX_ITEMS} with their repeats.")
+        item = items[number - 1]
+        if item.get("command") == JUMP:
+            target, most = (json_number(x, f"item {number} (DO_JUMP)") for x in item["params"][:2])
+            if not 0 <= most <= MAX_REPEATS:  # -1 repeats for ever
+                raise InputError(
+                    f"item {number} ({MANOEUVRES[JUMP]}) must repeat at most {MAX_REPEATS} times, "
+                    f"got {most:g}."
+                )
+            if target not in names:
+                raise InputError(f"item {number} ({MANOEUVRES[JUMP]}) must lead to an item.")
+            if repeats.get(number, 0) < most:
+                repeats[number] = repeats.get(number, 0) + 1
+                number = names[target]
+                continue
+            repeats[number] = 0
+        number += 1
+
+
+def _fate(item: Mapping[str, Any], *, first: bool) -> tuple[str, Fate]:
+    """Name of an item, and what becomes of it; a take-off is flown if it comes first."""
+    if item["type"] != "SimpleItem":
+        return abridged(item.get("complexItemType")), "refused"
+    command, frame = item["command"], item["frame"]
+    if command in HARMLESS:
+        return HARMLESS[command], "harmless"
+    name = MANOEUVRES.get(command, f"command {abridged(command)}")
+    if command in (RETURN, JUMP):
+        return name, "flown"
+    if command in TAKEOFFS and not first:
+        return f"{name}, in flight", "refused"
+    placed = any(item["params"][4:6]) or command == SET_HOME
+    if command in TAKEOFFS or (command in PLACED and placed):
+        if frame in (*ABOVE_SEA, *ABOVE_HOME, *ABOVE_TERRAIN):
+            return name, "flown"
+        return f"{name}, frame {abridged(frame)}", "refused"
+    return name, "refused" if placed or command in PLACED else "no place"
+
+
+def listed_items(numbers: Mapping[str, Sequence[int]]) -> str:
+    """Items by number and name."""
+    return ", ".join(
+        f"item{'s' * (len(items) > 1)} {', '.join(_runs(items))} ({name})"
+        for name, items in numbers.items()
+    )
+
+
+def _runs(numbers: Sequence[int]) -> Iterator[str]:
+    """Numbers in words, three or more in a row as a range."""
+    rest = sorted(numbers)
+    while rest:
+        size = next((i for i, x in enumerate(rest) if x != rest[0] + i), len(rest))
+        size = size if size > 2 else 1
+        yield f"{rest[0]}" if size == 1 else f"{rest[0]} to {rest[size - 1]}"
+        rest = rest[size:]
+
+
+def _at_home(home: tuple[float, ...], up: float) -> Row:
+    return dict(zip(PLACE, (*home[:2], up), strict=True))
+
+
+def _same(a: Row, b: Row) -> bool:
+    """Whether two rows have the same place and height, to 1 m."""
+    apart = max(abs(a[key] - b[key]) for key in PLACE[:2])
+    return apart < SAME_PLACE_DEG and abs(a["up_m"] - b["up_m"]) < 1.0
+
+
+def _row(label: str, item: Mapping[str, Any], home: tuple[float, ...], before: list[Row]) -> Row:
+    """A waypoint or circles, with the height above the home position."""
+    command, values = item["command"], [*item["params"], *[None] * 7][:7]
+    up_before = before[-1]["up_m"] if before else 0.0
+    if command == RETURN:
+        return _at_home(home, up_before)
+    if command in TAKEOFFS and not any(values[4:6]):
+        values[4:6] = home[:2]
+    row: Row = place(label, values[4:7])
+    if item["frame"] in ABOVE_SEA:
+        row["up_m"] -= home[2]
+    elif item["frame"] in ABOVE_TERRAIN and item.get("AMSLAltAboveTerrain") is not None:
+        above_sea = json_number(item["AMSLAltAboveTerrain"], f"`AMSLAltAboveTerrain` of {label}")
+        row["up_m"] = above_sea - home[2]
+    if command == LAND:
+        row["up_m"] += LANDING_UP_M
+    elif command == VTOL_LAND:
+        row["up_m"] = up_before
+    elif command in CIRCLES:
+        row |= _circles(label, command, values)
+    return row
+
+
+def _circles(label: str, command: int, values: Sequence[Any]) -> Row:
+    """Turns, radius and what else is stated of circles."""
+    radius = json_number(values[RADIUS[command]] or 0.0, f"`radius_m` of {label}")
+    turns = UNLIMITED_TURNS if command == UNLIMITED else LEAST_TURNS
+    if command == TURNS and (turns := json_number(values[0], f"`turns` of {label}")) <= 0.0:
+        raise InputError(f"`turns` of {label} must be positive, got {turns:g}.")
+    row: Row = {"turns": math.copysign(turns, radius or 1.0)}
+    row |= {"radius_m": abs(radius)} if radius else {}
+    if command == TIMED:
+        row["hold_s"] = json_number(values[0], f"the time of {label}")
+    return row | ({"spiral": True} if command == TO_HEIGHT else {})
+
+
+def _notes(label: str, item: Mapping[str, Any]) -> Iterator[str]:
+    """What of an item is flown in another way than it says."""
+    command, values, subject = item["command"], item["params"], f"I{label[1:]}"
+    if command in TAKEOFFS:
+        yield f"The route begins where the take-off of {label} ends."
+    if command == WAYPOINT and values[0]:
+        yield f"The hold time of {label}, {values[0]:g} s, is not flown."
+    if command == WAYPOINT and any(values[1:3]):
+        yield f"The radius of {label} is not used: the path passes inside of the corner."
+    if command == UNLIMITED:
+        yield f"{subject} without an end is flown as {UNLIMITED_TURNS:g} turns."
+    if command == RETURN:
+        yield f"{subject} ends above home, at the height of the item before."
+    if command == LAND:
+        yield f"{subject} is flown to {LANDING_UP_M:g} m above its place."
+    if command == VTOL_LAND:
+        yield f"{subject} ends above its place: the descent in hover is not flown."
+    if item["frame"] in ABOVE_TERRAIN and item.get("AMSLAltAboveTerrain") is None:
+        yield f"The height of {label} is above terrain, which is unknown: it counts from home."
+
+
+def _speed(items: Sequence[Mapping[str, Any]]) -> tuple[float | None, list[str]]:
+    """The airspeed at which a mission is flown, m/s, and what it sets besides."""
+    speeds: dict[float, int] = {}
+    for number, item in enumerate(items, start=1):
+        if item.get("command") == SPEED:
+            kind, value = (
+                json_number(x or 0, f"item {number} (speed)") for x in item["params"][:2]
+            )
+            if kind in (AIRSPEED, GROUND_SPEED) and value > 0.0:
+                speeds.setdefault(value, number)
+    if not speeds:
+        return None, []
+    largest = max(speeds)
+    stated = ", ".join(f"{speed:g} m/s by item {number}" for speed, number in speeds.items())
+    whole = " All of it is flown at the largest." if len(speeds) > 1 else ""
+    return largest, [f"The plan sets an airspeed of {stated}.{whole}"]
+
+
+def place(name: str, values: Sequence[Any]) -> Row:
+    """Latitude, longitude and height of a point of a file."""
+    return {key: json_number(x, f"`{key}` of {name}") for key, x in zip(PLACE, values, strict=True)}
