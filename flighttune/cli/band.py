@@ -95,10 +95,11 @@ def band(
         ),
     ] = None,
     fence: Annotated[
-        Path | None,
+        list[Path] | None,
         Option(
-            help="GeoJSON polygon: bound the probability that a flight along a route leaves it, "
-            "and find where flights come nearest."
+            help="Plan, KML or GeoJSON with the areas to stay in and out of; repeatable: bound the "
+            "probability that a flight along a route leaves them, and find where flights come "
+            "nearest."
         ),
     ] = None,
     settings: options.SetOption = None,
@@ -119,8 +120,12 @@ def band(
     from flighttune.campaign.claims import save_claim as save
     from flighttune.campaign.fence import count_inside, fence_of
     from flighttune.campaign.stated_set import planned
-    from flighttune.files.table import json_tables
+    from flighttune.references.fence import fence_tables
 
+    areas = fence_tables(fence) if fence else {}
+    if fence and not areas:
+        raise InputError(f"{fence[0]}: must have a Polygon or circle for a fence, got none.")
+    fences = Path(", ".join(map(str, fence or ())))
     claim = _stated(epsilon=epsilon, confidence=confidence)
     of_source = _stated(
         of=of,
@@ -135,9 +140,9 @@ def band(
         changes=options.changes(settings) or None,
     )
     if not is_claim_file(source):
-        if fence is not None:  # refuse it before a flight
+        if areas:  # refuse it before a flight
             own = {key: of_source[key] for key in of_source if key in PLANNED}
-            fence_of(planned(source, **own), json_tables(fence), fence, *signal or ())
+            fence_of(planned(source, **own), areas, fences, *signal or ())
         with campaign_display() as observer:
             by = {"workers": workers, "scheduler": scheduler, "observer": observer}
             kept = count_band(source, flights=flights, **claim, **of_source, **by)
@@ -147,22 +152,22 @@ def band(
         for name in of_source:
             raise InputError(f"`{name}` must be absent for a band file, which has its own.")
         kept, file = load_band(source), Path(source)
-        if fence is not None and flights is not None:  # refuse it before a flight
-            fence_of(plan_of(kept), json_tables(fence), fence, *kept.about.signals)
+        if areas and flights is not None:  # refuse it before a flight
+            fence_of(plan_of(kept), areas, fences, *kept.about.signals)
         with campaign_pool(workers, scheduler) as pool:
             if flights is not None:
                 kept, out = count_more(kept, flights, pool), out or file
                 save(kept, file)  # whatever else is written: its readings are those of FILE
-    if fence is not None:
-        kept = kept.with_fence(json_tables(fence))
-        count_inside(kept, kept.about.fences[-1], fence)  # refuses it before it is kept
+    if areas:
+        kept = kept.with_fence(areas)
+        count_inside(kept, kept.about.fences[-1], fences)  # refuses it before it is kept
         save(kept, file)
     counted = kept.claiming(**{**pick(kept.about, "epsilon confidence"), **claim})
     if out is not None:
         save(counted, out)
     file = out or file
     answer = counted.answer(file)
-    if fence is not None:
+    if areas:
         answer = fence_answer(counted, answer)
     page = [f"A page with its flights: flighttune report {file}"]
     return replace(answer, notes=[*answer.notes, *page], files={"band": out})

@@ -1,6 +1,7 @@
-"""Fences: a polygon over ground with zones not to enter, and the room it leaves along a path."""
+"""Fences: areas over ground to stay in or out of, and the room they leave along a path."""
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -10,9 +11,9 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
-from flighttune.files.table import json_tables
-from flighttune.references.earth import LatLon, north_east
-from flighttune.references.maps import features, json_number, reading
+from flighttune.files.table import file_text, json_tables
+from flighttune.references.earth import LatLon, north_east, on_earth
+from flighttune.references.maps import features, json_number, kml_features, reading
 from flighttune.references.path import Path as Route
 
 # Distance between the points of a path across which the fence is looked for, m.
@@ -26,7 +27,10 @@ MAX_SAG = 0.05
 
 # Properties of a fence.
 HEIGHTS = ("min_up_m", "max_up_m")
-KNOWN = (*HEIGHTS, "name")
+KNOWN = (*HEIGHTS, "name", "exclusion")
+
+# Corners of the polygon that stands for a circle: inside of one to stay in, around one to stay out.
+CIRCLE_CORNERS = 64
 
 # Signs that turn lowest and highest values into distances to the left and right, up and down.
 DISTANCE_SIGNS = np.array([-1.0, 1.0], dtype=np.float32)
@@ -92,45 +96,120 @@ class Room(NamedTuple):
         }
 
 
-def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
-    """The fence of a GeoJSON file, about the start of a flight at `origin`.
+def fence_tables(files: Sequence[Path]) -> dict[str, Any]:
+    """The fences of files of plans, KML and GeoJSON as one, in GeoJSON; {} if they have none.
 
-    The file has one Polygon in longitude and latitude, of which inner rings are zones not to enter.
-    The properties ``min_up_m`` and ``max_up_m`` of its feature are heights above the start. Edges
-    are straight in longitude and latitude, the shorter way round the Earth. `tables`: the content
-    of the file, if it has been read. Raises InputError if it is no fence around the start.
+    Flights must stay inside all areas, and outside all with the property ``exclusion``.
     """
-    tables = tables or json_tables(path)
-    with reading(path, "GeoJSON with a Polygon"):
-        shapes = [x for x in features(tables) if x["geometry"]["type"] == "Polygon"]
-        if len(shapes) != 1:
-            raise InputError(f"`features` must have one Polygon, got {len(shapes)}.")
-        stated = dict(shapes[0].get("properties") or {})
-        if unknown := [key for key in stated if key not in KNOWN]:
-            raise InputError(f"`properties` may be {', '.join(KNOWN)}, got {unknown[0]!r}.")
-        low, high = (
-            json_number(stated[key], f"`{key}`") if key in stated else far
-            for key, far in zip(HEIGHTS, FAR, strict=True)
-        )
-        if not (low <= 0.0 <= high and low < high):  # also catches NaN
-            raise InputError(
-                "`min_up_m` must be at most 0, the height of the start, and `max_up_m` at least 0 "
-                f"and higher, got {low:g} and {high:g}."
-            )
+    shapes: list[Mapping[str, Any]] = []
+    single: list[dict[str, Any]] = []
+    for file in files:
+        kml = file.suffix.lower() == ".kml"
+        content: Any = file_text(file) if kml else json_tables(file)
+        with reading(file, "a plan, KML or GeoJSON with a Polygon"):
+            if kml:
+                shapes += kml_features(content)
+            elif "mission" in content:
+                shapes += _of_plan(content.get("geoFence") or {})
+            else:
+                single.append(content)
+                shapes += features(content)
+    if len(files) == 1 and single:
+        return single[0]
+    polygons = [x for x in shapes if x["geometry"]["type"] == "Polygon"]
+    return {"type": "FeatureCollection", "features": polygons} if polygons else {}
+
+
+def _of_plan(stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
+    """Polygons and circles of a plan of QGroundControl."""
+    for area in [*(stated.get("polygons") or ()), *(stated.get("circles") or ())]:
+        inside = area.get("inclusion", True)
+        if "circle" in area:
+            lat, lon = (json_number(x, "`center`") for x in area["circle"]["center"][:2])
+            radius = json_number(area["circle"]["radius"], "`radius`")
+            if not (radius > 0.0 and abs(lat) <= 90.0):  # also catches NaN
+                raise InputError(f"`radius` of a circle must be positive, got {radius:g}.")
+            radius /= 1.0 if inside else math.cos(math.pi / CIRCLE_CORNERS)
+            angles = np.arange(CIRCLE_CORNERS) * (math.tau / CIRCLE_CORNERS)
+            places = radius * np.column_stack([np.cos(angles), np.sin(angles)])
+            corners = on_earth(places, (lat, lon))[:, ::-1].tolist()
+        else:
+            corners = [[point[1], point[0]] for point in area["polygon"]]
+        geometry = {"type": "Polygon", "coordinates": [[*corners, corners[0]]]}
+        yield {"type": "Feature", "properties": {"exclusion": not inside}, "geometry": geometry}
+
+
+def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
+    """The fence of a file, about the start of a flight at `origin`.
+
+    The file has Polygons in longitude and latitude, of which inner rings, and all with the property
+    ``exclusion``, are zones not to enter. The properties ``min_up_m`` and ``max_up_m`` of a feature
+    are heights above the start. Edges are straight in longitude and latitude, the shorter way round
+    the Earth. `tables`: the content in GeoJSON, if it has been read. Raises InputError if it is no
+    fence around the start.
+    """
+    tables = tables or fence_tables([path])
+    with reading(path, "a plan, KML or GeoJSON with a Polygon"):
+        shapes = [
+            x for x in (features(tables) if tables else ()) if x["geometry"]["type"] == "Polygon"
+        ]
+        if not shapes:
+            raise InputError("must have a Polygon for a fence, got none.")
+        low, high = FAR
         names: list[str] = []
         rings, sags = [], []
-        for zone, points in enumerate(shapes[0]["geometry"]["coordinates"]):
-            ring, sag, numbers = _edges(_ring(points), origin, MAX_EDGES - len(names))
-            names += [f"edge {i + 1}{f' of zone {zone}' * (zone > 0)}" for i in numbers]
-            rings.append(ring)
-            sags.append(sag)
-        start, end = (np.concatenate([np.roll(ring, -i, axis=0) for ring in rings]) for i in (0, 1))
-        _check_crossing(start, end, names)
-        if [_surrounds(ring) for ring in rings] != [True] + [False] * (len(rings) - 1):
-            raise InputError(f"`coordinates`: the start must be inside, got one at {origin} deg.")
+        numbers = {True: 0, False: 0}
+        for shape in shapes:
+            stated = dict(shape.get("properties") or {})
+            low, high = _heights(stated, low, high)
+            outside = bool(stated.get("exclusion", False))
+            numbers[outside] += 1
+            kind = f" of {'exclusion' if outside else 'area'} {numbers[outside]}"
+            begin = len(names)
+            polygon = []
+            for zone, points in enumerate(shape["geometry"]["coordinates"]):
+                ring, sag, corners = _edges(_ring(points), origin, MAX_EDGES - len(names))
+                part = f" of zone {zone}" * (zone > 0) + kind * (len(shapes) > 1)
+                names += [f"edge {i + 1}{part}" for i in corners]
+                polygon.append(ring)
+                sags.append(sag)
+            start, end = _ends(polygon)
+            _check_crossing(start, end, names[begin:])
+            inside = [_surrounds(ring) for ring in polygon]
+            if inside[0] == outside or any(inside[1:]):
+                raise InputError(
+                    f"`coordinates`: the start must be {'out' if outside else 'in'}side"
+                    f"{kind * (len(shapes) > 1)}, got one at {origin} deg."
+                )
+            rings += polygon
+        start, end = _ends(rings)
     names += ["ceiling", "floor"]
     sag = np.concatenate(sags)
     return Fence(start=start, end=end, sag=sag, names=tuple(names), low=low, high=high)
+
+
+def _ends(rings: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
+    """Both ends of the edges of rings, shape (edges, 2) each."""
+    start, end = (np.concatenate([np.roll(ring, -i, axis=0) for ring in rings]) for i in (0, 1))
+    return start, end
+
+
+def _heights(stated: Mapping[str, Any], low: float, high: float) -> tuple[float, float]:
+    """Floor and ceiling with those of the properties of a feature."""
+    if unknown := [key for key in stated if key not in KNOWN]:
+        raise InputError(f"`properties` may be {', '.join(KNOWN)}, got {unknown[0]!r}.")
+    floor, ceiling = (
+        json_number(stated[key], f"`{key}`") if key in stated else far
+        for key, far in zip(HEIGHTS, FAR, strict=True)
+    )
+    if stated.get("exclusion") and (floor, ceiling) != FAR:
+        raise InputError("`min_up_m` and `max_up_m` must be absent of an area to stay out of.")
+    if not (floor <= 0.0 <= ceiling and floor < ceiling):  # also catches NaN
+        raise InputError(
+            "`min_up_m` must be at most 0, the height of the start, and `max_up_m` at least 0 "
+            f"and higher, got {floor:g} and {ceiling:g}."
+        )
+    return max(low, floor), min(high, ceiling)
 
 
 def _edges(

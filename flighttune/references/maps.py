@@ -74,7 +74,7 @@ def kml_features(text: str) -> list[dict[str, Any]]:
         root = ElementTree.fromstring(text)
     except ElementTree.ParseError as error:
         raise InputError(f"must be KML: {error}.") from error
-    found = []
+    shapes = []
     for shape in root.iter():
         kind = shape.tag.rpartition("}")[2]
         if kind in ("LineString", "Polygon"):
@@ -82,8 +82,8 @@ def kml_features(text: str) -> list[dict[str, Any]]:
             modes = [x.text for x in shape.iter() if x.tag.endswith("}altitudeMode")]
             coordinates = rings if kind == "Polygon" else rings[0]
             mode = {"altitudeMode": (modes or ["clampToGround"])[0]}
-            found.append({"geometry": {"type": kind, "coordinates": coordinates, **mode}})
-    return found
+            shapes.append({"geometry": {"type": kind, "coordinates": coordinates, **mode}})
+    return shapes
 
 
 def _points(text: str) -> list[list[float]]:

@@ -139,9 +139,9 @@ def turn_arounds(
 
     `turns`: curvatures, 1/m, and the distances over which each is rolled in, m.
     """
-    found = [pieces for k, rolling in turns for pieces in ways(start, end, k, rolling)]
-    found.sort(key=lambda pieces: sum(piece.length for piece in pieces))
-    return [(_farthest(pieces, start, end), pieces) for pieces in found]
+    tried = [pieces for k, rolling in turns for pieces in ways(start, end, k, rolling)]
+    tried.sort(key=lambda pieces: sum(piece.length for piece in pieces))
+    return [(_farthest(pieces, start, end), pieces) for pieces in tried]
 
 
 def _vector(a: tuple[float, float], b: tuple[float, float]) -> tuple[float, float]:

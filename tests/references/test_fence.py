@@ -16,7 +16,7 @@ from flighttune.campaign.fence import corridor_of, count_inside, where_of
 from flighttune.campaign.stated_set import planned
 from flighttune.claims.band import About
 from flighttune.references.earth import north_east, on_earth
-from flighttune.references.fence import SCAN_STEP, read_fence, room_along
+from flighttune.references.fence import SCAN_STEP, fence_tables, read_fence, room_along
 from flighttune.references.maps import route_geojson, route_kml
 from flighttune.references.path import Ability, Waypoint, plan
 from tests.made_up_band import band_flights
@@ -101,6 +101,98 @@ def test_a_leg_in_a_rectangle_has_the_distances_of_its_edges(tmp_path):
         "along_m": pytest.approx(305.0, abs=5.0 + SCAN_STEP),
         "stretch": "leg to waypoint 2",
     }
+
+
+def degrees(*places):
+    """Latitude and longitude of places north and east of the start, m, as plans have them."""
+    return on_earth(np.array(places, dtype=float), ORIGIN).tolist()
+
+
+def plan_with(path, polygons=(), circles=()):
+    """A plan with areas: corners or centre and radius, m, and whether it is to stay in."""
+    path.write_text(
+        json.dumps(
+            {
+                "mission": {"items": []},
+                "geoFence": {
+                    "version": 2,
+                    "polygons": [
+                        {"inclusion": inside, "polygon": degrees(*ring), "version": 1}
+                        for inside, ring in polygons
+                    ],
+                    "circles": [
+                        {"inclusion": inside, "circle": {"center": degrees(at)[0], "radius": r}}
+                        for inside, at, r in circles
+                    ],
+                },
+            }
+        )
+    )
+    return path
+
+
+SQUARE = ((300.0, 25.0), (310.0, 25.0), (310.0, 35.0), (300.0, 35.0))
+
+
+def limits_of(*files):
+    """Room to the left and right of a leg of 800 m to the north, in three windows, m."""
+    leg = plan([Waypoint(north=0.0, east=0.0), Waypoint(north=800.0, east=0.0)], ABILITY)
+    fence = read_fence(files[0], ORIGIN, fence_tables(files))
+    windows = np.array([0.0, 200.0, 400.0, 800.0])
+    return room_along(fence, leg, windows, widest=50.0, overlap=0.0).limits[:, 0]
+
+
+def test_the_fence_of_a_plan_is_to_stay_in_some_areas_and_out_of_others(tmp_path):
+    file = plan_with(tmp_path / "m.plan", polygons=[(True, BOX), (False, SQUARE)])
+
+    expected = np.array([[30, 40], [30, 25], [30, 40]])
+    assert limits_of(file) == pytest.approx(expected, abs=SCAN_STEP)
+
+
+def test_circles_of_a_plan_are_on_the_safe_side_by_a_thousandth_of_their_radius(tmp_path):
+    """At 150 m along the leg a circle of 60 m, 80 m aside, leaves 20 m; others leave chords."""
+    circles = [(True, (400.0, 0.0), 450.0), (False, (150.0, -80.0), 60.0)]
+    (left, right), *_, (_, at_the_end) = limits_of(plan_with(tmp_path / "m.plan", circles=circles))
+
+    chord = np.sqrt(450.0**2 - 400.0**2)
+    assert 20.0 - 0.2 <= left <= 20.0
+    for side in (right, at_the_end):
+        assert chord - 2.5 <= side <= chord
+
+
+def test_several_fences_of_several_kinds_hold_at_once(tmp_path):
+    shape = json.loads(fence_file(tmp_path / "b.geojson", BOX).read_text())["geometry"]
+    corners = " ".join(f"{lon},{lat},0" for lon, lat in shape["coordinates"][0])
+    kml = tmp_path / "b.kml"
+    kml.write_text(
+        '<kml xmlns="http://www.opengis.net/kml/2.2"><Placemark><Polygon><outerBoundaryIs>'
+        f"<LinearRing><coordinates>{corners}</coordinates></LinearRing></outerBoundaryIs>"
+        "</Polygon></Placemark></kml>"
+    )
+    zone = plan_with(tmp_path / "m.plan", polygons=[(False, SQUARE)])
+    narrow = ((-60.0, -20.0), (-60.0, 60.0), (950.0, 60.0), (950.0, -20.0))
+    other = fence_file(tmp_path / "o.geojson", narrow)
+
+    expected = np.array([[20, 40], [20, 25], [20, 40]])
+    assert limits_of(kml, zone, other) == pytest.approx(expected, abs=SCAN_STEP)
+
+
+@pytest.mark.parametrize(
+    ("polygons", "circles", "says"),
+    [
+        ([(True, BOX), (True, [(n + 3000.0, e) for n, e in BOX])], [], "inside of area 2"),
+        ([(True, BOX), (False, BOX)], [], "outside of exclusion 1"),
+        ([], [(True, (400.0, 0.0), -5.0)], "`radius` of a circle must be positive, got -5"),
+        ([], [(True, (float("nan"), 0.0), 5.0)], "`center` must be a number, got nan"),
+        ([], [], "must have a Polygon for a fence, got none"),
+    ],
+)
+def test_a_plan_whose_fence_cannot_hold_is_refused(tmp_path, polygons, circles, says):
+    file = plan_with(tmp_path / "m.plan", polygons, circles)
+
+    with pytest.raises(ft.InputError, match=says) as refusal:
+        read_fence(file, ORIGIN)
+    assert str(refusal.value).startswith(str(file))
 
 
 @pytest.mark.parametrize("lon", [179.995, -179.995])
@@ -256,11 +348,11 @@ def test_what_is_no_fence_is_refused_in_one_line(tmp_path, rings, properties, sa
 
 
 @pytest.mark.slow
-def test_a_fence_is_for_one_polygon_and_for_bands_on_a_route(band, box, tmp_path):
+def test_a_fence_is_for_polygons_and_for_bands_on_a_route(band, box, tmp_path):
     line = tmp_path / "line.geojson"
     line.write_text('{"type": "LineString", "coordinates": [[8, 47], [8, 48]]}')
 
-    with pytest.raises(ft.InputError, match="one Polygon, got 0"):
+    with pytest.raises(ft.InputError, match="a Polygon for a fence, got none"):
         read_fence(line, ORIGIN)
     assert "`route` must be" in flighttune("band", "mission", "--fence", box, status=2)[1]
     signal = ("--start-deg", 1, "--signal", "chi_err")
