@@ -41,7 +41,7 @@ def test_the_nearest_place_counts(places):
 def test_a_name_that_is_nowhere_is_answered_with_those_there_are(places):
     copied(places[0], "mine")
 
-    with pytest.raises(ft.InputError, match="a4, aerosonde, c172p, mine"):
+    with pytest.raises(ft.InputError, match="a4, aerosonde, c172p, mine, x8"):
         load_aircraft("yours")
 
 

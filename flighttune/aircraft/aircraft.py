@@ -112,11 +112,12 @@ class Surfaces(q.Table):
 
     aileron: Surface
     elevator: Surface
-    rudder: Surface
+    rudder: Surface | None = None  # without one, yaw is left to the airframe
 
     def named(self) -> Iterator[tuple[str, Surface]]:
-        """Name and table of each, in the order of `SURFACES`."""
-        return ((name, getattr(self, name)) for name in SURFACES)
+        """Name and table of each that the aircraft has, in the order of `SURFACES`."""
+        surfaces = ((name, getattr(self, name)) for name in SURFACES)
+        return ((name, surface) for name, surface in surfaces if surface is not None)
 
 
 class Engines(q.Table):

@@ -47,6 +47,8 @@ def _actuators(config: AircraftConfig) -> Element:
             function = _normed(f"ft/{name}-norm", name, surface)
             SubElement(function, "output").text = command
             channel.append(function)
+    if config.surfaces.rudder is None:
+        channel.append(_actuator("rudder", "rad", SURFACE_LAG, ("0", "0")))
     throttle = _actuator("throttle", "norm", THROTTLE_LAG, ("0", "ft/limits/throttle-max"))
     for i in range(config.engines.count):
         SubElement(throttle, "output").text = f"{config.engines.command}[{i}]"

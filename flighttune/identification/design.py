@@ -80,6 +80,8 @@ MAX_DAMPER = 0.6
 # Bandwidth of the load-factor model over that of the response asked for, at most 20 rad/s.
 MODEL_LEAD = 2.0
 
+YAW_GAINS = ("yaw/k_ff", "yaw/k_r", "yaw/k_p", "yaw/k_i")
+
 _SPAN, _STEP = 2.0, 0.01
 
 
@@ -92,7 +94,7 @@ class Airframe:
     alpha: float
     # ``slopes[what][by]``: of ``p_dot``, ``q_dot``, ``r_dot`` (rad/s^2), ``u_dot`` (m/s^2),
     # ``n_z``, ``n_y`` (1), by ``p``, ``q``, ``r`` (rad/s), ``alpha``, ``beta``, ``aileron``,
-    # ``elevator``, ``rudder`` (rad) and ``throttle`` (1)
+    # ``elevator``, ``rudder`` (rad; only where there is one) and ``throttle`` (1)
     slopes: dict[str, dict[str, float]]
 
     def of(self, output: str, by: str) -> float:
@@ -109,7 +111,10 @@ def airframe(fdm: Fdm, condition: FlightCondition) -> Airframe:
         measured = bench.accelerations(state)
         return np.array([measured[name] for name in _MEASURED])
 
-    by = slopes(measure, trimmed, _HALF_WIDTHS)
+    half_widths = dict(_HALF_WIDTHS)
+    if fdm.config.surfaces.rudder is None:
+        del half_widths["rudder"]
+    by = slopes(measure, trimmed, half_widths)
     named = {
         output: {name: float(column[i]) for name, column in by.items()}
         for i, output in enumerate(_MEASURED)
@@ -231,10 +236,14 @@ def inner_loop_gains(airframe: Airframe, design: DesignTable) -> dict[str, float
     damping of the dutch roll, and the static effect of the rudder on the lateral load factor.
     Rolling at the rate p without sideslip takes the yaw rate
     ``r = g/V phi + alpha p``: the feed-forward of the rudder meets the yaw moment of p, of that r
-    and of the aileron, and ``r' = g/V p``. Speed: a first-order loop on the slope of thrust.
+    and of the aileron, and ``r' = g/V p``. Without a rudder its gains are 0. Speed: a first-order
+    loop on the slope of thrust.
     """
     d = airframe.of
+    rudderless = "rudder" not in airframe.slopes["r_dot"]
     for sign, output, by in SIGNS:
+        if rudderless and by == "rudder":
+            continue
         if not sign * d(output, by) > 0.0:
             raise PlantError(
                 f"the slope of {output} by {by} must be {'positive' if sign > 0 else 'negative'} "
@@ -251,7 +260,7 @@ def inner_loop_gains(airframe: Airframe, design: DesignTable) -> dict[str, float
         "roll/k_i": 0.1 * design.roll * k_p,
         "roll/k_d": max(0.0, 2.0 * WELL_DAMPED * omega - damping) / effect,
         **_pitch(airframe, design.n_z),
-        **_yaw(airframe, damping / effect),
+        **(dict.fromkeys(YAW_GAINS, 0.0) if rudderless else _yaw(airframe, damping / effect)),
         "speed/k_gamma": G_0 / thrust,
         "speed/k_p": design.speed / thrust,
         "speed/k_i": 0.25 * design.speed**2 / thrust,

@@ -117,6 +117,9 @@ CLIMBS = (-10.0 * DEG, -5.0 * DEG, 0.0, 5.0 * DEG, 10.0 * DEG, 20.0 * DEG, 45.0 
 
 _SIDESLIP_SEARCHED = 10.0 * DEG
 
+# Interval of a rudder that is not there, about its position of 0.
+_NO_RUDDER = -1.0, 1.0
+
 # Largest unbalanced acceleration of a trim, in units of g or rad/s^2, and that with an engine which
 # settles: the thrust of a governed one never comes quite to rest.
 _RESIDUAL_ALLOWED, _RESIDUAL_SETTLED = 1e-6, 2e-5
@@ -151,7 +154,8 @@ def trim(fdm: Fdm, condition: FlightCondition, *, thrust_short: bool = False) ->
 
     Seven unknowns (angle of attack, sideslip, three surfaces, turn rate, throttle) bring six body
     accelerations and the lateral load factor to zero: by Newton's method, and where that gets
-    stuck, by bounded least squares. Without an engine the flight-path angle takes the place of the
+    stuck, by bounded least squares. Without a rudder it is held at 0 in place of the lateral load
+    factor. Without an engine the flight-path angle takes the place of the
     throttle, and must come out as that of `condition`.
 
     `condition`: airspeed, height, course, flight-path angle and roll; `n_z` follows from them.
@@ -210,6 +214,7 @@ class _TrimProblem:
         self._bench = Bench(fdm, condition.h)
         self._condition = condition
         envelope, surfaces = fdm.config.envelope, fdm.config.surfaces
+        self._rudderless = surfaces.rudder is None
         self._glides = not fdm.config.engines.count
         # Twice the coordinated turn rate, and something for straight flight.
         turn_rate = 2.0 * G_0 / condition.V_a * (0.1 + abs(math.tan(condition.phi)))
@@ -217,6 +222,7 @@ class _TrimProblem:
             envelope.alpha,
             (-_SIDESLIP_SEARCHED, _SIDESLIP_SEARCHED),
             *(surface.travel for _, surface in surfaces.named()),
+            *([_NO_RUDDER] if self._rudderless else ()),
             (-turn_rate, turn_rate),
             _GLIDES if self._glides else fdm.config.engines.throttle,
         )
@@ -260,6 +266,8 @@ class _TrimProblem:
         measured = self._bench.accelerations(self.state(x))
         linear = [measured[name] / G_0 for name in ("u_dot", "v_dot", "w_dot")]
         moments = [measured[name] for name in ("p_dot", "q_dot", "r_dot", "n_y")]
+        if self._rudderless:  # sideslip brings the yaw moment to zero, and n_y is what it is then
+            moments[-1] = float(x[4])
         return np.array(linear + moments)
 
     def root(self, start: FloatArray) -> FloatArray | None:
