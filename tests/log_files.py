@@ -33,13 +33,13 @@ def sampled(run, rate=25.0, *, seed=0, noise=True, dropouts=True, late=True):
 
 
 def fields(signals):
-    """Ground velocity and attitude of signals."""
-    chi, gamma, speed = (signals[name] for name in ("chi", "gamma", "V_a"))
-    level = speed * np.cos(gamma)
+    """Ground velocity and position of signals."""
+    chi, gamma = signals["chi"], signals["gamma"]
+    level = signals.get("V_g", signals["V_a"] * np.cos(gamma))
     return {
         "vx": level * np.cos(chi),
         "vy": level * np.sin(chi),
-        "vz": -speed * np.sin(gamma),
+        "vz": -level * np.tan(gamma),
         "x": signals["north"],
         "y": signals["east"],
         "z": signals["down"],
@@ -169,6 +169,7 @@ def write_csv(path, t, signals):
         **{f"{name}_deg": np.degrees(signals[name]) for name in ("phi", "phi_cmd")},
         **{f"{name}": signals[name] for name in ("n_z", "n_z_cmd")},
         "V_a_mps": signals["V_a"],
+        **{name: signals[name] for name in ("h", "theta") if name in signals},
         **{f"v_{axis}": ned[name] for axis, name in (("north", "vx"), ("east", "vy"))},
         "v_down_mps": ned["vz"],
     }

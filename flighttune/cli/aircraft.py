@@ -120,7 +120,7 @@ def identify(
     from flighttune.logs.read import is_log
 
     check_ending(out, ".json")
-    if logs or is_log(Path(aircraft.partition("@")[0])):
+    if logs or is_log(aircraft):
         found = identify_log(aircraft, *(logs or ()), columns=column or (), assume=_assumed(assume))
         files: dict[str, Path | None] = {"model": None, "figure": None}
         if found.identified is not None:

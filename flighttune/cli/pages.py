@@ -9,13 +9,23 @@ from typer import Argument, Option
 
 from flighttune.cli import options
 from flighttune.cli.show import pick, progress_bar
+from flighttune.errors import InputError
+from flighttune.files.shipped import scenario_files
 from flighttune.present.answer import Answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Table
 
 
 def gap(
-    scenario: options.ScenarioArgument,
+    scenario: Annotated[
+        str,
+        Argument(
+            metavar="SCENARIO|LOG",
+            help="A scenario file, or the name of a shipped one; or the log of a real flight, with "
+            "--aircraft, @START:END for a part of it in s.",
+            autocompletion=scenario_files,
+        ),
+    ],
     gains: options.GainsOption = None,
     plant: options.AircraftPlantOption = None,
     out: Annotated[Path | None, options.out_folder("runs/NAME-gap")] = None,
@@ -26,21 +36,38 @@ def gap(
             "this flight [default: the model file, if there is one]."
         ),
     ] = None,
+    aircraft: Annotated[
+        str | None,
+        Option(
+            help="Aircraft, or model file identified from logs, on which the commands of a log are "
+            "flown."
+        ),
+    ] = None,
+    column: options.ColumnOption = None,
     claim: options.ClaimOption = None,
     settings: options.SetOption = None,
 ) -> Answer:
     """Fly gains on plants from the paper's law to the aircraft; show what each step adds.
 
-    Exit status 1 if a flight ends early, or the aircraft leaves its tube.
+    With the commands of a LOG: what lag, mass, damping and wind explain of the difference. Exit
+    status 1 if a flight ends early, or the aircraft leaves its tube.
     """
     from flighttune.campaign.claims import within
     from flighttune.gaps.ladder import gap as explain_gap
+    from flighttune.gaps.of_log import log_gap
     from flighttune.recording.record import record
     from flighttune.reports.gap import write_gap_page
     from flighttune.reports.gap_charts import gap_sheet
 
-    stem = f"{Path(scenario).stem}-gap"
+    stem = f"{Path(scenario.partition('@')[0]).stem}-gap"
     folder = out or Path("runs") / stem
+    if aircraft is not None:
+        if gains or plant or lag or claim or settings:
+            raise InputError("--aircraft must be given with a log and --column alone.")
+        with progress_bar() as progress:
+            parted = log_gap(scenario, aircraft, columns=column or (), progress=progress)
+        parted.sheet().save(folder / "gap.svg")
+        return replace(parted.answer(), files={"figure": folder / "gap.svg"})
     with progress_bar() as progress:
         explained = explain_gap(
             scenario,
@@ -96,10 +123,7 @@ def compare(
     options.check_ending(out, ".rrd", ".html")
     places = first, *(others or ())
     comparison = compare_sources(
-        *(
-            load_source(name, columns=column or () if is_log(Path(name.partition("@")[0])) else ())
-            for name in places
-        )
+        *(load_source(name, columns=column or () if is_log(name) else ()) for name in places)
     )
     files: dict[str, Path | None] = {"recording": None, "page": None}
     if out is not None and comparison.comparable:

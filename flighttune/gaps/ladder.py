@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 import pandas as pd
@@ -29,8 +29,11 @@ from flighttune.flight.load import scenario_and_gains
 from flighttune.flight.models import law_model
 from flighttune.gaps.gap import Gap, LagSource, Step, failure_of
 from flighttune.gaps.mismatch import CHANNELS, Mismatch, mismatch
+from flighttune.gaps.of_log import LogGap, log_gap
 from flighttune.identification.file import FILE_NAME
 from flighttune.identification.fit import fitted_lag
+from flighttune.logs.columns import Columns
+from flighttune.logs.read import is_log
 from flighttune.metrics import channel_metrics, flight_metrics
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.scenario.schema import Scenario
@@ -45,6 +48,7 @@ LEAST_SAMPLES = 12
 ADDS = ("turning with actual lift", "lag of the inner loop", "six degrees of freedom")
 
 
+@overload
 def gap(
     scenario: Scenario | str | Path,
     gains: PIGains | str | None = None,
@@ -54,14 +58,43 @@ def gap(
     lag: LagSource | None = None,
     changes: Mapping[str, Any] | None = None,
     progress: Progress | None = None,
-) -> Gap:
-    """Fly the same gains up the ladder and measure the effect of each step.
+) -> Gap: ...
+
+
+@overload
+def gap(
+    scenario: Run | str | Path,
+    *,
+    aircraft: str | Path,
+    columns: Columns = (),
+    progress: Progress | None = None,
+) -> LogGap: ...
+
+
+def gap(
+    scenario: Scenario | Run | str | Path,
+    gains: PIGains | str | None = None,
+    *,
+    name: str = "",
+    plant: str | None = None,
+    lag: LagSource | None = None,
+    aircraft: str | Path | None = None,
+    columns: Columns = (),
+    changes: Mapping[str, Any] | None = None,
+    progress: Progress | None = None,
+) -> Gap | LogGap:
+    """Fly the same gains up the ladder, or the commands of a log, and measure each effect.
+
+    A log with an `aircraft` takes a minute or two: its commands are flown in up to eight stretches
+    on the law, the point mass and the aircraft, and lag, mass, damping and wind are fitted to what
+    is left.
 
     Parameters
     ----------
-    scenario : Scenario, str or Path
+    scenario : Scenario, Run, str or Path
         With a jsbsim plant, the top of the ladder; also a file, or the name of a shipped one. Its
-        limits and those of the aircraft hold on every rung.
+        limits and those of the aircraft hold on every rung. With `aircraft` the log of a real
+        flight, ``LOG@START:END`` for a part of it in s, or what `load_log` returns.
     gains : PIGains or str, optional
         The gains flown, or a gain set by name or file; by default the first of the scenario.
     name : str
@@ -71,6 +104,11 @@ def gap(
     lag : {"identified", "fitted"}, optional
         Source of the lag of the third rung: the aircraft's model file, or a fit to this flight; by
         default the model file, if there is one.
+    aircraft : str or Path, optional
+        The aircraft on which the commands of a log are flown: a shipped one, a folder, or the file
+        of an identified model, which has no airframe.
+    columns : mapping or sequence
+        Where a log has its signals, as for `load_log`.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
     progress : callable, optional
@@ -78,13 +116,16 @@ def gap(
 
     Returns
     -------
-    Gap
-        Also where the aircraft does not trim or a rung ends early: its status says so.
+    Gap or LogGap
+        Also where the aircraft does not trim or a rung ends early: its status says so. Of a log
+        the differences by what flew its commands, the factors that explain most with intervals at
+        95 %, and the share that each cause explains.
 
     Raises
     ------
     InputError
-        If the scenario has no such jsbsim plant.
+        If the scenario has no such jsbsim plant, or a log no commands that can be flown on the
+        aircraft.
     InfeasibleError
         If tuning finds no such gains.
     PlantError
@@ -96,14 +137,20 @@ def gap(
     >>> [step.adds for step in found.steps]
     ['turning with actual lift', 'lag of the inner loop', 'six degrees of freedom']
     """
+    if aircraft is not None:
+        if isinstance(scenario, Scenario) or gains is not None or changes:
+            raise InputError("`aircraft` must be given with a log alone, got a scenario or gains.")
+        return log_gap(scenario, aircraft, columns=columns, progress=progress)
+    if isinstance(scenario, Run) or (isinstance(scenario, str | Path) and is_log(scenario)):
+        raise InputError("`aircraft` must be given with a log: what its commands are flown on.")
     scenario, gains_name, gains = scenario_and_gains(scenario, gains, changes)
     name = name or gains_name
     table = aircraft_table(scenario, plant)
-    aircraft = fly_alone(scenario, table, gains, name, progress=progress)
-    if len(aircraft.signals) >= LEAST_SAMPLES:
-        return explain_flight(scenario, aircraft, lag=lag, progress=progress)
+    top = fly_alone(scenario, table, gains, name, progress=progress)
+    if len(top.signals) >= LEAST_SAMPLES:
+        return explain_flight(scenario, top, lag=lag, progress=progress)
     law, _ = scenario.law_of(name, gains)
-    return Gap(scenario=scenario, runs=(aircraft,), indicators=_indicators(scenario, law, gains))
+    return Gap(scenario=scenario, runs=(top,), indicators=_indicators(scenario, law, gains))
 
 
 def explain_flight(

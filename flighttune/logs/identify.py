@@ -31,7 +31,7 @@ from flighttune.identification.fit import (
     with_parameters,
 )
 from flighttune.logs.columns import Columns
-from flighttune.logs.log import load_log, part_of
+from flighttune.logs.log import load_part
 from flighttune.present.answer import Answer, Answering
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import columns as layout
@@ -223,7 +223,7 @@ def identify_log(
     assume = dict(assume or {})
     if set(assume) - set(CHANNELS):
         raise InputError(f"`assume` must name phi or n_z, got {', '.join(assume)}.")
-    runs = [log if isinstance(log, Run) else _loaded(str(log), columns) for log in logs]
+    runs = [log if isinstance(log, Run) else load_part(str(log), columns) for log in logs]
     channels: dict[Channel, ChannelOfLogs] = {}
     untold: dict[str, str] = {}
     for name in CHANNELS:
@@ -243,12 +243,7 @@ def identify_log(
     return LogIdentification(identified=identified, channels=channels, untold=untold, title=title)
 
 
-def _loaded(name: str, columns: Columns) -> Run:
-    place, _, part = name.partition("@") if not Path(name).exists() else (name, "", "")
-    return load_log(place, columns=columns, **part_of(part, name))
-
-
-def _speed(run: Run) -> FloatArray:
+def speed_of(run: Run) -> FloatArray:
     """Airspeed, or ground speed where there is none, m/s."""
     return run.signals["V_a" if "V_a" in run.signals else "V_g"].to_numpy(dtype=float)
 
@@ -257,7 +252,7 @@ def _sections(run: Run, number: int, name: Channel, first: int) -> Iterator[Sect
     """Sections of a run, with stretches from `first` on."""
     signals = run.signals
     measured, commanded = (signals[key].to_numpy(dtype=float) for key in (name, f"{name}_cmd"))
-    speed, dt = _speed(run), float(run.t[1] - run.t[0])
+    speed, dt = speed_of(run), float(run.t[1] - run.t[0])
     good = np.isfinite(measured) & np.isfinite(commanded) & (speed > SLOW * np.nanmedian(speed))
     edges = np.flatnonzero(np.diff(good.astype(int), prepend=0, append=0))
     wait, size = round(SETTLED_S / dt), round(STRETCH_S / dt)
@@ -364,12 +359,20 @@ def _resampled(sections: Sequence[Section], lag: InnerLag, count: int) -> FloatA
             there = section.stretch == number
             normal[number] += jacobian[there].T @ jacobian[there]
             slope[number] += jacobian[there].T @ here[there]
+    return centre - drawn_again(normal, slope)
+
+
+def drawn_again(normal: FloatArray, slope: FloatArray) -> FloatArray:
+    """Steps of Gauss and Newton for stretches drawn with replacement, shape (resamples, n).
+
+    `normal` and `slope`, shapes (stretches, n, n) and (stretches, n): sums over a stretch.
+    """
+    count = len(normal)
     drawn = np.random.default_rng(SEED).integers(0, count, (RESAMPLES, count))
     weights = np.apply_along_axis(np.bincount, 1, drawn, minlength=count).astype(float)
     matrices = np.einsum("rs,sij->rij", weights, normal)
-    ridge = 1e-12 * np.trace(normal.sum(axis=0)) * np.eye(len(centre))
-    steps = np.linalg.solve(matrices + ridge, (weights @ slope)[..., None])[..., 0]
-    return centre - steps
+    ridge = 1e-12 * np.trace(normal.sum(axis=0)) * np.eye(normal.shape[1])
+    return np.linalg.solve(matrices + ridge, (weights @ slope)[..., None])[..., 0]
 
 
 def _aircraft(
@@ -391,7 +394,7 @@ def _aircraft(
             cross=None,
             simpler=LagTable.model_construct(**lag_table(lag)),
         )
-    speeds = np.concatenate([_speed(run) for run in runs])
+    speeds = np.concatenate([speed_of(run) for run in runs])
     heights = [run.signals["h"].to_numpy(dtype=float) for run in runs if "h" in run.signals]
     h = float(np.nanmedian(np.concatenate(heights))) if heights else 0.0
     condition = IdentifiedCondition.model_construct(

@@ -136,7 +136,13 @@ def _named(
     return raw
 
 
-def part_of(choice: str, name: str) -> dict[str, float]:
+def load_part(name: str, columns: Columns) -> Run:
+    """The log of a file, or the part ``LOG@START:END`` of one."""
+    place, _, part = (name, "", "") if Path(name).exists() else name.partition("@")
+    return load_log(place, columns=columns, **_part_of(part, name))
+
+
+def _part_of(choice: str, name: str) -> dict[str, float]:
     """`start` and `end` (s) of a part ``START:END`` of a log; either may be empty."""
     if not choice:
         return {}

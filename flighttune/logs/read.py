@@ -40,8 +40,9 @@ PATIENCE_S, PATIENCE_PER_BYTE = 10.0, 1e-5
 MAX_CELLS = 50_000_000  # numbers of a table, rows times columns
 
 
-def is_log(path: Path) -> bool:
-    """Whether a path is one of a log: by its ending or its first bytes."""
+def is_log(name: str | Path) -> bool:
+    """Whether a file, or the LOG of ``LOG@START:END``, is a log: by its ending or first bytes."""
+    path = Path(name) if Path(name).exists() else Path(str(name).partition("@")[0])
     return path.suffix.lower() in SUFFIXES or (path.is_file() and bool(_kind_of(path)))
 
 

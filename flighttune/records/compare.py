@@ -15,7 +15,7 @@ from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import fly
 from flighttune.flight.load import load_scenario
 from flighttune.logs.columns import Columns
-from flighttune.logs.log import load_log, part_of
+from flighttune.logs.log import load_part
 from flighttune.logs.read import is_log
 from flighttune.metrics import FLIGHT_METRICS, METRICS, measures, unit_of
 from flighttune.present.answer import Answer, Answering, pick
@@ -225,7 +225,7 @@ def load_source(
     if is_log(path):
         if changes:
             raise InputError(f"{name}: `--set` must be absent where runs are read, not flown.")
-        run = load_log(path, columns=columns, **part_of(choice, name))
+        run = load_part(name, columns)
         lacking = run.provenance.log or {}
         missing = *lacking["missing"], *(f"in gaps, {gap}" for gap in lacking["gaps"])
         return Source(name=name, runs=(run,), missing=missing)

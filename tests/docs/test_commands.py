@@ -56,6 +56,7 @@ NOT_RUN = {
     "flighttune design mine": "an aircraft of the reader's own",
     "flighttune identify mine": "an aircraft of the reader's own",
     "flighttune report flight.ulg": "a log of the reader's own; tests/logs",
+    "flighttune gap flight.ulg": "a log of the reader's own; tests/gaps/test_of_log.py",
     "flighttune identify monday.ulg": "a log of the reader's own; tests/logs",
     "flighttune identify flight.tlog": "a log of the reader's own; tests/logs",
     "flighttune new from_log": "after `identify` of a log; tests/logs",

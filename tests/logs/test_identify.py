@@ -2,6 +2,7 @@
 
 import json
 
+import numpy as np
 import pytest
 from commands import answer, flighttune
 from log_files import LOAD, ROLL, sampled, write_csv, write_dataflash, write_tlog, write_ulog
@@ -147,3 +148,15 @@ def test_lags_of_a_plant_are_given_or_identified(table, says):
 
     with pytest.raises(ft.InputError, match=says):
         ft.fly(ft.scenario_from(tables))
+
+
+@pytest.mark.slow
+def test_commands_of_a_log_fly_on_the_model_identified_from_it(log, model):
+    told = answer("gap", log, "--aircraft", model, cwd=log.parent)
+
+    law, _, identified, _ = told["differences"]
+    assert identified["phi"] < 0.1 * law["phi"]
+    factors = {row["factor"]: row["value"] for row in told["factors"]}
+    assert set(factors) == {"phi_late", "n_z_late", "wind_north", "wind_east"}
+    assert factors["phi_late"] == pytest.approx(0.0, abs=LAG * ROLL.whole)
+    assert np.hypot(factors["wind_north"], factors["wind_east"]) < 0.2  # m/s: the noise of airspeed

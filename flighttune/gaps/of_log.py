@@ -1,0 +1,498 @@
+"""The log of a real flight against a model: its commands flown again, and what explains the rest.
+
+The commands are flown open loop, so that errors of a model add up: each stretch starts from the
+log anew, and course and path angle are compared without their mean difference in it.
+"""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
+
+from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft
+from flighttune.aircraft.off_nominal import OffNominal
+from flighttune.arrays import FloatArray
+from flighttune.control.inner_loop import InnerLag
+from flighttune.errors import FlightTuneError, InputError
+from flighttune.flight.apart import Progress
+from flighttune.identification.file import FILE_NAME, load_identified
+from flighttune.logs.columns import Columns
+from flighttune.logs.identify import CONFIDENCE, EXCITED, SLOW, drawn_again, speed_of
+from flighttune.logs.log import load_part
+from flighttune.plants.base import FlightCondition, Plant
+from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, JSBSimPlant
+from flighttune.plants.point_mass import PointMassPlant
+from flighttune.plants.weather import Weather, WindProfile, WindRecord, course_of
+from flighttune.present.answer import Answer, Answering
+from flighttune.present.chart import DASHED, Chart, Sheet
+from flighttune.present.palette import HUES, INK, NEUTRAL, PLANTS
+from flighttune.present.tables import Column, Table
+from flighttune.simulate.run import Run
+from flighttune.units import DEG, DEG_PER_RAD
+
+# Time after the start of a stretch in which the steady start is forgotten, and that compared, s.
+WAIT_S, STRETCH_S = 5.0, 12.0
+MIN_STRETCHES, MAX_STRETCHES = 3, 8
+
+SAMPLE_S = 0.02  # s: commands are held for about so long
+
+# Difference of each signal that counts as 1; ``nose`` is pitch minus path angle, ``tail`` ground
+# speed minus airspeed: how the autopilot of the log holds its airspeed is no part of the model.
+SCALES = {
+    "chi": DEG,
+    "gamma": DEG,
+    "phi": DEG,
+    "n_z": 0.05,
+    "tail": 0.5,
+    "nose": DEG,
+}
+# Without their mean in a stretch: what adds up from its start, or has an offset of the sensor.
+DRIFTING = ("chi", "gamma", "nose")
+
+# A start or flight that a model cannot do counts as this much in every signal and sample.
+LOST = 30.0
+
+TURNED = 60.0 * DEG  # a wind shows in courses that differ by more
+
+MAX_STEPS = 8  # of the search; differences are nearly linear in the factors
+STEP = 0.2  # share of its size by which a factor is changed for a slope
+
+# Names that models give to the damping of roll and of pitch.
+DAMPING = (("Clp", "Cl_p"), ("Cmq", "Cm_q"))
+
+
+class Factor(NamedTuple):
+    """One thing in which flight and model may differ."""
+
+    cause: str
+    title: str
+    unit: str
+    nominal: float
+    size: float  # a change that matters
+
+
+FACTORS = {
+    "phi_late": Factor("lag", "roll later than the model's", "s", 0.0, 0.1),
+    "n_z_late": Factor("lag", "load factor later than the model's", "s", 0.0, 0.1),
+    "mass": Factor("mass", "mass over the model's", "1", 1.0, 0.2),
+    "damping": Factor("damping", "damping over the model's", "1", 1.0, 0.4),
+    "wind_north": Factor("wind", "air moving north", "m/s", 0.0, 5.0),
+    "wind_east": Factor("wind", "air moving east", "m/s", 0.0, 5.0),
+}
+
+LOGGED = ("chi", "gamma", "V_g", "phi", "n_z", "phi_cmd", "n_z_cmd")
+NO_HEIGHT = 1000.0  # m: of a log without height
+
+# Signals of all stretches, in a log or of a model, shape (stretches, samples).
+Signals: TypeAlias = Mapping[str, FloatArray]
+
+# A fresh plant from the factors.
+PlantMaker: TypeAlias = Callable[[Mapping[str, float]], Plant]
+
+RUNG_COLUMNS = [
+    Column("flown", "commands flown on"),
+    *(
+        Column(name, title, unit, digits, 1.0 / factor)
+        for name, title, unit, digits, factor in (
+            ("chi", "chi", "deg", ".2f", DEG),
+            ("gamma", "gamma", "deg", ".2f", DEG),
+            ("phi", "phi", "deg", ".2f", DEG),
+            ("n_z", "n_z", "1", ".3f", 1.0),
+            ("tail", "V_g - V_a", "m/s", ".2f", 1.0),
+            ("nose", "nose", "deg", ".2f", DEG),
+        )
+    ),
+]
+CAUSE_COLUMNS = [
+    Column("cause", "cause"),
+    Column("alone_percent", "explains alone", "%", ".1f"),
+    Column("without_percent", "left without it", "%", ".1f"),
+]
+FACTOR_COLUMNS = [
+    Column("title", "factor"),
+    Column("value", "value", "", ".3f", ends=("low", "high")),
+    Column("unit", "unit"),
+]
+PART_COLUMNS = [Column("from_s", "from", "s", ".1f"), *RUNG_COLUMNS[1:]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LogGap(Answering):
+    """The difference between a real flight and a model that flies its commands.
+
+    Attributes
+    ----------
+    log, aircraft : str
+        Names of log and model.
+    t : ndarray, shape (stretches, samples), s
+        Times of the stretches whose commands were flown, from the start of the log.
+    logged : mapping of str to ndarray, shape (stretches, samples)
+        Signals of the log in SI, the commands too; ``nose`` is pitch minus path angle,
+        ``tail`` ground speed minus airspeed.
+    flights : mapping of str to (mapping of str to ndarray, shape (stretches, samples))
+        Signals of what flew the commands: the paper's law, the exact point mass, that behind the
+        identified lag, the aircraft, and the aircraft as it explains most. NaN where a flight
+        ended.
+    factors : mapping of str to tuple of three floats
+        Value of each factor that explains most, and the ends of its interval at 95 %.
+    causes : mapping of str to tuple of two floats
+        Share of the aircraft's difference that each cause explains alone, and that is left
+        without it; squares are summed over all signals, each over its size in `SCALES`.
+    explained : float
+        Share that all factors explain.
+    notes : tuple of str
+        What the log cannot tell.
+    """
+
+    log: str
+    aircraft: str
+    t: FloatArray
+    logged: Signals
+    flights: Mapping[str, Signals]
+    factors: Mapping[str, tuple[float, float, float]]
+    causes: Mapping[str, tuple[float, float]]
+    explained: float
+    notes: tuple[str, ...]
+
+    def answer(self) -> Answer:
+        """Differences by what flew the commands, causes, factors, and where they part."""
+        apart = {name: _apart(self.t, self.logged, flown) for name, flown in self.flights.items()}
+        rungs = [
+            {"flown": name, **{key: _rms(values) for key, values in each.items()}}
+            for name, each in apart.items()
+        ]
+        causes = [
+            {"cause": name, "alone_percent": 100.0 * alone, "without_percent": 100.0 * without}
+            for name, (alone, without) in self.causes.items()
+        ]
+        factors = [
+            {"factor": name, "title": FACTORS[name].title, "unit": FACTORS[name].unit}
+            | dict(zip(("value", "low", "high"), values, strict=True))
+            for name, values in self.factors.items()
+        ]
+        parts = [
+            {"from_s": float(start), **{k: _rms(v[i]) for k, v in apart[self.aircraft].items()}}
+            for i, start in enumerate(self.t[:, 0] + WAIT_S)
+        ]
+        title = f"{self.log}: rms difference in {len(parts)} stretches of {STRETCH_S:g} s"
+        tables = [
+            Table(RUNG_COLUMNS, rungs, title, name="differences"),
+            Table(CAUSE_COLUMNS, causes, f"difference from {self.aircraft}", name="causes"),
+            Table(FACTOR_COLUMNS, factors, "explained best by", name="factors"),
+            Table(PART_COLUMNS, parts, f"where {self.aircraft} and the log part", name="parts"),
+        ]
+        chi, t = np.abs(np.nan_to_num(apart[self.aircraft]["chi"])), _compared(self.t, self.t)
+        worst = np.unravel_index(np.argmax(chi), chi.shape)
+        verdict = (
+            f"Of the difference between {self.log} and {self.aircraft}, {', '.join(self.causes)} "
+            f"together explain {100.0 * self.explained:.1f} %; the course parts most at "
+            f"{t[worst]:.1f} s, by {chi[worst] * DEG_PER_RAD:.1f} deg."
+        )
+        values = {"explained_percent": 100.0 * self.explained}
+        return Answer(values=values, tables=tables, notes=self.notes, verdict=verdict)
+
+    def sheet(self) -> Sheet:
+        """Course, path angle, roll and load factor in the stretch with the largest difference."""
+        differences = _scaled(self.t, self.logged, self.flights[self.aircraft])
+        k, charts = int(np.argmax(np.sum(differences**2, axis=1))), []
+        colours = [*PLANTS[: len(self.flights) - 2], HUES[0][0], HUES[1][0]]
+        for name in ("chi", "gamma", "phi", "n_z"):
+            unit, symbol = (1.0, "1") if name == "n_z" else (DEG, "deg")
+            chart = Chart(title=name, y=f"{name} [{symbol}]")
+            for (flown, signals), (colour, _) in zip(self.flights.items(), colours, strict=True):
+                chart.line(self.t[k], signals[name][k] / unit, colour, name=flown)
+            for key, colour, dash in ((f"{name}_cmd", NEUTRAL, DASHED), (name, INK, "")):
+                if key in self.logged:
+                    line = self.logged[key][k] / unit
+                    chart.line(
+                        self.t[k], line, colour, dash=dash, name="command" if dash else "log"
+                    )
+            charts.append(chart)
+        return Sheet(charts=charts, title=f"{self.log}: its commands flown on {self.aircraft}")
+
+
+def log_gap(
+    log: str | Path | Run,
+    aircraft: str | Path,
+    *,
+    columns: Columns = (),
+    progress: Progress | None = None,
+) -> LogGap:
+    """Fly the commands of a log on an aircraft, and explain the difference.
+
+    `aircraft`: a shipped one, a folder, or the file of an identified model, which has no airframe.
+    """
+    run = log if isinstance(log, Run) else load_part(str(log), columns)
+    flights = _Flights(run, aircraft, progress)
+    fly, nominal = flights.fly, flights.nominal
+    flown = {title: fly({}, maker) for title, maker in flights.lower.items()}
+    flown[flights.label] = fly(nominal)
+    factors = _fitted(flights)
+    best = {name: value for name, (value, _, _) in factors.items()}
+    flown[f"{flights.label}, explained"] = fly(best)
+    whole = flights.size(flown[flights.label])
+    causes = {}
+    for cause in dict.fromkeys(FACTORS[name].cause for name in nominal):
+        of_cause = {name: best[name] for name in best if FACTORS[name].cause == cause}
+        without = best | {name: nominal[name] for name in of_cause}
+        alone = 1.0 - flights.size(fly(nominal | of_cause)) / whole
+        causes[cause] = alone, flights.size(fly(without)) / whole
+    return LogGap(
+        log=str(run.provenance.gains_name),
+        aircraft=flights.label,
+        t=flights.t,
+        logged=flights.logged,
+        flights=flown,
+        factors=factors,
+        causes=causes,
+        explained=1.0 - flights.size(flown[f"{flights.label}, explained"]) / whole,
+        notes=tuple(flights.notes),
+    )
+
+
+class _Flights:
+    """The stretches of a log, the plants that fly its commands, and what the log can tell."""
+
+    def __init__(self, run: Run, aircraft: str | Path, progress: Progress | None) -> None:
+        self.notes: list[str] = []
+        self._progress, self._count = progress, 0
+        file = Path(aircraft).suffix == ".json"
+        self.label = Path(aircraft).stem if file else Path(aircraft).name
+        config = None if file else load_aircraft(aircraft)
+        rate = 1.0 / SAMPLE_S if config is None else float(config.inner_loop_rate)
+        self.t, self.logged = _stretches(run, max(1, round(SAMPLE_S * rate)) / rate)
+        lags = None
+        if config is None or (config.folder / FILE_NAME).exists():
+            lags = load_identified(aircraft).nearest(float(np.median(self.logged["V_a"])), 0.0).lags
+        self.lower: dict[str, PlantMaker] = {
+            "kinematic": lambda _: PointMassPlant(turn="paper"),
+            "point_mass": lambda _: PointMassPlant(),
+        }
+        self.nominal = {name: factor.nominal for name, factor in FACTORS.items()}
+        if config is None:
+            self._maker: PlantMaker = partial(_behind, lags)
+            self._leave("mass", "damping", why=f"{self.label} has no airframe to change")
+        else:
+            if lags is not None:
+                self.lower["point_mass_lag"] = partial(_behind, lags)
+            damping = [name for names in DAMPING if (name := _named(config, names))]
+            self._maker = partial(_airframe, config, damping)
+            if not damping:
+                names = ", ".join(name for names in DAMPING for name in names)
+                self._leave("damping", why=f"{self.label} has no aerodynamics named {names}")
+        if "n_z" not in self.logged:
+            why = "without load-factor commands the log's load factor is flown"
+            self._leave("n_z_late", why=why)
+        if "h" not in run.signals:
+            self.notes.append(f"The log has no height: the air is that at {NO_HEIGHT:g} m.")
+        if "V_a" not in run.signals:
+            self._leave("wind_north", "wind_east", why="the log has no airspeed")
+        elif np.ptp(self.logged["chi"]) < TURNED:
+            why = f"the course changes by less than {TURNED * DEG_PER_RAD:g} deg"
+            self._leave("wind_north", "wind_east", why=why)
+        self._keep_flyable()
+
+    def _leave(self, *names: str, why: str) -> None:
+        for name in names:
+            del self.nominal[name]
+        causes = " and ".join(dict.fromkeys(FACTORS[name].title for name in names))
+        self.notes.append(f"Not looked for: {causes}, because {why}.")
+
+    def _keep_flyable(self) -> None:
+        """Drop the stretches that the aircraft cannot start."""
+        kept, reason = [], ""
+        for k in range(len(self.t)):
+            try:
+                self._maker(self.nominal).start(self._start(k, (0.0, 0.0)))
+                kept.append(k)
+            except FlightTuneError as error:
+                reason = str(error)
+        if len(kept) < MIN_STRETCHES:
+            raise InputError(
+                f"{self.label}: must fly {MIN_STRETCHES} stretches of the log at least, got "
+                f"{len(kept)}: {reason}"
+            )
+        if reason:
+            got = f"{len(self.t) - len(kept)} of {len(self.t)} stretches"
+            self.notes.append(f"{got} are left out: {reason}")
+        self.t = self.t[kept]
+        self.logged = {name: values[kept] for name, values in self.logged.items()}
+
+    def _start(self, k: int, wind: tuple[float, float]) -> FlightCondition:
+        """Where a flight of stretch `k` starts in a wind (m/s, to the north and to the east)."""
+        chi, gamma, V_g, phi = (float(self.logged[x][k, 0]) for x in ("chi", "gamma", "V_g", "phi"))
+        north, east = V_g * math.cos(chi) - wind[0], V_g * math.sin(chi) - wind[1]
+        course, climb = course_of((north, east, -V_g * math.tan(gamma)))
+        V_a, h = (float(np.median(self.logged[name][k])) for name in ("V_a", "h"))
+        return FlightCondition(V_a=V_a, h=h, chi=course, gamma=climb, phi=phi)
+
+    def size(self, flown: Signals) -> float:
+        """Sum of the squares of the scaled difference."""
+        return float(np.sum(self.difference(flown) ** 2))
+
+    def difference(self, flown: Signals) -> FloatArray:
+        """Scaled difference, shape (stretches, signals times samples)."""
+        return _scaled(self.t, self.logged, flown)
+
+    def fly(self, factors: Mapping[str, float], maker: PlantMaker | None = None) -> Signals:
+        """Signals of the aircraft, or of another plant, under the commands of every stretch."""
+        self._count += 1
+        if self._progress is not None:
+            self._progress(self.label, 1.0 - 0.95**self._count)
+        make = maker or self._maker
+        flown = [self._flown(make(factors), k, factors) for k in range(len(self.t))]
+        return {name: np.stack([each[name] for each in flown]) for name in flown[0]}
+
+    def _flown(self, plant: Plant, k: int, factors: Mapping[str, float]) -> Signals:
+        """Signals under the commands of one stretch; NaN after an early end."""
+        t, rows = self.t[k], np.full((self.t.shape[1], len(plant.signals)), np.nan)
+        step = float(t[1] - t[0])
+        # A command that is held over a sample stands for that at its middle.
+        commands = [
+            np.interp(t + 0.5 * step - factors.get(f"{x}_late", 0.0), t, self.logged[f"{x}_cmd"][k])
+            for x in ("phi", "n_z")
+        ]
+        with suppress(FlightTuneError):
+            plant.start(self._start(k, _wind(factors)))
+            for i, (phi_cmd, n_z_cmd) in enumerate(np.column_stack(commands).tolist()):
+                rows[i] = plant.observe()
+                if plant.advance(phi_cmd, n_z_cmd, step) is not None:
+                    break
+        signals = dict(zip(plant.signals, rows.T, strict=True))
+        still = signals["V_a"] * np.cos(signals["gamma"])
+        signals["tail"] = signals.get("V_g", still) - signals["V_a"]
+        if "theta" in signals:
+            signals["nose"] = signals["theta"] - signals["gamma"]
+        turns = np.round((self.logged["chi"][k, 0] - signals["chi"][0]) / math.tau)
+        return signals | {"chi": signals["chi"] + math.tau * turns}
+
+
+def _named(config: AircraftConfig, names: Sequence[str]) -> str:
+    """The first of these aerodynamic functions that a model has; empty if it has none."""
+    for name in names:
+        with suppress(InputError):
+            JSBSimPlant(config, off_nominal=OffNominal(coefficient_factors={name: 1.0}))
+            return name
+    return ""
+
+
+def _wind(factors: Mapping[str, float]) -> tuple[float, float]:
+    return factors.get("wind_north", 0.0), factors.get("wind_east", 0.0)
+
+
+def _behind(lags: tuple[InnerLag, InnerLag] | None, factors: Mapping[str, float]) -> Plant:
+    """The point mass behind lags, in wind."""
+    north, east = _wind(factors)
+    return PointMassPlant(lags, wind=WindRecord.steady(north=north, east=east))
+
+
+def _airframe(
+    config: AircraftConfig, damping: Sequence[str], factors: Mapping[str, float]
+) -> Plant:
+    """The aircraft with its mass and damping changed, in wind."""
+    off = OffNominal(
+        mass_factor=factors["mass"],
+        coefficient_factors=dict.fromkeys(damping, factors["damping"]),
+    )
+    weather = Weather(wind=WindProfile(((0.0, (*_wind(factors), 0.0)),)))
+    return JSBSimPlant(config, off_nominal=off, weather=weather, ground=-DEEPEST_GROUND)
+
+
+def _stretches(run: Run, step: float) -> tuple[FloatArray, Signals]:
+    """Times and signals of stretches with changing roll commands, spread evenly over a log."""
+    signals, place, t = run.signals.astype(float), run.label, run.t
+    lacking = [name for name in ("chi", "gamma", "V_g", "phi", "phi_cmd") if name not in signals]
+    if lacking or not {"n_z", "n_z_cmd"} & set(signals):
+        names = ", ".join([*lacking] or ["n_z"])
+        raise InputError(f"{place}: must have {names} to be flown on a model, got none.")
+    logged = {name: signals[name].to_numpy() for name in LOGGED if name in signals}
+    logged["V_a"] = speed_of(run)
+    if "V_a" in signals:
+        logged["tail"] = logged["V_g"] - logged["V_a"]
+    logged.setdefault("n_z_cmd", logged["n_z"])
+    if "n_z_cmd" not in signals:
+        del logged["n_z"]
+    if "theta" in signals:
+        logged["nose"] = signals["theta"].to_numpy() - logged["gamma"]
+    good = np.isfinite(np.column_stack([*logged.values()])).all(axis=1)
+    good &= logged["V_a"] > SLOW * np.nanmedian(logged["V_a"])
+    heights = signals["h"].to_numpy() if "h" in signals else np.full(len(t), NO_HEIGHT)
+    logged |= {
+        "h": np.nan_to_num(heights, nan=NO_HEIGHT),
+        "chi": np.unwrap(np.nan_to_num(logged["chi"])),
+    }
+    size, low, pieces = math.ceil((WAIT_S + STRETCH_S) / (t[1] - t[0])) + 1, 0, []
+    while low + size < len(t):
+        piece = slice(low, low + size + 1)
+        bad = np.flatnonzero(~good[piece])
+        if not len(bad) and np.ptp(logged["phi_cmd"][piece]) > EXCITED["phi"]:
+            pieces.append(piece)
+        low += int(bad[-1]) + 1 if len(bad) else size
+    if len(pieces) < MIN_STRETCHES:
+        raise InputError(
+            f"{place}: must have {MIN_STRETCHES} stretches of {WAIT_S + STRETCH_S:g} s without a "
+            f"gap in which roll commands change by {EXCITED['phi'] / DEG:g} deg, got {len(pieces)}."
+        )
+    chosen = np.linspace(0, len(pieces) - 1, min(MAX_STRETCHES, len(pieces))).round().astype(int)
+    count = math.floor((WAIT_S + STRETCH_S) / step)
+    times = np.array([t[pieces[i].start] + step * np.arange(count) for i in chosen])
+    return times, {name: np.interp(times, t, values) for name, values in logged.items()}
+
+
+def _compared(t: FloatArray, values: FloatArray) -> FloatArray:
+    """Samples of stretches after the time that a start takes to be forgotten."""
+    return values[:, round(WAIT_S / float(t[0, 1] - t[0, 0])) :]
+
+
+def _apart(t: FloatArray, logged: Signals, flown: Signals) -> dict[str, FloatArray]:
+    """Log minus model in SI by signal that both have, shape (stretches, samples)."""
+    apart = {}
+    for name in SCALES:
+        if name in logged and name in flown:
+            apart[name] = _compared(t, logged[name] - flown[name])
+            if name in DRIFTING:
+                apart[name] -= apart[name].mean(axis=1, keepdims=True)
+    return apart
+
+
+def _scaled(t: FloatArray, logged: Signals, flown: Signals) -> FloatArray:
+    """Differences over their sizes, shape (stretches, signals times samples)."""
+    apart = _apart(t, logged, flown)
+    scaled = np.hstack([values / SCALES[name] for name, values in apart.items()])
+    return np.clip(np.nan_to_num(scaled, nan=LOST), -LOST, LOST)
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _fitted(flights: _Flights) -> dict[str, tuple[float, float, float]]:
+    """Factors of the least difference, and the ends of their intervals."""
+    from scipy.optimize import least_squares
+
+    names = [*flights.nominal]
+    nominal, sizes = (
+        np.array([getattr(FACTORS[name], key) for name in names]) for key in ("nominal", "size")
+    )
+
+    def factors(x: FloatArray) -> FloatArray:
+        return nominal + sizes * (x - 1.0)  # 1 is nominal: steps of `least_squares` are relative
+
+    def residual(x: FloatArray) -> FloatArray:
+        values = dict(zip(names, factors(x).tolist(), strict=True))
+        return flights.difference(flights.fly(values)).ravel()
+
+    start = np.ones(len(names))
+    fit = least_squares(residual, start, diff_step=STEP, max_nfev=MAX_STEPS, xtol=1e-3, ftol=1e-4)
+    jacobian = fit.jac.reshape(len(flights.t), -1, len(names))
+    normal = np.einsum("smi,smj->sij", jacobian, jacobian)
+    slope = np.einsum("smi,sm->si", jacobian, fit.fun.reshape(len(flights.t), -1))
+    edges = 50.0 * (1.0 - CONFIDENCE), 50.0 * (1.0 + CONFIDENCE)
+    low, high = np.percentile(fit.x - drawn_again(normal, slope), edges, axis=0)
+    values = (factors(x).tolist() for x in (fit.x, low, high))
+    return dict(zip(names, zip(*values, strict=True), strict=True))

@@ -1,0 +1,101 @@
+"""A log of our own flight with a known change against the aircraft without it."""
+
+import math
+
+import numpy as np
+import pytest
+from commands import answer, flighttune
+from log_files import sampled, write_csv
+
+import flighttune as ft
+
+MASS, LATE, WIND = 1.2, 0.15, (3.0, 3.0 * math.sqrt(3.0))
+"""Of the flight: mass over the model's; s; m/s to the north and to the east."""
+HELD = 0.01
+"""Half a sample of the controller, by which a command that is held comes later, s."""
+MASS_ERROR, LAG_ERROR, WIND_ERROR = 0.05, 0.01, 0.1
+"""Allowed with noise, dropouts and late stamps at 25 Hz."""
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory):
+    """Flight of a heavier Cessna in wind, its commands stamped early."""
+    sizes = [90.0, -40.0, 70.0, -30.0, 60.0, -50.0]
+    steps = [
+        {"shape": "step", "start_s": 2.0 + 6.5 * k, "change_deg": sizes[k % 6]} for k in range(24)
+    ]
+    climbs = [
+        {"shape": "step", "start_s": 4.0 + 5.0 * k, "change_deg": (-1.0) ** k * (3.0 + k % 3)}
+        for k in range(31)
+    ]
+    scenario = {
+        "title": "Heavier",
+        "gains": [{"name": "mine", "K_P": [[1.0, 0], [0, 2.0]], "K_I": [[0.05, 0], [0, 0.2]]}],
+        "flight": {"V_a_mps": 50.0, "h_m": 800.0, "duration_s": 165.0},
+        "reference": {"chi_deg": steps, "gamma_deg": climbs},
+        "limits": {"phi_deg": [-40, 40], "n_z": [0.4, 1.8]},
+        "controller": {"rate_hz": 50.0, "feed_forward": True},
+        "wind": {"speed_mps": 6.0, "from_deg": 240.0},
+        "plant": [
+            {"kind": "jsbsim", "aircraft": "c172p", "airframe": {"mass_factor": MASS}},
+        ],
+    }
+    (run,) = ft.fly(ft.scenario_from(scenario)).runs
+    assert run.status == "completed", run.outcome
+    t, signals = sampled(run)
+    early = {name: np.interp(t + LATE, t, signals[name]) for name in ("phi_cmd", "n_z_cmd")}
+    return write_csv(tmp_path_factory.mktemp("gap") / "flight.csv", t, signals | early)
+
+
+@pytest.mark.soak
+def test_mass_lag_and_wind_of_a_flight_come_back(log):
+    told = answer("gap", log, "--aircraft", "c172p", "--out", log.parent / "gap", cwd=log.parent)
+
+    factors = {row["factor"]: row for row in told["factors"]}
+    assert factors["mass"]["value"] == pytest.approx(MASS, abs=MASS_ERROR)
+    for name in ("phi_late", "n_z_late"):
+        assert factors[name]["value"] == pytest.approx(LATE + HELD, abs=LAG_ERROR)
+    for name, true in zip(("wind_north", "wind_east"), WIND, strict=True):
+        assert factors[name]["value"] == pytest.approx(true, abs=WIND_ERROR)
+    assert all(row["low"] < row["value"] < row["high"] for row in factors.values())
+    assert told["explained_percent"] > 99.0
+    causes = {row["cause"]: row for row in told["causes"]}
+    assert max(causes, key=lambda name: causes[name]["alone_percent"]) == "wind"
+    law, *_, aircraft, explained = told["differences"]
+    assert (law["flown"], aircraft["flown"]) == ("kinematic", "c172p")
+    assert explained["phi"] < 0.2 * aircraft["phi"] < aircraft["phi"] < law["phi"]
+    assert (log.parent / "gap" / "gap.svg").stat().st_size > 10_000
+
+
+def test_a_log_that_an_aircraft_cannot_fly_is_one_line(log):
+    said = flighttune("gap", log, "--aircraft", "aerosonde", status=2, cwd=log.parent)[1]
+
+    assert "aerosonde: must fly 3 stretches of the log at least, got 0" in said
+    assert "V_a" in said
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        ((), "`aircraft` must be given with a log"),
+        (("--aircraft", "c172p", "--gains", "paper"), "--aircraft must be given with a log"),
+        (("--aircraft", "nothing"), "`aircraft` must be one of"),
+    ],
+)
+def test_a_log_and_its_aircraft_go_together(log, arguments, says):
+    said = flighttune("gap", log, *arguments, status=2, cwd=log.parent)[1]
+
+    assert says in " ".join(said.split())
+
+
+def test_a_log_without_roll_commands_is_one_line(log):
+    run = ft.load_log(log)
+    bare = ft.Run(
+        signals=run.signals.drop(columns="phi_cmd"),
+        status="completed",
+        reason="",
+        provenance=run.provenance,
+    )
+
+    with pytest.raises(ft.InputError, match="must have phi_cmd to be flown on a model"):
+        ft.gap(bare, aircraft="c172p")
