@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 from functools import lru_cache
-from typing import Annotated, Self, TypeAlias
+from typing import Annotated, ClassVar, Self, TypeAlias
 
 from pydantic import Field, model_validator
 
@@ -79,6 +79,7 @@ class RouteTable(q.Table):
     turnaround_m: Annotated[q.Finite, Field(ge=0.0, le=1e5)] | None = None
     rally: Annotated[list[RallyTable], Field(default_factory=list, max_length=MAX_WAYPOINTS)]
     notes: Annotated[list[str], Field(default_factory=list)]
+    batched: ClassVar[bool] = False  # by the compiled kernel: it depends on the position
 
     @model_validator(mode="after")
     def _of_one_kind(self) -> Self:

@@ -222,10 +222,16 @@ class ReferenceTable(q.Table):
                 if isinstance(ramp, RampTable) and ramp.roll_in_s:
                     yield key, ramp
 
+    @property
+    def batched(self) -> bool:
+        """Whether the compiled kernel flies it: it takes no search and no plan."""
+        return self.shape is None and not any(self.ramps_in())
+
     def steepest(self, start_deg: float, duration: float) -> tuple[float, float]:
         """Time (s) and value (deg) of the steepest path angle asked for, up or down."""
-        segments = self.gamma_deg if isinstance(self.gamma_deg, list) else []
-        inside = {t for table in segments for t in table.segment().times if t < duration}
+        if not isinstance(self.gamma_deg, list):
+            return 0.0, self.gamma_deg
+        inside = {t for table in self.gamma_deg for t in table.segment().times if t < duration}
         ends = np.array(sorted({0.0, duration, *inside}))
         # Between two breaks the sum is straight; it may jump at a break, or just beside it.
         before, between = np.nextafter(ends[1:], 0.0), 0.5 * (ends[1:] + ends[:-1])

@@ -2,16 +2,16 @@
 
 import math
 import os
-from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, check_positive
 from flighttune.control.controller import Controller
-from flighttune.control.exact_law import ExactLaw
-from flighttune.control.mimo_pi import MimoPI
+from flighttune.control.exact_law import ExactLaw, RateLaw
+from flighttune.control.mimo_pi import MimoPI, PILaw
 from flighttune.errors import InputError, ShapeError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import LONGEST_STEP
@@ -132,7 +132,7 @@ def fly_sampled(
         raise InputError("`disturbances` must be sinusoids without phases or switching times.")
     laws = np.zeros((len(laws_read), LAW_NUMBERS))
     for row, controller in zip(laws, laws_read, strict=True):
-        numbers = list(_numbers(controller.law))
+        numbers = _numbers(controller.law)
         row[: len(numbers)] = numbers
     starts = [(c.chi, c.gamma, c.phi, c.n_z_start, c.V_a) for c in conditions]
     waves = [(d.chi_amplitude, d.chi_omega, d.gamma_amplitude, d.gamma_omega) for d in disturbances]
@@ -180,13 +180,13 @@ def _kind(controller: MimoPI | ExactLaw) -> tuple[bool, bool, bool, float]:
     return False, controller.wrapped[0], controller.feed_forward, controller.dt
 
 
-def _numbers(value: Any) -> Iterable[float]:
-    """Numbers of nested tuples and lists in order; a truth value is 0 or 1."""
-    if isinstance(value, tuple | list):
-        for part in value:
-            yield from _numbers(part)
-    else:
-        yield float(value)
+def _numbers(law: PILaw | RateLaw) -> list[float]:
+    """Numbers of a law in order; a truth value is 0 or 1."""
+    channels, *others = law
+    numbers = [number for row in channels for number in (*row.K_P, *row.K_I_half, *row[2:])]
+    for value in others:
+        numbers += value if isinstance(value, tuple) else (value,)
+    return numbers
 
 
 def _each(flights: int, values: npt.ArrayLike) -> FloatArray:

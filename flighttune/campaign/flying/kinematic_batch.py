@@ -35,9 +35,9 @@ class FlightResult(NamedTuple):
 def batchable(scenario: Scenario, table: PlantTable, law: Law) -> bool:
     """Whether law, plant, air, disturbance and reference are ones that the kernel flies."""
     acting = scenario.disturbance.sinusoid() if scenario.disturbance else Sinusoid()
-    planned = scenario.feasible or scenario.route is not None or scenario.rolls_in
-    kernel_knows = law.batched and table.family.batched and acting.batched
-    return kernel_knows and not (scenario.windy or planned)
+    followed = scenario.reference or scenario.route
+    parts = law, table.family, acting, followed
+    return not scenario.windy and all(part is not None and part.batched for part in parts)
 
 
 def alike(scenario: Scenario) -> Hashable:

@@ -20,7 +20,7 @@ from flighttune.campaign.flying.columns import NOT_REPRODUCIBLE, Row, table_of
 from flighttune.campaign.flying.kinematic_batch import FlightResult, alike, batchable, fly_batch
 from flighttune.campaign.planning.plan import Group, Plan
 from flighttune.campaign.planning.schema import MEASURES
-from flighttune.control.law import split_name
+from flighttune.control.law import Law, split_name
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import FlightTuneError, ending_of
 from flighttune.flight.conditions import reference_of
@@ -29,6 +29,7 @@ from flighttune.flight.models import linear_model
 from flighttune.metrics import measures
 from flighttune.records.refly import Difference
 from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.run import Run
 from flighttune.theory.indicators import indicators_batch
 from flighttune.theory.reachable import largest_errors
@@ -128,8 +129,13 @@ def batched_groups(
 
 
 def _batchable(plan: Plan, scenario: Scenario, group: Group) -> bool:
-    law, _ = plan.scenario.law_of(group.gains)
-    return batchable(scenario, plan.scenario.plant_table(group.plant), law)
+    return batchable(scenario, *_flown_by(plan, group))
+
+
+@lru_cache(maxsize=32)
+def _flown_by(plan: Plan, group: Group) -> tuple[PlantTable, Law]:
+    """Plant and law of a group, looked up once for all draws."""
+    return plan.scenario.plant_table(group.plant), plan.scenario.law_of(group.gains)[0]
 
 
 def fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
@@ -153,7 +159,7 @@ def fly_together(plan: Plan, draws: Sequence[Draw]) -> list[Row]:
     for (group, _), flights in batches.items():
         gains = plan.gain_sets[group.gains]
         assert gains is not None
-        law, _ = plan.scenario.law_of(group.gains)
+        _, law = _flown_by(plan, group)
         scenarios = [scenario for _, _, scenario in flights]
         began = time.perf_counter()
         results = list(fly_batch(scenarios, law, gains))
@@ -251,7 +257,8 @@ def _outcome(
         "reason": result.reason,
         "success": not misses,
         "missed": "; ".join(misses),
-        **{name: _number(columns.get(name)) for name in (*MEASURES, *columns)},
+        **dict.fromkeys(MEASURES),
+        **{name: _number(value) for name, value in columns.items()},
         "wall_s": wall_s,
     }
 
