@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import running
 
+from flighttune import tune
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.limits import Limits
@@ -26,6 +27,7 @@ from flighttune.tuning.tune import tune_problem
 SEEDS = range(1 if running.QUICK else 10)
 METHODS = {"gradient": tune_problem, "genetic": tune_by_evolution}
 FEASIBLE_FACTOR = 7.0
+IDENTIFIED = {"tuning.model": "identified"}
 ALL_LIMITS = ("phi", "n_z", "phi_rate", "n_z_rate")
 
 
@@ -95,6 +97,14 @@ def measured() -> dict[str, dict]:
     others = {
         "tune with lag, 6 states": seconds(lambda: tune_problem(TuningProblem(model=lagged))),
         "diagnosis, printed limits": seconds(lambda: diagnosis(printed)),
+        **{
+            f"tune by {objective} on the identified loop": seconds(
+                lambda objective=objective: tune(
+                    "mission", changes=IDENTIFIED | {"tuning.objective": objective}
+                )
+            )
+            for objective in ("E_K", "decay")
+        },
         "frontier, 25 points": seconds(lambda: frontier(free)),
         "margins": seconds(lambda: loop_margins(free.model, PAPER_GAINS)),
     }
@@ -122,7 +132,7 @@ def main() -> int:
                 f"  {method + ', ' + row['status']:32}{row['median_s']:8.3f}{ratio:12.1f}{spread}"
             )
     for name, took in found["seconds"].items():
-        print(f"{name:34}{took:8.3f}")
+        print(f"{name:36}{took:8.3f}")
     return 0
 
 

@@ -108,12 +108,12 @@ def exact_rates(
     *,
     scaling: FloatArray | None = None,
     sampling: Sampling | None = None,
-) -> tuple[ExactRate, ...]:
+) -> tuple[tuple[ExactRate, ...], str]:
     """The exact rates of the continuous loop and of the sampled one; empty where none is proven.
 
     `scaling` (shape (n + p,)): units of s = (x', e) in which the growth is measured. Without
-    `sampling`, or where its loop has too many states for the exact check, there is the continuous
-    rate alone.
+    `sampling` there is the continuous rate alone. The text says why a sampled loop has no rate: it
+    has too many states for the exact check, or is not stable.
     """
     loop = closed_loop(model, gains)
     units = np.ones(len(loop)) if scaling is None else np.asarray(scaling, dtype=float)
@@ -121,13 +121,16 @@ def exact_rates(
     proven = decay(loop * units / units[:, None])
     if proven is not None:
         rates.append(ExactRate(rate=proven.rate, Q=proven.Q, units=units))
-    if sampling is not None:
-        try:
-            sampled = sampling.loop(gains)
-        except InputError:  # too many samples of delay
-            return tuple(rates)
-        proven = decay(sampled, dt=sampling.dt)
-        if proven is not None:
-            ones = np.ones(len(sampled))
-            rates.append(ExactRate(rate=proven.rate, Q=proven.Q, units=ones, sampling=sampling))
-    return tuple(rates)
+    if sampling is None:
+        return tuple(rates), ""
+    absent = f"no exact rate of the loop sampled at {1.0 / sampling.dt:g} Hz"
+    try:
+        sampled = sampling.loop(gains)
+    except InputError as error:
+        return tuple(rates), f"{absent}: {error}"
+    proven = decay(sampled, dt=sampling.dt)
+    if proven is None:
+        return tuple(rates), f"{absent}: it is not proven to be stable."
+    ones = np.ones(len(sampled))
+    rates.append(ExactRate(rate=proven.rate, Q=proven.Q, units=ones, sampling=sampling))
+    return tuple(rates), ""

@@ -79,6 +79,8 @@ class Certification(Answering):
         certificate is of the model alone or holds everywhere.
     scaling : ndarray, shape (n + p,), or None
         Units of state in which the gains were tuned; None where they are plain.
+    unsampled : str
+        Why the sampled loop has no exact rate; empty where it has, or none was asked for.
 
     Examples
     --------
@@ -99,6 +101,7 @@ class Certification(Answering):
     g: float | None = None
     largest_factor: float | None = None
     scaling: FloatArray | None = None
+    unsampled: str = ""
 
     @property
     def in_words(self) -> str:
@@ -166,7 +169,10 @@ class Certification(Answering):
                 ),
                 *exact_rates_tables(certificate["exact_rates"]),
             ],
-            notes=[ANY_ENVELOPE] if everywhere and not identified else [],
+            notes=[
+                *([ANY_ENVELOPE] if everywhere and not identified else []),
+                *filter(None, [self.unsampled]),
+            ],
             verdict=f"proven: {self.certificate.sentence}"
             if self.certificate
             else f"no certificate: {why}",

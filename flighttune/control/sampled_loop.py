@@ -60,7 +60,8 @@ def sampled_loop(
     late, others = sum(delays) / dt, len(A) + 2 * m + p
     if others + late > MAX_SAMPLED:
         raise InputError(
-            f"`lags` must be late by {MAX_SAMPLED - others} samples in all, got {late:.3g}."
+            f"`lags` must be late by at most {MAX_SAMPLED - others} samples in all, for the loop "
+            f"to have {MAX_SAMPLED} states, got {late:.3g}."
         )
     whole = [math.floor(delay / dt) for delay in delays]
     k, kept = len(A), [count + 1 for count in whole]

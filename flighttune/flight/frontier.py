@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flighttune.control.gains import paper_family
+from flighttune.errors import InputError
 from flighttune.flight.load import as_scenario
 from flighttune.flight.models import gain_set, tuning_problem
 from flighttune.present.answer import Answer, Answering
@@ -88,7 +89,7 @@ def frontier(
     Raises
     ------
     InputError, ScenarioError
-        If the scenario cannot be read, or `points` is less than 2.
+        If the scenario cannot be read, its objective is E_K or decay, or `points` is less than 2.
 
     Examples
     --------
@@ -96,6 +97,12 @@ def frontier(
     ['frontier', 'paper', 'tuned']
     """
     scenario = as_scenario(source, changes)
+    objective = scenario.tuning.objective
+    if objective in ("E_K", "decay"):
+        raise InputError(
+            "`objective` of [tuning] must be R_K or cost for a frontier, which is the largest R_K "
+            f"for each I_K, got {objective}; `tune` finds those gains."
+        )
     law, flight = scenario.laws[0], scenario.flight
     names = [name for name in scenario.gain_names if scenario.law_of(name)[0].by_gains]
     sets = {**paper_family(), **{name: gain_set(scenario, name) for name in names}}

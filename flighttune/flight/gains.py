@@ -155,7 +155,7 @@ def certify(
     if isinstance(source, LinearModel):
         if not isinstance(gains, PIGains) or envelope:
             raise InputError("`gains` must be given for a model, and `envelope` be false.")
-        return certify_model(source, gains, L_d=L_d, rates=exact_rates(source, gains))
+        return certify_model(source, gains, L_d=L_d, rates=exact_rates(source, gains)[0])
     scenario, name, chosen = scenario_and_gains(source, gains, changes)
     law = (
         scenario.law_for(chosen) if isinstance(gains, PIGains) else scenario.law_of(name, chosen)[0]
@@ -169,7 +169,7 @@ def certify(
                 f"{name}: the law must have `linear()` to be certified, got none."
             )
         certification = certify_model(
-            *linear, L_d=L_d, scenario_sha256=scenario.sha256, rates=exact_rates(*linear)
+            *linear, L_d=L_d, scenario_sha256=scenario.sha256, rates=exact_rates(*linear)[0]
         )
         return replace(certification, name=name)
     certification = certify_scenario(

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Collection
+from dataclasses import replace
 
 import numpy as np
 
@@ -332,7 +333,10 @@ def certify_scenario(
             f"`identified` must have lags of one order at every condition for a common Q, got "
             f"models of {' and '.join(map(str, orders))} states."
         )
-    return certify_model(
+    rates, unsampled = (
+        ((), "") if envelope else scenario_rates(scenario, gains, law, sampled=sampled)
+    )
+    certification = certify_model(
         linear_model(scenario, law),
         gains,
         envelope=ranges,
@@ -340,14 +344,18 @@ def certify_scenario(
         L_d=L_d,
         conditions=[((design.V_a, design.gamma), design.model) for design in everywhere],
         scenario_sha256=scenario.sha256,
-        rates=() if envelope else scenario_rates(scenario, gains, law, sampled=sampled),
+        rates=rates,
     )
+    return replace(certification, unsampled=unsampled)
 
 
 def scenario_rates(
     scenario: Scenario, gains: PIGains, law: Law, *, sampled: bool
-) -> tuple[ExactRate, ...]:
-    """Exact rates of gains on the linear model of a scenario, and on the loop as it is sampled."""
+) -> tuple[tuple[ExactRate, ...], str]:
+    """Exact rates of gains on the linear model of a scenario, and on the loop as it is sampled.
+
+    With why the latter has none, as `exact_rates`.
+    """
     model, scaling = linear_model(scenario, law), tuning_scaling(scenario, law)
     if not sampled:
         return exact_rates(model, gains, scaling=scaling)

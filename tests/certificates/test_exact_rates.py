@@ -89,8 +89,19 @@ def test_a_loop_with_too_many_samples_of_delay_has_the_continuous_rate_alone():
     gains = ft.PIGains(K_P=0.1 * np.eye(2), K_I=0.01 * np.eye(2))
     sampling = Sampling(model=model, lags=(late, late), dt=0.02, trapezoidal=True)
 
-    rates = exact_rates(model, gains, sampling=sampling)
+    rates, why = exact_rates(model, gains, sampling=sampling)
 
     assert [rate.sampling for rate in rates] == [None]
+    assert "sampled at 50 Hz" in why
+    assert f"{MAX_SAMPLED} states" in why
     with pytest.raises(ft.InputError, match="`lags` must"):
         sampling.loop(gains)
+
+
+def test_certify_says_why_the_sampled_loop_has_no_exact_rate():
+    changes = {"tuning.model": "identified", "controller.rate_hz": 1000.0}  # 25 ms late, twice
+
+    answer = ft.certify("paper", "paper", changes=changes).answer()
+
+    assert [rate["loop"] for rate in answer.values["certificate"]["exact_rates"]] == ["continuous"]
+    assert any("sampled at 1000 Hz" in note for note in answer.notes)

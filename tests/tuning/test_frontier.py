@@ -58,3 +58,11 @@ def test_without_stable_gains_only_the_marks_are_left(model):
     found = frontier(ft.TuningProblem(model=model, K_fixed=np.ones((2, 4))), marked=MARKED)
 
     assert list(found.name) == list(MARKED)
+
+
+@pytest.mark.parametrize("objective", ["E_K", "decay"])
+def test_a_frontier_of_another_objective_is_refused(objective):
+    changes = {"tuning.model": "identified", "tuning.objective": objective}
+
+    with pytest.raises(ft.InputError, match=rf"`objective` .* got {objective}"):
+        ft.frontier("mission", changes=changes)
