@@ -18,6 +18,7 @@ import pandas as pd
 
 from flighttune.arrays import FloatArray
 from flighttune.control.linear_model import closed_loop
+from flighttune.flight.gains import tune
 from flighttune.paper import parameters as printed
 from flighttune.paper.duffing import Duffing, DuffingCase
 from flighttune.paper.flight import NEAR, decay_rate, largest_share, oscillations
@@ -27,7 +28,7 @@ from flighttune.plants.point_mass import turn_rates
 from flighttune.present.tables import number
 from flighttune.theory.attractor import paper_balls
 from flighttune.theory.common import common_Q
-from flighttune.theory.indicators import Indicators
+from flighttune.theory.indicators import Indicators, indicators
 from flighttune.theory.lyapunov import lyapunov_solution
 from flighttune.theory.reachable import largest_outputs
 
@@ -621,6 +622,22 @@ def inverse_deviation(study: Study) -> Checks:
 
 
 # Section 5.2.3, d1 to d9
+
+
+def overall_enhancement(_: Study) -> Checks:
+    """Behind an identified lag no gains decay faster or err less than those of the largest R_K."""
+    loops = {}
+    for objective in ("R_K", "decay", "E_K"):
+        changes = {"tuning.model": "identified", "tuning.objective": objective}
+        result = tune("mission", changes=changes)
+        assert result.gains is not None  # those of the shipped aircraft
+        loop = closed_loop(result.problem.model, result.gains)
+        loops[objective] = indicators(loop, errors=len(result.gains.errors))
+    R_K = loops["R_K"]
+    share = R_K.spectral_abscissa / loops["decay"].spectral_abscissa
+    yield _compare("rate of decay over the fastest, sensitivity at most 1.4", share, "≥", 1.0)
+    share = loops["E_K"].E_K / R_K.E_K
+    yield _compare("least E_K over its E_K, sensitivity at most 1.4", share, "≥", 1.0)
 
 
 def near_origin(study: Study) -> Checks:

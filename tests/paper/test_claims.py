@@ -39,6 +39,15 @@ def test_the_theory_is_judged_by_what_it_says(found):
     assert found["larger-attractor"].verdict == "not reproduced"
 
 
+def test_the_largest_r_k_is_no_enhancement_behind_an_identified_lag(found):
+    claim = found["overall-enhancement"]
+
+    assert claim.verdict == "not reproduced"
+    # eigenvalues and E_K of the table in docs/behind_a_lag.md, printed with two decimals
+    printed = 0.69 / 1.34, 0.90 / 2.14
+    assert [check.computed for check in claim.checks] == pytest.approx(printed, rel=0.01)
+
+
 def test_the_true_optimum_in_the_place_of_the_printed_gains_changes_verdicts(study, found):
     better = Study(star=study.optimum.gains)
 
