@@ -31,7 +31,10 @@ def tube(
     start_deg: options.StartOption = 0.0,
     disturbance: Annotated[
         float | None,
-        Option(help="Bound on the disturbance of each rate, rad/s [default: the scenario's]."),
+        Option(
+            help="Bound on the disturbance of each rate, rad/s [default: the scenario's, or the "
+            "residual of the logs of a model]."
+        ),
     ] = None,
     boxes: Annotated[
         Path | None,

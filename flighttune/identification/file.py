@@ -143,6 +143,19 @@ class LogEvidence(_Table):
     phi_rate_dps: q.Positive
     n_z: Interval
     n_z_rate_per_s: q.Positive
+    # Largest mean over 1 s, in all stretches of 5 s of these logs, of what the lags miss of the
+    # rates of course and path angle; None where the logs cannot tell
+    residual_rad_s: dict[Literal["chi", "gamma"], q.Finite] | None = None
+    residual_stretches: int = 0
+
+    @property
+    def sentence(self) -> str:
+        """What `residual_rad_s` is, in words."""
+        return (
+            f"largest mean over 1 s of what the lags miss of the rates, in the "
+            f"{self.residual_stretches} stretches of 5 s of {', '.join(self.logs)}, which the lags "
+            "were fitted to; no claim about other flights"
+        )
 
 
 class IdentifiedAircraft(_Table):

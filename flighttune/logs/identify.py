@@ -32,13 +32,14 @@ from flighttune.identification.fit import (
 )
 from flighttune.logs.columns import Columns
 from flighttune.logs.log import load_part
+from flighttune.plants.point_mass import turn_rates
 from flighttune.present.answer import Answer, Answering
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import columns as layout
 from flighttune.present.palette import HUES, NEUTRAL
 from flighttune.present.tables import Column, Table
 from flighttune.simulate.run import Run
-from flighttune.units import DEG, DEG_PER_RAD
+from flighttune.units import DEG, DEG_PER_RAD, G_0
 
 CHANNELS: tuple[Channel, ...] = ("phi", "n_z")
 
@@ -141,6 +142,12 @@ class LogIdentification(Answering):
         ]
         tables = [Table(CHANNEL_COLUMNS, records, f"{self.title}: responses", name="responses")]
         notes = [f"{name}: {reason}" for name, reason in self.untold.items()]
+        evidence = self.identified and self.identified.log
+        if evidence and evidence.residual_rad_s:
+            rates = " and ".join(
+                f"{value:.3g} rad/s of {name}" for name, value in evidence.residual_rad_s.items()
+            )
+            notes.append(f"residual rates up to {rates}: {evidence.sentence}")
         if self.identified is None:
             name = next(iter(self.untold))
             return Answer(
@@ -265,17 +272,20 @@ def _sections(run: Run, number: int, name: Channel, first: int) -> Iterator[Sect
             if np.ptp(command[piece]) > EXCITED[name]:
                 stretch[piece] = first
                 first += 1
-        # A control loop is faster than its log: between samples its command is a straight line.
-        between = np.append(0.5 * (command[1:] + command[:-1]), command[-1])
         if np.isfinite(stretch).any():
             yield Section(
                 run=number,
                 t=run.t[begin:end],
                 dt=dt,
-                commanded=between,
+                commanded=between(command),
                 measured=measured[begin:end],
                 stretch=stretch,
             )
+
+
+def between(command: FloatArray) -> FloatArray:
+    """Means from sample to sample: control loops are faster than logs, so these are no steps."""
+    return np.append(0.5 * (command[1:] + command[:-1]), command[-1])
 
 
 def _channel(runs: Sequence[Run], name: Channel) -> ChannelOfLogs | str:
@@ -416,8 +426,48 @@ def _aircraft(
         n_z=n_z,
         n_z_rate_per_s=n_z_rate,
     )
+    lags = condition.lags
+    missed = np.concatenate([np.zeros((0, 2)), *(_missed(run, lags) for run in runs)])
+    if len(missed):
+        largest = dict(zip(("chi", "gamma"), missed.max(axis=0).tolist(), strict=True))
+        boxes = {"residual_rad_s": largest, "residual_stretches": len(missed)}
+        evidence = evidence.model_copy(update=boxes)
     made = {"aircraft": names[0], "conditions": (condition,), "log": evidence}
     return IdentifiedAircraft.model_construct(**made)
+
+
+def _missed(run: Run, lags: tuple[InnerLag, InnerLag]) -> FloatArray:
+    """Largest mean rates over 1 s that the lags miss in each stretch, shape (stretches, 2), rad/s.
+
+    The exact point mass flies at the airspeed of the log.
+    """
+    names = ("phi_cmd", "n_z_cmd", "phi", "n_z", "chi", "gamma")
+    if not set(names) <= set(run.signals):
+        return np.zeros((0, 2))
+    columns, V_a = run.signals[list(names)].to_numpy(dtype=float).T, speed_of(run)
+    dt = float(run.t[1] - run.t[0])
+    good = np.isfinite([*columns, V_a]).all(axis=0) & (V_a > SLOW * np.nanmedian(V_a))
+    edges = np.flatnonzero(np.diff(good.astype(int), prepend=0, append=0))
+    wait, size, span = (round(time / dt) for time in (SETTLED_S, STRETCH_S, 1.0))
+    largest = []
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        if end - begin <= wait + size + span:
+            continue
+        piece = slice(begin, end)
+        phi, n_z = (
+            lag_response(lag, dt, between(columns[i, piece]), float(columns[i + 2, begin]))
+            for i, lag in enumerate(lags)
+        )
+        gamma = columns[5, piece]
+        rates = np.array(turn_rates(V_a[piece], gamma, phi, n_z, turn="exact", g=G_0))
+        angles = np.array([np.unwrap(columns[4, piece]), gamma])
+        # Samples of the rates hold until the next one: their sum is the turn they make.
+        turned = np.cumsum(rates, axis=1) * dt
+        missed = angles[:, span:] - angles[:, :-span] - (turned[:, span:] - turned[:, :-span])
+        mean = np.abs(missed[:, wait:]) / (span * dt)
+        count = mean.shape[1] // size
+        largest.append(mean[:, : count * size].reshape(2, count, size).max(axis=2).T)
+    return np.concatenate([np.zeros((0, 2)), *largest])
 
 
 def _range(runs: Sequence[Run], name: str, unit: float) -> tuple[tuple[float, float], float]:

@@ -27,6 +27,7 @@ from flighttune.tubes.problem import (
     SAME_REFERENCE,
     TubeProblem,
     reference_samples,
+    residual_of_logs,
 )
 from flighttune.tubes.replay import replay
 from flighttune.tubes.sample import start_set
@@ -261,6 +262,9 @@ class Tube(Answering):
             ]
         if counted is not None:
             notes.append(f"counted: {counted.sentence}")
+        if problem.disturbance and problem.disturbance == residual_of_logs(problem.table):
+            evidence = problem.table.identified_model.log
+            notes.append(f"The disturbance is the {evidence and evidence.sentence}.")
         if self.probability is not None:
             notes.append(self.probability.sentence)
         family = problem.table.family.enclosed

@@ -273,13 +273,16 @@ def tube_problem(
     `plant` is a label; by default the first aircraft with a band, else the first plant that is
     none. Course and flight-path angle start within `start` (rad) of the scenario's. The
     disturbance of each rate is within `disturbance` (rad/s) of zero, in any shape; by default
-    within the amplitudes of the scenario's [disturbance], or zero. With the `band` of the
+    within the amplitudes of the scenario's [disturbance], or zero; of a plant identified from logs
+    within the largest residual rate of these. With the `band` of the
     residual signals of an aircraft its model flies, under every disturbance in its boxes. The `law`
     is by default the first of the scenario that takes the gains. Raises InputError if a value
     cannot be used, or the tube does not know the law.
     """
     scenario.check_over_time("a tube")
     table = _chosen(scenario, plant, aircraft=band is not None)
+    if disturbance is None:
+        disturbance = residual_of_logs(table)
     return TubeProblem(
         scenario=scenario,
         gains=gains,
@@ -290,6 +293,14 @@ def tube_problem(
         law=law or scenario.law_for(gains),
         reference=reference_samples(scenario, table),
     )
+
+
+def residual_of_logs(table: PlantTable) -> float | None:
+    """Largest residual rate (rad/s) of the logs from which a plant was identified, if any."""
+    evidence = table.identified_model.log if table.identified is not None else None
+    if evidence is None or evidence.residual_rad_s is None:
+        return None
+    return max(evidence.residual_rad_s.values())
 
 
 def reference_samples(scenario: Scenario, plant: PlantTable) -> FloatArray:

@@ -121,14 +121,14 @@ def test_a_model_from_logs_is_an_aircraft_without_an_airframe(model):
     flown = ft.fly(folder / "mine.toml")
     certification = ft.certify(folder / "mine.toml")
     c = ft.export(folder / "mine.toml", form="c", out=folder / "c")
-    tube = ft.tube(folder / "mine.toml", plant="point_mass_lag", changes={"flight.duration_s": 1.0})
+    meeting = ft.meet(folder / "mine.toml", budget=2)
 
     assert [run.status for run in flown.runs] == ["completed"] * 2
     table = flown.scenario.plant_table("point_mass_lag")
     assert table.lags() == ft.load_identified(model).conditions[0].lags
     assert certification.answer().failure == ""
     assert any(str(file).endswith(".c") for file in c.answer().files.values())
-    assert tube.status == "bounded"
+    assert meeting.answer().tables
     said = flighttune("gap", "mine.toml", status=2, cwd=folder)[1]
     assert "`plant` must be an aircraft (jsbsim)" in said
 
@@ -160,3 +160,28 @@ def test_commands_of_a_log_fly_on_the_model_identified_from_it(log, model):
     assert set(factors) == {"phi_late", "n_z_late", "wind_north", "wind_east"}
     assert factors["phi_late"] == pytest.approx(0.0, abs=LAG * ROLL.whole)
     assert np.hypot(factors["wind_north"], factors["wind_east"]) < 0.2  # m/s: the noise of airspeed
+
+
+@pytest.mark.slow
+def test_the_tube_of_a_model_from_logs_is_of_the_residual_rates_that_they_show(model, tmp_path):
+    """They are those of a known disturbance, a swing of the course rate of 0.02 rad/s in 10 s."""
+    run = ft.load_log(model.with_name("flight.csv"))
+    swing = 0.02 * 10.0 / (2.0 * np.pi) * -np.cos(2.0 * np.pi * run.t / 10.0)
+    signals = run.signals.assign(chi=run.signals["chi"] + swing)
+    shaken = ft.Run(signals=signals, status="completed", reason="", provenance=run.provenance)
+    quiet, found = ft.load_identified(model).log, ft.identify_log(shaken).identified
+    ft.save_identified(found, tmp_path / "mine.json")
+    found = ft.load_identified(tmp_path / "mine.json")
+    flighttune("new", "mine", "--aircraft", "mine.json", cwd=tmp_path)
+    gains = ft.PIGains(K_P=np.eye(2), K_I=0.1 * np.eye(2))
+    calm = {"reference.chi_deg": 15.0, "flight.duration_s": 4.0}
+
+    tube = ft.tube(tmp_path / "mine.toml", gains, plant="point_mass_lag", changes=calm)
+
+    mean = 0.02 * np.sin(0.1 * np.pi) / (0.1 * np.pi)  # of the swing, over 1 s about its peak
+    assert found.log.residual_rad_s["chi"] == pytest.approx(mean, abs=quiet.residual_rad_s["chi"])
+    assert found.log.residual_stretches > 30
+    assert tube.status == "bounded"
+    assert tube.problem.disturbance == max(found.log.residual_rad_s.values())
+    assert "no claim about other flights" in " ".join(tube.answer().notes)
+    assert tube.verify().valid
