@@ -27,7 +27,7 @@ from flighttune.claims.band import (
     read_band,
     wind_at_start,
 )
-from flighttune.claims.count import fresh_flights
+from flighttune.claims.count import flights_needed, fresh_flights
 from flighttune.claims.shape import (
     MAX_NUMBERS,
     MAX_RESIDUAL_WINDOWS,
@@ -42,6 +42,7 @@ from flighttune.claims.shape import (
 )
 from flighttune.errors import InputError
 from flighttune.flight.conditions import reference_of, start_condition
+from flighttune.flight.route import is_mission
 from flighttune.gaps.residual import RESIDUALS, ConformantModel, conformant_model, residuals_of
 from flighttune.metrics import OFF_ROUTE
 from flighttune.present.names import listed
@@ -49,6 +50,10 @@ from flighttune.references.follow import SAME_PLACE, RouteReference
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.bounds import ERRORS
 from flighttune.simulate.run import SIGNAL_UNITS, Run
+
+# Epsilon, confidence and flights to learn from by default, and for a mission, whose answer takes a
+# minute on two cores; and of its flights those that may be outside.
+CLAIM, MISSION, MISSION_OUTSIDE = (0.01, 0.999, 500), (0.05, 0.95, 15), 1
 
 # Numbers of flights named in the refusal of another one.
 SHOWN = 3
@@ -71,10 +76,10 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     *,
     of: Literal["residual"] | None = None,
     signals: Iterable[str] | None = None,
-    epsilon: float = 0.01,
-    confidence: float = 0.999,
+    epsilon: float | None = None,
+    confidence: float | None = None,
     flights: int | None = None,
-    learn: int = 500,
+    learn: int | None = None,
     predicted_from: Literal["wind"] | None = None,
     gains: str | None = None,
     plant: str | None = None,
@@ -82,6 +87,8 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     seed: int | None = None,
     start_deg: float = 0.0,
     changes: Mapping[str, Any] | None = None,
+    aircraft: str | None = None,
+    like: str | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
     observer: CampaignObserver | None = None,
@@ -96,19 +103,21 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     Parameters
     ----------
     source : str or Path
-        Folder of a campaign, campaign or scenario file, or the name of a shipped one.
+        Folder of a campaign, campaign or scenario file, or the name of a shipped one; or a mission.
     of : {"residual"}, optional
         Bound what the identified model of an aircraft misses, which `tube` takes, in place of
         recorded signals: rates of course and path angle (rad/s), roll and its change over a sample
         (rad), actual minus model.
     signals : iterable of str, optional
         Recorded signals, by default both errors, on a route the distances from it.
-    epsilon, confidence : float, 1
-        Probability and confidence of the claim.
+    epsilon, confidence : float, 1, optional
+        Probability and confidence of the claim, by default 0.01 and 0.999, of a mission 0.05 and
+        0.95.
     flights : int, optional
-        Number to count, by default as many as the claim needs with five of them outside (1640).
-    learn : int
-        Number to learn the shape from.
+        Number to count, by default as many as the claim needs with five of them outside (1640), of
+        a mission with one (93).
+    learn : int, optional
+        Number to learn the shape from, by default 500, of a mission 15.
     predicted_from : {"wind"}, optional
         Put the band around a middle that is predicted from the wind of each flight.
     gains : str, optional
@@ -123,6 +132,10 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
         Half-width of the range of starts of a scenario in course and path angle.
     changes : mapping of str to value, optional
         Values to set in the scenario, by dotted key.
+    aircraft, like : str, optional
+        Of a mission: the aircraft, by default ``aerosonde``, and the campaign whose air and
+        dispersions its flights have, by default light turbulence, wind to 8 m/s and those of the
+        aircraft.
     workers : int, optional
         Processes that fly on this machine; by default one per core.
     scheduler : str, optional
@@ -151,15 +164,29 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     (29, 5)
     """
     source = str(source)
+    mission = is_mission(source)
+    default_epsilon, default_confidence, default_learn = MISSION if mission else CLAIM
+    epsilon = default_epsilon if epsilon is None else epsilon
+    confidence = default_confidence if confidence is None else confidence
+    learn = default_learn if learn is None else learn
     check_at_least(MIN_LEARNED, learn=learn)
+    if mission and flights is None:
+        flights = flights_needed(epsilon, confidence, MISSION_OUTSIDE)
     flights = fresh_flights(flights, epsilon, confidence)
     if of and (signals or predicted_from):
         raise InputError("`signals` and `given` must be absent for residual signals.")
     plan = planned(
-        source, plant=plant, kind="jsbsim", gains=gains, start_deg=start_deg, changes=changes
+        source,
+        plant=plant,
+        kind="jsbsim",
+        gains=gains,
+        start_deg=start_deg,
+        changes=changes,
+        aircraft=aircraft,
+        like=like,
     )
-    aircraft = (table.label for table in plan.scenario.aircraft)
-    plant = plant or next(aircraft, None)
+    labels = (table.label for table in plan.scenario.aircraft)
+    plant = plant or next(labels, None)
     group = plan.chosen_group(plant, gains if gains in plan.gain_sets else None)
     campaign = at_random(plan.campaign if air is None else in_air(plan.campaign, air))
     if seed is not None:

@@ -12,6 +12,7 @@ from flighttune.claims.band import Band
 from flighttune.claims.count import supported_epsilon
 from flighttune.errors import InputError
 from flighttune.flight.conditions import reference_of
+from flighttune.flight.route import PlannedRoute, planned_route
 from flighttune.metrics import OFF_ROUTE
 from flighttune.present.tables import number, printable
 from flighttune.references.fence import DISTANCE_SIGNS, Fence, read_fence, room_along
@@ -37,6 +38,11 @@ class FenceCount(NamedTuple):
     epsilon: float  # probability of leaving the fence that the count supports
     supported: bool  # whether it is at most that of the band
     nearest: list[dict[str, Any]]  # of the completed flights, and of the band if it has a corridor
+
+
+def route_of(band: Band) -> PlannedRoute:
+    """The planned route of the flights of a band."""
+    return planned_route(plan_of(band).campaign.central)
 
 
 def where_of(scenario: Scenario) -> Where:

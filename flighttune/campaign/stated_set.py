@@ -19,12 +19,18 @@ from flighttune.campaign.planning.schema import (
 from flighttune.errors import InputError
 from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.files.table import toml_tables
-from flighttune.flight.load import load_scenario
+from flighttune.flight.load import load_scenario, route_scenario
+from flighttune.flight.route import AIRCRAFT, is_mission
 from flighttune.present.names import CHANNEL_SYMBOLS
+from flighttune.references.mission import read_route
 from flighttune.scenario.load import scenario_from, with_gains
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.tubes.enclosure import Tube
 from flighttune.units import DEG_PER_RAD
+
+# Campaign whose air and dispersions a mission has by default, and dispersions in m, which are right
+# for the size of its aircraft alone.
+LIKE, SHIFTS = "circuit_in_wind", ("cg_aft_m", "cg_right_m", "cg_down_m")
 
 # Angular frequencies of a disturbance without a stated one, rad/s.
 FREQUENCIES = (0.05, 6.0)
@@ -39,15 +45,26 @@ def planned(
     disturbance: float = 0.0,
     gains: str | None = None,
     changes: Mapping[str, Any] | None = None,
+    aircraft: str | None = None,
+    like: str | None = None,
 ) -> Plan:
-    """The plan of a campaign in a folder or file, or of flights about a scenario.
+    """The plan of a campaign in a folder or file, or of flights about a scenario or a mission.
 
+    A mission is flown by an `aircraft`, in the air and with the dispersions of the campaign `like`.
     About a scenario, starts are off by up to `start_deg`, and square waves of up to `disturbance`
     (rad/s) disturb both rates, for its first plant of a `kind`. `gains` that source does not have,
     by name or file, take the place of its own.
     """
     check_not_negative(start_deg=start_deg, disturbance=disturbance)
     sizes = disturbance, disturbance
+    if is_mission(source):
+        if start_deg or disturbance or plant is not None:
+            raise InputError("`plant`, `start_deg` and `disturbance` must be absent for a mission.")
+        plan = plan_campaign(_about_mission(Path(source), aircraft or AIRCRAFT, like, changes))
+        plan.chosen_group(None, gains)  # refuses others than those of the campaign
+        return plan
+    if aircraft is not None or like is not None:
+        raise InputError(f"{source}: `aircraft` and `like` must be absent: it is no mission.")
     if _is_scenario(source):
         scenario = load_scenario(source, changes=changes)
         if gains not in (None, *scenario.gain_names):
@@ -97,6 +114,27 @@ def _is_scenario(source: str) -> bool:
         return "scenario" not in toml_tables(path)
     stem = path.name.removesuffix(".toml")
     return stem in scenario_files() and stem not in campaign_files()
+
+
+def _about_mission(
+    file: Path, aircraft: str, like: str | None, changes: Mapping[str, Any] | None
+) -> Campaign:
+    """Flights of a mission that are drawn as those of the campaign `like`."""
+    shipped = like_of(aircraft)
+    scenario = route_scenario(file, read_route(file), aircraft, changes)
+    campaign = load_campaign(
+        like or shipped or LIKE, scenario, changes={"plant.aircraft": aircraft}
+    )
+    update: dict[str, Any] = {"title": f"{scenario.title}, flown as {like or shipped or LIKE}"}
+    if like is None and shipped is None:
+        update["disperse"] = [x for x in campaign.disperse if not x.key.endswith(SHIFTS)]
+    return campaign.model_copy(update=update)
+
+
+def like_of(aircraft: str) -> str | None:
+    """The shipped campaign with dispersions of an aircraft on a circuit, if there is one."""
+    name = LIKE if aircraft == AIRCRAFT else f"{LIKE}_{aircraft}"
+    return name if name in campaign_files() else None
 
 
 def _about(

@@ -1,5 +1,6 @@
 """The command that counts bands of campaigns, and answers about them."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -9,7 +10,7 @@ from typer import Argument, Option
 from flighttune.cli import options
 from flighttune.cli.show import campaign_display, campaign_pool, pick
 from flighttune.errors import InputError
-from flighttune.files.shipped import campaign_files, scenario_files
+from flighttune.files.shipped import aircraft_names, campaign_files, scenario_files
 from flighttune.present.answer import Answer
 from flighttune.present.tables import Column, Table
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from flighttune.claims.band import Band
 
 # Options that `planned` takes.
-PLANNED = ("gains", "plant", "start_deg", "changes")
+PLANNED = ("gains", "plant", "start_deg", "changes", "aircraft", "like")
 
 NEAREST_COLUMNS = [
     Column("what", "nearest to the fence"),
@@ -35,8 +36,8 @@ def band(
         Argument(
             metavar="CAMPAIGN|SCENARIO|FILE",
             help="A campaign (file, shipped name or folder), a scenario in which something is "
-            "random or --start-deg is given, or a band file: its flights are not flown "
-            "again.",
+            "random or --start-deg is given, a mission (.plan, .waypoints, .kml, .geojson), or a "
+            "band file: its flights are not flown again.",
             autocompletion=lambda: [*campaign_files(), *scenario_files()],
         ),
     ],
@@ -58,22 +59,29 @@ def band(
     ] = None,
     epsilon: Annotated[
         float | None,
-        Option(help="Accepted probability of leaving the band [default: 0.01, or the file's]."),
+        Option(
+            help="Accepted probability of leaving the band [default: 0.01, of a mission 0.05, or "
+            "the file's]."
+        ),
     ] = None,
     confidence: Annotated[
         float | None,
-        Option(help="Confidence of the claim, 0 to 1 [default: 0.999, or the file's]."),
+        Option(
+            help="Confidence of the claim, 0 to 1 [default: 0.999, of a mission 0.95, or the "
+            "file's]."
+        ),
     ] = None,
     flights: Annotated[
         int | None,
         Option(
             help="Flights to count in all [default: as many as the claim needs with five of them "
-            "outside]; of FILE 2, 4, 8 ... times as many as were planned.",
+            "outside, of a mission with one]; of FILE 2, 4, 8 ... times as many as were planned.",
             min=1,
         ),
     ] = None,
     learn: Annotated[
-        int | None, Option(help="Flights to learn the shape from [default: 500].", min=1)
+        int | None,
+        Option(help="Flights to learn the shape from [default: 500, of a mission 15].", min=1),
     ] = None,
     predicted_from: Annotated[
         Literal["wind"] | None,
@@ -99,8 +107,27 @@ def band(
         Option(
             help="Plan, KML or GeoJSON with the areas to stay in and out of; repeatable: bound the "
             "probability that a flight along a route leaves them, and find where flights come "
-            "nearest."
+            "nearest [default: that of a .plan]."
         ),
+    ] = None,
+    aircraft: Annotated[
+        str | None,
+        Option(
+            help="Aircraft that is to fly a mission [default: aerosonde].",
+            autocompletion=aircraft_names,
+        ),
+    ] = None,
+    like: Annotated[
+        str | None,
+        Option(
+            metavar="CAMPAIGN",
+            help="Campaign whose air and dispersions the flights of a mission have [default: light "
+            "turbulence, wind to 8 m/s and dispersions of the aircraft].",
+            autocompletion=campaign_files,
+        ),
+    ] = None,
+    page: Annotated[
+        Path | None, Option(help="Page (.html) to write, with a map, heights and the answer.")
     ] = None,
     settings: options.SetOption = None,
     workers: options.WorkersOption = None,
@@ -114,18 +141,16 @@ def band(
     does not support that a flight leaves it with a probability of at most epsilon.
     """
     options.check_ending(out, ".npz")
+    options.check_ending(page, ".html", option="--page")
     from flighttune.campaign.band import band as count_band
     from flighttune.campaign.band import count_more, load_band, plan_of
     from flighttune.campaign.claims import is_claim_file
     from flighttune.campaign.claims import save_claim as save
     from flighttune.campaign.fence import count_inside, fence_of
     from flighttune.campaign.stated_set import planned
-    from flighttune.references.fence import fence_tables
+    from flighttune.flight.route import is_mission
 
-    areas = fence_tables(fence) if fence else {}
-    if fence and not areas:
-        raise InputError(f"{fence[0]}: must have a Polygon or circle for a fence, got none.")
-    fences = Path(", ".join(map(str, fence or ())))
+    areas, fences = _areas(source, fence or ())
     claim = _stated(epsilon=epsilon, confidence=confidence)
     of_source = _stated(
         of=of,
@@ -138,6 +163,8 @@ def band(
         start_deg=start_deg or None,
         seed=seed,
         changes=options.changes(settings) or None,
+        aircraft=aircraft,
+        like=like,
     )
     if not is_claim_file(source):
         if areas:  # refuse it before a flight
@@ -169,8 +196,47 @@ def band(
     answer = counted.answer(file)
     if areas:
         answer = fence_answer(counted, answer)
-    page = [f"A page with its flights: flighttune report {file}"]
-    return replace(answer, notes=[*answer.notes, *page], files={"band": out})
+    if is_mission(source):
+        answer = mission_answer(counted, answer)
+    return _paged(counted, answer, file, {"band": out, "page": page})
+
+
+def _areas(source: str, stated: Sequence[Path]) -> tuple[dict[str, Any], Path]:
+    """The areas of the fences that are stated, by default of a plan itself, and their files."""
+    from flighttune.references.fence import fence_tables
+
+    files = stated or [Path(source)] * source.lower().endswith(".plan")
+    areas = fence_tables(files) if files else {}
+    if stated and not areas:
+        raise InputError(f"{stated[0]}: must have a Polygon or circle for a fence, got none.")
+    return areas, Path(", ".join(map(str, files)))
+
+
+def _paged(counted: "Band", answer: Answer, file: Path, files: Mapping[str, Path | None]) -> Answer:
+    """The answer with its files; writes its page, or says how."""
+    from flighttune.reports.claim import write_claim_page
+
+    notes = answer.notes
+    if (page := files["page"]) is not None:
+        write_claim_page(counted, str(file), page)
+    else:
+        notes = [*notes, f"A page with its flights: flighttune report {file}"]
+    return replace(answer, notes=notes, files=files)
+
+
+def mission_answer(counted: "Band", answer: Answer) -> Answer:
+    """The answer of the band of a mission, with its length, its time and what is flown of it."""
+    from flighttune.campaign.fence import route_of
+
+    planned = route_of(counted)
+    of_route = planned.answer()
+    values = {"mission": {**pick(planned, "conditions time"), "length_m": planned.length}}
+    flyable = f"Flyable: {of_route.verdict}; {planned.conditions}."
+    return replace(
+        answer,
+        values={**answer.values, **values},
+        notes=[flyable, *of_route.notes, *answer.notes],
+    )
 
 
 def _stated(**given: Any) -> dict[str, Any]:

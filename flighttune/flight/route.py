@@ -90,6 +90,11 @@ class PlannedRoute(Answering):
         return sum(stretch["time_s"] for stretch in self.stretches)
 
     @property
+    def length(self) -> float:
+        """Length of the path seen from above, m."""
+        return self.reference.path.length
+
+    @property
     def where(self) -> Where:
         """The path, latitude and longitude of its start in deg, and height of the start in m."""
         scenario = self.scenario
@@ -137,6 +142,20 @@ class PlannedRoute(Answering):
         """Write the path, and a corridor about it, to a file .geojson or .kml."""
         written = route_kml if Path(path).suffix.lower() == ".kml" else route_geojson
         write_text(Path(path), written(self.where, printable(self.scenario.title), corridor))
+
+
+def planned_route(scenario: Scenario, *, speed_assumed: bool = False) -> PlannedRoute:
+    """The planned route of a scenario; InputError if it has a reference over time."""
+    reference, table = reference_of(scenario), scenario.route
+    if table is None or not isinstance(reference, RouteReference):
+        raise InputError(f"{scenario.title}: `route` must be given, got a reference over time.")
+    wind, assumed = table.wind_at(reference.V_a), " (assumed)"
+    conditions = (
+        f"airspeed {reference.V_a:g} m/s{assumed * speed_assumed}, "
+        f"turns for wind up to {wind:.3g} m/s{assumed * (table.wind_mps is None)}, "
+        f"start {scenario.flight.h_m:g} m above sea level"
+    )
+    return PlannedRoute(scenario=scenario, reference=reference, wind=wind, conditions=conditions)
 
 
 def is_mission(source: str | Path) -> bool:
@@ -190,13 +209,4 @@ def route(
         raise InputError(f"{source}: `aircraft` and `skip` must be absent for a scenario.")
     else:
         scenario = as_scenario(source, changes)
-    reference, table = reference_of(scenario), scenario.route
-    if table is None or not isinstance(reference, RouteReference):
-        raise InputError(f"{source}: `route` must be given, got a reference over time.")
-    wind, assumed = table.wind_at(reference.V_a), " (assumed)"
-    conditions = (
-        f"airspeed {reference.V_a:g} m/s{assumed * speed_assumed}, "
-        f"turns for wind up to {wind:.3g} m/s{assumed * (table.wind_mps is None)}, "
-        f"start {scenario.flight.h_m:g} m above sea level"
-    )
-    return PlannedRoute(scenario=scenario, reference=reference, wind=wind, conditions=conditions)
+    return planned_route(scenario, speed_assumed=speed_assumed)

@@ -25,7 +25,7 @@ TITLES = {name: (title, label) for name, title, label in (*ERRORS, *ROUTE_ERRORS
 def band_charts(band: Band) -> list[Chart]:
     """Each signal with the flights that were counted; on a route its map before them."""
     charts = [_chart(band, i) for i in range(len(band.about.signals))]
-    return [_map(band), *charts] if band.flights.over == "along" else charts
+    return [_map(band), _heights(band), *charts] if band.flights.over == "along" else charts
 
 
 def _chart(band: Band, i: int) -> Chart:
@@ -76,6 +76,26 @@ def _map(band: Band) -> Chart:
         ends = np.stack([fence.start, fence.end, np.full_like(fence.end, np.nan)], axis=1)
         north, east = ends.reshape(-1, 2).T
         chart.line(east, north, LIMIT, name="fence", most=len(north), hover=False)
+    return chart
+
+
+def _heights(band: Band) -> Chart:
+    """Height over the start along the route, in the band, with floor and ceiling of its fences."""
+    plan, about = plan_of(band), band.about
+    path, *_ = where_of(plan.campaign.central)
+    ends = 0.0, path.length / KM
+    chart = Chart(title="Height over the start", x=DISTANCE_AXIS, y="h [m]", x_range=ends)
+    s = path.points(APART)
+    if "height_err" in about.signals and band.claims and not about.predicted_from:
+        bounds, i = band.bounds(s), list(about.signals).index("height_err")
+        high, low = (path.beside(s, below=x[:, i])[:, 2] for x in (bounds.low, bounds.high))
+        chart.band(s / KM, low, high, NEUTRAL, name="corridor")
+    chart.line(s / KM, np.interp(s, path.s, path.up), STRONG, name="planned")
+    for tables in about.fences:
+        fence = fence_of(plan, tables)
+        for height, name in ((fence.high, "ceiling"), (fence.low, "floor")):
+            if np.isfinite(height):
+                chart.line(np.array(ends), np.full(2, height), LIMIT, name=name)
     return chart
 
 

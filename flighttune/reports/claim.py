@@ -4,7 +4,7 @@ import hashlib
 from pathlib import Path
 
 from flighttune.campaign.claims import AnyClaim
-from flighttune.campaign.fence import count_inside, inside_sentence
+from flighttune.campaign.fence import count_inside, inside_sentence, route_of
 from flighttune.certificates.certificate import Certificate
 from flighttune.claims.band import Band
 from flighttune.files.table import toml_text
@@ -28,6 +28,7 @@ def write_claim_page(claim: AnyClaim, source: str, path: str | Path) -> Report:
     answer = claim.answer(source) if isinstance(claim, Band) else claim.answer()
     facts = {"file": source, "its SHA-256": hashlib.sha256(Path(source).read_bytes()).hexdigest()}
     sentences, notes, charts = [claim.sentence], [*answer.notes], []
+    tables = [*answer.tables]
     title, commands, scenario = "Bound on R_K", f"flighttune verify {source}", ""
     if isinstance(claim, Certificate):
         title = "Certificate"
@@ -42,14 +43,18 @@ def write_claim_page(claim: AnyClaim, source: str, path: str | Path) -> Report:
         facts["flights"] = f"{len(claim.scores)} counted, {about.learned} learned from"
         facts["flights lost"] = claim.lost
         facts["seed"] = f"{about.plan['campaign']['seed']}"
+        if claim.flights.over == "along":
+            planned = route_of(claim).answer()
+            notes += [*planned.notes, f"{planned.verdict}."]
+            tables += planned.tables
         sentences += [inside_sentence(claim, count_inside(claim, x)) for x in about.fences]
-        notes = [BAND_NOTE, *([GIVEN] if about.predicted_from else []), *notes]
+        notes = [*notes, BAND_NOTE, *([GIVEN] if about.predicted_from else [])]
         commands += f"\nflighttune refly {source} --count 20"
     return write_page(
         Path(path),
         page_template("flighttune.reports", "commands.html.jinja"),
         summary=tuple(f"{sentence[:1].upper()}{sentence[1:]}." for sentence in sentences),
-        sections=[Section(note=" ".join(notes), charts=charts, tables=answer.tables, legend=False)],
+        sections=[Section(note=" ".join(notes), charts=charts, tables=tables, legend=False)],
         title=title,
         provenance=facts_table("Provenance", facts),
         commands=commands,

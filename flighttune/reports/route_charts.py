@@ -74,6 +74,10 @@ def route_map(scenario: Scenario, path: Path, s: FloatArray, corridor: FloatArra
     places = [point.east for point in points], [point.north for point in points]
     chart.points(*places, INK, size=2.0)
     chart.label_points([(p.east, p.north, f"{i}") for i, p in enumerate(points, start=1)])
+    if rally := scenario.route.rally_points():
+        north, east = zip(*rally, strict=True)
+        chart.points(east, north, INK, size=4.0)
+        chart.label_points([(e, n, "rally") for n, e in rally])
     if scenario.wind is not None:
         _wind_arrow(chart, np.array(scenario.wind.profile().at(scenario.flight.h_m)[:2]))
     return chart

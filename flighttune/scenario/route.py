@@ -123,6 +123,10 @@ class RouteTable(q.Table):
                 spiral=point.spiral,
             )
 
+    def rally_points(self) -> list[tuple[float, float]]:
+        """North and east of the rally points from the start, m."""
+        return [north_east((point.lat_deg, point.lon_deg), self.origin) for point in self.rally]
+
     def wind_at(self, V_a: float) -> float:
         """Largest wind that turns allow for at an airspeed, m/s."""
         return WIND_SHARE * V_a if self.wind_mps is None else self.wind_mps

@@ -1,0 +1,89 @@
+"""One command for a mission: its corridor, and the probability that it leaves its own fence."""
+
+import pytest
+from commands import answer, flighttune
+from plans import item, plan_file, waypoint
+from scipy.stats import binomtest
+
+import flighttune as ft
+
+FEW = ("--epsilon", 0.3, "--confidence", 0.9, "--learn", 10)
+
+AREA = [[47.39, 8.49], [47.39, 8.53], [47.42, 8.53], [47.42, 8.49]]
+
+
+def mission(path, area=AREA, *, speed=26):
+    """Take-off at 47.4 N, 900 m to the north and 750 m to the east, in an area."""
+    fence = {"version": 2, "circles": [], "polygons": [{"inclusion": True, "polygon": area}]}
+    return plan_file(
+        path,
+        item(22, 15, 0, 0, None, 47.4, 8.5, 60),
+        item(178, 0, speed, -1, 0, 0, 0, 0, frame=2),
+        waypoint(47.408, 8.5, 70),
+        waypoint(47.408, 8.51, 70),
+        geoFence=fence,
+        rallyPoints={"points": [[47.401, 8.505, 70]], "version": 2},
+    )
+
+
+@pytest.mark.slow
+def test_one_command_says_whether_a_mission_stays_inside_its_own_fence(tmp_path):
+    file, page, out = mission(tmp_path / "m.plan"), tmp_path / "m.html", tmp_path / "m.npz"
+    said = answer("band", file, *FEW, "--out", out, "--page", page)
+
+    assert said["fence"]["outside"] == 0
+    flights = said["flights"]  # Clopper and Pearson, of one side, at the confidence of each claim
+    bound = binomtest(0, flights, alternative="less").proportion_ci(0.9, method="exact").high
+    assert said["fence"]["epsilon"] == pytest.approx(bound, rel=1e-6)
+    assert said["confidence"] == pytest.approx(0.8)
+    assert "wind 0 to 8 m/s from anywhere, light turbulence" in said["distribution"]
+    assert 60.0 < said["mission"]["time"] < 62.0  # 1.57 km at 26 m/s
+    assert any("item 2 (DO_CHANGE_SPEED 178)" in note for note in said["notes"])
+    nearest = {row["what"]: row for row in said["fence"]["nearest"]}
+    assert nearest["band"]["margin_m"] <= nearest["completed flights"]["margin_m"]
+    text = page.read_text()
+    for words in ("Map", "Height over the start", "rally", "leg", "fence", "certainly inside"):
+        assert words in text, words
+    assert ft.load_claim(out).sentence in flighttune("verify", out)[0].replace("\n", " ")
+
+
+@pytest.mark.slow
+def test_a_mission_that_crosses_its_fence_is_flyable_and_leaves_it(tmp_path):
+    near = [[47.39, 8.49], [47.39, 8.505], [47.42, 8.505], [47.42, 8.49]]
+    file = mission(tmp_path / "m.plan", near)
+    said, failure = flighttune("band", file, *FEW, "--out", tmp_path / "m.npz", status=1)
+
+    assert "Flyable" in said
+    assert "with probability at most 1, confidence" in " ".join(failure.split())
+
+
+def test_what_is_not_flyable_or_not_fenced_is_refused_before_a_flight(tmp_path):
+    file = mission(tmp_path / "m.plan")
+    refused = {
+        ("--set", "route.turnaround_m=0", "--set", "route.wind_mps=60"): "must be",
+        ("--aircraft", "c172p"): "`V_a_mps` must lie in 32 to 75",
+        ("--plant", "kinematic"): "must be absent for a mission",
+        ("--like", "nowhere"): "nowhere",
+    }
+    for options, words in refused.items():
+        assert words in flighttune("band", file, *FEW, *options, status=2)[1]
+    far = mission(tmp_path / "f.plan", [[lat + 1.0, lon] for lat, lon in AREA])
+    assert "the start must be inside" in flighttune("band", far, *FEW, status=2)[1]
+    for option in ("--aircraft", "--like"):
+        said = flighttune("band", "circuit_in_wind", option, "aerosonde", status=2)[1]
+        assert "it is no mission" in said
+
+
+@pytest.mark.slow
+def test_the_air_of_a_mission_may_be_that_of_another_campaign(tmp_path):
+    calm = tmp_path / "calm.toml"
+    calm.write_text(
+        'title = "calm"\nscenario = "circuit"\nruns = 20\nseed = 5\ndesign = "random"\n'
+        'gains = ["tuned_identified"]\n[[disperse]]\nkey = "plant.airframe.mass_factor"\n'
+        'distribution = "uniform"\nlower = 0.95\nupper = 1.05\n'
+    )
+    file = mission(tmp_path / "m.plan")
+    band = ft.band(str(file), like=str(calm), epsilon=0.3, confidence=0.9, learn=10)
+
+    assert "calm air" in band.sentence or "wind" not in band.sentence
+    assert band.half_widths.max() < 0.5  # m: in calm air the circuit is flown within 0.2 m
