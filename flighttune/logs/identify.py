@@ -98,6 +98,7 @@ class ChannelOfLogs:
 
     lag: InnerLag
     fit_percent: float  # %: share of the variance explained in stretches not used for a fit
+    by_log: tuple[float, ...]  # %: of each log by the lag of the others; empty for one log
     frequency: tuple[float, float]  # rad/s: interval of the natural frequency
     delay: tuple[float, float]  # s: interval of the delay
     stretches: int
@@ -136,12 +137,19 @@ class LogIdentification(Answering):
                 "delay": channel.lag.delay,
                 "delay_interval": "{:.3f} to {:.3f}".format(*channel.delay),
                 "fit_percent": channel.fit_percent,
+                "by_log_percent": channel.by_log,
                 "stretches": channel.stretches,
             }
             for name, channel in self.channels.items()
         ]
         tables = [Table(CHANNEL_COLUMNS, records, f"{self.title}: responses", name="responses")]
         notes = [f"{name}: {reason}" for name, reason in self.untold.items()]
+        notes += [
+            f"{name} of each log by the lag of the others: "
+            f"{', '.join(f'{share:.1f}' for share in channel.by_log)} %"
+            for name, channel in self.channels.items()
+            if channel.by_log
+        ]
         evidence = self.identified and self.identified.log
         if evidence and evidence.residual_rad_s:
             rates = " and ".join(
@@ -186,9 +194,9 @@ def identify_log(
     """Identify the lags of roll and load factor from logs of real flights.
 
     It takes seconds for minutes of flight. Lags are fitted to every stretch in which the command
-    changes by 5 deg or 0.1 within 5 s. Their score is of stretches that were not fitted: of other
-    logs where there are several, else of every second stretch. Their intervals, at 95 %, are those
-    of stretches drawn again with replacement, to first order.
+    changes by 5 deg or 0.1 within 5 s. Their score is of stretches that were not fitted: of each
+    log by the lag of the others, or of every second stretch of one log. Their intervals, at 95 %,
+    are those of stretches drawn again with replacement, to first order.
 
     Parameters
     ----------
@@ -304,18 +312,20 @@ def _channel(runs: Sequence[Run], name: Channel) -> ChannelOfLogs | str:
             f"{NAMES[name]} commands changed by more than {EXCITED[name] / UNITS[name]:g} {unit} "
             f"in {count} stretches of {STRETCH_S:g} s without a gap, and must in {MIN_STRETCHES}"
         ).replace("  ", " ")
-    several = len({section.run for section in sections}) > 1
+    logs = sorted({section.run for section in sections})
     lag = _fitted(sections, None)
-    missed = 0.0
-    for fold in (0, 1):
+    shares = []  # of every log, or of every second stretch of one: variance missed, and all of it
+    for fold in logs if len(logs) > 1 else (0, 1):
         sides = [
-            np.full(len(s.stretch), s.run % 2 == fold) if several else s.stretch % 2 == fold
+            np.full(len(s.stretch), s.run == fold) if len(logs) > 1 else s.stretch % 2 == fold
             for s in sections
         ]
         fitted = _fitted(sections, [~side for side in sides], lag.order)
-        for section, side in zip(sections, sides, strict=True):
-            scored = side & np.isfinite(section.stretch)
-            missed += float(np.sum(section.residual(fitted)[scored] ** 2))
+        scored = [side & np.isfinite(s.stretch) for s, side in zip(sections, sides, strict=True)]
+        pairs = [*zip(sections, scored, strict=True)]
+        missed = np.concatenate([section.residual(fitted)[there] for section, there in pairs])
+        part = np.concatenate([section.measured[there] for section, there in pairs])
+        shares.append((float(np.sum(missed**2)), float(np.sum((part - part.mean()) ** 2))))
     used = [section.measured[np.isfinite(section.stretch)] for section in sections]
     total = sum(float(np.sum((part - part.mean()) ** 2)) for part in used)
     spread = _resampled(sections, lag, count)
@@ -323,7 +333,8 @@ def _channel(runs: Sequence[Run], name: Channel) -> ChannelOfLogs | str:
     low, high = np.percentile(spread, edges, axis=0)
     return ChannelOfLogs(
         lag=lag,
-        fit_percent=100.0 * (1.0 - missed / total),
+        fit_percent=100.0 * (1.0 - sum(missed for missed, _ in shares) / total),
+        by_log=tuple(100.0 * (1.0 - missed / part) for missed, part in shares if len(logs) > 1),
         frequency=(math.exp(low[0]), math.exp(high[0])),
         delay=(max(0.0, float(low[1])), max(0.0, float(high[1]))),
         stretches=count,

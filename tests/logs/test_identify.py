@@ -107,6 +107,8 @@ def test_several_logs_score_each_other(flight, log):
 
     found = ft.identify_log(*halves)
 
+    assert len(found.channels["phi"].by_log) == 2
+    assert min(found.channels["phi"].by_log) > 97.0
     assert found.channels["phi"].fit_percent > 97.0
     assert found.identified.conditions[0].V_a == pytest.approx(
         whole.signals["V_a"].median(), abs=0.2
