@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -208,7 +209,7 @@ class JSBSimPlant:
         chunks = self._chunks.get(duration) or self._count_steps(duration)
         self._write_phi_cmd(phi_cmd)
         self._write_n_z_cmd(n_z_cmd)
-        if not (math.isfinite(phi_cmd) and math.isfinite(n_z_cmd)):
+        if not (isfinite(phi_cmd) and isfinite(n_z_cmd)):
             commands = f"phi_cmd {phi_cmd:g} rad, n_z_cmd {n_z_cmd:g}"
             return self._end("diverged", f"commands must be finite, got {commands}.")
         # `run` is false where JSBSim itself ends the run, as on the ground.

@@ -40,6 +40,8 @@ def signal_reader(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[fl
     mass_slug = read("inertia/mass-slugs")
     engines = range(fdm.config.engines.count)
     thrusts = [read(f"propulsion/engine[{i}]/thrust-lbs") for i in engines]
+    # The only engine is asked by itself: a sum takes as long as six readings.
+    thrust_lbf = thrusts[0] if len(thrusts) == 1 else lambda: sum([each() for each in thrusts])
     ground, h_0 = fdm.ground, h_ft() * FT
     chi_now, psi_now = chi_0, psi_0
 
@@ -50,7 +52,7 @@ def signal_reader(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[fl
         psi_now += remainder(psi() - psi_now, tau)
         h, a, weight = h_ft() * FT, alpha(), mass_slug() * _G_0_FPS2
         n_z = (F_x() * sin(a) - F_z() * cos(a)) / weight
-        thrust = sum([thrust() for thrust in thrusts]) * LBF
+        thrust = (0.0 + thrust_lbf()) * LBF  # not -0.0, as a sum is
         # In the order of `SIGNALS`, each written out: a loop over them takes twice as long.
         return (
             *(chi_now, gamma(), phi(), n_z, V_a() * FT, north() * FT, east() * FT, h_0 - h),
