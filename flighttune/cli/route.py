@@ -34,7 +34,9 @@ def route(
     ] = False,
     out: Annotated[
         Path | None,
-        Option(help="Path to write, .geojson or .kml [default with --claim: runs/NAME.geojson]."),
+        Option(
+            help="Path to write, .plan, .kml or .geojson [default with --claim: runs/NAME.geojson]."
+        ),
     ] = None,
     band: Annotated[
         Path | None,
@@ -50,15 +52,19 @@ def route(
     from flighttune.campaign.band import load_band
     from flighttune.campaign.fence import corridor_of
     from flighttune.flight.route import route as plan_route
+    from flighttune.references.fence import fence_tables
 
     if band is not None and out is None:
         out = Path("runs") / f"{Path(source).stem}.geojson"
-    options.check_ending(out, ".geojson", ".kml")
+    options.check_ending(out, ".geojson", ".kml", ".plan")
     if out is not None and out.exists() and Path(source).exists() and out.samefile(source):
         raise InputError(f"{out}: `--out` must be another file than the one that is read.")
     changed = options.changes(settings)
     planned = plan_route(source, aircraft=aircraft, skip=skip, changes=changed)
     if out is not None:
-        corridor = None if band is None else corridor_of(load_band(band), planned.where)
-        planned.save(out, corridor)
+        counted = None if band is None else load_band(band)
+        corridor = None if counted is None else corridor_of(counted, planned.where)
+        own = fence_tables([Path(source)]) if source.lower().endswith(".plan") else {}
+        fences = counted.about.fences if counted and counted.about.fences else [own] * bool(own)
+        planned.save(out, corridor, fences)
     return replace(planned.answer(), files={"route": out})

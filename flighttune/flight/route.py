@@ -1,10 +1,12 @@
 """A route as an aircraft would fly it: its stretches, turns and times, before any flight."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from flighttune.errors import InputError
 from flighttune.files.whole import write_text
@@ -12,9 +14,19 @@ from flighttune.flight.conditions import reference_of
 from flighttune.flight.load import as_scenario, route_scenario
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.tables import Column, Table, printable
+from flighttune.references.earth import on_earth
 from flighttune.references.follow import RouteReference
-from flighttune.references.maps import Corridor, Where, route_geojson, route_kml
+from flighttune.references.maps import (
+    Corridor,
+    Mark,
+    Marks,
+    Where,
+    areas_of,
+    route_geojson,
+    route_kml,
+)
 from flighttune.references.mission import OTHER_FILES, ROUTE_FILES, read_route
+from flighttune.references.plan_file import route_plan
 from flighttune.scenario.schema import Scenario
 from flighttune.units import DEG
 
@@ -138,10 +150,39 @@ class PlannedRoute(Answering):
             f"wind of {self.wind:.3g} m/s",
         )
 
-    def save(self, path: str | Path, corridor: Corridor | None = None) -> None:
-        """Write the path, and a corridor about it, to a file .geojson or .kml."""
-        written = route_kml if Path(path).suffix.lower() == ".kml" else route_geojson
-        write_text(Path(path), written(self.where, printable(self.scenario.title), corridor))
+    def save(
+        self,
+        path: str | Path,
+        corridor: Corridor | None = None,
+        fences: Iterable[Mapping[str, Any]] = (),
+    ) -> None:
+        """Write the path to a file .plan, .kml or .geojson, with waypoints and rally points.
+
+        `fences` in GeoJSON, and a corridor about the path, are written too.
+        """
+        scenario, ending = self.scenario, Path(path).suffix.lower()
+        assert scenario.route is not None
+        start, origin = scenario.flight.h_m, scenario.route.origin
+        points = scenario.route.waypoints()
+        places = on_earth(np.array([(x.north, x.east) for x in points]), origin).round(8)
+        numbered = enumerate(zip(points, places.tolist(), strict=True), start=1)
+        marks = Marks(
+            tuple(
+                Mark(f"{i}", lat, lon, round(start + x.up, 2)) for i, (x, (lat, lon)) in numbered
+            ),
+            tuple(
+                Mark(f"rally {i}", x.lat_deg, x.lon_deg, round(start + x.up_m, 2))
+                for i, x in enumerate(scenario.route.rally, start=1)
+            ),
+            areas_of(fences),
+        )
+        if ending == ".plan":
+            ground = scenario.flight.ground_m
+            text = route_plan(self.where, marks, self.reference.V_a, ground, corridor)
+        else:
+            written = route_kml if ending == ".kml" else route_geojson
+            text = written(self.where, printable(scenario.title), corridor, marks)
+        write_text(Path(path), text)
 
 
 def planned_route(scenario: Scenario, *, speed_assumed: bool = False) -> PlannedRoute:

@@ -39,6 +39,48 @@ class Corridor(NamedTuple):
     claim: str  # what it is of, in words
 
 
+class Mark(NamedTuple):
+    """A point to draw."""
+
+    name: str
+    lat: float  # deg
+    lon: float
+    height: float  # m above sea level
+
+
+class Marks(NamedTuple):
+    """What is drawn beside a path."""
+
+    points: tuple[Mark, ...] = ()  # waypoints
+    rally: tuple[Mark, ...] = ()
+    # closed rings of longitudes and latitudes, deg, and whether they are to stay out of
+    areas: tuple[tuple[list[list[float]], bool], ...] = ()
+
+
+NO_MARKS = Marks()
+
+# Elements of an area in KML, from its shape to its ring.
+RING = ("Polygon", "outerBoundaryIs", "LinearRing")
+
+# Colours of lines and areas in KML, as opacity, blue, green, red.
+STYLES = {
+    "path": ("ffb04a1f", "00000000"),
+    "corridor": ("80808080", "40b04a1f"),
+    "fence": ("ff2b2bd6", "142b2bd6"),
+}
+
+
+def areas_of(tables: Iterable[Mapping[str, Any]]) -> tuple[tuple[list[list[float]], bool], ...]:
+    """Rings of fences in GeoJSON, and whether they are to stay out of; inner rings are."""
+    return tuple(
+        (ring, bool((feature.get("properties") or {}).get("exclusion")) or zone > 0)
+        for fence in tables
+        for feature in features(fence)
+        if feature["geometry"]["type"] == "Polygon"
+        for zone, ring in enumerate(feature["geometry"]["coordinates"])
+    )
+
+
 def json_number(value: object, name: str) -> float:
     """A number of a file; InputError if it is text, true or false, or too large."""
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < TOO_LARGE:
@@ -90,12 +132,23 @@ def _points(text: str) -> list[list[float]]:
     return [[float(value) for value in point.split(",")] for point in text.split()]
 
 
-def route_geojson(where: Where, title: str, corridor: Corridor | None = None) -> str:
-    """A path as GeoJSON, with heights above sea level, and its corridor window by window."""
+def route_geojson(
+    where: Where, title: str, corridor: Corridor | None = None, marks: Marks = NO_MARKS
+) -> str:
+    """A path as GeoJSON, with heights above sea level, and its corridor window by window.
+
+    Waypoints, rally points and fences follow.
+    """
     claim = {"corridor": corridor.claim} if corridor else {}
-    shapes = [({"name": title, **claim}, "LineString", _line(where).tolist())]
+    shapes: list[tuple[dict[str, Any], str, Any]] = [
+        ({"name": title, **claim}, "LineString", _line(where).tolist())
+    ]
     for properties, floor, _ in _pieces(where, corridor):
         shapes.append((properties, "Polygon", [floor[:, :2].tolist()]))
+    for mark in (*marks.points, *marks.rally):
+        shapes.append(({"name": mark.name}, "Point", [mark.lon, mark.lat, mark.height]))
+    for ring, exclusion in marks.areas:
+        shapes.append(({"name": "fence", "exclusion": exclusion}, "Polygon", [ring]))
     written = [
         {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": at}}
         for properties, kind, at in shapes
@@ -103,28 +156,61 @@ def route_geojson(where: Where, title: str, corridor: Corridor | None = None) ->
     return json.dumps({"type": "FeatureCollection", "features": written}) + "\n"
 
 
-def route_kml(where: Where, title: str, corridor: Corridor | None = None) -> str:
-    """A path as KML, at heights above sea level, and floor and ceiling of its corridor."""
+def route_kml(
+    where: Where, title: str, corridor: Corridor | None = None, marks: Marks = NO_MARKS
+) -> str:
+    """A path as KML, at heights above sea level, and floor and ceiling of its corridor.
+
+    Waypoints, rally points and fences follow; each kind has a style.
+    """
     kml = ElementTree.Element("kml", xmlns="http://www.opengis.net/kml/2.2")
     document = ElementTree.SubElement(kml, "Document")
-    mark = ElementTree.SubElement(document, "Placemark")
-    ElementTree.SubElement(mark, "name").text = title
-    if corridor:
-        ElementTree.SubElement(mark, "description").text = f"Corridor: {corridor.claim}."
-    _add_shape(mark, ["LineString"], _line(where))
+    for name, (line, area) in STYLES.items():
+        style = ElementTree.SubElement(document, "Style", id=name)
+        drawn = ElementTree.SubElement(style, "LineStyle")
+        ElementTree.SubElement(drawn, "color").text = line
+        ElementTree.SubElement(drawn, "width").text = "3"
+        ElementTree.SubElement(ElementTree.SubElement(style, "PolyStyle"), "color").text = area
+    claim = f"Corridor: {corridor.claim}." if corridor else ""
+    _add_shape(_add_mark(document, title, "path", claim), ["LineString"], _line(where))
     for properties, *rings in _pieces(where, corridor):
-        mark = ElementTree.SubElement(document, "Placemark")
-        ElementTree.SubElement(mark, "name").text = "corridor from {from_m} m".format(**properties)
-        shapes = ElementTree.SubElement(mark, "MultiGeometry")
+        name = "corridor from {from_m} m".format(**properties)
+        shapes = ElementTree.SubElement(_add_mark(document, name, "corridor"), "MultiGeometry")
         for ring in rings:
-            _add_shape(shapes, ["Polygon", "outerBoundaryIs", "LinearRing"], ring)
+            _add_shape(shapes, RING, ring)
+    for point in (*marks.points, *marks.rally):
+        place = np.array([[point.lon, point.lat, point.height]])
+        _add_shape(_add_mark(document, point.name, "path"), ["Point"], place)
+    for corners, exclusion in marks.areas:
+        ring = np.array([[lon, lat, 0.0] for lon, lat, *_ in corners])
+        mark = _add_mark(document, "stay out" if exclusion else "stay in", "fence")
+        _add_shape(mark, RING, ring, mode="clampToGround")
     return ElementTree.tostring(kml, encoding="unicode", xml_declaration=True) + "\n"
 
 
-def _add_shape(parent: ElementTree.Element, names: Sequence[str], points: FloatArray) -> None:
-    """Add a shape at absolute heights; its coordinates are in the last of the nested `names`."""
+def corridor_rings(where: Where, corridor: Corridor | None) -> Iterator[list[list[float]]]:
+    """Closed rings of the windows of a corridor, longitudes and latitudes in deg."""
+    return (floor[:, :2].tolist() for _, floor, _ in _pieces(where, corridor))
+
+
+def _add_mark(
+    document: ElementTree.Element, name: str, style: str, description: str = ""
+) -> ElementTree.Element:
+    """Add a placemark, whose shape follows."""
+    mark = ElementTree.SubElement(document, "Placemark")
+    ElementTree.SubElement(mark, "name").text = name
+    if description:
+        ElementTree.SubElement(mark, "description").text = description
+    ElementTree.SubElement(mark, "styleUrl").text = f"#{style}"
+    return mark
+
+
+def _add_shape(
+    parent: ElementTree.Element, names: Sequence[str], points: FloatArray, mode: str = "absolute"
+) -> None:
+    """Add a shape; its coordinates are in the last of the nested `names`."""
     shape = ElementTree.SubElement(parent, names[0])
-    ElementTree.SubElement(shape, "altitudeMode").text = "absolute"
+    ElementTree.SubElement(shape, "altitudeMode").text = mode
     for name in (*names[1:], "coordinates"):
         shape = ElementTree.SubElement(shape, name)
     shape.text = " ".join(",".join(map(str, point)) for point in points.tolist())

@@ -1,0 +1,197 @@
+"""Plans, KML and GeoJSON of a mission, read back by jsonschema, lxml, fastkml and shapely."""
+
+import json
+
+import jsonschema
+import numpy as np
+import pytest
+from commands import flighttune
+from lxml import etree
+from plans import item, plan_file, waypoint
+
+import flighttune as ft
+from flighttune.references.earth import north_east
+from flighttune.references.maps import Corridor
+
+SEEN = "{http://www.opengis.net/kml/2.2}"
+
+# QGroundControl's developer guide, "Plan file format": keys that must be there, and their types.
+POINT = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
+AREA = {"type": "array", "items": {"type": "array", "minItems": 2, "maxItems": 2}, "minItems": 3}
+SIMPLE = {
+    "type": "object",
+    "required": ["type", "autoContinue", "command", "doJumpId", "frame", "params"],
+    "properties": {
+        "type": {"const": "SimpleItem"},
+        "autoContinue": {"type": "boolean"},
+        "command": {"type": "integer"},
+        "doJumpId": {"type": "integer", "minimum": 1},
+        "frame": {"enum": [2, 3]},
+        "params": {
+            "type": "array",
+            "items": {"type": ["number", "null"]},
+            "minItems": 7,
+            "maxItems": 7,
+        },
+    },
+}
+POLYGON = {
+    "type": "object",
+    "required": ["version", "inclusion", "polygon"],
+    "properties": {"inclusion": {"type": "boolean"}, "polygon": AREA},
+}
+PLAN = {
+    "type": "object",
+    "required": ["fileType", "version", "groundStation", "geoFence", "mission", "rallyPoints"],
+    "properties": {
+        "fileType": {"const": "Plan"},
+        "version": {"const": 1},
+        "geoFence": {
+            "type": "object",
+            "required": ["version", "circles", "polygons"],
+            "properties": {
+                "version": {"const": 2},
+                "polygons": {"type": "array", "items": POLYGON},
+            },
+        },
+        "mission": {
+            "type": "object",
+            "required": [
+                "version",
+                "firmwareType",
+                "vehicleType",
+                "cruiseSpeed",
+                "hoverSpeed",
+                "plannedHomePosition",
+                "items",
+            ],
+            "properties": {
+                "version": {"const": 2},
+                "plannedHomePosition": POINT,
+                "items": {"type": "array", "items": SIMPLE, "minItems": 2},
+            },
+        },
+        "rallyPoints": {
+            "type": "object",
+            "required": ["version", "points"],
+            "properties": {"version": {"const": 2}, "points": {"type": "array", "items": POINT}},
+        },
+    },
+}
+
+AREAS = (
+    (True, [[47.38, 8.48], [47.38, 8.55], [47.43, 8.55], [47.43, 8.48]]),
+    (False, [[47.425, 8.50], [47.425, 8.51], [47.428, 8.51]]),
+)
+
+
+@pytest.fixture
+def mission(tmp_path):
+    """Two rows 80 m apart, a circle of 100 m that is too small, and a fence with a zone."""
+    polygons = [{"inclusion": inside, "polygon": ring} for inside, ring in AREAS]
+    rows = [(47.4, 8.5), (47.41, 8.5), (47.41, 8.50106), (47.4, 8.50106)]
+    return plan_file(
+        tmp_path / "m.plan",
+        *(waypoint(*row, 60) for row in rows),
+        item(18, 1, 0, -100, 1, 47.40, 8.52, 80),
+        waypoint(47.41, 8.53, 80),
+        geoFence={"version": 2, "circles": [], "polygons": polygons},
+        rallyPoints={"points": [[47.401, 8.51, 70]], "version": 2},
+    )
+
+
+@pytest.fixture
+def route(mission):
+    return ft.route(mission)
+
+
+@pytest.fixture
+def corridor(route):
+    """Windows of 100 m, 3 m to each side and 2 m up and down."""
+    edges = np.append(np.arange(0.0, route.length, 100.0), route.length)
+    windows = np.column_stack([edges[:-1], edges[1:]])
+    wide = np.tile([3.0, 2.0], (len(windows), 1))
+    return Corridor(windows, -wide, wide, "a claim")
+
+
+def test_a_plan_is_one_of_qgroundcontrol_with_turns_as_they_are_flown(mission, route, tmp_path):
+    out = tmp_path / "out.plan"
+    flighttune("route", mission, "--out", out)
+    tables = json.loads(out.read_text())
+
+    jsonschema.validate(tables, PLAN)
+    items = tables["mission"]["items"]
+    assert [x["doJumpId"] for x in items] == [*range(1, len(items) + 1)]
+    assert [x["command"] for x in items[:2]] == [22, 178]
+    (circle,) = (x for x in items if x["command"] == 18)
+    assert circle["params"][2] == pytest.approx(-155.9, abs=0.2)  # 33.3^2 / (g tan 36 deg)
+    # The turn-around is passed through both waypoints of its leg, and goes beyond them.
+    places = np.array([x["params"][4:6] for x in items if x["command"] == 16])
+    for corner in ((47.41, 8.5), (47.41, 8.50106)):
+        assert np.abs(places - corner).max(axis=1).min() < 2e-6
+    assert places[:, 0].max() > 47.4115
+    heights = {x["params"][6] for x in items if x["command"] in (16, 22)}
+    assert {60.0, 80.0} <= heights
+    assert tables["mission"]["plannedHomePosition"][2] == 480.0
+    assert tables["rallyPoints"]["points"] == [[47.401, 8.51, 70.0]]
+    read = [(x["inclusion"], x["polygon"]) for x in tables["geoFence"]["polygons"]]
+    assert read == list(AREAS)
+
+
+def test_the_corridor_of_a_plan_is_areas_to_stay_in_beside_the_zones(route, corridor, tmp_path):
+    fence = {"type": "Polygon", "coordinates": [[[8.48, 47.38], [8.55, 47.38], [8.5, 47.43]]]}
+    out = tmp_path / "out.plan"
+    route.save(out, corridor, [fence])
+    tables = json.loads(out.read_text())
+
+    jsonschema.validate(tables, PLAN)
+    assert len(tables["geoFence"]["polygons"]) == len(corridor.windows)
+    assert all(x["inclusion"] for x in tables["geoFence"]["polygons"])
+
+
+def test_kml_has_styles_waypoints_fence_and_corridor(mission, route, corridor, tmp_path):
+    out = tmp_path / "out.kml"
+    flighttune("route", mission, "--out", out)
+    root = etree.parse(out).getroot()
+    styles = {f"#{x.get('id')}" for x in root.iter(f"{SEEN}Style")}
+
+    assert {x.text for x in root.iter(f"{SEEN}styleUrl")} <= styles
+    names = [x.findtext(f"{SEEN}name") for x in root.iter(f"{SEEN}Placemark")]
+    assert names[1:] == ["1", "2", "3", "4", "5", "6", "rally 1", "stay in", "stay out"]
+    points = [x.findtext(f"{SEEN}coordinates") for x in root.iter(f"{SEEN}Point")]
+    assert points[4] == "8.52,47.4,560.0"
+    route.save(out, corridor)
+    places = etree.parse(out).getroot().iter(f"{SEEN}Placemark")
+    pieces = [x for x in places if x.findtext(f"{SEEN}name", "").startswith("corridor")]
+    assert len(pieces) == len(corridor.windows)
+
+
+def test_fastkml_reads_kml_and_finds_it_valid(route, corridor, tmp_path):
+    fastkml = pytest.importorskip("fastkml")
+    out = tmp_path / "out.kml"
+    route.save(out, corridor)
+    text = out.read_text().partition("?>")[2]
+
+    read = fastkml.KML.from_string(text, strict=True)
+    (document,) = read.features
+    assert document.features[0].geometry.geom_type == "LineString"
+    assert fastkml.validator.validate(element=etree.fromstring(text.encode()))
+
+
+def test_shapely_reads_geojson_whose_shapes_are_valid(mission, route, corridor, tmp_path):
+    shapely = pytest.importorskip("shapely")
+    out = tmp_path / "out.geojson"
+    fence = {"type": "Polygon", "coordinates": [[[*ring[::-1]] for ring in AREAS[0][1]]]}
+    route.save(out, corridor, [fence])
+    shapes = [
+        shapely.geometry.shape(x["geometry"]) for x in json.loads(out.read_text())["features"]
+    ]
+    line, *others = shapes
+
+    assert [shape.geom_type for shape in others].count("Point") == 7
+    windows = [shape for shape in others if shape.geom_type == "Polygon"][:-1]
+    assert len(windows) == len(corridor.windows)
+    assert all(shape.is_valid for shape in shapes)
+    assert shapely.union_all(windows).buffer(1e-7).covers(shapely.force_2d(line))
+    north, east = north_east(line.coords[-1][1::-1], (47.4, 8.5))
+    assert (north, east) == pytest.approx(north_east((47.41, 8.53), (47.4, 8.5)), abs=0.1)
