@@ -19,6 +19,9 @@ ROTARY = ("type 1 of PX4", "ArduCopter", *(f"type {kind}" for kind in (2, 3, 4, 
 # Range in which a ratio of two measurements of one quantity is taken as one of equal units.
 EQUAL = (0.7, 1.4)
 
+# The same of turns by the roll, which steps and wind disturb more.
+TURNS = (0.4, 2.0)
+
 # Median angle between course and path, and between nose and course, that is taken as right, rad.
 ALONG = 20.0 * DEG
 
@@ -120,11 +123,14 @@ def _path_notes(values: Mapping[str, FloatArray], dt: float) -> list[str]:
         ratio = _median(values["V_a"] * flying / values["V_g"])
         end = "" if EQUAL[0] < ratio < EQUAL[1] else ": its unit is wrong, or the wind strong"
         notes.append(f"airspeed is {ratio:.2f} times the ground speed{end}")
-    turn = np.gradient(np.unwrap(np.nan_to_num(values["chi"])), dt) * flying
-    both = turn * np.sin(values["phi"])
-    there = np.isfinite(both) & (np.abs(values["phi"]) > 10.0 * DEG)
-    if np.count_nonzero(there) * dt > 5.0 and float(np.sum(both[there])) < 0.0:
-        notes.append("the course turns against the roll: roll or course has the other sign")
+    sideways = np.gradient(np.unwrap(np.nan_to_num(values["chi"])), dt) * values["V_g"] * flying
+    phi = values["phi"]
+    level = G_0 * np.tan(phi)  # the same acceleration of a level coordinated turn
+    there = np.isfinite(sideways * level) & (np.abs(np.abs(phi) - 45.0 * DEG) < 35.0 * DEG)
+    if np.count_nonzero(there) * dt > 5.0:
+        ratio = float(np.sum((sideways * level)[there]) / np.sum(level[there] ** 2))
+        end = "" if TURNS[0] < ratio < TURNS[1] else ": unit or sign of roll or course is wrong"
+        notes.append(f"the course turns {ratio:.2f} times as fast as the roll makes it{end}")
     if "psi" in values:
         angle = _median(np.abs(np.angle(np.exp(1j * (values["psi"] - values["chi"])))) * flying)
         if angle > 2.0 * ALONG:

@@ -191,7 +191,7 @@ def _read_csv(path: Path, wanted: Callable[..., Fields]) -> Read:
     clock = table[fields[0]]
     if not pd.api.types.is_numeric_dtype(clock):  # dates
         stamps = pd.to_datetime(clock, errors="coerce")
-        t = ((stamps - stamps.dropna().iloc[0]) / pd.Timedelta(seconds=1)).to_numpy(float)
+        t = ((stamps - stamps.min()) / pd.Timedelta(seconds=1)).to_numpy(float)
     else:
         t = clock.to_numpy(float, na_value=np.nan)
     streams = {}

@@ -106,7 +106,12 @@ def test_what_a_log_says_about_its_own_signs_is_said(flight, tmp_path):
     upside = write_ulog(tmp_path / "up.ulg", t, {**signals, "n_z": -signals["n_z"]})
     feet = write_ulog(tmp_path / "feet.ulg", t, {**signals, "north": signals["north"] / 0.3048})
 
+    left = write_ulog(tmp_path / "left.ulg", t, {**signals, "phi": -signals["phi"]})
+    large = write_ulog(tmp_path / "large.ulg", t, {**signals, "phi": np.degrees(signals["phi"])})
+
     turned, wrong = (ft.load_log(path) for path in (upside, feet))
+    for path in (left, large):
+        assert "sign of roll or course is wrong" in str(ft.load_log(path).provenance.log["checks"])
 
     assert "after its sign was turned" in str(turned.provenance.log["checks"])
     assert np.nanmedian(turned.signals["n_z"]) > 0.8
@@ -155,6 +160,22 @@ def empty(path, t, signals):
     return write_ulog(path, t[:0], {name: values[:0] for name, values in signals.items()})
 
 
+def header_alone(path, t, signals):
+    return write_csv(path, t[:0], {name: values[:0] for name, values in signals.items()})
+
+
+def standing_clock(path, t, signals):
+    return write_csv(path, 0.0 * t, signals)
+
+
+def leaping(path, t, signals):
+    return write_ulog(path, np.where(t > 100.0, t + 40_000.0, t), signals)
+
+
+def one_empty_topic(path, t, signals):
+    return write_csv(path, t, signals | {"phi": np.nan * t})
+
+
 def cut(path, t, signals):
     path.write_bytes(b"ULog\x01\x12\x35\x01" + bytes(3))
     return path
@@ -171,6 +192,10 @@ def cut(path, t, signals):
         (jumping, "x.ulg", "the clock of `.*` must run forward, got a jump by -"),
         (no_table, "x.csv", "the time must be a column `t`"),
         (empty, "x.ulg", "must have roll"),
+        (leaping, "x.ulg", "without a break of over 3600 s"),
+        (header_alone, "x.csv", "must have roll"),
+        (standing_clock, "x.csv", "must have roll"),
+        (one_empty_topic, "x.csv", "must have roll"),
         (cut, "x.ulg", "must be a ULog log, got a damaged one"),
     ],
 )
