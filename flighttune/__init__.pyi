@@ -71,6 +71,7 @@ from flighttune.plants.jsbsim.plant import JSBSimPlant as JSBSimPlant
 from flighttune.plants.jsbsim.trims import trim as trim
 from flighttune.plants.lagged import LaggedPlant as LaggedPlant
 from flighttune.plants.point_mass import PointMassPlant as PointMassPlant
+from flighttune.plants.point_mass import PoweredPointMass as PoweredPointMass
 from flighttune.plants.sensors import Sensors as Sensors
 from flighttune.recording.record import record as record
 from flighttune.recording.record import show as show

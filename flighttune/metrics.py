@@ -13,6 +13,7 @@ from flighttune.simulate.measures import (
     STEADY_FROM,
     ErrorMeasures,
     error_measures,
+    step_measures,
 )
 from flighttune.simulate.run import Run
 from flighttune.units import DEG
@@ -30,7 +31,16 @@ CHANNELS = {"chi": "phi", "gamma": "n_z"}
 OFF_ROUTE = ("cross_track", "height_err")
 
 # Signals that the measures use.
+AIRSPEED = "V"
+
+# Names of the measures of the airspeed where it is a channel, and their units.
+AIRSPEED_METRICS = {
+    name.replace("_rad", "_mps"): unit.replace("rad", "m/s")
+    for name, unit in {**METRICS, "effort_rms": "1", "peak_rad": "rad", "min_rad": "rad"}.items()
+}
+
 MEASURED = (
+    *("V_ref", "V_err", "n_x_cmd", "n_x_limited"),
     *(f"{channel}_err" for channel in CHANNELS),
     *(f"{command}_{kind}" for command in CHANNELS.values() for kind in ("cmd", "limited")),
     "gamma_ref",
@@ -70,6 +80,8 @@ def unit_of(subject: str, name: str) -> str:
     """Unit of a measure of ``chi``, ``gamma`` or ``flight``, as `measures` names them."""
     if subject == "flight":
         return FLIGHT_METRICS[name]
+    if subject == AIRSPEED:
+        return AIRSPEED_METRICS.get(name, "s")
     if name == "effort_rms":
         return "rad" if subject == "chi" else "1"
     return METRICS.get(name, "rad" if name.endswith("_rad") else "s")
@@ -152,7 +164,9 @@ def measures(run: Run) -> dict[str, dict[str, float]]:
     """All measures of a run, as numbers.
 
     Returns ``chi`` and ``gamma``: `channel_metrics` and ``peak_rad``, the largest magnitude of the
-    error; ``flight``: `flight_metrics`. A channel whose settling time the scenario bounds has its
+    error; ``flight``: `flight_metrics`; and where the airspeed is a channel ``V``, of which
+    ``min_mps`` is the lowest airspeed; its step measures count from the first change of its
+    reference. A channel whose settling time the scenario bounds has its
     `settling_measures` too. Empty for a run of fewer than two samples, and for a log.
     """
     if len(run.signals) < 2 or run.provenance.log:
@@ -174,7 +188,32 @@ def measures_of(
         | settling_measures(t, columns[f"{channel}_err"], settling.get(channel, ()))
         for channel in CHANNELS
     }
-    return {**channels, "flight": _flight_measures(columns)}
+    measured = {**channels, "flight": _flight_measures(columns)}
+    if "V_err" in columns:
+        measured[AIRSPEED] = _airspeed_measures(t, columns, measure)
+    return measured
+
+
+def airspeed_metrics(run: Run) -> dict[str, float]:
+    """Measures of the airspeed, as `AIRSPEED_METRICS`; empty where it is not a channel."""
+    columns = signal_arrays(run, MEASURED)
+    if "V_err" not in columns or len(run.signals) < 2:
+        return {}
+    return _airspeed_measures(run.t, columns, error_measures)
+
+
+def _airspeed_measures(
+    t: FloatArray, columns: Mapping[str, FloatArray], measure: Measure
+) -> dict[str, float]:
+    error, steady = columns["V_err"], np.sin(columns["gamma_ref"])
+    values = measure(t, error, columns["n_x_cmd"] - steady, columns["n_x_limited"])._asdict()
+    changed = np.flatnonzero(columns["V_ref"] != columns["V_ref"][0])
+    if len(changed):  # before its reference changes, the airspeed is disturbed by all else
+        after = slice(int(changed[0]), None)
+        step = step_measures(t[after] - t[changed[0]], error[after])
+        values |= dict(zip(("PT_s", "MO_rad", "rise_s", "settling_s"), step, strict=True))
+    values |= {"peak_rad": float(np.max(np.abs(error))), "min_rad": float(np.min(columns["V_a"]))}
+    return {name.replace("_rad", "_mps"): value for name, value in values.items()}
 
 
 def stated_bounds(limits: Mapping[str, float]) -> dict[str, float]:

@@ -79,11 +79,17 @@ class CommandLimits(q.Table):
     phi_rate: Annotated[q.PositiveRate, AfterValidator(math.radians)] = Field(alias="phi_rate_dps")
     n_z: q.LoadFactors  # load-factor command
     n_z_rate: q.PositiveRate = Field(alias="n_z_rate_per_s")  # 1/s: rate of the load-factor command
+    # longitudinal load factor, and 1/s: its rate; without it the aircraft holds its airspeed itself
+    n_x: q.LoadFactors | None = None
+    n_x_rate: q.PositiveRate | None = Field(alias="n_x_rate_per_s", default=None)
 
-    def limits(self) -> Limits:
-        """Return the limits of (phi, n_z) for the controller."""
-        lower, upper = np.transpose([self.phi, self.n_z])
-        rate = np.array([self.phi_rate, self.n_z_rate])
+    def limits(self, *, airspeed: bool = False) -> Limits:
+        """Return the limits of (phi, n_z), or of (phi, n_z, n_x), for the controller."""
+        ranges, rates = [self.phi, self.n_z], [self.phi_rate, self.n_z_rate]
+        if airspeed and self.n_x is not None:
+            ranges, rates = [*ranges, self.n_x], [*rates, self.n_x_rate or math.inf]
+        lower, upper = np.transpose(ranges)
+        rate = np.array(rates)
         return Limits(lower=lower, upper=upper, rate_lower=-rate, rate_upper=rate)
 
 

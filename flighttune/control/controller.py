@@ -52,6 +52,10 @@ class FlightCondition:
         """Load factor in force at the start: `n_z`, or the steady value where it is None."""
         return math.cos(self.gamma) / math.cos(self.phi) if self.n_z is None else self.n_z
 
+    def commands(self, m: int) -> tuple[float, ...]:
+        """The first `m` commands in force: roll, load factor, and n_x of steady flight."""
+        return (self.phi, self.n_z_start, math.sin(self.gamma))[:m]
+
 
 class Measured(NamedTuple):
     """Measurements of a law at a sample; course, path angle and airspeed through sensors, if any.
@@ -73,6 +77,9 @@ class Measured(NamedTuple):
     wind : tuple of three floats or None, m/s
         Velocity of the air, north, east and down; None if the plant does not show it, or `chi` and
         `gamma` are those of the path through the air.
+    n_x : tuple of three floats or None, 1
+        Longitudinal load factor, thrust minus drag over weight, and the least and the largest one
+        that the engines give now; None from a plant that holds its airspeed by itself.
 
     Examples
     --------
@@ -89,6 +96,7 @@ class Measured(NamedTuple):
     h: float
     position: tuple[float, ...]
     wind: tuple[float, ...] | None
+    n_x: tuple[float, ...] | None = None
 
 
 class Followed(Protocol):
@@ -121,6 +129,10 @@ class ReferenceSample(NamedTuple):
     planned : tuple of two floats or None, rad and 1
         Roll and load-factor command under which the reference is flown where nothing disturbs; None
         where it is neither made of commands nor planned.
+    V : float or None, m/s
+        Airspeed to fly; None where the plant holds its own.
+    V_dot : float, m/s^2
+        Its rate from this sample on.
 
     Examples
     --------
@@ -133,6 +145,8 @@ class ReferenceSample(NamedTuple):
     chi_dot: float = 0.0
     gamma_dot: float = 0.0
     planned: tuple[float, float] | None = None
+    V: float | None = None
+    V_dot: float = 0.0
 
 
 class Controller(Protocol):

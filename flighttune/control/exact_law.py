@@ -9,7 +9,13 @@ import numpy as np
 
 from flighttune.arrays import check_positive
 from flighttune.control.controller import AntiWindup, Measured, ReferenceSample
-from flighttune.control.gains import RATES, PIGains
+from flighttune.control.gains import (
+    ERRORS,
+    ERRORS_WITH_AIRSPEED,
+    RATES,
+    WITH_AIRSPEED,
+    PIGains,
+)
 from flighttune.control.limits import FREE, RATE_LIMITED, Limits, limit_command
 from flighttune.control.linear_model import LinearModel
 from flighttune.control.mimo_pi import (
@@ -28,12 +34,16 @@ Priority: TypeAlias = Literal["gamma", "chi"]
 RATE_SIGNALS: Mapping[str, str] = MappingProxyType(
     {"chi_dot_integral": "rad/s", "gamma_dot_integral": "rad/s"}
 )
+WITH_AIRSPEED_SIGNALS = MappingProxyType({**RATE_SIGNALS, "V_dot_integral": "1/s"})
 
 # Share of the airspeed below which the law takes no speed over ground to be.
 LEAST_SPEED = 0.2
 
 # Least vertical lift for which the roll command is computed, in weights.
 LIFT_FLOOR = 0.1
+
+# Share of the largest gain below which a gain is rounding.
+ROUNDING = 1e-9
 
 # Weights: the least largest load factor by which the roll angle is found.
 LEAST_LIFT = 1e-9
@@ -84,9 +94,11 @@ class ExactLaw(StatefulPI):
     Parameters
     ----------
     gains : PIGains
-        From the errors (chi, gamma) to the rates `RATES`: K_P in 1/s, K_I in 1/s^2.
+        From the errors (chi, gamma) to the rates `RATES`: K_P in 1/s, K_I in 1/s^2. With the
+        airspeed as third channel nu_V is its rate over its reference, and the law commands
+        ``n_x = sin(gamma) + V_ref nu_V / g``.
     limits : Limits, optional
-        Of (phi, n_z); none by default. Applied as `CommandLimiter` does.
+        Of (phi, n_z) or (phi, n_z, n_x); none by default. Applied as `CommandLimiter` does.
     dt : float, s
         Sample time.
     anti_windup : {"conditional", "back_calculation", "none"}
@@ -166,12 +178,20 @@ class ExactLaw(StatefulPI):
         )
         if priority not in get_args(Priority):
             raise InputError(f"`priority` must be gamma or chi, got {priority!r}.")
-        rate_model().check_channels(gains)
-        self.gains, self.dt, self.signals = gains, dt, RATE_SIGNALS
+        rate_model(airspeed=gains.airspeed).check_channels(gains)
+        self.gains, self.dt, self._per_g = gains, dt, 1.0 / g
+        self.signals = WITH_AIRSPEED_SIGNALS if gains.airspeed else RATE_SIGNALS
         channels = channel_laws(gains, gains.K_I * dt, limits, dt)
         rate = math.inf if limits is None else min(limits.rate_upper[1], -limits.rate_lower[1])
+        self._third = channels[2] if gains.airspeed else None
+        integrated = np.abs(gains.K_I[:2, 2:])
+        if integrated.size and integrated.max() > ROUNDING * np.abs(gains.K_I).max():
+            raise InputError(
+                "`K_I` of the exact law must not turn or lift by the airspeed's error, got "
+                f"{gains.K_I[:2, 2].tolist()}."
+            )
         self.law = RateLaw(
-            channels=channels,
+            channels=channels[:2],
             wrapped=wrapped,
             conditional=anti_windup == "conditional",
             tracking_gain=tracking_gain_of(anti_windup, gains, dt, tracking_time),
@@ -180,17 +200,39 @@ class ExactLaw(StatefulPI):
             brake=2.0 * (braking or math.inf) * rate,
             course_first=priority == "chi",
         )
-        self.state = empty_state((0.0, 1.0))
+        self.state = empty_state((0.0, 1.0, 0.0)[: len(gains.inputs)])
 
     def linear(self) -> tuple[LinearModel, PIGains]:
         """Model and gains of its error dynamics, the same at every flight condition."""
-        return rate_model(), self.gains
+        return rate_model(airspeed=self.gains.airspeed), self.gains
 
     def step(self, measured: Measured, reference: ReferenceSample, _t: float, /) -> Sequence[float]:
         """Return roll and load-factor command after all limits, and the values of `signals`."""
-        state = self.state
-        exact_step(self.law, state, reference[:4], measured[:2], turning_speed(measured))
+        state, law, ref, V_ref = self.state, self.law, reference[:4], reference.V
+        if self._third is None or V_ref is None:
+            exact_step(law, state, ref, measured[:2], turning_speed(measured))
+            return (*state.u, *state.integral)
+        e_V, channel = self.airspeed_channel(self._third, measured, reference)
+        turn, climb = (row.K_P[2] * e_V for row in law.channels)
+        ref = *ref[:2], ref[2] + turn, ref[3] + climb
+        exact_step(law, state, ref, measured[:2], turning_speed(measured))
+        state.error[2] = e_V
+        self._hold_airspeed(channel, measured.gamma, V_ref, reference.V_dot)
         return (*state.u, *state.integral)
+
+    def _hold_airspeed(self, channel: ChannelLaw, gamma: float, V_ref: float, V_dot: float) -> None:
+        """Command n_x; its integral stands where a limit holds it, as those of the other two."""
+        state, law, (K_P, K_I, *limits) = self.state, self.law, channel
+        rate = V_dot / V_ref + state.integral[2]
+        rate += sum(gain * error for gain, error in zip(K_P, state.error, strict=True))
+        wanted = math.sin(gamma) + V_ref * self._per_g * rate
+        n_x, limited = limit_command(wanted, state.u[2], *limits)
+        state.u[2], state.u_unsat[2], state.limited[2] = n_x, wanted, limited
+        more = sum(gain * error for gain, error in zip(K_I, state.error, strict=True))
+        if limited != FREE:
+            more = 0.0 if law.conditional else more
+            more -= law.tracking_gain * (wanted - n_x) / (V_ref * self._per_g)
+        state.integral[2] += more
 
 
 def turning_speed(measured: Measured) -> float:
@@ -215,18 +257,20 @@ def turning_speed(measured: Measured) -> float:
     return max(along + ahead, LEAST_SPEED * V_a) * V_a / ahead
 
 
-def rate_model() -> LinearModel:
+def rate_model(*, airspeed: bool = False) -> LinearModel:
     """Error dynamics of the exact law while no limit holds: ``e' = -nu`` on rates of the reference.
 
     They are the same at every airspeed, path angle, roll and load factor.
     """
+    names = ERRORS_WITH_AIRSPEED if airspeed else ERRORS
+    n = len(names)
     return LinearModel(
-        A=np.zeros((2, 2)),
-        B=-np.eye(2),
-        C=np.eye(2),
-        states=("chi", "gamma"),
-        inputs=RATES,
-        errors=("chi", "gamma"),
+        A=np.zeros((n, n)),
+        B=-np.eye(n),
+        C=np.eye(n),
+        states=names,
+        inputs=WITH_AIRSPEED[RATES] if airspeed else RATES,
+        errors=names,
     )
 
 

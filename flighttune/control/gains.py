@@ -19,20 +19,25 @@ COMMANDS = ("phi", "n_z")
 # Inputs of the exact law's gains: desired rates, in place of roll and load factor.
 RATES = ("chi_dot", "gamma_dot")
 
+# Both laws' inputs where the airspeed is a channel too: longitudinal load factor, relative rate.
+WITH_AIRSPEED = {COMMANDS: (*COMMANDS, "n_x"), RATES: (*RATES, "V_dot")}
 
-LABELS = {COMMANDS: ("phi [rad]", "n_z [1]"), RATES: ("chi' [1/s]", "gamma' [1/s]")}
+ERRORS = ("chi", "gamma")
+
+# The third error is that of the airspeed over its reference.
+ERRORS_WITH_AIRSPEED = (*ERRORS, "V")
+
+LABELS = {
+    "phi": "phi [rad]",
+    "n_z": "n_z [1]",
+    "n_x": "n_x [1]",
+    "chi_dot": "chi' [1/s]",
+    "gamma_dot": "gamma' [1/s]",
+    "V_dot": "V'/V [1/s]",
+}
 
 # Names in files for the inputs of gains: the built-in law with these inputs.
 LAW_OF_INPUTS = {COMMANDS: "paper", RATES: "exact"}
-
-
-GAINS_COLUMNS = (
-    Column("command", "command"),
-    Column("P.0", "e_chi", digits="z.4f"),
-    Column("P.1", "e_gamma", digits="z.4f"),
-    Column("I.0", "int e_chi", digits="z.4f"),
-    Column("I.1", "int e_gamma", digits="z.4f"),
-)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -59,7 +64,7 @@ class PIGains:
     K_P: FloatArray
     K_I: FloatArray
     inputs: tuple[str, ...] = COMMANDS
-    errors: tuple[str, ...] = ("chi", "gamma")
+    errors: tuple[str, ...] = ERRORS
 
     def __post_init__(self) -> None:
         shape = len(self.inputs), len(self.errors)
@@ -83,19 +88,24 @@ class PIGains:
     @property
     def law(self) -> str:
         """Name of their inputs in files: ``exact`` for rates, else ``paper``."""
-        return LAW_OF_INPUTS.get(self.inputs, "paper")
+        return LAW_OF_INPUTS.get(self.inputs[:2], "paper")
+
+    @property
+    def airspeed(self) -> bool:
+        """Whether the airspeed is their third channel."""
+        return self.errors == ERRORS_WITH_AIRSPEED
 
     @property
     def labels(self) -> tuple[str, ...]:
         """Input of each row, with its unit."""
-        return LABELS.get(self.inputs, self.inputs)
+        return tuple(LABELS.get(name, name) for name in self.inputs)
 
     def as_lists(self) -> dict[str, Any]:
         """``K_P`` and ``K_I`` as nested lists, as files and ``--json`` have them.
 
         With ``law`` where they are those of the exact law.
         """
-        law = {"law": self.law} if self.inputs == RATES else {}
+        law = {"law": self.law} if self.inputs[:2] == RATES else {}
         return {"K_P": self.K_P.tolist(), "K_I": self.K_I.tolist(), **law}
 
     @classmethod
@@ -103,12 +113,12 @@ class PIGains:
         cls, K_P: npt.ArrayLike, K_I: npt.ArrayLike, law: str | None = None
     ) -> "PIGains":
         """The gains that `as_lists` wrote."""
-        inputs = {name: inputs for inputs, name in LAW_OF_INPUTS.items()}
-        return cls(
-            K_P=read_only_matrix("K_P", K_P),
-            K_I=read_only_matrix("K_I", K_I),
-            inputs=inputs.get(law or "", COMMANDS),
-        )
+        K_P = read_only_matrix("K_P", K_P)
+        inputs = {name: inputs for inputs, name in LAW_OF_INPUTS.items()}.get(law or "", COMMANDS)
+        errors = ERRORS
+        if len(K_P) > len(errors):
+            inputs, errors = WITH_AIRSPEED[inputs], ERRORS_WITH_AIRSPEED
+        return cls(K_P=K_P, K_I=read_only_matrix("K_I", K_I), inputs=inputs, errors=errors)
 
 
 # K* as printed below Eq. (43) of arXiv 2411.13140; rows phi, n_z; columns e_chi, e_gamma.
@@ -187,9 +197,15 @@ def command_gains(gains: PIGains, *, V_a: float, g: float = G_PAPER) -> PIGains:
 
 
 def _acting_on(inputs: tuple[str, str], gains: PIGains, factor: float) -> PIGains:
-    if gains.inputs == inputs:
+    if gains.inputs[:2] == inputs:
         return gains
-    return PIGains(K_P=gains.K_P * factor, K_I=gains.K_I * factor, inputs=inputs)
+    K_P, K_I = gains.K_P * factor, gains.K_I * factor
+    if not gains.airspeed:
+        return PIGains(K_P=K_P, K_I=K_I, inputs=inputs)
+    # The exact law takes the weight along the path measured, the paper's that of the reference:
+    # a gain on the error of the path angle is what lies between, one in level flight.
+    K_P[2, 1] += factor if inputs == RATES else -1.0
+    return PIGains(K_P=K_P, K_I=K_I, inputs=WITH_AIRSPEED[inputs], errors=gains.errors)
 
 
 def gains_lists(gains: PIGains | None) -> dict[str, Any]:
@@ -199,8 +215,12 @@ def gains_lists(gains: PIGains | None) -> dict[str, Any]:
 
 def gains_table(title: str, gains: PIGains | None) -> Table:
     """Gains as a table, a row a command; no rows where there are no gains."""
+    errors = ERRORS if gains is None else gains.errors
+    columns = [Column("command", "command")]
+    columns += [Column(f"P.{i}", f"e_{name}", digits="z.4f") for i, name in enumerate(errors)]
+    columns += [Column(f"I.{i}", f"int e_{name}", digits="z.4f") for i, name in enumerate(errors)]
     if gains is None:
-        return Table(GAINS_COLUMNS, [], title)
+        return Table(columns, [], title)
     rows = zip(gains.labels, gains.K_P.tolist(), gains.K_I.tolist(), strict=True)
     records = [{"command": name, "P": K_P, "I": K_I} for name, K_P, K_I in rows]
-    return Table(GAINS_COLUMNS, records, title)
+    return Table(columns, records, title)

@@ -56,8 +56,8 @@ class GuardedLaw(SelfLimiting):
     Parameters
     ----------
     limits : Limits
-        Of (phi, n_z). They hold for whatever the law commands, also where it has a limiter of its
-        own, whose commands before the limits are then the ones recorded.
+        Of (phi, n_z), or (phi, n_z, n_x). They hold for whatever the law commands, also where it
+        has a limiter of its own, whose commands before the limits are then the ones recorded.
     name : str
         Name for messages.
     """
@@ -66,7 +66,7 @@ class GuardedLaw(SelfLimiting):
         self._law, self._name = law, name
         self.dt: float = law.dt
         self.signals = {str(name): str(unit) for name, unit in law.signals.items()}
-        self._limits = CommandLimiter(limits, self.dt)
+        self._m, self._limits = len(limits.lower), CommandLimiter(limits, self.dt)
         self._recorded: Any = self._limits
         self._spent = 0.0
 
@@ -77,7 +77,7 @@ class GuardedLaw(SelfLimiting):
 
     def start(self, condition: FlightCondition) -> None:
         """Start the law and the limits from the roll and load factor of `condition`."""
-        self._limits.start((condition.phi, condition.n_z_start))
+        self._limits.start(condition.commands(self._m))
         self._spent = 0.0
         try:
             self._law.start(condition)
@@ -103,7 +103,8 @@ class GuardedLaw(SelfLimiting):
         except FAILURES as error:
             raise self._failed(error, t) from error
         self._spent += time.perf_counter() - began
-        when, names = f"{self._name} at t = {t:.2f} s", ("phi_cmd", "n_z_cmd", *self.signals)
+        when, m = f"{self._name} at t = {t:.2f} s", self._m
+        names = *("phi_cmd", "n_z_cmd", "n_x_cmd")[:m], *self.signals
         try:
             # One more than wanted tells that there are too many: an iterator may have no end.
             first = islice(returned, len(names) + 1)  # type: ignore[call-overload]
@@ -115,7 +116,7 @@ class GuardedLaw(SelfLimiting):
             count = count if values else textwrap.shorten(repr(returned), MAX_SHOWN)
             expected = f"{len(names)} numbers ({', '.join(names)})"
             raise LawError(f"{when}: `step` must return {expected}, got {count}.")
-        for name, value in zip(names[:2], values, strict=False):
+        for name, value in zip(names[:m], values, strict=False):
             if not math.isfinite(value):
                 raise LawError(f"{when}: `{name}` must be finite, got {value}.")
         if self._spent > t + MAX_LAG_S:
@@ -123,7 +124,7 @@ class GuardedLaw(SelfLimiting):
                 f"{when}: its steps must not take {MAX_LAG_S:g} s longer than the flight, "
                 f"got {self._spent:.1f} s."
             )
-        return (*self._limits.limit(*values[:2]), *values[2:])
+        return (*self._limits.limit(*values[:m]), *values[m:])
 
     def linear(self) -> tuple[LinearModel, PIGains] | None:
         """Model and gains of the law, as its ``linear`` returns them; None where it has none.

@@ -33,6 +33,7 @@ class Trim(NamedTuple):
     g: float  # m/s^2
     # m/s: airspeed for which gains were made that the controller scales by airspeed
     schedule_speed: float | None = None
+    airspeed: bool = False  # whether the airspeed is a channel
 
 
 class SampledController(NamedTuple):
@@ -123,7 +124,7 @@ class Law(ABC):
 
         Raises InputError if there is no such flight condition.
         """
-        return kinematic_model(V_a=trim.V_a, gamma=trim.gamma, g=trim.g)
+        return kinematic_model(V_a=trim.V_a, gamma=trim.gamma, g=trim.g, airspeed=trim.airspeed)
 
     def loop(
         self, model: LinearModel, gains: PIGains, _setup: LawSetup, /

@@ -7,11 +7,17 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, check_positive, check_upright, set_read_only
-from flighttune.control.gains import PIGains
+from flighttune.control.gains import (
+    COMMANDS,
+    ERRORS,
+    ERRORS_WITH_AIRSPEED,
+    WITH_AIRSPEED,
+    PIGains,
+)
 from flighttune.errors import InputError, ShapeError
 
 # States, inputs and errors of the chi/gamma law.
-LAW_NAMES = ("chi", "gamma"), ("phi", "n_z"), ("chi", "gamma")
+LAW_NAMES = ERRORS, COMMANDS, ERRORS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -78,7 +84,13 @@ def entry_model(entries: FloatArray) -> LinearModel:
 
 
 def kinematic_model(
-    *, V_a: float, gamma: float, phi: float = 0.0, n_z: float | None = None, g: float
+    *,
+    V_a: float,
+    gamma: float,
+    phi: float = 0.0,
+    n_z: float | None = None,
+    g: float,
+    airspeed: bool = False,
 ) -> LinearModel:
     r"""Error dynamics of the chi/gamma law, linearised about a flight condition.
 
@@ -92,11 +104,14 @@ def kinematic_model(
         Load factor; by default the steady value cos(gamma)/cos(phi).
     g : float, m/s^2
         Acceleration of gravity, positive.
+    airspeed : bool
+        Make the airspeed a third channel: its error is relative to `V_a`, its input n_x.
 
     Returns
     -------
     LinearModel
-        States and errors (e_chi, e_gamma) = reference minus actual, inputs (phi, n_z), C = I.
+        States and errors (e_chi, e_gamma) = reference minus actual, inputs (phi, n_z), C = I; with
+        `airspeed` (e_chi, e_gamma, e_V) and (phi, n_z, n_x).
 
     Raises
     ------
@@ -108,6 +123,10 @@ def kinematic_model(
     The Jacobians of arXiv 2411.13140 below its Eq. (40). The paper prints n_z = cos(gamma_c)/g at
     the equilibrium; its own model gives cos(gamma_c)/cos(phi). With phi = 0 the value drops out.
 
+    The paper holds the airspeed. With the longitudinal load factor n_x, thrust minus drag over
+    weight, it obeys ``V' = g (n_x - sin(gamma))``: over its trim value it has the factor g/V of the
+    other two channels. The path angle acts on it by the weight, -g/V cos(gamma).
+
     Examples
     --------
     >>> ft.kinematic_model(V_a=25.0, gamma=0.0, g=9.81).B.diagonal().round(4).tolist()
@@ -118,7 +137,22 @@ def kinematic_model(
     if n_z is None:
         n_z = math.cos(gamma) / math.cos(phi)
     entries = math.sin(gamma), 1.0 / math.cos(phi) ** 2, n_z * math.sin(phi), math.cos(phi)
-    return entry_model(g / V_a * np.array(entries))
+    model = entry_model(g / V_a * np.array(entries))
+    if not airspeed:
+        return model
+    A, B = np.zeros((3, 3)), np.zeros((3, 3))
+    A[:2, :2], B[:2, :2], B[2, 2] = model.A, model.B, -g / V_a
+    # Turning and lifting fall with airspeed where they are not zero; the weight pulls back.
+    A[:, 2] = -g / V_a * np.array([math.tan(phi), n_z * math.cos(phi) - math.cos(gamma), 0.0])
+    A[2, 1] = -g / V_a * math.cos(gamma)
+    return LinearModel(
+        A=A,
+        B=B,
+        C=np.eye(3),
+        states=ERRORS_WITH_AIRSPEED,
+        inputs=WITH_AIRSPEED[COMMANDS],
+        errors=ERRORS_WITH_AIRSPEED,
+    )
 
 
 def closed_loop(model: LinearModel, gains: PIGains) -> FloatArray:

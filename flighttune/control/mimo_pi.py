@@ -16,19 +16,22 @@ from flighttune.control.controller import (
     ReferenceSample,
     SelfLimiting,
 )
-from flighttune.control.gains import PIGains
+from flighttune.control.gains import ERRORS, ERRORS_WITH_AIRSPEED, PIGains
 from flighttune.control.limits import FREE, Limits, limit_command
 from flighttune.errors import InputError, ShapeError
-from flighttune.units import wrap_angle
+from flighttune.units import G_PAPER, wrap_angle
 
 Vector: TypeAlias = MutableSequence[Any] | npt.NDArray[Any]
 
-ERRORS = 2
-
 # No feed-forward.
-LEVEL = (0.0, 0.0)
+LEVEL = (0.0, 0.0, 0.0)
 
 INTEGRAL_SIGNALS: Mapping[str, str] = MappingProxyType({"phi_integral": "rad", "n_z_integral": "1"})
+WITH_AIRSPEED_INTEGRAL = MappingProxyType({**INTEGRAL_SIGNALS, "n_x_integral": "1"})
+
+# Load factor by which n_x may be commanded beyond what the engines give: less would take them off
+# their stop, and more would wind up.
+BEYOND_STOP = 0.05
 
 
 class ChannelLaw(NamedTuple):
@@ -36,7 +39,7 @@ class ChannelLaw(NamedTuple):
 
     Attributes
     ----------
-    K_P, K_I_half : sequence of float, length 2
+    K_P, K_I_half : sequence of float, length p
         Its row of K_P, and of ``K_I dt/2``: the trapezoidal rule on the sum of two errors. The
         exact law, which takes each error alone, has ``K_I dt`` there.
     lower, upper : float
@@ -81,8 +84,9 @@ class PIState(NamedTuple):
 
     Attributes
     ----------
-    error : list of float, length 2
-        Reference minus actual, wrapped where the channel is an angle of a full turn.
+    error : list of float, length p
+        Reference minus actual, wrapped where the channel is an angle of a full turn; of the
+        airspeed, if it is a channel, over its reference.
     u : list of float, length m
         Command after all limits.
     u_unsat : list of float, length m
@@ -107,7 +111,7 @@ def empty_state(u: Sequence[float]) -> PIState:
     """A state with nothing integrated, the commands `u` in force before t = 0."""
     before, m = [float(value) for value in u], len(u)
     return PIState(
-        error=[0.0] * ERRORS,
+        error=[0.0] * m,
         u=before,
         u_unsat=list(before),
         integral=[0.0] * m,
@@ -132,6 +136,7 @@ def channel_laws(
 class StatefulPI(SelfLimiting):
     """A law whose memory is a `PIState`: its commands, their limits and its integrators."""
 
+    gains: PIGains
     state: PIState
 
     @property
@@ -140,8 +145,24 @@ class StatefulPI(SelfLimiting):
         return self.state
 
     def start(self, condition: FlightCondition) -> None:
-        """Empty the integrators; the roll and load factor of `condition` are in force."""
-        self.state = empty_state((condition.phi, condition.n_z_start))
+        """Empty the integrators; the commands of steady flight at `condition` are in force."""
+        self.state = empty_state(condition.commands(len(self.gains.inputs)))
+
+    def airspeed_channel(
+        self, channel: ChannelLaw, measured: Measured, reference: ReferenceSample
+    ) -> tuple[float, ChannelLaw]:
+        """Error of the airspeed over its reference, and its channel within what the engines give.
+
+        The loop sees to it that there is an airspeed to follow, and a plant that takes n_x.
+        """
+        assert measured.n_x is not None
+        assert reference.V is not None
+        (_, least, most), V_ref = measured.n_x, reference.V
+        within = channel._replace(
+            lower=max(channel.lower, least - BEYOND_STOP),
+            upper=min(channel.upper, most + BEYOND_STOP),
+        )
+        return (V_ref - measured.V_a) / V_ref, within
 
 
 class MimoPI(StatefulPI):
@@ -154,7 +175,7 @@ class MimoPI(StatefulPI):
     Parameters
     ----------
     gains : PIGains
-        m commands, two errors.
+        From (chi, gamma) to (phi, n_z), or from (chi, gamma, V) to (phi, n_z, n_x).
     limits : Limits, optional
         Of m commands; none by default. Applied as `CommandLimiter` does.
     dt : float, s
@@ -174,7 +195,10 @@ class MimoPI(StatefulPI):
         Add ``cos(gamma_ref)/cos(phi)`` to the load-factor command: what steady flight on the
         reference needs at the bank flown. It depends on the reference and not on the error, so the
         linear loop about wings-level flight is the same with it and without. Where the reference
-        was made of commands these are added instead.
+        was made of commands these are added instead. To n_x it adds ``sin(gamma_ref)`` and the rate
+        of the airspeed's reference over g.
+    g : float, m/s^2
+        Acceleration of gravity, of the feed-forward of n_x alone.
 
     Attributes
     ----------
@@ -214,12 +238,14 @@ class MimoPI(StatefulPI):
         wrapped: Sequence[str] = ("chi",),
         schedule_speed: float | None = None,
         feed_forward: bool = False,
+        g: float = G_PAPER,
     ) -> None:
-        if len(gains.errors) != ERRORS:
-            raise ShapeError(f"`gains` must be of {ERRORS} errors, got {len(gains.errors)}.")
+        if gains.errors not in (ERRORS, ERRORS_WITH_AIRSPEED):
+            raise ShapeError(f"`gains` must be of 2 or 3 errors, got {len(gains.errors)}.")
         check_positive(dt=dt, tracking_time=tracking_time, schedule_speed=schedule_speed)
         self.gains, self.dt = gains, dt
-        self.signals, self.feed_forward = INTEGRAL_SIGNALS, feed_forward
+        self.feed_forward, self._g = feed_forward, g
+        self.signals = WITH_AIRSPEED_INTEGRAL if gains.airspeed else INTEGRAL_SIGNALS
         self._gamma_ref, self._lift = math.nan, 0.0
         self.wrapped = tuple(name in wrapped for name in gains.errors)
         self.law = PILaw(
@@ -239,9 +265,16 @@ class MimoPI(StatefulPI):
                 # NumPy's cosine, as ever: that of math may differ in the last bit.
                 self._gamma_ref, self._lift = reference[1], float(np.cos(reference[1]))
             u_ff = 0.0, self._lift / math.cos(measured[3])
-        state = self.state
+        state, law = self.state, self.law
+        if len(law.channels) > 2:
+            e_V, channel = self.airspeed_channel(law.channels[2], measured, reference)
+            along = math.sin(reference.gamma) + reference.V_dot / self._g
+            u_ff = *u_ff[:2], along if self.feed_forward else 0.0
+            law = law._replace(channels=(*law.channels[:2], channel))
+            pi_step(law, state, reference, measured, u_ff, measured[2], e_V)
+            return (*state.u, *state.integral)
         # Both begin with course and path angle: a slice of each would cost as much as an error.
-        pi_step(self.law, state, reference, measured, u_ff, measured[2])
+        pi_step(law, state, reference, measured, u_ff, measured[2])
         return (*state.u, *state.integral)
 
 
@@ -271,12 +304,13 @@ def pi_step(
     y: Sequence[Any],
     u_ff: Sequence[float],
     V_a: float,
+    e_V: float = 0.0,
 ) -> Vector:
     """One sample of the controller: the command of `MimoPI`, written so that Numba compiles it too.
 
     `ref` and `y` begin with course and flight-path angle; `u_ff` (length m, input unit) is the
-    feed-forward, and `V_a` (m/s) is used where the gains are scheduled. Writes to `state` and
-    returns the command after all limits, ``state.u``.
+    feed-forward, and `V_a` (m/s) is used where the gains are scheduled. `e_V` (1) is the third
+    error, if there is one. Writes to `state` and returns the command after all limits, ``state.u``.
     """
     channels, wrapped, conditional, tracking_gain, per_speed = law
     # All of it by name at once: inlined by Numba, writes through attributes would be lost.
@@ -287,17 +321,23 @@ def pi_step(
         e_0 = wrap_angle(e_0)
     if wrapped[1]:
         e_1 = wrap_angle(e_1)
-    both_0, both_1 = error[0] + e_0, error[1] + e_1
+    both_0, both_1, both_V = error[0] + e_0, error[1] + e_1, error[-1] + e_V
     if not started[0]:
         # The first sample adds nothing: there is no time before it to integrate over.
         started[0] = True
-        both_0 = both_1 = 0.0
+        both_0 = both_1 = both_V = 0.0
     error[0], error[1] = e_0, e_1
+    third = len(error) > 2
+    if third:
+        error[-1] = e_V
     # The input matrix of the chi/gamma law goes with 1/V_a: gains that go with V_a keep B K.
     gain = V_a * per_speed if per_speed else 1.0
     for i, (K_P, K_I_half, lower, upper, step_down, step_up) in enumerate(channels):
         proportional = K_P[0] * e_0 + K_P[1] * e_1
         increment = K_I_half[0] * both_0 + K_I_half[1] * both_1
+        if third:
+            proportional += K_P[-1] * e_V
+            increment += K_I_half[-1] * both_V
         # The gain of the schedule is inside the integral, so that its change moves no command.
         increment *= gain
         u_before = u_ff[i] + gain * proportional + integral[i]  # without this increment

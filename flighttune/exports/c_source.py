@@ -25,6 +25,7 @@ def export_c(
     scenario: Scenario, name: str, gains: PIGains, folder: Path, *, plant: str | None = None
 ) -> Path:
     """Write the outer loop of one gain set as a C file, limited as the aircraft `plant` is."""
+    scenario.check_two_channels("an export")
     limits = command_limits(scenario)
     if plant is not None or scenario.aircraft:
         limits = limits.within(plant_of(aircraft_table(scenario, plant), scenario).limits)

@@ -55,6 +55,8 @@ def mistake(run: Run) -> str:
     lift = columns["n_z_unlimited"] * np.cos(columns["phi"]) - np.cos(columns["gamma"])
     for channel, turn in (("chi", roll), ("gamma", lift.to_numpy())):
         error = columns[f"{channel}_err"].to_numpy()
+        if channel == "gamma" and "gamma_given" in columns:  # the path angle may have given way
+            error = (columns["gamma_given"] - columns["gamma"]).to_numpy()
         size = np.abs(error)
         begun = np.flatnonzero(size > FIRST_ERROR)[:1]
         for k in begun:  # none or one

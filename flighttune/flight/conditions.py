@@ -60,8 +60,8 @@ def start_condition(scenario: Scenario) -> FlightCondition:
 def command_limits(scenario: Scenario) -> Limits:
     """Limits of the commands on every plant: those of [limits], else of the first aircraft."""
     if scenario.limits == LimitsTable() and (aircraft := scenario.aircraft):
-        return aircraft[0].config.limits.limits()
-    return scenario.limits.limits()
+        return aircraft[0].config.limits.limits(airspeed=scenario.airspeed)
+    return scenario.limits.limits(airspeed=scenario.airspeed)
 
 
 def limits_on(scenario: Scenario, plants: Iterable[PlantTable]) -> Limits:
@@ -69,7 +69,7 @@ def limits_on(scenario: Scenario, plants: Iterable[PlantTable]) -> Limits:
     limits = command_limits(scenario)
     for plant in plants:
         if plant.aircraft is not None:
-            limits = limits.within(plant.config.limits.limits())
+            limits = limits.within(plant.config.limits.limits(airspeed=scenario.airspeed))
     return limits
 
 
@@ -107,7 +107,9 @@ def reference_of(scenario: Scenario) -> Reference | FeasibleReference | RouteRef
             )
         return route
     assert scenario.reference is not None  # one of both is there
-    reference = scenario.reference.reference(chi_deg=f.chi_deg, gamma_deg=f.gamma_deg)
+    reference = scenario.reference.reference(
+        chi_deg=f.chi_deg, gamma_deg=f.gamma_deg, V_mps=f.V_a_mps
+    )
     return replace(reference, g=f.g_mps2)
 
 

@@ -10,13 +10,13 @@ import pandas as pd
 
 from flighttune.flight.advice import advice
 from flighttune.flight.expectations import ClaimCheck, check_claim
-from flighttune.metrics import metric_tables
+from flighttune.metrics import AIRSPEED, airspeed_metrics, metric_tables
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import columns
 from flighttune.present.tables import Table
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.claim import Claim, claimed, with_claims
-from flighttune.simulate.run import Run
+from flighttune.simulate.run import Run, priority_notes
 from flighttune.theory.indicators import Indicators
 from flighttune.tuning.result import TuningResult
 
@@ -103,7 +103,8 @@ class FlownScenario(Answering):
         if run.label not in self.flight.index:
             return {}
         channels = self.metrics.loc[run.label].to_dict(orient="index")
-        return {**channels, "flight": self.flight.loc[run.label].to_dict()}
+        airspeed = {AIRSPEED: measured} if (measured := airspeed_metrics(run)) else {}
+        return {**channels, **airspeed, "flight": self.flight.loc[run.label].to_dict()}
 
     def answer(self, signals: Mapping[str, Path] | None = None) -> Answer:
         """How each run ended and what was measured; a failure names the requirements missed.
@@ -122,6 +123,7 @@ class FlownScenario(Answering):
             for record in self.records(signals or {})
         ]
         notes = [f"{run.label}: {run.outcome}" for run in self.runs if run.status != "completed"]
+        notes += priority_notes(self.runs)
         around = claimed(self.runs)
         if any(run.provenance.aircraft for run in self.runs):
             notes.append(f"Why aircraft and law differ: flighttune gap {self.source}")

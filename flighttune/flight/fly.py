@@ -33,7 +33,7 @@ from flighttune.flight.load import as_arguments, as_scenario, check_scenario
 from flighttune.flight.models import gain_sets, law_setup, linear_loop
 from flighttune.flight.own import LawMaker, PlantMaker, with_own
 from flighttune.plants.base import AirPathPlant, GuardedPlant, Plant
-from flighttune.plants.point_mass import PointMassPlant
+from flighttune.plants.point_mass import PointMassPlant, PoweredPointMass
 from flighttune.plants.weather import WIND, WindRecord
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, PlantTable
@@ -181,13 +181,20 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
     if table.of_the_user:
         return GuardedPlant.made(table.label, table.maker, table.parameters or {})
     if table.aircraft is None:
-        return PointMassPlant(
+        lags, options = (
             table.lags(),
-            wind=wind,
-            disturbance=None if scenario.disturbance is None else scenario.disturbance.sinusoid(),
-            turn=table.family.turn,
-            g=scenario.flight.g_mps2,
+            {
+                "wind": wind,
+                "disturbance": scenario.disturbance and scenario.disturbance.sinusoid(),
+                "turn": table.family.turn,
+                "g": scenario.flight.g_mps2,
+            },
         )
+        if not scenario.airspeed:
+            return PointMassPlant(lags, **options)
+        limits = command_limits(scenario)
+        n_x = float(limits.lower[2]), float(limits.upper[2])
+        return PoweredPointMass(n_x, lags and (*lags, table.thrust_lag()), **options)
     from flighttune.plants.jsbsim.plant import JSBSimPlant, steps_for
 
     aircraft = JSBSimPlant(
@@ -197,7 +204,9 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
         weather=weather_of(scenario),
         ground=scenario.flight.ground_m,
         throttle_max=table.throttle_max,
+        throttle_max_from=table.throttle_max_from_s or 0.0,
         off_nominal=table.airframe,
+        takes_n_x=scenario.airspeed,
     )
     return steered(aircraft, scenario)
 

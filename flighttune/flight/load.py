@@ -1,6 +1,7 @@
 """A scenario from its file, with what it names; what cannot be flown is refused in one line."""
 
 import json
+import math
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
@@ -15,6 +16,7 @@ from flighttune.files.shipped import scenario_files
 from flighttune.files.table import toml_tables
 from flighttune.flight.conditions import (
     check_roll_in,
+    command_limits,
     lead_on,
     reference_of,
     start_condition,
@@ -213,6 +215,29 @@ def _faults(scenario: Scenario, plant: PlantTable) -> Iterator[str]:
     for name, fault in start_faults(config, start_condition(scenario), ground):
         yield f"[flight] `{FLIGHT_KEYS[name]}` {fault}"
     yield from _limit_faults(scenario, config)
+    yield from _airspeed_faults(scenario, config)
+
+
+def _airspeed_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:
+    """Airspeeds asked for beyond what an aircraft flies, and an n_x without steady flight."""
+    if not scenario.airspeed:
+        return
+    f, (low, high) = scenario.flight, config.envelope.V_a
+    if scenario.reference is not None:
+        slow, fast = scenario.reference.airspeeds(f.V_a_mps, f.duration_s)
+        if not (low < slow and fast < high):
+            wrong = slow if slow <= low else fast
+            yield (
+                f"[reference] `V_mps` must stay inside {low:g} to {high:g} m/s of "
+                f"{config.folder.name}, got {wrong:g} m/s"
+            )
+    limits = command_limits(scenario).within(config.limits.limits(airspeed=True))
+    least, most = float(limits.lower[2]), float(limits.upper[2])
+    if not least < math.sin(f.gamma_deg * DEG) < most:
+        yield (
+            f"[limits] `n_x` must hold that of steady flight at the start, "
+            f"{math.sin(f.gamma_deg * DEG):.3g}, got {least:g} to {most:g}"
+        )
 
 
 def _limit_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str]:

@@ -11,7 +11,14 @@ from flighttune.certificates.exact_rate import ExactRate, Sampling, exact_rates
 from flighttune.certificates.make import Certification, certify_model
 from flighttune.control.controller import LawSetup
 from flighttune.control.envelope import Envelope
-from flighttune.control.gains import COMMANDS, LAW_OF_INPUTS, PAPER_GAINS, PIGains, paper_family
+from flighttune.control.gains import (
+    COMMANDS,
+    ERRORS_WITH_AIRSPEED,
+    LAW_OF_INPUTS,
+    PAPER_GAINS,
+    PIGains,
+    paper_family,
+)
 from flighttune.control.inner_loop import InnerLag, with_input_delay, with_input_lag
 from flighttune.control.law import Law, Trim
 from flighttune.control.limits import Limits
@@ -55,17 +62,28 @@ def identified_models(
     if everywhere or scenario.tuning.robust:
         speed = V_a if scenario.controller.schedule else None
         return tuple(
-            design_model(condition, g=g, hold=hold, schedule_speed=speed, law=law)
+            design_model(
+                condition,
+                g=g,
+                hold=hold,
+                schedule_speed=speed,
+                law=law,
+                airspeed=scenario.airspeed,
+            )
             for condition in identified.conditions
         )
     nearest = identified.nearest(V_a, gamma)
-    return (design_model(nearest, g=g, V_a=V_a, gamma=gamma, hold=hold, law=law),)
+    airspeed = scenario.airspeed
+    return (
+        design_model(nearest, g=g, V_a=V_a, gamma=gamma, hold=hold, law=law, airspeed=airspeed),
+    )
 
 
 def law_model(scenario: Scenario, law: Law | None = None) -> LinearModel:
     """A law alone, by default the first, about wings-level flight on the first reference."""
     f = scenario.flight
-    trim = Trim(V_a=f.V_a_mps, gamma=reference_of(scenario).initial[1], g=f.g_mps2)
+    gamma = reference_of(scenario).initial[1]
+    trim = Trim(V_a=f.V_a_mps, gamma=gamma, g=f.g_mps2, airspeed=scenario.airspeed)
     return (law or scenario.laws[0]).linear_model(trim)
 
 
@@ -147,10 +165,37 @@ def identified_problems(scenario: Scenario, law: Law | None = None) -> tuple[Tun
     law = law or scenario.laws[0]
     return tuple(
         _problem(
-            scenario, design.model, design.scaling, math.inf, _followed_roll(scenario, design, law)
+            scenario,
+            replace(design.model, A=design.model.A - _weight(design.model)),
+            design.scaling,
+            math.inf,
+            _followed_roll(scenario, design, law),
         )
         for design in identified_models(scenario, law)
     )
+
+
+def _weight(model: LinearModel) -> FloatArray:
+    """What the path angle does to the airspeed by the weight, in A; none without an airspeed.
+
+    A gain on the error of the path angle takes it out, but for the lag of n_x (`_with_weight`):
+    without it the three channels are tuned each by itself.
+    """
+    weight = np.zeros_like(model.A)
+    if ERRORS_WITH_AIRSPEED[2] in model.states:
+        i, j = model.states.index("V"), model.states.index("gamma")
+        weight[i, j] = model.A[i, j]
+    return weight
+
+
+def _with_weight(result: TuningResult, scenario: Scenario, law: Law) -> TuningResult:
+    """The result with the gain from the path angle to n_x that takes out the weight."""
+    if result.gains is None or not _weight(law_model(scenario, law)).any():
+        return result
+    gamma = reference_of(scenario).initial[1]
+    K_P = result.gains.K_P.copy()
+    K_P[2, 1] -= math.cos(gamma)
+    return replace(result, gains=replace(result.gains, K_P=K_P))
 
 
 def _followed_roll(scenario: Scenario, design: DesignModel, law: Law) -> tuple[float, float]:
@@ -188,7 +233,7 @@ def _problem(
         I_star=I_star,
         E_star=settings.E_star or math.inf,
         limits=command_limits(scenario) if settings.input_limits else None,
-        x_0=np.array([wrap_angle(chi_ref - condition.chi), gamma_ref - condition.gamma]),
+        x_0=np.array([wrap_angle(chi_ref - condition.chi), gamma_ref - condition.gamma, 0.0][:p]),
         scaling=scaling,
         K_min=-bound,
         K_max=bound,
@@ -213,7 +258,8 @@ def tune_scenario(
     """
     settings = scenario.tuning
     if (model or settings.model) == "identified":
-        return tune_worst_case(identified_problems(scenario, law), starts=settings.starts)
+        result = tune_worst_case(identified_problems(scenario, law), starts=settings.starts)
+        return _with_weight(result, scenario, law or scenario.laws[0])
     return tune_problem(tuning_problem(scenario, law), starts=settings.starts)
 
 
@@ -258,7 +304,14 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
         raise InputError(
             f"`gains` must be one of {', '.join(names)}, got {name!r}{nearest_name(gains, names)}"
         )
-    return law.gains_from(available[gains], V_a=scenario.flight.V_a_mps, g=scenario.flight.g_mps2)
+    chosen = available[gains]
+    if chosen.airspeed != scenario.airspeed:
+        raise InputError(
+            f"`gains` must have {3 if scenario.airspeed else 2} rows and columns where the "
+            f"airspeed is {'' if scenario.airspeed else 'not '}followed, as {TUNED} and "
+            f"{TUNED_IDENTIFIED} have, got {gains!r} of {len(chosen.inputs)}."
+        )
+    return law.gains_from(chosen, V_a=scenario.flight.V_a_mps, g=scenario.flight.g_mps2)
 
 
 def trim_and_envelope(scenario: Scenario) -> tuple[Envelope, Envelope]:

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, overload
@@ -10,7 +11,7 @@ from typing import Any, overload
 import numpy as np
 import pandas as pd
 
-from flighttune.control.gains import PIGains
+from flighttune.control.gains import COMMANDS, WITH_AIRSPEED, PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import Law
 from flighttune.control.linear_model import closed_loop
@@ -35,7 +36,7 @@ from flighttune.identification.fit import fitted_lag
 from flighttune.logs.columns import Columns
 from flighttune.logs.read import is_log
 from flighttune.metrics import channel_metrics, flight_metrics
-from flighttune.plants.point_mass import PointMassPlant
+from flighttune.plants.point_mass import PointMassPlant, PoweredPointMass
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.run import Run
@@ -171,10 +172,14 @@ def explain_flight(
     g = scenario.flight.g_mps2
     # In still air JSBSim records a wind of rounding errors; to fly in it takes twice as long.
     wind = None if weather_of(scenario) is None else wind_met(aircraft)
+    lagged = tuple(lag for lag, _ in lags.values())
+    make = PointMassPlant
+    if scenario.airspeed:
+        make = partial(PoweredPointMass, (float(limits.lower[2]), float(limits.upper[2])))
     lower = {
-        "kinematic": PointMassPlant(turn="paper", wind=wind, g=g),
-        "point_mass": PointMassPlant(wind=wind, g=g),
-        "point_mass_lag": PointMassPlant((lags["phi"][0], lags["n_z"][0]), wind=wind, g=g),
+        "kinematic": make(turn="paper", wind=wind, g=g),
+        "point_mass": make(wind=wind, g=g),
+        "point_mass_lag": make(lagged, wind=wind, g=g),
     }
     runs = [
         fly_once(
@@ -238,15 +243,16 @@ def _inner_loop(
     """Source and lags of an aircraft that has flown: those of the nearest condition, or fitted."""
     commanded_and_flown = {
         name: (run.signals[f"{name}_cmd"].to_numpy(), run.signals[name].to_numpy())
-        for name in ("phi", "n_z")
+        for name in (WITH_AIRSPEED[COMMANDS] if scenario.airspeed else COMMANDS)
     }
     if source is None:
         file = table.config.folder / FILE_NAME
         source = "identified" if file.exists() else "fitted"
-    lags = None, None
+    lags = (None,) * len(commanded_and_flown)
     if source == "identified":
         _, gamma = reference_of(scenario).initial
-        lags = table.identified_model.nearest(scenario.flight.V_a_mps, gamma).lags
+        nearest = table.identified_model.nearest(scenario.flight.V_a_mps, gamma)
+        lags = (*nearest.lags, nearest.thrust_lag) if scenario.airspeed else nearest.lags
     return source, {
         name: fitted_lag(run.t, *signals, lag=lag)
         for (name, signals), lag in zip(commanded_and_flown.items(), lags, strict=True)

@@ -60,7 +60,7 @@ def multisines(limits: Limits, *, seed: int = 0) -> tuple[FloatArray, Lines]:
     harmonics = np.unique(np.round(ideal).astype(int))
     lines = harmonics[::2], harmonics[1::2]
     generators = map(np.random.default_rng, np.random.SeedSequence(seed).spawn(2))
-    columns = map(_multisine, lines, *command_room(limits), generators)
+    columns = map(multisine, lines, *command_room(limits), generators)
     return np.column_stack(list(columns)), lines
 
 
@@ -73,7 +73,7 @@ def check_manoeuvre(limits: Limits) -> FloatArray:
     peaks, rates = command_room(limits)
     t = np.arange(round(CHECK_DURATION / DT), dtype=np.float64) * DT
     columns = [
-        _ramped(_pulses(t, CHECK_START[i], CHECK_UNIT[i]) * 0.8 * peaks[i], rates[i])
+        ramped(pulses(t, CHECK_START[i], CHECK_UNIT[i]) * 0.8 * peaks[i], rates[i])
         for i in range(2)
     ]
     return np.column_stack(columns)
@@ -92,7 +92,7 @@ def command_room(limits: Limits) -> tuple[FloatArray, FloatArray]:
     return PEAK_SHARE * room, RATE_SHARE * rates
 
 
-def _multisine(
+def multisine(
     harmonics: npt.NDArray[np.int_], peak: float, rate: float, rng: np.random.Generator
 ) -> FloatArray:
     """Amplitudes fall with the root of frequency: between peak and rate limit."""
@@ -110,14 +110,14 @@ def _multisine(
     return best
 
 
-def _pulses(t: FloatArray, start: float, unit: float) -> FloatArray:
+def pulses(t: FloatArray, start: float, unit: float) -> FloatArray:
     """Plus, minus, plus, minus one for 3, 2, 1 and 1 units."""
     since = (t - start) / unit
     levels = np.array([0.0, 1.0, -1.0, 1.0, -1.0, 0.0])
     return levels[np.searchsorted([0.0, 3.0, 5.0, 6.0, 7.0], since, side="right")]
 
 
-def _ramped(command: FloatArray, rate: float) -> FloatArray:
+def ramped(command: FloatArray, rate: float) -> FloatArray:
     ramped = np.zeros_like(command)
     for k in range(1, len(command)):
         step = command[k] - ramped[k - 1]

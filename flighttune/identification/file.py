@@ -20,7 +20,7 @@ from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag, Order, with_inner_loop
 from flighttune.control.law import Law, Trim, made_law
 from flighttune.control.linear_model import LinearModel
-from flighttune.errors import ScenarioError
+from flighttune.errors import InputError, ScenarioError
 from flighttune.files.mistakes import abridged, shown, validated
 from flighttune.files.shipped import aircraft_folder
 from flighttune.files.table import json_tables, stamp
@@ -29,7 +29,7 @@ from flighttune.present.names import columns
 from flighttune.present.tables import Table
 from flighttune.units import DEG_PER_RAD, G_0
 
-Channel: TypeAlias = Literal["phi", "n_z"]
+Channel: TypeAlias = Literal["phi", "n_z", "n_x"]
 
 # Difference of climb that counts like a doubling of airspeed in `nearest`.
 ANGLE_PER_SPEED = math.radians(60.0)
@@ -114,6 +114,16 @@ class IdentifiedCondition(_Table):
     def lags(self) -> tuple[InnerLag, InnerLag]:
         """Lags of roll and load factor."""
         return self.channels["phi"].lag, self.channels["n_z"].lag
+
+    @property
+    def thrust_lag(self) -> InnerLag:
+        """Lag of n_x; an InputError says that it was not identified."""
+        if "n_x" not in self.channels:
+            raise InputError(
+                "the identified model must have the channel n_x where the airspeed is followed; "
+                "`flighttune identify` measures it of an aircraft with `n_x` in its [limits]."
+            )
+        return self.channels["n_x"].lag
 
     @computed_field
     @property
@@ -231,6 +241,7 @@ def design_model(
     hold: float = 0.0,
     schedule_speed: float | None = None,
     law: Law | None = None,
+    airspeed: bool = False,
 ) -> DesignModel:
     """Return the plant of the outer loop: the chi/gamma law behind the identified inner loop.
 
@@ -246,19 +257,23 @@ def design_model(
     law : Law, optional
         Law whose error dynamics stand behind the lags of roll and of load factor; by default the
         paper's.
+    airspeed : bool
+        Make the airspeed a third channel, behind the lag of n_x.
     """
     V_a = condition.V_a if V_a is None else V_a
     gamma = condition.gamma if gamma is None else gamma
     law = law or made_law("paper")
-    model = law.linear_model(Trim(V_a=V_a, gamma=gamma, g=g, schedule_speed=schedule_speed))
-    lags = [lag.delayed(hold) for lag in condition.lags]
+    trim = Trim(V_a=V_a, gamma=gamma, g=g, schedule_speed=schedule_speed, airspeed=airspeed)
+    model = law.linear_model(trim)
+    measured = (*condition.lags, condition.thrust_lag) if airspeed else condition.lags
+    lags = [lag.delayed(hold) for lag in measured]
     return DesignModel(
         model=with_inner_loop(model, lags),
         scaling=law.state_scaling(model, lags),
         V_a=V_a,
         gamma=gamma,
         law_model=model,
-        lags=condition.lags,
+        lags=measured,
         roll_lag=lags[0].whole,
     )
 

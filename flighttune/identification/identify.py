@@ -32,6 +32,7 @@ from flighttune.identification.fit import (
     frequency_responses,
     lag_response,
 )
+from flighttune.identification.thrust import ThrustIdentification, identify_thrust, of_one_order
 from flighttune.plants.base import FlightCondition, Plant
 from flighttune.plants.jsbsim.linearize import linearize, modes
 from flighttune.plants.jsbsim.plant import JSBSimPlant
@@ -71,6 +72,7 @@ class Identification:
     # Fits of every order, of roll and load factor, the chosen one first
     candidates: tuple[tuple[LagCandidate, ...], tuple[LagCandidate, ...]]
     manoeuvre: tuple[FloatArray, FloatArray]  # for validation: commands and response
+    thrust: ThrustIdentification | None = None  # of an aircraft that takes n_x
 
     @cached_property
     def check(self) -> dict[str, FloatArray]:
@@ -95,6 +97,8 @@ class Identification:
                 cross=float(np.abs(self.frequency[i].other).max()),
                 simpler=LagTable.model_construct(**lag_table(simpler)),
             )
+        if self.thrust is not None:
+            channels["n_x"] = self.thrust.channel
         V_a, gamma, h = self.trim.V_a, self.trim.gamma, self.trim.h
         return IdentifiedCondition.model_construct(V_a=V_a, gamma=gamma, h=h, channels=channels)
 
@@ -136,7 +140,12 @@ def _of_one_order(identifications: Sequence[Identification]) -> tuple[Identifica
         )
         return replace(point, candidates=(phi, n_z))
 
-    return tuple(map(chosen_first, identifications))
+    chosen = tuple(map(chosen_first, identifications))
+    thrust = [point.thrust for point in chosen if point.thrust is not None]
+    if len(thrust) < len(chosen):
+        return chosen
+    pairs = zip(chosen, of_one_order(thrust), strict=True)
+    return tuple(replace(point, thrust=same) for point, same in pairs)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -253,7 +262,10 @@ def identify(
     for v, g in product(speeds, tuple(gamma) or (None,)):
         try:
             point = level(plant.config, v, h) if g is None else FlightCondition(V_a=v, gamma=g, h=h)
-            measured.append(identify_plant(fresh, point, plant.limits, seed=seed))
+            flights = identify_plant(fresh, point, plant.limits, seed=seed)
+            if plant.config.limits.n_x is not None:
+                flights = replace(flights, thrust=identify_thrust(fresh, point, seed=seed))
+            measured.append(flights)
         except TrimError as error:
             skipped.append(str(error))
     if not measured:

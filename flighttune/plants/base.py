@@ -106,8 +106,17 @@ class Plant(Protocol):
             Load-factor command, lift over weight.
         duration : float, s
             Time to fly: the sample time of the controller.
+
+        Notes
+        -----
+        A plant that takes the longitudinal load factor n_x (1, thrust minus drag over weight) has
+        limits of three commands, gets that command after the duration, and shows `N_X_SIGNALS`.
         """
         ...
+
+
+# Of a plant that takes n_x: the one flown, and the least and largest that its engines give now.
+N_X_SIGNALS = ("n_x", "n_x_min", "n_x_max")
 
 
 class WrappedPlant:
@@ -131,9 +140,11 @@ class WrappedPlant:
         """Put the aircraft into `condition` at t = 0, as the plant does."""
         self._plant.start(condition)
 
-    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float) -> Stop | None:
+    def advance(
+        self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x_cmd: float
+    ) -> Stop | None:
         """Fly `duration` seconds with the command held, as the plant does."""
-        return self._plant.advance(phi_cmd, n_z_cmd, duration)
+        return self._plant.advance(phi_cmd, n_z_cmd, duration, *n_x_cmd)
 
 
 # Names of course and flight-path angle over ground where `chi` and `gamma` are through the air.
@@ -234,12 +245,14 @@ class GuardedPlant:
         self._last = signals
         return signals
 
-    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float) -> Stop | None:
+    def advance(
+        self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x_cmd: float
+    ) -> Stop | None:
         """Fly on; return why the flight ended, if it did."""
         if self._stop is not None:
             return self._stop
         try:
-            stop = self._plant.advance(phi_cmd, n_z_cmd, duration)
+            stop = self._plant.advance(phi_cmd, n_z_cmd, duration, *n_x_cmd)
         except FAILURES as error:
             return Stop("plant_failed", failure(self._name, error, self._t))
         self._t += duration
@@ -257,18 +270,22 @@ class PlantKind(NamedTuple):
     batched: bool = False  # whether the compiled kernel flies it
 
 
-_LAGS = tuple(f"{channel}_{key}" for channel in ("roll", "n_z") for key in ("lag_rad_s", "delay_s"))
+_LAGS = tuple(
+    f"{channel}_{key}"
+    for channel in ("roll", "n_z", "n_x")
+    for key in ("lag_rad_s", "delay_s", "damping")
+)
 
 PLANT_KINDS: Mapping[str, PlantKind] = MappingProxyType(
     {
         "kinematic": PlantKind(turn="paper", enclosed="the paper's law", batched=True),
         "point_mass": PlantKind(enclosed="the exact point mass"),
         "point_mass_lag": PlantKind(
-            keys=frozenset({*_LAGS, "roll_damping", "n_z_damping", "identified"}),
+            keys=frozenset({*_LAGS, "identified"}),
             enclosed="the exact point mass behind lags",
         ),
         "jsbsim": PlantKind(
-            keys=frozenset({"aircraft", "throttle_max", "airframe"}),
+            keys=frozenset({"aircraft", "throttle_max", "throttle_max_from_s", "airframe"}),
             required=("aircraft",),
             enclosed="the exact point mass behind the identified lag",
         ),

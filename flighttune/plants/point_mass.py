@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -10,7 +10,13 @@ from flighttune.arrays import FloatArray, Floats, check_positive
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
-from flighttune.plants.base import COMMON_SIGNALS, FlightCondition, Stop, TurnLaw
+from flighttune.plants.base import (
+    COMMON_SIGNALS,
+    N_X_SIGNALS,
+    FlightCondition,
+    Stop,
+    TurnLaw,
+)
 from flighttune.plants.lagged import LaggedChannel
 from flighttune.plants.weather import CALM, NED, WIND, WindRecord, course_of, velocity_along
 from flighttune.units import G_PAPER
@@ -18,8 +24,8 @@ from flighttune.units import G_PAPER
 # Time (s) to the disturbance of course and flight-path-angle rate (rad/s).
 Disturbance: TypeAlias = Callable[[float], tuple[float, float]]
 
-# Turning and lifting part of the load factor, and the disturbance, at one time.
-Forcing: TypeAlias = tuple[float, float, float, float]
+# Turning and lifting part of the load factor, the disturbance, and n_x if there is one.
+Forcing: TypeAlias = tuple[float, ...]
 
 # Further signals of a point in a wind record.
 WIND_SIGNALS = (*WIND, "V_g")
@@ -34,6 +40,9 @@ FINEST = 0.06
 LOST = 1e3
 
 STEEPEST = math.radians(89.9)
+
+# Airspeed below which a point with thrust has stopped, m/s.
+STOPPED = 1.0
 
 
 def turn_rates(
@@ -148,7 +157,7 @@ class PointMassPlant:
 
     def __init__(
         self,
-        lags: tuple[InnerLag, InnerLag] | None = None,
+        lags: tuple[InnerLag, ...] | None = None,
         *,
         wind: WindRecord | None = None,
         disturbance: Disturbance | None = None,
@@ -175,7 +184,7 @@ class PointMassPlant:
         self._t, self._V_a, self._g_over_v = 0.0, condition.V_a, self._g / condition.V_a
         self._state = (condition.chi, condition.gamma, 0.0, 0.0, 0.0)
         self._chi = condition.chi
-        self._command = condition.phi, condition.n_z_start
+        self._command: tuple[float, ...] = condition.phi, condition.n_z_start
         self._channels = tuple(map(LaggedChannel, self._lags or (), self._command))
 
     def observe(self) -> tuple[float, ...]:
@@ -193,7 +202,9 @@ class PointMassPlant:
         d_chi, d_gamma = self._disturbance(self._t)
         return (chi, gamma, phi, n_z, self._V_a, *position, d_chi, d_gamma, *wind_signals)
 
-    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float) -> Stop | None:
+    def advance(
+        self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x_cmd: float
+    ) -> Stop | None:
         """Fly `duration` seconds with the command held; return why the flight ended, if it did.
 
         Notes
@@ -205,7 +216,7 @@ class PointMassPlant:
             abs(phi_cmd) < (math.pi / 2 if self._paper else math.inf) and math.isfinite(n_z_cmd)
         ):
             return rolled_over(phi_cmd, n_z_cmd, self._t)
-        self._command = (phi_cmd, n_z_cmd)
+        self._command = (phi_cmd, n_z_cmd, *n_x_cmd)
         for channel, command in zip(self._channels, self._command, strict=False):
             channel.order(self._t, command)
         end = self._t + duration
@@ -251,16 +262,16 @@ class PointMassPlant:
 
     def _roll_and_load(self, t: float) -> tuple[float, float]:
         if not self._channels:
-            return self._command
-        roll, load = self._channels
+            return self._command[0], self._command[1]
+        roll, load = self._channels[:2]
         return roll.at(t), load.at(t)
 
     def _forcing(self, start: float, step: float, count: int) -> list[Forcing]:
         """Turning and lifting load factor, and the disturbance, after 0 to `count` steps."""
         if self._channels:
-            rolls, loads = (channel.over(step, count) for channel in self._channels)
+            rolls, loads = (channel.over(step, count) for channel in self._channels[:2])
         else:
-            rolls, loads = ([command] * (count + 1) for command in self._command)
+            rolls, loads = ([command] * (count + 1) for command in self._command[:2])
         return [
             (
                 math.tan(phi) if self._paper else n_z * math.sin(phi),
@@ -274,7 +285,7 @@ class PointMassPlant:
         self, chi: float, gamma: float, forcing: Forcing, w_dot: NED
     ) -> tuple[float, float, float, float, float]:
         """Rates of course, flight-path angle and, but for the wind, position."""
-        turning, lifting, d_chi, d_gamma = forcing
+        turning, lifting, d_chi, d_gamma = forcing[:4]
         sin_chi, cos_chi = math.sin(chi), math.cos(chi)
         sin_gamma, cos_gamma = math.sin(gamma), math.cos(gamma)
         V_a, g_over_v = self._V_a, self._g_over_v
@@ -305,6 +316,100 @@ class PointMassPlant:
             east + sixth * (a[3] + 2.0 * (b[3] + c[3]) + d[3]) + step * wind[1],
             down + sixth * (a[4] + 2.0 * (b[4] + c[4]) + d[4]) + step * wind[2],
         )
+
+
+class PoweredPointMass(PointMassPlant):
+    """A `PointMassPlant` whose airspeed is its own: ``V_a' = g (n_x - sin(gamma))``.
+
+    Parameters
+    ----------
+    n_x : tuple of two floats, 1
+        Least and largest longitudinal load factor that its engine gives, whatever the airspeed.
+    lags : tuple of InnerLag, length 3, optional
+        Lags of roll, load factor and longitudinal load factor.
+    options
+        As of `PointMassPlant`. In wind the airspeed also takes up the change of the wind along it.
+
+    Raises
+    ------
+    InputError
+        If the range of `n_x` does not rise.
+
+    Examples
+    --------
+    >>> plant = ft.PoweredPointMass((-0.2, 0.5))
+    >>> plant.start(ft.FlightCondition(V_a=25.0))
+    >>> plant.advance(0.0, 1.0, 2.0, 0.1)
+    >>> round(dict(zip(plant.signals, plant.observe()))["V_a"], 3)
+    26.962
+    """
+
+    def __init__(
+        self, n_x: tuple[float, float], lags: tuple[InnerLag, ...] | None = None, **options: Any
+    ) -> None:
+        if not n_x[0] < n_x[1]:
+            raise InputError(f"`n_x` must be a rising range, got {list(n_x)}.")
+        super().__init__(lags, **options)
+        self._range, free = n_x, np.full(3, math.inf)
+        lower, upper = -free, free.copy()
+        lower[2], upper[2] = n_x
+        self.limits = Limits(lower=lower, upper=upper, rate_lower=-free, rate_upper=free)
+        self.signals = (*self.signals, *N_X_SIGNALS)
+
+    def start(self, condition: FlightCondition) -> None:
+        """Put the point at the origin, n_x that of steady flight as far as its engine gives it."""
+        super().start(condition)
+        low, high = self._range
+        self._command = *self._command, min(max(math.sin(condition.gamma), low), high)
+        self._channels = tuple(map(LaggedChannel, self._lags or (), self._command))
+
+    def advance(
+        self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x_cmd: float
+    ) -> Stop | None:
+        """Fly `duration` seconds with the command held, n_x as far as the engine gives it."""
+        low, high = self._range
+        given = (min(max(n_x, low), high) for n_x in n_x_cmd)
+        return super().advance(phi_cmd, n_z_cmd, duration, *given)
+
+    def observe(self) -> tuple[float, ...]:
+        """Return the values of `signals` now, SI and radians."""
+        n_x = self._channels[2].at(self._t) if self._channels else self._command[2]
+        return (*super().observe(), n_x, *self._range)
+
+    def _stop(self) -> Stop | None:
+        if self._V_a > STOPPED:  # false for NaN
+            return super()._stop()
+        return Stop("left_envelope", f"airspeed {self._V_a:.3g} m/s at t = {self._t:.2f} s.")
+
+    def _forcing(self, start: float, step: float, count: int) -> list[Forcing]:
+        if self._channels:
+            along = self._channels[2].over(step, count)
+        else:
+            along = [self._command[2]] * (count + 1)
+        forcing = super()._forcing(start, step, count)
+        return [(*each, n_x) for each, n_x in zip(forcing, along, strict=True)]
+
+    def _slope(self, state: FloatArray, forcing: Forcing, w_dot: NED) -> FloatArray:
+        chi, gamma, V_a = state[0], state[1], state[-1]
+        self._V_a, self._g_over_v = V_a, self._g / V_a
+        rates = self._rates(chi, gamma, forcing, w_dot)
+        ahead = velocity_along(1.0, chi, gamma)
+        pull = sum(w * u for w, u in zip(w_dot, ahead, strict=True))
+        return np.array([*rates, self._g * (forcing[4] - math.sin(gamma)) - pull])
+
+    def _runge_kutta_step(
+        self, step: float, forcing: Sequence[Forcing], w_dot: NED, wind: NED
+    ) -> None:
+        state = np.array([*self._state, self._V_a])
+        begin, middle, end = forcing
+        a = self._slope(state, begin, w_dot)
+        b = self._slope(state + 0.5 * step * a, middle, w_dot)
+        c = self._slope(state + 0.5 * step * b, middle, w_dot)
+        d = self._slope(state + step * c, end, w_dot)
+        state = state + step / 6.0 * (a + 2.0 * (b + c) + d)
+        state[2:5] += step * np.array(wind)
+        *path, self._V_a = state.tolist()
+        self._state, self._g_over_v = tuple(path), self._g / self._V_a
 
 
 def _undisturbed(_: float) -> tuple[float, float]:

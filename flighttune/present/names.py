@@ -8,7 +8,7 @@ from flighttune.present.tables import Column
 from flighttune.units import DEG_PER_RAD
 
 CHANNEL_SYMBOLS = {"chi": "χ", "gamma": "γ"}
-SYMBOLS = {**CHANNEL_SYMBOLS, "phi": "φ", "n_z": "n_z"}
+SYMBOLS = {**CHANNEL_SYMBOLS, "V": "V", "phi": "φ", "n_z": "n_z"}
 CHANNEL_NAMES = {"chi": "course", "gamma": "path angle"}
 
 
@@ -27,6 +27,11 @@ METRIC_LABELS = {
         Column("effort_rms", "effort rms", "", "z.3f"),
         Column("saturation_s", "time at limits", "s", "z.2f"),
         Column("peak_rad", "peak error", "deg", "z.2f", DEG_PER_RAD),
+        Column("MO_mps", "overshoot", "m/s", "z.2f"),
+        Column("MS_mps", "mean error, last quarter", "m/s", "z.3f"),
+        Column("ST_mps", "standard deviation, last quarter", "m/s", "z.3f"),
+        Column("peak_mps", "peak error", "m/s", "z.2f"),
+        Column("min_mps", "lowest airspeed", "m/s", "z.2f"),
         Column("V_a_dev_mps", "airspeed deviation", "m/s", "z.2f"),
         Column("n_z_min", "minimum n_z", "1", "z.2f"),
         Column("n_z_max", "maximum n_z", "1", "z.2f"),
@@ -45,6 +50,8 @@ def metric_label(key: str) -> Column:
         return label
     name, _, part = label.name.partition(", ")
     label = replace(label, name=f"{name} of {SYMBOLS[channel]}" + (part and f" in the {part}"))
+    if channel == "V" and metric.startswith("ITAE"):
+        return replace(label, unit=label.unit.replace("rad", "m/s"))
     if metric != "effort_rms":
         return label
     # The effort is that of the command: roll for the course, load factor for the path angle.

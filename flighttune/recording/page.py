@@ -17,7 +17,7 @@ from flighttune.present.thinning import evenly
 from flighttune.recording.entities import NOW, READING, DrawnRun, times
 from flighttune.recording.plots import displayed, unit_of
 from flighttune.recording.scene import all_positions, drawn_scale, ground_grid
-from flighttune.simulate.run import Run, claim_notes, run_styles
+from flighttune.simulate.run import Run, claim_notes, priority_notes, run_styles
 
 ABOUT = {"verifies": "Verifies", "source": "Source"}
 
@@ -97,7 +97,7 @@ def _runs(runs: Sequence[Run]) -> str:
         }
         for run in runs
     ]
-    notes = claim_notes(runs)
+    notes = [*priority_notes(runs), *claim_notes(runs)]
     table = Table(RUN_COLUMNS, records).markdown()
     return "\n\n".join([table, CLAIMS, *notes] if notes else [table])
 

@@ -84,12 +84,14 @@ TABS: dict[str, tuple[Plot, ...]] = {
         Plot("gamma", "Path angle gamma, reference grey", common="gamma_ref"),
         Plot("chi_err", "Course error"),
         Plot("gamma_err", "Path angle error"),
+        Plot("V_err", "Airspeed error"),
         Plot("cross_track", "Off the route, right positive"),
         Plot("height_err", "Off the route, too low positive"),
     ),
     COMMANDS_TAB: (
         Plot("phi", "Roll phi flown, command thin, limits red", thin="phi_cmd", limit="phi"),
         LOAD_FACTOR,
+        Plot("n_x", "n_x flown, command thin, limits red", thin="n_x_cmd", limit="n_x"),
     ),
     WHY_TAB: (
         Plot("step_chi", "Course: plant to plant"),
@@ -102,7 +104,8 @@ TABS: dict[str, tuple[Plot, ...]] = {
         ),
     ),
     "Aircraft": (
-        *(Plot(name, name) for name in ("V_a", "V_g", "alpha", "beta")),
+        Plot("V_a", "V_a, reference grey", common="V_ref"),
+        *(Plot(name, name) for name in ("V_g", "alpha", "beta")),
         LOAD_FACTOR,
         *(Plot(name, name.capitalize()) for name in ("throttle", "aileron", "elevator", "rudder")),
         Plot("h", "Height"),

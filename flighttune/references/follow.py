@@ -48,12 +48,19 @@ class RouteReference:
         Time in which an error of position would be flown off at the speed of the flight.
     g : float, m/s^2
         Acceleration of gravity.
+    holds_airspeed : bool
+        Whether the law holds `V_a`, by n_x.
     """
 
     path: Path
     V_a: float
     look_ahead: float
     g: float
+    holds_airspeed: bool = False
+
+    def airspeed(self, t: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """Return the airspeed (m/s) and its rate at times `t`; None where the plant holds it."""
+        return (np.full_like(t, self.V_a), np.zeros_like(t)) if self.holds_airspeed else None
 
     @property
     def initial(self) -> tuple[float, float]:
@@ -142,7 +149,7 @@ class Follower:
 
     def __call__(self, m: Measured) -> tuple[ReferenceSample, Place]:
         """Return the reference at a sample, and where the aircraft is on the route."""
-        chi, gamma, _, _, _, h, (north, east, _), _ = m
+        chi, gamma, _, _, _, h, (north, east, _), *_ = m
         if self._before is not None:
             n, e = self._before
             self._V_g = math.hypot(north - n, east - e) / self._dt
@@ -181,6 +188,8 @@ class Follower:
             turn_rate - aside / (L * (1.0 + side * side)),
             climb_rate + sinking / (L * (1.0 + below * below)),
             self._plan(m, turn_rate, climb_rate, gamma_ref),
+            None,
+            0.0,
         )
         # Behind the start the distance from the route is that from the start.
         off = e_y if abs(ahead) < SAME_PLACE else math.copysign(math.hypot(e_y, ahead), e_y)

@@ -77,6 +77,10 @@ class Reference:
         Changes in rad.
     g : float, m/s^2
         Acceleration of gravity, for commands planned.
+    V : float or None, m/s
+        Airspeed before any segment; None where the plant holds its own.
+    V_segments : tuple of Segment
+        Changes in m/s.
 
     Examples
     --------
@@ -89,6 +93,15 @@ class Reference:
     chi_segments: tuple[Segment, ...] = ()
     gamma_segments: tuple[Segment, ...] = ()
     g: float = G_PAPER
+    V: float | None = None
+    V_segments: tuple[Segment, ...] = ()
+
+    def airspeed(self, t: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+        """Return the airspeed (m/s) and its rate from times `t` (s) on; None without one."""
+        if self.V is None:
+            return None
+        V = self.V + sum((s(t) for s in self.V_segments), np.zeros_like(t))
+        return V, sum((s.slope(t) for s in self.V_segments), np.zeros_like(t))
 
     @property
     def planned(self) -> bool:

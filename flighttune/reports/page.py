@@ -37,7 +37,7 @@ from flighttune.reports.route_charts import planned_path, route_charts
 from flighttune.scenario.load import scenario_of
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
-from flighttune.simulate.run import Run, claim_notes, run_styles
+from flighttune.simulate.run import Run, claim_notes, priority_notes, run_styles
 from flighttune.tuning.frontier import frontier, frontier_chart
 from flighttune.units import DEG_PER_RAD
 
@@ -257,8 +257,10 @@ def _gaps(scenario: Scenario, runs: Sequence[Run]) -> tuple[list[Gap], list[str]
 
 def _areas(runs: Sequence[Run]) -> tuple[str, list[str]]:
     """Captions of tubes and bands: at the top on a route, and below the errors."""
-    words = claim_notes(runs)
-    return (" ".join(words), []) if "along" in runs[0].signals else ("", words)
+    first, words = priority_notes(runs), claim_notes(runs)
+    if "along" in runs[0].signals:
+        return " ".join([*first, *words]), []
+    return " ".join(first), words
 
 
 def _overview(flights: panels.Drawn) -> list[Chart]:

@@ -21,11 +21,17 @@ from flighttune.simulate.run import Run, run_styles
 ANGLES = (
     ("chi", "Course; reference grey", "χ [deg]"),
     ("gamma", "Path angle; reference grey", "γ [deg]"),
+    ("V_a", "Airspeed; reference grey", "V [m/s]"),
 )
-ERRORS = (("chi_err", "Course error", "e_χ [deg]"), ("gamma_err", "Path-angle error", "e_γ [deg]"))
+ERRORS = (
+    ("chi_err", "Course error", "e_χ [deg]"),
+    ("gamma_err", "Path-angle error", "e_γ [deg]"),
+    ("V_err", "Airspeed error", "e_V [m/s]"),
+)
 COMMANDS = (
     ("phi", "Roll command; limits dashed, bars: limited", "φ_cmd [deg]"),
     ("n_z", "Load-factor command; limits dashed, bars: limited", "n_z,cmd [1]"),
+    ("n_x", "Longitudinal load-factor command; limits dashed, bars: limited", "n_x,cmd [1]"),
 )
 FLOWN = (("phi", "Roll", "φ [deg]"), ("n_z", "Load factor", "n_z [1]"))
 
@@ -57,8 +63,11 @@ def tracking(flights: Drawn) -> list[Chart]:
     longest = max((run for run, _ in flights), key=lambda run: run.duration)
     charts = []
     for signal, title, unit in ANGLES:
+        followed = "V_ref" if signal == "V_a" else f"{signal}_ref"
+        if followed not in longest.signals:
+            continue
         chart = over_time(flights, title, unit)
-        reference = displayed(longest.signals, f"{signal}_ref")
+        reference = displayed(longest.signals, followed)
         chart.line(longest.t, reference, NEUTRAL, width=2.2, most=most_points(len(flights)))
         charts.append(_with_runs(chart, flights, signal))
     return charts
@@ -106,6 +115,8 @@ def commands(flights: Drawn) -> list[Chart]:
     """Commands after their limits, the limits, and bars while a command is limited."""
     charts = []
     for name, title, unit in COMMANDS:
+        if not all(f"{name}_cmd" in run.signals for run, _ in flights):
+            continue
         chart = _with_runs(over_time(flights, title, unit), flights, f"{name}_cmd")
         limits = limits_of(flights[0][0].provenance.scenario, name) or ()
         for limit in limits:

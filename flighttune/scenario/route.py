@@ -64,8 +64,9 @@ class RouteTable(q.Table):
 
     The route begins at its first waypoint, where the flight starts; `lat_deg` and `lon_deg` say
     where that is for maps, if the waypoints do not. `widen` flies circles that are too small at the
-    smallest radius, and turn-arounds go `turnaround_m` from their leg at most. `notes` say what is
-    not flown of the file that the waypoints were read from.
+    smallest radius, and turn-arounds go `turnaround_m` from their leg at most. With
+    `holds_airspeed` the law holds the airspeed by n_x, and the path angle gives way to it where
+    thrust is short. `notes` say what is not flown of the file that the waypoints were read from.
     """
 
     waypoint: Annotated[list[WaypointTable], Field(min_length=2, max_length=MAX_WAYPOINTS)]
@@ -73,6 +74,7 @@ class RouteTable(q.Table):
     margin: Annotated[float, Field(ge=0.0, le=0.9)] = 0.2
     gamma_deg: q.Inclinations = (-10.0, 10.0)
     look_ahead_s: q.TimeConstant = 3.0
+    holds_airspeed: bool | None = None
     lat_deg: Latitude = 0.0
     lon_deg: Longitude = 0.0
     widen: bool = False
@@ -154,7 +156,13 @@ class RouteTable(q.Table):
         path = planned(self.waypoints(), ability)
         ends = ((stretch.waypoint, stretch.start + stretch.length) for stretch in path.stretches)
         check_length(ends, ability)  # a path that was planned for a longer time
-        return RouteReference(path=path, V_a=ability.V_a, g=ability.g, look_ahead=self.look_ahead_s)
+        return RouteReference(
+            path=path,
+            V_a=ability.V_a,
+            g=ability.g,
+            look_ahead=self.look_ahead_s,
+            holds_airspeed=bool(self.holds_airspeed),
+        )
 
 
 @lru_cache(maxsize=8)  # the flights of a campaign fly the same path

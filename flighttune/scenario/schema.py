@@ -163,6 +163,30 @@ class Scenario(Table):
         return self
 
     @model_validator(mode="after")
+    def _airspeed_fits(self) -> "Scenario":
+        bounded = any("V" in {**t.at_most, **t.at_least} for t in self.expect)
+        if bounded and not self.airspeed:
+            raise ValueError("`V` of [[expect]] must be absent without `V_mps` of [reference]")
+        if not self.airspeed:
+            return self
+        for key, absent in (
+            ("`objective` of [tuning] must not be cost", self.tuning.objective != "cost"),
+            ("`lag_rad_s` of [tuning] must be absent", self.tuning.lag_rad_s is None),
+            ("`envelope` must be absent", self.envelope is None),
+        ):
+            if not absent:
+                raise ValueError(f"{key} where the airspeed is followed")
+        for plant in self.plant:
+            own = self.limits.n_x if plant.aircraft is None else plant.config.limits.n_x
+            where = "[limits]" if plant.aircraft is None else f"[limits] of {plant.aircraft}"
+            if own is None:
+                raise ValueError(
+                    f"`n_x` of {where} must be given where the airspeed is followed, for the plant "
+                    f"{plant.label}"
+                )
+        return self
+
+    @model_validator(mode="after")
     def _errors_can_be_bounded(self) -> "Scenario":
         law = self.laws[0]
         if self.tuning.E_star is not None and not law.by_gains:
@@ -222,13 +246,13 @@ class Scenario(Table):
     def law_of(self, name: str, gains: PIGains | None = None) -> tuple[Law, str]:
         """The law that flies a gain set of `gain_names`, and the gain set as ``gains`` lists it."""
         law, own = self.law_table(name).law(), split_name(name)[1]
-        if gains is not None and law.by_gains and gains.inputs != law.inputs:
+        if gains is not None and law.by_gains and gains.inputs[:2] != law.inputs:
             law = self.law_for(gains)
         return law, own
 
     def law_for(self, gains: PIGains) -> Law:
         """The first law of the scenario that takes gains as they are, else the one they are of."""
-        fitting = (law for law in self.laws if law.by_gains and law.inputs == gains.inputs)
+        fitting = (law for law in self.laws if law.by_gains and law.inputs == gains.inputs[:2])
         return next(fitting, None) or made_law(gains.law)
 
     def plant_table(self, label: str) -> tables.PlantTable:
@@ -285,6 +309,13 @@ class Scenario(Table):
         return self.reference is not None and any(self.reference.ramps_in())
 
     @property
+    def airspeed(self) -> bool:
+        """Whether the airspeed is a third channel, which laws hold by n_x."""
+        if self.route is not None:
+            return bool(self.route.holds_airspeed)
+        return self.reference is not None and self.reference.V_mps is not None
+
+    @property
     def feasible(self) -> bool:
         """Whether the reference is the fastest change within the limits."""
         return self.reference is not None and self.reference.shape == "feasible"
@@ -297,6 +328,16 @@ class Scenario(Table):
         """Refuse a route for what needs a reference over time."""
         if self.route is not None:
             raise InputError(f"`route` must be absent for {what}: it needs a reference over time.")
+        self.check_two_channels(what)
+
+    def check_two_channels(self, what: str) -> None:
+        """Refuse an airspeed that is followed for what knows course and path angle alone."""
+        if self.airspeed:
+            key = "`holds_airspeed` of [route]" if self.route else "`V_mps` of [reference]"
+            raise InputError(
+                f"{key} must be absent for {what}, which knows course and path angle alone; "
+                "without it the aircraft holds its airspeed by itself."
+            )
 
     def as_dict(self) -> dict[str, Any]:
         """The scenario as plain values, defaults filled in, as it would stand in a file."""

@@ -28,8 +28,16 @@ from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import DEFAULT, Law, law_kinds, made_law, plain_laws
 from flighttune.control.limits import Limits
+from flighttune.errors import InputError
 from flighttune.identification.file import IdentifiedAircraft, load_identified
-from flighttune.metrics import CHANNELS, FLIGHT_METRICS, LOOP_METRICS, METRICS
+from flighttune.metrics import (
+    AIRSPEED,
+    AIRSPEED_METRICS,
+    CHANNELS,
+    FLIGHT_METRICS,
+    LOOP_METRICS,
+    METRICS,
+)
 from flighttune.plants.base import PLANT_KINDS, PlantKind
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, HIGHEST_GROUND, LARGEST_SEED
 from flighttune.plants.label import goes_by, plant_label
@@ -79,27 +87,35 @@ Rates: TypeAlias = q.PositiveRate | Annotated[q.AngularRates, AfterValidator(_wi
 class LimitsTable(q.Table):
     """``[limits]`` of the commands; what is absent is not limited.
 
-    A rate is one number (both ways) or a range.
+    A rate is one number (both ways) or a range. Those of n_x are for scenarios whose airspeed is
+    followed; a plant that is no aircraft has an engine that gives `n_x` at any airspeed.
     """
 
     phi_deg: q.Angles | None = None
     phi_rate_dps: Rates | None = None
     n_z: q.LoadFactors | None = None
     n_z_rate_per_s: Rates | None = None
+    n_x: q.LoadFactors | None = None
+    n_x_rate_per_s: Rates | None = None
 
     @lru_cache(maxsize=64)  # noqa: B019 - equal tables share it
-    def limits(self) -> Limits:
-        """The limits in rad, 1 and seconds; infinite where the file gives none."""
-        lower, upper = _ends(self.phi_deg, self.n_z)
-        rate_lower, rate_upper = _ends(self.phi_rate_dps, self.n_z_rate_per_s)
+    def limits(self, *, airspeed: bool = False) -> Limits:
+        """The limits in rad, 1 and seconds; infinite where the file gives none.
+
+        They are of (phi, n_z), and of n_x where the `airspeed` is followed.
+        """
+        m = 3 if airspeed else 2
+        lower, upper = _ends(*(self.phi_deg, self.n_z, self.n_x)[:m])
+        rates = self.phi_rate_dps, self.n_z_rate_per_s, self.n_x_rate_per_s
+        rate_lower, rate_upper = _ends(*rates[:m])
         return Limits(lower=lower, upper=upper, rate_lower=rate_lower, rate_upper=rate_upper)
 
 
 def _ends(*limits: float | tuple[float, float] | None) -> FloatArray:
-    """Lower and upper ends of (phi in deg, n_z) as rows, in rad and 1."""
+    """Lower and upper ends of (phi in deg, n_z, ...) as rows, in rad and 1."""
     ranges = [math.inf if limit is None else limit for limit in limits]
     pairs = [limit if isinstance(limit, tuple) else (-limit, limit) for limit in ranges]
-    return np.transpose(pairs) * [DEG, 1.0]
+    return np.transpose(pairs) * [DEG, *[1.0] * (len(pairs) - 1)]
 
 
 class ControllerTable(q.Table):
@@ -183,8 +199,55 @@ SegmentTable: TypeAlias = Annotated[
 ]
 
 
+class AirspeedStepTable(q.Table):
+    """A jump of the airspeed's reference."""
+
+    shape: Literal["step"]
+    start_s: q.Instant = 0.0
+    change_mps: q.Finite
+
+    def segment(self) -> Segment:
+        """The segment in s and m/s."""
+        return Segment(self.start_s, (0.0,), jumps=(self.change_mps,))
+
+
+class AirspeedRampTable(q.Table):
+    """A steady change of the airspeed's reference, kept afterwards."""
+
+    shape: Literal["ramp"]
+    start_s: q.Instant = 0.0
+    duration_s: q.Duration
+    rate_mps2: q.Finite
+
+    def segment(self) -> Segment:
+        """The segment in s and m/s."""
+        return Segment(self.start_s, (0.0, self.duration_s), rates=(self.rate_mps2,))
+
+
+class AirspeedDoubletTable(q.Table):
+    """A pulse up and its opposite, each `width_s` long."""
+
+    shape: Literal["doublet"]
+    start_s: q.Instant = 0.0
+    width_s: q.Duration
+    amplitude_mps: q.Finite
+
+    def segment(self) -> Segment:
+        """The segment in s and m/s."""
+        width, size = self.width_s, self.amplitude_mps
+        return Segment(self.start_s, (0.0, width, 2.0 * width), jumps=(size, -2.0 * size, size))
+
+
+AirspeedSegment: TypeAlias = Annotated[
+    AirspeedStepTable | AirspeedRampTable | AirspeedDoubletTable, Field(discriminator="shape")
+]
+
+
 class ReferenceTable(q.Table):
     """``[reference]``: a constant a channel, or segments that add to the value of ``[flight]``.
+
+    With `V_mps` the airspeed is a third channel, which the law holds by the longitudinal load
+    factor n_x; without it every plant holds the airspeed of ``[flight]`` by itself.
 
     With the shape ``feasible`` the constants are the end of the fastest change that keeps `margin`
     of every limit for the feedback. It begins at `chi_from_deg` and `gamma_from_deg`, by default
@@ -193,6 +256,7 @@ class ReferenceTable(q.Table):
 
     chi_deg: q.Course | list[SegmentTable]
     gamma_deg: q.Inclination | list[SegmentTable]
+    V_mps: q.Airspeed | list[AirspeedSegment] | None = None
     shape: Literal["feasible"] | None = None
     margin: Annotated[float, Field(ge=0.0, le=0.9)] | None = None
     chi_from_deg: q.Course | None = None
@@ -206,11 +270,14 @@ class ReferenceTable(q.Table):
         for key in ("chi_deg", "gamma_deg"):
             if self.shape is not None and isinstance(getattr(self, key), list):
                 raise ValueError(f"`{key}` of [reference] must be a number with shape feasible")
+        if self.shape is not None and self.V_mps is not None:
+            raise ValueError("`V_mps` of [reference] must be absent with shape feasible")
         return self
 
     def starts(self) -> Iterator[tuple[str, float]]:
         """Key and start (s) of each segment."""
-        for key, segments in (("chi_deg", self.chi_deg), ("gamma_deg", self.gamma_deg)):
+        for key in ("chi_deg", "gamma_deg", "V_mps"):
+            segments = getattr(self, key)
             for segment in segments if isinstance(segments, list) else ():
                 yield f"[reference.{key}] `start_s`", segment.start_s
 
@@ -224,8 +291,8 @@ class ReferenceTable(q.Table):
 
     @property
     def batched(self) -> bool:
-        """Whether the compiled kernel flies it: it takes no search and no plan."""
-        return self.shape is None and not any(self.ramps_in())
+        """Whether the compiled kernel flies it: no search, no plan, no airspeed."""
+        return self.shape is None and self.V_mps is None and not any(self.ramps_in())
 
     def steepest(self, start_deg: float, duration: float) -> tuple[float, float]:
         """Time (s) and value (deg) of the steepest path angle asked for, up or down."""
@@ -240,13 +307,27 @@ class ReferenceTable(q.Table):
         most = int(np.argmax(np.abs(gamma)))
         return float(t[most]), float(gamma[most]) / DEG
 
-    def reference(self, *, chi_deg: float, gamma_deg: float) -> Reference:
-        """The reference in s and rad, for a flight that starts at `chi_deg` and `gamma_deg`."""
+    def reference(self, *, chi_deg: float, gamma_deg: float, V_mps: float = math.nan) -> Reference:
+        """The reference in s, rad and m/s, for a flight that starts at these values."""
         chi, chi_segments = _channel(self.chi_deg, chi_deg)
         gamma, gamma_segments = _channel(self.gamma_deg, gamma_deg)
+        V, changes = (V_mps, self.V_mps) if isinstance(self.V_mps, list) else (self.V_mps, [])
         return Reference(
-            chi=chi, gamma=gamma, chi_segments=chi_segments, gamma_segments=gamma_segments
+            chi=chi,
+            gamma=gamma,
+            chi_segments=chi_segments,
+            gamma_segments=gamma_segments,
+            V=V,
+            V_segments=tuple(each.segment() for each in changes),
         )
+
+    def airspeeds(self, start_mps: float, duration: float) -> tuple[float, float]:
+        """Lowest and highest airspeed asked for in a flight, m/s."""
+        reference = self.reference(chi_deg=0.0, gamma_deg=0.0, V_mps=start_mps)
+        ends = [t for s in reference.V_segments for t in s.times if t < duration]
+        values = reference.airspeed(np.array([0.0, duration, *ends]))
+        assert values is not None  # it has an airspeed
+        return float(values[0].min()), float(values[0].max())
 
 
 def _channel(
@@ -319,6 +400,7 @@ class PlantTable(OwnTable):
     aircraft: q.PathName | None = None
     name: Name | None = None
     throttle_max: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
+    throttle_max_from_s: q.Instant | None = None
     airframe: OffNominal | None = None
     roll_lag_rad_s: q.Bandwidth | None = None
     roll_damping: q.Damping | None = None
@@ -326,13 +408,18 @@ class PlantTable(OwnTable):
     n_z_lag_rad_s: q.Bandwidth | None = None
     n_z_damping: q.Damping | None = None
     n_z_delay_s: q.Delay | None = None
+    n_x_lag_rad_s: q.Bandwidth | None = None
+    n_x_damping: q.Damping | None = None
+    n_x_delay_s: q.Delay | None = None
     identified: q.PathName | None = None
 
     @model_validator(mode="after")
     def _keys_of_the_kind(self) -> Self:
         _check_keys(self, self.kind, PLANT_KINDS)
+        if self.throttle_max_from_s and self.throttle_max is None:
+            raise ValueError("`throttle_max` must be given beside `throttle_max_from_s`")
         if self.kind == "point_mass_lag":
-            lags = [key for key in type(self).model_fields if key[:4] in ("roll", "n_z_")]
+            lags = [key for key in type(self).model_fields if key[:4] in ("roll", "n_z_", "n_x_")]
             lags = [key for key in lags if getattr(self, key) is not None]
             if self.identified is not None and lags:
                 raise ValueError(f"`{lags[0]}` must be absent beside `identified`")
@@ -371,6 +458,16 @@ class PlantTable(OwnTable):
         if self.roll_lag_rad_s is None:
             return None
         return self._lag("roll"), self._lag("n_z")
+
+    def thrust_lag(self) -> InnerLag:
+        """Lag of n_x of a plant with lags; an InputError says that it is missing."""
+        if self.identified is not None:
+            return self.identified_model.conditions[0].thrust_lag
+        if self.n_x_lag_rad_s is None:
+            raise InputError(
+                "[plant] `n_x_lag_rad_s` must be given where the airspeed is followed."
+            )
+        return self._lag("n_x")
 
     def _lag(self, key: str) -> InnerLag:
         damping = getattr(self, f"{key}_damping")
@@ -733,13 +830,15 @@ class TuningTable(q.Table):
         return self
 
 
-def _two_by_two(rows: list[list[float]]) -> list[list[float]]:
-    if [len(row) for row in rows] != [2, 2]:
-        raise ValueError("must have 2 rows (phi, n_z) of 2 numbers (chi, gamma)")
+def _square(rows: list[list[float]]) -> list[list[float]]:
+    if [len(row) for row in rows] not in ([2, 2], [3, 3, 3]):
+        raise ValueError(
+            "must have 2 rows (phi, n_z) of 2 numbers (chi, gamma), or 3 of 3 with n_x and V"
+        )
     return rows
 
 
-GainMatrix: TypeAlias = Annotated[list[list[q.Gain]], AfterValidator(_two_by_two)]
+GainMatrix: TypeAlias = Annotated[list[list[q.Gain]], AfterValidator(_square)]
 
 
 class GainsTable(q.Table):
@@ -759,20 +858,25 @@ class GainsTable(q.Table):
         return PIGains.from_lists(self.K_P, self.K_I, self.law or law)
 
 
-Subject: TypeAlias = Literal["chi", "gamma", "flight", "loop"]
+Subject: TypeAlias = Literal["chi", "gamma", "V", "flight", "loop"]
 Bounds: TypeAlias = dict[Subject, dict[str, q.Finite]]
 
 CHANNEL_MEASURES = (*METRICS, "peak_rad")
-MEASURES_OF = {"flight": (*FLIGHT_METRICS,), "loop": (*LOOP_METRICS,)}
+MEASURES_OF = {
+    "flight": (*FLIGHT_METRICS,),
+    "loop": (*LOOP_METRICS,),
+    AIRSPEED: (*AIRSPEED_METRICS,),
+}
 
 
 class ExpectTable(q.Table):
     """Requirements for the runs of one plant, of one gain set, of both, or for all runs.
 
     Bounds are grouped by ``chi``, ``gamma`` (measures of the channel, and ``peak_rad``, the largest
-    error), ``flight`` and ``loop`` (indicators and margins on the model of ``[tuning]``); a measure
-    in rad may be given in deg under that ending, one in rad/s under ``_dps``. ``band_deg`` beside
-    ``settling_s`` is the error within which a response counts as settled, in place of 5 %.
+    error), ``V`` (the same of an airspeed that is followed, in m/s, and its lowest value
+    ``min_mps``), ``flight`` and ``loop`` (indicators and margins on the model of ``[tuning]``); a
+    measure in rad may be given in deg under that ending, one in rad/s under ``_dps``. ``band_deg``
+    beside ``settling_s`` is the error within which a response counts as settled, in place of 5 %.
     """
 
     plant: Annotated[str, Field(min_length=1)] | None = None

@@ -17,25 +17,30 @@ from flighttune.control.controller import (
     ReferenceSample,
     SelfLimiting,
 )
+from flighttune.control.gains import COMMANDS, ERRORS_WITH_AIRSPEED, WITH_AIRSPEED
 from flighttune.control.guarded import LawError
 from flighttune.errors import InputError
-from flighttune.plants.base import COMMON_SIGNALS, Plant, Stop
+from flighttune.plants.base import COMMON_SIGNALS, N_X_SIGNALS, Plant, Stop
 from flighttune.plants.sensors import MEASURED, SensedPlant, Sensors
 from flighttune.plants.weather import WIND
 from flighttune.references.feasible import FeasibleReference
 from flighttune.references.follow import ROUTE_SIGNALS, Follower, RouteReference
 from flighttune.references.planner import Planner
+from flighttune.references.priority import AirspeedPriority
 from flighttune.references.segments import Reference
 
 # Signals that the loop adds to those of the plant, one row per sample of the controller.
 #
 # Signals that the controller records stand before the last two.
+KINDS = ("cmd", "unlimited", "limited")
 LOOP_SIGNALS = (
     *("chi_ref", "gamma_ref", "chi_err", "gamma_err"),
-    *("phi_cmd", "n_z_cmd", "phi_unlimited", "n_z_unlimited", "phi_limited", "n_z_limited"),
+    *(f"{name}_{kind}" for kind in KINDS for name in COMMANDS),
 )
 
-_LIMITED = LOOP_SIGNALS[-2:]
+# Further ones where the airspeed is a channel: the path angle that the law is given, which is less
+# than the reference where thrust is short, and the airspeed's reference and error.
+AIRSPEED_SIGNALS = ("gamma_given", "V_ref", "V_err")
 
 _V_A, _PHI, _N_Z, _DOWN = map(COMMON_SIGNALS.index, ("V_a", "phi", "n_z", "down"))
 _POSITION = slice(COMMON_SIGNALS.index("north"), _DOWN + 1)
@@ -65,7 +70,8 @@ def simulate(
     controller : Controller
         From (chi, gamma) to (phi, n_z), within limits of its own, as `Law.controller` makes it; its
         sample time is the step of the loop. It is started from the roll and load factor of
-        `condition`.
+        `condition`. It may have a third command, n_x, where the plant takes it and the reference
+        has an airspeed; the signals then also hold `AIRSPEED_SIGNALS`.
     reference : Reference, FeasibleReference or RouteReference
         Course and flight-path angle to follow, or a route, at whose end the flight ends; the
         signals then also hold `ROUTE_SIGNALS`.
@@ -95,7 +101,8 @@ def simulate(
     Raises
     ------
     InputError
-        If `duration` is shorter than one sample.
+        If `duration` is shorter than one sample, or only one of plant, controller and reference
+        has an airspeed.
     TrimError
         If the plant finds no steady flight at `condition`.
     """
@@ -114,8 +121,18 @@ def simulate(
         plant = SensedPlant(plant, sensors.errors(count + 1, dt))
     wrapped = getattr(controller, "wrapped", (True,))[0]
     route = reference if isinstance(reference, RouteReference) else None
-    route_signals = () if route is None else tuple(ROUTE_SIGNALS)
-    columns = _columns(plant.signals, (*controller.signals, *route_signals))
+    airspeed = priority = None
+    if not isinstance(reference, FeasibleReference) and (airspeed := reference.airspeed(t)):
+        priority = AirspeedPriority(*airspeed, reference.g)
+    m = len(plant.limits.lower)
+    if (m == 3) is (airspeed is None):
+        raise InputError(
+            f"`reference` must have an airspeed with a plant of {m} commands: "
+            f"{'none' if m == 2 else 'one'}, got {'none' if airspeed is None else 'one'}."
+        )
+    further = () if route is None else tuple(ROUTE_SIGNALS)
+    further += () if airspeed is None else AIRSPEED_SIGNALS
+    columns = _columns(plant.signals, (*controller.signals, *further), m)
     plant.start(condition)
     try:
         controller.start(condition)
@@ -130,6 +147,7 @@ def simulate(
         count=count,
         follow=None if route is None else route.follower(dt, condition.h, lead or NOT_LATE),
         plan=None if lead is None else _planner(reference, dt),
+        priority=priority,
         end=math.inf if route is None else route.path.length,
         pack=struct.Struct(f"{len(columns)}d").pack,
         rows=rows,
@@ -150,14 +168,15 @@ def _fly(
     count: int,
     follow: Follower | None,
     plan: Planner | None,
+    priority: AirspeedPriority | None,
     end: float,
     pack: Callable[..., bytes],
     rows: bytearray,
     progress: Callable[[float], None] | None,
 ) -> Stop | None:
     """Fly all samples, or to the end of a route; add them to `rows`."""
-    dt, limiter, place = controller.dt, controller.limiter, ()
-    u_unsat, limited = limiter.u_unsat, limiter.limited
+    dt, limiter, place, speed = controller.dt, controller.limiter, (), ()
+    u_unsat, limited, m = limiter.u_unsat, limiter.limited, 2 if priority is None else 3
     observe, advance, step = plant.observe, plant.advance, controller.step
     for k, (now, ref) in enumerate(samples):
         signals = observe()
@@ -165,19 +184,22 @@ def _fly(
         if follow is not None:
             ref, place = follow(measured)
         elif plan is not None:
-            _, gamma_ref, chi_dot, gamma_dot, _ = ref
+            _, gamma_ref, chi_dot, gamma_dot, *_ = ref
             ref = ref._replace(planned=plan(measured, chi_dot, gamma_dot, gamma_ref))
+        asked = ref
+        if priority is not None:
+            ref = priority(k, measured, ref)
+            speed = ref[1], ref[5], 0.0
         try:
             commands = step(measured, ref, now)
         except LawError as error:
             return Stop("law_failed", str(error))
-        phi_cmd, n_z_cmd = commands[0], commands[1]
         # The errors follow when all is flown: those of the signals, not those a sensor shows.
-        loop = ref[0], ref[1], 0.0, 0.0, phi_cmd, n_z_cmd
-        rows += pack(*signals, *loop, *u_unsat, *commands[2:], *place, *limited)
+        loop = asked[0], asked[1], 0.0, 0.0, *commands[:m]
+        rows += pack(*signals, *loop, *u_unsat, *commands[m:], *place, *speed, *limited)
         if k == count or (place and place[0] >= end):
             break
-        stop = advance(phi_cmd, n_z_cmd, dt)
+        stop = advance(commands[0], commands[1], dt, *commands[2:m])
         if stop is not None:
             return stop
         if progress is not None and k % PROGRESS_EVERY == 0:
@@ -195,12 +217,14 @@ def _measured(
     windy = WIND[0] in signals and "chi_ground" not in signals
     angles = itemgetter(chi, gamma, V_a, _PHI, _N_Z)
     h = signals.index("h") if "h" in signals else None
+    n_x = signals.index(N_X_SIGNALS[0]) if N_X_SIGNALS[0] in signals else None
     air = signals.index(WIND[0]) if windy else None
 
     def measured(seen: tuple[float, ...]) -> Measured:
         height = h_0 - seen[_DOWN] if h is None else seen[h]
         wind = None if air is None else seen[air : air + len(WIND)]
-        return new(Measured, (*angles(seen), height, seen[_POSITION], wind))
+        along = None if n_x is None else seen[n_x : n_x + len(N_X_SIGNALS)]
+        return new(Measured, (*angles(seen), height, seen[_POSITION], wind, along))
 
     return measured
 
@@ -231,10 +255,14 @@ def _planner(
     return None
 
 
-def _columns(plant_signals: tuple[str, ...], law_signals: tuple[str, ...]) -> tuple[str, ...]:
+def _columns(
+    plant_signals: tuple[str, ...], law_signals: tuple[str, ...], m: int
+) -> tuple[str, ...]:
     if plant_signals[: len(COMMON_SIGNALS)] != COMMON_SIGNALS:
         raise InputError(f"`plant.signals` must begin with {COMMON_SIGNALS}, got {plant_signals}.")
-    columns = (*plant_signals, *LOOP_SIGNALS[:-2], *law_signals, *_LIMITED)
+    commands = COMMANDS if m == len(COMMANDS) else WITH_AIRSPEED[COMMANDS]
+    cmd, unlimited, limited = ([f"{name}_{kind}" for name in commands] for kind in KINDS)
+    columns = *plant_signals, *LOOP_SIGNALS[:4], *cmd, *unlimited, *law_signals, *limited
     twice = sorted({name for name in columns if columns.count(name) > 1 or name == "t"})
     if twice:
         kind = LawError if set(twice) & set(law_signals) else InputError
@@ -244,8 +272,11 @@ def _columns(plant_signals: tuple[str, ...], law_signals: tuple[str, ...]) -> tu
 
 def _table(rows: bytearray, columns: tuple[str, ...], t: np.ndarray, wrapped: bool) -> pd.DataFrame:
     values = np.frombuffer(rows, dtype=np.float64).reshape(-1, len(columns))
-    for name in ("chi", "gamma"):
-        true, ref, err = (columns.index(f"{name}{kind}") for kind in ("", "_ref", "_err"))
+    for name in ERRORS_WITH_AIRSPEED:
+        if f"{name}_err" not in columns:
+            continue
+        ref, err = (columns.index(f"{name}{kind}") for kind in ("_ref", "_err"))
+        true = columns.index("V_a" if name == "V" else name)
         errors = values[:, ref] - values[:, true]
         if name == "chi" and wrapped:
             errors = math.pi - (math.pi - errors) % math.tau  # `wrap_angle`, to the bit

@@ -24,9 +24,10 @@ RunStatus: TypeAlias = Literal["completed", "no_gains", "no_trim"] | StopStatus
 _SIGNALS_BY_UNIT = {
     "rad": "chi gamma phi chi_ref gamma_ref chi_err gamma_err phi_cmd phi_unlimited phi_integral "
     "chi_meas gamma_meas alpha beta theta psi chi_ground gamma_ground aileron elevator "
-    "rudder",
-    "1": "n_z n_z_cmd n_z_unlimited n_z_integral phi_limited n_z_limited n_y throttle",
-    "m/s": "V_a V_a_meas V_g wind_north wind_east wind_down",
+    "rudder gamma_given",
+    "1": "n_z n_z_cmd n_z_unlimited n_z_integral phi_limited n_z_limited n_y throttle "
+    "n_x n_x_min n_x_max n_x_cmd n_x_unlimited n_x_limited n_x_integral",
+    "m/s": "V_a V_a_meas V_g wind_north wind_east wind_down V_ref V_err",
     "m": "north east down h along cross_track height_err",
     "rad/s": "d_chi d_gamma p q r mismatch_chi mismatch_gamma chi_dot_integral gamma_dot_integral",
     "N": "thrust",
@@ -44,6 +45,10 @@ _SIGNALS_BY_UNIT = {
 # over ground, or through the air in runs that have ``*_ground`` too. On a route ``along`` is the
 # distance along it, ``cross_track`` that to its right, and ``height_err`` its height minus the own.
 SIGNAL_UNITS = {name: unit for unit, names in _SIGNALS_BY_UNIT.items() for name in names.split()}
+
+
+# Path angle below the reference from which on the airspeed has priority, rad.
+GIVEN_WAY = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,7 +101,7 @@ class Provenance:
         name, gains = law_name(self.gains_name, tables), self.gains
         table = tables.get(name) or {"kind": name if name in plain_laws() else "python"}
         law = made_law(**{**table, "name": name})
-        if gains is not None and law.by_gains and gains.inputs != law.inputs:
+        if gains is not None and law.by_gains and gains.inputs[:2] != law.inputs:
             return made_law(gains.law)
         return law
 
@@ -194,6 +199,23 @@ def claimed_along(run: Run, signal: str, s: FloatArray) -> Iterator[FloatArray]:
     """Bounds claimed of a signal at distances along a route (m), shape (2, n) for each claim."""
     for _, ends in claims_around(run.claims, signal):
         yield np.array([np.interp(s, along_route(run), end) for end in ends])
+
+
+def priority_notes(runs: Iterable[Run]) -> list[str]:
+    """From when on the airspeed had priority in a run, and what it took from the path angle."""
+    notes = []
+    for run in runs:
+        if "gamma_given" not in run.signals:
+            continue
+        less = (run.signals["gamma_ref"] - run.signals["gamma_given"]).to_numpy()
+        held = less > GIVEN_WAY
+        if held.any():
+            t, share = run.t[held], 100.0 * float(np.mean(held))
+            notes.append(
+                f"{run.label}: speed has priority from {t[0]:.1f} s on, in {share:.0f} % of the "
+                f"flight; the path angle gives way by up to {less.max() / DEG:.1f} deg."
+            )
+    return notes
 
 
 def claim_notes(runs: Iterable[Run]) -> list[str]:

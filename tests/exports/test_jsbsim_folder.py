@@ -34,11 +34,11 @@ assert len(ADOPTED) >= 10
 
 
 def flights():
-    """Scenarios over time in still air with each aircraft, the first gains by a law of ours."""
+    """Scenarios over time in still air that hold no airspeed, the first gains by a law of ours."""
     for name in SCENARIO_NAMES:
         scenario = ft.load_scenario(name)
         gains, *_ = (one for one in scenario.gain_names if scenario.law_of(one)[0].kind != "python")
-        of_time = scenario.route is None and weather_of(scenario) is None
+        of_time = not (scenario.route or scenario.airspeed or weather_of(scenario))
         for table in scenario.plant if of_time else ():
             if table.kind == "jsbsim":
                 yield name, gains, table.label

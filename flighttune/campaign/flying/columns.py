@@ -7,7 +7,7 @@ import pyarrow as pa
 
 from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.planning.schema import MEASURES, Choice, Dispersion, Grid
-from flighttune.metrics import settling_names, unit_of
+from flighttune.metrics import AIRSPEED, AIRSPEED_METRICS, settling_names, unit_of
 from flighttune.present.names import UNIT_OF_SUFFIX
 
 # Unit of a key of a scenario by how it ends, longest ending first
@@ -61,6 +61,8 @@ def row_schema(plan: Plan) -> pa.Schema:
     """The schema of the rows of a plan; a field has its ``unit`` as metadata."""
     settling = settling_names([table.model_dump() for table in plan.scenario.expect])
     more = [f"{channel}.{name}" for channel, names in settling.items() for name in names]
+    if plan.scenario.airspeed:
+        more += [f"{AIRSPEED}.{name}" for name in AIRSPEED_METRICS]
     return pa.schema(
         [
             *(pa.field(name, kind, nullable=False) for name, kind in BEFORE.items()),

@@ -58,9 +58,9 @@ class Exact(Law):
             braking=self.braking,
         )
 
-    def linear_model(self, _trim: Trim, /) -> LinearModel:
+    def linear_model(self, trim: Trim, /) -> LinearModel:
         """Error dynamics, the same at every condition."""
-        return rate_model()
+        return rate_model(airspeed=trim.airspeed)
 
     def state_scaling(self, model: LinearModel, lags: Sequence[InnerLag]) -> FloatArray:
         """Units of the states; each error in units of `LAGS_PER_ERROR` lags of its channel.

@@ -29,6 +29,7 @@ class Paper(Law):
             tracking_time=setup.tracking_time,
             schedule_speed=setup.schedule_speed,
             feed_forward=setup.feed_forward,
+            g=setup.g,
         )
 
     def linear_model(self, trim: Trim, /) -> LinearModel:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NoReturn
 from flighttune.aircraft.aircraft import GAINS_FILE, AircraftConfig, load_aircraft
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError, PlantError
-from flighttune.plants.base import FlightCondition, Stop, StopStatus
+from flighttune.plants.base import N_X_SIGNALS, FlightCondition, Stop, StopStatus
 from flighttune.plants.jsbsim import properties
 
 if TYPE_CHECKING:
@@ -56,8 +56,15 @@ class JSBSimPlant:
     throttle_max : float, optional
         Upper stop of the throttle, for an engine that gives less than it should; by default that of
         the aircraft.
+    throttle_max_from : float, s
+        Time of the flight from which on `throttle_max` holds: an engine that fails on the way.
     off_nominal : OffNominal, optional
         Differences of the aircraft from its files; the gains of its inner loop do not.
+    takes_n_x : bool
+        Take a third command, the longitudinal load factor, in place of holding the airspeed; the
+        aircraft needs a range of it in its limits. The throttle follows the command by the slope of
+        thrust and by the integral of what is missing; `signals` then ends with `N_X_SIGNALS`, whose
+        range is what the throttle still has, by that slope.
 
     Attributes
     ----------
@@ -103,7 +110,9 @@ class JSBSimPlant:
         weather: Weather | None = None,
         ground: float = 0.0,
         throttle_max: float | None = None,
+        throttle_max_from: float = 0.0,
         off_nominal: OffNominal | None = None,
+        takes_n_x: bool = False,
     ) -> None:
         if not 1 <= steps <= MAX_STEPS:
             raise InputError(f"`steps` must lie in 1 to {MAX_STEPS}, got {steps}.")
@@ -114,13 +123,24 @@ class JSBSimPlant:
                 f"`ground` must lie in {-DEEPEST_GROUND:g} to {HIGHEST_GROUND:g} m, got {ground} m."
             )
         config = aircraft if isinstance(aircraft, AircraftConfig) else load_aircraft(aircraft)
-        if throttle_max is not None:
+        self._failure = math.inf, 1.0
+        if throttle_max is not None and throttle_max_from > 0.0:
+            self._failure = throttle_max_from, throttle_max
+        elif throttle_max is not None:
             config = config.with_throttle_max(throttle_max)
         if off_nominal is not None:
             config = config.with_off_nominal(off_nominal)
             check_off_nominal(config)
         self.config: AircraftConfig = config
-        self.limits: Limits = self.config.limits.limits()
+        if takes_n_x and config.limits.n_x is None:
+            raise InputError(
+                f"{config.folder / 'aircraft.toml'}: [limits] `n_x` must be given for an airspeed "
+                "that a law follows, got none."
+            )
+        self._takes_n_x = takes_n_x
+        if takes_n_x:
+            self.signals = (*properties.SIGNALS, *N_X_SIGNALS)
+        self.limits: Limits = self.config.limits.limits(airspeed=takes_n_x)
         self._steps, self._rate = steps, config.inner_loop_rate * steps
         self._seed = seed
         self._weather, self._ground = weather, ground
@@ -162,9 +182,11 @@ class JSBSimPlant:
         if self._weather is not None:
             carry_along(fdm, self._weather.deterministic(0.0, condition.h))
         # After the wind is set: the signals take their origin and first angles from this instant.
-        observe = signal_reader(fdm, condition.chi, point.psi)
+        observe = signal_reader(fdm, condition.chi, point.psi, n_x=self._takes_n_x)
         self._inside, self._diagnosis = guard(fdm)
         self._time, self._run = fdm.reader("simulation/sim-time-sec"), fdm.run
+        self._left, self._throttle_to = self._failure
+        self._write_throttle_max = fdm.writer(properties.THROTTLE_MAX)
         self._engage(fdm, condition, steady_n_z=observe()[_N_Z])
         # After the inner loop is engaged: turbulence and gusts would disturb its first output.
         if self._weather is not None:
@@ -181,7 +203,9 @@ class JSBSimPlant:
         """
         return self._observe()
 
-    def advance(self, phi_cmd: float, n_z_cmd: float, duration: float) -> Stop | None:
+    def advance(
+        self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x_cmd: float
+    ) -> Stop | None:
         """Fly `duration` seconds with the command held; return why the flight ended, if it did.
 
         Parameters
@@ -192,6 +216,8 @@ class JSBSimPlant:
             Load-factor command.
         duration : float, s
             Time to fly: a whole number of integration steps.
+        n_x_cmd : float, 1
+            Longitudinal load-factor command, of an aircraft that takes it.
 
         Returns
         -------
@@ -209,6 +235,12 @@ class JSBSimPlant:
         chunks = self._chunks.get(duration) or self._count_steps(duration)
         self._write_phi_cmd(phi_cmd)
         self._write_n_z_cmd(n_z_cmd)
+        for n_x in n_x_cmd:
+            self._write_n_x_cmd(n_x)
+        if self._left <= _STEP_SHARE:
+            self._write_throttle_max(self._throttle_to)
+            self._left = math.inf
+        self._left -= duration
         if not (isfinite(phi_cmd) and isfinite(n_z_cmd)):
             commands = f"phi_cmd {phi_cmd:g} rad, n_z_cmd {n_z_cmd:g}"
             return self._end("diverged", f"commands must be finite, got {commands}.")
@@ -255,6 +287,10 @@ class JSBSimPlant:
         write_phi_cmd = fdm.writer(properties.PHI_CMD)
         write_phi_cmd(condition.phi)
         fdm.writer(properties.V_A_CMD)(condition.V_a)
+        if self._takes_n_x:
+            self._write_n_x_cmd = fdm.writer(properties.N_X_CMD)
+            self._write_n_x_cmd(math.sin(condition.gamma))
+            fdm.writer(properties.N_X_FOLLOWED)(1.0)
         fdm.evaluate()  # the inner loop sees the load factor of the evaluation before
         self._write_n_z_cmd(steady_n_z)
         fdm.evaluate()

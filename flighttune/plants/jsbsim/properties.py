@@ -12,6 +12,7 @@ SIGNALS = (
 )
 
 PHI_CMD, N_Z_CMD, V_A_CMD = "ft/phi-cmd-rad", "ft/n_z-cmd", "ft/V_a-cmd-mps"
+N_X_CMD, N_X_FOLLOWED = "ft/n_x-cmd", "ft/n_x-followed"
 ENGAGED = "ft/engaged"
 SURFACE_TRIMS = tuple(f"ft/{name}-trim-rad" for name in SURFACES)
 THROTTLE_TRIM = "ft/throttle-trim-norm"
@@ -25,4 +26,9 @@ THROTTLE = "ft/throttle-norm"
 # Beginning of the names of gains.
 GAINS = "ft/gains/"
 
+# Throttle that adds a longitudinal load factor of one.
+THROTTLE_PER_N_X = f"{GAINS}speed/k_gamma"
+
 LIMITS = "ft/limits/"
+
+THROTTLE_MAX = f"{LIMITS}throttle-max"

@@ -25,12 +25,15 @@ _PLACES = (
 )
 
 
-def signal_reader(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[float, ...]]:
+def signal_reader(
+    fdm: Fdm, chi_0: float, psi_0: float, *, n_x: bool = False
+) -> Callable[[], tuple[float, ...]]:
     """Return a function that reads the signals of `JSBSimPlant` from `fdm`.
 
     `fdm`: the aircraft, already at the start of its flight: its position becomes the origin.
-    `chi_0`, `psi_0` (rad): course and heading near which the continuous angles begin. Raises
-    PlantError if the aircraft lacks a property.
+    `chi_0`, `psi_0` (rad): course and heading near which the continuous angles begin. `n_x`: show
+    the longitudinal load factor and its range too. Raises PlantError if the aircraft lacks a
+    property.
     """
     read = fdm.reader
     phi, theta, psi, chi, gamma, alpha, beta, p, q, r, *motion = map(read, _PLACES)
@@ -61,7 +64,18 @@ def signal_reader(fdm: Fdm, chi_0: float, psi_0: float) -> Callable[[], tuple[fl
             *(w_n() * FT, w_e() * FT, w_d() * FT),
         )
 
-    return observe
+    if not n_x:
+        return observe
+    slope, closed = read(properties.THROTTLE_PER_N_X), fdm.config.engines.throttle[0]
+    full = read(properties.THROTTLE_MAX)
+
+    def with_n_x() -> tuple[float, ...]:
+        a, b, weight, lever = alpha(), beta(), mass_slug() * _G_0_FPS2, throttle()
+        force = (F_x() * cos(a) + F_z() * sin(a)) * cos(b) + F_y() * sin(b)
+        now, per = force / weight, 1.0 / slope()
+        return (*observe(), now, now + per * (closed - lever), now + per * (full() - lever))
+
+    return with_n_x
 
 
 def guard(fdm: Fdm) -> tuple[Callable[[], bool], Callable[[], tuple[StopStatus, str] | None]]:
