@@ -386,7 +386,7 @@ def certify_scenario(
             f"`identified` must have lags of one order at every condition for a common Q, got "
             f"models of {' and '.join(map(str, orders))} states."
         )
-    rates, unsampled = (
+    exact, unsampled = (
         ((), "") if envelope else scenario_rates(scenario, gains, law, sampled=sampled)
     )
     certification = certify_model(
@@ -397,7 +397,7 @@ def certify_scenario(
         L_d=L_d,
         conditions=[((design.V_a, design.gamma), design.model) for design in everywhere],
         scenario_sha256=scenario.sha256,
-        rates=rates,
+        rates=exact,
     )
     return replace(certification, unsampled=unsampled)
 

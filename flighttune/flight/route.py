@@ -115,7 +115,7 @@ class PlannedRoute(Answering):
 
     @property
     def changed(self) -> list[str]:
-        """What is flown in another way than the waypoints say, in words."""
+        """Sentences on legs and circles flown in another way than the waypoints say."""
         assert self.scenario.route is not None
         stretches, notes = self.reference.path.stretches, []
         if around := [x for x in stretches if x.kind == "turn-around"]:

@@ -146,7 +146,7 @@ class LogGap(Answering):
     explained : float
         Share that all factors explain.
     notes : tuple of str
-        What the log cannot tell.
+        Sentences on what the log cannot tell.
     """
 
     log: str

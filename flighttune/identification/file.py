@@ -160,7 +160,7 @@ class LogEvidence(_Table):
 
     @property
     def sentence(self) -> str:
-        """What `residual_rad_s` is, in words."""
+        """The meaning of `residual_rad_s` in words."""
         return (
             f"largest mean over 1 s of what the lags miss of the rates, in the "
             f"{self.residual_stretches} stretches of 5 s of {', '.join(self.logs)}, which the lags "

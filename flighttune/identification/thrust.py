@@ -86,11 +86,11 @@ def identify_thrust(
     excitation = multisine(harmonics, peak, rate, np.random.default_rng(seed))
     commanded, flown = _respond(plant_factory, condition, np.tile(excitation, 2))
     spectra = (np.fft.rfft(signal[-SAMPLES:])[harmonics] for signal in (commanded, flown))
-    given, answer = spectra
+    command_lines, answer = spectra
     omega = harmonics * (math.tau / PERIOD)
     hold = np.sinc(omega * DT / math.tau) * np.exp(-0.5j * omega * DT)
     response = FrequencyResponse(
-        omega=omega, own=answer / given / hold, other=np.zeros(len(omega), complex)
+        omega=omega, own=answer / command_lines / hold, other=np.zeros(len(omega), complex)
     )
     t = np.arange(round(CHECK_DURATION / DT), dtype=np.float64) * DT
     check = ramped(pulses(t, CHECK_START[0], CHECK_UNIT[0]) * 0.8 * peak, rate)

@@ -368,8 +368,8 @@ class PoweredPointMass(PointMassPlant):
     ) -> Stop | None:
         """Fly `duration` seconds with the command held, n_x as far as the engine gives it."""
         low, high = self._range
-        given = (min(max(n_x, low), high) for n_x in n_x_cmd)
-        return super().advance(phi_cmd, n_z_cmd, duration, *given)
+        within = (min(max(n_x, low), high) for n_x in n_x_cmd)
+        return super().advance(phi_cmd, n_z_cmd, duration, *within)
 
     def observe(self) -> tuple[float, ...]:
         """Return the values of `signals` now, SI and radians."""

@@ -73,7 +73,7 @@ AIRSPEED, GROUND_SPEED = 0, 1
 
 
 class Mission(NamedTuple):
-    """What is flown of the items of a mission."""
+    """The parts of a mission that are flown."""
 
     rows: list[Row]  # heights above the home position
     speed: float | None  # m/s: the largest airspeed that it sets
@@ -266,7 +266,7 @@ def _circles(label: str, command: int, values: Sequence[Any]) -> Row:
 
 
 def _notes(label: str, item: Mapping[str, Any]) -> Iterator[str]:
-    """What of an item is flown in another way than it says."""
+    """A sentence where an item is flown in another way than it says."""
     command, values, subject = item["command"], item["params"], f"I{label[1:]}"
     if command in TAKEOFFS:
         yield f"The route begins where the take-off of {label} ends."

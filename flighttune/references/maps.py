@@ -49,7 +49,7 @@ class Mark(NamedTuple):
 
 
 class Marks(NamedTuple):
-    """What is drawn beside a path."""
+    """Lines and areas drawn beside a path."""
 
     points: tuple[Mark, ...] = ()  # waypoints
     rally: tuple[Mark, ...] = ()

@@ -327,7 +327,7 @@ def _courses(waypoints: Sequence[Waypoint], ability: Ability, around: set[int]) 
 def _turns(
     waypoints: Sequence[Waypoint], courses: Sequence[float], around: set[int], ability: Ability
 ) -> list[_Turn]:
-    """What is flown at each waypoint: circles, a corner, or nothing beside a turn-around."""
+    """The flight at each waypoint: circles, a corner, or nothing beside a turn-around."""
     turns = [_Turn()]
     for i, (into, out) in enumerate(pairwise([*courses, courses[-1]]), start=1):
         point = waypoints[i]
@@ -359,7 +359,7 @@ def _over(
 def _straights(
     waypoints: Sequence[Waypoint], courses: Sequence[float], turns: Sequence[_Turn]
 ) -> list[float]:
-    """What turns leave of each leg, m."""
+    """The length of each leg that its turns leave, m."""
     legs = zip(pairwise(waypoints), courses, pairwise(turns), strict=True)
     return [_along(*ends, chi) - before.reach - after.reach for ends, chi, (before, after) in legs]
 
@@ -392,9 +392,9 @@ def _pose(
 def _around(number: int, start: Pose, end: Pose, ability: Ability) -> _Laid:
     """The shortest turn-around within its room, or else the one that takes the least room."""
     curvatures = [share * ability.curvature for share in SHARES]
-    found = turn_arounds(start, end, [(k, ability.rolling(k)) for k in curvatures])
-    inside = (way for way in found if way[0] <= ability.turnaround)
-    aside, pieces = next(inside, None) or min(found)
+    ways = turn_arounds(start, end, [(k, ability.rolling(k)) for k in curvatures])
+    inside = (way for way in ways if way[0] <= ability.turnaround)
+    aside, pieces = next(inside, None) or min(ways)
     return _Laid("turn-around", number, pieces, aside)
 
 
@@ -419,13 +419,13 @@ def _ways_out(waypoints: Sequence[Waypoint], ability: Ability) -> str:
     speed = largest("V_a", SLOWEST * ability.V_a, ability.V_a)
     room = max(laid.aside for laid in _lay(waypoints, replace(ability, turnaround=math.inf)))
     wind = largest("wind", 0.0, ability.wind) if ability.wind else None
-    found = {
+    changes = {
         "`V_a_mps` of {:.1f}": speed and math.floor(10.0 * speed) / 10.0,
         "`turnaround_m` of {:.0f}": math.ceil(room),
         "`wind_mps` of {:.1f}": wind and math.floor(10.0 * wind) / 10.0,
     }
     return "; it is flown with " + " or ".join(
-        text.format(value) for text, value in found.items() if value is not None
+        text.format(value) for text, value in changes.items() if value is not None
     )
 
 

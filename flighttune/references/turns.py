@@ -124,11 +124,11 @@ def ways(start: Pose, end: Pose, curvature: float, rolling: float) -> Iterator[P
             angle = bearing + side * math.acos(0.5 * apart / reach)
             middle = a[0] + reach * math.cos(angle), a[1] + reach * math.sin(angle)
             tilt = math.atan2(first * y, x)
-            one, two = angle + tilt, _vector(middle, b)[1] - tilt
+            out, back = angle + tilt, _vector(middle, b)[1] - tilt
             yield (
-                *turn(first, start.course, one),
-                *turn(-first, one, two),
-                *turn(first, two, end.course),
+                *turn(first, start.course, out),
+                *turn(-first, out, back),
+                *turn(first, back, end.course),
             )
 
 

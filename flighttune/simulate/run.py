@@ -208,9 +208,9 @@ def priority_notes(runs: Iterable[Run]) -> list[str]:
         if "gamma_given" not in run.signals:
             continue
         less = (run.signals["gamma_ref"] - run.signals["gamma_given"]).to_numpy()
-        held = less > GIVEN_WAY
-        if held.any():
-            t, share = run.t[held], 100.0 * float(np.mean(held))
+        gave_way = less > GIVEN_WAY
+        if gave_way.any():
+            t, share = run.t[gave_way], 100.0 * float(np.mean(gave_way))
             notes.append(
                 f"{run.label}: speed has priority from {t[0]:.1f} s on, in {share:.0f} % of the "
                 f"flight; the path angle gives way by up to {less.max() / DEG:.1f} deg."

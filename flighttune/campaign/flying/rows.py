@@ -320,5 +320,5 @@ def _indicators(plan: Plan, group: Group, scenarios: Sequence[Scenario]) -> list
 
 @lru_cache(maxsize=32)
 def _indicators_known(_plan: Plan, _group: Group) -> dict[Hashable, Indicators]:
-    """Those of the last loops of a group, for draws that do not disperse its loop."""
+    """Indicators of the last loops of a group, for draws that do not disperse its loop."""
     return {}
