@@ -1,0 +1,211 @@
+"""Write docs/speed.md from what benchmarks print: python docs/figures/speed.py FOLDER.
+
+FOLDER keeps the output of each benchmark in a file; those that are there are not run again. All
+of them take ten minutes on two cores that do nothing else.
+"""
+
+import json
+import math
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).parents[2]
+PAGE = ROOT / "docs" / "speed.md"
+
+LOOPS = {
+    "still air": "closed loop on JSBSim, {signals} signals at 50 Hz, still air",
+    "gust and turbulence": "closed loop with gust and turbulence",
+    "all weather": (
+        "closed loop with gust, turbulence, and wind that changes with height and oscillates"
+    ),
+    "route, all in": "300 s of the route `circuit`: load, trim, fly, table and metrics",
+}
+ROWS = {
+    "still air": "a campaign row on JSBSim: build, load and trim, fly 20 s, measures, indicators",
+    "airframe dispersed": "such a row with the airframe dispersed",
+    "wind and turbulence": "such a row in wind and turbulence",
+}
+PEERS = {
+    "SciPy loop": "a loop over SciPy's Lyapunov solver",
+    "cvxpy + Clarabel, a problem a loop": "the paper's program by cvxpy and Clarabel, a loop",
+}
+
+
+def printed(name: str, folder: Path) -> str:
+    """What a benchmark prints, from `folder` or by running it."""
+    file = folder / f"{name}.json"
+    if not file.exists():
+        bench = ROOT / "benchmarks" / f"bench_{name}.py"
+        ran = subprocess.run(
+            [sys.executable, bench, "--json"], capture_output=True, text=True, check=False
+        )
+        file.write_text(ran.stdout)
+    return file.read_text()
+
+
+def figures(name: str, folder: Path) -> dict[str, Any]:
+    """The object that a benchmark prints."""
+    return json.loads(printed(name, folder))
+
+
+def table(rows: list[tuple[str, ...]]) -> str:
+    """Rows of a table, joined."""
+    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
+
+
+def times(ratio: float, bar: float) -> str:
+    """A ratio of times, and whether it misses its bar."""
+    return f"{ratio:.2f} times the time{', missed' if ratio > bar else ''}"
+
+
+def ratios(folder: Path) -> list[tuple[str, ...]]:
+    """Every ratio against a peer, with its bar."""
+    loop, campaign = figures("jsbsim", folder), figures("campaign", folder)
+    theory, recording = figures("theory", folder), figures("recording", folder)
+    busy = re.search(r"(\d+) times the processor time; at least (\d+)", printed("batch", folder))
+    assert busy is not None
+    rows = [
+        (
+            what.format(signals=loop["signals"]),
+            "bare `fdm.run()` steps of the same aircraft and time",
+            times(loop["ratios"][name], loop["highest_ratio"][name]),
+            f"{loop['highest_ratio'][name]:g}",
+        )
+        for name, what in LOOPS.items()
+    ]
+    rows += [
+        (
+            what,
+            "bare steps of the same 20 s",
+            times(campaign["ratios"][name], campaign["highest_ratio"].get(name, math.inf)),
+            f"{campaign['highest_ratio'].get(name, '')}",
+        )
+        for name, what in ROWS.items()
+    ]
+    rows += [
+        (
+            "R_K and I_K of many gain sets, 4 states ([by number of states](cost.svg))",
+            peer,
+            f"{theory['peers'][name]['ratio']:.3g} times as fast",
+            "",
+        )
+        for name, peer in PEERS.items()
+    ]
+    rows += [
+        (
+            "batched kinematic flights",
+            "the same sampled loop in python-control, by processor time",
+            f"{busy[1]} times as fast",
+            busy[2],
+        ),
+        (
+            "a recording written by columns",
+            "the same data logged step by step",
+            f"{recording['steps_over_columns']:.2g} times as fast",
+            "",
+        ),
+    ]
+    return rows
+
+
+def main() -> None:
+    """Write the page."""
+    folder = Path(sys.argv[1])
+    folder.mkdir(parents=True, exist_ok=True)
+    campaign, jsbsim = figures("campaign", folder), figures("jsbsim", folder)
+    tuning, theory = figures("tuning", folder), figures("theory", folder)
+    recording = figures("recording", folder)
+    flights = campaign["kinematic_flights"]
+    kinematic = [
+        (
+            rate,
+            f"{1e5 / flights * busy:.0f} s",
+            f"{campaign['most_s_of_100000']:g} s" if rate == "50 Hz" else "",
+        )
+        for rate, busy in campaign["kinematic_processor_s_over_cores"].items()
+    ]
+    tuned = [(name, f"{took:.2g} s") for name, took in tuning["seconds"].items()]
+    text = TEXT.format(
+        ratios=table(ratios(folder)),
+        bare=f"{jsbsim['bare_us_a_step']:.1f}",
+        kinematic=table(kinematic),
+        flights=flights,
+        tuned=table(tuned),
+        million=f"{theory['million_s']:.1f}",
+        recorded=f"{recording['columns_600s_s']:.2f}",
+    )
+    PAGE.write_text(text, encoding="utf-8")
+
+
+TEXT = """\
+# Speed
+
+`make bench` measures speed as a ratio against a named peer in the same run, and ends with exit
+status 1 if it misses a bar. This page is written by `python docs/figures/speed.py FOLDER` from what
+the benchmarks print. Figures differ from day to day with the same code: these were measured on two
+cores that others used at the same time, which slows Python more than the steps of JSBSim. An empty
+cell has no bar.
+
+| what | against | measured | bar |
+|---|---|--:|--:|
+{ratios}
+
+A step of JSBSim takes {bare} µs here. What a row takes beyond its bare steps is the flight loop
+(0.35 of them: reading JSBSim, the PI step, the guard, the record), the start (0.24: JSBSim reads
+the model 0.08, the private folder, the engine of JSBSim itself and the stamps of files 0.08, the
+trim 0.06), the indicators of a loop that differs in each draw (0.09, E_K most of it; nothing where
+the loop is not dispersed), measures (0.03) and the scenario of the draw (0.03). A model is loaded
+anew for each flight: that of a reset aircraft differs by rounding, up to 1e-8 after 8 s, and rows
+are the same to the bit.
+
+One million gain sets take {million} s of one core. Recording 600 s of flight with 46 signals takes
+{recorded} s.
+
+## Tuning
+
+| what | time |
+|---|--:|
+{tuned}
+
+## Commands
+
+`--help` and `list` import no heavy library. `python benchmarks/bench_commands.py` measures a
+command in a process of its own against `python -c "import ..."` of its libraries: it may take three
+times as long, plus its own work, which is what the same command takes when it is run again in the
+same process. `report` of four runs must take less than 4 s, `campaign run first_campaign` less than
+three times `fly paper`. The fastest of five turns counts, by the clock.
+
+## Campaigns
+
+100,000 kinematic flights of 20 s by `campaign run`, all in, by processor time over the cores
+({flights} flown and scaled):
+
+| rate of the controller | measured | bar |
+|---|--:|--:|
+{kinematic}
+
+A third of that is the compiled kernel, a quarter the indicators of each draw. The workers fly
+kinematic flights in batches, except in campaigns of up to 2000 flights, which take the command less
+time than starting workers. A single command writes all rows, each of which is 0.3 kB of network
+traffic.
+
+Campaign runs of 20 s per hour, measured earlier on two cores that did nothing else
+(`python benchmarks/bench_campaign_scaling.py`, and `flighttune campaign run aerosonde_dispersed`
+for wind, turbulence and sensors); the start of the workers is included from two cores on:
+
+| cores | JSBSim, dispersed airframe | with wind, turbulence and sensors |
+|--:|--:|--:|
+| 1, no workers | 129 000 | |
+| 2, workers of this machine | 255 000 | 221 000 |
+| 64 (projected, not measured) | 8.2 million | 7.0 million |
+
+The projection multiplies the rate of two cores, with one worker per core and every core as fast as
+these two when both are busy.
+"""
+
+
+if __name__ == "__main__":
+    main()
