@@ -22,7 +22,7 @@ from flighttune.errors import FlightTuneError, InputError
 from flighttune.flight.apart import Progress
 from flighttune.identification.file import FILE_NAME, load_identified
 from flighttune.logs.columns import Columns
-from flighttune.logs.identify import CONFIDENCE, EXCITED, SLOW, drawn_again, speed_of
+from flighttune.logs.identify import CONFIDENCE, EXCITED, drawn_again, flying, speed_of
 from flighttune.logs.log import load_part
 from flighttune.plants.base import FlightCondition, Plant
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, JSBSimPlant
@@ -419,8 +419,7 @@ def _stretches(run: Run, step: float) -> tuple[FloatArray, Signals]:
         del logged["n_z"]
     if "theta" in signals:
         logged["nose"] = signals["theta"].to_numpy() - logged["gamma"]
-    good = np.isfinite(np.column_stack([*logged.values()])).all(axis=1)
-    good &= logged["V_a"] > SLOW * np.nanmedian(logged["V_a"])
+    good = flying(run, *logged.values())
     heights = signals["h"].to_numpy() if "h" in signals else np.full(len(t), NO_HEIGHT)
     logged |= {
         "h": np.nan_to_num(heights, nan=NO_HEIGHT),

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag, Order
@@ -263,15 +264,26 @@ def speed_of(run: Run) -> FloatArray:
     return run.signals["V_a" if "V_a" in run.signals else "V_g"].to_numpy(dtype=float)
 
 
+def flying(run: Run, *columns: FloatArray) -> npt.NDArray[np.bool_]:
+    """Samples at which a vehicle is neither on its way up or down, nor in a gap of `columns`."""
+    speed = speed_of(run)
+    return np.isfinite([*columns, speed]).all(axis=0) & (speed > SLOW * np.nanmedian(speed))
+
+
+def _unbroken(run: Run, *columns: FloatArray) -> Iterator[tuple[int, int]]:
+    """First sample, and that after the last, of every piece of flight without a gap."""
+    good = flying(run, *columns).astype(int)
+    edges = np.flatnonzero(np.diff(good, prepend=0, append=0)).tolist()
+    return zip(edges[::2], edges[1::2], strict=True)
+
+
 def _sections(run: Run, number: int, name: Channel, first: int) -> Iterator[Section]:
     """Sections of a run, with stretches from `first` on."""
     signals = run.signals
     measured, commanded = (signals[key].to_numpy(dtype=float) for key in (name, f"{name}_cmd"))
-    speed, dt = speed_of(run), float(run.t[1] - run.t[0])
-    good = np.isfinite(measured) & np.isfinite(commanded) & (speed > SLOW * np.nanmedian(speed))
-    edges = np.flatnonzero(np.diff(good.astype(int), prepend=0, append=0))
+    dt = float(run.t[1] - run.t[0])
     wait, size = round(SETTLED_S / dt), round(STRETCH_S / dt)
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+    for begin, end in _unbroken(run, measured, commanded):
         if end - begin < wait + size // 2:
             continue
         command, stretch = commanded[begin:end], np.full(end - begin, np.nan)
@@ -457,11 +469,9 @@ def _missed(run: Run, lags: tuple[InnerLag, InnerLag]) -> FloatArray:
         return np.zeros((0, 2))
     columns, V_a = run.signals[list(names)].to_numpy(dtype=float).T, speed_of(run)
     dt = float(run.t[1] - run.t[0])
-    good = np.isfinite([*columns, V_a]).all(axis=0) & (V_a > SLOW * np.nanmedian(V_a))
-    edges = np.flatnonzero(np.diff(good.astype(int), prepend=0, append=0))
     wait, size, span = (round(time / dt) for time in (SETTLED_S, STRETCH_S, 1.0))
     largest = []
-    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+    for begin, end in _unbroken(run, *columns):
         if end - begin <= wait + size + span:
             continue
         piece = slice(begin, end)
