@@ -89,6 +89,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     changes: Mapping[str, Any] | None = None,
     aircraft: str | None = None,
     like: str | None = None,
+    skip: bool = False,
     workers: int | None = None,
     scheduler: str | None = None,
     observer: CampaignObserver | None = None,
@@ -136,6 +137,8 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
         Of a mission: the aircraft, by default ``aerosonde``, and the campaign whose air and
         dispersions its flights have, by default light turbulence, wind to 8 m/s and those of the
         aircraft.
+    skip : bool
+        Leave out commands of a mission that have no place.
     workers : int, optional
         Processes that fly on this machine; by default one per core.
     scheduler : str, optional
@@ -184,6 +187,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
         changes=changes,
         aircraft=aircraft,
         like=like,
+        skip=skip,
     )
     labels = (table.label for table in plan.scenario.aircraft)
     plant = plant or next(labels, None)

@@ -47,10 +47,12 @@ def planned(
     changes: Mapping[str, Any] | None = None,
     aircraft: str | None = None,
     like: str | None = None,
+    skip: bool = False,
 ) -> Plan:
     """The plan of a campaign in a folder or file, or of flights about a scenario or a mission.
 
-    A mission is flown by an `aircraft`, in the air and with the dispersions of the campaign `like`.
+    A mission is flown by an `aircraft`, in the air and with the dispersions of the campaign `like`;
+    `skip` leaves out its commands that have no place.
     About a scenario, starts are off by up to `start_deg`, and square waves of up to `disturbance`
     (rad/s) disturb both rates, for its first plant of a `kind`. `gains` that source does not have,
     by name or file, take the place of its own.
@@ -60,11 +62,13 @@ def planned(
     if is_mission(source):
         if start_deg or disturbance or plant is not None:
             raise InputError("`plant`, `start_deg` and `disturbance` must be absent for a mission.")
-        plan = plan_campaign(_about_mission(Path(source), aircraft or AIRCRAFT, like, changes))
+        mission = read_route(Path(source), skip=skip)
+        scenario = route_scenario(Path(source), mission, aircraft or AIRCRAFT, changes)
+        plan = plan_campaign(_about_mission(scenario, aircraft or AIRCRAFT, like))
         plan.chosen_group(None, gains)  # refuses others than those of the campaign
         return plan
-    if aircraft is not None or like is not None:
-        raise InputError(f"{source}: `aircraft` and `like` must be absent: it is no mission.")
+    if aircraft is not None or like is not None or skip:
+        raise InputError(f"{source}: `aircraft`, `like`, `skip` must be absent: it is no mission.")
     if _is_scenario(source):
         scenario = load_scenario(source, changes=changes)
         if gains not in (None, *scenario.gain_names):
@@ -116,12 +120,9 @@ def _is_scenario(source: str) -> bool:
     return stem in scenario_files() and stem not in campaign_files()
 
 
-def _about_mission(
-    file: Path, aircraft: str, like: str | None, changes: Mapping[str, Any] | None
-) -> Campaign:
+def _about_mission(scenario: Scenario, aircraft: str, like: str | None) -> Campaign:
     """Flights of a mission that are drawn as those of the campaign `like`."""
     shipped = like_of(aircraft)
-    scenario = route_scenario(file, read_route(file), aircraft, changes)
     campaign = load_campaign(
         like or shipped or LIKE, scenario, changes={"plant.aircraft": aircraft}
     )

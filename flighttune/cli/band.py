@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from flighttune.claims.band import Band
 
 # Options that `planned` takes.
-PLANNED = ("gains", "plant", "start_deg", "changes", "aircraft", "like")
+PLANNED = ("gains", "plant", "start_deg", "changes", "aircraft", "like", "skip")
 
 NEAREST_COLUMNS = [
     Column("what", "nearest to the fence"),
@@ -126,6 +126,9 @@ def band(
             autocompletion=campaign_files,
         ),
     ] = None,
+    skip: Annotated[
+        bool, Option("--skip", help="Leave out commands of a mission that have no place.")
+    ] = False,
     page: Annotated[
         Path | None, Option(help="Page (.html) to write, with a map, heights and the answer.")
     ] = None,
@@ -165,6 +168,7 @@ def band(
         changes=options.changes(settings) or None,
         aircraft=aircraft,
         like=like,
+        skip=skip or None,
     )
     if not is_claim_file(source):
         if areas:  # refuse it before a flight

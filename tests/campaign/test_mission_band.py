@@ -69,9 +69,16 @@ def test_what_is_not_flyable_or_not_fenced_is_refused_before_a_flight(tmp_path):
         assert words in flighttune("band", file, *FEW, *options, status=2)[1]
     far = mission(tmp_path / "f.plan", [[lat + 1.0, lon] for lat, lon in AREA])
     assert "the start must be inside" in flighttune("band", far, *FEW, status=2)[1]
-    for option in ("--aircraft", "--like"):
-        said = flighttune("band", "circuit_in_wind", option, "aerosonde", status=2)[1]
+    for option in (("--aircraft", "aerosonde"), ("--like", "aerosonde"), ("--skip",)):
+        said = flighttune("band", "circuit_in_wind", *option, status=2)[1]
         assert "it is no mission" in said
+    delay = item(93, 30, -1, -1, -1, 0, 0, 0, frame=2)
+    places = waypoint(47.4, 8.5, 60), delay, waypoint(47.3, 8.5, 60)
+    delayed = plan_file(tmp_path / "d.plan", *places)
+    assert "`--skip`" in flighttune("band", delayed, *FEW, status=2)[1]
+    # With it the mission is read, and refused for its fence alone.
+    skipped = ("--skip", "--fence", far)
+    assert "the start must be inside" in flighttune("band", delayed, *FEW, *skipped, status=2)[1]
 
 
 @pytest.mark.slow
