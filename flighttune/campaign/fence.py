@@ -1,6 +1,7 @@
 """Bands on a route: the corridor that they claim, and the count of flights inside a fence."""
 
 from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 
@@ -14,7 +15,8 @@ from flighttune.errors import InputError
 from flighttune.flight.conditions import reference_of
 from flighttune.flight.route import PlannedRoute, planned_route
 from flighttune.metrics import OFF_ROUTE
-from flighttune.present.tables import number, printable
+from flighttune.present.answer import Answer
+from flighttune.present.tables import Column, Table, number, printable
 from flighttune.references.fence import DISTANCE_SIGNS, Fence, read_fence, room_along
 from flighttune.references.follow import RouteReference
 from flighttune.references.maps import Corridor, Where
@@ -38,6 +40,16 @@ class FenceCount(NamedTuple):
     epsilon: float  # probability of leaving the fence that the count supports
     supported: bool  # whether it is at most that of the band
     nearest: list[dict[str, Any]]  # of the completed flights, and of the band if it has a corridor
+
+
+NEAREST_COLUMNS = [
+    Column("what", "nearest to the fence"),
+    Column("margin_m", "margin", "m", "z.2f"),
+    Column("side", "side"),
+    Column("edge", "edge"),
+    Column("along_m", "along", "m", ".0f"),
+    Column("stretch", "stretch"),
+]
 
 
 def route_of(band: Band) -> PlannedRoute:
@@ -104,6 +116,28 @@ def inside_sentence(band: Band, count: FenceCount) -> str:
         f"of {flights} fresh flights {flights - count.outside} are certainly inside the fence: a "
         f"new flight leaves it with probability at most {number(count.epsilon)}, confidence "
         f"{band.confidence:.10g}{band.shared}"
+    )
+
+
+def fence_answer(counted: Band, answer: Answer) -> Answer:
+    """The answer of a band and of its last fence; a failure if flights may leave it."""
+    count = count_inside(counted, counted.about.fences[-1])
+    said = [
+        f"The band itself is {'inside' if nearest['margin_m'] >= 0.0 else 'not inside'} the fence."
+        for nearest in count.nearest
+        if nearest["what"] == "band"
+    ]
+    said.append(f"The fence has {count.heights}.")
+    if counted.not_completed:
+        said.append(f"Of the flights {counted.lost}: they count as outside.")
+    sentence = inside_sentence(counted, count)
+    return replace(
+        answer,
+        values={**answer.values, "fence": count._asdict()},
+        tables=[*answer.tables, Table(NEAREST_COLUMNS, count.nearest, "fence")],
+        notes=[*answer.notes, answer.verdict or answer.failure, *said],
+        verdict=sentence if count.supported else "",
+        failure="" if count.supported else f"{sentence}; {counted.about.epsilon:g} was asked for",
     )
 
 

@@ -69,8 +69,7 @@ def design(
         raise InputError(f"{aircraft}: --out must be given for an aircraft that is shipped.")
     designed = design_aircraft(aircraft)
     if dry_run or designed.missed:
-        files = {"written": None, "figure": None}
-        return replace(designed.answer(), files=files, verdict="nothing is written")
+        return replace(designed.answer(), files={"written": None, "figure": None})
     return replace(designed.answer(), files=designed.save(out or folder))
 
 

@@ -12,22 +12,12 @@ from flighttune.cli.show import campaign_display, campaign_pool, pick
 from flighttune.errors import InputError
 from flighttune.files.shipped import aircraft_names, campaign_files, scenario_files
 from flighttune.present.answer import Answer
-from flighttune.present.tables import Column, Table
 
 if TYPE_CHECKING:
     from flighttune.claims.band import Band
 
 # Options that `planned` takes.
 PLANNED = ("gains", "plant", "start_deg", "changes", "aircraft", "like", "skip")
-
-NEAREST_COLUMNS = [
-    Column("what", "nearest to the fence"),
-    Column("margin_m", "margin", "m", "z.2f"),
-    Column("side", "side"),
-    Column("edge", "edge"),
-    Column("along_m", "along", "m", ".0f"),
-    Column("stretch", "stretch"),
-]
 
 
 def band(
@@ -149,7 +139,7 @@ def band(
     from flighttune.campaign.band import count_more, load_band, plan_of
     from flighttune.campaign.claims import is_claim_file
     from flighttune.campaign.claims import save_claim as save
-    from flighttune.campaign.fence import count_inside, fence_of
+    from flighttune.campaign.fence import count_inside, fence_answer, fence_of
     from flighttune.campaign.stated_set import planned
     from flighttune.flight.route import is_mission
 
@@ -246,27 +236,3 @@ def mission_answer(counted: "Band", answer: Answer) -> Answer:
 def _stated(**given: Any) -> dict[str, Any]:
     """The options that were stated."""
     return {name: value for name, value in given.items() if value is not None}
-
-
-def fence_answer(counted: "Band", answer: Answer) -> Answer:
-    """The answer of a band and of its last fence; a failure if flights may leave it."""
-    from flighttune.campaign.fence import count_inside, inside_sentence
-
-    count = count_inside(counted, counted.about.fences[-1])
-    said = [
-        f"The band itself is {'inside' if nearest['margin_m'] >= 0.0 else 'not inside'} the fence."
-        for nearest in count.nearest
-        if nearest["what"] == "band"
-    ]
-    said.append(f"The fence has {count.heights}.")
-    if counted.not_completed:
-        said.append(f"Of the flights {counted.lost}: they count as outside.")
-    sentence = inside_sentence(counted, count)
-    return replace(
-        answer,
-        values={**answer.values, "fence": count._asdict()},
-        tables=[*answer.tables, Table(NEAREST_COLUMNS, count.nearest, "fence")],
-        notes=[*answer.notes, answer.verdict or answer.failure, *said],
-        verdict=sentence if count.supported else "",
-        failure="" if count.supported else f"{sentence}; {counted.about.epsilon:g} was asked for",
-    )

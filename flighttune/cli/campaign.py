@@ -1,30 +1,16 @@
 """The command that flies campaigns."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated
 
 from typer import Option
 
 from flighttune.cli import options
-from flighttune.cli.show import (
-    campaign_display,
-    pick,
-)
+from flighttune.cli.show import campaign_display
 from flighttune.errors import CampaignError, OutputError
 from flighttune.present.answer import Answer
-from flighttune.present.names import columns
-from flighttune.present.tables import Column, Table
-
-if TYPE_CHECKING:
-    from flighttune.campaign.planning.plan import Plan
 
 KEPT = "what has been flown is kept, go on with the same command and --resume"
-
-COST_COLUMNS = [
-    *columns("core_s workers wall_s"),
-    Column("rows_bytes", "rows", "MB", factor=1e-6),
-    Column("signals_bytes", "signals, at most", "MB", factor=1e-6),
-]
 
 
 def run(
@@ -48,10 +34,10 @@ def run(
     cut short, 130 after Ctrl-C; --resume flies the missing runs.
     """
     from flighttune.campaign.dataset import CAMPAIGN, open_dataset
-    from flighttune.campaign.engine.engine import campaign_cost, run_campaign
+    from flighttune.campaign.engine.engine import run_campaign
+    from flighttune.campaign.engine.forecast import forecast
     from flighttune.campaign.planning.load import load_campaign
     from flighttune.campaign.planning.plan import plan_campaign
-    from flighttune.simulate.batch import cores
 
     folder = out or str(Path("runs") / Path(file).stem)
     campaign = load_campaign(file, changes=options.changes(settings), gains=gains or ())
@@ -60,8 +46,7 @@ def run(
         # a campaign that was extended by --runs keeps its length
         plan = plan.with_runs(max(plan.runs, open_dataset(folder).plan.runs))
     if dry_run:
-        # An estimate flies a few runs, and a dry run shall not run code of somebody else.
-        return _plan(plan, {} if plan.code else campaign_cost(plan, workers or cores()))
+        return forecast(plan, workers).answer()
     try:
         with campaign_display() as observer:
             done = run_campaign(
@@ -77,38 +62,3 @@ def run(
             raise
         raise type(error)(f"{str(error).removesuffix('.')}; {KEPT}") from error
     return done.answer()
-
-
-def _plan(plan: "Plan", cost: dict[str, Any]) -> Answer:
-    from flighttune.campaign.planning.plan import draws_in_words
-
-    campaign, keep = plan.campaign, plan.campaign.keep
-    disperse = [table.model_dump(mode="json", exclude_none=True) for table in campaign.disperse]
-    counted = draws_in_words(plan.runs, len(plan.groups))
-    keys = " ".join(dict.fromkeys(key for table in disperse for key in table))
-    values = {
-        "title": campaign.title,
-        **pick(plan, "runs draws"),
-        **pick(campaign, "design seed time_limit_s"),
-        "disperse": disperse,
-        "keep": keep.model_dump(mode="json"),
-        **cost,
-    }
-    tables = [
-        Table(columns("runs draws design seed time_limit_s"), [values], campaign.title),
-        Table(columns(keys), disperse, "dispersed"),
-    ]
-    if cost:
-        title = f"cost, from {cost['timed_runs']} runs flown now"
-        tables.insert(1, Table(columns("plant gains run_s"), cost["groups"], "groups"))
-        tables.append(Table(COST_COLUMNS, [values], title))
-    return Answer(
-        values=values,
-        tables=tables,
-        notes=[
-            f"{plan.runs} flights = {counted}",
-            f"signals kept: the first {keep.failures} failures, the worst {keep.worst} by "
-            f"{keep.worst_by}, a sample of {keep.sample}",
-            *(f"time and space are not estimated: that runs the code of {x}" for x in plan.code),
-        ],
-    )

@@ -1,6 +1,5 @@
 """Commands that fly a scenario, fly a recording again, open one, and list what ships."""
 
-import tomllib
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -13,8 +12,6 @@ from flighttune.cli.show import campaign_display, fail, on_interrupt, progress_b
 from flighttune.errors import InputError, RecordingError
 from flighttune.files.shipped import aircraft_names, scenario_files
 from flighttune.present.answer import Answer
-from flighttune.present.names import columns
-from flighttune.present.tables import Table
 
 
 def fly(
@@ -120,23 +117,9 @@ def refly(
 
 def list_shipped() -> Answer:
     """List the scenarios and campaigns that come with the package, and all aircraft found."""
-    from flighttune.files.shipped import aircraft_folders, campaign_files, is_shipped
+    from flighttune.flight.listing import listing
 
-    listed = {"scenarios": scenario_files(), "campaigns": campaign_files()}
-    folders = aircraft_folders()
-    places = [
-        name if is_shipped(folder) else f"{name} ({folder})" for name, folder in folders.items()
-    ]
-    return Answer(
-        values={"aircraft": list(folders)},
-        tables=[
-            Table(
-                columns("name title"), [_heading(path) for path in files.values()], kind, name=kind
-            )
-            for kind, files in listed.items()
-        ],
-        notes=[f"aircraft: {', '.join(places)}"],
-    )
+    return listing().answer()
 
 
 def view(
@@ -175,13 +158,6 @@ def view(
         write_log(run, path)
         say(f"recording: {path}")
     _open(path, port=port)
-
-
-def _heading(path: Path) -> dict[str, str]:
-    """Name, title and claim of a shipped file; the whole file is checked by a test, not here."""
-    # Only the part before the first table is parsed: the rest takes ten times as long.
-    tables = tomllib.loads(path.read_text(encoding="utf-8").partition("\n[")[0])
-    return {"name": path.stem, "title": tables["title"], "verifies": tables.get("verifies", "")}
 
 
 def _open(path: Path, *, port: int | None = None) -> None:

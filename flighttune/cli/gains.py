@@ -1,18 +1,13 @@
-"""Commands that find gains; gains by name or file, and how commands print them."""
+"""Commands that find gains, and the file that they write."""
 
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from typer import Option
 
 from flighttune.cli import options
-from flighttune.cli.show import NO, fail
 from flighttune.present.answer import Answer
-
-if TYPE_CHECKING:
-    from flighttune.control.gains import PIGains
-    from flighttune.scenario.schema import Scenario
 
 
 def tune(
@@ -28,28 +23,22 @@ def tune(
     ] = None,
 ) -> Answer:
     """Find the gains with the largest R_K under the constraints of SCENARIO."""
-    from flighttune.certificates.bound import bound_rate
     from flighttune.files.value import write
     from flighttune.flight.gains import tune as tune_scenario
 
     options.check_ending(out, ".json")
     options.check_ending(prove, ".json")
-    result = tune_scenario(scenario, envelope=envelope, changes=options.changes(settings))
+    result = tune_scenario(
+        scenario,
+        envelope=envelope,
+        prove=prove is not None,
+        changes=options.changes(settings),
+    )
     answer = result.answer()
     failure = f"{scenario}: {answer.failure}" if answer.failure else ""
-    answer = replace(answer, files={"out": out}, failure=failure)
-    if prove is not None:
-        problem = result.problem
-        bound = bound_rate(problem.model, problem.I_star, problem.scaling)
-        if bound is None:
-            fail(f"--prove: no proof was found for `I_star` {problem.I_star:g}.", NO)
-        write(bound, prove)
-        answer = replace(
-            answer,
-            values={**answer.values, "bound": bound.answer().values},
-            notes=[*answer.notes, f"proven {bound.sentence}"],
-            files={**answer.files, "proof": prove},
-        )
+    answer = replace(answer, files={"out": out, "proof": prove}, failure=failure)
+    if prove is not None and result.bound is not None:
+        write(result.bound, prove)
     if out is not None:
         save_answer(out, answer)
     return answer
@@ -74,15 +63,6 @@ def frontier(
     write_text(csv, result.table.to_csv(index=False, lineterminator="\n"))
     result.sheet.save(svg)
     return replace(result.answer(), files={"csv": csv, "figure": svg})
-
-
-def chosen_gains(
-    source: str, wanted: str | None, settings: list[str] | None
-) -> "tuple[Scenario, str, PIGains]":
-    """Scenario, and the name and gains of ``--gains``; exit status 1 if tuning finds none."""
-    from flighttune.flight.load import scenario_and_gains
-
-    return scenario_and_gains(source, wanted, options.changes(settings))
 
 
 def save_answer(path: Path, answer: Answer) -> None:

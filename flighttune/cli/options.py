@@ -78,6 +78,14 @@ def changes(settings: list[str] | None) -> dict[str, Any]:
     return values
 
 
+def number(text: str | None, option: str) -> float | None:
+    """The number that an option has beside words."""
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        raise InputError(f"{option}: must be a number, got {text!r}.") from None
+
+
 def repeated(source: str, settings: list[str] | None) -> str:
     """A scenario with its ``--set`` as arguments of the next command."""
     return shlex.join([source, *(word for text in settings or () for word in ("--set", text))])

@@ -1,6 +1,5 @@
 """Commands that compare and publish: the gap to the aircraft, runs, pages, exports."""
 
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -8,12 +7,10 @@ from typing import Annotated, Literal
 from typer import Argument, Option
 
 from flighttune.cli import options
-from flighttune.cli.show import pick, progress_bar
+from flighttune.cli.show import progress_bar
 from flighttune.errors import InputError
 from flighttune.files.shipped import scenario_files
 from flighttune.present.answer import Answer
-from flighttune.present.names import columns
-from flighttune.present.tables import Table
 
 
 def gap(
@@ -193,30 +190,10 @@ def reproduce(
     ),
 ) -> Answer:
     """Reproduce the figures and tables of arXiv 2411.13140 and judge its claims."""
-    from flighttune.paper.claims import VERDICTS
     from flighttune.paper.reproduce import reproduce as reproduce_items
 
     with progress_bar() as progress:
-        made = reproduce_items(items or (), out, progress=progress)
-
-    keys = "id text where verdict expected computed"
-    findings = [pick(finding, keys) for finding in made.findings]
-    counts = Counter(finding.verdict for finding in made.findings)
-    # the claims of one item alone are few of many: the page lists them
-    claims = [] if items else findings
-    return Answer(
-        values={
-            "items": [
-                {"name": item.name, "files": files, "values": made_item.values}
-                for item, made_item, files in made.items
-            ],
-            "claims": findings,
-            **pick(made, "page errata"),
-        },
-        tables=[Table(columns("id verdict text"), claims, "claims of the paper")],
-        verdict=f"claims: {', '.join(f'{counts[verdict]} {verdict}' for verdict in VERDICTS)}",
-        files={"page": made.page},
-    )
+        return reproduce_items(items or (), out, progress=progress).answer()
 
 
 def export(

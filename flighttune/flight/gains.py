@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from flighttune.arrays import check_at_least
+from flighttune.certificates.bound import RateBound, bound_rate
 from flighttune.certificates.exact_rate import exact_rates
 from flighttune.certificates.make import Certification, certify_model
 from flighttune.control.gains import PIGains
@@ -38,6 +39,7 @@ def tune(
     law: Law | None = None,
     envelope: bool = False,
     starts: int | None = None,
+    prove: bool = False,
     changes: Mapping[str, Any] | None = None,
 ) -> TuningResult:
     """Find the gains with the largest R_K, or the least cost, under the constraints of a scenario.
@@ -58,6 +60,8 @@ def tune(
         Maximise the rate over the scenario's ranges of flight in place of R_K at the trim.
     starts : int, optional
         Searches from random starts; by default what the scenario's [tuning] says.
+    prove : bool
+        Also prove a bound on R_K over all gains, within a minute.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
 
@@ -72,6 +76,8 @@ def tune(
     InputError, ScenarioError
         If `starts` is not at least 1, an identified model or an envelope is missing, or an envelope
         is asked for with a quadratic cost.
+    InfeasibleError
+        If no bound on R_K is proven.
 
     Examples
     --------
@@ -94,11 +100,19 @@ def tune(
             raise InputError("`objective` of [tuning] must be R_K over an envelope, got cost.")
         trim, ranges = trim_and_envelope(scenario)
         problem = tuning_problem(scenario, law)
-        return tune_over_envelope(problem, ranges, trim, g=scenario.flight.g_mps2)
-    result = tune_scenario(scenario, model, law=law)
-    if result.status != "infeasible":
-        return result
-    return replace(result, diagnosis=diagnosis(result.problem))
+        result = tune_over_envelope(problem, ranges, trim, g=scenario.flight.g_mps2)
+    else:
+        result = tune_scenario(scenario, model, law=law)
+        if result.status == "infeasible":
+            result = replace(result, diagnosis=diagnosis(result.problem))
+    return replace(result, bound=_proven_bound(result.problem)) if prove else result
+
+
+def _proven_bound(problem: TuningProblem) -> RateBound:
+    bound = bound_rate(problem.model, problem.I_star, problem.scaling)
+    if bound is None:
+        raise InfeasibleError(f"no bound on R_K was proven for `I_star` {problem.I_star:g}.")
+    return bound
 
 
 def certify(

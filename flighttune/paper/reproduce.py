@@ -5,6 +5,7 @@ The text of the errata is in ``errata.toml``; `numbers` computes what its braces
 
 import math
 import tomllib
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,11 +18,13 @@ from flighttune.files.whole import write_text
 from flighttune.paper import parameters as printed
 from flighttune.paper.claims import CLAIMS, VERDICTS, Finding, judge, text_of
 from flighttune.paper.flight import initial_commands, largest_share
-from flighttune.paper.items import Item, chosen
+from flighttune.paper.items import ITEMS, Item, chosen
 from flighttune.paper.items.base import Made
 from flighttune.paper.parameters import STAR
 from flighttune.paper.study import Study
+from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.frame import page_template, write_page
+from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table
 from flighttune.theory.attractor import invariant_ellipsoid, paper_balls
 
@@ -49,13 +52,34 @@ Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Reproduction:
+class Reproduction(Answering):
     """Files and results of `reproduce`."""
 
     items: list[tuple[Item, Made, list[Path]]]  # with their files: figures, tables and text
     findings: list[Finding]  # every claim with its verdict
     page: Path
     errata: Path
+
+    def answer(self) -> Answer:
+        """Items with their files, and every claim with its verdict."""
+        keys = "id text where verdict expected computed"
+        findings = [pick(finding, keys) for finding in self.findings]
+        counts = Counter(finding.verdict for finding in self.findings)
+        # The claims of some items alone are few of many: the page lists them.
+        listed = findings if len(self.items) == len(ITEMS) else []
+        return Answer(
+            values={
+                "items": [
+                    {"name": item.name, "files": files, "values": output.values}
+                    for item, output, files in self.items
+                ],
+                "claims": findings,
+                "errata": self.errata,
+            },
+            tables=[Table(columns("id verdict text"), listed, "claims of the paper")],
+            verdict=f"claims: {', '.join(f'{counts[verdict]} {verdict}' for verdict in VERDICTS)}",
+            files={"page": self.page},
+        )
 
 
 def reproduce(

@@ -54,6 +54,8 @@ DISTURBANCE_COLUMNS = [
 ]
 LIMIT_KEYS = ("lower", "upper", "rate_lower", "rate_upper")
 LIMIT_COLUMNS = [*columns(f"command {' '.join(LIMIT_KEYS)}"), Column("held_s", "can hold", "s")]
+# Why a tube is wrong that its own flight leaves
+LEFT = "a flight leaves the tube, so it is wrong and no file is written"
 LOST = "`flighttune band` bounds such flights with a probability, without a model."
 
 # Relative rounding of numbers in a scenario that was written and read again.
@@ -262,6 +264,7 @@ class Tube(Answering):
             ]
         if counted is not None:
             notes.append(f"counted: {counted.sentence}")
+            notes.append("Check the boxes too: flighttune verify PROOF --boxes FILE")
         if problem.disturbance and problem.disturbance == residual_of_logs(problem.table):
             evidence = problem.table.identified_model.log
             notes.append(f"The disturbance is the {evidence and evidence.sentence}.")
@@ -273,6 +276,7 @@ class Tube(Answering):
         return Answer(
             values={
                 **pick(self, "status reason probability sentence"),
+                "inside": self.reason != LEFT,
                 "model": problem.model,
                 "half_width_deg": widths,
                 "limits_can_hold": limited,

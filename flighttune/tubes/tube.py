@@ -2,7 +2,7 @@
 
 from bisect import bisect_left
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -12,22 +12,22 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.claims.band import Band
 from flighttune.control.gains import PIGains
-from flighttune.errors import InputError
+from flighttune.errors import InfeasibleError
 from flighttune.flight.conditions import lead_on, reference_of, start_condition
 from flighttune.flight.fly import plant_of
 from flighttune.flight.load import scenario_and_gains
+from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.names import columns
+from flighttune.present.tables import Column, Table
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.loop import simulate
-from flighttune.tubes.enclosure import Settings, Tube, bounds_of
+from flighttune.tubes.enclosure import LEFT, Settings, Tube, bounds_of
 from flighttune.tubes.exact import enclosure_of
 from flighttune.tubes.hand_over import continued, hull, settled_from
 from flighttune.tubes.interval import Unbounded
 from flighttune.tubes.problem import QUANTITIES, TubeProblem, tube_problem
 from flighttune.tubes.sample import start_set
 from flighttune.tubes.search import Search, coordinates, hand_over
-
-# Why a tube is wrong that its own flight leaves
-LEFT = "a flight leaves the tube, so it is wrong and no file is written"
 
 # Time, s, within which the width of a set that is about to be lost doubles
 DOUBLING = 0.2
@@ -36,15 +36,47 @@ DOUBLING = 0.2
 DISTURBANCES = [float(f"{digits}e{power}") for power in range(-6, 0) for digits in range(10, 100)]
 
 
-def largest_disturbance(
-    problem: TubeProblem, *, progress: Callable[[float], None] | None = None
-) -> list[Tube]:
-    """Look for the largest disturbance, to two digits, for which the set is bounded.
+TRIED_COLUMNS = [Column("disturbance", "disturbance", "rad/s", ".2g"), *columns("status reason")]
 
-    Returns all tubes that were tried, by disturbance. The largest bounded one is known to two
-    digits if one that is larger follows it. None is bounded if the first of `DISTURBANCES`, or the
-    scenario's own, is not.
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LargestDisturbance(Answering):
+    """The tubes of a search for the largest disturbance for which the set is bounded, by size.
+
+    The largest bounded one is known to two digits if one that is larger follows it. None is bounded
+    if the first of `DISTURBANCES`, or the scenario's own, is not.
     """
+
+    tubes: Sequence[Tube]
+
+    def answer(self) -> Answer:
+        """The disturbances that were tried; a failure if none is bounded."""
+        records = [
+            {"disturbance": tube.problem.disturbance, **pick(tube, "status reason")}
+            for tube in self.tubes
+        ]
+        bounded = [row["disturbance"] for row in records if row["status"] == "bounded"]
+        largest = max(bounded, default=None)
+        verdict = f"largest disturbance for which the set is bounded: {largest} rad/s"
+        return Answer(
+            values={"largest_disturbance": largest},
+            tables=[Table(TRIED_COLUMNS, records, "tried", name="tried")],
+            verdict=verdict if bounded else "",
+            failure="" if bounded else "for no disturbance tried the set is bounded.",
+        )
+
+
+def largest_disturbance(
+    scenario: Scenario | str | Path,
+    gains: PIGains | str | None = None,
+    *,
+    plant: str | None = None,
+    start: float = 0.0,
+    changes: Mapping[str, Any] | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> LargestDisturbance:
+    """Look for the largest disturbance, to two digits, for which the set of `tube` is bounded."""
+    problem = _problem(scenario, gains, changes, plant=plant, start=start)
     tried: dict[float, Tube] = {}
 
     def lost(size: float) -> bool:
@@ -54,7 +86,7 @@ def largest_disturbance(
     scenario_size = float(problem.disturbances[1].max())
     larger = [size for size in DISTURBANCES if size > scenario_size]
     bisect_left([scenario_size, *larger] if scenario_size else larger, True, key=lost)
-    return [tried[size] for size in sorted(tried)]
+    return LargestDisturbance(tubes=[tried[size] for size in sorted(tried)])
 
 
 def tube(
@@ -103,9 +135,9 @@ def tube(
     Raises
     ------
     InputError
-        If no tube knows the law, the air or the plant, or the boxes are of other flights.
+        If no tube knows the air or the plant, or the boxes are of other flights.
     InfeasibleError
-        If tuning finds no such gains.
+        If tuning finds no such gains, or no tube knows the law.
 
     Examples
     --------
@@ -113,23 +145,29 @@ def tube(
     >>> tube.status, tube.problem.plant
     ('bounded', 'kinematic')
     """
-    loaded, name, chosen = scenario_and_gains(scenario, gains, changes)
-    law = loaded.law_for(chosen) if isinstance(gains, PIGains) else loaded.law_of(name, chosen)[0]
-    if not law.by_gains:
-        raise InputError(f"`gains` must be those of a law that a tube knows, got {law.name}.")
-    problem = tube_problem(
-        loaded,
-        chosen,
-        plant=plant,
-        start=start,
-        disturbance=disturbance,
-        band=boxes,
-        law=law,
+    problem = _problem(
+        scenario, gains, changes, plant=plant, start=start, disturbance=disturbance, band=boxes
     )
     enclosure = tube_of(problem, progress=progress)
     if flights_inside(enclosure):
         return enclosure
     return replace(enclosure, status="unbounded", reason=LEFT)
+
+
+def _problem(
+    scenario: Scenario | str | Path,
+    gains: PIGains | str | None,
+    changes: Mapping[str, Any] | None,
+    **flights: Any,
+) -> TubeProblem:
+    """The flights to enclose; `flights` are further arguments of `tube_problem`."""
+    loaded, name, chosen = scenario_and_gains(scenario, gains, changes)
+    law = loaded.law_for(chosen) if isinstance(gains, PIGains) else loaded.law_of(name, chosen)[0]
+    if not law.by_gains:
+        raise InfeasibleError(
+            f"{loaded.title}: gains {name}: a tube must be of a law that it knows, got {law.name}."
+        )
+    return tube_problem(loaded, chosen, law=law, **flights)
 
 
 def tube_of(

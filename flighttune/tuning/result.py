@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -17,6 +17,9 @@ from flighttune.present.tables import Column, Table
 from flighttune.theory.indicators import indicators
 from flighttune.tuning.cost import quadratic_cost
 from flighttune.tuning.problem import TuningProblem, search_space
+
+if TYPE_CHECKING:
+    from flighttune.certificates.bound import RateBound
 
 Status = Literal["optimal", "found", "infeasible", "failed"]
 
@@ -122,6 +125,8 @@ class TuningResult(Answering):
         Part of the envelope, scaled about the trim, that was reached; 1 if found.
     diagnosis : Diagnosis or None
         For an infeasible problem, what would have to give.
+    bound : RateBound or None
+        If a proof was asked for: the bound on R_K that no gains exceed.
 
     Examples
     --------
@@ -149,6 +154,7 @@ class TuningResult(Answering):
     R_envelope_bound: float | None = None
     factor: float | None = None
     diagnosis: Diagnosis | None = None
+    bound: "RateBound | None" = None
 
     @property
     def solved(self) -> bool:
@@ -168,6 +174,7 @@ class TuningResult(Answering):
             "scaling": problem.scaling,
             "diagnosis": nearest,
             **gains_lists(self.gains),
+            **({"bound": self.bound.answer().values} if self.bound else {}),
         }
         shown = ENVELOPE_COLUMNS if over else RESULT_COLUMNS
         if problem.weights is not None:
@@ -186,7 +193,10 @@ class TuningResult(Answering):
         return Answer(
             values=values,
             tables=tables,
-            notes=[PLAIN if plain else SCALED],
+            notes=[
+                PLAIN if plain else SCALED,
+                *([f"proven {self.bound.sentence}"] if self.bound else []),
+            ],
             failure="" if self.solved else self.reason,
         )
 

@@ -52,7 +52,7 @@ def test_a_set_that_cannot_be_bounded_is_an_answer_with_time_and_reason(scenario
 
 @pytest.mark.slow
 def test_the_largest_disturbance_that_is_bounded_is_found_to_two_digits(scenario):
-    stdout, _ = flighttune("tube", scenario(duration=0.1), "--largest-disturbance", "--json")
+    stdout, _ = flighttune("tube", scenario(duration=0.1), "--disturbance", "largest", "--json")
 
     found = json.loads(stdout)
     tried = {row["disturbance"]: row["status"] for row in found["tried"]}
@@ -69,12 +69,13 @@ def test_the_largest_disturbance_that_is_bounded_is_found_to_two_digits(scenario
     [
         (["--disturbance", "-1"], {}, "`disturbance` must be positive, got -1"),
         (["--disturbance", "nan"], {}, "`disturbance` must be positive"),
+        (["--disturbance", "most"], {}, "--disturbance: must be a number, got 'most'"),
         (["--start-deg", "-2"], {}, "`start` must lie in 0..45 deg, got -2 deg"),
         (["--plant", "jsbsim:x"], {}, "`plant` must be one of kinematic"),
         (
-            ["--largest-disturbance", "--disturbance", "1"],
+            ["--disturbance", "largest", "--out", "proof.npz"],
             {},
-            "`largest_disturbance` must not be given with",
+            "`disturbance` must be a number with",
         ),
         (["--out", "proof.json"], {}, "--out must end in .npz"),
         ([], {"wind": {"speed_mps": 3.0, "from_deg": 0.0}}, "`wind` must not"),

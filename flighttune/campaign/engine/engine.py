@@ -4,7 +4,6 @@ import time
 from dataclasses import asdict, dataclass
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 from flighttune.arrays import check_at_least
 from flighttune.campaign.dataset import (
@@ -14,13 +13,11 @@ from flighttune.campaign.dataset import (
     locked,
     missing,
     open_dataset,
-    parquet_bytes,
     runs_to_keep,
     signals_path,
 )
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver, StoppedError
-from flighttune.campaign.flying.columns import table_of
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import Plan, draws_in_words, plan_campaign
 from flighttune.errors import InputError, RecordingError
@@ -30,14 +27,8 @@ from flighttune.present.names import columns, duration, rate
 from flighttune.present.tables import Table
 from flighttune.records.refly import changed_versions
 
-# A timing that takes at least this long is accurate enough, s
-ENOUGH_S = 0.25
-
 # Counts of the progress that the outcome has too
 COUNTED = ("completed", "failed", "crashed", "succeeded", "flown")
-
-# Factor by which the number of runs grows from one timing to the next
-MORE = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -176,34 +167,6 @@ def _keep_signals(dataset: Dataset, pool: WorkerPool) -> None:
         dataset.remove(signals_path(run))
     for run, signals in pool.signals(dataset.plan, sorted(wanted - present)):
         dataset.write_signals(run, signals)
-
-
-def campaign_cost(plan: Plan, workers: int) -> dict[str, Any]:
-    """Fly a few runs of a plan in one process and estimate what all of them will take."""
-    size = min(len(plan.groups), plan.runs)
-    with WorkerPool(1) as pool:
-        list(pool.rows(plan, range(size)))  # untimed: starts the process
-        while True:
-            began = time.perf_counter()
-            rows = list(pool.rows(plan, range(size)))
-            spent = time.perf_counter() - began
-            if size == plan.runs or spent > ENOUGH_S:
-                break
-            size = min(size * MORE, plan.runs)
-        sizes = [len(signals) for _, signals in pool.signals(plan, [0])]
-    # The last timing has the most runs: kinematic flights take less time each in a larger batch.
-    table, keep = table_of(plan, rows), plan.campaign.keep
-    run_s = table.to_pandas().groupby(["plant", "gains"], sort=False)["wall_s"].mean()
-    core_s = spent / size * plan.runs
-    return {
-        "groups": run_s.rename("run_s").reset_index().to_dict("records"),
-        "timed_runs": size,
-        "core_s": core_s,  # of all runs on one core
-        "workers": workers,
-        "wall_s": core_s / workers,
-        "rows_bytes": round(len(parquet_bytes(table)) / size * plan.runs),
-        "signals_bytes": sum(sizes) * min(plan.runs, keep.failures + keep.worst + keep.sample),
-    }
 
 
 def _dataset(out: str | Path, plan: Plan, *, resume: bool) -> Dataset:
