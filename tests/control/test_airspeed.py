@@ -250,3 +250,22 @@ def test_what_knows_two_channels_says_so(verb, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ft.InputError, match=r"`V_mps` of \[reference\] must be absent for"):
         verb("climb_beyond_power")
+
+
+@pytest.mark.slow
+def test_a_route_gives_up_height_for_airspeed_and_says_how_much():
+    tables = ft.load_scenario("climb_beyond_power").as_dict() | {"expect": [], "law": None}
+    corner = [{"north_m": 0.0, "east_m": 0.0}, {"north_m": 800.0, "east_m": 0.0}]
+    top = {"north_m": 800.0, "east_m": 900.0, "up_m": 140.0}
+    tables["route"] = {"waypoint": [*corner, top], "holds_airspeed": True}
+    tables["flight"]["duration_s"] = 120.0
+    tables["plant"][0]["throttle_max"] = 0.14
+    del tables["reference"], tables["law"]
+
+    flown = ft.fly(ft.scenario_from(tables))
+
+    signals = flown.runs[0].signals
+    assert flown.runs[0].status == "completed"
+    assert signals["V_a"].min() > 0.93 * V_0
+    below = f"{signals['height_err'].max():.0f} m below the route"
+    assert any(below in note for note in flown.answer().notes)
