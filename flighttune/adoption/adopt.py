@@ -5,7 +5,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import tomlkit
 
-from flighttune.adoption.survey import SOURCE, Refusal, Survey, survey
+from flighttune.adoption.survey import SOURCE, Refusal, Survey, survey, wide_tables
 from flighttune.aircraft.aircraft import GAINS_FILE, aircraft_from, load_aircraft, save_gains
 from flighttune.aircraft.model_xml import read_xml
 from flighttune.control.gains import PAPER_GAINS, PAPER_SPEED
@@ -45,6 +45,8 @@ SET = "-set.xml"  # ending of the file that describes an aircraft to FlightGear
 
 # Largest number of files that describe an aircraft to FlightGear, included in one another.
 MAX_INCLUDED = 20
+
+LATER = ("envelope", "limits", "design")  # tables that follow from a trimmed flight
 
 TUNED, PAPER = "tuned_identified", "paper_scaled"  # gain sets of the turn
 
@@ -123,12 +125,15 @@ class Adoption(Answering):
     name: str
     status: Status
     reason: str = ""  # why it is not adopted; empty where it is
-    folder: Path | None = None  # of the aircraft; None where nothing was written
+    folder: Path | None = None  # of the aircraft; None where it is refused
+    draft: Path | None = None  # ``aircraft.toml`` of a refused one, as far as it is known
     V_a: float = math.nan  # m/s: airspeed; NaN if none was chosen
     engines: int = 0
     fit_percent: Mapping[str, float] = field(default_factory=dict)  # of ``phi`` and ``n_z``
     # ``tuned`` and ``paper``: ``status``, and by channel ``ITAE`` (rad s^2) and ``ST_deg``
     flown: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    glide_ratio: float = math.nan  # lift over drag at `V_a`
+    largest_drag: tuple[str, float] = ("", math.nan)  # a function of the drag, and its share
     notes: tuple[str, ...] = ()  # what was done to the model, a sentence each
     seconds: float = 0.0  # wall time of the adoption
     # Results of the stages, for the page; None where a stage was not reached
@@ -154,16 +159,26 @@ class Adoption(Answering):
     def answer(self) -> Answer:
         """How the aircraft flies its turn; a failure unless it is adopted."""
         folder = self.folder
+        (drag, share), glide = self.largest_drag, ""
+        if math.isfinite(self.glide_ratio):
+            glide = f", with a glide ratio of {self.glide_ratio:.1f} at {self.V_a:.0f} m/s"
+            glide += f" ({100.0 * share:.0f} % of the drag is {drag})" if drag else ""
         return Answer(
             values={
                 **pick(self, "status reason engines seconds"),
                 "V_a_mps": self.V_a,
+                "glide_ratio": self.glide_ratio,
+                "largest_drag": dict([self.largest_drag]) if self.largest_drag[0] else {},
                 **pick(self, "fit_percent flown"),
             },
             tables=[self.flights],
             notes=self.notes,
-            verdict=f"{self.status} in {self.seconds:.0f} s",
-            files={"folder": folder, "scenario": folder / TURN if folder else None},
+            verdict=f"{self.status} in {self.seconds:.0f} s{glide}",
+            files={
+                "folder": folder,
+                "draft": self.draft,
+                "scenario": folder / TURN if folder else None,
+            },
             failure="" if self.status == "adopted" else f"{self.status}: {self.reason}",
         )
 
@@ -174,11 +189,16 @@ def adopt(
     *,
     V_a: float | None = None,
     h: float = 1000.0,
+    values: Mapping[str, float] | None = None,
+    throttle: str | None = None,
+    glide: bool = False,
+    rudder: bool = True,
     say: Callable[[str], object] = lambda _: None,
 ) -> Adoption:
     """Make an aircraft from a JSBSim model, and fly it; this takes about a minute.
 
-    ``aircraft.toml``, gains, identified model, the turn as a scenario and the record are written.
+    ``aircraft.toml``, gains, identified model, the turn as a scenario and the record are written;
+    of a model that is refused ``aircraft.toml`` as far as it is known.
 
     Parameters
     ----------
@@ -191,6 +211,14 @@ def adopt(
         Airspeed; by default one is chosen.
     h : float, m
         Height above sea level.
+    values : mapping of str to float, optional
+        Values of properties of the model, in its units, for the whole flight.
+    throttle : str, optional
+        Property that takes the throttle of the first engine.
+    glide : bool
+        Whether the engines stay off.
+    rudder : bool
+        Whether a rudder is used; without one, yaw is left to the airframe.
     say : callable
         Called with the name of each stage.
 
@@ -212,7 +240,7 @@ def adopt(
     >>> ft.adopt("ball", Path("aircraft/ball")).status
     'refused'
     """
-    began = time.monotonic()
+    began, began_at = time.monotonic(), time.time()
     models = models_of_jsbsim()
     if model.endswith(SET) or (model not in models and os.path.isdir(model)):
         model = str(_of_flightgear(Path(model)))
@@ -229,20 +257,30 @@ def adopt(
     if file.exists() and toml_tables(file).get("source") != SOURCE:
         raise InputError(f"{folder}: must not hold an aircraft that `adopt` did not make.")
     facts: dict[str, Any] = {}
+    tables = wide_tables(model)
+    begun = deepcopy(tables)
+    if throttle:
+        tables["engines"]["command"] = throttle
+    if not rudder:
+        del tables["surfaces"]["rudder"]
     try:
-        surveyed = survey(model, folder, h=h, V_a=V_a, say=say)
+        surveyed = survey(tables, folder, h=h, V_a=V_a, say=say, values=values or {}, glide=glide)
         engines = surveyed.tables["engines"]["count"]
-        facts = {"V_a": surveyed.V_a, "engines": engines, "notes": surveyed.notes}
-        adoption = _best(surveyed, folder, h, say, began)
+        facts = {
+            **pick(surveyed, "V_a glide_ratio largest_drag notes"),
+            "engines": engines,
+        }
+        adoption = replace(_best(surveyed, folder, h, say, began), **facts)
     except PlantError as error:
         file = folder / model if model.endswith(".xml") else ""
         reason = str(error).removesuffix(".").removeprefix(f"{os.path.normpath(file)}: ")
         if isinstance(error, TrimError):
             # File and condition stand before it.
             reason = f"{reason.split(': ', 1)[-1]}; another airspeed (`--V-a`) may do"
-        with suppress(OSError):  # what is not ours in it stays
-            folder.rmdir()
-        adoption = Adoption(name=folder.name, status="refused", reason=reason, **facts)
+        draft = folder / "aircraft.toml"
+        if not (facts and draft.exists() and draft.stat().st_mtime >= began_at):
+            write_text(draft, draft_text(tables, begun, reason))
+        adoption = Adoption(name=folder.name, status="refused", reason=reason, draft=draft, **facts)
     return replace(adoption, seconds=time.monotonic() - began)
 
 
@@ -251,11 +289,12 @@ def _of_flightgear(path: Path) -> Path:
     if not os.path.exists(path):
         raise InputError(f"{path}: must be a file or folder of FlightGear's, got no such file.")
     files = sorted(path.glob(f"*{SET}")) if path.is_dir() else [path]
-    named = {
-        file: values.get("aero", "")
-        for file in files
-        if (values := _settings(file)).get("flight-model") == "jsb"
-    }
+    settings = {file: _settings(file) for file in files}
+    kinds = {file: values.get("flight-model", "") for file, values in settings.items()}
+    named = {file: settings[file].get("aero", "") for file in files if kinds[file] == "jsb"}
+    other = ", ".join(sorted({shown(kind) for kind in kinds.values() if kind}))
+    if other and not named:
+        raise InputError(f"{path}: its flight model must be JSBSim's (jsb), got {other}.")
     if len({*named.values()}) != 1:
         several = ", ".join(file.name for file in named) or "none"
         raise InputError(f"{path}: must hold one aircraft of JSBSim's (*{SET}), got {several}.")
@@ -296,7 +335,10 @@ def _best(
     for share, V_a in tries:
         if best is not None and time.monotonic() - began > TIME_LEFT:
             break
-        say(f"trimming at {V_a:.0f} m/s" + (f", bandwidths times {share:g}" if best else ""))
+        say(
+            f"step 5 of 9: trimming at {V_a:.0f} m/s"
+            + (f", bandwidths times {share:g}" if best else "")
+        )
         try:
             tried = _tried(replace(surveyed, V_a=V_a), folder, h, share, say)
         except PlantError as error:
@@ -312,7 +354,7 @@ def _best(
         raise refused
     for file, content in files.items():
         file.write_bytes(content)
-    say("trimming over the envelope")
+    say("step 9 of 9: trimming over the envelope")
     speeds = np.linspace(0.85, 1.3, 4) * best.V_a
     config = load_aircraft(folder)
     climbs = (-3.0 * DEG, 0.0, 3.0 * DEG) if config.engines.count else None
@@ -327,6 +369,7 @@ def _best(
         "V_a_mps": best.V_a,
         "stall_mps": surveyed.lift.V_s,
         "spare_thrust": surveyed.spare_thrust,
+        "glide_ratio": surveyed.glide_ratio,
         "fit_percent": best.fit_percent,
         "flown": best.flown,
         "notes": best.notes,
@@ -357,14 +400,14 @@ def _tried(
     for stale in (GAINS_FILE, FILE_NAME, RECORD):
         (folder / stale).unlink(missing_ok=True)
     write_text(folder / "aircraft.toml", aircraft_text(tables, surveyed.notes))
-    say("designing the inner loop")
+    say("step 6 of 9: designing the inner loop")
     designed = design(folder)
     save_gains(designed.gains, folder)
-    say("identifying roll and load factor")
+    say("step 7 of 9: identifying roll and load factor")
     identified = identify(folder, h=h)
     save_identified(identified.identified, folder / FILE_NAME)
     write_text(folder / TURN, turn_text(folder.name, condition, tables))
-    say("flying the turn")
+    say("step 8 of 9: flying the turn")
     flight = fly(load_scenario(folder / TURN))
     nominal = identified.identified.conditions[0]
     fits = {name: channel.fit_percent for name, channel in nominal.channels.items()}
@@ -504,6 +547,24 @@ def aircraft_text(tables: Mapping[str, Any], notes: Sequence[str]) -> str:
             document.add(tomlkit.nl())
             document[name] = table
     return tomlkit.dumps(document)
+
+
+def draft_text(tables: Mapping[str, Any], begun: Mapping[str, Any], reason: str) -> str:
+    """The text of the ``aircraft.toml`` of a refused model: the tables that differ from `begun`."""
+    keys = ("title", "source", "model", "settings", "declared", "linked", "engines", "surfaces")
+    changed = [key for key in keys if isinstance(tables[key], str) or tables[key] != begun[key]]
+    known = {key: tables[key] for key in changed}
+    later = (name for name in ("surfaces", "engines", *LATER) if name not in known)
+    missing = ", ".join(f"[{name}]" for name in later)
+    return aircraft_text(
+        known,
+        (
+            f"refused: {reason}",
+            f"missing: {missing}; their keys are in docs/aircraft.md",
+            "`flighttune adopt` can be told more: --set NAME=VALUE, --throttle PROPERTY, --glide, "
+            "--no-rudder, --V-a",
+        ),
+    )
 
 
 def turn_text(aircraft: str, start: FlightCondition, tables: Mapping[str, Any]) -> str:

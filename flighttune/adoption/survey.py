@@ -2,11 +2,12 @@
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 from xml.etree.ElementTree import Element
 
@@ -15,7 +16,7 @@ import numpy as np
 from flighttune.aircraft.aircraft import SURFACES, AircraftConfig, aircraft_from
 from flighttune.aircraft.model_xml import found_file, read_xml
 from flighttune.arrays import FloatArray
-from flighttune.errors import PlantError
+from flighttune.errors import InputError, PlantError
 from flighttune.plants.jsbsim.bench import AirframeState, Bench
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.load_check import EFFECTS, POSITIONS
@@ -79,6 +80,19 @@ SPEEDS = (1.6, 1.8, 2.0, 2.2, 2.4, 2.7, 1.5, 1.4, 1.3)
 
 # Thrust in excess of drag, over weight, that a climb of 3 deg and a turn need.
 SPARE_THRUST = 0.08
+
+# Thrust over weight from which the speed of a propeller diverges: no aeroplane has as much.
+MAX_THRUST = 10.0
+
+# Positions in which drag is out, and the number of properties tried to put it in.
+OUT = (
+    *("fcs/speedbrake-pos-norm", "fcs/spoiler-pos-norm", "fcs/spoilers-pos-norm"),
+    *("fcs/flap-pos-norm", "gear/gear-pos-norm"),
+)
+MAX_TRIED_IN = 100
+
+# Airspeed (m/s) and angle of attack of the states in which a model shows what it refers to.
+SHOWN_AT = ((60.0, 0.0), (15.0, 8.0 * DEG), (150.0, 0.0), (300.0, 2.0 * DEG))
 
 # Departure from the final thrust, as a share of it, below which a thrust has settled.
 SETTLED = 1e-3
@@ -144,32 +158,46 @@ class Survey:
     lift: Lift
     V_a: float  # m/s: airspeed chosen
     spare_thrust: float  # 1: thrust beyond drag over weight there, at full throttle
+    glide_ratio: float  # 1: lift over drag there, surfaces neutral
+    largest_drag: tuple[str, float]  # name of a function of the drag, and its share there
     notes: tuple[str, ...]  # changes made to the model, a sentence each
 
 
 def survey(
-    model: str,
+    tables: dict[str, Any],
     folder: Path,
     *,
     h: float,
     V_a: float | None = None,
     say: Callable[[str], object] = lambda _: None,
+    values: Mapping[str, float] = MappingProxyType({}),
+    glide: bool = False,
 ) -> Survey:
-    """Measure what a model, named as in an ``aircraft.toml``, can do at height h (m)."""
-    tables = wide_tables(model)
+    """Measure what a model can do at height h (m).
+
+    `tables` are those of `wide_tables`; what is found of a model that is refused stays in them.
+    `values`: of properties, instead of those assumed. `glide`: leave its engines off.
+    """
 
     def load(tables: dict[str, Any]) -> Bench:
         return Bench(Fdm(aircraft_from(tables, folder)), h)
 
-    say("reading the model")
-    tables["engines"]["count"] = _check_parts(aircraft_from(tables, folder))
+    say("step 1 of 9: reading the model")
+    tables["engines"]["count"] = 0 if glide else _check_parts(aircraft_from(tables, folder))
+    tables["declared"] |= {name: value for name, value in values.items() if name[0] == "/"}
     _declare(tables, load)
     fdm = load(tables).fdm
     tables["settings"] |= _levers(tables, fdm)
+    for name, value in values.items():
+        kind = "declared" if name in tables["declared"] else "settings"
+        if kind == "settings" and not fdm.has(name):
+            raise InputError(f"--set {name}: the model must have or read it, it does neither.")
+        tables[kind][name] = value
     for quantity, name in BODY.items():
         if not 0.0 < fdm.reader(name)() < math.inf:
             raise Refusal(f"its {quantity} must be above zero, got {fdm.reader(name)():g} ({name})")
-    say("sweeping lift")
+    say("step 2 of 9: sweeping lift")
+    notes = _put_in(tables, load, values)
     bench = load(tables)
     lift = _swept(bench, FIRST_SPEED)
     for _ in range(2):  # each sweep is flown at a multiple of the stall speed of the last one
@@ -177,10 +205,13 @@ def survey(
     speed = V_a or SPEEDS[0] * lift.V_s
     spare, how = -lift.at(speed)[1], ""
     if tables["engines"]["count"]:
-        say("starting the engines")
-        lift, speed, spare, how = _driven(tables, load, lift, V_a)
-    say("moving the surfaces")
-    surfaces, notes = _surfaces(tables, load, _level(speed, lift.at(speed)[0], 0.5))
+        say("step 3 of 9: starting the engines")
+        lift, speed, spare, how = _driven(tables, load, lift, V_a, values)
+    say("step 4 of 9: moving the surfaces")
+    surfaces, bypass = _surfaces(tables, load, _level(speed, lift.at(speed)[0], 0.5))
+    notes += bypass
+    if "rudder" not in surfaces:
+        notes.append("it has no rudder: yaw is left to the airframe")
     if not tables["engines"]["count"]:
         notes.append("it has no engine: it flies about its steady glide")
     if how:
@@ -191,11 +222,15 @@ def survey(
         more = len(names) - MAX_NAMED
         rest = f" and {more} more, all in `[declared]`" if more > 0 else ""
         notes.append(f"properties of another simulator are 0: {', '.join(names[:MAX_NAMED])}{rest}")
+    alpha, drag = lift.at(speed)
+    tables["surfaces"] = surfaces
     return Survey(
-        tables=tables | {"surfaces": surfaces},
+        tables=tables,
         lift=lift,
         V_a=speed,
         spare_thrust=spare,
+        glide_ratio=1.0 / drag if drag else math.inf,
+        largest_drag=_largest_drag(load(tables), _level(speed, alpha)),
         notes=tuple(notes),
     )
 
@@ -261,8 +296,9 @@ def _declare(tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench]) ->
     while len(declared) < MAX_DECLARED:
         try:
             bench = load(tables)
-            bench.accelerations(_level(FIRST_SPEED, 0.0))
-            bench.fdm.hold(TRIAL_S)
+            for V_a, alpha in SHOWN_AT:
+                bench.accelerations(_level(V_a, alpha))
+                bench.fdm.hold(TRIAL_S)
             return
         except PlantError as error:
             missing = MISSING.search(str(error))
@@ -283,6 +319,49 @@ def _levers(tables: dict[str, Any], fdm: Fdm) -> dict[str, float]:
     for i in range(tables["engines"]["count"]):
         levers |= {f"fcs/{name}-cmd-norm[{i}]": 1.0 for name in ("mixture", "advance")}
     return {name: value for name, value in levers.items() if fdm.has(name)}
+
+
+def _put_in(
+    tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench], values: Mapping[str, float]
+) -> list[str]:
+    """Put in brakes, spoilers, flaps and gear that are out, by a declared property; or say so."""
+
+    def out(bench: Bench) -> dict[str, float]:
+        bench.accelerations(_level(FIRST_SPEED, 0.0))
+        positions = {name: bench.fdm.reader(name)() for name in read}
+        return {name: position for name, position in positions.items() if abs(position) > 0.01}
+
+    first = load(tables)
+    texts = {text for _, text in _texts(first.fdm.config)}
+    read = [name for name in OUT if name in texts and first.fdm.shows(name)]
+    before, notes = out(first), []
+    zeros = [name for name, value in tables["declared"].items() if not value and name not in values]
+    for name in zeros[:MAX_TRIED_IN]:
+        if not before:
+            break
+        tried = tables | {"declared": tables["declared"] | {name: 1.0}}
+        after = out(load(tried))
+        if after.keys() < before.keys():
+            tables["declared"][name] = 1.0
+            notes += [f"{', '.join(before.keys() - after.keys())} is in by {name} = 1"]
+            before = after
+    notes += [f"{name} is {position:.2g}: it is out" for name, position in before.items()]
+    return notes
+
+
+def _largest_drag(bench: Bench, level: AirframeState) -> tuple[str, float]:
+    """The function of the drag axis with the largest part of it, and its share."""
+    bench.accelerations(level)
+    root, fdm = main_root(bench.fdm.config), bench.fdm
+    aerodynamics = _part(root, "aerodynamics", source_folders(fdm.config).parts)
+    axes = (axis for axis in aerodynamics.iter("axis") if axis.get("name", "").upper() == "DRAG")
+    names = [f.get("name", "") for axis in axes for f in axis.findall("function")]
+    parts = {name: abs(fdm.reader(name)()) for name in names if fdm.shows(name)}
+    total = sum(parts.values())
+    if not total > 0.0:
+        return "", math.nan
+    name = max(parts, key=lambda name: parts[name])
+    return name, parts[name] / total
 
 
 def _level(V_a: float, alpha: float, throttle: float = 0.0) -> AirframeState:
@@ -338,7 +417,11 @@ def _end_of_lift(C_L: FloatArray, slope: float, sense: int) -> int:
 
 
 def _driven(
-    tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench], lift: Lift, V_a: float | None
+    tables: dict[str, Any],
+    load: Callable[[dict[str, Any]], Bench],
+    lift: Lift,
+    V_a: float | None,
+    values: Mapping[str, float],
 ) -> tuple[Lift, float, float, str]:
     """Lift, airspeed, spare thrust and the position of the levers: the first in which it flies."""
     fdm, refused = load(tables).fdm, None
@@ -354,7 +437,7 @@ def _driven(
         tried = deepcopy(tables) | {"linked": links if how else {}}
         names = (*tables["declared"], *tables["settings"], *tanks)
         for name, (pattern, value) in product(names, levers):
-            if re.search(pattern, name):
+            if re.search(pattern, name) and name not in values:
                 tried["declared" if name in tables["declared"] else "settings"][name] = value
         if how and tried == tables:
             continue
@@ -382,7 +465,7 @@ def _engines(
     def settled(V: float, throttle: float, wait: float) -> FloatArray:
         bench.accelerations(_level(V, lift.at(V)[0], throttle))
         fdm.start_engines()
-        fdm.hold(wait)
+        fdm.hold(wait, still=SETTLED * 1e-7 if fdm.electric else 0.0)
         return np.array([read() for read in thrusts])
 
     V = V_a or SPEEDS[0] * lift.V_s
@@ -395,7 +478,17 @@ def _engines(
             runs = fdm.reader(f"propulsion/engine[{i}]/set-running")()
             does = "does not push" if runs else "does not run"
             raise Refusal(f"engine {i + 1} of {count} {does} at full throttle")
-    if abs(full.sum() - at_once.sum()) < 1e-3 * abs(full.sum()):
+    if full.sum() > MAX_THRUST * weight:
+        raise Refusal(
+            f"the speed of its propeller diverges: at full throttle it pushes with "
+            f"{full.sum() / weight:.3g} times the weight (is the inertia `ixx` of the propeller 0?)"
+        )
+
+    def as_full(thrust: FloatArray) -> bool:
+        return bool(abs(full.sum() - thrust.sum()) < 1e-3 * abs(full.sum()))
+
+    # Some levers are fully open at a half.
+    if as_full(at_once) and as_full(settled(V, 0.1, wait)):
         raise Refusal("its thrust does not follow the throttle")
     points = []  # spare thrust, airspeed, thrust over drag
     for V in (V_a,) if V_a else [share * lift.V_s for share in SPEEDS]:
@@ -446,10 +539,16 @@ def _surfaces(
 
 def _answers(bench: Bench, level: AirframeState) -> tuple[dict[str, dict[str, Any]], str]:
     """Travel of each surface, empty if one moves nothing, and the fault of the flight control."""
-    try:
-        answers = {name: _moved(bench, level, name) for name in SURFACES}
-    except Refusal as error:
-        return {}, str(error)
+    answers = {}
+    for name, _ in bench.fdm.config.surfaces.named():
+        try:
+            answers[name] = _moved(bench, level, name)
+        except Refusal as error:
+            texts = _texts(bench.fdm.config)
+            if name != "rudder" or any(
+                name in text for aerodynamics, text in texts if aerodynamics
+            ):
+                return {}, str(error)
     drift = (_drift(bench, level, name, effect) for name, (effect, _) in answers.items())
     return {name: table for name, (_, table) in answers.items()}, next(filter(None, drift), "")
 
@@ -477,6 +576,8 @@ def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[s
         first = slopes[0] if abs(slopes[0]) > 0.1 * np.abs(slopes).max() else slopes.mean()
         more = slopes / first > CLIPPED if first else np.zeros(len(slopes), bool)
         last = len(more) if more.all() else int(np.argmin(more))
+        if not last and effects[-1]:  # a filter may swallow the first steps
+            last = len(more) - int(np.argmax((slopes / effects[-1] > CLIPPED)[::-1]))
         usable = float(COMMANDS[last - 1]) if last else 0.0
         reach = [
             max((abs(p - was) for p, was in zip(deflected, neutral_read, strict=True)), default=0)
@@ -488,11 +589,12 @@ def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[s
         sides.append((float(effects[-1]), float(whole), float(used)))
     (effect_low, travel_low, usable_low), (effect_high, travel_high, usable_high) = sides
     largest = max(abs(effect_low), abs(effect_high))
-    if largest < MIN_EFFECT or not (usable_low and usable_high):
+    one_sense = effect_low * effect_high > 0.0
+    if largest < MIN_EFFECT or one_sense or not (usable_low and usable_high):
         command = surface.command or f"fcs/{name}-cmd-norm"
         raise Refusal(
             f"its {name} command ({command}) has no usable effect"
-            + (f": it changes {rate} in one sense only" if largest > MIN_EFFECT else "")
+            + (f": it changes {rate} in one sense only" if one_sense else "")
         )
     sense = math.copysign(1.0, sign * (effect_high - effect_low))
     if surface.replaces:
@@ -532,9 +634,11 @@ def _past_flight_control(
     """Surfaces that the aerodynamics read past the flight control; none where that is unknown."""
     read = {text for aerodynamics, text in _texts(config) if aerodynamics}
     surfaces = {}
-    for name in SURFACES:
-        pattern = re.compile(rf"fcs/(mag-)?(left-)?{name}-pos-(rad|deg|norm)")
+    for name, _ in config.surfaces.named():
+        pattern = re.compile(rf"fcs/([\w-]+/)*(mag-)?(left-)?{name}-pos-(rad|deg|norm)")
         replaced = sorted(entry for entry in read if pattern.fullmatch(entry))
+        if not replaced and name == "rudder" and not any(name in text for text in read):
+            continue
         if not replaced:
             return {}
         surfaces[name] = {**tables["surfaces"][name], "replaces": replaced}

@@ -1,6 +1,8 @@
 """Commands about an aircraft: adopt one, trim it, design and identify its inner loop."""
 
+import math
 import os
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -167,6 +169,17 @@ def adopt(
         float | None, Option("--V-a", help="Airspeed in m/s [default: chosen by the model].")
     ] = None,
     h: HeightOption = 1000.0,
+    values: Annotated[
+        list[str] | None,
+        Option("--set", metavar="NAME=VALUE", help="Value of a property of the model; repeatable."),
+    ] = None,
+    throttle: Annotated[
+        str | None, Option(help="Property that takes the throttle of the first engine.")
+    ] = None,
+    glide: Annotated[bool, Option("--glide", help="Leave the engines off.")] = False,
+    no_rudder: Annotated[
+        bool, Option("--no-rudder", help="Leave yaw to the airframe, without a rudder.")
+    ] = False,
     out: Annotated[Path | None, out_folder("aircraft/MODEL")] = None,
 ) -> Answer:
     """Make an aircraft from a JSBSim model: find its surfaces and engines, tune it and fly it.
@@ -182,14 +195,34 @@ def adopt(
     try:
         with on_interrupt():
             adoption = adopt_model(
-                model, out or Path("aircraft") / name, V_a=V_a, h=h, say=_progress
-            )
+                model, out or Path("aircraft") / name, V_a=V_a, h=h, say=_progress,
+                values=_property_values(values or []), throttle=throttle, glide=glide,
+                rudder=not no_rudder,
+            )  # fmt: skip
             page = write_adoption(adoption) if adoption.folder else None
     except KeyboardInterrupt:
         fail("interrupted; what is written is whole", INTERRUPTED)
     answer = adoption.answer()
     failure = f"{model}: {answer.failure}" if answer.failure else ""
     return replace(answer, files={**answer.files, "page": page}, failure=failure)
+
+
+def _property_values(pairs: list[str]) -> dict[str, float]:
+    """Values of properties by name, from NAME=VALUE."""
+    from flighttune.aircraft.aircraft import PROPERTY_NAME
+
+    values = {}
+    for pair in pairs:
+        name, _, text = pair.partition("=")
+        try:
+            values[name] = float(text)
+        except ValueError:
+            values[name] = math.nan
+        if not (
+            re.fullmatch(PROPERTY_NAME, name.removeprefix("/")) and math.isfinite(values[name])
+        ):
+            raise InputError(f"--set must be NAME=VALUE of a property, got {pair[:80]!r}.")
+    return values
 
 
 def _progress(line: str) -> None:

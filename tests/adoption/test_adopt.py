@@ -11,7 +11,7 @@ from commands import answer, flighttune
 from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
-from flighttune.adoption.survey import survey
+from flighttune.adoption.survey import survey, wide_tables
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.files.shipped import models_of_jsbsim
 from flighttune.flight.conditions import start_condition
@@ -40,6 +40,7 @@ def test_a_jet_is_adopted(adopted):
     assert tuned["ST_deg"]["chi"] <= 0.5
     for channel in ("chi", "gamma"):
         assert tuned["ITAE"][channel] < paper["ITAE"][channel]
+    assert f"glide ratio of {found['glide_ratio']:.1f}" in found["verdict"]
     assert {one.name for one in folder.iterdir()} == {
         *("aircraft.toml", "gains.json", "identified.json", "turn.toml"),
         *("adoption.json", "adoption.html"),
@@ -84,7 +85,7 @@ def test_an_identified_model_of_other_gains_is_refused(adopted, tmp_path):
     ],
 )
 def test_travel_is_found_as_the_model_has_it(tmp_path, model, surface, travel_deg):
-    found = survey(model, tmp_path, h=1000.0).tables["surfaces"][surface]
+    found = survey(wide_tables(model), tmp_path, h=1000.0).tables["surfaces"][surface]
 
     assert found["travel_deg"] == pytest.approx(travel_deg, abs=5.0 * CENTIDEGREE)
 
@@ -112,7 +113,10 @@ def test_what_is_no_case_is_refused_in_one_sentence(tmp_path, model, sentence):
     assert found["status"] == "refused"
     assert re.search(sentence, found["reason"])
     assert found["folder"] is None
-    assert not (tmp_path / model).exists()
+    draft = (tmp_path / model / "aircraft.toml").read_text()
+    assert f"# refused: {found['reason']}" in draft
+    assert "[limits], [design]; their keys are in docs/aircraft.md" in draft
+    assert err.splitlines()[0] == "step 1 of 9: reading the model"
     assert err.splitlines()[-1].startswith(f"flighttune: {model}: refused: ")
 
 
@@ -168,7 +172,7 @@ def test_what_the_model_misses_while_it_runs_is_declared(own, tmp_path):
     system = f"<system name='own'><channel name='own'>{reads}</fcs_function>{limit}</channel>"
     file = own("</fdm_config>", f"{system}</system></fdm_config>")
 
-    found = survey(str(file), tmp_path, h=1000.0)
+    found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
 
     assert found.tables["declared"] == {"/controls/x[1]": 0.0, "a/rate": 0.0}
     assert "are 0: /controls/x[1], a/rate" in found.notes[-1]
@@ -180,10 +184,149 @@ def test_the_throttle_of_flightgear_is_linked_where_the_model_reads_it(own, tmp_
     system = f"<channel name='own'>{gain}<output>fcs/throttle-cmd-norm</output></pure_gain>"
     file = own("</fdm_config>", f"<system name='own'>{system}</channel></system></fdm_config>")
 
-    found = survey(str(file), tmp_path, h=1000.0)
+    found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
 
     assert found.tables["linked"] == {lever: "ft/throttle-norm"}
     assert "with FlightGear's levers linked" in " ".join(found.notes)
+
+
+def system(*components):
+    return f"<system name='own'><channel name='own'>{''.join(components)}</channel></system>"
+
+
+BRAKE = """<fcs_function name="a/brake"><function><difference><value>1</value>
+<property>{}</property></difference></function><output>fcs/speedbrake-pos-norm</output></fcs_function>
+<pure_gain name="a/drag"><input>fcs/speedbrake-pos-norm</input><gain>1</gain></pure_gain>"""
+
+
+@pytest.mark.parametrize(
+    ("lever", "note", "value"),
+    [
+        ("/controls/lever", "fcs/speedbrake-pos-norm is in by /controls/lever = 1", 1.0),
+        ("fcs/pitch-trim-cmd-norm", "fcs/speedbrake-pos-norm is 1: it is out", None),
+    ],
+)
+def test_a_brake_that_is_out_is_put_in_or_named(own, tmp_path, lever, note, value):
+    file = own("</fdm_config>", f"{system(BRAKE.format(lever))}</fdm_config>")
+
+    found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
+
+    assert note in found.notes
+    assert found.tables["declared"].get(lever) == value
+
+
+def test_a_model_whose_aerodynamics_read_no_rudder_has_none(own, tmp_path):
+    file = own("38.21", "38.2")
+    file.write_text(file.read_text().replace("fcs/rudder-pos-rad", "fcs/elevator-pos-rad"))
+
+    found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
+
+    assert set(found.tables["surfaces"]) == {"aileron", "elevator"}
+    assert "it has no rudder: yaw is left to the airframe" in found.notes
+
+
+def test_glide_ratio_and_largest_drag_are_those_of_the_coefficients(own, tmp_path):
+    file = own("<value> -38.21", "<value> -38.2")
+
+    found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
+
+    # C_D = 0.043 + C_L^2 / (pi 0.9 AR) of the book, at the airspeed that was chosen.
+    C_L = 11.0 * 9.80665 / (0.5 * 1.11164 * found.V_a**2 * 0.55)
+    assert found.glide_ratio == pytest.approx(C_L / (0.043 + 0.0232 * C_L**2), rel=0.01)
+    assert found.largest_drag == ("aero/force/drag", 1.0)
+
+
+LEVER = """<fcs_function name="a/open"><function><product><value>2</value>
+<property>a/lever</property></product></function><clipto><min>0</min><max>1</max></clipto><output>fcs/throttle-cmd-norm</output>
+</fcs_function>"""
+
+
+def test_a_lever_that_is_fully_open_at_a_half_is_one(own, tmp_path):
+    file = own("</fdm_config>", f"{system(LEVER)}</fdm_config>")
+    tables = wide_tables(str(file))
+    tables["engines"]["command"] = "a/lever"
+
+    assert survey(tables, tmp_path, h=1000.0).spare_thrust > 0.5
+
+
+def test_engines_stay_off_in_a_glide(own, tmp_path):
+    file = own("<value> -38.21", "<value> -38.2")
+
+    found = survey(wide_tables(str(file)), tmp_path, h=1000.0, glide=True)
+
+    assert found.tables["engines"]["count"] == 0
+    assert "it has no engine: it flies about its steady glide" in found.notes
+
+
+def test_a_thrust_that_no_aeroplane_has_is_called_a_diverging_propeller(own, tmp_path):
+    file = own("38.21", "38.2")
+    motor = file.parent / "Engines/aerosonde_motor.xml"
+    motor.write_text(motor.read_text().replace("> 36.576 <", "> 36576 <"))
+
+    with pytest.raises(ft.PlantError, match=r"speed of its propeller diverges: .* 1.11e\+03 times"):
+        survey(wide_tables(str(file)), tmp_path, h=1000.0)
+
+
+PROPELLER = """<propeller name="small"><ixx> 0.0005 </ixx><diameter unit="IN"> 16 </diameter>
+<numblades> 2 </numblades><gearratio> 1 </gearratio>
+<table name="C_THRUST" type="internal"><tableData>0 0.10
+0.6 0.04
+1.0 -0.05</tableData></table>
+<table name="C_POWER" type="internal"><tableData>0 0.04
+0.6 0.03
+1.0 -0.01</tableData></table></propeller>"""
+
+
+def test_an_electric_engine_settles_in_the_steps_of_its_flight(own, tmp_path):
+    file = own("38.21", "38.2")
+    (file.parent / "Engines/direct.xml").write_text(PROPELLER)
+    motor = file.parent / "Engines/aerosonde_motor.xml"
+    motor.write_text(motor.read_text().replace("> 36.576 <", "> 1500 <"))
+
+    found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
+
+    # 1500 W at the airspeed chosen cannot push with more than this, over the weight.
+    assert 0.0 < found.spare_thrust < 1500.0 / found.V_a / (11.0 * 9.80665)
+
+
+def test_a_link_that_leads_nowhere_is_no_fault(own, tmp_path):
+    file = own("38.21", "38.2")
+    (file.parent / "Engines/.#lost.xml").symlink_to("nowhere")
+
+    assert survey(wide_tables(str(file)), tmp_path, h=1000.0).V_a > 0.0
+
+
+def test_parts_are_named_from_the_folder_of_flightgears_aircraft(own, tmp_path):
+    file = own("38.21", "38.2")
+    text = file.read_text()
+    part = text[text.index("<propulsion>") : text.index("<aerodynamics>")]
+    below = file.parent / "FDM"
+    below.mkdir()
+    (below / "motor.xml").write_text(part)
+    named = text.replace(part, '<propulsion file="FDM/motor.xml"/>')
+    (below / file.name).write_text(named)
+    (file.parent / "sonde-set.xml").write_text("<PropertyList/>")
+
+    assert survey(wide_tables(str(below / file.name)), tmp_path, h=1000.0).V_a > 0.0
+
+
+def test_what_adopt_is_told_is_kept_in_the_file_of_a_refused_model(own, tmp_path):
+    file = own("<wingarea.*?>[^<]*", '<wingarea unit="M2"> 0 ')
+    told = "--set", "fcs/flap-cmd-norm=0.25", "--set", "/a/b=2", "--throttle", "a/lever"
+
+    flighttune("adopt", file, "--out", tmp_path / "mine", *told, "--no-rudder", status=1)
+
+    draft = (tmp_path / "mine/aircraft.toml").read_text()
+    assert '"fcs/flap-cmd-norm" = 0.25' in draft
+    assert '"/a/b" = 2.0' in draft
+    assert 'command = "a/lever"' in draft
+    assert "rudder =" not in draft
+    _, err = flighttune("adopt", file, "--out", tmp_path / "mine", "--set", "no/such=1", status=2)
+    assert "--set no/such: the model must have or read it" in err
+    for wrong in ("fcs/flap-cmd-norm", "a[[=1", "a=nan", "=1", "x" * 100_000):
+        _, err = flighttune("adopt", file, "--out", tmp_path / "mine", "--set", wrong, status=2)
+        assert "--set must be NAME=VALUE of a property" in err
+        assert len(err) < SHORT
 
 
 def test_the_main_file_is_found_by_the_files_of_flightgear(own, tmp_path):
@@ -199,7 +342,7 @@ def test_the_main_file_is_found_by_the_files_of_flightgear(own, tmp_path):
 
     (file.parent / "common.xml").write_text(common.replace("jsb<", "yasim<"))
     _, err = flighttune("adopt", file.parent, "--out", tmp_path / "mine", status=2)
-    assert "must hold one aircraft of JSBSim's (*-set.xml), got none" in err
+    assert "its flight model must be JSBSim's (jsb), got yasim" in err
     _, err = flighttune("adopt", file.parent / "none-set.xml", "--out", tmp_path / "mine", status=2)
     assert "none-set.xml: must be a file or folder of FlightGear's, got no such file" in err
 
@@ -277,12 +420,12 @@ def test_parts_of_jsbsim_are_found_beside_those_two_levels_up(own, tmp_path):
     file = own("</fdm_config>", '<system file="GNCUtilities"/></fdm_config>')
     (tmp_path / "systems").mkdir()
 
-    assert survey(str(file), tmp_path, h=1000.0).V_a > 0.0
+    assert survey(wide_tables(str(file)), tmp_path, h=1000.0).V_a > 0.0
     (tmp_path / "engine").mkdir()
     shared = (file.parent / "Engines").glob("*.xml")
     for part in list(shared):
         part.rename(tmp_path / "engine" / part.name)
-    assert survey(str(file), tmp_path, h=1000.0).V_a > 0.0
+    assert survey(wide_tables(str(file)), tmp_path, h=1000.0).V_a > 0.0
 
 
 @pytest.mark.slow

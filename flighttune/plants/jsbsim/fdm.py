@@ -16,6 +16,7 @@ from flighttune.plants.jsbsim.log import QuietLogger, one_line, quiet, silence
 from flighttune.plants.jsbsim.model_files import (
     ModelFolders,
     check_loads,
+    has_electric_engine,
     has_flight_control,
     missing_parts,
     model_folders,
@@ -81,6 +82,7 @@ class Fdm:
         self.config = config
         # Systems of the model itself may have a memory.
         self.own_flight_control = has_flight_control(unchanged(config))
+        self.electric = bool(config.engines.count) and has_electric_engine(unchanged(config))
         self.ground = ground
         self.steps = steps
         self.rate = config.inner_loop_rate * steps  # integration steps a second
@@ -136,6 +138,10 @@ class Fdm:
         """Whether there is a property of that name that can be written."""
         node = self._existing(name)
         return node is not None and bool(node.get_attribute(jsbsim.Attribute.WRITE))
+
+    def shows(self, name: str) -> bool:
+        """Whether there is a property of that name."""
+        return self._existing(name) is not None
 
     def start_engines(self) -> None:
         """Start those that do not run, at the airspeed and throttle there are."""
@@ -197,7 +203,8 @@ class Fdm:
         """
         if self.engine_settles:
             self.start_engines()
-            self.hold(self.engine_settles, rate=_LONG_STEP_RATE)
+            if not self.electric:
+                self.hold(self.engine_settles, rate=_LONG_STEP_RATE)
             self.hold(self.engine_settles, still=_SETTLED_CHANGE)
 
     def hold(self, duration: float, *, rate: float = _SETTLING_RATE, still: float = 0.0) -> None:
@@ -206,6 +213,8 @@ class Fdm:
         `duration` (s). `rate` (1/s): integration steps a second. `still`: a sample that changes the
         thrust by a smaller share of it ends the wait.
         """
+        if self.electric:  # they settle in the steps in which they fly
+            rate = max(rate, self.rate)
         # Whole samples of the inner loop, so that its next one falls on the start of the flight.
         self.run_still(math.ceil(duration * rate / self.steps), rate, still)
 

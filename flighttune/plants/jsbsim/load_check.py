@@ -66,7 +66,8 @@ def _fault(checked: Unchanged) -> str:
 
 def _engine_faults(fdm: Fdm, bench: Bench, level: AirframeState) -> Iterator[str]:
     count = fdm.config.engines.count
-    if fdm.has(f"propulsion/engine[{count}]/set-running"):
+    # Without any it glides, whatever the model has.
+    if count and fdm.has(f"propulsion/engine[{count}]/set-running"):
         yield f"[engines] `count` must be that of the model, which has more, got {count}"
     bench.accelerations(level)
     for i in range(count):

@@ -45,6 +45,9 @@ CONNECTIONS = ("output", "input")
 # Elements whose files are in the folder of engines.
 ENGINES = ("engine", "thruster")
 
+# Engines without an inertia of their own: in long steps the speed of their propellers diverges.
+ELECTRIC = ("electric_engine", "brushless_dc_motor")
+
 # JSBSim's own Earth turns and is round: a straight flight would drift off its course by 0.006 deg/s
 EARTH = Path(__file__).with_name("earth.xml")
 
@@ -95,7 +98,13 @@ class ModelFolders:
     def parts(self) -> tuple[Path, ...]:
         """Folders in which a part of the model is looked for, in this order."""
         folders = (self.model / name for name in ("", "Engines", "engines", "Systems", "systems"))
-        return (*folders, *self.near, self.engines, self.systems)
+        above = (self.model.parent,) if self.below_aircraft else ()
+        return (*folders, *above, *self.near, self.engines, self.systems)
+
+    @property
+    def below_aircraft(self) -> bool:
+        """Whether FlightGear's aircraft is the folder above: its parts are named from there."""
+        return any(self.model.parent.glob("*-set.xml")) and not any(self.model.glob("*-set.xml"))
 
 
 @cache
@@ -202,6 +211,13 @@ def has_flight_control(unchanged: Unchanged) -> bool:
     return any(root.find(tag) is not None for tag in ("flight_control", "autopilot", "system"))
 
 
+@lru_cache(maxsize=256)
+def has_electric_engine(unchanged: Unchanged) -> bool:
+    """Whether a motor without inertia turns a propeller: it settles in milliseconds."""
+    config = unchanged.config
+    return any(read_xml(file, str(file)).tag in ELECTRIC for file in model_files(config))
+
+
 def model_hash(config: AircraftConfig) -> str:
     """Hash of an aircraft's model, and of what its file says about surfaces and engines.
 
@@ -231,7 +247,9 @@ def _stamps(config: AircraftConfig) -> tuple[tuple[str, int, int], ...]:
     model = os.path.dirname(os.path.realpath(model)) if xml else source_folders(config).model
     entries = [entry for folder in {str(config.folder), str(model)} for entry in _entries(folder)]
     entries += [below for entry in entries if entry.is_dir() for below in _entries(entry.path)]
-    states = {entry.path: entry.stat() for entry in entries if entry.name.endswith(".xml")}
+    # A link may lead nowhere.
+    files = (entry for entry in entries if entry.name.endswith(".xml") and entry.is_file())
+    states = {entry.path: entry.stat() for entry in files}
     with suppress(OSError):
         states[str(config.file)] = config.file.stat()
     return tuple((path, s.st_mtime_ns, s.st_size) for path, s in sorted(states.items()))
@@ -262,9 +280,12 @@ def model_folders(config: AircraftConfig, weigh: Weigh, steps: int = 1) -> Itera
             # In memory, so that no flight waits for a disk.
             folder = Path(stack.enter_context(scratch_folder()))
             # A main file refers to parts beside it; only this file itself is another.
-            for beside in os.listdir(folders.model):
-                if beside != folders.file.name:
-                    os.symlink(os.path.join(folders.model, beside), os.path.join(folder, beside))
+            above = (folders.model.parent,) if folders.below_aircraft else ()
+            for place in (folders.model, *above):
+                for beside in os.listdir(place):
+                    link = os.path.join(folder, beside)
+                    if beside != folders.file.name and not os.path.lexists(link):
+                        os.symlink(os.path.join(place, beside), link)
             shared = {}
             for kind, near in zip(("engines", "systems"), folders.near, strict=False):
                 if near.is_dir():  # JSBSim takes one folder of each kind: it holds those of both
