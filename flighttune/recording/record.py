@@ -29,7 +29,7 @@ from flighttune.recording.page import log_readout, scenario_page
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots, with_derived
 from flighttune.recording.route import log_route, route_of
 from flighttune.recording.scene import log_scene, somewhere
-from flighttune.records.parquet import ORIGIN, parts_of, record_bytes, signal_files
+from flighttune.records.parquet import ORIGIN, files_shown, parts_of, record_bytes, signal_files
 from flighttune.simulate.bounds import RunClaim, claims_around
 from flighttune.simulate.run import Run
 
@@ -55,7 +55,8 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
     flown : FlownScenario
         Result of `flighttune.fly`.
     folder : path-like
-        Made if need be; files of the same name are replaced, after all have been written.
+        Made if need be; files of the same name are replaced, after all have been written, and
+        Parquet files that a replaced recording was drawn from are removed.
     name : str
         Stem of the recording's name.
 
@@ -89,11 +90,14 @@ def record(flown: FlownScenario, folder: str | Path, *, name: str = "flight") ->
         # Without the private part of the path.
         origin={"folder": folder.name if folder.is_absolute() else str(folder), "sha256": flight},
     )
+    replaced = files_shown(recording) if recording.exists() else []
     # Nothing gets its name before all is written; the last one entered is renamed first.
     with ExitStack() as files:
         for path, parts in zip(paths, runs, strict=True):
             files.enter_context(whole_file(path)).write_bytes(record_bytes(parts, flight))
         files.enter_context(whole_file(recording)).write_bytes(picture)
+    for path in {*replaced} - {*paths}:
+        path.unlink(missing_ok=True)
     labels = (run.label for run in flown.runs)
     return RecordedFiles(recording=recording, signals=dict(zip(labels, paths, strict=True)))
 

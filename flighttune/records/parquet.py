@@ -7,6 +7,7 @@ import textwrap
 import warnings
 from base64 import b64decode, b64encode
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -326,6 +327,19 @@ def _drawn_in(path: Path) -> Recording:
             "recording (.rrd) alone, which only shows the runs."
         )
     return Recording(path=path, runs=tuple(there[sha256][1] for sha256 in flight))
+
+
+def files_shown(recording: Path) -> list[Path]:
+    """The Parquet files beside a recording (.rrd) that it was drawn from; none if it is damaged."""
+    shown = []
+    with suppress(RecordingError):
+        check_recording(recording)
+        _, flight = _origin(recording) or ("", ())
+        for file in _files(recording.parent, PARQUET):
+            with suppress(RecordingError):
+                if flight and _read(file)[2] == flight:
+                    shown.append(file)
+    return shown
 
 
 def check_recording(path: str | Path) -> None:

@@ -95,8 +95,22 @@ def test_a_folder_without_one_of_its_runs_says_so(folder):
     assert recording.missing == (f"{folder}: 1 of the 3 runs are not there",)
 
 
-def test_a_file_left_from_an_earlier_flight_is_not_taken_for_a_run_of_this_one(folder, flown):
+def test_a_flight_leaves_no_file_of_the_one_that_it_replaces(folder, flown):
     ft.record(replace(flown, runs=flown.runs[:1]), folder)
+
+    assert sorted(path.name for path in folder.iterdir()) == [
+        "flight.rrd",
+        "kinematic-paper.parquet",
+    ]
+    recording = ft.load_recording(folder)
+    assert labels(recording.runs) == ["kinematic / paper"]
+    assert recording.missing == ()
+
+
+def test_a_file_of_a_flight_of_another_name_stays_and_is_not_taken_for_a_run_of_this_one(
+    folder, flown
+):
+    ft.record(replace(flown, runs=flown.runs[:1]), folder, name="other")
 
     recording = ft.load_recording(folder)
 
