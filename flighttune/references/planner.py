@@ -38,7 +38,7 @@ class Planner:
             estimate = north + share * (n - north), east + share * (e - east)
             self._wind = *estimate, down + share * (d - down)
         # A third of the time of `_replace`.
-        m = Measured(*m[:_WIND], self._wind, *m[_WIND + 1 :])
+        m = Measured._make((*m[:_WIND], self._wind, *m[_WIND + 1 :]))
         per_g = turning_speed(m) / self._g
         lift = math.cos(gamma) + gamma_dot * per_g
         return math.atan(chi_dot * per_g), lift / math.cos(m.phi)
