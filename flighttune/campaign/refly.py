@@ -135,7 +135,7 @@ def _of_campaign(
                 name=f"run {number}: {row['plant']} / {row['gains']}, draw {row['draw']}",
                 status=f"{row['status']}: {reason}" if reason else row["status"],
                 differences=row_differences(plan, number, row),
-                drawn={key: row[key] for key in plan.keys},
+                drawn={key: row[key] for key in (*plan.keys, "seed")},
             )
         )
     versions = changed_versions(dataset.versions)

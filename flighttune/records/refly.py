@@ -114,7 +114,10 @@ class Reflown(Answering):
         """Each run with what differs; `signals` are files of recorded flights by label."""
         records = [run.record for run in self.runs]
         differences = [{"run": r["run"], **other} for r in records for other in r["differences"]]
-        drawn = [{"parameter": key, "value": value} for key, value in self.runs[0].drawn.items()]
+        # All digits: whoever flies the draw again by --set types them.
+        drawn = [
+            {"parameter": key, "value": str(value)} for key, value in self.runs[0].drawn.items()
+        ]
         around = claimed(self.flown.runs if self.flown else ())
         changed = [f"{name}: {then} then, {now} now" for name, (then, now) in self.versions.items()]
         different = [f"{r['run']}: {r['result']}" for r in records if not r["equal"]]

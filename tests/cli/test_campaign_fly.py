@@ -44,6 +44,15 @@ def folder(tmp_path_factory):
     return written(tmp_path_factory.mktemp("camp") / "turns", plan, changed, versions)
 
 
+def test_what_a_run_drew_is_printed_so_that_it_can_be_typed_again(folder, tmp_path):
+    out, _ = flighttune("refly", folder, "--run", 2, "--out", tmp_path / "typed")
+
+    row = open_dataset(folder).rows().to_pylist()[2]
+    for key in ("flight.chi_deg", "seed"):
+        (text,) = re.findall(rf"^ *{re.escape(key)} +(\S+)", out, re.MULTILINE)
+        assert float(text) == row[key]
+
+
 def test_a_run_is_flown_into_a_recording_and_is_what_its_row_says(folder, tmp_path):
     found = answer("refly", folder, "--run", 2, "--out", tmp_path / "again")
 
