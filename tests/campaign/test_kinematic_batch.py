@@ -189,8 +189,9 @@ OF_OTHERS = {
     ft.Scenario: {"title", "verifies", "source", "seed", "gains", "law", "tuning", "envelope",
                "expect", "plant", "gust", "turbulence", "route"},
     WindTable: {"level"},
+    LimitsTable: {"n_x", "n_x_rate_per_s"},
 }  # fmt: skip
-"""What is not dispersed, needs an aircraft, or is flown alone."""
+"""What is not dispersed, needs an aircraft, is flown alone, or is for an airspeed to follow."""
 
 
 def base(key):

@@ -55,6 +55,7 @@ NOT_RUN = {
     "flighttune adopt Aircraft/": "an aircraft of FlightGear",
     "flighttune design mine": "an aircraft of the reader's own",
     "flighttune identify mine": "an aircraft of the reader's own",
+    "flighttune route mission.plan": "a mission of the reader's own; tests/references/test_written_missions.py",
     "flighttune report flight.ulg": "a log of the reader's own; tests/logs",
     "flighttune gap flight.ulg": "a log of the reader's own; tests/gaps/test_of_log.py",
     "flighttune identify monday.ulg": "a log of the reader's own; tests/logs",
