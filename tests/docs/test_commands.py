@@ -55,7 +55,6 @@ NOT_RUN = {
     "flighttune adopt Aircraft/": "an aircraft of FlightGear",
     "flighttune design mine": "an aircraft of the reader's own",
     "flighttune identify mine": "an aircraft of the reader's own",
-    "flighttune route mission.plan": "a mission of the reader's own; tests/references/test_written_missions.py",
     "flighttune report flight.ulg": "a log of the reader's own; tests/logs",
     "flighttune gap flight.ulg": "a log of the reader's own; tests/gaps/test_of_log.py",
     "flighttune identify monday.ulg": "a log of the reader's own; tests/logs",
@@ -66,6 +65,7 @@ NOT_RUN = {
     "flighttune export from_log.toml": "after `identify` of a log; tests/logs",
     "flighttune compare flight.ulg": "a log of the reader's own; tests/logs",
     "flighttune route mission.plan": "a file of the reader's own",
+    "flighttune report runs/mission-band.npz": "after `band`; tests/campaign/test_mission_band.py",
     "flighttune report runs/mine": "of the flight of a page's Python",
 }
 """Commands that no test runs, by how they begin, and why."""
