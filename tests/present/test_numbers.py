@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from flighttune.metrics import FLIGHT_METRICS, METRICS
+from flighttune.metrics import AIRSPEED_METRICS, FLIGHT_METRICS, METRICS
 from flighttune.present.names import METRIC_LABELS, key_words, metric_label
 from flighttune.present.tables import number
 
@@ -18,7 +18,9 @@ def test_numbers_without_a_value_are_a_dash(value, text):
 
 
 def test_every_metric_has_a_label_and_angles_are_in_degrees():
-    assert {*METRICS, *FLIGHT_METRICS, "peak_rad"} == METRIC_LABELS.keys()
+    named = {*METRICS, *FLIGHT_METRICS, *AIRSPEED_METRICS, "peak_rad"}
+    assert named == METRIC_LABELS.keys()
+    assert metric_label("V.MO_mps").heading == "overshoot of V [m/s]"
     assert metric_label("chi.MO_rad").heading == "overshoot of χ [deg]"
     assert metric_label("chi.MO_rad").written(math.pi / 18.0) == "10.00"
     assert metric_label("gamma.effort_rms").heading == "effort rms of γ [1]"
