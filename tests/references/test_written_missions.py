@@ -2,9 +2,11 @@
 
 import json
 
+import fastkml
 import jsonschema
 import numpy as np
 import pytest
+import shapely
 from commands import flighttune
 from lxml import etree
 from plans import item, plan_file, waypoint
@@ -167,7 +169,6 @@ def test_kml_has_styles_waypoints_fence_and_corridor(mission, route, corridor, t
 
 
 def test_fastkml_reads_kml_and_finds_it_valid(route, corridor, tmp_path):
-    fastkml = pytest.importorskip("fastkml")
     out = tmp_path / "out.kml"
     route.save(out, corridor)
     text = out.read_text().partition("?>")[2]
@@ -179,7 +180,6 @@ def test_fastkml_reads_kml_and_finds_it_valid(route, corridor, tmp_path):
 
 
 def test_shapely_reads_geojson_whose_shapes_are_valid(mission, route, corridor, tmp_path):
-    shapely = pytest.importorskip("shapely")
     out = tmp_path / "out.geojson"
     fence = {"type": "Polygon", "coordinates": [[[*ring[::-1]] for ring in AREAS[0][1]]]}
     route.save(out, corridor, [fence])
