@@ -202,8 +202,8 @@ def _acting_on(inputs: tuple[str, str], gains: PIGains, factor: float) -> PIGain
     K_P, K_I = gains.K_P * factor, gains.K_I * factor
     if not gains.airspeed:
         return PIGains(K_P=K_P, K_I=K_I, inputs=inputs)
-    # The exact law takes the weight along the path measured, the paper's that of the reference:
-    # a gain on the error of the path angle is what lies between, one in level flight.
+    # The exact law adds sin(gamma) as measured, the paper's law sin(gamma_ref). Their difference
+    # is cos(gamma) times the error of the path angle, a gain of one in level flight.
     K_P[2, 1] += factor if inputs == RATES else -1.0
     return PIGains(K_P=K_P, K_I=K_I, inputs=WITH_AIRSPEED[inputs], errors=gains.errors)
 

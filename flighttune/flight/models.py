@@ -176,10 +176,10 @@ def identified_problems(scenario: Scenario, law: Law | None = None) -> tuple[Tun
 
 
 def _weight(model: LinearModel) -> FloatArray:
-    """What the path angle does to the airspeed by the weight, in A; none without an airspeed.
+    """The entry of A by which the weight pulls on the airspeed; zeros where it is no channel.
 
-    A gain on the error of the path angle takes it out, but for the lag of n_x (`_with_weight`):
-    without it the three channels are tuned each by itself.
+    A gain on the error of the path angle cancels it, but for the lag of n_x (`_with_weight`).
+    Without the entry the three channels are tuned each by itself.
     """
     weight = np.zeros_like(model.A)
     if ERRORS_WITH_AIRSPEED[2] in model.states:
@@ -189,7 +189,7 @@ def _weight(model: LinearModel) -> FloatArray:
 
 
 def _with_weight(result: TuningResult, scenario: Scenario, law: Law) -> TuningResult:
-    """The result with the gain from the path angle to n_x that takes out the weight."""
+    """The result with the gain from the path angle to n_x that cancels the weight."""
     if result.gains is None or not _weight(law_model(scenario, law)).any():
         return result
     gamma = reference_of(scenario).initial[1]

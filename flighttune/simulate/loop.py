@@ -130,6 +130,11 @@ def simulate(
             f"`reference` must have an airspeed with a plant of {m} commands: "
             f"{'none' if m == 2 else 'one'}, got {'none' if airspeed is None else 'one'}."
         )
+    if len(controller.limiter.u_unsat) != m:
+        raise InputError(
+            f"`controller` must have the {m} commands of the plant, got "
+            f"{len(controller.limiter.u_unsat)}."
+        )
     further = () if route is None else tuple(ROUTE_SIGNALS)
     further += () if airspeed is None else AIRSPEED_SIGNALS
     columns = _columns(plant.signals, (*controller.signals, *further), m)

@@ -211,6 +211,17 @@ def test_a_plant_that_holds_its_airspeed_is_refused_for_a_reference_that_has_one
         )
 
 
+def test_a_law_of_two_commands_is_refused_on_a_plant_of_three():
+    with pytest.raises(ft.InputError, match="must have the 3 commands of the plant, got 2"):
+        simulate(
+            point(),
+            ft.MimoPI(ft.PAPER_GAINS, dt=0.02),
+            ft.Reference(chi=0.0, gamma=0.0, V=V_0),
+            condition=ft.FlightCondition(V_a=V_0),
+            duration=1.0,
+        )
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("aircraft", ["aerosonde", "c172p", "a4"])
 def test_the_lag_of_thrust_of_a_shipped_aircraft_is_measured_again(aircraft):
