@@ -108,7 +108,7 @@ def identify(
         ),
     ] = None,
 ) -> Answer:
-    """Identify AIRCRAFT's roll and load-factor response in flight; write a model to tune on.
+    """Identify how AIRCRAFT follows its commands in flight; write a model to tune on.
 
     Logs are of real flights: their stretches with enough command are fitted. Exit status 1 if
     they cannot tell a channel; then nothing is written.

@@ -46,8 +46,9 @@ def gap(
 ) -> Answer:
     """Fly gains on plants from the paper's law to the aircraft; show what each step adds.
 
-    With the commands of a LOG: what lag, mass, damping and wind explain of the difference. Exit
-    status 1 if a flight ends early, or the aircraft leaves its tube.
+    The commands of a LOG are flown on law and aircraft, and the answer says how much of the
+    difference lag, mass, damping and wind explain. Exit status 1 if a flight ends early, or the
+    aircraft leaves its tube.
     """
     from flighttune.campaign.claims import within
     from flighttune.gaps.ladder import gap as explain_gap
