@@ -200,7 +200,7 @@ def planned_route(scenario: Scenario, *, speed_assumed: bool = False) -> Planned
 
 
 def is_mission(source: str | Path) -> bool:
-    """Whether a source is called like a file of a route."""
+    """Whether the name of a source has the ending of a route file."""
     return Path(source).suffix.lower() in ROUTE_FILES + OTHER_FILES
 
 

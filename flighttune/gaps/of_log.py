@@ -1,4 +1,4 @@
-"""The log of a real flight against a model: its commands flown again, and what explains the rest.
+"""A real flight against a model: the commands of its log flown again, and causes of the rest.
 
 The commands are flown open loop, so that errors of a model add up: each stretch starts from the
 log anew, and course and path angle are compared without their mean difference in it.

@@ -1,4 +1,4 @@
-"""Items of a mission by the numbers of MAVLink: what is flown of each, and what of none."""
+"""Items of a mission by the numbers of MAVLink, and the path that each of them asks for."""
 
 import math
 from collections import defaultdict

@@ -1,4 +1,4 @@
-"""Waypoints from files of ground stations and maps, and what of them is not flown."""
+"""Waypoints from files of ground stations and maps, with notes on what is not flown."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What a campaign would fly, and the time and disk space that it would take."""
+"""Forecast of a campaign: its flights, and the time and disk space that they take."""
 
 import time
 from collections.abc import Mapping
