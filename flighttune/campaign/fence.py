@@ -15,7 +15,7 @@ from flighttune.errors import InputError
 from flighttune.flight.conditions import reference_of
 from flighttune.flight.route import PlannedRoute, planned_route
 from flighttune.metrics import OFF_ROUTE
-from flighttune.present.answer import Answer
+from flighttune.present.answer import Answer, pick
 from flighttune.present.tables import Column, Table, number, printable
 from flighttune.references.fence import DISTANCE_SIGNS, Fence, read_fence, room_along
 from flighttune.references.follow import RouteReference
@@ -138,6 +138,19 @@ def fence_answer(counted: Band, answer: Answer) -> Answer:
         notes=[*answer.notes, answer.verdict or answer.failure, *said],
         verdict=sentence if count.supported else "",
         failure="" if count.supported else f"{sentence}; {counted.about.epsilon:g} was asked for",
+    )
+
+
+def mission_answer(counted: Band, answer: Answer) -> Answer:
+    """The answer of the band of a mission, with its length, its time and what is flown of it."""
+    planned = route_of(counted)
+    of_route = planned.answer()
+    values = {"mission": {**pick(planned, "conditions time"), "length_m": planned.length}}
+    flyable = f"Flyable: {of_route.verdict}; {planned.conditions}."
+    return replace(
+        answer,
+        values={**answer.values, **values},
+        notes=[flyable, *of_route.notes, *answer.notes],
     )
 
 

@@ -139,7 +139,7 @@ def band(
     from flighttune.campaign.band import count_more, load_band, plan_of
     from flighttune.campaign.claims import is_claim_file
     from flighttune.campaign.claims import save_claim as save
-    from flighttune.campaign.fence import count_inside, fence_answer, fence_of
+    from flighttune.campaign.fence import count_inside, fence_answer, fence_of, mission_answer
     from flighttune.campaign.stated_set import planned
     from flighttune.flight.route import is_mission
 
@@ -216,21 +216,6 @@ def _paged(counted: "Band", answer: Answer, file: Path, files: Mapping[str, Path
     else:
         notes = [*notes, f"A page with its flights: flighttune report {file}"]
     return replace(answer, notes=notes, files=files)
-
-
-def mission_answer(counted: "Band", answer: Answer) -> Answer:
-    """The answer of the band of a mission, with its length, its time and what is flown of it."""
-    from flighttune.campaign.fence import route_of
-
-    planned = route_of(counted)
-    of_route = planned.answer()
-    values = {"mission": {**pick(planned, "conditions time"), "length_m": planned.length}}
-    flyable = f"Flyable: {of_route.verdict}; {planned.conditions}."
-    return replace(
-        answer,
-        values={**answer.values, **values},
-        notes=[flyable, *of_route.notes, *answer.notes],
-    )
 
 
 def _stated(**given: Any) -> dict[str, Any]:
