@@ -142,15 +142,15 @@ def fence_answer(counted: Band, answer: Answer) -> Answer:
 
 
 def mission_answer(counted: Band, answer: Answer) -> Answer:
-    """The answer of the band of a mission, with its length, its time and what is flown of it."""
+    """The answer of a mission's band with the length, the time and the fate of its items."""
     planned = route_of(counted)
-    of_route = planned.answer()
-    values = {"mission": {**pick(planned, "conditions time"), "length_m": planned.length}}
-    flyable = f"Flyable: {of_route.verdict}; {planned.conditions}."
+    plan = planned.answer()
+    mission = {**pick(planned, "conditions time"), "length_m": planned.length}
+    flyable = f"Flyable: {plan.verdict}; {planned.conditions}."
     return replace(
         answer,
-        values={**answer.values, **values},
-        notes=[flyable, *of_route.notes, *answer.notes],
+        values={**answer.values, "mission": mission},
+        notes=[flyable, *plan.notes, *answer.notes],
     )
 
 
