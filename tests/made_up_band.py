@@ -20,7 +20,7 @@ ROLL, ROLL_CHANGE = (float(np.float32(half)) for half in (0.02, 0.002))
 EPSILON, CONFIDENCE, FLIGHTS, LEARNED = 0.05, 0.99, 259, 10
 
 
-def band_flights(edges, over="time", title="made up"):
+def band_flights(edges, over="time", title="made up", central=None):
     """Flights of the law that end in these windows."""
     distribution = Distribution(
         title=title, air="calm", fixed={"flight.V_a_mps": 25.0}, dispersed={}, disperse=[],
@@ -28,6 +28,7 @@ def band_flights(edges, over="time", title="made up"):
     )  # fmt: skip
     return BandFlights(
         over=over, edges=edges, distribution=distribution, scenario=made_up_scenario(),
+        central=central or made_up_scenario(),
         plant="kinematic", gains_name="paper", gains=ft.PAPER_GAINS, aircraft={},
     )  # fmt: skip
 

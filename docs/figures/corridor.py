@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.campaign.band import load_band, plan_of
-from flighttune.campaign.fence import corridor_of, where_of
+from flighttune.campaign.band import load_band
 from flighttune.claims.band import Band
 from flighttune.present.chart import Chart, Sheet
 from flighttune.present.palette import HUES, INK
@@ -26,8 +25,8 @@ MAX_FLIGHTS = 50
 
 def route(band: Band) -> Chart:
     """The route from above, and the edges of its corridor."""
-    path, *_ = where_of(plan_of(band).campaign.central)
-    corridor = corridor_of(band)
+    path, *_ = band.flights.route.where
+    corridor = band.corridor()
     chart = Chart(
         title=f"A route of {path.length / KM:.1f} km from above",
         x="east [m]",
@@ -51,7 +50,7 @@ def route(band: Band) -> Chart:
 
 def flights(band: Band) -> Chart:
     """Distances of some counted flights from the route, and the corridor that all of them set."""
-    flights, corridor = band.flights, corridor_of(band)
+    flights, corridor = band.flights, band.corridor()
     chart = Chart(
         title=f"How far {len(band.scores)} flights in wind and turbulence come from it",
         x="along the route [km]",

@@ -10,12 +10,19 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 
 from flighttune.arrays import FloatArray, check_at_least
-from flighttune.campaign.counted_flights import at_random, check_random, distribution_of, in_air
+from flighttune.campaign.counted_flights import (
+    at_random,
+    check_one_path,
+    check_random,
+    distribution_of,
+    in_air,
+    plan_in,
+    plan_of,
+)
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.alone import fly_group
-from flighttune.campaign.planning.load import campaign_on
-from flighttune.campaign.planning.plan import Plan, aircraft_hashes, plan_from
+from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.stated_set import planned
 from flighttune.claims.band import (
     DOUBLED,
@@ -25,9 +32,11 @@ from flighttune.claims.band import (
     Over,
     axis_of,
     read_band,
+    save_band,
     wind_at_start,
 )
 from flighttune.claims.count import flights_needed, fresh_flights
+from flighttune.claims.fence import check_off_route
 from flighttune.claims.shape import (
     MAX_NUMBERS,
     MAX_RESIDUAL_WINDOWS,
@@ -41,11 +50,13 @@ from flighttune.claims.shape import (
     window_extremes,
 )
 from flighttune.errors import InputError
+from flighttune.files.seal import is_claim_file
 from flighttune.flight.conditions import reference_of, start_condition
-from flighttune.flight.route import is_mission
+from flighttune.flight.route import is_mission, planned_route
 from flighttune.gaps.residual import RESIDUALS, ConformantModel, conformant_model, residuals_of
 from flighttune.metrics import OFF_ROUTE
-from flighttune.present.names import listed
+from flighttune.present.answer import pick
+from flighttune.references.fence import fence_tables, read_fence
 from flighttune.references.follow import SAME_PLACE, RouteReference
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.bounds import ERRORS
@@ -53,7 +64,9 @@ from flighttune.simulate.run import SIGNAL_UNITS, Run
 
 # Epsilon, confidence and flights to learn from by default, and for a mission, whose answer takes a
 # minute on two cores; and of its flights those that may be outside.
-CLAIM, MISSION, MISSION_OUTSIDE = (0.01, 0.999, 500), (0.05, 0.95, 15), 1
+CLAIM = {"epsilon": 0.01, "confidence": 0.999}, 500
+MISSION = {"epsilon": 0.05, "confidence": 0.95}, 15
+MISSION_OUTSIDE = 1
 
 # Numbers of flights named in the refusal of another one.
 SHOWN = 3
@@ -90,6 +103,8 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     aircraft: str | None = None,
     like: str | None = None,
     skip: bool = False,
+    fences: Sequence[str | Path] = (),
+    out: str | Path | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
     observer: CampaignObserver | None = None,
@@ -104,7 +119,9 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     Parameters
     ----------
     source : str or Path
-        Folder of a campaign, campaign or scenario file, or the name of a shipped one; or a mission.
+        Folder of a campaign, campaign or scenario file, or the name of a shipped one; a mission; or
+        the file of a band, of which only the claim, the number of flights, fences and `out` are
+        read: none of its flights is flown again. More flights and fences are kept in it.
     of : {"residual"}, optional
         Bound what the identified model of an aircraft misses, which `tube` takes, in place of
         recorded signals: rates of course and path angle (rad/s), roll and its change over a sample
@@ -116,7 +133,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
         0.95.
     flights : int, optional
         Number to count, by default as many as the claim needs with five of them outside (1640), of
-        a mission with one (93).
+        a mission with one (93); of the file of a band 2, 4, 8 ... times as many as were planned.
     learn : int, optional
         Number to learn the shape from, by default 500, of a mission 15.
     predicted_from : {"wind"}, optional
@@ -139,6 +156,11 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
         aircraft.
     skip : bool
         Leave out commands of a mission that have no place.
+    fences : sequence of str or Path
+        Plans, KML or GeoJSON with the areas to stay in and out of, by default a plan itself: count
+        the flights along a route that are certainly inside, too.
+    out : str or Path, optional
+        File (.npz) to write, as `save_claim` does, before and after flights inside are counted.
     workers : int, optional
         Processes that fly on this machine; by default one per core.
     scheduler : str, optional
@@ -166,63 +188,113 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     >>> len(band.scores), band.outside
     (29, 5)
     """
-    source = str(source)
-    mission = is_mission(source)
-    default_epsilon, default_confidence, default_learn = MISSION if mission else CLAIM
-    epsilon = default_epsilon if epsilon is None else epsilon
-    confidence = default_confidence if confidence is None else confidence
-    learn = default_learn if learn is None else learn
-    check_at_least(MIN_LEARNED, learn=learn)
-    if mission and flights is None:
-        flights = flights_needed(epsilon, confidence, MISSION_OUTSIDE)
-    flights = fresh_flights(flights, epsilon, confidence)
-    if of and (signals or predicted_from):
-        raise InputError("`signals` and `given` must be absent for residual signals.")
-    plan = planned(
-        source,
-        plant=plant,
-        kind="jsbsim",
-        gains=gains,
-        start_deg=start_deg,
-        changes=changes,
-        aircraft=aircraft,
-        like=like,
-        skip=skip,
-    )
+    source, file = str(source), None if out is None else Path(out)
+    areas, fence = _areas(source, fences)
+    by = workers, scheduler, observer
+    claim: dict[str, Any] = {"epsilon": epsilon, "confidence": confidence}
+    claim = {name: value for name, value in claim.items() if value is not None}
+    of_source: dict[str, Any] = {"plant": plant, "gains": gains, "aircraft": aircraft, "like": like}
+    of_source |= {"start_deg": start_deg, "changes": changes, "skip": skip}
+    if is_claim_file(source):
+        counting = {"of": of, "signals": signals, "predicted_from": predicted_from, "air": air}
+        given = {**of_source, **counting, "learn": learn, "seed": seed is not None}
+        for name in (name for name, value in given.items() if value):
+            raise InputError(f"`{name}` must be absent for a band file, which has its own.")
+        kept, file = load_band(source), Path(source)
+        if areas:  # refuse it before a flight
+            draws = kept.draws_of(flights or len(kept.scores)).tolist()
+            _check_fence(plan_of(kept), draws, areas, fence, kept.about.signals)
+        if flights is not None:
+            out = out or file
+            with WorkerPool(*by) as pool:
+                kept = count_more(kept, flights, pool)
+    else:
+        mission = is_mission(source)
+        default, default_learn = MISSION if mission else CLAIM
+        claim, learn = default | claim, default_learn if learn is None else learn
+        check_at_least(MIN_LEARNED, learn=learn)
+        if mission and flights is None:
+            flights = flights_needed(**claim, outside=MISSION_OUTSIDE)
+        flights = fresh_flights(flights, **claim)
+        if of and (signals or predicted_from):
+            raise InputError("`signals` and `given` must be absent for residual signals.")
+        plan = _drawn(planned(source, kind="jsbsim", **of_source), plant, gains, air, seed)
+        plan = plan.with_runs(learn + flights)
+        if areas:  # refuse it before a flight
+            _check_fence(plan, range(plan.runs), areas, fence, signals or OFF_ROUTE)
+        of_band = {"of": of, "predicted_from": predicted_from, "learned": learn, **claim}
+        kept = _counted(source, plan, signals, of_band, by)
+    if file is not None and flights is not None:
+        save_band(kept, file)  # whatever else is written: its readings are those of its file
+    if areas:
+        kept = kept.with_fence(areas)
+        kept.inside(areas, fence)  # refuses it before it is kept
+        if file is not None:
+            save_band(kept, file)
+    counted = kept.claiming(**pick(kept.about, "epsilon confidence") | claim)
+    if out is not None:
+        save_band(counted, out)
+    return counted
+
+
+def _areas(source: str, stated: Sequence[str | Path]) -> tuple[dict[str, Any], Path]:
+    """The areas of the fences that are stated, by default of a plan itself, and their files."""
+    files = [*map(Path, stated or [source] * source.lower().endswith(".plan"))]
+    areas = fence_tables(files) if files else {}
+    if stated and not areas:
+        raise InputError(f"{files[0]}: must have a Polygon or circle for a fence, got none.")
+    return areas, Path(", ".join(map(str, files)))
+
+
+def _check_fence(
+    plan: Plan, runs: Sequence[int], areas: dict[str, Any], file: Path, signals: Iterable[str]
+) -> None:
+    """Refuse a fence in which some runs of a plan, and their signals, cannot be counted."""
+    check_off_route(signals)
+    _, origin, _ = planned_route(plan.campaign.central).where
+    read_fence(file, origin, areas)
+    check_one_path(plan, runs)
+
+
+def _drawn(
+    plan: Plan, plant: str | None, gains: str | None, air: str | None, seed: int | None
+) -> Plan:
+    """Independent draws of one group of a plan, by default of its first aircraft, in an air."""
     labels = (table.label for table in plan.scenario.aircraft)
-    plant = plant or next(labels, None)
-    group = plan.chosen_group(plant, gains if gains in plan.gain_sets else None)
+    group = plan.chosen_group(
+        plant or next(labels, None), gains if gains in plan.gain_sets else None
+    )
     campaign = at_random(plan.campaign if air is None else in_air(plan.campaign, air))
     if seed is not None:
         campaign = campaign.model_copy(update={"seed": seed})
-    plan = replace(plan.of_group(group), campaign=campaign, runs=learn + flights)
-    distribution, central = distribution_of(campaign, group.plant), campaign.central
+    return replace(plan.of_group(group), campaign=campaign)
+
+
+def _counted(
+    source: str,
+    plan: Plan,
+    signals: Iterable[str] | None,
+    of_band: dict[str, Any],
+    by: tuple[int | None, str | None, CampaignObserver | None],
+) -> Band:
+    """The band of the flights of a plan, of which the first are learned from."""
+    (group,), central, learned = plan.groups, plan.campaign.central, of_band["learned"]
+    distribution = distribution_of(plan.campaign, group.plant)
     check_random(source, distribution, central)
     for key in {*TIME_AXIS} & {*plan.keys}:
         raise InputError(f"{source}: `{key}` must be the same in all flights of a band.")
-    if predicted_from and not any(key.startswith("wind.") for key in distribution.dispersed):
+    windy = of_band["predicted_from"] is not None
+    if windy and not any(key.startswith("wind.") for key in distribution.dispersed):
         raise InputError(f"{source}: the wind must be drawn for `given` wind, got one wind.")
-    units = dict(RESIDUALS) if of else _recorded(plan, central, signals)
-    counted = flights_of(plan, of, len(units), flights)
-    probe = partial(
-        _extremes, list(units), counted.edges, predicted_from is not None, counted.model
-    )
-    with WorkerPool(workers, scheduler, observer) as pool:
-        learned = _flown(pool, plan, partial(probe, anywhere=True), range(learn), "learning")
-        coefficients, half = learned_shape(*learned, epsilon)
-        extremes, wind = _flown(pool, plan, probe, range(learn, plan.runs), "counting")
-    about = About(
-        of=of,
-        signals=units,
-        coefficients=coefficients,
-        half=half,
-        predicted_from=predicted_from,
-        plan=plan.as_dict(),
-        learned=learn,
-        epsilon=epsilon,
-        confidence=confidence,
-    )
-    return Band(about=about, flights=counted, extremes=extremes, wind=wind)
+    units = dict(RESIDUALS) if of_band["of"] else _recorded(plan, central, signals)
+    flights = flights_of(plan, of_band["of"], len(units), plan.runs - learned)
+    probe = partial(_extremes, list(units), flights.edges, windy, flights.model)
+    with WorkerPool(*by) as pool:
+        shaping = _flown(pool, plan, partial(probe, anywhere=True), range(learned), "learning")
+        coefficients, half = learned_shape(*shaping, of_band["epsilon"])
+        extremes, wind = _flown(pool, plan, probe, range(learned, plan.runs), "counting")
+    shape = {"signals": units, "coefficients": coefficients, "half": half, "plan": plan.as_dict()}
+    return Band(about=About(**shape, **of_band), flights=flights, extremes=extremes, wind=wind)
 
 
 def _recorded(plan: Plan, central: Scenario, signals: Iterable[str] | None) -> dict[str, str]:
@@ -255,6 +327,7 @@ def flights_of(
         edges=window_edges(round(length * per_unit) + 1, flights, signals, most=most) / per_unit,
         distribution=distribution_of(plan.campaign, group.plant),
         scenario=plan.scenario,
+        central=central,
         plant=group.plant,
         gains_name=group.gains,
         gains=gains,
@@ -267,12 +340,15 @@ def load_band(path: str | Path) -> Band:
     """Read a band; its windows, and the words for its flights, are those of its plan."""
 
     def of_plan(about: About) -> BandFlights:
-        plan = _plan(about)
+        plan = plan_in(about)
         first = plan.runs - about.learned
         check_at_least(1, runs=first)
         return flights_of(plan, about.of, len(about.signals), first)
 
-    return read_band(path, of_plan)
+    band = read_band(path, of_plan)
+    if band.about.fences:
+        check_one_path(plan_in(band.about), band.draws.tolist())
+    return band
 
 
 def count_more(band: Band, flights: int, pool: WorkerPool) -> Band:
@@ -320,31 +396,6 @@ def differing(band: Band, draws: Sequence[int], pool: WorkerPool) -> list[int]:
     differ = (again != band.extremes[chosen]).any(axis=(1, 2, 3))
     differ |= (wind != band.wind[chosen]).any(axis=1) & np.isfinite(band.scores[chosen])
     return [draw for draw, other in zip(draws, differ, strict=True) if other]
-
-
-def plan_of(band: Band) -> Plan:
-    """The plan of a band; InputError if the files of an aircraft have changed since."""
-    plan = _plan(band.about)
-    if plan.aircraft != aircraft_hashes(plan.scenario):
-        raise InputError(
-            f"`{listed(list(plan.aircraft))}` must have the files that the band was flown with, "
-            "got changed ones."
-        )
-    return plan.with_runs(int(band.draws[-1]) + 1)
-
-
-def _plan(about: About) -> Plan:
-    """The plan in the file of a band; its scenario at the median is computed again."""
-    try:
-        plan = plan_from(about.plan, "`plan`")
-        campaign = campaign_on(plan.campaign, plan.scenario, "`plan`")
-        (group,) = plan.groups
-        plan.chosen_group(group.plant, group.gains)  # refuses gains that are not there
-    except InputError:
-        raise
-    except (LookupError, TypeError, AttributeError, ValueError) as error:
-        raise InputError("`plan` must be that of a campaign.") from error
-    return replace(plan, campaign=campaign)
 
 
 def score(about: About, flights: BandFlights, run: Run, scenario: Scenario) -> float:

@@ -1,18 +1,18 @@
 """Claims from files and their check: certificates, bounds on R_K, tubes and bands."""
 
 from collections.abc import Callable, Sequence
-from contextlib import nullcontext, suppress
+from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Protocol, TypeAlias, TypeVar
 
-from flighttune.campaign.band import load_band, plan_of, recount
+from flighttune.campaign.band import load_band, recount
+from flighttune.campaign.counted_flights import plan_of
 from flighttune.campaign.engine.pool import WorkerPool
-from flighttune.campaign.fence import count_inside, inside_sentence
 from flighttune.certificates.bound import RateBound, load_bound
 from flighttune.certificates.certificate import Certificate, load_certificate
 from flighttune.claims.band import Band, save_band
-from flighttune.errors import InputError, RecordingError
+from flighttune.errors import InputError
 from flighttune.files.seal import format_of
 from flighttune.files.value import write
 from flighttune.present.answer import Answer, Answering, pick
@@ -24,9 +24,6 @@ from flighttune.tubes.proof import load_tube, save_tube
 
 CLAIM_FILE = "claim: the file of a certificate, a bound on R_K, a tube or a band"
 AROUND_FLIGHTS = "claim about flights: the file of a tube or a band"
-
-# What the files of tubes and bands begin with, whatever follows it
-ARCHIVE = b"PK"
 
 # Flights of a band that are flown again.
 FLOWN_AGAIN = 5
@@ -42,7 +39,7 @@ def verified_band(
     flown = f"{flights} of its flights, chosen at random, were flown again: equal to the bit."
     try:
         code = plan_of(band).code
-        fences = [inside_sentence(band, count_inside(band, x)) for x in band.about.fences]
+        fences = [band.inside(x).sentence for x in band.about.fences]
         if code and not run_code:
             flown = f"No flight was flown again: --run-code runs {listed(code)} for it."
         else:
@@ -137,16 +134,6 @@ def save_claim(claim: AnyClaim, path: str | Path) -> None:
         save_band(claim, path)
     else:
         write(claim, path)
-
-
-def is_claim_file(path: str | Path) -> bool:
-    """Whether a file is that of a claim, by its content, or a damaged one of a tube or band."""
-    with suppress(OSError), Path(path).open("rb") as file:
-        if file.read(len(ARCHIVE)) == ARCHIVE:
-            return True
-    with suppress(RecordingError):
-        return bool(format_of(Path(path), READERS, CLAIM_FILE))
-    return False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -1,15 +1,19 @@
 """Flights of a campaign that can be counted: independent draws, in one air, and in words."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from flighttune.campaign.planning.load import campaign_on
 from flighttune.campaign.planning.places import dispersed_places
+from flighttune.campaign.planning.plan import Plan, aircraft_hashes, plan_from
 from flighttune.campaign.planning.schema import Campaign, Choice, Design, Dispersion, Grid, Uniform
+from flighttune.claims.band import About, Band, other_files
 from flighttune.claims.distribution import Distribution, flown_values
 from flighttune.errors import InputError
+from flighttune.flight.route import planned_route
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.places import spelled
 from flighttune.scenario.schema import Scenario
@@ -131,3 +135,33 @@ def _range(table: Dispersion, own: Any) -> list[Any]:
     if table.acts == "adds":
         return [own + value for value in ends]
     return sorted(own * value for value in ends) if table.acts == "multiplies" else ends
+
+
+def plan_of(band: Band) -> Plan:
+    """The plan of a band; InputError if the files of an aircraft have changed since."""
+    plan = plan_in(band.about)
+    if plan.aircraft != aircraft_hashes(plan.scenario):
+        raise other_files(plan.aircraft)
+    return plan.with_runs(int(band.draws[-1]) + 1)
+
+
+def plan_in(about: About) -> Plan:
+    """The plan in the file of a band; its scenario at the median is computed again."""
+    try:
+        plan = plan_from(about.plan, "`plan`")
+        campaign = campaign_on(plan.campaign, plan.scenario, "`plan`")
+        (group,) = plan.groups
+        plan.chosen_group(group.plant, group.gains)  # refuses gains that are not there
+    except InputError:
+        raise
+    except (LookupError, TypeError, AttributeError, ValueError) as error:
+        raise InputError("`plan` must be that of a campaign.") from error
+    return replace(plan, campaign=campaign)
+
+
+def check_one_path(plan: Plan, runs: Iterable[int]) -> None:
+    """Refuse a fence for runs that do not all fly one path from one start."""
+    path, origin, _ = planned_route(plan.campaign.central).where
+    for run in runs:  # the same path is planned once
+        if planned_route(plan.scenario_of(run)).where[:2] != (path, origin):
+            raise InputError(f"a fence must have one path and start for all, got draw {run}.")

@@ -5,14 +5,15 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.campaign.band import differing, load_band, plan_of, some_draws
-from flighttune.campaign.claims import is_claim_file
+from flighttune.campaign.band import differing, load_band, some_draws
+from flighttune.campaign.counted_flights import plan_of
 from flighttune.campaign.dataset import CAMPAIGN, Dataset, open_dataset
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.alone import fly_again
 from flighttune.campaign.flying.rows import row_differences
 from flighttune.errors import InputError, RecordingError, ScenarioError
+from flighttune.files.seal import is_claim_file
 from flighttune.flight.fly import Progress
 from flighttune.flight.own import LawMaker, PlantMaker
 from flighttune.records.parquet import Recording, load_recording

@@ -14,9 +14,10 @@ import pandas as pd
 from scipy.special import chdtri, ndtr
 
 from flighttune.arrays import FloatArray, check_at_least
-from flighttune.campaign.band import plan_of, score
+from flighttune.campaign.band import score
 from flighttune.campaign.bang_bang import search_bang_bang
-from flighttune.campaign.claims import is_claim_file, load_claim
+from flighttune.campaign.claims import load_claim
+from flighttune.campaign.counted_flights import plan_of
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.alone import scenario_of_run
@@ -29,6 +30,7 @@ from flighttune.certificates.bound import RateBound
 from flighttune.certificates.certificate import Certificate
 from flighttune.claims.band import About, Band, BandFlights
 from flighttune.errors import InputError
+from flighttune.files.seal import is_claim_file
 from flighttune.flight.expectations import bound_checks
 from flighttune.flight.fly import fly
 from flighttune.plants.jsbsim.plant import LARGEST_SEED

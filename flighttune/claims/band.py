@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
@@ -14,8 +14,15 @@ from pydantic import Field
 
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.arrays import FloatArray, check_between
-from flighttune.claims.count import allowed_outside, counted_scale
+from flighttune.claims.count import allowed_outside, counted_scale, supported_epsilon
 from flighttune.claims.distribution import PLACE, Distribution
+from flighttune.claims.fence import (
+    KEPT,
+    NEAREST_COLUMNS,
+    OVERLAP_SAMPLES,
+    FenceCount,
+    check_off_route,
+)
 from flighttune.claims.shape import MAX_NUMBERS, MIN_LEARNED, Extremes, predicted, scores_of
 from flighttune.control.gains import PIGains
 from flighttune.control.law import split_name
@@ -25,10 +32,14 @@ from flighttune.files.seal import BLANK, seal, sealed_bytes
 from flighttune.files.table import json_object
 from flighttune.files.value import STRICT, tables_of, value_of
 from flighttune.files.whole import whole_file
+from flighttune.flight.route import PlannedRoute, planned_route
 from flighttune.gaps.residual import ConformantModel
+from flighttune.metrics import OFF_ROUTE
 from flighttune.present.answer import Answer, Answering, pick
-from flighttune.present.names import shown_unit
-from flighttune.present.tables import Column, Table, number
+from flighttune.present.names import listed, shown_unit
+from flighttune.present.tables import Column, Table, number, printable
+from flighttune.references.fence import DISTANCE_SIGNS, read_fence, room_along
+from flighttune.references.maps import Corridor, Where
 from flighttune.scenario.load import scenario_of
 from flighttune.scenario.places import leaves
 from flighttune.scenario.schema import Scenario
@@ -99,6 +110,7 @@ class BandFlights:
     edges: FloatArray  # (windows + 1,), s or m
     distribution: Distribution
     scenario: Scenario  # as it is without what is drawn
+    central: Scenario  # at the median of what is drawn
     plant: str  # label
     gains_name: str
     gains: PIGains
@@ -119,6 +131,13 @@ class BandFlights:
     def changed(self) -> list[str]:
         """Aircraft whose files are no longer those that were flown."""
         return [name for name, digest in self.aircraft.items() if files_hash(name) != digest]
+
+    @property
+    def route(self) -> PlannedRoute:
+        """The route that is flown; InputError if there is none, or an aircraft has changed."""
+        if self.changed:
+            raise other_files(self.changed)
+        return planned_route(self.central)
 
     def difference(self, run: Run, scenario: Scenario) -> str:
         """First key in which a run differs from these flights; empty if it is one of them."""
@@ -307,6 +326,57 @@ class Band(Answering):
         low, high = (middle + sign * self.half_widths for sign in (-1.0, 1.0))
         return Bounds(np.asarray(t, dtype=float), low[window], high[window], tuple(about.signals))
 
+    def corridor(self, where: Where | None = None) -> Corridor:
+        """The corridor, in any wind, along its route; an InputError refuses another one, `where`.
+
+        InputError also if it claims nothing, or bounds no distances from a route.
+        """
+        about, columns = self.about, self._off_route()
+        if about.predicted_from or not self.claims:
+            claim = "one around a prediction from the wind" if about.predicted_from else "no claim"
+            raise InputError(f"the band must claim one corridor for all flights, got {claim}.")
+        if where and where != self.flights.route.where:  # a path is planned once
+            raise InputError("the band must be of this route and start, got one of another.")
+        edges = self.flights.edges
+        bounds, windows = self.bounds(edges[:-1]), np.column_stack([edges[:-1], edges[1:]])
+        low, high = bounds.low[:, columns], bounds.high[:, columns]
+        return Corridor(windows, low, high, printable(self.sentence))
+
+    def inside(self, tables: dict[str, Any], file: Path = KEPT) -> FenceCount:
+        """Count the flights that are not certainly inside a fence, GeoJSON in `tables`.
+
+        Its `file` is named where the fence is refused.
+        """
+        about, central = self.about, self.flights.central
+        columns, (path, origin, _) = self._off_route(), self.flights.route.where
+        fence = read_fence(file, origin, tables)
+        away, completed = DISTANCE_SIGNS * self.extremes[:, :, columns], np.isfinite(self.scores)
+        reaches = {"completed flights": away[completed].max(axis=0)} if completed.any() else {}
+        if self.claims and not about.predicted_from:
+            corridor = self.corridor()
+            reaches["band"] = DISTANCE_SIGNS * np.stack([corridor.low, corridor.high], axis=-1)
+        widest = max([0.0, *(float(reach[:, 0].max()) for reach in reaches.values())])
+        overlap = OVERLAP_SAMPLES * central.flight.V_a_mps / central.controller.rate_hz
+        room = room_along(fence, path, self.flights.edges, widest=widest, overlap=overlap)
+        # The limits to the sides are finite: flights that were not completed are outside.
+        outside = int(np.sum(~(away <= room.limits).all(axis=(1, 2, 3))))
+        epsilon, flights = supported_epsilon(outside, len(away), about.confidence), len(away)
+        return FenceCount(
+            fence.heights,
+            outside,
+            epsilon,
+            epsilon <= about.epsilon,
+            [{"what": what, **room.nearest(reach)} for what, reach in reaches.items()],
+            f"of {flights} fresh flights {flights - outside} are certainly inside the fence: a "
+            f"new flight leaves it with probability at most {number(epsilon)}, confidence "
+            f"{self.confidence:.10g}{self.shared}",
+        )
+
+    def _off_route(self) -> list[int]:
+        """Where the distances from a route are among the signals."""
+        check_off_route(self.about.signals, self.flights.over)
+        return [list(self.about.signals).index(name) for name in OFF_ROUTE]
+
     def why_not(self, run: Run) -> str:
         """Why the band says nothing of a run; empty if its flights could have been this one.
 
@@ -345,7 +415,11 @@ class Band(Answering):
         return digest.hexdigest()
 
     def answer(self, file: str | Path = "FILE") -> Answer:
-        """The half-widths of the band in a file and its claim; a failure if nothing is claimed."""
+        """The half-widths of the band in a file and its claim; a failure if nothing is claimed.
+
+        Along a route it has the length and the time too. The claim about its last fence, if any, is
+        the verdict then, and a failure if the count does not support it.
+        """
         about, edges = self.about, self.flights.edges
         records = []
         for (name, unit), widths in zip(about.signals.items(), self.half_widths.T, strict=True):
@@ -369,7 +443,7 @@ class Band(Answering):
                 f"Of the flights inside, draw {self.nearest} (seed {seed}) is nearest to leaving: "
                 f"flighttune refly {file} --run {self.nearest}"
             )
-        return Answer(
+        answer = Answer(
             values={
                 "status": "claimed" if self.claims else "nothing_claimed",
                 **pick(about, "of epsilon predicted_from learned"),
@@ -386,6 +460,46 @@ class Band(Answering):
             verdict=self.sentence if self.claims else "",
             failure="" if self.claims else self.sentence,
         )
+        try:
+            return self._along_route(answer) if self.flights.over == "along" else answer
+        except InputError as error:
+            return replace(answer, verdict="", failure=str(error))
+
+    def _along_route(self, answer: Answer) -> Answer:
+        """The answer with the route, and with the count of flights inside its last fence."""
+        planned = self.flights.route
+        plan, notes, values = planned.answer(), [*answer.notes], dict(answer.values)
+        values["route"] = {**pick(planned, "conditions time"), "length_m": planned.length}
+        flyable = [f"Flyable: {plan.verdict}; {planned.conditions}.", *plan.notes]
+        answer = replace(answer, values=values, notes=[*flyable, *notes])
+        if not self.about.fences:
+            return answer
+        count = self.inside(self.about.fences[-1])
+        values["fence"] = count._asdict()
+        notes = [*answer.notes, answer.verdict or answer.failure]
+        for nearest in count.nearest:
+            if nearest["what"] == "band":
+                within = "inside" if nearest["margin_m"] >= 0.0 else "not inside"
+                notes.append(f"The band itself is {within} the fence.")
+        notes.append(f"The fence has {count.heights}.")
+        if self.not_completed:
+            notes.append(f"Of the flights {self.lost}: they count as outside.")
+        asked = f"{count.sentence}; {self.about.epsilon:g} was asked for"
+        return replace(
+            answer,
+            tables=[*answer.tables, Table(NEAREST_COLUMNS, count.nearest, "fence")],
+            notes=notes,
+            verdict=count.sentence if count.supported else "",
+            failure="" if count.supported else asked,
+        )
+
+
+def other_files(aircraft: Iterable[str]) -> InputError:
+    """The error about aircraft whose files have changed since the flights of a band."""
+    return InputError(
+        f"`{listed(list(aircraft))}` must have the files that the band was flown with, got changed "
+        "ones."
+    )
 
 
 def _stated(scenario: Scenario, plant: str) -> dict[str, Any]:

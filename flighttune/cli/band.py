@@ -1,23 +1,15 @@
 """The command that counts bands of campaigns, and answers about them."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from typer import Argument, Option
 
 from flighttune.cli import options
-from flighttune.cli.show import campaign_display, campaign_pool, pick
-from flighttune.errors import InputError
+from flighttune.cli.show import campaign_display
 from flighttune.files.shipped import aircraft_names, campaign_files, scenario_files
 from flighttune.present.answer import Answer
-
-if TYPE_CHECKING:
-    from flighttune.claims.band import Band
-
-# Options that `planned` takes.
-PLANNED = ("gains", "plant", "start_deg", "changes", "aircraft", "like", "skip")
 
 
 def band(
@@ -136,88 +128,44 @@ def band(
     options.check_ending(out, ".npz")
     options.check_ending(page, ".html", option="--page")
     from flighttune.campaign.band import band as count_band
-    from flighttune.campaign.band import count_more, load_band, plan_of
-    from flighttune.campaign.claims import is_claim_file
-    from flighttune.campaign.claims import save_claim as save
-    from flighttune.campaign.fence import count_inside, fence_answer, fence_of, mission_answer
-    from flighttune.campaign.stated_set import planned
-    from flighttune.flight.route import is_mission
-
-    areas, fences = _areas(source, fence or ())
-    claim = _stated(epsilon=epsilon, confidence=confidence)
-    of_source = _stated(
-        of=of,
-        signals=signal,
-        learn=learn,
-        predicted_from=predicted_from,
-        gains=gains,
-        plant=plant,
-        air=air,
-        start_deg=start_deg or None,
-        seed=seed,
-        changes=options.changes(settings) or None,
-        aircraft=aircraft,
-        like=like,
-        skip=skip or None,
-    )
-    if not is_claim_file(source):
-        if areas:  # refuse it before a flight
-            own = {key: of_source[key] for key in of_source if key in PLANNED}
-            fence_of(planned(source, **own), areas, fences, *signal or ())
-        with campaign_display() as observer:
-            by = {"workers": workers, "scheduler": scheduler, "observer": observer}
-            kept = count_band(source, flights=flights, **claim, **of_source, **by)
-        file = out = out or Path("runs") / f"{Path(source).stem}-band.npz"
-        save(kept, file)
-    else:
-        for name in of_source:
-            raise InputError(f"`{name}` must be absent for a band file, which has its own.")
-        kept, file = load_band(source), Path(source)
-        if areas and flights is not None:  # refuse it before a flight
-            fence_of(plan_of(kept), areas, fences, *kept.about.signals)
-        with campaign_pool(workers, scheduler) as pool:
-            if flights is not None:
-                kept, out = count_more(kept, flights, pool), out or file
-                save(kept, file)  # whatever else is written: its readings are those of FILE
-    if areas:
-        kept = kept.with_fence(areas)
-        count_inside(kept, kept.about.fences[-1], fences)  # refuses it before it is kept
-        save(kept, file)
-    counted = kept.claiming(**{**pick(kept.about, "epsilon confidence"), **claim})
-    if out is not None:
-        save(counted, out)
-    file = out or file
-    answer = counted.answer(file)
-    if areas:
-        answer = fence_answer(counted, answer)
-    if is_mission(source):
-        answer = mission_answer(counted, answer)
-    return _paged(counted, answer, file, {"band": out, "page": page})
-
-
-def _areas(source: str, stated: Sequence[Path]) -> tuple[dict[str, Any], Path]:
-    """The areas of the fences that are stated, by default of a plan itself, and their files."""
-    from flighttune.references.fence import fence_tables
-
-    files = stated or [Path(source)] * source.lower().endswith(".plan")
-    areas = fence_tables(files) if files else {}
-    if stated and not areas:
-        raise InputError(f"{stated[0]}: must have a Polygon or circle for a fence, got none.")
-    return areas, Path(", ".join(map(str, files)))
-
-
-def _paged(counted: "Band", answer: Answer, file: Path, files: Mapping[str, Path | None]) -> Answer:
-    """The answer with its files; writes its page, or says how."""
+    from flighttune.files.seal import is_claim_file
     from flighttune.reports.claim import write_claim_page
 
+    kept = is_claim_file(source)
+    if not kept:
+        out = out or Path("runs") / f"{Path(source).stem}-band.npz"
+    with campaign_display() as observer:
+        counted = count_band(
+            source,
+            of=of,
+            signals=signal,
+            epsilon=epsilon,
+            confidence=confidence,
+            flights=flights,
+            learn=learn,
+            predicted_from=predicted_from,
+            gains=gains,
+            plant=plant,
+            air=air,
+            seed=seed,
+            start_deg=start_deg,
+            changes=options.changes(settings),
+            aircraft=aircraft,
+            like=like,
+            skip=skip,
+            fences=fence or (),
+            out=out,
+            workers=workers,
+            scheduler=scheduler,
+            observer=observer,
+        )
+    if kept and flights is not None:
+        out = out or Path(source)
+    file = out or Path(source)
+    answer = counted.answer(file)
     notes = answer.notes
-    if (page := files["page"]) is not None:
+    if page is not None:
         write_claim_page(counted, str(file), page)
     else:
         notes = [*notes, f"A page with its flights: flighttune report {file}"]
-    return replace(answer, notes=notes, files=files)
-
-
-def _stated(**given: Any) -> dict[str, Any]:
-    """The options that were stated."""
-    return {name: value for name, value in given.items() if value is not None}
+    return replace(answer, notes=notes, files={"band": out, "page": page})

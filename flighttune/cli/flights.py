@@ -96,8 +96,8 @@ def refly(
     All runs of a recording are flown, from the scenario and seed in it. Exit status 1 if a bit
     differs; the first difference is shown.
     """
-    from flighttune.campaign.claims import is_claim_file
     from flighttune.campaign.refly import refly as fly_again
+    from flighttune.files.seal import is_claim_file
     from flighttune.recording.record import record
 
     if out is not None and run is None:

@@ -50,7 +50,6 @@ def route(
 ) -> Answer:
     """Plan the route of SCENARIO or FILE: its legs, turns and times, or what cannot be flown."""
     from flighttune.campaign.band import load_band
-    from flighttune.campaign.fence import corridor_of
     from flighttune.flight.route import route as plan_route
     from flighttune.references.fence import fence_tables
 
@@ -63,7 +62,7 @@ def route(
     planned = plan_route(source, aircraft=aircraft, skip=skip, changes=changed)
     if out is not None:
         counted = None if band is None else load_band(band)
-        corridor = None if counted is None else corridor_of(counted, planned.where)
+        corridor = None if counted is None else counted.corridor(planned.where)
         own = fence_tables([Path(source)]) if source.lower().endswith(".plan") else {}
         fences = counted.about.fences if counted and counted.about.fences else [own] * bool(own)
         planned.save(out, corridor, fences)

@@ -41,6 +41,10 @@ BEGINNINGS = {
 HEAD = 4096
 
 
+# What the files of tubes and bands begin with, whatever follows it
+ARCHIVE = b"PK"
+
+
 def seal(data: bytes) -> bytes:
     """Put the SHA-256 of all other bytes of a file in the place of `BLANK`."""
     before, _, after = data.rpartition(BLANK.encode())
@@ -106,3 +110,13 @@ def _format_in(data: bytes) -> str:
 
 def _sha256(before: bytes, after: bytes) -> bytes:
     return hashlib.sha256(before + after).hexdigest().encode()
+
+
+def is_claim_file(path: str | Path) -> bool:
+    """Whether a file is that of a claim, by its content, or a damaged one of a tube or band."""
+    with suppress(OSError), Path(path).open("rb") as file:
+        if file.read(len(ARCHIVE)) == ARCHIVE:
+            return True
+    with suppress(RecordingError):
+        return bool(format_of(Path(path), FILES, "claim"))
+    return False

@@ -3,13 +3,13 @@
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.band import plan_of
-from flighttune.campaign.fence import fence_of, where_of
 from flighttune.claims.band import Band
+from flighttune.claims.fence import KEPT
 from flighttune.claims.shape import predicted
 from flighttune.present.chart import DOTTED, Chart
 from flighttune.present.names import shown_unit
 from flighttune.present.palette import HUES, LIMIT, NEUTRAL
+from flighttune.references.fence import read_fence
 from flighttune.reports.panels import ERRORS
 from flighttune.reports.route_charts import APART, DISTANCE_AXIS, KM, ROUTE_ERRORS, route_map
 
@@ -64,15 +64,14 @@ def _chart(band: Band, i: int) -> Chart:
 
 def _map(band: Band) -> Chart:
     """The route from above with the corridor that the band claims, if it does, and its fences."""
-    plan, about = plan_of(band), band.about
-    path, *_ = where_of(plan.campaign.central)
+    about, (path, origin, _) = band.about, band.flights.route.where
     s, sides = path.points(APART), None
     if "cross_track" in about.signals and band.claims and not about.predicted_from:
         bounds, i = band.bounds(s), list(about.signals).index("cross_track")
         sides = np.stack([bounds.low[:, i], bounds.high[:, i]])
-    chart = route_map(plan.campaign.central, path, s, sides)
+    chart = route_map(band.flights.central, path, s, sides)
     for tables in about.fences:
-        fence = fence_of(plan, tables)
+        fence = read_fence(KEPT, origin, tables)
         ends = np.stack([fence.start, fence.end, np.full_like(fence.end, np.nan)], axis=1)
         north, east = ends.reshape(-1, 2).T
         chart.line(east, north, LIMIT, name="fence", most=len(north), hover=False)
@@ -81,8 +80,7 @@ def _map(band: Band) -> Chart:
 
 def _heights(band: Band) -> Chart:
     """Height over the start along the route, in the band, with floor and ceiling of its fences."""
-    plan, about = plan_of(band), band.about
-    path, *_ = where_of(plan.campaign.central)
+    about, (path, origin, _) = band.about, band.flights.route.where
     ends = 0.0, path.length / KM
     chart = Chart(title="Height over the start", x=DISTANCE_AXIS, y="h [m]", x_range=ends)
     s = path.points(APART)
@@ -92,7 +90,7 @@ def _heights(band: Band) -> Chart:
         chart.band(s / KM, low, high, NEUTRAL, name="corridor")
     chart.line(s / KM, np.interp(s, path.s, path.up), STRONG, name="planned")
     for tables in about.fences:
-        fence = fence_of(plan, tables)
+        fence = read_fence(KEPT, origin, tables)
         for height, name in ((fence.high, "ceiling"), (fence.low, "floor")):
             if np.isfinite(height):
                 chart.line(np.array(ends), np.full(2, height), LIMIT, name=name)

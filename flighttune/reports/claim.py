@@ -4,7 +4,6 @@ import hashlib
 from pathlib import Path
 
 from flighttune.campaign.claims import AnyClaim
-from flighttune.campaign.fence import count_inside, inside_sentence, route_of
 from flighttune.certificates.certificate import Certificate
 from flighttune.claims.band import Band
 from flighttune.files.table import toml_text
@@ -44,10 +43,9 @@ def write_claim_page(claim: AnyClaim, source: str, path: str | Path) -> Report:
         facts["flights lost"] = claim.lost
         facts["seed"] = f"{about.plan['campaign']['seed']}"
         if claim.flights.over == "along":
-            planned = route_of(claim).answer()
-            notes += [*planned.notes, f"{planned.verdict}."]
-            tables += planned.tables
-        sentences += [inside_sentence(claim, count_inside(claim, x)) for x in about.fences]
+            tables += claim.flights.route.answer().tables
+        sentences += [claim.inside(x).sentence for x in about.fences]
+        notes = [note for note in notes if note != claim.sentence]
         notes = [*notes, BAND_NOTE, *([GIVEN] if about.predicted_from else [])]
         commands += f"\nflighttune refly {source} --count 20"
     return write_page(

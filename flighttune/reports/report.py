@@ -5,12 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flighttune.campaign.claims import is_claim_file, load_claim, within
+from flighttune.campaign.claims import load_claim, within
 from flighttune.campaign.dataset import CAMPAIGN, dataset_hash
 from flighttune.campaign.statistics.findings import findings
 from flighttune.campaign.statistics.flights import load_flights
 from flighttune.campaign.statistics.intervals import CONFIDENCE, Method
 from flighttune.errors import InputError
+from flighttune.files.seal import is_claim_file
 from flighttune.logs.columns import Columns
 from flighttune.present.answer import Answer, pick
 from flighttune.present.frame import Report

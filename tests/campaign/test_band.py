@@ -12,7 +12,7 @@ from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_
 import flighttune as ft
 from flighttune.campaign import band as band_module
 from flighttune.campaign.band import count_more, flights_of, load_band, recount
-from flighttune.campaign.band import plan_of as plan_of_band
+from flighttune.campaign.counted_flights import plan_of as plan_of_band
 from flighttune.campaign.flying.alone import fly_group, scenario_of_run
 from flighttune.campaign.flying.rows import rows_flown
 from flighttune.campaign.stated_set import planned

@@ -37,7 +37,7 @@ def test_one_command_says_whether_a_mission_stays_inside_its_own_fence(tmp_path)
     assert said["fence"]["epsilon"] == pytest.approx(bound, rel=1e-6)
     assert said["confidence"] == pytest.approx(0.8)
     assert "wind 0 to 8 m/s from anywhere, light turbulence" in said["distribution"]
-    assert 60.0 < said["mission"]["time"] < 62.0  # 1.57 km at 26 m/s
+    assert 60.0 < said["route"]["time"] < 62.0  # 1.57 km at 26 m/s
     assert any("item 2 (DO_CHANGE_SPEED 178)" in note for note in said["notes"])
     nearest = {row["what"]: row for row in said["fence"]["nearest"]}
     assert nearest["band"]["margin_m"] <= nearest["completed flights"]["margin_m"]

@@ -11,8 +11,8 @@ from commands import answer, flighttune
 from scipy.stats import binomtest
 
 import flighttune as ft
-from flighttune.campaign.band import load_band, plan_of
-from flighttune.campaign.fence import corridor_of, count_inside, where_of
+from flighttune.campaign.band import load_band
+from flighttune.campaign.counted_flights import check_one_path, plan_of
 from flighttune.campaign.stated_set import planned
 from flighttune.claims.band import About
 from flighttune.references.earth import north_east, on_earth
@@ -76,7 +76,9 @@ def band():
         epsilon=0.25,
         confidence=0.9,
     )
-    along = band_flights(np.linspace(0.0, 800.0, 201), over="along")
+    along = band_flights(
+        np.linspace(0.0, 800.0, 201), over="along", central=flights.campaign.central
+    )
     return ft.Band(about=about, flights=along, extremes=extremes, wind=np.zeros((40, 0)))
 
 
@@ -254,7 +256,7 @@ def test_every_place_within_the_limits_is_inside(tmp_path):
 
 
 def test_flights_are_counted_of_which_it_is_certain(band, box):
-    counted = count_inside(band, json.loads(box.read_text()))
+    counted = band.inside(json.loads(box.read_text()))
 
     # Three are outside to the right; one did not arrive.
     assert counted.outside == 4
@@ -277,7 +279,7 @@ def test_a_fence_needs_one_start_for_all_flights(band, box):
     moved = replace(band, about=replace(band.about, plan=plan))
 
     with pytest.raises(ft.InputError, match=r"one path and start .*draw 10"):
-        count_inside(moved, json.loads(box.read_text()))
+        check_one_path(plan_of(moved), moved.draws.tolist())
 
 
 def test_the_answer_is_no_where_the_count_does_not_support_it(band, box, tmp_path):
@@ -362,8 +364,8 @@ def test_a_fence_is_for_polygons_and_for_bands_on_a_route(band, box, tmp_path):
 
 
 def test_maps_show_the_corridor_as_wide_and_high_as_the_band(band, tmp_path):
-    where = where_of(plan_of(band).campaign.central)
-    corridor = corridor_of(band, where)._replace(high=np.tile([7.0, 3.0], (200, 1)))
+    where = band.flights.route.where
+    corridor = band.corridor(where)._replace(high=np.tile([7.0, 3.0], (200, 1)))
     line, *pieces = json.loads(route_geojson(where, "a leg", corridor))["features"]
 
     alone = json.loads(route_geojson(where, "a leg"))["features"][0]

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import strategies as st
 
 import flighttune as ft
-from flighttune.campaign.band import plan_of
+from flighttune.campaign.counted_flights import plan_of
 from flighttune.claims.shape import LEAST
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.gaps.residual import residual_rates
