@@ -15,7 +15,12 @@ import numpy as np
 import tomlkit
 
 from flighttune.adoption.survey import SOURCE, Refusal, Survey, survey, wide_tables
-from flighttune.aircraft.aircraft import GAINS_FILE, aircraft_from, load_aircraft, save_gains
+from flighttune.aircraft.aircraft import (
+    GAINS_FILE,
+    aircraft_from,
+    load_aircraft,
+    save_gains,
+)
 from flighttune.aircraft.model_xml import read_xml
 from flighttune.control.gains import PAPER_GAINS, PAPER_SPEED
 from flighttune.errors import InputError, PlantError, TrimError

@@ -13,7 +13,7 @@ from xml.etree.ElementTree import Element
 
 import numpy as np
 
-from flighttune.aircraft.aircraft import SURFACES, AircraftConfig, aircraft_from
+from flighttune.aircraft.aircraft import PROPERTY_NAME, SURFACES, AircraftConfig, aircraft_from
 from flighttune.aircraft.model_xml import found_file, read_xml
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, PlantError
@@ -184,7 +184,7 @@ def survey(
 
     say("step 1 of 9: reading the model")
     tables["engines"]["count"] = 0 if glide else _check_parts(aircraft_from(tables, folder))
-    tables["declared"] |= {name: value for name, value in values.items() if name[0] == "/"}
+    tables["declared"] |= _check_values(values)
     _declare(tables, load)
     fdm = load(tables).fdm
     tables["settings"] |= _levers(tables, fdm)
@@ -310,6 +310,14 @@ def _declare(tables: dict[str, Any], load: Callable[[dict[str, Any]], Bench]) ->
         f"it refers to more than {MAX_DECLARED} properties that nothing defines, such as "
         f"{', '.join([*declared][:MAX_NAMED])}"
     )
+
+
+def _check_values(values: Mapping[str, float]) -> dict[str, float]:
+    """The values to declare; refuse what is no number of a property."""
+    for name, value in values.items():
+        if not (re.fullmatch(PROPERTY_NAME, name.removeprefix("/")) and math.isfinite(value)):
+            raise InputError(f"--set must be NAME=VALUE of a property, got {name[:80]}={value}.")
+    return {name: value for name, value in values.items() if name.startswith("/")}
 
 
 def _levers(tables: dict[str, Any], fdm: Fdm) -> dict[str, float]:

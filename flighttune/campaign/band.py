@@ -197,8 +197,8 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     of_source |= {"start_deg": start_deg, "changes": changes, "skip": skip}
     if is_claim_file(source):
         counting = {"of": of, "signals": signals, "predicted_from": predicted_from, "air": air}
-        given = {**of_source, **counting, "learn": learn, "seed": seed is not None}
-        for name in (name for name, value in given.items() if value):
+        options = {**of_source, **counting, "learn": learn, "seed": seed is not None}
+        for name in (name for name, value in options.items() if value):
             raise InputError(f"`{name}` must be absent for a band file, which has its own.")
         kept, file = load_band(source), Path(source)
         if areas:  # refuse it before a flight

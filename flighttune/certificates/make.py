@@ -176,7 +176,7 @@ class Certification(Answering):
             verdict=f"proven: {self.certificate.sentence}"
             if self.certificate
             else f"no certificate: {why}",
-            failure="" if self.certificate else why,
+            failure="" if self.certificate else f"gains {self.name}: {why}",
         )
 
 

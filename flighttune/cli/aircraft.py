@@ -1,14 +1,13 @@
 """Commands about an aircraft: adopt one, trim it, design and identify its inner loop."""
 
-import math
 import os
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 from typer import Argument, Option
 
+from flighttune.cli import options
 from flighttune.cli.options import ColumnOption, check_ending, out_folder
 from flighttune.cli.show import INTERRUPTED, fail, on_interrupt, quiet, tell
 from flighttune.errors import InputError
@@ -122,7 +121,8 @@ def identify(
 
     check_ending(out, ".json")
     if logs or is_log(aircraft):
-        found = identify_log(aircraft, *(logs or ()), columns=column or (), assume=_assumed(assume))
+        assumed = options.numbers(assume, "--assume", "CHANNEL=RAD_S")
+        found = identify_log(aircraft, *(logs or ()), columns=column or (), assume=assumed)
         files: dict[str, Path | None] = {"model": None, "figure": None}
         if found.identified is not None:
             name = Path(aircraft.partition("@")[0]).stem
@@ -142,18 +142,6 @@ def identify(
     save_identified(identified.identified, model)
     identification_figure(identified.conditions[0], identified.place).save(figure)
     return replace(identified.answer(), files={"model": model, "figure": figure})
-
-
-def _assumed(settings: list[str] | None) -> dict[str, float]:
-    """The values of ``--assume`` by channel."""
-    assumed = {}
-    for setting in settings or ():
-        channel, _, text = setting.partition("=")
-        try:
-            assumed[channel] = float(text)
-        except ValueError:
-            raise InputError(f"--assume: must be CHANNEL=RAD_S, got {setting!r}.") from None
-    return assumed
 
 
 def adopt(
@@ -192,37 +180,17 @@ def adopt(
     from flighttune.adoption.page import write_adoption
 
     name = Path(os.path.abspath(model)).stem.removesuffix("-set")
+    told = {"throttle": throttle, "glide": glide, "rudder": not no_rudder}
+    told["values"] = options.numbers(values, "--set", "NAME=VALUE of a property")
     try:
         with on_interrupt():
-            adoption = adopt_model(
-                model, out or Path("aircraft") / name, V_a=V_a, h=h, say=_progress,
-                values=_property_values(values or []), throttle=throttle, glide=glide,
-                rudder=not no_rudder,
-            )  # fmt: skip
+            folder = out or Path("aircraft") / name
+            adoption = adopt_model(model, folder, V_a=V_a, h=h, say=_progress, **told)
             page = write_adoption(adoption) if adoption.folder else None
     except KeyboardInterrupt:
         fail("interrupted; what is written is whole", INTERRUPTED)
     answer = adoption.answer()
-    failure = f"{model}: {answer.failure}" if answer.failure else ""
-    return replace(answer, files={**answer.files, "page": page}, failure=failure)
-
-
-def _property_values(pairs: list[str]) -> dict[str, float]:
-    """Values of properties by name, from NAME=VALUE."""
-    from flighttune.aircraft.aircraft import PROPERTY_NAME
-
-    values = {}
-    for pair in pairs:
-        name, _, text = pair.partition("=")
-        try:
-            values[name] = float(text)
-        except ValueError:
-            values[name] = math.nan
-        if not (
-            re.fullmatch(PROPERTY_NAME, name.removeprefix("/")) and math.isfinite(values[name])
-        ):
-            raise InputError(f"--set must be NAME=VALUE of a property, got {pair[:80]!r}.")
-    return values
+    return replace(answer, files={**answer.files, "page": page})
 
 
 def _progress(line: str) -> None:

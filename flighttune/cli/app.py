@@ -130,7 +130,7 @@ def _add_command(
         with working(doing, quiet=quiet, as_json=as_json):
             answer = function(*args, **kwargs)
             if answer is not None:
-                emit(answer)
+                emit(answer, kwargs.get(next(iter(signature.parameters), "")))
 
     signature = inspect.signature(function)
     added = [

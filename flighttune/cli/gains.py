@@ -35,8 +35,7 @@ def tune(
         changes=options.changes(settings),
     )
     answer = result.answer()
-    failure = f"{scenario}: {answer.failure}" if answer.failure else ""
-    answer = replace(answer, files={"out": out, "proof": prove}, failure=failure)
+    answer = replace(answer, files={"out": out, "proof": prove})
     if prove is not None and result.bound is not None:
         write(result.bound, prove)
     if out is not None:

@@ -76,12 +76,7 @@ def meet(
             scheduler=scheduler,
             observer=observer,
         )
-    answer = meeting.answer()
-    answer = replace(
-        answer,
-        files={"out": out, "page": page},
-        failure=f"{scenario}: {answer.failure}" if answer.failure else "",
-    )
+    answer = replace(meeting.answer(), files={"out": out, "page": page})
     if out is not None:  # before the page: a fault in it must not lose the search
         save_answer(out, answer)
     if page is not None:

@@ -78,6 +78,18 @@ def changes(settings: list[str] | None) -> dict[str, Any]:
     return values
 
 
+def numbers(pairs: list[str] | None, option: str, form: str) -> dict[str, float]:
+    """The numbers by name of an option of this form, such as NAME=VALUE."""
+    values = {}
+    for pair in pairs or ():
+        name, _, text = pair.partition("=")
+        try:
+            values[name] = float(text)
+        except ValueError:
+            raise InputError(f"{option} must be {form}, got {pair[:80]!r}.") from None
+    return values
+
+
 def number(text: str | None, option: str) -> float | None:
     """The number that an option has beside words."""
     try:

@@ -52,29 +52,22 @@ def gap(
     """
     from flighttune.campaign.claims import within
     from flighttune.gaps.ladder import gap as explain_gap
-    from flighttune.gaps.of_log import log_gap
+    from flighttune.gaps.of_log import LogGap
     from flighttune.recording.record import record
     from flighttune.reports.gap import write_gap_page
     from flighttune.reports.gap_charts import gap_sheet
 
     stem = f"{Path(scenario.partition('@')[0]).stem}-gap"
     folder = out or Path("runs") / stem
-    if aircraft is not None:
-        if gains or plant or lag or claim or settings:
-            raise InputError("--aircraft must be given with a log and --column alone.")
-        with progress_bar() as progress:
-            parted = log_gap(scenario, aircraft, columns=column or (), progress=progress)
-        parted.sheet().save(folder / "gap.svg")
-        return replace(parted.answer(), files={"figure": folder / "gap.svg"})
+    if aircraft is not None and claim:
+        raise InputError("--claim must be absent for a log.")
+    flown = {"lag": lag, "aircraft": aircraft, "columns": column or ()}
+    flown |= {"plant": plant, "changes": options.changes(settings)}
     with progress_bar() as progress:
-        explained = explain_gap(
-            scenario,
-            gains,
-            plant=plant,
-            lag=lag,
-            changes=options.changes(settings),
-            progress=progress,
-        )
+        explained = explain_gap(scenario, gains, **flown, progress=progress)
+    if isinstance(explained, LogGap):
+        explained.sheet().save(folder / "gap.svg")
+        return replace(explained.answer(), files={"figure": folder / "gap.svg"})
     explained = within(explained, claim or ())
     files = record(explained.flown(), folder, name=stem)
     answer = explained.answer(files.signals)

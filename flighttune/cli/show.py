@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar
 from functools import cache
+from pathlib import Path
 from shutil import get_terminal_size
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -82,11 +83,12 @@ def clear() -> None:
         _DOING.set("")
 
 
-def emit(answer: Answer) -> None:
-    """Print an answer, and exit if it has a failure."""
+def emit(answer: Answer, source: object = "") -> None:
+    """Print an answer, and exit if it has a failure, which names the source of the command."""
     show(answer)
     if answer.failure:
-        fail(answer.failure, answer.status)
+        place = f"{source}: " if isinstance(source, str | Path) and source else ""
+        fail(f"{place}{answer.failure.removeprefix(place)}", answer.status)
 
 
 def show(answer: Answer) -> None:

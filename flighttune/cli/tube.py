@@ -73,5 +73,4 @@ def tube(
                 proof = out or Path("runs") / f"{Path(scenario).stem}-tube.npz"
                 save_claim(enclosure, proof)
             answer = replace(enclosure.answer(gains or ""), files={"proof": proof})
-    failure = f"{scenario}: {answer.failure}" if answer.failure else ""
-    return replace(answer, failure=failure)
+    return answer

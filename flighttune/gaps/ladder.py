@@ -139,8 +139,8 @@ def gap(
     ['turning with actual lift', 'lag of the inner loop', 'six degrees of freedom']
     """
     if aircraft is not None:
-        if isinstance(scenario, Scenario) or gains is not None or changes:
-            raise InputError("`aircraft` must be given with a log alone, got a scenario or gains.")
+        if isinstance(scenario, Scenario) or gains or plant or lag or changes:
+            raise InputError("`aircraft` must be given with a log and its columns alone.")
         return log_gap(scenario, aircraft, columns=columns, progress=progress)
     if isinstance(scenario, Run) or (isinstance(scenario, str | Path) and is_log(scenario)):
         raise InputError("`aircraft` must be given with a log: what its commands are flown on.")

@@ -41,7 +41,7 @@ def test_design_writes_nothing_where_asked_or_where_a_step_misses(jet):
     _, err = flighttune("design", jet, status=1)
 
     assert "nothing is written" in err
-    assert err.startswith("flighttune: phi +30 deg at 150 m/s: t90 must be at most 0.5 s")
+    assert f"flighttune: {jet}: phi +30 deg at 150 m/s: t90 must be at most 0.5 s" in err
     assert err.count("\n") == 1
     assert gains.read_text() == before
     assert not (jet / "step_responses.svg").exists()

@@ -78,7 +78,7 @@ def test_a_log_that_an_aircraft_cannot_fly_is_one_line(log):
     ("arguments", "says"),
     [
         ((), "`aircraft` must be given with a log"),
-        (("--aircraft", "c172p", "--gains", "paper"), "--aircraft must be given with a log"),
+        (("--aircraft", "c172p", "--gains", "paper"), "`aircraft` must be given with a log"),
         (("--aircraft", "nothing"), "`aircraft` must be one of"),
     ],
 )
