@@ -44,7 +44,7 @@ def identification_s() -> tuple[float, float]:
     began = time.perf_counter()
     found = identify_plant(partial(JSBSimPlant, "aerosonde"), condition, plant.limits)
     took = time.perf_counter() - began
-    flown = (len(found.check["flown"]) * DT + 40.0) * plant.config.inner_loop_rate
+    flown = (len(found.channels["phi"].flown) * DT + 40.0) * plant.config.inner_loop_rate
     fdm = Fdm(plant.config)
     trim(fdm, condition)
     began = time.perf_counter()

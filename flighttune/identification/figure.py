@@ -9,6 +9,7 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag
 from flighttune.identification.experiment import DT
+from flighttune.identification.file import Channel
 from flighttune.identification.identify import Identification
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.palette import HUES, NEUTRAL
@@ -16,6 +17,7 @@ from flighttune.units import DEG
 
 Response: TypeAlias = npt.NDArray[np.complex128]
 
+CHANNELS: tuple[Channel, Channel] = ("phi", "n_z")
 NAMES = "Roll", "Load factor"
 FLOWN, FIT, CROSS = HUES[0][0][0], HUES[1][0][0], HUES[3][0][0]
 LABELS = ("φ [deg]", "n_z [1]")
@@ -49,7 +51,8 @@ def _phase(identification: Identification, i: int) -> Chart:
 
 
 def _coupling(identification: Identification, i: int) -> Chart:
-    response = identification.frequency[i]
+    response = identification.channels[CHANNELS[i]].frequency
+    assert response.other is not None  # of two channels
     chart = _bode(CROSS_TITLES[i], ("magnitude [dB of 1/rad]", "magnitude [dB of rad]")[i])
     chart.points(response.omega, _decibel(response.other), CROSS, shape="cross", name="flown")
     return chart
@@ -57,12 +60,12 @@ def _coupling(identification: Identification, i: int) -> Chart:
 
 def held_out(identification: Identification, i: int) -> Chart:
     """The manoeuvre not used for the fit, of roll (0) or load factor (1)."""
-    channel = list(identification.condition.channels.values())[i]
-    title = f"Not used for the fit: {channel.fit_percent:.1f} % of the variance explained"
+    channel = identification.channels[CHANNELS[i]]
+    title = f"Not used for the fit: {channel.table.fit_percent:.1f} % of the variance explained"
     chart = Chart(title=title, y=LABELS[i])
     lines = ("commanded", NEUTRAL, DASHED, 1.0), ("flown", FLOWN, "", 2.4), ("fit", FIT, "", 1.3)
     for name, colour, dash, width in lines:
-        values = identification.check[name][:, i] / UNITS[i]
+        values = getattr(channel, name) / UNITS[i]
         t = DT * np.arange(len(values))
         chart.line(t, values, colour, dash=dash, width=width, name=name)
     return chart
@@ -71,8 +74,8 @@ def held_out(identification: Identification, i: int) -> Chart:
 def _fit(
     chart: Chart, identification: Identification, i: int, quantity: Callable[[Response], FloatArray]
 ) -> InnerLag:
-    response = identification.frequency[i]
-    lag = identification.candidates[i][0].lag
+    channel = identification.channels[CHANNELS[i]]
+    response, lag = channel.frequency, channel.candidates[0].lag
     omega = np.geomspace(response.omega[0], response.omega[-1], 300)
     chart.line(omega, quantity(lag.response(omega)), FIT, width=2.0, name=f"fit, order {lag.order}")
     chart.points(response.omega, quantity(response.own), FLOWN, name="flown")

@@ -66,7 +66,7 @@ class FrequencyResponse:
     own: npt.NDArray[np.complex128]  # (lines,), 1: from the command of the channel to its response
     # (lines,), unit of the other channel over that of this one: from the command of the channel to
     # the response of the other one, beyond the response of the other one to its own command
-    other: npt.NDArray[np.complex128]
+    other: npt.NDArray[np.complex128] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,8 +80,8 @@ class LagCandidate:
 
 def frequency_responses(
     experiment: tuple[FloatArray, FloatArray], lines: Lines
-) -> tuple[FrequencyResponse, FrequencyResponse]:
-    """Return the responses of roll and load factor from the last period of a multisine flight."""
+) -> tuple[FrequencyResponse, ...]:
+    """Return the response of each channel, of two at most, from the last period of a multisine."""
     if len(experiment[1]) < 2 * SAMPLES or not all(len(line) for line in lines):
         raise InputError(
             f"`experiment` must be two periods of {PERIOD:g} s of multisines, got "
@@ -89,16 +89,20 @@ def frequency_responses(
         )
     commanded, measured = (np.fft.rfft(signals[-SAMPLES:], axis=0) for signals in experiment)
     omegas = [line.astype(np.float64) * (2.0 * math.pi / PERIOD) for line in lines]
-    own = [measured[lines[i], i] / commanded[lines[i], i] for i in range(2)]
+    own = [measured[line, i] / commanded[line, i] for i, line in enumerate(lines)]
     responses = []
-    for i, j in ((0, 1), (1, 0)):
-        # The other channel is excited at the lines between these: its answer to its command is
-        # taken off, and what is left is coupling. A held command is a sinc, late by half a sample.
-        expected = _interpolated(omegas[i], omegas[j], own[j]) * commanded[lines[i], j]
-        other = (measured[lines[i], j] - expected) / commanded[lines[i], i]
-        hold = np.sinc(omegas[i] * DT / (2.0 * math.pi)) * np.exp(-0.5j * omegas[i] * DT)
-        responses.append(FrequencyResponse(omega=omegas[i], own=own[i] / hold, other=other / hold))
-    return responses[0], responses[1]
+    for i, omega in enumerate(omegas):
+        # A held command is a sinc, late by half a sample.
+        hold = np.sinc(omega * DT / (2.0 * math.pi)) * np.exp(-0.5j * omega * DT)
+        other = None
+        if len(lines) > 1:
+            # The other channel is excited at the lines between these: its answer to its command
+            # is taken off, and what is left is coupling.
+            j = 1 - i
+            expected = _interpolated(omega, omegas[j], own[j]) * commanded[lines[i], j]
+            other = (measured[lines[i], j] - expected) / commanded[lines[i], i] / hold
+        responses.append(FrequencyResponse(omega=omega, own=own[i] / hold, other=other))
+    return tuple(responses)
 
 
 def candidates(response: FrequencyResponse) -> tuple[LagCandidate, ...]:

@@ -14,8 +14,17 @@ from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import Order
 from flighttune.control.limits import Limits
 from flighttune.errors import TrimError
-from flighttune.identification.experiment import DT, check_manoeuvre, multisines, respond
+from flighttune.identification.experiment import (
+    DT,
+    Lines,
+    check_manoeuvre,
+    fly_thrust,
+    multisines,
+    respond,
+    thrust_changes,
+)
 from flighttune.identification.file import (
+    Channel,
     IdentifiedAircraft,
     IdentifiedChannel,
     IdentifiedCondition,
@@ -32,7 +41,6 @@ from flighttune.identification.fit import (
     frequency_responses,
     lag_response,
 )
-from flighttune.identification.thrust import ThrustIdentification, identify_thrust, of_one_order
 from flighttune.plants.base import FlightCondition, Plant
 from flighttune.plants.jsbsim.linearize import linearize, modes
 from flighttune.plants.jsbsim.plant import JSBSimPlant
@@ -64,43 +72,61 @@ PERIODS = 2
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class ChannelIdentification:
+    """The response of one channel as flown, and the lags fitted to it."""
+
+    frequency: FrequencyResponse
+    candidates: tuple[LagCandidate, ...]  # of every order, the chosen one first
+    # Of the manoeuvre for validation, (samples,)
+    commanded: FloatArray
+    flown: FloatArray
+
+    @cached_property
+    def fit(self) -> FloatArray:
+        """Response of the chosen lag in the manoeuvre, (samples,)."""
+        change = self.commanded - self.commanded[0]
+        return self.flown[0] + lag_response(self.candidates[0].lag, DT, change, 0.0)
+
+    @property
+    def table(self) -> IdentifiedChannel:
+        """The channel, as its file has it."""
+        best, other = self.candidates[0], self.frequency.other
+        simpler = next(fit.lag for fit in self.candidates if fit.lag.order < 3)
+        # Not checked: rounding may put a lag beyond the range that it was fitted in.
+        return IdentifiedChannel.model_construct(
+            **lag_table(best.lag),
+            fit_percent=fit_percent(self.flown, self.fit),
+            residual=best.residual,
+            cross=None if other is None else float(np.abs(other).max()),
+            simpler=LagTable.model_construct(**lag_table(simpler)),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class Identification:
     """Flights at one condition, and the lags identified from them."""
 
     trim: FlightCondition  # about which was flown
-    frequency: tuple[FrequencyResponse, FrequencyResponse]  # measured, of roll and load factor
-    # Fits of every order, of roll and load factor, the chosen one first
-    candidates: tuple[tuple[LagCandidate, ...], tuple[LagCandidate, ...]]
-    manoeuvre: tuple[FloatArray, FloatArray]  # for validation: commands and response
-    thrust: ThrustIdentification | None = None  # of an aircraft that takes n_x
-
-    @cached_property
-    def check(self) -> dict[str, FloatArray]:
-        """Commands, flight and fit of the validation manoeuvre, shape (samples, 2) each."""
-        commanded, measured = self.manoeuvre
-        change, fit = commanded - commanded[0], np.empty_like(measured)
-        for i, fits in enumerate(self.candidates):
-            fit[:, i] = measured[0, i] + lag_response(fits[0].lag, DT, change[:, i], 0.0)
-        return {"commanded": commanded, "flown": measured, "fit": fit}
+    channels: Mapping[Channel, ChannelIdentification]
 
     @cached_property
     def condition(self) -> IdentifiedCondition:
         """The inner loop at the trim, as its file has it."""
-        measured, fit, channels = self.check["flown"], self.check["fit"], {}
-        for i, (name, fits) in enumerate(zip(("phi", "n_z"), self.candidates, strict=True)):
-            best, simpler = fits[0], next(fit.lag for fit in fits if fit.lag.order < 3)
-            # Not checked: rounding may put a lag beyond the range that it was fitted in.
-            channels[name] = IdentifiedChannel.model_construct(
-                **lag_table(best.lag),
-                fit_percent=fit_percent(measured[:, i], fit[:, i]),
-                residual=best.residual,
-                cross=float(np.abs(self.frequency[i].other).max()),
-                simpler=LagTable.model_construct(**lag_table(simpler)),
-            )
-        if self.thrust is not None:
-            channels["n_x"] = self.thrust.channel
+        channels = {name: channel.table for name, channel in self.channels.items()}
         V_a, gamma, h = self.trim.V_a, self.trim.gamma, self.trim.h
         return IdentifiedCondition.model_construct(V_a=V_a, gamma=gamma, h=h, channels=channels)
+
+
+def _channels(
+    experiment: tuple[FloatArray, FloatArray], lines: Lines, check: tuple[FloatArray, FloatArray]
+) -> list[ChannelIdentification]:
+    """The channels of an experiment, checked in a manoeuvre."""
+    return [
+        ChannelIdentification(frequency=f, candidates=candidates(f), commanded=command, flown=flown)
+        for f, command, flown in zip(
+            frequency_responses(experiment, lines), check[0].T, check[1].T, strict=True
+        )
+    ]
 
 
 def identify_plant(
@@ -112,40 +138,41 @@ def identify_plant(
 ) -> Identification:
     """Identify the inner loop of a plant about a wings-level trim, inside the limits."""
     changes, lines = multisines(limits, seed=seed)
-    response = respond(plant_factory, condition, np.tile(changes, (PERIODS, 1)))
-    frequency = frequency_responses(response, lines)
-    return Identification(
-        trim=condition,
-        frequency=frequency,
-        candidates=(candidates(frequency[0]), candidates(frequency[1])),
-        manoeuvre=respond(plant_factory, condition, check_manoeuvre(limits)),
-    )
+    experiment = respond(plant_factory, condition, np.tile(changes, (PERIODS, 1)))
+    check = respond(plant_factory, condition, check_manoeuvre(limits))
+    phi, n_z = _channels(experiment, lines, check)
+    return Identification(trim=condition, channels={"phi": phi, "n_z": n_z})
+
+
+def identify_thrust(
+    plant_factory: Callable[..., JSBSimPlant], condition: FlightCondition, *, seed: int = 0
+) -> ChannelIdentification:
+    """Identify the third channel, n_x, of an aircraft about a wings-level trim.
+
+    Raises PlantError if its changes cannot be flown, even at a fraction of their size.
+    """
+    fresh = partial(plant_factory, takes_n_x=True)
+    changes, lines, check = thrust_changes(fresh(), condition, seed)
+    experiment = respond(fresh, condition, np.tile(changes, (PERIODS, 1)), fly_thrust)
+    return _channels(experiment, lines, respond(fresh, condition, check, fly_thrust))[0]
 
 
 def _of_one_order(identifications: Sequence[Identification]) -> tuple[Identification, ...]:
     """The identifications with lags of one order a channel, the best over all of them."""
     # Models of one structure can be mixed, and one Lyapunov function can cover them all.
-    orders = []
-    for channel in range(2):
+    chosen: list[dict[Channel, ChannelIdentification]] = [{} for _ in identifications]
+    for name in identifications[0].channels:
         total: dict[Order, float] = {}
         for point in identifications:
-            for fit in point.candidates[channel]:
+            for fit in point.channels[name].candidates:
                 total[fit.lag.order] = total.get(fit.lag.order, 0.0) + fit.bic
-        orders.append(min(total, key=total.__getitem__))
-
-    def chosen_first(point: Identification) -> Identification:
-        phi, n_z = (
-            tuple(sorted(fits, key=lambda fit: fit.lag.order != order))
-            for fits, order in zip(point.candidates, orders, strict=True)
-        )
-        return replace(point, candidates=(phi, n_z))
-
-    chosen = tuple(map(chosen_first, identifications))
-    thrust = [point.thrust for point in chosen if point.thrust is not None]
-    if len(thrust) < len(chosen):
-        return chosen
-    pairs = zip(chosen, of_one_order(thrust), strict=True)
-    return tuple(replace(point, thrust=same) for point, same in pairs)
+        order = min(total, key=total.__getitem__)
+        for channels, point in zip(chosen, identifications, strict=True):
+            channel = point.channels[name]
+            fits = sorted(channel.candidates, key=lambda fit: fit.lag.order != order)
+            channels[name] = replace(channel, candidates=tuple(fits))
+    pairs = zip(identifications, chosen, strict=True)
+    return tuple(replace(point, channels=channels) for point, channels in pairs)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -264,7 +291,8 @@ def identify(
             point = level(plant.config, v, h) if g is None else FlightCondition(V_a=v, gamma=g, h=h)
             flights = identify_plant(fresh, point, plant.limits, seed=seed)
             if plant.config.limits.n_x is not None:
-                flights = replace(flights, thrust=identify_thrust(fresh, point, seed=seed))
+                n_x = identify_thrust(fresh, point, seed=seed)
+                flights = replace(flights, channels={**flights.channels, "n_x": n_x})
             measured.append(flights)
         except TrimError as error:
             skipped.append(str(error))

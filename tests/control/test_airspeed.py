@@ -10,7 +10,7 @@ from scipy.linalg import expm
 
 import flighttune as ft
 from flighttune.certificates.make import certify_model
-from flighttune.identification.thrust import identify_thrust
+from flighttune.identification.identify import identify_thrust
 from flighttune.references.segments import Segment
 from flighttune.simulate.loop import simulate
 
@@ -229,7 +229,7 @@ def test_the_lag_of_thrust_of_a_shipped_aircraft_is_measured_again(aircraft):
     stated = ft.load_identified(aircraft).conditions[0]
     trim = ft.FlightCondition(V_a=stated.V_a, gamma=stated.gamma, h=stated.h)
 
-    channel = identify_thrust(partial(ft.JSBSimPlant, aircraft), trim).channel
+    channel = identify_thrust(partial(ft.JSBSimPlant, aircraft), trim).table
 
     assert channel.fit_percent > 90.0
     assert channel.natural_frequency_rad_s == pytest.approx(
