@@ -2,10 +2,12 @@
 
 from flighttune.adoption.adopt import adopt as adopt
 from flighttune.campaign.band import band as band
+from flighttune.campaign.claims import Verified as Verified
 from flighttune.campaign.claims import load_claim as load_claim
 from flighttune.campaign.claims import save_claim as save_claim
 from flighttune.campaign.claims import verify as verify
 from flighttune.campaign.engine.engine import run_campaign as run_campaign
+from flighttune.campaign.engine.progress import CampaignObserver as CampaignObserver
 from flighttune.campaign.meet import meet as meet
 from flighttune.campaign.meeting import Meeting as Meeting
 from flighttune.campaign.planning.load import load_campaign as load_campaign
@@ -15,6 +17,7 @@ from flighttune.campaign.planning.schema import Campaign as Campaign
 from flighttune.campaign.refly import refly as refly
 from flighttune.campaign.worst import WorstFlight as WorstFlight
 from flighttune.campaign.worst import worst as worst
+from flighttune.certificates.bound import RateBound as RateBound
 from flighttune.certificates.certificate import Certificate as Certificate
 from flighttune.certificates.make import Certification as Certification
 from flighttune.claims.band import Band as Band
@@ -42,6 +45,7 @@ from flighttune.errors import PlantError as PlantError
 from flighttune.errors import RecordingError as RecordingError
 from flighttune.errors import ScenarioError as ScenarioError
 from flighttune.errors import ShapeError as ShapeError
+from flighttune.errors import StoppedError as StoppedError
 from flighttune.errors import TrimError as TrimError
 from flighttune.exports.export import export as export
 from flighttune.flight.flown import FlownScenario as FlownScenario

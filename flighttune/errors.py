@@ -9,7 +9,8 @@ FlightTuneError
 ├── InfeasibleError              there are no such gains: their tuning is infeasible
 ├── PlantError (RuntimeError)    the simulated aircraft failed
 │   └── TrimError                ... to reach the steady flight asked for
-└── CampaignError (RuntimeError) a campaign was cut short: its cluster is gone
+├── CampaignError (RuntimeError) a campaign was cut short: its cluster is gone
+└── StoppedError                 the observer of a count or search stopped its flights
 """
 
 import signal
@@ -112,6 +113,20 @@ class TrimError(PlantError):
 
 class CampaignError(FlightTuneError, RuntimeError):
     """A campaign was cut short because its cluster failed; finished runs are kept."""
+
+
+class StoppedError(FlightTuneError):
+    """The observer of a count or search stopped its flights, of which none is kept.
+
+    Examples
+    --------
+    >>> observer = ft.CampaignObserver()
+    >>> observer.stopped = True
+    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "workers": 1}
+    >>> ft.band("level_turn", start_deg=2.0, plant="kinematic", observer=observer, **few)
+    Traceback (most recent call last):
+    StoppedError: the observer stopped the flights.
+    """
 
 
 def ending_of(code: int) -> str:

@@ -138,7 +138,22 @@ def save_claim(claim: AnyClaim, path: str | Path) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Verified(Answering):
-    """A claim, its verification, and the file that it was read from; empty for a value."""
+    """A claim and its verification.
+
+    Attributes
+    ----------
+    claim : Certificate, RateBound, Tube or Band
+    verification : Verification
+        Its checks, and the first that fails.
+    source : str
+        The file that the claim was read from; empty for a value.
+
+    Examples
+    --------
+    >>> verified = ft.verify(ft.certify("paper", "paper").certificate)
+    >>> verified.valid, min(check.margin for check in verified.checks) > 0.0
+    (True, True)
+    """
 
     claim: AnyClaim
     verification: Verification

@@ -41,6 +41,12 @@ class RateBound(Answering):
         At most ``1 / I_star``: no gains meet `I_star` at all.
     boxes, multipliers : ndarray, shapes (N, 4) and (N, 19)
         As `flighttune.theory.rate_bound.bound_checks` takes them.
+
+    Examples
+    --------
+    >>> bound = ft.tune("paper", prove=True).bound
+    >>> round(bound.R_bound, 3), bound.verify().valid
+    (0.545, True)
     """
 
     I_star: float

@@ -17,6 +17,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress
+from flighttune.errors import StoppedError
 from flighttune.files.whole import reason_of
 from flighttune.flight.notice import NOTICE
 from flighttune.present.answer import Answer
@@ -219,8 +220,6 @@ def campaign_display() -> Iterator[CampaignDisplay]:
         columns = BarColumn(), TextColumn("{task.description}")
         bar = Progress(*columns, console=Console(stderr=True), transient=True)
         clear()
-    from flighttune.campaign.engine.progress import StoppedError
-
     display = CampaignDisplay(bar)
     with on_interrupt(display.stop), bar or nullcontext():
         try:

@@ -17,10 +17,10 @@ from flighttune.campaign.dataset import (
     signals_path,
 )
 from flighttune.campaign.engine.pool import WorkerPool
-from flighttune.campaign.engine.progress import CampaignObserver, StoppedError
+from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.planning.load import load_campaign
 from flighttune.campaign.planning.plan import Plan, draws_in_words, plan_campaign
-from flighttune.errors import InputError, RecordingError
+from flighttune.errors import InputError, RecordingError, StoppedError
 from flighttune.flight.fly import library_versions
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import columns, duration, rate

@@ -9,7 +9,7 @@ from typing import Any
 from flighttune.arrays import check_at_least
 from flighttune.campaign.engine.cluster import ClusterWorkers, campaign_error, check_scheduler
 from flighttune.campaign.engine.flyer import OF_THREAD, Answer, Flyer, fly, work_of
-from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress, StoppedError
+from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress
 from flighttune.campaign.flying.rows import (
     Draw,
     Drawn,
@@ -21,7 +21,7 @@ from flighttune.campaign.flying.rows import (
     lost_row,
 )
 from flighttune.campaign.planning.plan import Plan
-from flighttune.errors import InputError
+from flighttune.errors import InputError, StoppedError
 from flighttune.flight.notice import before_running
 from flighttune.simulate.batch import cores
 
@@ -149,7 +149,7 @@ class WorkerPool:
                 progress.flown += 1
             flown_here.clear()
         if self.observer.stopped:
-            raise StoppedError
+            raise StoppedError("the observer stopped the flights.")
 
     def in_order(self, plan: Plan, runs: Iterable[int], **options: Any) -> list[Row]:
         """All rows of `rows`, in order of `run`."""
@@ -165,7 +165,7 @@ class WorkerPool:
             else:
                 self.observer.hear(f"run {run}: did not end when it was flown for its signals.")
         if self.observer.stopped:
-            raise StoppedError
+            raise StoppedError("the observer stopped the flights.")
 
     def _answers(
         self, doing: str, work: bytes, draws: Iterator[Draw]

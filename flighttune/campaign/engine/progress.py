@@ -7,10 +7,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 
-class StoppedError(Exception):
-    """The observer of a campaign or search stopped its flights."""
-
-
 @dataclass(slots=True, kw_only=True)
 class CampaignProgress:
     """Progress of a campaign or a search, which the pool that flies it keeps up to date."""
@@ -62,7 +58,19 @@ class CampaignProgress:
 
 
 class CampaignObserver:
-    """Receives the progress of a campaign, and may stop it; this one does neither."""
+    """Receives the progress of a campaign, and may stop it; this one does neither.
+
+    Examples
+    --------
+    >>> class Seen(ft.CampaignObserver):
+    ...     def see(self, progress):
+    ...         self.runs = progress.runs
+    >>> seen = Seen()
+    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "workers": 1}
+    >>> band = ft.band("level_turn", start_deg=2.0, plant="kinematic", observer=seen, **few)
+    >>> seen.runs
+    29
+    """
 
     stopped = False  # set to True to stop; what has been flown stays
 
