@@ -12,10 +12,11 @@ import tomlkit
 
 from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft
 from flighttune.arrays import FloatArray
-from flighttune.errors import InputError, OutputError, ScenarioError
+from flighttune.errors import InputError, OutputError
 from flighttune.files.shipped import scenario_files
 from flighttune.files.whole import write_text
 from flighttune.flight.conditions import reference_of
+from flighttune.flight.fly import fly
 from flighttune.flight.load import load_scenario
 from flighttune.identification.file import load_identified, rounded
 from flighttune.plants.jsbsim.trim import level, trim_table
@@ -41,6 +42,10 @@ DIGITS = 5
 # Shares of the path angles of another scenario that are tried in turn, until the aircraft can fly
 # them steadily.
 SHARES = (1.0, 0.75, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
+
+# Margin of a route, if it is more than its own, and factor on its look-ahead: tried in turn until
+# the route is flown.
+ROUTES = (0.0, 1.0), (0.4, 2.0), (0.6, 3.0)
 
 # A first scenario; `_first` replaces the values and comments that depend on the aircraft.
 TEMPLATE = """\
@@ -102,9 +107,10 @@ def new_scenario(name: str, *, aircraft: str | None = None, like: str | None = N
     """Write a scenario that an aircraft can fly to ``NAME.toml``, and return the file.
 
     With `like`, the file or name of another scenario, it is that one made for the aircraft, which
-    is by default its own. Raises OutputError if there is such a file already, and InputError if the
-    aircraft or the other scenario is not there, the aircraft cannot fly it, or the name is empty or
-    has a control character.
+    is by default its own. A route is flown before it is kept, with more and more margin to the
+    limits until the requirements are met. Raises OutputError if there is such a file already, and
+    InputError if the aircraft or the other scenario is not there, the aircraft cannot fly it, or
+    the name is empty or has a control character.
     """
     if not name.isprintable():
         raise InputError(f"`NAME` must have printable characters only, got {name!r}.")
@@ -118,18 +124,35 @@ def new_scenario(name: str, *, aircraft: str | None = None, like: str | None = N
         raise InputError(f"{aircraft}: `--like` must be absent: the model has no airframe to trim.")
     if aircraft is not None and (Path(aircraft) / "aircraft.toml").is_file():
         aircraft = str(Path(aircraft).resolve())
-    if like is None:
-        text = _first(aircraft or AIRCRAFT, file.parent)
-    else:
-        text = _made_for(like, aircraft, file.parent)
     names = {"name": shlex.quote(str(file)), "run": shlex.quote(f"runs/{file.stem}")}
-    write_text(file, text + NEXT.format(**names))
+    reason = ""
     try:
-        load_scenario(file)
-    except ScenarioError:
-        file.unlink()
+        for margin, look_ahead in ROUTES:
+            if like is None:
+                text = _first(aircraft or AIRCRAFT, file.parent)
+            else:
+                text = _made_for(like, aircraft, file.parent, margin, look_ahead)
+            write_text(file, text + NEXT.format(**names))
+            scenario = load_scenario(file)
+            if like is None or scenario.route is None:
+                return file
+            flown = fly(scenario)
+            if not (reason := next(iter(flown.claim.missed), "")):
+                beside, off = flown.flight[["cross_track_m", "height_err_m"]].max()
+                seen = f"at most {beside:.2g} m beside the route and {off:.2g} m off its height"
+                write_text(
+                    file, f"# Flown by `flighttune new`: {seen}.\n{text}" + NEXT.format(**names)
+                )
+                return file
+    except BaseException:
+        if os.path.exists(file):
+            file.unlink()
         raise
-    return file
+    file.unlink()
+    raise InputError(
+        f"{like}: must be a route that the aircraft can fly, got, with the most margin, "
+        f"{reason.rstrip('.')}."
+    )
 
 
 def _named(aircraft: str, folder: Path) -> str:
@@ -235,37 +258,39 @@ def _of_logs(model: Path, folder: Path) -> str:
     return tomlkit.dumps(document)
 
 
-def _made_for(like: str, aircraft: str | None, folder: Path) -> str:
-    """The text of another scenario, with the values that depend on the aircraft replaced."""
+def _made_for(
+    like: str, aircraft: str | None, folder: Path, margin: float, look_ahead: float
+) -> str:
+    """The text of another scenario, with the values that depend on the aircraft replaced.
+
+    A route keeps at least `margin` to the limits, and has `look_ahead` times its look-ahead.
+    """
     source = existing_file(like, "scenario", scenario_files(), ["scenarios"])
     scenario = load_scenario(source)
     document: Any = tomlkit.parse(source.read_text(encoding="utf-8"))
     flown = scenario.aircraft
     aircraft = aircraft or (flown[0].aircraft if flown else None) or AIRCRAFT
     config = load_aircraft(aircraft)
+    if scenario.route is not None and not config.engines.count:
+        raise InputError(f"{like}: must be without a route: {aircraft} has no engine, and glides.")
     other = flown[0].config if flown else config
     faster = _design(config)[0] / (_design(other)[0] if flown else scenario.flight.V_a_mps)
     flight = scenario.flight
     V_a = flight.V_a_mps * faster
     # A bank turns by g tan(phi) / V.
     banks = [math.tan(of.limits.phi[1]) for of in (config, other)]
-    turn, climb = min(1.0, banks[0] / banks[1]) / faster, _climb(config, V_a, scenario)
+    turn = min(1.0, banks[0] / banks[1]) / faster
     document["flight"]["V_a_mps"], document["limits"] = rounded(V_a, DIGITS), _limits(config)
-    _scale(document["flight"], {"gamma_deg": climb})
     if scenario.route is None:
+        climb = _climb(config, V_a, scenario)
         rates = [(of.limits.phi_rate, of.limits.n_z_rate) for of in (other, config)]
         loads = turn * faster, climb * faster
         # Of the same change of a command, a slower one takes longer.
         roll_in = tuple(max(a / b * load, 1.0) for a, b, load in zip(*rates, loads, strict=True))
         _scale_reference(document["reference"], turn, climb, (roll_in[0], roll_in[1]))
     else:
-        room = (
-            _room(scenario.route, speed, flight.g_mps2, of)
-            for speed, of in ((V_a, config), (flight.V_a_mps, other))
-        )
-        size = float((next(room) / next(room)).max())
-        _scale_route(document["route"], size, climb)
-        _scale(document["flight"], {"duration_s": size / faster})
+        climb = _fit_route(document, scenario, (config, other), V_a, margin, look_ahead)
+    _scale(document["flight"], {"gamma_deg": climb})
     _scale(document.get("envelope", {}), {"V_a_mps": faster})
     wind = {"chi_amplitude": 1.0 / faster, "gamma_amplitude": 1.0 / faster}  # of the same speed
     _scale(document.get("disturbance", {}), wind)
@@ -309,16 +334,45 @@ def _scale_reference(
             _scale(reference, {f"{key}_deg": angle})
 
 
-def _scale_route(route: Any, size: float, climb: float) -> None:
-    """Multiply the distances of a route, and its path angles."""
-    if "waypoint" not in route:
+def _fit_route(
+    document: Any,
+    scenario: Scenario,
+    aircraft: tuple[AircraftConfig, AircraftConfig],
+    V_a: float,
+    margin: float,
+    look_ahead: float,
+) -> float:
+    """Make a route for the first of two aircraft from that of the second; share of the climbs."""
+    route, flight, table = scenario.route, scenario.flight, document["route"]
+    assert route is not None
+    if "waypoint" not in table:
         raise InputError("`route` must have waypoints of its own for another aircraft, got a file.")
-    for point in route["waypoint"]:
+    kept = route.model_copy(update={"margin": max(margin, route.margin)})
+    if margin > route.margin:
+        table["margin"] = margin
+    if look_ahead > 1.0:
+        table["look_ahead_s"] = look_ahead * route.look_ahead_s
+    config, other = aircraft
+    room = _room(kept, V_a, flight.g_mps2, config)
+    size = float((room / _room(route, flight.V_a_mps, flight.g_mps2, other)).max())
+    climb = _climb(config, V_a, scenario, size, (1.0 - kept.margin) * config.limits.phi[1])
+    for point in table["waypoint"]:
         _scale(point, dict.fromkeys(("north_m", "east_m", "radius_m"), size))
         _scale(point, {"up_m": size * climb, "climb_deg": climb})
+        if not point.get("climb_deg", 1.0):
+            del point["climb_deg"]
         for key in {"lat_deg", "lon_deg"} & {*point}:
-            first = route["waypoint"][0][key]
+            first = table["waypoint"][0][key]
             point[key] = round(first + size * (point[key] - first), 8)
+    faster = V_a / flight.V_a_mps
+    _scale(document["flight"], {"duration_s": size / faster})
+    # A slow roll ends every turn beyond its course, in a limit cycle (design/roll_rate.md).
+    document.setdefault("tuning", tomlkit.table())["roll_rate"] = True
+    for expected in document.get("expect", ()):  # an error of position grows with the way ahead
+        more = max(1.0, faster) * look_ahead
+        errors = {"cross_track_m": more, "height_err_m": more}
+        _scale(expected.get("at_most", {}).get("flight", {}), errors)
+    return climb
 
 
 def _room(route: RouteTable, V_a: float, g: float, config: AircraftConfig) -> FloatArray:
@@ -338,9 +392,14 @@ def _scale(table: Any, factors: Mapping[str, float]) -> None:
             table[key] = rounded(scaled, DIGITS)
 
 
-def _climb(config: AircraftConfig, V_a: float, scenario: Scenario) -> float:
-    """Share of a scenario's path angles that an aircraft can fly steadily at an airspeed."""
-    flight = scenario.flight
+def _climb(
+    config: AircraftConfig, V_a: float, scenario: Scenario, size: float = 1.0, phi: float = 0.0
+) -> float:
+    """Share of a scenario's path angles that an aircraft can fly steadily at an airspeed.
+
+    On a route, made larger by the factor `size`, also at its greatest height, with a bank `phi`.
+    """
+    flight, top = scenario.flight, 0.0
     if scenario.route is None:
         assert scenario.reference is not None  # one of both is there
         _, steepest = scenario.reference.steepest(flight.gamma_deg, flight.duration_s)
@@ -349,9 +408,10 @@ def _climb(config: AircraftConfig, V_a: float, scenario: Scenario) -> float:
         route = reference_of(scenario)
         assert isinstance(route, RouteReference)
         asked = {math.atan(route.path.slope.max()), math.atan(route.path.slope.min())} - {0.0}
+        top = size * max(0.0, float(route.path.up.max()))
     for share in SHARES if asked else ():
         gammas = [share * gamma for gamma in asked]
-        trims = trim_table(config, V_a=[V_a], gamma=gammas, h=flight.h_m)
+        trims = trim_table(config, V_a=[V_a], gamma=gammas, phi=phi, h=flight.h_m + share * top)
         if all(record["trim"] for record in trims):
             return share
     return 0.0 if asked else 1.0

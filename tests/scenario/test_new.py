@@ -63,6 +63,35 @@ def test_a_route_made_for_a_faster_aircraft_is_larger_and_flown(tmp_path):
     assert {run.status for run in ft.fly(made).runs} == {"completed"}
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("aircraft", ["737", "B747"])  # 15 and 11 deg/s of roll
+def test_a_circuit_made_for_a_slow_roller_is_flown_as_it_was_made(aircraft, tmp_path):
+    answer("new", "mine", "--aircraft", ADOPTED / aircraft, "--like", "circuit", cwd=tmp_path)
+
+    flown = answer("fly", "mine.toml", cwd=tmp_path)
+
+    assert {run["status"] for run in flown["runs"]} == {"completed"}
+    assert flown["claim"]["verdict"] == "met"
+    beside = flown["runs"][1]["metrics"]["flight"]["cross_track_m"]
+    assert f"at most {beside:.2g} m beside" in (tmp_path / "mine.toml").read_text().split("\n")[0]
+
+
+def test_a_glider_is_given_no_route(tmp_path):
+    glider = shutil.copytree(aircraft_folders()["c172p"], tmp_path / "glider")
+    file = glider / "aircraft.toml"
+    table = tomlkit.parse(file.read_text())
+    table["engines"]["count"] = 0
+    file.write_text(tomlkit.dumps(table))
+
+    _, line = flighttune(
+        "new", "mine", "--like", "circuit", "--aircraft", glider, status=2, cwd=tmp_path
+    )
+
+    assert line.startswith("flighttune: circuit: must be without a route: ")
+    assert line.endswith("has no engine, and glides.\n")
+    assert not (tmp_path / "mine.toml").exists()
+
+
 def test_a_file_is_never_written_over_and_an_unknown_name_writes_none(tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text("kept")
