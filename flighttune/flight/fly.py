@@ -157,7 +157,7 @@ def _fly_apart(
     who = f"law {scenario.law_table(name).name}" if law else f"plant {table.label}"
     reason = f"{who} after t = {part * duration:.2f} s: its process {end}."
     status = "law_failed" if law else "plant_failed"
-    return _run_without_samples(scenario, table.label, name, None, status, reason)
+    return _without_samples(_provenance(scenario, table.label, name, None), status, reason)
 
 
 def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
@@ -181,15 +181,13 @@ def plant_of(table: PlantTable, scenario: Scenario, wind: WindRecord | None = No
     if table.of_the_user:
         return GuardedPlant.made(table.label, table.maker, table.parameters or {})
     if table.aircraft is None:
-        lags, options = (
-            table.lags(),
-            {
-                "wind": wind,
-                "disturbance": scenario.disturbance and scenario.disturbance.sinusoid(),
-                "turn": table.family.turn,
-                "g": scenario.flight.g_mps2,
-            },
-        )
+        lags = table.lags()
+        options: dict[str, Any] = {
+            "wind": wind,
+            "disturbance": scenario.disturbance and scenario.disturbance.sinusoid(),
+            "turn": table.family.turn,
+            "g": scenario.flight.g_mps2,
+        }
         if not scenario.airspeed:
             return PointMassPlant(lags, **options)
         limits = command_limits(scenario)
@@ -238,7 +236,8 @@ def fly_alone(
     elif wind_run is not None and gains is not None:
         source = wind_run.provenance.plant
         reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
-        return _run_without_samples(scenario, label, gains_name, gains, wind_run.status, reason)
+        made_by = _provenance(scenario, label, gains_name, gains)
+        return _without_samples(made_by, wind_run.status, reason)
     elif weather is not None and scenario.windy:
         north, east, down = weather.deterministic(0.0, scenario.flight.h_m)
         wind = WindRecord.steady(north=north, east=east, down=down)
@@ -280,14 +279,15 @@ def fly_once(
     scenario = with_own(scenario)
     if gains is None:
         reason = "tuning found no gains that meet the constraints"
-        return _run_without_samples(scenario, plant_label, gains_name, None, "no_gains", reason)
+        made_by = _provenance(scenario, plant_label, gains_name, None)
+        return _without_samples(made_by, "no_gains", reason)
     started = time.perf_counter()
     duration = scenario.flight.duration_s
     if limits is None:
         limits = command_limits(scenario).within(plant.limits)
     law, _ = scenario.law_of(gains_name, gains)
     # A law that gains do not describe flies by something of its own, and its run has none.
-    of_run = scenario, plant_label, gains_name, gains if law.by_gains else None
+    made_by = _provenance(scenario, plant_label, gains_name, gains if law.by_gains else None)
     label = f"{plant_label} / {gains_name}"
     try:
         controller = law.controller(law_setup(scenario, gains, limits))
@@ -302,39 +302,26 @@ def fly_once(
             progress=None if progress is None else (lambda t: progress(label, t / duration)),
         )
     except LawError as error:
-        return _run_without_samples(*of_run, "law_failed", str(error))
+        return _without_samples(made_by, "law_failed", str(error))
     except TrimError as error:
-        return _run_without_samples(*of_run, "no_trim", str(error))
+        return _without_samples(made_by, "no_trim", str(error))
     if progress is not None:
         progress(label, 1.0)
     status, reason = ("completed", "") if stop is None else (stop.status, stop.reason)
-    made_by = _provenance(*of_run, wall_s=time.perf_counter() - started)
+    made_by = replace(made_by, wall_s=time.perf_counter() - started)
     units = {name: unit for name, unit in controller.signals.items() if name not in SIGNAL_UNITS}
     return Run(signals=signals, status=status, reason=reason, provenance=made_by, units=units)
 
 
-def _run_without_samples(
-    scenario: Scenario,
-    plant_label: str,
-    gains_name: str,
-    gains: PIGains | None,
-    status: RunStatus,
-    reason: str,
-) -> Run:
-    """A run of a scenario without samples."""
+def _without_samples(made_by: Provenance, status: RunStatus, reason: str) -> Run:
+    """A run without samples."""
     no_samples = pd.Index([], name="t")
     signals = pd.DataFrame(columns=pd.Index(LOOP_SIGNALS), index=no_samples, dtype=float)
-    made_by = _provenance(scenario, plant_label, gains_name, gains)
     return Run(signals=signals, status=status, reason=reason, provenance=made_by)
 
 
 def _provenance(
-    scenario: Scenario,
-    plant_label: str,
-    gains_name: str,
-    gains: PIGains | None,
-    *,
-    wall_s: float = 0.0,
+    scenario: Scenario, plant_label: str, gains_name: str, gains: PIGains | None
 ) -> Provenance:
     return Provenance(
         scenario=scenario.as_dict(),
@@ -343,7 +330,7 @@ def _provenance(
         gains=gains,
         seed=scenario.seed,
         versions=library_versions(),
-        wall_s=wall_s,
+        wall_s=0.0,
     )
 
 

@@ -186,11 +186,8 @@ def certify(
             *linear, L_d=L_d, scenario_sha256=scenario.sha256, rates=exact_rates(*linear)[0]
         )
         return replace(certification, name=name)
-    certification = certify_scenario(
-        scenario, chosen, envelope=envelope, L_d=L_d, law=law, sampled=True
-    )
     certification = replace(
-        certification,
+        certify_scenario(scenario, chosen, envelope=envelope, L_d=L_d, law=law, sampled=True),
         name=name,
         over_envelope=envelope,
         scaling=tuning_scaling(scenario, law),

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Collection
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -59,24 +60,11 @@ def identified_models(
     identified, law = scenario.identified_in.identified_model, law or scenario.laws[0]
     V_a, gamma = scenario.flight.V_a_mps, reference_of(scenario).initial[1]
     g, hold = scenario.flight.g_mps2, 0.5 / scenario.controller.rate_hz
+    model = partial(design_model, g=g, hold=hold, law=law, airspeed=scenario.airspeed)
     if everywhere or scenario.tuning.robust:
         speed = V_a if scenario.controller.schedule else None
-        return tuple(
-            design_model(
-                condition,
-                g=g,
-                hold=hold,
-                schedule_speed=speed,
-                law=law,
-                airspeed=scenario.airspeed,
-            )
-            for condition in identified.conditions
-        )
-    nearest = identified.nearest(V_a, gamma)
-    airspeed = scenario.airspeed
-    return (
-        design_model(nearest, g=g, V_a=V_a, gamma=gamma, hold=hold, law=law, airspeed=airspeed),
-    )
+        return tuple(model(condition, schedule_speed=speed) for condition in identified.conditions)
+    return (model(identified.nearest(V_a, gamma), V_a=V_a, gamma=gamma),)
 
 
 def law_model(scenario: Scenario, law: Law | None = None) -> LinearModel:

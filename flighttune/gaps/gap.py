@@ -15,7 +15,7 @@ from flighttune.control.inner_loop import InnerLag
 from flighttune.flight.flown import FlownScenario
 from flighttune.gaps.mismatch import Mismatch
 from flighttune.identification.file import lag_table
-from flighttune.present.answer import Answer, Answering
+from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS, columns
 from flighttune.present.tables import Column, Table
 from flighttune.scenario.schema import Scenario
@@ -44,6 +44,7 @@ STEP_COLUMNS = [
     *(replace(column, digits="+.2f") for column in columns(" ".join(METRICS))),
 ]
 LAG_COLUMNS = columns("channel order natural_frequency_rad_s delay_s fit_percent")
+MISMATCH_TITLE = "mismatch d: rates flown minus the law's"
 MISMATCH_COLUMNS = [Column("bound", "largest |d|", "rad/s"), *columns("L_d")]
 
 
@@ -181,7 +182,7 @@ class Gap(Answering):
         """The steps and the inner loop; a failure unless all rungs flew to the end."""
         ladder, lags = self.flown().records(signals or {}), self._lags
         inner_loop = {"source": self.lag_source} | lags if lags else None
-        mismatch = self.mismatch and {"L_d": self.mismatch.L_d, "bound": self.mismatch.bound}
+        mismatch = self.mismatch and pick(self.mismatch, "L_d bound")
         failed = "; ".join(f"{plant} {reason}" for plant, reason in self.failed.items())
         early = "" if self.status == "explained" else f"{self.scenario.title}: {self.reason}"
         hidden = failed and self.steps
@@ -191,16 +192,11 @@ class Gap(Answering):
             Table(RUNG_COLUMNS, ladder, "plants, from the law to the aircraft"),
             step_table([self]),
             Table(LAG_COLUMNS, rows, f"inner loop ({self.lag_source})"),
-            Table(
-                MISMATCH_COLUMNS,
-                [mismatch] if mismatch else [],
-                "mismatch d: rates flown minus the law's",
-            ),
+            Table(MISMATCH_COLUMNS, list(filter(None, [mismatch])), MISMATCH_TITLE),
         ]
         return Answer(
             values={
-                "status": self.status,
-                "reason": self.reason,
+                **pick(self, "status reason"),
                 "gains": self.aircraft.provenance.gains_name,
                 "ladder": ladder,
                 "inner_loop": inner_loop,
@@ -245,16 +241,12 @@ class Gap(Answering):
     @property
     def _planning(self) -> list[str]:
         """A sentence on what planning takes away; none where nothing is planned."""
-        errors = [
+        errors = " and that of ".join(
             f"{CHANNEL_NAMES[channel]} from {largest['unplanned'] * DEG_PER_RAD:.3g} to "
             f"{largest['planned'] * DEG_PER_RAD:.3g} deg"
             for channel, largest in (self._largest or {}).items()
-        ]
-        if not errors:
-            return []
-        return [
-            f"Planning roll and lift takes the largest error of {' and that of '.join(errors)}."
-        ]
+        )
+        return [f"Planning roll and lift takes the largest error of {errors}."] if errors else []
 
     @property
     def causes(self) -> tuple[str, ...]:

@@ -181,16 +181,19 @@ def explain_flight(
         "point_mass": make(wind=wind, g=g),
         "point_mass_lag": make(lagged, wind=wind, g=g),
     }
+    fly = partial(
+        fly_once,
+        scenario,
+        gains=made_by.gains,
+        gains_name=made_by.gains_name,
+        limits=limits,
+        progress=progress,
+    )
     runs = [
-        fly_once(
-            scenario,
+        fly(
             plant if wind is None else steered(plant, scenario),
-            made_by.gains,
             plant_label=label,
-            gains_name=made_by.gains_name,
-            limits=limits,
             lead=lead_on(scenario, table if label == "point_mass_lag" else None),
-            progress=progress,
         )
         for label, plant in lower.items()
     ]
@@ -200,16 +203,7 @@ def explain_flight(
     cut = [replace(run, signals=run.signals.iloc[: len(shortest.signals)]) for run in runs]
     unplanned = None
     if scenario.rolls_in:
-        again, label = plant_of(table, scenario), aircraft.provenance.plant
-        unplanned = fly_once(
-            scenario,
-            again,
-            made_by.gains,
-            plant_label=label,
-            gains_name=made_by.gains_name,
-            limits=limits,
-            progress=progress,
-        )
+        unplanned = fly(plant_of(table, scenario), plant_label=made_by.plant)
     measured = mismatch(cut[-1])
     steps = zip(pairwise(cut), ADDS, strict=True)
     return Gap(

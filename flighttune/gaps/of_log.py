@@ -22,7 +22,7 @@ from flighttune.errors import FlightTuneError, InputError
 from flighttune.flight.apart import Progress
 from flighttune.identification.file import FILE_NAME, load_identified
 from flighttune.logs.columns import Columns
-from flighttune.logs.identify import CONFIDENCE, EXCITED, drawn_again, flying, speed_of
+from flighttune.logs.identify import EXCITED, flying, interval_of, speed_of
 from flighttune.logs.log import load_part
 from flighttune.plants.base import FlightCondition, Plant
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, JSBSimPlant
@@ -208,10 +208,8 @@ class LogGap(Answering):
                 chart.line(self.t[k], signals[name][k] / unit, colour, name=flown)
             for key, colour, dash in ((f"{name}_cmd", NEUTRAL, DASHED), (name, INK, "")):
                 if key in self.logged:
-                    line = self.logged[key][k] / unit
-                    chart.line(
-                        self.t[k], line, colour, dash=dash, name="command" if dash else "log"
-                    )
+                    line, label = self.logged[key][k] / unit, "command" if dash else "log"
+                    chart.line(self.t[k], line, colour, dash=dash, name=label)
             charts.append(chart)
         return Sheet(charts=charts, title=f"{self.log}: its commands flown on {self.aircraft}")
 
@@ -491,7 +489,5 @@ def _fitted(flights: _Flights) -> dict[str, tuple[float, float, float]]:
     jacobian = fit.jac.reshape(len(flights.t), -1, len(names))
     normal = np.einsum("smi,smj->sij", jacobian, jacobian)
     slope = np.einsum("smi,sm->si", jacobian, fit.fun.reshape(len(flights.t), -1))
-    edges = 50.0 * (1.0 - CONFIDENCE), 50.0 * (1.0 + CONFIDENCE)
-    low, high = np.percentile(fit.x - drawn_again(normal, slope), edges, axis=0)
-    values = (factors(x).tolist() for x in (fit.x, low, high))
+    values = (factors(x).tolist() for x in (fit.x, *interval_of(fit.x, normal, slope)))
     return dict(zip(names, zip(*values, strict=True), strict=True))

@@ -5,7 +5,7 @@ log damping and log lag (s), as many of them as the order needs.
 """
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import TypeAlias, get_args
@@ -132,12 +132,18 @@ def fitted_lag(
 
     if lag is None:
         starts = [(math.log(w), 0.5 * dt, 0.0, 0.0) for w in START_FREQUENCIES]
-        (first, first_rss), (second, second_rss) = (
-            best_lag(lambda lag: response(lag) - measured, order, starts, _TIME_BOUNDS)
-            for order in (1, 2)
-        )
-        lag = second if second_rss < SECOND_ORDER_GAIN * first_rss else first
+        lag = best_of_orders(lambda lag: response(lag) - measured, starts, _TIME_BOUNDS)
     return lag, fit_percent(measured, response(lag))
+
+
+def best_of_orders(
+    error: Callable[[InnerLag], FloatArray], starts: Sequence[Parameters], bounds: Bounds
+) -> InnerLag:
+    """The `best_lag` of first order, or of second where that is worth it."""
+    (first, first_rss), (second, second_rss) = (
+        best_lag(error, order, starts, bounds) for order in (1, 2)
+    )
+    return second if second_rss < SECOND_ORDER_GAIN * first_rss else first
 
 
 def fit_percent(measured: FloatArray, model: FloatArray) -> float:

@@ -14,6 +14,7 @@ from flighttune.arrays import FloatArray
 from flighttune.identification.file import Channel
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.jsbsim.trim import level
+from flighttune.present.answer import pick
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import columns
 from flighttune.present.palette import HUES, INK
@@ -137,15 +138,11 @@ def steps_table(steps: Sequence[StepResponse]) -> Table:
     """Steps flown against what was asked for."""
     records = [
         {
-            "name": step.name,
-            "channel": step.channel,
+            **pick(step, "name channel overshoot overshoot_allowed met"),
             "V_a_mps": step.V_a,
             "step": step.size,
             "t90_s": step.t90,
             "t90_allowed_s": step.t90_allowed,
-            "overshoot": step.overshoot,
-            "overshoot_allowed": step.overshoot_allowed,
-            "met": step.met,
         }
         for step in steps
     ]

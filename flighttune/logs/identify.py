@@ -23,10 +23,10 @@ from flighttune.identification.file import (
     lags_table,
 )
 from flighttune.identification.fit import (
-    SECOND_ORDER_GAIN,
     TIME_STARTS,
     Bounds,
     best_lag,
+    best_of_orders,
     lag_response,
     parameters,
     with_parameters,
@@ -34,7 +34,7 @@ from flighttune.identification.fit import (
 from flighttune.logs.columns import Columns
 from flighttune.logs.log import load_part
 from flighttune.plants.point_mass import turn_rates
-from flighttune.present.answer import Answer, Answering
+from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import columns as layout
 from flighttune.present.palette import HUES, NEUTRAL
@@ -132,14 +132,11 @@ class LogIdentification(Answering):
         records = [
             {
                 "channel": name,
-                "order": channel.lag.order,
-                "natural_frequency": channel.lag.natural_frequency,
+                **pick(channel.lag, "order natural_frequency delay"),
                 "frequency_interval": "{:.2f} to {:.2f}".format(*channel.frequency),
-                "delay": channel.lag.delay,
                 "delay_interval": "{:.3f} to {:.3f}".format(*channel.delay),
-                "fit_percent": channel.fit_percent,
+                **pick(channel, "fit_percent stretches"),
                 "by_log_percent": channel.by_log,
-                "stretches": channel.stretches,
             }
             for name, channel in self.channels.items()
         ]
@@ -337,12 +334,10 @@ def _channel(runs: Sequence[Run], name: Channel) -> ChannelOfLogs | str:
         pairs = [*zip(sections, scored, strict=True)]
         missed = np.concatenate([section.residual(fitted)[there] for section, there in pairs])
         part = np.concatenate([section.measured[there] for section, there in pairs])
-        shares.append((float(np.sum(missed**2)), float(np.sum((part - part.mean()) ** 2))))
+        shares.append((float(np.sum(missed**2)), _variation(part)))
     used = [section.measured[np.isfinite(section.stretch)] for section in sections]
-    total = sum(float(np.sum((part - part.mean()) ** 2)) for part in used)
-    spread = _resampled(sections, lag, count)
-    edges = 50.0 * (1.0 - CONFIDENCE), 50.0 * (1.0 + CONFIDENCE)
-    low, high = np.percentile(spread, edges, axis=0)
+    total = sum(map(_variation, used))
+    low, high = _interval(sections, lag, count)
     return ChannelOfLogs(
         lag=lag,
         fit_percent=100.0 * (1.0 - sum(missed for missed, _ in shares) / total),
@@ -352,6 +347,11 @@ def _channel(runs: Sequence[Run], name: Channel) -> ChannelOfLogs | str:
         stretches=count,
         sections=tuple(sections),
     )
+
+
+def _variation(values: FloatArray) -> float:
+    """Sum of the squares of distances from the mean."""
+    return float(np.sum((values - values.mean()) ** 2))
 
 
 def _fitted(
@@ -366,20 +366,13 @@ def _fitted(
         both = zip(sections, used, strict=True)
         return np.concatenate([section.residual(lag)[there] for section, there in both])
 
-    fits = {
-        k: best_lag(error, k, TIME_STARTS, BOUNDS) for k in ((1, 2) if order is None else (order,))
-    }
-    if order is not None:
-        return fits[order][0]
-    (first, first_rss), (second, second_rss) = fits[1], fits[2]
-    return second if second_rss < SECOND_ORDER_GAIN * first_rss else first
+    if order is None:
+        return best_of_orders(error, TIME_STARTS, BOUNDS)
+    return best_lag(error, order, TIME_STARTS, BOUNDS)[0]
 
 
-def _resampled(sections: Sequence[Section], lag: InnerLag, count: int) -> FloatArray:
-    """Parameters of the lag for stretches drawn with replacement, shape (resamples, parameters).
-
-    One step of Gauss and Newton from the fit to all of them.
-    """
+def _interval(sections: Sequence[Section], lag: InnerLag, count: int) -> FloatArray:
+    """Ends of the interval of each parameter of the lag, shape (2, parameters)."""
     centre = parameters(lag)
     normal = np.zeros((count, len(centre), len(centre)))
     slope = np.zeros((count, len(centre)))
@@ -392,20 +385,24 @@ def _resampled(sections: Sequence[Section], lag: InnerLag, count: int) -> FloatA
             there = section.stretch == number
             normal[number] += jacobian[there].T @ jacobian[there]
             slope[number] += jacobian[there].T @ here[there]
-    return centre - drawn_again(normal, slope)
+    return interval_of(centre, normal, slope)
 
 
-def drawn_again(normal: FloatArray, slope: FloatArray) -> FloatArray:
-    """Steps of Gauss and Newton for stretches drawn with replacement, shape (resamples, n).
+def interval_of(fit: FloatArray, normal: FloatArray, slope: FloatArray) -> FloatArray:
+    """Ends of the interval of each of n parameters, shape (2, n), at `CONFIDENCE`.
 
-    `normal` and `slope`, shapes (stretches, n, n) and (stretches, n): sums over a stretch.
+    One step of Gauss and Newton from the `fit` to all stretches, for stretches drawn with
+    replacement. `normal` and `slope`, shapes (stretches, n, n) and (stretches, n): sums over a
+    stretch.
     """
     count = len(normal)
     drawn = np.random.default_rng(SEED).integers(0, count, (RESAMPLES, count))
     weights = np.apply_along_axis(np.bincount, 1, drawn, minlength=count).astype(float)
     matrices = np.einsum("rs,sij->rij", weights, normal)
     ridge = 1e-12 * np.trace(normal.sum(axis=0)) * np.eye(normal.shape[1])
-    return np.linalg.solve(matrices + ridge, (weights @ slope)[..., None])[..., 0]
+    steps = np.linalg.solve(matrices + ridge, (weights @ slope)[..., None])[..., 0]
+    edges = 50.0 * (1.0 - CONFIDENCE), 50.0 * (1.0 + CONFIDENCE)
+    return np.percentile(fit - steps, edges, axis=0)
 
 
 def _aircraft(

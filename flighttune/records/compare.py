@@ -195,15 +195,13 @@ def pairs_table(comparison: Comparison) -> Table:
         {
             "run_a": pair.a.label,
             "run_b": pair.b.label,
-            "source_a": pair.source_a,
-            "source_b": pair.source_b,
+            **pick(pair, "source_a source_b differs"),
             "status_a": pair.a.status,
             "status_b": pair.b.status,
             "compared_s": pair.a.duration,
             "max_distance_m": pair.max_distance,
             "max_distance_at_s": pair.t_max_distance,
             "better": {side: int(better.get((place, side), 0)) for side in ("a", "b", "same")},
-            "differs": pair.differs,
         }
         for place, pair in enumerate(comparison.pairs)
     ]

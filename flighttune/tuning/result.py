@@ -223,10 +223,7 @@ def assessment(problem: TuningProblem, K: FloatArray) -> Assessment:
     within = bool((slack >= -ROUNDING * size).all() and (lower <= K).all() and (K <= upper).all())
     return Assessment(
         K=K,
-        R_K=measured.R_K,
-        I_K=measured.I_K,
-        E_K=measured.E_K,
-        spectral_abscissa=measured.spectral_abscissa,
+        **pick(measured, "R_K I_K E_K spectral_abscissa"),
         within_limits=within,
         active=tuple(active) if math.isfinite(measured.I_K) else (),
         cost=math.nan if problem.weights is None else quadratic_cost(problem, K)[0],
@@ -237,8 +234,7 @@ def result(problem: TuningProblem, best: Assessment | None, **outcome: Any) -> T
     """A `TuningResult` of an outcome (its other attributes) with the figures of its best gains."""
     if best is None:
         return TuningResult(problem=problem, **outcome)
-    names = ("R_K", "I_K", "E_K", "spectral_abscissa", "active", "cost")
-    figures = {name: getattr(best, name) for name in names}
+    figures = pick(best, "R_K I_K E_K spectral_abscissa active cost")
     return TuningResult(problem=problem, gains=problem.gains(best.K), **figures, **outcome)
 
 

@@ -11,6 +11,7 @@ from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.flights import Flights
 from flighttune.campaign.statistics.paired import ordered_quantile
 from flighttune.flight.expectations import bound_checks
+from flighttune.present.answer import pick
 from flighttune.scenario.tables import in_rad
 from flighttune.units import DEG
 
@@ -39,12 +40,10 @@ def summary(flights: Flights, group: Group, rows: pd.DataFrame) -> dict[str, Any
     by_status = [(status, rows.loc[(rows["status"] == status).to_numpy()]) for status in statuses]
     return {
         "group": group.label,
-        "gains": group.gains,
-        "plant": group.plant,
+        **pick(group, "gains plant"),
         "n": len(rows),
         "success": rate.value,
-        "lo": rate.lo,
-        "hi": rate.hi,
+        **pick(rate, "lo hi"),
         "successes": int(success.sum()),
         "statuses": statuses,
         "reasons": [
@@ -75,8 +74,7 @@ def requirements(flights: Flights) -> list[dict[str, Any]]:
             beyond = np.where(np.isnan(values), np.inf, beyond) / (abs(bound) or 1.0)
             stated.append(
                 {
-                    "plant": table.plant,
-                    "gains": table.gains,
+                    **pick(table, "plant gains"),
                     "measure": measure,
                     "sense": check.sense,
                     "bound": bound,
