@@ -85,26 +85,21 @@ def test_the_table_of_the_page_is_what_the_scenario_flies(paper):
 
 
 def wins(flown):
+    assert all(run.status == "completed" for run in flown.runs)
     tuned = itae(flown, "tuned_identified")
     for other in ("paper", "tuned"):
         for channel, value in itae(flown, other).items():
             assert tuned[channel] < max(value, NOTHING_ASKED), f"{channel} of {other} is better"
 
 
-@pytest.mark.parametrize("name", UNUSED)
-def test_wins_on_manoeuvres_not_used(name):
-    flown = ft.fly(manoeuvre(UNUSED[name]))
+@pytest.mark.parametrize(
+    ("name", "intensity"),
+    [*((name, None) for name in UNUSED), ("left", "moderate"), ("climb", "light")],
+)
+def test_wins_on_manoeuvres_not_used_and_in_turbulence(name, intensity):
+    air = {} if intensity is None else {"turbulence": {"intensity": intensity}}
 
-    assert all(run.status == "completed" for run in flown.runs)
-    wins(flown)
-
-
-@pytest.mark.parametrize(("name", "intensity"), [("left", "moderate"), ("climb", "light")])
-def test_wins_in_turbulence(name, intensity):
-    flown = ft.fly(manoeuvre(UNUSED[name], turbulence={"intensity": intensity}))
-
-    assert all(run.status == "completed" for run in flown.runs)
-    wins(flown)
+    wins(ft.fly(manoeuvre(UNUSED[name], **air)))
 
 
 def test_robust_gains_win_too_and_have_the_better_worst_case():

@@ -79,7 +79,8 @@ def read_log(
 
     def read(_: object) -> Read:
         _confine()
-        return _READERS[kind](path, wanted)
+        columns = _columns(path) if kind == "csv" else []
+        return *_READERS[kind](path, wanted(kind, columns)), columns
 
     patience = PATIENCE_S + PATIENCE_PER_BYTE * path.stat().st_size
     try:
@@ -109,83 +110,83 @@ def _confine() -> None:
     os.dup2(nowhere, 2)
 
 
-def _read_ulog(path: Path, wanted: Callable[..., Fields]) -> Read:
+def _read_ulog(path: Path, fields: Fields) -> tuple[dict[str, Stream], str]:
     from pyulog import ULog
 
-    fields = wanted("ULog", [])
     log = ULog(str(path), list(fields), True)
     streams: dict[str, Stream] = {}
     for data in sorted(log.data_list, key=lambda data: -data.multi_id):  # the first one stays
         t = 1e-6 * data.data["timestamp"].astype(float)
         for field in set(fields[data.name]) & set(data.data):
             streams[f"{data.name}.{field}"] = t, data.data[field].astype(float)
-    return streams, "", []
+    return streams, ""
 
 
-def _read_dataflash(path: Path, wanted: Callable[..., Fields]) -> Read:
+# Topic, time (s) and content of a message; without a topic it is the name of the vehicle.
+Message: TypeAlias = tuple[str, float, Any]
+
+
+def _dataflash(path: Path, fields: Fields) -> Iterator[Message]:
     from pymavlink.DFReader import DFReader_binary
 
-    log = DFReader_binary(str(path), zero_time_base=True)
-    fields, first, vehicle = wanted("DataFlash", []), {}, ""
-
-    def rows() -> Iterator[tuple[str, float, Any]]:
-        nonlocal vehicle
-        while (message := log.recv_match(type=[*fields, "MSG"])) is not None:
-            topic = message.get_type()
-            if topic == "MSG":
-                text = str(message.Message)
-                vehicle = vehicle or (text.split()[0] if text.startswith("Ardu") else "")
-                continue
-            instance = message.fmt.instance_field
-            number = getattr(message, instance) if instance else None
-            if first.setdefault(topic, number) == number:
-                yield topic, 1e-6 * message.TimeUS, message
-
-    streams = _collected(rows(), fields)
-    return streams, vehicle, []
+    log, first = DFReader_binary(str(path), zero_time_base=True), {}
+    while (message := log.recv_match(type=[*fields, "MSG"])) is not None:
+        topic = message.get_type()
+        if topic == "MSG":
+            text = str(message.Message)
+            yield "", 0.0, text.split()[0] if text.startswith("Ardu") else ""
+            continue
+        instance = message.fmt.instance_field
+        number = getattr(message, instance) if instance else None
+        if first.setdefault(topic, number) == number:
+            yield topic, 1e-6 * message.TimeUS, message
 
 
-def _read_mavlink(path: Path, wanted: Callable[..., Fields]) -> Read:
+def _mavlink(path: Path, fields: Fields) -> Iterator[Message]:
     from pymavlink.mavutil import mavlogfile
 
-    log, fields = mavlogfile(str(path)), wanted("MAVLink", [])
-    system, vehicle, clock = None, "", math.nan
-
-    def rows() -> Iterator[tuple[str, float, Any]]:
-        nonlocal system, vehicle, clock
-        while (message := log.recv_msg()) is not None:
-            topic = message.get_type()
-            if topic == "HEARTBEAT" and message.autopilot != 8 and system is None:
-                system, vehicle = message.get_srcSystem(), f"type {message.type}"
-            if topic in fields and system in (None, message.get_srcSystem()):
-                # The stamp of the file is that of the ground station, at which messages come in
-                # bursts. Those without the vehicle's clock were sent with the one before.
-                clock = 1e-3 * getattr(message, "time_boot_ms", 1e3 * clock)
-                yield topic, clock, message
-
-    streams = _collected(rows(), fields)
-    return streams, vehicle, []
+    log, system, clock = mavlogfile(str(path)), None, math.nan
+    while (message := log.recv_msg()) is not None:
+        topic = message.get_type()
+        if topic == "HEARTBEAT" and message.autopilot != 8 and system is None:
+            system = message.get_srcSystem()
+            yield "", 0.0, f"type {message.type}"
+        if topic in fields and system in (None, message.get_srcSystem()):
+            # The stamp of the file is that of the ground station, at which messages come in
+            # bursts. Those without the vehicle's clock were sent with the one before.
+            clock = 1e-3 * getattr(message, "time_boot_ms", 1e3 * clock)
+            yield topic, clock, message
 
 
-def _collected(rows: Iterator[tuple[str, float, Any]], fields: Fields) -> dict[str, Stream]:
-    """Streams of messages; a field that a message has not is left out."""
+def _collected(messages: Iterator[Message], fields: Fields) -> tuple[dict[str, Stream], str]:
+    """Streams of messages, and the vehicle; a field that a message has not is left out."""
+    vehicle = ""
     t: dict[str, list[float]] = defaultdict(list)
     values: dict[tuple[str, str], list[float]] = defaultdict(list)
-    for topic, stamp, message in rows:
-        got = [getattr(message, field, None) for field in fields[topic]]
+    for topic, stamp, message in messages:
+        if not topic:
+            vehicle = vehicle or message
+            continue
         t[topic].append(stamp)
-        for field, value in zip(fields[topic], got, strict=True):
+        for field in fields[topic]:
+            value = getattr(message, field, None)
             number = isinstance(value, int | float)
             values[topic, field].append(float(value) if number else np.nan)
     streams = {f"{a}.{b}": (np.array(t[a]), np.array(column)) for (a, b), column in values.items()}
-    return {name: stream for name, stream in streams.items() if not np.isnan(stream[1]).all()}
+    kept = {name: stream for name, stream in streams.items() if not np.isnan(stream[1]).all()}
+    return kept, vehicle
 
 
-def _read_csv(path: Path, wanted: Callable[..., Fields]) -> Read:
+def _columns(path: Path) -> list[str]:
     import pandas as pd
 
-    columns = [str(name) for name in pd.read_csv(path, nrows=0).columns]
-    fields = list(wanted("csv", columns)[""])
+    return [str(name) for name in pd.read_csv(path, nrows=0).columns]
+
+
+def _read_csv(path: Path, wanted: Fields) -> tuple[dict[str, Stream], str]:
+    import pandas as pd
+
+    fields = list(wanted[""])
     rows = MAX_CELLS // max(1, len(fields))
     table = pd.read_csv(path, usecols=fields, nrows=rows, dtype_backend="numpy_nullable")
     clock = table[fields[0]]
@@ -201,12 +202,12 @@ def _read_csv(path: Path, wanted: Callable[..., Fields]) -> Read:
             continue
         values = pd.to_numeric(table[field], errors="coerce").to_numpy(float, na_value=np.nan)
         streams[f".{field}"] = t, values
-    return streams, "", columns
+    return streams, ""
 
 
 _READERS = {
     "ULog": _read_ulog,
-    "DataFlash": _read_dataflash,
-    "MAVLink": _read_mavlink,
+    "DataFlash": lambda path, fields: _collected(_dataflash(path, fields), fields),
+    "MAVLink": lambda path, fields: _collected(_mavlink(path, fields), fields),
     "csv": _read_csv,
 }

@@ -303,11 +303,8 @@ def _courses(waypoints: Sequence[Waypoint], ability: Ability, around: set[int]) 
     courses: list[float] = []
     asides = [_beside(point, ability)[1] if point.turns else 0.0 for point in waypoints]
     for i, (start, end) in enumerate(pairwise(waypoints)):
-        north, east, aside = (
-            end.north - start.north,
-            end.east - start.east,
-            asides[i + 1] - asides[i],
-        )
+        north, east = end.north - start.north, end.east - start.east
+        aside = asides[i + 1] - asides[i]
         apart = math.hypot(north, east)
         if apart <= max(abs(aside), NO_LENGTH):
             if not ability.turnaround or (apart <= NO_LENGTH and not aside):
@@ -489,7 +486,6 @@ def _path(
 ) -> Path:
     """The table of a path from its first course on."""
     pieces = [stretch.pieces for stretch in laid]
-    kinds: list[tuple[Kind, int]] = [(stretch.kind, stretch.waypoint) for stretch in laid]
     beyond = Piece(BEYOND_S * ability.speed, 0.0, 0.0)
     flat = [*(piece for stretch in pieces for piece in stretch), beyond]
     counts = list(accumulate(map(len, pieces), initial=0))
@@ -502,7 +498,7 @@ def _path(
         np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]))]) * (STEP / SUBSTEPS)
         for rate in (np.cos(courses), np.sin(courses))
     )
-    along, up = _profile(kinds, ends, waypoints, ability)
+    along, up = _profile(laid, ends, waypoints, ability)
     half = _half_pull_up(along, up, ability)
     # The climbs at the ends go on for as far as the mean of `_rounded` reaches.
     (before, after), far = _climbs(along, up)[[0, -1]], BEYOND_S * ability.speed + 2.0 * half
@@ -542,16 +538,13 @@ def _tightest(pieces: Pieces) -> float:
 
 
 def _profile(
-    kinds: Sequence[tuple[Kind, int]],
-    ends: FloatArray,
-    waypoints: Sequence[Waypoint],
-    ability: Ability,
+    laid: Sequence[_Laid], ends: FloatArray, waypoints: Sequence[Waypoint], ability: Ability
 ) -> tuple[FloatArray, FloatArray]:
     """Distances, m, and heights, m, between which the height changes at a steady rate."""
     along, up = [0.0], [waypoints[0].up]
-    for i, (kind, number) in enumerate(kinds):
+    for i, (kind, number, *_) in enumerate(laid):
         point = waypoints[number - 1]
-        follows = kinds[i + 1][0] if i + 1 < len(kinds) else None
+        follows = laid[i + 1].kind if i + 1 < len(laid) else None
         if kind in ("leg", "turn-around"):
             if point.spiral:
                 point = replace(point, up=up[-1])

@@ -354,7 +354,7 @@ def test_a_fence_is_for_polygons_and_for_bands_on_a_route(band, box, tmp_path):
     line = tmp_path / "line.geojson"
     line.write_text('{"type": "LineString", "coordinates": [[8, 47], [8, 48]]}')
 
-    with pytest.raises(ft.InputError, match="a Polygon for a fence, got none"):
+    with pytest.raises(ft.InputError, match="a Polygon for a fence"):
         read_fence(line, ORIGIN)
     assert "`route` must be" in flighttune("band", "mission", "--fence", box, status=2)[1]
     signal = ("--start-deg", 1, "--signal", "chi_err")

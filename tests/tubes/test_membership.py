@@ -6,7 +6,6 @@ linear program. Bounds on the errors alone do not see a set that has lost a part
 """
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -15,14 +14,12 @@ from scipy.linalg import expm
 from scipy.optimize import linprog
 
 import flighttune as ft
-from flighttune.flight.conditions import reference_of, start_condition
-from flighttune.simulate.loop import simulate
 from flighttune.tubes.exact import enclosure_of
 from flighttune.tubes.problem import tube_problem
 from flighttune.tubes.sample import LIFT, SPLITS, start_set
 from flighttune.tubes.search import Search
 from tests.tubes.test_soundness import made_up
-from tests.tubes.test_soundness_lagged import bang_bang
+from tests.tubes.test_soundness_lagged import disturbed_flight
 
 DEG = math.pi / 180.0
 
@@ -163,27 +160,12 @@ def with_law(plant, *, exact, **manoeuvre):
 
 def flights(problem, count, disturbance, rng):
     """Signals and starts of flights from the set of starts, half of them at its edge."""
-    scenario, condition = problem.scenario, start_condition(problem.scenario)
     flown = []
     for i in range(count):
         off = problem.start * rng.uniform(-1.0, 1.0, 2)
         if i % 2:
             off[rng.integers(2)] = problem.start * rng.choice([-1.0, 1.0])
-        start = replace(condition, chi=condition.chi + off[0], gamma=condition.gamma + off[1])
-        plant = ft.PointMassPlant(
-            problem.lags or None,
-            disturbance=bang_bang(disturbance, problem.loop.dt, rng),
-            turn="exact" if problem.loop.exact else "paper",
-            g=scenario.flight.g_mps2,
-        )
-        signals, _ = simulate(
-            plant,
-            problem.controller(),
-            reference_of(scenario),
-            condition=start,
-            duration=scenario.flight.duration_s,
-        )
-        flown.append((signals, start))
+        flown.append(disturbed_flight(problem, off, disturbance, rng))
     return flown
 
 

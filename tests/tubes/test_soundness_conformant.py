@@ -86,20 +86,18 @@ def check_conformant(case, seed):
     scenario, known = case
     problem = tube_problem(scenario, ft.PAPER_GAINS, band=known)
     found = tube_of(problem, attempts=FEW_PIECES, for_ever=False)
-    rng, dt, condition = (
+    rng, condition, model = (
         np.random.default_rng(seed),
-        problem.controller().dt,
         start_condition(scenario),
+        known.flights.model,
     )
-    model = known.flights.model
-    t = problem.t
-    boxes = known.bounds(t)
+    boxes = known.bounds(problem.t)
     low, high = boxes.low[:-1, :2], boxes.high[:-1, :2]
     for _ in range(FLIGHTS):
         share = rng.random(low.shape) if rng.random() < 0.5 else rng.choice([0.0, 1.0], low.shape)
         rates = low + share * (high - low)
         signals, _ = simulate(
-            Disturbed(model.lags, rates, roll_beyond(len(t), rng), scenario.flight.g_mps2),
+            Disturbed(model.lags, rates, roll_beyond(len(problem.t), rng), scenario.flight.g_mps2),
             problem.controller(),
             reference_of(scenario),
             condition=condition,
@@ -107,7 +105,7 @@ def check_conformant(case, seed):
         )
         again = residual_rates(
             model,
-            dt,
+            problem.controller().dt,
             signals[["chi", "gamma"]].to_numpy(),
             signals[["phi_cmd", "n_z_cmd"]].to_numpy(),
             (condition.phi, condition.n_z_start),
