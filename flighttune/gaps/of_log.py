@@ -96,17 +96,12 @@ PlantMaker: TypeAlias = Callable[[Mapping[str, float]], Plant]
 
 RUNG_COLUMNS = [
     Column("flown", "commands flown on"),
-    *(
-        Column(name, title, unit, digits, 1.0 / factor)
-        for name, title, unit, digits, factor in (
-            ("chi", "chi", "deg", ".2f", DEG),
-            ("gamma", "gamma", "deg", ".2f", DEG),
-            ("phi", "phi", "deg", ".2f", DEG),
-            ("n_z", "n_z", "1", ".3f", 1.0),
-            ("tail", "V_g - V_a", "m/s", ".2f", 1.0),
-            ("nose", "nose", "deg", ".2f", DEG),
-        )
-    ),
+    Column("chi", "chi", "deg", ".2f", 1.0 / DEG),
+    Column("gamma", "gamma", "deg", ".2f", 1.0 / DEG),
+    Column("phi", "phi", "deg", ".2f", 1.0 / DEG),
+    Column("n_z", "n_z", "1", ".3f"),
+    Column("tail", "V_g - V_a", "m/s", ".2f"),
+    Column("nose", "nose", "deg", ".2f", 1.0 / DEG),
 ]
 CAUSE_COLUMNS = [
     Column("cause", "cause"),

@@ -167,10 +167,8 @@ def route_kml(
     document = ElementTree.SubElement(kml, "Document")
     for name, (line, area) in STYLES.items():
         style = ElementTree.SubElement(document, "Style", id=name)
-        drawn = ElementTree.SubElement(style, "LineStyle")
-        ElementTree.SubElement(drawn, "color").text = line
-        ElementTree.SubElement(drawn, "width").text = "3"
-        ElementTree.SubElement(ElementTree.SubElement(style, "PolyStyle"), "color").text = area
+        for kind, values in (("Line", {"color": line, "width": "3"}), ("Poly", {"color": area})):
+            _add_texts(ElementTree.SubElement(style, f"{kind}Style"), values)
     claim = f"Corridor: {corridor.claim}." if corridor else ""
     _add_shape(_add_mark(document, title, "path", claim), ["LineString"], _line(where))
     for properties, *rings in _pieces(where, corridor):
@@ -198,11 +196,14 @@ def _add_mark(
 ) -> ElementTree.Element:
     """Add a placemark, whose shape follows."""
     mark = ElementTree.SubElement(document, "Placemark")
-    ElementTree.SubElement(mark, "name").text = name
-    if description:
-        ElementTree.SubElement(mark, "description").text = description
-    ElementTree.SubElement(mark, "styleUrl").text = f"#{style}"
+    described = {"description": description} if description else {}
+    _add_texts(mark, {"name": name, **described, "styleUrl": f"#{style}"})
     return mark
+
+
+def _add_texts(parent: ElementTree.Element, texts: Mapping[str, str]) -> None:
+    for tag, text in texts.items():
+        ElementTree.SubElement(parent, tag).text = text
 
 
 def _add_shape(

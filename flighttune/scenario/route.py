@@ -1,7 +1,6 @@
 """``[route]`` of a scenario: waypoints, and the path planned through them."""
 
 import math
-from collections.abc import Iterator
 from functools import lru_cache
 from typing import Annotated, ClassVar, Self, TypeAlias
 
@@ -104,17 +103,14 @@ class RouteTable(q.Table):
 
     def waypoints(self) -> tuple[Waypoint, ...]:
         """The waypoints in m and rad, from the first on."""
-        return tuple(self._waypoints())
-
-    def _waypoints(self) -> Iterator[Waypoint]:
-        first = self.waypoint[0]
+        first, placed = self.waypoint[0], []
         for point in self.waypoint:
             if point.lat_deg is not None and point.lon_deg is not None:
                 north, east = north_east((point.lat_deg, point.lon_deg), self.origin)
             else:
                 north = (point.north_m or 0.0) - (first.north_m or 0.0)
                 east = (point.east_m or 0.0) - (first.east_m or 0.0)
-            yield Waypoint(
+            there = Waypoint(
                 north=north,
                 east=east,
                 up=point.up_m - first.up_m,
@@ -124,6 +120,8 @@ class RouteTable(q.Table):
                 hold=point.hold_s,
                 spiral=point.spiral,
             )
+            placed.append(there)
+        return tuple(placed)
 
     def rally_points(self) -> list[tuple[float, float]]:
         """North and east of the rally points from the start, m."""

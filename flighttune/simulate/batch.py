@@ -8,11 +8,9 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from flighttune.arrays import FloatArray, check_positive
-from flighttune.control.controller import Controller
+from flighttune.arrays import FloatArray
 from flighttune.control.exact_law import ExactLaw, RateLaw
 from flighttune.control.mimo_pi import MimoPI, PILaw
-from flighttune.errors import InputError, ShapeError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.point_mass import LONGEST_STEP
 from flighttune.plants.sensors import SENSED, Sensors
@@ -70,7 +68,7 @@ class BatchResult(NamedTuple):
 
 
 def fly_sampled(
-    controllers: Sequence[Controller],
+    controllers: Sequence[MimoPI | ExactLaw],
     conditions: Sequence[FlightCondition],
     ref: npt.ArrayLike,
     *,
@@ -104,43 +102,24 @@ def fly_sampled(
         Integrals of the exact law (rad/s) stand in
         ``phi_integral`` and ``n_z_integral``.
 
-    Raises
-    ------
-    InputError, ShapeError
-        If a value cannot be used, or things differ in number.
-
     Notes
     -----
     The controller is `pi_step` or `exact_step`, the function of the law itself, compiled. The first
     call in a new installation compiles for some seconds; the result is kept on disk.
     """
-    laws_read = [law for law in controllers if isinstance(law, MimoPI | ExactLaw)]
-    kinds = {_kind(controller) for controller in laws_read}
-    if len(laws_read) < len(controllers) or len(kinds) != 1:
-        raise InputError(
-            "`controllers` must be all MimoPI or all ExactLaw, of one sample time and feed-forward."
-        )
-    exact, wrapped, feed_forward, dt = kinds.pop()
-    if not (math.isfinite(duration) and duration >= dt):
-        raise InputError(f"`duration` must be at least one sample ({dt} s), got {duration} s.")
+    first = controllers[0]
+    dt = first.dt
     t = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
     followed = np.array(ref, dtype=float)
     followed = followed if followed.ndim == 3 else followed.reshape(1, -1, 2)
-    if followed.shape[1:] not in ((1, 2), (len(t), 2)):
-        raise ShapeError(f"`ref` must have 1 or {len(t)} samples, got {followed.shape[1]}.")
-    if not all(wave.batched for wave in disturbances):
-        raise InputError("`disturbances` must be sinusoids without phases or switching times.")
-    laws = np.zeros((len(laws_read), LAW_NUMBERS))
-    for row, controller in zip(laws, laws_read, strict=True):
+    laws = np.zeros((len(controllers), LAW_NUMBERS))
+    for row, controller in zip(laws, controllers, strict=True):
         numbers = _numbers(controller.law)
         row[: len(numbers)] = numbers
     starts = [(c.chi, c.gamma, c.phi, c.n_z_start, c.V_a) for c in conditions]
     waves = [(d.chi_amplitude, d.chi_omega, d.gamma_amplitude, d.gamma_omega) for d in disturbances]
     gravity = np.atleast_1d(np.asarray(g, dtype=float))
-    check_positive("m/s^2", g=float(gravity.min()))
     N = max(len(laws), len(starts), len(waves), len(followed), len(gravity), len(sensors))
-    if len(sensors) not in (0, 1, N) or len(followed) not in (1, N):
-        raise ShapeError(f"`sensors` and `ref` must be for 1 or {N} flights.")
     flights = Flights(
         laws=_each(N, laws),
         start=_each(N, starts),
@@ -150,9 +129,9 @@ def fly_sampled(
         else np.array(ref_rates, dtype=float).reshape(followed.shape),
         waves=_each(N, waves),
         g=_each(N, gravity),
-        exact=exact,
-        wrapped=wrapped,
-        feed_forward=feed_forward,
+        exact=isinstance(first, ExactLaw),
+        wrapped=isinstance(first, ExactLaw) or first.wrapped[0],
+        feed_forward=isinstance(first, MimoPI) and first.feed_forward,
         dt=dt,
         steps=math.ceil(dt / LONGEST_STEP - 1e-9),
     )
@@ -173,13 +152,6 @@ def fly_sampled(
     return result
 
 
-def _kind(controller: MimoPI | ExactLaw) -> tuple[bool, bool, bool, float]:
-    """Exact law or not, wrapped course error, feed-forward and sample time: alike in a batch."""
-    if isinstance(controller, ExactLaw):
-        return True, True, False, controller.dt
-    return False, controller.wrapped[0], controller.feed_forward, controller.dt
-
-
 def _numbers(law: PILaw | RateLaw) -> list[float]:
     """Numbers of a law in order; a truth value is 0 or 1."""
     channels, *others = law
@@ -192,8 +164,6 @@ def _numbers(law: PILaw | RateLaw) -> list[float]:
 def _each(flights: int, values: npt.ArrayLike) -> FloatArray:
     """Rows for each flight, where one row may stand for all."""
     array = np.asarray(values, dtype=float)
-    if len(array) not in (1, flights):
-        raise ShapeError(f"{flights} flights must have 1 or {flights} of each, got {len(array)}.")
     # A copy even where the rows are there: Numba compiles anew for an array that is read only.
     return np.array(np.broadcast_to(array, (flights, *array.shape[1:])), order="C")
 

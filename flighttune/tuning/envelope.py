@@ -317,18 +317,17 @@ def tune_over_envelope(
         firsts = [nominal.gains.K[space.free], *random]
     searches = [_grow(problem, k, envelope, trim, g=g) for k in firsts]
     reached = [search for search in searches if search is not None]
+    of_search = {"method": "envelope", "starts": starts, "wall_s": time.perf_counter() - began}
     if not reached:
         return result(
             problem,
             None,
             status="failed" if nominal.status == "failed" else "infeasible",
             reason=nominal.reason or "No gains met the constraints.",
-            method="envelope",
-            starts=starts,
             R_envelope=0.0,
             R_envelope_bound=math.inf,
             factor=0.0,
-            wall_s=time.perf_counter() - began,
+            **of_search,
         )
     factor, best = max(reached, key=lambda search: (search[0], search[1].common.R))
     certified = factor >= 1.0
@@ -338,12 +337,10 @@ def tune_over_envelope(
         assessment(problem, space.K(best.k)),
         status="found" if certified else "infeasible",
         reason="" if certified else beyond,
-        method="envelope",
-        starts=starts,
         R_envelope=best.common.R if certified else 0.0,
         R_envelope_bound=best.common.R_bound if certified else math.inf,
         factor=factor,
-        wall_s=time.perf_counter() - began,
+        **of_search,
     )
 
 

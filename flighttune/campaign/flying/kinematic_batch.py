@@ -1,12 +1,14 @@
 """Draws of the kinematic law, flown many at once."""
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
 
+from flighttune.control.exact_law import ExactLaw
 from flighttune.control.gains import PIGains
 from flighttune.control.law import Law
+from flighttune.control.mimo_pi import MimoPI
 from flighttune.flight.conditions import command_limits, reference_of, start_condition
 from flighttune.flight.models import law_setup
 from flighttune.metrics import MEASURED, measures_of, settling_names
@@ -70,7 +72,10 @@ def fly_batch(
     ref = np.array([np.column_stack(reference.sampled(at)) for reference in references])
     batch = fly_sampled(
         # the plant itself has no limits
-        [law.make(law_setup(s, gains, command_limits(s))) for s in scenarios],
+        [
+            cast("MimoPI | ExactLaw", law.make(law_setup(s, gains, command_limits(s))))
+            for s in scenarios
+        ],
         conditions,
         ref,
         duration=duration,
