@@ -84,10 +84,12 @@ SPARE_THRUST = 0.08
 # Thrust over weight from which the speed of a propeller diverges: no aeroplane has as much.
 MAX_THRUST = 10.0
 
+GEAR = "gear/gear-pos-norm"
+
 # Positions in which drag is out, and the number of properties tried to put it in.
 OUT = (
     *("fcs/speedbrake-pos-norm", "fcs/spoiler-pos-norm", "fcs/spoilers-pos-norm"),
-    *("fcs/flap-pos-norm", "gear/gear-pos-norm"),
+    *("fcs/flap-pos-norm", GEAR),
 )
 MAX_TRIED_IN = 100
 
@@ -341,7 +343,8 @@ def _put_in(
 
     first = load(tables)
     texts = {text for _, text in _texts(first.fdm.config)}
-    read = [name for name in OUT if name in texts and first.fdm.shows(name)]
+    names = OUT if _retracts(first.fdm.config) else [name for name in OUT if name != GEAR]
+    read = [name for name in names if name in texts and first.fdm.shows(name)]
     before, notes = out(first), []
     zeros = [name for name, value in tables["declared"].items() if not value and name not in values]
     for name in zeros[:MAX_TRIED_IN]:
@@ -355,6 +358,13 @@ def _put_in(
             before = after
     notes += [f"{name} is {position:.2g}: it is out" for name, position in before.items()]
     return notes
+
+
+def _retracts(config: AircraftConfig) -> bool:
+    """Whether a contact of the gear can be retracted: JSBSim shows fixed gear as out."""
+    roots = (read_xml(file, str(file)) for file in model_files(config))
+    texts = (part.text or "" for root in roots for part in root.iter("retractable"))
+    return any(text.strip() not in ("", "0") for text in texts)
 
 
 def _largest_drag(bench: Bench, level: AirframeState) -> tuple[str, float]:

@@ -215,6 +215,20 @@ def test_a_brake_that_is_out_is_put_in_or_named(own, tmp_path, lever, note, valu
     assert found.tables["declared"].get(lever) == value
 
 
+@pytest.mark.parametrize(("retractable", "notes"), [("1", 1), ("0", 0)])
+def test_fixed_gear_is_not_called_out(own, tmp_path, retractable, notes):
+    drag = '<pure_gain name="a/drag"><input>gear/gear-pos-norm</input><gain>1</gain></pure_gain>'
+    contact = (
+        f"<contact type='BOGEY' name='nose'><retractable>{retractable}</retractable></contact>"
+    )
+    parts = f"<ground_reactions>{contact}</ground_reactions>{system(drag)}"
+    file = own("</fdm_config>", f"{parts}</fdm_config>")
+
+    found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
+
+    assert found.notes.count("gear/gear-pos-norm is 1: it is out") == notes
+
+
 def test_a_model_whose_aerodynamics_read_no_rudder_has_none(own, tmp_path):
     file = own("38.21", "38.2")
     file.write_text(file.read_text().replace("fcs/rudder-pos-rad", "fcs/elevator-pos-rad"))
