@@ -137,6 +137,9 @@ _STEPS = (1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 3e-4)
 # Further starts of the search, as shares of the way from the closed throttle to the open one.
 _THROTTLES = (0.6, 0.85, 0.45, 0.15)
 
+# Halvings of the range of the throttle.
+_BISECTIONS = 12
+
 # Steps of least squares.
 _MAX_EVALUATIONS = 60
 
@@ -299,6 +302,15 @@ class _TrimProblem:
                 return root
         if speeds_up:
             return closed
+        low, high = float(self.lower[-1]), float(self.upper[-1])
+        if self.residuals(opened)[0] > 0.0:  # thrust is too little at the one end only
+            six = opened
+            for _ in range(_BISECTIONS):
+                six = self.best_at(0.5 * (low + high), six)
+                low, high = (low, six[-1]) if self.residuals(six)[0] > 0.0 else (six[-1], high)
+            root = self.root(six)
+            if root is not None:
+                return root
 
         def slopes(x: FloatArray) -> FloatArray:
             return slopes_within(self.residuals, x, self.residuals(x), self.widths, self.upper)

@@ -1,11 +1,15 @@
 """Steady flight found by the trim search, and why there is none."""
 
 import math
+import shutil
 
 import pytest
+from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.plants.jsbsim.bench import AirframeState, Bench
+from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.trim import level, trim_table
 
 DEG = math.pi / 180.0
@@ -71,3 +75,50 @@ def test_a_glide_that_is_not_steady_is_said_so(changed_aircraft):
     slow, steady = trim_table(config, V_a=[2.0, 25.0])
     assert slow["reason"] == "no steady glide at V_a 2 m/s, h 1000 m"
     assert steady["trim"]
+
+
+LEVER = """<system name="lever"><channel name="lever"><fcs_function name="a/open"><function><table>
+<independentVar>a/lever</independentVar>
+<tableData>0 0.05
+0.62 0.02
+0.66 0.90
+1 1</tableData></table></function><output>fcs/throttle-pos-norm</output></fcs_function>
+</channel></system>"""
+
+
+def test_a_thrust_that_falls_before_it_grows_steeply_is_trimmed(tmp_path):
+    plain = level_throttle("aerosonde")
+    folder = shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", tmp_path / "lever")
+    for name, old, new in (
+        ("aircraft.toml", "fcs/throttle-pos-norm", "a/lever"),
+        ("aerosonde.xml", "</fdm_config>", f"{LEVER}</fdm_config>"),
+    ):
+        file = folder / name
+        assert old in file.read_text()
+        file.write_text(file.read_text().replace(old, new))
+
+    # The table between its rows at 0.62 and 0.66.
+    assert 0.02 < plain < 0.9
+    lever = 0.62 + 0.04 * (plain - 0.02) / 0.88
+    assert level_throttle(folder) == pytest.approx(lever, abs=1e-6)
+
+
+def level_throttle(aircraft):
+    return trim_table(load_aircraft(aircraft), V_a=[25.0], gamma=[0.0])[0]["trim"]["throttle"]
+
+
+LAG = """<system name="yoke"><channel name="yoke"><lag_filter name="a/yoke">
+<input>fcs/left-aileron-pos-rad</input><c1>20</c1></lag_filter></channel></system>"""
+
+
+def test_filters_of_the_flight_control_are_at_rest_on_the_bench(changed_aircraft):
+    pattern = (
+        r"(?s)(<function name=.aero/moment/roll.*?)fcs/left-aileron-pos-rad(.*)(</fdm_config>)"
+    )
+    folder = changed_aircraft("aerosonde.xml", pattern, rf"\1a/yoke\2{LAG}\3")
+    fdm = Fdm(load_aircraft(folder))
+    bench, yoke = Bench(fdm, 1000.0), fdm.reader("a/yoke")
+
+    for aileron in (-0.3, 0.1, 0.0):
+        bench.accelerations(AirframeState(V_a=25.0, aileron=aileron))
+        assert yoke() == pytest.approx(aileron, abs=1e-9)
