@@ -68,8 +68,8 @@ def test_the_table_of_scenarios_says_what_their_headers_say(flown):
         assert f"`{script.name}`" in text
 
 
-def test_the_table_of_the_readme_is_what_the_demo_shows(flown):
-    text = (ROOT / "README.md").read_text().split("<!-- demo:begin -->")[1]
+def test_the_table_of_the_first_flight_is_what_the_demo_shows(flown):
+    text = (ROOT / "docs/start.md").read_text().split("<!-- demo:begin -->")[1]
     shown = [
         [cell.strip() for cell in line.strip("|").split("|")]
         for line in text.split("<!-- demo:end -->")[0].strip().splitlines()[2:]
