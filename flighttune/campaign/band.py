@@ -24,8 +24,10 @@ from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.alone import fly_group
 from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.stated_set import planned
+from flighttune.campaign.turn_back import room_of, turning_back
 from flighttune.claims.band import (
     DOUBLED,
+    ROOM,
     About,
     Band,
     BandFlights,
@@ -59,6 +61,7 @@ from flighttune.present.answer import pick
 from flighttune.references.fence import fence_tables, read_fence
 from flighttune.references.follow import SAME_PLACE, RouteReference
 from flighttune.scenario.schema import Scenario
+from flighttune.scenario.turn_back import DETECTED_S
 from flighttune.simulate.bounds import ERRORS
 from flighttune.simulate.run import SIGNAL_UNITS, Run
 
@@ -67,6 +70,10 @@ from flighttune.simulate.run import SIGNAL_UNITS, Run
 CLAIM = {"epsilon": 0.01, "confidence": 0.999}, 500
 MISSION = {"epsilon": 0.05, "confidence": 0.95}, 15
 MISSION_OUTSIDE = 1
+
+# Flights that turn back to learn from by default, and factors on the half-widths of `ROOM`: some
+# metres of height more cost nothing, and the distance ahead is bounded by nearly its quantile.
+LEARN_TURNS, HEIGHT_ROOM = 60, np.array([1.0, 2.0])
 
 # Numbers of flights named in the refusal of another one.
 SHOWN = 3
@@ -103,6 +110,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     aircraft: str | None = None,
     like: str | None = None,
     skip: bool = False,
+    turn_back: str | float | None = None,
     fences: Sequence[str | Path] = (),
     out: str | Path | None = None,
     workers: int | None = None,
@@ -156,6 +164,10 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
         aircraft.
     skip : bool
         Leave out commands of a mission that have no place.
+    turn_back : str or float, deg, optional
+        Count how far flights come that turn back at any place of their route, in place of recorded
+        signals: 180 deg of course at this bank, or a whole turn with ``circle:BANK``. A flight
+        finds that it must, goes on for 1 s, and rolls in; ``band.room`` has the bounds.
     fences : sequence of str or Path
         Plans, KML or GeoJSON with the areas to stay in and out of, by default a plan itself: count
         the flights along a route that are certainly inside, too.
@@ -189,7 +201,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     (29, 5)
     """
     source, file = str(source), None if out is None else Path(out)
-    areas, fence = _areas(source, fences)
+    areas, fence = _areas(source, fences) if turn_back is None else ({}, Path())
     by = workers, scheduler, observer
     claim: dict[str, Any] = {"epsilon": epsilon, "confidence": confidence}
     claim = {name: value for name, value in claim.items() if value is not None}
@@ -197,6 +209,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     of_source |= {"start_deg": start_deg, "changes": changes, "skip": skip}
     if is_claim_file(source):
         counting = {"of": of, "signals": signals, "predicted_from": predicted_from, "air": air}
+        counting["turn_back"] = turn_back
         options = {**of_source, **counting, "learn": learn, "seed": seed is not None}
         for name in (name for name, value in options.items() if value):
             raise InputError(f"`{name}` must be absent for a band file, which has its own.")
@@ -211,18 +224,20 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     else:
         mission = is_mission(source)
         default, default_learn = MISSION if mission else CLAIM
+        default_learn = default_learn if turn_back is None else LEARN_TURNS
         claim, learn = default | claim, default_learn if learn is None else learn
         check_at_least(MIN_LEARNED, learn=learn)
         if mission and flights is None:
             flights = flights_needed(**claim, outside=MISSION_OUTSIDE)
         flights = fresh_flights(flights, **claim)
-        if of and (signals or predicted_from):
-            raise InputError("`signals` and `given` must be absent for residual signals.")
+        bounded = _bounded(of, turn_back, any((signals, predicted_from, fences)))
         plan = _drawn(planned(source, kind="jsbsim", **of_source), plant, gains, air, seed)
+        if turn_back is not None:
+            plan = turning_back(plan, turn_back)
         plan = plan.with_runs(learn + flights)
         if areas:  # refuse it before a flight
             _check_fence(plan, range(plan.runs), areas, fence, signals or OFF_ROUTE)
-        of_band = {"of": of, "predicted_from": predicted_from, "learned": learn, **claim}
+        of_band = {"of": bounded, "predicted_from": predicted_from, "learned": learn, **claim}
         kept = _counted(source, plan, signals, of_band, by)
     if file is not None and flights is not None:
         save_band(kept, file)  # whatever else is written: its readings are those of its file
@@ -235,6 +250,16 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     if out is not None:
         save_band(counted, out)
     return counted
+
+
+def _bounded(of: str | None, turn_back: str | float | None, others: bool) -> str | None:
+    """What is bounded in place of recorded signals; refuse what goes with these alone."""
+    kind = of if turn_back is None else "turn_back"
+    if kind and (others or (of and turn_back is not None)):
+        raise InputError(
+            f"`of`, `signals`, `given` and `fences` must be absent for a band of {kind}."
+        )
+    return kind
 
 
 def _areas(source: str, stated: Sequence[str | Path]) -> tuple[dict[str, Any], Path]:
@@ -286,12 +311,15 @@ def _counted(
     windy = of_band["predicted_from"] is not None
     if windy and not any(key.startswith("wind.") for key in distribution.dispersed):
         raise InputError(f"{source}: the wind must be drawn for `given` wind, got one wind.")
-    units = dict(RESIDUALS) if of_band["of"] else _recorded(plan, central, signals)
+    kinds = {"residual": RESIDUALS, "turn_back": ROOM}
+    units = dict(kinds[of_band["of"]]) if of_band["of"] else _recorded(plan, central, signals)
     flights = flights_of(plan, of_band["of"], len(units), plan.runs - learned)
     probe = partial(_extremes, list(units), flights.edges, windy, flights.model)
     with WorkerPool(*by) as pool:
         shaping = _flown(pool, plan, partial(probe, anywhere=True), range(learned), "learning")
         coefficients, half = learned_shape(*shaping, of_band["epsilon"])
+        if of_band["of"] == "turn_back":
+            half = half * HEIGHT_ROOM
         extremes, wind = _flown(pool, plan, probe, range(learned, plan.runs), "counting")
     shape = {"signals": units, "coefficients": coefficients, "half": half, "plan": plan.as_dict()}
     return Band(about=About(**shape, **of_band), flights=flights, extremes=extremes, wind=wind)
@@ -309,22 +337,25 @@ def _recorded(plan: Plan, central: Scenario, signals: Iterable[str] | None) -> d
 
 
 def flights_of(
-    plan: Plan, of: Literal["residual"] | None, signals: int, flights: int
+    plan: Plan, of: Literal["residual", "turn_back"] | None, signals: int, flights: int
 ) -> BandFlights:
     """The flights of a plan, of which so many are counted first, in windows of so many signals."""
     (group,), central = plan.groups, plan.campaign.central
     over: Over = "time"
     length, per_unit = central.flight.duration_s, central.controller.rate_hz
-    if of:
+    if of == "residual":
         central.check_over_time("a band of residual signals")
-    most = MAX_RESIDUAL_WINDOWS if of else MAX_WINDOWS
+    most = MAX_RESIDUAL_WINDOWS if of == "residual" else MAX_WINDOWS
     followed, gains = reference_of(central), plan.gain_sets[group.gains]
     assert gains is not None  # of the group that was chosen
     if isinstance(followed, RouteReference):
         over, length, per_unit = "along", math.ceil(followed.path.length), 1.0
+    edges = window_edges(round(length * per_unit) + 1, flights, signals, most=most)
+    if of == "turn_back":  # the largest after detection
+        edges = np.array([math.ceil(DETECTED_S * per_unit), edges[-1]])
     return BandFlights(
         over=over,
-        edges=window_edges(round(length * per_unit) + 1, flights, signals, most=most) / per_unit,
+        edges=edges / per_unit,
         distribution=distribution_of(plan.campaign, group.plant),
         scenario=plan.scenario,
         central=central,
@@ -332,7 +363,7 @@ def flights_of(
         gains_name=group.gains,
         gains=gains,
         aircraft=plan.aircraft,
-        model=conformant_model(plan.scenario, group.plant) if of else None,
+        model=conformant_model(plan.scenario, group.plant) if of == "residual" else None,
     )
 
 
@@ -447,11 +478,12 @@ def _extremes(
     axis = axis_of(run)
     samples = np.searchsorted(axis, edges - SAME).clip(max=len(axis) - 1)
     samples[:-1] = samples[:-1].clip(max=len(axis) - 2)  # a window has a sample before its last
-    flown = (
-        run.signals[signals].to_numpy()
-        if model is None
-        else residuals_of(model, run, start_condition(scenario))  # from each sample to the next
-    )
+    if model is not None:
+        flown = residuals_of(model, run, start_condition(scenario))  # from each sample to the next
+    elif [*ROOM] == signals:
+        flown = room_of(run)
+    else:
+        flown = run.signals[signals].to_numpy()
     values = np.ravel(window_extremes(flown, samples)).tolist()
     route = reference_of(scenario)
     if (

@@ -52,6 +52,10 @@ Over: TypeAlias = Literal["time", "along"]
 # Numbers of flights at which a count is read, over the first of them.
 DOUBLED = 2 ** np.arange(31)
 
+# Signals of flights that turn back: the distance from where they detected, along the course flown
+# there, and that of height. Each is the largest so far.
+ROOM = {"ahead": "m", "height": "m"}
+
 # Relative difference of gains below which they are the same: tuning repeats to 1e-9.
 SAME_GAINS = 1e-6
 
@@ -81,8 +85,9 @@ LAST_QUARTER = 0.75
 class About:
     """The shape of a band, the flights that it is about, and its claim."""
 
-    # None for recorded signals, else the parts of a flight that the model of an aircraft misses
-    of: Literal["residual"] | None = None
+    # None for recorded signals; else the parts of a flight that the model of an aircraft misses, or
+    # how far one comes that turns back
+    of: Literal["residual", "turn_back"] | None = None
     signals: dict[str, str]  # units by name
     # (1 or 10, windows, signals): the middle of the band, by the terms of the wind
     coefficients: FloatArray
@@ -264,6 +269,40 @@ class Band(Answering):
         return self.scale * self.about.half
 
     @property
+    def room(self) -> tuple[float, float]:
+        """Of flights that turn back: the distance ahead and the change of height, m."""
+        ahead, height = self.bounds(self.flights.edges[:1]).high[0].tolist()
+        return ahead, height
+
+    def volumes(self, corridor: "Band") -> dict[str, tuple[float, float, float, str]]:
+        """The volumes around a route, where this band is of flights that turn back.
+
+        Each has its width to both sides and its lowest and highest height over ground, m, and a
+        claim. The flight geography is as wide and high as the `corridor`, a band along the route.
+        The contingency volume has the room to turn back around it, and the ground risk buffer once
+        more the height of that over ground.
+        """
+        planned, (ahead, height) = corridor.flights.route, self.room
+        if self.about.of != "turn_back" or not self.claims:
+            raise InputError("the room to turn back must be claimed by a band of such flights.")
+        if self.flights.plant != corridor.flights.plant or (
+            self.flights.gains_name != corridor.flights.gains_name
+        ):
+            raise InputError("both bands must be of one aircraft with the same gains.")
+        flown = corridor.corridor(planned.where)
+        beside, above = np.abs([flown.low, flown.high]).max(axis=(0, 1)).tolist()
+        up, h = planned.reference.path.up, planned.where[2] - self.flights.central.flight.ground_m
+        high, low = (end + h for end in (float(up.max()), float(up.min())))
+        top = high + above + height
+        over = max(low - above, 0.0), max(low - above - height, 0.0)
+        said = printable(self.sentence)
+        return {
+            "flight geography": (beside, over[0], high + above, flown.claim),
+            "contingency volume": (beside + ahead, over[1], top, said),
+            "ground risk buffer": (beside + ahead + top, 0.0, top, "as wide as it is high"),
+        }
+
+    @property
     def nearest(self) -> int:
         """Draw of the flight inside that is nearest to leaving."""
         inside = np.where(self.scores <= self.scale, self.scores, -np.inf)
@@ -286,6 +325,14 @@ class Band(Answering):
             return (
                 f"of {flights} fresh flights {self.lost}, and at most {allowed} may: nothing is "
                 f"claimed of {self.flights.sentence}"
+            )
+        if about.of == "turn_back":
+            ahead, height = self.room
+            return (
+                f"of {flights} fresh flights {self.outside} need more: a new one that turns back "
+                f"needs at most {ahead:.0f} m ahead and {height:.0f} m of height but with "
+                f"probability {number(about.epsilon)}, confidence "
+                f"{self.confidence:.10g}{self.shared}, if it is of {self.flights.sentence}"
             )
         of = " of its residual signals" if about.of else ""
         knowing = ", around the middle that its wind predicts," if about.predicted_from else ""
@@ -385,6 +432,8 @@ class Band(Answering):
         """
         if not self.claims:
             return "nothing is claimed: too many of the flights counted were not completed"
+        if self.about.of == "turn_back":
+            return "it bounds how far a flight comes that turns back, and no recorded signal"
         if self.about.of:
             return (
                 "it bounds what the model of an aircraft misses, and no recorded signal: "
@@ -425,14 +474,31 @@ class Band(Answering):
         for (name, unit), widths in zip(about.signals.items(), self.half_widths.T, strict=True):
             shown, factor = shown_unit(unit)
             late = edges[:-1] >= LAST_QUARTER * edges[-1]
-            ends = {"largest": widths.max(), "last_quarter": widths[late].max(), "end": widths[-1]}
-            if not about.predicted_from:
+            ends = {
+                "largest": widths.max(),
+                "last_quarter": widths[late].max(initial=0.0),
+                "end": widths[-1],
+            }
+            if about.of == "turn_back":
+                ends = {"high": self.bounds(edges[:1]).high[0, list(about.signals).index(name)]}
+            elif not about.predicted_from:
                 bounds = self.bounds(edges[:-1])
                 column = bounds.names.index(name)
                 ends |= {"low": bounds.low[:, column].min(), "high": bounds.high[:, column].max()}
             in_unit = {key: float(width) * factor for key, width in ends.items()}
             records.append({"signal": name, **in_unit, "unit": shown})
-        notes = []
+        notes, room = [], {}
+        if (turn_back := self.flights.central.turn_back) is not None and about.of:
+            f = self.flights.central.flight
+            formula = turn_back.formula(f.V_a_mps, f.g_mps2)
+            ahead, height = self.room
+            room["room"] = {"ahead_m": ahead, "height_m": height, "by_formula_m": formula}
+            notes.append(
+                f"A turn of {turn_back.turn_deg:g} deg to either side from any place of the route, "
+                f"{turn_back.reaction_s:g} s after detection, {turn_back.bank_deg:g} deg of bank "
+                f"with the wind of the plan from behind; by formula {formula:.0f} m ahead in still "
+                "air. No failure of engine, link or navigation is in it, and it is no risk class."
+            )
         if about.predicted_from:
             notes.append(
                 "The band is around a middle that is predicted from the wind of each flight."
@@ -451,6 +517,7 @@ class Band(Answering):
                 "distribution": self.flights.sentence,
                 "flights": len(self.scores),
                 "nearest_draw": self.nearest if self.claims else None,
+                **room,
             },
             tables=[
                 Table(WIDTH_COLUMNS, records if self.claims else [], "band", name="half_widths"),

@@ -92,6 +92,14 @@ def band(
             "nearest [default: that of a .plan]."
         ),
     ] = None,
+    turn_back: Annotated[
+        str | None,
+        Option(
+            metavar="[circle:]BANK_DEG",
+            help="Count the room to turn back too, at this bank from any place of the route, and "
+            "write flight geography, contingency volume and ground risk buffer.",
+        ),
+    ] = None,
     aircraft: Annotated[
         str | None,
         Option(
@@ -129,43 +137,62 @@ def band(
     options.check_ending(page, ".html", option="--page")
     from flighttune.campaign.band import band as count_band
     from flighttune.files.seal import is_claim_file
+    from flighttune.files.whole import write_text
+    from flighttune.references.maps import volumes_geojson
     from flighttune.reports.claim import write_claim_page
 
     kept = is_claim_file(source)
     if not kept:
         out = out or Path("runs") / f"{Path(source).stem}-band.npz"
+    same = {
+        "epsilon": epsilon,
+        "confidence": confidence,
+        "gains": gains,
+        "plant": plant,
+        "air": air,
+        "seed": seed,
+        "changes": options.changes(settings),
+        "aircraft": aircraft,
+        "like": like,
+        "skip": skip,
+        "workers": workers,
+        "scheduler": scheduler,
+    }
+    of_flights = {
+        "of": of,
+        "signals": signal,
+        "flights": flights,
+        "learn": learn,
+        "predicted_from": predicted_from,
+        "start_deg": start_deg,
+        "fences": fence or (),
+    }
+    room, files = None, dict[str, Path]()
     with campaign_display() as observer:
-        counted = count_band(
-            source,
-            of=of,
-            signals=signal,
-            epsilon=epsilon,
-            confidence=confidence,
-            flights=flights,
-            learn=learn,
-            predicted_from=predicted_from,
-            gains=gains,
-            plant=plant,
-            air=air,
-            seed=seed,
-            start_deg=start_deg,
-            changes=options.changes(settings),
-            aircraft=aircraft,
-            like=like,
-            skip=skip,
-            fences=fence or (),
-            out=out,
-            workers=workers,
-            scheduler=scheduler,
-            observer=observer,
-        )
+        counted = count_band(source, out=out, observer=observer, **of_flights, **same)
+        if turn_back is not None:
+            place = Path(out or source).with_suffix("")
+            files = {"room": Path(f"{place}-turn-back.npz"), "volumes": Path(f"{place}.geojson")}
+            room = count_band(
+                source, out=files["room"], observer=observer, turn_back=turn_back, **same
+            )
     if kept and flights is not None:
         out = out or Path(source)
     file = out or Path(source)
     answer = counted.answer(file)
+    if room is not None:
+        where = counted.flights.route.where
+        write_text(files["volumes"], volumes_geojson(where, room.volumes(counted)) + "\n")
+        said = room.answer(files["room"])
+        answer = replace(
+            answer,
+            values={**answer.values, "turn_back": said.values},
+            tables=[*answer.tables, said.tables[0]],
+            notes=[*answer.notes, *said.notes, said.verdict or said.failure],
+        )
     notes = answer.notes
     if page is not None:
-        write_claim_page(counted, str(file), page)
+        write_claim_page(counted, str(file), page, room)
     else:
         notes = [*notes, f"A page with its flights: flighttune report {file}"]
-    return replace(answer, notes=notes, files={"band": out, "page": page})
+    return replace(answer, notes=notes, files={"band": out, **files, "page": page})

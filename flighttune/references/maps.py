@@ -156,6 +156,31 @@ def route_geojson(
     return json.dumps({"type": "FeatureCollection", "features": written}) + "\n"
 
 
+def rings_around(path: Route, width: float) -> list[FloatArray]:
+    """Rings of the area within `width` (m) of a path, the outer one first: north, east, (n, 2)."""
+    from shapely import LineString  # here: it is not needed otherwise
+
+    area = LineString(path.beside(path.points(APART))[:, :2]).buffer(width)
+    return [np.array(ring.coords) for ring in (area.exterior, *area.interiors)]
+
+
+def volumes_geojson(where: Where, volumes: Mapping[str, tuple[float, float, float, str]]) -> str:
+    """Areas around a path by name: the width to each side, heights over ground (m), a claim."""
+    path, origin, _ = where
+    shapes = []
+    for name, (width, low, high, claim) in volumes.items():
+        rings = [
+            on_earth(ring, origin)[:, ::-1].round(8).tolist() for ring in rings_around(path, width)
+        ]
+        sizes = {"width_m": width, "min_over_ground_m": low, "max_over_ground_m": high}
+        properties = {"name": name, **{key: round(x, 1) for key, x in sizes.items()}}
+        geometry = {"type": "Polygon", "coordinates": rings}
+        shapes.append(
+            {"type": "Feature", "properties": {**properties, "claim": claim}, "geometry": geometry}
+        )
+    return json.dumps({"type": "FeatureCollection", "features": shapes}, indent=1)
+
+
 def route_kml(
     where: Where, title: str, corridor: Corridor | None = None, marks: Marks = NO_MARKS
 ) -> str:

@@ -10,6 +10,7 @@ from flighttune.present.chart import DOTTED, Chart
 from flighttune.present.names import shown_unit
 from flighttune.present.palette import HUES, LIMIT, NEUTRAL
 from flighttune.references.fence import read_fence
+from flighttune.references.maps import rings_around
 from flighttune.reports.panels import ERRORS
 from flighttune.reports.route_charts import APART, DISTANCE_AXIS, KM, ROUTE_ERRORS, route_map
 
@@ -22,10 +23,13 @@ MIN_DRAWN = 100
 TITLES = {name: (title, label) for name, title, label in (*ERRORS, *ROUTE_ERRORS)}
 
 
-def band_charts(band: Band) -> list[Chart]:
-    """Each signal with the flights that were counted; on a route its map before them."""
+def band_charts(band: Band, room: Band | None = None) -> list[Chart]:
+    """Each signal with the flights that were counted; on a route its map before them.
+
+    `room`: of flights of the route that turn back.
+    """
     charts = [_chart(band, i) for i in range(len(band.about.signals))]
-    return [_map(band), _heights(band), *charts] if band.flights.over == "along" else charts
+    return [_map(band, room), _heights(band), *charts] if band.flights.over == "along" else charts
 
 
 def _chart(band: Band, i: int) -> Chart:
@@ -62,7 +66,7 @@ def _chart(band: Band, i: int) -> Chart:
     return chart
 
 
-def _map(band: Band) -> Chart:
+def _map(band: Band, room: Band | None) -> Chart:
     """The route from above with the corridor that the band claims, if it does, and its fences."""
     about, (path, origin, _) = band.about, band.flights.route.where
     s, sides = path.points(APART), None
@@ -75,6 +79,11 @@ def _map(band: Band) -> Chart:
         ends = np.stack([fence.start, fence.end, np.full_like(fence.end, np.nan)], axis=1)
         north, east = ends.reshape(-1, 2).T
         chart.line(east, north, LIMIT, name="fence", most=len(north), hover=False)
+    if room is not None and room.claims and band.claims:
+        for name, (width, *_) in room.volumes(band).items():
+            breaks = [np.vstack([ring, [np.nan, np.nan]]) for ring in rings_around(path, width)]
+            north, east = np.concatenate(breaks).T
+            chart.line(east, north, NEUTRAL, name=name, most=len(north), hover=False)
     return chart
 
 

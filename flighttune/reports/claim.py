@@ -22,8 +22,13 @@ BAND_NOTE = "A line joins the lowest and the highest value of a counted flight i
 GIVEN = "The middle predicted from the wind of each flight is subtracted."
 
 
-def write_claim_page(claim: AnyClaim, source: str, path: str | Path) -> Report:
-    """Write one self-contained page about the claim in the file `source`."""
+def write_claim_page(
+    claim: AnyClaim, source: str, path: str | Path, room: Band | None = None
+) -> Report:
+    """Write one self-contained page about the claim in the file `source`.
+
+    `room`: of the flights of the same route that turn back, whose volumes are drawn on its map.
+    """
     answer = claim.answer(source) if isinstance(claim, Band) else claim.answer()
     facts = {"file": source, "its SHA-256": hashlib.sha256(Path(source).read_bytes()).hexdigest()}
     sentences, notes, charts = [claim.sentence], [*answer.notes], []
@@ -37,7 +42,7 @@ def write_claim_page(claim: AnyClaim, source: str, path: str | Path) -> Report:
         facts["law"] = problem.law.name
         facts["settings"] = f"{settings.symbols} symbols, {settings.most} pieces at most"
     elif isinstance(claim, Band):
-        about, charts = claim.about, band_charts(claim)
+        about, charts = claim.about, band_charts(claim, room)
         title = f"Counted band: {about.plan['campaign']['title']}"
         facts["flights"] = f"{len(claim.scores)} counted, {about.learned} learned from"
         facts["flights lost"] = claim.lost
@@ -46,6 +51,11 @@ def write_claim_page(claim: AnyClaim, source: str, path: str | Path) -> Report:
             tables += claim.flights.route.answer().tables
         sentences += [claim.inside(x).sentence for x in about.fences]
         notes = [note for note in notes if note != claim.sentence]
+        if room is not None:
+            turning = room.answer()
+            sentences.append(room.sentence)
+            notes += [note for note in turning.notes if "refly" not in note]
+            tables.append(turning.tables[0])
         notes = [*notes, BAND_NOTE, *([GIVEN] if about.predicted_from else [])]
         commands += f"\nflighttune refly {source} --count 20"
     return write_page(

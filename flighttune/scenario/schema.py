@@ -1,6 +1,7 @@
 """A scenario: the tables of its file, checked against each other."""
 
 import math
+from collections.abc import Mapping
 from typing import Annotated, Any
 
 from pydantic import Field, model_validator
@@ -15,6 +16,7 @@ from flighttune.quantities import FASTEST_WIND, STEEPEST_DEG, Table
 from flighttune.scenario import tables
 from flighttune.scenario.route import RouteTable
 from flighttune.scenario.tables import LAWS, TUNED, TUNED_IDENTIFIED, GainsTable, law_named
+from flighttune.scenario.turn_back import TurnBackTable
 
 # Samples of the controller in a flight: five and a half hours at 50 Hz, 200 MB of signals.
 MAX_SAMPLES = 1_000_000
@@ -42,6 +44,7 @@ class Scenario(Table):
     flight: tables.FlightTable
     reference: tables.ReferenceTable | None = None
     route: RouteTable | None = None
+    turn_back: TurnBackTable | None = None
     limits: tables.LimitsTable = tables.LimitsTable()
     controller: tables.ControllerTable = tables.ControllerTable()
     tuning: tables.TuningTable = tables.TuningTable()
@@ -53,6 +56,13 @@ class Scenario(Table):
     envelope: tables.EnvelopeTable | None = None
     expect: list[tables.ExpectTable] = Field(default_factory=list)
     plant: Annotated[list[tables.PlantTable], Field(min_length=1)]
+
+    @model_validator(mode="before")
+    @classmethod
+    def _turned_back(cls, values: Any) -> Any:
+        if not (isinstance(values, Mapping) and values.get("turn_back")):
+            return values
+        return TurnBackTable.model_validate(values["turn_back"]).followed(values)
 
     @model_validator(mode="after")
     def _consistent(self) -> "Scenario":
