@@ -257,7 +257,7 @@ def _bounded(of: str | None, turn_back: str | float | None, others: bool) -> str
     kind = of if turn_back is None else "turn_back"
     if kind and (others or (of and turn_back is not None)):
         raise InputError(
-            f"`of`, `signals`, `given` and `fences` must be absent for a band of {kind}."
+            f"`signals`, `given` and `fences` must be absent for {kind.replace('_', ' ')} signals."
         )
     return kind
 

@@ -278,7 +278,7 @@ def test_residual_signals_have_shorter_windows_than_recorded_ones():
 def test_residual_signals_need_an_aircraft_and_are_not_recorded():
     for settings, message in (
         ({}, "`plant` must be an aircraft to have residual signals, got kinematic"),
-        ({"signals": ["n_z"]}, "`signals` and `given` must be absent"),
+        ({"signals": ["n_z"]}, "`signals`, `given` and `fences` must be absent"),
     ):
         with pytest.raises(ft.InputError, match=message):
             count(of="residual", **settings)

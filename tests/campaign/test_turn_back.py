@@ -97,8 +97,8 @@ def test_draws_are_at_all_places_and_to_both_sides(turning):
         ({"turn_back": "spiral:30"}, "`turn_back` must be a bank in deg, or circle:BANK"),
         ({"turn_back": 70}, "`turn_back` must be a bank of 1 to 45 deg, got 70"),
         ({"turn_back": 30, "start_deg": 2.0}, "`flight.chi_deg` must be the same in all"),
-        ({"turn_back": 30, "of": "residual"}, "must be absent for a band of turn_back"),
-        ({"turn_back": 30, "signals": ["chi_err"]}, "must be absent for a band of turn_back"),
+        ({"turn_back": 30, "of": "residual"}, "must be absent for turn back signals"),
+        ({"turn_back": 30, "signals": ["chi_err"]}, "must be absent for turn back signals"),
     ],
 )
 def test_what_cannot_turn_back_is_refused_in_one_line(settings, says):
