@@ -6,7 +6,7 @@ import numpy as np
 
 from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.plants.jsbsim import properties
-from flighttune.units import FT
+from flighttune.units import FT, LBF
 
 MASS, MOTOR = 11.0, 120.0  # kg, N
 J = {"ixx": 0.8244, "iyy": 1.135, "izz": 1.759, "ixz": 0.1204}  # kg m2
@@ -40,9 +40,7 @@ def accelerations(V_a, alpha, beta, rates, surfaces, throttle, off=NOMINAL):
     along_wind = np.array(
         [-off.drag_factor * C_D, off.side_force_factor * C_Y, -off.lift_factor * C_L]
     )
-    ca, sa, cb, sb = math.cos(alpha), math.sin(alpha), math.cos(beta), math.sin(beta)
-    wind_to_body = np.array([[ca * cb, -ca * sb, -sa], [sb, cb, 0.0], [sa * cb, -sa * sb, ca]])
-    aerodynamic = pressure_area * wind_to_body @ along_wind
+    aerodynamic = pressure_area * wind_to_body(alpha, beta) @ along_wind
     pull = np.array([off.thrust_factor * MOTOR * throttle, 0.0, 0.0])
     aft, right, down = off.cg_shift
     motor = np.array([aft, -right, -down])  # from the centre of gravity, body axes
@@ -56,9 +54,23 @@ def accelerations(V_a, alpha, beta, rates, surfaces, throttle, off=NOMINAL):
     moment += np.cross(motor + np.array([CG_AFT, 0.0, 0.0]), aerodynamic) + np.cross(motor, pull)
     xx, yy, zz, xz = (getattr(off, f"{name}_factor") * value for name, value in J.items())
     tensor = np.array([[xx, 0.0, -xz], [0.0, yy, 0.0], [-xz, 0.0, zz]])
-    rates = np.array(rates)
-    angular = np.linalg.solve(tensor, moment - np.cross(rates, tensor @ rates))
-    return (aerodynamic + pull) / (off.mass_factor * MASS), angular
+    return (aerodynamic + pull) / (off.mass_factor * MASS), turning(tensor, moment, rates)
+
+
+def wind_to_body(alpha, beta):
+    ca, sa, cb, sb = math.cos(alpha), math.sin(alpha), math.cos(beta), math.sin(beta)
+    return np.array([[ca * cb, -ca * sb, -sa], [sb, cb, 0.0], [sa * cb, -sa * sb, ca]])
+
+
+def turning(tensor, moment, rates):
+    """Angular accelerations of a rigid body (rad/s2)."""
+    return np.linalg.solve(tensor, moment - np.cross(rates, tensor @ rates))
+
+
+def measured(fdm):
+    """Forces without gravity (N) and angular accelerations (rad/s2) of JSBSim, body axes."""
+    force = [fdm.reader(f"forces/fb{axis}-total-lbs")() * LBF for axis in "xyz"]
+    return force, [fdm.reader(f"accelerations/{rate}dot-rad_sec2")() for rate in "pqr"]
 
 
 def evaluated(fdm, V_a, alpha, beta, rates, surfaces, throttle):

@@ -97,5 +97,5 @@ def test_a_log_without_roll_commands_is_one_line(log):
         provenance=run.provenance,
     )
 
-    with pytest.raises(ft.InputError, match="must have phi_cmd to be flown"):
+    with pytest.raises(ft.InputError, match="must have phi_cmd"):
         ft.gap(bare, aircraft="c172p")
