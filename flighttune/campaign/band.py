@@ -253,7 +253,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
 
 
 def _bounded(of: str | None, turn_back: str | float | None, others: bool) -> str | None:
-    """What is bounded in place of recorded signals; refuse what goes with these alone."""
+    """The kind of signals bounded in place of recorded ones; refuse what goes with these alone."""
     kind = of if turn_back is None else "turn_back"
     if kind and (others or (of and turn_back is not None)):
         raise InputError(

@@ -270,7 +270,7 @@ class Band(Answering):
 
     @property
     def room(self) -> tuple[float, float]:
-        """Of flights that turn back: the distance ahead and the change of height, m."""
+        """Distance ahead and change of height that flights need which turn back, m."""
         ahead, height = self.bounds(self.flights.edges[:1]).high[0].tolist()
         return ahead, height
 

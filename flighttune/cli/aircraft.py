@@ -180,12 +180,12 @@ def adopt(
     from flighttune.adoption.page import write_adoption
 
     name = Path(os.path.abspath(model)).stem.removesuffix("-set")
-    told = {"throttle": throttle, "glide": glide, "rudder": not no_rudder}
-    told["values"] = options.numbers(values, "--set", "NAME=VALUE of a property")
+    choices = {"throttle": throttle, "glide": glide, "rudder": not no_rudder}
+    choices["values"] = options.numbers(values, "--set", "NAME=VALUE of a property")
     try:
         with on_interrupt():
             folder = out or Path("aircraft") / name
-            adoption = adopt_model(model, folder, V_a=V_a, h=h, say=_progress, **told)
+            adoption = adopt_model(model, folder, V_a=V_a, h=h, say=_progress, **choices)
             page = write_adoption(adoption) if adoption.folder else None
     except KeyboardInterrupt:
         fail("interrupted; what is written is whole", INTERRUPTED)
