@@ -283,12 +283,23 @@ class Band(Answering):
         more the height of that over ground.
         """
         planned, (ahead, height) = corridor.flights.route, self.room
-        if self.about.of != "turn_back" or not self.claims:
+        turn_back = self.flights.central.turn_back
+        if turn_back is None or not self.claims:
             raise InputError("the room to turn back must be claimed by a band of such flights.")
-        if self.flights.plant != corridor.flights.plant or (
-            self.flights.gains_name != corridor.flights.gains_name
-        ):
-            raise InputError("both bands must be of one aircraft with the same gains.")
+        of_each = [
+            (of.plant, of.gains_name, of.central.flight.V_a_mps, round(length, 3))
+            for of, length in (
+                (self.flights, turn_back.place[-1].along_m),
+                (corridor.flights, planned.length),
+            )
+        ]
+        if of_each[0] != of_each[1]:
+            raise InputError(
+                "both bands must be of one aircraft with the same gains and airspeed on one route, "
+                "got {} / {} at {:g} m/s along {:g} m and {} / {} at {:g} m/s along {:g} m.".format(
+                    *of_each[0], *of_each[1]
+                )
+            )
         flown = corridor.corridor(planned.where)
         beside, above = np.abs([flown.low, flown.high]).max(axis=(0, 1)).tolist()
         up, h = planned.reference.path.up, planned.where[2] - self.flights.central.flight.ground_m

@@ -128,6 +128,18 @@ def test_the_areas_are_as_wide_as_they_say():
         assert size == pytest.approx(2.0 * width * 800.0 + np.pi * width**2, rel=ROUND)
 
 
+def test_the_room_of_another_route_is_refused():
+    few = {"plant": "kinematic", "gains": "paper", **FEW}
+    flight = {"flight.duration_s": 60.0}
+    legs = [{"north_m": n, "east_m": 0.0} for n in (0.0, 800.0)]
+    room = ft.band("circuit", turn_back=30, changes={"route.waypoint": legs} | flight, **few)
+    longer = {"route.waypoint": [*legs, {"north_m": 900.0, "east_m": 0.0}]} | flight
+    corridor = ft.band("circuit", start_deg=1.0, changes=longer, **few)
+
+    with pytest.raises(ft.InputError, match=r"on one route, got .* along 800 m and .* along 900 m"):
+        room.volumes(corridor)
+
+
 @pytest.mark.slow
 def test_the_command_counts_the_room_and_writes_the_volumes(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
