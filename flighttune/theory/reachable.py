@@ -229,10 +229,14 @@ def _norm_integrals(
         if not halved.any():
             return totals.reshape(N, p), largest
         values = np.compress(halved, values, axis=2).view(float)
+        # A loop has its bits in any stack. The rounding of BLAS depends on the number of columns,
+        # that of `einsum` only on whether there is more than one.
         columns = values.shape[2]
-        if columns == 1:  # BLAS rounds a vector otherwise, and a loop has its bits in any stack
+        if columns == 1:
             values = np.repeat(values, 2, axis=2)
-        halves = [(to_half @ values)[:, :, :columns] for to_half in _TO_HALVES]
+        halves = [
+            np.einsum("hn,mnk->mhk", to_half, values)[:, :, :columns] for to_half in _TO_HALVES
+        ]
         values = np.concatenate(halves, axis=2).view(totals.dtype)
         row, width = np.tile(row[halved], 2), np.tile(width[halved] / 2.0, 2)
         allowed = np.tile(allowed[halved], 2)

@@ -187,7 +187,7 @@ WITHOUT_EFFECT = {
 }  # fmt: skip
 OF_OTHERS = {
     ft.Scenario: {"title", "verifies", "source", "seed", "gains", "law", "tuning", "envelope",
-               "expect", "plant", "gust", "turbulence", "route"},
+               "expect", "plant", "gust", "turbulence", "route", "turn_back"},
     WindTable: {"level"},
     LimitsTable: {"n_x", "n_x_rate_per_s"},
 }  # fmt: skip
