@@ -28,11 +28,8 @@ from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run
 
 PARQUET, RECORDING = ".parquet", ".rrd"
 PARQUET_FILE, RECORDING_FILE = "Parquet file", "recording (.rrd)"
-FORMAT = 3  # version of the layout; a file with a higher one is from a newer flighttune
+FORMAT = 3  # version of the layout: no other one is read
 LONGEST_REASON = 160  # characters of a library's error message that are repeated
-
-# Endings of columns with bounds in files up to layout 2
-OLD_BOUNDS = ("_err_low", "_err_high", "_err_worst", "_band_low", "_band_high")
 
 # Keys in the metadata of the schema, in the order of the file: the seal must be the last one.
 DESCRIPTION = b"flighttune.run"
@@ -162,11 +159,9 @@ def _read(path: Path) -> tuple[Run, str, tuple[str, ...]]:
 def _run_of(description: str, rows: FloatArray) -> Run:
     """The run that a description and rows are of, with signals equal to the bit."""
     entry = json.loads(description)
-    if entry["format"] > FORMAT:
-        raise RecordingError(
-            f"layout must be {FORMAT} or older, got {entry['format']}; "
-            "read it with a newer flighttune."
-        )
+    if entry["format"] != FORMAT:
+        got = entry["format"]
+        raise RecordingError(f"layout must be {FORMAT}, got {got} of another flighttune: fly again.")
     columns, provenance = entry["columns"], entry["provenance"]
     for name, unit in columns.items():
         if unit != SIGNAL_UNITS.get(name, unit):
@@ -175,10 +170,7 @@ def _run_of(description: str, rows: FloatArray) -> Run:
     if gains is not None:
         gains |= {key: tuple(gains[key]) for key in ("inputs", "errors")}
         gains = PIGains(**gains)
-    # Up to layout 2 bounds were columns; they can be drawn again from the file of their claim.
-    names = [name for name in columns if not (entry["format"] < 3 and name.endswith(OLD_BOUNDS))]
-    rows = rows[:, [[*columns].index(name) for name in names]]
-    _, *names = names
+    _, *names = columns
     index = pd.Index(rows[:, 0], name="t", dtype=np.float64)
     return Run(
         signals=pd.DataFrame(dict(zip(names, rows[:, 1:].T, strict=True)), index=index),

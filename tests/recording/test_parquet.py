@@ -93,8 +93,8 @@ def sealed_file(path, description):
     ("description", "words"),
     [
         ("{", "of a run, got JSONDecodeError"),
-        ('{"format": 99}', "layout must be 3 or older, got 99"),
-        ('{"format": 2, "status": "completed", "columns": {}}', "KeyError: 'provenance'"),
+        ('{"format": 99}', "layout must be 3, got 99"),
+        ('{"format": 3, "status": "completed", "columns": {}}', "KeyError: 'provenance'"),
         ("[]", "of a run, got TypeError"),
     ],
 )
