@@ -63,8 +63,7 @@ from flighttune.gaps.ladder import gap as gap
 from flighttune.identification.design import design as design
 from flighttune.identification.file import load_identified as load_identified
 from flighttune.identification.file import save_identified as save_identified
-from flighttune.identification.identify import identify as identify
-from flighttune.logs.identify import identify_log as identify_log
+from flighttune.logs.identify import identify as identify
 from flighttune.logs.log import load_log as load_log
 from flighttune.metrics import channel_metrics as channel_metrics
 from flighttune.metrics import flight_metrics as flight_metrics

@@ -40,7 +40,7 @@ COMMANDS = (
     "export paper_identified --gains paper --out exported",
     "campaign run first_campaign --runs 8 --out campaign",
     "report campaign",
-    "refly campaign --run 1 --out run",
+    "refly campaign --run 1",
     "worst first_campaign --budget 64 --out worst.toml",
     "list",
 )

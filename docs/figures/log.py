@@ -46,7 +46,7 @@ def main() -> None:
 
     with tempfile.TemporaryDirectory() as folder:
         log = write_csv(Path(folder) / "flight.csv", *sampled(flight()))
-        found = ft.identify_log(log)
+        found = ft.identify(log)
         gap = ft.gap(log, aircraft="c172p")
     print(found, gap, sep="\n\n")
     found.sheet().save(DOCS / "log_fit.svg")

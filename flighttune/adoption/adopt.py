@@ -33,7 +33,7 @@ from flighttune.flight.fly import fly
 from flighttune.flight.load import load_scenario
 from flighttune.identification.design import Airframe, airframe, design
 from flighttune.identification.file import FILE_NAME, rounded, save_identified
-from flighttune.identification.identify import GOOD_FIT, AircraftIdentification, identify
+from flighttune.identification.identify import GOOD_FIT, AircraftIdentification, identify_aircraft
 from flighttune.identification.steps import StepResponse
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.fdm import Fdm
@@ -409,7 +409,7 @@ def _tried(
     designed = design(folder)
     save_gains(designed.gains, folder)
     say("step 7 of 9: identifying roll and load factor")
-    identified = identify(folder, h=h)
+    identified = identify_aircraft(folder, h=h)
     save_identified(identified.identified, folder / FILE_NAME)
     write_text(folder / TURN, turn_text(folder.name, condition, tables))
     say("step 8 of 9: flying the turn")

@@ -112,36 +112,20 @@ def identify(
     Logs are of real flights: their stretches with enough command are fitted. Exit status 1 if
     they cannot tell a channel; then nothing is written.
     """
-    from flighttune.aircraft.aircraft import load_aircraft
-    from flighttune.identification.figure import identification_figure
-    from flighttune.identification.file import FILE_NAME, save_identified
-    from flighttune.identification.identify import identify as identify_aircraft
-    from flighttune.logs.identify import identify_log
-    from flighttune.logs.read import is_log
+    from flighttune.logs.identify import identify as identify_source
 
     check_ending(out, ".json")
-    if logs or is_log(aircraft):
-        assumed = options.numbers(assume, "--assume", "CHANNEL=RAD_S")
-        found = identify_log(aircraft, *(logs or ()), columns=column or (), assume=assumed)
-        files: dict[str, Path | None] = {"model": None, "figure": None}
-        if found.identified is not None:
-            name = Path(aircraft.partition("@")[0]).stem
-            model = out or Path("runs") / "identified" / f"{name}.json"
-            save_identified(found.identified, model)
-            files = {"model": model, "figure": None}
-            if found.channels:
-                files["figure"] = model.with_suffix(".svg")
-                found.sheet().save(model.with_suffix(".svg"))
-        return replace(found.answer(), files=files)
-    angles = [angle * DEG for angle in gamma or ()]
-    identified = identify_aircraft(aircraft, V_a=V_a or (), gamma=angles, h=h, seed=seed)
-    folder = load_aircraft(aircraft).folder
-    shipped = Path("runs") / "identified" / f"{folder.name}.json"
-    model = out or (shipped if is_shipped(folder) else folder / FILE_NAME)
-    figure = model.with_suffix(".svg")
-    save_identified(identified.identified, model)
-    identification_figure(identified.conditions[0], identified.place).save(figure)
-    return replace(identified.answer(), files={"model": model, "figure": figure})
+    identified = identify_source(
+        aircraft,
+        *(logs or ()),
+        V_a=V_a or (),
+        gamma=[angle * DEG for angle in gamma or ()],
+        h=h,
+        seed=seed,
+        columns=column or (),
+        assume=options.numbers(assume, "--assume", "CHANNEL=RAD_S"),
+    )
+    return replace(identified.answer(), files=identified.save(out))
 
 
 def adopt(

@@ -11,18 +11,12 @@ import typer
 from typer.core import TyperGroup
 
 from flighttune import __version__
-from flighttune.cli import campaign
 from flighttune.cli.aircraft import adopt, design, identify, trim
-from flighttune.cli.band import band
-from flighttune.cli.certificates import certify, verify
-from flighttune.cli.flights import fly, list_shipped, new, refly, view
-from flighttune.cli.gains import frontier, tune
-from flighttune.cli.meet import meet
+from flighttune.cli.band import band, tube, worst
+from flighttune.cli.flights import fly, list_shipped, new, refly, route, run, view
+from flighttune.cli.gains import certify, frontier, meet, tune, verify
 from flighttune.cli.pages import compare, export, gap, report, reproduce
-from flighttune.cli.route import route
-from flighttune.cli.searches import worst
 from flighttune.cli.show import COULD_NOT_RUN, NO, emit, fail, output, working
-from flighttune.cli.tube import tube
 from flighttune.errors import FlightTuneError, InfeasibleError
 from flighttune.extras import missing_extra
 from flighttune.files.whole import reason_of
@@ -108,10 +102,6 @@ COMMANDS = {
     ],
 }
 
-CAMPAIGN_COMMANDS = [
-    (campaign.run, "run", "planning", "campaign run first_campaign"),
-]
-
 
 def _add_command(
     group: typer.Typer,
@@ -145,8 +135,7 @@ def _add_command(
     group.command(name, rich_help_panel=panel, epilog=epilog)(command)
 
 
-for function, name, doing, example in CAMPAIGN_COMMANDS:
-    _add_command(campaigns, function, name, doing, example)
+_add_command(campaigns, run, "run", "planning", "campaign run first_campaign")
 for panel, commands in COMMANDS.items():
     for function, name, doing, example in commands:
         _add_command(app, function, name, doing, example, panel)

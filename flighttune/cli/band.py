@@ -1,15 +1,18 @@
-"""The command that counts bands of campaigns, and answers about them."""
+"""Commands that bound flights: bands, tubes, and the worst flight."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
 from typer import Argument, Option
 
 from flighttune.cli import options
-from flighttune.cli.show import campaign_display
+from flighttune.cli.show import campaign_display, progress_bar
+from flighttune.errors import InputError
 from flighttune.files.shipped import aircraft_names, campaign_files, scenario_files
 from flighttune.present.answer import Answer
+from flighttune.units import DEG
 
 
 def band(
@@ -196,3 +199,144 @@ def band(
     else:
         notes = [*notes, f"A page with its flights: flighttune report {file}"]
     return replace(answer, notes=notes, files={"band": out, **files, "page": page})
+
+
+def tube(
+    scenario: options.ScenarioArgument,
+    gains: options.GainsOption = None,
+    plant: Annotated[str | None, options.plant_label("the first that is not an aircraft")] = None,
+    start_deg: options.StartOption = 0.0,
+    disturbance: Annotated[
+        str | None,
+        Option(
+            metavar="RAD_S|largest",
+            help="Bound on the disturbance of each rate, rad/s [default: the scenario's, or the "
+            "residual of the logs of a model]; largest searches, to two digits, for the largest "
+            "for which the set is bounded.",
+        ),
+    ] = None,
+    boxes: Annotated[
+        Path | None,
+        Option(
+            metavar="FILE",
+            help="File of `flighttune band --of residual`: bound its aircraft, with rates in it.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None,
+        Option("--out", help="Proof file (.npz) to write [default: runs/NAME-tube.npz]."),
+    ] = None,
+    settings: options.SetOption = None,
+) -> Answer:
+    """Enclose all flights of SCENARIO with one gain set, limits included; prove the bounds.
+
+    Exit status 1 if the set cannot be bounded for the whole time, or if a flight leaves it.
+    """
+    from flighttune.campaign.band import load_band
+    from flighttune.campaign.claims import save_claim
+    from flighttune.tubes.tube import largest_disturbance
+    from flighttune.tubes.tube import tube as enclose
+
+    options.check_ending(out, ".npz")
+    largest = disturbance == "largest"
+    if largest and (boxes, out) != (None, None):
+        raise InputError("`disturbance` must be a number with --boxes or --out, got largest.")
+    flights = {"plant": plant, "start": start_deg * DEG, "changes": options.changes(settings)}
+    with progress_bar() as progress:
+        follow = None if progress is None else partial(progress, "tube")
+        if largest:
+            answer = largest_disturbance(scenario, gains, **flights, progress=follow).answer()
+        else:
+            enclosure = enclose(
+                scenario,
+                gains,
+                None if boxes is None else load_band(boxes),
+                disturbance=options.number(disturbance, "--disturbance"),
+                progress=follow,
+                **flights,
+            )
+            proof = None
+            if enclosure.status == "bounded":
+                proof = out or Path("runs") / f"{Path(scenario).stem}-tube.npz"
+                save_claim(enclosure, proof)
+            answer = replace(enclosure.answer(gains or ""), files={"proof": proof})
+    return answer
+
+
+def worst(
+    source: Annotated[
+        str,
+        Argument(
+            metavar="SCENARIO|CAMPAIGN|FILE",
+            help="A campaign (file, shipped name or folder), whose dispersions are searched, a "
+            "scenario with --start-deg or --disturbance, or the file of a tube or band: its "
+            "flights are searched for the one nearest to its edge.",
+            autocompletion=lambda: [*scenario_files(), *campaign_files()],
+        ),
+    ],
+    budget: Annotated[int, Option(help="Maximum number of flights.")] = 2000,
+    metric: Annotated[
+        str | None,
+        Option(
+            help="Metric to maximise: a column of a campaign's rows, or margin, the largest excess "
+            "over a requirement relative to its bound [default: margin if there are requirements, "
+            "else chi.ITAE]."
+        ),
+    ] = None,
+    gains: options.CampaignGainsOption = None,
+    plant: Annotated[str | None, options.plant_label("the first")] = None,
+    completed: Annotated[
+        bool, Option("--completed", help="Consider only completed flights.")
+    ] = False,
+    start_deg: options.StartOption = 0.0,
+    disturbance: Annotated[
+        float,
+        Option(help="Largest disturbance of a scenario's two rates, rad/s: bang-bang or square."),
+    ] = 0.0,
+    seed: Annotated[int, Option(help="Seed of the search.", min=0)] = 1,
+    claim: Annotated[
+        Path | None,
+        Option(
+            metavar="FILE",
+            help="File of a tube: search for the flight closest to its bounds, and print how many "
+            "times wider the tube is.",
+        ),
+    ] = None,
+    out: Annotated[
+        Path | None, Option(help="Scenario to write [default: runs/NAME-worst.toml].")
+    ] = None,
+    settings: options.SetOption = None,
+    workers: options.WorkersOption = None,
+    scheduler: options.SchedulerOption = None,
+) -> Answer:
+    """Search dispersions and disturbances for the flight with the smallest margin.
+
+    Writes that flight as a scenario for `flighttune fly`. Exit status 1 if it leaves a tube that is
+    proven for it.
+    """
+    options.check_ending(out, ".toml")
+    from flighttune.campaign.worst import worst as search
+    from flighttune.files.table import toml_text
+    from flighttune.files.whole import write_text
+    from flighttune.tubes.proof import load_tube
+
+    with campaign_display() as observer:
+        flight = search(
+            source,
+            claim=None if claim is None else load_tube(claim),
+            budget=budget,
+            metric=metric,
+            gains=gains,
+            plant=plant,
+            completed=completed,
+            start_deg=start_deg,
+            disturbance=disturbance,
+            seed=seed,
+            changes=options.changes(settings),
+            workers=workers,
+            scheduler=scheduler,
+            observer=observer,
+        )
+    file = out or Path("runs") / f"{Path(source).stem}-worst.toml"
+    write_text(file, toml_text(flight.scenario.as_dict()))
+    return replace(flight.answer(), files={"scenario": file})

@@ -1,4 +1,4 @@
-"""Commands that fly a scenario, fly a recording again, open one, and list what ships."""
+"""Commands that fly and open flights, plan routes, and list what ships."""
 
 from contextlib import suppress
 from dataclasses import replace
@@ -9,9 +9,11 @@ from typer import Argument, Option
 
 from flighttune.cli import options
 from flighttune.cli.show import campaign_display, fail, on_interrupt, progress_bar, say, show
-from flighttune.errors import InputError, RecordingError
+from flighttune.errors import CampaignError, InputError, OutputError, RecordingError
 from flighttune.files.shipped import aircraft_names, scenario_files
 from flighttune.present.answer import Answer
+
+KEPT = "what has been flown is kept, go on with the same command and --resume"
 
 
 def fly(
@@ -78,30 +80,23 @@ def refly(
         int | None,
         Option(
             min=0,
-            help="Run of a campaign, or draw of a band: it is recorded too [default: some, drawn "
-            "at random].",
+            help="Run of a campaign, or draw of a band [default: some, drawn at random].",
         ),
     ] = None,
     count: Annotated[
         int | None,
         Option(min=1, help="Number of runs of a campaign or band to draw at random [default: 5]."),
     ] = None,
-    out: Annotated[
-        Path | None,
-        Option("--out", help="Folder to record --run N to [default: runs/NAME-run-N]."),
-    ] = None,
 ) -> Answer:
     """Fly runs of PATH again and compare them bit by bit.
 
-    All runs of a recording are flown, from the scenario and seed in it. Exit status 1 if a bit
-    differs; the first difference is shown.
+    All runs of a recording are flown, from the scenario and seed in it. With --run N, that one is
+    recorded, in runs/NAME-run-N. Exit status 1 if a bit differs; the first difference is shown.
     """
     from flighttune.campaign.refly import refly as fly_again
     from flighttune.files.seal import is_claim_file
     from flighttune.recording.record import record
 
-    if out is not None and run is None:
-        raise InputError(f"--out: must come with --run N, which is recorded, got {out} alone.")
     if is_claim_file(source):
         with campaign_display() as observer:
             reflown = fly_again(source, run, count=count, observer=observer)
@@ -111,7 +106,7 @@ def refly(
     if reflown.flown is None:
         return reflown.answer()
     name = f"{source.name.removesuffix('.npz')}-run-{run}"
-    files = record(reflown.flown, out or Path("runs") / name, name=name)
+    files = record(reflown.flown, Path("runs") / name, name=name)
     return replace(reflown.answer(files.signals), files={"recording": files.recording})
 
 
@@ -175,3 +170,111 @@ def _open(path: Path, *, port: int | None = None) -> None:
         say(f"no screen here; open {url} in a browser on this machine, Ctrl-C ends it")
     with on_interrupt(), suppress(KeyboardInterrupt):
         run_viewer(recording, command)
+
+
+def route(
+    source: Annotated[
+        str,
+        Argument(
+            metavar="SCENARIO|FILE",
+            help="A scenario with a route, or a mission: .plan, .waypoints, .kml or .geojson.",
+            autocompletion=scenario_files,
+        ),
+    ],
+    aircraft: Annotated[
+        str | None,
+        Option(
+            help="Aircraft that is to fly a FILE, at an airspeed at which it is identified "
+            "[default: aerosonde].",
+            autocompletion=aircraft_names,
+        ),
+    ] = None,
+    skip: Annotated[
+        bool, Option("--skip", help="Leave out commands of a plan that have no place.")
+    ] = False,
+    out: Annotated[
+        Path | None,
+        Option(
+            help="Path to write, .plan, .kml or .geojson [default with --claim: runs/NAME.geojson]."
+        ),
+    ] = None,
+    band: Annotated[
+        Path | None,
+        Option(
+            "--claim",
+            metavar="FILE",
+            help="Band file (.npz) of this route, whose corridor is written with the path.",
+        ),
+    ] = None,
+    settings: options.SetOption = None,
+) -> Answer:
+    """Plan the route of SCENARIO or FILE: its legs, turns and times, or what cannot be flown."""
+    from flighttune.campaign.band import load_band
+    from flighttune.flight.route import route as plan_route
+    from flighttune.references.fence import fence_tables
+
+    if band is not None and out is None:
+        out = Path("runs") / f"{Path(source).stem}.geojson"
+    options.check_ending(out, ".geojson", ".kml", ".plan")
+    if out is not None and out.exists() and Path(source).exists() and out.samefile(source):
+        raise InputError(f"{out}: `--out` must be another file than the one that is read.")
+    changed = options.changes(settings)
+    planned = plan_route(source, aircraft=aircraft, skip=skip, changes=changed)
+    if out is not None:
+        counted = None if band is None else load_band(band)
+        corridor = None if counted is None else counted.corridor(planned.where)
+        own = fence_tables([Path(source)]) if source.lower().endswith(".plan") else {}
+        fences = counted.about.fences if counted and counted.about.fences else [own] * bool(own)
+        planned.save(out, corridor, fences)
+    return replace(planned.answer(), files={"route": out})
+
+
+def run(
+    file: options.CampaignArgument,
+    runs: Annotated[
+        int | None, Option(help="Flights in total [default: the file's].", min=1)
+    ] = None,
+    workers: options.WorkersOption = None,
+    scheduler: options.SchedulerOption = None,
+    out: Annotated[str | None, Option(help="Folder of the dataset [default: runs/NAME].")] = None,
+    resume: Annotated[bool, Option("--resume", help="Fly the runs that --out lacks.")] = False,
+    gains: options.GainSetsOption = None,
+    settings: options.SetOption = None,
+    dry_run: Annotated[
+        bool, Option("--dry-run", help="Show plan, time and disk space; write nothing.")
+    ] = False,
+) -> Answer:
+    """Fly CAMPAIGN and write a dataset with one row per run.
+
+    A flight that fails is a result: the exit status stays 0. It is 2 if the campaign was
+    cut short, 130 after Ctrl-C; --resume flies the missing runs.
+    """
+    from flighttune.campaign.dataset import CAMPAIGN, open_dataset
+    from flighttune.campaign.engine.engine import run_campaign
+    from flighttune.campaign.engine.forecast import forecast
+    from flighttune.campaign.planning.load import load_campaign
+    from flighttune.campaign.planning.plan import plan_campaign
+
+    folder = out or str(Path("runs") / Path(file).stem)
+    campaign = load_campaign(file, changes=options.changes(settings), gains=gains or ())
+    plan, file_of_plan = plan_campaign(campaign, runs=runs), Path(folder) / CAMPAIGN
+    if resume and runs is None and file_of_plan.exists():
+        # a campaign that was extended by --runs keeps its length
+        plan = plan.with_runs(max(plan.runs, open_dataset(folder).plan.runs))
+    if dry_run:
+        return forecast(plan, workers).answer()
+    try:
+        with campaign_display() as observer:
+            done = run_campaign(
+                plan,
+                folder,
+                workers=workers,
+                scheduler=scheduler,
+                resume=resume,
+                observer=observer,
+            )
+    except (CampaignError, OutputError) as error:
+        if not file_of_plan.exists():
+            raise
+        raise type(error)(f"{str(error).removesuffix('.')}; {KEPT}") from error
+    return done.answer()

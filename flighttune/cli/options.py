@@ -1,6 +1,5 @@
 """Arguments and options that several commands have."""
 
-import shlex
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -96,11 +95,6 @@ def number(text: str | None, option: str) -> float | None:
         return None if text is None else float(text)
     except ValueError:
         raise InputError(f"{option}: must be a number, got {text!r}.") from None
-
-
-def repeated(source: str, settings: list[str] | None) -> str:
-    """A scenario with its ``--set`` as arguments of the next command."""
-    return shlex.join([source, *(word for text in settings or () for word in ("--set", text))])
 
 
 def plant_label(default: str) -> Any:

@@ -10,7 +10,7 @@ from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag
 from flighttune.identification.experiment import DT
 from flighttune.identification.file import Channel
-from flighttune.identification.identify import Identification
+from flighttune.identification.fit import Identification
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.palette import HUES, NEUTRAL
 from flighttune.units import DEG

@@ -25,6 +25,7 @@ from flighttune.files.mistakes import abridged, shown, validated
 from flighttune.files.shipped import aircraft_folder
 from flighttune.files.table import json_tables, stamp
 from flighttune.files.whole import write_text
+from flighttune.present.chart import Sheet
 from flighttune.present.names import columns
 from flighttune.present.tables import Table
 from flighttune.units import DEG_PER_RAD, G_0
@@ -321,6 +322,17 @@ def save_identified(aircraft: IdentifiedAircraft, path: str | Path) -> None:
     """
     text = json.dumps(identified_tables(aircraft), indent=2, allow_nan=False) + "\n"
     write_text(Path(path), text)
+
+
+def save_with_figure(
+    aircraft: IdentifiedAircraft, path: Path, sheet: Sheet
+) -> dict[str, Path | None]:
+    """Write a model and the figure of its fits, if it has charts, side by side."""
+    figure = path.with_suffix(".svg") if sheet.charts else None
+    save_identified(aircraft, path)
+    if figure is not None:
+        sheet.save(figure)
+    return {"model": path, "figure": figure}
 
 
 def load_identified(source: str | Path) -> IdentifiedAircraft:

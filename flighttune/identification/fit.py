@@ -5,8 +5,9 @@ log damping and log lag (s), as many of them as the order needs.
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import product
 from typing import TypeAlias, get_args
 
@@ -17,6 +18,14 @@ from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import NO_DELAY, InnerLag, Order
 from flighttune.errors import InputError
 from flighttune.identification.experiment import DT, PERIOD, Lines
+from flighttune.identification.file import (
+    Channel,
+    IdentifiedChannel,
+    IdentifiedCondition,
+    LagTable,
+    lag_table,
+)
+from flighttune.plants.base import FlightCondition
 from flighttune.plants.lagged import rest, transition
 
 SAMPLES = round(PERIOD / DT)
@@ -247,3 +256,49 @@ def _interpolated(
     magnitude = np.interp(omega_new, omega, np.abs(values))
     phase = np.interp(omega_new, omega, np.unwrap(np.angle(values)))
     return np.asarray(magnitude * np.exp(1j * phase), dtype=complex)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ChannelIdentification:
+    """The response of one channel as flown, and the lags fitted to it."""
+
+    frequency: FrequencyResponse
+    candidates: tuple[LagCandidate, ...]  # of every order, the chosen one first
+    # Of the manoeuvre for validation, (samples,)
+    commanded: FloatArray
+    flown: FloatArray
+
+    @cached_property
+    def fit(self) -> FloatArray:
+        """Response of the chosen lag in the manoeuvre, (samples,)."""
+        change = self.commanded - self.commanded[0]
+        return self.flown[0] + lag_response(self.candidates[0].lag, DT, change, 0.0)
+
+    @property
+    def table(self) -> IdentifiedChannel:
+        """The channel, as its file has it."""
+        best, other = self.candidates[0], self.frequency.other
+        simpler = next(fit.lag for fit in self.candidates if fit.lag.order < 3)
+        # Not checked: rounding may put a lag beyond the range that it was fitted in.
+        return IdentifiedChannel.model_construct(
+            **lag_table(best.lag),
+            fit_percent=fit_percent(self.flown, self.fit),
+            residual=best.residual,
+            cross=None if other is None else float(np.abs(other).max()),
+            simpler=LagTable.model_construct(**lag_table(simpler)),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Identification:
+    """Flights at one condition, and the lags identified from them."""
+
+    trim: FlightCondition  # about which was flown
+    channels: Mapping[Channel, ChannelIdentification]
+
+    @cached_property
+    def condition(self) -> IdentifiedCondition:
+        """The inner loop at the trim, as its file has it."""
+        channels = {name: channel.table for name, channel in self.channels.items()}
+        V_a, gamma, h = self.trim.V_a, self.trim.gamma, self.trim.h
+        return IdentifiedCondition.model_construct(V_a=V_a, gamma=gamma, h=h, channels=channels)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,8 @@ from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import Order
 from flighttune.control.limits import Limits
 from flighttune.errors import TrimError
+from flighttune.files.shipped import is_shipped
 from flighttune.identification.experiment import (
-    DT,
     Lines,
     check_manoeuvre,
     fly_thrust,
@@ -23,23 +23,20 @@ from flighttune.identification.experiment import (
     respond,
     thrust_changes,
 )
+from flighttune.identification.figure import identification_figure
 from flighttune.identification.file import (
+    FILE_NAME,
     Channel,
     IdentifiedAircraft,
-    IdentifiedChannel,
-    IdentifiedCondition,
-    LagTable,
     identified_tables,
-    lag_table,
     lags_table,
+    save_with_figure,
 )
 from flighttune.identification.fit import (
-    FrequencyResponse,
-    LagCandidate,
+    ChannelIdentification,
+    Identification,
     candidates,
-    fit_percent,
     frequency_responses,
-    lag_response,
 )
 from flighttune.plants.base import FlightCondition, Plant
 from flighttune.plants.jsbsim.linearize import linearize, modes
@@ -69,52 +66,6 @@ FIT_NOTE = (
 
 # Periods flown: in the first the transient of the start decays.
 PERIODS = 2
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ChannelIdentification:
-    """The response of one channel as flown, and the lags fitted to it."""
-
-    frequency: FrequencyResponse
-    candidates: tuple[LagCandidate, ...]  # of every order, the chosen one first
-    # Of the manoeuvre for validation, (samples,)
-    commanded: FloatArray
-    flown: FloatArray
-
-    @cached_property
-    def fit(self) -> FloatArray:
-        """Response of the chosen lag in the manoeuvre, (samples,)."""
-        change = self.commanded - self.commanded[0]
-        return self.flown[0] + lag_response(self.candidates[0].lag, DT, change, 0.0)
-
-    @property
-    def table(self) -> IdentifiedChannel:
-        """The channel, as its file has it."""
-        best, other = self.candidates[0], self.frequency.other
-        simpler = next(fit.lag for fit in self.candidates if fit.lag.order < 3)
-        # Not checked: rounding may put a lag beyond the range that it was fitted in.
-        return IdentifiedChannel.model_construct(
-            **lag_table(best.lag),
-            fit_percent=fit_percent(self.flown, self.fit),
-            residual=best.residual,
-            cross=None if other is None else float(np.abs(other).max()),
-            simpler=LagTable.model_construct(**lag_table(simpler)),
-        )
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Identification:
-    """Flights at one condition, and the lags identified from them."""
-
-    trim: FlightCondition  # about which was flown
-    channels: Mapping[Channel, ChannelIdentification]
-
-    @cached_property
-    def condition(self) -> IdentifiedCondition:
-        """The inner loop at the trim, as its file has it."""
-        channels = {name: channel.table for name, channel in self.channels.items()}
-        V_a, gamma, h = self.trim.V_a, self.trim.gamma, self.trim.h
-        return IdentifiedCondition.model_construct(V_a=V_a, gamma=gamma, h=h, channels=channels)
 
 
 def _channels(
@@ -189,18 +140,28 @@ class AircraftIdentification(Answering):
         Why a requested condition is missing: one sentence each.
     modes : sequence of mapping
         Modes of the airframe alone about the first condition.
+    folder : Path
+        That of the aircraft.
     """
 
     identified: IdentifiedAircraft
     conditions: tuple[Identification, ...]
     skipped: tuple[str, ...]
     modes: Sequence[Mapping[str, Any]]
+    folder: Path
 
     @property
     def place(self) -> str:
         """The first condition in words."""
         point = self.identified.conditions[0]
         return f"{self.identified.aircraft} at {point.V_a:g} m/s, {point.gamma / DEG:g} deg"
+
+    def save(self, path: Path | None = None) -> dict[str, Path | None]:
+        """Write model and figure, by default into the aircraft's folder unless it is shipped."""
+        shipped = Path("runs") / "identified" / f"{self.folder.name}.json"
+        path = path or (shipped if is_shipped(self.folder) else self.folder / FILE_NAME)
+        figure = identification_figure(self.conditions[0], self.place)
+        return save_with_figure(self.identified, path, figure)
 
     def answer(self) -> Answer:
         """Lags with their fits, and modes; a failure where a lag explains too little."""
@@ -238,7 +199,7 @@ def design_speed(config: AircraftConfig) -> float:
     return speed if low < speed < high else 0.5 * (low + high)
 
 
-def identify(
+def identify_aircraft(
     aircraft: str | Path,
     *,
     V_a: Sequence[float] = (),
@@ -246,42 +207,10 @@ def identify(
     h: float = 1000.0,
     seed: int = 0,
 ) -> AircraftIdentification:
-    """Identify the inner loop of an aircraft at every airspeed with every flight-path angle.
+    """Identify the inner loop of an aircraft at every airspeed (m/s) with every path angle (rad).
 
-    Parameters
-    ----------
-    aircraft : str or Path
-        Name of a shipped aircraft, or a folder with an ``aircraft.toml``.
-    V_a : sequence of float, m/s
-        Airspeeds; by default the one the inner loop was designed for. The first is the nominal one.
-    gamma : sequence of float, rad
-        Flight-path angles, climb positive; by default level flight, or the glide of an aircraft
-        without an engine. The first is the nominal one.
-    h : float, m
-        Height above sea level.
-    seed : int
-        Seed of the excitation.
-
-    Returns
-    -------
-    AircraftIdentification
-        Conditions without steady flight are left out and listed. The lags of a channel are of one
-        order, the one that suits all conditions together.
-
-    Raises
-    ------
-    InputError, ScenarioError
-        If there is no such aircraft, or a condition lies outside its envelope.
-    TrimError
-        If there is no steady flight at any of the conditions.
-    PlantError
-        If the aircraft cannot be built or excited.
-
-    Examples
-    --------
-    >>> made = ft.identify("aerosonde", V_a=[25.0])
-    >>> made.identified.conditions[0].channels["phi"].fit_percent > 90.0
-    True
+    Conditions without steady flight are left out and listed. The lags of a channel are of one
+    order, the one that suits all conditions together.
     """
     plant = JSBSimPlant(aircraft)
     speeds = tuple(V_a) or (design_speed(plant.config),)
@@ -310,4 +239,5 @@ def identify(
         conditions=identifications,
         skipped=tuple(skipped),
         modes=modes(A),
+        folder=plant.config.folder,
     )

@@ -21,6 +21,7 @@ from flighttune.identification.file import (
     identified_tables,
     lag_table,
     lags_table,
+    save_with_figure,
 )
 from flighttune.identification.fit import (
     TIME_STARTS,
@@ -31,8 +32,10 @@ from flighttune.identification.fit import (
     parameters,
     with_parameters,
 )
+from flighttune.identification.identify import AircraftIdentification, identify_aircraft
 from flighttune.logs.columns import Columns
 from flighttune.logs.log import load_part
+from flighttune.logs.read import is_log
 from flighttune.plants.point_mass import turn_rates
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.chart import DASHED, Chart, Sheet
@@ -118,14 +121,27 @@ class LogIdentification(Answering):
         Lags by channel, with their intervals.
     untold : mapping of str to str
         Why the logs cannot tell a channel, by its name.
-    title : str
+    names : tuple of str
         The logs.
     """
 
     identified: IdentifiedAircraft | None
     channels: Mapping[Channel, ChannelOfLogs]
     untold: Mapping[str, str]
-    title: str
+    names: tuple[str, ...]
+
+    @property
+    def title(self) -> str:
+        """The logs in words."""
+        first, *others = self.names
+        return f"{first} and {len(others)} more" if others else first
+
+    def save(self, path: Path | None = None) -> dict[str, Path | None]:
+        """Write model and figure, by default to ``runs/identified``; nothing without a model."""
+        if self.identified is None:
+            return {"model": None, "figure": None}
+        path = path or Path("runs") / "identified" / f"{self.names[0]}.json"
+        return save_with_figure(self.identified, path, self.sheet())
 
     def answer(self) -> Answer:
         """Lags with intervals; a failure where a channel has none."""
@@ -186,38 +202,71 @@ class LogIdentification(Answering):
         return Sheet(charts=charts, title=self.title)
 
 
-def identify_log(
-    *logs: str | Path | Run, columns: Columns = (), assume: Mapping[str, float] | None = None
-) -> LogIdentification:
-    """Identify the lags of roll and load factor from logs of real flights.
+def identify(
+    source: str | Path | Run,
+    *logs: str | Path | Run,
+    V_a: Sequence[float] = (),
+    gamma: Sequence[float] = (),
+    h: float = 1000.0,
+    seed: int = 0,
+    columns: Columns = (),
+    assume: Mapping[str, float] | None = None,
+) -> AircraftIdentification | LogIdentification:
+    """Identify the inner loop of an aircraft, by flying it or from logs of real flights.
 
-    It takes seconds for minutes of flight. Lags are fitted to every stretch in which the command
+    An aircraft flies multisines and a manoeuvre at every airspeed with every flight-path angle; the
+    lags of a channel are of one order, the one that suits all conditions together.
+
+    Logs take seconds for minutes of flight. Lags are fitted to every stretch in which the command
     changes by 5 deg or 0.1 within 5 s. Their score is of stretches that were not fitted: of each
     log by the lag of the others, or of every second stretch of one log. Their intervals, at 95 %,
     are those of stretches drawn again with replacement, to first order.
 
     Parameters
     ----------
+    source : str, Path or Run
+        Name of a shipped aircraft, or a folder with an ``aircraft.toml``; or a log: a file,
+        ``LOG@START:END`` for a part in s, or what `load_log` returns.
     logs : str, Path or Run
-        Files of logs, ``LOG@START:END`` for a part in s, or what `load_log` returns.
+        Further logs of the same aircraft.
+    V_a : sequence of float, m/s
+        Airspeeds of an aircraft; by default the one the inner loop was designed for. The first is
+        the nominal one.
+    gamma : sequence of float, rad
+        Flight-path angles, climb positive; by default level flight, or the glide of an aircraft
+        without an engine. The first is the nominal one.
+    h : float, m
+        Height of an aircraft above sea level.
+    seed : int
+        Seed of the excitation.
     columns : mapping or sequence
-        Where the logs have their signals, as for `load_log`.
+        Where logs have their signals, as for `load_log`.
     assume : mapping of str to float, rad/s
-        Bandwidth of a first-order lag of ``phi`` or ``n_z`` where the logs cannot tell.
+        Bandwidth of a first-order lag of ``phi`` or ``n_z`` where logs cannot tell.
 
     Returns
     -------
-    LogIdentification
+    AircraftIdentification or LogIdentification
+        Its `save` writes a model file and a figure. Conditions without steady flight, and channels
+        that logs cannot tell, are listed.
 
     Raises
     ------
+    InputError, ScenarioError
+        If there is no such aircraft, a condition lies outside its envelope, a column is not in a
+        log, or a channel assumed is not ``phi`` or ``n_z``.
+    TrimError
+        If there is no steady flight at any of the conditions.
+    PlantError
+        If the aircraft cannot be built or excited.
     RecordingError
         If a file is no log of a flight.
-    InputError
-        If a column is not there, or a channel assumed is not ``phi`` or ``n_z``.
 
     Examples
     --------
+    >>> made = ft.identify("aerosonde", V_a=[25.0])
+    >>> made.identified.conditions[0].channels["phi"].fit_percent > 90.0
+    True
     >>> import numpy as np, pandas
     >>> t = np.arange(3000) / 25.0
     >>> command, phi = 20.0 * np.sign(np.sin(0.5 * t)), np.zeros(3000)
@@ -225,15 +274,20 @@ def identify_log(
     ...     phi[k + 1] = command[k] + np.exp(-4.0 / 25.0) * (phi[k] - command[k])
     >>> table = {"t_s": t, "phi_deg": phi, "phi_cmd_deg": command, "v_north": 20.0, "v_east": 0.0}
     >>> pandas.DataFrame(table).to_csv("flight.csv", index=False)
-    >>> found = ft.identify_log("flight.csv", assume={"n_z": 5.0})
+    >>> found = ft.identify("flight.csv", assume={"n_z": 5.0})
     >>> round(found.channels["phi"].fit_percent)
     100
     >>> found.untold["n_z"]
     'the logs have no load-factor commands; its limits are assumed: 0.5 to 1.5, 2 per s'
     """
-    if not logs:
-        raise InputError("`logs` must be given: one log at least.")
-    assume = dict(assume or {})
+    if logs or isinstance(source, Run) or is_log(source):
+        return _identify_logs((source, *logs), columns, assume or {})
+    return identify_aircraft(source, V_a=V_a, gamma=gamma, h=h, seed=seed)
+
+
+def _identify_logs(
+    logs: Sequence[str | Path | Run], columns: Columns, assume: Mapping[str, float]
+) -> LogIdentification:
     if set(assume) - set(CHANNELS):
         raise InputError(f"`assume` must name phi or n_z, got {', '.join(assume)}.")
     runs = [log if isinstance(log, Run) else load_part(str(log), columns) for log in logs]
@@ -249,11 +303,10 @@ def identify_log(
         else:
             channels[name] = channel
     names = tuple(dict.fromkeys(str(run.provenance.gains_name) for run in runs))
-    title = names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"
     identified = None
     if set(untold) <= set(assume):
         identified = _aircraft(runs, names, channels, assume)
-    return LogIdentification(identified=identified, channels=channels, untold=untold, title=title)
+    return LogIdentification(identified=identified, channels=channels, untold=untold, names=names)
 
 
 def speed_of(run: Run) -> FloatArray:

@@ -160,8 +160,8 @@ def _run_of(description: str, rows: FloatArray) -> Run:
     """The run that a description and rows are of, with signals equal to the bit."""
     entry = json.loads(description)
     if entry["format"] != FORMAT:
-        got = entry["format"]
-        raise RecordingError(f"layout must be {FORMAT}, got {got} of another flighttune: fly again.")
+        got = f"{entry['format']} of another flighttune: fly again"
+        raise RecordingError(f"layout must be {FORMAT}, got {got}.")
     columns, provenance = entry["columns"], entry["provenance"]
     for name, unit in columns.items():
         if unit != SIGNAL_UNITS.get(name, unit):

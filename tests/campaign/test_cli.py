@@ -65,7 +65,7 @@ def test_gains_of_a_file_are_flown_by_workers_elsewhere_resumed_and_kept(
     answer(*command, "--runs", 8)
     resumed = answer(*command, "--runs", 12, "--resume")
     gains.unlink()
-    again = answer("refly", out, "--run", 11, "--out", tmp_path / "again")
+    again = answer("refly", out, "--run", 11, cwd=tmp_path)
 
     assert (resumed["runs"], resumed["flown"]) == (12, 4)
     assert again["equal"]
@@ -115,8 +115,8 @@ def test_ctrl_c_ends_it_and_resume_goes_on(tmp_path, file, address, number):
     assert json.loads(shown)["interrupted"]
     assert "Traceback" not in said
     assert said.splitlines()[-1] == (
-        f"flighttune: interrupted, {len(there)} of {RUNS} runs are in {out}; go on with the same "
-        "command and --resume"
+        f"flighttune: {file}: interrupted, {len(there)} of {RUNS} runs are in {out}; go on with "
+        "the same command and --resume"
     )
 
     ours = plan_campaign(load_campaign(file))

@@ -46,8 +46,8 @@ def test_a_draw_of_a_band_is_flown_with_the_band_around_it(file, tmp_path):
     outside = band.about.learned + int(np.argmax(band.scores))
 
     for draw, inside in ((band.nearest, True), (outside, False)):
-        out = tmp_path / str(draw)
-        found = answer("refly", file, "--run", draw, "--out", out)
+        found = answer("refly", file, "--run", draw, cwd=tmp_path)
+        out = tmp_path / found["recording"]
         (run,) = ft.load_recording(out).runs
         (claim,) = run.claims
         assert [claim["inside"] for claim in found["claims"]] == [inside]
@@ -55,15 +55,15 @@ def test_a_draw_of_a_band_is_flown_with_the_band_around_it(file, tmp_path):
         assert _stays(run) is inside
     assert answer("refly", out)["equal"]
 
-    _, told = flighttune("refly", file, "--run", 39, "--out", tmp_path, status=2)
+    _, told = flighttune("refly", file, "--run", 39, status=2)
     assert "`run` must be 10 to 38, got 39" in told
 
 
 def test_a_page_of_a_recorded_run_states_the_claim_of_its_band_again(file, tmp_path):
     band = load_band(file)
-    answer("refly", file, "--run", band.nearest, "--out", tmp_path)
+    flown = answer("refly", file, "--run", band.nearest, cwd=tmp_path)
 
-    made = answer("report", tmp_path, "--out", tmp_path / "r.html")
+    made = answer("report", tmp_path / flown["recording"], "--out", tmp_path / "r.html")
 
     page = page_text(made["report"])
     assert f"Counted band: {band.sentence}." in page

@@ -29,7 +29,7 @@ def log(flight, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def model(log):
-    found = ft.identify_log(log)
+    found = ft.identify(log)
     ft.save_identified(found.identified, log.with_name("mine.json"))
     return log.with_name("mine.json")
 
@@ -40,7 +40,7 @@ def test_lag_and_delay_come_back_from_every_kind_of_log(flight, tmp_path, name):
     write, columns = WRITERS[name]
     path = write(tmp_path / name, *sampled(flight))
 
-    found = ft.identify_log(path, columns=columns)
+    found = ft.identify(path, columns=columns)
 
     assert not found.untold
     for channel, true in (("phi", ROLL), ("n_z", LOAD)):
@@ -77,7 +77,7 @@ def test_what_the_logs_cannot_tell_is_said(flight, tmp_path):
     calm = {**signals, "phi_cmd": 0.03 * signals["phi_cmd"], "phi": 0.03 * signals["phi"]}
     path = write_ulog(tmp_path / "calm.ulg", t, calm)
 
-    found = ft.identify_log(path)
+    found = ft.identify(path)
 
     assert found.identified is None
     assert found.untold["n_z"] == "the logs have no load-factor commands"
@@ -105,7 +105,7 @@ def test_several_logs_score_each_other(flight, log):
     whole = ft.load_log(log)
     halves = [f"{log}@0:150", f"{log}@150:300"]
 
-    found = ft.identify_log(*halves)
+    found = ft.identify(*halves)
 
     assert len(found.channels["phi"].by_log) == 2
     assert min(found.channels["phi"].by_log) > 97.0
@@ -171,7 +171,7 @@ def test_the_tube_of_a_model_from_logs_is_of_the_residual_rates_that_they_show(m
     swing = 0.02 * 10.0 / (2.0 * np.pi) * -np.cos(2.0 * np.pi * run.t / 10.0)
     signals = run.signals.assign(chi=run.signals["chi"] + swing)
     shaken = ft.Run(signals=signals, status="completed", reason="", provenance=run.provenance)
-    quiet, found = ft.load_identified(model).log, ft.identify_log(shaken).identified
+    quiet, found = ft.load_identified(model).log, ft.identify(shaken).identified
     ft.save_identified(found, tmp_path / "mine.json")
     found = ft.load_identified(tmp_path / "mine.json")
     flighttune("new", "mine", "--aircraft", "mine.json", cwd=tmp_path)
