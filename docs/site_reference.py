@@ -1,10 +1,12 @@
-"""Parts of the site that are made while it is built: tables of keys, and what the search needs."""
+"""Parts of the site made while it is built: tables of keys, help, and what the search needs."""
 
 import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+from figures.commands import helps
 
 import flighttune
 from flighttune.campaign.planning.schema import Campaign
@@ -35,7 +37,7 @@ EXPLAINED = {
 
 
 def complete(_app: object, name: str, source: list[str]) -> None:
-    """Add index entries to a page, and the tables of keys to theirs; `source` is changed."""
+    """Add index entries to a page, and generated parts to theirs; `source` is changed."""
     for heading, words in EXPLAINED.get(name, {}).items():
         entries = ", ".join(f"! {word}" for word in words.split("; "))
         marked = f"{heading}\n\n```{{index}} {entries}\n```\n"
@@ -43,6 +45,8 @@ def complete(_app: object, name: str, source: list[str]) -> None:
         source[0] = source[0].replace(f"{heading}\n", marked, 1)
     if name == "docs/keys":
         source[0] += "\n" + "\n".join(keys())
+    if name == "docs/commands":
+        source[0] += "\n" + helps()
 
 
 def index_entry(_app: object, _what: str, name: str, *rest: Any) -> None:

@@ -24,7 +24,8 @@ early); 2 the command could not run: one line on stderr names the file and the k
 `flighttune --install-completion` completes commands and the names of scenarios, campaigns and
 aircraft in the shell.
 
-This page is made from the help: `python docs/figures/commands.py`.
+`flighttune COMMAND --help` explains the options of a command; the built site has all of it below.
+The table is made by `python docs/figures/commands.py`.
 """
 
 
@@ -46,12 +47,26 @@ def help_of(*words: str) -> str:
 
 
 def page() -> str:
-    """The page as Markdown."""
+    """The page in the repository, as Markdown: what each command does."""
+    under: dict[str, list[str]] = {}
+    for heading, words in commands(typer.main.get_command(app)):
+        row = f"| `flighttune {' '.join(words)}` | {first_sentence(help_of(*words))} |"
+        under.setdefault(heading, [f"| {heading} | |", "|---|---|"]).append(row)
+    return "\n".join([HEAD, *("\n".join([*rows, ""]) for rows in under.values())])
+
+
+def first_sentence(shown: str) -> str:
+    """What a command does, of its help: the paragraph below its usage."""
+    return " ".join(shown.split("\n\n")[1].split()).replace("|", "\\|")
+
+
+def helps() -> str:
+    """The help of all commands, as the site appends it to the page."""
     under: dict[str, list[str]] = {}
     for heading, words in commands(typer.main.get_command(app)):
         shown = f"### flighttune {' '.join(words)}\n\n```text\n{help_of(*words)}\n```\n"
         under.setdefault(heading, [f"## {heading}\n"]).append(shown)
-    return "\n".join([HEAD, *(part for parts in under.values() for part in parts)])
+    return "\n".join(part for parts in under.values() for part in parts)
 
 
 if __name__ == "__main__":

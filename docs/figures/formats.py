@@ -19,9 +19,14 @@ HEAD = """# File formats and JSON
 
 Made by `python docs/figures/formats.py` from what the commands print and write. `[]` stands for
 the entries of a list, `*` for names that depend on what was given (gains, plants, runs), `null` for
-what may be absent. Angles are in rad, rates in rad/s, everything else in SI unless the name ends in
-a unit; numbers that are not finite are null.
+what may be absent. Below `plan.campaign` of a campaign are the [keys](keys.md) of a campaign, below
+`plan.nominal` and `plan.central` those of a scenario. A key holds a number unless its kind stands
+behind it. Angles are in rad, rates in rad/s, everything else in SI unless the name ends in a unit;
+numbers that are not finite are null.
 """
+OF_SCHEMAS = ("plan.campaign", "plan.nominal", "plan.central")
+"""What holds the keys of a scenario or a campaign."""
+
 COMMANDS = (
     "fly paper --out fly",
     "tune paper --out gains.json",
@@ -105,22 +110,42 @@ def _kind(value: object) -> str:
 
 
 def table(value: object) -> Iterator[str]:
-    """A table of the keys of a value, each once with all kinds that it had."""
-    kinds: dict[str, list[str]] = {}
-    for key, kind in keys(value):
-        kinds.setdefault(key, []).append(kind)
-    yield from ("| key | |", "|---|---|")
-    for key, found in kinds.items():
-        yield f"| `{key}` | {' or '.join(dict.fromkeys(found))} |"
+    """A table of the keys of a value below what holds them, each with all kinds that it had.
+
+    What holds the same names, such as each channel, shares a row.
+    """
+    below: dict[str, dict[str, list[str]]] = {}
+    for path, kind in keys(value):
+        if not path.startswith(OF_SCHEMAS):
+            above, _, key = path.rpartition(".")
+            below.setdefault(above, {}).setdefault(key, []).append(kind)
+    rows: dict[tuple[str, ...], tuple[list[str], dict[str, list[str]]]] = {}
+    for above, kinds in below.items():
+        holders, shared = rows.setdefault(tuple(sorted(kinds)), ([], {}))
+        holders.append(f"`{above}`" if above else "(top)")
+        for key, found in kinds.items():
+            shared.setdefault(key, []).extend(found)
+    yield from ("| in | keys |", "|---|---|")
+    for holders, shared in rows.values():
+        named = (f"`{key}`{_unless_number(found)}" for key, found in shared.items())
+        yield f"| {', '.join(holders)} | {', '.join(named)} |"
+
+
+def _unless_number(kinds: list[str]) -> str:
+    kind = " or ".join(dict.fromkeys(kinds))
+    return "" if kind == "number" else f" ({kind})"
 
 
 def columns(file: Path) -> Iterator[str]:
-    """A table of the columns of a Parquet file."""
+    """A table of the columns of a Parquet file, by type and unit."""
     schema = pq.read_schema(file if file.is_file() else sorted(file.glob("*.parquet"))[0])
-    yield from ("| column | type | unit |", "|---|---|---|")
+    alike: dict[str, list[str]] = {}
     for field in schema:
         unit = (field.metadata or {}).get(b"unit", b"").decode()
-        yield f"| `{field.name}` | {field.type} | {unit} |"
+        alike.setdefault(f"{field.type} | {unit}", []).append(f"`{field.name}`")
+    yield from ("| type | unit | columns |", "|---|---|---|")
+    for kind, names in alike.items():
+        yield f"| {kind} | {', '.join(names)} |"
 
 
 def page() -> str:

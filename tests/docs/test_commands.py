@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import typer
 from commands import flighttune
-from figures.commands import PAGE, page
+from figures.commands import PAGE, helps, page
 from packaging.version import Version
 
 from flighttune.cli.app import app
@@ -102,7 +102,8 @@ FILES = {
 
 def printed(path):
     """Commands on a page: lines of blocks, examples of the help, and code in a sentence."""
-    text = path.read_text(encoding="utf-8").replace(" \\\n", " ")
+    text = path.read_text(encoding="utf-8") + (helps() if path == PAGE else "")
+    text = text.replace(" \\\n", " ")
     prose, *fenced = re.split(r"^```", text, flags=re.MULTILINE)
     blocks = [block for block in fenced[::2] if re.match(r"(sh|text)?\n", block)]
     prose = " ".join([prose, *fenced[1::2]])

@@ -102,8 +102,8 @@ def test_no_key_or_column_that_is_documented_is_lost():
         under, found = "", set()
         for line in text.splitlines():
             under = line if line.startswith("#") else under
-            if line.startswith("| `"):
-                found.add((under, line.split(" | ")[0]))
+            if line.startswith("| "):
+                found.update((under, name) for name in re.findall(r"`[^`]+`", line))
         return found
 
     assert entries(formats.PAGE.read_text()) <= entries(formats.page())
