@@ -40,7 +40,8 @@ class RateBound(Answering):
     R_bound : float, 1/s
         At most ``1 / I_star``: no gains meet `I_star` at all.
     boxes, multipliers : ndarray, shapes (N, 4) and (N, 19)
-        As `flighttune.theory.rate_bound.bound_checks` takes them.
+        Of each box the smallest and largest R_K, then those of sigma_min(A_K); the lower triangles
+        of three matrices of order 2 and one of order 4, which refute the box.
 
     Examples
     --------
