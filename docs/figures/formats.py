@@ -99,13 +99,13 @@ def _is_key(key: str) -> bool:
 
 def _kind(value: object) -> str:
     if isinstance(value, bool):
-        return "true or false"
+        return "boolean"
     if isinstance(value, int | float):
         return "number"
     if isinstance(value, str):
         return "text"
     if isinstance(value, list):
-        return f"list of {_kind(value[0])}" if value else "list"
+        return f"{_kind(value[0])}s" if value else "list"
     return "null" if value is None else "object"
 
 
