@@ -1,4 +1,4 @@
-"""Draw docs/optimum.svg, the optimum of the paper's problem beside K*: python docs/figures/optimum.py."""
+"""Draw docs/optimum.svg, the optimum of the paper beside K*: python docs/figures/optimum.py."""
 
 from pathlib import Path
 
