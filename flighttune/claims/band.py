@@ -39,7 +39,7 @@ from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import listed, shown_unit
 from flighttune.present.tables import Column, Table, number, printable
 from flighttune.references.fence import DISTANCE_SIGNS, read_fence, room_along
-from flighttune.references.maps import Corridor, Where
+from flighttune.references.maps import Corridor, Where, areas_of
 from flighttune.scenario.load import scenario_of
 from flighttune.scenario.places import leaves
 from flighttune.scenario.schema import Scenario
@@ -157,9 +157,12 @@ class BandFlights:
             return "gains"
         if self.changed:
             return "aircraft files"
-        counted, of_run = (_stated(tables, self.plant) for tables in (self.scenario, scenario))
+        # the one in the middle has tables that are only there because one of their keys is drawn
+        scenarios = self.scenario, self.central, scenario
+        counted, middle, of_run = (_stated(tables, self.plant) for tables in scenarios)
         drawn = {PLACE.sub("", key) for key in self.distribution.dispersed}
-        differ = (key for key in counted | of_run if counted.get(key) != of_run.get(key))
+        allowed = {key: (counted.get(key), middle.get(key)) for key in counted | of_run}
+        differ = (key for key, values in allowed.items() if of_run.get(key) not in values)
         return next((key for key in differ if key not in drawn), "")
 
 
@@ -464,6 +467,7 @@ class Band(Answering):
             sentence=self.sentence,
             bounds=self.bounds(axis_of(run), wind),
             units=about.signals,
+            fences=tuple(ring for ring, _ in areas_of(about.fences)),
         )
 
     @property

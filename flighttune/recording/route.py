@@ -8,7 +8,7 @@ import rerun as rr
 from flighttune.arrays import FloatArray
 from flighttune.flight.conditions import reference_of
 from flighttune.metrics import OFF_ROUTE
-from flighttune.present.palette import NEUTRAL, rgb
+from flighttune.present.palette import LIMIT, NEUTRAL, rgb
 from flighttune.present.thinning import evenly
 from flighttune.recording.entities import MAP, ROUTE, TRUE_SIZE, DrawnRun, on_screen, times
 from flighttune.recording.plots import positions
@@ -19,7 +19,7 @@ from flighttune.references.maps import on_earth
 from flighttune.references.path import Path
 from flighttune.scenario.load import scenario_of
 from flighttune.scenario.route import RouteTable
-from flighttune.simulate.run import claimed_along
+from flighttune.simulate.run import Run, claimed_along
 
 APART = 5.0  # distance between points of the planned path and of the corridor, m
 RIB = 5  # points of the corridor from one cross-section that is outlined to the next
@@ -55,29 +55,36 @@ def log_route(
     for drawn_run in flights:
         run, frame = drawn_run.run, f"{TRUE_SIZE}/{drawn_run.key}"
         log_aircraft(stream, drawn_run, run.signals, frame, span_of(run))
-        _log_corridor(stream, drawn_run, path)
+        if (corners := _corners(run, path)) is not None:
+            _log_corridor(stream, drawn_run, corners)
     if table.geographic:
-        _log_map(stream, flights, table.origin, line, waypoints)
+        _log_map(stream, flights, path, table, waypoints)
 
 
 def _log(stream: rr.RecordingStream, path: str, drawing: rr.AsComponents) -> None:
     stream.log(path, drawing, static=True)
 
 
-def _log_corridor(stream: rr.RecordingStream, drawn_run: DrawnRun, path: Path) -> None:
-    """Log the band around cross-track and height as a tube about the path, of the run's colour."""
-    folder = f"{ROUTE}/corridor/{drawn_run.key}"
+def _corners(run: Run, path: Path) -> FloatArray | None:
+    """The band around cross-track and height about the path, shape (points, 4, 3), NED in m.
+
+    Its corners are seen along the path, clockwise from the upper left; None without such a band.
+    """
     s = path.points(APART)
-    s = s[s <= drawn_run.run.signals["along"].max()]
-    to_sides, below = (next(claimed_along(drawn_run.run, name, s), None) for name in OFF_ROUTE)
+    s = s[s <= run.signals["along"].max()]
+    to_sides, below = (next(claimed_along(run, name, s), None) for name in OFF_ROUTE)
     if to_sides is None or below is None:
-        return
+        return None
     (left, right), (high, low) = to_sides, below
-    # Seen along the path, clockwise from the upper left.
     sides = (left, high), (right, high), (right, low), (left, low)
-    corners = np.stack([path.beside(s, *side) * TO_NED for side in sides], axis=1)
+    return np.stack([path.beside(s, *side) * TO_NED for side in sides], axis=1)
+
+
+def _log_corridor(stream: rr.RecordingStream, drawn_run: DrawnRun, corners: FloatArray) -> None:
+    """Log a corridor as a tube about the path, of the run's colour."""
+    folder = f"{ROUTE}/corridor/{drawn_run.key}"
     # A wall from one cross-section to the next is two triangles.
-    i, j = (4 * np.arange(len(s) - 1)[:, None] + (np.arange(4) + k) % 4 for k in (0, 1))
+    i, j = (4 * np.arange(len(corners) - 1)[:, None] + (np.arange(4) + k) % 4 for k in (0, 1))
     triangles = np.stack([i, j, i + 4, j, j + 4, i + 4], axis=-1).reshape(-1, 3)
     colour = drawn_run.style.rgb
     walls = rr.Mesh3D(
@@ -94,22 +101,34 @@ def _log_corridor(stream: rr.RecordingStream, drawn_run: DrawnRun, path: Path) -
 def _log_map(
     stream: rr.RecordingStream,
     flights: Sequence[DrawnRun],
-    origin: LatLon,
-    path: FloatArray,
+    path: Path,
+    table: RouteTable,
     waypoints: FloatArray,
 ) -> None:
-    line, points = _on_map(path, origin), _on_map(waypoints, origin)
-    thin, size = on_screen(1.0), on_screen(4.0)
-    _log(stream, f"{MAP}/_path", rr.GeoLineStrings(lat_lon=[line], colors=GREY, radii=thin))
-    _log(stream, f"{MAP}/_waypoints", rr.GeoPoints(lat_lon=points, colors=GREY, radii=size))
+    """Log path, waypoints, fences, corridors and flights by latitude and longitude."""
+    origin = table.origin
+
+    def lines(name: str, each: Sequence[FloatArray], colour: str, radius: float = 1.0) -> None:
+        style = {"colors": [rgb(colour)], "radii": on_screen(radius)}
+        _log(stream, f"{MAP}/{name}", rr.GeoLineStrings(lat_lon=each, **style))
+
+    lines("_path", [_on_map(path.beside(path.points(APART)), origin)], NEUTRAL)
+    dots = rr.GeoPoints(lat_lon=_on_map(waypoints, origin), colors=GREY, radii=on_screen(4.0))
+    _log(stream, f"{MAP}/_waypoints", dots)
+    rings = [ring for drawn_run in flights for c in drawn_run.run.claims for ring in c.fences]
+    if rings:
+        lines("_fence", [np.array(ring)[:, 1::-1] for ring in rings], LIMIT, 1.5)
     for drawn_run in flights:
-        signals, colours = drawn_run.run.signals, [drawn_run.style.rgb]
-        line_flown, name = _on_map(positions(signals), origin), f"{MAP}/{drawn_run.key}"
-        _log(stream, name, rr.GeoLineStrings(lat_lon=[line_flown], colors=colours, radii=thin))
-        dot = rr.GeoPoints.from_fields(colors=colours, radii=on_screen(6.0))
-        _log(stream, f"{name}/now", dot)
+        signals, colour = drawn_run.run.signals, drawn_run.style.colour
+        if (corners := _corners(drawn_run.run, path)) is not None:
+            sides = [_on_map(corners[:, side], origin) for side in (0, 1)]
+            lines(f"_corridor/{drawn_run.key}", sides, colour, 0.5)
+        line_flown, name = _on_map(positions(signals), origin), drawn_run.key
+        lines(name, [line_flown], colour)
+        dot = rr.GeoPoints.from_fields(colors=[rgb(colour)], radii=on_screen(6.0))
+        _log(stream, f"{MAP}/{name}/now", dot)
         time = times(signals.index[evenly(len(signals))])
-        stream.send_columns(f"{name}/now", [time], rr.GeoPoints.columns(positions=line_flown))
+        stream.send_columns(f"{MAP}/{name}/now", [time], rr.GeoPoints.columns(positions=line_flown))
 
 
 def _on_map(points: FloatArray, origin: LatLon) -> FloatArray:

@@ -102,6 +102,8 @@ class RunClaim:
     sentence: str  # the claim in words
     bounds: Bounds  # of the signals that it is about, at the samples of the run
     units: Mapping[str, str]  # of these signals
+    # rings of the fences that it is about, longitudes and latitudes, deg
+    fences: tuple[list[list[float]], ...] = ()
 
     def contains(self, signals: "pd.DataFrame") -> bool:
         """Whether the flight with these signals is inside the bounds."""

@@ -41,6 +41,10 @@ def test_one_command_says_whether_a_mission_stays_inside_its_own_fence(tmp_path)
     assert any("item 2 (DO_CHANGE_SPEED 178)" in note for note in said["notes"])
     nearest = {row["what"]: row for row in said["fence"]["nearest"]}
     assert nearest["band"]["margin_m"] <= nearest["completed flights"]["margin_m"]
+    (run,) = ft.refly(out, said["nearest_draw"]).flown.runs
+    (claim,) = run.claims  # of a flight whose mass and the rest are drawn
+    assert claim.contains(run.signals)
+    assert claim.fences == ([[lon, lat] for lat, lon in [*AREA, AREA[0]]],)
     text = page.read_text()
     for words in ("Map", "Height over the start", "rally", "leg", "fence", "certainly inside"):
         assert words in text, words

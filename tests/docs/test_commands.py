@@ -37,6 +37,7 @@ NOT_RUN = {
     "flighttune campaign run campaign.toml --scheduler": "a cluster; tests/campaign/test_faults.py",
     "flighttune band ": "minutes; tests/campaign/test_band.py",
     "flighttune verify mission.npz": "after `band`; tests/campaign/test_band.py",
+    "flighttune refly runs/mission-band.npz": "after `band`; tests/campaign/test_mission_band.py",
     "flighttune refly mission.npz": "after `band`; tests/campaign/test_band.py",
     "flighttune tube feasible": "minutes, after `band feasible_starts`",
     "flighttune tube paper --gains paper --disturbance": "minutes",

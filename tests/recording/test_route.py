@@ -93,7 +93,10 @@ def names_of(contents):
 @pytest.mark.slow
 def test_a_route_has_a_tab_and_a_map_only_where_its_place_is_known(contents, run, tmp_path):
     place = {**SCENARIO, "route": {**SCENARIO["route"], "lat_deg": 47.0, "lon_deg": 8.0}}
+    ring = [[7.99, 46.99], [8.01, 46.99], [8.01, 47.01], [7.99, 46.99]]
+    (claim,) = run.claims
     known = replace(run, provenance=replace(run.provenance, scenario=place))
+    known = replace(known, claims=(replace(claim, fences=(ring,)),))
     on_map = contents_of(known, tmp_path)
     (points,) = on_map.static["/map/_waypoints"]["GeoPoints:positions"].to_pylist()
 
@@ -103,6 +106,14 @@ def test_a_route_has_a_tab_and_a_map_only_where_its_place_is_known(contents, run
     # At 47 deg a degree of longitude is 76.06 km on WGS 84, and one of latitude 111.17 km.
     assert points[0] == pytest.approx([47.0, 8.0])
     assert points[2] == pytest.approx([47.0 - 0.5 / 111.17, 8.0 + 0.5 / 76.06], abs=1e-5)
+    ((fence,),) = on_map.static["/map/_fence"]["GeoLineStrings:line_strings"].to_pylist()
+    assert fence == [[lat, lon] for lon, lat in ring]
+    ((left, right),) = on_map.static[f"/map/_corridor/{KEY}"][
+        "GeoLineStrings:line_strings"
+    ].to_pylist()
+    # Towards east the left is north.
+    assert left[0][0] - 47.0 == pytest.approx(3e-3 / 111.17, abs=1e-8)
+    assert 47.0 - right[0][0] == pytest.approx(5e-3 / 111.17, abs=1e-8)
 
 
 @pytest.mark.slow
