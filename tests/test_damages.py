@@ -16,7 +16,6 @@ from fuzzing import EDGES, TEXTS, TIMES, damaged, digit_changed
 
 import flighttune as ft
 from flighttune.tubes.proof import load_tube
-from tests.claims.test_band import band_of, random_flights
 from tests.made_up_band import counted_boxes
 from tests.tubes.test_aircraft import flight
 from tests.tubes.test_proof import arrays_of
@@ -91,12 +90,6 @@ def changed_rows(rows, draw):
         case _:
             rows = np.insert(rows, at, rows[at], axis=0)
     return rows
-
-
-def band(folder):
-    rng = np.random.default_rng(5)
-    ft.save_claim(band_of(random_flights(20, rng), random_flights(93, rng)), folder / "band.npz")
-    return folder / "band.npz"
 
 
 # Proofs of tubes: of the law, and of an aircraft with the band of its boxes.

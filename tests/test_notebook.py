@@ -15,9 +15,6 @@ from pictures import FLAT, opened_recording, pixels
 
 import flighttune as ft
 
-SMALL = 10_000
-"""Characters of what a value shows of itself."""
-
 LEAST_RECORDING = 100_000
 """Bytes; what comes first is shorter."""
 

@@ -34,20 +34,6 @@ def test_an_unknown_aircraft_is_answered_with_those_there_are(name):
         shipped.aircraft_folder(name)
 
 
-FLY = """
-from pathlib import Path
-import flighttune
-from flighttune.plants.base import FlightCondition
-from flighttune.plants.jsbsim.plant import JSBSimPlant
-from flighttune.files.shipped import campaign_files, scenario_files
-print(Path(flighttune.__file__).parent)
-plant = JSBSimPlant("aerosonde")
-plant.start(FlightCondition(V_a=25.0))
-print(plant.advance(0.2, 1.0, 1.0))
-print(scenario_files()["paper"].is_file(), campaign_files()["first_campaign"].is_file())
-"""
-
-
 def copied_sources(folder):
     """What an archive of the repository holds."""
     ignored = shutil.ignore_patterns(

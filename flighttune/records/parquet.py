@@ -21,7 +21,6 @@ from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.errors import RecordingError
 from flighttune.files.seal import BLANK, file_bytes, seal, sealed_bytes
-from flighttune.files.whole import whole_file
 from flighttune.present.names import distinct
 from flighttune.simulate.bounds import Bounds, RunClaim
 from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run
@@ -53,15 +52,8 @@ def signal_files(runs: Sequence[Run], folder: Path) -> list[Path]:
     return [folder / f"{stem}.parquet" for stem in stems]
 
 
-def write_run(run: Run, path: str | Path) -> None:
-    """Write `run` to a Parquet file: signals as float64 columns, the rest as JSON in the schema."""
-    data = parquet_bytes(run)
-    with whole_file(Path(path)) as part:
-        part.write_bytes(data)
-
-
 def parquet_bytes(run: Run) -> bytes:
-    """The file that `write_run` writes."""
+    """The Parquet file of a run: signals as float64 columns, the rest as JSON in the schema."""
     return record_bytes(parts_of(run))
 
 

@@ -35,7 +35,6 @@ def correlation(*keys, rank=0.5):
 
 
 SPEED = disperse("flight.V_a_mps", lower=24.0, upper=26.0)
-GRID = disperse("flight.V_a_mps", "grid", values=[24.0, 26.0])
 MEDIANS = [
     (disperse("flight.V_a"), "`V_a` is not a known key; did you mean `V_a_mps`?"),
     (disperse("flight.V_a_mps"), r"must lie in 15 to 45 m/s .*got 1.5 m/s."),

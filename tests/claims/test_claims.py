@@ -13,7 +13,7 @@ from made_up import scenario_file
 import flighttune as ft
 from flighttune.certificates.bound import bound_rate
 from flighttune.files.value import write
-from flighttune.records.parquet import read_run, write_run
+from flighttune.records.parquet import parquet_bytes, read_run
 from tests.tubes.test_soundness import made_up, tube
 
 START_DEG, DISTURBANCE = 1.0, 0.004
@@ -50,7 +50,7 @@ def test_a_run_keeps_the_tube_that_covers_it_and_is_the_same_when_read_again(pro
     assert "chi_err" in run.signals
     assert not [name for name in run.signals if "low" in name or "high" in name]
 
-    write_run(run, tmp_path / "run.parquet")
+    (tmp_path / "run.parquet").write_bytes(parquet_bytes(run))
     (again,) = read_run(tmp_path / "run.parquet").claims
     assert again.sentence == claim.sentence == proven.sentence
     assert again.bounds.names == ("chi_err", "gamma_err")

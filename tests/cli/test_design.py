@@ -1,4 +1,4 @@
-"""`design` and `trim` as a user meets them."""
+"""`design`, `identify` and `trim` as a user meets them."""
 
 import json
 import math
@@ -7,6 +7,8 @@ import shutil
 import pytest
 from commands import flighttune
 from places import SHIPPED_AIRCRAFT
+
+import flighttune as ft
 
 pytestmark = pytest.mark.slow
 
@@ -61,3 +63,26 @@ def test_trim_answers_with_steady_flights_and_obstacles():
     assert found[0]["trim"]["throttle"] == pytest.approx(thrust / 120.0, rel=1e-2)
     assert found[1]["trim"] is None
     assert found[1]["reason"] == "the aircraft speeds up with the throttle closed"
+
+
+@pytest.fixture(scope="module")
+def aerosonde(tmp_path_factory):
+    out = tmp_path_factory.mktemp("identified") / "aerosonde.json"
+    printed, _ = flighttune("identify", "aerosonde", "--out", out, "--json")
+    return json.loads(printed), out
+
+
+def test_the_model_file_can_be_tuned_on(aerosonde, tmp_path):
+    found, out = aerosonde
+    scenario = tmp_path / "mine.toml"
+    scenario.write_text(
+        'title = "mine"\n[flight]\nV_a_mps = 25.0\n[reference]\nchi_deg = 10.0\ngamma_deg = 0.0\n'
+        f'[tuning]\nmodel = "identified"\nidentified = "{out}"\n[[plant]]\nkind = "kinematic"\n'
+    )
+
+    tuned = json.loads(flighttune("tune", scenario, "--json")[0])
+
+    assert ft.load_identified(out).conditions[0].lags[0].order == found["channels"]["phi"]["order"]
+    assert tuned["status"] == "optimal"
+    assert tuned["K_P"][0][1] == tuned["K_P"][1][0] == 0.0
+    assert 2.0 < tuned["K_P"][0][0] < 5.0

@@ -9,7 +9,7 @@ from commands import answer, flighttune
 from made_up import shortened
 
 import flighttune as ft
-from flighttune.records.parquet import write_run
+from flighttune.records.parquet import parquet_bytes
 from flighttune.records.refly import differences
 
 pytestmark = pytest.mark.slow
@@ -25,8 +25,9 @@ def folder(tmp_path_factory):
 def rewritten(folder, path, *, change):
     """A folder with the same runs, the last one changed."""
     *runs, last = ft.load_recording(folder).runs
+    path.mkdir()
     for number, run in enumerate([*runs, change(last)]):
-        write_run(run, path / f"{number}.parquet")
+        (path / f"{number}.parquet").write_bytes(parquet_bytes(run))
     return path
 
 
@@ -92,7 +93,7 @@ def test_a_run_that_is_not_of_its_scenario_cannot_fly_again(folder, tmp_path):
     run = ft.load_recording(folder).runs[0]
     strange = replace(run, provenance=replace(run.provenance, plant="ladder"))
     path = tmp_path / "strange.parquet"
-    write_run(strange, path)
+    path.write_bytes(parquet_bytes(strange))
 
     _, err = flighttune("refly", path, status=2)
 

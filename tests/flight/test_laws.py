@@ -7,7 +7,7 @@ from made_up import made_up_scenario
 import flighttune as ft
 from flighttune.claims.linear_loop import flight_check
 from flighttune.flight.models import gain_set
-from flighttune.records.parquet import read_run, write_run
+from flighttune.records.parquet import parquet_bytes, read_run
 
 ENVELOPE = {
     "V_a_mps": [20.0, 30.0],
@@ -61,7 +61,7 @@ def test_numbers_are_in_the_units_of_the_law_that_flies_or_that_the_table_names(
 def test_a_run_of_the_exact_law_is_read_and_flown_again_to_the_bit(tmp_path):
     tables = [{"name": "slow", "kind": "exact", "lift_floor": 0.3, "priority": "chi"}]
     run = ft.fly(scenario(law=tables)).runs[0]
-    write_run(run, tmp_path / "run.parquet")
+    (tmp_path / "run.parquet").write_bytes(parquet_bytes(run))
     again = read_run(tmp_path / "run.parquet")
 
     assert again.label == "kinematic / slow:paper"

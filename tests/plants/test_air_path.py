@@ -1,4 +1,4 @@
-"""The path through the air against the wind triangle, and what a controller steers by it."""
+"""The path through the air, and the weather of a point mass."""
 
 import math
 
@@ -53,3 +53,20 @@ def test_the_course_through_the_air_is_continuous_beyond_half_a_turn():
     assert courses[0] == pytest.approx(170.0 * DEG, abs=SAME)
     assert courses[-1] > 270.0 * DEG
     assert np.abs(np.diff(courses)).max() < 5.0 * DEG
+
+
+LEVELS = ((100.0, (0.0, 2.0, 0.0)), (300.0, (10.0, -2.0, 1.0)))
+
+
+@pytest.mark.parametrize(
+    ("h", "wind"),
+    [
+        (0.0, (0.0, 2.0, 0.0)),
+        (100.0, (0.0, 2.0, 0.0)),
+        (150.0, (2.5, 1.0, 0.25)),
+        (300.0, (10.0, -2.0, 1.0)),
+        (900.0, (10.0, -2.0, 1.0)),
+    ],
+)
+def test_wind_is_linear_between_levels_and_constant_beyond(h, wind):
+    assert WindProfile(LEVELS).at(h) == pytest.approx(wind)

@@ -15,9 +15,9 @@ from flighttune.files.seal import BLANK, MARK, seal
 from flighttune.records.parquet import (
     DESCRIPTION,
     SEAL,
+    parquet_bytes,
     parts_of,
     read_run,
-    write_run,
 )
 from flighttune.simulate.run import SIGNAL_UNITS
 
@@ -33,7 +33,7 @@ def assert_same(read, run):
 
 def test_a_run_comes_back_to_the_bit(four_runs, without_gains, tmp_path):
     for k, run in enumerate([*four_runs, without_gains]):
-        write_run(run, tmp_path / f"{k}.parquet")
+        (tmp_path / f"{k}.parquet").write_bytes(parquet_bytes(run))
 
         assert_same(read_run(tmp_path / f"{k}.parquet"), run)
 
@@ -45,7 +45,7 @@ def test_gains_and_values_at_the_edge_of_float64_come_back_to_the_bit(four_runs,
     made = replace(four_runs[0].provenance, gains=third)
     run = replace(four_runs[0], signals=pd.DataFrame({"chi": edge}, index=t), provenance=made)
 
-    write_run(run, tmp_path / "run.parquet")
+    (tmp_path / "run.parquet").write_bytes(parquet_bytes(run))
     read = read_run(tmp_path / "run.parquet")
 
     assert_same(read, run)
@@ -54,7 +54,7 @@ def test_gains_and_values_at_the_edge_of_float64_come_back_to_the_bit(four_runs,
 
 
 def test_units_and_a_description_in_json_are_in_the_file_for_others(four_runs, tmp_path):
-    write_run(four_runs[1], tmp_path / "run.parquet")
+    (tmp_path / "run.parquet").write_bytes(parquet_bytes(four_runs[1]))
     schema = pq.read_schema(tmp_path / "run.parquet")
     made = json.loads(schema.metadata[DESCRIPTION])["provenance"]
 
@@ -122,7 +122,7 @@ def test_a_broken_footer_is_refused(tmp_path):
 def test_signals_in_another_unit_are_refused(four_runs, tmp_path, monkeypatch):
     with monkeypatch.context() as patched:
         patched.setitem(SIGNAL_UNITS, "chi", "deg")
-        write_run(four_runs[0], tmp_path / "degrees.parquet")
+        (tmp_path / "degrees.parquet").write_bytes(parquet_bytes(four_runs[0]))
 
     with pytest.raises(ft.RecordingError, match="`chi` must be in rad"):
         read_run(tmp_path / "degrees.parquet")

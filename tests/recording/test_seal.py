@@ -9,7 +9,7 @@ import pytest
 from fuzzing import TIMES
 
 import flighttune as ft
-from flighttune.records.parquet import write_run
+from flighttune.records.parquet import parquet_bytes
 
 SEED = 12
 FEW, MANY = 40, 500 * TIMES
@@ -22,7 +22,7 @@ COUNTS = [FEW, pytest.param(MANY, marks=pytest.mark.soak)]
 def sealed(four_runs, tmp_path_factory):
     """A file of one run."""
     path = tmp_path_factory.mktemp("sealed") / "flight.parquet"
-    write_run(four_runs[0], path)
+    path.write_bytes(parquet_bytes(four_runs[0]))
     return path
 
 
@@ -75,6 +75,6 @@ def test_a_text_that_looks_like_the_sha_256_does_no_harm(four_runs, tmp_path):
         four_runs[0], provenance=replace(made, scenario={**made.scenario, "title": title})
     )
     path = tmp_path / "flight.parquet"
-    write_run(run, path)
+    path.write_bytes(parquet_bytes(run))
 
     assert ft.load_recording(path).runs[0].provenance.scenario["title"] == title

@@ -10,7 +10,7 @@ import pytest
 import flighttune as ft
 from flighttune.recording.overlay import write_overlay
 from flighttune.records.compare import Source, better, load_source, overlaid
-from flighttune.records.parquet import check_recording, write_run
+from flighttune.records.parquet import check_recording, parquet_bytes
 
 TRAPEZOID = 1e-3
 """Relative error of the trapezoidal rule and of linear interpolation at 50 Hz."""
@@ -153,7 +153,7 @@ def test_behind_an_at_sign_gains_or_plant_choose_among_the_runs_of_a_folder(fly_
     for plant in ("kinematic", "jsbsim:aerosonde"):
         for gains in ("paper", "K1"):
             run = fly_line(plant=plant, gains=gains)
-            write_run(run, tmp_path / f"{plant[:3]}-{gains}.parquet")
+            (tmp_path / f"{plant[:3]}-{gains}.parquet").write_bytes(parquet_bytes(run))
 
     assert {r.provenance.gains_name for r in load_source(f"{tmp_path}@K1").runs} == {"K1"}
     assert len(load_source(f"{tmp_path}@kinematic").runs) == 2

@@ -4,7 +4,7 @@ import pytest
 from browser import headless_chromium
 
 import flighttune as ft
-from flighttune.records.compare import Source, load_source
+from flighttune.records.compare import Source
 
 
 @pytest.fixture(scope="session")
@@ -31,12 +31,6 @@ def written(run_folder):
 def page(written):
     """Its text."""
     return written.path.read_text(encoding="utf-8")
-
-
-@pytest.fixture(scope="session")
-def printed_source():
-    """The paper's own simulation: kinematic, one gain set, with a sinusoidal disturbance."""
-    return load_source("paper_as_printed")
 
 
 @pytest.fixture(scope="session")

@@ -1,9 +1,15 @@
-"""Programs whose answer is known on paper, and solvers that fail."""
+"""Semidefinite programs: the solver, and the paper's program against the closed form."""
 
 import cvxpy
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from printed import A_K
+from scipy.linalg import block_diag
+from semidefinite import largest_rate, radius, rate
 
+import flighttune as ft
 from flighttune.theory import lmi
 from flighttune.theory.lmi import largest, parameter, solve, unknown
 
@@ -62,3 +68,44 @@ def test_a_solver_stopped_early_has_no_answer(monkeypatch):
     t = unknown()
 
     assert solve(largest(-t, [above_off_diagonal(t)]))
+
+
+AGREEMENT = 1e-6
+
+
+decays = st.floats(-3.0, 2.0).map(lambda power: 10.0**power)
+frequencies = st.floats(-2.0, 2.0).map(lambda power: 10.0**power)
+poles = st.tuples(decays, st.none() | frequencies)
+
+
+@st.composite
+def stable_loops(draw):
+    """1 to 6 states, rates over five decades, mixed by a matrix of condition up to 30."""
+    blocks, room = [], draw(st.integers(1, 6))
+    while room:
+        decay, frequency = draw(poles)
+        if frequency is None or room == 1:
+            blocks.append([[-decay]])
+        else:
+            blocks.append([[-decay, frequency], [-frequency, -decay]])
+        room -= len(blocks[-1])
+    D = block_diag(*blocks)
+    n = len(D)
+    rng = np.random.default_rng(draw(st.integers(0, 2**32)))
+    left, right = (np.linalg.qr(rng.normal(size=(n, n)))[0] for _ in range(2))
+    T = left * np.geomspace(1.0, 10.0 ** draw(st.floats(0.0, 1.5)), n) @ right
+    return T @ D @ np.linalg.inv(T)
+
+
+@pytest.mark.slow
+@settings(max_examples=30, suppress_health_check=list(HealthCheck))
+@given(stable_loops())
+def test_solver_and_closed_form_agree_on_stiff_and_nearly_unstable_loops(A):
+    assert rate(largest_rate(A)) == pytest.approx(ft.indicators(A).R_K, rel=AGREEMENT)
+
+
+def test_the_best_rate_of_the_papers_gains_is_that_of_the_closed_form_0_4599():
+    Q = largest_rate(A_K)
+
+    assert rate(Q) == pytest.approx(0.4599, abs=5e-5)
+    assert radius(A_K, Q) == pytest.approx(4.9162, abs=5e-5)

@@ -1,11 +1,16 @@
-"""Enclosures of functions, and of fewer symbols, hold at random members of the set."""
+"""Enclosures of functions, and the interval arithmetic below them."""
+
+from fractions import Fraction
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from flighttune.theory import exact
 from flighttune.tubes import functions
 from flighttune.tubes.forms import Pieces, Quantity, combined
-from flighttune.tubes.interval import Interval
+from flighttune.tubes.interval import LARGEST_ANGLE, Interval, cosine, sine_and_cosine
 
 ROUNDING = 1e-12
 """Of the members, which are computed in floating point."""
@@ -115,3 +120,48 @@ def test_a_constraint_cuts_the_range_to_what_it_says(pieces):
 
     assert found.high == pytest.approx(half.high, abs=ROUNDING)
     assert np.all(found.high >= half.high)
+
+
+NUMBER = st.floats(-1e3, 1e3)
+SMALLEST_DIVISOR = 1e-300
+"""A quotient of `NUMBER` by less may be larger than any float."""
+
+ANGLE = st.floats(-LARGEST_ANGLE, LARGEST_ANGLE)
+
+
+def holds(interval, number):
+    return Fraction(float(interval.low)) <= number <= Fraction(float(interval.high))
+
+
+@given(a=NUMBER, b=NUMBER)
+def test_sums_and_products_contain_the_exact_ones(a, b):
+    one, other = Interval.point(a), Interval.point(b)
+
+    assert holds(one + other, Fraction(a) + Fraction(b))
+    assert holds(one - other, Fraction(a) - Fraction(b))
+    assert holds(one * other, Fraction(a) * Fraction(b))
+    if b > SMALLEST_DIVISOR:
+        assert holds(one / other, Fraction(a) / Fraction(b))
+
+
+def sine(angle):
+    return sine_and_cosine(angle)[0]
+
+
+@given(angle=ANGLE)
+def test_sine_and_cosine_contain_the_exact_ones(angle):
+    for ours, theirs in ((sine, exact.sine), (cosine, exact.cosine)):
+        found, (low, high) = ours(Interval.point(angle)), theirs(angle)
+
+        assert holds(found, low)
+        assert holds(found, high)
+
+
+@given(a=ANGLE, b=ANGLE, part=st.floats(0.0, 1.0))
+def test_ranges_of_angles_contain_every_value(a, b, part):
+    low, high = min(a, b), max(a, b)
+    angle = min(max(low + part * (high - low), low), high)
+    whole = Interval(np.asarray(low), np.asarray(high))
+
+    assert all(holds(sine(whole), end) for end in exact.sine(angle))
+    assert all(holds(cosine(whole), end) for end in exact.cosine(angle))

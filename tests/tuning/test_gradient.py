@@ -1,4 +1,4 @@
-"""The optima of the paper's problem, known from other formulations, found from every seed."""
+"""The gradient method: optima known from elsewhere, and those of differential evolution."""
 
 from dataclasses import replace
 
@@ -8,6 +8,7 @@ import pytest
 import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import closed_loops
+from flighttune.paper.evolution import tune_by_evolution
 from flighttune.tuning.diagnosis import relaxed
 from flighttune.tuning.problem import decoupled, search_space
 from tests.tuning.conftest import ALL_LIMITS
@@ -160,3 +161,36 @@ def test_a_loop_that_cannot_be_stabilised_is_a_failure_with_a_reason(model, with
 def worst_damping(A_K):
     eigenvalues = np.linalg.eigvals(A_K)
     return (-eigenvalues.real / np.abs(eigenvalues)).min()
+
+
+NEVER_WORSE_BY = 1e-4
+
+
+@pytest.mark.soak
+def test_evolution_ends_just_below_the_gradient_method(model):
+    problem = ft.TuningProblem(model=model, I_star=5.0)
+
+    evolved, descended = tune_by_evolution(problem), ft.tune(problem)
+
+    assert evolved.status == "optimal"
+    assert evolved.I_K <= 5.0
+    assert descended.R_K - 1e-3 < evolved.R_K < descended.R_K + NEVER_WORSE_BY
+
+
+@pytest.mark.soak
+def test_evolution_keeps_the_input_limits_too(printed):
+    problem = relaxed(printed, ALL_LIMITS, 7.0)
+
+    evolved, descended = tune_by_evolution(problem), ft.tune(problem)
+
+    assert evolved.status == "optimal"
+    assert descended.R_K - 1e-3 < evolved.R_K < descended.R_K + NEVER_WORSE_BY
+
+
+@pytest.mark.slow
+def test_evolution_of_an_infeasible_problem_says_so(printed):
+    evolved = tune_by_evolution(printed, generations=60)
+
+    assert evolved.status == "infeasible"
+    assert evolved.smallest_I_K is None
+    assert "every constraint" in evolved.reason
