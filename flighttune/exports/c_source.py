@@ -6,11 +6,12 @@ from string import Template
 
 from flighttune import __version__
 from flighttune.control.gains import PIGains
-from flighttune.control.mimo_pi import MimoPI
+from flighttune.control.mimo_pi import BEYOND_STOP, MimoPI
 from flighttune.files.whole import write_text
 from flighttune.flight.conditions import command_limits, lead_on
 from flighttune.flight.fly import aircraft_table, plant_of
 from flighttune.flight.models import law_setup
+from flighttune.references.priority import APPROACH, LEAST_SHARE, STEEPEST_DIVE
 from flighttune.scenario.schema import Scenario
 from flighttune.units import G_PAPER
 
@@ -20,12 +21,17 @@ _TEMPLATE = Path(__file__).with_name("outer_loop.c")
 _USED = "V_a is the airspeed."
 _UNUSED = "V_a is not used: the gains are not scheduled."
 
+# What the head says besides, without and with the airspeed as third channel.
+_HEAD = (
+    {"airspeed_error": "", "n_x_command": "", "or_along": " (or ft_outer_loop_step_along)"},
+    {"airspeed_error": " and of airspeed", "n_x_command": " and n_x", "or_along": ""},
+)
+
 
 def export_c(
     scenario: Scenario, name: str, gains: PIGains, folder: Path, *, plant: str | None = None
 ) -> Path:
     """Write the outer loop of one gain set as a C file, limited as the aircraft `plant` is."""
-    scenario.check_two_channels("an export")
     limits = command_limits(scenario)
     if plant is not None or scenario.aircraft:
         limits = limits.within(plant_of(aircraft_table(scenario, plant), scenario).limits)
@@ -53,12 +59,18 @@ def c_source(
 
     `lead` (s) has the lags of roll and load factor; `g` (m/s^2) is the acceleration of gravity.
     """
-    values, channels = law.law, law.law.channels
+    values, channels, airspeed = law.law, law.law.channels, law.gains.airspeed
     return Template(_TEMPLATE.read_text(encoding="utf-8")).substitute(
         title=_comment(title),
         gains=_comment(gains),
         version=__version__,
-        uses_V_a=_USED if values.per_speed else _UNUSED,
+        **_HEAD[airspeed],
+        channels=len(channels),
+        priority_per_g=_number(APPROACH / g),
+        least_share=_number(LEAST_SHARE),
+        steepest_dive=_number(STEEPEST_DIVE),
+        beyond_stop=_number(BEYOND_STOP),
+        uses_V_a=_USED if values.per_speed or airspeed else _UNUSED,
         dt=_number(law.dt),
         g=_number(g),
         lead_phi=_number(lead[0]),

@@ -1,13 +1,13 @@
 /* Outer loop of ${title}, gains ${gains}; made by flighttune ${version}.
  *
- * From errors of course and flight-path angle to commands of roll and load factor:
+ * From errors of course and flight-path angle${airspeed_error} to commands of roll and load factor${n_x_command}:
  * u = limit(u_ff + K_P e + K_I integral of e), with limits on size and rate.
  *
  * Units: rad, m/s, s; load factor in weights, +1 in level flight. Course chi clockwise from north,
  * path angle gamma up, roll phi right wing down; any course of a full turn will do.
  *
- * Use: call ft_outer_loop_start with the roll and the load factor that are in force, then
- * ft_outer_loop_step (or ft_outer_loop_step_along) every FT_DT seconds; it leaves the commands in `u`, held until the next sample.
+ * Use: call ft_outer_loop_start with the commands that are in force, then ft_outer_loop_step${or_along}
+ * every FT_DT seconds; it leaves the commands in `u`, held until the next sample.
  * One struct per aircraft; no other memory, no allocation. ${uses_V_a}
  *
  * C99 and its <math.h>. Without contraction of multiply and add (-std=c99 or -ffp-contract=off) the
@@ -23,29 +23,22 @@
 #define FT_G ${g}              /* acceleration of gravity, m/s^2 */
 #define FT_LEAD_PHI ${lead_phi}     /* lags of roll and load factor, s */
 #define FT_LEAD_N_Z ${lead_n_z}
-#define FT_FEED_FORWARD ${feed_forward}        /* load factor of steady flight at this bank */
+#define FT_FEED_FORWARD ${feed_forward}        /* commands of steady flight at this bank */
+#define FT_CHANNELS ${channels}            /* 3 with the airspeed, else 2 */
 
-/* Rows: phi, n_z; columns: chi, gamma */
-static const double K_P[2][2] = {${K_P}};
-static const double K_I_half[2][2] = {${K_I_half}}; /* K_I FT_DT / 2 */
+/* Rows: phi, n_z, n_x; columns: chi, gamma, V */
+static const double K_P[FT_CHANNELS][FT_CHANNELS] = {${K_P}};
+static const double K_I_half[FT_CHANNELS][FT_CHANNELS] = {${K_I_half}}; /* K_I FT_DT / 2 */
 /* Range of each command, and how far it may move in a sample */
-static const double lower[2] = {${lower}}, upper[2] = {${upper}};
-static const double step_down[2] = {${step_down}}, step_up[2] = {${step_up}};
+static const double lower[FT_CHANNELS] = {${lower}}, upper[FT_CHANNELS] = {${upper}};
+static const double step_down[FT_CHANNELS] = {${step_down}}, step_up[FT_CHANNELS] = {${step_up}};
 
 struct ft_outer_loop {
-    double u[2];        /* commands in force: phi in rad, n_z */
-    double integral[2]; /* their part from the integrator */
-    double error[2];    /* of chi and gamma at the sample before, rad */
+    double u[FT_CHANNELS];        /* commands in force: phi in rad, n_z, n_x */
+    double integral[FT_CHANNELS]; /* their part from the integrator */
+    double error[FT_CHANNELS];    /* of chi, gamma (rad) and V (over its reference), a sample ago */
     int started;
 };
-
-void ft_outer_loop_start(struct ft_outer_loop *loop, double phi, double n_z)
-{
-    const struct ft_outer_loop empty = {{0.0, 0.0}, {0.0, 0.0}, {0.0, 0.0}, 0};
-    *loop = empty;
-    loop->u[0] = phi;
-    loop->u[1] = n_z;
-}
 
 static double shorter_way_round(double angle)
 {
@@ -56,16 +49,58 @@ static double shorter_way_round(double angle)
     return half_turn - rest;
 }
 
-static double limited(int i, double wanted, double before)
+static double limited(int i, double wanted, double before, double least, double most)
 {
     /* The reach of one sample, cut to the range; where they do not meet the rate limit rules. */
     double low = before + step_down[i], high = before + step_up[i];
-    int low_by_rate = low > lower[i], high_by_rate = high < upper[i];
+    int low_by_rate = low > least, high_by_rate = high < most;
     if (!low_by_rate)
-        low = lower[i] < high ? lower[i] : high;
+        low = least < high ? least : high;
     if (!high_by_rate)
-        high = upper[i] > low ? upper[i] : low;
+        high = most > low ? most : low;
     return wanted < low ? low : wanted > high ? high : wanted;
+}
+
+/* A step with these errors and feed-forward, each command in its range at this sample. */
+static void step(struct ft_outer_loop *loop, const double *error, const double *u_ff,
+                 const double *least, const double *most, double V_a)
+{
+    const double gain = FT_PER_SPEED != 0.0 ? V_a * FT_PER_SPEED : 1.0;
+    double sum[FT_CHANNELS] = {0.0}; /* of two errors; the first sample has none before it */
+    int i, j;
+    for (j = 0; j < FT_CHANNELS; j++) {
+        if (loop->started)
+            sum[j] = loop->error[j] + error[j];
+        loop->error[j] = error[j];
+    }
+    loop->started = 1;
+    for (i = 0; i < FT_CHANNELS; i++) {
+        double proportional = 0.0, increment = 0.0, before, wanted, excess, spare;
+        for (j = 0; j < FT_CHANNELS; j++) {
+            proportional += K_P[i][j] * error[j];
+            increment += K_I_half[i][j] * sum[j];
+        }
+        increment *= gain;
+        before = u_ff[i] + gain * proportional + loop->integral[i];
+        wanted = before + increment;
+        loop->u[i] = limited(i, wanted, loop->u[i], least[i], most[i]);
+        excess = wanted - loop->u[i];
+        if (excess != 0.0) {
+            if (FT_CONDITIONAL && increment * excess > 0.0) {
+                spare = loop->u[i] - before;
+                increment = increment * spare > 0.0 ? spare : 0.0;
+            }
+            increment -= FT_TRACKING_GAIN * excess;
+        }
+        loop->integral[i] += increment;
+    }
+}
+
+#if FT_CHANNELS == 2
+void ft_outer_loop_start(struct ft_outer_loop *loop, double phi, double n_z)
+{
+    const struct ft_outer_loop engaged = {{phi, n_z}, {0.0}, {0.0}, 0};
+    *loop = engaged;
 }
 
 /* A step along a reference with rates (rad/s), FT_LEAD_PHI and FT_LEAD_N_Z ahead: roll and lift are
@@ -79,35 +114,7 @@ void ft_outer_loop_step_along(struct ft_outer_loop *loop, double chi_ref, double
     const double lift = cos(gamma_ref) + gamma_rate * (V_turn / FT_G);
     const double u_ff[2] = {FT_FEED_FORWARD ? atan(chi_rate * (V_turn / FT_G)) : 0.0,
                             FT_FEED_FORWARD ? lift / cos(phi) : 0.0};
-    const double gain = FT_PER_SPEED != 0.0 ? V_a * FT_PER_SPEED : 1.0;
-    double sum[2] = {0.0, 0.0}; /* of two errors; the first sample has none before it */
-    int i, j;
-    for (j = 0; j < 2; j++) {
-        if (loop->started)
-            sum[j] = loop->error[j] + error[j];
-        loop->error[j] = error[j];
-    }
-    loop->started = 1;
-    for (i = 0; i < 2; i++) {
-        double proportional = 0.0, increment = 0.0, before, wanted, excess, spare;
-        for (j = 0; j < 2; j++) {
-            proportional += K_P[i][j] * error[j];
-            increment += K_I_half[i][j] * sum[j];
-        }
-        increment *= gain;
-        before = u_ff[i] + gain * proportional + loop->integral[i];
-        wanted = before + increment;
-        loop->u[i] = limited(i, wanted, loop->u[i]);
-        excess = wanted - loop->u[i];
-        if (excess != 0.0) {
-            if (FT_CONDITIONAL && increment * excess > 0.0) {
-                spare = loop->u[i] - before;
-                increment = increment * spare > 0.0 ? spare : 0.0;
-            }
-            increment -= FT_TRACKING_GAIN * excess;
-        }
-        loop->integral[i] += increment;
-    }
+    step(loop, error, u_ff, lower, upper, V_a);
 }
 
 void ft_outer_loop_step(struct ft_outer_loop *loop, double chi_ref, double gamma_ref, double chi,
@@ -115,3 +122,42 @@ void ft_outer_loop_step(struct ft_outer_loop *loop, double chi_ref, double gamma
 {
     ft_outer_loop_step_along(loop, chi_ref, gamma_ref, 0.0, 0.0, V_a, chi, gamma, phi, V_a);
 }
+#else
+void ft_outer_loop_start(struct ft_outer_loop *loop, double phi, double n_z, double n_x)
+{
+    const struct ft_outer_loop engaged = {{phi, n_z, n_x}, {0.0}, {0.0}, 0};
+    *loop = engaged;
+}
+
+/* n_x is thrust minus drag over weight, along the path. */
+struct ft_sample {
+    double chi_ref, gamma_ref, V_ref; /* rad, m/s */
+    /* Their rates (rad/s, m/s^2); those of the angles FT_LEAD_PHI and FT_LEAD_N_Z ahead, 0 if not
+     * planned, and V_turn (m/s), the speed that lift turns: V_a in still air; in wind V_g / cos(delta),
+     * delta between the velocities over ground and through the air */
+    double chi_rate, gamma_rate, V_rate, V_turn;
+    double chi, gamma, phi, V_a;  /* measured */
+    double n_x_least, n_x_most; /* what the engines give now */
+};
+
+/* Speed has priority: where n_x_most cannot carry the climb, the path angle gives way. The one that
+ * is followed is returned. */
+double ft_outer_loop_step(struct ft_outer_loop *loop, const struct ft_sample *now)
+{
+    const double steepest = now->n_x_most + ${priority_per_g} * (now->V_a - ${least_share} * now->V_ref);
+    const int cut = sin(now->gamma_ref) > steepest;
+    const double gamma_ref = cut ? asin(fmax(steepest, ${steepest_dive})) : now->gamma_ref;
+    const double per_g = cut ? 0.0 : now->V_turn / FT_G;
+    const double error[3] = {shorter_way_round(now->chi_ref - now->chi), gamma_ref - now->gamma,
+                             (now->V_ref - now->V_a) / now->V_ref};
+    const double lift = cos(gamma_ref) + now->gamma_rate * per_g;
+    const double u_ff[3] = {FT_FEED_FORWARD ? atan(now->chi_rate * per_g) : 0.0,
+                            FT_FEED_FORWARD ? lift / cos(now->phi) : 0.0,
+                            FT_FEED_FORWARD ? sin(gamma_ref) + now->V_rate / FT_G : 0.0};
+    /* Beyond the stop of the engines nothing winds up; a little of it keeps them at the stop. */
+    const double least[3] = {lower[0], lower[1], fmax(lower[2], now->n_x_least - ${beyond_stop})};
+    const double most[3] = {upper[0], upper[1], fmin(upper[2], now->n_x_most + ${beyond_stop})};
+    step(loop, error, u_ff, least, most, now->V_a);
+    return gamma_ref;
+}
+#endif

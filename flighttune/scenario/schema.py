@@ -335,18 +335,13 @@ class Scenario(Table):
         return [table for table in self.expect if table.meant(plant, gains)]
 
     def check_over_time(self, what: str) -> None:
-        """Refuse a route for what needs a reference over time."""
+        """Refuse a route, and an airspeed to follow, for what needs two angles over time."""
         if self.route is not None:
             raise InputError(f"`route` must be absent for {what}: it needs a reference over time.")
-        self.check_two_channels(what)
-
-    def check_two_channels(self, what: str) -> None:
-        """Refuse an airspeed that is followed for what knows course and path angle alone."""
         if self.airspeed:
-            key = "`holds_airspeed` of [route]" if self.route else "`V_mps` of [reference]"
             raise InputError(
-                f"{key} must be absent for {what}, which knows course and path angle alone; "
-                "without it the aircraft holds its airspeed by itself."
+                f"`V_mps` of [reference] must be absent for {what}, which knows course and path "
+                "angle alone; without it the aircraft holds its airspeed by itself."
             )
 
     def as_dict(self) -> dict[str, Any]:

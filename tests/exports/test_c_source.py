@@ -12,7 +12,10 @@ from commands import answer
 
 import flighttune as ft
 from flighttune.exports.c_source import c_source, export_c
+from flighttune.flight.conditions import start_condition
+from flighttune.flight.fly import fly_alone
 from flighttune.flight.models import gain_set
+from flighttune.references.priority import AirspeedPriority
 
 COMPILER = shutil.which("cc") or shutil.which("gcc")
 needs_compiler = pytest.mark.skipif(COMPILER is None, reason="no C compiler is installed")
@@ -44,7 +47,18 @@ class OuterLoop(ctypes.Structure):
     )
 
 
-def compiled(source, folder):
+class AirspeedLoop(ctypes.Structure):
+    """As `OuterLoop`, with three channels."""
+
+    _fields_ = (
+        ("u", ctypes.c_double * 3),
+        ("integral", ctypes.c_double * 3),
+        ("error", ctypes.c_double * 3),
+        ("started", ctypes.c_int),
+    )
+
+
+def library_of(source, folder):
     """The library of a C file, built with every warning an error."""
     (folder / "loop.c").write_text(source)
     library = folder / "loop.so"
@@ -52,7 +66,12 @@ def compiled(source, folder):
     command = [COMPILER, *strict.split(), str(folder / "loop.c"), "-o", str(library), "-lm"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0, done.stderr
-    loaded = ctypes.CDLL(str(library))
+    return ctypes.CDLL(str(library))
+
+
+def compiled(source, folder):
+    """The library of a file of two channels."""
+    loaded = library_of(source, folder)
     loaded.ft_outer_loop_start.argtypes = [ctypes.POINTER(OuterLoop), *[ctypes.c_double] * 2]
     loaded.ft_outer_loop_step.argtypes = [ctypes.POINTER(OuterLoop), *[ctypes.c_double] * 6]
     loaded.ft_outer_loop_step_along.argtypes = [ctypes.POINTER(OuterLoop), *[ctypes.c_double] * 9]
@@ -113,6 +132,86 @@ def test_the_c_file_plans_roll_and_lift_for_the_rates_of_a_reference(tmp_path):
         )
         assert [*state.u, *state.integral] == pytest.approx(list(expected), abs=1e-14)
     assert "FT_LEAD_PHI 0.17" in source
+
+
+@needs_compiler
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["climb_beyond_power", "engine_fails_in_climb"])
+def test_the_c_file_flies_the_airspeed_and_its_priority_as_fly_does(name, tmp_path):
+    """The file is given the signals of a flight in which the path angle gives way."""
+    scenario, gains = ft.load_scenario(name), "tuned_identified"
+    tuned = gain_set(scenario, gains)
+    run = fly_alone(scenario, scenario.plant[0], tuned, gains)
+    source = export_c(scenario, gains, tuned, tmp_path)
+    loop, state = library_of(source.read_text(), tmp_path), AirspeedLoop()
+    loop.ft_outer_loop_start.argtypes = [ctypes.POINTER(AirspeedLoop), *[ctypes.c_double] * 3]
+    loop.ft_outer_loop_step.restype = ctypes.c_double
+    condition = start_condition(scenario)
+    loop.ft_outer_loop_start(state, *condition.commands(3))
+    wanted = ["gamma_given", "phi_cmd", "n_z_cmd", "n_x_cmd"]
+    integrals = ["phi_integral", "n_z_integral", "n_x_integral"]
+    seen = ["chi", "gamma", "phi", "V_a", "n_x_min", "n_x_max"]
+    rows = run.signals[["chi_ref", "gamma_ref", "V_ref", *seen, *wanted, *integrals]]
+    worst, cut = 0.0, 0
+    for chi_ref, gamma_ref, V_ref, *others in rows.to_numpy().tolist():
+        measured, expected = others[:6], others[6:]
+        sample = (ctypes.c_double * 13)(
+            chi_ref, gamma_ref, V_ref, 0.0, 0.0, 0.0, measured[3], *measured
+        )
+        given = loop.ft_outer_loop_step(ctypes.byref(state), sample)
+        got = [given, *state.u, *state.integral]
+        worst = max(worst, *(abs(a - b) for a, b in zip(got, expected, strict=True)))
+        cut += given < gamma_ref
+    assert worst < 1e-9
+    assert cut > 100
+
+
+@needs_compiler
+def test_the_c_file_of_three_channels_keeps_to_limits_schedule_and_rates(tmp_path):
+    """Expected: `MimoPI` of three channels after the priority of the airspeed."""
+    g, rng = 9.81, np.random.default_rng(40)
+    gains = ft.PIGains(
+        K_P=rng.uniform(-2.0, 2.0, (3, 3)),
+        K_I=rng.uniform(-1.0, 1.0, (3, 3)),
+        inputs=("phi", "n_z", "n_x"),
+        errors=("chi", "gamma", "V"),
+    )
+    limits = ft.Limits(
+        lower=np.array([-0.8, -2.1, -0.4]),
+        upper=np.array([0.7, 2.2, 0.5]),
+        rate_lower=np.array([-0.5, -1.0, -0.7]),
+        rate_upper=np.array([0.6, 1.5, 0.9]),
+    )
+    law = ft.MimoPI(gains, limits, dt=0.02, feed_forward=True, schedule_speed=25.0, g=g)
+    loop = library_of(c_source(law, title="t", gains="g", g=g), tmp_path)
+    loop.ft_outer_loop_start.argtypes = [ctypes.POINTER(AirspeedLoop), *[ctypes.c_double] * 3]
+    loop.ft_outer_loop_step.restype = ctypes.c_double
+    state = AirspeedLoop()
+    law.start(ft.FlightCondition(V_a=25.0, gamma=0.1))
+    loop.ft_outer_loop_start(state, 0.0, law.state.u[1], math.sin(0.1))
+    cuts = 0
+    for _ in range(2000):
+        chi_ref, gamma_ref, chi, gamma, phi = rng.uniform(-0.9, 0.9, 5).tolist()
+        V_ref, V_a = rng.uniform(18.0, 30.0, 2).tolist()
+        chi_rate, gamma_rate, V_rate = rng.uniform(-0.5, 0.5, 3).tolist()
+        least, most = sorted(rng.uniform(-0.6, 0.6, 2).tolist())
+        lift = (math.cos(gamma_ref) + gamma_rate * (V_a / g)) / math.cos(phi)
+        planned = math.atan(chi_rate * (V_a / g)), lift
+        n_x = 0.0, least, most
+        measured = ft.Measured(chi, gamma, V_a, phi, 1.0, 100.0, (0.0, 0.0, 0.0), None, n_x)
+        asked = ft.ReferenceSample(chi_ref, gamma_ref, chi_rate, gamma_rate, planned)
+        priority = AirspeedPriority(np.array([V_ref]), np.array([V_rate]), g)
+        sample = priority(0, measured, asked)
+        expected = law.step(measured, sample, 0.0)
+        values = [chi_ref, gamma_ref, V_ref, chi_rate, gamma_rate, V_rate, V_a]
+        values += [chi, gamma, phi, V_a, least, most]
+
+        given = loop.ft_outer_loop_step(ctypes.byref(state), (ctypes.c_double * 13)(*values))
+
+        assert given == pytest.approx(sample.gamma, abs=1e-14)
+        assert [*state.u, *state.integral] == pytest.approx(list(expected), abs=1e-12)
+        cuts += sample.gamma < gamma_ref
+    assert 200 < cuts < 1800
 
 
 @needs_compiler
