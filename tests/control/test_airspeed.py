@@ -223,7 +223,7 @@ def test_a_law_of_two_commands_is_refused_on_a_plant_of_three():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("aircraft", ["aerosonde", "c172p", "a4"])
+@pytest.mark.parametrize("aircraft", ["aerosonde", "c172p", "a4", "x8"])
 def test_the_lag_of_thrust_of_a_shipped_aircraft_is_measured_again(aircraft):
     """The file states what flights give; the manoeuvre that checks it is none of those fitted."""
     stated = ft.load_identified(aircraft).conditions[0]
@@ -235,6 +235,23 @@ def test_the_lag_of_thrust_of_a_shipped_aircraft_is_measured_again(aircraft):
     assert channel.natural_frequency_rad_s == pytest.approx(
         stated.channels["n_x"].natural_frequency_rad_s, rel=1e-3
     )
+
+
+@pytest.mark.slow
+def test_the_flying_wing_changes_its_airspeed_in_a_turn():
+    """The requirements are those of the shipped scenario, with 3 m/s in place of 5."""
+    X8 = {
+        "flight.V_a_mps": 18.0,
+        "reference.V_mps[0].change_mps": 3.0,
+        "tuning.identified": "x8",
+        "plant[1].aircraft": "x8",
+        "expect[0].plant": "jsbsim:x8",
+    }
+
+    flown = ft.fly("speed_change_in_turn", changes=X8)
+
+    assert flown.claim.total.requirements == 3
+    assert flown.claim.verdict == "met", flown.claim.sentence
 
 
 @pytest.mark.slow
