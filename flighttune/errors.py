@@ -13,7 +13,12 @@ FlightTuneError
 └── StoppedError                 the observer of a count or search stopped its flights
 """
 
+import os
 import signal
+import sys
+
+# Whether the system copies a process, which a crash then ends alone: Windows does not.
+FORKS = hasattr(os, "fork")
 
 
 class FlightTuneError(Exception):
@@ -137,3 +142,12 @@ def ending_of(code: int) -> str:
         return signal.Signals(-code).name
     except ValueError:  # a real-time signal, which has no name
         return f"signal {-code}"
+
+
+def need_fork(what: str) -> None:
+    """Raise InputError where the system cannot copy a process."""
+    if not FORKS:
+        raise InputError(
+            f"{what} must run on Linux, on macOS or, on Windows, in WSL2, because a crash or a "
+            f"hang there ends a copy of the process: got {sys.platform}, which makes no copies."
+        )

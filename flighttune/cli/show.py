@@ -17,7 +17,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress
-from flighttune.errors import StoppedError
+from flighttune.errors import FORKS, StoppedError
 from flighttune.files.whole import reason_of
 from flighttune.flight.notice import NOTICE
 from flighttune.present.answer import Answer
@@ -39,7 +39,7 @@ MAX_REASON = 680
 LINE_EVERY_S = 10.0
 
 # Ctrl-C, the end that a system asks for, and that of the terminal.
-SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+SIGNALS = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if FORKS else []))
 
 _QUIET: ContextVar[bool] = ContextVar("quiet", default=False)
 _JSON: ContextVar[bool] = ContextVar("as_json", default=False)
@@ -246,7 +246,7 @@ def on_interrupt(stop: Callable[[], object] | None = None) -> Iterator[None]:
     background with SIGINT ignored; in the block it is not.
     """
     before = {number: signal.getsignal(number) for number in SIGNALS}
-    if before[signal.SIGHUP] == signal.SIG_IGN:  # nohup wants it to be ignored
+    if FORKS and before[signal.SIGHUP] == signal.SIG_IGN:  # nohup wants it to be ignored
         del before[signal.SIGHUP]
 
     def restore() -> None:

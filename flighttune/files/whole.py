@@ -4,12 +4,12 @@ import os
 import time
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory, gettempdir
 from typing import IO
 
-from flighttune.errors import OutputError
+from flighttune.errors import FORKS, OutputError
 
 MEMORY = Path("/dev/shm")  # a folder in memory, ten times as fast as a disk
 
@@ -34,7 +34,8 @@ def whole_file(path: Path, unfinished: Path | None = None) -> Iterator[Path]:
                 lock(file)
                 if time.time() - old.stat().st_mtime > ABANDONED_S:
                     old.unlink()
-        with part.open("ab") as file:
+        # Windows does not rename an open file
+        with part.open("ab") if FORKS else nullcontext(-1) as file:
             with suppress(OSError):  # not every file system has locks
                 lock(file)
             yield part
@@ -48,6 +49,8 @@ def whole_file(path: Path, unfinished: Path | None = None) -> Iterator[Path]:
 
 def lock(file: "IO[bytes] | int") -> None:
     """Lock an open file until it is closed; OSError if another process has, or it has no locks."""
+    if not FORKS:
+        raise OSError("locks of Windows hold other processes off the file")
     import fcntl
 
     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -2,7 +2,6 @@
 
 import multiprocessing
 import os
-import resource
 import signal
 import sys
 import warnings
@@ -11,16 +10,13 @@ from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any, TypeAlias
 
-from flighttune.errors import PlantError, ending_of
+from flighttune.errors import PlantError, ending_of, need_fork
 
 # Called with the label of a run and the part of it flown, 0 to 1.
 Progress: TypeAlias = Callable[[str, float], None]
 
 # Time after which a copy that its own alarm has not ended is given up, s.
 GRACE_S = 5.0
-
-# A copy has the classes of the user's, which another process would have to import again.
-FORK = multiprocessing.get_context("fork")
 
 
 def apart(
@@ -32,8 +28,11 @@ def apart(
     no progress for `silence` seconds, as Python could not while a library computes. What it prints
     goes to stderr.
     """
-    receiver, sender = FORK.Pipe(duplex=False)
-    process = FORK.Process(target=_answer, args=(call, silence, sender))
+    need_fork("code of your own and the reader of a log")
+    # a copy has the classes of the user's, which another process would have to import again
+    fork = multiprocessing.get_context("fork")
+    receiver, sender = fork.Pipe(duplex=False)
+    process = fork.Process(target=_answer, args=(call, silence, sender))
     part = 0.0
     with warnings.catch_warnings():  # the threads of the libraries take no part in a flight
         warnings.simplefilter("ignore", DeprecationWarning)
@@ -63,6 +62,8 @@ def apart(
 
 
 def _answer(call: Callable[[Progress], Any], silence: float, sender: Connection) -> None:
+    import resource  # Windows has none
+
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))  # no image of a crash in the working folder
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the command, which ends its copies
     for ends in (signal.SIGTERM, signal.SIGALRM):

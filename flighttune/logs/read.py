@@ -6,7 +6,6 @@ memory and print: it is read in a copy of this process, with bounds on memory an
 
 import math
 import os
-import resource
 from collections import defaultdict
 from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
@@ -101,6 +100,8 @@ def read_log(
 
 def _confine() -> None:
     """Bound the memory of this copy, and drop what libraries print."""
+    import resource  # Windows has none
+
     used = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
     most = used * resource.getpagesize() + MAX_MEMORY
     _, hard = resource.getrlimit(resource.RLIMIT_AS)

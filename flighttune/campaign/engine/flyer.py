@@ -17,7 +17,7 @@ from multiprocessing import Pipe
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from flighttune.errors import PlantError, ending_of
+from flighttune.errors import PlantError, ending_of, need_fork
 from flighttune.files.shipped import TRUST_AIRCRAFT
 from flighttune.files.whole import lock, reason_of, scratch_folder, scratch_place
 
@@ -47,6 +47,7 @@ class Flyer:
     """Client of the process that flies for one thread; starts a new one after each crash."""
 
     def __init__(self) -> None:
+        need_fork("the flights of a campaign")
         self.stopped = False
         _remove_abandoned()
         self._start()

@@ -59,8 +59,11 @@ TIME_LIMIT_S = 60.0
 # JSBSim evaluates an aircraft once more when it frees it, and may end the process then: `_exit`.
 _PROGRAM = """
 import os, sys
-import resource
-resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+try:
+    import resource
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+except ImportError:  # Windows
+    pass
 import jsbsim
 try:
     fdm = jsbsim.FGFDMExec(sys.argv[1])
