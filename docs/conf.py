@@ -39,6 +39,8 @@ html_show_copyright = False
 html_copy_source = False
 html_search_scorer = str(Path(__file__).with_name("search.js"))  # Sphinx opens it as it stands
 html_math_renderer = "mathml"
+html_static_path = ["math.css"]
+html_css_files = ["math.css"]
 numpydoc_show_class_members = False
 autodoc_typehints = "none"
 autodoc_member_order = "bysource"
@@ -50,7 +52,9 @@ def _math(display):
     """Equations as MathML: the site needs neither a network nor a script to show them."""
 
     def visit(translator, node):
-        translator.body.append(convert(node.astext(), display=display))
+        markup = convert(node.astext(), display=display)
+        # the bar of a norm that carries an index would be stretched below the line
+        translator.body.append(markup.replace("<mo>&#x02016;", '<mo stretchy="false">&#x02016;'))
         raise nodes.SkipNode
 
     return visit, None
