@@ -235,21 +235,24 @@ class ExactLaw(StatefulPI):
         state.integral[2] += more
 
 
-def turning_speed(measured: Measured) -> float:
+def turning_speed(measured: Measured, estimate: tuple[float, ...] | None = None) -> float:
     """Speed that turns lift into rates of course and path angle, m/s: the airspeed in still air.
 
     With wind the course is that over ground: lift turns the velocity over ground, and only the part
     of it across that velocity does. That is ``V_g / cos(delta)``, delta the angle between the
     velocities over ground and through the air; with u the direction over ground and w the wind,
-    ``|V_g u - w| = V_a``. It is the airspeed where the path flown is that through the air.
+    ``|V_g u - w| = V_a``. It is the airspeed where the path flown is that through the air. An
+    `estimate` of the wind (north, east, down, m/s) stands for the one measured.
     """
-    V_a, wind = measured.V_a, measured.wind
+    chi, gamma, V_a, *_ = measured
+    wind = measured.wind if estimate is None else estimate
     if wind is None:
         return V_a
-    level = math.cos(measured.gamma)
-    north, east = level * math.cos(measured.chi), level * math.sin(measured.chi)
-    along = wind[0] * north + wind[1] * east - wind[2] * math.sin(measured.gamma)
-    across = wind[0] ** 2 + wind[1] ** 2 + wind[2] ** 2 - along**2
+    w_n, w_e, w_d = wind
+    level = math.cos(gamma)
+    north, east = level * math.cos(chi), level * math.sin(chi)
+    along = w_n * north + w_e * east - w_d * math.sin(gamma)
+    across = w_n**2 + w_e**2 + w_d**2 - along**2
     ahead = V_a * V_a - across
     if ahead <= 0.0:  # a wind that no heading holds this course in
         return V_a

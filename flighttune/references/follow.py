@@ -24,6 +24,7 @@ SAME_PLACE = 0.01
 
 COLUMNS = ("north", "east", "course", "curvature", "up", "slope")
 _CURVATURE, _SLOPE = map(COLUMNS.index, ("curvature", "slope"))
+_DIFFERENCES = len(COLUMNS)  # in the rows of a path, from a column to its difference to the next
 
 # Lower bound of 1 - curvature e_y, which is zero at the centre of a turn.
 MIN_SPREAD = 0.2
@@ -200,8 +201,11 @@ class Follower:
 
         North, east, course, its cosine and sine, curvature, height, slope.
         """
-        i = min(int(s / STEP), self._last)
-        part = s / STEP - i
+        part = s / STEP
+        i = int(part)
+        if i > self._last:  # half the time of `min`
+            i = self._last
+        part -= i
         n, e, course, k, up, slope, d_n, d_e, turn, d_k, rise, d_slope = self._rows[i]
         course += part * turn
         c_n, c_e = math.cos(course), math.sin(course)
@@ -210,6 +214,9 @@ class Follower:
 
     def _column(self, column: int, s: float) -> float:
         """A column of the path at a distance, m."""
-        i = min(int(s / STEP), self._last)
+        part = s / STEP
+        i = int(part)
+        if i > self._last:
+            i = self._last
         row = self._rows[i]
-        return row[column] + (s / STEP - i) * row[column + len(COLUMNS)]
+        return row[column] + (part - i) * row[column + _DIFFERENCES]
