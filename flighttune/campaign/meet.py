@@ -328,7 +328,7 @@ def meet(
     budget: int | None = None,
     metric: str = ITAE,
     campaign: str | Path | None = None,
-    success: float = SUCCESS,
+    success: float | None = None,
     changes: Mapping[str, Any] | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -358,9 +358,10 @@ def meet(
         Campaign file, or the name of a shipped one, that disperses the scenario. Gains are searched
         for that meet the requirements on as many draws as possible, and counted on the draws of the
         campaign, none of which the search has seen.
-    success : float, 1
-        Share of the draws of a campaign on which gains must meet all requirements: the lower end of
-        its interval must reach it, or the estimate where no count of so many draws has such an end.
+    success : float, 1, optional
+        Share of the draws of a campaign on which gains must meet all requirements, 0.95 if None:
+        the lower end of its interval must reach it, or the estimate where no count of so many
+        draws has such an end. Not without a campaign.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
     workers : int, optional
@@ -404,6 +405,12 @@ def meet(
     if not law.by_gains:
         raise InputError(
             f"`law` must be {' or '.join(plain_laws())} for its gains to be tuned, got {law.name}."
+        )
+    if success is None:
+        success = SUCCESS
+    elif dispersed is None:
+        raise InputError(
+            f"`success` must be absent without a campaign, whose draws it counts, got {success:g}."
         )
     if not 0.0 < success <= 1.0:
         raise InputError(f"`success` must be above 0 and at most 1, got {success:g}.")

@@ -106,8 +106,9 @@ def meet(
         ),
     ] = None,
     success: Annotated[
-        float, Option(help="Share of the flights of a campaign that must succeed.")
-    ] = 0.95,
+        float | None,
+        Option(help="Share of the flights of a campaign that must succeed [default: 0.95]."),
+    ] = None,
     page: Annotated[Path | None, Option(help="HTML page to write, with all candidates.")] = None,
     settings: options.SetOption = None,
     workers: options.WorkersOption = None,

@@ -127,7 +127,7 @@ def record_bytes(parts: Parts, flight: Sequence[str] = ()) -> bytes:
 
 
 def read_run(path: str | Path) -> Run:
-    """Return the run that `write_run` wrote to `path`, equal to the bit."""
+    """Return the run that the file `path` holds, equal to the bit."""
     return _read(Path(path))[0]
 
 

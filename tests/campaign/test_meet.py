@@ -341,7 +341,8 @@ def test_a_campaign_that_disperses_nothing_has_the_draws_of_its_turbulence(tmp_p
     ("settings", "message"),
     [
         ({"metric": "chi.nothing"}, r"`metric`.*ITAE, margin.* 'chi.nothing'"),
-        ({"success": 0.0}, "`success`.* 0"),
+        ({"success": 0.9}, "`success` must be absent without a campaign.* 0.9"),
+        ({"campaign": "robust_tuning", "success": 0.0}, "`success`.* 0"),
         ({"campaign": "robust_tuning", "metric": "chi.MO_deg"}, "`metric`.*campaign"),
     ],
 )
