@@ -31,6 +31,8 @@ NOT_RUN = {
     "pip ": "changes the environment",
     "make ": "the makefile's own",
     "dask ": "a scheduler that does not end",
+    "python mission.py": "tests/docs/test_first_mission_page.py",
+    "flighttune verify runs/mission-band.npz": "tests/docs/test_first_mission_page.py",
     "python benchmarks/": "minutes; make bench runs them",
     "python docs/figures/": "tested one by one, or minutes",
     "flighttune view ": "does not end; tests/recording/test_view.py",

@@ -1,0 +1,25 @@
+"""Draw docs/first_mission.svg: python docs/figures/first_mission.py BEFORE AFTER.
+
+BEFORE and AFTER are the bands that the two runs of docs/first_mission.md counted.
+"""
+
+import sys
+from pathlib import Path
+
+from flighttune.campaign.band import load_band
+from flighttune.present.chart import Chart, Sheet
+from flighttune.reports.band import band_charts
+
+FILE = Path(__file__).parents[1] / "first_mission.svg"
+TITLES = "As drawn: the circle leaves the fence", "With the circle 151 m further west"
+
+
+def fenced_map(file: str, title: str) -> Chart:
+    """The map of the page of a band, under a title of its own."""
+    chart = band_charts(load_band(file))[0]
+    chart.title = title
+    return chart
+
+
+if __name__ == "__main__":
+    Sheet(charts=[*map(fenced_map, sys.argv[1:], TITLES)]).save(FILE)

@@ -1,0 +1,48 @@
+"""docs/first_mission.md: its commands run as printed, and print the numbers that it shows."""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from commands import flighttune
+
+PAGE = (Path(__file__).parents[2] / "docs/first_mission.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"^```(python|sh|text)\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
+LEAVES = "flighttune band mission.plan --aircraft c172p --page mission.html"
+
+
+def follow(blocks, folder):
+    """Do what a reader does; the first count is answered by no."""
+    printed, expected = "", 1
+    for kind, text in blocks:
+        if kind == "python":
+            (folder / "mission.py").write_text(text, encoding="utf-8")
+        elif kind == "text":
+            for line in text.strip().splitlines():
+                assert " ".join(line.split()) in printed
+        for line in text.splitlines() if kind == "sh" else ():
+            program, *words = shlex.split(line)
+            if program == "python":
+                subprocess.run([sys.executable, *words], cwd=folder, check=True)
+                continue
+            status = expected if line == LEAVES else 0
+            expected = 0 if line == LEAVES else expected
+            printed = " ".join(" ".join(flighttune(*words, cwd=folder, status=status)).split())
+
+
+@pytest.mark.slow
+def test_the_plan_of_the_page_is_planned_as_it_says(tmp_path):
+    first = next(i for i, (_, text) in enumerate(BLOCKS) if LEAVES in text)
+    assert first == 3
+    follow(BLOCKS[:first], tmp_path)
+
+
+@pytest.mark.soak
+def test_the_numbers_of_the_page_are_those_of_its_commands(tmp_path):
+    follow(BLOCKS, tmp_path)
+
+    assert (tmp_path / "flown.plan").stat().st_size > 1000
+    assert (tmp_path / "mission.html").exists()
