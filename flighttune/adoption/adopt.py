@@ -567,7 +567,7 @@ def draft_text(tables: Mapping[str, Any], begun: Mapping[str, Any], reason: str)
             f"refused: {reason}",
             f"missing: {missing}; their keys are in docs/aircraft.md",
             "`flighttune adopt` can be told more: --set NAME=VALUE, --throttle PROPERTY, --glide, "
-            "--no-rudder, --V-a",
+            "--no-rudder, --V-a; `replaces` in [surfaces] goes past a flight control",
         ),
     )
 

@@ -84,6 +84,12 @@ SPARE_THRUST = 0.08
 # Thrust over weight from which the speed of a propeller diverges: no aeroplane has as much.
 MAX_THRUST = 10.0
 
+# Names under which aerodynamics read a surface, where they are more than one.
+NAMES = {"elevator": "(elevator|stabilator|(horz|horizontal)-tail|stabilizer)"}
+
+# Change of a position in level flight, in its unit, from which flight control moves it.
+MOVES = 1e-3
+
 GEAR = "gear/gear-pos-norm"
 
 # Positions in which drag is out, and the number of properties tried to put it in.
@@ -212,6 +218,8 @@ def survey(
     say("step 4 of 9: moving the surfaces")
     surfaces, bypass = _surfaces(tables, load, _level(speed, lift.at(speed)[0], 0.5))
     notes += bypass
+    held = any(name.startswith("ft/fcs/") for name in tables["declared"])
+    lift = _swept(load(tables | {"surfaces": surfaces}), speed) if held else lift
     if "rudder" not in surfaces:
         notes.append("it has no rudder: yaw is left to the airframe")
     if not tables["engines"]["count"]:
@@ -544,9 +552,17 @@ def _surfaces(
     moved, fault = _answers(bench, level)
     past = _past_flight_control(tables, bench.fdm.config) if fault else {}
     if past:
-        moved_past, fault_past = _answers(load(tables | {"surfaces": past}), level)
+        bypassed = tables | {"surfaces": past}
+        held = _held(load(bypassed), level, past)
+        moved_past, fault_past = _answers(
+            load(bypassed | {"declared": tables["declared"] | held}), level
+        )
         if not fault_past:
             notes.append(f"its flight control is bypassed: {fault}")
+            if held:
+                names = ", ".join(name.removeprefix("ft/") for name in held)
+                notes.append(f"its flight control moves {names}: held as in level flight")
+                tables["declared"] |= held
             return {name: past[name] | table for name, table in moved_past.items()}, notes
     if not moved:
         raise Refusal(fault)
@@ -610,6 +626,12 @@ def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[s
     one_sense = effect_low * effect_high > 0.0
     if largest < MIN_EFFECT or one_sense or not (usable_low and usable_high):
         command = surface.command or f"fcs/{name}-cmd-norm"
+        again = at(0.0)[0]
+        if largest > MIN_EFFECT and abs(again - neutral) > DRIFT * largest:
+            raise Refusal(
+                f"its flight control does not come to rest: with the same {name} command "
+                f"({command}) {rate} was {neutral:.3g}, then {again:.3g} rad/s^2"
+            )
         raise Refusal(
             f"its {name} command ({command}) has no usable effect"
             + (f": it changes {rate} in one sense only" if one_sense else "")
@@ -653,7 +675,10 @@ def _past_flight_control(
     read = {text for aerodynamics, text in _texts(config) if aerodynamics}
     surfaces = {}
     for name, _ in config.surfaces.named():
-        pattern = re.compile(rf"fcs/([\w-]+/)*(mag-)?(left-)?{name}-pos-(rad|deg|norm)")
+        names = NAMES.get(name, name)
+        pattern = re.compile(
+            rf"fcs/([\w-]+/)*(mag-)?(left-)?{names}-(pos|deflection)-(rad|deg|norm)"
+        )
         replaced = sorted(entry for entry in read if pattern.fullmatch(entry))
         if not replaced and name == "rudder" and not any(name in text for text in read):
             continue
@@ -661,6 +686,22 @@ def _past_flight_control(
             return {}
         surfaces[name] = {**tables["surfaces"][name], "replaces": replaced}
     return surfaces
+
+
+def _held(bench: Bench, level: AirframeState, past: Mapping[str, Any]) -> dict[str, float]:
+    """Values in level flight of what flight control goes on moving besides the surfaces."""
+    fdm, surfaces = bench.fdm, {name for table in past.values() for name in table["replaces"]}
+    texts = {text for aerodynamics, text in _texts(fdm.config) if aerodynamics} - surfaces
+    reads = {
+        name: fdm.reader(name)
+        for name in sorted(texts)
+        if name.startswith("fcs/") and fdm.shows(name)
+    }
+    bench.accelerations(level)
+    before = {name: read() for name, read in reads.items()}
+    fdm.hold(MAX_SETTLING_S)
+    after = {name: read() for name, read in reads.items()}
+    return {f"ft/{name}": at for name, at in after.items() if abs(at - before[name]) > MOVES}
 
 
 def _texts(config: AircraftConfig) -> Iterator[tuple[bool, str]]:

@@ -22,6 +22,7 @@ def put_in_front(root: Element, config: AircraftConfig) -> None:
     first = next((i for i, element in enumerate(root) if element.tag == "system"), len(root))
     root[first:first] = [inner_loop, _actuators(config)]
     read = {variable for _, surface in config.surfaces.named() for variable in surface.replaces}
+    read |= {name.removeprefix("ft/") for name in config.declared if name.startswith("ft/fcs/")}
     for element in root.iterfind("aerodynamics//*"):
         text = (element.text or "").strip()
         if text.lstrip("-") in read:

@@ -250,6 +250,42 @@ def test_glide_ratio_and_largest_drag_are_those_of_the_coefficients(own, tmp_pat
     assert found.largest_drag == ("aero/force/drag", 1.0)
 
 
+# A tail that follows the integral of the stick, and a slat that takes 5 s to a half.
+FLY_BY_WIRE = """<integrator name="fcs/fbw/horz-tail-pos-rad"><input>fcs/elevator-cmd-norm</input>
+<c1>1</c1></integrator><fcs_function name="a/half"><function><value>0.5</value></function>
+</fcs_function><lag_filter name="fcs/fbw/slat-norm"><input>a/half</input><c1>0.2</c1>
+</lag_filter>"""
+
+
+def test_what_a_fly_by_wire_moves_besides_the_surfaces_is_held(own, tmp_path):
+    file = own("</fdm_config>", f"{system(FLY_BY_WIRE)}</fdm_config>")
+    slat = "<value>0.086</value><property>fcs/fbw/slat-norm</property></product>"
+    text = file.read_text().replace("fcs/elevator-pos-rad", "fcs/fbw/horz-tail-pos-rad")
+    drag = re.sub(r"<value (name=\S+CD_0.)> 0.043 </value>", rf"<product \1>{slat}", text)
+    assert drag != text
+    file.write_text(drag)
+
+    found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
+
+    assert found.tables["surfaces"]["elevator"]["replaces"] == ["fcs/fbw/horz-tail-pos-rad"]
+    assert found.tables["declared"]["ft/fcs/fbw/slat-norm"] == pytest.approx(0.5, rel=1e-3)
+    assert "moves fcs/fbw/slat-norm: held as in level flight" in " ".join(found.notes)
+    # The book's drag: half of 0.086 is its 0.043.
+    C_L = 11.0 * 9.80665 / (0.5 * 1.11164 * found.V_a**2 * 0.55)
+    assert found.glide_ratio == pytest.approx(C_L / (0.043 + 0.0232 * C_L**2), rel=0.01)
+
+
+def test_a_flight_control_that_does_not_come_to_rest_is_called_that(own, tmp_path):
+    aileron = '<pure_gain name="a/roll"><input>fcs/aileron-cmd-norm</input><gain>0.3</gain>'
+    aileron += "<output>fcs/left-aileron-pos-rad</output></pure_gain>"
+    file = own("</fdm_config>", f"{system(FLY_BY_WIRE, aileron)}</fdm_config>")
+    text = file.read_text().replace("fcs/elevator-pos-rad", "fcs/fbw/tail")
+    file.write_text(text.replace("fcs/fbw/horz-tail-pos-rad", "fcs/fbw/tail"))
+
+    with pytest.raises(ft.PlantError, match="not come to rest: with the same elevator command"):
+        survey(wide_tables(str(file)), tmp_path, h=1000.0)
+
+
 LEVER = """<fcs_function name="a/open"><function><product><value>2</value>
 <property>a/lever</property></product></function><clipto><min>0</min><max>1</max></clipto><output>fcs/throttle-cmd-norm</output>
 </fcs_function>"""
