@@ -171,8 +171,9 @@ def _about(
 def measured_in(row: Mapping[str, Any]) -> dict[str, dict[str, float]]:
     """The measures of a row by their subject, as `flighttune.metrics.measures` has them."""
     measured: dict[str, dict[str, float]] = {}
-    settling = (column for column in row if column.startswith(("chi.", "gamma.")))
-    for column in dict.fromkeys((*MEASURES, *settling)):
+    # Settling times of the scenario's own, and the airspeed where it is a channel.
+    more = (column for column in row if column.startswith(("chi.", "gamma.", "V.")))
+    for column in dict.fromkeys((*MEASURES, *more)):
         subject, name = column.split(".", 1)
         value = row.get(column)
         measured.setdefault(subject, {})[name] = math.nan if value is None else value

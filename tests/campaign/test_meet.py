@@ -73,6 +73,23 @@ def test_gains_meet_the_requirements_when_they_are_flown(overshoot, met):
     assert chi["margin"] == pytest.approx(1.0 - chi["value"] / 3.0)
 
 
+def test_requirements_on_the_airspeed_are_met_as_fly_measures_it():
+    step = load_scenario("speed_change_in_turn").as_dict()
+    lagged, *_ = step.pop("plant")
+    of = scenario_from(step | {"plant": [lagged], "expect": [at_most("V", MO_mps=0.1)]})
+
+    values, gains, _ = searched(of, start="speed", budget=20)
+
+    tables = of.as_dict()
+    tables["gains"] = [{"name": "own", "law": "exact", **gains.as_lists()}]
+    again = ft.fly(scenario_from(tables))
+    first, *_ = values["requirements"]
+    assert first["start"] == pytest.approx(0.29, abs=0.01)  # printed by `fly`
+    assert values["status"] == "met"
+    assert again.claim.verdict == "met"
+    assert first["value"] == pytest.approx(again.metrics_of(again.runs[0])["V"]["MO_mps"], abs=1e-9)
+
+
 def test_the_metric_is_minimised_among_gains_that_meet_all_by_a_fifth(met):
     values, gains, trials = met
     (best,) = [trial for trial in trials if trial.gains == gains]
