@@ -43,9 +43,15 @@ page and its pictures are made by `python docs/figures/gallery.py`.
 """
 
 
+def names(run: ft.Run) -> tuple[str, str]:
+    """Plant and gains in the label of a run."""
+    plant, _, gains = run.label.partition(" / ")
+    return plant, gains
+
+
 def over_time(flown: ft.FlownScenario) -> list[Chart]:
     """Course and path angle of all runs with their references, over time."""
-    styles = line_styles(tuple(run.label.split(" / ")) for run in flown.runs)
+    styles = line_styles(names(run) for run in flown.runs)
     charts = []
     for signal, title in (("chi", "course [deg]"), ("gamma", "path angle [deg]")):
         chart = Chart(title=title, y="", height=HEIGHT)
@@ -54,7 +60,7 @@ def over_time(flown: ft.FlownScenario) -> list[Chart]:
         chart.line(first.t, asked, INK, dash=DASHED, width=1.0, most=POINTS, name="reference")
         for run in flown.runs:
             degrees = run.signals[signal].to_numpy() * DEG_PER_RAD
-            style = styles[tuple(run.label.split(" / "))]
+            style = styles[names(run)]
             chart.line(run.t, degrees, style.colour, width=1.8, most=POINTS, name=run.label)
         charts.append(chart)
     return charts
@@ -112,6 +118,7 @@ def draw(name: str) -> None:
 def page() -> str:
     """The page as Markdown."""
     lines = [HEAD]
+    known: list[tuple[str, ft.Scenario | ft.Campaign, str]]
     known = [*((name, ft.load_scenario(name), f"flighttune fly {name}") for name in SCENARIOS)]
     for name, runs in CAMPAIGNS.items():
         command = f"flighttune campaign run {name}"

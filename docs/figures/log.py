@@ -9,6 +9,7 @@ import tempfile
 from pathlib import Path
 
 import flighttune as ft
+from flighttune.logs.identify import LogIdentification
 
 DOCS = Path(__file__).parents[1]
 sys.path.append(str(DOCS.parent / "tests"))
@@ -47,6 +48,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         log = write_csv(Path(folder) / "flight.csv", *sampled(flight()))
         found = ft.identify(log)
+        assert isinstance(found, LogIdentification)
         gap = ft.gap(log, aircraft="c172p")
     print(found, gap, sep="\n\n")
     found.sheet().save(DOCS / "log_fit.svg")

@@ -19,6 +19,7 @@ def main() -> None:
     """Draw the largest R_K for each bound on I_K, and the eigenvalues of both loops."""
     law = ft.kinematic_model(V_a=25.0, gamma=np.deg2rad(15.0), g=9.81)
     optimum = ft.tune("paper").gains
+    assert optimum is not None
     frontier = Chart(
         title="Largest R_K for each bound on I_K",
         x="I_K [s²]",
