@@ -41,7 +41,9 @@ TELL = """<script>addEventListener("load", () => setTimeout(() => {
   ).map(e => e.tagName + "." + e.className);
   const cut = [...document.querySelectorAll("h1, h2, h3, li, p, .legend span")].filter(
     e => e.scrollWidth > e.clientWidth + 1 && getComputedStyle(e).display !== "inline");
-  parent.postMessage({width: page.clientWidth, needs: page.scrollWidth, wide: wide,
+  const sideways = [...document.querySelectorAll(".scroll")].filter(
+    e => e.scrollWidth > e.clientWidth + 1).map(e => e.textContent);
+  parent.postMessage({width: page.clientWidth, needs: page.scrollWidth, wide, sideways,
     columns: getComputedStyle(
       document.querySelector(".charts")).gridTemplateColumns.split(" ").length,
     cut: cut.map(e => e.textContent), images: [...document.images].map(i => i.naturalWidth)}, "*");

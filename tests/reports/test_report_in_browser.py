@@ -35,6 +35,11 @@ def test_the_page_fits_its_width_and_cuts_no_text_off(told, width):
     assert told[width]["cut"] == []
 
 
+@pytest.mark.parametrize("width", [PHONE, NARROW])
+def test_tables_are_cards_on_a_phone(told, width):
+    assert told[width]["sideways"] == []
+
+
 @pytest.mark.parametrize(("width", "columns"), [(DESK, 2), (TABLET, 2), (PHONE, 1)])
 def test_charts_stand_side_by_side_down_to_a_small_tablet(told, width, columns):
     assert told[width]["columns"] == columns

@@ -49,7 +49,7 @@ def test_the_answer_stands_before_the_first_figure_in_a_hundred_words(page, writ
     claim, converges = written.summary
     assert claim == f"{flown_paper.claim.short}."
     assert flown_paper.claim.sentence.startswith(flown_paper.claim.short)
-    assert converges == "3 of 4 runs converge."
+    assert converges == "Converged: kinematic 2/2, jsbsim:aerosonde 1/2."
 
 
 def records_of(written, name):
