@@ -15,8 +15,8 @@ LEAVES = "flighttune band mission.plan --aircraft c172p --page mission.html"
 
 
 def follow(blocks, folder):
-    """Do what a reader does; the first count is answered by no."""
-    printed, expected = "", 1
+    """Do what a reader does."""
+    printed = ""
     for kind, text in blocks:
         if kind == "python":
             (folder / "mission.py").write_text(text, encoding="utf-8")
@@ -28,9 +28,7 @@ def follow(blocks, folder):
             if program == "python":
                 subprocess.run([sys.executable, *words], cwd=folder, check=True)
                 continue
-            status = expected if line == LEAVES else 0
-            expected = 0 if line == LEAVES else expected
-            printed = " ".join(" ".join(flighttune(*words, cwd=folder, status=status)).split())
+            printed = " ".join(" ".join(flighttune(*words, cwd=folder)).split())
 
 
 @pytest.mark.slow
@@ -41,8 +39,11 @@ def test_the_plan_of_the_page_is_planned_as_it_says(tmp_path):
 
 
 @pytest.mark.soak
-def test_the_numbers_of_the_page_are_those_of_its_commands(tmp_path):
-    follow(BLOCKS, tmp_path)
+def test_the_numbers_of_the_mended_plan_are_those_of_its_commands(tmp_path):
+    """The count before it, which is answered by no, takes as long again."""
+    mended = next(i for i, (_, text) in enumerate(BLOCKS) if "8.523" in text)
+
+    follow([BLOCKS[0], *BLOCKS[mended:]], tmp_path)
 
     assert (tmp_path / "flown.plan").stat().st_size > 1000
     assert (tmp_path / "mission.html").exists()
