@@ -21,7 +21,7 @@ _TEMPLATE = Path(__file__).with_name("outer_loop.c")
 _USED = "V_a is the airspeed."
 _UNUSED = "V_a is not used: the gains are not scheduled."
 
-# What the head says besides, without and with the airspeed as third channel.
+# Words of the head of the file, for two channels and for three.
 _HEAD = (
     {"airspeed_error": "", "n_x_command": "", "or_along": " (or ft_outer_loop_step_along)"},
     {"airspeed_error": " and of airspeed", "n_x_command": " and n_x", "or_along": ""},

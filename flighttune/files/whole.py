@@ -50,7 +50,7 @@ def whole_file(path: Path, unfinished: Path | None = None) -> Iterator[Path]:
 def lock(file: "IO[bytes] | int") -> None:
     """Lock an open file until it is closed; OSError if another process has, or it has no locks."""
     if not FORKS:
-        raise OSError("locks of Windows hold other processes off the file")
+        raise OSError("no locks of POSIX")
     import fcntl
 
     fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -116,7 +116,7 @@ def columns_of(
                 f"{place}: the column of `{name}` must be one of the file's, got "
                 f"{column.source!r}{nearest_name(column.source, header)}"
             )
-    found = {
+    in_header = {
         name: [Column(f"{name}{ending}", UNITS[unit])]
         for name in (*SIGNAL_UNITS, *RAW)
         for ending, unit in ENDINGS.items()
@@ -129,4 +129,4 @@ def columns_of(
             f"{place}: the time must be a column `t`, or given as --column t=COLUMN:UNIT, got "
             f"columns {', '.join(header[:8])}{' ...' if len(header) > 8 else ''}."
         )
-    return {**found, **{name: [column] for name, column in given.items()}, "t": [clock]}
+    return {**in_header, **{name: [column] for name, column in given.items()}, "t": [clock]}

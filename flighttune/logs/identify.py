@@ -254,7 +254,7 @@ def identify(
     ------
     InputError, ScenarioError
         If there is no such aircraft, a condition lies outside its envelope, a column is not in a
-        log, or a channel assumed is not ``phi`` or ``n_z``.
+        log, a channel assumed is not ``phi`` or ``n_z``, or a value is not for such a source.
     TrimError
         If there is no steady flight at any of the conditions.
     PlantError
@@ -281,7 +281,13 @@ def identify(
     'the logs have no load-factor commands; its limits are assumed: 0.5 to 1.5, 2 per s'
     """
     if logs or isinstance(source, Run) or is_log(source):
+        if V_a or gamma:
+            raise InputError(
+                "`V_a` and `gamma` must be absent with a log, which is of its own flight."
+            )
         return _identify_logs((source, *logs), columns, assume or {})
+    if columns or assume:
+        raise InputError("`columns` and `assume` must be absent with an aircraft, which is flown.")
     return identify_aircraft(source, V_a=V_a, gamma=gamma, h=h, seed=seed)
 
 

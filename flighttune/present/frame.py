@@ -86,7 +86,8 @@ def write_page(
     # The content security policy of the page allows this script alone.
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     page = template.render(
-        **{"about": (), "claim": "", "legend": (), "styles": {}, "scenario_text": "", **more},
+        **dict.fromkeys(("claim", "scenario_text", "campaign_text"), "")
+        | {"about": (), "legend": (), "styles": {}, **more},
         summary=summary,
         sections=sections,
         style=f"{style()}\n{look}",

@@ -10,6 +10,7 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.campaign.meeting import Meeting, Trial
+from flighttune.campaign.planning.plan import plain
 from flighttune.files.table import toml_text
 from flighttune.flight.fly import library_versions
 from flighttune.present.chart import DASHED, Chart
@@ -63,6 +64,7 @@ def write_meet_page(
         ),
         commands=command,
         scenario_text=toml_text(scenario.as_dict()),
+        campaign_text="" if meeting.campaign is None else toml_text(plain(meeting.campaign)),
     )
 
 

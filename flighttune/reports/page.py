@@ -92,10 +92,10 @@ def write_report(
     flights = [(run, styles[run.label]) for run in runs]
     claim = check_claim(scenario, source.runs)
     convergence = tables.convergence_table(source.runs, claim)
-    converged: dict[str, list[bool]] = {}  # by plant: law and aircraft are not one crowd
-    for run, record in zip(source.runs, convergence.records, strict=True):
-        converged.setdefault(run.provenance.plant, []).append(record["converges"])
-    shares = (f"{plant} {sum(seen)}/{len(seen)}" for plant, seen in converged.items())
+    converged = tables.by_plant(
+        (run.provenance.plant, record["converges"], 1)
+        for run, record in zip(source.runs, convergence.records, strict=True)
+    )
     gaps, without_gap = _gaps(scenario, runs)
     certificate = _certificate_section(scenario, flights)
     at_top, below = _areas(runs)
@@ -106,7 +106,7 @@ def write_report(
         about=(_flown_in_words(scenario, runs), _gains_in_words(scenario, runs)),
         summary=(
             f"{claim.short}.",
-            f"Converged: {', '.join(shares)}.",
+            f"Converged: {converged}.",
         ),
         closest=f"{claim.sentence}." if claim.verdict == "met" else "",
         missed=(*claim.missed, *filter(None, [advice(scenario, source.runs, "SCENARIO")])),

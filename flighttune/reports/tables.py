@@ -1,6 +1,6 @@
 """Tables of a report."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -71,6 +71,15 @@ def tracking_table(runs: Sequence[Run]) -> Table:
         for channel, metrics in channel_metrics(run).to_dict(orient="index").items()
     ]
     return _by_run("tracking", "Tracking", columns(f"run channel {TRACKING}"), records)
+
+
+def by_plant(counts: Iterable[tuple[str, int, int]]) -> str:
+    """Successes and flights of each plant, such as ``kinematic 2/2``, law and aircraft apart."""
+    sums: dict[str, tuple[int, int]] = {}
+    for plant, successes, n in counts:
+        before = sums.get(plant, (0, 0))
+        sums[plant] = before[0] + successes, before[1] + n
+    return ", ".join(f"{plant} {successes}/{n}" for plant, (successes, n) in sums.items())
 
 
 def convergence_table(runs: Sequence[Run], claim: ClaimCheck) -> Table:

@@ -1,7 +1,9 @@
 """Gains that meet requirements: found where they exist, and refused where physics forbids."""
 
+import html
 import json
 import math
+import re
 from unittest import mock
 
 import control
@@ -338,7 +340,11 @@ def test_the_share_of_a_campaign_is_counted_on_draws_that_the_search_has_not_see
     assert success["share"]["lo"] < success["share"]["value"] <= success["share"]["hi"]
     page = tmp_path / "own.html"
     write_meet_page(page, meeting, "")
-    assert page.read_text().count("<circle") == len(meeting.trials) + 1  # that of the legend
+    shown = page.read_text()
+    assert shown.count("<circle") == len(meeting.trials) + 1  # that of the legend
+    (table,) = re.findall(r"<h3>campaign.toml</h3>\n<pre[^>]*>(.*?)</pre>", shown, re.DOTALL)
+    file.write_text(html.unescape(table), encoding="utf-8")
+    assert ft.load_campaign(file).disperse == meeting.campaign.disperse
 
 
 def test_a_campaign_that_disperses_nothing_has_the_draws_of_its_turbulence(tmp_path):

@@ -53,6 +53,15 @@ def page(made_up, tmp_path_factory):
     return write_campaign_report(made_up, tmp_path_factory.mktemp("page") / "report.html")
 
 
+def test_the_page_counts_each_plant_apart(made_up, page):
+    rows = made_up.flights.rows
+    counts = rows.groupby("plant", sort=False)["success"].agg(["sum", "size"])
+
+    shares = ", ".join(f"{plant} {good}/{n}" for plant, (good, n) in counts.T.items())
+    assert len(counts) > 1
+    assert page.summary[0].startswith(f"Flights that succeed: {shares} (")
+
+
 def test_the_json_object_has_what_the_rows_say(told, flown_folder):
     rows = pd.concat(map(pd.read_parquet, parts(flown_folder)))
 

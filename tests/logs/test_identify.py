@@ -72,6 +72,18 @@ def test_a_model_file_that_was_changed_is_refused(model, tmp_path):
         ft.load_identified(path)
 
 
+@pytest.mark.parametrize(
+    ("source", "values", "says"),
+    [
+        ("flight.csv", {"V_a": [25.0]}, "`V_a` and `gamma` must be absent with a log"),
+        ("aerosonde", {"assume": {"n_z": 5.0}}, "`assume` must be absent with an aircraft"),
+    ],
+)
+def test_a_value_that_a_source_does_not_take_is_refused(source, values, says):
+    with pytest.raises(ft.InputError, match=says):
+        ft.identify(source, **values)
+
+
 def test_what_the_logs_cannot_tell_is_said(flight, tmp_path):
     t, signals = sampled(flight)
     calm = {**signals, "phi_cmd": 0.03 * signals["phi_cmd"], "phi": 0.03 * signals["phi"]}

@@ -222,9 +222,9 @@ class Plan:
                 for name, gains in self.gain_sets.items()
             },
             "aircraft": self.aircraft,
-            "campaign": _plain(self.campaign),
-            "nominal": _plain(self.campaign.nominal),
-            "central": _plain(self.campaign.central),
+            "campaign": plain(self.campaign),
+            "nominal": plain(self.campaign.nominal),
+            "central": plain(self.campaign.central),
         }
 
     @cached_property
@@ -333,7 +333,8 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
     )
 
 
-def _plain(table: Table) -> dict[str, Any]:
+def plain(table: Table) -> dict[str, Any]:
+    """The tables of a campaign or scenario as plain values, without defaults that are None."""
     scenarios = {"nominal", "central"}  # of a campaign, which `Plan.as_dict` has by themselves
     return table.model_dump(mode="python", exclude=scenarios, exclude_none=True)
 

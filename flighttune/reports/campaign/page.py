@@ -14,6 +14,7 @@ from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import key_words
 from flighttune.present.tables import MISSING, Table, facts_table
 from flighttune.reports.campaign import panels, tables
+from flighttune.reports.tables import by_plant
 
 # Effects of the seed of a flight.
 CONFIDENCE = {"clopper-pearson": "Clopper and Pearson's", "wilson": "Wilson's"}
@@ -48,7 +49,8 @@ def write_campaign_report(findings: Findings, path: str | Path) -> Report:
 def summary(findings: Findings) -> tuple[str, ...]:
     """Two sentences: the number of flights that succeed, and the quantities that matter most."""
     groups = findings.values["groups"]
-    n, successes = (sum(group[key] for group in groups) for key in ("n", "successes"))
+    n = sum(group["n"] for group in groups)
+    succeeded = by_plant((group["plant"], group["successes"], group["n"]) for group in groups)
     strongest = Counter(
         key_words(apart[0])
         for group in groups
@@ -58,7 +60,7 @@ def summary(findings: Findings) -> tuple[str, ...]:
     names = [name for name, count in strongest.items() if count == max(strongest.values())]
     matters = ", ".join(names) if names else "no parameter significantly"
     return (
-        f"{successes} of {n} flights succeed ({draws_in_words(n, len(groups))}).",
+        f"Flights that succeed: {succeeded} ({draws_in_words(n, len(groups))}).",
         f"What matters most: {matters}.",
     )
 
