@@ -41,11 +41,12 @@ def test_the_table_of_campaigns_says_what_their_headers_say():
     [pytest.param(name, marks=pytest.mark.soak if name in LONG else ()) for name in CAMPAIGN_NAMES],
 )
 def test_the_first_flights_of_every_campaign_are_flown(name):
-    plan = ft.plan_campaign(ft.load_campaign(name), runs=FLOWN)
-    rows = fly_runs(plan, range(FLOWN)).to_pandas()
+    flown = FLOWN // 2 if name in LONG else FLOWN
+    plan = ft.plan_campaign(ft.load_campaign(name), runs=flown)
+    rows = fly_runs(plan, range(flown)).to_pandas()
 
     assert set(rows["status"]) <= {"completed", "left_envelope"}
-    assert rows["status"].value_counts()["completed"] > FLOWN / 2
+    assert rows["status"].value_counts()["completed"] > flown / 2
 
 
 def test_the_first_campaign_comes_to_what_its_header_says():
