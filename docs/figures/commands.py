@@ -56,7 +56,7 @@ def page() -> str:
 
 
 def first_sentence(shown: str) -> str:
-    """What a command does, of its help: the paragraph below its usage."""
+    """The paragraph below the usage in the help of a command, which says what it does."""
     return " ".join(shown.split("\n\n")[1].split()).replace("|", "\\|")
 
 

@@ -25,7 +25,7 @@ behind it. Angles are in rad, rates in rad/s, everything else in SI unless the n
 numbers that are not finite are null.
 """
 OF_SCHEMAS = ("plan.campaign", "plan.nominal", "plan.central")
-"""What holds the keys of a scenario or a campaign."""
+"""Beginnings of places that hold the keys of a scenario or a campaign."""
 
 COMMANDS = (
     "fly paper --out fly",
