@@ -42,7 +42,7 @@ LEVEL_TURN = {
 }
 
 THREE_DIGITS = 5e-4
-"""Half of the last digit in docs/tube.md, deg."""
+"""Half of the last digit in docs/exact_law.md, deg."""
 
 
 @pytest.mark.soak
