@@ -20,8 +20,8 @@ HEAD = """# File formats and JSON
 Made by `python docs/figures/formats.py` from what the commands print and write. `[]` stands for
 the entries of a list, `*` for names that depend on what was given (gains, plants, runs), `null` for
 what may be absent. Below `plan.campaign` of a campaign are the [keys](keys.md) of a campaign, below
-`plan.nominal` and `plan.central` those of a scenario. A key holds a number unless its kind stands
-behind it. Angles are in rad, rates in rad/s, everything else in SI unless the name ends in a unit;
+`plan.nominal` and `plan.central` those of a scenario. Keys hold numbers unless their kind stands
+before them. Angles are in rad, rates in rad/s, all else in SI unless the name ends in a unit;
 numbers that are not finite are null.
 """
 OF_SCHEMAS = ("plan.campaign", "plan.nominal", "plan.central")
@@ -127,13 +127,15 @@ def table(value: object) -> Iterator[str]:
             shared.setdefault(key, []).extend(found)
     yield from ("| in | keys |", "|---|---|")
     for holders, shared in rows.values():
-        named = (f"`{key}`{_unless_number(found)}" for key, found in shared.items())
-        yield f"| {', '.join(holders)} | {', '.join(named)} |"
-
-
-def _unless_number(kinds: list[str]) -> str:
-    kind = " or ".join(dict.fromkeys(kinds))
-    return "" if kind == "number" else f" ({kind})"
+        by_kind: dict[str, list[str]] = {"number": []}
+        for key, found in shared.items():
+            by_kind.setdefault(" or ".join(dict.fromkeys(found)), []).append(f"`{key}`")
+        named = (
+            ("" if kind == "number" else f"{kind}: ") + ", ".join(keys_of)
+            for kind, keys_of in by_kind.items()
+            if keys_of
+        )
+        yield f"| {', '.join(holders)} | {'; '.join(named)} |"
 
 
 def columns(file: Path) -> Iterator[str]:
