@@ -52,7 +52,7 @@ class OuterLoop(NamedTuple):
 
     # File of `flighttune.exports` whose components take the place of those of the paper's law
     components: str | None
-    rows: tuple[str, str]  # names of the properties that its gains act on
+    rows: tuple[str, str, str]  # names of the properties that its gains act on
     values: Mapping[str, float]  # settings by property, besides gains and limits
     # Whether it follows the rates of the reference, or the commands planned for it
     takes_rates: bool = False

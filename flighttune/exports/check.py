@@ -9,20 +9,26 @@ from flighttune.files.whole import write_text
 from flighttune.plants.jsbsim.model_files import failure_of_python
 from flighttune.simulate.run import Run
 
-# Largest difference between two flights that are the same but for rounding, rad and 1.
+# Largest difference between two flights that are the same but for rounding, rad, 1 and m/s.
 TOLERANCE = 1e-9
 
 # Wall time after which JSBSim is stopped, s, and more for each second of flight; it takes 2 s.
 TIME_LIMIT_S, TIME_LIMIT_PER_S = 60.0, 2.0
 
-# Signals of a run by column of the file
-COLUMNS = {"chi": "chi_rad", "gamma": "gamma_rad", "phi": "phi_rad", "n_z": "n_z"}
+# Signals of a run by column of the file; the airspeed is compared where the flight follows one.
+COLUMNS = {
+    "chi": "chi_rad",
+    "gamma": "gamma_rad",
+    "phi": "phi_rad",
+    "n_z": "n_z",
+    "V_a": "V_a_mps",
+}
 
 
 def differences(
     options: Sequence[str], csv: Path, start: float, run: Run
 ) -> tuple[dict[str, float], str]:
-    """Largest difference of each signal of a run (rad, 1) from JSBSim's `csv`, and what differs."""
+    """Largest difference (rad, 1, m/s) of a run's signals from JSBSim's `csv`; what differs."""
     import pandas as pd
 
     write_text(csv, "")  # so that no flight of before is compared
@@ -39,6 +45,7 @@ def differences(
     distances = {
         name: np.abs(written[column].to_numpy()[: len(run.t)] - run.signals[name].to_numpy())
         for name, column in COLUMNS.items()
+        if name != "V_a" or "V_ref" in run.signals
     }
     # One of the two courses is modulo a turn.
     distances["chi"] = np.abs((distances["chi"] + np.pi) % (2.0 * np.pi) - np.pi)

@@ -2,6 +2,7 @@
 
 import math
 import os
+import re
 import shlex
 import shutil
 import sys
@@ -23,6 +24,7 @@ from flighttune.control.controller import LawSetup
 from flighttune.control.exact_law import LEAST_SPEED
 from flighttune.control.gains import PIGains
 from flighttune.control.law import OuterLoop
+from flighttune.control.mimo_pi import BEYOND_STOP
 from flighttune.errors import InputError
 from flighttune.exports.check import COLUMNS, differences
 from flighttune.files.whole import whole_file, write_text
@@ -42,8 +44,10 @@ from flighttune.plants.jsbsim.plant import JSBSimPlant, inner_loop_settings
 from flighttune.present.answer import Answer, Answering
 from flighttune.present.tables import printable
 from flighttune.references.feasible import FeasibleReference
+from flighttune.references.priority import APPROACH, LEAST_SHARE, STEEPEST_DIVE
 from flighttune.references.segments import Reference
 from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import PlantTable
 from flighttune.units import FT, G_0
 
 SCRIPT, CSV, START, OUTER_LOOP = "flight.xml", "flight.csv", "start", "ft_outer_loop"
@@ -53,6 +57,9 @@ README = "README.md"
 # sensors fill, gear and flaps move, and filters of the model's own flight control settle.
 AT_REST = 40.0
 
+# Share of a sample that is rounding.
+SAME_TIME = 1e-6
+
 # Departure from a straight line above which a sample of a reference has a row of its own.
 STRAIGHT = 1e-15
 
@@ -60,12 +67,29 @@ _OUTER_LOOP, _SCRIPT, _README = (
     Path(__file__).with_name(name) for name in ("outer_loop.xml", "flight.xml", "readme.md")
 )
 
+# Commands of the outer loop, by the names of their rows, and what stands for no limit.
+_COMMANDS = {"phi": properties.PHI_CMD, "n_z": properties.N_Z_CMD, "n_x": properties.N_X_CMD}
+_UNLIMITED = -1e300, 1e300
+
+# A name in the row of roll, of which those of the other commands are made.
+_OF_ROLL = re.compile(r"ft/outer/(K_[PI]/)?phi\b")
+
+# A name that only an airspeed to follow has, and what stands for it without one.
+_OF_AIRSPEED = re.compile(r"ft/outer/(K_[PI]/(V-|\w+-V$)|V-|n_x/|.*-given-|plan-per-g)")
+_AS_ASKED = {
+    "ft/outer/gamma-given-rad": "ft/outer/gamma-ref-rad",
+    "ft/outer/gamma-given-rate-rad_sec": "ft/outer/gamma-ref-rate-rad_sec",
+    "ft/outer/plan-per-g-s2_m": "ft/outer/per-g-s2_m",
+}
+
 # Components of the outer loop that every law has.
 _MEASURED = {
     *(f"ft/outer/{name}" for name in ("sample", "chi-rad", "gamma-rad", "gain")),
     *(f"ft/outer/{name}-mps" for name in ("V_a", "wind-along", "ahead", "turning")),
     *(f"ft/outer/{name}-rad" for name in ("half-turn-less", "chi-err", "gamma-err")),
-    *(f"ft/outer/{u}/{name}" for u in ("phi", "n_z") for name in ("in-force", "low", "high")),
+    *(f"ft/outer/{u}/{name}" for u in _COMMANDS for name in ("in-force", "low", "high")),
+    *(f"ft/outer/n_x/{name}" for name in ("min", "max", "given", "steepest", "short")),
+    *("ft/outer/gamma-given-rad", "ft/outer/V-err"),
 }
 
 # The wind of `fly`: JSBSim resets its ``wind-*`` in every evaluation.
@@ -79,7 +103,7 @@ class ExportedFlight(Answering):
     folder: Path
     command: str  # flies the folder, from any working directory
     start: float  # s: JSBSim's time at the start of the flight
-    # Largest difference by signal, rad and 1; empty if JSBSim did not fly it to the end
+    # Largest difference by signal, rad, 1 and m/s; empty if JSBSim did not fly it to the end
     differences: Mapping[str, float]
     verdict: str  # sentence about the comparison
     same: bool  # whether the flights are the same but for rounding
@@ -108,7 +132,7 @@ def export_jsbsim(
     scenario: Scenario, name: str, gains: PIGains, folder: Path, *, plant: str | None = None
 ) -> ExportedFlight:
     """Write a flight as files that JSBSim flies by itself, fly them, and compare with `fly`."""
-    scenario.check_over_time("an export")
+    scenario.check_over_time("an export", airspeed=True)
     table = aircraft_table(scenario, plant)
     for key in _not_in_script(scenario):
         raise InputError(
@@ -144,14 +168,20 @@ def export_jsbsim(
     declared: set[str] = set()
     for tree, file in (
         (root, aircraft / f"{folders.name}.xml"),
-        (_outer_loop(loop, frames), folder / "systems" / f"{OUTER_LOOP}.xml"),
+        (
+            _outer_loop(loop, frames, airspeed=scenario.airspeed),
+            folder / "systems" / f"{OUTER_LOOP}.xml",
+        ),
     ):
         declared |= _declare(tree, values)
         ElementTree.indent(tree)
         write_text(file, template_of(tree))
     write_text(aircraft / f"{START}.xml", _start(fdm))
-    script = _script(scenario, setup, fdm, folders.name, t_0, values, declared, sampled)
-    write_text(folder / SCRIPT, script)
+    failure = _failure(table, setup.dt, t_0, fdm.rate)
+    write_text(
+        folder / SCRIPT,
+        _script(scenario, setup, fdm, folders.name, t_0, values, declared, sampled, failure),
+    )
     # The console command takes no step from a script, and writes to its root.
     options = [f"--simulation-rate={fdm.rate!r}", f"--script={SCRIPT}"]
     at_folder = [f"--root={folder}", *options]
@@ -164,7 +194,8 @@ def export_jsbsim(
     else:
         verdict = (
             "JSBSim flew the folder: its flight is that of `flighttune fly` to within "
-            f"{max(largest.values()):.1g} (rad, and 1 for the load factor)."
+            f"{max(largest.values()):.1g} (rad{', m/s' * scenario.airspeed}, and 1 for the load "
+            "factor)."
         )
     if largest and run.status != "completed":
         verdict += f" They were compared until `flighttune fly` ended the flight: {run.reason}"
@@ -205,11 +236,17 @@ def _not_in_script(scenario: Scenario) -> Iterator[str]:
         yield from (key for key, moved in moves.items() if moved)
 
 
-def _outer_loop(loop: OuterLoop, frames: int) -> Element:
+def _outer_loop(loop: OuterLoop, frames: int, *, airspeed: bool) -> Element:
     """The law as a system: the paper's, or another one behind the same measurements."""
     outer = _parsed(_OUTER_LOOP)
     (channel,) = outer.iterfind("channel")
     channel.set("execrate", str(frames))
+    others = ("n_z", "n_x") if airspeed else ("n_z",)
+    for group, tag in ((outer, "property"), (channel, "fcs_function")):
+        row = [part for part in group.findall(tag) if _OF_ROLL.match(_name(part))]
+        row = [part for part in row if not _name(part).endswith("/feed-forward")]
+        end = 1 + list(group).index(row[-1])
+        group[end:end] = [_of_command(part, u) for u in others for part in row]
     if loop.components is not None:
         for component in channel.findall("fcs_function"):
             if component.get("name") not in _MEASURED:
@@ -217,7 +254,41 @@ def _outer_loop(loop: OuterLoop, frames: int) -> Element:
         law_parts = _parsed(_OUTER_LOOP.with_name(loop.components))
         channel.extend(law_parts.iterfind("channel/fcs_function"))
         outer[0:0] = law_parts.iterfind("property")
+    if not airspeed:
+        _leave_out_airspeed(outer)
     return outer
+
+
+def _of_command(part: Element, command: str) -> Element:
+    """A part of the row of roll as that of another command."""
+    text = ElementTree.tostring(part, encoding="unicode").replace(
+        properties.PHI_CMD, _COMMANDS[command]
+    )
+    text = _OF_ROLL.sub(rf"ft/outer/\g<1>{command}", text)
+    if part.tag == "property":  # the range of n_x is that of the engines' too
+        text = text.replace("n_x/m", "n_x/range-m")
+    return ElementTree.fromstring(text)
+
+
+def _name(part: Element) -> str:
+    """Name of a component, or of the property that an element is of."""
+    return part.get("name") or (part.text or "").strip()
+
+
+def _leave_out_airspeed(outer: Element) -> None:
+    """Take out what only an airspeed to follow needs, and the comments in front of it."""
+    for part in outer.iter("property"):
+        part.text = _AS_ASKED.get(_name(part), part.text)
+    for parent in [*outer.iter()]:
+        comment = None
+        for child in [*parent]:
+            is_comment = not isinstance(child.tag, str)
+            factors = child if child.tag == "product" else ()
+            if any(_OF_AIRSPEED.match(_name(part)) for part in (child, *factors)):
+                for each in (child, comment):
+                    if each is not None:
+                        parent.remove(each)
+            comment = child if is_comment else None
 
 
 def _values(scenario: Scenario, setup: LawSetup, loop: OuterLoop, fdm: Fdm) -> dict[str, float]:
@@ -227,23 +298,33 @@ def _values(scenario: Scenario, setup: LawSetup, loop: OuterLoop, fdm: Fdm) -> d
     values = {**fdm.settings, **inner_loop_settings(fdm.config)}
     for trim_name, law_name in zip(properties.TRIMS, properties.LAWS, strict=True):
         values[trim_name] = fdm.reader(trim_name)() + fdm.reader(law_name)()
-    values |= _read(fdm, (properties.PHI_CMD, properties.N_Z_CMD, properties.V_A_CMD))
+    values |= _read(fdm, (*_COMMANDS.values(), properties.N_X_FOLLOWED, properties.V_A_CMD))
     values |= {
         "ft/outer/dt-s": setup.dt,
-        "ft/outer/phi/start": condition.phi,
-        "ft/outer/n_z/start": condition.n_z_start,
         "ft/outer/least-speed": LEAST_SPEED,
         "ft/outer/per-g-s2_m": 1.0 / scenario.flight.g_mps2,
         **loop.values,
     }
-    bounds = (limits.lower, limits.upper, limits.rate_lower, limits.rate_upper)
-    for i, command in enumerate(("phi", "n_z")):
-        for j, error in enumerate(("chi", "gamma")):
+    if scenario.airspeed:
+        values |= {
+            "ft/outer/n_x/throttle-min": fdm.config.engines.throttle[0],
+            "ft/outer/n_x/beyond-stop": BEYOND_STOP,
+            "ft/outer/n_x/priority-per-g": APPROACH / scenario.flight.g_mps2,
+            "ft/outer/n_x/steepest-dive": STEEPEST_DIVE,
+            "ft/outer/V-least-share": LEAST_SHARE,
+        }
+    commands = dict(zip(_COMMANDS, condition.commands(len(gains.inputs)), strict=False))
+    for i, (command, start) in enumerate(commands.items()):
+        for j, error in enumerate(gains.errors):
             entry = f"{loop.rows[i]}-{error}"
             values[f"ft/outer/K_P/{entry}"] = float(gains.K_P[i, j])
             values[f"ft/outer/K_I/{entry}"] = float(gains.K_I[i, j])
-        for bound, limit in zip(("min", "max", "rate-min", "rate-max"), bounds, strict=True):
-            values[f"ft/outer/{command}/{bound}"] = float(limit[i])
+        values[f"ft/outer/{command}/start"] = start
+        of_range = "range-" if command == "n_x" else ""
+        names = f"{of_range}min", f"{of_range}max", "rate-min", "rate-max"
+        bounds = limits.lower, limits.upper, limits.rate_lower, limits.rate_upper
+        for name, bound in zip(names, bounds, strict=True):
+            values[f"ft/outer/{command}/{name}"] = float(np.clip(bound[i], *_UNLIMITED))
     return values
 
 
@@ -263,6 +344,8 @@ def _sampled(
     t, followed = _times(scenario, setup), reference_of(scenario)
     chi, gamma = followed.sampled(t)
     sampled = {"ft/outer/chi-ref-rad": chi, "ft/outer/gamma-ref-rad": gamma}
+    if isinstance(followed, Reference) and (airspeed := followed.airspeed(t)):
+        sampled["ft/outer/V-ref-mps"], sampled["ft/outer/V-ref-rate-mps2"] = airspeed
     if loop.takes_rates or (loop.takes_plan and scenario.rolls_in):
         rates = followed.rates(t, lead) if isinstance(followed, Reference) else followed.rates(t)
         name = "{}-ref-rate-rad_sec" if loop.takes_rates else "plan/{}-rate-rad_sec"
@@ -301,6 +384,7 @@ def _script(
     values: Mapping[str, float],
     declared: Set[str],
     sampled: Mapping[str, FloatArray],
+    failure: str,
 ) -> str:
     """The script: the aircraft at rest with `values` until `t_0`, then the flight."""
     t, half = _times(scenario, setup), 0.5 / fdm.rate
@@ -330,6 +414,7 @@ def _script(
         ),
         t_0=t_0,
         engines=_engines(fdm, values),
+        failure=failure,
         before=t_0 - half,
         after=t_0 + half,
         sample=setup.dt,
@@ -367,6 +452,18 @@ def _engines(fdm: Fdm, at_rest: Mapping[str, float]) -> str:
         f'<event name="{name}"> <condition logic="AND"> simulation/sim-time-sec gt {after!r} '
         f"{only_if} </condition> {_sets(values)} </event>"
         for name, after, only_if, values in events
+    )
+
+
+def _failure(table: PlantTable, dt: float, t_0: float, rate: float) -> str:
+    """Event of an engine that fails on the way, in the step after a sample as in `fly`."""
+    if not table.throttle_max_from_s or table.throttle_max is None:
+        return ""
+    samples = math.ceil(table.throttle_max_from_s / dt - SAME_TIME)
+    condition = f"simulation/sim-time-sec ge {t_0 + samples * dt + 0.5 / rate!r}"
+    return (
+        f'<event name="the engine fails"> <condition> {condition} </condition> '
+        f"{_sets({properties.THROTTLE_MAX: table.throttle_max})} </event>"
     )
 
 

@@ -334,11 +334,11 @@ class Scenario(Table):
         """The requirements of a run of this plant and these gains."""
         return [table for table in self.expect if table.meant(plant, gains)]
 
-    def check_over_time(self, what: str) -> None:
-        """Refuse a route, and an airspeed to follow, for what needs two angles over time."""
+    def check_over_time(self, what: str, *, airspeed: bool = False) -> None:
+        """Refuse a route for what needs a reference over time, and an `airspeed` it cannot have."""
         if self.route is not None:
             raise InputError(f"`route` must be absent for {what}: it needs a reference over time.")
-        if self.airspeed:
+        if self.airspeed and not airspeed:
             raise InputError(
                 f"`V_mps` of [reference] must be absent for {what}, which knows course and path "
                 "angle alone; without it the aircraft holds its airspeed by itself."

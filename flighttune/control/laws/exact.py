@@ -88,4 +88,4 @@ class Exact(Law):
             "ft/outer/lift-floor": law.lift_floor,
             "ft/outer/course-first": float(law.course_first),
         }
-        return OuterLoop("exact_law.xml", ("chi", "gamma"), values, takes_rates=True)
+        return OuterLoop("exact_law.xml", ("chi", "gamma", "V"), values, takes_rates=True)

@@ -54,7 +54,7 @@ class Paper(Law):
             "ft/outer/feed-forward": float(controller.feed_forward),
             "ft/outer/planned": 0.0,  # 1 where the reference comes with a plan
         }
-        return OuterLoop(None, ("phi", "n_z"), values, takes_plan=controller.feed_forward)
+        return OuterLoop(None, ("phi", "n_z", "n_x"), values, takes_plan=controller.feed_forward)
 
     def discrete_pi(self, setup: LawSetup, /) -> MimoPI:
         """The controller itself."""

@@ -67,13 +67,18 @@ def signal_reader(
     if not n_x:
         return observe
     slope, closed = read(properties.THROTTLE_PER_N_X), fdm.config.engines.throttle[0]
-    full = read(properties.THROTTLE_MAX)
+    full, seen = read(properties.THROTTLE_MAX), read(properties.N_X)
 
     def with_n_x() -> tuple[float, ...]:
         a, b, weight, lever = alpha(), beta(), mass_slug() * _G_0_FPS2, throttle()
         force = (F_x() * cos(a) + F_z() * sin(a)) * cos(b) + F_y() * sin(b)
-        now, per = force / weight, 1.0 / slope()
-        return (*observe(), now, now + per * (closed - lever), now + per * (full() - lever))
+        # The range is that about what the inner loop sees, which an exported law sees as well: it
+        # runs before the forces of its step.
+        now, per = seen(), 1.0 / slope()
+        return (
+            *(*observe(), force / weight),
+            *(now + per * (closed - lever), now + per * (full() - lever)),
+        )
 
     return with_n_x
 
