@@ -76,6 +76,7 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
     del tables["route"]
     if planned.reference.holds_airspeed:
         tables["reference"] = {"V_mps": V_a}
+        tables["flight"]["V_a_mps"] = V_a  # the largest of the route
     drawn = [
         *campaign.disperse,
         Uniform(key="turn_back.at_m", lower=0.0, upper=path.length),

@@ -98,7 +98,7 @@ def reference_of(scenario: Scenario) -> Reference | FeasibleReference | RouteRef
     if scenario.feasible:
         return feasible_reference(manoeuvre_of(scenario))
     if scenario.route is not None:
-        route = scenario.route.reference(_ability(scenario))
+        route = scenario.route.reference(_ability(scenario), f.V_a_mps)
         heights = f.h_m + route.path.up[route.path.s <= route.path.length]
         if (lowest := heights.min()) <= f.ground_m:
             raise InputError(

@@ -8,7 +8,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from flighttune.aircraft.aircraft import AircraftConfig, start_faults
+from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft, start_faults
 from flighttune.control.gains import PIGains
 from flighttune.errors import InfeasibleError, InputError, ScenarioError
 from flighttune.files.mistakes import joined, validated
@@ -120,10 +120,20 @@ def route_scenario(
         "tuning": {"identified": aircraft},
         "plant": [{"kind": "jsbsim", "aircraft": aircraft}],
     }
+    speeds = [row["V_mps"] for row in mission.route["waypoint"] if "V_mps" in row]
+    if speeds and "flight.V_a_mps" not in (changes or {}) and _takes_n_x(aircraft):
+        tables["flight"] |= {"V_a_mps": mission.route["waypoint"][0].get("V_mps", first.V_a)}
+        tables["route"] = tables["route"] | {"holds_airspeed": True}
+        tables["controller"] |= {"schedule": True}
     tables = with_changes(tables, changes or {}, f"{file}:")
     scenario = validated(Scenario, tables, str(file))
     check_scenario(scenario, str(file))
     return scenario
+
+
+def _takes_n_x(aircraft: str) -> bool:
+    """Whether an aircraft follows an airspeed by n_x."""
+    return load_aircraft(aircraft).limits.n_x is not None
 
 
 def scenario_and_gains(
@@ -223,14 +233,16 @@ def _airspeed_faults(scenario: Scenario, config: AircraftConfig) -> Iterator[str
     if not scenario.airspeed:
         return
     f, (low, high) = scenario.flight, config.envelope.V_a
-    if scenario.reference is not None:
-        slow, fast = scenario.reference.airspeeds(f.V_a_mps, f.duration_s)
-        if not (low < slow and fast < high):
-            wrong = slow if slow <= low else fast
-            yield (
-                f"[reference] `V_mps` must stay inside {low:g} to {high:g} m/s of "
-                f"{config.folder.name}, got {wrong:g} m/s"
-            )
+    if scenario.route is not None:
+        where, asked = "[[route.waypoint]]", tuple(scenario.route.airspeeds.values())
+    else:
+        assert scenario.reference is not None  # one of both is there
+        where, asked = "[reference]", scenario.reference.airspeeds(f.V_a_mps, f.duration_s)
+    if wrong := [V for V in asked if not low < V < high]:
+        yield (
+            f"{where} `V_mps` must stay inside {low:g} to {high:g} m/s of {config.folder.name}, "
+            f"got {wrong[0]:g} m/s"
+        )
     limits = command_limits(scenario).within(config.limits.limits(airspeed=True))
     least, most = float(limits.lower[2]), float(limits.upper[2])
     if not least < math.sin(f.gamma_deg * DEG) < most:

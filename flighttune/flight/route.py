@@ -26,6 +26,7 @@ from flighttune.references.maps import (
     route_kml,
 )
 from flighttune.references.mission import OTHER_FILES, ROUTE_FILES, read_route
+from flighttune.references.path import STEP
 from flighttune.references.plan_file import route_plan
 from flighttune.scenario.schema import Scenario
 from flighttune.units import DEG
@@ -81,9 +82,14 @@ class PlannedRoute(Answering):
     @property
     def stretches(self) -> list[dict[str, Any]]:
         """Legs, turns and climbs in order, angles in rad."""
-        V_a, g = self.reference.V_a, self.reference.g
-        return [
-            {
+        g, s, V = self.reference.g, self.reference.path.s, self.reference.V
+        level = np.concatenate([[0.0], np.cumsum(STEP / V)])[:-1]  # s: time to each point, level
+        rows = []
+        for stretch in self.reference.path.stretches:
+            ends = stretch.start, stretch.start + stretch.length
+            begins, arrives = np.interp(ends, s, level).tolist()
+            V_a = float(np.interp([*ends, *s[(s > ends[0]) & (s < ends[1])]], s, V).max())
+            row = {
                 **pick(stretch, "kind waypoint turn gamma"),
                 "course": stretch.course % math.tau,
                 "start_m": stretch.start,
@@ -91,10 +97,10 @@ class PlannedRoute(Answering):
                 "radius_m": None if math.isinf(stretch.radius) else stretch.radius,
                 "roll": math.atan(V_a**2 / (g * stretch.radius)),
                 "roll_downwind": math.atan((V_a + self.wind) ** 2 / (g * stretch.radius)),
-                "time_s": stretch.length / (V_a * math.cos(stretch.gamma)),
+                "time_s": (arrives - begins) / math.cos(stretch.gamma),
             }
-            for stretch in self.reference.path.stretches
-        ]
+            rows.append(row)
+        return rows
 
     @property
     def time(self) -> float:
@@ -134,8 +140,8 @@ class PlannedRoute(Answering):
 
     def answer(self) -> Answer:
         """The stretches, the length and the time in still air and in wind."""
-        path, V_a, time = self.reference.path, self.reference.V_a, self.time
-        longest = path.length / (V_a - self.wind) if self.wind < V_a else math.inf
+        path, slowest, time = self.reference.path, float(self.reference.V.min()), self.time
+        longest = path.length / (slowest - self.wind) if self.wind < slowest else math.inf
         stretches = self.stretches
         return Answer(
             values={
@@ -191,8 +197,9 @@ def planned_route(scenario: Scenario, *, speed_assumed: bool = False) -> Planned
     if table is None or not isinstance(reference, RouteReference):
         raise InputError(f"{scenario.title}: `route` must be given, got a reference over time.")
     wind, assumed = table.wind_at(reference.V_a), " (assumed)"
+    slowest = f"{reference.V.min():g} to " if reference.airspeeds is not None else ""
     conditions = (
-        f"airspeed {reference.V_a:g} m/s{assumed * speed_assumed}, "
+        f"airspeed {slowest}{reference.V_a:g} m/s{assumed * speed_assumed}, "
         f"turns for wind up to {wind:.3g} m/s{assumed * (table.wind_mps is None)}, "
         f"start {scenario.flight.h_m:g} m above sea level"
     )

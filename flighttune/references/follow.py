@@ -1,6 +1,7 @@
 """Follow a path: position over ground to a reference of course and flight-path angle."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -32,6 +33,9 @@ MIN_SPREAD = 0.2
 # Newton's steps to the nearest point of the path, from that of the sample before.
 SEARCHES = 2
 
+# Longitudinal load factor with which the airspeed of a route changes: 5 m/s in 10 s.
+CHANGE_N_X = 0.05
+
 # Speed over ground below which the look-ahead shrinks no more, m/s.
 MIN_SPEED = 1.0
 
@@ -44,13 +48,15 @@ class RouteReference:
     ----------
     path : Path
     V_a : float, m/s
-        Airspeed of the flight.
+        Largest airspeed of the flight.
     look_ahead : float, s
         Time in which an error of position would be flown off at the speed of the flight.
     g : float, m/s^2
         Acceleration of gravity.
     holds_airspeed : bool
         Whether the law holds `V_a`, by n_x.
+    airspeeds : ndarray, shape (n,), or None, m/s
+        Airspeed at each point of the path; None where it is `V_a` everywhere.
     """
 
     path: Path
@@ -58,6 +64,12 @@ class RouteReference:
     look_ahead: float
     g: float
     holds_airspeed: bool = False
+    airspeeds: FloatArray | None = None
+
+    @property
+    def V(self) -> FloatArray:
+        """Airspeed at each point of the path, shape (n,), m/s."""
+        return np.full_like(self.path.s, self.V_a) if self.airspeeds is None else self.airspeeds
 
     def airspeed(self, t: FloatArray) -> tuple[FloatArray, FloatArray] | None:
         """Return the airspeed (m/s) and its rate at times `t`; None where the plant holds it."""
@@ -98,7 +110,7 @@ class RouteReference:
         return float(np.linalg.norm(positions - places, axis=1).max())
 
     def _flown(self, t: FloatArray) -> FloatArray:
-        speed = self.V_a * np.cos(np.arctan(self.path.slope))
+        speed = self.V * np.cos(np.arctan(self.path.slope))
         times = np.concatenate([[0.0], np.cumsum(STEP / speed[:-1])])
         return np.interp(t, times, self.path.s)
 
@@ -114,6 +126,28 @@ class RouteReference:
         Roll and lift are planned `lead` (s) ahead.
         """
         return Follower(self, dt, h_0, lead)
+
+
+def airspeeds_along(
+    path: Path, V_a: float, changes: Mapping[int, float], g: float
+) -> FloatArray | None:
+    """Airspeed at each point of a path, m/s, from `V_a` at its start; None where it is constant.
+
+    `changes`: airspeeds by the number of the waypoint from the end of whose turn or circles on they
+    hold. Each is approached with `CHANGE_N_X` in still air, ``(V^2)' = 2 g n_x`` along the path.
+    """
+    if {*changes.values()} <= {V_a}:
+        return None
+    target = np.full_like(path.s, V_a)
+    for waypoint, V in sorted(changes.items()):
+        ends = [x.start + x.length for x in path.stretches if x.waypoint == waypoint]
+        target[path.s >= max(ends, default=0.0)] = V
+    square, step = V_a * V_a, 2.0 * g * CHANGE_N_X * STEP
+    squares = []
+    for goal in (target * target).tolist():
+        squares.append(square)
+        square = min(max(goal, square - step), square + step)
+    return np.sqrt(squares)
 
 
 class Follower:
@@ -146,7 +180,8 @@ class Follower:
         self._plan = Planner(dt, reference.g)
         self._s, self._nearest = 0.0, self._at(0.0)
         self._before: tuple[float, float] | None = None
-        self._V_g = reference.V_a * math.cos(reference.initial[1])
+        self._V_g = float(reference.V[0]) * math.cos(reference.initial[1])
+        self._V = None if reference.airspeeds is None else reference.airspeeds.tolist()
 
     def __call__(self, m: Measured) -> tuple[ReferenceSample, Place]:
         """Return the reference at a sample, and where the aircraft is on the route."""
@@ -183,14 +218,15 @@ class Follower:
         climb_rate = bend / (1.0 + slope * slope) * forward
         turn_rate = self._column(_CURVATURE, s + V_g * self._lead[0]) * forward
         gamma_ref = math.atan(slope) + math.atan(below)
+        V, V_dot = (None, 0.0) if self._V is None else self._airspeed(self._V, s, forward)
         sample = (
             course - math.atan(side),
             gamma_ref,
             turn_rate - aside / (L * (1.0 + side * side)),
             climb_rate + sinking / (L * (1.0 + below * below)),
             self._plan(m, turn_rate, climb_rate, gamma_ref),
-            None,
-            0.0,
+            V,
+            V_dot,
         )
         # Behind the start the distance from the route is that from the start.
         off = e_y if abs(ahead) < SAME_PLACE else math.copysign(math.hypot(e_y, ahead), e_y)
@@ -211,6 +247,12 @@ class Follower:
         c_n, c_e = math.cos(course), math.sin(course)
         n, e, k = n + part * d_n, e + part * d_e, k + part * d_k
         return n, e, course, c_n, c_e, k, up + part * rise, slope + part * d_slope
+
+    def _airspeed(self, V: list[float], s: float, forward: float) -> tuple[float, float]:
+        """The airspeed at a distance (m), and its rate at a speed along the route (m/s)."""
+        i = min(int(s / STEP), self._last)
+        rise = V[i + 1] - V[i]
+        return V[i] + min(s / STEP - i, 1.0) * rise, rise / STEP * forward
 
     def _column(self, column: int, s: float) -> float:
         """A column of the path at a distance, m."""

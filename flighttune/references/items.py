@@ -90,9 +90,12 @@ def read_items(items: Sequence[Mapping[str, Any]], home: tuple[float, ...], skip
     rows: list[Row] = []
     numbers: dict[Fate, dict[str, list[int]]] = defaultdict(lambda: defaultdict(list))
     notes: dict[str, None] = {}
+    speeds: dict[int, float] = {}  # by the index of the row from which on they are flown
     ended = ""
     for number in _in_order(flat):
         item = flat[number - 1]
+        if not ended and (speed := _speed(number, item)):
+            speeds[max(0, len(rows) - 1)] = speed
         name, fate = _fate(item, first=not rows)
         if fate == "flown" and ended:
             name, fate = f"{name}, after {ended}", "not flown"
@@ -123,8 +126,9 @@ def read_items(items: Sequence[Mapping[str, Any]], home: tuple[float, ...], skip
     fates = [f"Flown of the plan: {listed_items(numbers['flown'])}."] if rows else []
     if left_out := listed_items(numbers["harmless"] | no_place | numbers["not flown"]):
         fates.append(f"Not flown of the plan: {left_out}.")
-    speed, changes = _speed(flat)
-    return Mission(rows, speed, [*fates, *notes, *changes])
+    _set_speeds(rows, speeds)
+    largest, changes = _largest_speed(flat)
+    return Mission(rows, largest, [*fates, *notes, *changes])
 
 
 def _flat(items: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
@@ -286,21 +290,37 @@ def _notes(label: str, item: Mapping[str, Any]) -> Iterator[str]:
         yield f"The height of {label} is above terrain, which is unknown: it counts from home."
 
 
-def _speed(items: Sequence[Mapping[str, Any]]) -> tuple[float | None, list[str]]:
-    """The airspeed at which a mission is flown, m/s, and what it sets besides."""
+def _speed(number: int, item: Mapping[str, Any]) -> float | None:
+    """The airspeed that an item sets, m/s."""
+    if item.get("command") != SPEED:
+        return None
+    kind, value = (json_number(x or 0, f"item {number} (speed)") for x in item["params"][:2])
+    return value if kind in (AIRSPEED, GROUND_SPEED) and value > 0.0 else None
+
+
+def _set_speeds(rows: Sequence[Row], speeds: Mapping[int, float]) -> None:
+    """Give rows the airspeeds from them on, where there are several."""
+    if rows and len({*speeds.values()}) > 1:
+        for i, speed in speeds.items():
+            rows[i]["V_mps"] = speed
+
+
+def _largest_speed(items: Sequence[Mapping[str, Any]]) -> tuple[float | None, list[str]]:
+    """The largest airspeed that a mission sets, m/s, and a sentence with all of them."""
     speeds: dict[float, int] = {}
     for number, item in enumerate(items, start=1):
-        if item.get("command") == SPEED:
-            kind, value = (
-                json_number(x or 0, f"item {number} (speed)") for x in item["params"][:2]
-            )
-            if kind in (AIRSPEED, GROUND_SPEED) and value > 0.0:
-                speeds.setdefault(value, number)
+        if value := _speed(number, item):
+            speeds.setdefault(value, number)
     if not speeds:
         return None, []
     largest = max(speeds)
     stated = ", ".join(f"{speed:g} m/s by item {number}" for speed, number in speeds.items())
-    whole = " All of it is flown at the largest." if len(speeds) > 1 else ""
+    whole = (
+        " Each is flown from its place on by an aircraft that takes n_x, where `holds_airspeed` of "
+        "[route] is true; else all of it is flown at the largest."
+        if len(speeds) > 1
+        else ""
+    )
     return largest, [f"The plan sets an airspeed of {stated}.{whole}"]
 
 

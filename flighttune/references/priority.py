@@ -18,7 +18,8 @@ STEEPEST_DIVE = -0.5
 class AirspeedPriority:
     """Puts the airspeed into a reference, sample by sample, and keeps its path angle flyable.
 
-    `V`, `V_dot` (m/s, m/s^2): the airspeed to fly and its rate at each sample. `g` (m/s^2).
+    `V`, `V_dot` (m/s, m/s^2): the airspeed to fly and its rate at each sample, where the reference
+    has none by its place on a route. `g` (m/s^2).
 
     Notes
     -----
@@ -36,7 +37,7 @@ class AirspeedPriority:
     def __call__(self, k: int, m: Measured, ref: ReferenceSample) -> ReferenceSample:
         """Return the reference of sample `k` with its airspeed; its path angle may be less."""
         assert m.n_x is not None  # of a plant that takes n_x
-        V, V_dot = self._samples[k]
+        V, V_dot = self._samples[k] if ref.V is None else (ref.V, ref.V_dot)
         steepest = m.n_x[2] + self._per_g * (m.V_a - LEAST_SHARE * V)
         if math.sin(ref.gamma) <= steepest:
             return ref._replace(V=V, V_dot=V_dot)

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from flighttune import quantities as q
 from flighttune.references.earth import LatLon, north_east
-from flighttune.references.follow import RouteReference
+from flighttune.references.follow import RouteReference, airspeeds_along
 from flighttune.references.path import Ability, Path, Waypoint, check_length, plan
 from flighttune.units import DEG
 
@@ -36,6 +36,7 @@ class WaypointTable(q.Table):
     climb_deg: Annotated[q.Finite, Field(gt=0.0, le=60.0)] | None = None
     hold_s: q.Instant = 0.0
     spiral: bool = False
+    V_mps: q.Airspeed | None = None
 
     @model_validator(mode="after")
     def _somewhere(self) -> Self:
@@ -65,7 +66,8 @@ class RouteTable(q.Table):
     where that is for maps, if the waypoints do not. `widen` flies circles that are too small at the
     smallest radius, and turn-arounds go `turnaround_m` from their leg at most. With
     `holds_airspeed` the law holds the airspeed by n_x, and the path angle gives way to it where
-    thrust is short. `notes` say what is not flown of the file that the waypoints were read from.
+    thrust is short; `V_mps` of a waypoint is then the airspeed from the end of its turn on. `notes`
+    say what is not flown of the file that the waypoints were read from.
     """
 
     waypoint: Annotated[list[WaypointTable], Field(min_length=2, max_length=MAX_WAYPOINTS)]
@@ -131,15 +133,22 @@ class RouteTable(q.Table):
         """Largest wind that turns allow for at an airspeed, m/s."""
         return WIND_SHARE * V_a if self.wind_mps is None else self.wind_mps
 
+    @property
+    def airspeeds(self) -> dict[int, float]:
+        """Airspeeds from waypoints on, m/s, by their numbers, where the law holds the airspeed."""
+        speeds = {i: point.V_mps for i, point in enumerate(self.waypoint, start=1) if point.V_mps}
+        return speeds if self.holds_airspeed else {}
+
     def ability(
         self, *, V_a: float, g: float, phi: float, phi_rate: float, duration: float = math.inf
     ) -> Ability:
-        """Speed, and the limits on roll (rad) and its rate (rad/s) less the margin."""
+        """Largest airspeed, and limits on roll (rad) and its rate (rad/s) less the margin."""
         share = 1.0 - self.margin
         low, high = self.gamma_deg
+        largest = max(V_a, *self.airspeeds.values(), 0.0)
         return Ability(
-            V_a=V_a,
-            wind=self.wind_at(V_a),
+            V_a=largest,
+            wind=self.wind_at(largest),
             phi=share * phi,
             phi_rate=share * phi_rate,
             gamma=(low * DEG, high * DEG),
@@ -149,8 +158,8 @@ class RouteTable(q.Table):
             duration=duration,
         )
 
-    def reference(self, ability: Ability) -> RouteReference:
-        """The reference that follows the path through the waypoints."""
+    def reference(self, ability: Ability, V_a: float) -> RouteReference:
+        """The reference that follows the path through the waypoints, from the airspeed `V_a` on."""
         path = planned(self.waypoints(), ability)
         ends = ((stretch.waypoint, stretch.start + stretch.length) for stretch in path.stretches)
         check_length(ends, ability)  # a path that was planned for a longer time
@@ -160,6 +169,7 @@ class RouteTable(q.Table):
             g=ability.g,
             look_ahead=self.look_ahead_s,
             holds_airspeed=bool(self.holds_airspeed),
+            airspeeds=airspeeds_along(path, V_a, self.airspeeds, ability.g),
         )
 
 

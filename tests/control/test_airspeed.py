@@ -279,6 +279,33 @@ def test_what_knows_two_channels_says_so():
 
 
 @pytest.mark.slow
+def test_a_route_changes_its_airspeed_at_its_waypoints():
+    """At 0.05 g, ``V^2 = V_0^2 + 2 (0.05 g) s`` from the end of a turn on, in still air."""
+    tables = ft.load_scenario("climb_beyond_power").as_dict() | {"expect": []}
+    along = [{"north_m": 400.0 * i, "east_m": 0.0} for i in range(4)]
+    along[1]["V_mps"], along[3]["east_m"] = 22.0, 200.0
+    tables["route"] = {"waypoint": along, "holds_airspeed": True}
+    tables["flight"]["duration_s"], tables["law"] = 90.0, ["paper"]
+    tables["plant"][0]["throttle_max"] = 1.0
+    del tables["reference"]
+
+    planned = ft.route(ft.scenario_from(tables))
+    run = ft.fly(ft.scenario_from(tables)).runs[0]
+
+    turn = next(x for x in planned.stretches if x["waypoint"] == 1 + 1)
+    begins = turn["start_m"] + turn["length_m"]
+    signals = run.signals
+    s = signals["along"].to_numpy() - begins
+    wanted = np.sqrt(np.maximum(V_0**2 - 2.0 * 0.05 * 9.81 * np.maximum(s, 0.0), 22.0**2))
+    assert run.status == "completed"
+    np.testing.assert_allclose(signals["V_ref"], wanted, atol=0.05)  # of points 1 m apart
+    assert signals["V_err"].abs().max() < 0.3
+    tables["route"]["waypoint"][1]["V_mps"] = 60.0
+    with pytest.raises(ft.ScenarioError, match=r"\[\[route.waypoint\]\] `V_mps` must stay inside"):
+        ft.fly(ft.scenario_from(tables))
+
+
+@pytest.mark.slow
 def test_a_route_gives_up_height_for_airspeed_and_says_how_much():
     tables = ft.load_scenario("climb_beyond_power").as_dict() | {"expect": [], "law": None}
     corner = [{"north_m": 0.0, "east_m": 0.0}, {"north_m": 800.0, "east_m": 0.0}]

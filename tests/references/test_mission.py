@@ -246,17 +246,22 @@ def test_heights_above_terrain_are_said_to_count_from_home(tmp_path):
     ]
 
 
-def test_the_largest_airspeed_of_a_plan_is_flown(tmp_path):
+def test_airspeeds_of_a_plan_are_flown_from_their_places_on(tmp_path):
     slow = item(178, 0, 20, -1, 0, 0, 0, 0, frame=2)
     throttle = item(178, 0, -1, 40, 0, 0, 0, 0, frame=2)
     file = plan_file(tmp_path / "m.plan", PATROL[0], SPEED, throttle, *PATROL[1:3], slow, PATROL[3])
 
     assert read_route(file).flight["V_a_mps"] == 22.0
+    rows = read_route(file).route["waypoint"]
+    assert [row.get("V_mps") for row in rows] == [22.0, None, 20.0, None]
     assert notes_of(read_route(file))[-1] == (
-        "The plan sets an airspeed of 22 m/s by item 2, 20 m/s by item 6. "
-        "All of it is flown at the largest."
+        "The plan sets an airspeed of 22 m/s by item 2, 20 m/s by item 6. Each is flown from its "
+        "place on by an aircraft that takes n_x, where `holds_airspeed` of [route] is true; else "
+        "all of it is flown at the largest."
     )
-    assert flighttune("route", file)[0].startswith("m: airspeed 22 m/s, turns for")
+    assert flighttune("route", file)[0].startswith("m: airspeed 20 to 22 m/s, turns for")
+    whole = flighttune("route", file, "--set", "flight.V_a_mps=24")[0]
+    assert whole.startswith("m: airspeed 24 m/s, turns for")
 
 
 def test_rally_points_are_read_with_heights_above_the_first_waypoint(tmp_path):
