@@ -3,7 +3,8 @@ PYTHON := $(VENV)/bin/python
 STAMP  := $(VENV)/installed
 DEBIAN := mesa-vulkan-drivers chromium gcc libc6-dev
 INSTALL := apt-get update -qq && apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null
-PYTEST := $(PYTHON) -m pytest -n 2 --dist loadfile
+# The third of two cores: tests wait for time limits, browsers and viewers a tenth of their time.
+PYTEST := $(PYTHON) -m pytest -n 3 --dist loadfile
 
 .PHONY: demo check test soak counts lint docs bench bounds clean picture-packages
 

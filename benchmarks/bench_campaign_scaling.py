@@ -30,7 +30,7 @@ import running
 
 from flighttune.campaign.engine.flyer import THREADS
 
-RUNS, LOWEST = 100 if running.QUICK else 2000, 0.9
+RUNS, LOWEST = 24 if running.QUICK else 2000, 0.9
 LOOK_S = 0.02 if running.QUICK else 0.5
 CAMPAIGN = """
 title = "Scaling"

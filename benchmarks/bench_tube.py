@@ -51,8 +51,9 @@ AIRCRAFT = {
 """Of the Aerosonde in calm air, by scenario: what `band` flies, then the same targets."""
 
 # In the quick mode the flights, the rows and the counts are few.
-SHORTER = {"flight.duration_s": 7.0} if running.QUICK else None
-TINY = ["--epsilon", "0.3", "--confidence", "0.9", "--set", "flight.duration_s=7"]
+SHORTER = {"flight.duration_s": 4.0} if running.QUICK else None
+TINY = ["--epsilon", "0.3", "--confidence", "0.9", "--learn", "10", "--flights", "7"]
+TINY += ["--set", "flight.duration_s=4"]
 COUNT = TINY if running.QUICK else []
 if running.QUICK:
     ROWS = {name: ROWS[name] for name in [*ROWS][2:3]}

@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-import venv
 from pathlib import Path
 
 import pytest
@@ -42,29 +41,15 @@ def wheel(tmp_path_factory):
     return found
 
 
-def by_pip(folder, wheel):
-    venv.create(folder, with_pip=True)
-    return [folder / "bin" / "python", "-m", "pip", "install", "--quiet", wheel]
-
-
-def by_uv(folder, wheel):
-    uv = [sys.executable, "-m", "uv", "--quiet"]
-    subprocess.run([*uv, "venv", "--python", sys.executable, folder], check=True)
-    return [*uv, "pip", "install", "--python", folder / "bin" / "python", wheel]
-
-
-@pytest.mark.parametrize(
-    ("installer", "commands"), [(by_pip, COMMANDS[:3]), (by_uv, COMMANDS)], ids=["pip", "uv"]
-)
-def test_a_stranger_flies_from_the_wheel(installer, commands, wheel, tmp_path):
+def test_a_stranger_flies_from_the_wheel(wheel, tmp_path):
     folder, home, work = (tmp_path / name for name in ("env", "home", "work"))
     home.mkdir()
     work.mkdir()
-    trusting = os.environ | {
-        "UV_SYSTEM_CERTS": "1",
-        "UV_NATIVE_TLS": "1",
-    }  # uv as pip: new, old name
-    subprocess.run(installer(folder, wheel), check=True, env=trusting)
+    uv = [sys.executable, "-m", "uv", "--quiet"]  # a tenth of the time that pip takes
+    subprocess.run([*uv, "venv", "--python", sys.executable, folder], check=True)
+    install = [*uv, "pip", "install", "--python", folder / "bin" / "python", wheel]
+    certificates = {"UV_SYSTEM_CERTS": "1", "UV_NATIVE_TLS": "1"}  # as pip: new, old name
+    subprocess.run(install, check=True, env=os.environ | certificates)
     # Its own path and home alone, and a locale that has no Greek.
     clean = {"PATH": os.defpath, "HOME": str(home), "LC_ALL": "C", "PYTHONCOERCECLOCALE": "0"}
 
@@ -72,7 +57,7 @@ def test_a_stranger_flies_from_the_wheel(installer, commands, wheel, tmp_path):
         words = [folder / "bin" / "flighttune", *command.split()]
         return subprocess.run(words, cwd=work, env=clean, capture_output=True, check=False)
 
-    for command in commands:
+    for command in COMMANDS:
         done = run(command)
         assert done.returncode == 0, (command, done.stderr)
         assert b"Warning" not in done.stderr, command

@@ -259,7 +259,8 @@ class ContinuousLoop:
         K_P, K_I, chi, gamma = self._gains.K_P, self._gains.K_I, y[0], y[1]
         e = np.array([REFERENCE[0] - chi, REFERENCE[1] - gamma])
         v = K_P @ e + y[2:4]
-        u = np.clip(v.T, self._limits.lower, self._limits.upper).T
+        # np.clip, which costs five times as much on two numbers
+        u = np.minimum(np.maximum(v.T, self._limits.lower), self._limits.upper).T
         for i in (0, 1):
             if self._moving[i] is not None:
                 u[i] = y[4 + i]

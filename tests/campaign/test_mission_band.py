@@ -7,7 +7,8 @@ from scipy.stats import binomtest
 
 import flighttune as ft
 
-FEW = ("--epsilon", 0.3, "--confidence", 0.9, "--learn", 10)
+# the fewest flights that can support a claim: 0.7^7 <= 0.1
+FEW = ("--epsilon", 0.3, "--confidence", 0.9, "--learn", 10, "--flights", 7)
 
 AREA = [[47.39, 8.49], [47.39, 8.53], [47.42, 8.53], [47.42, 8.49]]
 
@@ -94,7 +95,7 @@ def test_the_air_of_a_mission_may_be_that_of_another_campaign(tmp_path):
         'distribution = "uniform"\nlower = 0.95\nupper = 1.05\n'
     )
     file = mission(tmp_path / "m.plan")
-    band = ft.band(str(file), like=str(calm), epsilon=0.3, confidence=0.9, learn=10)
+    band = ft.band(str(file), like=str(calm), epsilon=0.3, confidence=0.9, learn=10, flights=7)
 
     assert "calm air" in band.sentence or "wind" not in band.sentence
     assert band.half_widths.max() < 0.5  # m: in calm air the circuit is flown within 0.2 m

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from commands import answer, flighttune
 from geographiclib.geodesic import Geodesic
+from made_up import scenario_file
 from scipy.integrate import cumulative_trapezoid
 from shapely.geometry import shape
 
@@ -23,7 +24,7 @@ FLOWN = 1.5
 # of the area within a width of a leg, whose round ends are polygons of 64 corners
 ROUND = 0.01
 
-FEW = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 29, "workers": 1}
+FEW = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7, "workers": 1}
 
 
 @pytest.fixture(scope="module")
@@ -143,9 +144,12 @@ def test_the_room_of_another_route_is_refused():
 @pytest.mark.slow
 def test_the_command_counts_the_room_and_writes_the_volumes(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    few = ("--epsilon", 0.3, "--confidence", 0.9, "--workers", 1)
+    circuit = ft.load_scenario("circuit")
+    two_legs = {"waypoint": circuit.as_dict()["route"]["waypoint"][:3]}
+    legs = scenario_file(Path("two_legs.toml"), circuit, route=two_legs, expect=[])
+    few = ("--epsilon", 0.3, "--confidence", 0.9, "--flights", 7, "--workers", 1)
     told = answer(
-        "band", "circuit", "--plant", "kinematic", "--gains", "paper", "--start-deg", 1,
+        "band", legs, "--plant", "kinematic", "--gains", "paper", "--start-deg", 1,
         "--learn", 10, *few, "--turn-back", 30, "--page", "p.html",
     )  # fmt: skip
 

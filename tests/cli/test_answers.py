@@ -1,4 +1,7 @@
-"""A command prints with --json the answer of the value that the verb of its name returns."""
+"""A command prints with --json the answer of the value that the verb of its name returns.
+
+That of `reproduce`, which takes longer, is in tests/paper.
+"""
 
 import json
 
@@ -8,7 +11,6 @@ from commands import answer
 import flighttune as ft
 from flighttune.campaign.engine.forecast import forecast
 from flighttune.flight.listing import listing
-from flighttune.paper.reproduce import reproduce
 
 pytestmark = pytest.mark.slow
 
@@ -40,7 +42,6 @@ def planned():
 
 VERBS = {
     "list": (listing, []),
-    "reproduce": (lambda: reproduce(["gains"]), ["gains"]),
     "campaign run": (planned, ["first_campaign", "--dry-run", "--runs", 8, "--workers", 1]),
     "tune": (lambda: ft.tune("paper"), ["paper"]),
     "tune --prove": (

@@ -81,7 +81,7 @@ MADE_BY = {
     "gains.json": "flighttune tune paper --out gains.json",
     "certificate.json": "flighttune certify paper --out certificate.json",
     "runs/circuit-band.npz": "flighttune band circuit --start-deg 2 --plant kinematic "
-    "--epsilon 0.1 --confidence 0.9 --learn 20 --flights 22",
+    "--epsilon 0.3 --confidence 0.9 --learn 10 --flights 7",
 }
 """Commands of other pages that make what a page begins with."""
 

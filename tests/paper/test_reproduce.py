@@ -3,6 +3,7 @@
 One file, so that one worker makes the reproduction once.
 """
 
+import json
 import re
 from pathlib import Path
 from xml.etree import ElementTree
@@ -13,6 +14,7 @@ import pytest
 from commands import answer, flighttune
 
 from flighttune.paper.claims import CLAIMS
+from flighttune.paper.reproduce import reproduce
 
 NINE_DIGITS = 1e-8
 ROUNDING = 2e-3
@@ -70,15 +72,18 @@ def test_the_committed_errata_are_those_computed_now(reproduction):
 
 
 @pytest.mark.slow
-def test_the_command_answers_with_the_values_of_an_item_and_all_claims(
+def test_the_command_prints_the_answer_of_its_verb_with_the_values_of_an_item_and_all_claims(
     study, tmp_path, monkeypatch
 ):
     monkeypatch.setattr("flighttune.paper.reproduce.Study", lambda: study)
 
     found = answer("reproduce", "table2", "--out", tmp_path)
+    value = json.loads(reproduce(["table2"], tmp_path, study=study).answer().json())
 
+    assert {key: found[key] for key in ("items", "claims")} == {
+        key: value[key] for key in ("items", "claims")
+    }
     assert [item["name"] for item in found["items"]] == ["table2"]
-    assert found["items"][0].keys() == {"name", "files", "values"}
     assert found["items"][0]["values"]["K1"].keys() == {"R_K", "I_K"}
     verdicts = {claim["id"]: claim["verdict"] for claim in found["claims"]}
     assert verdicts["peak-time"] == "not reproduced"
