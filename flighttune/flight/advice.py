@@ -98,5 +98,5 @@ def _ways(scenario: Scenario, run: Run, runs: Sequence[Run], source: str) -> Ite
     if better and gains in paper_family() and abs(V_a / PAPER_SPEED - 1.0) > OTHER_AIRSPEED:
         yield f"`{TUNED_IDENTIFIED}` in `gains`, as {gains} is meant for {PAPER_SPEED:g} m/s"
     strayed = (run.signals["V_a"] / V_a - 1.0).abs().max() > OTHER_AIRSPEED
-    if strayed and not scenario.controller.schedule:
+    if strayed and not (scenario.controller.schedule or made_by.law.same_everywhere):
         yield "`schedule = true` in [controller], as the airspeed changes in flight"

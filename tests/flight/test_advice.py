@@ -46,6 +46,17 @@ def test_what_may_help_is_said_and_nothing_else(change, bound, said):
     assert bool(line) == bool(said)
 
 
+@pytest.mark.parametrize(("law", "said"), [("paper", True), ("exact", False)])
+def test_a_schedule_is_advised_to_laws_that_it_changes(law, said):
+    tables = ft.load_scenario("speed_change_in_turn").as_dict()
+    (gains,) = tables["gains"]
+    never = [{"at_most": {"V": {"MO_mps": 1e-6}}}]
+    tables |= {"law": [law], "gains": [gains | {"law": law}], "expect": never}
+    scenario = ft.scenario_from(tables | {"plant": [{"kind": "kinematic"}]})
+
+    assert (SCHEDULE in advice(scenario, ft.fly(scenario).runs, "x.toml")) == said
+
+
 SIGN = "mine:paper: the law turns away from the reference: is the sign of its output right?"
 DEGREES = "mine:paper: its roll commands are more than half a turn: are they degrees?"
 
