@@ -43,6 +43,9 @@ STEP_COLUMNS = [
     Column("adds", "upper minus lower plant"),
     *(replace(column, digits="+.2f") for column in columns(" ".join(METRICS))),
 ]
+AIRSPEED_COLUMNS = columns(
+    "plant metrics.V.ITAE metrics.V.MO_mps metrics.V.settling_s metrics.V.ST_mps metrics.V.min_mps"
+)
 LAG_COLUMNS = columns("channel order natural_frequency_rad_s delay_s fit_percent")
 MISMATCH_TITLE = "mismatch d: rates flown minus the law's"
 MISMATCH_COLUMNS = [Column("bound", "largest |d|", "rad/s"), *columns("L_d")]
@@ -190,6 +193,7 @@ class Gap(Answering):
         rows, around = [{"channel": name, **lag} for name, lag in lags.items()], claimed(self.runs)
         tables = [
             Table(RUNG_COLUMNS, ladder, "plants, from the law to the aircraft"),
+            Table(AIRSPEED_COLUMNS, ladder if self.scenario.airspeed else [], "airspeed"),
             step_table([self]),
             Table(LAG_COLUMNS, rows, f"inner loop ({self.lag_source})"),
             Table(MISMATCH_COLUMNS, list(filter(None, [mismatch])), MISMATCH_TITLE),

@@ -163,8 +163,10 @@ def _column(key: str) -> Column:
     channel = parent.rpartition(".")[2]
     if last in METRIC_LABELS:
         label = METRIC_LABELS[last]
-        name = f"{label.name} {SYMBOLS[channel]}" if channel in SYMBOLS else label.name
-        return replace(label, key=key, name=name)
+        if channel not in SYMBOLS:
+            return replace(label, key=key)
+        name = f"{label.name} {SYMBOLS[channel]}"
+        return replace(metric_label(f"{channel}.{last}"), key=key, name=name)
     if last in QUANTITIES:
         return replace(QUANTITIES[last], key=key)
     for suffix, unit in UNIT_OF_SUFFIX.items():

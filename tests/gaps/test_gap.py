@@ -172,3 +172,15 @@ def test_the_error_on_the_aircraft_is_drawn_in_its_band(paper_gap):
     assert "counted band, left" in [name for name, *_ in chart.legend]
     assert "nothing is claimed" not in chart.title
     assert "nothing is claimed" in bound_chart(paper_gap, "chi").title
+
+
+def test_the_airspeed_has_a_table_where_it_is_a_channel():
+    gap = ft.gap("speed_change_in_turn", changes={"flight.duration_s": 12.0})
+
+    (table,) = (table for table in gap.answer().tables if table.title == "airspeed")
+    assert [column.unit for column in table.columns][1:3] == ["m/s\u00a0s²", "m/s"]
+    for record, run in zip(table.records, gap.runs, strict=True):
+        measured = record["metrics"]["V"]
+        after = run.signals[run.t >= 8.0]  # of the step from 25 to 30 m/s
+        assert measured["min_mps"] == run.signals["V_a"].min()
+        assert measured["MO_mps"] == pytest.approx(after["V_a"].max() - 30.0, abs=1e-9)
