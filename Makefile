@@ -3,8 +3,9 @@ PYTHON := $(VENV)/bin/python
 STAMP  := $(VENV)/installed
 DEBIAN := mesa-vulkan-drivers chromium gcc libc6-dev
 INSTALL := apt-get update -qq && apt-get install -y -qq --no-install-recommends $(DEBIAN) >/dev/null
-# The third of two cores: tests wait for time limits, browsers and viewers a tenth of their time.
-PYTEST := $(PYTHON) -m pytest -n 3 --dist loadfile
+# Three workers on two cores: tests wait for time limits, browsers and viewers a tenth of their time.
+# In their order, files with a single long test do not come last, when the other workers are done.
+PYTEST := $(PYTHON) -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
 .PHONY: demo check test soak counts lint docs bench bounds clean picture-packages
 
@@ -23,8 +24,11 @@ check: $(STAMP)
 	$(PYTEST) -m "not slow and not soak"; tests=$$?; \
 	wait $$types; status=$$?; cat $(VENV)/pyright.txt; [ $$tests = 0 ] && [ $$status = 0 ]
 
-test: $(STAMP) picture-packages lint
-	$(PYTEST) -m "not soak"
+# Style and types are checked while the tests run, and what they found is printed after them.
+test: $(STAMP) picture-packages
+	$(MAKE) --no-print-directory lint > $(VENV)/lint.txt 2>&1 & lint=$$!; \
+	$(PYTEST) -m "not soak"; tests=$$?; \
+	wait $$lint; status=$$?; cat $(VENV)/lint.txt; [ $$tests = 0 ] && [ $$status = 0 ]
 
 # What takes minutes: long fuzzing, thousands of flights, every picture at every size.
 soak: $(STAMP) picture-packages
