@@ -14,7 +14,7 @@ from typing import Any, Literal, TypeAlias
 import numpy as np
 import tomlkit
 
-from flighttune.adoption.survey import SOURCE, Refusal, Survey, survey, wide_tables
+from flighttune.adoption.survey import SOURCE, Refusal, Survey, drag_at, survey, wide_tables
 from flighttune.aircraft.aircraft import (
     GAINS_FILE,
     aircraft_from,
@@ -36,6 +36,7 @@ from flighttune.identification.file import FILE_NAME, rounded, save_identified
 from flighttune.identification.identify import GOOD_FIT, AircraftIdentification, identify_aircraft
 from flighttune.identification.steps import StepResponse
 from flighttune.plants.base import FlightCondition
+from flighttune.plants.jsbsim.bench import Bench
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.model_files import model_hash
 from flighttune.plants.jsbsim.trim import level, trim_table
@@ -275,7 +276,7 @@ def adopt(
             **pick(surveyed, "V_a glide_ratio largest_drag notes"),
             "engines": engines,
         }
-        adoption = replace(_best(surveyed, folder, h, say, began), **facts)
+        adoption = _best(surveyed, folder, h, say, began)
     except PlantError as error:
         file = folder / model if model.endswith(".xml") else ""
         reason = str(error).removesuffix(".").removeprefix(f"{os.path.normpath(file)}: ")
@@ -361,6 +362,8 @@ def _best(
         file.write_bytes(content)
     say("step 9 of 9: trimming over the envelope")
     speeds = np.linspace(0.85, 1.3, 4) * best.V_a
+    drag = drag_at(Bench(Fdm(aircraft_from(surveyed.tables, folder)), h), surveyed.lift, best.V_a)
+    best = replace(best, **drag)
     config = load_aircraft(folder)
     climbs = (-3.0 * DEG, 0.0, 3.0 * DEG) if config.engines.count else None
     trims = trim_table(config, V_a=speeds.tolist(), gamma=climbs, h=h)
@@ -374,7 +377,7 @@ def _best(
         "V_a_mps": best.V_a,
         "stall_mps": surveyed.lift.V_s,
         "spare_thrust": surveyed.spare_thrust,
-        "glide_ratio": surveyed.glide_ratio,
+        "glide_ratio": best.glide_ratio,
         "fit_percent": best.fit_percent,
         "flown": best.flown,
         "notes": best.notes,

@@ -232,17 +232,24 @@ def survey(
         more = len(names) - MAX_NAMED
         rest = f" and {more} more, all in `[declared]`" if more > 0 else ""
         notes.append(f"properties of another simulator are 0: {', '.join(names[:MAX_NAMED])}{rest}")
-    alpha, drag = lift.at(speed)
     tables["surfaces"] = surfaces
     return Survey(
         tables=tables,
         lift=lift,
         V_a=speed,
         spare_thrust=spare,
-        glide_ratio=1.0 / drag if drag else math.inf,
-        largest_drag=_largest_drag(load(tables), _level(speed, alpha)),
         notes=tuple(notes),
+        **drag_at(load(tables), lift, speed),
     )
+
+
+def drag_at(bench: Bench, lift: Lift, V_a: float) -> dict[str, Any]:
+    """Values of `Survey` about the drag in level flight at an airspeed (m/s)."""
+    alpha, drag = lift.at(V_a)
+    return {
+        "glide_ratio": 1.0 / drag if drag else math.inf,
+        "largest_drag": _largest_drag(bench, _level(V_a, alpha)),
+    }
 
 
 def wide_tables(model: str) -> dict[str, Any]:

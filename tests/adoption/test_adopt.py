@@ -18,6 +18,7 @@ from flighttune.flight.conditions import start_condition
 
 DEG = math.pi / 180.0
 CENTIDEGREE = 0.01
+MM_PER_S = 0.001
 
 
 @pytest.fixture(scope="module")
@@ -437,6 +438,17 @@ def test_files_of_flightgear_that_include_each_other_are_read_once(own, tmp_path
     (file.parent / "3.xml").write_text(both.format("0.xml", "../../jsb.xml"))
     _, err = flighttune("adopt", file.parent, "--out", tmp_path / "mine", status=2)
     assert "got none" in err
+
+
+@pytest.mark.soak
+def test_what_is_said_of_an_aircraft_is_for_the_airspeed_at_which_it_is_adopted(tmp_path):
+    found = answer("adopt", "minisgs", "--out", tmp_path / "minisgs")
+    stall = json.loads((tmp_path / "minisgs/adoption.json").read_text())["stall_mps"]
+    start = start_condition(ft.load_scenario(tmp_path / "minisgs/turn.toml"))
+
+    assert start.V_a > 1.7 * stall  # it is not adopted at the first airspeed that is tried
+    assert found["V_a_mps"] == pytest.approx(start.V_a, abs=MM_PER_S)
+    assert found["glide_ratio"] == pytest.approx(-1.0 / math.tan(start.gamma), rel=0.1)
 
 
 @pytest.mark.slow
