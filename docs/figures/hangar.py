@@ -1,6 +1,7 @@
-"""Write docs/hangar.md, `adopt` on every model of JSBSim's own set: python docs/figures/hangar.py.
+"""Write docs/hangar.md and its picture, `adopt` on every model of JSBSim's own set.
 
-Each model is adopted by a command of its own, as many at once as there are cores, in some minutes.
+Run it by ``python docs/figures/hangar.py``. Each model is adopted by a command of its own, as many
+at once as there are cores, in about six minutes on two; then the turns are flown again and drawn.
 """
 
 import json
@@ -14,11 +15,17 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import flighttune as ft
+from flighttune.adoption.adopt import CALM_DEG
 from flighttune.files.shipped import models_of_jsbsim
+from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import columns
+from flighttune.present.palette import HUES, INK
 from flighttune.present.tables import Column, Table
+from flighttune.units import DEG_PER_RAD
 
 PAGE = Path(__file__).parents[1] / "hangar.md"
+PICTURE = PAGE.with_suffix(".svg")
 
 MAX_TIME_S = 600.0  # time that one model may take
 
@@ -26,6 +33,7 @@ STATUSES = ("adopted", "flies", "refused")
 
 COLUMNS = [
     *columns("model status engines V_a_mps"),
+    Column("glide_ratio", "glide ratio", digits=".1f"),
     Column("fit_percent.phi", "fit φ", "%", ".1f"),
     Column("fit_percent.n_z", "fit n_z", "%", ".1f"),
     Column("flown.tuned.ITAE.chi", "tuned: ITAE χ", digits=".3g"),
@@ -38,24 +46,42 @@ COLUMNS = [
 ]
 
 
-def adopted(model: str) -> dict[str, Any]:
+def adopted(model: str, folder: Path) -> dict[str, Any]:
     """The answer of the command for a model; a crash or an endless flight refuses it."""
-    with TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "flighttune", "adopt", model, "--json", "--out"]
-        done = None
-        try:
-            done = subprocess.run(
-                [*command, f"{folder}/{model}"], capture_output=True, text=True, timeout=MAX_TIME_S
-            )
-            answer = json.loads(done.stdout)
-        except subprocess.TimeoutExpired:
-            answer = {"status": "refused", "reason": f"it took over {MAX_TIME_S:g} s"}
-        except json.JSONDecodeError:
-            assert done is not None
-            reason = f"its process ended with status {done.returncode}: {done.stderr}"
-            answer = {"status": "refused", "reason": reason}
+    command = [sys.executable, "-m", "flighttune", "adopt", model, "--json", "--out"]
+    done = None
+    try:
+        done = subprocess.run(
+            [*command, folder], capture_output=True, text=True, timeout=MAX_TIME_S
+        )
+        answer = json.loads(done.stdout)
+    except subprocess.TimeoutExpired:
+        answer = {"status": "refused", "reason": f"it took over {MAX_TIME_S:g} s"}
+    except json.JSONDecodeError:
+        assert done is not None
+        reason = f"its process ended with status {done.returncode}: {done.stderr}"
+        answer = {"status": "refused", "reason": reason}
     print(f"{model}: {answer['status']}", flush=True)
     return {"model": model, **answer}
+
+
+def turn_chart(model: str, scenario: Path) -> Chart:
+    """Course and path angle of the turn with the gains tuned on the identified aircraft."""
+    run = ft.fly(scenario).runs[0]
+    title = f"{model} at {run.signals['V_a'].iloc[0]:.0f} m/s"
+    chart = Chart(title=title, x="", x_range=(0.0, 40.0), height=110.0)
+    for signal, hue in zip(("chi", "gamma"), HUES, strict=False):
+        for name, colour, dash in ((f"{signal}_ref", INK, DASHED), (signal, hue[0][0], "")):
+            degrees = run.signals[name].to_numpy() * DEG_PER_RAD
+            chart.line(run.t, degrees, colour, dash=dash, most=60, width=1.4)
+    return chart
+
+
+def swing(answer: dict[str, Any]) -> str:
+    """A remark on a path angle that does not settle, which no criterion of `adopt` counts."""
+    tuned = answer.get("flown", {}).get("tuned", {})
+    deg = tuned.get("ST_deg", {}).get("gamma", 0.0) if tuned.get("status") == "completed" else 0.0
+    return f"its path angle swings by {deg:.2g}° in the last quarter of the turn" * (deg > CALM_DEG)
 
 
 def hangar_text(answers: Sequence[dict[str, Any]]) -> str:
@@ -63,21 +89,41 @@ def hangar_text(answers: Sequence[dict[str, Any]]) -> str:
     statuses = [answer["status"] for answer in answers]
     counts = ", ".join(f"{statuses.count(status)} {status}" for status in STATUSES)
     records = [
-        answer | {"remarks": [*filter(None, [answer["reason"], *answer.get("notes", ())])]}
+        answer
+        | {"remarks": [*filter(None, [answer["reason"], *answer.get("notes", ()), swing(answer)])]}
         for answer in sorted(answers, key=lambda answer: STATUSES.index(answer["status"]))
     ]
     return f"""# The hangar: every model of JSBSim's own set
 
-Made by `python docs/figures/hangar.py` with flighttune {version("flighttune")} and JSBSim
+Made by `python docs/figures/hangar.py` with flighttune {ft.__version__} and JSBSim
 {version("jsbsim")}: {counts}, of {len(answers)}.
 ITAE in rad s² of a turn of 20° with a climb of 3°, of gains tuned on the identified aircraft and
 of the paper's K* scaled with airspeed. A glider descends 3° steeper than its glide instead.
 What the statuses mean, and how to bring a model of your own: [aircraft.md](aircraft.md).
 
 {Table(columns=COLUMNS, records=records).markdown()}
+
+The turns of those that fly, with the gains tuned on the identified aircraft: course and path angle
+in degrees over 40 s.
+
+![Course and path angle of the turn of each aircraft with their references](hangar.svg)
 """
 
 
+def write_page(folder: Path, answers: Sequence[dict[str, Any]]) -> None:
+    """Write the page and its picture from the answers and the folders of the aircraft."""
+    flown = [answer["model"] for answer in answers if answer["status"] != "refused"]
+    names = [("course", HUES[0][0][0], ""), ("path angle", HUES[1][0][0], "")]
+    Sheet(
+        charts=[turn_chart(model, folder / model / "turn.toml") for model in flown],
+        columns=2,
+        legend=[*names, ("reference", INK, DASHED)],
+    ).save(PICTURE)
+    PAGE.write_text(hangar_text(answers), encoding="utf-8")
+
+
 if __name__ == "__main__":
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        PAGE.write_text(hangar_text(list(pool.map(adopted, models_of_jsbsim()))), encoding="utf-8")
+    with TemporaryDirectory() as temporary, ThreadPoolExecutor(os.cpu_count()) as pool:
+        models = models_of_jsbsim()
+        folders = [Path(temporary) / model for model in models]
+        write_page(Path(temporary), [*pool.map(adopted, models, folders)])

@@ -523,7 +523,7 @@ def test_the_table_of_the_docs_names_every_model_of_the_wheel():
     status = {name.strip(): status.strip() for name, status in rows}
 
     assert set(status) == set(models_of_jsbsim())
-    assert list(status.values()).count("adopted") >= 36
+    assert list(status.values()).count("adopted") >= 37
     for name in ("737", "A320", "c182", "DHC6", "J3Cub", "T38", "B747", "p51d", "sgs126"):
         assert status[name] == "adopted", name
     assert status["f16"] in ("adopted", "flies")
