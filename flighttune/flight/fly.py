@@ -230,7 +230,7 @@ def fly_alone(
     `wind_run`, a flight of the same gains; without one it flies in the steady wind of the scenario.
     """
     scenario, label = with_own(scenario), table.label
-    wind, weather = None, weather_of(scenario)
+    wind = None
     if wind_run is not None and len(wind_run.signals):
         wind = wind_met(wind_run)
     elif wind_run is not None and gains is not None:
@@ -238,9 +238,8 @@ def fly_alone(
         reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
         made_by = _provenance(scenario, label, gains_name, gains)
         return _without_samples(made_by, wind_run.status, reason)
-    elif weather is not None and scenario.windy:
-        north, east, down = weather.deterministic(0.0, scenario.flight.h_m)
-        wind = WindRecord.steady(north=north, east=east, down=down)
+    else:
+        wind = steady_wind(scenario)
     plant = plant_of(scenario.plant_table(label), scenario, wind)
     return fly_once(
         scenario,
@@ -251,6 +250,15 @@ def fly_alone(
         lead=lead_on(scenario, scenario.plant_table(label)),
         progress=progress,
     )
+
+
+def steady_wind(scenario: Scenario) -> WindRecord | None:
+    """The wind at the start of a flight, for plants without weather; None in still air."""
+    weather = weather_of(scenario)
+    if weather is None or not scenario.windy:
+        return None
+    north, east, down = weather.deterministic(0.0, scenario.flight.h_m)
+    return WindRecord.steady(north=north, east=east, down=down)
 
 
 def wind_met(run: Run) -> WindRecord:
@@ -294,10 +302,7 @@ def fly_once(
         signals, stop = simulate(
             plant,
             controller,
-            reference_of(scenario),
-            condition=(start_condition if WIND[0] in plant.signals else stated_condition)(scenario),
-            duration=duration,
-            sensors=None if scenario.sensors is None else scenario.sensors.sensors(scenario.seed),
+            **manoeuvre(scenario, plant),
             lead=lead,
             progress=None if progress is None else (lambda t: progress(label, t / duration)),
         )
@@ -311,6 +316,17 @@ def fly_once(
     made_by = replace(made_by, wall_s=time.perf_counter() - started)
     units = {name: unit for name, unit in controller.signals.items() if name not in SIGNAL_UNITS}
     return Run(signals=signals, status=status, reason=reason, provenance=made_by, units=units)
+
+
+def manoeuvre(scenario: Scenario, plant: Plant) -> dict[str, Any]:
+    """Reference, start, duration and sensors of a flight of a plant, as `simulate` takes them."""
+    in_wind = WIND[0] in plant.signals
+    return {
+        "reference": reference_of(scenario),
+        "condition": (start_condition if in_wind else stated_condition)(scenario),
+        "duration": scenario.flight.duration_s,
+        "sensors": scenario.sensors and scenario.sensors.sensors(scenario.seed),
+    }
 
 
 def _without_samples(made_by: Provenance, status: RunStatus, reason: str) -> Run:

@@ -2,10 +2,11 @@
 
 import math
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Generator, Iterable, Sequence
 from functools import cache
 from itertools import repeat
 from operator import itemgetter
+from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -24,7 +25,7 @@ from flighttune.plants.base import COMMON_SIGNALS, N_X_SIGNALS, Plant, Stop
 from flighttune.plants.sensors import MEASURED, SensedPlant, Sensors
 from flighttune.plants.weather import WIND
 from flighttune.references.feasible import FeasibleReference
-from flighttune.references.follow import ROUTE_SIGNALS, Follower, RouteReference
+from flighttune.references.follow import ROUTE_SIGNALS, Follower, Place, RouteReference
 from flighttune.references.planner import Planner
 from flighttune.references.priority import AirspeedPriority
 from flighttune.references.segments import Reference
@@ -48,6 +49,10 @@ _POSITION = slice(COMMON_SIGNALS.index("north"), _DOWN + 1)
 PROGRESS_EVERY = 50
 
 NOT_LATE = (0.0, 0.0)
+
+# What a law is given at a sample, with its time; the place on a route, if there is one; whether
+# the flight ends with this sample.
+Sample: TypeAlias = tuple[Measured, ReferenceSample, float, Place | tuple[()], bool]
 
 
 def simulate(
@@ -106,83 +111,136 @@ def simulate(
     TrimError
         If the plant finds no steady flight at `condition`.
     """
-    dt = controller.dt
-    if not (math.isfinite(duration) and duration >= dt):
-        raise InputError(f"`duration` must be at least one sample ({dt} s), got {duration} s.")
-    if not isinstance(controller, SelfLimiting):
-        raise InputError(
-            "`controller` must apply limits itself (SelfLimiting); wrap it in GuardedLaw."
+    flight = Flight(
+        plant,
+        controller,
+        reference,
+        condition=condition,
+        duration=duration,
+        sensors=sensors,
+        lead=lead,
+    )
+    advance, step = flight.samples.send, controller.step
+    commands, k = None, 0
+    while True:
+        try:
+            measured, ref, now, *_ = advance(commands)  # the first one starts the flight
+        except StopIteration as end:
+            return flight.signals(), end.value
+        try:
+            commands = step(measured, ref, now)
+        except LawError as error:
+            return flight.signals(), Stop("law_failed", str(error))
+        if progress is not None and k % PROGRESS_EVERY == 0:
+            progress(now)
+        k += 1
+
+
+class Flight:
+    """One flight that waits at every sample for its commands: `simulate` gives those of a law.
+
+    Parameters are those of `simulate`. `controller` is started, and its `dt`, `limiter` and names
+    of signals count; who flies calls its `step`, or takes commands from elsewhere.
+
+    Attributes
+    ----------
+    samples : generator
+        Yields each `Sample`, receives what `Controller.step` returns at it, and returns why the
+        flight ended early, or None. With the first sample plant and controller are started.
+    """
+
+    def __init__(
+        self,
+        plant: Plant,
+        controller: Controller,
+        reference: Reference | FeasibleReference | RouteReference,
+        *,
+        condition: FlightCondition,
+        duration: float,
+        sensors: Sensors | None = None,
+        lead: tuple[float, float] | None = None,
+    ) -> None:
+        dt = controller.dt
+        if not (math.isfinite(duration) and duration >= dt):
+            raise InputError(f"`duration` must be at least one sample ({dt} s), got {duration} s.")
+        if not isinstance(controller, SelfLimiting):
+            raise InputError(
+                "`controller` must apply limits itself (SelfLimiting); wrap it in GuardedLaw."
+            )
+        last = round(duration / dt)
+        self._t = t = np.arange(last + 1, dtype=np.float64) * dt
+        sensed = None if sensors is None else len(plant.signals)
+        measured_of = _measured(plant.signals, condition.h, sensed)
+        if sensors is not None:
+            plant = SensedPlant(plant, sensors.errors(last + 1, dt))
+        self._wrapped = getattr(controller, "wrapped", (True,))[0]
+        route = reference if isinstance(reference, RouteReference) else None
+        airspeed = priority = None
+        if not isinstance(reference, FeasibleReference) and (airspeed := reference.airspeed(t)):
+            priority = AirspeedPriority(*airspeed, reference.g)
+        m = len(plant.limits.lower)
+        if (m == 3) is (airspeed is None):
+            raise InputError(
+                f"`reference` must have an airspeed with a plant of {m} commands: "
+                f"{'none' if m == 2 else 'one'}, got {'none' if airspeed is None else 'one'}."
+            )
+        if len(controller.limiter.u_unsat) != m:
+            raise InputError(
+                f"`controller` must have the {m} commands of the plant, got "
+                f"{len(controller.limiter.u_unsat)}."
+            )
+        further = () if route is None else tuple(ROUTE_SIGNALS)
+        further += () if airspeed is None else AIRSPEED_SIGNALS
+        self._columns = _columns(plant.signals, (*controller.signals, *further), m)
+        self._rows = bytearray()
+        self.samples = _samples(
+            plant,
+            controller,
+            condition,
+            measured_of,
+            zip(t.tolist(), _references(reference, t, lead or NOT_LATE), strict=True),
+            last=last,
+            follow=None if route is None else route.follower(dt, condition.h, lead or NOT_LATE),
+            plan=None if lead is None else _planner(reference, dt),
+            priority=priority,
+            route=route,
+            pack=struct.Struct(f"{len(self._columns)}d").pack,
+            rows=self._rows,
         )
-    count = round(duration / dt)
-    t = np.arange(count + 1, dtype=np.float64) * dt
-    sensed = None if sensors is None else len(plant.signals)
-    measured_of = _measured(plant.signals, condition.h, sensed)
-    if sensors is not None:
-        plant = SensedPlant(plant, sensors.errors(count + 1, dt))
-    wrapped = getattr(controller, "wrapped", (True,))[0]
-    route = reference if isinstance(reference, RouteReference) else None
-    airspeed = priority = None
-    if not isinstance(reference, FeasibleReference) and (airspeed := reference.airspeed(t)):
-        priority = AirspeedPriority(*airspeed, reference.g)
-    m = len(plant.limits.lower)
-    if (m == 3) is (airspeed is None):
-        raise InputError(
-            f"`reference` must have an airspeed with a plant of {m} commands: "
-            f"{'none' if m == 2 else 'one'}, got {'none' if airspeed is None else 'one'}."
-        )
-    if len(controller.limiter.u_unsat) != m:
-        raise InputError(
-            f"`controller` must have the {m} commands of the plant, got "
-            f"{len(controller.limiter.u_unsat)}."
-        )
-    further = () if route is None else tuple(ROUTE_SIGNALS)
-    further += () if airspeed is None else AIRSPEED_SIGNALS
-    columns = _columns(plant.signals, (*controller.signals, *further), m)
+
+    def signals(self) -> pd.DataFrame:
+        """The table of `simulate`, of the samples so far whose commands are there.
+
+        The flight cannot go on after it.
+        """
+        return _table(self._rows, self._columns, self._t, self._wrapped)
+
+
+def _samples(
+    plant: Plant,
+    controller: SelfLimiting,
+    condition: FlightCondition,
+    measured_of: Callable[[tuple[float, ...]], Measured],
+    samples: Iterable[tuple[float, ReferenceSample]],
+    *,
+    last: int,
+    follow: Follower | None,
+    plan: Planner | None,
+    priority: AirspeedPriority | None,
+    route: RouteReference | None,
+    pack: Callable[..., bytes],
+    rows: bytearray,
+) -> Generator[Sample, Sequence[float] | None, Stop | None]:
+    """Fly all samples, or to the end of a route; add them to `rows`."""
     plant.start(condition)
     try:
         controller.start(condition)
     except LawError as error:
-        return _table(bytearray(), columns, t, wrapped), Stop("law_failed", str(error))
-    rows = bytearray()
-    stop = _fly(
-        plant,
-        controller,
-        measured_of,
-        zip(t.tolist(), _references(reference, t, lead or NOT_LATE), strict=True),
-        count=count,
-        follow=None if route is None else route.follower(dt, condition.h, lead or NOT_LATE),
-        plan=None if lead is None else _planner(reference, dt),
-        priority=priority,
-        end=math.inf if route is None else route.path.length,
-        pack=struct.Struct(f"{len(columns)}d").pack,
-        rows=rows,
-        progress=progress,
-    )
-    signals = _table(rows, columns, t, wrapped)
-    if route is not None and stop is None:
-        stop = route.not_arrived(signals.index[-1], signals["along"].iloc[-1])
-    return signals, stop
-
-
-def _fly(
-    plant: Plant,
-    controller: SelfLimiting,
-    measured_of: Callable[[tuple[float, ...]], Measured],
-    samples: Iterable[tuple[float, ReferenceSample]],
-    *,
-    count: int,
-    follow: Follower | None,
-    plan: Planner | None,
-    priority: AirspeedPriority | None,
-    end: float,
-    pack: Callable[..., bytes],
-    rows: bytearray,
-    progress: Callable[[float], None] | None,
-) -> Stop | None:
-    """Fly all samples, or to the end of a route; add them to `rows`."""
+        return Stop("law_failed", str(error))
     dt, limiter, place, speed = controller.dt, controller.limiter, (), ()
     u_unsat, limited, m = limiter.u_unsat, limiter.limited, 2 if priority is None else 3
-    observe, advance, step = plant.observe, plant.advance, controller.step
+    observe, advance = plant.observe, plant.advance
+    end = math.inf if route is None else route.path.length
     for k, (now, ref) in enumerate(samples):
         signals = observe()
         measured = measured_of(signals)
@@ -195,20 +253,17 @@ def _fly(
         if priority is not None:
             ref = priority(k, measured, ref)
             speed = ref[1], ref[5], 0.0
-        try:
-            commands = step(measured, ref, now)
-        except LawError as error:
-            return Stop("law_failed", str(error))
+        ends = k == last or (bool(place) and place[0] >= end)
+        commands = yield measured, ref, now, place, ends
+        assert commands is not None  # None only starts the flight
         # The errors follow when all is flown: those of the signals, not those a sensor shows.
         loop = asked[0], asked[1], 0.0, 0.0, *commands[:m]
         rows += pack(*signals, *loop, *u_unsat, *commands[m:], *place, *speed, *limited)
-        if k == count or (place and place[0] >= end):
-            break
+        if ends:
+            return route.not_arrived(now, place[0]) if route is not None and place else None
         stop = advance(commands[0], commands[1], dt, *commands[2:m])
         if stop is not None:
             return stop
-        if progress is not None and k % PROGRESS_EVERY == 0:
-            progress(now)
     return None
 
 
