@@ -19,6 +19,7 @@ import time
 import running
 
 REPEATS = 1 if running.QUICK else 5
+FEW = ["--runs", "8"] if running.QUICK else []
 TIMES_IMPORTS = 3.0
 REPORT_S = 4.0
 CAMPAIGN_TO_FLY = 3.0
@@ -39,7 +40,7 @@ LIBRARIES = {
 """Libraries of each command."""
 
 if running.QUICK:
-    LIBRARIES = {name: LIBRARIES[name] for name in ("--help", "fly paper", "report")}
+    LIBRARIES = {name: LIBRARIES[name] for name in ("fly paper", "report")}
 
 AGAIN = """
 import contextlib, io, sys, time
@@ -86,9 +87,8 @@ def measured(folder: str) -> tuple[dict[str, dict[str, float]], float]:
             imports = seconds("-c", f"import {LIBRARIES[name]}")
             times[name].append((command, imports, own_work(arguments)))
         out = f"{folder}/campaign-{turn}"
-        campaign.append(
-            seconds("-m", "flighttune", "campaign", "run", "first_campaign", "--out", out)
-        )
+        run = "-m", "flighttune", "campaign", "run", "first_campaign", "--out", out
+        campaign.append(seconds(*run, *FEW))
     kinds = "command_s", "imports_s", "own_work_s"
     fastest: dict[str, dict[str, float]] = {
         name: dict(zip(kinds, map(min, zip(*rows, strict=True)), strict=True))

@@ -22,7 +22,7 @@ from tests.tubes.test_proof import arrays_of
 from tests.tubes.test_soundness import flown, made_up, outside, tube
 
 SEED = 26
-FEW, MANY = 10, 50 * TIMES
+FEW, MANY = 10, 25 * TIMES
 """Damages of each kind of file, and as many forgeries: with the other tests, and in the soak."""
 
 LONGEST_LINE = 10_000

@@ -32,7 +32,7 @@ from flighttune.plants.jsbsim.trim import trim_table
 
 G_0 = 9.80665
 
-CASES, MANY = 40, 200 * TIMES
+CASES, MANY = 40, 100 * TIMES
 """Of each kind of file, in the short and in the long run."""
 
 SAMPLE = 40

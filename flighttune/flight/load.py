@@ -121,7 +121,8 @@ def route_scenario(
         "plant": [{"kind": "jsbsim", "aircraft": aircraft}],
     }
     speeds = [row["V_mps"] for row in mission.route["waypoint"] if "V_mps" in row]
-    if speeds and "flight.V_a_mps" not in (changes or {}) and _takes_n_x(aircraft):
+    stated = "flight.V_a_mps" in (changes or {})
+    if speeds and not stated and load_aircraft(aircraft).limits.n_x is not None:
         tables["flight"] |= {"V_a_mps": mission.route["waypoint"][0].get("V_mps", first.V_a)}
         tables["route"] = tables["route"] | {"holds_airspeed": True}
         tables["controller"] |= {"schedule": True}
@@ -129,11 +130,6 @@ def route_scenario(
     scenario = validated(Scenario, tables, str(file))
     check_scenario(scenario, str(file))
     return scenario
-
-
-def _takes_n_x(aircraft: str) -> bool:
-    """Whether an aircraft follows an airspeed by n_x."""
-    return load_aircraft(aircraft).limits.n_x is not None
 
 
 def scenario_and_gains(

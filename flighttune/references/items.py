@@ -316,8 +316,8 @@ def _largest_speed(items: Sequence[Mapping[str, Any]]) -> tuple[float | None, li
     largest = max(speeds)
     stated = ", ".join(f"{speed:g} m/s by item {number}" for speed, number in speeds.items())
     whole = (
-        " Each is flown from its place on by an aircraft that takes n_x, where `holds_airspeed` of "
-        "[route] is true; else all of it is flown at the largest."
+        " An aircraft that takes n_x flies each from its place on, if `holds_airspeed` of [route] "
+        "is true. Otherwise the whole route is flown at the largest."
         if len(speeds) > 1
         else ""
     )

@@ -247,7 +247,7 @@ def as_in_a_terminal():
             signal.signal(number, signal.SIG_DFL)
 
 
-@pytest.mark.parametrize("count", [1, pytest.param(5 * TIMES, marks=pytest.mark.soak)])
+@pytest.mark.parametrize("count", [1, pytest.param(3 * TIMES, marks=pytest.mark.soak)])
 def test_a_campaign_ended_at_any_time_goes_on_to_the_same_bits(tmp_path, file, undisturbed, count):
     draw, seen = random.Random(26), Counter()
     scratch = tmp_path / "scratch"

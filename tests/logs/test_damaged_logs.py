@@ -75,12 +75,12 @@ def try_damages(originals, folder, count, seed):
 
 @pytest.mark.slow
 def test_damaged_logs_are_refused_in_one_line_or_read(originals, tmp_path):
-    try_damages(originals, tmp_path, 4 * FEW, seed=1)
+    try_damages(originals, tmp_path, 2 * FEW, seed=1)
 
 
 @pytest.mark.soak
 def test_many_damaged_logs_are_refused_in_one_line_or_read(originals, tmp_path):
-    read = try_damages(originals, tmp_path, 4 * MANY, seed=2)
+    read = try_damages(originals, tmp_path, 2 * MANY, seed=2)
 
-    assert read > MANY  # damage that matters little is read over
+    assert read > MANY // 2  # damage that matters little is read over
     assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss < MOST_KB + 300_000

@@ -12,7 +12,7 @@ import flighttune as ft
 from flighttune.records.parquet import parquet_bytes
 
 SEED = 12
-FEW, MANY = 40, 500 * TIMES
+FEW, MANY = 40, 250 * TIMES
 """Changes of a run that are tried: here, and in `make soak`."""
 
 COUNTS = [FEW, pytest.param(MANY, marks=pytest.mark.soak)]

@@ -255,9 +255,9 @@ def test_airspeeds_of_a_plan_are_flown_from_their_places_on(tmp_path):
     rows = read_route(file).route["waypoint"]
     assert [row.get("V_mps") for row in rows] == [22.0, None, 20.0, None]
     assert notes_of(read_route(file))[-1] == (
-        "The plan sets an airspeed of 22 m/s by item 2, 20 m/s by item 6. Each is flown from its "
-        "place on by an aircraft that takes n_x, where `holds_airspeed` of [route] is true; else "
-        "all of it is flown at the largest."
+        "The plan sets an airspeed of 22 m/s by item 2, 20 m/s by item 6. An aircraft "
+        "that takes n_x flies each from its place on, if `holds_airspeed` of [route] is true. "
+        "Otherwise the whole route is flown at the largest."
     )
     assert flighttune("route", file)[0].startswith("m: airspeed 20 to 22 m/s, turns for")
     whole = flighttune("route", file, "--set", "flight.V_a_mps=24")[0]

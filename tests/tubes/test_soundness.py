@@ -150,7 +150,7 @@ def check(case, seed):
         assert outside(found, flown(scenario, gains, start, disturbance, seed)) <= 0.0
 
 
-@few_or_many(5, 80)
+@few_or_many(5, 40)
 def test_no_flight_leaves_the_tube(count):
     check_cases(check, problems(), count)
 
