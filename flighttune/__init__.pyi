@@ -60,6 +60,7 @@ from flighttune.flight.route import PlannedRoute as PlannedRoute
 from flighttune.flight.route import route as route
 from flighttune.gaps.gap import Gap as Gap
 from flighttune.gaps.ladder import gap as gap
+from flighttune.gym import FlightEnv as FlightEnv
 from flighttune.identification.design import design as design
 from flighttune.identification.file import load_identified as load_identified
 from flighttune.identification.file import save_identified as save_identified

@@ -8,6 +8,7 @@ from flighttune.errors import InputError
 EXTRAS = {
     "dask": "cluster",
     "distributed": "cluster",
+    "gymnasium": "gym",
     "numba": "fast",
     "pymavlink": "logs",
     "pyulog": "logs",

@@ -14,6 +14,7 @@ ONLY_IN = {
     "cvxpy": "theory/lmi.py",
     "dask": "campaign/engine/cluster",
     "distributed": "campaign/engine/cluster",
+    "gymnasium": "gym.py",
     "jsbsim": "plants/jsbsim",
     "numba": "simulate/kernel.py",
     "pymavlink": "logs/read.py",

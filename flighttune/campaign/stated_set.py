@@ -69,7 +69,7 @@ def planned(
         return plan
     if aircraft is not None or like is not None or skip:
         raise InputError(f"{source}: `aircraft`, `like`, `skip` must be absent: it is no mission.")
-    if _is_scenario(source):
+    if is_scenario(source):
         scenario = load_scenario(source, changes=changes)
         if gains not in (None, *scenario.gain_names):
             scenario = with_gains(scenario, [gains], source)
@@ -112,7 +112,8 @@ def disturbance_of(tube: Tube) -> tuple[float, float]:
     return chi, gamma
 
 
-def _is_scenario(source: str) -> bool:
+def is_scenario(source: str | Path) -> bool:
+    """Whether a file or name is that of a scenario; if not, of a campaign."""
     path = Path(source)
     if path.is_file() and path.suffix == ".toml":
         return "scenario" not in toml_tables(path)

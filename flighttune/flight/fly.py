@@ -157,7 +157,7 @@ def _fly_apart(
     who = f"law {scenario.law_table(name).name}" if law else f"plant {table.label}"
     reason = f"{who} after t = {part * duration:.2f} s: its process {end}."
     status = "law_failed" if law else "plant_failed"
-    return _without_samples(_provenance(scenario, table.label, name, None), status, reason)
+    return _without_samples(provenance(scenario, table.label, name, None), status, reason)
 
 
 def aircraft_table(scenario: Scenario, plant: str | None = None) -> PlantTable:
@@ -236,7 +236,7 @@ def fly_alone(
     elif wind_run is not None and gains is not None:
         source = wind_run.provenance.plant
         reason = f"the wind is that of {source}, which did not fly: {wind_run.reason}"
-        made_by = _provenance(scenario, label, gains_name, gains)
+        made_by = provenance(scenario, label, gains_name, gains)
         return _without_samples(made_by, wind_run.status, reason)
     else:
         wind = steady_wind(scenario)
@@ -287,7 +287,7 @@ def fly_once(
     scenario = with_own(scenario)
     if gains is None:
         reason = "tuning found no gains that meet the constraints"
-        made_by = _provenance(scenario, plant_label, gains_name, None)
+        made_by = provenance(scenario, plant_label, gains_name, None)
         return _without_samples(made_by, "no_gains", reason)
     started = time.perf_counter()
     duration = scenario.flight.duration_s
@@ -295,7 +295,7 @@ def fly_once(
         limits = command_limits(scenario).within(plant.limits)
     law, _ = scenario.law_of(gains_name, gains)
     # A law that gains do not describe flies by something of its own, and its run has none.
-    made_by = _provenance(scenario, plant_label, gains_name, gains if law.by_gains else None)
+    made_by = provenance(scenario, plant_label, gains_name, gains if law.by_gains else None)
     label = f"{plant_label} / {gains_name}"
     try:
         controller = law.controller(law_setup(scenario, gains, limits))
@@ -336,9 +336,10 @@ def _without_samples(made_by: Provenance, status: RunStatus, reason: str) -> Run
     return Run(signals=signals, status=status, reason=reason, provenance=made_by)
 
 
-def _provenance(
+def provenance(
     scenario: Scenario, plant_label: str, gains_name: str, gains: PIGains | None
 ) -> Provenance:
+    """Origin of a run; its time is yet to come."""
     return Provenance(
         scenario=scenario.as_dict(),
         plant=plant_label,

@@ -1,0 +1,340 @@
+"""A scenario, campaign or route as an environment of Gymnasium."""
+
+import math
+from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from flighttune.arrays import FloatArray
+from flighttune.campaign.planning.load import load_campaign
+from flighttune.campaign.planning.plan import plan_campaign
+from flighttune.campaign.planning.schema import Campaign
+from flighttune.campaign.stated_set import is_scenario
+from flighttune.control.controller import FlightCondition, SelfLimiting
+from flighttune.control.gains import PIGains
+from flighttune.control.guarded import GuardedLaw, LawError
+from flighttune.errors import InputError, ScenarioError, TrimError
+from flighttune.extras import need
+from flighttune.files.mistakes import validated
+from flighttune.flight.conditions import command_limits, lead_on
+from flighttune.flight.flown import FlownScenario
+from flighttune.flight.fly import manoeuvre, plant_of, provenance, steady_wind
+from flighttune.flight.load import load_scenario
+from flighttune.flight.models import gain_set, law_setup
+from flighttune.flight.own import with_own
+from flighttune.flight.route import is_mission, route
+from flighttune.plants.base import N_X_SIGNALS
+from flighttune.plants.jsbsim.plant import LARGEST_SEED
+from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import TUNED_IDENTIFIED, ControllerTable
+from flighttune.simulate.loop import Flight, Sample
+from flighttune.simulate.run import Run, RunStatus
+from flighttune.units import DEG, wrap_angle
+
+if TYPE_CHECKING or find_spec("gymnasium"):
+    from gymnasium import Env, spaces
+else:  # its name stays public without the extra, and `need` says what is missing
+    Env = object
+
+# Errors that cost half of the reward of a step: of position, of the angles, of the airspeed.
+HALF_M, HALF_RAD, HALF_MPS = 5.0, 5.0 * DEG, 5.0
+
+# Draws of a campaign that may fail to start before an episode gives up.
+MAX_DRAWS = 100
+
+OBSERVED = ("chi_err", "gamma_err", "chi_dot_ref", "gamma_dot_ref", "gamma", "phi", "n_z", "V_a")
+
+
+class FlightEnv(Env):
+    """Gymnasium environment in which an agent commands roll and load factor in place of a law.
+
+    An action is held for one sample of the outer loop, and an episode is one flight. It is
+    terminated where the aircraft leaves its envelope, hits the ground or diverges, and at the end
+    of a route; it is truncated when the time of the scenario is over. Needs ``flighttune[gym]``.
+
+    Parameters
+    ----------
+    world : Scenario, Campaign, str or Path
+        What is flown: a scenario or campaign, its file or name, or the file of a route. Each
+        episode of a campaign is one of its draws; each one of a scenario has another seed for
+        turbulence and sensors.
+    plant : str, optional
+        Label of the plant; by default the first aircraft, else the first plant. A plant without
+        weather meets the wind of the start.
+    gains : str, optional
+        Gain set of `baseline`; by default ``tuned_identified`` if there is one, else the first.
+    rate_hz : float, 1/s
+        Actions per second. It replaces the rate of the scenario, and gains are tuned for it.
+
+    Attributes
+    ----------
+    action_space : gymnasium.spaces.Box, shape (m,)
+        Roll (rad) and load factor (1), and n_x (1) where the airspeed is a channel, within the
+        limits of scenario and plant. Their rate limits hold too.
+    observation_space : gymnasium.spaces.Box, shape (n,)
+        The values named in `observed`.
+    observed : tuple of str, length n
+        Names of the observed values, in SI and rad: errors of course and path angle, rates of their
+        reference, ``gamma``, ``phi``, ``n_z``, ``V_a`` and the commands in force. On a route also
+        ``cross_track`` (right of it) and ``height_err``; where the airspeed is a channel also
+        ``V_err`` and n_x with its least and largest value.
+    scenario : Scenario
+        The scenario of this episode, with its seed and what was drawn.
+
+    Raises
+    ------
+    InputError
+        If Gymnasium is not installed, there is no such world, plant or gain set, or a command has
+        no limits.
+
+    Notes
+    -----
+    The reward of a step of length dt is ``-dt e / (1 + e)``. On a route e is the distance from it
+    over 5 m, else the error of course and path angle over 5 deg; an airspeed adds its error over
+    5 m/s, as root of the sum of squares. A failed flight loses all of the time that was left, so
+    that failing early never pays.
+
+    ``reset(seed=...)`` gives the same bits anywhere, also beside other environments of the process.
+    ``reset(options={"draw": 3})`` flies a draw of a campaign by its number. A draw that cannot
+    start is replaced by another, unless asked for.
+
+    Examples
+    --------
+    >>> env = ft.FlightEnv("mission")
+    >>> obs, info = env.reset(seed=1)
+    >>> obs, reward, terminated, truncated, info = env.step(env.baseline(obs))
+    >>> env.action_space.high.round(3).tolist(), len(obs), terminated
+    ([0.785, 2.1], 10, False)
+    """
+
+    def __init__(
+        self,
+        world: Scenario | Campaign | str | Path,
+        *,
+        plant: str | None = None,
+        gains: str | None = None,
+        rate_hz: float = 10.0,
+    ) -> None:
+        need("`FlightEnv`", "gymnasium")
+        stated, self._plan = _stated(world), None
+        if isinstance(stated, Campaign):
+            both = {key: _at(rate_hz, getattr(stated, key)) for key in ("nominal", "central")}
+            self._plan = plan_campaign(stated.model_copy(update=both))
+            stated = self._plan.scenario
+        self._world = self.scenario = scenario = with_own(_at(rate_hz, stated))
+        plants = *scenario.aircraft, *scenario.plant
+        self._plant = _chosen("plant", plant, [table.label for table in plants])
+        names = sorted(scenario.gain_names, key=lambda name: name != TUNED_IDENTIFIED)
+        self._gains = _chosen("gains", gains, names)
+        self._gain_set = None if self._plan is None else self._plan.gain_sets[self._gains]
+        self._episode = _Episode(scenario, self._plant)
+        limits = self._episode.limits
+        if not np.isfinite([limits.lower, limits.upper]).all():
+            raise InputError(
+                "[limits] must give the range of each action of `FlightEnv`, got "
+                f"{limits.lower.tolist()} to {limits.upper.tolist()}."
+            )
+        self.observed: tuple[str, ...] = (
+            *OBSERVED,
+            *("phi_cmd", "n_z_cmd", "n_x_cmd")[: len(limits.lower)],
+            *(("cross_track", "height_err") if scenario.route is not None else ()),
+            *(("V_err", *N_X_SIGNALS) if scenario.airspeed else ()),
+        )
+        self.action_space = spaces.Box(limits.lower, limits.upper, dtype=np.float64)
+        self.observation_space = spaces.Box(-np.inf, np.inf, (len(self.observed),), np.float64)
+
+    def reset(
+        self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[FloatArray, dict[str, Any]]:
+        """Begin a flight; the info has the ``seed`` of its scenario, and the ``draw``."""
+        super().reset(seed=seed)
+        asked = (options or {}).get("draw")
+        if asked is not None and self._plan is None:
+            raise InputError(f"`draw` must be absent where the world is no campaign, got {asked}.")
+        left = MAX_DRAWS if self._plan is not None and asked is None else 1
+        while True:
+            try:
+                info = self._begin(asked)
+                return self._episode.observation(), info
+            except (ScenarioError, TrimError):
+                left -= 1
+                if not left:
+                    raise
+
+    def _begin(self, draw: int | None) -> dict[str, Any]:
+        info = {}
+        if self._plan is None:
+            seed = int(self.np_random.integers(LARGEST_SEED + 1))
+            self.scenario = self._world.model_copy(update={"seed": seed})
+        else:
+            draw = int(self.np_random.integers(self._plan.draws)) if draw is None else draw
+            self.scenario, info = with_own(self._plan.scenario_of(draw)), {"draw": draw}
+        self._episode = _Episode(self.scenario, self._plant)
+        self._episode.start()
+        return {"seed": self.scenario.seed, **info}
+
+    def step(
+        self, action: Sequence[float] | FloatArray
+    ) -> tuple[FloatArray, float, bool, bool, dict[str, Any]]:
+        """Fly one sample under an action; the last info of a flight has ``status`` and ``reason``.
+
+        Raises InputError if the action is not m finite numbers, or no flight is under way.
+        """
+        episode = self._episode
+        if episode.over:
+            raise InputError("`reset` must be called before `step`: no flight is under way.")
+        episode.agent.action = action
+        _, _, t, _, _ = episode.sample
+        episode.fly_on()
+        failed = episode.over
+        if failed:
+            reward = t - self.scenario.flight.duration_s
+        else:
+            reward = -episode.loss() * episode.agent.dt
+            *_, ends = episode.sample
+            if ends:
+                episode.fly_on()  # records the last sample, with the last action in force
+        arrived = episode.over and self.scenario.route is not None and episode.stop is None
+        terminated = failed or arrived
+        truncated = episode.over and not terminated
+        status, reason = episode.outcome
+        info = {"status": status, "reason": reason} if episode.over else {}
+        return episode.observation(), reward, terminated, truncated, info
+
+    def baseline(self, obs: FloatArray) -> FloatArray:
+        """Action of the scenario's law at the latest observation, shape (m,).
+
+        The law is given the measurements and the reference behind `obs`; its integrals begin with
+        the first call of a flight.
+        """
+        if self._episode.over or not np.array_equal(obs, self._episode.observation()):
+            raise InputError("`obs` must be the latest observation of a flight under way.")
+        if self._gain_set is None:
+            self._gain_set = gain_set(self._world, self._gains)
+        if self._gain_set is None:
+            raise InputError(f"`gains` must be feasible, got {self._gains}: tuning found none.")
+        return self._episode.law_action(self._gains, self._gain_set)
+
+    @property
+    def flown(self) -> FlownScenario:
+        """The flight that has ended, as `fly` returns one: to be recorded, plotted, measured."""
+        episode = self._episode
+        if not episode.over:
+            raise InputError("`flown` must be asked for after the end of a flight.")
+        status, reason = episode.outcome
+        made_by = provenance(self.scenario, self._plant, "actions", None)
+        signals = episode.flight.signals()
+        run = Run(signals=signals, status=status, reason=reason, provenance=made_by)
+        return FlownScenario(self.scenario, (run,), {})
+
+
+class _Agent:
+    """Actions in place of a law."""
+
+    signals: Mapping[str, str] = {}
+
+    def __init__(self, dt: float) -> None:
+        self.dt = dt
+        self.action: Sequence[float] | FloatArray = ()
+
+    def start(self, condition: FlightCondition) -> None:
+        pass
+
+    def step(self, *_: Any) -> Any:
+        return self.action
+
+
+class _Episode:
+    """One flight: under way after `start`, until it is `over`."""
+
+    def __init__(self, scenario: Scenario, label: str) -> None:
+        table = scenario.plant_table(label)
+        plant = plant_of(table, scenario, steady_wind(scenario))
+        self.limits = command_limits(scenario).within(plant.limits)
+        self.agent = _Agent(1.0 / scenario.controller.rate_hz)
+        self._actions = GuardedLaw(self.agent, self.limits, "action")
+        stated = manoeuvre(scenario, plant)
+        self.flight = Flight(plant, self._actions, **stated, lead=lead_on(scenario, table))
+        self._scenario, self._condition = scenario, stated["condition"]
+        self._law: SelfLimiting | None = None
+        self._law_action: FloatArray | None = None
+        self.over, self.stop = True, None
+
+    def start(self) -> None:
+        """Start the plant."""
+        self.sample: Sample = next(self.flight.samples)
+        self.over = False
+
+    def fly_on(self) -> None:
+        """Fly one sample under the action of the agent."""
+        try:
+            commands = self._actions.step(*self.sample[:3])
+        except LawError as error:
+            raise InputError(str(error)) from None
+        try:
+            self.sample = self.flight.samples.send(commands)
+        except StopIteration as end:
+            self.over, self.stop = True, end.value
+        self._law_action = None
+
+    @property
+    def outcome(self) -> tuple[RunStatus, str]:
+        """Status of the flight, and its reason."""
+        return ("completed", "") if self.stop is None else (self.stop.status, self.stop.reason)
+
+    def observation(self) -> FloatArray:
+        """The values of `FlightEnv.observed`."""
+        m, ref, _, place, _ = self.sample
+        chi_err, gamma_err = wrap_angle(ref.chi - m.chi), ref.gamma - m.gamma
+        speed = () if m.n_x is None or ref.V is None else (ref.V - m.V_a, *m.n_x)
+        flying = m.gamma, m.phi, m.n_z, m.V_a, *self._actions.limiter.u
+        return np.array(
+            [chi_err, gamma_err, ref.chi_dot, ref.gamma_dot, *flying, *place[1:], *speed]
+        )
+
+    def loss(self) -> float:
+        """Share of the reward lost at this sample, 0 to 1."""
+        m, ref, _, place, _ = self.sample
+        if place:
+            error = math.hypot(*place[1:]) / HALF_M
+        else:
+            error = math.hypot(wrap_angle(ref.chi - m.chi), ref.gamma - m.gamma) / HALF_RAD
+        if ref.V is not None:
+            error = math.hypot(error, (ref.V - m.V_a) / HALF_MPS)
+        return error / (1.0 + error)
+
+    def law_action(self, name: str, gains: PIGains) -> FloatArray:
+        """Commands of the law at this sample, which it steps once."""
+        if self._law is None:
+            law, _ = self._scenario.law_of(name, gains)
+            self._law = law.controller(law_setup(self._scenario, gains, self.limits))
+            self._law.start(self._condition)
+        if self._law_action is None:
+            commands = self._law.step(*self.sample[:3])
+            self._law_action = np.array(commands[: len(self.limits.lower)])
+        return self._law_action.copy()
+
+
+def _stated(world: Scenario | Campaign | str | Path) -> Scenario | Campaign:
+    if isinstance(world, (Scenario, Campaign)):
+        return world
+    if is_mission(world):
+        return route(world).scenario
+    return load_scenario(world) if is_scenario(world) else load_campaign(world)
+
+
+def _at(rate_hz: float, scenario: Scenario) -> Scenario:
+    """The scenario with another rate of its outer loop."""
+    tables = scenario.controller.model_dump() | {"rate_hz": rate_hz}
+    controller = validated(ControllerTable, tables, "`FlightEnv`")
+    return scenario.model_copy(update={"controller": controller})
+
+
+def _chosen(key: str, name: str | None, names: Sequence[str]) -> str:
+    """A plant or gain set by its name, by default the first."""
+    if name not in (None, *names):
+        raise InputError(f"`{key}` must be one of {', '.join(dict.fromkeys(names))}, got {name}.")
+    return name or names[0]

@@ -1,0 +1,253 @@
+"""Scenarios, campaigns and routes as environments of Gymnasium."""
+
+import math
+import sys
+import warnings
+
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
+
+import flighttune as ft
+from flighttune.flight.models import gain_set
+
+# A corridor in which the law flies a leg, a turn of 73 deg and a leg, m.
+CORRIDOR_M = 1.0
+
+
+def route_of(waypoints, **flight):
+    """The first legs of the circuit, with its gains as numbers: tuning depends on the seed."""
+    scenario = ft.load_scenario("circuit")
+    tables = scenario.as_dict()
+    tables["gains"] = [{"name": "soft", **gain_set(scenario, "tuned_identified").as_lists()}]
+    tables["route"]["waypoint"] = tables["route"]["waypoint"][:waypoints]
+    tables["flight"] |= flight
+    return ft.scenario_from(tables)
+
+
+def calm_legs():
+    """Two legs, flown in wind and off the nominal as the shipped campaign draws them."""
+    campaign = ft.load_campaign("circuit_in_wind", route_of(3))
+    return campaign.model_copy(
+        update={
+            key: getattr(campaign, key).model_copy(update={"turbulence": None})
+            for key in ("nominal", "central")
+        }
+    )
+
+
+def flown_by_the_law(env, **reset):
+    """Observations, rewards and the last step of a flight under the actions of the law."""
+    obs, info = env.reset(**reset)
+    observations, rewards, ended = [obs], [], False
+    while not ended:
+        obs, reward, terminated, truncated, last = env.step(env.baseline(obs))
+        observations.append(obs)
+        rewards.append(reward)
+        ended = terminated or truncated
+    return np.array(observations), np.array(rewards), (info, terminated, truncated, last)
+
+
+@pytest.mark.parametrize("world", ["mission", "circuit_in_wind", "speed_change_in_turn"])
+def test_it_keeps_the_rules_of_gymnasium(world):
+    with warnings.catch_warnings():
+        # commands are in their units, and no error of a flight has a bound
+        warnings.filterwarnings("ignore", message=".*(symmetric and normalized|infinity).*")
+        check_env(ft.FlightEnv(world), skip_render_check=True)
+
+
+@pytest.mark.parametrize(
+    ("world", "gains"),
+    [
+        ("route", "soft"),
+        ("speed_change_in_turn", "exact:speed"),
+        ("turbulent_climb", "paper"),
+        ("sensor_noise", "paper"),
+    ],
+)
+def test_under_the_actions_of_the_law_it_flies_what_fly_does(world, gains):
+    env = ft.FlightEnv(route_of(2) if world == "route" else world, gains=gains)
+    observations, _, (info, *_) = flown_by_the_law(env, seed=5)
+
+    flown = ft.fly(env.scenario, gains)
+    expected = next(run for run in flown.runs if run.provenance.aircraft)
+    (run,) = env.flown.runs
+
+    assert expected.provenance.scenario["controller"]["rate_hz"] == 10.0
+    assert expected.provenance.seed == info["seed"]
+    # an action is in its limits already, the command of a law is not
+    shared = [name for name in run.signals if not name.endswith(("_unlimited", "_limited"))]
+    # the commands of the last sample fly nothing: an agent is not asked for them
+    states = run.signals[shared].to_numpy()[:-1], expected.signals[shared].to_numpy()[:-1]
+    assert np.array_equal(*states)
+    if env.scenario.sensors is None:
+        for name in ("chi_err", "phi", "V_a"):
+            column = observations[:, env.observed.index(name)]
+            assert np.array_equal(column, run.signals[name])
+
+
+@pytest.mark.slow
+def test_seeds_give_the_same_bits_beside_other_environments():
+    def make():
+        return ft.FlightEnv("circuit_in_wind")
+
+    actions = np.random.default_rng(1).uniform((-0.5, 0.8), (0.5, 1.3), (40, 3, 2))
+
+    def flights(envs):
+        observations = [envs.reset(seed=[4, 5, 4])[0]]
+        observations += [envs.step(action)[0] for action in actions]
+        envs.close()
+        return np.array(observations)
+
+    beside = flights(SyncVectorEnv([make] * 3))
+    apart = flights(AsyncVectorEnv([make] * 3))
+    env = make()
+    alone = [env.reset(seed=5)[0]] + [env.step(action)[0] for action in actions[:, 1]]
+
+    assert np.array_equal(beside, apart)
+    assert np.array_equal(beside[:, 1], alone)
+    assert np.array_equal(beside[0, 0], beside[0, 2])
+    assert not np.array_equal(beside[0, 0], beside[0, 1])
+
+
+@pytest.mark.slow
+def test_each_episode_of_a_campaign_is_a_draw_that_can_be_asked_for():
+    env, plan = ft.FlightEnv(calm_legs()), ft.plan_campaign(calm_legs())
+    obs, info = env.reset(seed=2)
+    following = env.reset()[1]
+
+    assert info["draw"] != following["draw"]
+    assert info["seed"] == plan.values_of(info["draw"])["seed"]
+    assert np.array_equal(env.reset(options={"draw": info["draw"]})[0], obs)
+    assert env.scenario.wind.speed_mps == plan.values_of(info["draw"])["wind.speed_mps"]
+
+
+def largest_distances(draws):
+    """Largest distance from the route in each draw of two legs that the law flies, m."""
+    env = ft.FlightEnv(calm_legs())
+    place = [env.observed.index(name) for name in ("cross_track", "height_err")]
+    for draw in draws:
+        observations, _, (_, terminated, _, last) = flown_by_the_law(env, options={"draw": draw})
+        assert terminated, last
+        assert last["status"] == "completed"
+        yield np.hypot(*observations[:, place].T).max()
+
+
+@pytest.mark.slow
+def test_the_law_flies_a_leg_and_a_turn_within_a_metre():
+    distances = [*largest_distances(range(5))]
+
+    assert max(distances) < CORRIDOR_M
+    assert min(distances) > 0.0
+
+
+@pytest.mark.soak
+def test_the_law_flies_a_leg_and_a_turn_within_a_metre_in_a_hundred_draws():
+    assert max(largest_distances(range(100))) < CORRIDOR_M
+
+
+def test_a_flight_that_fails_is_terminated_and_loses_the_time_left():
+    env = ft.FlightEnv("mission")
+    env.reset(seed=1)
+    rewards, terminated = [], False
+    while not terminated:
+        _, reward, terminated, truncated, info = env.step([0.7, -2.0])
+        rewards.append(reward)
+
+    assert not truncated
+    assert info["status"] == "left_envelope"
+    assert f"t = {len(rewards) * 0.1 - 0.1:.0f}" in info["reason"]
+    assert rewards[-1] == pytest.approx(-(45.0 - 0.1 * (len(rewards) - 1)))
+    assert env.flown.runs[0].status == "left_envelope"
+
+
+@pytest.mark.parametrize(
+    ("duration", "status", "arrived"), [(60.0, "completed", True), (35.0, "not_arrived", False)]
+)
+def test_the_end_of_a_route_terminates_and_the_end_of_time_truncates(duration, status, arrived):
+    env = ft.FlightEnv(route_of(3, duration_s=duration))
+    _, rewards, (_, terminated, truncated, last) = flown_by_the_law(env, seed=1)
+
+    assert (terminated, truncated, last["status"]) == (arrived, not arrived, status)
+    assert arrived or len(rewards) == 350
+
+
+def test_the_reward_is_the_time_lost_to_errors():
+    halves_m, halves_rad, halves_mps = 5.0, math.radians(5.0), 5.0
+    for world, names, half in (
+        (route_of(3), ("cross_track", "height_err"), halves_m),
+        ("speed_change_in_turn", ("chi_err", "gamma_err"), halves_rad),
+    ):
+        env = ft.FlightEnv(world)
+        env.reset(seed=1)
+        for k in range(30):
+            obs, reward, *_ = env.step([0.3, 1.1, 0.0][: len(env.action_space.low)])
+            at = dict(zip(env.observed, obs, strict=True))
+            error = math.hypot(
+                *(at[name] / half for name in names), at.get("V_err", 0.0) / halves_mps
+            )
+            assert reward == pytest.approx(-0.1 * error / (1.0 + error), rel=1e-12), k
+
+
+def test_actions_are_those_that_scenario_and_aircraft_allow():
+    env = ft.FlightEnv("speed_change_in_turn")
+    limits, n_x = ft.JSBSimPlant("aerosonde", takes_n_x=True).limits, env.action_space.high[2]
+    env.reset(seed=1)
+    env.step([1.5, 1.0, 9.0])
+    obs = env.step([1.5, 1.0, 9.0])[0]
+    command = dict(zip(env.observed, obs, strict=True))
+
+    assert np.all(env.action_space.low >= limits.lower)
+    assert np.all(env.action_space.high <= limits.upper)
+    assert command["n_x_cmd"] <= n_x
+    assert command["phi_cmd"] == pytest.approx(0.2 * limits.rate_upper[0])
+
+
+@pytest.mark.parametrize(
+    ("world", "options", "said"),
+    [
+        ("nowhere", {}, "nowhere"),
+        ("mission", {"plant": "kinematic"}, "`plant` must be one of jsbsim:aerosonde, got kinem"),
+        ("mission", {"gains": "K1"}, "`gains` must be one of tuned_identified, got K1"),
+        ("mission", {"rate_hz": 0.5}, "`rate_hz`"),
+        ("mission", {"rate_hz": 33.0}, "`controller.rate_hz` must divide"),
+    ],
+)
+def test_a_world_that_there_is_not_is_refused(world, options, said):
+    with pytest.raises(ft.InputError, match=said):
+        ft.FlightEnv(world, **options)
+
+
+def test_a_command_without_limits_is_refused():
+    tables = ft.load_scenario("paper_as_printed").as_dict()
+    del tables["limits"]
+
+    with pytest.raises(ft.InputError, match="must give the range of each action"):
+        ft.FlightEnv(ft.scenario_from(tables))
+
+
+def test_what_cannot_be_flown_is_refused():
+    env = ft.FlightEnv("mission")
+    with pytest.raises(ft.InputError, match="`reset` must be called before"):
+        env.step([0.0, 1.0])
+    with pytest.raises(ft.InputError, match="`obs` must be the latest"):
+        env.baseline(np.zeros(10))
+    with pytest.raises(ft.InputError, match="`draw` must be absent"):
+        env.reset(options={"draw": 1})
+    obs, _ = env.reset(seed=1)
+    for action, said in (([math.nan, 1.0], "`phi_cmd` must be finite"), ([0.0], "got 1")):
+        with pytest.raises(ft.InputError, match=said):
+            env.step(action)
+    env.step([0.5, 1.0])
+    with pytest.raises(ft.InputError, match="`obs` must be the latest"):
+        env.baseline(obs)
+    with pytest.raises(ft.InputError, match="after the end"):
+        _ = env.flown
+
+
+def test_without_gymnasium_one_line_names_the_extra(monkeypatch):
+    monkeypatch.setitem(sys.modules, "gymnasium", None)
+
+    with pytest.raises(ft.InputError, match=r"^`FlightEnv` needs gymnasium; .*\[gym\]'$"):
+        ft.FlightEnv("mission")
