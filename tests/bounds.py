@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[1]
 RESOLUTIONS = ("lowest-direct", "highest")
 PLATFORMS = ("x86_64-manylinux_2_28", "aarch64-apple-darwin", "x86_64-pc-windows-msvc")
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
-EXTRAS = ("fast", "cluster", "notebook")
+EXTRAS = ("fast", "cluster", "notebook", "gym")
 QUIET = "ignore::DeprecationWarning"
 """Old versions warn of what newer ones no longer do; newest versions must be silent."""
 

@@ -33,6 +33,12 @@ PEERS = {
     "cvxpy + Clarabel, a problem a loop": "the paper's program by cvxpy and Clarabel, a loop",
 }
 
+ENVIRONMENTS = {
+    "aircraft alone": "the same aircraft without an environment, started once",
+    "jsbgym": "jsbgym, which integrates at 60 Hz without an inner loop",
+    "gymnasium_jsbsim": "gymnasium-jsbsim, likewise",
+}
+
 
 def printed(name: str, folder: Path) -> str:
     """What a benchmark prints, from `folder` or by running it."""
@@ -65,6 +71,7 @@ def ratios(folder: Path) -> list[tuple[str, ...]]:
     """Every ratio against a peer, with its bar."""
     loop, campaign = figures("jsbsim", folder), figures("campaign", folder)
     theory, recording = figures("theory", folder), figures("recording", folder)
+    gym = figures("gym", folder)
     busy = re.search(r"(\d+) times the processor time; at least (\d+)", printed("batch", folder))
     assert busy is not None
     rows = [
@@ -107,6 +114,15 @@ def ratios(folder: Path) -> list[tuple[str, ...]]:
             f"{recording['steps_over_columns']:.2g} times as fast",
             "",
         ),
+    ]
+    rows += [
+        (
+            "`FlightEnv`: the Cessna at 10 actions/s, a reset a minute",
+            ENVIRONMENTS[name],
+            f"{ratio:.2f} times the integration steps a second",
+            f"{gym['targets'][name]:g}",
+        )
+        for name, ratio in gym["ratios"].items()
     ]
     return rows
 
