@@ -24,3 +24,15 @@ def test_the_first_example_flies_and_records(tmp_path, monkeypatch):
     ]
     assert {run.status for run in names["flown"].runs} == {"completed"}
     assert list((tmp_path / "runs/mine").glob("*.rrd"))
+
+
+@pytest.mark.slow
+def test_the_example_of_an_agent_flies_and_records(tmp_path, monkeypatch):
+    code = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)[-1]
+    monkeypatch.chdir(tmp_path)
+    names = {}
+
+    exec(compile(code, "own_law.md", "exec"), names)
+
+    assert names["env"].flown.runs[0].status == "completed"
+    assert list((tmp_path / "runs/agent").glob("*.rrd"))
