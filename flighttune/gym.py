@@ -133,9 +133,10 @@ class FlightEnv(Env):
         self._episode = _Episode(scenario, self._plant)
         limits = self._episode.limits
         if not np.isfinite([limits.lower, limits.upper]).all():
+            keys = ("`phi_deg`", "`n_z`", "`n_x`")[: len(limits.lower)]
             raise InputError(
-                "[limits] must give the range of each action of `FlightEnv`, got "
-                f"{limits.lower.tolist()} to {limits.upper.tolist()}."
+                f"{scenario.title}: [limits] must bound every action ({', '.join(keys)}), got "
+                f"{limits.lower} to {limits.upper}."
             )
         self.observed: tuple[str, ...] = (
             *OBSERVED,
@@ -222,11 +223,11 @@ class FlightEnv(Env):
     def flown(self) -> FlownScenario:
         """The flight that has ended, as `fly` returns one: to be recorded, plotted, measured."""
         episode = self._episode
-        if not episode.over:
+        signals = episode.flight.signals() if episode.over else ()
+        if not len(signals):
             raise InputError("`flown` must be asked for after the end of a flight.")
         status, reason = episode.outcome
         made_by = provenance(self.scenario, self._plant, "actions", None)
-        signals = episode.flight.signals()
         run = Run(signals=signals, status=status, reason=reason, provenance=made_by)
         return FlownScenario(self.scenario, (run,), {})
 

@@ -3,6 +3,7 @@
 import math
 import sys
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -109,6 +110,27 @@ def test_seeds_give_the_same_bits_beside_other_environments():
     assert np.array_equal(beside[:, 1], alone)
     assert np.array_equal(beside[0, 0], beside[0, 2])
     assert not np.array_equal(beside[0, 0], beside[0, 1])
+
+
+def test_the_file_of_a_route_is_a_world():
+    env = ft.FlightEnv(Path(ft.__file__).parents[1] / "scenarios" / "approach.plan")
+    obs, _ = env.reset(seed=1)
+
+    assert env.observed[-2:] == ("cross_track", "height_err")
+    assert obs[-2:] == pytest.approx([0.0, 0.0], abs=1e-6)
+    assert env.scenario.route is not None
+
+
+def test_a_plant_without_weather_meets_the_wind_of_the_start():
+    env = ft.FlightEnv("crosswind_course", plant="kinematic")
+    _, _, (_, _, truncated, _) = flown_by_the_law(env, seed=1)
+    wind = env.flown.runs[0].signals[["wind_north", "wind_east"]].to_numpy()
+    expected = ft.fly("crosswind_course").runs
+
+    assert truncated
+    assert np.all(wind == wind[0])
+    aircraft = next(run for run in expected if run.provenance.aircraft)
+    assert wind[0] == pytest.approx(aircraft.signals[["wind_north", "wind_east"]].iloc[0])
 
 
 @pytest.mark.slow
@@ -223,7 +245,7 @@ def test_a_command_without_limits_is_refused():
     tables = ft.load_scenario("paper_as_printed").as_dict()
     del tables["limits"]
 
-    with pytest.raises(ft.InputError, match="must give the range of each action"):
+    with pytest.raises(ft.InputError, match=r"`phi_deg`, `n_z`\), got .-inf -inf. to .inf inf."):
         ft.FlightEnv(ft.scenario_from(tables))
 
 
@@ -233,6 +255,8 @@ def test_what_cannot_be_flown_is_refused():
         env.step([0.0, 1.0])
     with pytest.raises(ft.InputError, match="`obs` must be the latest"):
         env.baseline(np.zeros(10))
+    with pytest.raises(ft.InputError, match="after the end"):
+        _ = env.flown
     with pytest.raises(ft.InputError, match="`draw` must be absent"):
         env.reset(options={"draw": 1})
     obs, _ = env.reset(seed=1)
