@@ -8,12 +8,10 @@ from rerun.blueprint.components import LinkAxis
 
 from flighttune.metrics import OFF_ROUTE
 from flighttune.recording import entities, scene
-from flighttune.recording.entities import DrawnRun
+from flighttune.recording.entities import OVERVIEW_TAB, PAGE_TAB, ROUTE_TAB, DrawnRun
 from flighttune.recording.plots import Plot, value_range
 from flighttune.scenario.route import RouteTable
 
-PAGE_TAB = "Scenario and metrics"
-ROUTE_TAB, MAP_TAB = "Route", "Map"
 ERRORS = ("chi_err", "gamma_err")  # plots on Overview
 CLOSE = 1.2  # the camera in a corridor stands so much further back than that behind an aircraft
 AIRSPEED = "V_a"  # a plot on Overview too, where a flight ended early
@@ -23,10 +21,11 @@ READING = 0.05  # the line on how to read the picture
 TABLE, TABLE_ROW, LONGEST_TABLE = 0.12, 0.037, 0.55  # the readout: without rows, per row, at most
 LANES, LANE, MOST_LANES = 0.1, 0.065, 0.6  # the lanes: without runs, per run, at most below a view
 
-# Columns over rows of a grid of plots: nine plots make 3 rows of three, fifteen 3 rows of five.
-COLUMNS_PER_ROW = 1.36
+# Columns over rows of a grid of plots, nine make 3 rows of three; titles are cut in five columns.
+COLUMNS_PER_ROW, MOST_COLUMNS = 1.36, 4
 
-SIDE, MIDDLE = 0.23, 0.31  # shares of the width: the column of lanes, the plots on Overview
+LANES_SIDE = 0.16  # share of the width: the column of lanes beside plots
+SIDE, MIDDLE = 0.23, 0.31  # on Overview: the column of lanes, the plots
 
 
 def blueprint(
@@ -38,18 +37,29 @@ def blueprint(
     page = rrb.TextDocumentView(origin=entities.PAGE, name=PAGE_TAB)
     if not flights:
         return _layout([page])
-    tabs = _route_tabs(flights, geographic=route.geographic) if route else {}
+    tabs = {ROUTE_TAB: _route(flights, geographic=route.geographic)} if route else {}
     tabs |= {name: _tab(tab_plots, flights) for name, tab_plots in plots.items()}
-    beside_lanes = [
-        rrb.Horizontal(tab, _lanes(flights), column_shares=[1.0 - SIDE, SIDE], name=name)
+    shares = [1.0 - LANES_SIDE, LANES_SIDE]
+    beside_lanes = {
+        name: rrb.Horizontal(tab, _lanes(flights), column_shares=shares)
         for name, tab in {**tabs, PAGE_TAB: page}.items()
-    ]
-    return _layout([_overview(flights, plots), *beside_lanes])
+    }
+    return _layout(
+        [
+            _below_sentence(name, tab)
+            for name, tab in {OVERVIEW_TAB: _overview(flights, plots), **beside_lanes}.items()
+        ]
+    )
 
 
-def _route_tabs(
-    flights: Sequence[DrawnRun], *, geographic: bool
-) -> dict[str, rrb.Container | rrb.View]:
+def _below_sentence(name: str, tab: rrb.Container) -> rrb.Container:
+    """A tab below the sentence of what it shows."""
+    sentence = rrb.TextDocumentView(origin=entities.reading(name), name="About", titlebar=False)
+    # The line is on top: the viewer panics at a screenshot with an untitled view at its lower edge.
+    return rrb.Vertical(sentence, tab, row_shares=[READING, 1.0 - READING], name=name)
+
+
+def _route(flights: Sequence[DrawnRun], *, geographic: bool) -> rrb.Container:
     """A plan view and an aircraft in its corridor; a map if the place is known."""
     # An aircraft with a corridor goes before those without.
     followed = leader([drawn_run for drawn_run in flights if drawn_run.run.claims] or flights)
@@ -62,9 +72,8 @@ def _route_tabs(
         *(f"/{folder}/**" for folder in (entities.TRUE_SIZE, entities.ROUTE, entities.PATHS)),
         origin=f"{entities.TRUE_SIZE}/{followed.key}",
     )
-    views = rrb.Horizontal(plan, behind)
-    map_view = rrb.MapView(origin=entities.MAP, name="OpenStreetMap")
-    return {ROUTE_TAB: views, **({MAP_TAB: map_view} if geographic else {})}
+    maps = [rrb.MapView(origin=entities.MAP, name="OpenStreetMap")] if geographic else []
+    return rrb.Horizontal(rrb.Vertical(plan, *maps), behind)
 
 
 def _overview(flights: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) -> rrb.Container:
@@ -93,15 +102,12 @@ def _overview(flights: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) 
         lanes = max(lanes, 0.5)
         right = rrb.Vertical(chase, right, row_shares=[1.0 - lanes, lanes])
     now = rrb.TextDocumentView(origin=entities.NOW, name="Now")
-    views = rrb.Horizontal(
+    return rrb.Horizontal(
         rrb.Vertical(paths, now, row_shares=[1.0 - table, table]),
         rrb.Vertical(*(_plot(plot, flights, 1.0 / len(beside)) for plot in beside)),
         right,
         column_shares=[1.0 - MIDDLE - SIDE, MIDDLE, SIDE],
     )
-    reading = rrb.TextDocumentView(origin=entities.READING, name="How to read", titlebar=False)
-    # The line is on top: the viewer panics at a screenshot with an untitled view at its lower edge.
-    return rrb.Vertical(reading, views, row_shares=[READING, 1.0 - READING], name="Overview")
 
 
 def leader(flights: Sequence[DrawnRun]) -> DrawnRun:
@@ -114,7 +120,9 @@ def leader(flights: Sequence[DrawnRun]) -> DrawnRun:
 
 def _tab(plots: Sequence[Plot], flights: Sequence[DrawnRun]) -> rrb.Grid:
     """A grid of plots; two stand one above the other, on one time axis."""
-    columns = round(math.sqrt(COLUMNS_PER_ROW * len(plots))) if len(plots) > 2 else 1
+    columns = (
+        min(round(math.sqrt(COLUMNS_PER_ROW * len(plots))), MOST_COLUMNS) if len(plots) > 2 else 1
+    )
     share = 1.0 / math.ceil(len(plots) / columns)
     return rrb.Grid(*(_plot(plot, flights, share) for plot in plots), grid_columns=columns)
 

@@ -36,8 +36,9 @@ LIMITS = "_limits"
 MEASURED = "_measured"
 AXIS = "_axis"
 
+OVERVIEW_TAB, ROUTE_TAB, PAGE_TAB = "Overview", "Route", "Scenario and metrics"
+
 NOW = "now"  # the readout of the present instant
-READING = "how_to_read"
 
 END = 1.1  # where time axes end, over the longest flight: the last label has room
 
@@ -51,6 +52,11 @@ def application(title: str) -> str:
 def plain_name(text: str) -> str:
     """`text` in letters, digits, dots and underscores, as names in Rerun want them."""
     return re.sub(r"[^A-Za-z0-9.]+", "_", text).strip("_") or "unnamed"
+
+
+def reading(tab: str) -> str:
+    """Entity of the sentence of what a tab shows."""
+    return f"how_to_read/{plain_name(tab)}"
 
 
 def times(seconds: npt.ArrayLike) -> rr.TimeColumn:

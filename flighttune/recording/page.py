@@ -1,4 +1,4 @@
-"""Text in a recording, as Markdown: the page, a line on how to read it, the present instant."""
+"""Text in a recording, as Markdown: the page, a sentence for each tab, the present instant."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,8 +14,16 @@ from flighttune.present.names import METRIC_LABELS, SYMBOLS, columns, shown_unit
 from flighttune.present.palette import hue_tells_gains
 from flighttune.present.tables import Column, Table
 from flighttune.present.thinning import evenly
-from flighttune.recording.entities import NOW, READING, DrawnRun, times
-from flighttune.recording.plots import displayed, unit_of
+from flighttune.recording.entities import (
+    NOW,
+    OVERVIEW_TAB,
+    PAGE_TAB,
+    ROUTE_TAB,
+    DrawnRun,
+    reading,
+    times,
+)
+from flighttune.recording.plots import AIRCRAFT_TAB, LAW_TAB, TRACKING_TAB, displayed, unit_of
 from flighttune.recording.scene import all_positions, drawn_scale, ground_grid
 from flighttune.simulate.run import Run, claim_notes, priority_notes, run_styles
 
@@ -35,6 +43,17 @@ aircraft is its velocity over ground, the grey one the wind, four times longer.
 Faint lines behind course, path angle and airspeed are what sensors gave the controller. Errors
 and metrics are of the true values."""
 
+# What each tab shows; that of the overview names colours and lines too.
+SENTENCES = {
+    OVERVIEW_TAB: "Where the runs flew, how far off they were and their values now.",
+    ROUTE_TAB: "The route from above, and an aircraft of true size in its corridor.",
+    TRACKING_TAB: "What was asked for (grey), commanded (thin) and flown; limits are red.",
+    AIRCRAFT_TAB: "How the aircraft moved and in which air; the reference of V_a is grey.",
+    LAW_TAB: "Commands before the limits (red), integrator thin; and what the aircraft adds to the "
+    "law: steps from the plant before, rates of lift, inner loop (lag) and rest, distance.",
+    PAGE_TAB: "The runs, gains and metrics as tables, and the scenario as TOML.",
+}
+
 CLAIMS = (
     "Lines around a signal are what is claimed of it: thin ones are proven (a tube), dashed ones "
     "are counted (a band)."
@@ -50,7 +69,7 @@ GAIN_COLUMNS = [
     Column("K_I", "K_I", missing="none found"),
 ]
 
-INSTANTS = 120  # at which the numbers change
+INSTANTS = 1000  # at which the numbers change: every sample of 20 s, each second of 1000 s
 
 # Heading and format of each signal.
 COLUMNS = {
@@ -129,9 +148,11 @@ def _made_with(runs: Sequence[Run]) -> list[str]:
 
 
 def log_readout(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None:
-    """Log a line on how to read the picture, and a table of the runs over time."""
-    line = rr.TextDocument(reading_line(flights), media_type=rr.MediaType.MARKDOWN)
-    stream.log(READING, line, static=True)
+    """Log what each tab shows, and a table of the runs over time."""
+    for tab, sentence in SENTENCES.items():
+        text = f"{sentence} {reading_line(flights)}" if tab == OVERVIEW_TAB else sentence
+        line = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
+        stream.log(reading(tab), line, static=True)
     t = max((drawn_run.run.t for drawn_run in flights), key=lambda t: t[-1])
     t = t[evenly(len(t), most=INSTANTS)]
     headings = " | ".join(heading for heading, _ in COLUMNS.values())

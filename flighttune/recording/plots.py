@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 # Components of the mismatch, in the order of the ladder.
 PARTS = {"lift": "actual lift", "lag": "inner loop", "rest": "rest"}
 
+# Why aircraft and law differ: the rates that lift, inner loop and the rest add to those of the law
+# under the same commands, and the resulting differences of course, path angle and path.
 UNITS = {
     **{f"{part}_{channel}": "rad/s" for part in PARTS for channel in CHANNELS},
     **{f"step_{channel}": "rad" for channel in CHANNELS},
@@ -57,7 +59,7 @@ class Plot:
         return (self.signal,) if self.thin is None else (self.signal, self.thin)
 
 
-CALM = "Weather"  # tab that is left out in calm air
+WEATHER = {"wind_north", "wind_east", "wind_down", "d_chi", "d_gamma"}  # left out in calm air
 CALMEST = 1e-6  # wind (m/s) and disturbance (rad/s) below this are rounding
 
 ROOM = 0.05  # part of the range by which an axis extends beyond it at each end
@@ -65,65 +67,45 @@ LABELS = 28.0  # an axis as high as a tab of a small window has room for so many
 LONGEST = 2.2  # an axis longer than this, over the range drawn, gets no second label
 SMALLEST_SPAN = 1e-6
 
-COMMANDS_TAB, LAW_TAB = "Commands and limits", "Controller"
-
-# Why aircraft and law differ: the rates that lift, inner loop and the rest add to those of the law
-# under the same commands, and the resulting differences of course, path angle and path.
-WHY_TAB = "Why"
+TRACKING_TAB, AIRCRAFT_TAB, LAW_TAB = "Tracking", "Aircraft and air", "Law"
 
 # Name of the measured value of a signal, in runs with sensors.
 SEEN_AS: dict[str, str] = dict(zip(SENSED, MEASURED, strict=True))
 
-# On two tabs, and logged once.
-LOAD_FACTOR = Plot("n_z", "n_z flown, command thin, limits red", thin="n_z_cmd", limit="n_z")
-
-# Tabs of plots, in order. A plot is left out if no run has any of its signals.
+# Tabs of plots, in order. A plot is left out if no run has any of its signals. Titles are short
+# enough for four plots side by side at 1280 pixels; `page.SENTENCES` tells what is thin or grey.
 TABS: dict[str, tuple[Plot, ...]] = {
-    "Tracking": (
-        Plot("chi", "Course chi, reference grey", common="chi_ref"),
-        Plot("gamma", "Path angle gamma, reference grey", common="gamma_ref"),
-        Plot("chi_err", "Course error"),
-        Plot("gamma_err", "Path angle error"),
-        Plot("V_err", "Airspeed error"),
-        Plot("cross_track", "Off the route, right positive"),
-        Plot("height_err", "Off the route, too low positive"),
+    TRACKING_TAB: (
+        Plot("chi", "Course chi", common="chi_ref"),
+        Plot("gamma", "Path angle", common="gamma_ref"),
+        Plot("chi_err", "chi error"),
+        Plot("gamma_err", "gamma error"),
+        Plot("V_err", "V_a error"),
+        Plot("cross_track", "Right of route"),
+        Plot("height_err", "Below route"),
+        Plot("phi", "Roll phi", thin="phi_cmd", limit="phi"),
+        Plot("n_z", "n_z", thin="n_z_cmd", limit="n_z"),
+        Plot("n_x", "n_x", thin="n_x_cmd", limit="n_x"),
     ),
-    COMMANDS_TAB: (
-        Plot("phi", "Roll phi flown, command thin, limits red", thin="phi_cmd", limit="phi"),
-        LOAD_FACTOR,
-        Plot("n_x", "n_x flown, command thin, limits red", thin="n_x_cmd", limit="n_x"),
-    ),
-    WHY_TAB: (
-        Plot("step_chi", "Course: plant to plant"),
-        Plot("step_gamma", "Path angle: plant to plant"),
-        Plot("distance", "Distance from the law's path"),
-        *(
-            Plot(f"{part}_{channel}", f"{name}: {words}")
-            for channel, name in (("chi", "Course"), ("gamma", "Path angle"))
-            for part, words in PARTS.items()
-        ),
-    ),
-    "Aircraft": (
-        Plot("V_a", "V_a, reference grey", common="V_ref"),
+    AIRCRAFT_TAB: (
+        Plot("V_a", "V_a", common="V_ref"),
         *(Plot(name, name) for name in ("V_g", "alpha", "beta")),
-        LOAD_FACTOR,
         *(Plot(name, name.capitalize()) for name in ("throttle", "aileron", "elevator", "rudder")),
         Plot("h", "Height"),
-        *(Plot(name, name) for name in ("p", "q", "r", "n_y")),
-        Plot("thrust", "Thrust"),
+        *(Plot(name, name) for name in ("p", "q", "r")),
+        *(Plot(f"wind_{way}", f"Wind {way}") for way in ("north", "east", "down")),
+        Plot("d_chi", "d_chi"),
+        Plot("d_gamma", "d_gamma"),
     ),
     LAW_TAB: (
-        Plot("phi_unlimited", "Roll command before limits, limits red", limit="phi"),
-        Plot("n_z_unlimited", "Load-factor command before limits, limits red", limit="n_z"),
-        Plot("phi_integral", "Roll command: part of the integrator"),
-        Plot("n_z_integral", "Load-factor command: part of the integrator"),
-    ),
-    CALM: (
-        Plot("wind_north", "Wind towards north"),
-        Plot("wind_east", "Wind towards east"),
-        Plot("wind_down", "Wind down"),
-        Plot("d_chi", "Disturbance of the course rate"),
-        Plot("d_gamma", "Disturbance of the path-angle rate"),
+        Plot("phi_unlimited", "phi command", thin="phi_integral", limit="phi"),
+        Plot("n_z_unlimited", "n_z command", thin="n_z_integral", limit="n_z"),
+        *(
+            Plot(f"{part}_{channel}", f"{channel} {part}")
+            for channel in CHANNELS
+            for part in ("step", *PARTS)
+        ),
+        Plot("distance", "Distance"),
     ),
 }
 
@@ -132,11 +114,11 @@ def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
     """The plots of each tab that at least one run has a signal for; no wind in calm air."""
     aircraft = any(run.provenance.aircraft for run in runs)
 
-    def shows(tab: str, plot: Plot) -> bool:
+    def shows(plot: Plot) -> bool:
         having = [run.signals[plot.signal] for run in runs if plot.signal in run.signals]
-        if tab == WHY_TAB and not aircraft:
+        if plot.signal in UNITS and not aircraft:
             return False
-        if tab != CALM:
+        if plot.signal not in WEATHER:
             return bool(having)
         return any(bool((np.abs(values.to_numpy()) > CALMEST).any()) for values in having)
 
@@ -146,7 +128,7 @@ def shown_plots(runs: Sequence[Run]) -> dict[str, tuple[Plot, ...]]:
         tab: tuple(
             _as_flown(plot, runs)
             for plot in (*plots, *(law_plots if tab == LAW_TAB else ()))
-            if shows(tab, plot)
+            if shows(plot)
         )
         for tab, plots in TABS.items()
     }

@@ -91,7 +91,7 @@ def names_of(contents):
 
 
 @pytest.mark.slow
-def test_a_route_has_a_tab_and_a_map_only_where_its_place_is_known(contents, run, tmp_path):
+def test_a_route_has_a_tab_with_a_map_only_where_its_place_is_known(contents, run, tmp_path):
     place = {**SCENARIO, "route": {**SCENARIO["route"], "lat_deg": 47.0, "lon_deg": 8.0}}
     ring = [[7.99, 46.99], [8.01, 46.99], [8.01, 47.01], [7.99, 46.99]]
     (claim,) = run.claims
@@ -101,7 +101,7 @@ def test_a_route_has_a_tab_and_a_map_only_where_its_place_is_known(contents, run
     (points,) = on_map.static["/map/_waypoints"]["GeoPoints:positions"].to_pylist()
 
     assert {"Route", "From above, north up"} <= names_of(contents)
-    assert names_of(on_map) - names_of(contents) == {"Map", "OpenStreetMap"}
+    assert names_of(on_map) - names_of(contents) == {"OpenStreetMap"}
     assert not [path for path in contents.static if path.startswith("/map")]
     # At 47 deg a degree of longitude is 76.06 km on WGS 84, and one of latitude 111.17 km.
     assert points[0] == pytest.approx([47.0, 8.0])
@@ -137,4 +137,4 @@ def test_a_tube_is_named_with_its_air_and_a_band_is_explained_beside_it(four_run
 
     assert f"Tube in wind: {SENTENCE}." in page
     assert f"Counted band: {SENTENCE}." in page
-    assert heading == "Course error [deg], tube in wind thin, counted band dashed"
+    assert heading == "chi error [deg], tube in wind thin, counted band dashed"

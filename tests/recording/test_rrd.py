@@ -171,11 +171,32 @@ def test_tabs_are_those_that_have_something_to_show(contents, four_runs, in_sinu
         for c in (contents, other)
     )
 
-    assert calm >= {"Overview", "Tracking", "Commands and limits", "Why", "Controller", "Aircraft"}
-    assert windy - calm == {"Weather"}
+    assert calm >= {"Overview", "Tracking", "Aircraft and air", "Law", "Scenario and metrics"}
+    assert windy == calm
+    drawn = {path.split("/")[2] for path in other.timed if path.startswith("/plots/")}
+    assert drawn - {
+        path.split("/")[2] for path in contents.timed if path.startswith("/plots/")
+    } == {"d_chi"}
     # Both can be open in one viewer.
     assert other.identity != contents.identity
     assert other.application == contents.application == "flighttune-flight"
+
+
+def test_every_tab_has_one_sentence_of_what_it_shows(contents):
+    for tab in ("Overview", "Tracking", "Aircraft_and_air", "Law", "Scenario_and_metrics"):
+        (text,) = contents.static[f"/how_to_read/{tab}"]["TextDocument:text"].to_pylist()[0]
+        assert 20 < len(text.partition(". ")[0]) < 200
+
+
+def test_the_values_now_are_those_at_the_cursor(contents, four_runs):
+    times = contents.nanoseconds("/now") / 1e9
+    assert times[0] == 0.0
+    assert np.diff(times).max() <= 0.04  # two samples at 50 Hz: 20 s have 1001 of them
+    place = int(np.searchsorted(times, 4.4))
+    text = contents.timed["/now"]["TextDocument:text"].to_pylist()[place][0]
+    values = [row.split("|")[2] for row in text.splitlines()[3:7]]
+    expected = [run.signals["V_a"].loc[4.4:].iloc[0] for run in four_runs]
+    assert [float(value) for value in values] == pytest.approx(expected, abs=0.051)
 
 
 def test_a_position_that_is_no_number_does_not_reach_the_scene(four_runs, tmp_path):
