@@ -59,11 +59,25 @@ def new(
             autocompletion=scenario_files,
         ),
     ] = None,
+    overshoot: Annotated[
+        float | None,
+        Option(
+            metavar="DEG",
+            help="Overshoot of course and path angle at most [default: 5 and 3].",
+        ),
+    ] = None,
+    settle: Annotated[
+        float | None,
+        Option(
+            metavar="S",
+            help="Settling time of course and path angle, which are steps then, to 5 % at most.",
+        ),
+    ] = None,
 ) -> Answer:
     """Write a scenario of your own, with comments, that an aircraft can fly."""
     from flighttune.flight.new import new_scenario
 
-    file = new_scenario(name, aircraft=aircraft, like=like)
+    file = new_scenario(name, aircraft=aircraft, like=like, overshoot=overshoot, settle=settle)
     return Answer(files={"scenario": file})
 
 

@@ -103,14 +103,24 @@ NEXT = """
 """
 
 
-def new_scenario(name: str, *, aircraft: str | None = None, like: str | None = None) -> Path:
+def new_scenario(
+    name: str,
+    *,
+    aircraft: str | None = None,
+    like: str | None = None,
+    overshoot: float | None = None,
+    settle: float | None = None,
+) -> Path:
     """Write a scenario that an aircraft can fly to ``NAME.toml``, and return the file.
 
     With `like`, the file or name of another scenario, it is that one made for the aircraft, which
     is by default its own. A route is flown before it is kept, with more and more margin to the
-    limits until the requirements are met. Raises OutputError if there is such a file already, and
-    InputError if the aircraft or the other scenario is not there, the aircraft cannot fly it, or
-    the name is empty or has a control character.
+    limits until the requirements are met. Otherwise `overshoot` (deg) and `settle` (s, to 5 %) are
+    required of course and path angle in place of the template's; to settle, both are steps.
+
+    Raises OutputError if there is such a file already, and InputError if the aircraft or the other
+    scenario is not there, the aircraft cannot fly it, a requirement is not positive or beside
+    `like`, or the name is empty or has a control character.
     """
     if not name.isprintable():
         raise InputError(f"`NAME` must have printable characters only, got {name!r}.")
@@ -124,12 +134,14 @@ def new_scenario(name: str, *, aircraft: str | None = None, like: str | None = N
         raise InputError(f"{aircraft}: `--like` must be absent: the model has no airframe to trim.")
     if aircraft is not None and (Path(aircraft) / "aircraft.toml").is_file():
         aircraft = str(Path(aircraft).resolve())
+    _check_required({"overshoot": overshoot, "settle": settle}, like)
     names = {"name": shlex.quote(str(file)), "run": shlex.quote(f"runs/{file.stem}")}
     reason = ""
     try:
         for margin, look_ahead in ROUTES:
             if like is None:
                 text = _first(aircraft or AIRCRAFT, file.parent)
+                text = _requiring(text, overshoot, settle)
             else:
                 text = _made_for(like, aircraft, file.parent, margin, look_ahead)
             write_text(file, text + NEXT.format(**names))
@@ -205,6 +217,38 @@ def _first(aircraft: str, folder: Path) -> str:
     document["limits"].update(_limits(config))
     document["plant"][1]["aircraft"] = _named(aircraft, folder)
     return tomlkit.dumps(document)
+
+
+def _check_required(required: Mapping[str, float | None], like: str | None) -> None:
+    for option, value in required.items():
+        if value is not None and not 0.0 < value < math.inf:
+            raise InputError(f"`--{option}` must be positive and finite, got {value:g}.")
+        if value is not None and like is not None:
+            raise InputError(f"`--{option}` must be absent: `--like` brings requirements.")
+
+
+def _requiring(text: str, overshoot: float | None, settle: float | None) -> str:
+    """A first scenario with requirements of course and path angle in place of its own."""
+    document: Any = tomlkit.parse(text)
+    if settle is not None:
+        # A ramp has no settling time; both channels become steps of the same size.
+        for key, value in document["reference"].items():
+            if isinstance(value, list):
+                change = sum(ramp["rate_dps"] * ramp["duration_s"] for ramp in value)
+                document["reference"][key] = rounded(float(change), 2)
+        start = document["flight"]["gamma_deg"]
+        document["reference"]["gamma_deg"] += start
+        document["flight"]["duration_s"] = max(document["flight"]["duration_s"], 5.0 * settle)
+    head, _, _ = tomlkit.dumps(document).partition("at_most.")
+    lines = [
+        f"at_most.{channel}.{measure} = {value:g}"
+        for channel, most in (("chi", 5.0), ("gamma", 3.0))
+        for measure, value in (
+            ("MO_deg", most if overshoot is None else overshoot),
+            ("ST_deg", 0.5) if settle is None else ("settling_s", settle),
+        )
+    ]
+    return head + "\n".join(lines) + "\n"
 
 
 def _first_ramps(config: AircraftConfig, V_a: float, climb: float) -> dict[str, Any]:

@@ -184,3 +184,29 @@ def test_a_law_beside_an_aircraft_has_its_limits_unless_others_are_stated(phi_de
 
     assert run.status == "completed"
     assert np.rad2deg(run.signals["phi_cmd"].abs().max()) == pytest.approx(most)
+
+
+def test_requirements_of_options_are_those_of_the_scenario(tmp_path):
+    answer("new", "mine", "--overshoot", "3", "--settle", "8", cwd=tmp_path)
+    made = ft.load_scenario(tmp_path / "mine.toml")
+
+    (expected,) = made.expect
+    required = {"MO_deg": 3.0, "settling_s": 8.0}
+    assert expected.at_most == {"chi": required, "gamma": required}
+    # Only a step has a settling time.
+    metrics = ft.fly(made).metrics
+    assert metrics["settling_s"].notna().all()
+
+
+@pytest.mark.parametrize(
+    ("options", "reason"),
+    [
+        ({"overshoot": 0.0}, "`--overshoot` must be positive and finite, got 0"),
+        ({"settle": float("nan")}, "`--settle` must be positive and finite, got nan"),
+        ({"settle": 8.0, "like": "paper"}, "`--settle` must be absent"),
+    ],
+)
+def test_requirements_that_cannot_be_are_one_line_and_write_nothing(options, reason, tmp_path):
+    with pytest.raises(ft.InputError, match=reason):
+        new_scenario(str(tmp_path / "mine"), **options)
+    assert not [*tmp_path.iterdir()]
