@@ -5,6 +5,7 @@ import io
 import sys
 from collections.abc import Callable
 from functools import wraps
+from types import MethodType
 from typing import Annotated, Any
 
 import typer
@@ -171,8 +172,15 @@ def main() -> None:
         elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # an encoding may lack Greek letters
     try:
-        app(prog_name="flighttune")
+        sys.exit(app(prog_name="flighttune", standalone_mode=False))
     except Exception as error:
+        if isinstance(show := getattr(error, "show", None), MethodType):  # of Typer, about usage
+            message = str(getattr(error, "format_message", str)()).rstrip(".?")
+            if "\n" in message:  # the help, where a group was given no command
+                show()
+                sys.exit(COULD_NOT_RUN)
+            path = getattr(getattr(error, "ctx", None), "command_path", "flighttune")
+            fail(f"{message}; `{path} --help` lists what there is.", COULD_NOT_RUN)
         if "--debug" in sys.argv:
             raise
         fail(_reason(error), NO if isinstance(error, InfeasibleError) else COULD_NOT_RUN)

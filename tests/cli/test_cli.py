@@ -3,6 +3,7 @@
 import json
 import math
 import re
+import subprocess
 import sys
 import tomllib
 from pathlib import Path
@@ -280,3 +281,21 @@ def test_what_is_missed_is_said_in_one_line(tmp_path, old, new, line):
     assert err.startswith(f"flighttune: {line}")
     assert err.endswith("(1 more)\n")
     assert err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "wrong", "help_of"),
+    [
+        (["tune", "paper", "--nope"], "--nope", "flighttune tune --help"),
+        (["fly"], "SCENARIO", "flighttune fly --help"),
+        (["fliy", "paper"], "fliy", "flighttune --help"),
+    ],
+)
+def test_what_cannot_be_read_of_a_command_line_is_one_line(words, wrong, help_of):
+    command = [sys.executable, "-m", "flighttune", *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+
+    assert (done.returncode, done.stdout) == (2, "")
+    (line,) = done.stderr.splitlines()
+    assert wrong in line
+    assert help_of in line
