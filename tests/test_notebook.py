@@ -14,6 +14,8 @@ from jupyter_client.manager import start_new_kernel
 from pictures import FLAT, opened_recording, pixels
 
 import flighttune as ft
+from tests.made_up_band import WIDE, counted_boxes
+from tests.tubes.test_aircraft import flight
 
 LEAST_RECORDING = 100_000
 """Bytes; what comes first is shorter."""
@@ -67,6 +69,16 @@ def test_a_flight_is_drawn_with_a_line_a_run(flown):
     assert ET.fromstring(sheet._repr_svg_()).tag.endswith("svg")
     with pytest.raises(ft.FlightTuneError, match="got none"):
         ft.plot([])
+
+
+def test_a_claim_is_drawn_and_a_console_shows_its_sentence():
+    band = counted_boxes(flight(duration_s=0.2))
+    charts = ft.plot(band).charts
+
+    assert len(charts) == len(band.about.signals)
+    low, high = charts[0].y_ends()
+    assert low < -np.rad2deg(WIDE) < np.rad2deg(WIDE) < high
+    assert band.sentence in " ".join(repr(band).split())
 
 
 def test_a_recording_is_shown_in_a_cell_where_the_viewer_is_installed(flown, monkeypatch):

@@ -84,6 +84,10 @@ class Answering:
         """Values, tables, notes and verdict, as they are shown."""
         raise NotImplementedError
 
+    # A dataclass makes a representation of all its arrays, unless its class has one already.
+    def __init_subclass__(cls) -> None:
+        cls.__repr__ = Answering.__str__
+
     def __str__(self) -> str:
         return "\n".join(self.answer().text(WIDTH))
 

@@ -37,7 +37,7 @@ def write_claim_page(
     if isinstance(claim, Certificate):
         title = "Certificate"
     elif isinstance(claim, Tube):
-        problem, settings, charts = claim.problem, claim.settings, _charts(claim)
+        problem, settings, charts = claim.problem, claim.settings, tube_charts(claim)
         title, scenario = f"Tube: {problem.scenario.title}", toml_text(problem.scenario.as_dict())
         facts["law"] = problem.law.name
         facts["settings"] = f"{settings.symbols} symbols, {settings.most} pieces at most"
@@ -70,7 +70,7 @@ def write_claim_page(
     )
 
 
-def _charts(tube: Tube) -> list[Chart]:
+def tube_charts(tube: Tube) -> list[Chart]:
     """Both errors: the bounds of every flight."""
     charts, bounds = [], tube.bounds
     for i, (_, title, unit) in enumerate(ERRORS):

@@ -1,22 +1,20 @@
 """Charts over time and of the path: tracking, commands with limits, paths, certificates."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.claims.linear_loop import FlightCheck
-from flighttune.errors import InputError
-from flighttune.flight.flown import FlownScenario
-from flighttune.present.chart import DASHED, DOTTED, Chart, Sheet, dashes
+from flighttune.present.chart import DASHED, DOTTED, Chart
 from flighttune.present.names import shown_unit
 from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle
 from flighttune.present.thinning import MAX_DRAWN
 from flighttune.recording.plots import displayed, limits_of
 from flighttune.references.follow import ROUTE_SIGNALS
 from flighttune.simulate.bounds import claims_around
-from flighttune.simulate.run import Run, run_styles
+from flighttune.simulate.run import Run
 
 ANGLES = (
     ("chi", "Course; reference grey", "χ [deg]"),
@@ -138,39 +136,6 @@ def paths(flights: Drawn) -> list[Chart]:
         down = run.signals["down"].to_numpy()
         height.run_line(run.t, -down, style, run.label, most=most_points(len(flights)))
     return [_from_above(flights), height]
-
-
-def plot(flown: FlownScenario | Run | Iterable[Run]) -> Sheet:
-    """Draw both errors, roll and load factor of flights over time, with their limits.
-
-    Parameters
-    ----------
-    flown : FlownScenario, Run or iterable of Run
-
-    Returns
-    -------
-    Sheet
-        Angles in degrees; a notebook shows it, ``save`` writes an SVG file.
-
-    Raises
-    ------
-    InputError
-        If no run has flown.
-
-    Examples
-    --------
-    >>> ft.plot(ft.fly(ft.load_scenario("paper_as_printed"))).save("flight.svg")
-    """
-    runs = flown.runs if isinstance(flown, FlownScenario) else flown
-    runs = (runs,) if isinstance(runs, Run) else tuple(runs)
-    styles = run_styles(runs)
-    flights = [(run, styles[run.label]) for run in runs if len(run.signals) > 1]
-    if not flights:
-        raise InputError("`flown` must have a run that flew, got none.")
-    charts = [*errors(flights), *flown_signals(flights)]
-    for chart in charts:
-        chart.legend = [(run.label, style.colour, dashes(style)) for run, style in flights]
-    return Sheet(charts=charts)
 
 
 def flown_signals(
