@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from figures.commands import helps
+from figures.formats import KEYS
 
 import flighttune
 from flighttune.campaign.planning.schema import Campaign
@@ -47,6 +48,8 @@ def complete(_app: object, name: str, source: list[str]) -> None:
         source[0] += "\n" + "\n".join(keys())
     if name == "docs/commands":
         source[0] += "\n" + helps()
+    if name == "docs/formats":
+        source[0] += "\n" + KEYS.read_text(encoding="utf-8")
 
 
 def index_entry(_app: object, _what: str, name: str, *rest: Any) -> None:

@@ -1,4 +1,7 @@
-"""Write docs/formats.md from what commands print and write: python docs/figures/formats.py."""
+"""Write docs/formats.md and the keys of `--json`: python docs/figures/formats.py.
+
+The keys stand in tests/docs/json_keys.md: a test sees that none is lost, the site shows them all.
+"""
 
 import io
 import json
@@ -15,14 +18,16 @@ import pyarrow.parquet as pq
 from flighttune.cli import main
 
 PAGE = Path(__file__).parents[1] / "formats.md"
+KEYS = Path(__file__).parents[2] / "tests" / "docs" / "json_keys.md"
 HEAD = """# File formats and JSON
 
-Made by `python docs/figures/formats.py` from what the commands print and write. `[]` stands for
-the entries of a list, `*` for names that depend on what was given (gains, plants, runs), `null` for
-what may be absent. Below `plan.campaign` of a campaign are the [keys](keys.md) of a campaign, below
-`plan.nominal` and `plan.central` those of a scenario. Keys hold numbers unless their kind stands
-before them. Angles are in rad, rates in rad/s, all else in SI unless the name ends in a unit;
-numbers that are not finite are null.
+Made by `python docs/figures/formats.py` from what the commands print and write; the built site has
+the keys of `--json` of each command besides. `[]` stands for the entries of a list, `*` for names
+that depend on what was given (gains, plants, runs), `null` for what may be absent. Below
+`plan.campaign` of a campaign are the [keys](keys.md) of a campaign, below `plan.nominal` and
+`plan.central` those of a scenario. Keys hold numbers unless their kind stands before them. Angles
+are in rad, rates in rad/s, all else in SI unless the name ends in a unit; numbers that are not
+finite are null. Columns of campaigns are on [their page](campaigns.md#the-dataset).
 """
 OF_SCHEMAS = ("plan.campaign", "plan.nominal", "plan.central")
 """Beginnings of places that hold the keys of a scenario or a campaign."""
@@ -56,10 +61,6 @@ FILES = (
     ("Identified aircraft", "identified.json"),
     ("Gains", "gains.json"),
     ("Plan of a campaign", "campaign/campaign.json"),
-)
-TABLES = (
-    ("Signals of a run", "fly"),
-    ("Rows of a campaign", "campaign/runs"),
 )
 
 
@@ -150,23 +151,21 @@ def columns(file: Path) -> Iterator[str]:
         yield f"| {kind} | {', '.join(names)} |"
 
 
-def page() -> str:
-    """The page as Markdown."""
+def pages() -> tuple[str, str]:
+    """The page, and the keys of what each command prints, as Markdown."""
     lines = [HEAD]
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         said = {command: answer(command) for command in COMMANDS}
-        lines.append("## Parquet\n")
-        for title, name in TABLES:
-            lines += [f"### {title}\n", *columns(Path(name)), ""]
-        lines.append("## Files of JSON\n")
+        lines += ["## Parquet: signals of a run\n", *columns(Path("fly")), "", "## Files of JSON\n"]
         for title, name in FILES:
             lines += [f"### {title}\n", *table(json.loads(Path(name).read_text())), ""]
-    lines.append("## What commands print with `--json`\n")
+    printed = ["## What commands print with `--json`\n"]
     for command, value in said.items():
         words = command.split(" --")[0]
-        lines += [f"### flighttune {words}\n", *table(value), ""]
-    return "\n".join(lines)
+        printed += [f"### flighttune {words}\n", *table(value), ""]
+    return "\n".join(lines), "\n".join(printed)
 
 
 if __name__ == "__main__":
-    PAGE.write_text(page(), encoding="utf-8")
+    for file, text in zip((PAGE, KEYS), pages(), strict=True):
+        file.write_text(text, encoding="utf-8")
