@@ -1,4 +1,4 @@
-"""Draw docs/result.svg, a turn and the share that meets it: python docs/figures/result.py.
+"""Draw docs/result.svg and print the numbers below it in README: python docs/figures/result.py.
 
 It searches gains with 900 flights and counts them on 200 fresh ones, some minutes.
 """
@@ -70,6 +70,12 @@ def shares(gains: Path, folder: Path) -> Chart:
     for place, group in enumerate(groups):
         low, high = rate_interval(np.array([group["success"].sum()]), np.array([len(group)]))
         chart.line([place, place], [100.0 * low[0], 100.0 * high[0]], INK, width=2.0)
+        loop = group.iloc[0]
+        print(
+            f"{loop['gains']}: {percent[place]:.1f} "
+            f"[{100.0 * low[0]:.1f}, {100.0 * high[0]:.1f}] % "
+            f"of {len(group)}, R_K {loop['R_K']:.2g} 1/s, E_K {loop['E_K']:.3g} s^2"
+        )
         chart.text(
             place, 100.0 * high[0], f"{percent[place]:.0f} %", anchor="middle", shift=(0.0, -5.0)
         )
