@@ -94,10 +94,8 @@ def test_travel_is_found_as_the_model_has_it(tmp_path, model, surface, travel_de
 @pytest.mark.parametrize(
     ("model", "sentence"),
     [
-        ("mk82", "its aileron command .* has no usable effect"),
         ("ball", "no lift or normal-force axis"),
         ("weather-balloon", "carried by buoyancy"),
-        ("J246", "lack a moment axis: ROLL, PITCH, YAW"),
         ("paraglider", "lift does not grow with alpha"),
         pytest.param(
             "C130",
@@ -145,7 +143,6 @@ def own(tmp_path):
             r"its mass must be above zero, got -\S+ \(inertia/mass-slugs\)",
         ),
         (r"(<wingarea.*?>)[^<]*", r"\1 0 ", "its wing area must be above zero, got 0"),
-        (r"(<ixx.*?>)[^<]*", r"\1 -9 ", "its inertia xx must be above zero, got -"),
         ("<fdm_config(?s:.*)", "<airplane/>", "must be a <fdm_config> of JSBSim, got a <airplane>"),
         (r"-38\.21", "1e300", "the slope of q_dot by q is .*, which no aircraft has"),
         (r"fcs/left-aileron", "fcs/left-aileron[[", r"cannot be loaded by JSBSim: unterminated"),

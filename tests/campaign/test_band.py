@@ -126,7 +126,6 @@ def test_a_band_that_is_given_the_wind_is_narrower():
     ("plan", "settings", "message"),
     [
         (None, {"epsilon": 1.0}, "`epsilon` must be between 0 and 1, got 1.0"),
-        (None, {"confidence": 0.0}, "`confidence` must be between 0 and 1"),
         (None, {"flights": 6}, "`flights` must be at least 7 for .* got 6"),
         (None, {"learn": 9}, "`learn` must be at least 10, got 9"),
         (None, {"signals": ["chi", "mood"]}, "`signal` must be one of chi, .*, got 'mood'"),

@@ -61,15 +61,11 @@ def counted_as(change):
     "forgery",
     [
         planned("campaign", "disperse", 0, "upper"),
-        planned("nominal", "flight", "V_a_mps"),
-        planned("gains", "soft", "K_P", 0, 0),
         planned("campaign", "seed"),
         lambda band: {"about": {"signals": dict(reversed(band.about.signals.items()))}},
-        lambda _: {"about": {"signals": {"chi": "rad", "gamma": "rad"}}},
         counted_as(lambda flights: 0.3 * flights),
         counted_as(lambda flights: 0.0 * flights),
         counted_as(lambda flights: np.concatenate([flights, flights])),
-        counted_as(lambda flights: np.tile(flights, (4, 1, 1, 1))),
     ],
 )
 def test_a_forged_file_has_other_flights(counted, tmp_path, monkeypatch, forgery):
@@ -92,10 +88,7 @@ def test_a_single_copy_is_flown_again(counted):
         ({"distribution": "any aircraft in any wind"}, "`distribution`"),
         ({"readings": [29]}, "`readings`"),
         ({"edges": [0.0, 1.0]}, "`edges`"),
-        ({"over": "along"}, "`over`"),
-        ({"signals": {"chi_err": "km", "gamma_err": "rad"}}, "`signals`: chi_err must be in rad"),
         ({"learned": 11}, "`extremes` must be of as many flights"),
-        ({"plan": {}}, "`version` of a plan"),
         ({"plan": {"version": 1}}, "`plan` must be that of a campaign"),
     ],
 )

@@ -40,22 +40,17 @@ MEDIANS = [
     (disperse("flight.V_a_mps"), r"must lie in 15 to 45 m/s .*got 1.5 m/s."),
     (disperse("controller.anti_windup"), "'conditional' .* got 1.5"),
     (disperse("plant[kinematic].airframe.mass_factor"), "`airframe` must be given with kind"),
-    (disperse("limits.phi_deg[1]", lower=-60.0, upper=-50.0),
-     r"must be a range .* got \[-45.0, -55.0\]"),
-    (disperse("wind.speed_mps"), "`speed_mps` and `from_deg` must be"),
 ]  # fmt: skip
 """What the scenario refuses of the median of a dispersion."""
 
 CORRELATIONS = [
     (correlation("flight.V_a_mps", "flight.h_m"), "got 'flight.h_m' with none"),
-    (correlation("flight.V_a_mps"), "`keys` must have at least 2 items"),
     (correlation("flight.V_a_mps", "flight.V_a_mps"), "`keys` must be two"),
     (disperse("flight.h_m", "grid", values=[500.0]) + correlation("flight.V_a_mps",
      "flight.h_m"), "got 'flight.h_m' with grid"),
     (disperse("flight.h_m", lower=400.0, upper=500.0)
      + correlation("flight.V_a_mps", "flight.h_m")
      + correlation("flight.h_m", "flight.V_a_mps", rank=0.2), "each pair given once"),
-    (correlation("flight.V_a_mps", "flight.h_m", rank=1.0), "`rank` must be less than 1"),
 ]  # fmt: skip
 
 
@@ -96,20 +91,11 @@ def test_the_example_of_the_page_is_a_campaign(load):
         ('title = "t"\nscenario = "paper"\n', "`runs` must be given: only `design`"),
         (HEAD + 'design = "grid"\n' + SPEED, "`design` must not be 'grid' where no"),
         (HEAD + 'gains = ["paper", "K9"]\n', "`gains` must be one of tuned, paper, .*, got 'K9'."),
-        (HEAD + "overrides.flight.V_a = 3.0\n", r"\[flight\] `V_a` is not a known key; did you"),
         (HEAD + "overrides.flight.V_a_mps = 1.0\n", r"\[flight\] `V_a_mps` must lie in 15 to 45"),
-        (
-            HEAD + 'overrides.tuning.identified = "b747"\n',
-            r"\[tuning\] `identified` must be .*b747",
-        ),
         (HEAD + '[overrides]\n"limits.phi_deg[2]" = 1.0\n', r"\[overrides\] `limits.phi_deg\[2\]`"),
         (HEAD + '[keep]\nworst_by = "ITAE"\n', r"\[keep\] `worst_by` must be one of chi.ITAE, "),
         (HEAD + '[[success]]\ngains = "K1"\nat_most.chi.ITAE = 3.0\n', "`gains` of .* got 'K1'."),
         (HEAD + '[[disperse]]\ndistribution = "uniform"\n', "`key` must be given."),
-        (
-            HEAD + SPEED.replace("flight.V_a_mps", "flight" + 1000 * ".x"),
-            "`key` must have at most 255",
-        ),
         (HEAD + f'[overrides]\n"flight{20000 * ".x"}" = 1.0\n', "must be names joined by"),
         *((HEAD + tables, f"median .*{says}") for tables, says in MEDIANS),
         *((HEAD + SPEED + tables, rf"\[+correlation\]+ .*{says}") for tables, says in CORRELATIONS),
@@ -127,8 +113,6 @@ def test_a_wrong_file_is_refused_in_one_line(load, tmp_path, text, says):
     [
         (disperse("reference.chi_deg[3].rate_dps"), "reference.chi_deg[3].rate_dps", "0 to 0"),
         (disperse("plant.wings"), "plant.wings", "must be a key of a plant that flies"),
-        (disperse("plant.throttle_mx"), "plant.throttle_mx", r"did you mean `throttle_max`\?$"),
-        (disperse("plant.throttle_max"), "plant.throttle_max", "less than or equal to 1, got 1.5"),
         (disperse("plant[1].kind", "choice", values=["kinematic"]), "plant[1].kind",
          r"must not be dispersed: give each plant in a \[\[plant\]\]"),
         (disperse("plant.name", "choice", values=["a"]), "plant.name", "must not be dispersed"),
@@ -140,11 +124,8 @@ def test_a_wrong_file_is_refused_in_one_line(load, tmp_path, text, says):
          "plant[1].throttle_max", "must be dispersed once, but `plant.throttle_max` means it too"),
         (disperse("flight.h_m", "normal", mean=1.0, sd=1.0, lower=40.0), "flight.h_m",
          "`mean` must lie within 8 `sd`"),
-        (disperse("flight.h_m", "gauss", mean=1.0, sd=1.0), "flight.h_m", "`distribution` must be"),
         (disperse("flight.h_m", lower=2.0), "flight.h_m", "`lower` must be below `upper`, got 2"),
         (disperse("flight.h_m", "choice", values=[1.0, "a"]), "flight.h_m", "must be all numbers"),
-        (disperse("flight.h_m", "choice", values=["a"], acts="adds"), "flight.h_m",
-         "`values` must be numbers with `acts` 'adds'"),
         (disperse("flight.h_m", "choice", values=[1.0], weights=[1.0, 2.0]), "flight.h_m",
          "`weights` must be as many numbers as `values`, 1, "),
         (disperse("flight.h_m", "grid", lower=1.0, upper=2.0), "flight.h_m", "`values` must be"),

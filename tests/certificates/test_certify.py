@@ -117,19 +117,13 @@ CHANGES = [
     (("claim", "L_d"), lambda L_d: 1.01 * L_d, "A W + W A' + a W"),
     (("claim", "envelope", "V_a"), lambda V_a: [21.9, V_a[1]], "g/V of the envelope"),
     (("claim", "envelope", "gamma"), lambda gamma: [gamma[0], 0.8], "a of the envelope"),
-    (("claim", "envelope", "phi"), lambda phi: [phi[0], 0.4], "of the envelope"),
-    (("claim", "envelope", "n_z"), lambda n_z: [n_z[0], 1.31], "b2 of the envelope"),
     (("claim", "g"), lambda g: 9.82, "g/V of the envelope"),
     (("Q", 0), lambda row: [1.02 * row[0], *row[1:]], ""),
-    (("Q", 3), lambda row: [*row[:3], 0.99 * row[3]], "A' Q + Q A + I <= 0 at vertex"),
     (("W", 1), lambda row: [row[0], 1.02 * row[1], *row[2:]], ""),
     (("multiplier",), lambda a: 1.1 * a, "A W + W A' + a W"),
     (("gains", "K_I", 0), lambda row: [1.1 * row[0], row[1]], "at vertex"),
-    (("gains", "K_P", 1), lambda row: [row[0], 0.9 * row[1]], "at vertex"),
     (("hull", "upper"), lambda upper: [*upper[:3], 1.01], "at vertex"),
-    (("hull", "upper"), lambda upper: [*upper[:3], 0.99], "b3 of the envelope"),
     (("model", "A"), lambda A: [[0.1, 0.0], A[1]], "trim model inside the polytope"),
-    (("model", "B"), lambda B: [[2.0 * B[0][0], 0.0], B[1]], "trim model inside the polytope"),
 ]
 
 

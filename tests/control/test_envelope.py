@@ -100,7 +100,6 @@ def test_an_envelope_is_scaled_about_the_trim():
     [
         ({"V_a": (0.0, 30.0)}, "`V_a` must be positive, got 0 m/s"),
         ({"V_a": (30.0, 20.0)}, "`V_a` must be a range"),
-        ({"gamma": (0.0, math.pi / 2)}, r"`gamma` must lie inside \+-pi/2"),
         ({"phi": (-2.0, 0.0)}, r"`phi` must lie inside \+-pi/2"),
         ({"n_z": (0.0, math.nan)}, "`n_z` must be a range"),
     ],

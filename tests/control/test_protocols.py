@@ -111,7 +111,6 @@ def faulty(at, does):
         (lambda good: (np.nan, *good[1:]), r"`phi_cmd` must be finite, got nan"),
         (lambda good: (good[0], np.inf, 0.0), r"`n_z_cmd` must be finite, got inf"),
         (lambda good: 1 / 0, r"ZeroDivisionError: division by zero \(line \d+ of <lambda>\)"),
-        (lambda good: None, r"`step` must return 3 numbers \(phi_cmd, .*\), got None"),
         (lambda good: ("left", 1.0, 0.0), r"`step` must return 3 numbers .* got \('left', 1.0"),
     ],
 )  # fmt: skip

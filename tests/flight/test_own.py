@@ -224,7 +224,6 @@ def test_a_file_that_cannot_be_used_is_refused_in_one_line(files, text, said):
         ({"plant": [{"kind": "python"}]}, "`name` must be given with kind python"),
         ({"plant": [{"kind": "kinematic", "module": "x.py"}]}, "`module` must .* kind python"),
         ({"plant": [{"kind": "python", "name": "x", "module": "x.py"}]}, "`module` and `class`"),
-        ({"law": [{"name": "x", "kind": "python", "class": "X"}]}, "`module` and `class`"),
     ],
 )
 def test_tables_that_say_half_are_refused_by_key(scenario, change, said):
@@ -267,14 +266,11 @@ def test_lags_around_a_plant_are_those_of_the_point_mass_behind_them():
     ("old", "new", "said"),
     [
         ("signals = {}", "signals = {'t': 's'}", "`signals` must have names .*'t'"),
-        ("signals = {}", "signals = {'a b': 's'}", "`signals` must have names .*'a b'"),
-        ("signals = {}", "signals = {'<': 's', '': 's'}", "`signals` must have names .*'<', ''"),
         ("pass", "self.limiter = 5", "`limiter` must be a CommandLimiter, got 5"),
         ("return ", "return iter(float, 1.0) #", "2 numbers .* got more"),
         ("return ", "os._exit(0) #", "after t = 0.00 s: .* exit status 0"),
         ("return ", "faulthandler.disable(); ctypes.string_at(0) #", "ended by SIGSEGV"),
         ("pass", "os._exit(0)", "exit status 0"),
-        ("self.dt,", "os._exit(0); self.dt,", "exit status 0"),
         pytest.param(
             "return ",
             "while t > 0.9: pass\n        return ",

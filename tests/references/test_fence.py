@@ -185,7 +185,6 @@ def test_several_fences_of_several_kinds_hold_at_once(tmp_path):
         ([(True, BOX), (True, [(n + 3000.0, e) for n, e in BOX])], [], "inside of area 2"),
         ([(True, BOX), (False, BOX)], [], "outside of exclusion 1"),
         ([], [(True, (400.0, 0.0), -5.0)], "`radius` of a circle must be positive, got -5"),
-        ([], [(True, (float("nan"), 0.0), 5.0)], "`center` must be a number, got nan"),
         ([], [], "must have a Polygon for a fence, got none"),
     ],
 )
@@ -334,9 +333,6 @@ def test_flights_that_start_the_other_way_are_not_counted_inside_a_wall_behind_t
         ([BOX, [(-9, -9), (-9, 9), (9, 9), (9, -9)]], {}, "the start must be inside"),
         ([BOX], {"min_up_m": 50.0, "max_up_m": -9.0}, "got 50 and -9"),
         ([BOX], {"max_up_m": float("nan")}, "`max_up_m` must be a number, got nan"),
-        ([BOX], {"max_up_m": "50"}, "`max_up_m` must be a number, got"),
-        ([BOX], {"max_up_m": True}, "`max_up_m` must be a number, got"),
-        ([BOX], {"max_up_m": 10**400}, "`max_up_m` must be a number, got"),
         ([BOX], {"max_up_m": 50.0, "maxAltitude": 30.0}, "got 'maxAltitude'"),
     ],
 )

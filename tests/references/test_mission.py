@@ -101,7 +101,6 @@ def test_commands_that_change_the_flight_are_left_out_on_request_alone(tmp_path)
 
 REFUSED = {
     "'StructureScan'": {"type": "ComplexItem", "complexItemType": "StructureScan"},
-    "'survey'": {"type": "ComplexItem", "complexItemType": "survey"},
     "'CorridorScan'": {
         "type": "ComplexItem",
         "complexItemType": "CorridorScan",
@@ -109,7 +108,6 @@ REFUSED = {
     },
     "NAV_TAKEOFF 22, in flight": item(22, 15, 0, 0, None, *PLACE),
     "NAV_SPLINE_WAYPOINT 82": item(82, 0, 0, 0, None, *PLACE),
-    "NAV_VTOL_TAKEOFF 84, in flight": item(84, 0, 0, 0, None, *PLACE),
     "DO_SET_HOME 179": item(179, 1, 0, 0, 0, 0, 0, 0),
     "command 4242": item(4242, 0, 0, 0, 0, *PLACE),
     "NAV_LOITER_TURNS 18, frame 2": item(18, 1, 0, 150, 1, *PLACE, frame=2),

@@ -114,17 +114,12 @@ def test_a_key_of_plants_is_set_for_each_or_for_the_one_named(key, changed):
     [
         ("flight.V_a_mp=30", "turn.toml with its changes: [flight] `V_a_mp` is not a known key; "
          "did you mean `V_a_mps`?"),
-        ("fliht.V_a_mps=30", "`fliht` is not a known key; did you mean `flight`?"),
         ("flight.V_a_mps=fast", "[flight] `V_a_mps` must be a valid number, got 'fast'"),
         ("plant[3].kind=kinematic", "`plant[3].kind` must be a position, 0 to 0"),
-        ("plant.aircrft=a4", "did you mean `aircraft`?"),
-        ("plant[²].kind=kinematic", "`plant[²].kind` must be a position, 0 to 0"),
         (f"seed={'[' * 3000}", "--set: `seed` must not be nested so deeply"),
-        (f"seed={{{'a.' * 3000}a=1}}", "--set: `seed` must not be nested so deeply"),
         (f"seed={'9' * 5000}", "--set: `seed` must be valid TOML: Exceeds the limit"),
         (f"seed=0x{'f' * 5000}", "`value` must be an integer of at most 64 bits"),
         ("seed", "--set: must be KEY=VALUE in one line, got 'seed'"),
-        ("seed=", "--set: must be KEY=VALUE"),
     ],
 )  # fmt: skip
 def test_a_value_that_cannot_be_set_gets_one_line(setting, message, turn):

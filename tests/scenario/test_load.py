@@ -56,17 +56,12 @@ WRONG = [
         r"\[flight\] `V_a_mps` must be greater .* 1, got -50\.0",
     ),
     ("flight", {"V_a": 50.0}, r"\[flight\] `V_a` is not a known key; did you mean `V_a_mps`\?"),
-    ("flight", {"K_P": 1}, r"`K_P` is not a known key; the keys are V_a_mps, .*duration_s[^;]*$"),
     ("flight", {"V_a_mps": "25"}, r"`V_a_mps` must be a valid number, got '25'"),
-    ("flight", {"V_a_mps": math.nan}, r"`V_a_mps` must be a finite number, got nan"),
     ("flight", {"duration_s": 0.01}, r"`duration_s` of \[flight\] must be at least two samples"),
     ("limits", {"phi_deg": [45.0, -45.0]}, r"must be a range \[low, high\] with low below high"),
-    ("limits", {"phi_deg": 45.0}, r"\[limits\] `phi_deg` must be a range \[low, high\], got 45\.0"),
     ("limits", {"phi_rate_dps": [3.0, 5.0]}, r"`phi_rate_dps` must be a range of rates"),
     ("controller", {"anti_windup": "clamp"}, r"must be 'none', 'conditional' or 'back_calc"),
-    ("reference", {"chi_deg": "north"}, r"\[reference\] `chi_deg` must be a valid"),
     ("reference", {"chi_deg": [{"shape": "jump"}]}, r"'shape' .*'doublet'"),
-    ("reference", {"chi_deg": [{"shape": "step"}]}, r"`change_deg` must be given"),
     (
         "reference",
         {"gamma_deg": [{"shape": "step", "start_s": 99.0, "change_deg": 5.0}]},
@@ -85,13 +80,7 @@ WRONG = [
         {"plant": [{"kind": "kinematic"}], "gains": ["tuned_identified"], "expect": []},
         r"`identified` of \[tuning\] must be given",
     ),
-    (
-        None,
-        {"gains": ["papr"]},
-        r"`gains` must be one of tuned, paper, .* got 'papr'; did you mean paper",
-    ),
     (None, {"gains": ["paper", "paper"]}, r"`gains` must not name anything twice"),
-    (None, {"plant": []}, r"`plant` must have at least 1 item, got \[\]\."),
     (None, {"gains": [{"name": "x", "K_P": [[1.0]], "K_I": [[1.0]]}]}, r"must have 2 rows"),
     (None, {"plant": [{"kind": "jsbsim"}]}, r"`aircraft` must be given with kind jsbsim"),
     (
@@ -104,7 +93,6 @@ WRONG = [
         {"plant": [{"kind": "point_mass_lag", "roll_lag_rad_s": 4.0}]},
         "`n_z_lag_rad_s` must be given with kind point_mass_lag",
     ),
-    (None, {"flight": 3}, r"`flight` must be a table, got 3"),
     (None, {"disturbance": {"chi_amplitude": 0.1}}, r"`disturbance` must be absent where a plant"),
 ]
 

@@ -110,8 +110,6 @@ def test_still_air_is_no_weather():
             "`chi_omega_rad_s` must be positive with as_wind",
         ),
         ({**GUST, "plant": LAW}, "`gust` .*jsbsim"),
-        ({"turbulence": {"intensity": "light"}, "plant": LAW}, "`turbulence` .*jsbsim"),
-        ({"wind": {"level": [STILL]}, "plant": LAW}, "`level` .*jsbsim"),
     ],
 )  # fmt: skip
 def test_impossible_weather_names_table_and_key(tables, message):

@@ -68,18 +68,14 @@ def test_the_largest_disturbance_that_is_bounded_is_found_to_two_digits(scenario
     ("arguments", "more", "what"),
     [
         (["--disturbance", "-1"], {}, "`disturbance` must be positive, got -1"),
-        (["--disturbance", "nan"], {}, "`disturbance` must be positive"),
         (["--disturbance", "most"], {}, "--disturbance: must be a number, got 'most'"),
-        (["--start-deg", "-2"], {}, "`start` must lie in 0..45 deg, got -2 deg"),
         (["--plant", "jsbsim:x"], {}, "`plant` must be one of kinematic"),
         (
             ["--disturbance", "largest", "--out", "proof.npz"],
             {},
             "`disturbance` must be a number with",
         ),
-        (["--out", "proof.json"], {}, "--out must end in .npz"),
         ([], {"wind": {"speed_mps": 3.0, "from_deg": 0.0}}, "`wind` must not"),
-        ([], {"sensors": {"chi_bias_deg": 1.0}}, "`sensors` must not"),
         (
             ["--plant", "jsbsim:aerosonde"],
             {"plant": [{"kind": "jsbsim", "aircraft": "aerosonde"}]},

@@ -125,7 +125,6 @@ def test_a_rate_above_what_exists_is_refused_with_the_largest(problem):
     ("changes", "message"),
     [
         ({"weights": (np.ones(2), np.zeros(2))}, "`weights` must be positive"),
-        ({"x_0": np.zeros(2)}, "`x_0` must not be zero"),
         ({"x_0": None}, "`x_0` must be given"),
         ({"R_min": -1.0}, "`R_min` must not be negative"),
         ({"weights": None, "R_min": 0.3}, "`R_min` must be 0"),

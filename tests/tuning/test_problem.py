@@ -67,10 +67,8 @@ def test_starts_are_stable_inside_the_bounds_and_the_same_for_one_seed(model, se
     ("change", "error", "message"),
     [
         ({"I_star": 0.0}, ft.InputError, "`I_star` must be positive, got 0"),
-        ({"seed": -1}, ft.InputError, "`seed` must not be negative"),
         ({"limits": ft.Limits.none(2)}, ft.InputError, "`x_0` must be given with `limits`"),
         ({"limits": ft.Limits.none(3), "x_0": np.ones(2)}, ft.ShapeError, "`limits` must have 2"),
-        ({"scaling": np.ones(3)}, ft.ShapeError, "`scaling` must have shape"),
         ({"K_min": np.zeros((2, 2))}, ft.ShapeError, r"`K_min` must have shape \(2, 4\)"),
         ({"K_min": np.ones((2, 4)), "K_max": np.zeros((2, 4))}, ft.InputError, "`K_min` must not"),
     ],
