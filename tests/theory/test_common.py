@@ -104,14 +104,6 @@ def test_an_unstable_vertex_is_a_result_with_a_reason():
     assert common_Q([-np.eye(2), np.eye(2)]).status == "none"
 
 
-def test_a_solver_that_fails_is_a_result_with_its_reason(monkeypatch):
-    monkeypatch.setattr(common, "solve", lambda _: "no luck")
-
-    assert common_Q(A_K[None]).status == "failed"
-    assert common_Q(A_K[None]).reason == "no luck"
-    assert common_ellipsoid(A_K[None], E, L_d=1.0)[0] is None
-
-
 def test_a_solver_that_lies_is_not_believed(monkeypatch):
     def liar(problem):
         for variable in problem.variables():

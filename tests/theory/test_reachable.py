@@ -161,21 +161,6 @@ def test_the_largest_error_of_the_papers_gains(name):
     )
 
 
-BY_COMPONENT = {
-    "K1": 0.4247, "K2": 0.7369, "K3": 1.1146, "K*": 2.0324, "K4": 3.1582, "K5": 4.5501, "K6": 6.3256
-}  # fmt: skip
-"""The same with a bound on each component of d' in place of its norm."""
-
-
-@pytest.mark.parametrize("name", BY_COMPONENT)
-def test_disturbances_bounded_by_component_add_up(name):
-    """Each component is worst by itself: the largest errors of both inputs are added."""
-    loop = closed_loops(MODEL, K[name])[None]
-    alone = [largest_outputs(loop, E[:, [j]], np.eye(4)[2:])[0] for j in range(2)]
-
-    assert sum(alone).max() == pytest.approx(BY_COMPONENT[name], abs=FOUR_DIGITS)
-
-
 def oscillator_error(p, q):
     """Integral of the size of the impulse response of ``e'' + p e' + q e = d'``, on paper."""
     damping = p / (2.0 * math.sqrt(q))

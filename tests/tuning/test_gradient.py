@@ -177,16 +177,6 @@ def test_evolution_ends_just_below_the_gradient_method(model):
     assert descended.R_K - 1e-3 < evolved.R_K < descended.R_K + NEVER_WORSE_BY
 
 
-@pytest.mark.soak
-def test_evolution_keeps_the_input_limits_too(printed):
-    problem = relaxed(printed, ALL_LIMITS, 7.0)
-
-    evolved, descended = tune_by_evolution(problem), ft.tune(problem)
-
-    assert evolved.status == "optimal"
-    assert descended.R_K - 1e-3 < evolved.R_K < descended.R_K + NEVER_WORSE_BY
-
-
 @pytest.mark.slow
 def test_evolution_of_an_infeasible_problem_says_so(printed):
     evolved = tune_by_evolution(printed, generations=60)
