@@ -1,9 +1,8 @@
-"""Plans, KML and GeoJSON of a mission, read back by jsonschema, lxml, fastkml and shapely."""
+"""Plans, KML and GeoJSON of a mission, read back by lxml, fastkml and shapely."""
 
 import json
 
 import fastkml
-import jsonschema
 import numpy as np
 import pytest
 import shapely
@@ -17,69 +16,13 @@ from flighttune.references.maps import Corridor
 
 SEEN = "{http://www.opengis.net/kml/2.2}"
 
-# QGroundControl's developer guide, "Plan file format": keys that must be there, and their types.
-POINT = {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3}
-AREA = {"type": "array", "items": {"type": "array", "minItems": 2, "maxItems": 2}, "minItems": 3}
-SIMPLE = {
-    "type": "object",
-    "required": ["type", "autoContinue", "command", "doJumpId", "frame", "params"],
-    "properties": {
-        "type": {"const": "SimpleItem"},
-        "autoContinue": {"type": "boolean"},
-        "command": {"type": "integer"},
-        "doJumpId": {"type": "integer", "minimum": 1},
-        "frame": {"enum": [2, 3]},
-        "params": {
-            "type": "array",
-            "items": {"type": ["number", "null"]},
-            "minItems": 7,
-            "maxItems": 7,
-        },
-    },
+# QGroundControl's developer guide, "Plan file format": the keys that each part must have.
+REQUIRED = {
+    "mission": "version firmwareType vehicleType cruiseSpeed hoverSpeed plannedHomePosition items",
+    "geoFence": "version circles polygons",
+    "rallyPoints": "version points",
 }
-POLYGON = {
-    "type": "object",
-    "required": ["version", "inclusion", "polygon"],
-    "properties": {"inclusion": {"type": "boolean"}, "polygon": AREA},
-}
-PLAN = {
-    "type": "object",
-    "required": ["fileType", "version", "groundStation", "geoFence", "mission", "rallyPoints"],
-    "properties": {
-        "fileType": {"const": "Plan"},
-        "version": {"const": 1},
-        "geoFence": {
-            "type": "object",
-            "required": ["version", "circles", "polygons"],
-            "properties": {
-                "version": {"const": 2},
-                "polygons": {"type": "array", "items": POLYGON},
-            },
-        },
-        "mission": {
-            "type": "object",
-            "required": [
-                "version",
-                "firmwareType",
-                "vehicleType",
-                "cruiseSpeed",
-                "hoverSpeed",
-                "plannedHomePosition",
-                "items",
-            ],
-            "properties": {
-                "version": {"const": 2},
-                "plannedHomePosition": POINT,
-                "items": {"type": "array", "items": SIMPLE, "minItems": 2},
-            },
-        },
-        "rallyPoints": {
-            "type": "object",
-            "required": ["version", "points"],
-            "properties": {"version": {"const": 2}, "points": {"type": "array", "items": POINT}},
-        },
-    },
-}
+OF_AN_ITEM = {"type", "autoContinue", "command", "doJumpId", "frame", "params"}
 
 AREAS = (
     (True, [[47.38, 8.48], [47.38, 8.55], [47.43, 8.55], [47.43, 8.48]]),
@@ -116,12 +59,26 @@ def corridor(route):
     return Corridor(windows, -wide, wide, "a claim")
 
 
+def assert_plan(tables):
+    """Held against what QGroundControl asks of a plan, whose numbers of version are 1 and 2."""
+    assert (tables["fileType"], tables["version"]) == ("Plan", 1)
+    assert "groundStation" in tables
+    for part, keys in REQUIRED.items():
+        assert {*keys.split()} <= tables[part].keys()
+        assert tables[part]["version"] == 2
+    for one in tables["mission"]["items"]:
+        assert OF_AN_ITEM <= one.keys()
+        assert (one["type"], len(one["params"])) == ("SimpleItem", 7)
+        assert one["frame"] in (2, 3)
+        assert all(value is None or isinstance(value, int | float) for value in one["params"])
+
+
 def test_a_plan_is_one_of_qgroundcontrol_with_turns_as_they_are_flown(mission, route, tmp_path):
     out = tmp_path / "out.plan"
     flighttune("route", mission, "--out", out)
     tables = json.loads(out.read_text())
 
-    jsonschema.validate(tables, PLAN)
+    assert_plan(tables)
     items = tables["mission"]["items"]
     assert [x["doJumpId"] for x in items] == [*range(1, len(items) + 1)]
     assert [x["command"] for x in items[:2]] == [22, 178]
@@ -146,7 +103,7 @@ def test_the_corridor_of_a_plan_is_areas_to_stay_in_beside_the_zones(route, corr
     route.save(out, corridor, [fence])
     tables = json.loads(out.read_text())
 
-    jsonschema.validate(tables, PLAN)
+    assert_plan(tables)
     assert len(tables["geoFence"]["polygons"]) == len(corridor.windows)
     assert all(x["inclusion"] for x in tables["geoFence"]["polygons"])
 
