@@ -40,7 +40,7 @@ soak: $(STAMP) picture-packages
 # Forty times the fuzzing of `make soak`; prints what became of every kind of file.
 counts: export FUZZ_TIMES = 40
 counts: $(STAMP)
-	$(PYTEST) -m soak -rP tests/test_fuzz.py tests/test_damages.py tests/recording/test_seal.py \
+	$(PYTEST) -m soak -rP tests/test_fuzz.py tests/test_damages.py \
 		tests/campaign/test_faults.py tests/campaign/test_meet.py
 
 # The hooks of .pre-commit-config.yaml, which look at what git tracks; an unpacked archive has no git.

@@ -4,6 +4,7 @@ import copy
 import json
 import math
 import os
+import random
 import resource
 import signal
 import traceback
@@ -103,16 +104,16 @@ VALUES = st.one_of(
 )
 
 
-def _places(value, place=()):
+def places_in(value, place=()):
     """Every place in nested tables and arrays."""
     items = value.items() if isinstance(value, dict) else enumerate(value)
     for key, item in items:
         yield (*place, key)
         if isinstance(item, (dict, list)):
-            yield from _places(item, (*place, key))
+            yield from places_in(item, (*place, key))
 
 
-def _holder(tables, place):
+def holder_of(tables, place):
     for key in place[:-1]:
         tables = tables[key]
     return tables
@@ -123,11 +124,11 @@ def mutated(draw, tables):
     """Tables with one to three mistakes, or values at the edge of one."""
     tables = copy.deepcopy(tables)
     for _ in range(draw(st.sampled_from([1, 1, 1, 2, 3]))):
-        places = list(_places(tables))
+        places = list(places_in(tables))
         if not places:
             break
         place = draw(st.sampled_from(places))
-        holder, key = _holder(tables, place), place[-1]
+        holder, key = holder_of(tables, place), place[-1]
         match draw(st.sampled_from(OPERATIONS)):
             case "value":
                 holder[key] = copy.deepcopy(draw(VALUES))
@@ -141,7 +142,7 @@ def mutated(draw, tables):
                 holder.append(copy.deepcopy(holder[key]))
             case _:
                 other = draw(st.sampled_from(places))
-                holder[key] = copy.deepcopy(_holder(tables, other)[other[-1]])
+                holder[key] = copy.deepcopy(holder_of(tables, other)[other[-1]])
     return tables
 
 
@@ -168,26 +169,20 @@ def to_json(tables):
     return json.dumps(tables, indent=1)
 
 
+JUNK = [
+    *(b"\xff\xfe", b"\x00", b"[" * 2000, b'{"a":' * 2000, b"9" * 5000),
+    *(b"w" * 40_000, b"# " + b"w" * 40_000, b"a." * 40_000),
+]
+
+
 @st.composite
 def torn(draw, data):
-    """Bytes with a piece cut out, changed, repeated or put in."""
+    """Bytes that are damaged, or with junk put in."""
+    junk = draw(st.sampled_from([None] * 4 * len(JUNK) + JUNK))
+    if junk is None:
+        return damaged(data, random.Random(draw(st.integers(0, 2**32))))[1]
     at = draw(st.integers(0, len(data)))
-    length = draw(st.integers(0, 40))
-    match draw(st.sampled_from(["flip", "cut", "end", "repeat", "put"])):
-        case "flip" if at < len(data):
-            return data[:at] + bytes([data[at] ^ (1 << draw(st.integers(0, 7)))]) + data[at + 1 :]
-        case "end":
-            return data[:at]
-        case "repeat":
-            return data[: at + length] + data[at:]
-        case "put":
-            junk = [
-                *(b"\xff\xfe", b"\x00", b"[" * 2000, b'{"a":' * 2000, b"9" * 5000),
-                *(b"w" * 40_000, b"# " + b"w" * 40_000, b"a." * 40_000),
-            ]
-            return data[:at] + draw(st.sampled_from(junk)) + data[at:]
-        case _:
-            return data[:at] + data[at + length :]
+    return data[:at] + junk + data[at:]
 
 
 def files(tables, to_text):
@@ -285,6 +280,8 @@ PIECE = 16
 def digit_changed(data, draw):
     """Bytes with one digit replaced by another one; only the last of them have descriptions."""
     places = [k for k in range(max(0, len(data) - 100_000), len(data)) if data[k] in DIGITS]
+    if not places:
+        return data
     place = draw.choice(places)
     other = draw.choice([digit for digit in DIGITS if digit != data[place]])
     return data[:place] + bytes([other]) + data[place + 1 :]

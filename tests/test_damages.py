@@ -12,10 +12,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pyarrow as pa
 import pytest
-from fuzzing import EDGES, TEXTS, TIMES, damaged, digit_changed
+from fuzzing import EDGES, TEXTS, TIMES, damaged, digit_changed, holder_of, places_in
 
 import flighttune as ft
+from flighttune.files.value import tables_of
 from flighttune.tubes.proof import load_tube
+from tests.made_up import shortened
 from tests.made_up_band import counted_boxes
 from tests.tubes.test_aircraft import flight
 from tests.tubes.test_proof import arrays_of
@@ -42,8 +44,9 @@ class Kind(NamedTuple):
     make: Callable[[Path], Path]  # writes one into a folder
     read: Callable[[Path], Any]  # what it says, as values that are equal only where every bit is
     # Changes what the file says and writes it with every sum and seal that anybody can compute.
-    forge: Callable[[Path, random.Random], None]
-    true: Callable[[Path, Any], bool]  # whether a forged file says nothing but what is so
+    forge: Callable[[Path, random.Random], None] | None = None
+    # whether a forged file says nothing but what is so
+    true: Callable[[Path, Any], bool] = lambda *_: False
 
 
 # What JSON says, changed in one place.
@@ -54,19 +57,12 @@ def changed_text(text, draw):
     if draw.random() < 0.5:
         return digit_changed(text.encode(), draw).decode()
     tables = json.loads(text)
-    holder, key = draw.choice(list(places(tables)))
+    *above, key = draw.choice(list(places_in(tables)))
+    holder = holder_of(tables, (*above, key))
     holder[key] = draw.choice([*EDGES, *TEXTS, None, True, [], {}, [1.0], 0, -1, 10**400, 1e308])
     if isinstance(holder, dict) and draw.random() < 0.2:
         del holder[key]
     return json.dumps(tables, ensure_ascii=False)
-
-
-def places(value):
-    """Every place in nested tables and arrays: what holds it, and its key."""
-    for key, item in value.items() if isinstance(value, dict) else enumerate(value):
-        yield value, key
-        if isinstance(item, (dict, list)):
-            yield from places(item)
 
 
 def changed_rows(rows, draw):
@@ -156,7 +152,32 @@ def its_flight_stays(path, _):
     return flights_inside(load_tube(path))
 
 
+# A run and a band have a SHA-256 of all they say: whoever forges one writes another result.
+
+
+def recorded(folder):
+    (file,) = ft.record(ft.fly(shortened("paper_as_printed", 1.0)), folder).signals.values()
+    return file
+
+
+def run_in(path):
+    (run,) = ft.load_recording(path).runs
+    return repr(run.provenance), run.outcome, run.signals.to_numpy().tobytes()
+
+
+def counted(folder):
+    ft.save_claim(counted_boxes(flight(duration_s=0.2)), folder / "band.npz")
+    return folder / "band.npz"
+
+
+def band_in(path):
+    band = ft.load_claim(path)
+    return repr(tables_of(band.about)), band.extremes.tobytes()
+
+
 KINDS = {
+    "run": Kind(recorded, run_in),
+    "band": Kind(counted, band_in),
     "proof": Kind(proven, proven_in, forge_proof, no_flight_leaves),
     "proof of an aircraft": Kind(proven_of_aircraft, proven_in, forge_proof, its_flight_stays),
 }
@@ -182,14 +203,14 @@ def made(request, tmp_path_factory):
     return kind, folder, path.relative_to(folder), kind.read(path)
 
 
-def every_kind(test):
-    """A test of each kind of file, with few and with many changes."""
-    return pytest.mark.parametrize("made", KINDS, indirect=True)(
+def of_each(*kinds):
+    """A test of kinds of files, with few and with many changes."""
+    return lambda test: pytest.mark.parametrize("made", kinds, indirect=True)(
         pytest.mark.parametrize("count", COUNTS)(test)
     )
 
 
-@every_kind
+@of_each(*KINDS)
 def test_no_damage_is_silent(made, count, tmp_path):
     (kind, folder, file, written), draw, seen = made, random.Random(SEED), Counter()
     whole = (folder / file).read_bytes()
@@ -205,7 +226,7 @@ def test_no_damage_is_silent(made, count, tmp_path):
     tell(file, seen)
 
 
-@every_kind
+@of_each("proof", "proof of an aircraft")
 def test_no_forgery_is_believed_unless_what_it_says_is_so(made, count, tmp_path):
     (kind, folder, file, written), draw, seen = made, random.Random(SEED), Counter()
     while seen.total() < count:

@@ -6,7 +6,7 @@ import time
 
 import numpy as np
 import pytest
-from fuzzing import TIMES
+from fuzzing import TIMES, damaged
 from log_files import sampled, write_csv, write_dataflash, write_tlog, write_ulog
 
 import flighttune as ft
@@ -16,29 +16,6 @@ FEW, MANY = 12, 30 * TIMES
 LONGEST_S = 60.0
 MOST_KB = 1_000_000
 """Memory of a child, kB."""
-
-
-def damaged(data, draw):
-    """Bytes with some changed, cut off, moved, repeated or put in."""
-    data = bytearray(data)
-    for _ in range(draw.choice([1, 1, 3, 20])):
-        if not data:  # nothing is left to damage
-            break
-        at, size = draw.randrange(len(data)), draw.choice([1, 2, 8, 64, 1000])
-        match draw.randrange(6):
-            case 0:
-                data[at] ^= 1 << draw.randrange(8)
-            case 1:
-                data[at : at + size] = draw.randbytes(min(size, 64))
-            case 2:
-                del data[at : at + size]
-            case 3:
-                data[at:at] = data[: 4 * size]
-            case 4:
-                data[at : at + size] = draw.choice([b"\x00", b"\xff", b"9", b","]) * size
-            case _:
-                del data[max(20, at) :]
-    return bytes(data)
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +35,10 @@ def try_damages(originals, folder, count, seed):
     for k in range(count):
         kind = draw.choice([*originals])
         path = folder / f"damaged.{kind}"
-        path.write_bytes(damaged(originals[kind], draw))
+        data = originals[kind]
+        for _ in range(draw.choice([1, 1, 3, 20])):
+            _, data = damaged(data, draw) if data else ("", data)
+        path.write_bytes(data)
         began = time.monotonic()
         said = ""
         try:
