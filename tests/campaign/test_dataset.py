@@ -191,18 +191,6 @@ def test_a_damaged_file_is_told_of_and_its_runs_are_flown_again(out, ours, rows,
     assert f"{part}: is damaged or was changed" in notes.heard[0]
 
 
-def test_no_bit_of_a_file_of_rows_can_change_unseen(out):
-    (part, _), dataset = sorted((out / "runs").iterdir()), open_dataset(out)
-    data = part.read_bytes()
-    random = np.random.default_rng(1)
-    for at, bit in zip(
-        random.integers(len(data), size=300), random.integers(8, size=300), strict=True
-    ):
-        part.write_bytes(data[:at] + bytes([data[at] ^ (1 << bit)]) + data[at + 1 :])
-        with pytest.raises(ft.RecordingError, match="is damaged or was changed"):
-            dataset.rows(["run"])
-
-
 def test_a_run_in_two_files_is_refused(tmp_path, ours, rows):
     out = written(tmp_path, ours, rows.slice(0, 4), rows.slice(2, 4))
 

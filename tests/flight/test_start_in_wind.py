@@ -78,19 +78,6 @@ def test_an_aircraft_starts_on_its_course_over_ground_and_in_trim(aircraft, from
     assert (later["chi"], later["gamma"]) == pytest.approx((CHI, gamma), abs=STEADY)
 
 
-@pytest.mark.parametrize("from_deg", FROM)
-def test_the_nose_points_into_the_wind_by_the_angle_of_the_law_of_sines(from_deg):
-    scenario = windy(from_deg, [{"kind": "jsbsim", "aircraft": "aerosonde"}])
-    plant = plant_of(scenario.plant[0], scenario)
-
-    plant.start(start_condition(scenario))
-
-    into_wind = math.asin(SPEED / 25.0 * math.sin(math.radians(from_deg) - CHI))
-    now = seen(plant)
-    # The thrust and the propeller leave a sideslip of this size.
-    assert now["psi"] + now["beta"] == pytest.approx(CHI + into_wind, abs=1e-4)
-
-
 @pytest.mark.parametrize("kind", ["kinematic", "point_mass", "point_mass_lag"])
 @pytest.mark.parametrize("start", ["course", "heading"])
 def test_a_point_mass_starts_along_its_course_or_with_its_nose_there(kind, start):

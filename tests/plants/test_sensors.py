@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.plants.sensors import MEASURED, SENSED, SensedPlant
 
 DT = 0.02
 LONG = 200_000
@@ -71,22 +70,3 @@ def test_without_noise_the_bias_is_all_there_is():
 def test_what_cannot_be_used_is_refused(change, message):
     with pytest.raises(ft.InputError, match=message):
         ft.Sensors(**change)
-
-
-def test_a_plant_seen_through_sensors_flies_as_it_does_alone():
-    errors = ft.Sensors(bias=BIAS, noise_sd=SD, seed=1).errors(5, DT)
-    sensed, alone = (
-        SensedPlant(ft.PointMassPlant(turn="paper"), errors),
-        ft.PointMassPlant(turn="paper"),
-    )
-    assert sensed.signals == alone.signals + MEASURED
-
-    for plant in (sensed, alone):
-        plant.start(ft.FlightCondition(V_a=25.0, chi=0.3))
-    for k in range(5):
-        seen, true = sensed.observe(), alone.observe()
-        assert seen[: len(true)] == true
-        places = [alone.signals.index(name) for name in SENSED]
-        expected = [true[at] + error for at, error in zip(places, errors[k], strict=True)]
-        assert list(seen[len(true) :]) == expected
-        assert sensed.advance(0.2, 1.1, DT) == alone.advance(0.2, 1.1, DT)

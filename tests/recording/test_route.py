@@ -1,5 +1,7 @@
 """What a recording shows of a route and of bands."""
 
+import re
+import tomllib
 from dataclasses import replace
 
 import numpy as np
@@ -138,3 +140,12 @@ def test_a_tube_is_named_with_its_air_and_a_band_is_explained_beside_it(four_run
     assert f"Tube in wind: {SENTENCE}." in page
     assert f"Counted band: {SENTENCE}." in page
     assert heading == "chi error [deg], tube in wind thin, counted band dashed"
+
+
+def test_the_page_has_the_scenario_as_toml_that_flies_again(four_runs):
+    scenario = four_runs[0].provenance.scenario
+    (text,) = re.findall(
+        r"```toml\n(.*?)```", scenario_page(four_runs, scenario=scenario), re.DOTALL
+    )
+
+    assert tomllib.loads(text) == scenario

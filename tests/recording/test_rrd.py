@@ -1,19 +1,16 @@
 """What is in a recording, read back from the file, against what was put in."""
 
-import os
 from dataclasses import replace
 
 import numpy as np
 import pandas as pd
 import pytest
 from rerun.chunk import RrdReader
-from rerun.error_utils import strict_mode
 
 from flighttune.present.thinning import MOST
 from flighttune.recording.entities import TIMELINE, runs_to_draw
 from flighttune.recording.plots import TABS, with_derived
 from flighttune.recording.record import write_recording
-from flighttune.records.parquet import check_recording
 from flighttune.simulate.run import SIGNAL_UNITS
 
 FLOAT32_POSITION = 1e-4
@@ -202,22 +199,6 @@ def test_a_position_that_is_no_number_does_not_reach_the_scene(four_runs, tmp_pa
     moved = scene.values("/world/aircraft/kinematic_paper", "Transform3D:translation")
     assert len(moved) == len(odd) - 3
     assert np.isfinite(moved).all()
-
-
-def test_a_recording_is_replaced_whole_or_not_at_all(four_runs, tmp_path):
-    path = tmp_path / "flight.rrd"
-    path.write_bytes(b"old")
-    lost = replace(four_runs[0], signals=four_runs[0].signals.drop(columns="north"))
-    before = strict_mode()
-
-    with pytest.raises(KeyError):
-        write_recording([lost], path, page="", title="Flight")
-
-    assert path.read_bytes() == b"old"
-    write_recording(four_runs[:1], path, page="", title="Flight")
-    check_recording(path)
-    assert os.listdir(tmp_path) == ["flight.rrd"]
-    assert strict_mode() is before
 
 
 def test_what_sensors_showed_is_drawn_faintly_below_the_run_beside_its_signal(

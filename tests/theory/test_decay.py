@@ -77,25 +77,33 @@ def test_what_is_no_loop_is_refused(loop, dt):
         decay(loop, dt=dt)
 
 
+ONE_BIT_OFF = np.ones((4, 4))
+ONE_BIT_OFF[0, 1] += 1e-15
+
+
 @pytest.mark.parametrize("dt", [None, 0.02])
-@pytest.mark.parametrize("forgery", ["rate", "loop", "Q", "sign", "asymmetric"])
+@pytest.mark.parametrize(
+    "forgery",
+    [
+        {"rate": 0.501},  # the slowest eigenvalue decays at 0.5
+        {"added": 0.6 * np.eye(4)},
+        {"factor": np.diag([-2.0, 0.0, 0.0, 0.0]) + 1.0},
+        {"factor": -1.0},
+        {"factor": ONE_BIT_OFF},
+    ],
+    ids=["rate", "loop", "Q", "sign", "asymmetric"],
+)
 def test_a_forged_rate_is_not_proven(forgery, dt):
     A = stable_loops(3, 4)
     loop = A if dt is None else expm(A * dt)
     proven = decay(loop, dt=dt)
-    rate, Q = proven.rate, proven.Q.copy()
-    if forgery == "rate":
-        rate = 0.501  # the slowest eigenvalue decays at 0.5
-    elif forgery == "loop":
-        loop = loop + 0.6 * np.eye(4)
-    elif forgery == "Q":
-        Q[0, 0] *= -1.0
-    elif forgery == "sign":
-        Q = -Q
-    else:
-        Q[0, 1] *= 1.0 + 1e-15
 
-    checks = decay_checks(exact(loop), Q, rate=rate, dt=dt)
+    checks = decay_checks(
+        exact(loop + forgery.get("added", 0.0)),
+        proven.Q * forgery.get("factor", 1.0),
+        rate=forgery.get("rate", proven.rate),
+        dt=dt,
+    )
 
     assert not all(check.exact for check in checks)
 

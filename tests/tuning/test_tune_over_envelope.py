@@ -12,6 +12,7 @@ from flighttune.tuning.envelope import (
     envelope_rate,
     largest_factor,
     point,
+    rate_curve,
     tune_over_envelope,
 )
 from flighttune.tuning.problem import search_space
@@ -84,6 +85,15 @@ def test_the_papers_gains_certify_a_narrower_envelope_than_the_tuned_ones():
     factors = [largest_factor(gains, MODERATE, TRIM, g=G) for gains in SETS]
 
     assert factors == pytest.approx([0.822, 1.410, 1.994], abs=2e-3)
+
+
+def test_a_curve_of_rates_starts_at_that_of_the_trim_and_falls(model):
+    for gains in (ft.PAPER_GAINS, TUNED):
+        _, rates = rate_curve(gains, MODERATE, TRIM, g=G, up_to=1.2)
+
+        at_trim = ft.indicators(ft.closed_loop(model, gains)).R_K
+        assert rates[0] == pytest.approx(at_trim, rel=10.0 * SOLVER)
+        assert (np.diff(rates) < 0.0).all()
 
 
 @pytest.fixture(scope="module")

@@ -68,21 +68,6 @@ def test_a_start_in_wind_is_the_trim_carried_along(fly, wind, phi):
         assert flight[name] == pytest.approx(calm[name], abs=tolerance), name
 
 
-def test_course_and_speed_over_ground_close_the_wind_triangle(fly):
-    wind, chi_air = np.array([3.0, 8.0, -2.0]), 40.0 * DEG
-
-    flight = fly((0.0, 1.0), chi=chi_air, duration=1.0, weather=Weather(wind=blowing(*wind)))
-
-    over_ground = 25.0 * np.array([math.cos(chi_air), math.sin(chi_air), 0.0]) + wind
-    level = math.hypot(*over_ground[:2])
-    assert flight["chi"][0] == pytest.approx(math.atan2(over_ground[1], over_ground[0]), abs=1e-6)
-    assert flight["gamma"][0] == pytest.approx(math.atan2(2.0, level), abs=1e-5)
-    assert flight["V_g"][0] == pytest.approx(level, abs=1e-4)
-    assert flight["north"][-1] == pytest.approx(over_ground[0], abs=1e-2)
-    assert flight["east"][-1] == pytest.approx(over_ground[1], abs=1e-2)
-    assert wind_of(flight) == pytest.approx(np.tile(wind, (len(flight.t), 1)))
-
-
 def test_wind_over_height_is_that_of_the_level_flown_through(fly):
     shear = WindProfile(((950.0, (0.0, 0.0, 0.0)), (1050.0, (10.0, -5.0, 0.0))))
 

@@ -107,24 +107,6 @@ def test_inner_loop_stays_stable_with_other_surface_effectiveness(
     assert np.ptp(flight["n_z"][late]) < 0.02
 
 
-def test_meets_the_roll_targets_with_the_other_published_lateral_coefficients(
-    fly, holding_gamma, changed_aircraft
-):
-    # C_Y_beta -0.98 and C_n_p +0.069: mavsim_public, aerosonde_parameters.py.
-    changed_aircraft("aerosonde.xml", r"<value> -0\.83 </value>", "<value> -0.98 </value>")
-    folder = changed_aircraft(
-        "aerosonde.xml",
-        r"<value> -0\.069 </value> (<property> aero/p-hat)",
-        r"<value> 0.069 </value> \1",
-    )
-    phi_1 = 30.0 * DEG
-
-    flight = fly(holding_gamma(phi_1), aircraft=folder, duration=4.0, dt=FINE)
-
-    assert time_to_90_percent(flight.t, flight["phi"], 0.0, phi_1) <= ROLL_T90
-    assert overshoot(flight["phi"], 0.0, phi_1) <= ROLL_OVERSHOOT
-
-
 def test_inner_loop_limits_commands_in_size_and_rate(fly, holding_gamma):
     flight = fly(holding_gamma(80.0 * DEG), duration=3.0)
 
