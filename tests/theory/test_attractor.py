@@ -25,7 +25,7 @@ def test_a_lightly_damped_loop_leaves_the_ball_of_the_proportional_reading():
         oscillator, [[0.0]], I_K=ft.indicators(oscillator).I_K, L_d=1.0
     )
 
-    reached = largest_reach(ReachableSet.of(oscillator, [[1.0], [0.0]], L_d=1.0)).radius
+    reached, _ = largest_reach(ReachableSet.of(oscillator, [[1.0], [0.0]], L_d=1.0))
 
     assert proportional < reached / 5.0
     assert reached < safe
