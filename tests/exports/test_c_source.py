@@ -38,44 +38,29 @@ LAWS = {
 }
 
 
-class OuterLoop(ctypes.Structure):
-    _fields_ = (
-        ("u", ctypes.c_double * 2),
-        ("integral", ctypes.c_double * 2),
-        ("error", ctypes.c_double * 2),
-        ("started", ctypes.c_int),
-    )
+def state_of(channels):
+    """The state of a loop, as the file declares it."""
+    each = [(name, ctypes.c_double * channels) for name in ("u", "integral", "error")]
+    fields = (*each, ("started", ctypes.c_int))
+    return type("Loop", (ctypes.Structure,), {"_fields_": fields})()
 
 
-class AirspeedLoop(ctypes.Structure):
-    """As `OuterLoop`, with three channels."""
-
-    _fields_ = (
-        ("u", ctypes.c_double * 3),
-        ("integral", ctypes.c_double * 3),
-        ("error", ctypes.c_double * 3),
-        ("started", ctypes.c_int),
-    )
-
-
-def library_of(source, folder):
-    """The library of a C file, built with every warning an error."""
+def compiled(source, folder, channels=2):
+    """The library of a C file, built with every warning an error, and a state for it."""
     (folder / "loop.c").write_text(source)
-    library = folder / "loop.so"
+    library, state = folder / "loop.so", state_of(channels)
     strict = "-std=c99 -O2 -Wall -Wextra -Werror -pedantic -Wno-unused-parameter -shared -fPIC"
     command = [COMPILER, *strict.split(), str(folder / "loop.c"), "-o", str(library), "-lm"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0, done.stderr
-    return ctypes.CDLL(str(library))
-
-
-def compiled(source, folder):
-    """The library of a file of two channels."""
-    loaded = library_of(source, folder)
-    loaded.ft_outer_loop_start.argtypes = [ctypes.POINTER(OuterLoop), *[ctypes.c_double] * 2]
-    loaded.ft_outer_loop_step.argtypes = [ctypes.POINTER(OuterLoop), *[ctypes.c_double] * 6]
-    loaded.ft_outer_loop_step_along.argtypes = [ctypes.POINTER(OuterLoop), *[ctypes.c_double] * 9]
-    return loaded
+    loaded, number = ctypes.CDLL(str(library)), ctypes.c_double
+    loaded.ft_outer_loop_start.argtypes = [ctypes.POINTER(type(state)), *[number] * channels]
+    if channels == 3:
+        loaded.ft_outer_loop_step.restype = number
+    else:
+        loaded.ft_outer_loop_step.argtypes = [ctypes.POINTER(type(state)), *[number] * 6]
+        loaded.ft_outer_loop_step_along.argtypes = [ctypes.POINTER(type(state)), *[number] * 9]
+    return loaded, state
 
 
 def random_samples():
@@ -95,7 +80,7 @@ def random_samples():
 @pytest.mark.parametrize("settings", LAWS.values(), ids=LAWS)
 def test_the_c_file_commands_what_mimo_pi_does_to_the_bit(settings, tmp_path):
     law = ft.MimoPI(GAINS, dt=0.02, **{"limits": LIMITS, **settings})
-    loop, state = compiled(c_source(law, title="a */ b", gains="c\nd"), tmp_path), OuterLoop()
+    loop, state = compiled(c_source(law, title="a */ b", gains="c\nd"), tmp_path)
     law.start(ft.FlightCondition(V_a=25.0, phi=0.1, n_z=0.9))
     loop.ft_outer_loop_start(state, 0.1, 0.9)
     limited = 0
@@ -115,7 +100,7 @@ def test_the_c_file_plans_roll_and_lift_for_the_rates_of_a_reference(tmp_path):
     """Expected: the law, given roll atan(chi' V / g) and lift cos(gamma) + gamma' V / g."""
     law, g = ft.MimoPI(GAINS, LIMITS, dt=0.02, feed_forward=True), 9.81
     source = c_source(law, title="t", gains="g", lead=(0.17, 0.19), g=g)
-    loop, state = compiled(source, tmp_path), OuterLoop()
+    loop, state = compiled(source, tmp_path)
     law.start(ft.FlightCondition(V_a=25.0))
     loop.ft_outer_loop_start(state, 0.0, 1.0)
     rng = np.random.default_rng(3)
@@ -143,9 +128,7 @@ def test_the_c_file_flies_the_airspeed_and_its_priority_as_fly_does(name, tmp_pa
     tuned = gain_set(scenario, gains)
     run = fly_alone(scenario, scenario.plant[0], tuned, gains)
     source = export_c(scenario, gains, tuned, tmp_path)
-    loop, state = library_of(source.read_text(), tmp_path), AirspeedLoop()
-    loop.ft_outer_loop_start.argtypes = [ctypes.POINTER(AirspeedLoop), *[ctypes.c_double] * 3]
-    loop.ft_outer_loop_step.restype = ctypes.c_double
+    loop, state = compiled(source.read_text(), tmp_path, channels=3)
     condition = start_condition(scenario)
     loop.ft_outer_loop_start(state, *condition.commands(3))
     wanted = ["gamma_given", "phi_cmd", "n_z_cmd", "n_x_cmd"]
@@ -183,10 +166,7 @@ def test_the_c_file_of_three_channels_keeps_to_limits_schedule_and_rates(tmp_pat
         rate_upper=np.array([0.6, 1.5, 0.9]),
     )
     law = ft.MimoPI(gains, limits, dt=0.02, feed_forward=True, schedule_speed=25.0, g=g)
-    loop = library_of(c_source(law, title="t", gains="g", g=g), tmp_path)
-    loop.ft_outer_loop_start.argtypes = [ctypes.POINTER(AirspeedLoop), *[ctypes.c_double] * 3]
-    loop.ft_outer_loop_step.restype = ctypes.c_double
-    state = AirspeedLoop()
+    loop, state = compiled(c_source(law, title="t", gains="g", g=g), tmp_path, channels=3)
     law.start(ft.FlightCondition(V_a=25.0, gamma=0.1))
     loop.ft_outer_loop_start(state, 0.0, law.state.u[1], math.sin(0.1))
     cuts = 0
@@ -218,7 +198,7 @@ def test_the_c_file_of_three_channels_keeps_to_limits_schedule_and_rates(tmp_pat
 def test_the_file_of_a_scenario_has_the_tighter_limits_of_its_aircraft(tmp_path):
     scenario = ft.load_scenario("sensor_noise")  # rolls at 60 deg/s, its aircraft at 30
     source = export_c(scenario, "paper", gain_set(scenario, "paper"), tmp_path)
-    loop, state = compiled(source.read_text(), tmp_path), OuterLoop()
+    loop, state = compiled(source.read_text(), tmp_path)
     loop.ft_outer_loop_start(state, 0.0, 1.0)
 
     loop.ft_outer_loop_step(state, 1.0, 0.5, 0.0, 0.0, 0.0, 25.0)
