@@ -12,9 +12,11 @@ from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
 from flighttune.adoption.survey import survey, wide_tables
-from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.aircraft.aircraft import aircraft_from, load_aircraft
 from flighttune.files.shipped import models_of_jsbsim
 from flighttune.flight.conditions import start_condition
+from flighttune.plants.jsbsim.bench import AirframeState, Bench
+from flighttune.plants.jsbsim.fdm import Fdm
 
 DEG = math.pi / 180.0
 CENTIDEGREE = 0.01
@@ -335,6 +337,28 @@ def test_an_electric_engine_settles_in_the_steps_of_its_flight(own, tmp_path):
 
     # 1500 W at the airspeed chosen cannot push with more than this, over the weight.
     assert 0.0 < found.spare_thrust < 1500.0 / found.V_a / (11.0 * 9.80665)
+
+
+def test_thrust_of_an_electric_engine_depends_on_the_throttle_alone(own, tmp_path):
+    file = own("38.21", "38.2")
+    (file.parent / "Engines/direct.xml").write_text(PROPELLER)
+    motor = file.parent / "Engines/aerosonde_motor.xml"
+    motor.write_text(motor.read_text().replace("> 36.576 <", "> 1500 <"))
+    tables = wide_tables(str(file))
+    tables["engines"]["settle_s"] = 15.0
+
+    def thrusts(*throttles):
+        bench = Bench(Fdm(aircraft_from(tables, tmp_path)), 1000.0)
+        thrust = bench.fdm.reader("propulsion/engine/thrust-lbs")
+        for throttle in throttles:
+            bench.accelerations(AirframeState(V_a=25.0, throttle=throttle))
+            yield thrust()
+
+    (from_rest,) = thrusts(1.0)
+    closed, half, full, closed_again = thrusts(0.0, 0.5, 1.0, 0.0)
+
+    assert closed < 0.0 < half < full  # a windmill brakes
+    assert (from_rest, closed_again) == pytest.approx((full, closed), rel=1e-6)
 
 
 def test_a_link_that_leads_nowhere_is_no_fault(own, tmp_path):

@@ -20,6 +20,9 @@ MEASURED = ("u_dot", "v_dot", "w_dot", "p_dot", "q_dot", "r_dot", "n_y", "n_z")
 
 CONTROLS = ("aileron", "elevator", "rudder", "throttle")
 
+# Throttle at which an electric propeller starts to turn.
+SPIN_UP = 0.3
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AirframeState:
@@ -82,6 +85,11 @@ class Bench:
         Returns ``u_dot``, ``v_dot``, ``w_dot`` (m/s^2), ``p_dot``, ``q_dot``, ``r_dot`` (rad/s^2),
         ``n_y`` and ``n_z`` (1): load factors along the right wing and the lift axis.
         """
+        first = math.isnan(self._settled_for[0])
+        if first and self.fdm.electric and self.fdm.engine_settles and state.throttle != SPIN_UP:
+            # From rest, full throttle makes the speed of a light propeller diverge, and a closed
+            # one leaves it at rest.
+            self.accelerations(replace(state, throttle=SPIN_UP))
         u, v, w = (component / FT for component in state.velocity)
         # JSBSim takes headings from 0 to 2 pi only.
         motion = state.phi, state.theta, state.psi % math.tau, state.p, state.q, state.r

@@ -44,6 +44,9 @@ _LOAD = re.compile(r"inertia/pointmass-weight|/tank(\[\d+\])?/contents-lbs")
 # with a fifth of the work; short steps after them settle what the long ones upset.
 _LONG_STEP_RATE, _SETTLING_RATE = 10.0, 50.0
 
+# Longest time in which an electric propeller settles that is too light for such steps, s.
+_LIGHT_SETTLES = 15.0
+
 # Change of thrust in a sample, as a share of it, that ends the settling.
 _SETTLED_CHANGE = 1e-10
 
@@ -83,6 +86,8 @@ class Fdm:
         # Systems of the model itself may have a memory.
         self.own_flight_control = has_flight_control(unchanged(config))
         self.electric = bool(config.engines.count) and has_electric_engine(unchanged(config))
+        # Steps longer than those of the flight make the speed of a light propeller diverge.
+        self.light = self.electric and config.engines.settle <= _LIGHT_SETTLES
         self.ground = ground
         self.steps = steps
         self.rate = config.inner_loop_rate * steps  # integration steps a second
@@ -145,7 +150,8 @@ class Fdm:
 
     def start_engines(self) -> None:
         """Start those that do not run, at the airspeed and throttle there are."""
-        if all(read() for read in self._running):
+        # Electric ones never say that they run. Started again by JSBSim, some propellers diverge.
+        if self.electric or all(read() for read in self._running):
             return
         if self.has("propulsion/magneto_cmd"):
             for name, value in STARTER.items():
@@ -203,7 +209,10 @@ class Fdm:
         """
         if self.engine_settles:
             self.start_engines()
-            if not self.electric:
+            if self.electric and not self.light:  # the slower it turns, the longer it takes
+                longest = 10.0 * self.engine_settles
+                self.hold(longest, rate=_LONG_STEP_RATE, still=_SETTLED_CHANGE)
+            elif not self.electric:
                 self.hold(self.engine_settles, rate=_LONG_STEP_RATE)
             self.hold(self.engine_settles, still=_SETTLED_CHANGE)
 
@@ -213,7 +222,7 @@ class Fdm:
         `duration` (s). `rate` (1/s): integration steps a second. `still`: a sample that changes the
         thrust by a smaller share of it ends the wait.
         """
-        if self.electric:  # they settle in the steps in which they fly
+        if self.light:  # they settle in the steps in which they fly
             rate = max(rate, self.rate)
         # Whole samples of the inner loop, so that its next one falls on the start of the flight.
         self.run_still(math.ceil(duration * rate / self.steps), rate, still)
@@ -242,12 +251,12 @@ class Fdm:
             write(0.0)
         self._exec.set_dt(1.0 / rate)
         try:
-            for _ in range(samples):
+            for sample in range(samples):
                 before = self._thrust()
                 for _ in range(self.steps):
                     self._exec.run()
-                # Strict: a share of 0 never ends the wait early.
-                if abs(self._thrust() - before) < still * abs(before):
+                # Strict: a share of 0 never ends the wait early. The throttle comes with the first.
+                if sample and abs(self._thrust() - before) < still * abs(before):
                     break
         except jsbsim.BaseError as error:
             raise self._translation("cannot be run", error) from error
