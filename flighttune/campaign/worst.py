@@ -16,7 +16,7 @@ from scipy.special import chdtri, ndtr
 from flighttune.arrays import FloatArray, check_at_least
 from flighttune.campaign.band import score
 from flighttune.campaign.bang_bang import search_bang_bang
-from flighttune.campaign.claims import load_claim
+from flighttune.campaign.claims import AnyClaim, load_claim
 from flighttune.campaign.counted_flights import plan_of
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
@@ -245,32 +245,55 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
     place, stated = "", str(source) if isinstance(source, Path) else source
     if isinstance(stated, str) and is_claim_file(stated):
         place, stated = f"{source}: ", load_claim(stated)
-    if isinstance(stated, Certificate | RateBound):
-        raise InputError(f"{place}must be of flights, to be searched, got a claim about gains.")
-    if isinstance(stated, Tube | Band):
+    if not isinstance(stated, str):
+        stated = _searchable(stated, place)
         if metric or gains or start_deg or disturbance or changes or claim:
             raise InputError(
                 f"{place}metric, gains, starts, disturbance, changes and claim must be absent for "
                 "a tube or band file, which has its own."
             )
-        if isinstance(stated, Tube):
-            claim = stated
-            _check_searchable(stated, place)
-        elif not stated.claims:
-            raise InputError(f"{place}the band must have a claim, got none.")
-    bounds = None if claim is None else claim.bounds.of(ERRORS)
-    with WorkerPool(workers, scheduler, observer) as pool:
-        searched = StatedSet(
+        claim = stated if isinstance(stated, Tube) else None
+    bounds, sizes = None, (disturbance, disturbance)
+    probes: Probes = {}
+    if claim is not None:
+        if metric is not None:
+            raise InputError("`metric` must not be given with a tube, whose share is the metric.")
+        bounds = claim.bounds.of(ERRORS)
+        metric, probes = TUBE, {TUBE: partial(_use_of, bounds)}
+    elif metric not in (None, MARGIN, *MEASURES):
+        raise InputError(
+            f"`metric` must be {MARGIN} or one of {', '.join(MEASURES)}, got {metric!r}."
+        )
+    if isinstance(stated, Tube):
+        plan, sizes = enclosed(stated), disturbance_of(stated)
+        start_deg = stated.problem.start * DEG_PER_RAD
+    elif isinstance(stated, Band):
+        plan, metric = plan_of(stated), BAND
+        probes = {BAND: partial(_share_of, stated.about, stated.flights, stated.scale)}
+    else:
+        plan = planned(
             stated,
-            pool,
-            metric=metric,
-            tube=bounds,
-            gains=gains,
             plant=plant,
-            completed=completed,
             start_deg=start_deg,
             disturbance=disturbance,
+            gains=gains,
             changes=changes,
+        )
+    group = plan.chosen_group(plant, gains if gains in plan.gain_sets else None)
+    if not plan.keys:
+        raise InputError(
+            f"{stated}: `disperse` must name a key to search; for a scenario give --start-deg or "
+            "--disturbance."
+        )
+    with WorkerPool(workers, scheduler, observer) as pool:
+        searched = StatedSet(
+            plan.of_group(group),
+            pool,
+            metric=metric,
+            probes=probes,
+            sizes=sizes,
+            start_deg=start_deg,
+            completed=completed,
         )
         flight = find_worst(searched, budget=budget, seed=seed)
     if bounds is None:
@@ -288,15 +311,21 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
     )
 
 
-def _check_searchable(tube: Tube, place: str) -> None:
-    """Refuse a tube that is lost, or of one flight only."""
-    if tube.status != "bounded":
-        raise InputError(f"{place}the tube must be bounded, got one that is not: {tube.reason}.")
-    if not (tube.problem.start or any(disturbance_of(tube))):
+def _searchable(stated: AnyClaim, place: str) -> Tube | Band:
+    """The claim, if it is of flights of which one can be worse than another."""
+    if isinstance(stated, Certificate | RateBound):
+        raise InputError(f"{place}must be of flights, to be searched, got a claim about gains.")
+    if isinstance(stated, Band):
+        if not stated.claims:
+            raise InputError(f"{place}the band must have a claim, got none.")
+    elif stated.status != "bounded":
+        raise InputError(f"{place}the tube must be bounded, got one that is not: {stated.reason}.")
+    elif not (stated.problem.start or any(disturbance_of(stated))):
         raise InputError(
             f"{place}the tube must have a range of starts or a disturbance to search, got that of "
             "one flight."
         )
+    return stated
 
 
 def _contradicts(run: Run, tube: Tube | None) -> bool:
@@ -308,66 +337,31 @@ def _contradicts(run: Run, tube: Tube | None) -> bool:
 
 
 class StatedSet:
-    """The flights of a stated set by one plant and gain set: flies them and keeps the worst."""
+    """The flights of a plan of one group: flies them and keeps the worst."""
 
     def __init__(
         self,
-        source: str | Tube | Band,
+        plan: Plan,
         pool: WorkerPool,
         *,
         metric: str | None = None,
-        tube: Bounds | None = None,
-        gains: str | None = None,
-        plant: str | None = None,
-        completed: bool = False,
+        probes: Probes | None = None,
+        sizes: tuple[float, float] = (0.0, 0.0),
         start_deg: float = 0.0,
-        disturbance: float = 0.0,
-        changes: Mapping[str, Any] | None = None,
+        completed: bool = False,
     ) -> None:
-        if tube is not None and metric is not None:
-            raise InputError("`metric` must not be given with a tube, whose share is the metric.")
-        if metric not in (None, MARGIN, *MEASURES):
-            raise InputError(
-                f"`metric` must be {MARGIN} or one of {', '.join(MEASURES)}, got {metric!r}."
-            )
-        sizes = disturbance, disturbance
-        if isinstance(source, Tube | Band):
-            if isinstance(source, Tube):
-                plan, sizes = enclosed(source), disturbance_of(source)
-                start_deg = source.problem.start * DEG_PER_RAD
-            else:
-                plan = plan_of(source)
-        else:
-            plan = planned(
-                source,
-                plant=plant,
-                start_deg=start_deg,
-                disturbance=disturbance,
-                gains=gains,
-                changes=changes,
-            )
-        group = plan.chosen_group(plant, gains if gains in plan.gain_sets else None)
-        if not plan.keys:
-            raise InputError(
-                f"{source}: `disperse` must name a key to search; for a scenario give --start-deg "
-                "or --disturbance."
-            )
-        self.plan = plan.of_group(group)
+        (group,) = plan.groups
         tables = plan.scenario.expected(group.plant, group.gains)
         bounded = any(table.at_most or table.at_least for table in tables)
-        self.metric = TUBE if tube else metric or (MARGIN if bounded else "chi.ITAE")
+        self.plan, self.metric = plan, metric or (MARGIN if bounded else "chi.ITAE")
         self.disturbances = sizes  # of both rates, rad/s
         self.flights = 0
         self.worst: dict[str, Any] = {"value": -math.inf}
-        self.made_by: tuple[Plan, Drawn] = self.plan, {}  # plan and draw of the worst row
+        self.made_by: tuple[Plan, Drawn] = plan, {}  # plan and draw of the worst row
         # largest distance of all flights from the middle of the tube over the largest half width
         self.reach = np.zeros(2)
         self._start_deg, self._lost = start_deg, -FAILED if completed else FAILED
-        self._probes: Probes = {TUBE: partial(_use_of, tube)} if tube else {}
-        if isinstance(source, Band):
-            share = partial(_share_of, source.about, source.flights, source.scale)
-            self.metric, self._probes = BAND, {BAND: share}
-        self._pool = pool
+        self._probes, self._pool = probes or {}, pool
 
     def values(self, z: FloatArray, seeds: Seeds) -> FloatArray:
         """Fly draws and return the metric of each; an `Objective`."""

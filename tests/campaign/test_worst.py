@@ -12,6 +12,7 @@ from scipy.stats import chi2
 
 import flighttune as ft
 from flighttune.campaign import worst as worst_module
+from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.campaign.worst import (
     SEEDS_EVERY,
@@ -74,8 +75,8 @@ def test_chance_is_that_of_the_worst_flight_so_far_and_others_are_tried():
 @pytest.mark.slow
 def test_the_worst_flight_is_worse_than_random_ones_and_is_flown_again_as_it_was():
     plan = small_plan()
-    with flown_here(worst_module, "planned", plan) as pool:
-        searched = StatedSet("campaign", pool, metric="chi.peak_rad")
+    with WorkerPool(1) as pool:
+        searched = StatedSet(plan, pool, metric="chi.peak_rad")
         worst = find_worst(searched, budget=320, seed=1)
 
     rows = fly_runs(plan.with_runs(300), range(300)).to_pandas()
@@ -113,7 +114,7 @@ def test_flights_that_end_early_are_the_worst_or_left_out(completed, worst):
         return [{"run": run, "status": x, "chi.ITAE": y} for run, (x, y) in enumerate(ends)]
 
     with flown_here(worst_module, "planned", small_plan(), rows) as pool:
-        searched = StatedSet("campaign", pool, metric="chi.ITAE", completed=completed)
+        searched = StatedSet(small_plan(), pool, metric="chi.ITAE", completed=completed)
         values = searched.values(np.zeros((3, 2)), np.arange(3))
 
     assert np.argmax(values) == searched.worst["run"] == worst
