@@ -51,13 +51,16 @@ PART = 500
 SAME = 1e-9  # rad
 FIRST_CALL = """
 import time
+import numpy as np
 from flighttune.control.controller import FlightCondition
 from flighttune.control.gains import PAPER_GAINS
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.simulate.batch import fly_sampled
+from flighttune.simulate.disturbance import Sinusoid
 law = MimoPI(PAPER_GAINS, dt=0.01)
 started = time.perf_counter()
-fly_sampled([law], [FlightCondition(V_a=25.0)], (0.0, 0.0), duration=0.1)
+condition, still = FlightCondition(V_a=25.0), [Sinusoid()]
+fly_sampled([law], [condition], np.zeros((1, 1, 2)), duration=0.1, disturbances=still)
 print(f"  {time.perf_counter() - started:.2f} s")
 """
 
@@ -71,6 +74,13 @@ def timed(work, repeats):
         walls.append(time.perf_counter() - wall)
         busy.append(time.process_time() - processor)
     return np.array([statistics.median(walls), statistics.median(busy)]), result
+
+
+def batch(laws, duration, **more):
+    """The flights of some laws from `START` under `WAVES`, in one batch."""
+    N, ref = len(laws), REF[None, None]
+    waves = [WAVES] * N
+    return fly_sampled(laws, [START] * N, ref, duration=duration, disturbances=waves, **more)
 
 
 def word(kept):
@@ -118,9 +128,8 @@ def against_control(flights, repeats):
     laws = [MimoPI(FAMILY[name], RANGES, dt=DT, anti_windup="none", wrapped=()) for name in names]
     many = [laws[i % len(laws)] for i in range(flights)]
 
-    def flown(laws, **more):
-        settings = {"duration": DURATION, "disturbances": [WAVES], **more}
-        return fly_sampled(laws, [START], REF, **settings)
+    def flown(laws):
+        return batch(laws, DURATION)
 
     cost, _ = timed(lambda: in_parts(flown, many), repeats)
     few = flown(laws)
@@ -154,11 +163,8 @@ def against_single_run(flights, repeats):
     laws = [MimoPI(gains, PRINTED, dt=DT) for gains in FAMILY.values()]
     many = [laws[i % len(laws)] for i in range(flights)]
 
-    def flown(laws, duration, **more):
-        return fly_sampled(laws, [START], REF, duration=duration, disturbances=[WAVES], **more)
-
-    flown(many, DT)
-    cost, _ = timed(lambda: in_parts(flown, many, DURATION), repeats)
+    batch(many, DT)
+    cost, _ = timed(lambda: in_parts(batch, many, DURATION), repeats)
     wall, busy = cost * MANY / flights
     print(f"{flights} flights of 20 s at 100 Hz: {cost[0]:.2f} s wall, {cost[1]:.2f} s processor")
     print(f"  {cost[1] / flights / len(T) * 1e9:.0f} ns a sample")
@@ -177,9 +183,9 @@ def against_single_run(flights, repeats):
     (_, single), flight = timed(alone, repeats)
     assert flight is not None
     signals, _ = flight
-    batch = flown([MimoPI(PAPER_GAINS, PRINTED, dt=DT)], DURATION)
+    again = batch([MimoPI(PAPER_GAINS, PRINTED, dt=DT)], DURATION)
     difference = max(
-        np.abs(batch.signal(name)[0] - signals[name]).max() for name in SIGNALS if name in signals
+        np.abs(again.signal(name)[0] - signals[name]).max() for name in SIGNALS if name in signals
     )
     ratio = single / cost[1] * flights
     print(f"  single-run loop {single * 1e3:.1f} ms: {ratio:.0f} times the processor time")

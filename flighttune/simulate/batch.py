@@ -70,27 +70,28 @@ class BatchResult(NamedTuple):
 def fly_sampled(
     controllers: Sequence[MimoPI | ExactLaw],
     conditions: Sequence[FlightCondition],
-    ref: npt.ArrayLike,
+    ref: FloatArray,
     *,
     duration: float,
-    ref_rates: npt.ArrayLike | None = None,
-    disturbances: Sequence[Sinusoid] = (Sinusoid(),),
+    disturbances: Sequence[Sinusoid],
+    ref_rates: FloatArray | None = None,
     sensors: Sequence[Sensors] = (),
     g: npt.ArrayLike = G_PAPER,
 ) -> BatchResult:
-    """Fly discrete controllers on the kinematic plant, every flight as `simulate` would.
+    """Fly N discrete controllers on the kinematic plant, every flight as `simulate` would.
 
     Parameters
     ----------
-    controllers : sequence of MimoPI or of ExactLaw, length N or 1
+    controllers : sequence of MimoPI or of ExactLaw, length N
         Alike but for gains, limits and speed of the schedule. They are read, not flown.
-    conditions, disturbances, sensors : sequences, length N or 1
-        Start, disturbance and sensors of each flight, or of all; without switching times.
-    ref : array_like, shape (2,), (k, 2) or (N, k or 1, 2), rad
-        Constant course and flight-path angle, or one a sample, for all or for each.
+    conditions, disturbances, sensors : sequences, length N
+        Start, disturbance and sensors of each flight; without switching times. No sensors where
+        true values are measured.
+    ref : ndarray, shape (N or 1, k or 1, 2), rad
+        Course and flight-path angle to follow: constant, or one a sample.
     duration : float, s
         Time to fly, at least a sample; rounded to whole samples.
-    ref_rates : array_like, shape of `ref`, rad/s, optional
+    ref_rates : ndarray, shape of `ref`, rad/s, optional
         Their rates, which the exact law follows.
     g : float or array_like, shape (N,), m/s^2
         Acceleration of gravity.
@@ -99,36 +100,29 @@ def fly_sampled(
     -------
     BatchResult
         Trajectories, of 112 bytes a sample, are those of the single run but for rounding (1e-12).
-        Integrals of the exact law (rad/s) stand in
-        ``phi_integral`` and ``n_z_integral``.
+        Integrals of the exact law (rad/s) stand in ``phi_integral`` and ``n_z_integral``.
 
     Notes
     -----
     The controller is `pi_step` or `exact_step`, the function of the law itself, compiled. The first
     call in a new installation compiles for some seconds; the result is kept on disk.
     """
-    first = controllers[0]
+    first, N = controllers[0], len(controllers)
     dt = first.dt
     t = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
-    followed = np.array(ref, dtype=float)
-    followed = followed if followed.ndim == 3 else followed.reshape(1, -1, 2)
-    laws = np.zeros((len(controllers), LAW_NUMBERS))
+    laws = np.zeros((N, LAW_NUMBERS))
     for row, controller in zip(laws, controllers, strict=True):
         numbers = _numbers(controller.law)
         row[: len(numbers)] = numbers
     starts = [(c.chi, c.gamma, c.phi, c.n_z_start, c.V_a) for c in conditions]
     waves = [(d.chi_amplitude, d.chi_omega, d.gamma_amplitude, d.gamma_omega) for d in disturbances]
-    gravity = np.atleast_1d(np.asarray(g, dtype=float))
-    N = max(len(laws), len(starts), len(waves), len(followed), len(gravity), len(sensors))
     flights = Flights(
-        laws=_each(N, laws),
-        start=_each(N, starts),
-        ref=followed,
-        ref_rates=np.zeros_like(followed)
-        if ref_rates is None
-        else np.array(ref_rates, dtype=float).reshape(followed.shape),
-        waves=_each(N, waves),
-        g=_each(N, gravity),
+        laws=laws,
+        start=np.array(starts, dtype=float),
+        ref=ref,
+        ref_rates=np.zeros_like(ref) if ref_rates is None else ref_rates,
+        waves=np.array(waves, dtype=float),
+        g=np.full(N, g, dtype=float),
         exact=isinstance(first, ExactLaw),
         wrapped=isinstance(first, ExactLaw) or first.wrapped[0],
         feed_forward=isinstance(first, MimoPI) and first.feed_forward,
@@ -145,10 +139,10 @@ def fly_sampled(
 
     # One thread: campaigns share their draws out among processes.
     at_once = SENSED_AT_ONCE if sensors else N
-    for first in range(0, N, at_once):
-        end = min(first + at_once, N)
-        errors = _sensor_errors(sensors, first, end, len(t), dt)
-        fly_block(first, end, errors, flights, result)
+    for begin in range(0, N, at_once):
+        sensed = [sensor.errors(len(t), dt) for sensor in sensors[begin : begin + at_once]]
+        errors = np.array(sensed).reshape(-1, len(t), len(SENSED))
+        fly_block(begin, min(begin + at_once, N), errors, flights, result)
     return result
 
 
@@ -159,22 +153,6 @@ def _numbers(law: PILaw | RateLaw) -> list[float]:
     for value in others:
         numbers += value if isinstance(value, tuple) else (value,)
     return numbers
-
-
-def _each(flights: int, values: npt.ArrayLike) -> FloatArray:
-    """Rows for each flight, where one row may stand for all."""
-    array = np.asarray(values, dtype=float)
-    # A copy even where the rows are there: Numba compiles anew for an array that is read only.
-    return np.array(np.broadcast_to(array, (flights, *array.shape[1:])), order="C")
-
-
-def _sensor_errors(
-    sensors: Sequence[Sensors], first: int, end: int, samples: int, dt: float
-) -> FloatArray:
-    """Errors of the sensors of some flights, shape (flights, samples, 3)."""
-    chosen = sensors[first:end] if len(sensors) > 1 else sensors[: end - first]
-    errors = np.array([sensor.errors(samples, dt) for sensor in chosen])
-    return np.resize(errors, (end - first if sensors else 0, samples, len(SENSED)))
 
 
 def cores() -> int:

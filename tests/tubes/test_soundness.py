@@ -78,14 +78,14 @@ def flown(scenario, gains, start, disturbance, seed):
         feed_forward=controller.feed_forward,
     )
     return fly_sampled(
-        [law],
+        [law] * FLIGHTS,
         [
             ft.FlightCondition(
                 V_a=condition.V_a, chi=condition.chi + start * a, gamma=condition.gamma + start * b
             )
             for a, b in corners
         ],
-        np.stack(reference_of(scenario).sampled(t), axis=1),
+        np.stack(reference_of(scenario).sampled(t), axis=1)[None],
         duration=scenario.flight.duration_s,
         disturbances=[
             Sinusoid(chi_amplitude=a, chi_omega=u, gamma_amplitude=b, gamma_omega=v)
