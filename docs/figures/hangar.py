@@ -1,15 +1,19 @@
 """Write docs/hangar.md and its picture, `adopt` on every model of JSBSim's own set.
 
 Run it by ``python docs/figures/hangar.py``. Each model is adopted by a command of its own, as many
-at once as there are cores, in about six minutes on two; then the turns are flown again and drawn.
+at once as there are cores; its turn is exported and its circuit made. This takes about ten minutes
+on two cores; then the turns are flown again and drawn.
 """
 
 import json
+import math
 import os
+import re
+import resource
 import subprocess
 import sys
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor
 from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -41,19 +45,18 @@ COLUMNS = [
     Column("flown.paper.ITAE.chi", "K* scaled: ITAE χ", digits=".3g"),
     Column("flown.paper.ITAE.gamma", "ITAE γ", digits=".3g"),
     Column("flown.paper.status", "K* scaled"),
-    Column("seconds", "time", "s", ".0f"),
+    Column("cpu_s", "processor time", "s", ".0f"),
+    Column("export", "export differs by", digits=".0e"),
+    Column("circuit", "circuit: beside, off height"),
     *columns("remarks"),
 ]
 
 
 def adopted(model: str, folder: Path) -> dict[str, Any]:
     """The answer of the command for a model; a crash or an endless flight refuses it."""
-    command = [sys.executable, "-m", "flighttune", "adopt", model, "--json", "--out"]
-    done = None
+    done, began = None, processor_time()
     try:
-        done = subprocess.run(
-            [*command, folder], capture_output=True, text=True, timeout=MAX_TIME_S
-        )
+        done = flighttune("adopt", model, "--json", "--out", folder)
         answer = json.loads(done.stdout)
     except subprocess.TimeoutExpired:
         answer = {"status": "refused", "reason": f"it took over {MAX_TIME_S:g} s"}
@@ -61,8 +64,41 @@ def adopted(model: str, folder: Path) -> dict[str, Any]:
         assert done is not None
         reason = f"its process ended with status {done.returncode}: {done.stderr}"
         answer = {"status": "refused", "reason": reason}
+    answer["cpu_s"] = processor_time() - began
+    if answer["status"] != "refused":
+        answer |= proved(folder)
     print(f"{model}: {answer['status']}", flush=True)
     return {"model": model, **answer}
+
+
+def flighttune(*arguments: str | Path) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end."""
+    command = [sys.executable, "-m", "flighttune", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=MAX_TIME_S)
+
+
+def processor_time() -> float:
+    """Processor time of the commands of this process, s."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def proved(folder: Path) -> dict[str, Any]:
+    """Difference of the exported turn (rad, 1) and error of the circuit, or why there is none."""
+    turn = ("export", folder / "turn.toml", "--gains", "tuned_identified", "--json")
+    exported = flighttune(*turn, "--out", folder / "export")
+    circuit = folder / "circuit.toml"
+    made = flighttune("new", str(circuit), "--like", "circuit", "--aircraft", folder)
+    if made.returncode:
+        why = made.stderr.strip().rsplit("got, with the most margin, ")[-1]
+        why = why.rsplit(f"{folder} ")[-1]
+    else:  # its first line says so
+        why = (
+            " m, ".join(re.findall(r"at most (\S+) m .* and (\S+) m", circuit.read_text())[0])
+            + " m"
+        )
+    differences = json.loads(exported.stdout or "{}").get("differences", {"": math.nan})
+    return {"export": max(differences.values()), "circuit": why}
 
 
 def turn_chart(model: str, scenario: Path) -> Chart:
@@ -123,7 +159,7 @@ def write_page(folder: Path, answers: Sequence[dict[str, Any]]) -> None:
 
 
 if __name__ == "__main__":
-    with TemporaryDirectory() as temporary, ThreadPoolExecutor(os.cpu_count()) as pool:
+    with TemporaryDirectory() as temporary, ProcessPoolExecutor(os.cpu_count()) as pool:
         models = models_of_jsbsim()
         folders = [Path(temporary) / model for model in models]
         write_page(Path(temporary), [*pool.map(adopted, models, folders)])

@@ -109,6 +109,9 @@ SETTLED = 1e-3
 PROPELLER_SETTLES = 15.0
 MAX_SETTLING_S = 40.0
 
+# Time in which an electric propeller slows down, as a multiple of that in which it gains speed.
+SLOWS_DOWN = 6
+
 COMMANDS = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 
 # A command is clipped where the slope of its effect falls below this share of the first slope.
@@ -548,6 +551,8 @@ def _settling(bench: Bench, state: AirframeState, thrusts: list[Callable[[], flo
         history.append(sum(read() for read in thrusts))
     off = np.abs(np.array(history) - history[-1]) > SETTLED * abs(history[-1])
     last = int(np.flatnonzero(off)[-1]) + 1 if off.any() else 0
+    if bench.fdm.electric:  # with the throttle closed a propeller slows down slowly
+        last = min(SLOWS_DOWN * last, int(MAX_SETTLING_S))
     return max(PROPELLER_SETTLES, float(last)) if last else 0.0
 
 
