@@ -19,13 +19,11 @@ Exit status: 0 fine; 1 the answer is no (infeasible, unstable, refused, ended
 early); 2 the command could not run: one line on stderr names the file and the key. With
 `--json` a command prints one object on stdout and nothing else (with status 2, nothing on stdout).
 `-q` prints failures only. A gains file is JSON or TOML with `K_P` and `K_I`; the output of
-`tune --json` is one. Tables fit the terminal; in a pipe they are 120 characters wide, or as wide as
-`COLUMNS` says.
-`flighttune --install-completion` completes commands and the names of scenarios, campaigns and
-aircraft in the shell.
+`tune --json` is one. In a pipe tables are 120 characters wide, or as wide as `COLUMNS` says.
+`flighttune --install-completion` sets up completion in the shell.
 
-`flighttune COMMAND --help` explains the options of a command; the built site has all of it below.
-The table is made by `python docs/figures/commands.py`.
+`flighttune COMMAND --help` explains the options of a command; the built site has all of it below
+(made by `python docs/figures/commands.py`).
 """
 
 

@@ -162,20 +162,16 @@ TEXT = """\
 `make bench` measures speed as a ratio against a named peer in the same run, and ends with exit
 status 1 if it misses a bar. This page is written by `python docs/figures/speed.py FOLDER` from what
 the benchmarks print. Figures differ from day to day with the same code: these were measured on two
-cores that others used at the same time, which slows Python more than the steps of JSBSim. An empty
-cell has no bar.
+cores that others used at the same time, which slows Python more than the steps of JSBSim.
 
 | what | against | measured | bar |
 |---|---|--:|--:|
 {ratios}
 
-A step of JSBSim takes {bare} µs here. What a row takes beyond its bare steps is the flight loop
-(0.35 of them: reading JSBSim, the PI step, the guard, the record), the start (0.24: JSBSim reads
-the model 0.08, the private folder, the engine of JSBSim itself and the stamps of files 0.08, the
-trim 0.06), the indicators of a loop that differs in each draw (0.09, E_K most of it; nothing where
-the loop is not dispersed), measures (0.03) and the scenario of the draw (0.03). A model is loaded
-anew for each flight: that of a reset aircraft differs by rounding, up to 1e-8 after 8 s, and rows
-are the same to the bit.
+A step of JSBSim takes {bare} µs here. Beyond its bare steps a row takes the flight loop (0.35 of
+them), the start (0.24), the indicators of a loop that differs in each draw (0.09), measures (0.03)
+and the scenario of the draw (0.03). A model is loaded anew for each flight, because a reset one
+differs by rounding.
 
 One million gain sets take {million} s of one core. Recording 600 s of flight with 46 signals takes
 {recorded} s.
@@ -203,10 +199,7 @@ three times `fly paper`. The fastest of five turns counts, by the clock.
 |---|--:|--:|
 {kinematic}
 
-A third of that is the compiled kernel, a quarter the indicators of each draw. The workers fly
-kinematic flights in batches, except in campaigns of up to 2000 flights, which take the command less
-time than starting workers. A single command writes all rows, each of which is 0.3 kB of network
-traffic.
+A single command writes all rows, each of which is 0.3 kB of network traffic.
 
 Campaign runs of 20 s per hour, measured earlier on two cores that did nothing else
 (`python benchmarks/bench_campaign_scaling.py`, and `flighttune campaign run aerosonde_dispersed`
@@ -217,9 +210,6 @@ for wind, turbulence and sensors); the start of the workers is included from two
 | 1, no workers | 129 000 | |
 | 2, workers of this machine | 255 000 | 221 000 |
 | 64 (projected, not measured) | 8.2 million | 7.0 million |
-
-The projection multiplies the rate of two cores, with one worker per core and every core as fast as
-these two when both are busy.
 """
 
 
