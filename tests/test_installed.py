@@ -12,22 +12,15 @@ pytestmark = pytest.mark.soak
 
 COMMANDS = """
 --version
-list
 fly paper
-tune paper --out gains.json
-certify paper --gains gains.json --out certificate.json
+certify paper --out certificate.json
 verify certificate.json
-gap paper
 report runs/paper --out report.html
-compare runs/paper/kinematic-paper.parquet runs/paper/kinematic-tuned.parquet
 refly runs/paper/paper.rrd
 reproduce gains
-frontier paper --points 3
-trim aerosonde
 adopt 737 --out mine
 export paper --out folder
-campaign run first_campaign
-report runs/first_campaign
+campaign run first_campaign --runs 8
 """.strip().splitlines()
 NEED_AN_EXTRA = {
     "campaign run first_campaign --out other --scheduler tcp://127.0.0.1:1": "cluster",

@@ -12,6 +12,7 @@ import pytest
 from campaigns import Notes, bits, parts, plan
 
 import flighttune as ft
+from flighttune.campaign import dataset as dataset_module
 from flighttune.campaign.dataset import Dataset, dataset_hash, locked, open_dataset
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.flight.fly import library_versions
@@ -57,7 +58,8 @@ def written(url, ours, *tables, versions=None):
     return url
 
 
-def test_pandas_and_duckdb_read_a_campaign_while_it_runs(tmp_path, address):
+def test_pandas_and_duckdb_read_a_campaign_while_it_runs(tmp_path, address, monkeypatch):
+    monkeypatch.setattr(dataset_module, "KEEP_MAX_S", 0.0)  # rows are written as they come
     ours = plan(tmp_path, runs=120)
     counts = []
 

@@ -247,13 +247,13 @@ def as_in_a_terminal():
             signal.signal(number, signal.SIG_DFL)
 
 
-@pytest.mark.parametrize("count", [1, pytest.param(3 * TIMES, marks=pytest.mark.soak)])
-def test_a_campaign_ended_at_any_time_goes_on_to_the_same_bits(tmp_path, file, undisturbed, count):
+@pytest.mark.soak
+def test_a_campaign_ended_at_any_time_goes_on_to_the_same_bits(tmp_path, file, undisturbed):
     draw, seen = random.Random(26), Counter()
     scratch = tmp_path / "scratch"
     scratch.mkdir()
     options = {"env": {**os.environ, "TMPDIR": str(scratch)}, "preexec_fn": as_in_a_terminal}
-    for i in range(count):
+    for i in range(3 * TIMES):
         out, (who, number) = tmp_path / f"out-{i}", ENDINGS[i % len(ENDINGS)]
         with flying(file, "--out", out, "--workers", "2", **options) as command:
             if draw.random() < 0.7:

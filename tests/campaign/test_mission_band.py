@@ -14,14 +14,14 @@ AREA = [[47.39, 8.49], [47.39, 8.53], [47.42, 8.53], [47.42, 8.49]]
 
 
 def mission(path, area=AREA, *, speed=26):
-    """Take-off at 47.4 N, 900 m to the north and 750 m to the east, in an area."""
+    """Take-off at 47.4 N, 445 m to the north and 450 m to the east, in an area."""
     fence = {"version": 2, "circles": [], "polygons": [{"inclusion": True, "polygon": area}]}
     return plan_file(
         path,
         item(22, 15, 0, 0, None, 47.4, 8.5, 60),
         item(178, 0, speed, -1, 0, 0, 0, 0, frame=2),
-        waypoint(47.408, 8.5, 70),
-        waypoint(47.408, 8.51, 70),
+        waypoint(47.404, 8.5, 70),
+        waypoint(47.404, 8.506, 70),
         geoFence=fence,
         rallyPoints={"points": [[47.401, 8.505, 70]], "version": 2},
     )
@@ -38,7 +38,7 @@ def test_one_command_says_whether_a_mission_stays_inside_its_own_fence(tmp_path)
     assert said["fence"]["epsilon"] == pytest.approx(bound, rel=1e-6)
     assert said["confidence"] == pytest.approx(0.8)
     assert "wind 0 to 8 m/s from anywhere, light turbulence" in said["distribution"]
-    assert 60.0 < said["route"]["time"] < 62.0  # 1.57 km at 26 m/s
+    assert 31.0 < said["route"]["time"] < 33.0  # 0.83 km at 26 m/s
     assert any("item 2 (DO_CHANGE_SPEED 178)" in note for note in said["notes"])
     nearest = {row["what"]: row for row in said["fence"]["nearest"]}
     assert nearest["band"]["margin_m"] <= nearest["completed flights"]["margin_m"]
@@ -54,7 +54,7 @@ def test_one_command_says_whether_a_mission_stays_inside_its_own_fence(tmp_path)
 
 @pytest.mark.slow
 def test_a_mission_that_crosses_its_fence_is_flyable_and_leaves_it(tmp_path):
-    near = [[47.39, 8.49], [47.39, 8.505], [47.42, 8.505], [47.42, 8.49]]
+    near = [[47.39, 8.49], [47.39, 8.503], [47.42, 8.503], [47.42, 8.49]]
     file = mission(tmp_path / "m.plan", near)
     said, failure = flighttune("band", file, *FEW, "--out", tmp_path / "m.npz", status=1)
 

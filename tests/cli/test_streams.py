@@ -37,15 +37,10 @@ def unread():
     os.close(pipe)
 
 
-@pytest.mark.parametrize(
-    ("command", "status"),
-    [("list", 0), ("trim a4 --V-a 200 --gamma 60", 1)],
-)
-def test_a_pipe_that_nobody_reads_is_no_failure(command, status, unread):
-    done = ended(command, stdout=unread, stderr=subprocess.PIPE)
+def test_a_pipe_that_nobody_reads_is_no_failure(unread):
+    done = ended("list", stdout=unread, stderr=subprocess.PIPE)
 
-    assert done.returncode == status
-    assert done.stderr.count(b"\n") == status  # the reason for exit status 1
+    assert (done.returncode, done.stderr) == (0, b"")
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")

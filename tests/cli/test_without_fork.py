@@ -27,7 +27,7 @@ def run_without_fork(folder, *words):
     )  # fmt: skip
 
 
-@pytest.mark.parametrize("command", ["--version", "certify paper", "tune paper --out gains.json"])
+@pytest.mark.parametrize("command", ["--version", "tune paper --out gains.json"])
 def test_what_does_not_fly_works(tmp_path, command):
     ended = run_without_fork(tmp_path, *command.split())
 

@@ -12,7 +12,7 @@ from log_files import sampled, write_csv, write_dataflash, write_tlog, write_ulo
 import flighttune as ft
 
 WRITERS = {"ulg": write_ulog, "bin": write_dataflash, "tlog": write_tlog, "csv": write_csv}
-FEW, MANY = 12, 30 * TIMES
+FEW, MANY = 6, 15 * TIMES
 LONGEST_S = 60.0
 MOST_KB = 1_000_000
 """Memory of a child, kB."""

@@ -313,6 +313,7 @@ def test_flights_that_start_the_other_way_are_not_counted_inside_a_wall_behind_t
     wall = fence_file(tmp_path / "wall.geojson", [(-30, -500), (-30, 500), (900, 500), (900, -500)])
     made = ("--plant", "kinematic", "--epsilon", 0.1, "--confidence", 0.9, "--learn", 10)
     made += ("--flights", 22, "--out", tmp_path / "b.npz", "--fence", wall, *SETTINGS)
+    made += ("--set", "flight.duration_s=60")
     back = answer(
         "band", "circuit", "--start-deg", 2, *made, "--set", "flight.chi_deg=170", status=1
     )
