@@ -178,3 +178,17 @@ def write_csv(path, t, signals):
         writer.writerow(table)
         writer.writerows(np.column_stack([*table.values()]).tolist())
     return path
+
+
+WRITERS = {
+    "flight.ulg": write_ulog,
+    "flight.bin": write_dataflash,
+    "flight.tlog": write_tlog,
+    "flight.csv": write_csv,
+}
+COMMAND = {
+    "flight.ulg": ["n_z_cmd=flighttune.n_z_cmd"],
+    "flight.bin": ["n_z_cmd=FTUN.NzCmd"],
+    "flight.csv": [],
+}
+"""Columns of the load-factor command, where the log has one."""

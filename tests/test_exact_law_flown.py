@@ -8,7 +8,6 @@ import pytest
 from test_tuned_on_identified import NOTHING_ASKED, UNUSED, manoeuvre
 
 import flighttune as ft
-from flighttune.control.exact_law import rate_model
 from flighttune.flight.models import identified_problems
 
 pytestmark = pytest.mark.slow
@@ -68,14 +67,3 @@ def test_tuned_gains_go_with_one_over_the_lag_of_their_channel():
     assert np.count_nonzero(gains.K_P) == 2
     assert np.diag(gains.K_P) * lags == pytest.approx([0.79, 0.79], abs=0.06)
     assert np.diag(gains.K_I) * lags**2 == pytest.approx([0.23, 0.23], abs=0.03)
-
-
-def test_one_certificate_holds_at_every_condition_identified_at_once():
-    scenario = manoeuvre(UNUSED["left"], law="exact", tuning={"model": "identified"})
-    gains = ft.tune(scenario).gains
-
-    found = ft.certify(scenario, gains, envelope=True)
-
-    assert found.status == "certified"
-    assert found.certificate.claim.rate > 0.0
-    assert ft.indicators(ft.closed_loop(rate_model(), gains)).status == "stable"

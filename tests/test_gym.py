@@ -1,7 +1,6 @@
 """Scenarios, campaigns and routes as environments of Gymnasium."""
 
 import math
-import sys
 import warnings
 from pathlib import Path
 
@@ -268,10 +267,3 @@ def test_what_cannot_be_flown_is_refused():
         env.baseline(obs)
     with pytest.raises(ft.InputError, match="after the end"):
         _ = env.flown
-
-
-def test_without_gymnasium_one_line_names_the_extra(monkeypatch):
-    monkeypatch.setitem(sys.modules, "gymnasium", None)
-
-    with pytest.raises(ft.InputError, match=r"^`FlightEnv` needs gymnasium; .*\[gym\]'$"):
-        ft.FlightEnv("mission")

@@ -32,25 +32,6 @@ def flown():
     return ft.fly(ft.load_scenario("paper_as_printed"))
 
 
-@pytest.fixture(scope="module")
-def shown(flown):
-    """A value of each kind."""
-    scenario, (run,) = flown.scenario, flown.runs
-    tuning = ft.tune(scenario)
-    return {
-        "Run": run,
-        "TuningResult": tuning,
-        "Certificate": ft.certify(scenario, run.provenance.gains).certificate,
-    }
-
-
-def test_what_is_shown_are_the_values(shown):
-    R_K = shown["TuningResult"].R_K
-    assert f">{R_K:.5g}<" in shown["TuningResult"]._repr_html_()
-    assert f">{shown['Certificate'].claim.rate:.6g}<" in shown["Certificate"]._repr_html_()
-    assert "20 s, 4001 samples" in shown["Run"]._repr_html_()
-
-
 def kinds_of_outputs(notebook):
     """What each cell shows: tables, pictures, text."""
     code = [cell for cell in notebook.cells if cell.cell_type == "code"]

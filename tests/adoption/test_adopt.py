@@ -282,7 +282,7 @@ def test_a_flight_control_that_does_not_come_to_rest_is_called_that(own, tmp_pat
     text = file.read_text().replace("fcs/elevator-pos-rad", "fcs/fbw/tail")
     file.write_text(text.replace("fcs/fbw/horz-tail-pos-rad", "fcs/fbw/tail"))
 
-    with pytest.raises(ft.PlantError, match="not come to rest: with the same elevator command"):
+    with pytest.raises(ft.PlantError, match="not come to rest"):
         survey(wide_tables(str(file)), tmp_path, h=1000.0)
 
 
@@ -313,7 +313,7 @@ def test_a_thrust_that_no_aeroplane_has_is_called_a_diverging_propeller(own, tmp
     motor = file.parent / "Engines/aerosonde_motor.xml"
     motor.write_text(motor.read_text().replace("> 36.576 <", "> 36576 <"))
 
-    with pytest.raises(ft.PlantError, match=r"speed of its propeller diverges: .* 1.11e\+03 times"):
+    with pytest.raises(ft.PlantError, match=r"propeller diverges: .* 1.11e\+03 times"):
         survey(wide_tables(str(file)), tmp_path, h=1000.0)
 
 

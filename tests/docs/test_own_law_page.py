@@ -1,6 +1,7 @@
 """docs/own_law.md: what it says to copy flies."""
 
 import re
+from contextlib import chdir
 from pathlib import Path
 
 import pytest
@@ -8,13 +9,18 @@ import pytest
 PAGE = (Path(__file__).parents[2] / "docs/own_law.md").read_text(encoding="utf-8")
 
 
-@pytest.mark.slow
-def test_the_first_example_flies_and_records(tmp_path, monkeypatch):
-    (code, *_) = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)
-    monkeypatch.chdir(tmp_path)
+def example(number, folder):
+    """Names in a block of Python of the page, which is run in a folder."""
+    code = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)[number]
     names = {}
+    with chdir(folder):
+        exec(compile(code, "own_law.md", "exec"), names)
+    return names
 
-    exec(compile(code, "own_law.md", "exec"), names)
+
+@pytest.mark.slow
+def test_the_first_example_flies_and_records(tmp_path):
+    names = example(0, tmp_path)
 
     assert [run.label for run in names["flown"].runs] == [
         "kinematic / paper",
@@ -27,12 +33,8 @@ def test_the_first_example_flies_and_records(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_example_of_an_agent_flies_and_records(tmp_path, monkeypatch):
-    code = re.findall(r"```python\n(.*?)```", PAGE, re.DOTALL)[-1]
-    monkeypatch.chdir(tmp_path)
-    names = {}
-
-    exec(compile(code, "own_law.md", "exec"), names)
+def test_the_example_of_an_agent_flies_and_records(tmp_path):
+    names = example(-1, tmp_path)
 
     assert names["env"].flown.runs[0].status == "completed"
     assert list((tmp_path / "runs/agent").glob("*.rrd"))

@@ -7,11 +7,10 @@ import time
 import numpy as np
 import pytest
 from fuzzing import TIMES, damaged
-from log_files import sampled, write_csv, write_dataflash, write_tlog, write_ulog
+from log_files import WRITERS, sampled
 
 import flighttune as ft
 
-WRITERS = {"ulg": write_ulog, "bin": write_dataflash, "tlog": write_tlog, "csv": write_csv}
 FEW, MANY = 6, 15 * TIMES
 LONGEST_S = 60.0
 MOST_KB = 1_000_000
@@ -25,8 +24,7 @@ def originals(flight, tmp_path_factory):
     there = t < 6.0
     part = {name: values[there] for name, values in signals.items()}
     return {
-        kind: write(folder / f"log.{kind}", t[there], part).read_bytes()
-        for kind, write in WRITERS.items()
+        name: write(folder / name, t[there], part).read_bytes() for name, write in WRITERS.items()
     }
 
 
@@ -34,7 +32,7 @@ def try_damages(originals, folder, count, seed):
     draw, read = random.Random(seed), 0
     for k in range(count):
         kind = draw.choice([*originals])
-        path = folder / f"damaged.{kind}"
+        path = folder / kind
         data = originals[kind]
         for _ in range(draw.choice([1, 1, 3, 20])):
             _, data = damaged(data, draw) if data else ("", data)

@@ -4,20 +4,9 @@ import struct
 
 import numpy as np
 import pytest
-from log_files import sampled, write_csv, write_dataflash, write_tlog, write_ulog
+from log_files import COMMAND, WRITERS, sampled, write_csv, write_dataflash, write_tlog, write_ulog
 
 import flighttune as ft
-
-WRITERS = {
-    "flight.ulg": write_ulog,
-    "flight.bin": write_dataflash,
-    "flight.tlog": write_tlog,
-    "flight.csv": write_csv,
-}
-COMMAND = {
-    "flight.ulg": ["n_z_cmd=flighttune.n_z_cmd"],
-    "flight.bin": ["n_z_cmd=FTUN.NzCmd"],
-}
 
 SINGLE = 2e-5
 """Rounding of an angle or speed to 32 bits, and of a stamp to 1 ms at 1 rad/s, over 40 ms."""

@@ -89,7 +89,7 @@ def test_a_file_of_another_layout_is_refused(tmp_path):
     )
     path.write_bytes(seal(sink.getvalue().to_pybytes()))
 
-    with pytest.raises(ft.RecordingError, match=r"old\.parquet: .*layout must be 3, got 99"):
+    with pytest.raises(ft.RecordingError, match="layout must be 3, got"):
         read_run(path)
 
 

@@ -277,7 +277,7 @@ def test_a_fence_needs_one_start_for_all_flights(band, box):
     plan["campaign"]["disperse"].append(drawn)
     moved = replace(band, about=replace(band.about, plan=plan))
 
-    with pytest.raises(ft.InputError, match=r"one path and start .*draw 10"):
+    with pytest.raises(ft.InputError, match=r"one path .*draw 10"):
         check_one_path(plan_of(moved), moved.draws.tolist())
 
 

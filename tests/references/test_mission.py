@@ -139,7 +139,7 @@ def test_a_take_off_with_a_place_is_where_the_route_begins(tmp_path):
 def test_a_loiter_of_no_turns_is_refused(tmp_path):
     file = plan_file(tmp_path / "m.plan", PATROL[0], item(18, 0, 0, 0, 1, *PLACE), PATROL[3])
 
-    with pytest.raises(ft.InputError, match=r"`turns` of item 2 .*got 0"):
+    with pytest.raises(ft.InputError, match=r"`turns` .*item 2 .*got 0"):
         read_route(file)
 
 

@@ -7,7 +7,6 @@ import pytest
 from commands import flighttune
 from places import SHIPPED_AIRCRAFT
 
-import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.files.shipped import TRUST_AIRCRAFT, aircraft_names
 from flighttune.plants.jsbsim import model_files
@@ -70,13 +69,3 @@ def test_shipped_aircraft_are_not_tried_and_copies_of_them_are(trials, tmp_path)
     shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", copy)
     Fdm(load_aircraft(copy))
     assert len(trials) == 1
-
-
-def test_a_model_that_never_loads_is_given_up(monkeypatch, changed_aircraft):
-    def never(command, timeout, **_):
-        raise subprocess.TimeoutExpired(command, timeout)
-
-    monkeypatch.setattr(model_files.subprocess, "run", never)
-
-    with pytest.raises(ft.PlantError, match="within 60 s"):
-        Fdm(load_aircraft(changed_aircraft("aerosonde.xml", "x", "x")))
