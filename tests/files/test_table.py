@@ -55,19 +55,11 @@ def written(path, text):
         (f"a = {'[' * 900}{']' * 900}", "[" * 100_000, "nested so deeply"),
         (f"a = {'{b = ' * 900}1{'}' * 900}", '{"a":' * 100_000 + "1" + "}" * 100_000, "so deeply"),
         (f"a = 1{'0' * 400}", f'{{"a": 1{"0" * 400}}}', "`"),
-        (
-            f"a = 1{'0' * 5000}",
-            f'{{"a": 1{"0" * 5000}}}',
-            "limit .* has 5001 digits\\.$",
-        ),
         ("a = 1\na = 2", '{"b": {"a": 1, "\\u0061": 2}}', "[Oo]verwrite|`a` is given twice"),
         ('a = "\\ud800"', '{"a": "\\ud800"}', "Unicode|`"),
         (b" " * (MAX_BYTES + 1), b" " * (MAX_BYTES + 1), "at most 16000000 bytes"),
     ],
-    ids=[
-        *("coding", "text", "arrays", "tables", "huge", "digits", "twice", "surrogate"),
-        "large",
-    ],
+    ids=["coding", "text", "arrays", "tables", "huge", "twice", "surrogate", "large"],
 )
 def test_what_no_file_of_ours_holds_is_refused_in_one_line(
     tmp_path, read, suffix, toml, json_, message

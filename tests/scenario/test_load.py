@@ -110,21 +110,6 @@ def test_a_wrong_value_gets_one_line_with_file_and_key(table, change, message, t
     assert "\n" not in str(caught.value)
 
 
-def test_several_mistakes_are_told_in_one_line(tables):
-    tables["flight"]["V_a_mps"] = -1.0
-    tables["limits"]["phi_deg"] = 45.0
-    tables["seed"] = -1
-
-    with pytest.raises(ft.ScenarioError) as caught:
-        ft.scenario_from(tables)
-
-    assert str(caught.value) == (
-        "scenario: [flight] `V_a_mps` must be greater than or equal to 1, got -1.0; "
-        "[limits] `phi_deg` must be a range [low, high], got 45.0; "
-        "`seed` must be greater than or equal to 0, got -1."
-    )
-
-
 def test_of_many_mistakes_five_are_told_and_the_rest_counted(tables):
     tables["flight"].update({f"key{i}": i for i in range(8)})
 

@@ -22,20 +22,6 @@ def overshoot(y, y_0, y_1):
     return np.max((y - y_0) / (y_1 - y_0)) - 1.0
 
 
-@pytest.mark.parametrize("gamma_deg", [0.0, 5.0, 15.0, 30.0, 45.0])
-@pytest.mark.parametrize("V_a", [20.0, 25.0, 30.0])
-def test_trims_in_a_climb_of_up_to_45_deg_and_stays_there(fly, V_a, gamma_deg):
-    gamma = gamma_deg * DEG
-
-    flight = fly(lambda now: (0.0, math.cos(gamma)), V_a=V_a, gamma=gamma, duration=0.5)
-
-    assert flight.stop is None
-    assert flight["gamma"] == pytest.approx(gamma, abs=0.1 * DEG)
-    assert flight["V_a"] == pytest.approx(V_a, abs=0.01)
-    assert flight["phi"] == pytest.approx(0.0, abs=1e-6)
-    assert flight["n_z"] == pytest.approx(math.cos(gamma), abs=1e-3)
-
-
 @pytest.mark.parametrize("sign", [1.0, -1.0], ids=["right", "left"])
 @pytest.mark.parametrize(
     ("V_a", "gamma_deg", "h"),

@@ -33,19 +33,6 @@ def test_a_level_turn_turns_at_g_tan_phi_over_V(fly, holding_gamma, name, V_a):
     assert turn["n_z"] == pytest.approx(1.0 / math.cos(phi), abs=0.01)
 
 
-def test_propeller_thrust_at_the_trim_balances_drag_and_weight(fly):
-    gamma = 4.0 * DEG
-    level, climb = (
-        fly((0.0, math.cos(g)), aircraft="c172p", V_a=50.0, gamma=g, duration=0.1)
-        for g in (0.0, gamma)
-    )
-
-    assert climb["thrust"] == pytest.approx(climb["thrust"][0], rel=2e-3)  # from the start on
-    weight = 1680.0 * 4.44822 + 200.0 * 4.44822
-    gained = climb["thrust"][0] - level["thrust"][0]
-    assert gained == pytest.approx(weight * math.sin(gamma), rel=0.02)
-
-
 def test_the_shift_of_the_aerodynamic_reference_point_acts(changed_aircraft):
     """JSBSim drops it where a planet is loaded after the model."""
     share = 0.5
