@@ -25,6 +25,9 @@ _ROOM_USED = 0.9
 # Residual below which a step that gains nothing more has met rounding.
 _ROUNDING = 1e-9
 
+# The same where an engine settles: the thrust of a governed one never comes quite to rest.
+_UNSTEADY = 5e-6
+
 # Number of times that a step with too little gain is halved.
 _HALVINGS = 3
 
@@ -42,6 +45,7 @@ def interior_root(
     *,
     widths: FloatArray,
     enough: float = 0.0,
+    rounding: float = _ROUNDING,
 ) -> FloatArray | None:
     """Return the root that Newton's method finds from `start`.
 
@@ -50,8 +54,9 @@ def interior_root(
 
     `residuals` maps n unknowns to n residuals of order 1; `start`, `bounds` (lowest and highest
     values) and `widths` (differences for the slopes) have shape (n,), and `start` is strictly
-    inside the bounds. The search ends at a residual of `enough`, by default at rounding. The result
-    is None where a step gains too little, as it does where the root lies beyond the bounds.
+    inside the bounds. The search ends at a residual of `enough`, by default at rounding.
+    A step from below `rounding` that gains nothing ends it too. The result is None where another
+    step gains too little, as it does where the root lies beyond the bounds.
     """
     lower, upper = bounds
     x, r, slopes, wall = start, residuals(start), None, None
@@ -73,7 +78,7 @@ def interior_root(
         if wall is not None and wall == wall_before:
             return None
         # Only slopes that are fresh are worth a shorter step: old ones are replaced first.
-        for _ in range(1 + (_HALVINGS if fresh and norm > _ROUNDING else 0)):
+        for _ in range(1 + (_HALVINGS if fresh and norm > rounding else 0)):
             moved = part * step
             residual = residuals(x + moved)
             now = float(np.abs(residual).max())
@@ -81,8 +86,8 @@ def interior_root(
                 break
             part *= 0.5
         else:
-            if norm < _ROUNDING or fresh:
-                return x if norm < _ROUNDING else None
+            if norm < rounding or fresh:
+                return x if norm < rounding else None
             slopes = None
             continue
         # Broyden: after a whole step of Newton the correction is the new residual alone.
@@ -230,7 +235,11 @@ class _TrimProblem:
             _GLIDES if self._glides else fdm.config.engines.throttle,
         )
         self.lower, self.upper = np.array(intervals).T
-        self.enough = _SETTLED if fdm.engine_settles else 0.0
+        settles = fdm.engine_settles
+        self.limits = {
+            "enough": _SETTLED if settles else 0.0,
+            "rounding": _UNSTEADY if settles else _ROUNDING,
+        }
         span = self.upper - self.lower
         self.widths = np.array(_STEPS) if fdm.engine_settles else _DIFFERENCE * span
         # A guess that suits any aeroplane: 3 deg of angle of attack in level flight.
@@ -276,7 +285,7 @@ class _TrimProblem:
     def root(self, start: FloatArray) -> FloatArray | None:
         """Return the steady flight that Newton's method finds from `start`, if it does."""
         bounds = self.lower, self.upper
-        return interior_root(self.residuals, start, bounds, widths=self.widths, enough=self.enough)
+        return interior_root(self.residuals, start, bounds, widths=self.widths, **self.limits)
 
     def best_compromise(self, start: FloatArray) -> FloatArray:
         """Return the least squares of `residuals` within the bounds.
@@ -326,8 +335,8 @@ class _TrimProblem:
         def left_over(six: FloatArray) -> FloatArray:
             return self.residuals(np.append(six, throttle))
 
-        guess, widths, enough = start[:-1], self.widths[:-1], self.enough
-        six = interior_root(lambda x: left_over(x)[1:], guess, bounds, widths=widths, enough=enough)
+        guess, widths = start[:-1], self.widths[:-1]
+        six = interior_root(lambda x: left_over(x)[1:], guess, bounds, widths=widths, **self.limits)
         if six is None:
             six = _least_squares(left_over, guess, bounds)
         return np.append(six, throttle)

@@ -3,6 +3,7 @@
 import math
 import shutil
 
+import numpy as np
 import pytest
 from places import SHIPPED_AIRCRAFT
 
@@ -10,9 +11,11 @@ import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.plants.jsbsim.bench import AirframeState, Bench
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.trim import level, trim_table
+from flighttune.plants.jsbsim.trim import interior_root, level, trim_table
 
 DEG = math.pi / 180.0
+
+NOISE = 1e-6  # of a residual, as of the thrust of a governed engine
 
 
 @pytest.mark.parametrize("phi_deg", [-45.0, -20.0, 30.0, 45.0])
@@ -122,3 +125,15 @@ def test_filters_of_the_flight_control_are_at_rest_on_the_bench(changed_aircraft
     for aileron in (-0.3, 0.1, 0.0):
         bench.accelerations(AirframeState(V_a=25.0, aileron=aileron))
         assert yoke() == pytest.approx(aileron, abs=1e-9)
+
+
+def test_a_root_is_found_to_within_the_noise_of_the_residual():
+    def residual(x):
+        return 4.0 * NOISE * np.round((x - 0.3) / (4.0 * NOISE)) + NOISE  # never below it
+
+    start, bounds, widths = np.array([0.1]), (np.zeros(1), np.ones(1)), np.array([1e-5])
+
+    root = interior_root(residual, start, bounds, widths=widths, rounding=2.0 * NOISE)
+
+    assert root == pytest.approx(0.3, abs=4.0 * NOISE)
+    assert interior_root(residual, start, bounds, widths=widths) is None
