@@ -87,7 +87,9 @@ MAX_THRUST = 10.0
 # Names under which aerodynamics read a surface, where they are more than one.
 NAMES = {"elevator": "(elevator|stabilator|(horz|horizontal)-tail|stabilizer)"}
 
-# Change of a position in level flight, in its unit, from which flight control moves it.
+# Motions by which level flight is changed, and the change of a position, in its unit, from which
+# flight control moves it.
+STIRRED = (("alpha", 0.0), ("alpha", 4.0 * DEG), ("q", 0.1), ("elevator", 0.1))
 MOVES = 1e-3
 
 GEAR = "gear/gear-pos-norm"
@@ -230,7 +232,8 @@ def survey(
     if how:
         notes.append(f"its engines drive it {how}")
     declared, linked = tables["declared"], tables["linked"]
-    names = [name for name, value in declared.items() if not value and name not in linked]
+    foreign = (name for name, value in declared.items() if not value and name not in linked)
+    names = [name for name in foreign if not name.startswith("ft/")]
     if names:
         more = len(names) - MAX_NAMED
         rest = f" and {more} more, all in `[declared]`" if more > 0 else ""
@@ -701,7 +704,7 @@ def _past_flight_control(
 
 
 def _held(bench: Bench, level: AirframeState, past: Mapping[str, Any]) -> dict[str, float]:
-    """Values in level flight of what flight control goes on moving besides the surfaces."""
+    """Values in level flight of what flight control moves besides the surfaces."""
     fdm, surfaces = bench.fdm, {name for table in past.values() for name in table["replaces"]}
     texts = {text for aerodynamics, text in _texts(fdm.config) if aerodynamics} - surfaces
     reads = {
@@ -709,11 +712,15 @@ def _held(bench: Bench, level: AirframeState, past: Mapping[str, Any]) -> dict[s
         for name in sorted(texts)
         if name.startswith("fcs/") and fdm.shows(name)
     }
-    bench.accelerations(level)
-    before = {name: read() for name, read in reads.items()}
-    fdm.hold(MAX_SETTLING_S)
-    after = {name: read() for name, read in reads.items()}
-    return {f"ft/{name}": at for name, at in after.items() if abs(at - before[name]) > MOVES}
+    shown = []
+    for name, change in STIRRED:
+        bench.accelerations(replace(level, **{name: getattr(level, name) + change}))
+        shown.append([read() for read in reads.values()])
+        fdm.hold(MAX_SETTLING_S)
+        shown.append([read() for read in reads.values()])
+    moves = np.ptp(shown, axis=0) > MOVES
+    held = dict(zip(reads, shown[1], strict=True))  # in level flight, at rest
+    return {f"ft/{name}": held[name] for name, moved in zip(reads, moves, strict=True) if moved}
 
 
 def _texts(config: AircraftConfig) -> Iterator[tuple[bool, str]]:
