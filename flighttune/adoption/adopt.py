@@ -78,7 +78,8 @@ FLIGHT_COLUMNS = [
     Column("ST_deg.gamma", "ST γ", "deg"),
 ]
 
-# Largest standard deviation of the course error over the last quarter of the turn, deg.
+# Errors that must be calm in the last quarter of the turn: largest standard deviation, deg.
+SWINGS = {"chi": "course error", "gamma": "error of the path angle"}
 CALM_DEG = 0.5
 
 RECORD = "adoption.json"
@@ -463,9 +464,10 @@ def _missed(
     if tuned["status"] != "completed":
         yield f"the turn ended early: {tuned['reason'].removesuffix('.')}"
         return
-    swing = tuned["ST_deg"]["chi"]
-    if not swing <= CALM_DEG:
-        yield f"the course error swings by {swing:.2f} deg in the last quarter of the turn"
+    for channel, error in SWINGS.items():
+        swing = tuned["ST_deg"].get(channel, 0.0)
+        if not swing <= CALM_DEG:
+            yield f"the {error} swings by {swing:.2f} deg in the last quarter of the turn"
     if paper["status"] == "completed":
         for channel, ours in tuned["ITAE"].items():
             theirs = paper["ITAE"][channel]

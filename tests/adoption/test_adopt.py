@@ -250,16 +250,19 @@ def test_glide_ratio_and_largest_drag_are_those_of_the_coefficients(own, tmp_pat
     assert found.largest_drag == ("aero/force/drag", 1.0)
 
 
-# A tail that follows the integral of the stick, and a slat that takes 5 s to a half.
+# A tail that follows the integral of the stick, a slat that takes 5 s to a half, and a droop that
+# follows the pitch rate.
 FLY_BY_WIRE = """<integrator name="fcs/fbw/horz-tail-pos-rad"><input>fcs/elevator-cmd-norm</input>
 <c1>1</c1></integrator><fcs_function name="a/half"><function><value>0.5</value></function>
 </fcs_function><lag_filter name="fcs/fbw/slat-norm"><input>a/half</input><c1>0.2</c1>
-</lag_filter>"""
+</lag_filter><pure_gain name="fcs/fbw/droop"><input>velocities/q-rad_sec</input><gain>1</gain>
+</pure_gain>"""
 
 
 def test_what_a_fly_by_wire_moves_besides_the_surfaces_is_held(own, tmp_path):
     file = own("</fdm_config>", f"{system(FLY_BY_WIRE)}</fdm_config>")
-    slat = "<value>0.086</value><property>fcs/fbw/slat-norm</property></product>"
+    positions = "<property>fcs/fbw/slat-norm</property><property>fcs/fbw/droop</property>"
+    slat = f"<value>0.086</value><sum>{positions}</sum></product>"
     text = file.read_text().replace("fcs/elevator-pos-rad", "fcs/fbw/horz-tail-pos-rad")
     drag = re.sub(r"<value (name=\S+CD_0.)> 0.043 </value>", rf"<product \1>{slat}", text)
     assert drag != text
@@ -269,7 +272,10 @@ def test_what_a_fly_by_wire_moves_besides_the_surfaces_is_held(own, tmp_path):
 
     assert found.tables["surfaces"]["elevator"]["replaces"] == ["fcs/fbw/horz-tail-pos-rad"]
     assert found.tables["declared"]["ft/fcs/fbw/slat-norm"] == pytest.approx(0.5, rel=1e-3)
-    assert "moves fcs/fbw/slat-norm: held as in level flight" in " ".join(found.notes)
+    assert found.tables["declared"]["ft/fcs/fbw/droop"] == pytest.approx(0.0, abs=1e-9)
+    moved = "fcs/fbw/droop, fcs/fbw/slat-norm"
+    assert f"moves {moved}: held as in level flight" in " ".join(found.notes)
+    assert "another simulator" not in " ".join(found.notes)
     # The book's drag: half of 0.086 is its 0.043.
     C_L = 11.0 * 9.80665 / (0.5 * 1.11164 * found.V_a**2 * 0.55)
     assert found.glide_ratio == pytest.approx(C_L / (0.043 + 0.0232 * C_L**2), rel=0.01)
@@ -459,6 +465,14 @@ def test_files_of_flightgear_that_include_each_other_are_read_once(own, tmp_path
     (file.parent / "3.xml").write_text(both.format("0.xml", "../../jsb.xml"))
     _, err = flighttune("adopt", file.parent, "--out", tmp_path / "mine", status=2)
     assert "got none" in err
+
+
+@pytest.mark.slow
+def test_an_aircraft_whose_path_angle_swings_gets_a_slower_inner_loop(tmp_path):
+    found = answer("adopt", "MD11", "--out", tmp_path / "MD11")  # 5 deg with the first one
+
+    assert found["status"] == "adopted"
+    assert found["flown"]["tuned"]["ST_deg"]["gamma"] < 0.5
 
 
 @pytest.mark.soak
