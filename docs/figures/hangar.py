@@ -20,7 +20,6 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import flighttune as ft
-from flighttune.adoption.adopt import CALM_DEG
 from flighttune.files.shipped import models_of_jsbsim
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import columns
@@ -113,20 +112,12 @@ def turn_chart(model: str, scenario: Path) -> Chart:
     return chart
 
 
-def swing(answer: dict[str, Any]) -> str:
-    """A remark on a path angle that does not settle, which no criterion of `adopt` counts."""
-    tuned = answer.get("flown", {}).get("tuned", {})
-    deg = tuned.get("ST_deg", {}).get("gamma", 0.0) if tuned.get("status") == "completed" else 0.0
-    return f"its path angle swings by {deg:.2g}° in the last quarter of the turn" * (deg > CALM_DEG)
-
-
 def hangar_text(answers: Sequence[dict[str, Any]]) -> str:
     """The page: a row for each model, those that are adopted first."""
     statuses = [answer["status"] for answer in answers]
     counts = ", ".join(f"{statuses.count(status)} {status}" for status in STATUSES)
     records = [
-        answer
-        | {"remarks": [*filter(None, [answer["reason"], *answer.get("notes", ()), swing(answer)])]}
+        answer | {"remarks": [*filter(None, [answer["reason"], *answer.get("notes", ())])]}
         for answer in sorted(answers, key=lambda answer: STATUSES.index(answer["status"]))
     ]
     return f"""# The hangar: every model of JSBSim's own set
