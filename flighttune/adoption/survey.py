@@ -114,6 +114,9 @@ MAX_SETTLING_S = 40.0
 # Time in which an electric propeller slows down, as a multiple of that in which it gains speed.
 SLOWS_DOWN = 6
 
+# Longest settling time that an ``aircraft.toml`` takes, s.
+LONGEST_SETTLING_S = 60
+
 COMMANDS = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 
 # A command is clipped where the slope of its effect falls below this share of the first slope.
@@ -555,7 +558,7 @@ def _settling(bench: Bench, state: AirframeState, thrusts: list[Callable[[], flo
     off = np.abs(np.array(history) - history[-1]) > SETTLED * abs(history[-1])
     last = int(np.flatnonzero(off)[-1]) + 1 if off.any() else 0
     if bench.fdm.electric:  # with the throttle closed a propeller slows down slowly
-        last = min(SLOWS_DOWN * last, int(MAX_SETTLING_S))
+        last = min(SLOWS_DOWN * last, LONGEST_SETTLING_S)
     return max(PROPELLER_SETTLES, float(last)) if last else 0.0
 
 
