@@ -54,6 +54,7 @@ COLUMNS = [
 def adopted(model: str, folder: Path) -> dict[str, Any]:
     """The answer of the command for a model; a crash or an endless flight refuses it."""
     done, began = None, processor_time()
+    answer: dict[str, Any]
     try:
         done = flighttune("adopt", model, "--json", "--out", folder)
         answer = json.loads(done.stdout)
