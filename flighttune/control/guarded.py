@@ -6,6 +6,7 @@ import time
 import traceback
 from collections.abc import Sequence
 from itertools import islice
+from pathlib import Path
 from typing import Any
 
 from flighttune.control.controller import (
@@ -40,10 +41,24 @@ def failure(name: str, error: BaseException, t: float | None) -> str:
     t : float or None, s
         Time of the flight, if one had begun.
     """
-    frames = traceback.extract_tb(error.__traceback__)
-    line = f" (line {frames[-1].lineno} of {frames[-1].name})" if len(frames) > 1 else ""
     when = "" if t is None else f" at t = {t:.2f} s"
-    return f"{name}{when}: {type(error).__name__}: {' '.join(str(error).split())}{line}"
+    return f"{name}{when}: {type(error).__name__}: {' '.join(str(error).split())}{_place(error)}"
+
+
+def _place(error: BaseException) -> str:
+    """Line, file and function of the user's in which an exception arose; empty if in none."""
+    places = [
+        (frame.f_code, line)
+        for frame, line in traceback.walk_tb(error.__traceback__)
+        if not frame.f_globals.get("__name__", "").startswith("flighttune.")
+        and not frame.f_code.co_filename.startswith("<frozen")
+    ]
+    for code, line in reversed(places):  # what the user's code called is a library's
+        if code.co_filename == places[0][0].co_filename:
+            function = code.co_qualname.rpartition("<locals>.")[2]
+            of = "" if function == "<module>" else f" of {function}"
+            return f" (line {line}{of} in {Path(code.co_filename).name})"
+    return ""
 
 
 class LawError(Exception):

@@ -108,14 +108,21 @@ def _loaded(title: str, key: str, table: LawTable | PlantTable) -> Any:
         )
     before_running([table.module])
     try:
-        return getattr(_module(str(path.resolve()), digest), table.class_)
+        members = vars(_module(str(path.resolve()), digest))
     except FAILURES as error:
         raise ScenarioError(failure(f"{where}: {table.module}", error, None)) from error
+    if table.class_ not in members:
+        own = [name for name, value in members.items() if isinstance(value, type)]
+        raise ScenarioError(
+            f"{where}: `class` must be one of {table.module} ({', '.join(own) or 'which has none'})"
+            f", got {table.class_}."
+        )
+    return members[table.class_]
 
 
 @lru_cache(maxsize=32)
-def _module(path: str, digest: str) -> ModuleType:
-    spec = spec_from_file_location(f"flighttune_own_{digest[:16]}", path)
+def _module(path: str, _digest: str) -> ModuleType:
+    spec = spec_from_file_location(Path(path).stem, path)
     if spec is None or spec.loader is None:
         raise ImportError("the file must be Python")
     module = module_from_spec(spec)

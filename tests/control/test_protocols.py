@@ -110,7 +110,7 @@ def faulty(at, does):
         (lambda good: good[:2], r"`step` must return 3 numbers \(phi_cmd, .*\), got 2"),
         (lambda good: (np.nan, *good[1:]), r"`phi_cmd` must be finite, got nan"),
         (lambda good: (good[0], np.inf, 0.0), r"`n_z_cmd` must be finite, got inf"),
-        (lambda good: 1 / 0, r"ZeroDivisionError: division by zero \(line \d+ of <lambda>\)"),
+        (lambda good: 1 / 0, r"ZeroDivisionError: .* \d+ of <lambda> in test_protocols.py\)"),
         (lambda good: ("left", 1.0, 0.0), r"`step` must return 3 numbers .* got \('left', 1.0"),
     ],
 )  # fmt: skip
