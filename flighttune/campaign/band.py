@@ -316,6 +316,7 @@ def _counted(
     flights = flights_of(plan, of_band["of"], len(units), plan.runs - learned)
     probe = partial(_extremes, list(units), flights.edges, windy, flights.model)
     with WorkerPool(*by) as pool:
+        pool.progress.budget = plan.runs
         shaping = _flown(pool, plan, partial(probe, anywhere=True), range(learned), "learning")
         coefficients, half = learned_shape(*shaping, of_band["epsilon"])
         if of_band["of"] == "turn_back":

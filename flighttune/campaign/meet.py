@@ -427,15 +427,17 @@ def meet(
     if not starts:
         raise InputError("`start` must be given: no gains could be tuned to start from.")
     draws = 1 if dispersed is None else whole_cycles(campaigns[0], DRAWS)
+    budget = budget or (CAMPAIGN_BUDGET if campaign else BUDGET)
+    fresh = 0 if dispersed is None else _fresh_draws(dispersed)
     with WorkerPool(workers, scheduler, observer) as pool:
+        pool.progress.budget = budget + 2 * fresh * len(_required(scenarios[0]))
         search = Search(campaigns, law, pool, metric=metric, draws=draws, success=success)
         trials = dict(zip(starts, search.fly([*starts.values()]), strict=True))
         first = min(trials, key=lambda name: search.value(trials[name]))
-        search.search([*starts.values()], budget or (CAMPAIGN_BUDGET if campaign else BUDGET))
+        search.search([*starts.values()], budget)
         best = nearest = search.best()
         met, start_met, flown_start, counted = best.met, trials[first].met, trials[first], None
         if dispersed is not None:
-            fresh = _fresh_draws(dispersed)
             count = Search(
                 [flights_to_meet(scenarios[0], law_table, dispersed)], law, pool, draws=fresh
             )

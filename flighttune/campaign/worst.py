@@ -361,7 +361,7 @@ class StatedSet:
         # largest distance of all flights from the middle of the tube over the largest half width
         self.reach = np.zeros(2)
         self._start_deg, self._lost = start_deg, -FAILED if completed else FAILED
-        self._probes, self._pool = probes or {}, pool
+        self._probes, self.pool = probes or {}, pool
 
     def values(self, z: FloatArray, seeds: Seeds) -> FloatArray:
         """Fly draws and return the metric of each; an `Objective`."""
@@ -431,7 +431,7 @@ class StatedSet:
     def _rows(self, plan: Plan, draws: Sequence[Drawn], probes: Probes) -> list[dict[str, Any]]:
         self.flights += len(draws)
         runs = range(plan.runs)
-        return self._pool.in_order(plan, runs, doing="searching", probes=probes, draws=draws)
+        return self.pool.in_order(plan, runs, doing="searching", probes=probes, draws=draws)
 
 
 def find_worst(searched: StatedSet, *, budget: int, seed: int) -> WorstFlight:
@@ -451,6 +451,7 @@ def find_worst(searched: StatedSet, *, budget: int, seed: int) -> WorstFlight:
     .. [1] N. Hansen, "The CMA evolution strategy: a tutorial", arXiv 1604.00772.
     """
     check_at_least(POPULATION, budget=budget)
+    searched.pool.progress.budget = budget
     family = None
     if any(searched.disturbances):
         searched.fly_bang_bang(budget // 2)

@@ -179,7 +179,9 @@ def main() -> None:
             if "\n" in message:  # the help, where a group was given no command
                 show()
                 sys.exit(COULD_NOT_RUN)
-            path = getattr(getattr(error, "ctx", None), "command_path", "flighttune")
+            command = " ".join(["flighttune", *sys.argv[1:2]])
+            path = getattr(getattr(error, "ctx", None), "command_path", command)
+            message = message.replace("Value error, ", "")
             fail(f"{message}; `{path} --help` lists what there is.", COULD_NOT_RUN)
         if "--debug" in sys.argv:
             raise

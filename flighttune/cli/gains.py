@@ -30,7 +30,7 @@ def tune(
     from flighttune.flight.gains import tune as tune_scenario
 
     options.check_ending(out, ".json")
-    options.check_ending(prove, ".json")
+    options.check_ending(prove, ".json", option="--prove")
     result = tune_scenario(
         scenario,
         envelope=envelope,

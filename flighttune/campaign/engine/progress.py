@@ -16,6 +16,7 @@ class CampaignProgress:
     statuses: Counter[str] = field(default_factory=Counter)  # of the runs that are there
     succeeded: int = 0  # of the runs that are there
     flown: int = 0  # rows of all phases that were flown since the pool was made
+    budget: int = 0  # most rows of all phases, where a search or count has several; else 0
     workers: int = 1  # tasks that can run at a time; 0 while there is no worker
     began: float | None = None  # s, of the performance counter, when the first flight began
 
@@ -53,8 +54,9 @@ class CampaignProgress:
 
     @property
     def left_s(self) -> float | None:
-        """Time left at this rate, s; None before the first row."""
-        return (self.runs - self.done) / self.rate_per_s if self.flown else None
+        """Time left at this rate, s, of a search at most; None before the first row."""
+        left = self.budget - self.flown if self.budget else self.runs - self.done
+        return max(left, 0) / self.rate_per_s if self.flown else None
 
 
 class CampaignObserver:
