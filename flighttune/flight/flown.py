@@ -125,10 +125,13 @@ class FlownScenario(Answering):
         notes = [f"{run.label}: {run.outcome}" for run in self.runs if run.status != "completed"]
         notes += priority_notes(self.runs)
         around = claimed(self.runs)
-        if any(run.provenance.aircraft for run in self.runs):
-            notes.append(f"Why aircraft and law differ: flighttune gap {self.source}")
         claim, missed = self.claim, self.claim.missed
         next_step = advice(self.scenario, self.runs, self.source)
+        failed = any(run.status in ("law_failed", "plant_failed") for run in self.runs)
+        if not failed and any(run.provenance.aircraft for run in self.runs):
+            notes.append(f"Why aircraft and law differ: flighttune gap {self.source}")
+        # how a flight ended is a note already
+        sentence = claim.short if failed else claim.sentence
         more = f" ({len(missed) - 1} more)" if missed[1:] else ""
         return Answer(
             values={
@@ -157,6 +160,6 @@ class FlownScenario(Answering):
                 ),
             ],
             notes=[*self.scenario.notes, *around.notes, *notes],
-            verdict=f"{claim.sentence}. {next_step}" if next_step else claim.sentence,
+            verdict=f"{sentence}. {next_step}" if next_step else sentence,
             failure=around.failure or (f"{missed[0]}{more}" if missed else ""),
         )

@@ -65,7 +65,7 @@ class Answer:
                 how = f"   (flighttune {READ_BY[key]} {quote(str(path))})" if key in READ_BY else ""
                 yield f"{key.replace('_', ' ')}: {path}{how}"
         recording = self.files.get("recording")
-        if recording is not None and self.files.get("page") is None:
+        if recording is not None and not (self.files.get("page") or self.failure):
             yield f"A page to send: flighttune report {quote(str(Path(recording).parent))}"
 
     def html(self) -> str:
