@@ -16,7 +16,10 @@ from flighttune.present.answer import Answer
 def tune(
     scenario: options.ScenarioArgument,
     envelope: Annotated[
-        bool, Option("--envelope", help="Maximise the rate over the scenario's envelope.")
+        bool,
+        Option(
+            "--envelope", help="Maximise the rate over the envelope, or every identified condition."
+        ),
     ] = False,
     settings: options.SetOption = None,
     out: options.GainsFileOption = None,

@@ -57,7 +57,9 @@ def tune(
     law : Law, optional
         Law of the gains; by default the scenario's first.
     envelope : bool
-        Maximise the rate over the scenario's ranges of flight in place of R_K at the trim.
+        Maximise the rate over the scenario's ranges of flight in place of R_K at the trim; on the
+        identified model the smallest R_K over all conditions identified. A law whose loop is the
+        same in every flight is tuned as at the trim.
     starts : int, optional
         Searches from random starts; by default what the scenario's [tuning] says.
     prove : bool
@@ -91,18 +93,23 @@ def tune(
     if isinstance(source, TuningProblem):
         return tune_problem(source, starts=STARTS if starts is None else starts)
     scenario = source if isinstance(source, Scenario) else load_scenario(source, changes=changes)
-    if starts is not None:
-        check_at_least(1, starts=starts)
-        settings = scenario.tuning.model_copy(update={"starts": starts})
-        scenario = scenario.model_copy(update={"tuning": settings})
-    if envelope:
+    chosen = {} if starts is None else {"starts": starts}
+    check_at_least(1, **chosen)
+    settings = scenario.tuning.model_copy(
+        update={"model": model or scenario.tuning.model, **chosen}
+    )
+    everywhere = settings.model == "identified"
+    if everywhere and envelope:
+        settings = settings.model_copy(update={"robust": True})
+    scenario = scenario.model_copy(update={"tuning": settings})
+    if envelope and not everywhere and not (law or scenario.laws[0]).same_everywhere:
         if scenario.tuning.objective != "R_K":
             raise InputError("`objective` of [tuning] must be R_K over an envelope, got cost.")
         trim, ranges = trim_and_envelope(scenario)
         problem = tuning_problem(scenario, law)
-        result = tune_over_envelope(problem, ranges, trim, g=scenario.flight.g_mps2)
+        result = tune_over_envelope(problem, ranges, trim, g=scenario.flight.g_mps2, **chosen)
     else:
-        result = tune_scenario(scenario, model, law=law)
+        result = tune_scenario(scenario, law=law)
         if result.status == "infeasible":
             result = replace(result, diagnosis=diagnosis(result.problem))
     return replace(result, bound=_proven_bound(result.problem)) if prove else result

@@ -90,6 +90,11 @@ def test_its_rate_is_the_same_over_any_envelope_and_kstar_has_none_there():
     assert everywhere.certificate.claim.rate == at_trim.certificate.claim.rate
     assert ft.certify(both, paper, envelope=True).status != "certified"
 
+    exact_law = both.law_of("exact:paper")[0]
+    tuned = [ft.tune(both, law=exact_law, envelope=over).gains for over in (True, False)]
+    assert tuned[0] is not None
+    assert tuned[0] == tuned[1]
+
 
 @pytest.mark.parametrize(
     ("change", "said"),
