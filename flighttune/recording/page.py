@@ -13,7 +13,6 @@ from flighttune.metrics import metric_tables
 from flighttune.present.names import METRIC_LABELS, SYMBOLS, columns, shown_unit
 from flighttune.present.palette import hue_tells_gains
 from flighttune.present.tables import Column, Table
-from flighttune.present.thinning import evenly
 from flighttune.recording.entities import (
     NOW,
     OVERVIEW_TAB,
@@ -154,12 +153,13 @@ def log_readout(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None
         line = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
         stream.log(reading(tab), line, static=True)
     t = max((drawn_run.run.t for drawn_run in flights), key=lambda t: t[-1])
-    t = t[evenly(len(t), most=INSTANTS)]
+    # a whole stride, so that whole seconds are among the instants
+    t = t[np.append(np.arange(0, len(t) - 1, -(-len(t) // INSTANTS)), len(t) - 1)]
     headings = " | ".join(heading for heading, _ in COLUMNS.values())
     rule = "|".join(["---", *["--:"] * len(COLUMNS)])
     units = " | ".join(shown_unit(unit_of(name))[0] for name in COLUMNS)
     below = f" | {headings} |\n|{rule}|\n| | {units} |"
-    lines = [[f"| t = {now:.1f} s{below}" for now in t.tolist()]]
+    lines = [[f"| t = {now:.2f} s{below}" for now in t.tolist()]]
     lines += [_rows(drawn_run, t) for drawn_run in flights]
     pages = ["\n".join(page) + "\n" for page in zip(*lines, strict=True)]
     media = [rr.MediaType.MARKDOWN] * len(pages)
