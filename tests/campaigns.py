@@ -18,6 +18,7 @@ from places import SHIPPED_AIRCRAFT
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.campaign.engine import pool as pool_module
+from flighttune.campaign.engine.progress import CampaignProgress
 from flighttune.campaign.flying.rows import rows_flown
 from flighttune.plants.jsbsim.model_files import model_hash
 
@@ -258,6 +259,8 @@ def flown_here(module, planned, plan, rows=rows_flown):
     """Fly in this process, without workers: `plan` is what the function `planned` returns."""
 
     class Pool:
+        progress = CampaignProgress()
+
         def in_order(self, plan, runs, doing, **options):
             return list(rows(plan, runs, **options))
 

@@ -30,6 +30,7 @@ def tune(
 ) -> Answer:
     """Find the gains with the largest R_K under the constraints of SCENARIO."""
     from flighttune.files.value import write
+    from flighttune.files.whole import write_text
     from flighttune.flight.gains import tune as tune_scenario
 
     options.check_ending(out, ".json")
@@ -45,7 +46,7 @@ def tune(
     if prove is not None and result.bound is not None:
         write(result.bound, prove)
     if out is not None:
-        save_answer(out, answer)
+        write_text(out, answer.json() + "\n")
     return answer
 
 
@@ -68,13 +69,6 @@ def frontier(
     write_text(csv, result.table.to_csv(index=False, lineterminator="\n"))
     result.sheet.save(svg)
     return replace(result.answer(), files={"csv": csv, "figure": svg})
-
-
-def save_answer(path: Path, answer: Answer) -> None:
-    """Write the JSON object of an answer to a file, whole or not at all."""
-    from flighttune.files.whole import write_text
-
-    write_text(path, answer.json() + "\n")
 
 
 def meet(
@@ -125,6 +119,7 @@ def meet(
     options.check_ending(out, ".json")
     options.check_ending(page, ".html", option="--page")
     from flighttune.campaign.meet import meet as search
+    from flighttune.files.whole import write_text
 
     with campaign_display() as observer:
         meeting = search(
@@ -142,7 +137,7 @@ def meet(
         )
     answer = replace(meeting.answer(), files={"out": out, "page": page})
     if out is not None:  # before the page: a fault in it must not lose the search
-        save_answer(out, answer)
+        write_text(out, answer.json() + "\n")
     if page is not None:
         from flighttune.reports.meet import write_meet_page
 

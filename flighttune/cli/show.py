@@ -22,7 +22,6 @@ from flighttune.files.whole import reason_of
 from flighttune.flight.notice import NOTICE
 from flighttune.present.answer import Answer
 from flighttune.present.answer import pick as pick  # for the commands
-from flighttune.present.names import duration, rate
 from flighttune.present.tables import printable
 
 if TYPE_CHECKING:
@@ -180,22 +179,10 @@ class CampaignDisplay(CampaignObserver):
         if progress.doing == "flying" and not progress.workers and not self._warned:
             self._warned = True
             self.hear("no worker is there yet; waiting for one")
-        # a search may end before its budget is spent
-        most = "at most " if progress.doing == "searching" else ""
-        done, runs = progress.done, progress.runs
-        if progress.budget:
-            done, runs = progress.flown, progress.budget
-        parts = [f"{progress.doing}: {done} of {most}{runs} runs"]
-        if progress.rate_per_s:
-            parts.append(f"{rate(progress.rate_per_s)} a second")
-        if progress.left_s is not None and (progress.budget or progress.doing == "flying"):
-            parts.append(f"{most}{duration(progress.left_s)} left")
-        for count, what in ((progress.failed, "failed"), (progress.crashed, "crashed")):
-            if count:
-                parts.append(f"{count} {what}")
-        now, new, text = time.monotonic(), progress.doing != self._doing, ", ".join(parts)
+        now, new, text = time.monotonic(), progress.doing != self._doing, progress.sentence
         self._doing = progress.doing
         if self._bar is not None:
+            done, runs = progress.part
             self._bar.update(self._task, description=text, refresh=new, completed=done, total=runs)
         elif not quiet() and (new or now >= self._last_line_at + LINE_EVERY_S):
             self._last_line_at = now

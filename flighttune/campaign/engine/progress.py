@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from flighttune.present.names import duration, rate
+
 
 @dataclass(slots=True, kw_only=True)
 class CampaignProgress:
@@ -55,8 +57,29 @@ class CampaignProgress:
     @property
     def left_s(self) -> float | None:
         """Time left at this rate, s, of a search at most; None before the first row."""
-        left = self.budget - self.flown if self.budget else self.runs - self.done
-        return max(left, 0) / self.rate_per_s if self.flown else None
+        done, runs = self.part
+        return max(runs - done, 0) / self.rate_per_s if self.flown else None
+
+    @property
+    def part(self) -> tuple[int, int]:
+        """Runs that are there, and those wanted: of all phases where there is a budget."""
+        return (self.flown, self.budget) if self.budget else (self.done, self.runs)
+
+    @property
+    def sentence(self) -> str:
+        """What is done, what is left, and what failed."""
+        # a search may end before its budget is spent
+        most = "at most " if self.doing == "searching" else ""
+        done, runs = self.part
+        parts = [f"{self.doing}: {done} of {most}{runs} runs"]
+        if self.rate_per_s:
+            parts.append(f"{rate(self.rate_per_s)} a second")
+        if self.left_s is not None and (self.budget or self.doing == "flying"):
+            parts.append(f"{most}{duration(self.left_s)} left")
+        for count, what in ((self.failed, "failed"), (self.crashed, "crashed")):
+            if count:
+                parts.append(f"{count} {what}")
+        return ", ".join(parts)
 
 
 class CampaignObserver:
