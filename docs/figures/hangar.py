@@ -91,7 +91,7 @@ def proved(folder: Path) -> dict[str, Any]:
     made = flighttune("new", str(circuit), "--like", "circuit", "--aircraft", folder)
     if made.returncode:
         why = made.stderr.strip().rsplit("got, with the most margin, ")[-1]
-        why = why.rsplit(f"{folder} ")[-1]
+        why = why.rsplit(f"{folder} ")[-1].rsplit(" / tuned_identified: ")[-1].rstrip(".")
     else:  # its first line says so
         why = (
             " m, ".join(re.findall(r"at most (\S+) m .* and (\S+) m", circuit.read_text())[0])
