@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Protocol, TypeAlias, TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 from flighttune.campaign.band import load_band, recount
 from flighttune.campaign.counted_flights import plan_of
@@ -15,9 +15,12 @@ from flighttune.claims.band import Band, save_band
 from flighttune.errors import InputError
 from flighttune.files.seal import format_of
 from flighttune.files.value import write
+from flighttune.flight.flown import FlownScenario
+from flighttune.gaps.gap import Gap
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import columns, listed
 from flighttune.present.tables import Column, Table
+from flighttune.records.compare import Source
 from flighttune.theory.exact import Check, Verification
 from flighttune.tubes.enclosure import Tube
 from flighttune.tubes.proof import load_tube, save_tube
@@ -245,23 +248,16 @@ def verify(
     return Verified(claim=value, verification=verification, source=source)
 
 
-class Flights(Protocol):
-    """Flights that claims can be drawn around."""
-
-    def within(self: "T", *claims: Any) -> "T":
-        """The flights with these claims."""
-        ...
-
-
-T = TypeVar("T", bound=Flights)
+# Flights that claims can be drawn around.
+T = TypeVar("T", FlownScenario, Gap, Source)
 
 
 def within(flights: T, files: Sequence[str | Path]) -> T:
     """Flights with the claims in files around them; an InputError names the file."""
     for file in files:
         try:
-            read = READERS[format_of(Path(file), READERS, AROUND_FLIGHTS)]
-            flights = flights.within(read(Path(file)))
+            claim: Any = READERS[format_of(Path(file), READERS, AROUND_FLIGHTS)](Path(file))
+            flights = flights.within(claim)
         except InputError as error:
             reason = str(error).removeprefix(f"{file}: ")
             raise InputError(f"{file}: {reason}") from error

@@ -84,11 +84,11 @@ def flights_to_meet(
     scenario: Scenario, law: LawTable, table: CampaignTable | None = None
 ) -> Campaign:
     """Flights of a scenario by a law, dispersed as the `table` of a campaign says."""
-    of_tuned = {None, TUNED_IDENTIFIED, *law.law().names_of([TUNED_IDENTIFIED])}
+    tuned_names = {None, TUNED_IDENTIFIED, *law.law().names_of([TUNED_IDENTIFIED])}
     expect = [
         requirement.model_copy(update={"gains": None, "status": None})
         for requirement in scenario.expect
-        if requirement.gains in of_tuned and (requirement.at_most or requirement.at_least)
+        if requirement.gains in tuned_names and (requirement.at_most or requirement.at_least)
     ]
     if not expect:
         raise InputError(

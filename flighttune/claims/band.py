@@ -159,10 +159,10 @@ class BandFlights:
             return "aircraft files"
         # the one in the middle has tables that are only there because one of their keys is drawn
         scenarios = self.scenario, self.central, scenario
-        counted, middle, of_run = (_stated(tables, self.plant) for tables in scenarios)
+        counted, middle, flown_keys = (_stated(tables, self.plant) for tables in scenarios)
         drawn = {PLACE.sub("", key) for key in self.distribution.dispersed}
-        allowed = {key: (counted.get(key), middle.get(key)) for key in counted | of_run}
-        differ = (key for key, values in allowed.items() if of_run.get(key) not in values)
+        allowed = {key: (counted.get(key), middle.get(key)) for key in counted | flown_keys}
+        differ = (key for key, values in allowed.items() if flown_keys.get(key) not in values)
         return next((key for key in differ if key not in drawn), "")
 
 
@@ -289,18 +289,18 @@ class Band(Answering):
         turn_back = self.flights.central.turn_back
         if turn_back is None or not self.claims:
             raise InputError("the room to turn back must be claimed by a band of such flights.")
-        of_each = [
+        bands = [
             (of.plant, of.gains_name, of.central.flight.V_a_mps, round(length, 3))
             for of, length in (
                 (self.flights, turn_back.place[-1].along_m),
                 (corridor.flights, planned.length),
             )
         ]
-        if of_each[0] != of_each[1]:
+        if bands[0] != bands[1]:
             raise InputError(
                 "both bands must be of one aircraft with the same gains and airspeed on one route, "
                 "got {} / {} at {:g} m/s along {:g} m and {} / {} at {:g} m/s along {:g} m.".format(
-                    *of_each[0], *of_each[1]
+                    *bands[0], *bands[1]
                 )
             )
         flown = corridor.corridor(planned.where)
@@ -309,10 +309,10 @@ class Band(Answering):
         high, low = (end + h for end in (float(up.max()), float(up.min())))
         top = high + above + height
         over = max(low - above, 0.0), max(low - above - height, 0.0)
-        said = printable(self.sentence)
+        claim = printable(self.sentence)
         return {
             "flight geography": (beside, over[0], high + above, flown.claim),
-            "contingency volume": (beside + ahead, over[1], top, said),
+            "contingency volume": (beside + ahead, over[1], top, claim),
             "ground risk buffer": (beside + ahead + top, 0.0, top, "as wide as it is high"),
         }
 

@@ -231,9 +231,9 @@ def log_gap(
     whole = flights.size(flown[flights.label])
     causes = {}
     for cause in dict.fromkeys(FACTORS[name].cause for name in nominal):
-        of_cause = {name: best[name] for name in best if FACTORS[name].cause == cause}
-        without = best | {name: nominal[name] for name in of_cause}
-        alone = 1.0 - flights.size(fly(nominal | of_cause)) / whole
+        fitted = {name: value for name, value in best.items() if FACTORS[name].cause == cause}
+        without = best | {name: nominal[name] for name in fitted}
+        alone = 1.0 - flights.size(fly(nominal | fitted)) / whole
         causes[cause] = alone, flights.size(fly(without)) / whole
     return LogGap(
         log=str(run.provenance.gains_name),

@@ -511,8 +511,9 @@ def _aircraft(
         largest = dict(zip(("chi", "gamma"), missed.max(axis=0).tolist(), strict=True))
         boxes = {"residual_rad_s": largest, "residual_stretches": len(missed)}
         evidence = evidence.model_copy(update=boxes)
-    made = {"aircraft": names[0], "conditions": (condition,), "log": evidence}
-    return IdentifiedAircraft.model_construct(**made)
+    return IdentifiedAircraft.model_construct(
+        aircraft=names[0], conditions=(condition,), log=evidence
+    )
 
 
 def _missed(run: Run, lags: tuple[InnerLag, InnerLag]) -> FloatArray:

@@ -187,9 +187,9 @@ class Scenario(Table):
             if not absent:
                 raise ValueError(f"{key} where the airspeed is followed")
         for plant in self.plant:
-            own = self.limits.n_x if plant.aircraft is None else plant.config.limits.n_x
+            limits_n_x = self.limits.n_x if plant.aircraft is None else plant.config.limits.n_x
             where = "[limits]" if plant.aircraft is None else f"[limits] of {plant.aircraft}"
-            if own is None:
+            if limits_n_x is None:
                 raise ValueError(
                     f"`n_x` of {where} must be given where the airspeed is followed, for the plant "
                     f"{plant.label}"

@@ -87,16 +87,12 @@ def error_measures(t, error, effort, limited):
 
 
 @njit
-def _reference(flights, i):
-    return flights.ref[i if len(flights.ref) > 1 else 0]
-
-
-@njit
 def _fly(i, sensor_errors, flights, t, rows):
     """Fly one flight into `rows`; return its number of samples and how it ended."""
     chi, gamma, phi, n_z, V_a = flights.start[i]
-    ref, wave, g_over_v = _reference(flights, i), flights.waves[i], flights.g[i] / V_a
-    ref_rates = flights.ref_rates[i if len(flights.ref_rates) > 1 else 0]
+    j = i if len(flights.ref) > 1 else 0
+    ref, ref_rates = flights.ref[j], flights.ref_rates[j]
+    wave, g_over_v = flights.waves[i], flights.g[i] / V_a
     law, rate_law, state = _law(flights.laws[i]), _rate_law(flights.laws[i]), _state(phi, n_z)
     step = flights.dt / flights.steps
     u, true_error = state.u, np.zeros(2)

@@ -145,20 +145,20 @@ def decay_checks(
     Of a sampled loop ``M' Q M < r^2 Q`` is proven for a rational r that is at most ``exp(-rate
     dt)``, because ``exp(x) < 1/(1 - x + x^2/2 - ...)`` up to any odd power for x > 0.
     """
-    form, of_form = integers(exact(Q))
-    matrix, of_matrix = integers(loop)
-    checks = [margin_check("rate > 0", Fraction(rate)), matrix_check("Q > 0", form, of_form)]
+    form, form_unit = integers(exact(Q))
+    matrix, matrix_unit = integers(loop)
+    checks = [margin_check("rate > 0", Fraction(rate)), matrix_check("Q > 0", form, form_unit)]
     if dt is None:
         # Both sides times the denominators of A and of the rate, so that all of it is integers.
         whole = Fraction(rate)
         flow = (matrix.T @ form + form @ matrix) * whole.denominator
-        flow += form * (2 * whole.numerator * of_matrix)
-        name, unit = "A' Q + Q A + 2 rate Q < 0", of_form * of_matrix * whole.denominator
+        flow += form * (2 * whole.numerator * matrix_unit)
+        name, unit = "A' Q + Q A + 2 rate Q < 0", form_unit * matrix_unit * whole.denominator
         return [*checks, matrix_check(name, -flow, unit)]
     share = exponential_below(Fraction(rate) * Fraction(dt)) ** 2
-    left = form * (share.numerator * of_matrix**2)
+    left = form * (share.numerator * matrix_unit**2)
     right = (matrix.T @ form @ matrix) * share.denominator
-    name, unit = "M' Q M < exp(-2 rate dt) Q", of_form * of_matrix**2 * share.denominator
+    name, unit = "M' Q M < exp(-2 rate dt) Q", form_unit * matrix_unit**2 * share.denominator
     return [*checks, matrix_check(name, left - right, unit)]
 
 

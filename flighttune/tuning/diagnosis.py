@@ -16,7 +16,7 @@ from flighttune.tuning.result import Assessment, Diagnosis, assessment, is_feasi
 from flighttune.tuning.tune import STARTS, searches, smallest_radius
 
 
-def diagnosis(problem: TuningProblem, *, starts: int = STARTS) -> Diagnosis:
+def diagnosis(problem: TuningProblem) -> Diagnosis:
     """Distance of a problem from feasibility, and the input limit that is in the way.
 
     The common factor is a variable of the smooth program: its smallest value is searched for
@@ -26,7 +26,7 @@ def diagnosis(problem: TuningProblem, *, starts: int = STARTS) -> Diagnosis:
     nothing.
     """
     space = search_space(problem)
-    k = stabilising_starts(problem, space, starts)
+    k = stabilising_starts(problem, space, STARTS)
     smallest = smallest_radius(problem, k)
     unlimited = replace(problem, I_star=math.inf)
     fastest = [candidate for candidate in searches(unlimited, k, "R_K") if candidate.within_limits]

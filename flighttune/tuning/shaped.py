@@ -144,8 +144,8 @@ class Peaks:
         slowest = float(poles[poles > 1e-6 * fastest].min(initial=fastest))
         omega = np.geomspace(SLOWER * min(slowest, 1.0), FASTER * fastest, count)
         n, self._m, _ = model.shape
-        at = 1j * omega[:, None, None] * np.eye(n) - model.A
-        G = -model.C @ np.linalg.solve(at, np.broadcast_to(model.B, (count, n, self._m)))
+        resolvent = 1j * omega[:, None, None] * np.eye(n) - model.A
+        G = -model.C @ np.linalg.solve(resolvent, np.broadcast_to(model.B, (count, n, self._m)))
         # A stacked gain (K_P, K_I) acts on G and on its integral.
         self._GI = np.concatenate([G, G / (1j * omega[:, None, None])], axis=1)
         self._space, free = space, np.argwhere(space.free)

@@ -66,10 +66,10 @@ def fly_batch(
     controller, duration = scenarios[0].controller, scenarios[0].flight.duration_s
     dt = 1.0 / controller.rate_hz
     t = np.arange(round(duration / dt) + 1, dtype=np.float64) * dt
-    at = t if _moving(scenarios[0]) else np.zeros(1)
+    instants = t if _moving(scenarios[0]) else np.zeros(1)
     references = [reference_of(scenario) for scenario in scenarios]
     conditions = [start_condition(scenario) for scenario in scenarios]
-    ref = np.array([np.column_stack(reference.sampled(at)) for reference in references])
+    ref = np.array([np.column_stack(reference.sampled(instants)) for reference in references])
     batch = fly_sampled(
         # the plant itself has no limits
         [
@@ -79,7 +79,9 @@ def fly_batch(
         conditions,
         ref,
         duration=duration,
-        ref_rates=np.array([np.column_stack(reference.rates(at)) for reference in references]),
+        ref_rates=np.array(
+            [np.column_stack(reference.rates(instants)) for reference in references]
+        ),
         disturbances=[s.disturbance.sinusoid() if s.disturbance else Sinusoid() for s in scenarios],
         sensors=[s.sensors.sensors(s.seed) for s in scenarios if s.sensors is not None],
         g=np.array([scenario.flight.g_mps2 for scenario in scenarios]),
