@@ -419,6 +419,7 @@ def _stretches(run: Run, step: float) -> tuple[FloatArray, Signals]:
         "chi": np.unwrap(np.nan_to_num(logged["chi"])),
     }
     size, low, pieces = math.ceil((WAIT_S + STRETCH_S) / (t[1] - t[0])) + 1, 0, []
+    # Behind a gap the next stretch begins anew: no stretch has one, and none overlap.
     while low + size < len(t):
         piece = slice(low, low + size + 1)
         bad = np.flatnonzero(~good[piece])
@@ -430,6 +431,7 @@ def _stretches(run: Run, step: float) -> tuple[FloatArray, Signals]:
             f"{place}: must have {MIN_STRETCHES} stretches of {WAIT_S + STRETCH_S:g} s without a "
             f"gap in which roll commands change by {EXCITED['phi'] / DEG:g} deg, got {len(pieces)}."
         )
+    # Every step of the fit flies all stretches: of many, some from the whole length of the log.
     chosen = np.linspace(0, len(pieces) - 1, min(MAX_STRETCHES, len(pieces))).round().astype(int)
     count = math.floor((WAIT_S + STRETCH_S) / step)
     times = np.array([t[pieces[i].start] + step * np.arange(count) for i in chosen])

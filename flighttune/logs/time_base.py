@@ -49,6 +49,7 @@ def on_one_base(
         raise RecordingError(f"{place}: must have roll, got a log without attitude.")
     t_phi = raw["phi"][0]
     periods = {name: _period(t) for name, (t, _) in raw.items()}
+    # The fastest stream sets the sample time: on a slower base its samples would be means.
     dt = min(max(min(periods.values()), FINEST_DT), COARSEST_DT)
     first, last = t_phi[0] + start, min(t_phi[-1], t_phi[0] + end)
     if not last - first > 10 * dt:
@@ -64,6 +65,7 @@ def on_one_base(
             f"{MAX_AHEAD:g} s, got {(last - first) / dt:.3g} samples and a break of {ahead:.3g} s "
             f"at {at:.1f} s; a part of it is LOG@START:END, in s."
         )
+    # Rounding must not take away the sample at the end of the part.
     t: FloatArray = first + dt * np.arange(math.floor((last - first) / dt + 1e-6) + 1)
     values = {}
     for name, (times, samples) in raw.items():

@@ -300,6 +300,7 @@ def _missed(manoeuvre: Manoeuvre, x: FloatArray) -> FloatArray:
     before = np.minimum(knot.astype(np.intp), KNOTS - 1)
     share = knot - before
     fine = (1.0 - share) * commands[..., before] + share * commands[..., before + 1]
+    # At ends and middles of the steps: both middle stages of Runge and Kutta read one column.
     phi, n_z = fine.transpose(1, 2, 0)
     turning, lifting, g_over_v = n_z * np.sin(phi), n_z * np.cos(phi), manoeuvre.g / manoeuvre.V_a
     turned, gamma = np.zeros(len(x)), np.full(len(x), manoeuvre.start[1])

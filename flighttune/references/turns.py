@@ -103,6 +103,7 @@ def ways(start: Pose, end: Pose, curvature: float, rolling: float) -> Iterator[P
     least = curvature * rolling
 
     def turn(side: int, begin: float, finish: float) -> Pieces:
+        # Rolling in and out turns by `least` at least: a smaller change takes a circle more.
         angle = (side * (finish - begin)) % math.tau
         angle += math.tau * (angle < least)
         return turned(side * curvature, angle, rolling)

@@ -92,6 +92,8 @@ def invariant_ellipsoid(
         load = entry * (L_d**2 / a)
         return lyapunov_solution((A + a / 2.0 * np.eye(len(A))).T, (load + load.T) / 2.0)
 
+    # W grows without bound at both ends of the range of a: the logit has them at infinity, and the
+    # logarithm keeps what the search compares within a few tens.
     def size(logit: float) -> float:
         W = W_of(widest / (1.0 + math.exp(-logit)))
         return 0.5 * math.log(np.linalg.eigvalsh(W)[-1])
