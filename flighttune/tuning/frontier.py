@@ -45,14 +45,15 @@ def frontier(
     *,
     points: int = POINTS,
     marked: Mapping[str, PIGains] | None = None,
+    starts: int = 1,
 ) -> "pd.DataFrame":
     """The largest R_K for every I_K, and where given gains lie.
 
     `problem`: its `I_star` plays no part; limits, structure, scaling and seed do. `points`: points
     of the frontier, at least 2; from the smallest I_K on, closest there. `I_max` (s^2): largest
     I_K; by default `WIDEST` times the smallest, or the largest marked one if more. `marked`: gains
-    to show next to the frontier. Each point is searched from drawn gains and from those of the
-    smallest I_K. Returns a row each point and marked set, columns ``name``
+    to show next to the frontier. `starts`: searches at each point from drawn gains, besides the one
+    from the gains of the smallest I_K. Returns a row each point and marked set, columns ``name``
     (``frontier`` or the mark), ``I_star`` (nan for marks), ``I_K``, ``R_K``, ``spectral_abscissa``,
     ``E_K``, ``within_limits``, ``active`` (names, separated by spaces) and one for each gain,
     ``K_P[phi,chi]`` and so on. R_K never falls along the frontier. Marks alone if no stable gains
@@ -64,7 +65,7 @@ def frontier(
     marks = {name: assessment(problem, gains.K) for name, gains in (marked or {}).items()}
     rows = [_row(problem, name, math.nan, measured) for name, measured in marks.items()]
     space = search_space(problem)
-    k = stabilising_starts(problem, space, STARTS)
+    k = stabilising_starts(problem, space, max(STARTS, starts))
     smallest = smallest_radius(problem, k)
     if smallest is None:
         return pd.DataFrame(rows)
@@ -74,7 +75,7 @@ def frontier(
     I_star = smallest.I_K * np.exp(growth)
     # At the smallest I_K there is nothing left to search.
     best, along = smallest, [_row(problem, "frontier", smallest.I_K, smallest)]
-    first = np.vstack([smallest.K[space.free], k[:1]])
+    first = np.vstack([smallest.K[space.free], k[:starts]])
     task = Program([replace(problem, I_star=I_star[-1])], "R_K")
     ends, _ = task.descend(np.tile(first, (points - 1, 1)), np.repeat(I_star[1:], len(first)))
     ends = ends.reshape(points - 1, len(first), -1)
