@@ -9,7 +9,7 @@ from flighttune.identification.figure import held_out
 from flighttune.identification.file import lags_table
 from flighttune.identification.identify import GOOD_FIT
 from flighttune.identification.steps import steps_table
-from flighttune.present.frame import Section, page_template, write_page
+from flighttune.present.frame import Section, write_answer
 from flighttune.present.names import columns
 from flighttune.present.tables import Table, facts_table
 from flighttune.reports.panels import FLOWN, errors, flown_signals
@@ -32,6 +32,9 @@ CRITERION = (
 )
 
 
+TRIMS = "Steady flight about the airspeed chosen."
+
+
 def write_adoption(adoption: Adoption) -> Path:
     """Write the page of an aircraft into its folder, and return it."""
     assert adoption.folder is not None
@@ -41,38 +44,34 @@ def write_adoption(adoption: Adoption) -> Path:
     verdict = f"{adoption.status}: {adoption.reason}" if adoption.reason else adoption.status
     styles = run_styles(adoption.turn.runs)
     flights = [(run, styles[run.label]) for run in adoption.turn.runs if len(run.signals)]
-    turn = Section(
-        id="turn",
-        title=f"The turn: {adoption.turn_name}",
-        note=CRITERION,
-        charts=[*errors(flights), *flown_signals(flights, SIGNALS)] if flights else (),
-        tables=[adoption.flights],
-        columns=3,
-    )
-    inner_loop = Section(
-        id="inner_loop",
-        title="The inner loop",
-        note="Steps flown against what was asked for, and the manoeuvre that checks the fit.",
-        charts=[held_out(adoption.identified.conditions[0], i) for i in range(2)],
-        tables=(steps_table(adoption.steps), lags_table(adoption.identified.identified)),
-        legend=False,
-    )
-    trims = Section(
-        id="trims",
-        title="Where it flies",
-        note="Steady flight about the airspeed chosen.",
-        tables=[Table(title="Trims", columns=TRIM_COLUMNS, records=adoption.trims)],
-        legend=False,
-    )
-    page = write_page(
+    page = write_answer(
         adoption.folder / PAGE,
-        page_template("flighttune.adoption", "page.html.jinja"),
-        summary=(f"{verdict[0].upper()}{verdict[1:]}.",),
-        sections=[turn, inner_loop, trims],
         title=f"{config.title} at {adoption.V_a:.0f} m/s",
+        summary=(verdict,),
+        parts={
+            "requirements": Section(note=CRITERION, tables=[adoption.flights], legend=False),
+            "responses": Section(
+                note=adoption.turn_name,
+                charts=[*errors(flights), *flown_signals(flights, SIGNALS)] if flights else (),
+                columns=3,
+            ),
+            "inner_loop": Section(
+                title="The inner loop",
+                note="Steps flown against what was asked for, and the manoeuvre that checks the "
+                "fit.",
+                charts=[held_out(adoption.identified.conditions[0], i) for i in range(2)],
+                tables=(steps_table(adoption.steps), lags_table(adoption.identified.identified)),
+                legend=False,
+            ),
+            "trims": Section(
+                title="Where it flies",
+                note=" ".join([TRIMS, *(f"{sentence}." for sentence in adoption.notes)]),
+                tables=[Table(title="Trims", columns=TRIM_COLUMNS, records=adoption.trims)],
+                legend=False,
+            ),
+        },
         legend=list(styles.items()),
         styles=styles,
-        notes=adoption.notes,
         provenance=facts_table(
             "",
             {
@@ -82,11 +81,14 @@ def write_adoption(adoption: Adoption) -> Path:
                 "JSBSim": version("jsbsim"),
             },
         ),
-        name=adoption.name,
-        model=config.model,
-        V_a=f"{adoption.V_a:.4g}",
-        version=version("flighttune"),
-        aircraft_text=config.file.read_text(encoding="utf-8"),
-        turn_text=(adoption.folder / TURN).read_text(encoding="utf-8"),
+        commands=f"""# from the folder that holds {adoption.name}/
+flighttune adopt {config.model} --V-a {adoption.V_a:.4g}
+flighttune fly {adoption.name}/turn.toml
+flighttune trim ./{adoption.name}
+flighttune identify ./{adoption.name}""",
+        texts={
+            "aircraft.toml": config.file.read_text(encoding="utf-8"),
+            TURN: (adoption.folder / TURN).read_text(encoding="utf-8"),
+        },
     )
     return page.path

@@ -23,7 +23,7 @@ from flighttune.campaign.planning.schema import MEASURES, Campaign, CampaignTabl
 from flighttune.campaign.stated_set import measured_in
 from flighttune.campaign.statistics.intervals import share
 from flighttune.campaign.statistics.paired import ordered_quantile
-from flighttune.control.gains import PIGains
+from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.law import Law, plain_laws, split_name
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
@@ -158,8 +158,8 @@ class Search:
             self.trials[gains] = self._trial(gains, rows)
         return [self.trials[gains] for gains in sets]
 
-    def _flown(self, place: int, sets: Sequence[PIGains]) -> list[list[Row]]:
-        """Rows of a campaign by candidate, draw by draw."""
+    def _plan(self, place: int, sets: Sequence[PIGains]) -> Plan:
+        """All draws of a campaign, flown with candidates."""
         campaign, names = self._campaigns[place], self._law.names_of([*map(str, range(len(sets)))])
         scenario = campaign.nominal
         groups = tuple(Group(plant, name) for name in names for plant in _required(scenario))
@@ -170,17 +170,27 @@ class Search:
             for table in scenario.expect
         ]
         bare = scenario.model_copy(update={"expect": expect})
-        plan = Plan(
+        return Plan(
             campaign=campaign.model_copy(update={"nominal": bare}),
             gain_sets=dict(zip(names, sets, strict=True)),
             groups=groups,
             runs=self._draws * len(groups),
             aircraft=self._aircraft[place],
         )
-        drawn = [{SEED: scenario.seed}] if self._draws == 1 else None
+
+    def in_draw(self, draw: int) -> Scenario:
+        """The first scenario in a draw of its campaign, with its requirements."""
+        scenario = self._plan(0, [PAPER_GAINS]).scenario_of(draw)
+        return scenario.model_copy(update={"expect": self._campaigns[0].nominal.expect})
+
+    def _flown(self, place: int, sets: Sequence[PIGains]) -> list[list[Row]]:
+        """Rows of a campaign by candidate, draw by draw."""
+        plan = self._plan(place, sets)
+        seed = self._campaigns[place].nominal.seed
+        drawn = [{SEED: seed}] if self._draws == 1 else None
         self.flights += plan.runs
         rows = self._pool.in_order(plan, range(plan.runs), doing="searching", draws=drawn)
-        return [[row for row in rows if row["gains"] == name] for name in names]
+        return [[row for row in rows if row["gains"] == name] for name in plan.gain_sets]
 
     def _trial(self, gains: PIGains, rows: Sequence[Sequence[Row]]) -> Trial:
         """The checks of rows of each campaign; those of gains not flown have no status."""
@@ -437,6 +447,7 @@ def meet(
         search.search([*starts.values()], budget)
         best = nearest = search.best()
         met, start_met, flown_start, counted = best.met, trials[first].met, trials[first], None
+        draw, worst = 0, None
         if dispersed is not None:
             count = Search(
                 [flights_to_meet(scenarios[0], law_table, dispersed)], law, pool, draws=fresh
@@ -445,6 +456,8 @@ def meet(
             counted, (met, start_met) = _counted(
                 (nearest, flown_start), np.arange(fresh) // cycle(dispersed), success
             )
+            draw = nearest.worst_draw
+            counted["worst_draw"], worst = draw, count.in_draw(draw)
             search.flights += count.flights
     return Meeting(
         status="met" if met else "missed",
@@ -452,13 +465,15 @@ def meet(
         campaign=dispersed,
         gains=best.gains,
         start=first,
+        start_gains=trials[first].gains,
         start_met=start_met,
         flights=search.flights,
         candidates=search.candidates,
         metric={"name": metric, "value": nearest.metric, "start": flown_start.metric},
-        requirements=[*_requirements(nearest, flown_start, search.conflicting(nearest))],
+        requirements=[*_requirements(nearest, flown_start, search.conflicting(nearest), draw)],
         trade_offs=[] if met or dispersed else [*search.trade_offs(best)],
         success=counted,
+        worst=worst,
         trials=[*search.trials.values()],
     )
 
@@ -484,13 +499,16 @@ def _counted(
     return {"share": shares[0], "of_start": shares[1], "wanted": wanted, "by": by}, enough
 
 
-def _requirements(trial: Trial, start: Trial, active: Sequence[int]) -> Iterator[dict[str, Any]]:
-    """The requirements with their values on the first draw, and the share of draws they are met."""
-    for i, check in enumerate(trial.checks[0]):
+def _requirements(
+    trial: Trial, start: Trial, active: Sequence[int], draw: int
+) -> Iterator[dict[str, Any]]:
+    """The requirements with their values on one draw, and the share of draws they are met."""
+    before = start.checks[draw % len(start.checks)]  # an unstable start has one draw
+    for i, check in enumerate(trial.checks[draw]):
         yield {
             **stated(check),
             "active": i in active,
-            "start": start.checks[0][i].value,
+            "start": before[i].value,
             "share": float((trial.excess[:, i] <= 0.0).mean()),
             "share_start": float((start.excess[:, i] <= 0.0).mean()),
         }

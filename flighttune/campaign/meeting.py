@@ -17,7 +17,7 @@ from flighttune.control.margins import loop_margins, margins_table
 from flighttune.flight.expectations import BoundCheck
 from flighttune.flight.models import certify_scenario, linear_model
 from flighttune.present.answer import Answer, Answering, pick
-from flighttune.present.names import columns, listed
+from flighttune.present.names import columns, in_words, listed, measure_words
 from flighttune.present.tables import Column, Table, interval, percent
 from flighttune.scenario.schema import Scenario
 from flighttune.theory.indicators import indicators
@@ -27,21 +27,25 @@ BY_DEFAULT = "default"
 
 REQUIREMENT_COLUMNS = [
     *columns("run"),
-    Column("measure", "requirement"),
+    Column("words", "requirement"),
     Column("sense", "must be"),
     Column("bound", "bound"),
     Column("value", "value"),
     Column("start", "at the start"),
-    Column("margin", "margin", "%", percent),
+    Column("unit", "unit"),
+    Column("margin", "margin", "%", "z.1f", 100.0),
     Column("active", "active"),
 ]
 SHARE_COLUMNS = [
     *REQUIREMENT_COLUMNS[:4],
+    Column("value", "worst flight"),
+    Column("unit", "unit"),
     Column("share", "met", "%", percent),
     Column("share_start", "met at the start", "%", percent),
 ]
 TRADE_COLUMNS = [
     *REQUIREMENT_COLUMNS[:5],
+    Column("unit", "unit"),
     Column("alone", "best seen"),
     Column("beside", "best seen with the others met", missing="none"),
 ]
@@ -68,6 +72,12 @@ class Trial:
         return self.excess.max(axis=1)
 
     @property
+    def worst_draw(self) -> int:
+        """The draw nearest to a bound, by the requirements on which draws differ, if any."""
+        differ = np.ptp(self.excess, axis=0) > 0.0
+        return int(self.excess[:, differ | ~differ.any()].max(axis=1).argmax())
+
+    @property
     def met(self) -> bool:
         """Whether all requirements are met on all draws."""
         return bool(self.worst.max() <= 0.0)
@@ -91,8 +101,8 @@ class Meeting(Answering):
         The campaign that dispersed it.
     gains : PIGains
         The best ones, even if they miss a requirement.
-    start : str
-        Name of the best gains of the start.
+    start, start_gains : str, PIGains
+        Name of the best gains of the start, and those.
     start_met : bool
         Whether those meet all requirements already.
     flights, candidates : int
@@ -103,14 +113,17 @@ class Meeting(Answering):
     requirements : sequence of mapping
         ``run``, ``measure``, ``sense``, ``bound``, ``value``, ``margin`` relative to the bound, why
         there is no value (``why``), the value at the ``start``, and the shares of draws on which it
-        is met; those that are ``active`` hold the others off.
+        is met; those that are ``active`` stop the metric. On a campaign, values are those of the
+        worst fresh draw.
     trade_offs : sequence of mapping
         How far each requirement in conflict came in this search: in any candidate (``alone``), and
         in those that met the others (``beside``, None if none did). Empty on a campaign.
     success : mapping or None
         On a campaign the ``share`` of fresh draws on which all are met, that of the start
         (``of_start``), the share ``wanted``, and whether the lower end of the interval or the
-        estimate decides (``by``).
+        estimate decides (``by``); and the ``worst_draw`` of the campaign.
+    worst : Scenario or None
+        The scenario in that draw.
     trials : sequence of Trial
         All candidates.
 
@@ -126,6 +139,7 @@ class Meeting(Answering):
     campaign: Campaign | None
     gains: PIGains
     start: str
+    start_gains: PIGains
     start_met: bool
     flights: int
     candidates: int
@@ -133,6 +147,7 @@ class Meeting(Answering):
     requirements: Sequence[Mapping[str, Any]]
     trade_offs: Sequence[Mapping[str, Any]]
     success: Mapping[str, Any] | None
+    worst: Scenario | None
     trials: Sequence[Trial]
 
     def answer(self) -> Answer:
@@ -146,7 +161,7 @@ class Meeting(Answering):
         if self.campaign is not None:
             labels = [plant.label for plant in scenario.plant]
             drawn = [distribution_of(self.campaign, label).table(label) for label in labels]
-        missed = [f"{row['measure']} on {row['run']}: {row['why']}" for row in rows if row["why"]]
+        missed = [f"{_subject(row)}: {row['why']}" for row in rows if row["why"]]
         by_default = any(row["run"].endswith(BY_DEFAULT) for row in rows)
         return Answer(
             values={
@@ -159,11 +174,13 @@ class Meeting(Answering):
             tables=[
                 Table(
                     SHARE_COLUMNS if self.success else REQUIREMENT_COLUMNS,
-                    rows,
+                    [*map(in_words, rows)],
                     self.start_sentence or scenario.title,
                 ),
                 Table(
-                    TRADE_COLUMNS, self.trade_offs, "the best of each among the gains flown here"
+                    TRADE_COLUMNS,
+                    [*map(in_words, self.trade_offs)],
+                    "the best of each among the gains flown here",
                 ),
                 gains_table("gains", self.gains),
                 *drawn,
@@ -198,8 +215,10 @@ class Meeting(Answering):
         met = f"All {n} requirements are met by {least:.1f} %, after {flights}"
         if self.metric["name"] == "margin":
             return f"{met}."
-        active = [f"{row['measure']} on {row['run']}" for row in rows if row["active"]]
-        limits = f"; {listed(active)} hold{'s' * (len(active) == 1)} it off" if active else ""
+        active = [_subject(row) for row in rows if row["active"]]
+        limits = (
+            f"; {listed(active)} stop{'s' * (len(active) == 1)} it from falling" if active else ""
+        )
         return (
             f"{met}. {self.metric['name']} is {self.metric['value']:.4g}, "
             f"{self.metric['start']:.4g} at the start{limits}."
@@ -217,3 +236,7 @@ class Meeting(Answering):
             f"requirements, {start} % with {self.start}; {100.0 * success['wanted']:g} % are "
             f"wanted, by the {by} ({flights})."
         )
+
+
+def _subject(row: Mapping[str, Any]) -> str:
+    return f"{measure_words(row['measure'])} on {row['run']}"

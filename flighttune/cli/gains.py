@@ -27,26 +27,31 @@ def tune(
         Path | None,
         Option(help="File for a proof that bounds R_K over all gains; `verify` checks it."),
     ] = None,
+    page: Annotated[
+        Path | None, Option(help="HTML page to write, with flights by the gains.")
+    ] = None,
 ) -> Answer:
     """Find the gains with the largest R_K under the constraints of SCENARIO."""
     from flighttune.files.value import write
     from flighttune.files.whole import write_text
     from flighttune.flight.gains import tune as tune_scenario
+    from flighttune.flight.load import as_scenario
 
     options.check_ending(out, ".json")
     options.check_ending(prove, ".json", option="--prove")
-    result = tune_scenario(
-        scenario,
-        envelope=envelope,
-        prove=prove is not None,
-        changes=options.changes(settings),
-    )
-    answer = result.answer()
-    answer = replace(answer, files={"out": out, "proof": prove})
+    options.check_ending(page, ".html", option="--page")
+    changed = options.changes(settings)
+    result = tune_scenario(scenario, envelope=envelope, prove=prove is not None, changes=changed)
+    page = page if result.solved else None
+    answer = replace(result.answer(), files={"out": out, "proof": prove, "page": page})
     if prove is not None and result.bound is not None:
         write(result.bound, prove)
     if out is not None:
         write_text(out, answer.json() + "\n")
+    if page is not None:
+        from flighttune.reports.meet import write_tune_page
+
+        write_tune_page(page, as_scenario(scenario, changed), result, _command())
     return answer
 
 
@@ -69,6 +74,10 @@ def frontier(
     write_text(csv, result.table.to_csv(index=False, lineterminator="\n"))
     result.sheet.save(svg)
     return replace(result.answer(), files={"csv": csv, "figure": svg})
+
+
+def _command() -> str:
+    return shlex.join(["flighttune", *sys.argv[1:]])
 
 
 def meet(
@@ -141,7 +150,7 @@ def meet(
     if page is not None:
         from flighttune.reports.meet import write_meet_page
 
-        write_meet_page(page, meeting, shlex.join(["flighttune", *sys.argv[1:]]))
+        write_meet_page(page, meeting, _command())
     return answer
 
 

@@ -2,7 +2,7 @@
 
 import base64
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -28,6 +28,18 @@ class Section:
     tables: Sequence[Table] = ()
     legend: bool = True  # whether the runs are named above the charts
     columns: int = 2  # charts side by side on a wide screen, 2 or 3
+    open: bool = False  # whether it is seen at first
+
+
+# Parts of a page that answers, in this order: anchor, title, whether it is seen at first.
+PARTS = (
+    ("requirements", "Requirements", True),
+    ("responses", "Responses", True),
+    ("margins", "Margins of the loop", False),
+    ("costs", "What each requirement costs", False),
+    ("flown", "What was flown", False),
+    ("claim", "What is claimed", False),
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,8 +98,7 @@ def write_page(
     # The content security policy of the page allows this script alone.
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
     page = template.render(
-        **dict.fromkeys(("claim", "scenario_text", "campaign_text"), "")
-        | {"about": (), "legend": (), "styles": {}, **more},
+        **{"claim": "", "about": (), "legend": (), "styles": {}, **more},
         summary=summary,
         sections=sections,
         style=f"{style()}\n{look}",
@@ -98,6 +109,36 @@ def write_page(
     titles = tuple(section.title for section in sections if section.title)
     tables = tuple(table for section in sections for table in section.tables)
     return Report(path=path, summary=summary, sections=titles, tables=tables)
+
+
+def write_answer(
+    path: str | Path,
+    *,
+    title: str,
+    summary: Sequence[str],
+    commands: str,
+    parts: Mapping[str, Section],
+    texts: Mapping[str, str] | None = None,
+    **more: Any,
+) -> Report:
+    """Write a page that answers: a sentence, `parts` as far as there are any, how to repeat it.
+
+    `parts` are `PARTS` by their anchor; others come after them. `texts` are files that the
+    `commands` need, by name.
+    """
+    known = [key for key, *_ in PARTS]
+    names = {key: {"id": key, "title": name, "open": seen} for key, name, seen in PARTS}
+    ordered = sorted(parts, key=lambda key: known.index(key) if key in known else len(known))
+    return write_page(
+        Path(path),
+        page_template("flighttune.present", "answer.html.jinja"),
+        title=title,
+        summary=tuple(f"{sentence[:1].upper()}{sentence[1:].rstrip('.')}." for sentence in summary),
+        sections=[replace(parts[key], **names.get(key, {"id": key})) for key in ordered],
+        commands=commands,
+        texts={name: text for name, text in (texts or {}).items() if text},
+        **more,
+    )
 
 
 @cache

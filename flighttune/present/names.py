@@ -1,8 +1,9 @@
 """Names, symbols and units of channels, signals and metrics as a reader sees them."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 from flighttune.present.tables import Column
 from flighttune.units import DEG_PER_RAD
@@ -10,6 +11,7 @@ from flighttune.units import DEG_PER_RAD
 CHANNEL_SYMBOLS = {"chi": "χ", "gamma": "γ"}
 SYMBOLS = {**CHANNEL_SYMBOLS, "V": "V", "phi": "φ", "n_z": "n_z"}
 CHANNEL_NAMES = {"chi": "course", "gamma": "path angle"}
+CHANNEL_WORDS = {**CHANNEL_NAMES, "V": "airspeed"}
 
 
 # Column of each metric of a channel or of the flight (SI), by its key.
@@ -38,18 +40,34 @@ METRIC_LABELS = {
         Column("alpha_max_rad", "maximum |α|", "deg", "z.1f", DEG_PER_RAD),
         Column("cross_track_m", "farthest to the side of the route", "m", "z.2f"),
         Column("height_err_m", "farthest above or below it", "m", "z.2f"),
+        Column("gain_margin_dB", "gain margin", "dB", "z.2f"),
+        Column("phase_margin_rad", "phase margin", "deg", "z.1f", DEG_PER_RAD),
+        Column("delay_margin_s", "delay margin", "s"),
+        Column("disk_margin", "disk margin"),
+        Column("roll_rate_rad_s", "roll rate needed", "deg/s", "z.1f", DEG_PER_RAD),
     )
 }
 
 
-def metric_label(key: str) -> Column:
-    """Column of a metric of one channel by its key, such as ``chi.MO_rad``: overshoot of χ."""
-    channel, metric = key.split(".")
-    label = replace(METRIC_LABELS[metric], key=key)
-    if channel not in SYMBOLS:
+def metric_label(key: str, channels: Mapping[str, str] = SYMBOLS) -> Column:
+    """Column of a measure by its key in rows or in ``[[expect]]``: ``chi.MO_rad``, overshoot of χ.
+
+    A measure in degrees (``MO_deg``) needs no factor; `channels` names the channels.
+    """
+    channel, _, metric = key.partition(".")
+    metric, _, band = metric.partition(" within ")
+    si = metric.replace("_deg", "_rad").replace("_dps", "_rad_s")
+    label = replace((METRIC_LABELS | QUANTITIES)[si], key=key)
+    if si != metric:
+        label = replace(label, factor=1.0)
+    if band:
+        label = replace(label, name=f"{label.name.partition(' (')[0]} (within {band})")
+    if channel not in channels:
         return label
-    name, _, part = label.name.partition(", ")
-    label = replace(label, name=f"{name} of {SYMBOLS[channel]}" + (part and f" in the {part}"))
+    name, bracket, band = label.name.partition(" (")
+    name, _, part = name.partition(", ")
+    where = part and f" in the {part}"
+    label = replace(label, name=f"{name} of {channels[channel]}{where}{bracket}{band}")
     if channel == "V" and metric.startswith("ITAE"):
         return replace(label, unit=label.unit.replace("rad", "m/s"))
     if metric != "effort_rms":
@@ -57,6 +75,23 @@ def metric_label(key: str) -> Column:
     # The effort is that of the command: roll for the course, load factor for the path angle.
     unit, factor = ("deg", DEG_PER_RAD) if channel == "chi" else ("1", 1.0)
     return replace(label, unit=unit, factor=factor)
+
+
+def measure_words(key: str) -> str:
+    """A measure in words, with its channel: ``chi.MO_deg`` is the overshoot of course."""
+    return metric_label(key, CHANNEL_WORDS).name
+
+
+def in_words(requirement: Mapping[str, Any]) -> dict[str, Any]:
+    """A requirement with its measure in words, and all its values in the `unit` that is shown."""
+    label = metric_label(requirement["measure"])
+    values = {
+        key: label.factor * requirement[key]
+        for key in ("bound", "value", "start", "alone", "beside")
+        if isinstance(requirement.get(key), float | int)
+    }
+    words = {"words": measure_words(requirement["measure"]), "unit": label.unit.strip("1")}
+    return {**requirement, **values, **words}
 
 
 # Words of a key of a scenario that is dispersed, by its parts; others are as they are.

@@ -8,7 +8,7 @@ from flighttune.certificates.certificate import Certificate
 from flighttune.claims.band import Band
 from flighttune.files.table import toml_text
 from flighttune.present.chart import Chart
-from flighttune.present.frame import Report, Section, page_template, write_page
+from flighttune.present.frame import Report, Section, write_answer
 from flighttune.present.palette import HUES, NEUTRAL
 from flighttune.present.tables import facts_table
 from flighttune.reports.band import band_charts
@@ -34,6 +34,7 @@ def write_claim_page(
     sentences, notes, charts = [claim.sentence], [*answer.notes], []
     tables = [*answer.tables]
     title, commands, scenario = "Bound on R_K", f"flighttune verify {source}", ""
+    campaign = ""
     if isinstance(claim, Certificate):
         title = "Certificate"
     elif isinstance(claim, Tube):
@@ -51,6 +52,8 @@ def write_claim_page(
             tables += claim.flights.route.answer().tables
         sentences += [claim.inside(x).sentence for x in about.fences]
         notes = [note for note in notes if note != claim.sentence]
+        scenario = toml_text(claim.flights.scenario.as_dict())
+        campaign = toml_text(about.plan["campaign"])
         if room is not None:
             turning = room.answer()
             sentences.append(room.sentence)
@@ -58,15 +61,20 @@ def write_claim_page(
             tables.append(turning.tables[0])
         notes = [*notes, BAND_NOTE, *([GIVEN] if about.predicted_from else [])]
         commands += f"\nflighttune refly {source} --count 20"
-    return write_page(
-        Path(path),
-        page_template("flighttune.reports", "commands.html.jinja"),
-        summary=tuple(f"{sentence[:1].upper()}{sentence[1:]}." for sentence in sentences),
-        sections=[Section(note=" ".join(notes), charts=charts, tables=tables, legend=False)],
+    drawn = [table for table in tables if table.name == "dispersions"]
+    others = [table for table in tables if table.name != "dispersions"]
+    return write_answer(
+        path,
         title=title,
+        summary=sentences,
+        parts={
+            "responses": Section(charts=charts, legend=False),
+            "flown": Section(tables=drawn, legend=False),
+            "claim": Section(note=" ".join(notes), tables=others, legend=False),
+        },
         provenance=facts_table("Provenance", facts),
         commands=commands,
-        scenario_text=scenario,
+        texts={"scenario.toml": scenario, "campaign.toml": campaign},
     )
 
 

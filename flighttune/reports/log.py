@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from flighttune.present.answer import Answer
-from flighttune.present.frame import Report, Section, page_template, write_page
+from flighttune.present.frame import Report, Section, write_answer
 from flighttune.present.tables import Table, facts_table
 from flighttune.records.compare import Source
 from flighttune.reports import panels
@@ -49,11 +49,11 @@ def write_log_page(source: Source, path: Path) -> Report:
     """Write one self-contained page about the log of a real flight; parent folders are made."""
     (run,), styles = source.runs, run_styles(source.runs)
     facts = log_facts(source)
-    page = write_page(
+    sections = log_sections([(run, styles[run.label])], [facts])
+    page = write_answer(
         path,
-        page_template("flighttune.reports", "commands.html.jinja"),
         summary=(f"A real flight of {run.duration:.1f} s.",),
-        sections=log_sections([(run, styles[run.label])], [facts]),
+        parts={section.id: section for section in sections},
         title=str(run.provenance.scenario["title"]),
         legend=list(styles.items()),
         styles=styles,

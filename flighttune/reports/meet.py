@@ -1,7 +1,9 @@
-"""The page of a search for gains that meet requirements: what conflicts, and all candidates."""
+"""Pages of gains: of a search that flies candidates, and of a tuning."""
 
+import json
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 from typing import Any
@@ -9,62 +11,184 @@ from typing import Any
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.meeting import Meeting, Trial
+from flighttune.campaign.meet import stated
+from flighttune.campaign.meeting import CERTIFICATE_COLUMNS, REQUIREMENT_COLUMNS, Meeting, Trial
 from flighttune.campaign.planning.plan import plain
+from flighttune.campaign.planning.schema import Campaign
+from flighttune.control.gains import PIGains
+from flighttune.errors import InputError
 from flighttune.files.table import toml_text
-from flighttune.flight.fly import library_versions
+from flighttune.flight.expectations import BoundCheck
+from flighttune.flight.flown import FlownScenario
+from flighttune.flight.fly import fly
+from flighttune.flight.models import certify_scenario, gain_set
 from flighttune.present.chart import DASHED, Chart
-from flighttune.present.frame import Report, Section, page_template, write_page
+from flighttune.present.frame import Report, Section, write_answer
+from flighttune.present.names import in_words, listed, measure_words, metric_label
 from flighttune.present.palette import HUES, INK, LIMIT, NEUTRAL
-from flighttune.present.tables import facts_table
+from flighttune.present.tables import Column, Table
+from flighttune.reports import panels
+from flighttune.reports.page import flown_in_words, overview
+from flighttune.reports.tables import by_plant, provenance_table
+from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import TUNED, GainsTable
+from flighttune.simulate.run import run_styles
+from flighttune.tuning.result import TuningResult
+
+# Without what stops a search, and beside the paper's gains
+CHECKED_COLUMNS = [
+    Column("start", "with the paper's gains") if column.key == "start" else column
+    for column in REQUIREMENT_COLUMNS
+    if column.key != "active"
+]
 
 # Charts on the page: pairs of the requirements that are met worst
 PAIRS = 3
 
-NOTE = "Each dot is a gain set that was flown. A hollow one misses another requirement."
+PAPER = "paper"
+FOUND = "found"  # name of the gains of a search beside those of its start
+
+NOTE = (
+    "Each dot is a gain set that was flown, the blue one is the result. A hollow one misses "
+    "another requirement. The best of a search is no bound: a longer one may find better gains."
+)
+MARGINS = "Of the linear loop that the gains are for."
+CLAIM = (
+    "Proven for the linear loop in still air, within its limits; the flights above are samples, "
+    "and nothing is claimed of others."
+)
 SHARE_NOTE = "Each dot is a gain set on the draws of the search; the result is counted on others."
 
 
-def write_meet_page(
-    path: Path,
-    meeting: Meeting,
-    command: str,
-) -> Report:
-    """Write a page of a search, which `command` repeats."""
+def write_meet_page(path: Path, meeting: Meeting, command: str) -> Report:
+    """Write a page of a search, which `command` repeats; it flies start and result once more."""
     rows, trials, scenario = meeting.requirements, meeting.trials, meeting.scenario
-    margins = np.nan_to_num([row["margin"] for row in rows], nan=-np.inf)
-    worst = np.argsort(margins, kind="stable")[:PAIRS].tolist()
-    counted = meeting.success
-    charts = (
-        [share_chart(trials, counted["wanted"])]
-        if counted
-        else [chart(trials, rows, i, k) for i, k in combinations(worst, 2)]
-    )
-    return write_page(
+    required, trades, gains, *drawn, loop, margins, certificate = meeting.answer().tables
+    note, counted = "", meeting.success
+    if counted:
+        charts = [share_chart(trials, counted["wanted"])]
+        note = (
+            f"Of the {counted['share']['n']} fresh draws the one nearest to a bound, number "
+            f"{counted['worst_draw']}, with the gains of the start and those found."
+        )
+    else:
+        excess = -np.nan_to_num([row["margin"] for row in rows], nan=-np.inf)
+        worst = np.argsort(-excess, kind="stable")[:PAIRS].tolist()
+        charts = [chart(trials, rows, i, k) for i, k in combinations(worst, 2)]
+    sets = {meeting.start: meeting.start_gains, FOUND: meeting.gains}
+    return _write(
         path,
-        page_template("flighttune.reports", "commands.html.jinja"),
-        summary=tuple(filter(None, (meeting.start_sentence, meeting.sentence))),
-        sections=[
-            Section(
-                id="candidates",
-                title="Candidates",
-                note=SHARE_NOTE if counted else NOTE if charts else "",
-                charts=charts,
-                tables=meeting.answer().tables,
-                legend=False,
-            )
-        ],
-        title=f"Requirements and gains: {scenario.title}",
-        provenance=facts_table(
-            "Provenance",
-            {
-                "scenario, SHA-256": scenario.sha256,
-                "flown with": ", ".join(f"{x} {y}" for x, y in library_versions().items()),
-            },
+        f"Requirements and gains: {scenario.title}",
+        flown=_flown(meeting.worst or scenario, sets),
+        scenario=scenario,
+        summary=[*filter(None, [meeting.start_sentence, meeting.sentence])],
+        note=note,
+        tables={
+            "requirements": [replace(required, title="")],
+            "margins": [margins, gains],
+            "flown": drawn,
+            "claim": [certificate, loop],
+        },
+        costs=Section(
+            note=SHARE_NOTE if counted else NOTE, charts=charts, tables=[trades], legend=False
         ),
         commands=command,
-        scenario_text=toml_text(scenario.as_dict()),
-        campaign_text="" if meeting.campaign is None else toml_text(plain(meeting.campaign)),
+        campaign=meeting.campaign,
+        sets=sets,
+    )
+
+
+def write_tune_page(path: Path, scenario: Scenario, result: TuningResult, command: str) -> Report:
+    """Write a page of tuned gains, which `command` repeats, beside the paper's."""
+    if result.gains is None:
+        raise InputError(f"{path}: `gains` must be there for a page, got none: {result.reason}")
+    law = scenario.laws[0]
+    paper = gain_set(scenario, law.names_of([PAPER])[0])
+    sets = {PAPER: paper or result.gains, TUNED: result.gains}
+    flown = _flown(scenario, sets)
+    before = {_about(check): check.value for check in flown.claim.bounds if PAPER in check.run}
+    checks = [check for check in flown.claim.bounds if TUNED in check.run]
+    rows = [
+        {**stated(check), "run": _about(check)[0], "start": before.get(_about(check))}
+        for check in checks
+    ]
+    met = by_plant((_about(check)[0], check.met, 1) for check in checks)
+    limits = f", limited by {listed(result.active)}" if result.active else ""
+    tuning, gains, *margins = result.answer().tables
+    certified = certify_scenario(scenario, result.gains, law=law).values
+    return _write(
+        path,
+        f"Tuned gains: {scenario.title}",
+        flown=flown,
+        scenario=scenario,
+        summary=[
+            f"{f'Requirements met: {met}; ' if met else ''}R_K is {result.R_K:.4g} 1/s with an I_K of {result.I_K:.4g} s²"
+            f"{limits}"
+        ],
+        tables={
+            "requirements": [Table(CHECKED_COLUMNS, [*map(in_words, rows)])],
+            "margins": [*margins, gains],
+            "claim": [Table(CERTIFICATE_COLUMNS, [certified]), tuning],
+        },
+        commands=command,
+        sets=sets,
+    )
+
+
+def _flown(scenario: Scenario, sets: Mapping[str, PIGains]) -> FlownScenario:
+    """Flights of a scenario by gain sets of its first law."""
+    tables = [GainsTable(name=name, **gains.as_lists()) for name, gains in sets.items()]
+    return fly(scenario.model_copy(update={"gains": tables, "law": [scenario.law_tables[0]]}))
+
+
+def _about(check: BoundCheck) -> tuple[str, ...]:
+    """The plant of a requirement and what it bounds, whatever the gains."""
+    return check.run.partition(" / ")[0], check.subject, check.measure, check.sense
+
+
+def _write(
+    path: Path,
+    title: str,
+    *,
+    flown: FlownScenario,
+    scenario: Scenario,
+    tables: Mapping[str, Sequence[Table]],
+    commands: str,
+    sets: Mapping[str, PIGains],
+    note: str = "",
+    costs: Section | None = None,
+    campaign: Campaign | None = None,
+    **more: Any,
+) -> Report:
+    """Write a page of flights by gain sets; `scenario` is the one to repeat."""
+    styles = run_styles(flown.runs)
+    flights = [(run, styles[run.label]) for run in flown.runs if len(run.signals) > 1]
+    charts = [*overview(flights), *panels.commands(flights)] if flights else []
+    notes = {"margins": MARGINS, "claim": CLAIM}
+    parts = {
+        key: Section(note=notes.get(key, ""), tables=own, legend=False)
+        for key, own in tables.items()
+    }
+    texts = {name: json.dumps(gains.as_lists()) for name, gains in sets.items()}
+    return write_answer(
+        path,
+        title=title,
+        about=(flown_in_words(flown.scenario, flown.runs),),
+        parts={
+            **parts,
+            "responses": Section(note=note, charts=charts),
+            "costs": costs or Section(),
+        },
+        legend=[(run.label, style) for run, style in flights],
+        styles=styles,
+        provenance=provenance_table(scenario.title, scenario, flown.runs),
+        commands=f"# with the files below in place of those of the command\n{commands}",
+        texts={
+            "scenario.toml": toml_text(scenario.as_dict()),
+            "campaign.toml": toml_text(plain(campaign)) if campaign else "",
+            **{f"{name}.json": text for name, text in texts.items()},
+        },
+        **more,
     )
 
 
@@ -74,9 +198,9 @@ def chart(trials: Sequence[Trial], rows: Sequence[Mapping[str, Any]], i: int, k:
     x, y = (np.array([trial.checks[0][j].value for trial in trials]) for j in (i, k))
     met = [np.delete(trial.excess[0], [i, k]).max(initial=-1.0) <= 0.0 for trial in trials]
     plane = Chart(
-        title=f"{up['measure']} against {across['measure']}",
-        x=f"{across['measure']} ({across['sense']} {across['bound']:g}), {across['run']}",
-        y=f"{up['measure']} ({up['sense']} {up['bound']:g})",
+        title=f"{measure_words(up['measure'])} against {measure_words(across['measure'])}",
+        x=f"{metric_label(across['measure']).heading}, {across['run']}",
+        y=f"{metric_label(up['measure']).heading}, {up['run']}",
         x_range=_range(x, across),
         y_range=_range(y, up),
     )

@@ -18,7 +18,7 @@ from flighttune.flight.models import tuning_problem
 from flighttune.gaps.gap import Gap, step_table
 from flighttune.gaps.ladder import explain_flight
 from flighttune.present.chart import Chart
-from flighttune.present.frame import Report, Section, page_template, write_page
+from flighttune.present.frame import Report, Section, page_template, write_answer, write_page
 from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.present.tables import facts_table
 from flighttune.records.compare import (
@@ -103,7 +103,7 @@ def write_report(
     return write_page(
         Path(path),
         page_template("flighttune.reports", "page.html.jinja"),
-        about=(_flown_in_words(scenario, runs), _gains_in_words(scenario, runs)),
+        about=(flown_in_words(scenario, runs), _gains_in_words(scenario, runs)),
         summary=(
             f"{claim.short}.",
             f"Converged: {converged}.",
@@ -112,7 +112,7 @@ def write_report(
         missed=(*claim.missed, *filter(None, [advice(scenario, source.runs, "SCENARIO")])),
         criterion=CONVERGES,
         sections=[
-            Section(note=at_top, charts=_overview(flights), tables=[convergence]),
+            Section(note=at_top, charts=overview(flights), tables=[convergence]),
             Section(
                 id="tracking",
                 title="Errors and metrics",
@@ -150,7 +150,7 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
         sections = log_sections(flights, [pairs_table(comparison)])
     else:
         sections = [
-            Section(note=at_top, charts=_overview(flights), tables=[pairs_table(comparison)]),
+            Section(note=at_top, charts=overview(flights), tables=[pairs_table(comparison)]),
             Section(
                 id="metrics",
                 title="Errors and metrics",
@@ -160,10 +160,10 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
             ),
             _commands_section(flights),
         ]
-    return write_page(
-        Path(path),
-        page_template("flighttune.reports", "commands.html.jinja"),
-        sections=sections,
+    return write_answer(
+        path,
+        summary=(),
+        parts={section.id: section for section in sections},
         title=f"{scenario.get('title', 'Flight')}: comparison",
         legend=list(styles.items()),
         styles=styles,
@@ -171,7 +171,7 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
         if flown
         else facts_table("Versions", runs[0].provenance.versions),
         commands=f"flighttune compare {' '.join(sources)}",
-        scenario_text=toml_text(scenario),
+        texts={"scenario.toml": toml_text(scenario)},
     )
 
 
@@ -189,7 +189,7 @@ def _scenario(source: Source, runs: Sequence[Run]) -> Scenario:
     return scenario_of(runs[0])
 
 
-def _flown_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
+def flown_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
     """Aircraft, airspeed, manoeuvre and weather of a scenario in one line."""
     aircraft = []
     for name in dict.fromkeys(filter(None, (run.provenance.aircraft for run in runs))):
@@ -266,7 +266,7 @@ def _areas(runs: Sequence[Run]) -> tuple[str, list[str]]:
     return " ".join(first), words
 
 
-def _overview(flights: panels.Drawn) -> list[Chart]:
+def overview(flights: panels.Drawn) -> list[Chart]:
     """The charts at the top: of a route on a map and along it, else of course and path angle."""
     return route_charts(flights) or panels.tracking(flights)
 

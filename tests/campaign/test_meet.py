@@ -326,9 +326,13 @@ def test_the_share_of_a_campaign_is_counted_on_draws_that_the_search_has_not_see
     counted = rows.groupby("gains")["success"].mean()
     assert success["share"]["value"] == counted["tuned"] > counted["paper"]
     assert success["of_start"]["value"] == counted["paper"]
+    tuned = rows[rows["gains"] == "tuned"].set_index("draw")["chi.MO_rad"]
+    assert success["worst_draw"] == tuned.idxmax()
+    assert meeting.requirements[0]["value"] == pytest.approx(np.rad2deg(tuned.max()))
     assert success["share"]["lo"] < success["share"]["value"] <= success["share"]["hi"]
     page = tmp_path / "own.html"
     write_meet_page(page, meeting, "")
+    assert flown(meeting.worst, gains).metrics["MO_rad"].iloc[0] == tuned.max()
     shown = page.read_text()
     assert shown.count("<circle") == len(meeting.trials) + 1  # that of the legend
     (table,) = re.findall(r"<h3>campaign.toml</h3>\n<pre[^>]*>(.*?)</pre>", shown, re.DOTALL)
@@ -378,7 +382,9 @@ def test_the_command_prints_writes_gains_and_a_page(tmp_path, overshoot):
     assert load_gains(out).K_P.tolist() == said["K_P"]
     assert json.loads(out.read_text()) == said
     assert said["start_met"] is False
-    assert "gamma.MO_deg against" in page.read_text() or "against gamma.MO_deg" in page.read_text()
+    shown = page.read_text()
+    assert "overshoot of course" in shown
+    assert "gamma.MO" not in shown.partition("<h3>scenario.toml")[0]
     shown, error = flighttune(
         "meet", file, "--budget", 10, "--start", "K6", "--metric", "margin", status=1
     )
@@ -400,7 +406,7 @@ def test_requirements_that_no_flight_reaches_draw_a_page_and_a_faulty_page_keeps
 
     answer(*command, "--page", page, status=1)
 
-    assert "chi.settling_s" in page.read_text()
+    assert "settling time of course" in page.read_text()
     out.unlink()
     with mock.patch("flighttune.reports.meet.write_meet_page", side_effect=ValueError):
         flighttune(*command, "--page", page, status=2)

@@ -4,8 +4,14 @@ import math
 
 import pytest
 
-from flighttune.metrics import AIRSPEED_METRICS, FLIGHT_METRICS, METRICS
-from flighttune.present.names import METRIC_LABELS, key_words, metric_label
+from flighttune.metrics import AIRSPEED_METRICS, FLIGHT_METRICS, LOOP_METRICS, METRICS
+from flighttune.present.names import (
+    METRIC_LABELS,
+    QUANTITIES,
+    key_words,
+    measure_words,
+    metric_label,
+)
 from flighttune.present.tables import number
 
 
@@ -19,12 +25,20 @@ def test_numbers_without_a_value_are_a_dash(value, text):
 
 def test_every_metric_has_a_label_and_angles_are_in_degrees():
     named = {*METRICS, *FLIGHT_METRICS, *AIRSPEED_METRICS, "peak_rad"}
+    named |= LOOP_METRICS.keys() - QUANTITIES.keys()
     assert named == METRIC_LABELS.keys()
     assert metric_label("V.MO_mps").heading == "overshoot of V [m/s]"
     assert metric_label("chi.MO_rad").heading == "overshoot of χ [deg]"
     assert metric_label("chi.MO_rad").written(math.pi / 18.0) == "10.00"
     assert metric_label("gamma.effort_rms").heading == "effort rms of γ [1]"
     assert metric_label("flight.n_z_max").heading == "maximum n_z [1]"
+    assert metric_label("chi.MO_deg").written(10.0) == "10.00"
+    assert measure_words("chi.MO_deg") == "overshoot of course"
+    assert measure_words("gamma.settling_s") == "settling time of path angle (5\u00a0%)"
+    assert measure_words("V.settling_s within 0.5 deg") == (
+        "settling time of airspeed (within 0.5 deg)"
+    )
+    assert metric_label("loop.phase_margin_deg").heading == "phase margin [deg]"
 
 
 @pytest.mark.parametrize(

@@ -12,14 +12,13 @@ from flighttune.campaign.statistics.flights import is_number
 from flighttune.campaign.statistics.intervals import Estimate
 from flighttune.campaign.statistics.paired import scores
 from flighttune.present.chart import DASHED, HEAD_AND_FOOT, HEIGHT, Chart
-from flighttune.present.names import key_words, metric_label
+from flighttune.present.names import key_words, measure_words, metric_label
 from flighttune.present.palette import LIMIT, LineStyle, line_styles
 from flighttune.present.tables import percent
 from flighttune.reports.campaign.tables import (
     about,
     bound_words,
     influential_parameters,
-    measure_words,
 )
 
 # Least height of a row with a name and a share, and how far the share is below it, pixels.
@@ -120,7 +119,7 @@ def scatter_panels(findings: Findings) -> list[Chart]:
         if not is_number(findings.flights.rows[key]):
             continue
         chart = Chart(
-            title=f"{measure_words(how)} over {key_words(key)}",
+            title=f"{measure_words(findings.measure)} over {key_words(key)}",
             x=_axis(key),
             y=how.heading,
             x_room=0.03,
@@ -180,7 +179,7 @@ def _distribution(findings: Findings, measure: str) -> Chart:
         if finite.any():
             curves[group.label] = values[finite], share[finite]
     chart = Chart(
-        title=f"Flights by {measure_words(how)}",
+        title=f"Flights by {measure_words(measure)}",
         x=how.heading,
         y="flights at or below [%]",
         y_range=(0, 102),

@@ -9,11 +9,10 @@ from flighttune.campaign.statistics.findings import SUCCESS, Findings
 from flighttune.campaign.statistics.sensitivity import strength
 from flighttune.plants.label import goes_by
 from flighttune.present.names import (
-    CHANNEL_NAMES,
-    CHANNEL_SYMBOLS,
     columns,
     key_words,
     listed,
+    measure_words,
     metric_label,
 )
 from flighttune.present.tables import Column, Table, figures, percent
@@ -97,15 +96,7 @@ def bound_words(bound: Mapping[str, Any]) -> str:
     label = metric_label(bound["measure"])
     unit = "" if label.unit in ("", "1") else f" {label.unit}"
     sense = bound["sense"].replace("_", " ")
-    return f"{measure_words(label)} {sense} {label.factor * bound['bound']:.4g}{unit}"
-
-
-def measure_words(label: Column) -> str:
-    """Name of a measure with the channel in words."""
-    name = label.name
-    for channel, symbol in CHANNEL_SYMBOLS.items():
-        name = name.replace(symbol, CHANNEL_NAMES[channel])
-    return name
+    return f"{measure_words(bound['measure'])} {sense} {label.factor * bound['bound']:.4g}{unit}"
 
 
 def success_sentences(findings: Findings) -> str:
