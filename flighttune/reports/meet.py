@@ -122,8 +122,8 @@ def write_tune_page(path: Path, scenario: Scenario, result: TuningResult, comman
         flown=flown,
         scenario=scenario,
         summary=[
-            f"{f'Requirements met: {met}; ' if met else ''}R_K is {result.R_K:.4g} 1/s with an I_K of {result.I_K:.4g} s²"
-            f"{limits}"
+            *([f"Requirements met: {met}"] if met else []),
+            f"R_K is {result.R_K:.4g} 1/s with an I_K of {result.I_K:.4g} s²{limits}",
         ],
         tables={
             "requirements": [Table(CHECKED_COLUMNS, [*map(in_words, rows)])],
