@@ -68,7 +68,7 @@ GAIN_COLUMNS = [
     Column("K_I", "K_I", missing="none found"),
 ]
 
-INSTANTS = 1000  # at which the numbers change: every sample of 20 s, each second of 1000 s
+INSTANTS = 1001  # at most, at which the numbers change: every sample of 20 s, each second of 1000 s
 
 # Heading and format of each signal.
 COLUMNS = {
