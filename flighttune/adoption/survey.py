@@ -20,7 +20,14 @@ from flighttune.errors import InputError, PlantError
 from flighttune.plants.jsbsim.bench import AirframeState, Bench
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.load_check import EFFECTS, POSITIONS
-from flighttune.plants.jsbsim.model_files import main_root, model_files, source_folders
+from flighttune.plants.jsbsim.model_files import (
+    ROCKET,
+    has_engine,
+    main_root,
+    model_files,
+    source_folders,
+    unchanged,
+)
 from flighttune.units import DEG, FT, G_0
 
 SOURCE = "flighttune adopt"  # marks an aircraft that `adopt` may write over
@@ -519,7 +526,11 @@ def _engines(
         if not full[i] > 0.0:
             runs = fdm.reader(f"propulsion/engine[{i}]/set-running")()
             does = "does not push" if runs else "does not run"
-            raise Refusal(f"engine {i + 1} of {count} {does} at full throttle")
+            # JSBSim computes the thrust of a rocket from the fuel that it takes from its tanks.
+            why = f"engine {i + 1} of {count} {does} at full throttle"
+            if has_engine(unchanged(fdm.config), ROCKET):
+                why += ": a rocket has no thrust while its fuel is frozen, as it is here"
+            raise Refusal(why)
     if full.sum() > MAX_THRUST * weight:
         raise Refusal(
             f"the speed of its propeller diverges: at full throttle it pushes with "

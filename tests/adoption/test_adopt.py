@@ -104,6 +104,9 @@ def test_travel_is_found_as_the_model_has_it(tmp_path, model, surface, travel_de
             r"thrust is below its drag at every airspeed: at best 0\.0\d of the drag",
             marks=pytest.mark.slow,
         ),
+        pytest.param(
+            "x24b", "a rocket has no thrust while its fuel is frozen", marks=pytest.mark.slow
+        ),
         ("wrightFlyer1903", "its rudder command .* has no usable effect"),
     ],
 )

@@ -14,9 +14,10 @@ from flighttune.aircraft.model_xml import INERTIAS, Body, MassBalance
 from flighttune.errors import PlantError
 from flighttune.plants.jsbsim.log import QuietLogger, one_line, quiet, silence
 from flighttune.plants.jsbsim.model_files import (
+    ELECTRIC,
     ModelFolders,
     check_loads,
-    has_electric_engine,
+    has_engine,
     has_flight_control,
     missing_parts,
     model_folders,
@@ -85,7 +86,7 @@ class Fdm:
         self.config = config
         # Systems of the model itself may have a memory.
         self.own_flight_control = has_flight_control(unchanged(config))
-        self.electric = bool(config.engines.count) and has_electric_engine(unchanged(config))
+        self.electric = bool(config.engines.count) and has_engine(unchanged(config), ELECTRIC)
         # Steps longer than those of the flight make the speed of a light propeller diverge.
         self.light = self.electric and config.engines.settle <= _LIGHT_SETTLES
         self.ground = ground

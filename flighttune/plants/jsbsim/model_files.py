@@ -46,7 +46,8 @@ CONNECTIONS = ("output", "input")
 ENGINES = ("engine", "thruster")
 
 # Engines without an inertia of their own: in long steps the speed of their propellers diverges.
-ELECTRIC = ("electric_engine", "brushless_dc_motor")
+# Root tags of the files of engines: motors without inertia, which settle in milliseconds; rockets.
+ELECTRIC, ROCKET = ("electric_engine", "brushless_dc_motor"), ("rocket_engine",)
 
 # JSBSim's own Earth turns and is round: a straight flight would drift off its course by 0.006 deg/s
 EARTH = Path(__file__).with_name("earth.xml")
@@ -215,10 +216,10 @@ def has_flight_control(unchanged: Unchanged) -> bool:
 
 
 @lru_cache(maxsize=256)
-def has_electric_engine(unchanged: Unchanged) -> bool:
-    """Whether a motor without inertia turns a propeller: it settles in milliseconds."""
+def has_engine(unchanged: Unchanged, tags: tuple[str, ...]) -> bool:
+    """Whether the file of an engine has one of these root tags."""
     config = unchanged.config
-    return any(read_xml(file, str(file)).tag in ELECTRIC for file in model_files(config))
+    return any(read_xml(file, str(file)).tag in tags for file in model_files(config))
 
 
 def model_hash(config: AircraftConfig) -> str:
