@@ -27,8 +27,8 @@ SIGNALS = (
 
 CRITERION = (
     f"Adopted means: both fits reach {GOOD_FIT:g} %, the turn is completed, the standard deviation "
-    f"of the course error in its last quarter is below {CALM_DEG:g} deg, and the ITAE of both "
-    "channels is below that of the paper's gains."
+    f"of course and path angle in its last quarter is at most {CALM_DEG:g} deg, and the ITAE of "
+    "both channels is below that of the paper's gains."
 )
 
 
@@ -41,13 +41,13 @@ def write_adoption(adoption: Adoption) -> Path:
     assert adoption.identified is not None
     assert adoption.turn is not None
     config = load_aircraft(adoption.folder)
-    verdict = f"{adoption.status}: {adoption.reason}" if adoption.reason else adoption.status
+    answer = adoption.answer()
     styles = run_styles(adoption.turn.runs)
     flights = [(run, styles[run.label]) for run in adoption.turn.runs if len(run.signals)]
     page = write_answer(
         adoption.folder / PAGE,
         title=f"{config.title} at {adoption.V_a:.0f} m/s",
-        summary=(verdict,),
+        summary=[*filter(None, [answer.failure or answer.verdict, *adoption.notes])],
         parts={
             "requirements": Section(note=CRITERION, tables=[adoption.flights], legend=False),
             "responses": Section(
@@ -65,7 +65,7 @@ def write_adoption(adoption: Adoption) -> Path:
             ),
             "trims": Section(
                 title="Where it flies",
-                note=" ".join([TRIMS, *(f"{sentence}." for sentence in adoption.notes)]),
+                note=TRIMS,
                 tables=[Table(title="Trims", columns=TRIM_COLUMNS, records=adoption.trims)],
                 legend=False,
             ),

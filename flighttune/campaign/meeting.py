@@ -197,7 +197,11 @@ class Meeting(Answering):
     def start_sentence(self) -> str:
         """A note that the gains of the start need no search; empty if they do."""
         n = len(self.requirements)
-        return f"{self.start} already meets all {n} requirements" if self.start_met else ""
+        return (
+            f"the gains of the start, {self.start}, already meet all {n} requirements"
+            if self.start_met
+            else ""
+        )
 
     @property
     def sentence(self) -> str:
