@@ -563,11 +563,11 @@ def draft_text(tables: Mapping[str, Any], begun: Mapping[str, Any], reason: str)
     """The text of the ``aircraft.toml`` of a refused model: the tables that differ from `begun`."""
     keys = ("title", "source", "model", "settings", "declared", "linked", "engines", "surfaces")
     changed = [key for key in keys if isinstance(tables[key], str) or tables[key] != begun[key]]
-    known = {key: tables[key] for key in changed}
-    later = (name for name in ("surfaces", "engines", *LATER) if name not in known)
+    surveyed = {key: tables[key] for key in changed}
+    later = (name for name in ("surfaces", "engines", *LATER) if name not in surveyed)
     missing = ", ".join(f"[{name}]" for name in later)
     return aircraft_text(
-        known,
+        surveyed,
         (
             f"refused: {reason}",
             f"missing: {missing}; their keys are in docs/aircraft.md",

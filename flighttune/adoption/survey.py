@@ -233,8 +233,8 @@ def survey(
     say("step 4 of 9: moving the surfaces")
     surfaces, bypass = _surfaces(tables, load, _level(speed, lift.at(speed)[0], 0.5))
     notes += bypass
-    held = any(name.startswith("ft/fcs/") for name in tables["declared"])
-    lift = _swept(load(tables | {"surfaces": surfaces}), speed) if held else lift
+    frozen = any(name.startswith("ft/fcs/") for name in tables["declared"])
+    lift = _swept(load(tables | {"surfaces": surfaces}), speed) if frozen else lift
     if "rudder" not in surfaces:
         notes.append("it has no rudder: yaw is left to the airframe")
     if not tables["engines"]["count"]:
@@ -582,16 +582,16 @@ def _surfaces(
     past = _past_flight_control(tables, bench.fdm.config) if fault else {}
     if past:
         bypassed = tables | {"surfaces": past}
-        held = _held(load(bypassed), level, past)
+        frozen = _held(load(bypassed), level, past)
         moved_past, fault_past = _answers(
-            load(bypassed | {"declared": tables["declared"] | held}), level
+            load(bypassed | {"declared": tables["declared"] | frozen}), level
         )
         if not fault_past:
             notes.append(f"its flight control is bypassed: {fault}")
-            if held:
-                names = ", ".join(name.removeprefix("ft/") for name in held)
+            if frozen:
+                names = ", ".join(name.removeprefix("ft/") for name in frozen)
                 notes.append(f"its flight control moves {names}: held as in level flight")
-                tables["declared"] |= held
+                tables["declared"] |= frozen
             return {name: past[name] | table for name, table in moved_past.items()}, notes
     if not moved:
         raise Refusal(fault)
@@ -733,8 +733,10 @@ def _held(bench: Bench, level: AirframeState, past: Mapping[str, Any]) -> dict[s
         fdm.hold(MAX_SETTLING_S)
         shown.append([read() for read in reads.values()])
     moves = np.ptp(shown, axis=0) > MOVES
-    held = dict(zip(reads, shown[1], strict=True))  # in level flight, at rest
-    return {f"ft/{name}": held[name] for name, moved in zip(reads, moves, strict=True) if moved}
+    level_values = dict(zip(reads, shown[1], strict=True))  # in level flight, at rest
+    return {
+        f"ft/{name}": level_values[name] for name, moved in zip(reads, moves, strict=True) if moved
+    }
 
 
 def _texts(config: AircraftConfig) -> Iterator[tuple[bool, str]]:

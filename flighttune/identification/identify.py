@@ -141,7 +141,7 @@ class AircraftIdentification(Answering):
     modes : sequence of mapping
         Modes of the airframe alone about the first condition.
     folder : Path
-        That of the aircraft.
+        Folder of the aircraft.
     """
 
     identified: IdentifiedAircraft

@@ -67,7 +67,7 @@ class CampaignProgress:
 
     @property
     def sentence(self) -> str:
-        """What is done, what is left, and what failed."""
+        """How many runs are done, left and failed."""
         # a search may end before its budget is spent
         most = "at most " if self.doing == "searching" else ""
         done, runs = self.part
