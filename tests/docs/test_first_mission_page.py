@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 from commands import flighttune
-from fuzzing import TIMES
 
 PAGE = (Path(__file__).parents[2] / "docs/first_mission.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(python|sh|text)\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
@@ -40,7 +39,6 @@ def test_the_plan_of_the_page_is_planned_as_it_says(tmp_path):
 
 
 @pytest.mark.soak
-@pytest.mark.skipif(TIMES == 1, reason="a minute and a half of flights: `make counts`")
 def test_the_numbers_of_the_mended_plan_are_those_of_its_commands(tmp_path):
     """The count before it, which is answered by no, takes as long again."""
     mended = next(i for i, (_, text) in enumerate(BLOCKS) if "8.523" in text)
