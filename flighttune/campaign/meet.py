@@ -502,7 +502,7 @@ def _counted(
 def _requirements(
     trial: Trial, start: Trial, active: Sequence[int], draw: int
 ) -> Iterator[dict[str, Any]]:
-    """The requirements with their values on one draw, and the share of draws they are met."""
+    """The requirements with their values on one draw, and the share of draws that meet each."""
     before = start.checks[draw % len(start.checks)]  # an unstable start has one draw
     for i, check in enumerate(trial.checks[draw]):
         yield {

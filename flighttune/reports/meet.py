@@ -35,7 +35,7 @@ from flighttune.scenario.tables import TUNED, GainsTable
 from flighttune.simulate.run import run_styles
 from flighttune.tuning.result import TuningResult
 
-# Without what stops a search, and beside the paper's gains
+# A tuning has no search that a requirement could stop; beside its gains stand the paper's.
 CHECKED_COLUMNS = [
     Column("start", "with the paper's gains") if column.key == "start" else column
     for column in REQUIREMENT_COLUMNS
