@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 from types import MappingProxyType
@@ -79,6 +80,9 @@ BODY = {"mass": "inertia/mass-slugs", "wing area": "metrics/Sw-sqft"} | {
     f"inertia {axes}": f"inertia/i{axes}-slugs_ft2" for axes in ("xx", "yy", "zz")
 }
 
+# A moment of inertia is at most the sum of the two others, with this factor for rounding.
+ROUNDED = 1.01
+
 # Airspeed of the first sweep, m/s.
 FIRST_SPEED = 60.0
 
@@ -88,8 +92,12 @@ SPEEDS = (1.6, 1.8, 2.0, 2.2, 2.4, 2.7, 1.5, 1.4, 1.3)
 # Thrust in excess of drag, over weight, that a climb of 3 deg and a turn need.
 SPARE_THRUST = 0.08
 
-# Thrust over weight from which the speed of a propeller diverges: no aeroplane has as much.
+# Thrust over weight that no aeroplane has: the speed of a propeller diverges, or an engine is meant
+# to be used at a part of its throttle.
 MAX_THRUST = 10.0
+
+# Thrust that a model gives as an external force along its body axis.
+EXTERNAL = "forces/fbx-external-lbs"
 
 # Names under which aerodynamics read a surface, where they are more than one.
 NAMES = {"elevator": "(elevator|stabilator|(horz|horizontal)-tail|stabilizer)"}
@@ -216,11 +224,9 @@ def survey(
         if kind == "settings" and not fdm.has(name):
             raise InputError(f"--set {name}: the model must have or read it, it does neither.")
         tables[kind][name] = value
-    for quantity, name in BODY.items():
-        if not 0.0 < fdm.reader(name)() < math.inf:
-            raise Refusal(f"its {quantity} must be above zero, got {fdm.reader(name)():g} ({name})")
+    notes = _check_body(fdm)
     say("step 2 of 9: sweeping lift")
-    notes = _put_in(tables, load, values)
+    notes += _put_in(tables, load, values)
     bench = load(tables)
     lift = _swept(bench, FIRST_SPEED)
     for _ in range(2):  # each sweep is flown at a multiple of the stall speed of the last one
@@ -237,10 +243,7 @@ def survey(
     lift = _swept(load(tables | {"surfaces": surfaces}), speed) if frozen else lift
     if "rudder" not in surfaces:
         notes.append("it has no rudder: yaw is left to the airframe")
-    if not tables["engines"]["count"]:
-        notes.append("it has no engine: it flies about its steady glide")
-    if how:
-        notes.append(f"its engines drive it {how}")
+    notes += _engine_notes(tables["engines"], how)
     declared, linked = tables["declared"], tables["linked"]
     foreign = (name for name, value in declared.items() if not value and name not in linked)
     names = [name for name in foreign if not name.startswith("ft/")]
@@ -257,6 +260,23 @@ def survey(
         notes=tuple(notes),
         **drag_at(load(tables), lift, speed),
     )
+
+
+def _engine_notes(engines: Mapping[str, Any], how: str) -> list[str]:
+    """What must be known of the engines: how the levers stand, and where thrust comes from."""
+    notes = []
+    if not engines["count"]:
+        notes.append("it has no engine: it flies about its steady glide")
+    if how:
+        notes.append(f"its engines drive it {how}")
+    if "full" in engines:
+        notes.append(
+            f"its engine is far too strong: full throttle is {engines['full']:.3g} of its lever, "
+            "where it pushes with about the weight"
+        )
+    if "thrust" in engines:
+        notes.append(f"its engine has no thrust: an external force pushes it ({EXTERNAL})")
+    return notes
 
 
 def drag_at(bench: Bench, lift: Lift, V_a: float) -> dict[str, Any]:
@@ -312,6 +332,28 @@ def _check_parts(config: AircraftConfig) -> int:
     if lacking:
         raise Refusal(f"its aerodynamics lack a moment axis: {', '.join(lacking)}")
     return len(parts["propulsion"].findall("engine"))
+
+
+def _check_body(fdm: Fdm) -> list[str]:
+    """Refuse a body without mass; return notes on moments of inertia that cannot be."""
+    body = {quantity: fdm.reader(name)() for quantity, name in BODY.items()}
+    for quantity, value in body.items():
+        if not 0.0 < value < math.inf:
+            raise Refusal(f"its {quantity} must be above zero, got {value:g} ({BODY[quantity]})")
+    moments = {quantity: body[quantity] for quantity in body if quantity.startswith("inertia")}
+    notes = [
+        f"its moments of inertia are those of no body: {quantity} exceeds the sum of the others"
+        for quantity, moment in moments.items()
+        if 2.0 * moment > ROUNDED * sum(moments.values())
+    ]
+    roots = (read_xml(file, str(file)) for file in model_files(fdm.config))
+    for inertia in (root.findtext("ixx", "") for root in roots if root.tag == "propeller"):
+        if float(inertia or 0.0) > moments["inertia xx"]:
+            notes.append(
+                f"the inertia of its propeller, {float(inertia):.3g} slug ft2, exceeds that of the "
+                f"whole aircraft about the same axis, {moments['inertia xx']:.3g}"
+            )
+    return notes
 
 
 def _part(root: Element, tag: str, folders: tuple[Path, ...]) -> Element:
@@ -493,7 +535,7 @@ def _driven(
         try:
             if how:  # fuel changes the weight
                 lift = _swept(load(tried), SPEEDS[0] * lift.V_s)
-            speed, spare = _engines(tried["engines"], load(tried), lift, V_a)
+            speed, spare = _engines(tried["engines"], partial(load, tried), lift, V_a)
         except PlantError as error:
             refused = refused or error
             continue
@@ -504,11 +546,12 @@ def _driven(
 
 
 def _engines(
-    table: dict[str, Any], bench: Bench, lift: Lift, V_a: float | None
+    table: dict[str, Any], load: Callable[[], Bench], lift: Lift, V_a: float | None
 ) -> tuple[float, float]:
-    """Airspeed to fly at and spare thrust there; the settling time is written into `table`."""
-    fdm, count = bench.fdm, table["count"]
-    thrusts = [fdm.reader(f"propulsion/engine[{i}]/thrust-lbs") for i in range(count)]
+    """Airspeed to fly at and spare thrust there; what is found of the engines goes to `table`."""
+    table["settle_s"] = 0.0  # measured on an aircraft whose file does not give it
+    bench = load()
+    fdm, thrusts = bench.fdm, bench.fdm.thrusts
     weight = fdm.reader("inertia/mass-slugs")() * G_0 / FT
 
     def settled(V: float, throttle: float, wait: float) -> FloatArray:
@@ -522,20 +565,10 @@ def _engines(
     table["settle_s"] = _settling(bench, _level(V, lift.at(V)[0], 1.0), thrusts)
     wait = MAX_SETTLING_S if table["settle_s"] else 1.0
     full = settled(V, 1.0, wait)
-    for i in range(count):
-        if not full[i] > 0.0:
-            runs = fdm.reader(f"propulsion/engine[{i}]/set-running")()
-            does = "does not push" if runs else "does not run"
-            # JSBSim computes the thrust of a rocket from the fuel that it takes from its tanks.
-            why = f"engine {i + 1} of {count} {does} at full throttle"
-            if has_engine(unchanged(fdm.config), ROCKET):
-                why += ": a rocket has no thrust while its fuel is frozen, as it is here"
-            raise Refusal(why)
-    if full.sum() > MAX_THRUST * weight:
-        raise Refusal(
-            f"the speed of its propeller diverges: at full throttle it pushes with "
-            f"{full.sum() / weight:.3g} times the weight (is the inertia `ixx` of the propeller 0?)"
-        )
+    found = _thrust_of_another_kind(fdm, full, weight, partial(settled, V, wait=wait))
+    if found:
+        table |= found
+        return _engines(table, load, lift, V_a)
 
     def as_full(thrust: FloatArray) -> bool:
         return bool(abs(full.sum() - thrust.sum()) < 1e-3 * abs(full.sum()))
@@ -557,6 +590,36 @@ def _engines(
         )
     spare, V, _ = max(points)
     return V, spare
+
+
+def _thrust_of_another_kind(
+    fdm: Fdm, full: FloatArray, weight: float, settled: Callable[..., FloatArray]
+) -> dict[str, Any]:
+    """Keys of `[engines]` where the thrust is an external force, or an engine is far too strong."""
+    if not full.any() and fdm.reader(EXTERNAL)() > 0.0:
+        return {"thrust": EXTERNAL}
+    for i, thrust in enumerate(full):
+        if not thrust > 0.0:
+            runs = fdm.reader(f"propulsion/engine[{i}]/set-running")()
+            does = "does not push" if runs else "does not run"
+            # JSBSim computes the thrust of a rocket from the fuel that it takes from its tanks.
+            why = f"engine {i + 1} of {len(full)} {does} at full throttle"
+            if has_engine(unchanged(fdm.config), ROCKET):
+                why += ": a rocket has no thrust while its fuel is frozen, as it is here"
+            raise Refusal(why)
+    if full.sum() <= MAX_THRUST * weight:
+        return {}
+    fdm.hold(MAX_SETTLING_S, rate=2.0 * fdm.rate)
+    if abs(sum(read() for read in fdm.thrusts) / full.sum() - 1.0) > SETTLED:
+        raise Refusal(
+            f"the speed of its propeller diverges: at full throttle it pushes with "
+            f"{full.sum() / weight:.3g} times the weight, and with another step of the integration "
+            "otherwise (is the inertia `ixx` of the propeller 0?)"
+        )
+    shares = 0.5 ** np.arange(1.0, 16.0)
+    weak = (float(share) for share in shares if settled(throttle=share).sum() <= weight)
+    share = next(weak, None)
+    return {"full": share} if share else {}
 
 
 def _settling(bench: Bench, state: AirframeState, thrusts: list[Callable[[], float]]) -> float:
@@ -611,9 +674,18 @@ def _answers(bench: Bench, level: AirframeState) -> tuple[dict[str, dict[str, An
             if name != "rudder" or any(
                 name in text for aerodynamics, text in texts if aerodynamics
             ):
-                return {}, str(error)
+                return {}, str(error) + _none_read(bench.fdm.config, name)
     drift = (_drift(bench, level, name, effect) for name, (effect, _) in answers.items())
     return {name: table for name, (_, table) in answers.items()}, next(filter(None, drift), "")
+
+
+def _none_read(config: AircraftConfig, name: str) -> str:
+    """What to add about a surface without effect: that the model may not have it at all."""
+    if name != "aileron" or any(
+        "aileron" in text or "elevon" in text for _, text in _texts(config)
+    ):
+        return ""
+    return ": the model has no aileron, and a roll by the rudder alone cannot be flown"
 
 
 def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[str, Any]]:

@@ -137,6 +137,10 @@ class Engines(q.Table):
     throttle: Annotated[tuple[Throttle, Throttle], *q.Rising] = (0.0, 1.0)
     # Property of the model that takes the throttle of the first engine; the others are indices
     command: PropertyName = "fcs/throttle-cmd-norm"
+    # Value of that property at full throttle
+    full: q.Positive = 1.0
+    # Property of the thrust in lbf where it is an external force; by default that of each engine
+    thrust: PropertyName | None = None
 
 
 class Design(q.Table):
@@ -236,7 +240,7 @@ class AircraftConfig(q.Table):
     @property
     def fingerprint(self) -> str:
         """Hash of what the file says about surfaces, engines and settings."""
-        engines = {"count", "command"}
+        engines = {"count", "command", "full"}
         parts = {"surfaces": True, "settings": True, "declared": True, "linked": True}
         tables = self.model_dump_json(include=parts | {"engines": engines}, exclude_defaults=True)
         return self._fingerprint or hashlib.sha256(tables.encode()).hexdigest()

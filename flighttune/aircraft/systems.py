@@ -51,9 +51,13 @@ def _actuators(config: AircraftConfig) -> Element:
     if config.surfaces.rudder is None:
         channel.append(_actuator("rudder", "rad", SURFACE_LAG, ("0", "0")))
     throttle = _actuator("throttle", "norm", THROTTLE_LAG, ("0", "ft/limits/throttle-max"))
+    channel.append(throttle)
+    if config.engines.full != 1.0:
+        throttle = SubElement(channel, "pure_gain", name="ft/throttle-lever")
+        SubElement(throttle, "input").text = "ft/throttle-norm"
+        SubElement(throttle, "gain").text = repr(config.engines.full)
     for i in range(config.engines.count):
         SubElement(throttle, "output").text = f"{config.engines.command}[{i}]"
-    channel.append(throttle)
     for i, (name, source) in enumerate(config.linked.items()):
         link = SubElement(channel, "pure_gain", name=f"ft/link-{i}")
         SubElement(link, "input").text = source

@@ -17,6 +17,7 @@ from flighttune.files.shipped import models_of_jsbsim
 from flighttune.flight.conditions import start_condition
 from flighttune.plants.jsbsim.bench import AirframeState, Bench
 from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.load_check import check_moves
 
 DEG = math.pi / 180.0
 CENTIDEGREE = 0.01
@@ -317,15 +318,6 @@ def test_engines_stay_off_in_a_glide(own, tmp_path):
     assert "it has no engine: it flies about its steady glide" in found.notes
 
 
-def test_a_thrust_that_no_aeroplane_has_is_called_a_diverging_propeller(own, tmp_path):
-    file = own("38.21", "38.2")
-    motor = file.parent / "Engines/aerosonde_motor.xml"
-    motor.write_text(motor.read_text().replace("> 36.576 <", "> 36576 <"))
-
-    with pytest.raises(ft.PlantError, match=r"propeller diverges: .* 1.11e\+03 times"):
-        survey(wide_tables(str(file)), tmp_path, h=1000.0)
-
-
 PROPELLER = """<propeller name="small"><ixx> 0.0005 </ixx><diameter unit="IN"> 16 </diameter>
 <numblades> 2 </numblades><gearratio> 1 </gearratio>
 <table name="C_THRUST" type="internal"><tableData>0 0.10
@@ -336,11 +328,64 @@ PROPELLER = """<propeller name="small"><ixx> 0.0005 </ixx><diameter unit="IN"> 1
 1.0 -0.01</tableData></table></propeller>"""
 
 
+def test_a_propeller_without_inertia_is_called_diverging(own, tmp_path):
+    file = own("38.21", "38.2")
+    (file.parent / "Engines/direct.xml").write_text(PROPELLER.replace("0.0005", "0"))
+
+    with pytest.raises(ft.PlantError, match=r"propeller diverges: .* with another step"):
+        survey(wide_tables(str(file)), tmp_path, h=1000.0)
+
+
+def test_moments_of_inertia_that_cannot_be_are_named(own, tmp_path):
+    file = own(r'(<ixx unit="KG.M2">)[^<]*', r"\1 3.5 ")
+    (file.parent / "Engines/direct.xml").write_text(PROPELLER.replace("0.0005", "2.6"))
+
+    body, propeller, *_ = survey(wide_tables(str(file)), tmp_path, h=1000.0, glide=True).notes
+
+    # 3.5 kg m^2, which are 2.58 slug ft^2, about x; 1.135 and 1.759 about the others.
+    assert body.endswith("those of no body: inertia xx exceeds the sum of the others")
+    assert propeller.startswith("the inertia of its propeller, 2.6 slug ft2, exceeds")
+
+
+def test_of_a_motor_that_is_far_too_strong_a_part_of_the_throttle_is_used(own, tmp_path):
+    file = own("38.21", "38.2")
+    motor = file.parent / "Engines/aerosonde_motor.xml"
+    motor.write_text(motor.read_text().replace("> 36.576 <", "> 36576 <"))
+
+    found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
+
+    # JSBSim pushes with one lbf per ft lbf/s: 1112 weights, of which 2048 parts are below one.
+    weights = 36576.0 * 0.3048 / 9.80665 / 11.0 / 0.3048**2
+    assert found.tables["engines"]["full"] == 1.0 / 2048.0
+    assert found.spare_thrust + 1.0 / found.glide_ratio == pytest.approx(weights / 2048.0, rel=1e-3)
+    assert "far too strong" in found.notes[-1]
+
+
+PUSHER = """<external_reactions><force name="pusher" frame="BODY"><function><product>
+<property>fcs/throttle-pos-norm</property><value> 9 </value></product></function>
+<location unit="M"><x>0</x><y>0</y><z>0</z></location>
+<direction><x>1</x><y>0</y><z>0</z></direction></force></external_reactions>"""
+
+
+def test_an_external_force_that_follows_the_throttle_is_thrust(own, tmp_path):
+    file = own("</fdm_config>", f"{PUSHER}</fdm_config>")
+    motor = file.parent / "Engines/aerosonde_motor.xml"
+    motor.write_text(motor.read_text().replace("> 36.576 <", "> 0 <"))
+
+    found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
+
+    thrust = 9.0 * 4.4482216 / (11.0 * 9.80665)  # 9 lbf over the weight of 11 kg
+    assert found.tables["engines"]["thrust"] == "forces/fbx-external-lbs"
+    assert found.spare_thrust + 1.0 / found.glide_ratio == pytest.approx(thrust, rel=1e-3)
+    check_moves(aircraft_from(found.tables, tmp_path))
+
+
 def test_an_electric_engine_settles_in_the_steps_of_its_flight(own, tmp_path):
     file = own("38.21", "38.2")
     (file.parent / "Engines/direct.xml").write_text(PROPELLER)
     motor = file.parent / "Engines/aerosonde_motor.xml"
     motor.write_text(motor.read_text().replace("> 36.576 <", "> 1500 <"))
+    motor.parent.rename(file.parent / "engine")  # JSBSim knows both names
 
     found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
 

@@ -106,8 +106,12 @@ class Fdm:
         self.run: Callable[[], bool] = self._exec.run
         self.integrators = {name: (self.writer(name), self.reader(name)) for name in MOTIONS}
         engines = range(config.engines.count)
-        self._thrust = self.reader("propulsion/engine/thrust-lbs") if engines else float
         self._running = [self.reader(f"propulsion/engine[{i}]/set-running") for i in engines]
+        thrusts = [f"propulsion/engine[{i}]/thrust-lbs" for i in engines]
+        if engines and config.engines.thrust:
+            thrusts = [config.engines.thrust]
+        self.thrusts = list(map(self.reader, thrusts))  # lbf
+        self._thrust = self.thrusts[0] if engines else float
         # Properties set for the whole flight, in JSBSim's units.
         # -1 starts all engines at once. Without it they stay off, and the trim finds no thrust.
         self.settings = {**config.settings} | ({"propulsion/set-running": -1.0} if engines else {})

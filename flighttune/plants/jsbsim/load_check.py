@@ -70,8 +70,8 @@ def _engine_faults(fdm: Fdm, bench: Bench, level: AirframeState) -> Iterator[str
     if count and fdm.has(f"propulsion/engine[{count}]/set-running"):
         yield f"[engines] `count` must be that of the model, which has more, got {count}"
     bench.accelerations(level)
-    for i in range(count):
-        if not fdm.reader(f"propulsion/engine[{i}]/thrust-lbs")() > 0.0:
+    for i, thrust in enumerate(fdm.thrusts):
+        if not thrust() > 0.0:
             runs = fdm.reader(f"propulsion/engine[{i}]/set-running")()
             how = "runs and does not" if runs else "does not start"
             yield f"[engines] engine {i + 1} of {count} must push at full throttle, it {how}"

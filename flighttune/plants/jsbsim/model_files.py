@@ -34,7 +34,7 @@ from flighttune.aircraft.model_xml import (
 )
 from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.aircraft.systems import put_in_front
-from flighttune.errors import PlantError, ending_of
+from flighttune.errors import InputError, PlantError, ending_of
 from flighttune.files.shipped import is_trusted
 from flighttune.files.whole import scratch_folder, scratch_place
 from flighttune.units import FT
@@ -101,7 +101,8 @@ class ModelFolders:
     @property
     def parts(self) -> tuple[Path, ...]:
         """Folders in which a part of the model is looked for, in this order."""
-        folders = (self.model / name for name in ("", "Engines", "engines", "Systems", "systems"))
+        names = ("Engines", "engines", "Engine", "engine", "Systems", "systems")  # as in JSBSim
+        folders = (self.model / name for name in ("", *names))
         above = (self.model.parent,) if self.below_aircraft else ()
         return (*folders, *above, *self.near, self.engines, self.systems)
 
@@ -346,6 +347,11 @@ def _template(unchanged: Unchanged, weigh: Weigh, steps: int) -> tuple[str, Mass
     for name in off.scaled:
         if name in AXES:
             scale_axis(root, name, file)
+        elif name == "thrust" and config.engines.thrust:
+            raise InputError(
+                f"`thrust_factor` must be left out: the thrust of {config.file} is a force of the "
+                f"model's own, {config.engines.thrust}."
+            )
         elif name == "thrust":
             scale_thrust(root, folders.parts, file)
         else:

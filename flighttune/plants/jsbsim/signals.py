@@ -41,8 +41,7 @@ def signal_reader(
     # Not accelerations/N*: JSBSim computes those from the forces of the step before.
     F_x, F_y, F_z = (read(f"forces/fb{axis}-total-lbs") for axis in "xyz")
     mass_slug = read("inertia/mass-slugs")
-    engines = range(fdm.config.engines.count)
-    thrusts = [read(f"propulsion/engine[{i}]/thrust-lbs") for i in engines]
+    thrusts = fdm.thrusts
     # The only engine is asked by itself: a sum takes as long as six readings.
     thrust_lbf = thrusts[0] if len(thrusts) == 1 else lambda: sum([each() for each in thrusts])
     ground, h_0 = fdm.ground, h_ft() * FT
