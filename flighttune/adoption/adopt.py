@@ -87,6 +87,9 @@ RECORD = "adoption.json"
 # Largest derivative of an airframe, in SI and rad.
 MAX_SLOPE = 1e9
 
+# Largest glide ratio of an aeroplane: the best gliders have it.
+MAX_GLIDE_RATIO = 75.0
+
 DIGITS = 5  # significant digits of the files written
 
 # Files that every try writes.
@@ -363,8 +366,6 @@ def _best(
         file.write_bytes(content)
     say("step 9 of 9: trimming over the envelope")
     speeds = np.linspace(0.85, 1.3, 4) * best.V_a
-    drag = drag_at(Bench(Fdm(aircraft_from(surveyed.tables, folder)), h), surveyed.lift, best.V_a)
-    best = replace(best, **drag)
     config = load_aircraft(folder)
     climbs = (-3.0 * DEG, 0.0, 3.0 * DEG) if config.engines.count else None
     trims = trim_table(config, V_a=speeds.tolist(), gamma=climbs, h=h)
@@ -399,13 +400,18 @@ def _tried(
     """One try: a folder with an aircraft, and how it flies."""
     wide = aircraft_from(surveyed.tables, folder)
     condition = level(wide, surveyed.V_a, h)
-    trimmed = airframe(Fdm(wide), condition)
-    for output, row in trimmed.slopes.items():
+    fdm = Fdm(wide)
+    model = airframe(fdm, condition)
+    for output, row in model.slopes.items():
         for by, slope in row.items():
             if MAX_SLOPE < abs(slope) < math.inf:
                 finding = f"the slope of {output} by {by} is {slope:.2g}"
                 raise Refusal(f"{finding}, which no aircraft has")
-    tables = final_tables(surveyed, trimmed, h, share)
+    drag = drag_at(Bench(fdm, h), model.trimmed)
+    if (ratio := drag["glide_ratio"]) > MAX_GLIDE_RATIO:
+        doubt = f"its glide ratio of {ratio:.0f} is above any aeroplane's: drag may be missing"
+        surveyed = replace(surveyed, notes=(*surveyed.notes, doubt))
+    tables = final_tables(surveyed, model, h, share)
     for stale in (GAINS_FILE, FILE_NAME, RECORD):
         (folder / stale).unlink(missing_ok=True)
     write_text(folder / "aircraft.toml", aircraft_text(tables, surveyed.notes))
@@ -432,6 +438,7 @@ def _tried(
         folder=folder,
         V_a=surveyed.V_a,
         engines=tables["engines"]["count"],
+        **drag,
         notes=surveyed.notes,
         fit_percent=fits,
         flown=flights,

@@ -64,6 +64,17 @@ LINKS = {
     r"/engines/engine(\[\d+\])?/rpm": r"propulsion/engine\1/engine-rpm",
 }
 
+# Properties by which FlightGear shows the state of flight, and those of JSBSim that they follow.
+SHOWN = {
+    "/position/altitude-agl-ft": "position/h-agl-ft",
+    "/position/altitude-ft": "position/h-sl-ft",
+    "/orientation/alpha-deg": "aero/alpha-deg",
+    "/orientation/pitch-deg": "attitude/theta-deg",
+    "/orientation/roll-deg": "attitude/phi-deg",
+    "/velocities/airspeed-kt": "velocities/vc-kts",
+    "/velocities/mach": "velocities/mach",
+}
+
 # Levers in the order they are tried until every engine pushes: how they stand, and their values.
 _LINKED = (r"/(mixture|propeller-pitch|condition|fuel-pump)$", 1.0), (r"/magnetos(-switch)?$", 3.0)
 LEVERS = {
@@ -217,6 +228,9 @@ def survey(
     tables["engines"]["count"] = 0 if glide else _check_parts(aircraft_from(tables, folder))
     tables["declared"] |= _check_values(values)
     _declare(tables, load)
+    tables["linked"] |= {
+        name: SHOWN[name] for name in SHOWN.keys() & tables["declared"].keys() - values.keys()
+    }
     fdm = load(tables).fdm
     tables["settings"] |= _levers(tables, fdm)
     for name, value in values.items():
@@ -258,7 +272,7 @@ def survey(
         V_a=speed,
         spare_thrust=spare,
         notes=tuple(notes),
-        **drag_at(load(tables), lift, speed),
+        **drag_at(load(tables), _level(speed, lift.at(speed)[0])),
     )
 
 
@@ -279,12 +293,12 @@ def _engine_notes(engines: Mapping[str, Any], how: str) -> list[str]:
     return notes
 
 
-def drag_at(bench: Bench, lift: Lift, V_a: float) -> dict[str, Any]:
-    """Values of `Survey` about the drag in level flight at an airspeed (m/s)."""
-    alpha, drag = lift.at(V_a)
+def drag_at(bench: Bench, state: AirframeState) -> dict[str, Any]:
+    """Values of `Survey` about the drag in a state of flight."""
+    bench.accelerations(state)
     return {
-        "glide_ratio": 1.0 / drag if drag else math.inf,
-        "largest_drag": _largest_drag(bench, _level(V_a, alpha)),
+        "glide_ratio": bench.fdm.reader("forces/lod-norm")(),
+        "largest_drag": _largest_drag(bench.fdm),
     }
 
 
@@ -440,10 +454,9 @@ def _retracts(config: AircraftConfig) -> bool:
     return any(text.strip() not in ("", "0") for text in texts)
 
 
-def _largest_drag(bench: Bench, level: AirframeState) -> tuple[str, float]:
+def _largest_drag(fdm: Fdm) -> tuple[str, float]:
     """The function of the drag axis with the largest part of it, and its share."""
-    bench.accelerations(level)
-    root, fdm = main_root(bench.fdm.config), bench.fdm
+    root = main_root(fdm.config)
     aerodynamics = _part(root, "aerodynamics", source_folders(fdm.config).parts)
     axes = (axis for axis in aerodynamics.iter("axis") if axis.get("name", "").upper() == "DRAG")
     names = [f.get("name", "") for axis in axes for f in axis.findall("function")]
@@ -525,7 +538,7 @@ def _driven(
     }
     tanks = [name for name in fdm.names("propulsion/tank") if name.endswith("/pct-full")]
     for how, levers in LEVERS.items():
-        tried = deepcopy(tables) | {"linked": links if how else {}}
+        tried = deepcopy(tables) | {"linked": tables["linked"] | (links if how else {})}
         names = (*tables["declared"], *tables["settings"], *tanks)
         for name, (pattern, value) in product(names, levers):
             if re.search(pattern, name) and name not in values:

@@ -89,9 +89,7 @@ _SPAN, _STEP = 2.0, 0.01
 class Airframe:
     """Derivatives of accelerations and load factors about wings-level flight, SI and rad."""
 
-    # m/s and rad: airspeed and angle of attack
-    V_a: float
-    alpha: float
+    trimmed: AirframeState  # the flight about which they are
     # ``slopes[what][by]``: of ``p_dot``, ``q_dot``, ``r_dot`` (rad/s^2), ``u_dot`` (m/s^2),
     # ``n_z``, ``n_y`` (1), by ``p``, ``q``, ``r`` (rad/s), ``alpha``, ``beta``, ``aileron``,
     # ``elevator``, ``rudder`` (rad; only where there is one) and ``throttle`` (1)
@@ -121,7 +119,7 @@ def airframe(fdm: Fdm, condition: FlightCondition) -> Airframe:
     }
     if not fdm.config.engines.count:  # an engine of any power would need no throttle
         named["u_dot"]["throttle"] = math.inf
-    return Airframe(V_a=condition.V_a, alpha=trimmed.alpha, slopes=named)
+    return Airframe(trimmed=trimmed, slopes=named)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -253,7 +251,7 @@ def inner_loop_gains(airframe: Airframe, design: DesignTable) -> dict[str, float
     omega = design.roll_error or min(ROLL_STIFFNESS * design.roll, 0.5 * ACTUATOR)
     k_p = omega**2 / effect
     return {
-        "V_a-design-mps": airframe.V_a,
+        "V_a-design-mps": airframe.trimmed.V_a,
         "roll/model-rad_sec": design.roll,
         "roll/k_ff": damping / effect,
         "roll/k_p": k_p,
@@ -293,7 +291,7 @@ def _n_z_step(
     """Load factor of the linear short period after a step of its command, shape (count,)."""
     from scipy.linalg import expm
 
-    d, g_over_V = airframe.of, G_0 / airframe.V_a
+    d, g_over_V = airframe.of, G_0 / airframe.trimmed.V_a
     n_alpha, n_e = d("n_z", "alpha"), d("n_z", "elevator")
     m_alpha, m_q, m_e = d("q_dot", "alpha"), d("q_dot", "q"), d("q_dot", "elevator")
     # The command is a state that stays constant, so that one matrix exponential steps the loop
@@ -329,7 +327,7 @@ def _yaw(airframe: Airframe, roll_k_ff: float) -> dict[str, float]:
     d = airframe.of
     effect, weathercock = -d("r_dot", "rudder"), d("r_dot", "beta")
     side = d("n_y", "beta")
-    damping = -d("r_dot", "r") - side * G_0 / airframe.V_a
+    damping = -d("r_dot", "r") - side * G_0 / airframe.trimmed.V_a
     # An airframe without weathercock stability gets it from the lateral load factor.
     lacking = max(0.0, MIN_WEATHERCOCK - weathercock)
     stiffness = weathercock + lacking
@@ -337,19 +335,19 @@ def _yaw(airframe: Airframe, roll_k_ff: float) -> dict[str, float]:
     static = abs(side * effect / stiffness)
     adverse = d("r_dot", "p") + d("r_dot", "aileron") * roll_k_ff
     k_r = max(0.0, goal - damping) / effect
-    straight = adverse - G_0 / airframe.V_a + airframe.alpha * d("r_dot", "r")
+    straight = adverse - G_0 / airframe.trimmed.V_a + airframe.trimmed.alpha * d("r_dot", "r")
     k_p, k_i = 0.75 * SIDE_FORCE / static, SIDE_FORCE / static
     k_p += lacking / abs(side * effect)
     share = 1.0
     while share > MIN_YAW_SHARE and not _yaw_is_stable(airframe, k_r, share * k_p, share * k_i):
         share *= 0.8
-    k_ff = straight / effect - airframe.alpha * k_r
+    k_ff = straight / effect - airframe.trimmed.alpha * k_r
     return {"yaw/k_ff": k_ff, "yaw/k_r": k_r, "yaw/k_p": share * k_p, "yaw/k_i": share * k_i}
 
 
 def _yaw_is_stable(airframe: Airframe, k_r: float, k_p: float, k_i: float) -> bool:
     """Whether sideslip and yaw rate are, behind actuator and accelerometer and with a margin."""
-    d, g_over_V = airframe.of, G_0 / airframe.V_a
+    d, g_over_V = airframe.of, G_0 / airframe.trimmed.V_a
     beta, r, rudder, n_y, integral = range(5)
     side, direct = d("n_y", "beta"), d("n_y", "rudder")
     A = np.zeros((5, 5))

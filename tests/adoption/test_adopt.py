@@ -194,6 +194,21 @@ def test_the_throttle_of_flightgear_is_linked_where_the_model_reads_it(own, tmp_
     assert "with FlightGear's levers linked" in " ".join(found.notes)
 
 
+def test_a_height_that_flightgear_shows_is_that_of_the_flight(own, tmp_path):
+    file = own(
+        r"<value (name=\S+CD_0.)> 0.043 </value>",
+        r"<product \1><value>0.043</value><quotient><property>/position/altitude-agl-ft</property>"
+        "<value>3280.84</value></quotient></product>",
+    )
+
+    found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
+
+    # 1000 m are 3280.84 ft: the drag is the book's.
+    C_L = 11.0 * 9.80665 / (0.5 * 1.11164 * found.V_a**2 * 0.55)
+    assert found.glide_ratio == pytest.approx(C_L / (0.043 + 0.0232 * C_L**2), rel=0.01)
+    assert "another simulator" not in " ".join(found.notes)
+
+
 def system(*components):
     return f"<system name='own'><channel name='own'>{''.join(components)}</channel></system>"
 
@@ -415,9 +430,10 @@ def test_thrust_of_an_electric_engine_depends_on_the_throttle_alone(own, tmp_pat
     assert (from_rest, closed_again) == pytest.approx((full, closed), rel=1e-6)
 
 
-def test_a_link_that_leads_nowhere_is_no_fault(own, tmp_path):
+@pytest.mark.parametrize("target", ["nowhere", ".#lost.xml"], ids=["nowhere", "itself"])
+def test_a_link_that_leads_nowhere_is_no_fault(own, tmp_path, target):
     file = own("38.21", "38.2")
-    (file.parent / "Engines/.#lost.xml").symlink_to("nowhere")
+    (file.parent / "Engines/.#lost.xml").symlink_to(target)
 
     assert survey(wide_tables(str(file)), tmp_path, h=1000.0).V_a > 0.0
 
@@ -542,6 +558,7 @@ def test_a_glider_turns_about_its_steady_glide(tmp_path):
 
     assert found["status"] == "adopted"
     # In steady flight without thrust the tangent of the glide is drag over lift.
+    assert math.tan(start.gamma) == pytest.approx(-1.0 / found["glide_ratio"], rel=1e-4)
     spare = json.loads((tmp_path / "sgs126/adoption.json").read_text())["spare_thrust"]
     assert math.tan(start.gamma) == pytest.approx(spare, rel=0.1)
     assert trims[0]["gamma_deg"] == pytest.approx(start.gamma / DEG, abs=CENTIDEGREE)

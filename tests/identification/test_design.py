@@ -7,6 +7,7 @@ import pytest
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.identification.design import Airframe, airframe, inner_loop_gains
+from flighttune.plants.jsbsim.bench import AirframeState
 from flighttune.plants.jsbsim.fdm import Fdm
 
 V_A, RHO_1000 = 25.0, 1.11164
@@ -81,7 +82,7 @@ def test_roll_gains_place_the_poles_of_the_roll_error(slopes):
 def test_the_rudder_feed_forward_balances_a_roll_without_sideslip(slopes):
     # Rolling at p without sideslip: r = alpha p + g/V phi, so r' = g/V p, by the coefficients.
     gains = inner_loop_gains(slopes, load_aircraft("aerosonde").design)
-    alpha, span = slopes.alpha, B / (2.0 * V_A)
+    alpha, span = slopes.trimmed.alpha, B / (2.0 * V_A)
     rolling = lateral(-0.51 * span + 0.25 * span * alpha, -0.069 * span - 0.095 * span * alpha)
     aileron, rudder = lateral(0.17, -0.011, 0.075), lateral(0.0024, -0.069, 0.19)
 
@@ -109,7 +110,8 @@ def test_a_rudder_that_turns_the_wrong_way_is_refused(slopes):
 
     with pytest.raises(ft.PlantError, match=r"r_dot by rudder .* 20"):
         inner_loop_gains(
-            Airframe(V_a=V_A, alpha=0.05, slopes=backwards), load_aircraft("aerosonde").design
+            Airframe(trimmed=AirframeState(V_a=V_A, alpha=0.05), slopes=backwards),
+            load_aircraft("aerosonde").design,
         )
 
 
