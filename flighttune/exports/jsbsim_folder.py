@@ -295,7 +295,11 @@ def _values(scenario: Scenario, setup: LawSetup, loop: OuterLoop, fdm: Fdm) -> d
     """Properties of the aircraft at rest before the flight, and those of the law."""
     condition, limits, gains = start_condition(scenario), setup.limits, setup.gains
     assert gains is not None
-    values = {**fdm.settings, **inner_loop_settings(fdm.config)}
+    # An actuator with hysteresis begins where its input is in the first evaluation, and JSBSim runs
+    # the flight control after the systems.
+    own = fdm.names("fcs/") if fdm.own_flight_control else []
+    moved = {name: at for name, at in _read(fdm, filter(fdm.has, own)).items() if at}
+    values = {**moved, **fdm.settings, **inner_loop_settings(fdm.config)}
     for trim_name, law_name in zip(properties.TRIMS, properties.LAWS, strict=True):
         values[trim_name] = fdm.reader(trim_name)() + fdm.reader(law_name)()
     values |= _read(fdm, (*_COMMANDS.values(), properties.N_X_FOLLOWED, properties.V_A_CMD))

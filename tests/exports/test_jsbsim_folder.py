@@ -222,17 +222,48 @@ CLOCK = """
 """
 
 
+def turn_of_changed(change, folder):
+    """A level turn of the Aerosonde, the text of whose main file is changed."""
+    shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", folder)
+    file = folder / "aerosonde.xml"
+    file.write_text(change(file.read_text()))
+    config = load_aircraft(folder)
+    save_gains(config.gains.model_copy(update={"made_for": model_hash(config)}), folder)
+    scenario = folder.parent / "turn.toml"
+    text = (SHIPPED_SCENARIOS / "level_turn.toml").read_text().replace('"aerosonde"', f'"{folder}"')
+    scenario.write_text(text)
+    return scenario
+
+
+HYSTERESIS = """
+<flight_control name="own"><channel name="own"><pure_gain name="a/cmd">
+  <input>fcs/elevator-pos-rad</input><gain>1</gain><output>fcs/cmd</output></pure_gain></channel>
+</flight_control>
+<system name="own"><channel name="own"><actuator name="a/tail"> <input>fcs/cmd</input>
+  <hysteresis_width>0.02</hysteresis_width> <output>fcs/tail</output> </actuator></channel></system>
+</fdm_config>"""
+
+
+@pytest.mark.slow
+def test_an_actuator_with_hysteresis_begins_where_that_of_fly_does(tmp_path):
+    def change(text):
+        aerodynamics = text.replace("fcs/elevator-pos-rad", "fcs/tail")
+        return aerodynamics.replace("</fdm_config>", HYSTERESIS)
+
+    turn = turn_of_changed(change, tmp_path / "loose")
+
+    differences = exported(turn, tmp_path / "out")["differences"]
+    assert max(differences.values()) < SAME
+
+
 @pytest.mark.slow
 def test_a_flight_that_is_not_that_of_fly_is_no_success(tmp_path):
     """A roll moment by JSBSim's clock, which has run on when the exported flight starts."""
-    folder = shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", tmp_path / "clocked")
-    file = folder / "aerosonde.xml"
-    file.write_text(file.read_text().replace('<axis name="ROLL">', f'<axis name="ROLL">{CLOCK}'))
-    config = load_aircraft(folder)
-    save_gains(config.gains.model_copy(update={"made_for": model_hash(config)}), folder)
-    scenario = tmp_path / "turn.toml"
-    text = (SHIPPED_SCENARIOS / "level_turn.toml").read_text().replace('"aerosonde"', f'"{folder}"')
-    scenario.write_text(text)
+
+    def change(text):
+        return text.replace('<axis name="ROLL">', f'<axis name="ROLL">{CLOCK}')
+
+    scenario = turn_of_changed(change, tmp_path / "clocked")
 
     out, err = flighttune(
         "export", scenario, "--gains", "paper", "--out", tmp_path / "out", "-q", status=1
