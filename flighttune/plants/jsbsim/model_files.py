@@ -252,7 +252,6 @@ def _stamps(config: AircraftConfig) -> tuple[tuple[str, int, int], ...]:
     model = os.path.dirname(os.path.realpath(model)) if xml else source_folders(config).model
     entries = [entry for folder in {str(config.folder), str(model)} for entry in _entries(folder)]
     entries += [below for entry in entries if entry.is_dir() for below in _entries(entry.path)]
-    # A link may lead nowhere.
     files = (entry for entry in entries if entry.name.endswith(".xml") and entry.is_file())
     states = {entry.path: entry.stat() for entry in files}
     with suppress(OSError):
@@ -262,7 +261,8 @@ def _stamps(config: AircraftConfig) -> tuple[tuple[str, int, int], ...]:
 
 def _entries(folder: str) -> list[os.DirEntry[str]]:
     with suppress(OSError), os.scandir(folder) as entries:
-        return list(entries)
+        # A link may lead nowhere, or to itself.
+        return [entry for entry in entries if not entry.is_symlink() or os.path.exists(entry)]
     return []
 
 
