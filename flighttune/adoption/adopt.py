@@ -288,8 +288,11 @@ def adopt(
             # File and condition stand before it.
             reason = f"{reason.split(': ', 1)[-1]}; another airspeed (`--V-a`) may do"
         draft = folder / "aircraft.toml"
-        if not (facts and draft.exists() and draft.stat().st_mtime >= began_at):
-            write_text(draft, draft_text(tables, begun, reason))
+        if facts and draft.exists() and draft.stat().st_mtime >= began_at:
+            text = f"# refused: {reason}\n{draft.read_text(encoding='utf-8')}"
+        else:
+            text = draft_text(tables, begun, reason)
+        write_text(draft, text)
         adoption = Adoption(name=folder.name, status="refused", reason=reason, draft=draft, **facts)
     return replace(adoption, seconds=time.monotonic() - began)
 
