@@ -118,7 +118,9 @@ def guard(fdm: Fdm) -> tuple[Callable[[], bool], Callable[[], tuple[StopStatus, 
         lost = [name for name, value in state.items() if not isfinite(value)]
         if lost:
             return "diverged", f"state must be finite, got nan for {', '.join(lost)}."
-        if h <= 0.0:
+        # Gear and hull reach below the centre of mass, and their forces end a flight first.
+        parts = (name for kind in ("gear/", "contact/") for name in fdm.names(kind))
+        if h <= 0.0 or any(fdm.reader(name)() for name in parts if name.endswith("/WOW")):
             return "ground_contact", f"hit the ground at V_a = {V_a:.1f} m/s."
         degrees, speed, ratio = (DEG, " deg"), (1.0, " m/s"), (1.0, "")
         units = {"alpha": degrees, "V_a": speed, "n_z": ratio, "theta": degrees}

@@ -14,6 +14,8 @@ DEG = math.pi / 180.0
 RHO_1000 = 1.11164
 WEIGHT = 11.0 * 9.80665
 Q_PER_V2 = 0.5 * RHO_1000 * 0.55
+GEAR_REACH = 2.0
+"""Length that the gear of a Cessna 172 reaches at most below its centre of mass, m."""
 WEAK = 0.25
 """Share of its thrust a weak engine gives: 30 N."""
 
@@ -85,6 +87,13 @@ def test_severe_turbulence_near_the_ground_ends_in_a_status(fly):
 
     assert flight.stop.status in ("ground_contact", "left_envelope")
     assert re.match(r"t = \d+\.\d{3} s: ", flight.stop.reason)
+
+
+def test_gear_that_meets_the_ground_ends_a_flight_with_its_centre_of_mass_above(fly):
+    flight = fly((0.0, 0.5), aircraft="c172p", V_a=45.0, h=20.0, duration=10.0)
+
+    assert flight.stop.status == "ground_contact"
+    assert 0.0 < flight["h"][-1] < GEAR_REACH
 
 
 @pytest.mark.parametrize("throttle_max", [0.0, -1.0, 1.5, math.nan])
