@@ -66,7 +66,7 @@ DUTCH_ROLL_DAMPING = 0.7
 SIDE_FORCE = 1.0
 
 # Yaw acceleration by sideslip that the rudder makes up for, 1/s^2.
-MIN_WEATHERCOCK = 0.5
+MIN_WEATHERCOCK = 1.0
 
 # Delay of the lateral load factor, s: two samples and half a hold.
 ACCELEROMETER = 0.015
