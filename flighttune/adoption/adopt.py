@@ -104,6 +104,11 @@ AIRSPEED_FACTORS = 1.25, 1.4
 # No further try begins after this time, s.
 TIME_LEFT = 100.0
 
+# Height of the flights if none is given, m; the longest glide from there, and how much steeper than
+# a steady one it is, s and rad.
+HEIGHT = 1000.0
+GLIDE_S, STEEPER = 60.0, 3.0 * DEG
+
 # Smallest and largest bandwidth of roll and of load factor, rad/s.
 ROLL_BANDWIDTHS, LOAD_BANDWIDTHS = (0.5, 4.0), (0.8, 8.0)
 
@@ -198,7 +203,7 @@ def adopt(
     folder: Path,
     *,
     V_a: float | None = None,
-    h: float = 1000.0,
+    h: float | None = None,
     values: Mapping[str, float] | None = None,
     throttle: str | None = None,
     glide: bool = False,
@@ -219,8 +224,8 @@ def adopt(
         Folder of the aircraft; made if need be.
     V_a : float, m/s, optional
         Airspeed; by default one is chosen.
-    h : float, m
-        Height above sea level.
+    h : float, m, optional
+        Height above sea level; by default 1000 m, or more for a steep glide.
     values : mapping of str to float, optional
         Values of properties of the model, in its units, for the whole flight.
     throttle : str, optional
@@ -273,14 +278,23 @@ def adopt(
         tables["engines"]["command"] = throttle
     if not rudder:
         del tables["surfaces"]["rudder"]
+    told = deepcopy(tables)
+    start, choices = h or HEIGHT, {"V_a": V_a, "say": say, "values": values or {}, "glide": glide}
     try:
-        surveyed = survey(tables, folder, h=h, V_a=V_a, say=say, values=values or {}, glide=glide)
+        surveyed = survey(tables, folder, h=start, **choices)
+        if h is None and (lost := _height_lost(surveyed)) > start:
+            start = math.ceil(lost / HEIGHT) * HEIGHT
+            say(f"a steep glide, from {start:g} m instead of {HEIGHT:g} m")
+            tables.update(told)
+            surveyed = survey(tables, folder, h=start, **choices)
+            note = f"its glide is steep: it flies from {start:g} m"
+            surveyed = replace(surveyed, notes=(*surveyed.notes, note))
         engines = surveyed.tables["engines"]["count"]
         facts = {
             **pick(surveyed, "V_a glide_ratio largest_drag notes"),
             "engines": engines,
         }
-        adoption = _best(surveyed, folder, h, say, began)
+        adoption = _best(surveyed, folder, start, say, began)
     except PlantError as error:
         file = folder / model if model.endswith(".xml") else ""
         reason = str(error).removesuffix(".").removeprefix(f"{os.path.normpath(file)}: ")
@@ -295,6 +309,12 @@ def adopt(
         write_text(draft, text)
         adoption = Adoption(name=folder.name, status="refused", reason=reason, draft=draft, **facts)
     return replace(adoption, seconds=time.monotonic() - began)
+
+
+def _height_lost(surveyed: Survey) -> float:
+    """Height that the longest glide of an adoption may lose, m; 0 with engines."""
+    gliding = not surveyed.tables["engines"]["count"]
+    return gliding * GLIDE_S * surveyed.V_a * (1.0 / surveyed.glide_ratio + math.tan(STEEPER))
 
 
 def _of_flightgear(path: Path) -> Path:

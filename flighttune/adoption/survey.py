@@ -20,7 +20,7 @@ from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, PlantError
 from flighttune.plants.jsbsim.bench import AirframeState, Bench
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.load_check import EFFECTS, POSITIONS
+from flighttune.plants.jsbsim.load_check import EFFECTS, POSITIONS, surface_faults
 from flighttune.plants.jsbsim.model_files import (
     ROCKET,
     has_engine,
@@ -246,10 +246,11 @@ def survey(
     for _ in range(2):  # each sweep is flown at a multiple of the stall speed of the last one
         lift = _swept(bench, SPEEDS[0] * lift.V_s)
     speed = V_a or SPEEDS[0] * lift.V_s
-    spare, how = -lift.at(speed)[1], ""
+    spare = -lift.at(speed)[1]
     if tables["engines"]["count"]:
         say("step 3 of 9: starting the engines")
-        lift, speed, spare, how = _driven(tables, load, lift, V_a, values)
+        lift, speed, spare, driven = _driven(tables, load, lift, V_a, values)
+        notes += driven
     say("step 4 of 9: moving the surfaces")
     surfaces, bypass = _surfaces(tables, load, _level(speed, lift.at(speed)[0], 0.5))
     notes += bypass
@@ -257,7 +258,7 @@ def survey(
     lift = _swept(load(tables | {"surfaces": surfaces}), speed) if frozen else lift
     if "rudder" not in surfaces:
         notes.append("it has no rudder: yaw is left to the airframe")
-    notes += _engine_notes(tables["engines"], how)
+    notes += _engine_notes(tables["engines"])
     declared, linked = tables["declared"], tables["linked"]
     foreign = (name for name, value in declared.items() if not value and name not in linked)
     names = [name for name in foreign if not name.startswith("ft/")]
@@ -276,13 +277,11 @@ def survey(
     )
 
 
-def _engine_notes(engines: Mapping[str, Any], how: str) -> list[str]:
-    """What must be known of the engines: how the levers stand, and where thrust comes from."""
+def _engine_notes(engines: Mapping[str, Any]) -> list[str]:
+    """What must be known of where the thrust comes from."""
     notes = []
     if not engines["count"]:
         notes.append("it has no engine: it flies about its steady glide")
-    if how:
-        notes.append(f"its engines drive it {how}")
     if "full" in engines:
         notes.append(
             f"its engine is far too strong: full throttle is {engines['full']:.3g} of its lever, "
@@ -526,8 +525,8 @@ def _driven(
     lift: Lift,
     V_a: float | None,
     values: Mapping[str, float],
-) -> tuple[Lift, float, float, str]:
-    """Lift, airspeed, spare thrust and the position of the levers: the first in which it flies."""
+) -> tuple[Lift, float, float, list[str]]:
+    """Lift, airspeed, spare thrust and notes, with the levers as they first let it fly."""
     fdm, refused = load(tables).fdm, None
     texts = {text for _, text in _texts(fdm.config)} | {*tables["declared"]}
     links = {
@@ -553,9 +552,14 @@ def _driven(
             refused = refused or error
             continue
         tables.update(tried)
-        return lift, speed, spare, how
+        return lift, speed, spare, [f"its engines drive it {how}"] if how else []
     assert refused is not None  # the first levers are always tried
-    raise refused
+    if not has_engine(unchanged(fdm.config), ROCKET):
+        raise refused
+    # JSBSim computes the thrust of a rocket from the fuel that it takes from its tanks.
+    note = f"{refused}: a rocket has no thrust while its fuel is frozen, as it is"
+    tables["engines"]["count"], speed = 0, V_a or SPEEDS[0] * lift.V_s
+    return lift, speed, -lift.at(speed)[1], [note]
 
 
 def _engines(
@@ -615,11 +619,7 @@ def _thrust_of_another_kind(
         if not thrust > 0.0:
             runs = fdm.reader(f"propulsion/engine[{i}]/set-running")()
             does = "does not push" if runs else "does not run"
-            # JSBSim computes the thrust of a rocket from the fuel that it takes from its tanks.
-            why = f"engine {i + 1} of {len(full)} {does} at full throttle"
-            if has_engine(unchanged(fdm.config), ROCKET):
-                why += ": a rocket has no thrust while its fuel is frozen, as it is here"
-            raise Refusal(why)
+            raise Refusal(f"engine {i + 1} of {len(full)} {does} at full throttle")
     if full.sum() <= MAX_THRUST * weight:
         return {}
     fdm.hold(MAX_SETTLING_S, rate=2.0 * fdm.rate)
@@ -655,6 +655,9 @@ def _surfaces(
     """Tables of the surfaces, commanded through the flight control or past it, and notes."""
     notes, bench = [], load(tables)
     moved, fault = _answers(bench, level)
+    surfaces = {name: tables["surfaces"][name] | table for name, table in moved.items()}
+    if moved and not fault:
+        fault = next(surface_faults(load(tables | {"surfaces": surfaces}), level), "")
     past = _past_flight_control(tables, bench.fdm.config) if fault else {}
     if past:
         bypassed = tables | {"surfaces": past}
@@ -673,7 +676,7 @@ def _surfaces(
         raise Refusal(fault)
     if fault:
         notes.append(fault)
-    return {name: tables["surfaces"][name] | table for name, table in moved.items()}, notes
+    return surfaces, notes
 
 
 def _answers(bench: Bench, level: AirframeState) -> tuple[dict[str, dict[str, Any]], str]:
@@ -737,11 +740,11 @@ def _moved(bench: Bench, level: AirframeState, name: str) -> tuple[float, dict[s
         sides.append((float(effects[-1]), float(whole), float(used)))
     (effect_low, travel_low, usable_low), (effect_high, travel_high, usable_high) = sides
     largest = max(abs(effect_low), abs(effect_high))
-    one_sense = effect_low * effect_high > 0.0
+    one_sense = largest >= MIN_EFFECT and effect_low * effect_high > 0.0
     if largest < MIN_EFFECT or one_sense or not (usable_low and usable_high):
         command = surface.command or f"fcs/{name}-cmd-norm"
         again = at(0.0)[0]
-        if largest > MIN_EFFECT and abs(again - neutral) > DRIFT * largest:
+        if largest >= MIN_EFFECT and abs(again - neutral) > DRIFT * largest:
             raise Refusal(
                 f"its flight control does not come to rest: with the same {name} command "
                 f"({command}) {rate} was {neutral:.3g}, then {again:.3g} rad/s^2"

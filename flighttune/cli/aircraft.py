@@ -140,7 +140,10 @@ def adopt(
     V_a: Annotated[
         float | None, Option("--V-a", help="Airspeed in m/s [default: chosen by the model].")
     ] = None,
-    h: HeightOption = 1000.0,
+    h: Annotated[
+        float | None,
+        Option("--h", help="Height above sea level in m [default: 1000, more for a steep glide]."),
+    ] = None,
     values: Annotated[
         list[str] | None,
         Option("--set", metavar="NAME=VALUE", help="Value of a property of the model; repeatable."),

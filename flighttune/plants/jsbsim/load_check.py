@@ -60,7 +60,7 @@ def _fault(checked: Unchanged) -> str:
     bench = Bench(fdm, config.design.h if config.design else HEIGHT)
     throttle = FULL * config.engines.throttle[1]
     level = AirframeState(V_a=V_a, alpha=ALPHA, theta=ALPHA, throttle=throttle)
-    faults = chain(_engine_faults(fdm, bench, level), _surface_faults(fdm, bench, level))
+    faults = chain(_engine_faults(fdm, bench, level), surface_faults(bench, level))
     return next(faults, "")
 
 
@@ -77,7 +77,9 @@ def _engine_faults(fdm: Fdm, bench: Bench, level: AirframeState) -> Iterator[str
             yield f"[engines] engine {i + 1} of {count} must push at full throttle, it {how}"
 
 
-def _surface_faults(fdm: Fdm, bench: Bench, level: AirframeState) -> Iterator[str]:
+def surface_faults(bench: Bench, level: AirframeState) -> Iterator[str]:
+    """Sentences about surfaces that do not do what the file of the aircraft says."""
+    fdm = bench.fdm
     for name, surface in fdm.config.surfaces.named():
         rate, sign = EFFECTS[name]
         readers = [fdm.reader(position) for position in POSITIONS[name] if fdm.has(position)]
