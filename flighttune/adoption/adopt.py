@@ -218,8 +218,8 @@ def adopt(
     Parameters
     ----------
     model : str
-        Name of one that comes with JSBSim, the path of a main file, which ends in ``.xml``, or that
-        of a ``-set.xml`` of FlightGear or of its folder.
+        Name of one that comes with JSBSim, the path of a main file, which ends in ``.xml``, that of
+        its folder, or that of a ``-set.xml`` of FlightGear or of its folder.
     folder : Path
         Folder of the aircraft; made if need be.
     V_a : float, m/s, optional
@@ -318,25 +318,38 @@ def _height_lost(surveyed: Survey) -> float:
 
 
 def _of_flightgear(path: Path) -> Path:
-    """The main file that a ``-set.xml``, or that in a folder, names for JSBSim."""
+    """The main file that a ``-set.xml``, or that in a folder, names for JSBSim; or the only one."""
     if not os.path.exists(path):
         raise InputError(f"{path}: must be a file or folder of FlightGear's, got no such file.")
     files = sorted(path.glob(f"*{SET}")) if path.is_dir() else [path]
     settings = {file: _settings(file) for file in files}
     kinds = {file: values.get("flight-model", "") for file, values in settings.items()}
     named = {file: settings[file].get("aero", "") for file in files if kinds[file] == "jsb"}
+    mains = []
+    if path.is_dir() and not named:
+        mains = [file for file in sorted(path.glob("*.xml")) if _is_main(file)]
+        mains = [file for file in mains if file.stem == path.resolve().name] or mains
+        if len(mains) == 1:
+            return mains[0]
     other = ", ".join(sorted({shown(kind) for kind in kinds.values() if kind}))
-    if other and not named:
+    if other and not (named or mains):
         raise InputError(f"{path}: its flight model must be JSBSim's (jsb), got {other}.")
     if len({*named.values()}) != 1:
-        several = ", ".join(file.name for file in named) or "none"
-        raise InputError(f"{path}: must hold one aircraft of JSBSim's (*{SET}), got {several}.")
+        several = ", ".join(file.name for file in named or mains) or "none"
+        raise InputError(f"{path}: must hold one aircraft of JSBSim's, got {several}.")
     file, aero = next(iter(named.items()))
     main = file.parent / f"{aero}.xml"
     beside = Path(os.path.realpath(main)).is_relative_to(os.path.realpath(file.parent))
     if not (beside and os.path.isfile(main)):
         raise InputError(f'{file}: `aero` must name a file in its folder, got "{shown(aero)}".')
     return main
+
+
+def _is_main(file: Path) -> bool:
+    try:
+        return read_xml(file, str(file)).tag == "fdm_config"
+    except PlantError:  # it cannot be read, and belongs to something else
+        return False
 
 
 def _settings(file: Path) -> dict[str, str]:

@@ -133,8 +133,8 @@ def adopt(
         str,
         Argument(
             metavar="MODEL|FILE.xml|FOLDER",
-            help="A model that comes with JSBSim, or the main file of another; also the file "
-            "NAME-set.xml of an aircraft of FlightGear, or the folder that holds it.",
+            help="A model that comes with JSBSim, or the main file of another, or its folder; also "
+            "the file NAME-set.xml of an aircraft of FlightGear, or the folder that holds it.",
         ),
     ],
     V_a: Annotated[

@@ -502,7 +502,8 @@ def test_the_main_file_is_found_by_the_files_of_flightgear(own, tmp_path):
         assert "its wing area must be above zero" in err.splitlines()[-1]
 
     (file.parent / "common.xml").write_text(common.replace("jsb<", "yasim<"))
-    _, err = flighttune("adopt", file.parent, "--out", tmp_path / "mine", status=2)
+    set_file = file.parent / "sonde-set.xml"
+    _, err = flighttune("adopt", set_file, "--out", tmp_path / "mine", status=2)
     assert "its flight model must be JSBSim's (jsb), got yasim" in err
     _, err = flighttune("adopt", file.parent / "none-set.xml", "--out", tmp_path / "mine", status=2)
     assert "none-set.xml: must be a file or folder of FlightGear's, got no such file" in err
@@ -546,8 +547,25 @@ def test_files_of_flightgear_that_include_each_other_are_read_once(own, tmp_path
     jsb = "<PropertyList><sim><flight-model>jsb</flight-model></sim></PropertyList>"
     (tmp_path / "jsb.xml").write_text(jsb)
     (file.parent / "3.xml").write_text(both.format("0.xml", "../../jsb.xml"))
-    _, err = flighttune("adopt", file.parent, "--out", tmp_path / "mine", status=2)
+    set_file = file.with_name("sonde-set.xml")
+    _, err = flighttune("adopt", set_file, "--out", tmp_path / "mine", status=2)
     assert "got none" in err
+
+
+def test_a_folder_stands_for_its_only_main_file_or_that_of_its_name(own, tmp_path):
+    file = own("<wingarea.*?>[^<]*", '<wingarea unit="M2"> 0 ')
+    (file.parent / "notes.xml").write_text("<notes")
+
+    _, err = flighttune("adopt", file.parent, "--out", tmp_path / "mine", status=1)
+    assert "its wing area must be above zero" in err.splitlines()[-1]
+
+    shutil.copy(file, file.with_name("other.xml"))
+    _, err = flighttune("adopt", file.parent, "--out", tmp_path / "mine", status=2)
+    assert "must hold one aircraft of JSBSim's, got aerosonde.xml, other.xml" in err
+
+    file.rename(file.parent / f"{file.parent.name}.xml")
+    _, err = flighttune("adopt", file.parent, "--out", tmp_path / "mine", status=1)
+    assert "its wing area must be above zero" in err.splitlines()[-1]
 
 
 @pytest.mark.slow
