@@ -38,7 +38,7 @@ from flighttune.identification.steps import StepResponse
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.bench import Bench
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.model_files import model_hash
+from flighttune.plants.jsbsim.model_files import MODEL_FILE, model_hash
 from flighttune.plants.jsbsim.trim import level, trim_table
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
@@ -297,7 +297,8 @@ def adopt(
         adoption = _best(surveyed, folder, start, say, began)
     except PlantError as error:
         file = folder / model if model.endswith(".xml") else ""
-        reason = str(error).removesuffix(".").removeprefix(f"{os.path.normpath(file)}: ")
+        reason = str(error).removesuffix(".").split(f"{MODEL_FILE}: ", 1)[-1]
+        reason = reason.removeprefix(f"{os.path.normpath(file)}: ")
         if isinstance(error, TrimError):
             # File and condition stand before it.
             reason = f"{reason.split(': ', 1)[-1]}; another airspeed (`--V-a`) may do"
@@ -322,6 +323,7 @@ def _of_flightgear(path: Path) -> Path:
     if not os.path.exists(path):
         raise InputError(f"{path}: must be a file or folder of FlightGear's, got no such file.")
     files = sorted(path.glob(f"*{SET}")) if path.is_dir() else [path]
+    files = [file for file in files if file.is_file()]  # reading a pipe would wait
     settings = {file: _settings(file) for file in files}
     kinds = {file: values.get("flight-model", "") for file, values in settings.items()}
     named = {file: settings[file].get("aero", "") for file in files if kinds[file] == "jsb"}

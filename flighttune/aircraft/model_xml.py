@@ -26,16 +26,17 @@ def read_xml(file: Path, subject: str) -> ElementTree.Element:
 
     `subject` is the beginning of an error message. Raises PlantError if it cannot be read.
     """
+    about = subject if subject == str(file) else f"{subject}: {file}"
     try:
         root = ElementTree.parse(file).getroot()
         text = ElementTree.tostring(root, encoding="unicode")
     except (OSError, ElementTree.ParseError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
-        raise PlantError(f"{subject}: {file}: {reason}.") from error
+        raise PlantError(f"{about}: {reason}.") from error
     except RecursionError:
-        raise PlantError(f"{subject}: {file} has too many elements inside each other.") from None
+        raise PlantError(f"{about} has too many elements inside each other.") from None
     if "{{" in text:
-        raise PlantError(f"{subject}: {file} must not hold two braces: they stand for our numbers.")
+        raise PlantError(f"{about} must not hold two braces: they stand for our numbers.")
     return root
 
 
@@ -176,9 +177,11 @@ def found_file(name: str, folders: Sequence[Path], named_in: Path) -> Path:
     its path or behind a symlink: a file of somebody else must not reach out of its folder.
     """
     file = name if name.endswith(".xml") else f"{name}.xml"
-    # Of a name that is too long for any file system, `Path.is_file` raises an error.
-    files = (folder / file for folder in folders if os.path.isfile(folder / file))
+    # Of a name that is too long for any file system, `Path.exists` raises an error.
+    files = (folder / file for folder in folders if os.path.exists(folder / file))
     path = next(files, folders[-1] / file)
+    if os.path.exists(path) and not os.path.isfile(path):  # JSBSim would wait for a pipe
+        raise PlantError(f"{named_in}: `file` must name a file, got {path}.")
     for place in (Path(os.path.normpath(path)), Path(os.path.realpath(path))):
         if not any(place.is_relative_to(folder) for folder in folders):
             raise PlantError(

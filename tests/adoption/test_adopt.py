@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import re
 import shutil
 from pathlib import Path
@@ -177,6 +178,7 @@ def own(tmp_path):
             "must have all its parts, got no file {}/Systems/Gear Box.xml",
         ),
         (r'<engine file="[^"]*"', '<engine file="none"', "got no file {}/Engines/none.xml"),
+        ("</axis>", "</axes>", r"^mismatched tag: line \d+, column \d+"),
     ],
 )
 def test_a_model_that_cannot_fly_is_refused_in_one_line(own, tmp_path, pattern, change, sentence):
@@ -455,6 +457,17 @@ def test_a_link_that_leads_nowhere_is_no_fault(own, tmp_path, target):
     (file.parent / "Engines/.#lost.xml").symlink_to(target)
 
     assert survey(wide_tables(str(file)), tmp_path, h=1000.0).V_a > 0.0
+
+
+def test_a_pipe_is_no_part_of_a_model(own, tmp_path):
+    file = own('file="aerosonde_motor"', 'file="pipe"')
+    os.mkfifo(file.parent / "Engines/pipe.xml")
+    with pytest.raises(ft.PlantError, match="`file` must name a file, got"):
+        survey(wide_tables(str(file)), tmp_path, h=1000.0)
+
+    os.mkfifo(file.parent / "pipe-set.xml")
+    with pytest.raises(ft.InputError, match="got none"):
+        ft.adopt(str(file.parent), tmp_path / "mine")
 
 
 def test_parts_are_named_from_the_folder_of_flightgears_aircraft(own, tmp_path):

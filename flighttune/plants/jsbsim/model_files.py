@@ -39,6 +39,8 @@ from flighttune.files.shipped import is_trusted
 from flighttune.files.whole import scratch_folder, scratch_place
 from flighttune.units import FT
 
+MODEL_FILE = "`model` must be a file of JSBSim's"
+
 # Elements by which JSBSim opens files and sockets on its first evaluation.
 CONNECTIONS = ("output", "input")
 
@@ -146,8 +148,8 @@ def main_root(config: AircraftConfig) -> Element:
 
     Raises PlantError if it cannot be read.
     """
-    kind = "a file of JSBSim's" if config.model.endswith(".xml") else "shipped with jsbsim"
-    return read_xml(source_folders(config).file, f"{config.file}: `model` must be {kind}")
+    kind = MODEL_FILE if config.model.endswith(".xml") else "`model` must be shipped with jsbsim"
+    return read_xml(source_folders(config).file, f"{config.file}: {kind}")
 
 
 def wing_span(config: AircraftConfig) -> float | None:
