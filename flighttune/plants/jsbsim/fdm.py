@@ -42,17 +42,22 @@ _INCHES = 12.0
 _LOAD = re.compile(r"inertia/pointmass-weight|/tank(\[\d+\])?/contents-lbs")
 
 # Integration steps a second while an engine settles. Long steps bring it to the same steady state
-# with a fifth of the work; short steps after them settle what the long ones upset.
+# with a fifth of the work; where they do not, as with some governors, short ones have to do.
 _LONG_STEP_RATE, _SETTLING_RATE = 10.0, 50.0
+
+# Longest times in long and in short steps, as multiples of the settling time: a filter in front of
+# the throttle moves on by the steps of the flight, however long a step is.
+_LONG_STEPS, _SHORT_STEPS = 2.0, 5.0
 
 # Longest time in which an electric propeller settles that is too light for such steps, s.
 _LIGHT_SETTLES = 15.0
 
 # Change of thrust in a sample, as a share of it, that ends the settling.
-_SETTLED_CHANGE = 1e-10
+_SETTLED_CHANGE = 1e-9
 
-# Number of waits for a steady thrust, and its relative change that counts as none.
-_MAX_SETTLINGS, _STEADY = 5, 1e-13
+# Longest wait for a steady thrust as a multiple of the settling time, and the relative change of a
+# thrust in a second that counts as none.
+_MAX_SETTLINGS, _STEADY = 5, 1e-12
 
 MOTIONS = [
     f"simulation/integrator/{of}/{motion}"
@@ -89,6 +94,8 @@ class Fdm:
         self.electric = bool(config.engines.count) and has_engine(unchanged(config), ELECTRIC)
         # Steps longer than those of the flight make the speed of a light propeller diverge.
         self.light = self.electric and config.engines.settle <= _LIGHT_SETTLES
+        # Whether long steps have brought the engine to a steady state each time.
+        self._long_steps = not self.light
         self.ground = ground
         self.steps = steps
         self.rate = config.inner_loop_rate * steps  # integration steps a second
@@ -214,23 +221,25 @@ class Fdm:
         """
         if self.engine_settles:
             self.start_engines()
-            if self.electric and not self.light:  # the slower it turns, the longer it takes
-                longest = 10.0 * self.engine_settles
-                self.hold(longest, rate=_LONG_STEP_RATE, still=_SETTLED_CHANGE)
-            elif not self.electric:
-                self.hold(self.engine_settles, rate=_LONG_STEP_RATE)
-            self.hold(self.engine_settles, still=_SETTLED_CHANGE)
+            rate = _LONG_STEP_RATE if self._long_steps else _SETTLING_RATE
+            # Behind a filter the throttle may take some steps until the thrust begins to change.
+            self.hold(self.engine_settles * _LONG_STEP_RATE / rate, rate=rate)
+            if self._long_steps:
+                # The slower an electric one turns, the longer it takes.
+                longest = (10.0 if self.electric else _LONG_STEPS) * self.engine_settles
+                self._long_steps = self.hold(longest, rate=rate, still=_SETTLED_CHANGE)
+            self.hold(_SHORT_STEPS * self.engine_settles, still=_SETTLED_CHANGE)
 
-    def hold(self, duration: float, *, rate: float = _SETTLING_RATE, still: float = 0.0) -> None:
+    def hold(self, duration: float, *, rate: float = _SETTLING_RATE, still: float = 0.0) -> bool:
         """Let `duration` (s) pass for engines and flight control while the aircraft stays still.
 
         `duration` (s). `rate` (1/s): integration steps a second. `still`: a sample that changes the
-        thrust by a smaller share of it ends the wait.
+        thrust by a smaller share of it ends the wait. Returns whether one did.
         """
         if self.light:  # they settle in the steps in which they fly
             rate = max(rate, self.rate)
         # Whole samples of the inner loop, so that its next one falls on the start of the flight.
-        self.run_still(math.ceil(duration * rate / self.steps), rate, still)
+        return self.run_still(math.ceil(duration * rate / self.steps), rate, still)
 
     def rest(self) -> None:
         """Hold the aircraft in the steps of its flight until the thrust is steady.
@@ -238,22 +247,24 @@ class Fdm:
         An evaluation leaves a turboprop without power, and a steady state depends on the step.
         """
         now = self._thrust()
-        for _ in range(_MAX_SETTLINGS):
+        for _ in range(math.ceil(_MAX_SETTLINGS * self.engine_settles)):
             before = now
-            self.run_still(math.ceil(self.engine_settles * self.config.inner_loop_rate), self.rate)
+            self.run_still(math.ceil(self.config.inner_loop_rate), self.rate)
             now = self._thrust()
             if abs(now - before) <= _STEADY * abs(now):
                 return
 
-    def run_still(self, samples: int, rate: float, still: float = 0.0) -> None:
+    def run_still(self, samples: int, rate: float, still: float = 0.0) -> bool:
         """Let samples of the inner loop pass, at `rate` (1/s), while the aircraft stays still.
 
         A sample that changes the thrust by a smaller share of it than `still` ends the wait.
+        Returns whether one did.
         """
         # Integrators of type 0 hold the aircraft still while time passes.
         states = [(write, read()) for write, read in self.integrators.values()]
         for write, _ in states:
             write(0.0)
+        at_rest = False
         self._exec.set_dt(1.0 / rate)
         try:
             for sample in range(samples):
@@ -261,7 +272,8 @@ class Fdm:
                 for _ in range(self.steps):
                     self._exec.run()
                 # Strict: a share of 0 never ends the wait early. The throttle comes with the first.
-                if sample and abs(self._thrust() - before) < still * abs(before):
+                at_rest = sample > 0 and abs(self._thrust() - before) < still * abs(before)
+                if at_rest:
                     break
         except jsbsim.BaseError as error:
             raise self._translation("cannot be run", error) from error
@@ -269,6 +281,7 @@ class Fdm:
         self._exec.set_sim_time(0.0)  # time at rest does not count: the flight begins at t = 0
         for write, value in states:
             write(value)
+        return at_rest
 
     def _body(self) -> Body:
         cg = [self.reader(f"inertia/cg-{axis}-in")() / _INCHES for axis in "xyz"]

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any, cast
 
 import numpy as np
@@ -13,6 +14,7 @@ from flighttune.errors import InputError, TrimError
 from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.bench import AirframeState, Bench
 from flighttune.plants.jsbsim.fdm import Fdm
+from flighttune.plants.jsbsim.model_files import Unchanged, unchanged
 from flighttune.units import DEG, DEG_PER_RAD, G_0
 
 # Share by which a step must reduce the residual, and share to which it must for its slopes to be
@@ -133,7 +135,7 @@ _RESIDUAL_ALLOWED, _RESIDUAL_SETTLED = 1e-6, 2e-5
 _DIFFERENCE = 2.0**-26
 
 # Residual that an engine which is still settling leaves.
-_SETTLED = 1e-8
+_SETTLED = 1e-7
 
 # Differences of the unknowns (rad, rad/s, throttle) where an engine settles: to within 1e-6 g, and
 # its thrust has kinks. The unknown that the engine follows comes last.
@@ -157,47 +159,41 @@ _TOO_LITTLE = "full throttle has too little thrust"
 _AT_STOP = 0.01
 
 
-def trim(fdm: Fdm, condition: FlightCondition, *, thrust_short: bool = False) -> AirframeState:
+def trim(fdm: Fdm, condition: FlightCondition) -> AirframeState:
     """Put `fdm`, its inner loop disengaged, into steady coordinated flight at `condition`.
 
     Seven unknowns (angle of attack, sideslip, three surfaces, turn rate, throttle) bring six body
     accelerations and the lateral load factor to zero: by Newton's method, and where that gets
     stuck, by bounded least squares. Without a rudder it is held at 0 in place of the lateral load
     factor. Without an engine the flight-path angle takes the place of the
-    throttle, and must come out as that of `condition`.
+    throttle, and must come out as that of `condition`. Where an engine settles, the answer is
+    remembered in this process while the files stay the same.
 
     `condition`: airspeed, height, course, flight-path angle and roll; `n_z` follows from them.
-    `thrust_short`: whether thrust is known to be too little for a shallower climb: the throttle is
-    then tried at its stop at once. The answer is the same. Returns the steady flight the aircraft
-    is left in. Raises InputError if `condition` lies outside the aircraft's envelope or command
-    limits. Raises TrimError if there is no steady flight; the message says what stands against it.
+    Returns the steady flight the aircraft is left in. Raises InputError if `condition` lies outside
+    the aircraft's envelope or command limits. Raises TrimError if there is no steady flight; the
+    message says what stands against it.
     """
-    for name, fault in start_faults(fdm.config, condition, fdm.ground):
+    config = fdm.config
+    for name, fault in start_faults(config, condition, fdm.ground):
         raise InputError(f"`{name}` {fault}.")
     problem = _TrimProblem(fdm, condition)
-    start = problem.start
-    x = None if thrust_short else problem.root(start)
-    c = condition
-    failure = (
-        f"{fdm.config.file}: no steady flight at V_a {c.V_a:g} m/s, h {c.h:g} m, "
-        f"gamma {c.gamma / DEG:g} deg, phi {c.phi / DEG:g} deg"
-    )
-    if x is None:
-        try:
-            x = problem.best_compromise(start)
-        except ValueError as error:  # SciPy's, of forces that are not finite
-            raise TrimError(
-                f"{failure}: the forces on the aircraft must be finite: {error}"
-            ) from error
-    left_over = problem.residuals(x)
-    worst = float(np.max(np.abs(left_over)))
-    if not worst < (_RESIDUAL_SETTLED if fdm.engine_settles else _RESIDUAL_ALLOWED):
-        raise TrimError(f"{failure}: {problem.obstacle(x, left_over)} (left over: {worst:.2g} g).")
-    if abs(problem.gamma(x) - c.gamma) > _OFF_GLIDE:
-        raise TrimError(
-            f"{failure}: it has no engine and glides at {problem.gamma(x) / DEG:.4g} deg."
-        )
+    if not fdm.engine_settles:
+        return problem.state(problem.steady())
+    # The search is on an aircraft of its own, and only its answer is set here: the last digits of a
+    # thrust depend on the throttles before it, and must not depend on whether a search was needed.
+    key = unchanged(config, config.model_dump_json(), repr(config.off_nominal))
+    x = np.array(_found(key, condition, fdm.steps, fdm.ground))
+    problem.check(x)
     return problem.state(x)
+
+
+@lru_cache(maxsize=64)
+def _found(
+    unchanged: Unchanged, condition: FlightCondition, steps: int, ground: float
+) -> tuple[float, ...]:
+    fdm = Fdm(unchanged.config, steps=steps, ground=ground)
+    return tuple(_TrimProblem(fdm, condition).steady().tolist())
 
 
 def level(config: AircraftConfig, V_a: float, h: float) -> FlightCondition:
@@ -220,7 +216,11 @@ class _TrimProblem:
 
     def __init__(self, fdm: Fdm, condition: FlightCondition) -> None:
         self._bench = Bench(fdm, condition.h)
-        self._condition = condition
+        self._condition = c = condition
+        self._failure = (
+            f"{fdm.config.file}: no steady flight at V_a {c.V_a:g} m/s, h {c.h:g} m, "
+            f"gamma {c.gamma / DEG:g} deg, phi {c.phi / DEG:g} deg"
+        )
         envelope, surfaces = fdm.config.envelope, fdm.config.surfaces
         self._rudderless = surfaces.rudder is None
         self._glides = not fdm.config.engines.count
@@ -235,18 +235,51 @@ class _TrimProblem:
             _GLIDES if self._glides else fdm.config.engines.throttle,
         )
         self.lower, self.upper = np.array(intervals).T
-        settles = fdm.engine_settles
+        self.settles = settles = bool(fdm.engine_settles)
         self.limits = {
             "enough": _SETTLED if settles else 0.0,
             "rounding": _UNSTEADY if settles else _ROUNDING,
         }
         span = self.upper - self.lower
-        self.widths = np.array(_STEPS) if fdm.engine_settles else _DIFFERENCE * span
+        self.widths = np.array(_STEPS) if settles else _DIFFERENCE * span
         # A guess that suits any aeroplane: 3 deg of angle of attack in level flight.
         alpha = 0.05 * math.cos(condition.gamma) / math.cos(condition.phi)
         psi_dot = G_0 / condition.V_a * math.tan(condition.phi)
         guess = np.array([alpha, 0.0, 0.0, 0.0, 0.0, psi_dot, -0.05 if self._glides else 0.3])
         self.start: FloatArray = np.clip(guess, self.lower + 0.02 * span, self.upper - 0.02 * span)
+
+    def steady(self, *, thrust_short: bool = False, near: FloatArray | None = None) -> FloatArray:
+        """Return the unknowns of steady flight, or raise TrimError as `trim` does.
+
+        `thrust_short`: whether thrust is known to be too little for a shallower climb: the throttle
+        is then tried at its stop at once. `near`: a steady flight from which the search begins. The
+        answer is the same.
+        """
+        x = None
+        if not thrust_short:
+            x = None if near is None else self.root(near)
+            x = self.root(self.start) if x is None else x
+        if x is None:
+            try:
+                x = self.best_compromise(self.start)
+            except ValueError as error:  # SciPy's, of forces that are not finite
+                raise TrimError(
+                    f"{self._failure}: the forces on the aircraft must be finite: {error}"
+                ) from error
+        self.check(x)
+        return x
+
+    def check(self, x: FloatArray) -> None:
+        """Raise TrimError unless `x` is steady flight at the condition."""
+        left_over = self.residuals(x)
+        worst, gamma = float(np.max(np.abs(left_over))), self.gamma(x)
+        if not worst < (_RESIDUAL_SETTLED if self.settles else _RESIDUAL_ALLOWED):
+            obstacle = self.obstacle(x, left_over)
+            raise TrimError(f"{self._failure}: {obstacle} (left over: {worst:.2g} g).")
+        if abs(gamma - self._condition.gamma) > _OFF_GLIDE:
+            raise TrimError(
+                f"{self._failure}: it has no engine and glides at {gamma / DEG:.4g} deg."
+            )
 
     def state(self, x: FloatArray) -> AirframeState:
         """Return the steady turn that the unknowns `x` stand for."""
@@ -355,7 +388,21 @@ class _TrimProblem:
             (low[2] or high[2], "the aileron is at its stop"),
             (low[4] or high[4], "the rudder is at its stop"),
         )
-        return ", ".join(text for holds, text in reasons if holds) or "the search did not converge"
+        text = ", ".join(text for holds, text in reasons if holds)
+        return text or self._history(x) or "the search did not converge"
+
+    def _history(self, x: FloatArray) -> str:
+        """Say that the thrust at `x` depends on the throttles before it; empty if it does not."""
+        thrusts = []
+        for stop in (self.upper[-1], self.lower[-1]) if self.settles else ():
+            self.residuals(np.append(x[:-1], stop))
+            thrusts.append(self.residuals(x)[0])
+        if not np.ptp(thrusts or [0.0]) > _RESIDUAL_SETTLED:
+            return ""
+        return (
+            f"its thrust depends on its history: at the throttle {x[-1]:.3f} it is "
+            f"{thrusts[0] - thrusts[1]:.2g} g larger after full throttle than after a closed one"
+        )
 
 
 def _least_squares(
@@ -418,10 +465,12 @@ def trim_table(
     """
     speeds = np.linspace(*config.envelope.V_a, SPEEDS).tolist() if V_a is None else V_a
     turn, records = {"phi_deg": phi * DEG_PER_RAD, "h_m": h}, []
+    fdm: Fdm | None = None  # of the condition before: its engine has settled close to the next one
     if gamma is None and config.engines.count:
         gamma = CLIMBS
     for speed in speeds:
         lowest_short = math.inf  # shallowest climb for which thrust is too little
+        near: FloatArray | None = None  # the steady flight before
         try:
             climbs = (level(config, speed, h).gamma,) if gamma is None else gamma
         except TrimError as error:
@@ -430,7 +479,10 @@ def trim_table(
             continue
         for climb in climbs:
             condition = FlightCondition(V_a=speed, h=h, gamma=climb, phi=phi)
-            point, reason = _trimmed(config, condition, thrust_short=climb > lowest_short)
+            short = climb > lowest_short
+            if fdm is None or near is None or not config.engines.settle:
+                fdm, near = Fdm(config), None
+            near, point, reason = _trimmed(fdm, condition, thrust_short=short, near=near)
             if _TOO_LITTLE in reason:
                 lowest_short = min(lowest_short, climb)
             row = {"V_a_mps": speed, "gamma_deg": climb * DEG_PER_RAD, **turn}
@@ -439,20 +491,28 @@ def trim_table(
 
 
 def _trimmed(
-    config: AircraftConfig, condition: FlightCondition, *, thrust_short: bool
-) -> tuple[dict[str, float] | None, str]:
-    """Steady flight as numbers of a file, or what stands against it."""
-    faults = (f"`{name}` {fault}" for name, fault in start_faults(config, condition, ground=0.0))
-    outside = "; ".join(faults).replace(f" ({config.file})", "")
+    fdm: Fdm,
+    condition: FlightCondition,
+    *,
+    thrust_short: bool,
+    near: FloatArray | None,
+) -> tuple[FloatArray | None, dict[str, float] | None, str]:
+    """Steady flight as unknowns and as numbers of a file, or what stands against it."""
+    faults = (
+        f"`{name}` {fault}" for name, fault in start_faults(fdm.config, condition, ground=0.0)
+    )
+    outside = "; ".join(faults).replace(f" ({fdm.config.file})", "")
     if outside:
-        return None, f"outside the envelope: {outside}"
+        return None, None, f"outside the envelope: {outside}"
+    problem = _TrimProblem(fdm, condition)
     try:
-        state = trim(Fdm(config), condition, thrust_short=thrust_short)
+        x = problem.steady(thrust_short=thrust_short, near=near)
     except TrimError as error:
-        return None, _obstacle(error)
+        return None, None, _obstacle(error)
+    state = problem.state(x)
     names = ("alpha", "beta", "theta", "aileron", "elevator", "rudder")
     angles = {f"{name}_deg": getattr(state, name) * DEG_PER_RAD for name in names}
-    return {**angles, "throttle": state.throttle}, ""
+    return x, {**angles, "throttle": state.throttle}, ""
 
 
 def _obstacle(error: TrimError) -> str:
