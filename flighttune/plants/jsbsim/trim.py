@@ -144,6 +144,9 @@ _STEPS = (1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 1e-6, 3e-4)
 # Further starts of the search, as shares of the way from the closed throttle to the open one.
 _THROTTLES = (0.6, 0.85, 0.45, 0.15)
 
+# Throttles from full to that of a flight, and change of the acceleration, in g, that they may make.
+_SWEEP, _HISTORY = 12, 1e-2
+
 # Halvings of the range of the throttle.
 _BISECTIONS = 12
 
@@ -393,15 +396,17 @@ class _TrimProblem:
 
     def _history(self, x: FloatArray) -> str:
         """Say that the thrust at `x` depends on the throttles before it; empty if it does not."""
-        thrusts = []
-        for stop in (self.upper[-1], self.lower[-1]) if self.settles else ():
-            self.residuals(np.append(x[:-1], stop))
-            thrusts.append(self.residuals(x)[0])
-        if not np.ptp(thrusts or [0.0]) > _RESIDUAL_SETTLED:
+        if not self.settles:
+            return ""
+        fast, slowly = (
+            [self.residuals(np.append(x[:-1], throttle))[0] for throttle in throttles][-1]
+            for throttles in (np.linspace(self.upper[-1], x[-1], n).tolist() for n in (2, _SWEEP))
+        )
+        if not abs(slowly - fast) > _HISTORY:
             return ""
         return (
-            f"its thrust depends on its history: at the throttle {x[-1]:.3f} it is "
-            f"{thrusts[0] - thrusts[1]:.2g} g larger after full throttle than after a closed one"
+            f"its thrust depends on its history, at the throttle {x[-1]:.3f} it is "
+            f"{slowly - fast:.2g} weights larger where that is closed slowly from full"
         )
 
 

@@ -1,6 +1,7 @@
 """Steady flight found by the trim search, and why there is none."""
 
 import math
+import re
 import shutil
 
 import numpy as np
@@ -89,16 +90,24 @@ LEVER = """<system name="lever"><channel name="lever"><fcs_function name="a/open
 </channel></system>"""
 
 
-def test_a_thrust_that_falls_before_it_grows_steeply_is_trimmed(tmp_path):
-    plain = level_throttle("aerosonde")
-    folder = shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", tmp_path / "lever")
-    for name, old, new in (
+def behind_lever(folder, system, **settle):
+    """Copy the Aerosonde, with `system` between the lever ``a/lever`` and its throttle."""
+    shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", folder)
+    changes = [
         ("aircraft.toml", "fcs/throttle-pos-norm", "a/lever"),
-        ("aerosonde.xml", "</fdm_config>", f"{LEVER}</fdm_config>"),
-    ):
+        ("aerosonde.xml", "</fdm_config>", f"{system}</fdm_config>"),
+    ]
+    changes += [("aircraft.toml", "[engines]", f"[engines]\n{k} = {v}") for k, v in settle.items()]
+    for name, old, new in changes:
         file = folder / name
         assert old in file.read_text()
         file.write_text(file.read_text().replace(old, new))
+    return folder
+
+
+def test_a_thrust_that_falls_before_it_grows_steeply_is_trimmed(tmp_path):
+    plain = level_throttle("aerosonde")
+    folder = behind_lever(tmp_path / "lever", LEVER)
 
     # The table between its rows at 0.62 and 0.66.
     assert 0.02 < plain < 0.9
@@ -108,6 +117,55 @@ def test_a_thrust_that_falls_before_it_grows_steeply_is_trimmed(tmp_path):
 
 def level_throttle(aircraft):
     return trim_table(load_aircraft(aircraft), V_a=[25.0], gamma=[0.0])[0]["trim"]["throttle"]
+
+
+FILTER = """<system name="lever"><property>a/lever</property><channel name="lever">
+<lag_filter name="a/slow"><input>a/lever</input><c1>1</c1>
+<output>fcs/throttle-pos-norm</output></lag_filter></channel></system>"""
+
+
+def test_a_throttle_behind_a_filter_of_a_second_is_trimmed_as_without_it(tmp_path):
+    folder = behind_lever(tmp_path / "filter", FILTER, settle_s=15.0)
+
+    assert level_throttle(folder) == pytest.approx(level_throttle("aerosonde"), abs=1e-6)
+
+
+# The engine runs from full throttle on, and stops where the lever is closed too fast.
+STALLS = """<system name="lever"><property>a/lever</property><property>a/runs</property>
+<channel name="lever">
+<lag_filter name="a/slow"><input>a/lever</input><c1>1</c1></lag_filter>
+<switch name="a/runs-now"><default value="a/runs"/>
+<test logic="AND" value="1"> a/lever gt 0.97 </test>
+<test logic="AND" value="0"> a/fast gt 0.02 </test><output>a/runs</output></switch>
+<summer name="a/fast"><input>a/slow</input><input>-a/lever</input></summer>
+<fcs_function name="a/out"><function><product><property>a/lever</property>
+<property>a/runs</property></product></function><output>fcs/throttle-pos-norm</output>
+</fcs_function></channel></system>"""
+
+
+@pytest.mark.slow
+def test_a_thrust_that_depends_on_the_throttles_before_it_is_said_so(tmp_path):
+    folder = behind_lever(tmp_path / "stalls", STALLS, settle_s=3.0)
+
+    (row,) = trim_table(load_aircraft(folder), V_a=[25.0], gamma=[0.0])
+
+    assert re.fullmatch(
+        r"its thrust depends on its history, at the throttle 0\.9\d+ it is 1 weights larger "
+        "where that is closed slowly from full",
+        row["reason"],
+    )
+
+
+def test_a_flight_starts_alike_whether_its_trim_is_searched_or_remembered(changed_aircraft):
+    folder = changed_aircraft("aircraft.toml", r"title *=.*", 'title = "new"', aircraft="c172p")
+    starts = []
+    for _ in range(2):
+        plant = ft.JSBSimPlant(folder)
+        plant.start(ft.FlightCondition(V_a=50.0))
+        plant.advance(0.0, 1.0, 0.02)
+        starts.append(plant.observe())
+
+    assert starts[0] == starts[1]
 
 
 LAG = """<system name="yoke"><channel name="yoke"><lag_filter name="a/yoke">
