@@ -31,7 +31,7 @@ from flighttune.files.whole import made_folder, write_text
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import fly
 from flighttune.flight.load import load_scenario
-from flighttune.identification.design import Airframe, airframe, design
+from flighttune.identification.design import ROLL_STIFFNESS, Airframe, airframe, design
 from flighttune.identification.file import FILE_NAME, rounded, save_identified
 from flighttune.identification.identify import GOOD_FIT, AircraftIdentification, identify_aircraft
 from flighttune.identification.steps import StepResponse
@@ -116,6 +116,9 @@ MAX_ROLL_RATE = 30.0 * DEG
 
 # Share of the roll rate at full aileron that commands use.
 ROLL_RATE_USED = 0.4
+
+# Damping of the roll, over the stiffness of its error, that makes the error slow.
+MUCH_DAMPING = 3.0
 
 # Share of full aileron that commands use to start a roll.
 AILERON_USED = 0.8
@@ -543,6 +546,11 @@ def final_tables(surveyed: Survey, model: Airframe, h: float, share: float) -> d
     roll = share * np.clip(AILERON_USED * power / rate - damping, *ROLL_BANDWIDTHS)
     load = share * np.clip(NON_MINIMUM_PHASE * elevator_zero(model), *LOAD_BANDWIDTHS)
     load_rate = np.clip(0.12 * load, 0.3, 1.0)
+    # e'' + damping e' + roll_error^2 e = 0 of an airframe with much damping is slow: its slow pole
+    # shall be where the others have theirs.
+    error = ROLL_STIFFNESS * roll
+    stiff = damping > MUCH_DAMPING * error
+    roll_error = {"roll_error_rad_s": math.sqrt(error * (damping - error))} if stiff else {}
     return surveyed.tables | {
         "envelope": {
             "alpha_deg": [lift.negative_stall / DEG - 1.0, lift.stall / DEG],
@@ -561,6 +569,7 @@ def final_tables(surveyed: Survey, model: Airframe, h: float, share: float) -> d
             "h_m": h,
             "V_a_shown_mps": [surveyed.V_a],
             "roll_rad_s": roll,
+            **roll_error,
             "n_z_rad_s": load,
             "speed_rad_s": np.clip(15.0 / surveyed.V_a, 0.1, 0.5),
             "roll_t90_s": 30.0 * DEG / rate + 3.0 / roll,

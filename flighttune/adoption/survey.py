@@ -107,6 +107,12 @@ SPARE_THRUST = 0.08
 # to be used at a part of its throttle.
 MAX_THRUST = 10.0
 
+# Nutation of the airframe by the angular momentum of a propeller, rad/s, that spoils its control:
+# above the bandwidth of the inner loop.
+FAST_NUTATION = 8.0
+
+PROPELLER_RPM = "propulsion/engine/propeller-rpm"
+
 # Thrust that a model gives as an external force along its body axis.
 EXTERNAL = "forces/fbx-external-lbs"
 
@@ -259,6 +265,8 @@ def survey(
     if "rudder" not in surfaces:
         notes.append("it has no rudder: yaw is left to the airframe")
     notes += _engine_notes(tables["engines"])
+    if tables["engines"]["count"]:
+        notes += _gyroscopic(load(tables), _level(speed, lift.at(speed)[0], 0.5))
     declared, linked = tables["declared"], tables["linked"]
     foreign = (name for name, value in declared.items() if not value and name not in linked)
     names = [name for name in foreign if not name.startswith("ft/")]
@@ -354,19 +362,30 @@ def _check_body(fdm: Fdm) -> list[str]:
         if not 0.0 < value < math.inf:
             raise Refusal(f"its {quantity} must be above zero, got {value:g} ({BODY[quantity]})")
     moments = {quantity: body[quantity] for quantity in body if quantity.startswith("inertia")}
-    notes = [
+    return [
         f"its moments of inertia are those of no body: {quantity} exceeds the sum of the others"
         for quantity, moment in moments.items()
         if 2.0 * moment > ROUNDED * sum(moments.values())
     ]
+
+
+def _gyroscopic(bench: Bench, cruise: AirframeState) -> list[str]:
+    """A note on propellers whose angular momentum couples pitch with yaw too fast to control."""
+    fdm = bench.fdm
     roots = (read_xml(file, str(file)) for file in model_files(fdm.config))
-    for inertia in (root.findtext("ixx", "") for root in roots if root.tag == "propeller"):
-        if float(inertia or 0.0) > moments["inertia xx"]:
-            notes.append(
-                f"the inertia of its propeller, {float(inertia):.3g} slug ft2, exceeds that of the "
-                f"whole aircraft about the same axis, {moments['inertia xx']:.3g}"
-            )
-    return notes
+    inertias = [float(root.findtext("ixx", "0")) for root in roots if root.tag == "propeller"]
+    if not (inertias and fdm.shows(PROPELLER_RPM)):
+        return []
+    bench.accelerations(cruise)
+    rpm = fdm.reader(PROPELLER_RPM)()
+    across = math.prod(fdm.reader(BODY[f"inertia {axes}"])() for axes in ("yy", "zz"))
+    nutation = max(inertias) * abs(rpm) * math.pi / 30.0 / math.sqrt(across)
+    if nutation < FAST_NUTATION:
+        return []
+    return [
+        f"its propeller makes it a gyroscope that nutates at {nutation:.3g} rad/s: an inertia of "
+        f"{max(inertias):.3g} slug ft2 at {rpm:.3g} rpm"
+    ]
 
 
 def _part(root: Element, tag: str, folders: tuple[Path, ...]) -> Element:
@@ -627,7 +646,7 @@ def _thrust_of_another_kind(
         raise Refusal(
             f"the speed of its propeller diverges: at full throttle it pushes with "
             f"{full.sum() / weight:.3g} times the weight, and with another step of the integration "
-            "otherwise (is the inertia `ixx` of the propeller 0?)"
+            f"otherwise (the inertia `ixx` of the propeller is too small for {1e3 / fdm.rate:g} ms)"
         )
     shares = 0.5 ** np.arange(1.0, 16.0)
     weak = (float(share) for share in shares if settled(throttle=share).sum() <= weight)

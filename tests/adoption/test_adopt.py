@@ -7,18 +7,22 @@ import re
 import shutil
 from pathlib import Path
 
+import numpy as np
 import pytest
 from commands import answer, flighttune
 from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
+from flighttune.adoption.adopt import final_tables
 from flighttune.adoption.survey import survey, wide_tables
 from flighttune.aircraft.aircraft import aircraft_from, load_aircraft
 from flighttune.files.shipped import models_of_jsbsim
 from flighttune.flight.conditions import start_condition
+from flighttune.identification.design import airframe
 from flighttune.plants.jsbsim.bench import AirframeState, Bench
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.load_check import check_moves
+from flighttune.plants.jsbsim.trim import level
 
 DEG = math.pi / 180.0
 CENTIDEGREE = 0.01
@@ -372,15 +376,41 @@ def test_a_propeller_without_inertia_is_called_diverging(own, tmp_path):
         survey(wide_tables(str(file)), tmp_path, h=1000.0)
 
 
-def test_moments_of_inertia_that_cannot_be_are_named(own, tmp_path):
+def test_moments_of_inertia_that_no_body_has_are_named(own, tmp_path):
     file = own(r'(<ixx unit="KG.M2">)[^<]*', r"\1 3.5 ")
-    (file.parent / "Engines/direct.xml").write_text(PROPELLER.replace("0.0005", "2.6"))
 
-    body, propeller, *_ = survey(wide_tables(str(file)), tmp_path, h=1000.0, glide=True).notes
+    note, *_ = survey(wide_tables(str(file)), tmp_path, h=1000.0, glide=True).notes
 
-    # 3.5 kg m^2, which are 2.58 slug ft^2, about x; 1.135 and 1.759 about the others.
-    assert body.endswith("those of no body: inertia xx exceeds the sum of the others")
-    assert propeller.startswith("the inertia of its propeller, 2.6 slug ft2, exceeds")
+    # 3.5 kg m^2 about x, 1.135 and 1.759 about the others
+    assert note.endswith("those of no body: inertia xx exceeds the sum of the others")
+
+
+def test_a_propeller_that_makes_the_airframe_a_gyroscope_is_named(own, tmp_path):
+    file = own("38.21", "38.2")
+    (file.parent / "Engines/direct.xml").write_text(PROPELLER.replace("0.0005", "0.02"))
+    motor = file.parent / "Engines/aerosonde_motor.xml"
+    motor.write_text(motor.read_text().replace("> 36.576 <", "> 1500 <"))
+
+    note = survey(wide_tables(str(file)), tmp_path, h=1000.0).notes[-1]
+
+    nutation, rpm = map(float, re.findall(r"(\S+) (?:rad/s|rpm)", note))
+    across = math.sqrt(1.135 * 1.759) / (14.5939 * 0.3048**2)  # slug ft^2
+    assert nutation == pytest.approx(0.02 * rpm * math.pi / 30.0 / across, rel=0.02)
+    assert note.startswith("its propeller makes it a gyroscope")
+
+
+def test_errors_of_a_roll_with_much_damping_decay_as_fast_as_others(own, tmp_path):
+    file = own(r'(<ixx unit="KG.M2">)[^<]*', r"\1 0.4 ")
+    found = survey(wide_tables(str(file)), tmp_path, h=1000.0)
+    config = aircraft_from(found.tables, tmp_path)
+    model = airframe(Fdm(config), level(config, found.V_a, 1000.0))
+
+    goals = final_tables(found, model, 1000.0, 1.0)["design"]
+
+    # e'' - L_p e' + roll_error^2 e = 0: the slow pole is that which 4 rad/s has without damping.
+    poles = np.roots([1.0, -model.of("p_dot", "p"), goals["roll_error_rad_s"] ** 2])
+    assert goals["roll_rad_s"] == 4.0
+    assert max(poles) == pytest.approx(-2.3 * 4.0, rel=1e-6)
 
 
 def test_of_a_motor_that_is_far_too_strong_a_part_of_the_throttle_is_used(own, tmp_path):
