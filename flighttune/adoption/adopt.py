@@ -352,7 +352,8 @@ def _of_flightgear(path: Path) -> Path:
 
 def _is_main(file: Path) -> bool:
     try:
-        return read_xml(file, str(file)).tag == "fdm_config"
+        # reading a pipe would wait
+        return file.is_file() and read_xml(file, str(file)).tag == "fdm_config"
     except PlantError:  # it cannot be read, and belongs to something else
         return False
 
