@@ -648,7 +648,7 @@ def turn_text(aircraft: str, start: FlightCondition, tables: Mapping[str, Any]) 
         "reference": {"chi_deg": 20.0, "gamma_deg": gamma},
         "limits": tables["limits"],
         "controller": {"feed_forward": True},
-        "tuning": {"model": "identified", "roll_rate": True},
+        "tuning": {"model": "identified", "roll_rate": True, "lift_rate": True},
         "plant": [{"kind": "jsbsim", "aircraft": f"../{aircraft}"}],
     }
     return tomlkit.dumps(rounded(scenario, DIGITS))

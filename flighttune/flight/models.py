@@ -44,7 +44,7 @@ TINY = 1e-300
 # Largest sensitivity of gains of the fastest decay or the least E_K, where none is stated.
 SENSITIVITY = 1.4
 
-# Smallest integral time of the course loop over the delay of a limited roll: design/roll_rate.md.
+# Smallest integral time of a loop over the delay of a limited command: design/roll_rate.md.
 INTEGRAL_TIME = 4.0
 
 
@@ -157,7 +157,7 @@ def identified_problems(scenario: Scenario, law: Law | None = None) -> tuple[Tun
             replace(design.model, A=design.model.A - _weight(design.model)),
             design.scaling,
             math.inf,
-            _followed_roll(scenario, design, law),
+            _followed(scenario, design, law),
         )
         for design in identified_models(scenario, law)
     )
@@ -186,21 +186,29 @@ def _with_weight(result: TuningResult, scenario: Scenario, law: Law) -> TuningRe
     return replace(result, gains=replace(result.gains, K_P=K_P))
 
 
-def _followed_roll(scenario: Scenario, design: DesignModel, law: Law) -> tuple[float, float]:
-    """Largest K_P and K_I from course to roll that the rate limit of roll can follow.
+def _followed(scenario: Scenario, design: DesignModel, law: Law) -> FloatArray:
+    """Largest K_P and K_I from course to roll and from path angle to lift that a rate can follow.
 
     From the largest bank phi, roll taken out at its largest rate and late by its lag turns the
     course on by ``g/V phi T`` with ``T = phi / (2 rate) + lag``. That must not be more than the
     course error that commands this bank, ``phi / K_P``: else every turn ends beyond its course, and
-    in a limit cycle. The integral must not have grown by as much meanwhile: its time is 4 T.
+    in a limit cycle. The integral must not have grown by as much meanwhile: its time is 4 T. The
+    load factor that the first error of the path angle commands, ``K_P gamma_err``, likewise.
     """
-    limits = command_limits(scenario)
-    phi, rate = min(limits.upper[0], -limits.lower[0]), limits.rate_upper[0]
-    if not scenario.tuning.roll_rate or not np.isfinite([phi, rate]).all():
-        return math.inf, math.inf
-    roll_per_turn = law.command_per_rate(design.V_a, scenario.flight.g_mps2)
-    late = phi / (2.0 * rate) + design.roll_lag
-    return roll_per_turn / late, roll_per_turn / (INTEGRAL_TIME * late**2)
+    limits, settings = command_limits(scenario), scenario.tuning
+    phi, rates = min(limits.upper[0], -limits.lower[0]), limits.rate_upper
+    roll_lag, lift_lag = design.whole_lags[:2]
+    per_rate = law.command_per_rate(design.V_a, scenario.flight.g_mps2)
+    late = np.zeros(2)  # T; 0 without a bound
+    if settings.roll_rate and np.isfinite([phi, rates[0]]).all():
+        late[0] = phi / (2.0 * rates[0]) + roll_lag
+    error = abs(reference_of(scenario).initial[1] - stated_condition(scenario).gamma)
+    if settings.lift_rate and error and np.isfinite(rates[1]):
+        # T = V gamma_err / (2 g rate T) + lag
+        slew = design.V_a / scenario.flight.g_mps2 * error / (2.0 * rates[1])
+        late[1] = 0.5 * lift_lag + math.sqrt(0.25 * lift_lag**2 + slew)
+    with np.errstate(divide="ignore"):
+        return per_rate / np.column_stack([late, INTEGRAL_TIME * late**2])
 
 
 def _problem(
@@ -208,14 +216,16 @@ def _problem(
     model: LinearModel,
     scaling: FloatArray | None,
     I_star: float,
-    roll_gains_max: tuple[float, float] | None = None,
+    gains_max: FloatArray | None = None,
 ) -> TuningProblem:
     chi_ref, gamma_ref = reference_of(scenario).initial
     condition, settings = stated_condition(scenario), scenario.tuning
     _, m, p = model.shape
     bound = np.full((m, 2 * p), settings.gain_max or LARGEST_GAIN)
-    if identified := roll_gains_max is not None:
-        bound[0, [0, p]] = np.minimum(bound[0, [0, p]], roll_gains_max)
+    identified = gains_max is not None
+    if gains_max is not None:
+        for i, largest in enumerate(gains_max):
+            bound[i, [i, p + i]] = np.minimum(bound[i, [i, p + i]], largest)
     return TuningProblem(
         model=model,
         I_star=I_star,
@@ -466,7 +476,7 @@ def loop_measures(
 
 
 def _needed_roll_rate(scenario: Scenario, law: Law, gains: PIGains) -> float:
-    """Roll rate with which `_followed_roll` allows the gains; NaN without a limit of roll."""
+    """Roll rate with which `_followed` allows the gains; NaN without a limit of roll."""
     limits, design = command_limits(scenario), identified_models(scenario, law)[0]
     phi = min(limits.upper[0], -limits.lower[0])
     roll_per_turn = law.command_per_rate(design.V_a, scenario.flight.g_mps2)
@@ -474,7 +484,8 @@ def _needed_roll_rate(scenario: Scenario, law: Law, gains: PIGains) -> float:
     late = min(roll_per_turn / K_P, math.sqrt(roll_per_turn / (INTEGRAL_TIME * K_I)))
     if not math.isfinite(phi):
         return math.nan
-    return phi / (2.0 * (late - design.roll_lag)) if late > design.roll_lag else math.inf
+    roll_lag = design.whole_lags[0]
+    return phi / (2.0 * (late - roll_lag)) if late > roll_lag else math.inf
 
 
 def law_setup(scenario: Scenario, gains: PIGains, limits: Limits) -> LawSetup:

@@ -230,7 +230,7 @@ class DesignModel:
     gamma: float
     law_model: LinearModel  # of the law alone
     lags: tuple[InnerLag, ...]  # of roll and load factor, without the delay of the hold
-    roll_lag: float  # s: whole lag and delay of roll, that of the hold too
+    whole_lags: tuple[float, ...]  # s: lag and delay of each together, that of the hold too
 
 
 def design_model(
@@ -275,7 +275,7 @@ def design_model(
         gamma=gamma,
         law_model=model,
         lags=measured,
-        roll_lag=lags[0].whole,
+        whole_lags=tuple(lag.whole for lag in lags),
     )
 
 

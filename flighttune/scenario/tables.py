@@ -757,7 +757,8 @@ class TuningTable(q.Table):
     an aircraft or a model file; by default the aircraft of the first jsbsim plant) and from the
     controller, R_K is not bounded by I_K, and each channel is tuned by itself. ``robust`` maximises
     the smallest R_K over all conditions of the file instead of taking the nearest one.
-    ``roll_rate`` bounds the gain from course to roll by what the rate limit of roll can follow.
+    ``roll_rate`` bounds the gains from course to roll by what the rate limit of roll can follow,
+    ``lift_rate`` those from path angle to load factor by what that of the load factor can.
 
     With ``objective = "cost"`` the gains minimise the integral over the first transient of the
     squares of errors and commands about their end values, times ``error_weights`` (chi, gamma; 1
@@ -778,6 +779,7 @@ class TuningTable(q.Table):
     structure: Literal["full", "decoupled"] = "full"
     gain_max: q.PositiveGain | None = None
     roll_rate: bool = False
+    lift_rate: bool = False
     state_scaling: list[q.Scale] | None = None
     objective: Literal["R_K", "cost", "decay", "E_K"] = "R_K"
     sensitivity_max: Annotated[float, Field(gt=1.0)] | None = None
