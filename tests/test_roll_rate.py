@@ -1,4 +1,4 @@
-"""Gains inside what the rate limit of roll can follow: an airliner's course settles."""
+"""Gains inside what the rate limits of the commands can follow: an airliner settles."""
 
 import math
 from pathlib import Path
@@ -12,9 +12,9 @@ FOLDER = Path(__file__).parent / "adopted" / "B747"
 HALF_A_DEGREE = math.radians(0.5)
 
 
-def turn(*, roll_rate):
-    scenario = ft.load_scenario(FOLDER / "turn.toml")
-    tuning = scenario.tuning.model_copy(update={"roll_rate": roll_rate})
+def turn(folder=FOLDER, **rates):
+    scenario = ft.load_scenario(folder / "turn.toml")
+    tuning = scenario.tuning.model_copy(update=rates)
     return scenario.model_copy(update={"tuning": tuning, "gains": ["tuned_identified"]})
 
 
@@ -41,3 +41,21 @@ def test_the_course_of_a_slow_roller_settles_and_cycles_without():
     assert bounded["ITAE"] < 35.0
     assert bounded["ST_rad"] < HALF_A_DEGREE < free["ST_rad"]
     assert free["ITAE"] > 2.0 * bounded["ITAE"]
+
+
+@pytest.mark.slow
+def test_the_path_angle_of_a_slow_load_factor_settles_and_swings_without():
+    bounded, free = (turn(FOLDER.parent / "MD11", lift_rate=lift) for lift in (True, False))
+    lag = ft.load_identified(FOLDER.parent / "MD11").conditions[0].lags[1].whole + 0.01
+    first, V_over_g = math.radians(3.0), bounded.flight.V_a_mps / 9.81
+
+    K_P, K_I = (getattr(gain_set(bounded, "tuned_identified"), key)[1, 1] for key in ("K_P", "K_I"))
+
+    late = K_P * first / (2.0 * bounded.limits.n_z_rate_per_s) + lag
+    assert K_P <= V_over_g / late * (1.0 + 1e-6)
+    assert K_I <= K_P / (4.0 * late) * 1.5
+    settled, swings = (
+        ft.fly(scenario).metrics.xs("gamma", level=1).iloc[0] for scenario in (bounded, free)
+    )
+    assert settled["ITAE"] < 0.75 * swings["ITAE"]
+    assert settled["ST_rad"] < 0.4 * swings["ST_rad"]
