@@ -177,7 +177,7 @@ def model_files(config: AircraftConfig) -> tuple[Path, ...]:
         file = pending.pop()
         if file in files:
             continue
-        root = read_xml(file, str(config.file)) if files else main_root(config)
+        root = read_xml(file, str(file)) if files else main_root(config)
         files.append(file)
         names = (element.get("file") for element in root.iter() if element.tag not in CONNECTIONS)
         parts = (found_file(name, folders.parts, file) for name in names if name)
