@@ -101,6 +101,9 @@ BANDWIDTH_SHARES = (1.0, 0.7, 0.5)
 # Factors on the chosen airspeed for last tries after them.
 AIRSPEED_FACTORS = 1.25, 1.4
 
+# Factor on the roll rate of the very last try: spoilers that roll an aircraft spill its lift.
+GENTLE = 0.4
+
 # No further try begins after this time, s.
 TIME_LEFT = 100.0
 
@@ -382,9 +385,10 @@ def _best(
 ) -> Adoption:
     """The best of the tries; its files are left in the folder."""
     best, files, refused = None, {}, None
-    tries = [(share, surveyed.V_a) for share in BANDWIDTH_SHARES]
-    tries += [(1.0, factor * surveyed.V_a) for factor in AIRSPEED_FACTORS]
-    for share, V_a in tries:
+    tries = [(share, surveyed.V_a, 1.0) for share in BANDWIDTH_SHARES]
+    tries += [(1.0, factor * surveyed.V_a, 1.0) for factor in AIRSPEED_FACTORS]
+    tries += [(1.0, AIRSPEED_FACTORS[-1] * surveyed.V_a, GENTLE)]
+    for share, V_a, roll_rate in tries:
         if best is not None and time.monotonic() - began > TIME_LEFT:
             break
         say(
@@ -392,7 +396,7 @@ def _best(
             + (f", bandwidths times {share:g}" if best else "")
         )
         try:
-            tried = _tried(replace(surveyed, V_a=V_a), folder, h, share, say)
+            tried = _tried(replace(surveyed, V_a=V_a), folder, h, (share, roll_rate), say)
         except PlantError as error:
             refused = refused or error
             continue
@@ -437,7 +441,11 @@ def _merit(tried: Adoption) -> tuple[bool, float]:
 
 
 def _tried(
-    surveyed: Survey, folder: Path, h: float, share: float, say: Callable[[str], object]
+    surveyed: Survey,
+    folder: Path,
+    h: float,
+    shares: tuple[float, float],
+    say: Callable[[str], object],
 ) -> Adoption:
     """One try: a folder with an aircraft, and how it flies."""
     wide = aircraft_from(surveyed.tables, folder)
@@ -453,7 +461,7 @@ def _tried(
     if (ratio := drag["glide_ratio"]) > MAX_GLIDE_RATIO:
         doubt = f"its glide ratio of {ratio:.0f} is above any aeroplane's: drag may be missing"
         surveyed = replace(surveyed, notes=(*surveyed.notes, doubt))
-    tables = final_tables(surveyed, model, h, share)
+    tables = final_tables(surveyed, model, h, *shares)
     for stale in (GAINS_FILE, FILE_NAME, RECORD):
         (folder / stale).unlink(missing_ok=True)
     write_text(folder / "aircraft.toml", aircraft_text(tables, surveyed.notes))
@@ -524,8 +532,13 @@ def _missed(
                 yield f"ITAE of {channel} is {ours:.3g}, with the paper's scaled gains {theirs:.3g}"
 
 
-def final_tables(surveyed: Survey, model: Airframe, h: float, share: float) -> dict[str, Any]:
-    """Tables of the ``aircraft.toml``: envelope and limits, and bandwidths times `share`."""
+def final_tables(
+    surveyed: Survey, model: Airframe, h: float, share: float, roll_rate: float = 1.0
+) -> dict[str, Any]:
+    """Tables of the ``aircraft.toml``: envelope and limits, and bandwidths times `share`.
+
+    `roll_rate`: factor on the limit of the roll rate.
+    """
     lift = surveyed.lift
     ratio = (surveyed.V_a / lift.V_s) ** 2
     n_z_max = min(LIFT_USED * ratio, MAX_LOAD_FACTOR)
@@ -543,7 +556,7 @@ def final_tables(surveyed: Survey, model: Airframe, h: float, share: float) -> d
     travel = surveyed.tables["surfaces"]["aileron"]["travel_deg"]
     power = abs(model.of("p_dot", "aileron")) * min(map(abs, travel)) * DEG
     damping = max(-model.of("p_dot", "p"), 0.1)
-    rate = min(MAX_ROLL_RATE, ROLL_RATE_USED * power / damping)
+    rate = roll_rate * min(MAX_ROLL_RATE, ROLL_RATE_USED * power / damping)
     roll = share * np.clip(AILERON_USED * power / rate - damping, *ROLL_BANDWIDTHS)
     load = share * np.clip(NON_MINIMUM_PHASE * elevator_zero(model), *LOAD_BANDWIDTHS)
     load_rate = np.clip(0.12 * load, 0.3, 1.0)

@@ -28,6 +28,7 @@ from flighttune.plants.base import FlightCondition
 from flighttune.plants.jsbsim.bench import AirframeState, Bench, slopes
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.model_files import model_hash
+from flighttune.plants.jsbsim.properties import GYROSCOPIC
 from flighttune.plants.jsbsim.trim import level, trim
 from flighttune.present.answer import Answer, Answering
 from flighttune.present.names import columns
@@ -79,6 +80,10 @@ MAX_DAMPER = 0.6
 
 # Bandwidth of the load-factor model over that of the response asked for, at most 20 rad/s.
 MODEL_LEAD = 2.0
+
+# Frequency at which a propeller couples pitch and yaw, over the bandwidth of load factor, from
+# which the gains make up for it: below, the loops reject it.
+STRONG = 1.5
 
 YAW_GAINS = ("yaw/k_ff", "yaw/k_r", "yaw/k_p", "yaw/k_i")
 
@@ -259,6 +264,7 @@ def inner_loop_gains(airframe: Airframe, design: DesignTable) -> dict[str, float
         "roll/k_d": max(0.0, 2.0 * WELL_DAMPED * omega - damping) / effect,
         **_pitch(airframe, design.n_z),
         **(dict.fromkeys(YAW_GAINS, 0.0) if rudderless else _yaw(airframe, damping / effect)),
+        **({} if rudderless else _gyroscopic(airframe, design.n_z)),
         "speed/k_gamma": G_0 / thrust,
         "speed/k_p": design.speed / thrust,
         "speed/k_i": 0.25 * design.speed**2 / thrust,
@@ -321,6 +327,18 @@ def _n_z_step(
         response[k] = n_z @ x
         x = step @ x
     return np.nan_to_num(response, nan=10.0, posinf=10.0, neginf=-10.0)
+
+
+def _gyroscopic(airframe: Airframe, bandwidth: float) -> dict[str, float]:
+    """Gains by which elevator and rudder make up for the moments of a propeller's momentum.
+
+    There are none where these couple pitch and yaw too slowly for the `bandwidth` (rad/s).
+    """
+    d = airframe.of
+    if not -d("q_dot", "r") * d("r_dot", "q") > (STRONG * bandwidth) ** 2:
+        return {}
+    gains = -d("q_dot", "r") / d("q_dot", "elevator"), -d("r_dot", "q") / d("r_dot", "rudder")
+    return dict(zip(GYROSCOPIC, gains, strict=True))
 
 
 def _yaw(airframe: Airframe, roll_k_ff: float) -> dict[str, float]:

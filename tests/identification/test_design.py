@@ -1,8 +1,10 @@
 """Derivatives of the airframe against its published coefficients, and gains made of them."""
 
 import math
+import shutil
 
 import pytest
+from places import SHIPPED_AIRCRAFT
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
@@ -17,6 +19,8 @@ WEIGHT = MASS * 9.80665
 Q_S = 0.5 * RHO_1000 * V_A**2 * S
 SETTLING = 4e-3
 """Share by which gains move with the flow behind a propeller from evaluation to evaluation."""
+MOMENTUM, FOOT_POUND = 28.0, 1.3558179
+"""Angular momentum of a propeller, ft lbf s, and N m in a foot-pound."""
 CG_AFT = 0.05888
 DRAG = 0.043 + 0.0232 * (WEIGHT / Q_S) ** 2
 """In a sideslip it has a part along the wing."""
@@ -113,6 +117,28 @@ def test_a_rudder_that_turns_the_wrong_way_is_refused(slopes):
             Airframe(trimmed=AirframeState(V_a=V_A, alpha=0.05), slopes=backwards),
             load_aircraft("aerosonde").design,
         )
+
+
+@pytest.mark.slow
+def test_the_gyroscopic_moment_of_a_heavy_propeller_is_made_up_for(tmp_path):
+    folder = shutil.copytree(SHIPPED_AIRCRAFT / "aerosonde", tmp_path / "gyroscope")
+    text = (folder / "aerosonde.xml").read_text()
+    for axis, momentum, rate in (("PITCH", MOMENTUM, "r"), ("YAW", -MOMENTUM, "q")):
+        moment = f"<property>velocities/{rate}-rad_sec</property><value>{momentum}</value>"
+        function = f'<function name="g/{rate}"><product>{moment}</product></function>'
+        text = text.replace(f'<axis name="{axis}">', f'<axis name="{axis}">{function}')
+    (folder / "aerosonde.xml").write_text(text)
+
+    designed = ft.design(folder)
+    designed.save(folder)
+    channels = ft.identify(folder).identified.conditions[0].channels
+    gains = designed.gains.gains
+    of = airframe(Fdm(designed.config), ft.FlightCondition(V_a=V_A, h=1000.0)).of
+
+    pitch, yaw = MOMENTUM * FOOT_POUND / JY, -MOMENTUM * FOOT_POUND * JX / (JX * JZ - JXZ**2)
+    assert pitch + gains["pitch/k_r"] * of("q_dot", "elevator") == pytest.approx(0.0, abs=0.05)
+    assert yaw + gains["yaw/k_q"] * of("r_dot", "rudder") == pytest.approx(0.0, abs=0.05)
+    assert min(channel.fit_percent for channel in channels.values()) > 90.0
 
 
 def test_without_a_design_table_there_is_nothing_to_design_for():

@@ -352,7 +352,8 @@ def inner_loop_settings(config: AircraftConfig) -> dict[str, float]:
         "n_z-rate-per_sec": limits.n_z_rate,
         "throttle-max": config.engines.throttle[1],
     }
-    gains = {f"{properties.GAINS}{name}": value for name, value in config.gains.gains.items()}
+    values = dict.fromkeys(properties.GYROSCOPIC, 0.0) | config.gains.gains
+    gains = {f"{properties.GAINS}{name}": value for name, value in values.items()}
     return {f"{properties.LIMITS}{name}": value for name, value in command_limits.items()} | gains
 
 

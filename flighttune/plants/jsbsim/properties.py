@@ -29,6 +29,10 @@ THROTTLE = "ft/throttle-norm"
 # Beginning of the names of gains.
 GAINS = "ft/gains/"
 
+# Gains against the gyroscopic moment of a propeller, which only aircraft with a strong one have:
+# of the elevator by the yaw rate, of the rudder by the pitch rate.
+GYROSCOPIC = ("pitch/k_r", "yaw/k_q")
+
 # Throttle that adds a longitudinal load factor of one.
 THROTTLE_PER_N_X = f"{GAINS}speed/k_gamma"
 
