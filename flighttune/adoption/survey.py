@@ -676,7 +676,10 @@ def _surfaces(
     moved, fault = _answers(bench, level)
     surfaces = {name: tables["surfaces"][name] | table for name, table in moved.items()}
     if moved and not fault:
-        fault = next(surface_faults(load(tables | {"surfaces": surfaces}), level), "")
+        for wrong in surface_faults(load(tables | {"surfaces": surfaces}), level):
+            name = wrong.split("`")[1]
+            fault = f"its {name} does not move in proportion to the {name} command"
+            break
     past = _past_flight_control(tables, bench.fdm.config) if fault else {}
     if past:
         bypassed = tables | {"surfaces": past}
