@@ -298,7 +298,8 @@ def _values(scenario: Scenario, setup: LawSetup, loop: OuterLoop, fdm: Fdm) -> d
     # An actuator with hysteresis begins where its input is in the first evaluation, and JSBSim runs
     # the flight control after the systems.
     own = fdm.names("fcs/") if fdm.own_flight_control else []
-    moved = {name: at for name, at in _read(fdm, filter(fdm.has, own)).items() if at}
+    read = _read(fdm, filter(fdm.has, own))
+    moved = {name: at for name, at in read.items() if at and math.isfinite(at)}
     values = {**moved, **fdm.settings, **inner_loop_settings(fdm.config)}
     for trim_name, law_name in zip(properties.TRIMS, properties.LAWS, strict=True):
         values[trim_name] = fdm.reader(trim_name)() + fdm.reader(law_name)()
