@@ -237,7 +237,9 @@ def turn_of_changed(change, folder):
 
 HYSTERESIS = """
 <flight_control name="own"><channel name="own"><pure_gain name="a/cmd">
-  <input>fcs/elevator-pos-rad</input><gain>1</gain><output>fcs/cmd</output></pure_gain></channel>
+  <input>fcs/elevator-pos-rad</input><gain>1</gain><output>fcs/cmd</output></pure_gain>
+  <fcs_function name="a/endless"><function><quotient><value>1</value><value>0</value></quotient>
+  </function><output>fcs/endless</output></fcs_function></channel>
 </flight_control>
 <system name="own"><channel name="own"><actuator name="a/tail"> <input>fcs/cmd</input>
   <hysteresis_width>0.02</hysteresis_width> <output>fcs/tail</output> </actuator></channel></system>
@@ -245,7 +247,7 @@ HYSTERESIS = """
 
 
 @pytest.mark.slow
-def test_an_actuator_with_hysteresis_begins_where_that_of_fly_does(tmp_path):
+def test_flight_control_begins_where_that_of_fly_does_hysteresis_and_infinity_included(tmp_path):
     def change(text):
         aerodynamics = text.replace("fcs/elevator-pos-rad", "fcs/tail")
         return aerodynamics.replace("</fdm_config>", HYSTERESIS)
