@@ -53,7 +53,7 @@ _LONG_STEPS, _SHORT_STEPS = 2.0, 5.0
 _LIGHT_SETTLES = 15.0
 
 # Change of thrust in a sample, as a share of it, that ends the settling.
-_SETTLED_CHANGE = 1e-9
+_SETTLED_CHANGE = 1e-10
 
 # Longest wait for a steady thrust as a multiple of the settling time, and the relative change of a
 # thrust in a second that counts as none.
