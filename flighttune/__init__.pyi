@@ -10,10 +10,6 @@ from flighttune.campaign.engine.engine import run_campaign as run_campaign
 from flighttune.campaign.engine.progress import CampaignObserver as CampaignObserver
 from flighttune.campaign.meet import meet as meet
 from flighttune.campaign.meeting import Meeting as Meeting
-from flighttune.campaign.planning.load import load_campaign as load_campaign
-from flighttune.campaign.planning.plan import Plan as Plan
-from flighttune.campaign.planning.plan import plan_campaign as plan_campaign
-from flighttune.campaign.planning.schema import Campaign as Campaign
 from flighttune.campaign.refly import refly as refly
 from flighttune.campaign.worst import WorstFlight as WorstFlight
 from flighttune.campaign.worst import worst as worst
@@ -58,6 +54,10 @@ from flighttune.flight.load import load_scenario as load_scenario
 from flighttune.flight.models import tuning_problem as tuning_problem
 from flighttune.flight.route import PlannedRoute as PlannedRoute
 from flighttune.flight.route import route as route
+from flighttune.flights.load import load_campaign as load_campaign
+from flighttune.flights.plan import Plan as Plan
+from flighttune.flights.plan import plan_campaign as plan_campaign
+from flighttune.flights.schema import Campaign as Campaign
 from flighttune.gaps.gap import Gap as Gap
 from flighttune.gaps.ladder import gap as gap
 from flighttune.gym import FlightEnv as FlightEnv

@@ -9,9 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.planning.load import load_campaign
-from flighttune.campaign.planning.plan import plan_campaign
-from flighttune.campaign.planning.schema import Campaign
 from flighttune.campaign.stated_set import is_scenario
 from flighttune.control.controller import FlightCondition, SelfLimiting
 from flighttune.control.gains import PIGains
@@ -26,6 +23,9 @@ from flighttune.flight.load import load_scenario
 from flighttune.flight.models import gain_set, law_setup
 from flighttune.flight.own import with_own
 from flighttune.flight.route import is_mission, route
+from flighttune.flights.load import load_campaign
+from flighttune.flights.plan import plan_campaign
+from flighttune.flights.schema import Campaign
 from flighttune.plants.base import N_X_SIGNALS
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
 from flighttune.scenario.schema import Scenario

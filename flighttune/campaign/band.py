@@ -22,7 +22,6 @@ from flighttune.campaign.counted_flights import (
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.alone import fly_group
-from flighttune.campaign.planning.plan import Plan
 from flighttune.campaign.stated_set import planned
 from flighttune.campaign.turn_back import room_of, turning_back
 from flighttune.claims.band import (
@@ -55,6 +54,7 @@ from flighttune.errors import InputError
 from flighttune.files.seal import is_claim_file
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.flight.route import is_mission, planned_route
+from flighttune.flights.plan import Plan
 from flighttune.gaps.residual import RESIDUALS, ConformantModel, conformant_model, residuals_of
 from flighttune.metrics import OFF_ROUTE
 from flighttune.present.answer import pick

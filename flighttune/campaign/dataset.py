@@ -23,11 +23,11 @@ import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
 from flighttune.campaign.flying.columns import NOT_REPRODUCIBLE, Row, table_of
-from flighttune.campaign.planning.plan import Plan, plan_from
 from flighttune.errors import InputError, OutputError, RecordingError, ScenarioError
 from flighttune.files.mistakes import abridged
 from flighttune.files.table import hash_of, json_tables
 from flighttune.files.whole import reason_of, whole_file
+from flighttune.flights.plan import Plan, plan_from
 
 FORMAT = 3
 CAMPAIGN, LOCK = "campaign.json", "campaign.lock"

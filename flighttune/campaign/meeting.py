@@ -10,12 +10,12 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.campaign.counted_flights import distribution_of
-from flighttune.campaign.planning.schema import Campaign
 from flighttune.control.gains import PIGains, gains_lists, gains_table
 from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins, margins_table
 from flighttune.flight.expectations import BoundCheck
 from flighttune.flight.models import certify_scenario, linear_model
+from flighttune.flights.schema import Campaign
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import columns, in_words, listed, measure_words
 from flighttune.present.tables import Column, Table, interval, percent

@@ -7,20 +7,20 @@ from typing import Any
 
 from flighttune.arrays import check_not_negative
 from flighttune.campaign.dataset import CAMPAIGN, open_dataset
-from flighttune.campaign.planning.load import campaign_on, load_campaign
-from flighttune.campaign.planning.plan import Plan, on_plants, plan_campaign
-from flighttune.campaign.planning.schema import (
+from flighttune.errors import InputError
+from flighttune.files.shipped import campaign_files, scenario_files
+from flighttune.files.table import toml_tables
+from flighttune.flight.load import load_scenario, route_scenario
+from flighttune.flight.route import AIRCRAFT, is_mission
+from flighttune.flights.load import campaign_on, load_campaign
+from flighttune.flights.plan import Plan, on_plants, plan_campaign
+from flighttune.flights.schema import (
     MEASURES,
     Campaign,
     CampaignTable,
     Dispersion,
     Uniform,
 )
-from flighttune.errors import InputError
-from flighttune.files.shipped import campaign_files, scenario_files
-from flighttune.files.table import toml_tables
-from flighttune.flight.load import load_scenario, route_scenario
-from flighttune.flight.route import AIRCRAFT, is_mission
 from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.references.mission import read_route
 from flighttune.scenario.load import scenario_from, with_gains

@@ -22,9 +22,6 @@ from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.alone import scenario_of_run
 from flighttune.campaign.flying.rows import Drawn, Probes
-from flighttune.campaign.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
-from flighttune.campaign.planning.plan import Plan
-from flighttune.campaign.planning.schema import MEASURES
 from flighttune.campaign.stated_set import disturbance_of, enclosed, measured_in, planned
 from flighttune.certificates.bound import RateBound
 from flighttune.certificates.certificate import Certificate
@@ -33,6 +30,9 @@ from flighttune.errors import InputError
 from flighttune.files.seal import is_claim_file
 from flighttune.flight.expectations import bound_checks
 from flighttune.flight.fly import fly
+from flighttune.flights.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
+from flighttune.flights.plan import Plan
+from flighttune.flights.schema import MEASURES
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import CHANNEL_SYMBOLS, columns

@@ -13,8 +13,6 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.campaign.meet import stated
 from flighttune.campaign.meeting import CERTIFICATE_COLUMNS, REQUIREMENT_COLUMNS, Meeting, Trial
-from flighttune.campaign.planning.plan import plain
-from flighttune.campaign.planning.schema import Campaign
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError
 from flighttune.files.table import toml_text
@@ -22,6 +20,8 @@ from flighttune.flight.expectations import BoundCheck
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import fly
 from flighttune.flight.models import certify_scenario, gain_set
+from flighttune.flights.plan import plain
+from flighttune.flights.schema import Campaign
 from flighttune.present.chart import DASHED, Chart
 from flighttune.present.frame import Report, Section, write_answer
 from flighttune.present.names import in_words, listed, measure_words, metric_label

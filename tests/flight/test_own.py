@@ -14,10 +14,10 @@ from plain_members import Glider, Proportional
 
 import flighttune as ft
 from flighttune import COMMON_SIGNALS, InnerLag, LaggedPlant, PointMassPlant, record
-from flighttune.campaign.planning.plan import plan_from
 from flighttune.claims.linear_loop import flight_check
 from flighttune.flight import apart
 from flighttune.flight.own import with_own
+from flighttune.flights.plan import plan_from
 
 SCENARIO = """
     title = "own"

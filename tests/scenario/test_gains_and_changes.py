@@ -9,10 +9,10 @@ from commands import answer, flighttune
 from fuzzing import to_toml
 
 import flighttune as ft
-from flighttune.campaign.planning.plan import plan_from
 from flighttune.campaign.stated_set import planned
 from flighttune.control.gains import PAPER_EPSILON
 from flighttune.flight.models import gain_set
+from flighttune.flights.plan import plan_from
 from flighttune.scenario.load import with_gains
 
 TURN = {

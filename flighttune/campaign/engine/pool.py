@@ -20,9 +20,9 @@ from flighttune.campaign.flying.rows import (
     fly_together,
     lost_row,
 )
-from flighttune.campaign.planning.plan import Plan
 from flighttune.errors import InputError, StoppedError
 from flighttune.flight.notice import before_running
+from flighttune.flights.plan import Plan
 from flighttune.simulate.batch import cores
 
 # Tasks handed to each worker: one in flight, and one ready for when that ends

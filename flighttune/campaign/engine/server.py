@@ -14,10 +14,10 @@ from multiprocessing.connection import Connection
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.campaign.flying.alone import fly_again
 from flighttune.campaign.flying.rows import Draw, Row, fly_draw, warm_up
-from flighttune.campaign.planning.plan import Plan
 from flighttune.errors import FlightTuneError, PlantError
 from flighttune.flight.fly import library_versions
 from flighttune.flight.own import with_own
+from flighttune.flights.plan import Plan
 from flighttune.records.parquet import parquet_bytes
 from flighttune.records.refly import changed_versions
 

@@ -5,8 +5,8 @@ from typing import Any
 
 import pyarrow as pa
 
-from flighttune.campaign.planning.plan import Plan
-from flighttune.campaign.planning.schema import MEASURES, Choice, Dispersion, Grid
+from flighttune.flights.plan import Plan
+from flighttune.flights.schema import MEASURES, Choice, Dispersion, Grid
 from flighttune.metrics import AIRSPEED, AIRSPEED_METRICS, settling_names, unit_of
 from flighttune.present.names import UNIT_OF_SUFFIX
 

@@ -18,14 +18,14 @@ import pyarrow as pa
 from flighttune.campaign.flying.alone import fly_group
 from flighttune.campaign.flying.columns import NOT_REPRODUCIBLE, Row, table_of
 from flighttune.campaign.flying.kinematic_batch import FlightResult, alike, batchable, fly_batch
-from flighttune.campaign.planning.plan import Group, Plan
-from flighttune.campaign.planning.schema import MEASURES
 from flighttune.control.law import Law, split_name
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import FlightTuneError, ending_of
 from flighttune.flight.conditions import reference_of
 from flighttune.flight.expectations import missed, with_loop
 from flighttune.flight.models import linear_model
+from flighttune.flights.plan import Group, Plan
+from flighttune.flights.schema import MEASURES
 from flighttune.metrics import measures
 from flighttune.records.refly import Difference
 from flighttune.scenario.schema import Scenario

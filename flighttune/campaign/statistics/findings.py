@@ -8,12 +8,12 @@ import numpy as np
 import pandas as pd
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.planning.plan import Group
 from flighttune.campaign.statistics.flights import Flights, is_number
 from flighttune.campaign.statistics.intervals import CONFIDENCE, Method
 from flighttune.campaign.statistics.paired import paired, scores
 from flighttune.campaign.statistics.sensitivity import classes_of, influences
 from flighttune.campaign.statistics.summary import convergence, requirements, summary
+from flighttune.flights.plan import Group
 
 SUCCESS = "success"
 

@@ -10,9 +10,9 @@ import pandas as pd
 
 from flighttune.arrays import FloatArray
 from flighttune.campaign.dataset import open_dataset
-from flighttune.campaign.planning.plan import Group, Plan
-from flighttune.campaign.planning.schema import MEASURES
 from flighttune.campaign.statistics.intervals import CONFIDENCE, Estimate, Method, percentile, share
+from flighttune.flights.plan import Group, Plan
+from flighttune.flights.schema import MEASURES
 
 # Columns that may be null, which then are empty.
 TEXTS = ("reason", "missed")

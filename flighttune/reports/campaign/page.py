@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from flighttune.campaign.dataset import dataset_hash
-from flighttune.campaign.planning.plan import draws_in_words
 from flighttune.campaign.statistics.findings import SUCCESS, Findings
 from flighttune.files.shipped import scenario_files
 from flighttune.files.table import toml_text
+from flighttune.flights.plan import draws_in_words
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import key_words
 from flighttune.present.tables import MISSING, Table, facts_table

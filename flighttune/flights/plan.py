@@ -9,15 +9,15 @@ import numpy as np
 import pandas as pd
 
 from flighttune.aircraft.aircraft import files_hash
-from flighttune.campaign.planning.draws import cycle, drawn
-from flighttune.campaign.planning.places import dispersed_places, with_drawn
-from flighttune.campaign.planning.schema import Campaign, CampaignTable
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, ScenarioError
 from flighttune.files.mistakes import abridged, validated
 from flighttune.files.table import hash_of
 from flighttune.flight.load import check_scenario
 from flighttune.flight.models import gain_sets
+from flighttune.flights.draws import cycle, drawn
+from flighttune.flights.places import dispersed_places, with_drawn
+from flighttune.flights.schema import Campaign, CampaignTable
 from flighttune.plants.label import goes_by
 from flighttune.quantities import Table
 from flighttune.scenario.load import as_recorded

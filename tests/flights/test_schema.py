@@ -7,7 +7,7 @@ import pytest
 
 import flighttune as ft
 from flighttune import load_scenario
-from flighttune.campaign.planning.schema import (
+from flighttune.flights.schema import (
     DISTRIBUTIONS,
     CampaignTable,
     CorrelationTable,

@@ -15,8 +15,8 @@ import pandas as pd
 from scipy.special import ndtr, ndtri
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.planning.schema import Campaign, CorrelationTable, Grid
 from flighttune.errors import InputError
+from flighttune.flights.schema import Campaign, CorrelationTable, Grid
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
 
 # Column of the seeds

@@ -4,8 +4,8 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from flighttune.campaign.planning.schema import Dispersion
 from flighttune.errors import InputError, ScenarioError
+from flighttune.flights.schema import Dispersion
 from flighttune.scenario.places import Place, places_of, value_at, with_values
 from flighttune.scenario.schema import Scenario
 

@@ -4,14 +4,14 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from flighttune.campaign.planning.draws import copula_factor
-from flighttune.campaign.planning.places import dispersed_places, with_drawn
-from flighttune.campaign.planning.schema import DISTRIBUTIONS, Campaign, CampaignTable
 from flighttune.errors import InputError, ScenarioError
 from flighttune.files.mistakes import abridged, shown, validated
 from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.files.table import toml_tables
 from flighttune.flight.load import check_identified, check_scenario, load_scenario
+from flighttune.flights.draws import copula_factor
+from flighttune.flights.places import dispersed_places, with_drawn
+from flighttune.flights.schema import DISTRIBUTIONS, Campaign, CampaignTable
 from flighttune.plants.label import goes_by
 from flighttune.scenario.load import (
     existing_file,
