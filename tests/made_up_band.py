@@ -23,8 +23,8 @@ EPSILON, CONFIDENCE, FLIGHTS, LEARNED = 0.05, 0.99, 259, 10
 def band_flights(edges, over="time", title="made up", central=None):
     """Flights of the law that end in these windows."""
     distribution = Distribution(
-        title=title, air="calm", fixed={"flight.V_a_mps": 25.0}, dispersed={}, disperse=[],
-        correlation=[],
+        title=title, airspeeds="25 m/s", air="calm", fixed={"flight.V_a_mps": 25.0}, dispersed={},
+        disperse=[], correlation=[],
     )  # fmt: skip
     return BandFlights(
         over=over, edges=edges, distribution=distribution, scenario=made_up_scenario(),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from flighttune.claims.band import About, Band, other_files
-from flighttune.claims.distribution import Distribution, flown_values
+from flighttune.claims.distribution import AIRSPEEDS, Distribution, flown_values, spread
 from flighttune.errors import InputError
 from flighttune.flight.route import planned_route
 from flighttune.flights.load import campaign_on
@@ -112,8 +112,11 @@ def distribution_of(campaign: Campaign, plant: str) -> Distribution:
             dispersed[key] = _range(table, nominal.get(key))
         disperse += [table.model_dump(mode="json")] * bool(plant_places)
     correlation = campaign.model_dump(mode="json", include={"correlation"})
+    ends = [end for key, values in dispersed.items() if key.endswith(AIRSPEEDS) for end in values]
+    airspeeds = spread([*campaign.central.airspeeds, *ends], "m/s")
     return Distribution(
         title=campaign.title,
+        airspeeds=airspeeds if ends else campaign.central.airspeed_words,
         air=air_of(campaign.central),
         fixed=fixed,
         dispersed=dispersed,

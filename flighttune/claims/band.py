@@ -417,7 +417,7 @@ class Band(Answering):
             corridor = self.corridor()
             reaches["band"] = DISTANCE_SIGNS * np.stack([corridor.low, corridor.high], axis=-1)
         widest = max([0.0, *(float(reach[:, 0].max()) for reach in reaches.values())])
-        overlap = OVERLAP_SAMPLES * central.flight.V_a_mps / central.controller.rate_hz
+        overlap = OVERLAP_SAMPLES * max(central.airspeeds) / central.controller.rate_hz
         room = room_along(fence, path, self.flights.edges, widest=widest, overlap=overlap)
         # The limits to the sides are finite: flights that were not completed are outside.
         outside = int(np.sum(~(away <= room.limits).all(axis=(1, 2, 3))))

@@ -32,7 +32,9 @@ ROUNDING_DEG = 1e-6
 # Keys that are drawn, beside those of the air, and named in the sentence of a claim.
 MAX_NAMED = 5
 
+# Endings of keys of airspeeds: that of the start, and those that are commanded later.
 AIRSPEED = "flight.V_a_mps"
+AIRSPEEDS = AIRSPEED, "V_mps"
 
 # What a sentence says of the air.
 AIR = {
@@ -64,6 +66,7 @@ class Distribution:
     """Distribution of the flights that a count holds for."""
 
     title: str  # title of the campaign
+    airspeeds: str  # all that are flown, in words
     air: str  # ``calm``, ``wind``, or the intensity of the turbulence
     fixed: dict[str, Any]  # keys of the scenario that are the same in all flights, by dotted path
     # The lowest and the highest value of a key that is drawn, or all values where they are words
@@ -96,13 +99,13 @@ class Distribution:
         if len(drawn) > MAX_NAMED:
             drawn[MAX_NAMED - 1 :] = [f"{len(drawn) - MAX_NAMED + 1} more in the table of flights"]
         keys = f"; drawn at random: {listed(drawn)}" if drawn else ""
-        return f'"{self.title}": {flown} at {self._range(AIRSPEED)} in {", ".join(air)}{keys}'
+        return f'"{self.title}": {flown} at {self.airspeeds} in {", ".join(air)}{keys}'
 
     def table(self, flown: str) -> Table:
         """Plant, airspeed, air, and every key that is drawn with its range and unit."""
         rows = [
             ("flown", flown, ""),
-            ("airspeed", self._range(AIRSPEED), ""),
+            ("airspeed", self.airspeeds, ""),
             *((name, text, "") for name, text in (self._air or {"air": "calm"}).items()),
             *(row for _, *row in self._drawn),
         ]
@@ -143,7 +146,7 @@ class Distribution:
         if words["wind"]:
             origins = self._values("wind.", "from_deg")
             anywhere = max(origins) - min(origins) >= FULL_CIRCLE_DEG
-            words["wind"] += f" from {'anywhere' if anywhere else _spread(origins, 'deg')}"
+            words["wind"] += f" from {'anywhere' if anywhere else spread(origins, 'deg')}"
         if words["gust"]:
             words["gust"] += f" ({self._range('gust.axis')})"
         return {name: text for name, text in words.items() if text}
@@ -157,7 +160,7 @@ class Distribution:
     def _range(self, start: str, end: str = "") -> str:
         """The range of all these values with their unit; empty if no flight has such a key."""
         values = self._values(start, end)
-        return _spread(values, columns(PLACE.sub("", end or start))[0].unit) if values else ""
+        return spread(values, columns(PLACE.sub("", end or start))[0].unit) if values else ""
 
     def start_range(self, scenario: Scenario, plant: PlantTable) -> float | None:
         """Distance of its starts from a scenario's course and path angle, rad.
@@ -214,7 +217,7 @@ def _words(key: str) -> str:
     return words + " factor" * key.endswith("_factor")
 
 
-def _spread(values: Sequence[Any], unit: str) -> str:
+def spread(values: Sequence[Any], unit: str) -> str:
     """``0 to 8 m/s``, ``light or severe``."""
     if any(isinstance(value, str | bool | list) for value in values):
         return listed(list(dict.fromkeys(map(str, values))), "or")

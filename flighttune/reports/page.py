@@ -198,16 +198,17 @@ def flown_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
         except FlightTuneError:  # of somebody else's recording
             aircraft.append(name)
     start, subject = stated_condition(scenario), "; ".join(aircraft) or "Guidance law"
+    at = f"{subject}: at {scenario.airspeed_words}"
     if scenario.route is not None:
         passed = len(scenario.route.waypoint)
-        return f"{subject}: at {start.V_a:g} m/s in {scenario.air}, {passed} waypoints."
+        return f"{at} in {scenario.air}, {passed} waypoints."
     t = np.linspace(0.0, scenario.flight.duration_s, ANGLES)
     chi, gamma = reference_of(scenario).sampled(t)
     course, climb = _moves("course", start.chi, chi), _moves("path angle", start.gamma, gamma)
     if "goes from" in course:
         climb = climb.replace("goes from", "from")  # the page has no room to say it twice
     angles = f"{course} and {climb}"
-    return f"{subject}: at {start.V_a:g} m/s in {scenario.air}, {angles}."
+    return f"{at} in {scenario.air}, {angles}."
 
 
 def _moves(name: str, start: float, reference: FloatArray) -> str:

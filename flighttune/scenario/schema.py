@@ -21,6 +21,9 @@ from flighttune.scenario.turn_back import TurnBackTable
 # Samples of the controller in a flight: five and a half hours at 50 Hz, 200 MB of signals.
 MAX_SAMPLES = 1_000_000
 
+# Most airspeeds along a route that are named one by one.
+MAX_SPEEDS = 4
+
 # deg, and share of a duration.
 ROUNDING = 1e-9
 
@@ -324,6 +327,26 @@ class Scenario(Table):
         if self.route is not None:
             return bool(self.route.holds_airspeed)
         return self.reference is not None and self.reference.V_mps is not None
+
+    @property
+    def airspeeds(self) -> tuple[float, ...]:
+        """Airspeeds that are asked for, m/s, that of the start first."""
+        start, route = self.flight.V_a_mps, self.route
+        if route is not None:  # no flight goes on after the last waypoint
+            changes = (V for i, V in route.airspeeds.items() if i < len(route.waypoint))
+            return (start, *changes)
+        if self.reference is None or not self.airspeed:
+            return (start,)
+        return (start, *self.reference.airspeeds(start, self.flight.duration_s))
+
+    @property
+    def airspeed_words(self) -> str:
+        """Airspeeds that are asked for: ``25 m/s``, ``20, 27 and 23 m/s``, ``25 to 30 m/s``."""
+        speeds = list(dict.fromkeys(f"{V:.6g}" for V in self.airspeeds))
+        if self.route is None or len(speeds) > MAX_SPEEDS:
+            ends = min(self.airspeeds), max(self.airspeeds)
+            speeds = [" to ".join(dict.fromkeys(f"{V:.6g}" for V in ends))]
+        return f"{listed(speeds)} m/s"
 
     @property
     def feasible(self) -> bool:

@@ -149,7 +149,7 @@ class Tube(Answering):
             shaken = " and under any disturbance in the boxes of its file"
         words = (
             f'every flight of {problem.model} in "{problem.scenario.title}" at '
-            f"{problem.scenario.flight.V_a_mps:g} m/s with these gains, "
+            f"{problem.scenario.airspeed_words} with these gains, "
             f"{starts if problem.start else 'from its start'}{shaken}, in {problem.scenario.air}, "
             f"keeps {within} of the middle of its tube"
         )

@@ -1,18 +1,30 @@
 """The words of a distribution of flights: what a claim is about, with ranges and units."""
 
 import pytest
-from dispersed import AEROSONDE, WIND, one_of, plan_of, tables_of, uniform
+from dispersed import AEROSONDE, WIND, campaign_of, one_of, tables_of, uniform
 
 import flighttune as ft
 from flighttune.campaign.counted_flights import at_random, distribution_of
 
 GUST = {"axis": "right", "peak_mps": 12.0, "start_s": 1.0, "length_m": 30.0}
+# 2 m/s^2 from 1 s on, for 1.5 s: from 25 to 28 m/s.
+V_RAMP = {"chi_deg": 0.0, "gamma_deg": 0.0}
+V_RAMP["V_mps"] = [{"shape": "ramp", "start_s": 1.0, "duration_s": 1.5, "rate_mps2": 2.0}]
 WAVE = {"chi_amplitude": 0.1, "chi_omega_rad_s": 0.3}
 
 
+def route_at(*airspeeds, holds_airspeed=True):
+    """A route north whose waypoints set these airspeeds; the last one ends the flight."""
+    points = [{"north_m": 1e3 * i, "east_m": 0.0, "V_mps": V} for i, V in enumerate(airspeeds)]
+    limits = {"phi_deg": [-45.0, 45.0], "phi_rate_dps": 60.0, "n_x": [-0.3, 0.3]}
+    route = {"waypoint": points, "holds_airspeed": holds_airspeed}
+    return {"route": route, "reference": None, "limits": limits, "plants": [{"kind": "kinematic"}],
+            "flight": {"V_a_mps": 25.0, "duration_s": 1e3}}  # fmt: skip
+
+
 def distribution(*disperse, plants=(AEROSONDE,), **tables):
-    plan = plan_of(tables_of(plants, **tables), *disperse)
-    return distribution_of(at_random(plan.campaign), plan.scenario.plant[0].label)
+    campaign = campaign_of(ft.scenario_from(tables_of(plants, **tables)), *disperse)
+    return distribution_of(at_random(campaign), campaign.nominal.plant[0].label)
 
 
 def spoken(*disperse, **tables):
@@ -24,6 +36,11 @@ def spoken(*disperse, **tables):
     [
         ([], {}, "aircraft / gains at 25 m/s in calm air"),
         ([uniform("flight.V_a_mps", 20.0, 30.0)], {}, "at 20 to 30 m/s in calm air"),
+        ([], route_at(27, 23, 19), "at 25, 27 and 23 m/s in calm air"),
+        ([], route_at(24, 23, 22, 21, 20), "at 21 to 25 m/s in calm air"),
+        ([uniform("flight.V_a_mps", 25.0, 26.0)], route_at(27, None), "at 25 to 27 m/s in calm"),
+        ([], route_at(27, 23, holds_airspeed=False), "at 25 m/s in calm air"),
+        ([], {**route_at(), "route": None, "reference": V_RAMP}, "at 25 to 28 m/s in calm air"),
         ([], {"wind": WIND}, "in wind 6 m/s from 250 deg"),
         ([uniform("wind.speed_mps", 0.0, 8.0)], {"wind": WIND}, "wind 0 to 8 m/s from 250 deg"),
         (
