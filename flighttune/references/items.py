@@ -35,12 +35,12 @@ def _names(text: str) -> dict[int, str]:
 MANOEUVRES = _names("""16 NAV_WAYPOINT, 17 NAV_LOITER_UNLIM, 18 NAV_LOITER_TURNS,
     19 NAV_LOITER_TIME, 20 NAV_RETURN_TO_LAUNCH, 21 NAV_LAND, 22 NAV_TAKEOFF, 31 NAV_LOITER_TO_ALT,
     82 NAV_SPLINE_WAYPOINT, 84 NAV_VTOL_TAKEOFF, 85 NAV_VTOL_LAND, 93 NAV_DELAY, 177 DO_JUMP,
-    176 DO_SET_MODE, 179 DO_SET_HOME, 192 DO_REPOSITION, 194 DO_SET_REVERSE,
+    178 DO_CHANGE_SPEED, 176 DO_SET_MODE, 179 DO_SET_HOME, 192 DO_REPOSITION, 194 DO_SET_REVERSE,
     210 DO_INVERTED_FLIGHT, 224 DO_SET_MISSION_CURRENT, 601 DO_JUMP_TAG""")
 
 # Commands that leave the path as it is; the place of a region of interest is looked at, not flown.
 HARMLESS = _names("""112 CONDITION_DELAY, 114 CONDITION_DISTANCE, 115 CONDITION_YAW,
-    178 DO_CHANGE_SPEED, 181 DO_SET_RELAY, 182 DO_REPEAT_RELAY, 183 DO_SET_SERVO,
+    181 DO_SET_RELAY, 182 DO_REPEAT_RELAY, 183 DO_SET_SERVO,
     184 DO_REPEAT_SERVO, 188 DO_RETURN_PATH_START, 189 DO_LAND_START, 191 DO_GO_AROUND,
     195 DO_SET_ROI_LOCATION, 196 DO_SET_ROI_WPNEXT_OFFSET, 197 DO_SET_ROI_NONE,
     200 DO_CONTROL_VIDEO, 201 DO_SET_ROI, 202 DO_DIGICAM_CONFIGURE, 203 DO_DIGICAM_CONTROL,
@@ -68,8 +68,9 @@ LANDING_UP_M = 10.0
 # Difference in latitude and longitude up to which places are the same: 1 m.
 SAME_PLACE_DEG = 1e-5
 
-# Types of the speed that a change sets for an aircraft with wings: of the air and over ground.
-AIRSPEED, GROUND_SPEED = 0, 1
+# What a change of speed sets, by its first parameter, and the speed that stands for the default.
+SPEEDS = "an airspeed", "a ground speed", "a climb speed", "a descent speed"
+DEFAULT_SPEED = -2
 
 
 class Mission(NamedTuple):
@@ -90,21 +91,25 @@ def read_items(items: Sequence[Mapping[str, Any]], home: tuple[float, ...], skip
     rows: list[Row] = []
     numbers: dict[Fate, dict[str, list[int]]] = defaultdict(lambda: defaultdict(list))
     notes: dict[str, None] = {}
-    speeds: dict[int, float] = {}  # by the index of the row from which on they are flown
+    # changes of speed: index of the row from which on it is flown, airspeed if any, number of item
+    changes: list[tuple[int, float | None, int]] = []
     ended = ""
     for number in _in_order(flat):
         item = flat[number - 1]
-        if not ended and (speed := _speed(number, item)):
-            speeds[max(0, len(rows) - 1)] = speed
         name, fate = _fate(item, first=not rows)
         if fate == "flown" and ended:
             name, fate = f"{name}, after {ended}", "not flown"
+        command, label = item.get("command"), f"item {number} ({name})"
+        if fate == "flown" and command == SPEED:
+            airspeed, others = _speed(label, item)
+            notes |= dict.fromkeys(others)
+            changes.append((max(0, len(rows) - 1), airspeed, number))
+            continue
         listed = numbers[fate][name]
         if number not in listed:
             listed.append(number)
-        if fate != "flown" or item["command"] == JUMP:
+        if fate != "flown" or command == JUMP:
             continue
-        label, command = f"item {number} ({name})", item["command"]
         if not rows and command not in (WAYPOINT, *TAKEOFFS):
             rows.append(_at_home(home, _row(label, item, home, rows)["up_m"]))
             notes["The route begins above home."] = None
@@ -115,6 +120,11 @@ def read_items(items: Sequence[Mapping[str, Any]], home: tuple[float, ...], skip
         notes |= dict.fromkeys(_notes(label, item))
         if command in ENDS:
             ended = f"the end of item {number}"
+    last = max(1, len(rows) - 1)  # no flight goes on from there
+    speeds = {i: (V, number) for i, V, number in changes if V is not None and i < last}
+    flown = {number for _, number in speeds.values()}
+    for number in {number: None for *_, number in changes}:
+        numbers["flown" if number in flown else "not flown"][MANOEUVRES[SPEED]].append(number)
     no_place = numbers["no place"]
     if wrong := listed_items(numbers["refused"] | ({} if skip else no_place)):
         skips = f"; `--skip` or `skip = true` in [route] leaves out {listed_items(no_place)}"
@@ -126,9 +136,8 @@ def read_items(items: Sequence[Mapping[str, Any]], home: tuple[float, ...], skip
     fates = [f"Flown of the plan: {listed_items(numbers['flown'])}."] if rows else []
     if left_out := listed_items(numbers["harmless"] | no_place | numbers["not flown"]):
         fates.append(f"Not flown of the plan: {left_out}.")
-    _set_speeds(rows, speeds)
-    largest, changes = _largest_speed(flat)
-    return Mission(rows, largest, [*fates, *notes, *changes])
+    largest = max((speed for speed, _ in speeds.values()), default=None)
+    return Mission(rows, largest, [*fates, *notes, *_airspeeds(rows, speeds)])
 
 
 def _flat(items: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
@@ -193,7 +202,7 @@ def _fate(item: Mapping[str, Any], *, first: bool) -> tuple[str, Fate]:
     if command in HARMLESS:
         return HARMLESS[command], "harmless"
     name = MANOEUVRES.get(command, f"command {abridged(command)}")
-    if command in (RETURN, JUMP):
+    if command in (RETURN, JUMP, SPEED):
         return name, "flown"
     if command in TAKEOFFS and not first:
         return f"{name}, in flight", "refused"
@@ -278,6 +287,8 @@ def _notes(label: str, item: Mapping[str, Any]) -> Iterator[str]:
         yield f"The hold time of {label}, {values[0]:g} s, is not flown."
     if command == WAYPOINT and any(values[1:3]):
         yield f"The radius of {label} is not used: the path passes inside of the corner."
+    if item.get("autoContinue") is False:
+        yield f"{subject} waits until it is told to go on, which is not flown."
     if command == UNLIMITED:
         yield f"{subject} without an end is flown as {UNLIMITED_TURNS:g} turns."
     if command == RETURN:
@@ -290,38 +301,40 @@ def _notes(label: str, item: Mapping[str, Any]) -> Iterator[str]:
         yield f"The height of {label} is above terrain, which is unknown: it counts from home."
 
 
-def _speed(number: int, item: Mapping[str, Any]) -> float | None:
-    """The airspeed that an item sets, m/s."""
-    if item.get("command") != SPEED:
-        return None
-    kind, value = (json_number(x or 0, f"item {number} (speed)") for x in item["params"][:2])
-    return value if kind in (AIRSPEED, GROUND_SPEED) and value > 0.0 else None
+def _speed(label: str, item: Mapping[str, Any]) -> tuple[float | None, list[str]]:
+    """The airspeed that a change of speed sets, m/s, and a sentence for all else that it sets."""
+    values = [json_number(x or 0, f"{label} (speed)") for x in item["params"][:4]]
+    kind, value, throttle, relative = [*values, *[0.0] * 4][:4]
+    speed = SPEEDS[int(kind)] if kind in range(len(SPEEDS)) else f"a speed of type {kind:g}"
+    airspeed = value if speed == SPEEDS[0] and value > 0.0 and not relative else None
+    others = []
+    if value > 0.0 and airspeed is None:
+        others = [f"{speed} of {value:g} m/s{' more' * bool(relative)}"]
+    if value == DEFAULT_SPEED:
+        others = ["the default speed of its vehicle"]
+    if throttle > 0.0:
+        others.append(f"a throttle of {throttle:g} %")
+    hint = f": in still air `--set flight.V_a_mps={value:g}` is as fast" if kind == 1 else ""
+    return airspeed, [f"I{label[1:]} sets {x}, which is not flown{hint}." for x in others]
 
 
-def _set_speeds(rows: Sequence[Row], speeds: Mapping[int, float]) -> None:
-    """Give rows the airspeeds from them on, where there are several."""
-    if rows and len({*speeds.values()}) > 1:
-        for i, speed in speeds.items():
-            rows[i]["V_mps"] = speed
-
-
-def _largest_speed(items: Sequence[Mapping[str, Any]]) -> tuple[float | None, list[str]]:
-    """The largest airspeed that a mission sets, m/s, and a sentence with all of them."""
-    speeds: dict[float, int] = {}
-    for number, item in enumerate(items, start=1):
-        if value := _speed(number, item):
-            speeds.setdefault(value, number)
-    if not speeds:
-        return None, []
-    largest = max(speeds)
-    stated = ", ".join(f"{speed:g} m/s by item {number}" for speed, number in speeds.items())
+def _airspeeds(rows: Sequence[Row], speeds: Mapping[int, tuple[float, int]]) -> list[str]:
+    """Give rows the airspeeds from them on, where there are several; a sentence with all."""
+    first: dict[float, int] = {}
+    for speed, number in speeds.values():
+        first.setdefault(speed, number)
+    if not first:
+        return []
+    for i, (speed, _) in speeds.items() if len(first) > 1 else ():
+        rows[i]["V_mps"] = speed
+    stated = ", ".join(f"{speed:g} m/s by item {number}" for speed, number in first.items())
     whole = (
         " An aircraft that takes n_x flies each from its place on, if `holds_airspeed` of [route] "
         "is true. Otherwise the whole route is flown at the largest."
-        if len(speeds) > 1
+        if len(first) > 1
         else ""
     )
-    return largest, [f"The plan sets an airspeed of {stated}.{whole}"]
+    return [f"The plan sets an airspeed of {stated}.{whole}"]
 
 
 def place(name: str, values: Sequence[Any]) -> Row:

@@ -79,13 +79,13 @@ def test_commands_without_a_place_are_left_out_by_number_and_name(tmp_path):
     items = PATROL[0], SPEED, CAMERA, *PATROL[1:], REGION_OF_INTEREST, GRIPPER, CAMERA
     file = plan_file(tmp_path / "m.plan", *items)
     listed = (
-        "Not flown of the plan: item 2 (DO_CHANGE_SPEED 178), "
+        "item 2 (DO_CHANGE_SPEED 178). Not flown of the plan: "
         "items 3, 9 (DO_SET_CAM_TRIGG_DIST 206), item 7 (DO_SET_ROI 201), item 8 (DO_GRIPPER 211)."
     )
 
     assert rows_of(file) == rows_of(plan_file(tmp_path / "p.plan", *PATROL))
     assert listed in " ".join(flighttune("route", file)[0].split())
-    assert listed in json.loads(flighttune("route", file, "--json")[0])["notes"]
+    assert listed in " ".join(json.loads(flighttune("route", file, "--json")[0])["notes"])
 
 
 def test_commands_that_change_the_flight_are_left_out_on_request_alone(tmp_path):
@@ -260,6 +260,40 @@ def test_airspeeds_of_a_plan_are_flown_from_their_places_on(tmp_path):
     assert flighttune("route", file)[0].startswith("m: airspeed 20 to 22 m/s, turns for")
     whole = flighttune("route", file, "--set", "flight.V_a_mps=24")[0]
     assert whole.startswith("m: airspeed 24 m/s, turns for")
+
+
+@pytest.mark.parametrize(
+    ("values", "said"),  # MAVLink: type, speed, throttle, relative; -1 no change, -2 the default
+    [
+        ((1, 30, -1, 0), "sets a ground speed of 30 m/s, which is not flown: in still air"),
+        ((2, 3, -1, 0), "sets a climb speed of 3 m/s, which is not flown."),
+        ((3, 2, -1, 0), "sets a descent speed of 2 m/s, which is not flown."),
+        ((9, 30, -1, 0), "sets a speed of type 9 of 30 m/s, which is not flown."),
+        ((0, 3, -1, 1), "sets an airspeed of 3 m/s more, which is not flown."),
+        ((0, -2, -1, 0), "sets the default speed of its vehicle, which is not flown."),
+        ((0, -1, 40, 0), "sets a throttle of 40 %, which is not flown."),
+        ((0, -1, -1, 0), None),
+    ],
+)
+def test_a_change_of_speed_that_sets_no_airspeed_is_named_and_not_flown(tmp_path, values, said):
+    """The speed of the next leg is no airspeed where the first parameter says another."""
+    file = plan_file(tmp_path / "m.plan", PATROL[0], item(178, *values, 0, 0, 0), *PATROL[1:])
+    route = read_route(file)
+
+    assert "V_a_mps" not in route.flight
+    assert not any("V_mps" in row for row in rows_of(file))
+    assert "Not flown of the plan: item 2 (DO_CHANGE_SPEED 178)." in notes_of(route)
+    named = [note for note in notes_of(route) if note.startswith("Item 2 (DO_CHANGE_SPEED 178) ")]
+    assert [said in note for note in named] == [True] * bool(said)
+
+
+def test_an_airspeed_set_where_no_flight_comes_is_not_flown(tmp_path):
+    """The largest airspeed of a plan is not that after its last waypoint or its return."""
+    fast, home = item(178, 0, 40, -1, 0, 0, 0, 0, frame=2), item(20, 0, 0, 0, 0, 0, 0, 0, frame=2)
+    for i, items in enumerate(((*PATROL, fast), (*PATROL, home, fast, waypoint(*PLACE)))):
+        route = read_route(plan_file(tmp_path / f"{i}.plan", PATROL[0], SPEED, *items))
+        assert route.flight["V_a_mps"] == 22.0
+        assert any("DO_CHANGE_SPEED" in note for note in notes_of(route) if note[:3] == "Not")
 
 
 def test_rally_points_are_read_with_heights_above_the_first_waypoint(tmp_path):
