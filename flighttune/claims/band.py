@@ -24,7 +24,7 @@ from flighttune.claims.fence import (
     check_off_route,
 )
 from flighttune.claims.shape import MAX_NUMBERS, MIN_LEARNED, Extremes, predicted, scores_of
-from flighttune.control.gains import PIGains
+from flighttune.control.gains import PIGains, gains_table
 from flighttune.control.law import split_name
 from flighttune.errors import InputError
 from flighttune.files.array import FLOAT, SINGLE, TEXT, check_shapes, read_arrays
@@ -35,9 +35,10 @@ from flighttune.files.whole import whole_file
 from flighttune.flight.route import PlannedRoute, planned_route
 from flighttune.gaps.residual import ConformantModel
 from flighttune.metrics import OFF_ROUTE
+from flighttune.plants.label import plant_label
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import listed, shown_unit
-from flighttune.present.tables import Column, Table, number, printable
+from flighttune.present.tables import Column, Table, number, printable, quoted
 from flighttune.references.fence import DISTANCE_SIGNS, read_fence, room_along
 from flighttune.references.maps import Corridor, Where, areas_of
 from flighttune.scenario.load import scenario_of
@@ -123,14 +124,19 @@ class BandFlights:
     model: ConformantModel | None = None  # what residual signals are the residuals of
 
     @property
-    def label(self) -> str:
-        """Plant and gains, as in `Run.label`."""
-        return f"{self.plant} / {self.gains_name}"
+    def flown(self) -> str:
+        """Plant and law in words, by their kinds."""
+        table, law = self.scenario.plant_table(self.plant), self.scenario.law_table(self.gains_name)
+        return f"{plant_label(table.kind, table.aircraft)} under the {law.kind} law"
 
     @property
     def sentence(self) -> str:
-        """The flights in words."""
-        return self.distribution.sentence(self.label)
+        """The flights in words; names that their maker chose are quoted as such."""
+        names = {"flights": self.distribution.title, "gains": self.gains_name}
+        if self.scenario.plant_table(self.plant).name:
+            names["plant"] = self.plant
+        said = listed([f"the {what} {quoted(name)}" for what, name in names.items()])
+        return f"{self.distribution.sentence(self.flown)}; its maker calls {said}"
 
     @property
     def changed(self) -> list[str]:
@@ -346,14 +352,14 @@ class Band(Answering):
                 f"of {flights} fresh flights {self.outside} need more: a new one that turns back "
                 f"needs at most {ahead:.0f} m ahead and {height:.0f} m of height but with "
                 f"probability {number(about.epsilon)}, confidence "
-                f"{self.confidence:.10g}{self.shared}, if it is of {self.flights.sentence}"
+                f"{self.confidence:.10g}{self.shared}, if it is a flight of {self.flights.sentence}"
             )
         of = " of its residual signals" if about.of else ""
         knowing = ", around the middle that its wind predicts," if about.predicted_from else ""
         return (
             f"of {flights} fresh flights {self.outside} lie outside: a new one leaves the band"
             f"{of}{knowing} with probability at most {number(about.epsilon)}, confidence "
-            f"{self.confidence:.10g}{self.shared}, if it is of {self.flights.sentence}"
+            f"{self.confidence:.10g}{self.shared}, if it is a flight of {self.flights.sentence}"
         )
 
     def claiming(self, epsilon: float, confidence: float) -> "Band":
@@ -530,13 +536,15 @@ class Band(Answering):
                 **pick(about, "of epsilon predicted_from learned"),
                 **pick(self, "scale readings confidence outside not_completed sentence"),
                 "distribution": self.flights.sentence,
+                "gains": self.flights.gains.as_lists(),
                 "flights": len(self.scores),
                 "nearest_draw": self.nearest if self.claims else None,
                 **room,
             },
             tables=[
                 Table(WIDTH_COLUMNS, records if self.claims else [], "band", name="half_widths"),
-                self.flights.distribution.table(self.flights.label),
+                self.flights.distribution.table(self.flights.flown),
+                gains_table("gains", self.flights.gains),
             ],
             notes=notes,
             verdict=self.sentence if self.claims else "",

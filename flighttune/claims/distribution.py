@@ -87,7 +87,7 @@ class Distribution:
         return any(key.startswith("wind.") for key in (*self.fixed, *self.dispersed))
 
     def sentence(self, flown: str) -> str:
-        """The distribution in words; `flown` names the plant and its gains."""
+        """The distribution in words; `flown` names the plant and its law."""
         air = [AIR[name].format(text) for name, text in self._air.items()]
         if not {*MOVING} & {*self._air}:
             air.insert(0, "calm air")
@@ -99,7 +99,7 @@ class Distribution:
         if len(drawn) > MAX_NAMED:
             drawn[MAX_NAMED - 1 :] = [f"{len(drawn) - MAX_NAMED + 1} more in the table of flights"]
         keys = f"; drawn at random: {listed(drawn)}" if drawn else ""
-        return f'"{self.title}": {flown} at {self.airspeeds} in {", ".join(air)}{keys}'
+        return f"{flown} at {self.airspeeds} in {', '.join(air)}{keys}"
 
     def table(self, flown: str) -> Table:
         """Plant, airspeed, air, and every key that is drawn with its range and unit."""

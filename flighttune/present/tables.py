@@ -26,6 +26,11 @@ def printable(text: str) -> str:
     return "".join(char if char.isprintable() or char in "\n\u00a0" else " " for char in text)
 
 
+def quoted(text: str) -> str:
+    """A name or title that somebody chose, in quotation marks that it cannot close."""
+    return '"{}"'.format(" ".join(printable(text).split()).replace('"', "'"))
+
+
 def number(value: float, form: str = ".4g") -> str:
     """A number in a format of its own; infinity as a sign, `MISSING` for NaN."""
     if math.isnan(value):

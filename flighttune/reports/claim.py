@@ -10,7 +10,7 @@ from flighttune.files.table import toml_text
 from flighttune.present.chart import Chart
 from flighttune.present.frame import Report, Section, write_answer
 from flighttune.present.palette import HUES, NEUTRAL
-from flighttune.present.tables import facts_table
+from flighttune.present.tables import facts_table, quoted
 from flighttune.reports.band import band_charts
 from flighttune.reports.panels import ERRORS
 from flighttune.tubes.enclosure import Tube
@@ -44,7 +44,7 @@ def write_claim_page(
         facts["settings"] = f"{settings.symbols} symbols, {settings.most} pieces at most"
     elif isinstance(claim, Band):
         about, charts = claim.about, band_charts(claim, room)
-        title = f"Counted band: {about.plan['campaign']['title']}"
+        title = f"Counted band of flights titled {quoted(about.plan['campaign']['title'])}"
         facts["flights"] = f"{len(claim.scores)} counted, {about.learned} learned from"
         facts["flights lost"] = claim.lost
         facts["seed"] = f"{about.plan['campaign']['seed']}"

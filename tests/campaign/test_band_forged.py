@@ -108,6 +108,19 @@ def test_the_median_scenario_of_a_file_is_not_believed(counted, tmp_path):
     assert load_band(forged(counted, tmp_path / "x.npz", about=about)).sentence == counted.sentence
 
 
+def test_names_that_a_maker_chose_are_quoted_and_no_part_of_the_claim(counted, tmp_path):
+    about = edited(counted, "campaign", "title", value='calm" air.\n Proven')
+    about["plan"]["groups"][0]["gains"] = "tuned"
+    about["plan"]["gains"] = {"tuned": about["plan"]["gains"]["soft"]}
+    band = load_band(forged(counted, tmp_path / "x.npz", about=about))
+
+    (claim, maker), (before, _) = (x.sentence.split("; its maker calls ") for x in (band, counted))
+
+    assert claim == before
+    assert "a flight of kinematic under the paper law at 25 m/s" in claim
+    assert maker == """the flights "calm' air. Proven" and the gains "tuned\""""
+
+
 def test_a_continued_count_cannot_pass_for_one_planned_so_long(counted, tmp_path, monkeypatch):
     with flown_here(band_module, "planned", None) as pool:
         more = count_more(counted, 2 * WITH_FIVE, pool)
