@@ -32,7 +32,14 @@ from flighttune.flights.plan import Group, Plan, aircraft_hashes
 from flighttune.flights.schema import MEASURES, Campaign, CampaignTable
 from flighttune.plants.label import goes_by
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, ExpectTable, LawTable, in_rad
+from flighttune.scenario.tables import (
+    TUNED,
+    TUNED_IDENTIFIED,
+    ExpectTable,
+    LawTable,
+    flown_aircraft,
+    in_rad,
+)
 from flighttune.theory.indicators import indicators_batch
 from flighttune.units import DEG
 
@@ -404,10 +411,10 @@ def meet(
     if campaign is not None and also:
         raise InputError("`also` must be absent with a campaign, which is about one scenario.")
     loaded = as_scenario(scenario, changes)
-    starts = {}
+    starts, notes = {}, loaded.gains_notes()
     if start is not None:
-        _, name, gains = scenario_and_gains(loaded, start)
-        starts = {name: gains}
+        begun, name, gains = scenario_and_gains(loaded, start)
+        starts, notes = {name: gains}, begun.gains_notes(gains=name)
     dispersed = None if campaign is None else load_campaign(campaign, loaded)
     scenarios = [loaded if dispersed is None else dispersed.nominal, *map(as_scenario, also)]
     law_table = scenarios[0].law_tables[0]
@@ -475,6 +482,11 @@ def meet(
         success=counted,
         worst=worst,
         trials=[*search.trials.values()],
+        tuned_for={
+            "aircraft": flown_aircraft(plant for scenario in scenarios for plant in scenario.plant),
+            "V_a_mps": sorted({V for scenario in scenarios for V in scenario.airspeeds}),
+        },
+        notes=notes,
     )
 
 

@@ -126,6 +126,10 @@ class Meeting(Answering):
         The scenario in that draw.
     trials : sequence of Trial
         All candidates.
+    tuned_for : mapping
+        Names of ``aircraft`` and the ends of the airspeeds, ``V_a_mps``, of all scenarios.
+    notes : tuple of str
+        A sentence for gains of the start that were tuned for others.
 
     Examples
     --------
@@ -149,6 +153,8 @@ class Meeting(Answering):
     success: Mapping[str, Any] | None
     worst: Scenario | None
     trials: Sequence[Trial]
+    tuned_for: Mapping[str, Any]
+    notes: tuple[str, ...]
 
     def answer(self) -> Answer:
         """Requirements, gains, margins and certificate; a failure if a requirement is missed."""
@@ -166,7 +172,7 @@ class Meeting(Answering):
         return Answer(
             values={
                 **pick(self, "status start start_met flights candidates metric"),
-                **pick(self, "requirements trade_offs success"),
+                **pick(self, "requirements trade_offs success tuned_for"),
                 **gains_lists(self.gains),
                 **figures,
                 "certificate": certificate,
@@ -188,7 +194,7 @@ class Meeting(Answering):
                 margins_table(loop_margins(model, self.gains)),
                 Table(CERTIFICATE_COLUMNS, [certificate], "certificate"),
             ],
-            notes=[*missed, *[BY_DEFAULT_NOTE] * by_default],
+            notes=[*self.notes, *missed, *[BY_DEFAULT_NOTE] * by_default],
             verdict=self.sentence,
             failure="" if self.status == "met" else self.sentence,
         )

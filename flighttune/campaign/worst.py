@@ -158,14 +158,15 @@ class WorstFlight(Answering):
         ]
         title = f"worst {self.metric} in {self.flights} flights"
         near = f"the worst flight uses {self.value:.4g} of the {self.metric}"
-        share = [near] if self.metric in (TUBE, BAND) else []
+        notes = [*self.scenario.gains_notes(self.plant, self.gains)]
+        notes += [near] * (self.metric in (TUBE, BAND) and not self.contradicts)
         return Answer(
             values=values,
             tables=[
                 Table(WORST_COLUMNS, [values], title),
                 Table(columns("key value"), drawn, "drawn"),
             ],
-            notes=[] if self.contradicts else share,
+            notes=notes,
             verdict="" if self.contradicts else self.missed or "no requirement is missed",
             failure=f"{near}: this contradicts its proof" if self.contradicts else "",
         )

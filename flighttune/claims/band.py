@@ -139,6 +139,11 @@ class BandFlights:
         return f"{self.distribution.sentence(self.flown)}; its maker calls {said}"
 
     @property
+    def gains_notes(self) -> tuple[str, ...]:
+        """A sentence if the gains were tuned for others."""
+        return self.scenario.gains_notes(self.plant, self.gains_name)
+
+    @property
     def changed(self) -> list[str]:
         """Aircraft whose files are no longer those that were flown."""
         return [name for name, digest in self.aircraft.items() if files_hash(name) != digest]
@@ -508,7 +513,7 @@ class Band(Answering):
                 ends |= {"low": bounds.low[:, column].min(), "high": bounds.high[:, column].max()}
             in_unit = {key: float(width) * factor for key, width in ends.items()}
             records.append({"signal": name, **in_unit, "unit": shown})
-        notes, room = [], {}
+        notes, room = [*self.flights.gains_notes], {}
         if (turn_back := self.flights.central.turn_back) is not None and about.of:
             f = self.flights.central.flight
             formula = turn_back.formula(f.V_a_mps, f.g_mps2)

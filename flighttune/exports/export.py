@@ -1,7 +1,7 @@
 """A flight for JSBSim alone, or the outer loop in C, from one gain set of a scenario."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
@@ -20,10 +20,11 @@ class ExportedSource(Answering):
     """The outer loop as a file of C99."""
 
     source: Path
+    notes: tuple[str, ...] = ()
 
     def answer(self) -> Answer:
         """The file and its folder."""
-        return Answer(files={"folder": self.source.parent, "source": self.source})
+        return Answer(notes=self.notes, files={"folder": self.source.parent, "source": self.source})
 
 
 def export(
@@ -77,6 +78,9 @@ def export(
     'ft_outer_loop.c'
     """
     loaded, name, chosen = scenario_and_gains(scenario, gains, changes)
+    notes = loaded.gains_notes(plant, name)
     if form == "c":
-        return ExportedSource(source=export_c(loaded, name, chosen, Path(out), plant=plant))
-    return export_jsbsim(loaded, name, chosen, Path(out).absolute(), plant=plant)
+        source = export_c(loaded, name, chosen, Path(out), plant=plant)
+        return ExportedSource(source=source, notes=notes)
+    flight = export_jsbsim(loaded, name, chosen, Path(out).absolute(), plant=plant)
+    return replace(flight, notes=notes)

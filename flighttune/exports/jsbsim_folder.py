@@ -107,6 +107,7 @@ class ExportedFlight(Answering):
     differences: Mapping[str, float]
     verdict: str  # sentence about the comparison
     same: bool  # whether the flights are the same but for rounding
+    notes: tuple[str, ...] = ()
 
     def answer(self) -> Answer:
         """The command that flies the folder; a failure if its flight is not that of `fly`."""
@@ -118,6 +119,7 @@ class ExportedFlight(Answering):
                 "differences": {COLUMNS[name]: value for name, value in self.differences.items()},
             },
             notes=[
+                *self.notes,
                 f"The command flies it and writes {folder / CSV}, which has the flight from "
                 f"Time = {self.start:g} s on.",
                 *([self.verdict] if self.same else ()),

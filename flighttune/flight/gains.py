@@ -24,7 +24,7 @@ from flighttune.flight.models import (
 )
 from flighttune.flight.own import with_own
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TuningModel
+from flighttune.scenario.tables import TuningModel, flown_aircraft
 from flighttune.tuning.diagnosis import diagnosis
 from flighttune.tuning.envelope import largest_factor, tune_over_envelope
 from flighttune.tuning.problem import TuningProblem
@@ -112,7 +112,22 @@ def tune(
         result = tune_scenario(scenario, law=law)
         if result.status == "infeasible":
             result = replace(result, diagnosis=diagnosis(result.problem))
+    result = replace(result, tuned_for=_tuned_for(scenario, law, envelope=envelope))
     return replace(result, bound=_proven_bound(result.problem)) if prove else result
+
+
+def _tuned_for(scenario: Scenario, law: Law | None, *, envelope: bool) -> dict[str, Any]:
+    """Aircraft and airspeeds of the models that gains are tuned on."""
+    speeds = [scenario.flight.V_a_mps]
+    if scenario.tuning.model == "identified":
+        identified = scenario.identified_in.identified_model
+        if scenario.tuning.robust:
+            speeds = [condition.V_a for condition in identified.conditions]
+        return {"aircraft": [identified.aircraft], "V_a_mps": [min(speeds), max(speeds)]}
+    if envelope and scenario.envelope:
+        speeds = [*scenario.envelope.V_a_mps]
+    same = (law or scenario.laws[0]).same_everywhere
+    return {"aircraft": flown_aircraft(scenario.plant), "V_a_mps": [] if same else speeds}
 
 
 def _proven_bound(problem: TuningProblem) -> RateBound:

@@ -77,7 +77,7 @@ def with_gains(
 def gains_table(path: Path) -> GainsTable:
     """The gain set in a file, called by the name of the file without its ending."""
     tables = json_tables(path) if path.suffix.lower() == ".json" else toml_tables(path)
-    kept = {key: tables[key] for key in ("K_P", "K_I", "law") if key in tables}
+    kept = {key: tables[key] for key in ("K_P", "K_I", "law", "tuned_for") if key in tables}
     name = re.sub(r"[^\w.*+-]", "_", path.stem)
     return validated(GainsTable, {"name": name, "law": DEFAULT, **kept}, str(path))
 

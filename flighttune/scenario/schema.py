@@ -212,7 +212,7 @@ class Scenario(Table):
     @property
     def notes(self) -> tuple[str, ...]:
         """One sentence for each deviation of the flight from the file."""
-        of_route = tuple(self.route.notes) if self.route is not None else ()
+        of_route = *self.gains_notes(), *(self.route.notes if self.route is not None else ())
         duration, dt = self.flight.duration_s, 1.0 / self.controller.rate_hz
         flown = round(duration / dt) * dt
         if math.isclose(flown, duration, rel_tol=ROUNDING):
@@ -221,6 +221,25 @@ class Scenario(Table):
             *of_route,
             f"[flight] `duration_s` {duration:g} is no whole number of samples at "
             f"{self.controller.rate_hz:g} Hz: {flown:.6g} s are flown",
+        )
+
+    def gains_notes(self, plant: str | None = None, gains: str | None = None) -> tuple[str, ...]:
+        """A sentence for gains that were tuned for others than they fly here, in words.
+
+        They are those of one `plant` and one of `gain_names`, by default of all.
+        """
+        sets = (entry for entry in self.gains if isinstance(entry, GainsTable))
+        flown = [x for x in sets if gains is None or split_name(gains)[1] == x.name]
+        if not any(entry.tuned_for for entry in flown):
+            return ()
+        plants = self.plant if plant is None else [self.plant_table(plant)]
+        aircraft = tables.flown_aircraft(plants)
+        speeds = self.airspeeds[:1] if self.controller.schedule else self.airspeeds
+        return tuple(
+            f"The gains {entry.name} were tuned for {tuned.words}; here they fly on "
+            f"{tables.on_aircraft(aircraft)} at {self.airspeed_words}."
+            for entry in flown
+            if (tuned := entry.tuned_for) and tuned.unlike(aircraft, speeds)
         )
 
     @property

@@ -2,9 +2,10 @@
 
 import math
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cache, cached_property, lru_cache
 from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeAlias
 
 import numpy as np
@@ -43,6 +44,7 @@ from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, HIGHEST_GROUND, LARGE
 from flighttune.plants.label import goes_by, plant_label
 from flighttune.plants.sensors import Sensors
 from flighttune.plants.weather import NED, Gust, Turbulence, TurbulenceModel, WindProfile
+from flighttune.present.names import listed
 from flighttune.references.segments import Reference, Segment
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.run import RunStatus
@@ -488,6 +490,16 @@ else:
 LAWS = plain_laws()
 
 
+def flown_aircraft(plants: Iterable[PlantTable]) -> list[str]:
+    """Names of the aircraft that plants are, or whose lags they have."""
+    names = (
+        Path(plant.aircraft).name if plant.aircraft else plant.identified_model.aircraft
+        for plant in plants
+        if plant.aircraft or plant.identified
+    )
+    return list(dict.fromkeys(names))
+
+
 class LawTable(OwnTable):
     """``[[law]]``: what turns errors into commands.
 
@@ -843,6 +855,30 @@ def _square(rows: list[list[float]]) -> list[list[float]]:
 GainMatrix: TypeAlias = Annotated[list[list[q.Gain]], AfterValidator(_square)]
 
 
+def on_aircraft(names: Iterable[str]) -> str:
+    """Aircraft in words."""
+    return listed([f"the {name}" for name in names]) or "the law alone"
+
+
+class TunedFor(q.Table):
+    """What gains were tuned for: aircraft but for the law alone, airspeeds unless they suit all."""
+
+    aircraft: list[q.PathName]
+    V_a_mps: list[q.Airspeed]
+
+    @property
+    def words(self) -> str:
+        """``the c172p at 50 m/s``."""
+        ends = dict.fromkeys(f"{end(self.V_a_mps):.6g}" for end in (min, max) if self.V_a_mps)
+        return on_aircraft(self.aircraft) + f" at {' to '.join(ends)} m/s" * bool(ends)
+
+    def unlike(self, aircraft: Iterable[str], airspeeds: Sequence[float]) -> bool:
+        """Whether a flight has another of the aircraft, or an airspeed beyond these."""
+        low, high = min(self.V_a_mps, default=0.0), max(self.V_a_mps, default=math.inf)
+        other = self.aircraft and {*aircraft} - {*self.aircraft}
+        return bool(other) or min(airspeeds) < low or max(airspeeds) > high
+
+
 class GainsTable(q.Table):
     """Gains given as numbers: rows phi, n_z (or their rates); columns chi, gamma.
 
@@ -854,6 +890,7 @@ class GainsTable(q.Table):
     K_P: GainMatrix
     K_I: GainMatrix
     law: Literal["paper", "exact"] | None = None
+    tuned_for: TunedFor | None = None
 
     def gains(self, law: str = DEFAULT) -> PIGains:
         """The gains as a value; `law` is whose they are where the table does not say."""

@@ -295,7 +295,7 @@ class Tube(Answering):
                 Table(LIMIT_COLUMNS, commands, "limits, rates per second"),
                 gains_table("gains", problem.gains),
             ],
-            notes=notes,
+            notes=[*problem.scenario.gains_notes(problem.plant), *notes],
             verdict=self.sentence if self.status == "bounded" else "",
             failure="" if self.status == "bounded" else self.reason,
         )

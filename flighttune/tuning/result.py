@@ -125,6 +125,8 @@ class TuningResult(Answering):
         Part of the envelope, scaled about the trim, that was reached; 1 if found.
     diagnosis : Diagnosis or None
         For an infeasible problem, what would have to give.
+    tuned_for : mapping or None
+        Names of ``aircraft`` and the ends of the airspeeds, ``V_a_mps``, that it was tuned for.
     bound : RateBound or None
         If a proof was asked for: the bound on R_K that no gains exceed.
 
@@ -154,6 +156,7 @@ class TuningResult(Answering):
     R_envelope_bound: float | None = None
     factor: float | None = None
     diagnosis: Diagnosis | None = None
+    tuned_for: Mapping[str, Any] | None = None
     bound: "RateBound | None" = None
 
     @property
@@ -171,6 +174,7 @@ class TuningResult(Answering):
         values = {
             **pick(self, "status reason R_K I_K E_K cost spectral_abscissa active"),
             **pick(self, "R_envelope R_envelope_bound factor starts agreeing wall_s method"),
+            **pick(self, "tuned_for"),
             "scaling": problem.scaling,
             "diagnosis": nearest,
             **gains_lists(self.gains),

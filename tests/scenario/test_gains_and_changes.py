@@ -183,3 +183,63 @@ def test_flights_about_a_scenario_and_of_a_campaign_take_them_too(turn, monkeypa
     assert campaign.campaign.title == "c (flight.V_a_mps = 20.0)"
     assert campaign.campaign.overrides == {"flight.V_a_mps": 20.0}
     assert not campaign.differences(as_kept)
+
+
+OF_ANOTHER = "The gains other were tuned for the c172p at 50 m/s; here they fly on "
+
+
+@pytest.mark.parametrize(
+    ("tuned_for", "plant", "V_a", "tuned", "here"),
+    [
+        ((["c172p"], [50.0]), "jsbsim", 25.0, "the c172p at 50 m/s", "the aerosonde at 25 m/s"),
+        ((["c172p"], [50.0]), "kinematic", 25.0, "the c172p at 50 m/s", "the law alone at 25 m/s"),
+        ((["c172p"], [50.0]), "kinematic", 50.0, None, None),
+        ((["c172p"], []), "jsbsim", 25.0, "the c172p", "the aerosonde at 25 m/s"),
+        ((["aerosonde"], [20.0, 30.0]), "jsbsim", 25.0, None, None),
+        ((["aerosonde"], [20.0, 24.0]), "jsbsim", 25.0, "the aerosonde at 20 to 24 m/s",
+         "the aerosonde at 25 m/s"),
+        (([], [26.0]), "jsbsim", 25.0, "the law alone at 26 m/s", "the aerosonde at 25 m/s"),
+        (([], []), "jsbsim", 25.0, None, None),
+    ],
+)  # fmt: skip
+def test_gains_of_another_aircraft_or_airspeed_are_named(tuned_for, plant, V_a, tuned, here):
+    """Without an aircraft they were tuned on the law, and without an airspeed they suit all."""
+    table = {"kind": plant} | ({"aircraft": "aerosonde"} if plant == "jsbsim" else {})
+    of = dict(zip(("aircraft", "V_a_mps"), tuned_for, strict=True))
+    gains, flight = [{"name": "other", **K, "tuned_for": of}], TURN["flight"] | {"V_a_mps": V_a}
+    own = {"gains": gains, "expect": [], "plant": [table], "flight": flight}
+    sentence = f"The gains other were tuned for {tuned}; here they fly on {here}."
+
+    assert [*ft.scenario_from(TURN | own).notes] == [sentence] * bool(tuned)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("fly",),
+        ("gap",),
+        ("export", "--format", "c"),
+        ("tube", "--plant", "kinematic"),
+        ("worst", "--start-deg", 2, "--budget", 32, "--workers", 1),
+        ("band", "--start-deg", 2, "--epsilon", 0.5, "--confidence", 0.5, "--learn", 10),
+        ("meet", "--budget", 1),
+    ],
+    ids=lambda command: command[0],
+)
+def test_every_command_names_gains_tuned_for_another_aircraft(command, tmp_path):
+    """They are those that `tune --out` wrote for a c172p at 50 m/s."""
+    file, name = tmp_path / "turn.toml", "--start" if command[0] == "meet" else "--gains"
+    plants = [{"kind": "kinematic"}, {"kind": "jsbsim", "aircraft": "c172p"}]
+    fast = {"V_a_mps": 50.0, "duration_s": 4.0}
+    file.write_text(
+        to_toml(TURN | {"gains": ["paper"], "expect": [], "flight": fast, "plant": plants})
+    )
+    answer("tune", file, "--out", tmp_path / "other.json")
+    plants[1]["aircraft"] = "aerosonde"
+    expect = [{"at_most": {"chi": {"MO_deg": 20.0}}}]
+    file.write_text(to_toml(TURN | {"gains": ["paper"], "expect": expect, "plant": plants}))
+
+    said = answer(command[0], file, *command[1:], name, tmp_path / "other.json", cwd=tmp_path)
+
+    assert len([note for note in said["notes"] if note.startswith(OF_ANOTHER)]) == 1

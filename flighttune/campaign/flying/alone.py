@@ -10,6 +10,7 @@ from flighttune.flight.fly import Progress, fly, fly_alone
 from flighttune.flights.plan import Group, Plan
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
+from flighttune.scenario.tables import GainsTable
 from flighttune.simulate.run import Run
 
 
@@ -54,7 +55,9 @@ def scenario_of_run(plan: Plan, run: int, drawn: Mapping[str, Any] | None = None
         raise InputError(
             f"`gains` must be there to fly, got none for {group.gains}: its tuning was infeasible."
         )
-    tables["gains"] = [{"name": split_name(group.gains)[1], **gains.as_lists()}]
+    name = split_name(group.gains)[1]
+    tuned_for = {x.name: x.tuned_for for x in scenario.gains if isinstance(x, GainsTable)}
+    tables["gains"] = [{"name": name, **gains.as_lists(), "tuned_for": tuned_for.get(name)}]
     tables["title"] = f"{scenario.title}, run {run}"
     tables.pop("verifies", None)  # a claim of the undispersed flight
     tables["expect"] = scenario.expected(group.plant, group.gains)

@@ -68,7 +68,7 @@ def summary(findings: Findings) -> tuple[str, ...]:
 def notes(findings: Findings) -> tuple[str, ...]:
     """Number of flights, what success is, and effect of the design on the intervals."""
     flights, plan = findings.flights, findings.flights.plan
-    lines = []
+    lines = [*plan.scenario.gains_notes()]
     if len(flights.rows) < plan.runs:
         lines.append(
             f"Not finished: the numbers are those of {len(flights.rows)} of {plan.runs} flights."
