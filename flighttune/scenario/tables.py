@@ -776,8 +776,9 @@ class TuningTable(q.Table):
     squares of errors and commands about their end values, times ``error_weights`` (chi, gamma; 1
     by default) and ``command_weights`` (phi, n_z; 0.1), under ``R_K >= R_min`` and the rest.
 
-    On the identified model ``objective = "decay"`` or ``"E_K"`` seeks the fastest decay of the loop
-    or the least E_K, with a largest sensitivity of each channel of ``sensitivity_max`` (1.4).
+    ``objective = "decay"`` or ``"E_K"``, with which ``model`` is identified if left out, seeks the
+    fastest decay of the loop or the least E_K, with a largest sensitivity of each channel of
+    ``sensitivity_max`` (1.4).
     """
 
     I_star: Annotated[float, Field(gt=0.0)] = 5.0  # may be infinite: no bound
@@ -815,6 +816,12 @@ class TuningTable(q.Table):
             self.command_weights or [0.1] * 2
         )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _model_of_objective(cls, values: Any) -> Any:
+        shaped = isinstance(values, Mapping) and values.get("objective") in ("decay", "E_K")
+        return {"model": "identified", **values} if shaped else values
+
     @model_validator(mode="after")
     def _keys_of_model_and_objective(self) -> "TuningTable":
         cost_keys = [
@@ -829,8 +836,8 @@ class TuningTable(q.Table):
         shaped = self.objective in ("decay", "E_K")
         if shaped and self.model != "identified":
             raise ValueError(
-                f'`objective` must be "R_K" or "cost" without model = "identified", got '
-                f'"{self.objective}"'
+                f'`model` must be "identified" or absent with objective = "{self.objective}", got '
+                f'"{self.model}"'
             )
         if self.sensitivity_max is not None and not shaped:
             raise ValueError(

@@ -81,6 +81,16 @@ def test_the_sensitivity_of_each_channel_is_the_largest_allowed_or_less(objectiv
     assert max(peaks) >= 1.399 if objective == "E_K" else max(peaks) > 1.2
 
 
+@pytest.mark.parametrize("objective", ["E_K", "decay"])
+def test_an_identified_model_takes_the_objectives_that_are_its_own(objective):
+    """A plant with its lags is enough: `model` need not be stated."""
+    plants = [{"kind": "point_mass_lag", "identified": "aerosonde"}]
+    scenario = made_up_scenario(plant=plants, tuning={"objective": objective})
+
+    assert scenario.tuning.model == "identified"
+    assert ft.tune(scenario, starts=2).problem.objective == objective
+
+
 def abscissa(parts, gains):
     """Largest real part of the loop's eigenvalues, 1/s."""
     return np.linalg.eigvals(loop(parts, gains)).real.max()
@@ -117,7 +127,8 @@ def test_a_larger_sensitivity_makes_errors_smaller_and_stays_below_the_wide_boun
 @pytest.mark.parametrize(
     ("tuning", "message"),
     [
-        ({"objective": "decay"}, "`objective` must be .* without model = .identified"),
+        ({"objective": "decay"}, "`identified` of .tuning. must be given: no plant is an aircraft"),
+        ({"objective": "E_K", "model": "kinematic"}, "`model` must be .identified. or absent"),
         ({"sensitivity_max": 1.3}, "`sensitivity_max` must be absent"),
         ({"objective": "E_K", "model": "identified", "sensitivity_max": 1.0}, "`sensitivity_max`"),
     ],
