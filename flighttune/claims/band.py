@@ -348,8 +348,8 @@ class Band(Answering):
         if not self.claims:
             allowed = allowed_outside(flights, about.epsilon, about.confidence)
             return (
-                f"of {flights} fresh flights {self.lost}, and at most {allowed} may: nothing is "
-                f"claimed of {self.flights.sentence}"
+                f"nothing is claimed: of {flights} fresh flights {self.lost}, and at most "
+                f"{allowed} may. All are flights of {self.flights.sentence}"
             )
         if about.of == "turn_back":
             ahead, height = self.room
@@ -362,9 +362,10 @@ class Band(Answering):
         of = " of its residual signals" if about.of else ""
         knowing = ", around the middle that its wind predicts," if about.predicted_from else ""
         return (
-            f"of {flights} fresh flights {self.outside} lie outside: a new one leaves the band"
-            f"{of}{knowing} with probability at most {number(about.epsilon)}, confidence "
-            f"{self.confidence:.10g}{self.shared}, if it is a flight of {self.flights.sentence}"
+            f"a new flight leaves the band{of}{knowing} with probability at most "
+            f"{number(about.epsilon)}, confidence {self.confidence:.10g}{self.shared}: "
+            f"{self.outside} of {flights} fresh flights did. All are flights of "
+            f"{self.flights.sentence}"
         )
 
     def claiming(self, epsilon: float, confidence: float) -> "Band":
@@ -439,9 +440,9 @@ class Band(Answering):
             epsilon,
             epsilon <= about.epsilon,
             [{"what": what, **room.nearest(reach)} for what, reach in reaches.items()],
-            f"of {flights} fresh flights {flights - outside} are certainly inside the fence: a "
-            f"new flight leaves it with probability at most {number(epsilon)}, confidence "
-            f"{self.confidence:.10g}{self.shared}",
+            f"a new flight leaves the fence with probability at most {number(epsilon)}, confidence "
+            f"{self.confidence:.10g}{self.shared}: {flights - outside} of {flights} fresh flights "
+            "are certainly inside",
         )
 
     def _off_route(self) -> list[int]:

@@ -58,7 +58,7 @@ def test_fresh_flights_are_counted_and_none_is_flown_twice():
 
     assert flown == [list(range(10)), list(range(10, 10 + WITH_FIVE))]
     assert counted.outside == 5
-    assert f"of {WITH_FIVE} fresh flights 5 lie outside" in counted.sentence
+    assert f": 5 of {WITH_FIVE} fresh flights did. All are flights of " in counted.sentence
     assert "in calm air; drawn at random: initial course -5 to 5 deg and" in counted.sentence
 
 

@@ -117,7 +117,7 @@ def test_names_that_a_maker_chose_are_quoted_and_no_part_of_the_claim(counted, t
     (claim, maker), (before, _) = (x.sentence.split("; its maker calls ") for x in (band, counted))
 
     assert claim == before
-    assert "a flight of kinematic under the paper law at 25 m/s" in claim
+    assert "flights of kinematic under the paper law at 25 m/s" in claim
     assert maker == """the flights "calm' air. Proven" and the gains "tuned\""""
 
 

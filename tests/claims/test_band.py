@@ -172,7 +172,7 @@ def test_flights_that_did_not_complete_count(walks, counted):
     assert once.scale < np.inf
     assert (once.outside, once.not_completed) == (1, 1)
     assert not none.claims
-    assert "2 did not complete, and at most 1 may: nothing is claimed" in none.sentence
+    assert "fresh flights 2 did not complete, and at most 1 may." in none.sentence
     learned = extremes_of(walks[0])
     learned[shape_module.MIN_LEARNED - 1 :] = lost[0]
     with pytest.raises(ft.InputError, match=r"`learn` .*10.* 9"):

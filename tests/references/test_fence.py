@@ -303,7 +303,7 @@ def test_a_fence_is_kept_with_its_band_and_shares_its_confidence_and_page(band, 
     assert "confidence 0.8 (shared by the band and its fence)" in said["sentence"]
     assert load_band(file).about.fences == (json.loads(box.read_text()),)
     text = page.read_text()
-    assert "36 are certainly inside the fence" in text.replace("40 fresh flights ", "")
+    assert "36 of 40 fresh flights are certainly inside" in text
     assert text.count("fence</span>") == text.count("Map</") == 1
 
 

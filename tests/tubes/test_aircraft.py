@@ -140,7 +140,7 @@ def test_with_its_band_boxes_are_rebuilt_and_what_was_counted_is_said(proof):
     found, _ = flighttune("verify", proof[0], "--boxes", proof[1], "--json")
 
     assert UNCHECKED not in " ".join(stdout.split())
-    assert "of 259 fresh flights 5 lie outside" in stdout
+    assert ": 5 of 259 fresh flights did." in stdout
     found = json.loads(found)
     assert (found["valid"], found["claim"]["aircraft_checked"]) == (True, True)
     assert "at most 0.05, confidence 0.99" in found["claim"]["counted"]
