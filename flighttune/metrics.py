@@ -1,5 +1,6 @@
 """Tracking measures of a run: those of the paper and the usual step measures."""
 
+import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -8,11 +9,14 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.simulate.measures import (
     METRICS,
-    NO_STEP,
     SETTLING_BAND,
+    SMALLEST_STEP,
     STEADY_FROM,
     ErrorMeasures,
+    commanded_change,
     error_measures,
+    moves,
+    settling_time,
     step_measures,
 )
 from flighttune.simulate.run import Run
@@ -43,7 +47,8 @@ MEASURED = (
     *("V_ref", "V_err", "n_x_cmd", "n_x_limited"),
     *(f"{channel}_err" for channel in CHANNELS),
     *(f"{command}_{kind}" for command in CHANNELS.values() for kind in ("cmd", "limited")),
-    "gamma_ref",
+    *(f"{channel}_ref" for channel in CHANNELS),
+    "gamma_given",
     "V_a",
     "n_z",
     "alpha",
@@ -59,6 +64,10 @@ FLIGHT_METRICS = {
     "cross_track_m": "m",
     "height_err_m": "m",
 }
+
+# Share of the commanded change within which a flight has followed it to the end, and the error of
+# course and path angle that is allowed there whatever the change, rad.
+FOLLOWED, ALWAYS_ALLOWED = 0.2, DEG
 
 # Measures that say why a response does not settle; see `settling_measures`.
 UNSETTLED = ("settling_band_rad", "late_rad")
@@ -137,8 +146,12 @@ def channel_metrics(run: Run) -> "pd.DataFrame":
         From 10 % to 90 % of the first error, first passage of each; NaN if 90 % is not reached or
         the first error is below 0.1 deg.
     settling_s
-        Time after which ``|e|`` stays within 5 % of the first error; NaN if it never does, or the
-        first error is below 0.1 deg.
+        Time from the end of a commanded change until ``|e|`` stays within 5 % of the commanded
+        change of the channel: the largest distance of its reference from where the flight starts.
+        A step ends as it begins, a flight that starts beside its reference is a step at t = 0, and
+        0 is a response that is within 5 % when a ramp ends. Of several changes the longest time,
+        each at most until the next begins. NaN if the flight ends outside, and on a route. Where no
+        change of at least 0.1 deg is commanded it is 0 if ``|e|`` stays within 0.005 deg, else NaN.
     effort_rms
         Root mean square of the command minus what steady flight on the reference needs: 0 for roll,
         ``cos(gamma_ref)`` for load factor.
@@ -163,9 +176,10 @@ def channel_metrics(run: Run) -> "pd.DataFrame":
 def measures(run: Run) -> dict[str, dict[str, float]]:
     """All measures of a run, as numbers.
 
-    Returns ``chi`` and ``gamma``: `channel_metrics` and ``peak_rad``, the largest magnitude of the
-    error; ``flight``: `flight_metrics`; and where the airspeed is a channel ``V``, of which
-    ``min_mps`` is the lowest airspeed; its step measures count from the first change of its
+    Returns ``chi`` and ``gamma``: `channel_metrics`, ``peak_rad``, the largest magnitude of the
+    error, and ``end_error``, the mean error at the end, with the largest that counts as followed,
+    ``end_allowed``; ``flight``: `flight_metrics`; and where the airspeed is a channel ``V``, of
+    which ``min_mps`` is the lowest airspeed; its step measures count from the first change of its
     reference. A channel whose settling time the scenario bounds has its
     `settling_measures` too. Empty for a run of fewer than two samples, and for a log.
     """
@@ -185,7 +199,10 @@ def measures_of(
     channels = {
         channel: _channel_measures(t, columns, channel, measure)
         | {"peak_rad": float(np.max(np.abs(columns[f"{channel}_err"])))}
-        | settling_measures(t, columns[f"{channel}_err"], settling.get(channel, ()))
+        | _end_errors(t, columns, channel)
+        | settling_measures(
+            t, columns[f"{channel}_ref"], columns[f"{channel}_err"], settling.get(channel, ())
+        )
         for channel in CHANNELS
     }
     measured = {**channels, "flight": _flight_measures(columns)}
@@ -206,14 +223,35 @@ def _airspeed_measures(
     t: FloatArray, columns: Mapping[str, FloatArray], measure: Measure
 ) -> dict[str, float]:
     error, steady = columns["V_err"], np.sin(columns["gamma_ref"])
-    values = measure(t, error, columns["n_x_cmd"] - steady, columns["n_x_limited"])._asdict()
-    changed = np.flatnonzero(columns["V_ref"] != columns["V_ref"][0])
+    effort, ref = columns["n_x_cmd"] - steady, columns["V_ref"]
+    values = measure(t, ref, error, effort, columns["n_x_limited"])._asdict()
+    changed = np.flatnonzero(ref != ref[0])
     if len(changed):  # before its reference changes, the airspeed is disturbed by all else
         after = slice(int(changed[0]), None)
         step = step_measures(t[after] - t[changed[0]], error[after])
-        values |= dict(zip(("PT_s", "MO_rad", "rise_s", "settling_s"), step, strict=True))
+        values |= dict(zip(("PT_s", "MO_rad", "rise_s"), step, strict=True))
     values |= {"peak_rad": float(np.max(np.abs(error))), "min_rad": float(np.min(columns["V_a"]))}
+    values |= _end_errors(t, columns, AIRSPEED)
     return {name.replace("_rad", "_mps"): value for name, value in values.items()}
+
+
+def _end_errors(t: FloatArray, columns: Mapping[str, FloatArray], channel: str) -> dict[str, float]:
+    """Mean error at the end, in magnitude, and the largest with which a flight has followed.
+
+    The end is the last quarter of the time, or what of it comes after the last change of the
+    reference. Where thrust is short the path angle is held against the one that the law is given.
+    Empty on a route, at whose end a flight arrives or not, and for an airspeed without a change.
+    """
+    ref, error = columns[f"{channel}_ref"], columns[f"{channel}_err"]
+    change, least = commanded_change(ref, error), 0.0 if channel == AIRSPEED else ALWAYS_ALLOWED
+    if OFF_ROUTE[0] in columns or max(change, least) < SMALLEST_STEP:
+        return {}
+    if channel == "gamma" and "gamma_given" in columns:
+        error = error + columns["gamma_given"] - ref
+    moved = moves(ref)
+    begin = max(STEADY_FROM * t[-1], t[moved[-1]] if len(moved) else 0.0)
+    mean = abs(float(np.mean(error[t >= begin])))
+    return {"end_error": mean, "end_allowed": max(FOLLOWED * change, least)}
 
 
 def stated_bounds(limits: Mapping[str, float]) -> dict[str, float]:
@@ -243,25 +281,23 @@ def settling_band(name: str) -> float | None:
     return float(name.split()[2]) * DEG if name.startswith("settling_s within") else None
 
 
-def settling_measures(t: FloatArray, error: FloatArray, names: Sequence[str]) -> dict[str, float]:
+def settling_measures(
+    t: FloatArray, ref: FloatArray, error: FloatArray, names: Sequence[str]
+) -> dict[str, float]:
     """Settling times within bands of their own, and why a response does not settle, by name.
 
-    ``settling_band_rad`` is 5 % of the first error larger than 1e-6 rad, from which times count;
-    ``late_rad`` is the largest error over the last quarter of the time. Empty without `names`.
+    ``settling_band_rad`` is 5 % of the commanded change, ``late_rad`` the largest error over the
+    last quarter of the time. Times count as for ``settling_s``, without a change from t = 0. Empty
+    without `names`.
     """
     if not names:
         return {}
-    size, begin = np.abs(error), int(np.argmax(np.abs(error) > NO_STEP))
-    values = {
-        "settling_band_rad": SETTLING_BAND * float(size[begin]),
-        "late_rad": float(size[t >= STEADY_FROM * t[-1]].max()),
+    bands = {name: band for name in names if (band := settling_band(name)) is not None}
+    return {
+        "settling_band_rad": SETTLING_BAND * commanded_change(ref, error),
+        "late_rad": float(np.abs(error[t >= STEADY_FROM * t[-1]]).max()),
+        **{name: settling_time(t, ref, error, band) for name, band in bands.items()},
     }
-    after = np.append(t[begin:] - t[begin], np.nan)  # by the number of samples before
-    for name in names:
-        if (band := settling_band(name)) is not None:
-            outside = np.flatnonzero(size[begin:] > band)
-            values[name] = float(after[np.append(-1, outside)[-1] + 1])
-    return values
 
 
 def signal_arrays(run: Run, names: Sequence[str]) -> dict[str, FloatArray]:
@@ -317,9 +353,12 @@ def _channel_measures(
 ) -> dict[str, float]:
     command = CHANNELS[channel]
     steady = np.cos(columns["gamma_ref"]) if command == "n_z" else 0.0
-    return measure(
+    values = measure(
         t,
+        columns[f"{channel}_ref"],
         columns[f"{channel}_err"],
         columns[f"{command}_cmd"] - steady,
         columns[f"{command}_limited"],
     )._asdict()
+    # The guidance of a route commands small changes all the time.
+    return values | ({"settling_s": math.nan} if OFF_ROUTE[0] in columns else {})

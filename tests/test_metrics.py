@@ -9,13 +9,16 @@ from made_up import made_up_run
 
 import flighttune as ft
 from flighttune.metrics import measures, settling_measures
+from flighttune.simulate import kernel
+from flighttune.simulate.measures import error_measures
 
 SAMPLING = 2e-4
 T = np.linspace(0.0, 20.0, 200_001)
 
 
 def run_of(chi_err, gamma_err=None, **columns):
-    level = dict.fromkeys(("gamma_ref", "phi_cmd", "phi_limited", "n_z_limited"), 0.0)
+    zero = "chi_ref", "gamma_ref", "phi_cmd", "phi_limited", "n_z_limited"
+    level = dict.fromkeys(zero, 0.0)
     level |= {"n_z_cmd": 1.0, "n_z": 1.0, "V_a": 25.0}
     errors = {"chi_err": chi_err, "gamma_err": 0.0 if gamma_err is None else gamma_err}
     return made_up_run({**errors, **level, **columns}, T)
@@ -59,8 +62,8 @@ def test_an_exponential_has_the_integrals_and_times_of_its_formula():
 def test_settling_within_a_band_of_its_own_is_the_last_time_an_error_leaves_it():
     rate, name = 0.8, "settling_s within 5 deg"
 
-    found = settling_measures(T, np.exp(-rate * T), [name])
-    wavy = settling_measures(T, np.deg2rad(6.0) * np.cos(math.tau * T), [name])
+    found = settling_measures(T, 0.0 * T, np.exp(-rate * T), [name])
+    wavy = settling_measures(T, 0.0 * T, np.deg2rad(6.0) * np.cos(math.tau * T), [name])
 
     assert found[name] == pytest.approx(math.log(1.0 / math.radians(5.0)) / rate, abs=SAMPLING)
     assert math.isnan(wavy[name])
@@ -73,14 +76,58 @@ def test_what_does_not_happen_has_no_time():
 
     assert math.isnan(swinging["settling_s"])
     assert still["MO_rad"] == 0.0
-    assert still[["PT_s", "rise_s", "settling_s"]].isna().all()
+    assert still[["PT_s", "rise_s"]].isna().all()
 
 
-def test_a_step_in_mid_flight_is_timed_from_its_start():
-    error = np.where(T < 5.0, 0.0, np.exp(-2.0 * (T - 5.0)))
-    found = ft.channel_metrics(run_of(error)).loc["chi"]
+def step(t, lag):
+    """Error of a first-order lag to a unit step of its reference at t = 0."""
+    return np.where(t < 0.0, 0.0, np.exp(-t / lag))
 
-    assert found["settling_s"] == pytest.approx(math.log(20.0) / 2.0, abs=SAMPLING)
+
+def ramp(t, lag, lasting=3.0):
+    """Error of a first-order lag to a reference that rises by 1 in a time."""
+    rises = np.clip(t, 0.0, lasting), np.maximum(t - lasting, 0.0)
+    return lag / lasting * (1.0 - np.exp(-rises[0] / lag)) * np.exp(-rises[1] / lag)
+
+
+# Errors of a first-order lag of a time constant, s, in closed form, and what they settle in.
+LAG = 0.7
+SETTLED = {
+    "a step in mid-flight": (1.0 * (T >= 5.0), step(T - 5.0, LAG), math.log(20.0) * LAG),
+    "a ramp, from its end": (
+        np.clip((T - 2.0) / 3.0, 0.0, 1.0),
+        ramp(T - 2.0, LAG),
+        LAG * math.log(20.0 * LAG / 3.0 * (1.0 - math.exp(-3.0 / LAG))),
+    ),
+    "a ramp that is followed": (np.clip((T - 2.0) / 3.0, 0.0, 1.0), ramp(T - 2.0, 0.1), 0.0),
+    "no end of a ramp": (T / 20.0, ramp(T, 0.1, 20.0), 0.0),
+    "a start beside the reference": (0.0 * T, step(T, LAG), math.log(20.0) * LAG),
+    "two steps, 5 % of both": (
+        1.0 * (T >= 2.0) + (T >= 10.0),
+        step(T - 2.0, LAG) + step(T - 10.0, LAG),
+        math.log(10.0) * LAG,
+    ),
+    "a step before it has settled": (
+        (T >= 2.0) - 1.0 * (T >= 3.0),
+        step(T - 2.0, LAG) - step(T - 3.0, LAG),
+        math.log(20.0 * (1.0 - math.exp(-1.0 / LAG))) * LAG,
+    ),
+    "a gust before a step": (
+        1.0 * (T >= 5.0), 0.2 * (abs(T - 3.0) < 0.1) + step(T - 5.0, LAG), math.log(20.0) * LAG,
+    ),
+    "no change": (0.0 * T, math.radians(0.004) * np.sin(T), 0.0),
+    "no change, and an error": (0.0 * T, math.radians(0.006) * np.sin(T), math.nan),
+    "a step that is never reached": (1.0 * (T >= 5.0), 0.06 * (T >= 5.0), math.nan),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("compiled", [False, True], ids=["", "compiled"])
+@pytest.mark.parametrize(("ref", "error", "settled"), SETTLED.values(), ids=SETTLED)
+def test_settling_counts_from_the_end_of_a_change_to_5_percent_of_it(ref, error, settled, compiled):
+    measure = kernel.error_measures if compiled else error_measures
+    found = measure(T, ref, error, 0.0 * T, 0.0 * T)
+
+    assert found.settling_s == pytest.approx(settled, abs=SAMPLING, nan_ok=True)
 
 
 def test_effort_and_time_at_limits_are_those_of_the_command():

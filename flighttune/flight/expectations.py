@@ -7,9 +7,10 @@ from typing import Literal, NamedTuple, TypeAlias, get_args
 
 from flighttune.control.gains import PIGains
 from flighttune.flight.models import loop_measures
-from flighttune.metrics import CHANNELS, measures, settling_band, stated_bounds
+from flighttune.metrics import AIRSPEED, CHANNELS, measures, settling_band, stated_bounds
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import ExpectTable, in_rad
+from flighttune.simulate.measures import SETTLING_BAND, SMALLEST_STEP
 from flighttune.simulate.run import Run
 from flighttune.units import DEG
 
@@ -86,12 +87,7 @@ class ClaimCheck:
     @property
     def lower(self) -> list[BoundCheck]:
         """Bounds below an error or time that has none above, which a poor flight meets."""
-        above = {(x.run, x.subject, x.measure) for x in self.bounds if x.sense == "at_most"}
-        return [
-            x
-            for x in self.bounds
-            if x.subject in CHANNELS and (x.run, x.subject, x.measure) not in above
-        ]
+        return _lower(self.bounds)
 
     @property
     def short(self) -> str:
@@ -125,14 +121,15 @@ class ClaimCheck:
 def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
     """Check every run against the ``[[expect]]`` tables of its scenario.
 
-    A run for which no table names a status must be completed.
+    A run for which no table names a status must be completed, and follow its reference to the end
+    (`not_followed`).
     """
     bounds: list[BoundCheck] = []
     missed: list[str] = []
     counts: list[Counts] = []
     for run in runs:
         made_by = run.provenance
-        tables = scenario.expected(made_by.plant, made_by.gains_name)
+        tables, measured = scenario.expected(made_by.plant, made_by.gains_name), {}
         stated = any(table.status for table in tables)
         if wrong_end := _wrong_end(tables, run.status, run.reason):
             missed.append(f"{run.label}: {wrong_end}")
@@ -141,10 +138,13 @@ def check_claim(scenario: Scenario, runs: Sequence[Run]) -> ClaimCheck:
             met, not_flown = 0, len(checks) or int(not stated)
         else:
             of_run = tables, scenario, made_by.gains_name, made_by.gains
-            checks = list(bound_checks(tables, with_loop(measures(run), *of_run), run.label))
-            missed += [f"{run.label}: {check.sentence}" for check in checks if not check.met]
-            met, not_flown = sum(check.met for check in checks) + int(stated), 0
-        end = stated or bool(wrong_end and not checks)
+            measured = with_loop(measures(run), *of_run)
+            checks = list(bound_checks(tables, measured, run.label))
+            wrong_end = not_followed(tables, measured)
+            misses = [check.sentence for check in checks if not check.met]
+            missed += [f"{run.label}: {miss}" for miss in (*misses, wrong_end) if miss]
+            met, not_flown = sum(check.met for check in checks) + int(stated and not wrong_end), 0
+        end = stated or bool(wrong_end and (measured or not checks))
         counts.append(Counts(len(checks) + int(end), met, not_flown))
         bounds += checks
     tested = any(count.requirements for count in counts)
@@ -179,13 +179,14 @@ def missed(
 ) -> tuple[str, ...]:
     """Return a sentence for each requirement of `tables` that one run does not meet.
 
-    A run for which no table names a status must be completed. `measured` is empty for a flight too
-    short to have any measures.
+    A run for which no table names a status must be completed and follow to the end. `measured` is
+    empty for a flight too short to have any measures.
     """
     wrong_end = _wrong_end(tables, status, reason)
     if wrong_end:
         return (wrong_end,)
-    return tuple(check.sentence for check in bound_checks(tables, measured) if not check.met)
+    misses = [check.sentence for check in bound_checks(tables, measured) if not check.met]
+    return tuple(filter(None, (*misses, not_followed(tables, measured))))
 
 
 def _wrong_end(tables: Sequence[ExpectTable], status: str, reason: str) -> str:
@@ -195,6 +196,52 @@ def _wrong_end(tables: Sequence[ExpectTable], status: str, reason: str) -> str:
         return ""
     wanted = "" if expected == ["completed"] else f", must be {' or '.join(expected)}"
     return f"{status}{wanted}: {reason or 'flown to its end'}"
+
+
+def not_followed(tables: Sequence[ExpectTable], measured: Mapping[str, Mapping[str, float]]) -> str:
+    """Why a completed run does not follow its reference to the end; empty if it does."""
+    share, channel = end_share(tables, measured)
+    if share <= 1.0:
+        return ""
+    values, unit = measured[channel], "m/s" if channel == AIRSPEED else "deg"
+    mean, most = (
+        values[name] if channel == AIRSPEED else values[name] / DEG
+        for name in ("end_error", "end_allowed")
+    )
+    return (
+        f"{channel} does not follow its reference to the end: the mean error there must be at most "
+        f"{most:.3g} {unit}, got {mean:.3g}"
+    )
+
+
+def end_share(
+    tables: Sequence[ExpectTable], measured: Mapping[str, Mapping[str, float]]
+) -> tuple[float, str]:
+    """Largest mean error at the end relative to what is allowed, and its channel; 0 if none counts.
+
+    None counts without a bound, or where another end is stated; nor does that of a channel with a
+    lower bound on an error or a time, which a poor flight meets.
+    """
+    bounds = [*bound_checks(tables, {})]
+    if not bounds or any(table.status not in (None, "completed") for table in tables):
+        return 0.0, ""
+    poor = {check.subject for check in _lower(bounds)}
+    return max(
+        (
+            (values["end_error"] / values["end_allowed"], channel)
+            for channel, values in measured.items()
+            if "end_error" in values and channel not in poor
+        ),
+        default=(0.0, ""),
+    )
+
+
+def _lower(bounds: Sequence[BoundCheck]) -> list[BoundCheck]:
+    """Bounds below an error or time of a channel that has none above."""
+    above = {(x.run, x.subject, x.measure) for x in bounds if x.sense == "at_most"}
+    return [
+        x for x in bounds if x.subject in CHANNELS and (x.run, x.subject, x.measure) not in above
+    ]
 
 
 def bound_checks(
@@ -224,6 +271,8 @@ def _unsettled(name: str, measured: Mapping[str, float]) -> str:
     least = measured.get("settling_band_rad", math.inf) if band is None else band
     if not (name.startswith("settling_s") and late > least):
         return ""
+    if band is None and least < SETTLING_BAND * SMALLEST_STEP:
+        return "no change is commanded of which 5 % could be a band: state `band_deg` beside it"
     what = "the band" if band else "5 % of the change"
     left = f"errors in the last quarter of the flight reach {late / DEG:.2g} deg"
     return f"{what} is {least / DEG:.2g} deg, {left}"

@@ -231,7 +231,7 @@ def _requiring(text: str, overshoot: float | None, settle: float | None) -> str:
     """A first scenario with requirements of course and path angle in place of its own."""
     document: Any = tomlkit.parse(text)
     if settle is not None:
-        # A ramp has no settling time; both channels become steps of the same size.
+        # Ramps are followed with hardly an error: steps of the same size have to settle.
         for key, value in document["reference"].items():
             if isinstance(value, list):
                 change = sum(ramp["rate_dps"] * ramp["duration_s"] for ramp in value)

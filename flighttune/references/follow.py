@@ -91,12 +91,19 @@ class RouteReference:
         chi, gamma = (np.gradient(values, t) for values in self.sampled(t))
         return chi, gamma
 
-    def not_arrived(self, t: float, along: float) -> Stop | None:
-        """Why a flight that lasted `t` (s) and came to `along` (m) did not fly all of it."""
-        left = self.path.length - along
-        if left <= 0.0:
-            return None
-        return Stop("not_arrived", f"t = {t:g} s: {left:.0f} m of the route are left.")
+    def not_arrived(self, t: float, place: Place) -> Stop | None:
+        """Why a flight that lasted `t` (s) and came to `place` did not fly all of it.
+
+        At the end it must be within the look-ahead distance of the route.
+        """
+        along, *off = place
+        left, beside, most = self.path.length - along, math.hypot(*off), self.look_ahead * self.V_a
+        if left > 0.0:
+            return Stop("not_arrived", f"t = {t:g} s: {left:.0f} m of the route are left.")
+        if beside > most:
+            far = f"{beside:.0f} m from it, must be within its look-ahead of {most:.0f} m"
+            return Stop("not_arrived", f"t = {t:g} s: the end of the route was passed {far}.")
+        return None
 
     def displacement(self, signals: pd.DataFrame) -> float:
         """Largest distance, m, of the positions of a flight from those that its places give.

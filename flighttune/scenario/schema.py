@@ -11,6 +11,7 @@ from flighttune.control.law import DEFAULT, Law, law_name, made_law, split_name
 from flighttune.errors import InputError
 from flighttune.files.shipped import nearest_name
 from flighttune.files.table import hash_of
+from flighttune.metrics import CHANNELS, settling_names
 from flighttune.present.names import listed
 from flighttune.quantities import FASTEST_WIND, STEEPEST_DEG, Table
 from flighttune.scenario import tables
@@ -111,6 +112,13 @@ class Scenario(Table):
             raise ValueError(
                 "`duration_s` of [flight] must be given with [route]: its longest time"
             )
+        for channel in settling_names([table.model_dump() for table in self.expect]):
+            if self.route is not None and channel in CHANNELS:
+                raise ValueError(
+                    f"`{channel}.settling_s` of [[expect]] must be absent with [route], whose "
+                    "guidance commands small changes all the time: bound `flight.cross_track_m` "
+                    "and `flight.height_err_m`"
+                )
         return self
 
     @model_validator(mode="after")

@@ -922,7 +922,8 @@ class ExpectTable(q.Table):
     error), ``V`` (the same of an airspeed that is followed, in m/s, and its lowest value
     ``min_mps``), ``flight`` and ``loop`` (indicators and margins on the model of ``[tuning]``); a
     measure in rad may be given in deg under that ending, one in rad/s under ``_dps``. ``band_deg``
-    beside ``settling_s`` is the error within which a response counts as settled, in place of 5 %.
+    beside ``settling_s`` is the error within which a response counts as settled, in place of 5 % of
+    the commanded change. Bounds include that a flight follows its reference to the end.
     """
 
     plant: Annotated[str, Field(min_length=1)] | None = None

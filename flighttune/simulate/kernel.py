@@ -49,7 +49,10 @@ register_jitable(wrap_angle)
 register_jitable(limits.limit_command)
 exact_step = register_jitable(inline="always")(exact_law.exact_step)
 pi_step = register_jitable(inline="always")(mimo_pi.pi_step)
-for of_errors in (measures.first_below, measures.step_measures, measures.error_measures):
+for of_errors in (
+    *(measures.first_below, measures.step_measures, measures.commanded_change, measures.moves),
+    *(measures.settling_time, measures.error_measures),
+):
     register_jitable(of_errors)
 
 
@@ -81,9 +84,9 @@ def fly_block(first, end, sensor_errors, flights, result):
 
 
 @kernel
-def error_measures(t, error, effort, limited):
+def error_measures(t, ref, error, effort, limited):
     """The function of that name, compiled."""
-    return measures.error_measures(t, error, effort, limited)
+    return measures.error_measures(t, ref, error, effort, limited)
 
 
 @njit

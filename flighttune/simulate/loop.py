@@ -260,7 +260,7 @@ def _samples(
         loop = asked[0], asked[1], 0.0, 0.0, *commands[:m]
         rows += pack(*signals, *loop, *u_unsat, *commands[m:], *place, *speed, *limited)
         if ends:
-            return route.not_arrived(now, place[0]) if route is not None and place else None
+            return route.not_arrived(now, place) if route is not None and place else None
         stop = advance(commands[0], commands[1], dt, *commands[2:m])
         if stop is not None:
             return stop

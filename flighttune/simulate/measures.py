@@ -4,16 +4,22 @@ import math
 from collections import namedtuple
 
 import numpy as np
+import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 
 # Errors up to this are none, rad.
 NO_STEP = 1e-6
 
-# First error from which on there is a step to time, rad.
+# Smallest change that is timed, rad.
 SMALLEST_STEP = math.radians(0.1)
 
+# Share of the commanded change within which a response has settled.
 SETTLING_BAND = 0.05
+
+# Difference from one sample to the next up to which a reference is at rest, rad or m/s: the
+# rounding of a course that has been turned many times shall not move it.
+AT_REST = 1e-9
 
 # Part of the time from which on a response is taken as steady.
 STEADY_FROM = 0.75
@@ -38,17 +44,17 @@ ErrorMeasures = namedtuple("ErrorMeasures", METRICS)
 
 
 def error_measures(
-    t: FloatArray, error: FloatArray, effort: FloatArray, limited: FloatArray
+    t: FloatArray, ref: FloatArray, error: FloatArray, effort: FloatArray, limited: FloatArray
 ) -> ErrorMeasures:
     """Tracking measures of one channel at the times `t` (two or more, s, from 0).
 
-    `error` (rad) is reference minus actual, `effort` the command minus that of steady flight on the
-    reference, and `limited` not zero where a limit holds the command.
+    `error` (rad) is the reference `ref` minus actual, `effort` the command minus that of steady
+    flight on the reference, and `limited` not zero where a limit holds the command.
     """
     weighted, spacing = t * np.abs(error), t[1:] - t[:-1]
     itae = float(np.sum(spacing * (weighted[1:] + weighted[:-1]))) / 2.0
     steady = error[t >= STEADY_FROM * t[-1]]
-    peak_time, overshoot, rise, settling = step_measures(t, error)
+    peak_time, overshoot, rise = step_measures(t, error)
     return ErrorMeasures(
         itae,
         itae / t[-1],
@@ -57,30 +63,63 @@ def error_measures(
         float(np.mean(steady)),
         float(np.std(steady)),
         rise,
-        settling,
+        settling_time(t, ref, error, 0.0),
         math.sqrt(np.mean(effort**2)),
         float(np.sum(spacing[limited[:-1] != 0.0])),
     )
 
 
-def step_measures(t: FloatArray, error: FloatArray) -> tuple[float, float, float, float]:
-    """Peak time, overshoot, rise time and settling time."""
+def step_measures(t: FloatArray, error: FloatArray) -> tuple[float, float, float]:
+    """Peak time, overshoot and rise time."""
     away = np.flatnonzero(np.abs(error) > NO_STEP)
     if len(away) == 0:
-        return math.nan, 0.0, math.nan, math.nan
+        return math.nan, 0.0, math.nan
     t, error = t[away[0] :], error[away[0] :]
     step = abs(error[0])
     beyond = -math.copysign(1.0, error[0]) * error
     peak = int(np.argmax(beyond))
     peak_time, overshoot = float(t[peak]), max(0.0, float(beyond[peak]))
     if step < SMALLEST_STEP:
-        return peak_time, overshoot, math.nan, math.nan
+        return peak_time, overshoot, math.nan
     to_go = -beyond / step
-    rise = first_below(t, to_go, 0.1) - first_below(t, to_go, 0.9)
-    # The first sample is outside the band by definition, so there always is a last one.
-    settled = int(np.flatnonzero(np.abs(to_go) > SETTLING_BAND)[-1]) + 1
-    settling = float(t[settled] - t[0]) if settled < len(t) else math.nan
-    return peak_time, overshoot, rise, settling
+    return peak_time, overshoot, first_below(t, to_go, 0.1) - first_below(t, to_go, 0.9)
+
+
+def commanded_change(ref: FloatArray, error: FloatArray) -> float:
+    """Largest distance of a reference from where the flight starts."""
+    return float(np.max(np.abs(ref - ref[0] + error[0])))
+
+
+def moves(ref: FloatArray) -> npt.NDArray[np.intp]:
+    """Samples at which a reference is not what it was at the sample before."""
+    return np.flatnonzero(np.abs(ref[1:] - ref[:-1]) > AT_REST) + 1
+
+
+def settling_time(t: FloatArray, ref: FloatArray, error: FloatArray, band: float) -> float:
+    """Longest time from the end of a change of `ref` until `error` stays within `band`.
+
+    With a `band` of 0 it is 5 % of the commanded change. `flighttune.metrics` has the definition.
+    """
+    size = np.abs(error)
+    if band == 0.0:
+        change = commanded_change(ref, error)
+        band = SETTLING_BAND * max(change, SMALLEST_STEP)
+        if change < SMALLEST_STEP:  # there is no end of a change from which to count
+            return 0.0 if np.max(size) <= band else math.nan
+    outside = np.flatnonzero(size > band)
+    moved = moves(ref)
+    if len(moved) > 0 and size[0] < SMALLEST_STEP:  # nothing is commanded before
+        outside = outside[outside >= moved[0]]
+    if len(outside) == 0:
+        return 0.0
+    if outside[-1] == len(t) - 1:
+        return math.nan
+    # The last change before each sample, and what is at rest after it: errors while the reference
+    # moves take no time.
+    ends = np.append(np.zeros(1, dtype=np.intp), moved)
+    began = ends[np.searchsorted(ends, outside, side="right") - 1]
+    resting = np.abs(ref[outside + 1] - ref[outside]) <= AT_REST
+    return float(np.max(t[outside + resting] - t[began]))
 
 
 def first_below(t: FloatArray, to_go: FloatArray, level: float) -> float:

@@ -16,12 +16,13 @@ def scenario(*expect):
     return made_up_scenario(gains=["paper", "K5"], expect=list(expect))
 
 
-def flown(chi_err=0.0, n_z=1.0, gains="paper", status="completed", reason=""):
-    """A run with constant course error and load factor."""
+def flown(chi_err=0.0, n_z=1.0, gains="paper", status="completed", reason="", turn_deg=20.0):
+    """A run with constant course error and load factor, whose course is to turn after 1 s."""
     columns = dict.fromkeys(
         ("gamma_err", "gamma_ref", "phi_cmd", "n_z_cmd", "phi_limited", "n_z_limited"), 0.0
     )
-    columns |= {"chi_err": chi_err, "n_z": n_z, "V_a": 25.0}
+    columns |= {"chi_err": chi_err, "chi_ref": np.deg2rad(turn_deg) * (T >= 1.0)}
+    columns |= {"n_z": n_z, "V_a": 25.0}
     return made_up_run(columns, T, gains_name=gains, status=status, reason=reason)
 
 
@@ -55,12 +56,15 @@ def test_a_bound_is_met_or_missed_by_so_much(bounds, missed):
         ({"band_deg": 0.5}, "chi.settling_s within 0.5 deg must be at most 5, got nan (there is no "
          "value): the band is 0.5 deg, errors in the last quarter of the flight reach 0.6 deg"),
         ({"band_deg": 1.0}, None),
+        ({"start_deg": 0.0}, "chi.settling_s must be at most 5, got nan (there is no value): no "
+         "change is commanded of which 5 % could be a band: state `band_deg` beside it"),
     ],
 )  # fmt: skip
 def test_a_response_that_never_settles_is_said_why_and_may_have_a_band_of_its_own(band, missed):
+    start = band.pop("start_deg", 3.0)
     of = scenario({"at_most": {"chi": {"settling_s": 5.0, **band}}})
-    swing = np.where(T < 1.0, 3.0, 0.6 * np.cos(2.0 * np.pi * T))
-    run = flown(np.deg2rad(swing))
+    swing = np.where(T < 1.0, start, 0.6 * np.cos(2.0 * np.pi * T))
+    run = flown(np.deg2rad(swing), turn_deg=0.0)
     made = dataclasses.replace(run.provenance, scenario=of.as_dict())
 
     found = check_claim(of, [dataclasses.replace(run, provenance=made)]).missed
@@ -84,6 +88,34 @@ def test_an_end_that_was_expected_is_none_to_complain_of_and_its_absence_is():
     assert check_claim(wanted, [flown()]).missed == (
         "kinematic / paper: completed, must be left_envelope: flown to its end",
     )
+
+
+# A step of the course by 20 deg: 4 deg are a fifth of it.
+BOUND = {"at_most": {"flight": {"V_a_dev_mps": 1.0}}}
+
+
+@pytest.mark.parametrize(
+    ("late_deg", "expect", "missed"),
+    [
+        (3.9, [BOUND], None),
+        (4.1, [BOUND], "at most 4 deg, got 4.1"),
+        (20.0, [BOUND | {"status": "completed"}], "at most 4 deg, got 20"),  # a law does nothing
+        (20.0, [{"status": "completed"}], None),
+        (20.0, [], None),
+        (20.0, [BOUND, {"at_least": {"chi": {"ST_deg": 0.0}}}], None),
+        (20.0, [BOUND, {"at_least": {"gamma": {"ST_deg": 0.0}}}], "at most 4 deg, got 20"),
+    ],
+)
+def test_a_flight_with_requirements_follows_its_reference_to_the_end(late_deg, expect, missed):
+    swing = np.where(T < 7.5, 0.0, np.deg2rad(late_deg + 9.0 * np.cos(2.0 * np.pi * T / 0.5)))
+    swing[0], swing[-1] = 0.0, np.deg2rad(late_deg)  # whole periods
+
+    claim = check_claim(scenario(*expect), [flown(swing)])
+
+    said = "kinematic / paper: chi does not follow its reference to the end: the mean error there "
+    assert claim.missed == (() if missed is None else (f"{said}must be {missed}",))
+    if missed:
+        assert claim.short.endswith("1 missed")
 
 
 def test_expectations_hold_for_the_runs_they_name():

@@ -141,13 +141,39 @@ def test_a_flight_that_is_carried_back_has_no_places_there():
     )
 
 
-def test_a_flight_that_does_not_arrive_says_what_is_left():
-    made = scenario([{"kind": "kinematic"}], flight={"duration_s": 62.0})
-    (run,) = ft.fly(made).runs
+def straight(duration_s, **start):
+    """A flight of the law at 25 m/s along a route of 1000 m to the north."""
+    waypoints = [{"north_m": north, "east_m": 0.0, "up_m": 0.0} for north in (0.0, 1000.0)]
+    flight = {"duration_s": duration_s, **start}
+    (run,) = ft.fly(
+        scenario([{"kind": "kinematic"}], flight=flight, route={"waypoint": waypoints})
+    ).runs
+    return run
+
+
+@pytest.mark.parametrize("left", [50.0, 1.0])
+def test_a_flight_that_does_not_arrive_says_what_is_left(left):
+    run = straight((1000.0 - left) / 25.0)
 
     assert run.status == "not_arrived"
-    left = float(run.reason.split(": ")[1].split(" m")[0])
-    assert left == pytest.approx(reference_of(made).path.length - 62.0 * 25.0, abs=2.0)
+    assert run.reason.endswith(f": {left:.0f} m of the route are left.")
+
+
+def test_a_flight_arrives_at_the_end_of_its_route_and_within_the_look_ahead_of_it():
+    arrived = straight(60.0)
+    reference = reference_of(scenario([{"kind": "kinematic"}], flight={}))
+    length, most = reference.path.length, reference.look_ahead * reference.V_a
+
+    assert arrived.status == "completed"
+    assert arrived.signals["along"].iloc[-1] == pytest.approx(1000.0, abs=25.0 / 50.0)
+    assert most == 3.0 * 25.0
+    assert reference.not_arrived(1.0, (length, 0.6 * 74.9, -0.8 * 74.9)) is None
+    stop = reference.not_arrived(1.0, (length, 0.6 * 75.6, -0.8 * 75.6))
+    assert (stop.status, stop.reason) == (
+        "not_arrived",
+        "t = 1 s: the end of the route was passed 76 m from it, must be within its look-ahead of "
+        "75 m.",
+    )
 
 
 @pytest.mark.parametrize(

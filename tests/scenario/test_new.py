@@ -193,7 +193,6 @@ def test_requirements_of_options_are_those_of_the_scenario(tmp_path):
     (expected,) = made.expect
     required = {"MO_deg": 3.0, "settling_s": 8.0}
     assert expected.at_most == {"chi": required, "gamma": required}
-    # Only a step has a settling time.
     metrics = ft.fly(made).metrics
     assert metrics["settling_s"].notna().all()
 

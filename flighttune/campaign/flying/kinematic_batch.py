@@ -11,7 +11,7 @@ from flighttune.control.law import Law
 from flighttune.control.mimo_pi import MimoPI
 from flighttune.flight.conditions import command_limits, reference_of, start_condition
 from flighttune.flight.models import law_setup
-from flighttune.metrics import MEASURED, measures_of, settling_names
+from flighttune.metrics import CHANNELS, MEASURED, measures_of, settling_names
 from flighttune.plants.point_mass import rolled_over
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
@@ -97,7 +97,8 @@ def fly_batch(
         columns = {name: batch.signal(name)[i, :n] for name in MEASURED_HERE}
         columns["V_a"] = np.full(n, conditions[i].V_a)  # what the law assumes
         columns["n_z"] = np.append(conditions[i].n_z_start, columns["n_z_cmd"][:-1])
-        columns["gamma_ref"] = np.broadcast_to(ref[i, :n, 1], n)
+        for channel, values in zip(CHANNELS, ref[i].T, strict=True):
+            columns[f"{channel}_ref"] = np.array(np.broadcast_to(values[:n], n))
         measured = measures_of(t[:n], columns, settling, error_measures) if n > 1 else {}
         yield FlightResult(*_status(batch, i), measured)
 
