@@ -29,8 +29,8 @@ from bench_jsbsim import bare
 from flighttune import load_scenario, run_campaign, scenario_from
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.flight.conditions import start_condition
-from flighttune.flights.plan import Plan, plan_campaign
-from flighttune.flights.schema import Campaign, CampaignTable
+from flighttune.planning.plan import Plan, plan_campaign
+from flighttune.planning.schema import Campaign, CampaignTable
 from flighttune.simulate.batch import cores
 
 STEPS, BARE_SECONDS = 4000, 60.0

@@ -61,8 +61,8 @@ KEYS = (
 )
 PLAIN = """
 import json, sys, time
-from flighttune.flights.load import load_campaign
-from flighttune.flights.plan import plan_campaign
+from flighttune.planning.load import load_campaign
+from flighttune.planning.plan import plan_campaign
 from flighttune.campaign.flying.rows import fly_runs, warm_up
 plan = plan_campaign(load_campaign(sys.argv[1]))
 warm_up(plan)

@@ -10,7 +10,7 @@ from figures.commands import helps
 from figures.formats import KEYS
 
 import flighttune
-from flighttune.flights.schema import Campaign
+from flighttune.planning.schema import Campaign
 from flighttune.scenario.schema import Scenario
 
 SHOWN = ("minimum", "exclusiveMinimum", "maximum", "exclusiveMaximum", "minLength", "minItems")

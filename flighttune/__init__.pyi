@@ -54,10 +54,6 @@ from flighttune.flight.load import load_scenario as load_scenario
 from flighttune.flight.models import tuning_problem as tuning_problem
 from flighttune.flight.route import PlannedRoute as PlannedRoute
 from flighttune.flight.route import route as route
-from flighttune.flights.load import load_campaign as load_campaign
-from flighttune.flights.plan import Plan as Plan
-from flighttune.flights.plan import plan_campaign as plan_campaign
-from flighttune.flights.schema import Campaign as Campaign
 from flighttune.gaps.gap import Gap as Gap
 from flighttune.gaps.ladder import gap as gap
 from flighttune.gym import FlightEnv as FlightEnv
@@ -68,6 +64,12 @@ from flighttune.logs.identify import identify as identify
 from flighttune.logs.log import load_log as load_log
 from flighttune.metrics import channel_metrics as channel_metrics
 from flighttune.metrics import flight_metrics as flight_metrics
+from flighttune.planning.load import load_campaign as load_campaign
+from flighttune.planning.plan import Plan as Plan
+from flighttune.planning.plan import plan_campaign as plan_campaign
+from flighttune.planning.schema import Campaign as Campaign
+from flighttune.planning.source import Flights as Flights
+from flighttune.planning.source import flights as flights
 from flighttune.plants.base import COMMON_SIGNALS as COMMON_SIGNALS
 from flighttune.plants.base import Plant as Plant
 from flighttune.plants.base import Stop as Stop

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.campaign.stated_set import is_scenario
 from flighttune.control.controller import FlightCondition, SelfLimiting
 from flighttune.control.gains import PIGains
 from flighttune.control.guarded import GuardedLaw, LawError
@@ -19,13 +18,11 @@ from flighttune.files.mistakes import validated
 from flighttune.flight.conditions import command_limits, lead_on
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import manoeuvre, plant_of, provenance, steady_wind
-from flighttune.flight.load import load_scenario
 from flighttune.flight.models import gain_set, law_setup
 from flighttune.flight.own import with_own
-from flighttune.flight.route import is_mission, route
-from flighttune.flights.load import load_campaign
-from flighttune.flights.plan import plan_campaign
-from flighttune.flights.schema import Campaign
+from flighttune.planning.plan import plan_campaign
+from flighttune.planning.schema import Campaign
+from flighttune.planning.source import Flights, flights
 from flighttune.plants.base import N_X_SIGNALS
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
 from flighttune.scenario.schema import Scenario
@@ -112,17 +109,18 @@ class FlightEnv(Env):
 
     def __init__(
         self,
-        world: Scenario | Campaign | str | Path,
+        world: Flights | Scenario | Campaign | str | Path,
         *,
         plant: str | None = None,
         gains: str | None = None,
         rate_hz: float = 10.0,
     ) -> None:
         need("`FlightEnv`", "gymnasium")
-        stated, self._plan = _stated(world), None
-        if isinstance(stated, Campaign):
-            both = {key: _at(rate_hz, getattr(stated, key)) for key in ("nominal", "central")}
-            self._plan = plan_campaign(stated.model_copy(update=both))
+        stated, self._plan = flights(world), None
+        campaign, stated = stated.campaign if stated.mission is None else None, stated.scenario
+        if campaign is not None:
+            both = {key: _at(rate_hz, getattr(campaign, key)) for key in ("nominal", "central")}
+            self._plan = plan_campaign(campaign.model_copy(update=both))
             stated = self._plan.scenario
         self._world = self.scenario = scenario = with_own(_at(rate_hz, stated))
         plants = *scenario.aircraft, *scenario.plant
@@ -317,14 +315,6 @@ class _Episode:
             commands = self._law.step(*self.sample[:3])
             self._law_action = np.array(commands[: len(self.limits.lower)])
         return self._law_action.copy()
-
-
-def _stated(world: Scenario | Campaign | str | Path) -> Scenario | Campaign:
-    if isinstance(world, (Scenario, Campaign)):
-        return world
-    if is_mission(world):
-        return route(world).scenario
-    return load_scenario(world) if is_scenario(world) else load_campaign(world)
 
 
 def _at(rate_hz: float, scenario: Scenario) -> Scenario:

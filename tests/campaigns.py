@@ -255,8 +255,8 @@ def parts(out):
 
 
 @contextmanager
-def flown_here(module, planned, plan, rows=rows_flown):
-    """Fly in this process, without workers: `plan` is what the function `planned` returns."""
+def flown_here(module, rows=rows_flown):
+    """Fly in this process, without workers."""
 
     class Pool:
         progress = CampaignProgress()
@@ -268,6 +268,5 @@ def flown_here(module, planned, plan, rows=rows_flown):
     with (
         mock.patch.object(pool_module, "WorkerPool", return_value=pool),
         mock.patch.object(module, "WorkerPool", return_value=pool),
-        mock.patch.object(module, planned, return_value=plan),
     ):
         yield Pool()

@@ -20,7 +20,7 @@ from pydantic import BaseModel
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import AircraftConfig
-from flighttune.flights.schema import CampaignTable
+from flighttune.planning.schema import CampaignTable
 
 TIMES = int(os.environ.get("FUZZ_TIMES", "1"))
 """Long runs are so many times as long; CONTRIBUTING.md has the number for the full counts."""

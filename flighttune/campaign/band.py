@@ -22,7 +22,6 @@ from flighttune.campaign.counted_flights import (
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.alone import fly_group
-from flighttune.campaign.stated_set import planned
 from flighttune.campaign.turn_back import room_of, turning_back
 from flighttune.claims.band import (
     DOUBLED,
@@ -53,10 +52,13 @@ from flighttune.claims.shape import (
 from flighttune.errors import InputError
 from flighttune.files.seal import is_claim_file
 from flighttune.flight.conditions import reference_of, start_condition
-from flighttune.flight.route import is_mission, planned_route
-from flighttune.flights.plan import Plan
+from flighttune.flight.route import planned_route
 from flighttune.gaps.residual import RESIDUALS, ConformantModel, conformant_model, residuals_of
 from flighttune.metrics import OFF_ROUTE
+from flighttune.planning.plan import Plan
+from flighttune.planning.schema import Campaign
+from flighttune.planning.source import Flights
+from flighttune.planning.source import flights as flights_of_source
 from flighttune.present.answer import pick
 from flighttune.references.fence import fence_tables, read_fence
 from flighttune.references.follow import SAME_PLACE, RouteReference
@@ -92,7 +94,7 @@ TIME_AXIS = ("flight.duration_s", "controller.rate_hz")
 
 
 def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
-    source: str | Path,
+    source: Flights | Scenario | Campaign | Plan | str | Path,
     *,
     of: Literal["residual"] | None = None,
     signals: Iterable[str] | None = None,
@@ -126,10 +128,10 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
 
     Parameters
     ----------
-    source : str or Path
-        Folder of a campaign, campaign or scenario file, or the name of a shipped one; a mission; or
-        the file of a band, of which only the claim, the number of flights, fences and `out` are
-        read: none of its flights is flown again. More flights and fences are kept in it.
+    source : Flights, Scenario, Campaign, Plan, str or Path
+        What `flights` takes; or the file of a band, of which only the claim, the number of flights,
+        fences and `out` are read: none of its flights is flown again. More flights and fences are
+        kept in it.
     of : {"residual"}, optional
         Bound what the identified model of an aircraft misses, which `tube` takes, in place of
         recorded signals: rates of course and path angle (rad/s), roll and its change over a sample
@@ -200,20 +202,23 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     >>> len(band.scores), band.outside
     (29, 5)
     """
-    source, file = str(source), None if out is None else Path(out)
-    areas, fence = _areas(source, fences) if turn_back is None else ({}, Path())
+    file = None if out is None else Path(out)
     by = workers, scheduler, observer
     claim: dict[str, Any] = {"epsilon": epsilon, "confidence": confidence}
     claim = {name: value for name, value in claim.items() if value is not None}
-    of_source: dict[str, Any] = {"plant": plant, "gains": gains, "aircraft": aircraft, "like": like}
-    of_source |= {"start_deg": start_deg, "changes": changes, "skip": skip}
-    if is_claim_file(source):
+    read: dict[str, Any] = {"aircraft": aircraft, "like": like, "skip": skip, "changes": changes}
+    of_source = {**read, "plant": plant, "gains": gains, "start_deg": start_deg}
+    of_file = isinstance(source, str | Path) and is_claim_file(source)
+    stated = None if of_file else flights_of_source(source, **read).starting(start_deg)
+    areas, fence = _areas(fences, stated) if turn_back is None else ({}, Path())
+    if stated is None:
         counting = {"of": of, "signals": signals, "predicted_from": predicted_from, "air": air}
         counting["turn_back"] = turn_back
         options = {**of_source, **counting, "learn": learn, "seed": seed is not None}
         for name in (name for name, value in options.items() if value):
             raise InputError(f"`{name}` must be absent for a band file, which has its own.")
-        kept, file = load_band(source), Path(source)
+        file = Path(str(source))
+        kept = load_band(file)
         if areas:  # refuse it before a flight
             draws = kept.draws_of(flights or len(kept.scores)).tolist()
             _check_fence(plan_of(kept), draws, areas, fence, kept.about.signals)
@@ -222,23 +227,20 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
             with WorkerPool(*by) as pool:
                 kept = count_more(kept, flights, pool)
     else:
-        mission = is_mission(source)
-        default, default_learn = MISSION if mission else CLAIM
+        default, default_learn = CLAIM if stated.mission is None else MISSION
         default_learn = default_learn if turn_back is None else LEARN_TURNS
         claim, learn = default | claim, default_learn if learn is None else learn
         check_at_least(MIN_LEARNED, learn=learn)
-        if mission and flights is None:
-            flights = flights_needed(**claim, outside=MISSION_OUTSIDE)
-        flights = fresh_flights(flights, **claim)
+        flights = _fresh(flights, stated, claim)
         bounded = _bounded(of, turn_back, any((signals, predicted_from, fences)))
-        plan = _drawn(planned(source, kind="jsbsim", **of_source), plant, gains, air, seed)
+        plan = _drawn(stated, plant, gains, air, seed)
         if turn_back is not None:
             plan = turning_back(plan, turn_back)
         plan = plan.with_runs(learn + flights)
         if areas:  # refuse it before a flight
             _check_fence(plan, range(plan.runs), areas, fence, signals or OFF_ROUTE)
         of_band = {"of": bounded, "predicted_from": predicted_from, "learned": learn, **claim}
-        kept = _counted(source, plan, signals, of_band, by)
+        kept = _counted(stated.place, plan, signals, of_band, by)
     if file is not None and flights is not None:
         save_band(kept, file)  # whatever else is written: its readings are those of its file
     if areas:
@@ -252,6 +254,13 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     return counted
 
 
+def _fresh(flights: int | None, stated: Flights, claim: dict[str, Any]) -> int:
+    """The number of flights to count; of a mission by default with one outside."""
+    if stated.mission is not None and flights is None:
+        flights = flights_needed(**claim, outside=MISSION_OUTSIDE)
+    return fresh_flights(flights, **claim)
+
+
 def _bounded(of: str | None, turn_back: str | float | None, others: bool) -> str | None:
     """The kind of signals bounded in place of recorded ones; refuse what goes with these alone."""
     kind = of if turn_back is None else "turn_back"
@@ -262,11 +271,11 @@ def _bounded(of: str | None, turn_back: str | float | None, others: bool) -> str
     return kind
 
 
-def _areas(source: str, stated: Sequence[str | Path]) -> tuple[dict[str, Any], Path]:
-    """The areas of the fences that are stated, by default of a plan itself, and their files."""
-    files = [*map(Path, stated or [source] * source.lower().endswith(".plan"))]
+def _areas(fences: Sequence[str | Path], stated: Flights | None) -> tuple[dict[str, Any], Path]:
+    """The areas of some fences, by default of a plan's own, and the files that have them."""
+    files = [*map(Path, fences or (() if stated is None else stated.fences))]
     areas = fence_tables(files) if files else {}
-    if stated and not areas:
+    if fences and not areas:
         raise InputError(f"{files[0]}: must have a Polygon or circle for a fence, got none.")
     return areas, Path(", ".join(map(str, files)))
 
@@ -282,9 +291,10 @@ def _check_fence(
 
 
 def _drawn(
-    plan: Plan, plant: str | None, gains: str | None, air: str | None, seed: int | None
+    stated: Flights, plant: str | None, gains: str | None, air: str | None, seed: int | None
 ) -> Plan:
-    """Independent draws of one group of a plan, by default of its first aircraft, in an air."""
+    """Independent draws of one group of flights, by default of the first aircraft, in an air."""
+    plan = stated.plan(plant=plant, gains=gains, kind="jsbsim")
     labels = (table.label for table in plan.scenario.aircraft)
     group = plan.chosen_group(
         plant or next(labels, None), gains if gains in plan.gain_sets else None

@@ -10,10 +10,10 @@ from flighttune.claims.band import About, Band, other_files
 from flighttune.claims.distribution import AIRSPEEDS, Distribution, flown_values, spread
 from flighttune.errors import InputError
 from flighttune.flight.route import planned_route
-from flighttune.flights.load import campaign_on
-from flighttune.flights.places import dispersed_places
-from flighttune.flights.plan import Plan, aircraft_hashes, plan_from
-from flighttune.flights.schema import Campaign, Choice, Design, Dispersion, Grid, Uniform
+from flighttune.planning.load import campaign_on
+from flighttune.planning.places import dispersed_places
+from flighttune.planning.plan import Plan, aircraft_hashes, plan_from
+from flighttune.planning.schema import Campaign, Choice, Design, Dispersion, Grid, Uniform
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.places import spelled
 from flighttune.scenario.schema import Scenario

@@ -23,14 +23,12 @@ import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
 from flighttune.campaign.flying.columns import NOT_REPRODUCIBLE, Row, table_of
-from flighttune.errors import InputError, OutputError, RecordingError, ScenarioError
-from flighttune.files.mistakes import abridged
-from flighttune.files.table import hash_of, json_tables
+from flighttune.errors import InputError, OutputError, RecordingError
+from flighttune.files.table import hash_of
 from flighttune.files.whole import reason_of, whole_file
-from flighttune.flights.plan import Plan, plan_from
+from flighttune.planning.plan import CAMPAIGN, FORMAT, Plan, recorded_plan
 
-FORMAT = 3
-CAMPAIGN, LOCK = "campaign.json", "campaign.lock"
+LOCK = "campaign.lock"
 RUNS, SIGNALS = "runs", "signals"
 
 # Folder of unfinished files: not in ``runs``, where a reader's ``*.parquet`` would find them.
@@ -211,24 +209,7 @@ def parquet_bytes(rows: pa.Table) -> bytes:
 
 def open_dataset(folder: str | Path) -> Dataset:
     """The campaign in a folder; RecordingError if there is none, or its plan was changed."""
-    path = Path(folder) / CAMPAIGN
-    if not path.exists():
-        raise RecordingError(f"{folder}: must hold a campaign, got no {CAMPAIGN}.")
-    try:
-        tables = json_tables(path)
-        if tables.get("format") != FORMAT:
-            raise RecordingError(
-                f"{path}: `format` must be {FORMAT}, got {abridged(tables.get('format'))}: fly the "
-                "campaign again with this version."
-            )
-        if tables.pop("sha256", None) != hash_of(tables):
-            raise RecordingError(
-                f"{path}: the file must be as it was written, but its hash differs: fly the "
-                "campaign again."
-            )
-        return Dataset(folder, plan_from(tables["plan"], str(path)), tables["versions"])
-    except ScenarioError as error:
-        raise RecordingError(str(error)) from error
+    return Dataset(folder, *recorded_plan(folder))
 
 
 def dataset_hash(folder: str | Path) -> str:

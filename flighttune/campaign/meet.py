@@ -14,9 +14,9 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray, check_at_least
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
+from flighttune.campaign.flying.columns import measured_in
 from flighttune.campaign.flying.rows import Row
 from flighttune.campaign.meeting import BY_DEFAULT, Meeting, Trial
-from flighttune.campaign.stated_set import measured_in
 from flighttune.campaign.statistics.intervals import share
 from flighttune.campaign.statistics.paired import ordered_quantile
 from flighttune.control.gains import PAPER_GAINS, PIGains
@@ -26,10 +26,10 @@ from flighttune.errors import InputError
 from flighttune.flight.expectations import BoundCheck, bound_checks, with_loop
 from flighttune.flight.load import as_scenario, scenario_and_gains
 from flighttune.flight.models import gain_set, identified_models, tuning_problem
-from flighttune.flights.draws import SEED, cycle
-from flighttune.flights.load import campaign_on, load_campaign
-from flighttune.flights.plan import Group, Plan, aircraft_hashes
-from flighttune.flights.schema import MEASURES, Campaign, CampaignTable
+from flighttune.planning.draws import SEED, cycle
+from flighttune.planning.load import campaign_on, load_campaign
+from flighttune.planning.plan import Group, Plan, aircraft_hashes
+from flighttune.planning.schema import MEASURES, Campaign, CampaignTable
 from flighttune.plants.label import goes_by
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import (

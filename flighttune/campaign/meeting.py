@@ -15,7 +15,7 @@ from flighttune.control.linear_model import closed_loop
 from flighttune.control.margins import loop_margins, margins_table
 from flighttune.flight.expectations import BoundCheck
 from flighttune.flight.models import certify_scenario, linear_model
-from flighttune.flights.schema import Campaign
+from flighttune.planning.schema import Campaign
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import columns, in_words, listed, measure_words
 from flighttune.present.tables import Column, Table, interval, percent

@@ -9,9 +9,9 @@ from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
 from flighttune.flight.conditions import limits_on
 from flighttune.flight.route import planned_route
-from flighttune.flights.load import campaign_on
-from flighttune.flights.plan import Plan
-from flighttune.flights.schema import Choice, Uniform
+from flighttune.planning.load import campaign_on
+from flighttune.planning.plan import Plan
+from flighttune.planning.schema import Choice, Uniform
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.turn_back import DETECTED_S, rate_of
 from flighttune.simulate.run import Run

@@ -21,8 +21,8 @@ from flighttune.campaign.counted_flights import plan_of
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.alone import scenario_of_run
+from flighttune.campaign.flying.columns import measured_in
 from flighttune.campaign.flying.rows import Drawn, Probes
-from flighttune.campaign.stated_set import disturbance_of, enclosed, measured_in, planned
 from flighttune.certificates.bound import RateBound
 from flighttune.certificates.certificate import Certificate
 from flighttune.claims.band import About, Band, BandFlights
@@ -30,15 +30,16 @@ from flighttune.errors import InputError
 from flighttune.files.seal import is_claim_file
 from flighttune.flight.expectations import bound_checks
 from flighttune.flight.fly import fly
-from flighttune.flights.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
-from flighttune.flights.plan import Plan
-from flighttune.flights.schema import MEASURES
+from flighttune.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
+from flighttune.planning.plan import Plan, plan_campaign
+from flighttune.planning.schema import MEASURES, Campaign
+from flighttune.planning.source import Flights, about, flights
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.present.tables import Column, Table
-from flighttune.scenario.load import scenario_from
-from flighttune.scenario.schema import Scenario
+from flighttune.scenario.load import scenario_from, with_gains
+from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.simulate.bounds import ERRORS, Bounds
 from flighttune.simulate.run import Run
 from flighttune.tubes.enclosure import Tube
@@ -173,7 +174,7 @@ class WorstFlight(Answering):
 
 
 def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
-    source: str | Path | Tube | Band,
+    source: Flights | Scenario | Campaign | Plan | Tube | Band | str | Path,
     *,
     claim: Tube | None = None,
     budget: int = 2000,
@@ -195,9 +196,9 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
 
     Parameters
     ----------
-    source : str, Path, Tube or Band
-        Folder of a campaign, campaign or scenario file, or the name of a shipped one; or a tube or
-        band, or its file, whose flights are searched for the one nearest to its edge.
+    source : Flights, Scenario, Campaign, Plan, Tube, Band, str or Path
+        What `flights` takes; or a tube or band, or its file, whose flights are searched for the one
+        nearest to its edge.
     claim : Tube, optional
         Search for the flight closest to the bounds of this tube.
     budget : int
@@ -246,7 +247,7 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
     place, stated = "", str(source) if isinstance(source, Path) else source
     if isinstance(stated, str) and is_claim_file(stated):
         place, stated = f"{source}: ", load_claim(stated)
-    if not isinstance(stated, str):
+    if isinstance(stated, AnyClaim):
         stated = _searchable(stated, place)
         if metric or gains or start_deg or disturbance or changes or claim:
             raise InputError(
@@ -272,14 +273,8 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
         plan, metric = plan_of(stated), BAND
         probes = {BAND: partial(_share_of, stated.about, stated.flights, stated.scale)}
     else:
-        plan = planned(
-            stated,
-            plant=plant,
-            start_deg=start_deg,
-            disturbance=disturbance,
-            gains=gains,
-            changes=changes,
-        )
+        searched_for = flights(stated, changes=changes).starting(start_deg).disturbed(disturbance)
+        plan = searched_for.plan(plant=plant, gains=gains)
     group = plan.chosen_group(plant, gains if gains in plan.gain_sets else None)
     if not plan.keys:
         raise InputError(
@@ -310,6 +305,25 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
         ratio_of_search=of_search,
         contradicts=_contradicts(run, claim),
     )
+
+
+def enclosed(tube: Tube) -> Plan:
+    """The plan of the flights that a tube encloses."""
+    problem, sizes = tube.problem, disturbance_of(tube)
+    gains = {**problem.gains.as_lists(), "law": problem.gains.law}
+    table = GainsTable.model_validate({"name": "tube", **gains})
+    title = problem.scenario.title
+    scenario = with_gains(problem.scenario, [f"{problem.law.name}:tube"], title, [table])
+    start_deg = problem.start * DEG_PER_RAD
+    return plan_campaign(about(scenario, "tube", problem.plant, start_deg, sizes))
+
+
+def disturbance_of(tube: Tube) -> tuple[float, float]:
+    """Bounds on the disturbances of both rates that can be searched, rad/s."""
+    if tube.problem.boxes is not None:
+        return 0.0, 0.0
+    chi, gamma = tube.problem.disturbances[1].max(axis=0).tolist()
+    return chi, gamma
 
 
 def _searchable(stated: AnyClaim, place: str) -> Tube | Band:

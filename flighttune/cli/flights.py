@@ -266,8 +266,8 @@ def run(
     from flighttune.campaign.dataset import CAMPAIGN, open_dataset
     from flighttune.campaign.engine.engine import run_campaign
     from flighttune.campaign.engine.forecast import forecast
-    from flighttune.flights.load import load_campaign
-    from flighttune.flights.plan import plan_campaign
+    from flighttune.planning.load import load_campaign
+    from flighttune.planning.plan import plan_campaign
 
     folder = out or str(Path("runs") / Path(file).stem)
     campaign = load_campaign(file, changes=options.changes(settings), gains=gains or ())

@@ -20,8 +20,8 @@ from flighttune.flight.expectations import BoundCheck
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import fly
 from flighttune.flight.models import certify_scenario, gain_set
-from flighttune.flights.plan import plain
-from flighttune.flights.schema import Campaign
+from flighttune.planning.plan import plain
+from flighttune.planning.schema import Campaign
 from flighttune.present.chart import DASHED, Chart
 from flighttune.present.frame import Report, Section, write_answer
 from flighttune.present.names import in_words, listed, measure_words, metric_label

@@ -15,9 +15,9 @@ from flighttune.campaign.band import count_more, flights_of, load_band, recount
 from flighttune.campaign.counted_flights import plan_of as plan_of_band
 from flighttune.campaign.flying.alone import fly_group, scenario_of_run
 from flighttune.campaign.flying.rows import rows_flown
-from flighttune.campaign.stated_set import planned
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.gaps.residual import residuals_of
+from flighttune.planning.source import flights
 from flighttune.simulate.claim import with_claims
 
 START = uniform("flight.chi_deg", -5.0, 5.0), uniform("flight.gamma_deg", 3.0, 7.0)
@@ -35,8 +35,8 @@ def small_plan(*disperse, runs=12, plants=(KINEMATIC,), **tables):
 
 def count(plan=None, rows=rows_flown, **settings):
     """The band of a small plan, flown in this process."""
-    with flown_here(band_module, "planned", plan or small_plan(), rows):
-        return ft.band("campaign", **{**FEW, **settings})
+    with flown_here(band_module, rows):
+        return ft.band(plan or small_plan(), **{**FEW, **settings})
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +74,7 @@ def test_the_flights_inside_are_those_whose_errors_are(counted):
 
 
 def test_more_flights_are_added_to_the_count(counted):
-    with flown_here(band_module, "planned", None) as pool:
+    with flown_here(band_module) as pool:
         more = count_more(counted, 2 * WITH_FIVE, pool)
         for other in (WITH_FIVE, 40, 3 * WITH_FIVE):
             with pytest.raises(ft.InputError, match=r"`flights` .*58, 116, 232"):
@@ -91,7 +91,7 @@ def test_a_recount_finds_a_flight_that_differs(counted):
     extremes = counted.extremes.copy()
     extremes[4] = np.nextafter(extremes[4], np.inf)
 
-    with flown_here(band_module, "planned", None) as pool:
+    with flown_here(band_module) as pool:
         assert recount(counted, WITH_FIVE, pool) == []
         assert recount(replace(counted, extremes=extremes), WITH_FIVE, pool) == [14]
         with pytest.raises(ft.InputError, match="`recount` must be 1 to"):
@@ -129,8 +129,8 @@ def test_a_band_that_is_given_the_wind_is_narrower():
         (None, {"flights": 6}, "`flights` must be at least 7 for .* got 6"),
         (None, {"learn": 9}, "`learn` must be at least 10, got 9"),
         (None, {"signals": ["chi", "mood"]}, "`signal` must be one of chi, .*, got 'mood'"),
-        (None, {"predicted_from": "wind"}, "campaign: the wind must be drawn"),
-        ([one_of("flight.chi_deg", 3.0)], {}, "campaign: `start_deg` must be given"),
+        (None, {"predicted_from": "wind"}, "t: the wind must be drawn"),
+        ([one_of("flight.chi_deg", 3.0)], {}, "t: `start_deg` must be given"),
         ([uniform("flight.duration_s", 1.0, 2.0)], {}, "`flight.duration_s` must be the same"),
     ],
 )
@@ -203,7 +203,7 @@ def test_a_file_of_another_campaign_takes_no_options_of_a_source(counted, tmp_pa
 def test_a_band_on_a_route_follows_the_distance_along_it():
     corner = [{"north_m": n, "east_m": e} for n, e in ((0.0, 0.0), (500.0, 0.0), (500.0, 500.0))]
     changes = {"route.waypoint": corner, "flight.duration_s": 60.0}
-    plan = planned("circuit", plant="kinematic", start_deg=3.0, changes=changes)
+    plan = flights("circuit", changes=changes).starting(3.0).plan(plant="kinematic")
     band = count(plan)
     path = reference_of(plan.scenario).path
 
@@ -217,7 +217,7 @@ def test_a_band_on_a_route_follows_the_distance_along_it():
 def test_a_route_shorter_than_a_window_of_each_metre_is_counted():
     short = [{"north_m": n, "east_m": 0.0} for n in (0.0, 100.2)]
     changes = {"route.waypoint": short, "flight.duration_s": 60.0}
-    band = count(planned("circuit", plant="kinematic", start_deg=3.0, changes=changes))
+    band = count(flights("circuit", changes=changes).starting(3.0).plan(plant="kinematic"))
 
     assert band.not_completed == 0
 

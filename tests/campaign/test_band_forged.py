@@ -28,7 +28,7 @@ def counted():
 def verified(path, status, monkeypatch, *options):
     """What `verify` says where it flies all flights again, in this process."""
     monkeypatch.setattr(claims, "FLOWN_AGAIN", WITH_FIVE)
-    with flown_here(band_module, "planned", None):
+    with flown_here(band_module):
         return "".join(flighttune("verify", path, *options, status=status))
 
 
@@ -78,7 +78,7 @@ def test_a_single_copy_is_flown_again(counted):
     extremes = counted.extremes.copy()
     extremes[20] = extremes[3]
 
-    with flown_here(band_module, "planned", None) as pool:
+    with flown_here(band_module) as pool:
         assert 10 + 20 in recount(replace(counted, extremes=extremes), 1, pool)
 
 
@@ -122,7 +122,7 @@ def test_names_that_a_maker_chose_are_quoted_and_no_part_of_the_claim(counted, t
 
 
 def test_a_continued_count_cannot_pass_for_one_planned_so_long(counted, tmp_path, monkeypatch):
-    with flown_here(band_module, "planned", None) as pool:
+    with flown_here(band_module) as pool:
         more = count_more(counted, 2 * WITH_FIVE, pool)
     about = edited(more, "runs", value=10 + 2 * WITH_FIVE)
     path = forged(more, tmp_path / "x.npz", about=about)

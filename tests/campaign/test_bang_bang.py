@@ -10,7 +10,6 @@ from scipy.signal import dimpulse, dlti
 
 import flighttune as ft
 from flighttune.campaign import worst as worst_module
-from flighttune.campaign.stated_set import planned
 from flighttune.flight.models import gain_set
 from flighttune.metrics import measures
 from flighttune.tubes.problem import tube_problem
@@ -70,8 +69,7 @@ def searched(folder, start_deg):
     """What `worst` says of disturbances, and of starts within `start_deg`."""
     path = folder / "level.toml"
     scenario_file(path, ft.scenario_from(level()))
-    plan = planned(str(path), start_deg=start_deg, disturbance=SMALL)
-    with flown_here(worst_module, "planned", plan):
+    with flown_here(worst_module):
         return answer(
             "worst", path, "--disturbance", SMALL, "--start-deg", start_deg, "--metric",
             "chi.peak_rad", "--budget", BUDGET, "--out", folder / "worst.toml",

@@ -22,8 +22,8 @@ from commands import answer, flighttune
 from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.flights.load import load_campaign
-from flighttune.flights.plan import plan_campaign
+from flighttune.planning.load import load_campaign
+from flighttune.planning.plan import plan_campaign
 
 pytestmark = pytest.mark.slow  # real clusters, processes that are killed
 

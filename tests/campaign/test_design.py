@@ -10,14 +10,14 @@ from scipy import stats
 from scipy.stats import qmc
 
 import flighttune as ft
-from flighttune.flights.draws import (
+from flighttune.planning.draws import (
     SOBOL_BITS,
     copula_factor,
     correlated,
     run_seeds,
     unit_points,
 )
-from flighttune.flights.schema import CorrelationTable
+from flighttune.planning.schema import CorrelationTable
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
 
 KEYS = ["flight.V_a_mps", "flight.chi_deg", "wind.speed_mps"]

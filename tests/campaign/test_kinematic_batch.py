@@ -7,7 +7,7 @@ import flighttune as ft
 from flighttune.campaign.flying.columns import OUTCOME, table_of
 from flighttune.campaign.flying.kinematic_batch import batchable
 from flighttune.campaign.flying.rows import rows_flown
-from flighttune.flights.schema import MEASURES
+from flighttune.planning.schema import MEASURES
 from flighttune.scenario.tables import (
     ControllerTable,
     DisturbanceTable,

@@ -12,8 +12,8 @@ from scipy.integrate import cumulative_trapezoid
 from shapely.geometry import shape
 
 import flighttune as ft
-from flighttune.campaign.stated_set import planned
 from flighttune.campaign.turn_back import room_of, turning_back
+from flighttune.planning.source import flights
 from flighttune.references.maps import volumes_geojson
 
 BANK, SPEED, G = 30.0, 25.0, 9.81
@@ -29,7 +29,7 @@ FEW = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7, "workers": 
 
 @pytest.fixture(scope="module")
 def turning():
-    return turning_back(planned("circuit", plant="kinematic"), BANK)
+    return turning_back(flights("circuit").plan(plant="kinematic"), BANK)
 
 
 def flown(turning, **values):
@@ -77,7 +77,7 @@ def test_a_flight_turns_and_climbs_as_its_route_does_until_it_turns_back(turning
 
 
 def test_a_circle_turns_once(turning):
-    circling = turning_back(planned("circuit", plant="kinematic"), f"circle:{BANK}")
+    circling = turning_back(flights("circuit").plan(plant="kinematic"), f"circle:{BANK}")
     run = flown(circling, at_m=200.0)
 
     assert np.rad2deg(np.ptp(run.signals["chi"])) == pytest.approx(360.0, abs=1.0)

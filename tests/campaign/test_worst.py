@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -113,7 +114,7 @@ def test_flights_that_end_early_are_the_worst_or_left_out(completed, worst):
     def rows(plan, runs, **options):
         return [{"run": run, "status": x, "chi.ITAE": y} for run, (x, y) in enumerate(ends)]
 
-    with flown_here(worst_module, "planned", small_plan(), rows) as pool:
+    with flown_here(worst_module, rows) as pool:
         searched = StatedSet(small_plan(), pool, metric="chi.ITAE", completed=completed)
         values = searched.values(np.zeros((3, 2)), np.arange(3))
 
@@ -138,7 +139,8 @@ def test_nearness_is_that_to_the_widest_place_until_a_flight_leaves_the_narrowes
 
 
 def test_the_command_writes_a_scenario_that_flies_to_what_it_says(tmp_path):
-    with flown_here(worst_module, "planned", small_plan(expect=[DEMAND])):
+    drawn = ft.flights(small_plan(expect=[DEMAND]))
+    with flown_here(worst_module), mock.patch.object(worst_module, "flights", return_value=drawn):
         said = answer("worst", "campaign", "--budget", 64, "--out", tmp_path / "worst.toml")
 
     assert said["metric"] == "margin"

@@ -17,7 +17,7 @@ from flighttune import COMMON_SIGNALS, InnerLag, LaggedPlant, PointMassPlant, re
 from flighttune.claims.linear_loop import flight_check
 from flighttune.flight import apart
 from flighttune.flight.own import with_own
-from flighttune.flights.plan import plan_from
+from flighttune.planning.plan import plan_from
 
 SCENARIO = """
     title = "own"

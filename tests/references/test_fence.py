@@ -13,8 +13,8 @@ from scipy.stats import binomtest
 import flighttune as ft
 from flighttune.campaign.band import load_band
 from flighttune.campaign.counted_flights import check_one_path, plan_of
-from flighttune.campaign.stated_set import planned
 from flighttune.claims.band import About
+from flighttune.planning.source import flights
 from flighttune.references.earth import north_east, on_earth
 from flighttune.references.fence import SCAN_STEP, fence_tables, read_fence, room_along
 from flighttune.references.maps import route_geojson, route_kml
@@ -62,7 +62,7 @@ def band():
         "route.lat_deg": 47.0,
         "route.lon_deg": 8.0,
     }
-    flights = planned("circuit", plant="kinematic", start_deg=1.0, changes=changes)
+    drawn = flights("circuit", changes=changes).starting(1.0).plan(plant="kinematic")
     extremes = np.tile(np.array([-2.0, 2.0], dtype=np.float32), (40, 200, 2, 1))
     extremes[5:8, 100, 0, 1] = 45.0
     extremes[20] = [-np.inf, np.inf]
@@ -71,14 +71,12 @@ def band():
         coefficients=np.zeros((1, 200, 2)),
         half=np.ones((200, 2)),
         predicted_from=None,
-        plan=flights.with_runs(50).as_dict(),
+        plan=drawn.with_runs(50).as_dict(),
         learned=10,
         epsilon=0.25,
         confidence=0.9,
     )
-    along = band_flights(
-        np.linspace(0.0, 800.0, 201), over="along", central=flights.campaign.central
-    )
+    along = band_flights(np.linspace(0.0, 800.0, 201), over="along", central=drawn.campaign.central)
     return ft.Band(about=about, flights=along, extremes=extremes, wind=np.zeros((40, 0)))
 
 

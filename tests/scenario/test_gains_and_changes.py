@@ -9,10 +9,10 @@ from commands import answer, flighttune
 from fuzzing import to_toml
 
 import flighttune as ft
-from flighttune.campaign.stated_set import planned
 from flighttune.control.gains import PAPER_EPSILON
 from flighttune.flight.models import gain_set
-from flighttune.flights.plan import plan_from
+from flighttune.planning.plan import plan_from
+from flighttune.planning.source import flights
 from flighttune.scenario.load import with_gains
 
 TURN = {
@@ -171,14 +171,14 @@ def test_flights_about_a_scenario_and_of_a_campaign_take_them_too(turn, monkeypa
     Path("c.toml").write_text(
         'title = "c"\nscenario = "turn"\nruns = 2\ngains = ["my gains.json"]\n'
     )
-    chosen = {"gains": "my gains.json", "changes": {"flight.V_a_mps": 20.0}}
-    about = planned("turn.toml", start_deg=1.0, **chosen)
-    campaign = planned("c.toml", **(chosen | {"gains": "K3"}))
+    changes = {"flight.V_a_mps": 20.0}
+    about = flights("turn.toml", changes=changes).starting(1.0).plan(gains="my gains.json")
+    campaign = flights("c.toml", changes=changes).plan(gains="K3")
     as_kept = plan_from(json.loads(json.dumps(campaign.as_dict())))
 
     assert list(about.gain_sets) == ["my_gains"]
     assert list(campaign.gain_sets) == ["K3"]
-    assert list(planned("c.toml").gain_sets) == ["my_gains"]
+    assert list(flights("c.toml").plan().gain_sets) == ["my_gains"]
     assert campaign.scenario.flight.V_a_mps == about.scenario.flight.V_a_mps == 20.0
     assert campaign.campaign.title == "c (flight.V_a_mps = 20.0)"
     assert campaign.campaign.overrides == {"flight.V_a_mps": 20.0}

@@ -20,8 +20,8 @@ from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.errors import InputError, RecordingError, StoppedError
 from flighttune.flight.fly import library_versions
-from flighttune.flights.load import load_campaign
-from flighttune.flights.plan import Plan, draws_in_words, plan_campaign
+from flighttune.planning.load import load_campaign
+from flighttune.planning.plan import Plan, draws_in_words, plan_campaign
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import columns, duration, rate
 from flighttune.present.tables import Table

@@ -23,7 +23,7 @@ from flighttune.files.whole import lock, reason_of, scratch_folder, scratch_plac
 
 if TYPE_CHECKING:
     from flighttune.campaign.flying.rows import Draw, Probes, Row
-    from flighttune.flights.plan import Plan
+    from flighttune.planning.plan import Plan
 
 SERVER = "flighttune.campaign.engine.server"
 

@@ -8,7 +8,7 @@ from typing import Any
 from flighttune.campaign.dataset import parquet_bytes
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.flying.columns import table_of
-from flighttune.flights.plan import Plan, draws_in_words
+from flighttune.planning.plan import Plan, draws_in_words
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import columns
 from flighttune.present.tables import Column, Table

@@ -22,7 +22,7 @@ from flighttune.campaign.flying.rows import (
 )
 from flighttune.errors import InputError, StoppedError
 from flighttune.flight.notice import before_running
-from flighttune.flights.plan import Plan
+from flighttune.planning.plan import Plan
 from flighttune.simulate.batch import cores
 
 # Tasks handed to each worker: one in flight, and one ready for when that ends

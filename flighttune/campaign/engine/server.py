@@ -17,7 +17,7 @@ from flighttune.campaign.flying.rows import Draw, Row, fly_draw, warm_up
 from flighttune.errors import FlightTuneError, PlantError
 from flighttune.flight.fly import library_versions
 from flighttune.flight.own import with_own
-from flighttune.flights.plan import Plan
+from flighttune.planning.plan import Plan
 from flighttune.records.parquet import parquet_bytes
 from flighttune.records.refly import changed_versions
 

@@ -7,7 +7,7 @@ from flighttune.control.law import split_name
 from flighttune.errors import InputError
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import Progress, fly, fly_alone
-from flighttune.flights.plan import Group, Plan
+from flighttune.planning.plan import Group, Plan
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import GainsTable

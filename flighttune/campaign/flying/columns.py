@@ -1,13 +1,14 @@
 """Columns of a campaign's rows: names, types and units, fixed by the plan alone."""
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import pyarrow as pa
 
-from flighttune.flights.plan import Plan
-from flighttune.flights.schema import MEASURES, Choice, Dispersion, Grid
 from flighttune.metrics import AIRSPEED, AIRSPEED_METRICS, settling_names, unit_of
+from flighttune.planning.plan import Plan
+from flighttune.planning.schema import MEASURES, Choice, Dispersion, Grid
 from flighttune.present.names import UNIT_OF_SUFFIX
 
 # Unit of a key of a scenario by how it ends, longest ending first
@@ -93,3 +94,15 @@ def _of_key(table: Dispersion) -> pa.Field:
 
 def _field(name: str, kind: pa.DataType, unit: str | None) -> pa.Field:
     return pa.field(name, kind, metadata=None if unit is None else {"unit": unit})
+
+
+def measured_in(row: Mapping[str, Any]) -> dict[str, dict[str, float]]:
+    """The measures of a row by their subject, as `flighttune.metrics.measures` has them."""
+    measured: dict[str, dict[str, float]] = {}
+    # Settling times of the scenario's own, and the airspeed where it is a channel.
+    more = (column for column in row if column.startswith(("chi.", "gamma.", "V.")))
+    for column in dict.fromkeys((*MEASURES, *more)):
+        subject, name = column.split(".", 1)
+        value = row.get(column)
+        measured.setdefault(subject, {})[name] = math.nan if value is None else value
+    return measured

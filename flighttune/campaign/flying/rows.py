@@ -24,9 +24,9 @@ from flighttune.errors import FlightTuneError, ending_of
 from flighttune.flight.conditions import reference_of
 from flighttune.flight.expectations import missed, with_loop
 from flighttune.flight.models import linear_model
-from flighttune.flights.plan import Group, Plan
-from flighttune.flights.schema import MEASURES
 from flighttune.metrics import measures
+from flighttune.planning.plan import Group, Plan
+from flighttune.planning.schema import MEASURES
 from flighttune.records.refly import Difference
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable

@@ -13,7 +13,7 @@ from flighttune.campaign.statistics.intervals import CONFIDENCE, Method
 from flighttune.campaign.statistics.paired import paired, scores
 from flighttune.campaign.statistics.sensitivity import classes_of, influences
 from flighttune.campaign.statistics.summary import convergence, requirements, summary
-from flighttune.flights.plan import Group
+from flighttune.planning.plan import Group
 
 SUCCESS = "success"
 

@@ -11,8 +11,8 @@ import pandas as pd
 from flighttune.arrays import FloatArray
 from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.statistics.intervals import CONFIDENCE, Estimate, Method, percentile, share
-from flighttune.flights.plan import Group, Plan
-from flighttune.flights.schema import MEASURES
+from flighttune.planning.plan import Group, Plan
+from flighttune.planning.schema import MEASURES
 
 # Columns that may be null, which then are empty.
 TEXTS = ("reason", "missed")

@@ -10,7 +10,7 @@ import pandas as pd
 from flighttune.campaign.statistics.flights import Flights
 from flighttune.campaign.statistics.paired import ordered_quantile
 from flighttune.flight.expectations import bound_checks
-from flighttune.flights.plan import Group
+from flighttune.planning.plan import Group
 from flighttune.present.answer import pick
 from flighttune.scenario.tables import in_rad
 from flighttune.units import DEG

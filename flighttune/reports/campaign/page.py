@@ -9,7 +9,7 @@ from flighttune.campaign.dataset import dataset_hash
 from flighttune.campaign.statistics.findings import SUCCESS, Findings
 from flighttune.files.shipped import scenario_files
 from flighttune.files.table import toml_text
-from flighttune.flights.plan import draws_in_words
+from flighttune.planning.plan import draws_in_words
 from flighttune.present.frame import Report, Section, page_template, write_page
 from flighttune.present.names import key_words
 from flighttune.present.tables import MISSING, Table, facts_table

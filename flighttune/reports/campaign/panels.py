@@ -10,7 +10,7 @@ from flighttune.campaign.statistics.findings import Findings, values_of
 from flighttune.campaign.statistics.flights import is_number
 from flighttune.campaign.statistics.intervals import Estimate
 from flighttune.campaign.statistics.paired import scores
-from flighttune.flights.plan import Group
+from flighttune.planning.plan import Group
 from flighttune.present.chart import DASHED, HEAD_AND_FOOT, HEIGHT, Chart
 from flighttune.present.names import key_words, measure_words, metric_label
 from flighttune.present.palette import LIMIT, LineStyle, line_styles

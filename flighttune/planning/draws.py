@@ -16,7 +16,7 @@ from scipy.special import ndtr, ndtri
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
-from flighttune.flights.schema import Campaign, CorrelationTable, Grid
+from flighttune.planning.schema import Campaign, CorrelationTable, Grid
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
 
 # Column of the seeds

@@ -3,6 +3,7 @@
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,14 +11,14 @@ import pandas as pd
 
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.control.gains import PIGains
-from flighttune.errors import InputError, ScenarioError
+from flighttune.errors import InputError, RecordingError, ScenarioError
 from flighttune.files.mistakes import abridged, validated
-from flighttune.files.table import hash_of
+from flighttune.files.table import hash_of, json_tables
 from flighttune.flight.load import check_scenario
 from flighttune.flight.models import gain_sets
-from flighttune.flights.draws import cycle, drawn
-from flighttune.flights.places import dispersed_places, with_drawn
-from flighttune.flights.schema import Campaign, CampaignTable
+from flighttune.planning.draws import cycle, drawn
+from flighttune.planning.places import dispersed_places, with_drawn
+from flighttune.planning.schema import Campaign, CampaignTable
 from flighttune.plants.label import goes_by
 from flighttune.quantities import Table
 from flighttune.scenario.load import as_recorded
@@ -27,6 +28,9 @@ from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
 
 # Version of the plain values of a plan; other versions are refused
 VERSION = 1
+
+# The file of the plan in the folder of a campaign, and the version of such folders
+CAMPAIGN, FORMAT = "campaign.json", 3
 
 # Keys that are text for the reader and change no row
 FOR_THE_READER = ("title", "verifies", "source")
@@ -331,6 +335,36 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
         runs=tables["runs"],
         aircraft=tables["aircraft"],
     )
+
+
+def is_dataset(folder: str | Path) -> bool:
+    """Whether a folder is that of a campaign that was flown."""
+    return (Path(folder) / CAMPAIGN).is_file()
+
+
+def recorded_plan(folder: str | Path) -> tuple[Plan, dict[str, str]]:
+    """The plan in the folder of a campaign, and the versions of the libraries that shape its rows.
+
+    Raises RecordingError if there is none, or it was changed.
+    """
+    path = Path(folder) / CAMPAIGN
+    if not path.exists():
+        raise RecordingError(f"{folder}: must hold a campaign, got no {CAMPAIGN}.")
+    try:
+        tables = json_tables(path)
+        if tables.get("format") != FORMAT:
+            raise RecordingError(
+                f"{path}: `format` must be {FORMAT}, got {abridged(tables.get('format'))}: fly the "
+                "campaign again with this version."
+            )
+        if tables.pop("sha256", None) != hash_of(tables):
+            raise RecordingError(
+                f"{path}: the file must be as it was written, but its hash differs: fly the "
+                "campaign again."
+            )
+        return plan_from(tables["plan"], str(path)), tables["versions"]
+    except ScenarioError as error:
+        raise RecordingError(str(error)) from error
 
 
 def plain(table: Table) -> dict[str, Any]:

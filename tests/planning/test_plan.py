@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 import flighttune as ft
 from flighttune import load_scenario
 from flighttune.flight.models import gain_set
-from flighttune.flights.draws import SEED
-from flighttune.flights.plan import plan_from
+from flighttune.planning.draws import SEED
+from flighttune.planning.plan import plan_from
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
 
 LEVEL_TURN = load_scenario("level_turn")

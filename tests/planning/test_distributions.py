@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from flighttune.flights.draws import LARGEST_POINT, SMALLEST_POINT
-from flighttune.flights.schema import Choice, Grid, LogNormal, Normal, Uniform
+from flighttune.planning.draws import LARGEST_POINT, SMALLEST_POINT
+from flighttune.planning.schema import Choice, Grid, LogNormal, Normal, Uniform
 
 POINTS = 4000
 CHANCE = 1e-3

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from flighttune.errors import InputError, ScenarioError
-from flighttune.flights.schema import Dispersion
+from flighttune.planning.schema import Dispersion
 from flighttune.scenario.places import Place, places_of, value_at, with_values
 from flighttune.scenario.schema import Scenario
 

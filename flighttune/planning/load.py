@@ -9,9 +9,9 @@ from flighttune.files.mistakes import abridged, shown, validated
 from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.files.table import toml_tables
 from flighttune.flight.load import check_identified, check_scenario, load_scenario
-from flighttune.flights.draws import copula_factor
-from flighttune.flights.places import dispersed_places, with_drawn
-from flighttune.flights.schema import DISTRIBUTIONS, Campaign, CampaignTable
+from flighttune.planning.draws import copula_factor
+from flighttune.planning.places import dispersed_places, with_drawn
+from flighttune.planning.schema import DISTRIBUTIONS, Campaign, CampaignTable
 from flighttune.plants.label import goes_by
 from flighttune.scenario.load import (
     existing_file,

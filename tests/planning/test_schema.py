@@ -7,7 +7,7 @@ import pytest
 
 import flighttune as ft
 from flighttune import load_scenario
-from flighttune.flights.schema import (
+from flighttune.planning.schema import (
     DISTRIBUTIONS,
     CampaignTable,
     CorrelationTable,

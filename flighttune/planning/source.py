@@ -1,0 +1,242 @@
+"""What is flown, as a value: a scenario, a mission, a campaign, or the folder of a campaign."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from flighttune.arrays import check_not_negative
+from flighttune.errors import InputError
+from flighttune.files.shipped import campaign_files, scenario_files
+from flighttune.files.table import toml_tables
+from flighttune.flight.load import load_scenario, route_scenario
+from flighttune.flight.route import AIRCRAFT, is_mission
+from flighttune.planning.load import campaign_on, load_campaign
+from flighttune.planning.plan import Plan, is_dataset, on_plants, plan_campaign, recorded_plan
+from flighttune.planning.schema import Campaign, CampaignTable, Dispersion, Uniform
+from flighttune.present.names import CHANNEL_SYMBOLS
+from flighttune.references.mission import read_route
+from flighttune.scenario.load import scenario_from, with_gains
+from flighttune.scenario.schema import Scenario
+
+# Campaign whose air and dispersions a mission has by default, and dispersions in m, which are right
+# for the size of its aircraft alone.
+LIKE, SHIFTS = "circuit_in_wind", ("cg_aft_m", "cg_right_m", "cg_down_m")
+
+# Angular frequencies of a disturbance without a stated one, rad/s.
+FREQUENCIES = (0.05, 6.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Flights:
+    """Flights that can be flown, drawn and counted, whatever they were read from.
+
+    Attributes
+    ----------
+    place : str
+        What they were read from, for messages and names of files.
+    scenario : Scenario
+        The scenario without what is drawn.
+    campaign : Campaign or None
+        What is drawn about it; none of a scenario alone.
+    recorded : Plan or None
+        The plan of a campaign that was flown.
+    mission : Path or None
+        The file of a mission.
+    start_deg : float, deg
+        Starts of a scenario are off by up to this in course and path angle.
+    disturbance : tuple of two float, rad/s
+        Square waves of up to these sizes disturb the rates of course and path angle of a scenario.
+
+    Examples
+    --------
+    >>> flights = ft.flights("level_turn").starting(2.0)
+    >>> flights.plan(plant="kinematic").keys
+    ('flight.chi_deg', 'flight.gamma_deg')
+    """
+
+    place: str
+    scenario: Scenario
+    campaign: Campaign | None = None
+    recorded: Plan | None = None
+    mission: Path | None = None
+    start_deg: float = 0.0
+    disturbance: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def fences(self) -> tuple[Path, ...]:
+        """Files with a fence of their own: the plan of a mission."""
+        own = self.mission is not None and self.mission.suffix.lower() == ".plan"
+        return (self.mission,) if own and self.mission else ()
+
+    def starting(self, within_deg: float) -> "Flights":
+        """The flights of a scenario from starts drawn within this half-width, deg."""
+        check_not_negative(start_deg=within_deg)
+        self._check_scenario("start_deg", within_deg)
+        return replace(self, start_deg=within_deg)
+
+    def disturbed(self, largest: float) -> "Flights":
+        """The flights of a scenario with both rates disturbed by up to this size, rad/s."""
+        check_not_negative(disturbance=largest)
+        self._check_scenario("disturbance", largest)
+        return replace(self, disturbance=(largest, largest))
+
+    def _check_scenario(self, name: str, value: float) -> None:
+        if value and self.campaign is not None:
+            raise InputError(
+                f"{self.place}: `{name}` must be absent for what is no scenario: missions and "
+                "campaigns draw their own."
+            )
+
+    def plan(
+        self, *, plant: str | None = None, gains: str | None = None, kind: str | None = None
+    ) -> Plan:
+        """The plan of these flights, with gains tuned; of a scenario for its first plant of a kind.
+
+        `gains` that are not of the source, by name or file, take the place of its own.
+        """
+        if self.mission and plant is not None:
+            raise InputError(f"{self.place}: `plant` must be absent for a mission.")
+        scenario, campaign = self.scenario, self.campaign
+        if campaign is None:
+            if gains not in (None, *scenario.gain_names):
+                scenario = with_gains(scenario, [gains], self.place)
+            labels = [table.label for table in scenario.plant if kind in (None, table.kind)]
+            chosen, name = plant or next(iter(labels), None), Path(self.place).stem
+            plan = plan_campaign(about(scenario, name, chosen, self.start_deg, self.disturbance))
+            return plan.with_runs(len(plan.groups))
+        if not (self.mission or self.recorded) and gains not in (None, *scenario.gain_names):
+            scenario = with_gains(scenario, [gains], self.place)
+            table = campaign.model_copy(update={"gains": scenario.gains})
+            campaign = campaign_on(table, scenario, self.place)
+        plan = self.recorded or plan_campaign(campaign)
+        if self.mission or self.recorded:
+            plan.chosen_group(None, gains)  # refuses others than its own
+        return plan
+
+
+def flights(
+    source: Flights | Scenario | Campaign | Plan | str | Path,
+    *,
+    aircraft: str | None = None,
+    like: str | None = None,
+    skip: bool = False,
+    changes: Mapping[str, Any] | None = None,
+) -> Flights:
+    """The flights that a source states: the only place that asks what a source is.
+
+    Parameters
+    ----------
+    source : Flights, Scenario, Campaign, Plan, str or Path
+        A scenario or campaign, its file, or the name of a shipped one; the folder of a campaign
+        that was flown; or a mission: ``.plan`` of QGroundControl, ``.waypoints`` of Mission
+        Planner, KML or GeoJSON.
+    aircraft : str, optional
+        Aircraft that flies a mission; by default ``aerosonde``.
+    like : str, optional
+        Campaign whose air and dispersions the flights of a mission have; by default light
+        turbulence, wind to 8 m/s and the dispersions of the aircraft.
+    skip : bool
+        Leave out commands of a mission that have no place.
+    changes : mapping of str to value, optional
+        Values to set in what is read from a file, by dotted key.
+
+    Returns
+    -------
+    Flights
+
+    Raises
+    ------
+    InputError, ScenarioError
+        If there is no such source, it cannot be read, or an argument is not for its kind.
+
+    Examples
+    --------
+    >>> ft.flights("first_campaign").plan().draws
+    10
+    """
+    if not isinstance(source, str | Path):
+        if changes or aircraft or like or skip:
+            raise InputError("`aircraft`, `like`, `skip` and `changes` must be given with a file.")
+        return source if isinstance(source, Flights) else _of(source)
+    place = str(source)
+    if is_mission(place):
+        file, aircraft = Path(place), aircraft or AIRCRAFT
+        scenario = route_scenario(file, read_route(file, skip=skip), aircraft, changes)
+        drawn = _about_mission(scenario, aircraft, like)
+        return Flights(place=place, scenario=scenario, campaign=drawn, mission=file)
+    if aircraft is not None or like is not None or skip:
+        raise InputError(f"{place}: `aircraft`, `like`, `skip` must be absent: it is no mission.")
+    if _is_scenario(place):
+        return _of(load_scenario(place, changes=changes), place)
+    if not is_dataset(place):
+        return _of(load_campaign(place, changes=changes), place)
+    if changes:
+        raise InputError(f"{place}: `--set` must be absent for a campaign already flown.")
+    return _of(recorded_plan(place)[0], place)
+
+
+def _of(stated: Scenario | Campaign | Plan, place: str = "") -> Flights:
+    if isinstance(stated, Scenario):
+        return Flights(place=place or stated.title, scenario=stated)
+    if isinstance(stated, Campaign):
+        return Flights(place=place or stated.title, scenario=stated.nominal, campaign=stated)
+    place, campaign = place or stated.campaign.title, stated.campaign
+    return Flights(place=place, scenario=campaign.nominal, campaign=campaign, recorded=stated)
+
+
+def _is_scenario(source: str | Path) -> bool:
+    """Whether a file or name is that of a scenario; if not, of a campaign."""
+    path = Path(source)
+    if path.is_file() and path.suffix == ".toml":
+        return "scenario" not in toml_tables(path)
+    stem = path.name.removesuffix(".toml")
+    return stem in scenario_files() and stem not in campaign_files()
+
+
+def _about_mission(scenario: Scenario, aircraft: str, like: str | None) -> Campaign:
+    """Flights of a mission that are drawn as those of the campaign `like`."""
+    shipped = like_of(aircraft)
+    campaign = load_campaign(
+        like or shipped or LIKE, scenario, changes={"plant.aircraft": aircraft}
+    )
+    update: dict[str, Any] = {"title": f"{scenario.title}, flown as {like or shipped or LIKE}"}
+    if like is None and shipped is None:
+        update["disperse"] = [x for x in campaign.disperse if not x.key.endswith(SHIFTS)]
+    return campaign.model_copy(update=update)
+
+
+def like_of(aircraft: str) -> str | None:
+    """The shipped campaign with dispersions of an aircraft on a circuit, if there is one."""
+    name = LIKE if aircraft == AIRCRAFT else f"{LIKE}_{aircraft}"
+    return name if name in campaign_files() else None
+
+
+def about(
+    scenario: Scenario,
+    name: str,
+    plant: str | None,
+    start_deg: float,
+    disturbance: tuple[float, float],
+) -> Campaign:
+    """Starts and disturbances of one plant of a scenario, all equally likely."""
+    if plant in [table.label for table in scenario.plant]:  # callers refuse an unknown one
+        scenario = on_plants(scenario, [plant])  # another may not stand the disturbance
+    tables = scenario.as_dict()
+    drawn: list[Dispersion] = []
+    if start_deg:
+        for key in ("flight.chi_deg", "flight.gamma_deg"):
+            drawn.append(Uniform(key=key, lower=-start_deg, upper=start_deg, acts="adds"))
+    if any(disturbance):
+        for channel, size in zip(CHANNEL_SYMBOLS, disturbance, strict=True):
+            if not size:
+                continue
+            for key, low, high in (
+                ("amplitude", -size, size),
+                ("omega_rad_s", *FREQUENCIES),
+                ("phase_deg", -180.0, 180.0),
+            ):
+                drawn.append(Uniform(key=f"disturbance.{channel}_{key}", lower=low, upper=high))
+        tables["disturbance"] = {"wave": "square"}
+    table = CampaignTable(title=scenario.title, scenario=name, runs=1, disperse=drawn)
+    return campaign_on(table, scenario_from(tables), name)
