@@ -1,14 +1,13 @@
 """Write docs/hangar.md and its picture, `adopt` on every model of JSBSim's own set.
 
 Run it by ``python docs/figures/hangar.py``. Each model is adopted by a command of its own, as many
-at once as there are cores; its turn is exported and its circuit made. This takes about ten minutes
+at once as there are cores; its turn is exported. This takes about ten minutes
 on two cores; then the turns are flown again and drawn.
 """
 
 import json
 import math
 import os
-import re
 import resource
 import subprocess
 import sys
@@ -46,7 +45,6 @@ COLUMNS = [
     Column("flown.paper.status", "K* scaled"),
     Column("cpu_s", "processor time", "s", ".0f"),
     Column("export", "export differs by", digits=".0e"),
-    Column("circuit", "circuit: beside, off height"),
     *columns("remarks"),
 ]
 
@@ -84,21 +82,11 @@ def processor_time() -> float:
 
 
 def proved(folder: Path) -> dict[str, Any]:
-    """Difference of the exported turn (rad, 1) and error of the circuit, or why there is none."""
+    """Difference of the exported turn (rad, 1)."""
     turn = ("export", folder / "turn.toml", "--gains", "tuned_identified", "--json")
     exported = flighttune(*turn, "--out", folder / "export")
-    circuit = folder / "circuit.toml"
-    made = flighttune("new", str(circuit), "--like", "circuit", "--aircraft", folder)
-    if made.returncode:
-        why = made.stderr.strip().rsplit("got, with the most margin, ")[-1]
-        why = why.rsplit(f"{folder} ")[-1].rsplit(" / tuned_identified: ")[-1].rstrip(".")
-    else:  # its first line says so
-        why = (
-            " m, ".join(re.findall(r"at most (\S+) m .* and (\S+) m", circuit.read_text())[0])
-            + " m"
-        )
     differences = json.loads(exported.stdout or "{}").get("differences", {"": math.nan})
-    return {"export": max(differences.values()), "circuit": why}
+    return {"export": max(differences.values())}
 
 
 def turn_chart(model: str, scenario: Path) -> Chart:

@@ -47,18 +47,11 @@ def new(
     aircraft: Annotated[
         str | None,
         Option(
-            help="Aircraft that flies, by name or folder [default: aerosonde, or that of --like].",
+            help="Aircraft that flies, by name or folder [default: aerosonde].",
             autocompletion=aircraft_names,
         ),
     ] = None,
-    like: Annotated[
-        str | None,
-        Option(
-            metavar="SCENARIO",
-            help="Scenario to make for the aircraft [default: a turn and a climb].",
-            autocompletion=scenario_files,
-        ),
-    ] = None,
+    like: Annotated[str | None, Option(hidden=True)] = None,
     overshoot: Annotated[
         float | None,
         Option(
@@ -77,7 +70,13 @@ def new(
     """Write a scenario of your own, with comments, that an aircraft can fly."""
     from flighttune.flight.new import new_scenario
 
-    file = new_scenario(name, aircraft=aircraft, like=like, overshoot=overshoot, settle=settle)
+    if like is not None:
+        file = scenario_files().get(like, like)
+        raise InputError(
+            f"`--like` must be absent: copy {file}, and set its aircraft, [flight] and [limits]; "
+            "`flighttune list` has all."
+        )
+    file = new_scenario(name, aircraft=aircraft, overshoot=overshoot, settle=settle)
     return Answer(files={"scenario": file})
 
 

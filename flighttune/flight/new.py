@@ -1,30 +1,19 @@
-"""A new scenario as a file: a first manoeuvre of an aircraft, or another scenario made for it."""
+"""A new scenario as a file: a first manoeuvre of an aircraft."""
 
 import math
 import os
 import shlex
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import tomlkit
 
 from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft
-from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, OutputError
-from flighttune.files.shipped import scenario_files
 from flighttune.files.whole import write_text
-from flighttune.flight.conditions import reference_of
-from flighttune.flight.fly import fly
 from flighttune.flight.load import load_scenario
 from flighttune.identification.file import load_identified, rounded
-from flighttune.plants.jsbsim.trim import level, trim_table
-from flighttune.plants.label import plant_label
-from flighttune.references.follow import RouteReference
-from flighttune.scenario.load import GAINS_FILES, existing_file
-from flighttune.scenario.route import RouteTable
-from flighttune.scenario.schema import Scenario
+from flighttune.plants.jsbsim.trim import level
 from flighttune.units import DEG, G_PAPER
 
 AIRCRAFT = "aerosonde"
@@ -38,14 +27,6 @@ REST = 4.0  # s: flown after it
 
 # Significant digits of values that are computed.
 DIGITS = 5
-
-# Shares of the path angles of another scenario that are tried in turn, until the aircraft can fly
-# them steadily.
-SHARES = (1.0, 0.75, 0.5, 0.35, 0.25, 0.15, 0.1, 0.05)
-
-# Margin of a route, if it is more than its own, and factor on its look-ahead: tried in turn until
-# the route is flown.
-ROUTES = (0.0, 1.0), (0.4, 2.0), (0.6, 3.0)
 
 # A first scenario; `_first` replaces the values and comments that depend on the aircraft.
 TEMPLATE = """\
@@ -107,20 +88,17 @@ def new_scenario(
     name: str,
     *,
     aircraft: str | None = None,
-    like: str | None = None,
     overshoot: float | None = None,
     settle: float | None = None,
 ) -> Path:
     """Write a scenario that an aircraft can fly to ``NAME.toml``, and return the file.
 
-    With `like`, the file or name of another scenario, it is that one made for the aircraft, which
-    is by default its own. A route is flown before it is kept, with more and more margin to the
-    limits until the requirements are met. Otherwise `overshoot` (deg) and `settle` (s, to 5 %) are
-    required of course and path angle in place of the template's; to settle, both are steps.
+    `overshoot` (deg) and `settle` (s, to 5 %) are required of course and path angle in place of
+    the template's; to settle, both are steps.
 
-    Raises OutputError if there is such a file already, and InputError if the aircraft or the other
-    scenario is not there, the aircraft cannot fly it, a requirement is not positive or beside
-    `like`, or the name is empty or has a control character.
+    Raises OutputError if there is such a file already, and InputError if the aircraft is not there
+    or cannot fly it, a requirement is not positive, or the name is empty or has a control
+    character.
     """
     if not name.isprintable():
         raise InputError(f"`NAME` must have printable characters only, got {name!r}.")
@@ -130,41 +108,20 @@ def new_scenario(
     file = Path(f"{stem}.toml")
     if os.path.exists(file):  # which a name that is too long does not; writing says so
         raise OutputError(f"{file}: must be a new file, there is one already; give another NAME.")
-    if like is not None and aircraft is not None and aircraft.lower().endswith(".json"):
-        raise InputError(f"{aircraft}: `--like` must be absent: the model has no airframe to trim.")
     if aircraft is not None and (Path(aircraft) / "aircraft.toml").is_file():
         aircraft = str(Path(aircraft).resolve())
-    _check_required({"overshoot": overshoot, "settle": settle}, like)
+    for option, value in (("overshoot", overshoot), ("settle", settle)):
+        if value is not None and not 0.0 < value < math.inf:
+            raise InputError(f"`--{option}` must be positive and finite, got {value:g}.")
+    text = _requiring(_first(aircraft or AIRCRAFT, file.parent), overshoot, settle)
     names = {"name": shlex.quote(str(file)), "run": shlex.quote(f"runs/{file.stem}")}
-    reason = ""
+    write_text(file, text + NEXT.format(**names))
     try:
-        for margin, look_ahead in ROUTES:
-            if like is None:
-                text = _first(aircraft or AIRCRAFT, file.parent)
-                text = _requiring(text, overshoot, settle)
-            else:
-                text = _made_for(like, aircraft, file.parent, margin, look_ahead)
-            write_text(file, text + NEXT.format(**names))
-            scenario = load_scenario(file)
-            if like is None or scenario.route is None:
-                return file
-            flown = fly(scenario)
-            if not (reason := next(iter(flown.claim.missed), "")):
-                beside, off = flown.flight[["cross_track_m", "height_err_m"]].max()
-                seen = f"at most {beside:.2g} m beside the route and {off:.2g} m off its height"
-                write_text(
-                    file, f"# Flown by `flighttune new`: {seen}.\n{text}" + NEXT.format(**names)
-                )
-                return file
+        load_scenario(file)
     except BaseException:
-        if os.path.exists(file):
-            file.unlink()
+        file.unlink()
         raise
-    file.unlink()
-    raise InputError(
-        f"{like}: must be a route that the aircraft can fly, got, with the most margin, "
-        f"{reason.rstrip('.')}."
-    )
+    return file
 
 
 def _named(aircraft: str, folder: Path) -> str:
@@ -217,14 +174,6 @@ def _first(aircraft: str, folder: Path) -> str:
     document["limits"].update(_limits(config))
     document["plant"][1]["aircraft"] = _named(aircraft, folder)
     return tomlkit.dumps(document)
-
-
-def _check_required(required: Mapping[str, float | None], like: str | None) -> None:
-    for option, value in required.items():
-        if value is not None and not 0.0 < value < math.inf:
-            raise InputError(f"`--{option}` must be positive and finite, got {value:g}.")
-        if value is not None and like is not None:
-            raise InputError(f"`--{option}` must be absent: `--like` brings requirements.")
 
 
 def _requiring(text: str, overshoot: float | None, settle: float | None) -> str:
@@ -300,162 +249,3 @@ def _of_logs(model: Path, folder: Path) -> str:
     plant.update({"kind": "point_mass_lag", "identified": os.path.relpath(model, folder)})
     document["plant"].append(plant)
     return tomlkit.dumps(document)
-
-
-def _made_for(
-    like: str, aircraft: str | None, folder: Path, margin: float, look_ahead: float
-) -> str:
-    """The text of another scenario, with the values that depend on the aircraft replaced.
-
-    A route keeps at least `margin` to the limits, and has `look_ahead` times its look-ahead.
-    """
-    source = existing_file(like, "scenario", scenario_files(), ["scenarios"])
-    scenario = load_scenario(source)
-    document: Any = tomlkit.parse(source.read_text(encoding="utf-8"))
-    flown = scenario.aircraft
-    aircraft = aircraft or (flown[0].aircraft if flown else None) or AIRCRAFT
-    config = load_aircraft(aircraft)
-    if scenario.route is not None and not config.engines.count:
-        raise InputError(f"{like}: must be without a route: {aircraft} has no engine, and glides.")
-    other = flown[0].config if flown else config
-    faster = _design(config)[0] / (_design(other)[0] if flown else scenario.flight.V_a_mps)
-    flight = scenario.flight
-    V_a = flight.V_a_mps * faster
-    # A bank turns by g tan(phi) / V.
-    banks = [math.tan(of.limits.phi[1]) for of in (config, other)]
-    turn = min(1.0, banks[0] / banks[1]) / faster
-    document["flight"]["V_a_mps"], document["limits"] = rounded(V_a, DIGITS), _limits(config)
-    if scenario.route is None:
-        climb = _climb(config, V_a, scenario)
-        rates = [(of.limits.phi_rate, of.limits.n_z_rate) for of in (other, config)]
-        loads = turn * faster, climb * faster
-        # Of the same change of a command, a slower one takes longer.
-        roll_in = tuple(max(a / b * load, 1.0) for a, b, load in zip(*rates, loads, strict=True))
-        _scale_reference(document["reference"], turn, climb, (roll_in[0], roll_in[1]))
-    else:
-        climb = _fit_route(document, scenario, (config, other), V_a, margin, look_ahead)
-    _scale(document["flight"], {"gamma_deg": climb})
-    _scale(document.get("envelope", {}), {"V_a_mps": faster})
-    wind = {"chi_amplitude": 1.0 / faster, "gamma_amplitude": 1.0 / faster}  # of the same speed
-    _scale(document.get("disturbance", {}), wind)
-    labels = {}
-    for table, plant in zip(document["plant"], scenario.plant, strict=True):
-        if plant.aircraft is not None:
-            table["aircraft"] = _named(aircraft, folder)
-            labels[plant.label] = plant_label(plant.kind, aircraft, plant.name)
-            table.get("airframe", {}).pop("coefficient_factors", None)  # functions of its model
-    for table in document.get("expect", ()):
-        if table.get("plant") in labels:
-            table["plant"] = labels[table["plant"]]
-    for i, entry in enumerate(document.get("gains", ())):
-        if isinstance(entry, str) and Path(entry).suffix in GAINS_FILES:
-            document["gains"][i] = os.path.relpath(source.parent / entry, folder)
-    for table in (*document.get("law", ()), *document["plant"]):
-        if isinstance(table, dict) and "module" in table:
-            table["module"] = os.path.relpath(source.parent / table["module"], folder)
-    document.get("tuning", {}).pop("identified", None)
-    document["title"] = f"{scenario.title} ({config.title})"
-    document.pop("verifies", None)  # a claim about the other aircraft
-    return tomlkit.dumps(document)
-
-
-def _scale_reference(
-    reference: Any, turn: float, climb: float, roll_in: tuple[float, float]
-) -> None:
-    """Multiply the turn rates of a reference, its path angles, and the times of roll-ins."""
-    scales_of = ("chi", 1.0, turn, roll_in[0]), ("gamma", climb, climb, roll_in[1])
-    for key, angle, rate, rolling in scales_of:
-        _scale(reference, {f"{key}_from_deg": angle})
-        if isinstance(reference[f"{key}_deg"], list):
-            scales = {"change_deg": angle, "amplitude_deg": angle, "rate_dps": rate}
-            scales["roll_in_s"] = rolling
-            for segment in reference[f"{key}_deg"]:
-                _scale(segment, scales)
-                if "roll_in_s" in segment:  # no longer than the ramp
-                    most = min(segment["duration_s"], 2.0 * segment["start_s"])
-                    segment["roll_in_s"] = min(segment["roll_in_s"], most)
-        else:
-            _scale(reference, {f"{key}_deg": angle})
-
-
-def _fit_route(
-    document: Any,
-    scenario: Scenario,
-    aircraft: tuple[AircraftConfig, AircraftConfig],
-    V_a: float,
-    margin: float,
-    look_ahead: float,
-) -> float:
-    """Make a route for the first of two aircraft from that of the second; share of the climbs."""
-    route, flight, table = scenario.route, scenario.flight, document["route"]
-    assert route is not None
-    if "waypoint" not in table:
-        raise InputError("`route` must have waypoints of its own for another aircraft, got a file.")
-    kept = route.model_copy(update={"margin": max(margin, route.margin)})
-    if margin > route.margin:
-        table["margin"] = margin
-    if look_ahead > 1.0:
-        table["look_ahead_s"] = look_ahead * route.look_ahead_s
-    config, other = aircraft
-    room = _room(kept, V_a, flight.g_mps2, config)
-    size = float((room / _room(route, flight.V_a_mps, flight.g_mps2, other)).max())
-    climb = _climb(config, V_a, scenario, size, (1.0 - kept.margin) * config.limits.phi[1])
-    for point in table["waypoint"]:
-        _scale(point, dict.fromkeys(("north_m", "east_m", "radius_m"), size))
-        _scale(point, {"up_m": size * climb, "climb_deg": climb})
-        if not point.get("climb_deg", 1.0):
-            del point["climb_deg"]
-        for key in {"lat_deg", "lon_deg"} & {*point}:
-            first = table["waypoint"][0][key]
-            point[key] = round(first + size * (point[key] - first), 8)
-    faster = V_a / flight.V_a_mps
-    _scale(document["flight"], {"duration_s": size / faster})
-    # A slow roll ends every turn beyond its course, in a limit cycle (design/roll_rate.md).
-    document.setdefault("tuning", tomlkit.table())["roll_rate"] = True
-    for expected in document.get("expect", ()):  # an error of position grows with the way ahead
-        more = max(1.0, faster) * look_ahead
-        errors = {"cross_track_m": more, "height_err_m": more}
-        _scale(expected.get("at_most", {}).get("flight", {}), errors)
-    return climb
-
-
-def _room(route: RouteTable, V_a: float, g: float, config: AircraftConfig) -> FloatArray:
-    """Radius of a turn on a route, and what half a turn takes with its roll-in, m."""
-    phi, phi_rate = config.limits.phi[1], config.limits.phi_rate
-    ability = route.ability(V_a=V_a, g=g, phi=phi, phi_rate=phi_rate)
-    radius = 1.0 / ability.curvature
-    return np.array([radius, radius + ability.rolling(ability.curvature)])
-
-
-def _scale(table: Any, factors: Mapping[str, float]) -> None:
-    """Multiply those keys that a table has."""
-    for key, factor in factors.items():
-        if key in table and factor != 1.0:
-            value = table[key]
-            scaled = [factor * x for x in value] if isinstance(value, list) else factor * value
-            table[key] = rounded(scaled, DIGITS)
-
-
-def _climb(
-    config: AircraftConfig, V_a: float, scenario: Scenario, size: float = 1.0, phi: float = 0.0
-) -> float:
-    """Share of a scenario's path angles that an aircraft can fly steadily at an airspeed.
-
-    On a route, made larger by the factor `size`, also at its greatest height, with a bank `phi`.
-    """
-    flight, top = scenario.flight, 0.0
-    if scenario.route is None:
-        assert scenario.reference is not None  # one of both is there
-        _, steepest = scenario.reference.steepest(flight.gamma_deg, flight.duration_s)
-        asked = {flight.gamma_deg * DEG, steepest * DEG} - {0.0}
-    else:
-        route = reference_of(scenario)
-        assert isinstance(route, RouteReference)
-        asked = {math.atan(route.path.slope.max()), math.atan(route.path.slope.min())} - {0.0}
-        top = size * max(0.0, float(route.path.up.max()))
-    for share in SHARES if asked else ():
-        gammas = [share * gamma for gamma in asked]
-        trims = trim_table(config, V_a=[V_a], gamma=gammas, phi=phi, h=flight.h_m + share * top)
-        if all(record["trim"] for record in trims):
-            return share
-    return 0.0 if asked else 1.0

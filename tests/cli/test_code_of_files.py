@@ -83,7 +83,6 @@ def test_a_certificate_is_looked_for_after_the_word_too(folder):
         ("tune", "scenario.toml"),
         ("certify", "scenario.toml", "--gains", "paper"),
         ("report", "scenario.toml@paper"),
-        ("new", "mine", "--like", "scenario.toml"),
     ],
 )
 def test_other_commands_run_no_code_of_a_file(folder, command):
