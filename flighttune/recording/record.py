@@ -194,7 +194,9 @@ def _send_layout(stream: rr.RecordingStream, layout: rrb.Blueprint) -> None:
     layout_stream.set_time("blueprint", sequence=0)
     layout._log_to_stream(layout_stream)
     storage = layout_stream.memory_recording().storage
-    rerun_bindings.send_blueprint(storage, False, True, recording=stream.to_native())
+    # Active as well as default: the viewer makes a layout of its own while data stream in, which
+    # the default does not replace.
+    rerun_bindings.send_blueprint(storage, True, True, recording=stream.to_native())
     layout_stream.disconnect()  # the sink holds the stream, and the stream the sink
 
 
