@@ -233,13 +233,15 @@ def route(
         raise InputError(f"{out}: `--out` must be another file than the one that is read.")
     changed = options.changes(settings)
     planned = plan_route(source, aircraft=aircraft, skip=skip, changes=changed)
+    answer = replace(planned.answer(), files={"route": out})
     if out is not None:
         counted = None if band is None else load_band(band)
         corridor = None if counted is None else counted.corridor(planned.where)
         own = fence_tables([Path(source)]) if source.lower().endswith(".plan") else {}
         fences = counted.about.fences if counted and counted.about.fences else [own] * bool(own)
-        planned.save(out, corridor, fences)
-    return replace(planned.answer(), files={"route": out})
+        notes = [*answer.notes, *planned.save(out, corridor, fences)]
+        answer = replace(answer, notes=notes)
+    return answer
 
 
 def run(

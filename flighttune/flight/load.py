@@ -116,12 +116,13 @@ def route_scenario(
         "gains": [TUNED_IDENTIFIED],
         "flight": condition | mission.flight,
         "route": mission.route,
+        "limits": dict(mission.limits),
         "controller": {"feed_forward": True},
         "tuning": {"identified": aircraft},
         "plant": [{"kind": "jsbsim", "aircraft": aircraft}],
     }
     speeds = [row["V_mps"] for row in mission.route["waypoint"] if "V_mps" in row]
-    stated = "flight.V_a_mps" in (changes or {})
+    stated = "flight.V_a_mps" in (changes or {}) or "holds_airspeed" in mission.route
     if speeds and not stated and load_aircraft(aircraft).limits.n_x is not None:
         tables["flight"] |= {"V_a_mps": mission.route["waypoint"][0].get("V_mps", first.V_a)}
         tables["route"] = tables["route"] | {"holds_airspeed": True}

@@ -27,7 +27,7 @@ from flighttune.references.maps import (
 )
 from flighttune.references.mission import OTHER_FILES, ROUTE_FILES, read_route
 from flighttune.references.path import STEP
-from flighttune.references.plan_file import route_plan
+from flighttune.references.plan_file import fence_size, route_plan
 from flighttune.scenario.schema import Scenario
 from flighttune.units import DEG
 
@@ -36,6 +36,9 @@ AIRCRAFT = "aerosonde"
 
 # Difference of radii that is none, m.
 WIDER_M = 0.5
+
+# Vertices of a fence that every vehicle takes, each circle as one, and those that some take.
+FENCE_VERTICES, VEHICLES = 64, "PX4 takes at most 64 and ArduPilot 70"
 
 COLUMNS = [
     Column("kind", "stretch"),
@@ -161,10 +164,11 @@ class PlannedRoute(Answering):
         path: str | Path,
         corridor: Corridor | None = None,
         fences: Iterable[Mapping[str, Any]] = (),
-    ) -> None:
+    ) -> list[str]:
         """Write the path to a file .plan, .kml or .geojson, with waypoints and rally points.
 
-        `fences` in GeoJSON, and a corridor about the path, are written too.
+        `fences` in GeoJSON, and a corridor about the path, are written too. The file is read back
+        as the same route. Returns a sentence if its fence is too large for vehicles.
         """
         scenario, ending = self.scenario, Path(path).suffix.lower()
         assert scenario.route is not None
@@ -184,11 +188,27 @@ class PlannedRoute(Answering):
         )
         if ending == ".plan":
             ground = scenario.flight.ground_m
-            text = route_plan(self.where, marks, self.reference.V_a, ground, corridor)
+            V_a = self.reference.V_a
+            text = route_plan(self.where, marks, V_a, ground, corridor, self._stated)
         else:
             written = route_kml if ending == ".kml" else route_geojson
-            text = written(self.where, printable(scenario.title), corridor, marks)
+            title = printable(scenario.title)
+            text = written(self.where, title, corridor, marks, self._stated)
         write_text(Path(path), text)
+        size = fence_size(text) if ending == ".plan" else 0
+        said = f"The fence in {path} has {size} vertices and circles, of which {VEHICLES}."
+        return [said] if size > FENCE_VERTICES else []
+
+    @property
+    def _stated(self) -> dict[str, Any]:
+        """What a written file is read back as: the path follows from it."""
+        scenario = self.scenario
+        assert scenario.route is not None
+        return {
+            "route": scenario.route.model_dump(exclude_none=True, exclude={"notes"}),
+            "flight": pick(scenario.flight, "V_a_mps h_m ground_m g_mps2"),
+            "limits": scenario.limits.model_dump(exclude_none=True),
+        }
 
 
 def planned_route(scenario: Scenario, *, speed_assumed: bool = False) -> PlannedRoute:

@@ -32,6 +32,9 @@ KNOWN = (*HEIGHTS, "name", "exclusion")
 # Corners of the polygon that stands for a circle: inside of one to stay in, around one to stay out.
 CIRCLE_CORNERS = 64
 
+# Difference of latitude or longitude of corners that are the same, deg: 1 cm.
+SAME_CORNER_DEG = 1e-7
+
 # Signs that turn lowest and highest values into distances to the left and right, up and down.
 DISTANCE_SIGNS = np.array([-1.0, 1.0], dtype=np.float32)
 
@@ -129,14 +132,34 @@ def _of_plan(stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
             radius = json_number(area["circle"]["radius"], "`radius`")
             if not (radius > 0.0 and abs(lat) <= 90.0):  # also catches NaN
                 raise InputError(f"`radius` of a circle must be positive, got {radius:g}.")
-            radius /= 1.0 if inside else math.cos(math.pi / CIRCLE_CORNERS)
-            angles = np.arange(CIRCLE_CORNERS) * (math.tau / CIRCLE_CORNERS)
-            places = radius * np.column_stack([np.cos(angles), np.sin(angles)])
-            corners = on_earth(places, (lat, lon))[:, ::-1].tolist()
+            corners = _circle((lat, lon), radius, outside=not inside)
         else:
             corners = [[point[1], point[0]] for point in area["polygon"]]
         geometry = {"type": "Polygon", "coordinates": [[*corners, corners[0]]]}
         yield {"type": "Feature", "properties": {"exclusion": not inside}, "geometry": geometry}
+
+
+def _circle(centre: LatLon, radius: float, *, outside: bool) -> list[list[float]]:
+    """Longitudes and latitudes of the corners that stand for a circle, deg, from the north on."""
+    radius /= math.cos(math.pi / CIRCLE_CORNERS) if outside else 1.0
+    angles = np.arange(CIRCLE_CORNERS) * (math.tau / CIRCLE_CORNERS)
+    places = radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    return on_earth(places, centre)[:, ::-1].tolist()
+
+
+def circle_of(ring: list[list[float]], *, outside: bool) -> tuple[LatLon, float] | None:
+    """Centre (deg) and radius (m) of the circle that a closed ring stands for; None if for none."""
+    if len(ring) != CIRCLE_CORNERS + 1:
+        return None
+    north, south = ring[0][1::-1], ring[CIRCLE_CORNERS // 2][1::-1]
+    half = 0.5 * north_east((north[0], north[1]), (south[0], south[1]))[0]
+    lat, lon = on_earth(np.array([[half, 0.0]]), (south[0], south[1]))[0].tolist()
+    radius = round(half * (math.cos(math.pi / CIRCLE_CORNERS) if outside else 1.0), 3)
+    if radius <= 0.0:
+        return None
+    made = np.array(_circle((lat, lon), radius, outside=outside))
+    same = np.abs(made - np.array([corner[:2] for corner in ring[:-1]])).max() < SAME_CORNER_DEG
+    return ((lat, lon), radius) if same else None
 
 
 def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:

@@ -12,6 +12,7 @@ import numpy as np
 from flighttune.arrays import FloatArray, Floats
 from flighttune.errors import InputError
 from flighttune.files.mistakes import abridged
+from flighttune.files.table import hash_of, json_object
 from flighttune.references.earth import LatLon, on_earth
 from flighttune.references.path import STEP
 from flighttune.references.path import Path as Route
@@ -19,6 +20,9 @@ from flighttune.units import DEG
 
 # Distance between the points of a file that is written, m.
 APART = 10.0
+
+# Key of what a written file says about the route that its path was planned from.
+ROUTE_KEY = "flighttune"
 
 # Numbers of a file are smaller in size.
 TOO_LARGE = 1e9
@@ -117,6 +121,8 @@ def kml_features(text: str) -> list[dict[str, Any]]:
     except ElementTree.ParseError as error:
         raise InputError(f"must be KML: {error}.") from error
     shapes = []
+    stated = root.findtext(f".//{{*}}Data[@name='{ROUTE_KEY}']/{{*}}value")
+    own = {ROUTE_KEY: json_object(stated, f"`{ROUTE_KEY}`")} if stated else {}
     for shape in root.iter():
         kind = shape.tag.rpartition("}")[2]
         if kind in ("LineString", "Polygon"):
@@ -124,7 +130,8 @@ def kml_features(text: str) -> list[dict[str, Any]]:
             modes = [x.text for x in shape.iter() if x.tag.endswith("}altitudeMode")]
             coordinates = rings if kind == "Polygon" else rings[0]
             mode = {"altitudeMode": (modes or ["clampToGround"])[0]}
-            shapes.append({"geometry": {"type": kind, "coordinates": coordinates, **mode}})
+            geometry = {"type": kind, "coordinates": coordinates, **mode}
+            shapes.append({"properties": own if kind == "LineString" else {}, "geometry": geometry})
     return shapes
 
 
@@ -132,16 +139,27 @@ def _points(text: str) -> list[list[float]]:
     return [[float(value) for value in point.split(",")] for point in text.split()]
 
 
+def with_hash(route: Mapping[str, Any], path: object) -> dict[str, Any]:
+    """A route to write beside the path that was planned from it; another path has another hash."""
+    return {**route, "path_sha256": hash_of(path)}
+
+
 def route_geojson(
-    where: Where, title: str, corridor: Corridor | None = None, marks: Marks = NO_MARKS
+    where: Where,
+    title: str,
+    corridor: Corridor | None = None,
+    marks: Marks = NO_MARKS,
+    route: Mapping[str, Any] | None = None,
 ) -> str:
     """A path as GeoJSON, with heights above sea level, and its corridor window by window.
 
-    Waypoints, rally points and fences follow.
+    Waypoints, rally points and fences follow. The `route` is what the file is read back as.
     """
     claim = {"corridor": corridor.claim} if corridor else {}
+    line = _line(where).tolist()
+    own = {ROUTE_KEY: with_hash(route, line)} if route else {}
     shapes: list[tuple[dict[str, Any], str, Any]] = [
-        ({"name": title, **claim}, "LineString", _line(where).tolist())
+        ({"name": title, **claim, **own}, "LineString", line)
     ]
     for properties, floor, _ in _pieces(where, corridor):
         shapes.append((properties, "Polygon", [floor[:, :2].tolist()]))
@@ -182,11 +200,16 @@ def volumes_geojson(where: Where, volumes: Mapping[str, tuple[float, float, floa
 
 
 def route_kml(
-    where: Where, title: str, corridor: Corridor | None = None, marks: Marks = NO_MARKS
+    where: Where,
+    title: str,
+    corridor: Corridor | None = None,
+    marks: Marks = NO_MARKS,
+    route: Mapping[str, Any] | None = None,
 ) -> str:
     """A path as KML, at heights above sea level, and floor and ceiling of its corridor.
 
-    Waypoints, rally points and fences follow; each kind has a style.
+    Waypoints, rally points and fences follow; each kind has a style. The `route` is what the file
+    is read back as.
     """
     kml = ElementTree.Element("kml", xmlns="http://www.opengis.net/kml/2.2")
     document = ElementTree.SubElement(kml, "Document")
@@ -195,7 +218,12 @@ def route_kml(
         for kind, values in (("Line", {"color": line, "width": "3"}), ("Poly", {"color": area})):
             _add_texts(ElementTree.SubElement(style, f"{kind}Style"), values)
     claim = f"Corridor: {corridor.claim}." if corridor else ""
-    _add_shape(_add_mark(document, title, "path", claim), ["LineString"], _line(where))
+    mark, line = _add_mark(document, title, "path", claim), _line(where)
+    if route:
+        data = ElementTree.SubElement(mark, "ExtendedData")
+        value = json.dumps(with_hash(route, line.tolist()))
+        _add_texts(ElementTree.SubElement(data, "Data", name=ROUTE_KEY), {"value": value})
+    _add_shape(mark, ["LineString"], line)
     for properties, *rings in _pieces(where, corridor):
         name = "corridor from {from_m} m".format(**properties)
         shapes = ElementTree.SubElement(_add_mark(document, name, "corridor"), "MultiGeometry")

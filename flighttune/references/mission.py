@@ -2,12 +2,19 @@
 
 from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 from flighttune.errors import InputError
-from flighttune.files.table import file_text, json_tables
+from flighttune.files.table import file_text, hash_of, json_tables
 from flighttune.references.items import Mission, Row, place, read_items
-from flighttune.references.maps import features, json_number, kml_features, reading
+from flighttune.references.maps import (
+    ROUTE_KEY,
+    features,
+    json_number,
+    kml_features,
+    reading,
+)
 
 # Endings of files that are read, and of others that hold routes.
 ROUTE_FILES = (".plan", ".json", ".geojson", ".waypoints", ".txt", ".kml")
@@ -31,6 +38,7 @@ class RouteFile(NamedTuple):
     route: dict[str, Any]
     # ``h_m``, ``ground_m`` and ``V_a_mps`` of [flight], as far as the file has them
     flight: dict[str, float]
+    limits: Mapping[str, Any] = MappingProxyType({})  # [limits], which flighttune writes
 
 
 def read_route(path: Path, *, skip: bool = False) -> RouteFile:
@@ -57,16 +65,31 @@ def read_route(path: Path, *, skip: bool = False) -> RouteFile:
         rows = read.route["waypoint"]
         if len(rows) < 2:
             raise InputError(f"must have at least 2 waypoints, got {len(rows)}.")
-    start = rows[0]["up_m"]
+    start = rows[0].get("up_m", 0.0)
     above = {
-        key: [row | {"up_m": row["up_m"] - start} for row in read.route.get(key, ())]
+        key: [row | {"up_m": row.get("up_m", 0.0) - start} for row in read.route.get(key, ())]
         for key in ("waypoint", "rally")
     }
     return read._replace(route=read.route | above)
 
 
+def _written(stated: object, path: object) -> RouteFile | None:
+    """The route that flighttune wrote beside a path, if that is still the path of the file."""
+    if not isinstance(stated, Mapping) or stated.get("path_sha256") != hash_of(path):
+        return None
+    flight = {key: json_number(value, f"`{key}`") for key, value in stated["flight"].items()}
+    rows = {
+        key: [{**row, "up_m": json_number(row["up_m"], "`up_m`")} for row in stated["route"][key]]
+        for key in ("waypoint", "rally")
+    }
+    notes = ["The waypoints are those from which flighttune planned the path of the file."]
+    return RouteFile({**stated["route"], **rows, "notes": notes}, flight, {**stated["limits"]})
+
+
 def _plan(tables: Mapping[str, Any], skip: bool) -> RouteFile:
     mission = tables["mission"]
+    if read := _written(tables.get(ROUTE_KEY), mission):
+        return read
     stated = [*(mission.get("plannedHomePosition") or ()), None, None, None][:3]
     height = json_number(stated[2], "the height above sea level in `plannedHomePosition`")
     home = (*(json_number(x or 0.0, "`plannedHomePosition`") for x in stated[:2]), height)
@@ -103,11 +126,14 @@ def _mission(read: Mission, home: tuple[float, ...], rally: list[Row]) -> RouteF
 
 
 def _line(found: Any) -> RouteFile:
-    shapes = [feature["geometry"] for feature in found]
-    lines = [shape for shape in shapes if shape["type"] == "LineString"]
+    shapes = [*found]
+    lines = [x["geometry"] for x in shapes if x["geometry"]["type"] == "LineString"]
     if len(lines) != 1:
         raise InputError(f"must have one LineString, got {len(lines)}.")
     points = lines[0]["coordinates"]
+    stated = next(x.get("properties") or {} for x in shapes if x["geometry"] is lines[0])
+    if read := _written(stated.get(ROUTE_KEY), points):
+        return read
     if len({len(point[:3]) for point in points}) > 1:
         raise InputError("`coordinates` must have a height at every point of a line, or at none.")
     rows = [

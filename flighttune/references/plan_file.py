@@ -2,14 +2,15 @@
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from flighttune.references.earth import on_earth
+from flighttune.references.fence import circle_of
 from flighttune.references.items import SPEED, TAKEOFF, TURNS, WAYPOINT
-from flighttune.references.maps import Corridor, Marks, Where, corridor_rings
+from flighttune.references.maps import ROUTE_KEY, Corridor, Marks, Where, corridor_rings, with_hash
 from flighttune.references.path import Stretch
 from flighttune.units import DEG
 
@@ -21,12 +22,18 @@ ABOVE_HOME, NO_FRAME = 3, 2
 
 
 def route_plan(
-    where: Where, marks: Marks, V_a: float, ground: float, corridor: Corridor | None = None
+    where: Where,
+    marks: Marks,
+    V_a: float,
+    ground: float,
+    corridor: Corridor | None = None,
+    stated: Mapping[str, Any] | None = None,
 ) -> str:
     """A plan of the path at the airspeed `V_a` (m/s) from a home position at `ground` (m).
 
     Circles have the radius and the turns that are planned, and turn-arounds are waypoints along
     their path. The corridor is areas to stay in, window by window, in place of those of the fence.
+    flighttune reads the file as what is `stated`.
     """
     path, origin, h_0 = where
     items: list[dict[str, Any]] = []
@@ -54,24 +61,17 @@ def route_plan(
     if path.stretches[-1].kind == "leg":
         add(WAYPOINT, (0, 0, 0, None), path.length)
     inside = list(corridor_rings(where, corridor))
-    areas = [(ring, exclusion) for ring, exclusion in marks.areas if exclusion or not inside]
-    polygons = [*((ring, False) for ring in inside), *areas]
+    kept = [(ring, exclusion) for ring, exclusion in marks.areas if exclusion or not inside]
+    areas = [_area(*area) for area in (*((ring, False) for ring in inside), *kept)]
     first = marks.points[0]
-    tables = {
+    tables: dict[str, Any] = {
         "fileType": "Plan",
         "version": 1,
         "groundStation": "QGroundControl",
         "geoFence": {
             "version": 2,
-            "circles": [],
-            "polygons": [
-                {
-                    "version": 1,
-                    "inclusion": not exclusion,
-                    "polygon": [[lat, lon] for lon, lat, *_ in ring[:-1]],
-                }
-                for ring, exclusion in polygons
-            ],
+            "circles": [area for area in areas if "circle" in area],
+            "polygons": [area for area in areas if "polygon" in area],
         },
         "mission": {
             "version": 2,
@@ -88,7 +88,24 @@ def route_plan(
             "points": [[x.lat, x.lon, round(x.height - ground, 2)] for x in marks.rally],
         },
     }
+    if stated:
+        tables[ROUTE_KEY] = with_hash(stated, tables["mission"])
     return json.dumps(tables, indent=1) + "\n"
+
+
+def fence_size(text: str) -> int:
+    """Vertices and circles of the fence of a plan."""
+    fence = json.loads(text)["geoFence"]
+    return len(fence["circles"]) + sum(len(area["polygon"]) for area in fence["polygons"])
+
+
+def _area(ring: list[list[float]], exclusion: bool) -> dict[str, Any]:
+    """An area of a fence: a circle where the ring is one that stands for it."""
+    area = {"version": 1, "inclusion": not exclusion}
+    if circle := circle_of(ring, outside=exclusion):
+        (lat, lon), radius = circle
+        return area | {"circle": {"center": [round(lat, 8), round(lon, 8)], "radius": radius}}
+    return area | {"polygon": [[lat, lon] for lon, lat, *_ in ring[:-1]]}
 
 
 def _passed(stretch: Stretch) -> Iterator[float]:

@@ -152,3 +152,36 @@ def test_shapely_reads_geojson_whose_shapes_are_valid(mission, route, corridor, 
     assert shapely.union_all(windows).buffer(1e-7).covers(shapely.force_2d(line))
     north, east = north_east(line.coords[-1][1::-1], (47.4, 8.5))
     assert (north, east) == pytest.approx(north_east((47.41, 8.53), (47.4, 8.5)), abs=0.1)
+
+
+@pytest.mark.parametrize("with_claim", [False, True])
+@pytest.mark.parametrize("ending", ["plan", "kml", "geojson"])
+def test_a_written_route_is_read_back_as_the_same_path(
+    route, corridor, tmp_path, ending, with_claim
+):
+    out = tmp_path / f"out.{ending}"
+    route.save(out, corridor if with_claim else None)
+
+    read = ft.route(out).reference.path
+
+    assert (
+        np.abs(
+            read.beside(read.points(10.0))
+            - route.reference.path.beside(route.reference.path.points(10.0))
+        ).max()
+        < 1e-6
+    )  # m
+
+
+def test_circles_of_a_plan_stay_circles(tmp_path):
+    circles = [{"circle": {"center": [47.43, 8.54], "radius": 100.0}, "inclusion": False}]
+    fence = {"version": 2, "circles": circles, "polygons": []}
+    mission = plan_file(
+        tmp_path / "m.plan", waypoint(47.4, 8.5, 60), waypoint(47.41, 8.5, 60), geoFence=fence
+    )
+    flighttune("route", mission, "--out", tmp_path / "out.plan")
+
+    written = json.loads((tmp_path / "out.plan").read_text())["geoFence"]
+
+    assert written["polygons"] == []
+    assert [{k: x[k] for k in ("circle", "inclusion")} for x in written["circles"]] == circles
