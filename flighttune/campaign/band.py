@@ -60,6 +60,7 @@ from flighttune.planning.schema import Campaign
 from flighttune.planning.source import Flights
 from flighttune.planning.source import flights as flights_of_source
 from flighttune.present.answer import pick
+from flighttune.present.reasons import why_ended
 from flighttune.references.fence import fence_tables, read_fence
 from flighttune.references.follow import SAME_PLACE, RouteReference
 from flighttune.scenario.schema import Scenario
@@ -328,12 +329,17 @@ def _counted(
     with WorkerPool(*by) as pool:
         pool.progress.budget = plan.runs
         shaping = _flown(pool, plan, partial(probe, anywhere=True), range(learned), "learning")
-        coefficients, half = learned_shape(*shaping, of_band["epsilon"])
+        try:
+            coefficients, half = learned_shape(*shaping, of_band["epsilon"])
+        except InputError as error:
+            raise InputError(f"{error}{why_ended(pool.progress.endings)}") from error
         if of_band["of"] == "turn_back":
             half = half * HEIGHT_ROOM
         extremes, wind = _flown(pool, plan, probe, range(learned, plan.runs), "counting")
     shape = {"signals": units, "coefficients": coefficients, "half": half, "plan": plan.as_dict()}
-    return Band(about=About(**shape, **of_band), flights=flights, extremes=extremes, wind=wind)
+    endings = [x for x in pool.progress.endings if x["run"] >= learned]
+    about = About(**shape, **of_band)
+    return Band(about=about, flights=flights, extremes=extremes, wind=wind, endings=endings)
 
 
 def _recorded(plan: Plan, central: Scenario, signals: Iterable[str] | None) -> dict[str, str]:
@@ -406,9 +412,8 @@ def count_more(band: Band, flights: int, pool: WorkerPool) -> Band:
         )
     runs = band.draws_of(flights)[counted:].tolist()
     plan = plan_of(band).with_runs(runs[-1] + 1)
-    return band.with_flights(
-        *_flown(pool, plan, _probe(band.about, band.flights), runs, "counting")
-    )
+    more = _flown(pool, plan, _probe(band.about, band.flights), runs, "counting")
+    return band.with_flights(*more, pool.progress.endings)
 
 
 def recount(band: Band, flights: int, pool: WorkerPool) -> list[int]:

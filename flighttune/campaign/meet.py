@@ -487,6 +487,7 @@ def meet(
             "V_a_mps": sorted({V for scenario in scenarios for V in scenario.airspeeds}),
         },
         notes=notes,
+        endings=pool.progress.endings,
     )
 
 

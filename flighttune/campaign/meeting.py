@@ -18,6 +18,7 @@ from flighttune.flight.models import certify_scenario, linear_model
 from flighttune.planning.schema import Campaign
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import columns, in_words, listed, measure_words
+from flighttune.present.reasons import endings_table
 from flighttune.present.tables import Column, Table, interval, percent
 from flighttune.scenario.schema import Scenario
 from flighttune.theory.indicators import indicators
@@ -130,6 +131,8 @@ class Meeting(Answering):
         Names of ``aircraft`` and the ends of the airspeeds, ``V_a_mps``, of all scenarios.
     notes : tuple of str
         A sentence for gains of the start that were tuned for others.
+    endings : sequence of mapping
+        ``run``, ``status`` and ``reason`` of the flights that were not completed.
 
     Examples
     --------
@@ -155,6 +158,7 @@ class Meeting(Answering):
     trials: Sequence[Trial]
     tuned_for: Mapping[str, Any]
     notes: tuple[str, ...]
+    endings: Sequence[Mapping[str, Any]]
 
     def answer(self) -> Answer:
         """Requirements, gains, margins and certificate; a failure if a requirement is missed."""
@@ -193,6 +197,7 @@ class Meeting(Answering):
                 Table(LOOP_COLUMNS, [figures]),
                 margins_table(loop_margins(model, self.gains)),
                 Table(CERTIFICATE_COLUMNS, [certificate], "certificate"),
+                endings_table(self.endings),
             ],
             notes=[*self.notes, *missed, *[BY_DEFAULT_NOTE] * by_default],
             verdict=self.sentence,

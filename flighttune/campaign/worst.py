@@ -37,6 +37,7 @@ from flighttune.planning.source import Flights, about, flights
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
+from flighttune.present.reasons import endings_table
 from flighttune.present.tables import Column, Table
 from flighttune.scenario.load import scenario_from, with_gains
 from flighttune.scenario.schema import GainsTable, Scenario
@@ -121,6 +122,8 @@ class WorstFlight(Answering):
     ratio, ratio_of_search : mapping of str to float, or None
         With a tube: its largest half width over the largest distance from its middle, by channel,
         of this flight and of all flights of the search; below 1 the tube is left.
+    endings : sequence of mapping
+        ``run``, ``status`` and ``reason`` of the flights of the search that were not completed.
     contradicts : bool
         Whether the flight leaves a tube that is proven for it, which is then wrong.
 
@@ -147,6 +150,7 @@ class WorstFlight(Answering):
     ratio: Mapping[str, float] | None = None
     ratio_of_search: Mapping[str, float] | None = None
     contradicts: bool = False
+    endings: Sequence[Mapping[str, Any]] = ()
 
     def answer(self) -> Answer:
         """The flight and what was drawn for it; a failure if it contradicts the proof of a tube."""
@@ -166,6 +170,7 @@ class WorstFlight(Answering):
             tables=[
                 Table(WORST_COLUMNS, [values], title),
                 Table(columns("key value"), drawn, "drawn"),
+                endings_table(self.endings),
             ],
             notes=notes,
             verdict="" if self.contradicts else self.missed or "no requirement is missed",
@@ -292,6 +297,7 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
             completed=completed,
         )
         flight = find_worst(searched, budget=budget, seed=seed)
+        flight = replace(flight, endings=pool.progress.endings)
     if bounds is None:
         return flight
     of_search = {

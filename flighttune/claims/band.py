@@ -38,6 +38,7 @@ from flighttune.metrics import OFF_ROUTE
 from flighttune.plants.label import plant_label
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import listed, shown_unit
+from flighttune.present.reasons import endings_table
 from flighttune.present.tables import Column, Table, number, printable, quoted
 from flighttune.references.fence import DISTANCE_SIGNS, read_fence, room_along
 from flighttune.references.maps import Corridor, Where, areas_of
@@ -66,7 +67,7 @@ SAME_TIME = 1e-9
 # Tables of a scenario that a run must share with the flights of a band drawn around it.
 SHARED = ("flight", "reference", "route", "law", "limits", "controller", "sensors")
 
-ARRAYS = {"band": TEXT, "extremes": SINGLE, "wind": FLOAT}
+ARRAYS = {"band": TEXT, "extremes": SINGLE, "wind": FLOAT, "endings": TEXT}
 
 WIDTH_COLUMNS = [
     Column("signal", "signal"),
@@ -192,6 +193,9 @@ class Band(Answering):
         SI; infinite where it was not completed.
     wind : ndarray, shape (N, 2) or (N, 0), m/s
         Wind at the start of each flight to the north and east, if the band is given it.
+    endings : sequence of mapping
+        ``run``, ``status`` and ``reason`` of the flights counted that did not complete, as they
+        were flown; none of a file of version 0.3.0.
     scores : ndarray, shape (N,)
         Scale at which each flight is just inside.
     scale : float
@@ -210,6 +214,7 @@ class Band(Answering):
     flights: BandFlights
     extremes: Extremes
     wind: FloatArray
+    endings: Sequence[Mapping[str, Any]] = ()
     scores: FloatArray = field(init=False)
     scale: float = field(init=False)
 
@@ -372,10 +377,13 @@ class Band(Answering):
         """The same count with another claim; InputError if its flights are too few."""
         return replace(self, about=replace(self.about, epsilon=epsilon, confidence=confidence))
 
-    def with_flights(self, extremes: Extremes, wind: FloatArray) -> "Band":
+    def with_flights(
+        self, extremes: Extremes, wind: FloatArray, endings: Sequence[Mapping[str, Any]] = ()
+    ) -> "Band":
         """The band after more flights were counted."""
         kept = np.concatenate([self.extremes, extremes]), np.concatenate([self.wind, wind])
-        return replace(self, extremes=kept[0], wind=kept[1])
+        all_endings = [*self.endings, *endings]
+        return replace(self, extremes=kept[0], wind=kept[1], endings=all_endings)
 
     def with_fence(self, tables: dict[str, Any]) -> "Band":
         """The band with a fence whose GeoJSON is `tables`; one that it has is its last then."""
@@ -551,6 +559,7 @@ class Band(Answering):
                 Table(WIDTH_COLUMNS, records if self.claims else [], "band", name="half_widths"),
                 self.flights.distribution.table(self.flights.flown),
                 gains_table("gains", self.flights.gains),
+                endings_table(self.endings),
             ],
             notes=notes,
             verdict=self.sentence if self.claims else "",
@@ -621,9 +630,13 @@ def wind_at_start(scenario: Scenario) -> Sequence[float]:
 def save_band(band: Band, path: str | Path) -> None:
     """Write a band with its SHA-256, whole or not at all."""
     about = np.array(json.dumps(tables_of(band.about)))
+    arrays = {"extremes": band.extremes, "wind": band.wind}
+    if band.endings:
+        said = {str(x["run"]): "{status}: {reason}".format(**x) for x in band.endings}
+        arrays["endings"] = np.array(json.dumps(said))
     with whole_file(Path(path)) as part:
         with part.open("wb") as file:
-            np.savez_compressed(file, band=about, extremes=band.extremes, wind=band.wind)
+            np.savez_compressed(file, band=about, **arrays)
         with ZipFile(part, "a") as archive:
             archive.comment = BLANK.encode()  # at the end of the file, and of no checksum of it
         part.write_bytes(seal(part.read_bytes()))
@@ -640,17 +653,32 @@ def read_band(path: str | Path, flights_of: Callable[[About], BandFlights]) -> B
     try:
         arrays = read_arrays(Path(path), "band", ARRAYS, size, size, ("extremes",))
         about = value_of(json_object(str(arrays.pop("band")), "`band`"), About)
+        endings = _endings_of(str(arrays.pop("endings", "{}")))
         flights = flights_of(about)
         _check(about, flights, arrays)
-        band = Band(about=about, flights=flights, **arrays)
+        band = Band(about=about, flights=flights, endings=endings, **arrays)
         if len(band.extremes) not in band.readings:
             raise InputError(
                 "`extremes` must be of as many flights as were planned, or of 2, 4, 8 ... times as "
                 f"many, got {len(band.extremes)}."
             )
+        lost = band.draws[np.isinf(band.scores)].tolist()
+        if not {x["run"] for x in endings} <= {*lost}:
+            raise InputError("`endings` must be of draws counted that did not complete.")
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     return band
+
+
+def _endings_of(text: str) -> list[dict[str, Any]]:
+    """How flights ended, by draw."""
+    said, rows = json_object(text, "`endings`"), []
+    for run, sentence in said.items():
+        if not (run.isdecimal() and isinstance(sentence, str)):
+            raise InputError("`endings` must have a sentence for each draw.")
+        status, _, reason = sentence.partition(": ")
+        rows.append({"run": int(run), "status": status, "reason": reason})
+    return rows
 
 
 def _check(about: About, of: BandFlights, arrays: dict[str, Any]) -> None:

@@ -63,7 +63,7 @@ SHARE_NOTE = "Each dot is a gain set on the draws of the search; the result is c
 def write_meet_page(path: Path, meeting: Meeting, command: str) -> Report:
     """Write a page of a search, which `command` repeats; it flies start and result once more."""
     rows, trials, scenario = meeting.requirements, meeting.trials, meeting.scenario
-    required, trades, gains, *drawn, loop, margins, certificate = meeting.answer().tables
+    required, trades, gains, *drawn, loop, margins, certificate, ended = meeting.answer().tables
     note, counted = "", meeting.success
     if counted:
         charts = [share_chart(trials, counted["wanted"])]
@@ -86,7 +86,7 @@ def write_meet_page(path: Path, meeting: Meeting, command: str) -> Report:
         tables={
             "requirements": [replace(required, title="")],
             "margins": [margins, gains],
-            "flown": drawn,
+            "flown": [*drawn, ended],
             "claim": [certificate, loop],
         },
         costs=Section(

@@ -13,6 +13,7 @@ from flighttune.claims.distribution import STARTS, flown_values
 from flighttune.control.gains import gains_table
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
+from flighttune.present.reasons import endings_table
 from flighttune.present.tables import Column, Table, number
 from flighttune.scenario.load import scenario_of
 from flighttune.simulate.bounds import ERRORS, Bounds, Kind, RunClaim
@@ -294,6 +295,7 @@ class Tube(Answering):
                 Table(DISTURBANCE_COLUMNS, disturbance, "any disturbance of the rates"),
                 Table(LIMIT_COLUMNS, commands, "limits, rates per second"),
                 gains_table("gains", problem.gains),
+                endings_table(counted.endings if counted else ()),
             ],
             notes=[*problem.scenario.gains_notes(problem.plant), *notes],
             verdict=self.sentence if self.status == "bounded" else "",

@@ -1,6 +1,7 @@
 """Bands: windows, learned shapes, claims, files, and how often a claim is false."""
 
 import json
+from dataclasses import replace
 from zipfile import ZipFile
 
 import numpy as np
@@ -161,6 +162,24 @@ def test_another_claim_of_the_same_count_costs_no_flight(counted):
     assert narrower.scale < counted.scale < wider.scale
     with pytest.raises(ft.InputError, match=r"`flights` .*688.* 93"):
         counted.claiming(0.01, 0.999)
+
+
+def test_a_file_keeps_why_flights_did_not_complete_and_no_other_draws(counted, tmp_path):
+    file, extremes, draws = tmp_path / "band.npz", counted.extremes.copy(), counted.draws[:3]
+    extremes[:2] = np.float32([-np.inf, np.inf])
+    endings = [
+        {"run": draw, "status": "ground_contact", "reason": f"t = {t} s: hit the ground."}
+        for draw, t in zip(draws.tolist(), (2.5, 11, 3), strict=True)
+    ]
+
+    ft.save_claim(replace(counted, extremes=extremes, endings=endings[:2]), file)
+    (row,) = next(x for x in load_walks(file).answer().tables if x.name == "endings").records
+    assert (row["count"], row["run"], row["ended"]) == (2, draws[0], "ground contact")
+    assert row["reason"] == "t = 2.5 to 11 s: hit the ground."
+
+    ft.save_claim(replace(counted, extremes=extremes, endings=endings), file)
+    with pytest.raises(ft.InputError, match="`endings` must be of draws counted"):
+        load_walks(file)
 
 
 def test_flights_that_did_not_complete_count(walks, counted):

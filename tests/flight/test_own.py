@@ -351,3 +351,14 @@ def test_a_law_that_ends_the_program_ends_its_flight_alone(scenario):
     assert run.status == "law_failed"
     assert "SystemExit: 3" in run.reason
     assert run.signals.index[-1] == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.slow
+def test_a_band_of_a_law_that_raises_says_why_and_how_often(tmp_path):
+    (tmp_path / "my_law.py").write_text(textwrap.dedent(LAW.replace("return", "return missing +")))
+    file = tmp_path / "own.toml"
+    file.write_text(textwrap.dedent(SCENARIO))
+    few = {"epsilon": 0.5, "confidence": 0.5, "learn": 10, "workers": 1}
+
+    with pytest.raises(ft.InputError, match=r"`learn` .* got 0\. 10 law_failed: .*'missing'"):
+        ft.band(file, start_deg=1.0, **few)

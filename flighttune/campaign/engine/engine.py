@@ -1,9 +1,11 @@
 """Fly a plan into a folder, here or on a cluster; runs that have a row are not repeated."""
 
 import time
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from itertools import chain
 from pathlib import Path
+from typing import Any
 
 from flighttune.arrays import check_at_least
 from flighttune.campaign.dataset import (
@@ -24,6 +26,7 @@ from flighttune.planning.load import load_campaign
 from flighttune.planning.plan import Plan, draws_in_words, plan_campaign
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import columns, duration, rate
+from flighttune.present.reasons import endings_table
 from flighttune.present.tables import Table
 from flighttune.records.refly import changed_versions
 
@@ -48,6 +51,7 @@ class CampaignOutcome(Answering):
     wall_s: float  # s, of this time
     rate_per_s: float  # 1/s, flown / wall_s
     groups: int  # plants and gain sets that fly each draw
+    endings: list[Mapping[str, Any]]  # run, status and reason of those that are not completed
     interrupted: bool = False  # stopped before its end
 
     def answer(self) -> Answer:
@@ -68,9 +72,9 @@ class CampaignOutcome(Answering):
             values={
                 key: value
                 for key, value in asdict(self).items()
-                if key not in ("dataset", "groups")
+                if key not in ("dataset", "groups", "endings")
             },
-            tables=[Table(columns(" ".join(counts)), [counts])],
+            tables=[Table(columns(" ".join(counts)), [counts]), endings_table(self.endings)],
             notes=notes,
             files={"dataset": self.dataset},
             failure=interrupted if self.interrupted else "",
@@ -154,6 +158,7 @@ def run_campaign(
         statuses=dict(sorted(progress.statuses.items())),
         kept=len(dataset.kept),
         groups=len(plan.groups),
+        endings=progress.endings,
         wall_s=wall,
         rate_per_s=progress.flown / wall,
         interrupted=interrupted,
@@ -203,7 +208,7 @@ def _count(dataset: Dataset, pool: WorkerPool) -> None:
     """Count the rows on disk; a damaged file is removed, so that its runs are flown again."""
     for part in dataset.parts:
         try:
-            rows = dataset.read_part(part, ["status", "success"])
+            rows = dataset.read_part(part, ["run", "status", "success", "reason"])
         except RecordingError as error:
             pool.observer.hear(str(error))
             dataset.remove(part.path)

@@ -17,6 +17,8 @@ class CampaignProgress:
     runs: int = 0  # runs that are wanted
     statuses: Counter[str] = field(default_factory=Counter)  # of the runs that are there
     succeeded: int = 0  # of the runs that are there
+    # ``run``, ``status`` and ``reason`` of those of all phases that were not completed
+    endings: list[Mapping[str, Any]] = field(default_factory=list)
     flown: int = 0  # rows of all phases that were flown since the pool was made
     budget: int = 0  # most rows of all phases, where a search or count has several; else 0
     workers: int = 1  # tasks that can run at a time; 0 while there is no worker
@@ -26,6 +28,11 @@ class CampaignProgress:
         """Count runs by their rows."""
         self.statuses.update(row["status"] for row in rows)
         self.succeeded += sum(row["success"] for row in rows)
+        self.endings += [
+            {key: row[key] for key in ("run", "status", "reason")}
+            for row in rows
+            if row["status"] != "completed"
+        ]
 
     @property
     def done(self) -> int:

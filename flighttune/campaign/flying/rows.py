@@ -237,6 +237,8 @@ def _fly_alone(
     columns = _outcome(plan, scenario, group, result, time.perf_counter() - began)
     if run.status == "completed":
         columns |= {name: probe(run, scenario) for name, probe in probes.items()}
+    elif probes and "along" in run.signals and len(run.signals):  # rows of campaigns stay the same
+        columns["reason"] += f" It was {run.signals['along'].iloc[-1]:.0f} m along the route."
     return columns
 
 

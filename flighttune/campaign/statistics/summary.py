@@ -1,7 +1,5 @@
 """Results of each group: shares, percentiles, reasons of failure, and their convergence."""
 
-import re
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -12,6 +10,7 @@ from flighttune.campaign.statistics.paired import ordered_quantile
 from flighttune.flight.expectations import bound_checks
 from flighttune.planning.plan import Group
 from flighttune.present.answer import pick
+from flighttune.present.reasons import endings, reasons
 from flighttune.scenario.tables import in_rad
 from flighttune.units import DEG
 
@@ -20,13 +19,8 @@ PERCENTILES = {"p05": 0.05, "p50": 0.5, "p95": 0.95}
 # Separator of the sentences of the column ``missed``.
 BETWEEN_SENTENCES = "; "
 
-# End of a sentence with the numbers of one flight: cut off where several flights share it.
-GOT = ", got … (missed by …)"
-
 # Smallest number of flights on a convergence curve, and the maximum number of its points.
 FIRST_PREFIX, POINTS = 10, 25
-
-_NUMBER = re.compile(r"(?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?|(?<=[\s=])-?(?:inf|nan)\b")
 
 
 def summary(flights: Flights, group: Group, rows: pd.DataFrame) -> dict[str, Any]:
@@ -37,7 +31,6 @@ def summary(flights: Flights, group: Group, rows: pd.DataFrame) -> dict[str, Any
     # intervals are wider than they need be.
     rate = flights.share(success, flights.clusters(rows))
     statuses = rows["status"].value_counts().to_dict()
-    by_status = [(status, rows.loc[(rows["status"] == status).to_numpy()]) for status in statuses]
     return {
         "group": group.label,
         **pick(group, "gains plant"),
@@ -46,11 +39,7 @@ def summary(flights: Flights, group: Group, rows: pd.DataFrame) -> dict[str, Any
         **pick(rate, "lo hi"),
         "successes": int(success.sum()),
         "statuses": statuses,
-        "reasons": [
-            {"status": status, **reason}
-            for status, ended in by_status
-            for reason in reasons(ended["reason"].tolist(), ended["run"].tolist())
-        ],
+        "reasons": endings(rows.loc[rows["reason"] != ""].to_dict("records")),
         "missed": _missed(completed),
         "metrics": {
             name: _spread(flights, completed, name)
@@ -94,8 +83,7 @@ def _missed(completed: pd.DataFrame) -> list[dict[str, Any]]:
     """Missed requirements, each counted by itself: a flight that misses two counts for both."""
     failed = completed.loc[~completed["success"].to_numpy(dtype=bool), ["run", "missed"]]
     failed = failed.assign(missed=failed["missed"].str.split(BETWEEN_SENTENCES)).explode("missed")
-    missed = reasons(failed["missed"].tolist(), failed["run"].tolist())
-    return [{**why, "reason": why["reason"].removesuffix(GOT)} for why in missed]
+    return reasons(failed["missed"].tolist(), failed["run"].tolist())
 
 
 def _spread(flights: Flights, completed: pd.DataFrame, measure: str) -> dict[str, Any]:
@@ -133,27 +121,3 @@ def prefixes(n: int) -> list[int]:
     """Up to 25 numbers from 10, or `n` / 4 if less, to `n`, evenly spaced in their logarithm."""
     spaced = np.geomspace(max(1, min(FIRST_PREFIX, n // 4)), n, POINTS)
     return np.unique(spaced.round().astype(int)).tolist()
-
-
-def reasons(texts: Sequence[str], runs: Sequence[int]) -> list[dict[str, Any]]:
-    """Sentences that differ only in their numbers, counted; the most frequent first."""
-    places_of: dict[str, list[int]] = {}
-    for place, text in enumerate(texts):
-        if text:
-            places_of.setdefault(_NUMBER.sub("…", text), []).append(place)
-    grouped = [
-        {
-            "reason": _shared([texts[place] for place in members]),
-            "count": len(members),
-            "run": runs[members[0]],
-        }
-        for members in places_of.values()
-    ]
-    return sorted(grouped, key=lambda reason: (-reason["count"], reason["run"]))
-
-
-def _shared(texts: Sequence[str]) -> str:
-    """The common text of sentences that differ only in numbers, with the numbers they share."""
-    places = zip(*(_NUMBER.findall(text) for text in texts), strict=True)
-    numbers = iter([shown[0] if len(set(shown)) == 1 else "…" for shown in places])
-    return _NUMBER.sub(lambda _: next(numbers), texts[0])
