@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import product
 from operator import attrgetter
 from pathlib import Path
 from typing import Any
@@ -368,9 +369,10 @@ def _each_run(source: Source) -> list[Source]:
 
 
 def _paired(a: Sequence[Run], b: Sequence[Run]) -> list[tuple[Run, Run]]:
-    """Pair two single runs; else the runs of equal label, plant or gains."""
-    if len(a) == len(b) == 1:
-        return [(a[0], b[0])]
+    """Pair a log with every run, and two single runs; else runs of equal label, plant or gains."""
+    logs = [len(side) == 1 and _is_log(side[0]) for side in (a, b)]
+    if any(logs) or len(a) == len(b) == 1:
+        return [*product(a, b)]
 
     def by(*keys: str) -> list[tuple[Run, Run]]:
         name = attrgetter(*(f"provenance.{key}" for key in keys))

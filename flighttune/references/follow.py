@@ -36,6 +36,9 @@ SEARCHES = 2
 # Longitudinal load factor with which the airspeed of a route changes: 5 m/s in 10 s.
 CHANGE_N_X = 0.05
 
+# Half the time between two points of a slope at one time, s.
+SLOPE_S = 1e-3
+
 # Speed over ground below which the look-ahead shrinks no more, m/s.
 MIN_SPEED = 1.0
 
@@ -88,6 +91,10 @@ class RouteReference:
 
     def rates(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Their rates from times `t` (s) on, rad/s."""
+        if np.size(t) < 2:  # a slope needs two times
+            low, high = (np.array(self.sampled(t + side)) for side in (-SLOPE_S, SLOPE_S))
+            chi, gamma = (high - low) / (2.0 * SLOPE_S)
+            return chi, gamma
         chi, gamma = (np.gradient(values, t) for values in self.sampled(t))
         return chi, gamma
 

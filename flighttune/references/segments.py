@@ -116,7 +116,7 @@ class Reference:
 
     def sampled(self, t: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return chi and gamma (rad) at times `t` (s), each of the shape of `t`."""
-        t = read_only_vector("t", t)
+        t = read_only_vector("t", np.ravel(t)).reshape(np.shape(t))
         chi = self.chi + sum((s(t) for s in self.chi_segments), np.zeros_like(t))
         gamma = self.gamma + sum((s(t) for s in self.gamma_segments), np.zeros_like(t))
         return chi, gamma
@@ -128,7 +128,7 @@ class Reference:
 
         Where the reference is planned they are those `lead` (s) later.
         """
-        t = read_only_vector("t", t)
+        t = read_only_vector("t", np.ravel(t)).reshape(np.shape(t))
         ahead = lead if self.planned else (0.0, 0.0)
         chi = sum((s.slope(t + ahead[0]) for s in self.chi_segments), np.zeros_like(t))
         gamma = sum((s.slope(t + ahead[1]) for s in self.gamma_segments), np.zeros_like(t))

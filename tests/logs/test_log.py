@@ -114,12 +114,14 @@ def test_reports_comparisons_and_recordings_take_logs(flight, tmp_path, monkeypa
 
     page = ft.report("flight.ulg@10:60", "log.html")
     both = ft.compare("flight.ulg@0:20", "paper_as_printed@paper")
+    each = ft.compare("flight.ulg@0:20", "paper@paper")
 
     assert "A real flight of 50.0 s." in page.summary
     assert "no n_z_cmd" in page.path.read_text(encoding="utf-8")
     assert both.comparable
     assert both.pairs[0].a.duration == pytest.approx(20.0, abs=0.05)
     assert both.max_distance > 10.0
+    assert [pair.b.provenance.plant for pair in each.pairs] == ["kinematic", "jsbsim:aerosonde"]
     from flighttune.recording.overlay import write_overlay
     from flighttune.recording.record import write_log
     from flighttune.reports.page import write_comparison_page

@@ -22,6 +22,8 @@ def test_segments_add_to_the_start_value():
 
     assert chi == pytest.approx([1.0, 1.0, 1.5, 1.5, 1.75, 2.0, 2.0])
     assert gamma == pytest.approx([0.0, 0.0, 0.1, -0.1, 0.0, 0.0, 0.0])
+    assert reference.sampled(3.0) == (1.75, 0.0)
+    assert reference.rates(3.0) == (0.25, 0.0)
 
 
 @pytest.mark.slow
