@@ -189,7 +189,13 @@ class LogGap(Answering):
             f"{t[worst]:.1f} s, by {chi[worst] * DEG_PER_RAD:.1f} deg."
         )
         values = {"explained_percent": 100.0 * self.explained}
-        return Answer(values=values, tables=tables, notes=self.notes, verdict=verdict)
+        ended = [
+            f"{name}: {count} of {len(parts)} flights ended early, and are compared until then."
+            for name, signals in self.flights.items()
+            if (count := int(np.isnan(signals["chi"]).any(axis=1).sum()))
+        ]
+        notes = [*self.notes, *ended]
+        return Answer(values=values, tables=tables, notes=notes, verdict=verdict)
 
     def sheet(self) -> Sheet:
         """Course, path angle, roll and load factor in the stretch with the largest difference."""
@@ -450,7 +456,9 @@ def _apart(t: FloatArray, logged: Signals, flown: Signals) -> dict[str, FloatArr
         if name in logged and name in flown:
             apart[name] = _compared(t, logged[name] - flown[name])
             if name in DRIFTING:
-                apart[name] -= apart[name].mean(axis=1, keepdims=True)
+                there = np.isfinite(apart[name])
+                total = np.sum(apart[name], axis=1, where=there, keepdims=True)
+                apart[name] -= total / np.maximum(1, there.sum(axis=1, keepdims=True))
     return apart
 
 
@@ -462,7 +470,9 @@ def _scaled(t: FloatArray, logged: Signals, flown: Signals) -> FloatArray:
 
 
 def _rms(values: FloatArray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
+    """Root mean square while a flight lasted; NaN if it never did."""
+    flown = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(flown**2))) if len(flown) else math.nan
 
 
 def _fitted(flights: _Flights) -> dict[str, tuple[float, float, float]]:
