@@ -25,7 +25,6 @@ from flighttune.campaign.flying.alone import fly_group
 from flighttune.campaign.turn_back import room_of, turning_back
 from flighttune.claims.band import (
     DOUBLED,
-    ROOM,
     About,
     Band,
     BandFlights,
@@ -49,6 +48,7 @@ from flighttune.claims.shape import (
     window_edges,
     window_extremes,
 )
+from flighttune.claims.turn_room import ROOM
 from flighttune.errors import InputError
 from flighttune.files.seal import is_claim_file
 from flighttune.flight.conditions import reference_of, start_condition
@@ -64,7 +64,6 @@ from flighttune.present.reasons import why_ended
 from flighttune.references.fence import fence_tables, read_fence
 from flighttune.references.follow import SAME_PLACE, RouteReference
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.turn_back import DETECTED_S
 from flighttune.simulate.bounds import ERRORS
 from flighttune.simulate.run import SIGNAL_UNITS, Run
 
@@ -75,7 +74,7 @@ MISSION = {"epsilon": 0.05, "confidence": 0.95}, 15
 MISSION_OUTSIDE = 1
 
 # Flights that turn back to learn from by default, and factors on the half-widths of `ROOM`: some
-# metres of height more cost nothing, and the distance ahead is bounded by nearly its quantile.
+# metres of height more cost nothing, and the distance is bounded by nearly its quantile.
 LEARN_TURNS, HEIGHT_ROOM = 60, np.array([1.0, 2.0])
 
 # Numbers of flights named in the refusal of another one.
@@ -369,7 +368,8 @@ def flights_of(
         over, length, per_unit = "along", math.ceil(followed.path.length), 1.0
     edges = window_edges(round(length * per_unit) + 1, flights, signals, most=most)
     if of == "turn_back":  # the largest after detection
-        edges = np.array([math.ceil(DETECTED_S * per_unit), edges[-1]])
+        assert central.turn_back is not None  # its signals are of such flights
+        edges = np.array([math.ceil(central.turn_back.detected_s * per_unit), edges[-1]])
     return BandFlights(
         over=over,
         edges=edges / per_unit,
@@ -496,8 +496,8 @@ def _extremes(
     samples[:-1] = samples[:-1].clip(max=len(axis) - 2)  # a window has a sample before its last
     if model is not None:
         flown = residuals_of(model, run, start_condition(scenario))  # from each sample to the next
-    elif [*ROOM] == signals:
-        flown = room_of(run)
+    elif scenario.turn_back is not None and [*ROOM] == signals:
+        flown = room_of(run, scenario.turn_back)
     else:
         flown = run.signals[signals].to_numpy()
     values = np.ravel(window_extremes(flown, samples)).tolist()

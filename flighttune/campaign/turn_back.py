@@ -1,9 +1,9 @@
 """Room to turn back: flights that turn back at any place of a route, and how far they come."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
@@ -12,13 +12,14 @@ from flighttune.flight.route import planned_route
 from flighttune.planning.load import campaign_on
 from flighttune.planning.plan import Plan
 from flighttune.planning.schema import Choice, Uniform
+from flighttune.references.follow import CHANGE_N_X
 from flighttune.scenario.load import scenario_from
-from flighttune.scenario.turn_back import DETECTED_S, rate_of
+from flighttune.scenario.turn_back import DETECTED_S, TurnBackTable, rate_of
 from flighttune.simulate.run import Run
 from flighttune.units import DEG
 
 # Distance between the places of a route that are known to its flights, m.
-APART = 20.0
+APART = 10.0
 
 # Turns by their names, deg.
 TURNS = {"reversal": 180.0, "circle": 360.0}
@@ -38,7 +39,7 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
         ) from None
     nominal, campaign = plan.scenario, plan.campaign
     planned = planned_route(campaign.central)
-    path, V_a, g = planned.reference.path, planned.reference.V_a, planned.reference.g
+    path, g = planned.reference.path, planned.reference.g
     limits = limits_on(nominal, nominal.plant)
     phi, phi_rate = (
         min(float(upper[0]), -float(lower[0])) / DEG
@@ -54,29 +55,33 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
             raise InputError(f"`{key}` must be the same in all flights that turn back.")
     s = path.points(APART)
     north_east_up = path.beside(s)
+    V_a = np.interp(s, path.s, planned.reference.V)
     turn_rate = np.interp(s, path.s, path.curvature) * V_a / DEG
     gamma = np.arctan(np.interp(s, path.s, path.slope))
     places = {
         "along_m": s,
+        "north_m": north_east_up[:, 0],
+        "east_m": north_east_up[:, 1],
         "chi_deg": np.interp(s, path.s, path.course) / DEG,
         "gamma_deg": gamma / DEG,
         "h_m": planned.where[2] + north_east_up[:, 2],
+        "V_a_mps": V_a,
         "rate_dps": turn_rate * np.cos(gamma),
+        "back_dps": rate_of(bank_deg * DEG, V_a + planned.wind, g),
     }
-    rate = rate_of(bank_deg * DEG, V_a + planned.wind, g)
+    start_mps = nominal.flight.V_a_mps
     listed = zip(*(column.tolist() for column in places.values()), strict=True)
     table = {
         "bank_deg": bank_deg,
         "turn_deg": turn_deg,
-        "rate_dps": rate,
+        "detected_s": DETECTED_S + float(np.abs(V_a - start_mps).max()) / (CHANGE_N_X * g),
         "roll_rate_dps": phi_rate,
         "place": [dict(zip(places, place, strict=True)) for place in listed],
     }
     tables = nominal.as_dict() | {"turn_back": table, "expect": []}
     del tables["route"]
     if planned.reference.holds_airspeed:
-        tables["reference"] = {"V_mps": V_a}
-        tables["flight"]["V_a_mps"] = V_a  # the largest of the route
+        tables["reference"] = {"V_mps": start_mps}
     drawn = [
         *campaign.disperse,
         Uniform(key="turn_back.at_m", lower=0.0, upper=path.length),
@@ -88,11 +93,18 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
     return replace(plan, campaign=campaign_on(changed, scenario, title))
 
 
-def room_of(run: Run) -> FloatArray:
-    """How far a flight came from where it detected, shape (samples, 2), as in `ROOM` of bands."""
-    north, east, down, chi = run.signals[["north", "east", "down", "chi"]].to_numpy().T
-    i = int(np.searchsorted(run.t, DETECTED_S))
-    ahead = (north - north[i]) * math.cos(chi[i]) + (east - east[i]) * math.sin(chi[i])
-    room = np.column_stack([ahead, np.abs(down - down[i])])
+def room_of(run: Run, turn_back: TurnBackTable) -> FloatArray:
+    """How far a flight came from its route since it detected, shape (samples, 2), as in `ROOM`.
+
+    Its place of detection is put where it is on the route. The distance is that to the nearest
+    place, which is never less than that to the route.
+    """
+    _, north, east, *_ = turn_back.columns
+    position = run.signals[["north", "east", "down"]].to_numpy()
+    i = int(np.searchsorted(run.t, turn_back.detected_s))
+    moved = position - position[i]
+    places = cKDTree(np.column_stack([north, east]))
+    from_route, _ = places.query(moved[:, :2] + turn_back.here[1:3])
+    room = np.column_stack([from_route, np.abs(moved[:, 2])])
     room[:i] = 0.0
     return np.maximum.accumulate(room)

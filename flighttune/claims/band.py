@@ -3,7 +3,7 @@
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, TypeAlias
 from zipfile import ZipFile
@@ -24,6 +24,7 @@ from flighttune.claims.fence import (
     check_off_route,
 )
 from flighttune.claims.shape import MAX_NUMBERS, MIN_LEARNED, Extremes, predicted, scores_of
+from flighttune.claims.turn_room import ROOM, TurnRoom
 from flighttune.control.gains import PIGains, gains_table
 from flighttune.control.law import split_name
 from flighttune.errors import InputError
@@ -41,10 +42,12 @@ from flighttune.present.names import listed, shown_unit
 from flighttune.present.reasons import endings_table
 from flighttune.present.tables import Column, Table, number, printable, quoted
 from flighttune.references.fence import DISTANCE_SIGNS, read_fence, room_along
-from flighttune.references.maps import Corridor, Where, areas_of
+from flighttune.references.follow import SAME_PLACE
+from flighttune.references.maps import Corridor, Volume, Where, areas_of
 from flighttune.scenario.load import scenario_of
 from flighttune.scenario.places import leaves
 from flighttune.scenario.schema import Scenario
+from flighttune.scenario.turn_back import BACK_S
 from flighttune.simulate.bounds import Bounds, Kind, RunClaim
 from flighttune.simulate.run import SIGNAL_UNITS, Run, along_route
 
@@ -53,10 +56,6 @@ Over: TypeAlias = Literal["time", "along"]
 
 # Numbers of flights at which a count is read, over the first of them.
 DOUBLED = 2 ** np.arange(31)
-
-# Signals of flights that turn back: the distance from where they detected, along the course flown
-# there, and that of height. Each is the largest so far.
-ROOM = {"ahead": "m", "height": "m"}
 
 # Relative difference of gains below which they are the same: tuning repeats to 1e-9.
 SAME_GAINS = 1e-6
@@ -288,48 +287,43 @@ class Band(Answering):
         return self.scale * self.about.half
 
     @property
-    def room(self) -> tuple[float, float]:
-        """Distance ahead and change of height that flights need which turn back, m."""
-        ahead, height = self.bounds(self.flights.edges[:1]).high[0].tolist()
-        return ahead, height
+    def room(self) -> TurnRoom:
+        """Room that its flights need, which turn back, rounded up to whole metres."""
+        return TurnRoom(*np.ceil(self.bounds(self.flights.edges[:1]).high[0]).tolist())
 
-    def volumes(self, corridor: "Band") -> dict[str, tuple[float, float, float, str]]:
+    def volumes(self, corridor: "Band") -> dict[str, Volume]:
         """The volumes around a route, where this band is of flights that turn back.
 
-        Each has its width to both sides and its lowest and highest height over ground, m, and a
-        claim. The flight geography is as wide and high as the `corridor`, a band along the route.
-        The contingency volume has the room to turn back around it, and the ground risk buffer once
-        more the height of that over ground.
+        The flight geography is as wide and high as the `corridor`, a band along the route, at its
+        widest. The contingency volume has the room to turn back around it, and the ground risk
+        buffer once more the height of that over ground.
         """
-        planned, (ahead, height) = corridor.flights.route, self.room
-        turn_back = self.flights.central.turn_back
+        turn_back, planned = self.flights.central.turn_back, corridor.flights.route
         if turn_back is None or not self.claims:
             raise InputError("the room to turn back must be claimed by a band of such flights.")
-        bands = [
-            (of.plant, of.gains_name, of.central.flight.V_a_mps, round(length, 3))
-            for of, length in (
-                (self.flights, turn_back.place[-1].along_m),
-                (corridor.flights, planned.length),
-            )
-        ]
-        if bands[0] != bands[1]:
+        path, h_0 = planned.reference.path, planned.where[2]
+        along, north, east, _, _, h, V_a, *_ = turn_back.columns
+        route = *path.beside(along).T, np.interp(along, path.s, planned.reference.V)
+        flown, others = (
+            f"{of.plant} / {of.gains_name} along {length:.10g} m"
+            for of, length in ((self.flights, along[-1]), (corridor.flights, path.length))
+        )
+        if flown != others or not np.allclose(route, (north, east, h - h_0, V_a), atol=SAME_PLACE):
             raise InputError(
-                "both bands must be of one aircraft with the same gains and airspeed on one route, "
-                "got {} / {} at {:g} m/s along {:g} m and {} / {} at {:g} m/s along {:g} m.".format(
-                    *bands[0], *bands[1]
-                )
+                "both bands must be of one aircraft with the same gains and airspeeds on one "
+                f"route, got {flown} and {others}."
             )
-        flown = corridor.corridor(planned.where)
-        beside, above = np.abs([flown.low, flown.high]).max(axis=(0, 1)).tolist()
-        up, h = planned.reference.path.up, planned.where[2] - self.flights.central.flight.ground_m
-        high, low = (end + h for end in (float(up.max()), float(up.min())))
-        top = high + above + height
-        over = max(low - above, 0.0), max(low - above - height, 0.0)
-        claim = printable(self.sentence)
+        claimed = corridor.corridor(planned.where)
+        beside, above = np.abs([claimed.low, claimed.high]).max(axis=(0, 1)).tolist()
+        heights = path.up[path.s <= path.length] + h_0 - corridor.flights.central.flight.ground_m
+        low, high = max(float(heights.min()) - above, 0.0), float(heights.max()) + above
+        geography = Volume(beside, low, high, claimed.claim)
+        around = self.room.around(geography, printable(self.sentence))
+        width, top = around.width + around.high, around.high
         return {
-            "flight geography": (beside, over[0], high + above, flown.claim),
-            "contingency volume": (beside + ahead, over[1], top, claim),
-            "ground risk buffer": (beside + ahead + top, 0.0, top, "as wide as it is high"),
+            "flight geography": geography,
+            "contingency volume": around,
+            "ground risk buffer": Volume(width, 0.0, top, "as wide as it is high"),
         }
 
     @property
@@ -356,18 +350,16 @@ class Band(Answering):
                 f"nothing is claimed: of {flights} fresh flights {self.lost}, and at most "
                 f"{allowed} may. All are flights of {self.flights.sentence}"
             )
-        if about.of == "turn_back":
-            ahead, height = self.room
-            return (
-                f"of {flights} fresh flights {self.outside} need more: a new one that turns back "
-                f"needs at most {ahead:.0f} m ahead and {height:.0f} m of height but with "
-                f"probability {number(about.epsilon)}, confidence "
-                f"{self.confidence:.10g}{self.shared}, if it is a flight of {self.flights.sentence}"
-            )
         of = " of its residual signals" if about.of else ""
         knowing = ", around the middle that its wind predicts," if about.predicted_from else ""
+        leaves = f"leaves the band{of}{knowing}"
+        if about.of == "turn_back":
+            leaves = (
+                f"that turns back goes further than {self.room.from_route:.0f} m beyond the flight "
+                f"geography in any direction, or {self.room.height:.0f} m above or below it,"
+            )
         return (
-            f"a new flight leaves the band{of}{knowing} with probability at most "
+            f"a new flight {leaves} with probability at most "
             f"{number(about.epsilon)}, confidence {self.confidence:.10g}{self.shared}: "
             f"{self.outside} of {flights} fresh flights did. All are flights of "
             f"{self.flights.sentence}"
@@ -515,7 +507,7 @@ class Band(Answering):
                 "end": widths[-1],
             }
             if about.of == "turn_back":
-                ends = {"high": self.bounds(edges[:1]).high[0, list(about.signals).index(name)]}
+                ends = {"high": getattr(self.room, name)}
             elif not about.predicted_from:
                 bounds = self.bounds(edges[:-1])
                 column = bounds.names.index(name)
@@ -525,14 +517,15 @@ class Band(Answering):
         notes, room = [*self.flights.gains_notes], {}
         if (turn_back := self.flights.central.turn_back) is not None and about.of:
             f = self.flights.central.flight
-            formula = turn_back.formula(f.V_a_mps, f.g_mps2)
-            ahead, height = self.room
-            room["room"] = {"ahead_m": ahead, "height_m": height, "by_formula_m": formula}
+            formula = turn_back.formula(max(self.flights.central.airspeeds), f.g_mps2)
+            sizes = {f"{key}_m": size for key, size in asdict(self.room).items() if self.claims}
+            room["room"] = {**sizes, "by_formula_m": formula}
             notes.append(
                 f"A turn of {turn_back.turn_deg:g} deg to either side from any place of the route, "
                 f"{turn_back.reaction_s:g} s after detection, {turn_back.bank_deg:g} deg of bank "
-                f"with the wind of the plan from behind; by formula {formula:.0f} m ahead in still "
-                "air. No failure of engine, link or navigation is in it, and it is no risk class."
+                f"with the wind of the plan from behind, until {BACK_S:g} s after it; by formula "
+                f"{formula:.0f} m ahead in still air. No failure of engine, link or navigation is "
+                "in it, and it is no risk class."
             )
         if about.predicted_from:
             notes.append(
@@ -654,6 +647,12 @@ def read_band(path: str | Path, flights_of: Callable[[About], BandFlights]) -> B
         arrays = read_arrays(Path(path), "band", ARRAYS, size, size, ("extremes",))
         about = value_of(json_object(str(arrays.pop("band")), "`band`"), About)
         endings = _endings_of(str(arrays.pop("endings", "{}")))
+        if about.of == "turn_back" and about.signals != ROOM:
+            raise InputError(
+                f"`signals` must be {listed(list(ROOM))} of flights that turn back, got "
+                f"{listed(list(about.signals))}: flighttune 0.3.0 counted the distance ahead, and "
+                "flights went further to the side; count it again with flighttune band --turn-back."
+            )
         flights = flights_of(about)
         _check(about, flights, arrays)
         band = Band(about=about, flights=flights, endings=endings, **arrays)

@@ -139,8 +139,10 @@ def band(
     options.check_ending(out, ".npz")
     options.check_ending(page, ".html", option="--page")
     from flighttune.campaign.band import band as count_band
+    from flighttune.campaign.turn_back import turning_back
     from flighttune.files.seal import is_claim_file
     from flighttune.files.whole import write_text
+    from flighttune.planning.source import flights as flights_of
     from flighttune.references.maps import volumes_geojson
     from flighttune.reports.claim import write_claim_page
 
@@ -171,6 +173,14 @@ def band(
         "fences": fence or (),
     }
     room, files = None, dict[str, Path]()
+    if turn_back is not None:  # refuse it before a flight
+        if kept or of or signal or predicted_from:
+            raise InputError(
+                "`--turn-back` must be absent for a band file, and with --of, --signal and --given."
+            )
+        stated = {key: same[key] for key in ("changes", "aircraft", "like", "skip")}
+        plan = flights_of(source, **stated).plan(plant=plant, gains=gains, kind="jsbsim")
+        turning_back(plan, turn_back)
     with campaign_display() as observer:
         counted = count_band(source, out=out, observer=observer, **of_flights, **same)
         if turn_back is not None:
@@ -184,14 +194,18 @@ def band(
     file = out or Path(source)
     answer = counted.answer(file)
     if room is not None:
-        where = counted.flights.route.where
-        write_text(files["volumes"], volumes_geojson(where, room.volumes(counted)) + "\n")
         said = room.answer(files["room"])
+        if room.claims and counted.claims:
+            where = counted.flights.route.where
+            write_text(files["volumes"], volumes_geojson(where, room.volumes(counted)) + "\n")
+        else:
+            del files["volumes"]
         answer = replace(
             answer,
             values={**answer.values, "turn_back": said.values},
             tables=[*answer.tables, said.tables[0]],
-            notes=[*answer.notes, *said.notes, said.verdict or said.failure],
+            notes=[*answer.notes, *said.notes, said.verdict],
+            failure=answer.failure or said.failure,
         )
     notes = answer.notes
     if page is not None:

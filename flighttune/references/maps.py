@@ -1,6 +1,7 @@
 """Files of maps: GeoJSON and KML of a path and its corridor."""
 
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -20,6 +21,9 @@ from flighttune.units import DEG
 
 # Distance between the points of a file that is written, m.
 APART = 10.0
+
+# Corners in a quarter of the round end of an area.
+CORNERS = 16
 
 # Key of what a written file says about the route that its path was planned from.
 ROUTE_KEY = "flighttune"
@@ -41,6 +45,15 @@ class Corridor(NamedTuple):
     low: FloatArray  # (windows, 2): distances to the right of the path and below it
     high: FloatArray
     claim: str  # what it is of, in words
+
+
+class Volume(NamedTuple):
+    """All places beside a path up to a width, between two heights over ground, in m."""
+
+    width: float  # to each side, and around both ends
+    low: float
+    high: float
+    claim: str  # in words
 
 
 class Mark(NamedTuple):
@@ -175,26 +188,37 @@ def route_geojson(
 
 
 def rings_around(path: Route, width: float) -> list[FloatArray]:
-    """Rings of the area within `width` (m) of a path, the outer one first: north, east, (n, 2)."""
+    """Rings of the area within `width` (m) of a path, the outer one first: north, east, (n, 2).
+
+    No place within the width is outside of it: its corners are beyond.
+    """
     from shapely import LineString  # here: it is not needed otherwise
 
-    area = LineString(path.beside(path.points(APART))[:, :2]).buffer(width)
+    off_path = np.abs(path.curvature).max() * APART**2 / 8.0  # of a chord between two points
+    beyond = (width + off_path) / math.cos(math.pi / (4 * CORNERS))
+    area = LineString(path.beside(path.points(APART))[:, :2]).buffer(beyond, quad_segs=CORNERS)
     return [np.array(ring.coords) for ring in (area.exterior, *area.interiors)]
 
 
-def volumes_geojson(where: Where, volumes: Mapping[str, tuple[float, float, float, str]]) -> str:
-    """Areas around a path by name: the width to each side, heights over ground (m), a claim."""
+def volumes_geojson(where: Where, volumes: Mapping[str, Volume]) -> str:
+    """Volumes around a path by name, rounded outwards: areas with width and heights over ground."""
     path, origin, _ = where
     shapes = []
-    for name, (width, low, high, claim) in volumes.items():
+    for name, volume in volumes.items():
+        width, low, high = (
+            end(10.0 * size) / 10.0
+            for end, size in zip((math.ceil, math.floor, math.ceil), volume[:3], strict=True)
+        )
         rings = [
             on_earth(ring, origin)[:, ::-1].round(8).tolist() for ring in rings_around(path, width)
         ]
         sizes = {"width_m": width, "min_over_ground_m": low, "max_over_ground_m": high}
-        properties = {"name": name, **{key: round(x, 1) for key, x in sizes.items()}}
-        geometry = {"type": "Polygon", "coordinates": rings}
         shapes.append(
-            {"type": "Feature", "properties": {**properties, "claim": claim}, "geometry": geometry}
+            {
+                "type": "Feature",
+                "properties": {"name": name, **sizes, "claim": volume.claim},
+                "geometry": {"type": "Polygon", "coordinates": rings},
+            }
         )
     return json.dumps({"type": "FeatureCollection", "features": shapes}, indent=1)
 

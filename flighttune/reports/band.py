@@ -80,8 +80,10 @@ def _map(band: Band, room: Band | None) -> Chart:
         north, east = ends.reshape(-1, 2).T
         chart.line(east, north, LIMIT, name="fence", most=len(north), hover=False)
     if room is not None and room.claims and band.claims:
-        for name, (width, *_) in room.volumes(band).items():
-            breaks = [np.vstack([ring, [np.nan, np.nan]]) for ring in rings_around(path, width)]
+        for name, volume in room.volumes(band).items():
+            breaks = [
+                np.vstack([ring, [np.nan, np.nan]]) for ring in rings_around(path, volume.width)
+            ]
             north, east = np.concatenate(breaks).T
             chart.line(east, north, NEUTRAL, name=name, most=len(north), hover=False)
     return chart

@@ -359,6 +359,8 @@ class Scenario(Table):
     def airspeeds(self) -> tuple[float, ...]:
         """Airspeeds that are asked for, m/s, that of the start first."""
         start, route = self.flight.V_a_mps, self.route
+        if self.turn_back is not None:
+            return (start, *(place.V_a_mps for place in self.turn_back.place))
         if route is not None:  # no flight goes on after the last waypoint
             changes = (V for i, V in route.airspeeds.items() if i < len(route.waypoint))
             return (start, *changes)

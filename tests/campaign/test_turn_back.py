@@ -1,6 +1,8 @@
 """Room to turn back: flights that turn back at any place of a route, and the volumes around it."""
 
 import json
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -8,13 +10,21 @@ import pytest
 from commands import answer, flighttune
 from geographiclib.geodesic import Geodesic
 from made_up import scenario_file
+from plans import item, plan_file, waypoint
 from scipy.integrate import cumulative_trapezoid
+from scipy.stats import binom
+from shapely import LineString, Polygon, distance, points
+from shapely.affinity import translate
 from shapely.geometry import shape
 
 import flighttune as ft
+from flighttune.campaign.counted_flights import distribution_of, plan_in
+from flighttune.campaign.flying.alone import fly_group
 from flighttune.campaign.turn_back import room_of, turning_back
+from flighttune.claims.band import save_band
+from flighttune.claims.turn_room import TurnRoom
 from flighttune.planning.source import flights
-from flighttune.references.maps import volumes_geojson
+from flighttune.references.maps import Volume, volumes_geojson
 
 BANK, SPEED, G = 30.0, 25.0, 9.81
 
@@ -23,6 +33,15 @@ FLOWN = 1.5
 
 # of the area within a width of a leg, whose round ends are polygons of 64 corners
 ROUND = 0.01
+
+# m/s: airspeed in turbulence
+SPEEDS = 1.0
+
+# m: latitudes and longitudes are written with eight digits
+WRITTEN = 0.002
+
+# m: a climb is rounded within its ends
+CLIMBS = 0.3
 
 FEW = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7, "workers": 1}
 
@@ -33,30 +52,35 @@ def turning():
 
 
 def flown(turning, **values):
-    """One flight of the law that turns back, in still air."""
+    """One flight of the law that turns back, in still air, and its table."""
     tables = turning.scenario.as_dict()
     tables["turn_back"] |= values
-    (run,) = ft.fly(ft.scenario_from(tables), gains=["paper"]).runs[:1]
+    scenario = ft.scenario_from(tables)
+    (run,) = ft.fly(scenario, gains=["paper"]).runs[:1]
     assert run.status == "completed"
-    return run
+    return run, scenario.turn_back
 
 
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_flight_comes_as_far_as_its_course_says(turning, side):
-    """From a straight leg: the integral of the speed along it, for a rate that rises in 1 s."""
-    run = flown(turning, at_m=200.0, side=side)
-    rate = np.deg2rad(turning.scenario.turn_back.rate_dps)
+    """From the first leg, to the north: the integral of the speed, for a rate that rises in 1 s."""
+    run, turn_back = flown(turning, at_m=200.0, side=side)
+    rate = np.deg2rad(turn_back.place[0].back_dps)
     t = np.linspace(0.0, 25.0, 25_001)
     rising = np.clip((t - 1.0) / 1.0, 0.0, 1.0) * rate
     course = np.clip(cumulative_trapezoid(rising, t, initial=0.0), 0.0, np.pi)
-    ahead = cumulative_trapezoid(SPEED * np.cos(course), t, initial=0.0).max()
+    north = 200.0 + cumulative_trapezoid(SPEED * np.cos(course), t, initial=0.0)
+    east = side * cumulative_trapezoid(SPEED * np.sin(course), t, initial=0.0)
+    path = ft.route("circuit").reference.path
+    line = LineString(np.column_stack([path.north, path.east])[path.s <= path.length])
+    across = distance(line, points(north, east)).max()
 
-    room = room_of(run)[-1]
+    room = room_of(run, turn_back)[-1]
 
     # the bank is reached in the wind of the plan from behind
     fastest = SPEED + ft.route("circuit").wind
     assert rate * fastest / G == pytest.approx(np.tan(np.deg2rad(BANK)), rel=0.01)
-    assert room[0] == pytest.approx(ahead, abs=FLOWN)
+    assert room[0] == pytest.approx(across, abs=FLOWN)
     assert room[1] < FLOWN
     turned = np.rad2deg(run.signals["chi"].iloc[-1] - run.signals["chi"].iloc[0])
     assert turned == pytest.approx(180.0 * side, abs=1.0)
@@ -66,7 +90,7 @@ def test_a_flight_turns_and_climbs_as_its_route_does_until_it_turns_back(turning
     route = ft.route("circuit").reference.path
     turn = next(stretch for stretch in route.stretches if stretch.kind == "turn")
     place = round(turn.start + 0.5 * turn.length)
-    run = flown(turning, at_m=float(place), side=1)
+    run, _ = flown(turning, at_m=float(place), side=1)
     t, chi = run.t, run.signals["chi"].to_numpy()
 
     before = (t > 8.0) & (t < 10.0)
@@ -78,7 +102,7 @@ def test_a_flight_turns_and_climbs_as_its_route_does_until_it_turns_back(turning
 
 def test_a_circle_turns_once(turning):
     circling = turning_back(flights("circuit").plan(plant="kinematic"), f"circle:{BANK}")
-    run = flown(circling, at_m=200.0)
+    run, _ = flown(circling, at_m=200.0)
 
     assert np.rad2deg(np.ptp(run.signals["chi"])) == pytest.approx(360.0, abs=1.0)
 
@@ -113,12 +137,13 @@ def test_a_scenario_over_time_has_no_place_to_turn_back_from():
         ft.band("mission", turn_back=30, **FEW)
 
 
-def test_the_areas_are_as_wide_as_they_say():
+def test_the_areas_are_as_wide_as_they_say_or_wider():
+    """By hand: a leg with round ends, and places at the width from it all around."""
     changes = {"route.waypoint": [{"north_m": n, "east_m": 0.0} for n in (0.0, 800.0)]}
     where = ft.route("circuit", changes=changes).where
-    text = volumes_geojson(where, {"a": (50.0, 0.0, 9.0, "x"), "b": (250.0, 0.0, 9.0, "y")})
+    volumes = {"a": Volume(50.0, 0.0, 9.0, "x"), "b": Volume(250.0, 0.0, 9.0, "y")}
 
-    areas = [feature["geometry"] for feature in json.loads(text)["features"]]
+    areas = [x["geometry"] for x in json.loads(volumes_geojson(where, volumes))["features"]]
     inner, outer = map(shape, areas)
     assert outer.contains(inner)
     for area, width in zip((inner, outer), (50.0, 250.0), strict=True):
@@ -127,18 +152,109 @@ def test_the_areas_are_as_wide_as_they_say():
             polygon.AddPoint(lat, lon)
         size = abs(polygon.Compute()[2])
         assert size == pytest.approx(2.0 * width * 800.0 + np.pi * width**2, rel=ROUND)
+        for bearing in np.arange(0.0, 180.0):
+            south = Geodesic.WGS84.Direct(*where[1], 90.0 + bearing, width - WRITTEN)
+            assert area.contains(points(south["lon2"], south["lat2"]))
 
 
-def test_the_room_of_another_route_is_refused():
+def test_the_room_is_around_the_flight_geography_down_to_the_ground():
+    room = TurnRoom(from_route=300.0, height=6.0)
+
+    assert room.around(Volume(10.0, 95.0, 130.0, ""), "new") == (310.0, 89.0, 136.0, "new")
+    assert room.around(Volume(10.0, 4.0, 130.0, ""), "").low == 0.0
+
+
+@pytest.mark.slow
+def test_fresh_flights_keep_to_the_volume_that_is_written():
+    """Flights of another seed from the edge of the flight geography, put on the route by hand."""
+    corners = [(0.0, 0.0, 0.0), (800.0, 0.0, 20.0), (800.0, 900.0, 20.0)]
+    waypoints = [{"north_m": n, "east_m": e, "up_m": up} for n, e, up in corners]
+    changes = {"route.waypoint": waypoints, "flight.ground_m": 900.0, "flight.duration_s": 120.0}
+    few = {"plant": "kinematic", "gains": "paper", "learn": 10, "workers": 1, "changes": changes}
+    corridor = ft.band("circuit", start_deg=1.0, epsilon=0.3, confidence=0.9, flights=7, **few)
+    room = ft.band("circuit", turn_back=BANK, epsilon=0.1, confidence=0.9, flights=38, **few)
+    volumes, where = room.volumes(corridor), corridor.flights.route.where
+    written = json.loads(volumes_geojson(where, volumes))["features"]
+    sizes = {area["properties"]["name"]: area["properties"] for area in written}
+    (ring,) = written[1]["geometry"]["coordinates"]
+    lines = [Geodesic.WGS84.Inverse(*where[1], lat, lon) for lon, lat in ring]
+    s, azimuth = np.array([(line["s12"], np.deg2rad(line["azi1"])) for line in lines]).T
+    area = Polygon(np.column_stack([s * np.cos(azimuth), s * np.sin(azimuth)]))
+
+    bounds = corridor.bounds(corridor.flights.edges[:-1])
+    width, above = np.abs([bounds.low, bounds.high]).max(axis=(0, 1))
+    high, low = 100.0 + 20.0 + above, 100.0 - above  # the start is 100 m above the ground
+    assert volumes["flight geography"][:3] == pytest.approx((width, low, high), abs=CLIMBS)
+    high, low = high + room.room.height, low - room.room.height
+    contingency = sizes["contingency volume"]
+    assert contingency["min_over_ground_m"] == pytest.approx(low, abs=CLIMBS)
+    assert contingency["max_over_ground_m"] == pytest.approx(high, abs=CLIMBS)
+
+    path, fresh, left, by_ahead = where[0], 40, 0, 0
+    line = LineString(np.column_stack([path.north, path.east])[path.s <= path.length])
+    plan = plan_in(room.about)
+    plan = replace(plan, campaign=plan.campaign.model_copy(update={"seed": 5}), runs=fresh)
+    edge = [(width * np.cos(x), width * np.sin(x)) for x in np.arange(0.0, 2.0 * np.pi, 0.5)]
+    for run in range(fresh):
+        scenario = plan.scenario_of(run)
+        signals = fly_group(plan, scenario, plan.groups[0]).signals.loc[10.0:]
+        positions = signals[["north", "east", "down"]].to_numpy()
+        north, east, down = (positions - positions[0]).T
+        place = line.interpolate(scenario.turn_back.at_m)
+        flown = LineString(np.column_stack([north + place.x, east + place.y]))
+        inside = all(area.contains(translate(flown, *offset)) for offset in edge)
+        left += not (inside and np.abs(down).max() <= room.room.height)
+        chi = signals["chi"].iloc[0]
+        ahead = (north * np.cos(chi) + east * np.sin(chi)).max()
+        by_ahead += not line.buffer(width + ahead).contains(flown)
+    assert left <= binom.ppf(0.999, fresh, 0.1)
+    assert by_ahead > 0.5 * fresh  # a distance ahead is no width
+
+
+@pytest.mark.slow
+def test_a_flight_turns_back_at_the_airspeed_of_its_place(tmp_path):
+    """Three legs at 20, 27 and 23 m/s; the wind of the plan is 9 m/s, a third of the largest."""
+    speed = partial(item, 178, 0, frame=2)
+    file = plan_file(
+        tmp_path / "m.plan", speed(20, -1, 0, 0, 0, 0), waypoint(47.4, 8.5, 60),
+        waypoint(47.406, 8.5, 80), speed(27, -1, 0, 0, 0, 0), waypoint(47.406, 8.508, 80),
+        speed(23, -1, 0, 0, 0, 0), waypoint(47.4, 8.508, 60),
+    )  # fmt: skip
+    plan = turning_back(flights(file).plan(), BANK)
+    route = ft.route(file).reference
+    for at_m, stated in ((300.0, 20.0), (1150.0, 27.0), (1700.0, 23.0)):  # legs of some 600 m
+        V = float(np.interp(at_m, route.path.s, route.V))
+        assert V == pytest.approx(stated, abs=SPEEDS)
+        scenario = plan.dispersed({**plan.values_of(0), "turn_back.at_m": at_m}, 0)
+        run = fly_group(plan, scenario, plan.groups[0])
+        back = run.t >= scenario.turn_back.detected_s
+        assert run.signals["V_a"][back].iloc[:50].mean() == pytest.approx(V, abs=SPEEDS)
+        rate = scenario.turn_back.here[-1]
+        assert np.deg2rad(rate) * (V + 9.0) / G == pytest.approx(np.tan(np.deg2rad(BANK)), rel=0.01)
+    assert "at 20 to 27 m/s" in distribution_of(plan.campaign, plan.groups[0].plant).sentence("x")
+
+
+@pytest.mark.slow
+def test_the_room_of_another_route_or_of_a_distance_ahead_is_refused(tmp_path):
     few = {"plant": "kinematic", "gains": "paper", **FEW}
     flight = {"flight.duration_s": 60.0}
     legs = [{"north_m": n, "east_m": 0.0} for n in (0.0, 800.0)]
     room = ft.band("circuit", turn_back=30, changes={"route.waypoint": legs} | flight, **few)
-    longer = {"route.waypoint": [*legs, {"north_m": 900.0, "east_m": 0.0}]} | flight
-    corridor = ft.band("circuit", start_deg=1.0, changes=longer, **few)
+    turned = [legs[0], {"north_m": 0.0, "east_m": 800.0}]  # as long, to the east
+    longer = [*legs, {"north_m": 900.0, "east_m": 0.0}]
+    for others, says in ((longer, r"along 800 m .*along 900 m"), (turned, "on one route")):
+        changes = {"route.waypoint": others} | flight
+        corridor = ft.band("circuit", start_deg=1.0, changes=changes, **few)
+        with pytest.raises(ft.InputError, match=says):
+            room.volumes(corridor)
 
-    with pytest.raises(ft.InputError, match=r"along 800 m .*along 900 m"):
-        room.volumes(corridor)
+    old = replace(room.about, signals={"ahead": "m", "height": "m"})  # as 0.3.0 wrote it
+    save_band(replace(room, about=old), tmp_path / "old.npz")
+    with pytest.raises(
+        ft.InputError, match=r"old.npz: .*count it again with flighttune band"
+    ) as refusal:
+        ft.load_claim(tmp_path / "old.npz")
+    assert "\n" not in str(refusal.value)
 
 
 @pytest.mark.slow
@@ -154,14 +270,19 @@ def test_the_command_counts_the_room_and_writes_the_volumes(tmp_path, monkeypatc
     )  # fmt: skip
 
     room = told["turn_back"]
-    ahead = ft.load_claim(told["room"]).room[0]
-    assert room["room"]["ahead_m"] == pytest.approx(ahead)
-    assert f"at most {ahead:.0f} m ahead" in room["sentence"]
+    needed = ft.load_claim(told["room"]).room
+    assert room["room"]["from_route_m"] == needed.from_route
+    assert (
+        f"further than {needed.from_route:.0f} m beyond the flight geography in any direction"
+        in room["sentence"]
+    )
     assert "no risk class" in " ".join(told["notes"])
     areas = json.loads(Path(told["volumes"]).read_text())["features"]
     widths = [area["properties"]["width_m"] for area in areas]
-    assert widths[1] - widths[0] == pytest.approx(ahead, abs=0.2)
-    assert widths[2] - widths[1] == pytest.approx(areas[1]["properties"]["max_over_ground_m"])
+    assert widths[1] - widths[0] == pytest.approx(needed.from_route, abs=0.2)
+    assert widths[2] - widths[1] == pytest.approx(
+        areas[1]["properties"]["max_over_ground_m"], abs=0.2
+    )
     assert "contingency volume" in Path("p.html").read_text()
     assert answer("verify", told["room"])["valid"]
     assert (
