@@ -44,6 +44,7 @@ from flighttune.claims.shape import (
     PART,
     Extremes,
     learned_shape,
+    predicted,
     scores_of,
     window_edges,
     window_extremes,
@@ -82,6 +83,10 @@ SHOWN = 3
 
 # Rounding of times and distances, s and m.
 SAME = 1e-9
+
+# Difference of a shape that is learned again, as a share of its half-widths: other machines add up
+# in another order.
+SAME_SHAPE = 1e-6
 
 # Keeps of a completed flight what is counted of it.
 Probe: TypeAlias = partial[list[float]]
@@ -318,22 +323,15 @@ def _counted(
     check_random(source, distribution, central)
     for key in {*TIME_AXIS} & {*plan.keys}:
         raise InputError(f"{source}: `{key}` must be the same in all flights of a band.")
-    windy = of_band["predicted_from"] is not None
+    of, windy = of_band["of"], of_band["predicted_from"] is not None
     if windy and not any(key.startswith("wind.") for key in distribution.dispersed):
         raise InputError(f"{source}: the wind must be drawn for `given` wind, got one wind.")
-    kinds = {"residual": RESIDUALS, "turn_back": ROOM}
-    units = dict(kinds[of_band["of"]]) if of_band["of"] else _recorded(plan, central, signals)
-    flights = flights_of(plan, of_band["of"], len(units), plan.runs - learned)
+    units = _units(plan, of, signals)
+    flights = flights_of(plan, of, len(units), plan.runs - learned)
     probe = partial(_extremes, list(units), flights.edges, windy, flights.model)
     with WorkerPool(*by) as pool:
         pool.progress.budget = plan.runs
-        shaping = _flown(pool, plan, partial(probe, anywhere=True), range(learned), "learning")
-        try:
-            coefficients, half = learned_shape(*shaping, of_band["epsilon"])
-        except InputError as error:
-            raise InputError(f"{error}{why_ended(pool.progress.endings)}") from error
-        if of_band["of"] == "turn_back":
-            half = half * HEIGHT_ROOM
+        coefficients, half = _learned(pool, plan, probe, learned, of, of_band["epsilon"])
         extremes, wind = _flown(pool, plan, probe, range(learned, plan.runs), "counting")
     shape = {"signals": units, "coefficients": coefficients, "half": half, "plan": plan.as_dict()}
     endings = [x for x in pool.progress.endings if x["run"] >= learned]
@@ -341,8 +339,26 @@ def _counted(
     return Band(about=about, flights=flights, extremes=extremes, wind=wind, endings=endings)
 
 
-def _recorded(plan: Plan, central: Scenario, signals: Iterable[str] | None) -> dict[str, str]:
-    """Units of some recorded signals; by default of the errors, or the distances from a route."""
+def _learned(
+    pool: WorkerPool, plan: Plan, probe: Probe, learned: int, of: str | None, epsilon: float
+) -> tuple[FloatArray, FloatArray]:
+    """Coefficients and half-widths that follow from the first draws of a plan."""
+    flights = _flown(pool, plan, partial(probe, anywhere=True), range(learned), "learning")
+    try:
+        coefficients, half = learned_shape(*flights, epsilon)
+    except InputError as error:
+        raise InputError(f"{error}{why_ended(pool.progress.endings)}") from error
+    return coefficients, half * HEIGHT_ROOM if of == "turn_back" else half
+
+
+def _units(plan: Plan, of: str | None, signals: Iterable[str] | None) -> dict[str, str]:
+    """Units of the signals of a kind, or of some recorded ones.
+
+    These are by default the errors, or the distances from a route.
+    """
+    if of is not None:
+        return dict({"residual": RESIDUALS, "turn_back": ROOM}[of])
+    central = plan.campaign.central
     run, default = fly_group(plan, central, plan.groups[0]), OFF_ROUTE if central.route else ERRORS
     names = list(dict.fromkeys(signals or default))
     for name in names:
@@ -416,16 +432,29 @@ def count_more(band: Band, flights: int, pool: WorkerPool) -> Band:
     return band.with_flights(*more, pool.progress.endings)
 
 
-def recount(band: Band, flights: int, pool: WorkerPool) -> list[int]:
-    """Fly some of the counted draws again, as `some_draws` chooses; those that differ by a bit."""
-    return differing(band, some_draws(band, flights), pool)
+def check_shape(band: Band, pool: WorkerPool) -> None:
+    """Fly the flights learned from again; an InputError refuses a shape that they do not give."""
+    about, plan = band.about, plan_of(band)
+    if [*_units(plan, about.of, about.signals).items()] != [*about.signals.items()]:
+        raise InputError("`signals` must have the units of the flights.")
+    epsilon, _ = about.planned or (about.epsilon, about.confidence)
+    probe = _probe(about, band.flights)
+    coefficients, half = _learned(pool, plan, probe, about.learned, about.of, epsilon)
+    moved = predicted(band.wind, coefficients - about.coefficients)
+    for name, off in (("half", half - about.half), ("coefficients", moved)):
+        if not (np.abs(off) <= SAME_SHAPE * half).all():
+            raise InputError(
+                f"`{name}` must follow from the {about.learned} flights learned from, which were "
+                "flown again and give others; count the band again if it was read at another "
+                "`epsilon` by flighttune 0.3.0."
+            )
 
 
 def some_draws(band: Band, flights: int) -> list[int]:
     """Some of the counted draws at random, and some of those that repeat another to the bit."""
     counted = len(band.scores)
     if not 1 <= flights <= counted:
-        raise InputError(f"`recount` must be 1 to the {counted} counted, got {flights}.")
+        raise InputError(f"`count` must be 1 to the {counted} counted, got {flights}.")
     # Flights that are equal to the bit may be copies: so many of those are chosen too.
     rng, rows = np.random.default_rng(), band.extremes.reshape(counted, -1)
     _, first = np.unique(rows, axis=0, return_index=True)

@@ -54,6 +54,8 @@ from flighttune.simulate.run import SIGNAL_UNITS, Run, along_route
 # Axis of the windows.
 Over: TypeAlias = Literal["time", "along"]
 
+Probability: TypeAlias = Annotated[float, Field(gt=0.0, lt=1.0)]
+
 # Numbers of flights at which a count is read, over the first of them.
 DOUBLED = 2 ** np.arange(31)
 
@@ -102,6 +104,8 @@ class About:
     epsilon: float
     confidence: float  # of each claim at each number of flights
     fences: tuple[dict[str, Any], ...] = ()  # GeoJSON in which flights were counted
+    # Epsilon and confidence that the count was planned with, where the claim has others
+    planned: tuple[Probability, Probability] | None = None
 
     __pydantic_config__: ClassVar = STRICT
     FORMAT: ClassVar[str] = "flighttune band 2"
@@ -278,8 +282,9 @@ class Band(Answering):
     @property
     def confidence(self) -> float:
         """Confidence of all claims together: each spends its part of the error probability."""
-        claims = len(self.readings) * (1 + len(self.about.fences))
-        return 1.0 - claims * (1.0 - self.about.confidence)
+        about = self.about
+        spent = 1.0 - about.confidence + (1.0 - about.planned[1] if about.planned else 0.0)
+        return 1.0 - len(self.readings) * (1 + len(about.fences)) * spent
 
     @property
     def half_widths(self) -> FloatArray:
@@ -338,7 +343,11 @@ class Band(Answering):
         fences, readings = len(self.about.fences), len(self.readings)
         claims = ["the band and its fence" if fences == 1 else f"the band and {fences} fences"]
         parts = claims * bool(fences) + [f"{readings} numbers of flights"] * (readings > 1)
-        return f" (shared by {' at '.join(parts)})" if parts else ""
+        shared = [f"by {' at '.join(parts)}"] if parts else []
+        if self.about.planned:
+            epsilon, confidence = self.about.planned
+            shared.append(f"with the claim planned, {epsilon:g} at {confidence:.10g}")
+        return f" (shared {' and '.join(shared)})" if shared else ""
 
     @property
     def sentence(self) -> str:
@@ -366,8 +375,14 @@ class Band(Answering):
         )
 
     def claiming(self, epsilon: float, confidence: float) -> "Band":
-        """The same count with another claim; InputError if its flights are too few."""
-        return replace(self, about=replace(self.about, epsilon=epsilon, confidence=confidence))
+        """The same count with another claim, which shares the confidence with that planned.
+
+        InputError if its flights are too few.
+        """
+        planned = self.about.planned or (self.about.epsilon, self.about.confidence)
+        claim: dict[str, Any] = {"epsilon": epsilon, "confidence": confidence}
+        claim["planned"] = None if planned == (epsilon, confidence) else planned
+        return replace(self, about=replace(self.about, **claim))
 
     def with_flights(
         self, extremes: Extremes, wind: FloatArray, endings: Sequence[Mapping[str, Any]] = ()
@@ -655,12 +670,13 @@ def read_band(path: str | Path, flights_of: Callable[[About], BandFlights]) -> B
             )
         flights = flights_of(about)
         _check(about, flights, arrays)
-        band = Band(about=about, flights=flights, endings=endings, **arrays)
-        if len(band.extremes) not in band.readings:
+        counted, planned = len(arrays["extremes"]), about.plan["runs"] - about.learned
+        if counted not in planned * DOUBLED:
             raise InputError(
                 "`extremes` must be of as many flights as were planned, or of 2, 4, 8 ... times as "
-                f"many, got {len(band.extremes)}."
+                f"many, got {counted} for {planned}."
             )
+        band = Band(about=about, flights=flights, endings=endings, **arrays)
         lost = band.draws[np.isinf(band.scores)].tolist()
         if not {x["run"] for x in endings} <= {*lost}:
             raise InputError("`endings` must be of draws counted that did not complete.")

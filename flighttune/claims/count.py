@@ -15,6 +15,9 @@ from flighttune.errors import InputError
 # Flights that may lie outside by default: the scale depends less on a single one of them.
 OUTSIDE = 5
 
+# Largest chance of missing a forgery among flights that are flown again by default.
+MISSED = 0.05
+
 
 def allowed_outside(flights: int, epsilon: float, confidence: float) -> int:
     """Largest number r of independent flights that may lie outside; -1 if `flights` are too few.
@@ -75,3 +78,13 @@ def counted_scale(scores: FloatArray, epsilon: float, confidence: float) -> tupl
     r = allowed_outside(fresh_flights(len(scores), epsilon, confidence), epsilon, confidence)
     scale = float(np.partition(scores, -r - 1)[-r - 1])
     return scale, int(np.sum(scores > scale))
+
+
+def flights_again(epsilon: float) -> int:
+    """Flights to fly again so that as many forged ones as double epsilon are missed by `MISSED`."""
+    return math.ceil(math.log(MISSED) / math.log1p(-epsilon))
+
+
+def chance_missed(forged: int, flights: int, again: int) -> float:
+    """Chance that `again` of `flights`, chosen at random, have none of those `forged`."""
+    return math.prod(max(flights - forged - i, 0) / (flights - i) for i in range(again))

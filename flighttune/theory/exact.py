@@ -159,6 +159,7 @@ class Verification:
     reason: str  # the first inequality that fails and by how much; empty for a valid claim
     checks: tuple[Check, ...] = ()
     notes: tuple[str, ...] = ()  # sentences on further checks
+    checked: bool = True  # false if a check was left out, for the reason
 
     @classmethod
     def of(cls, checks: Sequence[Check]) -> "Verification":

@@ -11,7 +11,7 @@ from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_
 
 import flighttune as ft
 from flighttune.campaign import band as band_module
-from flighttune.campaign.band import count_more, flights_of, load_band, recount
+from flighttune.campaign.band import count_more, differing, flights_of, load_band, some_draws
 from flighttune.campaign.counted_flights import plan_of as plan_of_band
 from flighttune.campaign.flying.alone import fly_group, scenario_of_run
 from flighttune.campaign.flying.rows import rows_flown
@@ -92,10 +92,11 @@ def test_a_recount_finds_a_flight_that_differs(counted):
     extremes[4] = np.nextafter(extremes[4], np.inf)
 
     with flown_here(band_module) as pool:
-        assert recount(counted, WITH_FIVE, pool) == []
-        assert recount(replace(counted, extremes=extremes), WITH_FIVE, pool) == [14]
-        with pytest.raises(ft.InputError, match="`recount` must be 1 to"):
-            recount(counted, WITH_FIVE + 1, pool)
+        draws = some_draws(counted, WITH_FIVE)
+        assert differing(counted, draws, pool) == []
+        assert differing(replace(counted, extremes=extremes), draws, pool) == [14]
+        with pytest.raises(ft.InputError, match="`count` must be 1 to"):
+            ft.verify(counted, count=WITH_FIVE + 1, pool=pool)
 
 
 def test_any_recorded_signal_has_a_band():
@@ -172,7 +173,7 @@ def test_the_command_counts_reads_adds_and_verifies(tmp_path):
     assert (more["readings"], more["confidence"]) == ([29, 58], pytest.approx(0.8))
     assert (again["equal"], len(again["runs"])) == (True, 5)
     assert valid["valid"]
-    assert "5 of its flights, chosen at random, were flown again" in valid["notes"][1]
+    assert "All 10 flights learned from were flown again" in valid["notes"][0]
     assert f"flighttune refly {file} --run {band.nearest}" in valid["notes"][-1]
     assert valid["claim"]["sentence"] == more["sentence"] == band.sentence
     widths = np.rad2deg(band.half_widths)

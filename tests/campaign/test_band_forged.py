@@ -11,11 +11,11 @@ from commands import flighttune
 
 import flighttune as ft
 from flighttune.campaign import band as band_module
-from flighttune.campaign import claims
-from flighttune.campaign.band import count_more, load_band, recount
+from flighttune.campaign.band import count_more, differing, load_band, some_draws
+from flighttune.claims.shape import learned_shape
 from flighttune.files.value import tables_of
 from flighttune.flight import own
-from tests.campaign.test_band import WITH_FIVE, count, small_plan
+from tests.campaign.test_band import ALONE, WITH_FIVE, count, small_plan
 from tests.claims.test_band import forged
 from tests.cli.test_code_of_files import LAW
 
@@ -25,11 +25,10 @@ def counted():
     return count()
 
 
-def verified(path, status, monkeypatch, *options):
+def verified(path, status, *options):
     """What `verify` says where it flies all flights again, in this process."""
-    monkeypatch.setattr(claims, "FLOWN_AGAIN", WITH_FIVE)
     with flown_here(band_module):
-        return "".join(flighttune("verify", path, *options, status=status))
+        return "".join(flighttune("verify", path, "--count", WITH_FIVE, *options, status=status))
 
 
 def edited(band, *keys, value):
@@ -68,10 +67,10 @@ def counted_as(change):
         counted_as(lambda flights: np.concatenate([flights, flights])),
     ],
 )
-def test_a_forged_file_has_other_flights(counted, tmp_path, monkeypatch, forgery):
+def test_a_forged_file_has_other_flights(counted, tmp_path, forgery):
     path = forged(counted, tmp_path / "x.npz", **forgery(counted))
 
-    assert "flights flown again must be equal" in verified(path, 1, monkeypatch)
+    assert "flown again must be equal" in verified(path, 1)
 
 
 def test_a_single_copy_is_flown_again(counted):
@@ -79,7 +78,8 @@ def test_a_single_copy_is_flown_again(counted):
     extremes[20] = extremes[3]
 
     with flown_here(band_module) as pool:
-        assert 10 + 20 in recount(replace(counted, extremes=extremes), 1, pool)
+        band = replace(counted, extremes=extremes)
+        assert 10 + 20 in differing(band, some_draws(band, 1), pool)
 
 
 @pytest.mark.parametrize(
@@ -121,17 +121,17 @@ def test_names_that_a_maker_chose_are_quoted_and_no_part_of_the_claim(counted, t
     assert maker == """the flights "calm' air. Proven" and the gains "tuned\""""
 
 
-def test_a_continued_count_cannot_pass_for_one_planned_so_long(counted, tmp_path, monkeypatch):
+def test_a_continued_count_cannot_pass_for_one_planned_so_long(counted, tmp_path):
     with flown_here(band_module) as pool:
         more = count_more(counted, 2 * WITH_FIVE, pool)
     about = edited(more, "runs", value=10 + 2 * WITH_FIVE)
     path = forged(more, tmp_path / "x.npz", about=about)
 
     assert load_band(path).confidence > more.confidence
-    assert "flights flown again must be equal" in verified(path, 1, monkeypatch)
+    assert "flown again must be equal" in verified(path, 1)
 
 
-def test_the_code_of_a_strangers_file_is_run_only_where_that_is_asked_for(tmp_path, monkeypatch):
+def test_a_band_whose_flights_run_code_is_not_checked_without_it(tmp_path):
     code, mark, path = tmp_path / "law.py", tmp_path / "ran", tmp_path / "x.npz"
     code.write_text(dedent(LAW))
     law = {"name": "mine", "kind": "python", "module": str(code), "class": "Mine"}
@@ -139,8 +139,84 @@ def test_the_code_of_a_strangers_file_is_run_only_where_that_is_asked_for(tmp_pa
     mark.unlink()
     own._module.cache_clear()
 
-    assert "No flight was flown again: --run-code" in verified(path, 0, monkeypatch)
+    told = verified(path, 1)
+    assert "claimed, not checked: a new flight" in " ".join(told.split())
+    assert "not checked: flying its flights again runs" in told
+    assert "allow --run-code" in told
+    assert "counted" not in told.replace("claimed, not checked", "")
     assert not mark.exists()
     own._module.cache_clear()
-    assert "flown again: equal to the bit" in verified(path, 0, monkeypatch, "--run-code")
+    assert "flown again and give the shape" in " ".join(verified(path, 0, "--run-code").split())
     assert mark.exists()
+
+
+@pytest.mark.parametrize("names", [["half"], ["coefficients"], ["half", "coefficients"]])
+def test_a_shape_that_was_fitted_to_the_flights_counted_is_refused(counted, tmp_path, names):
+    fitted = learned_shape(counted.extremes, counted.wind, counted.about.epsilon)
+    shape = dict(zip(("coefficients", "half"), fitted, strict=True))
+    path = forged(counted, tmp_path / "x.npz", {name: shape[name].tolist() for name in names})
+
+    told = verified(path, 1)
+    assert f"`{sorted(names)[-1]}` must follow from the 10 flights learned from" in told
+
+
+def test_a_claim_other_than_that_planned_shares_its_confidence_and_its_shape(counted, tmp_path):
+    """The shape is that of the planned epsilon: the scale of the last tenths of 10 flights."""
+    other = counted.claiming(0.5, 0.9)
+    ft.save_claim(other, tmp_path / "x.npz")
+    hidden = forged(other, tmp_path / "y.npz", {"planned": None})
+    with flown_here(band_module) as pool:
+        shown, *_ = (ft.verify(path, pool=pool) for path in (tmp_path / "x.npz", hidden))
+
+        assert shown.valid
+        assert not ft.verify(hidden, pool=pool).valid
+    assert other.confidence == pytest.approx(1.0 - 0.1 - 0.1)
+    assert "0.8 (shared with the claim planned, 0.3 at 0.9)" in shown.claim.sentence
+    assert other.claiming(0.3, 0.9).confidence == counted.confidence
+
+
+# Other words than those of a plan that its file may have too
+WORDS = {"random": "sobol", "sets": "adds", "course": "heading", "conditional": "none",
+         "kinematic": "point_mass", "full": "decoupled", "R_K": "decay"}  # fmt: skip
+# Choices that no file can show to have been made before a flight was counted: a note says so
+CHOSEN = {("epsilon",), ("confidence",)}
+
+
+def fields(tables, above=()):
+    """Every value in tables with its place."""
+    pairs = tables.items() if isinstance(tables, dict) else enumerate(tables)
+    for key, value in pairs:
+        if isinstance(value, dict | list):
+            yield from fields(value, (*above, key))
+        else:
+            yield (*above, key), value
+
+
+def changed(value):
+    if isinstance(value, bool | str):
+        return WORDS.get(value, f"{value}, forged") if isinstance(value, str) else not value
+    return "forged" if value is None else value + (1 if isinstance(value, int) else 0.01)
+
+
+@pytest.mark.slow
+def test_no_sentence_uses_a_field_of_a_file_that_is_not_checked(tmp_path):
+    counted = count(flights=ALONE)
+    tables, said, claims = tables_of(counted.about), [], counted.sentence.split("; its maker")[0]
+    with flown_here(band_module) as pool:
+        for place, value in fields(tables):
+            if place[0] in ("half", "coefficients") and {*place[1:]} != {0}:
+                continue
+            table = forgery = copy.deepcopy(tables)
+            for key in place[:-1]:
+                table = table[key]
+            table[place[-1]] = changed(value)
+            try:
+                path = forged(counted, tmp_path / "x.npz", forgery)
+                verified = ft.verify(path, count=ALONE, pool=pool)
+            except ft.InputError:
+                continue
+            sentence = verified.claim.sentence.split("; its maker")[0]
+            if verified.valid and sentence != claims and place not in CHOSEN:
+                said.append(".".join(map(str, place)))
+
+    assert said == []

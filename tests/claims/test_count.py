@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
-from scipy.stats import binomtest
+from scipy.stats import binomtest, hypergeom
 
 import flighttune as ft
 from flighttune.claims.count import (
     allowed_outside,
+    chance_missed,
     counted_scale,
+    flights_again,
     flights_needed,
     supported_epsilon,
 )
@@ -51,3 +53,14 @@ def test_the_epsilon_that_a_count_supports_is_the_bound_of_clopper_and_pearson(o
     if epsilon < 1.0:  # as `allowed_outside` counts
         assert allowed_outside(flights, epsilon * 1.0001, 0.999) == outside
         assert allowed_outside(flights, epsilon * 0.9999, 0.999) == outside - 1
+
+
+@pytest.mark.parametrize(("epsilon", "again"), [(0.05, 59), (0.01, 299), (0.3, 9)])
+def test_a_forgery_that_doubles_epsilon_is_found_with_95_percent(epsilon, again):
+    flights, forged = 1000, round(1000 * epsilon)
+
+    assert flights_again(epsilon) == again
+    missed = chance_missed(forged, flights, again)
+    assert missed == pytest.approx(hypergeom.pmf(0, flights, forged, again))
+    assert missed <= 0.05
+    assert chance_missed(5, 10, 6) == 0.0

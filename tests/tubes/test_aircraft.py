@@ -2,14 +2,19 @@
 
 import json
 import re
+from dataclasses import replace
 
+import numpy as np
 import pytest
+from campaigns import flown_here
 from dispersed import uniform
 from made_up import scenario_file
 
 import flighttune as ft
+from flighttune.campaign import band as band_module
 from flighttune.tubes.proof import load_tube
 from flighttune.tubes.tube import flights_inside
+from tests.campaign.test_band import ALONE, count
 from tests.commands import flighttune
 from tests.made_up_band import ROLL, WIDE, counted_boxes
 from tests.tubes.test_proof import arrays_of, claim_of, rewritten
@@ -135,16 +140,33 @@ def test_without_its_band_a_tube_is_proven_for_the_boxes_in_the_file_alone(proof
 
 
 @pytest.mark.slow
-def test_with_its_band_boxes_are_rebuilt_and_what_was_counted_is_said(proof):
-    stdout, _ = flighttune("verify", proof[0], "--boxes", proof[1])
-    found, _ = flighttune("verify", proof[0], "--boxes", proof[1], "--json")
+def test_boxes_whose_flights_are_made_up_are_refused_with_the_tube(proof):
+    stdout, stderr = flighttune("verify", proof[0], "--boxes", proof[1], status=1)
 
-    assert UNCHECKED not in " ".join(stdout.split())
-    assert ": 5 of 259 fresh flights did." in stdout
-    found = json.loads(found)
-    assert (found["valid"], found["claim"]["aircraft_checked"]) == (True, True)
-    assert "at most 0.05, confidence 0.99" in found["claim"]["counted"]
-    assert found["claim"]["disturbance_rad_s"] == [2 * [-WIDE], 2 * [WIDE]]
+    assert "claimed, not proven" in stdout
+    assert "flights of the band that are flown again must be equal to the bit" in stderr
+    with pytest.raises(ft.InputError, match="`boxes` must be given for the tube"):
+        ft.verify(ft.load_claim(proof[1]), boxes=proof[1])
+
+
+@pytest.mark.slow
+def test_with_its_band_boxes_are_rebuilt_and_flown_again(tmp_path):
+    scenario = flight(duration_s=0.3, feed_forward=True)
+    path = scenario_file(tmp_path / "flight.toml", scenario)
+    boxes = count(path, of="residual", flights=ALONE, start_deg=1.0, gains="paper")
+    found = tube(scenario, ft.PAPER_GAINS, band=boxes)
+    ft.save_claim(found, tmp_path / "tube.npz")
+    narrow = replace(boxes, extremes=np.float32(0.01) * boxes.extremes)
+
+    with flown_here(band_module) as pool:
+        verified = ft.verify(tmp_path / "tube.npz", boxes=boxes, pool=pool)
+        forged = ft.verify(tube(scenario, ft.PAPER_GAINS, band=narrow), pool=pool)
+
+    assert verified.valid
+    assert verified.checks
+    assert verified.claim.problem.aircraft_checked is True
+    assert "All 10 flights learned from were flown again" in verified.verification.notes[0]
+    assert not forged.valid
 
 
 @pytest.mark.slow
