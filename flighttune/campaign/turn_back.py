@@ -41,13 +41,8 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
     planned = planned_route(campaign.central)
     path, g = planned.reference.path, planned.reference.g
     limits = limits_on(nominal, nominal.plant)
-    phi, phi_rate = (
-        min(float(upper[0]), -float(lower[0])) / DEG
-        for lower, upper in (
-            (limits.lower, limits.upper),
-            (limits.rate_lower, limits.rate_upper),
-        )
-    )
+    phi = float(min(limits.upper[0], -limits.lower[0])) / DEG
+    phi_rate = float(min(limits.rate_upper[0], -limits.rate_lower[0])) / DEG
     if not 1.0 <= bank_deg <= phi:
         raise InputError(f"`turn_back` must be a bank of 1 to {phi:g} deg, got {bank_deg:g}.")
     for key in plan.keys:
@@ -70,13 +65,14 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
         "back_dps": rate_of(bank_deg * DEG, V_a + planned.wind, g),
     }
     start_mps = nominal.flight.V_a_mps
-    listed = zip(*(column.tolist() for column in places.values()), strict=True)
     table = {
         "bank_deg": bank_deg,
         "turn_deg": turn_deg,
         "detected_s": DETECTED_S + float(np.abs(V_a - start_mps).max()) / (CHANGE_N_X * g),
         "roll_rate_dps": phi_rate,
-        "place": [dict(zip(places, place, strict=True)) for place in listed],
+        "place": [
+            dict(zip(places, row, strict=True)) for row in np.stack([*places.values()], 1).tolist()
+        ],
     }
     tables = nominal.as_dict() | {"turn_back": table, "expect": []}
     del tables["route"]

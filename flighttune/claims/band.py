@@ -552,6 +552,8 @@ class Band(Answering):
                 f"Of the flights inside, draw {self.nearest} (seed {seed}) is nearest to leaving: "
                 f"flighttune refly {file} --run {self.nearest}"
             )
+        turning = about.of == "turn_back"
+        title, name = ("room to turn back", "room_bounds") if turning else ("band", "half_widths")
         answer = Answer(
             values={
                 "status": "claimed" if self.claims else "nothing_claimed",
@@ -564,7 +566,7 @@ class Band(Answering):
                 **room,
             },
             tables=[
-                Table(WIDTH_COLUMNS, records if self.claims else [], "band", name="half_widths"),
+                Table(WIDTH_COLUMNS, records if self.claims else [], title, name=name),
                 self.flights.distribution.table(self.flights.flown),
                 gains_table("gains", self.flights.gains),
                 endings_table(self.endings),

@@ -185,7 +185,7 @@ def band(
         counted = count_band(source, out=out, observer=observer, **of_flights, **same)
         if turn_back is not None:
             place = Path(out or source).with_suffix("")
-            files = {"room": Path(f"{place}-turn-back.npz"), "volumes": Path(f"{place}.geojson")}
+            files = {"room": Path(f"{place}-turn-back.npz")}
             room = count_band(
                 source, out=files["room"], observer=observer, turn_back=turn_back, **same
             )
@@ -196,10 +196,9 @@ def band(
     if room is not None:
         said = room.answer(files["room"])
         if room.claims and counted.claims:
-            where = counted.flights.route.where
-            write_text(files["volumes"], volumes_geojson(where, room.volumes(counted)) + "\n")
-        else:
-            del files["volumes"]
+            text = volumes_geojson(counted.flights.route.where, room.volumes(counted))
+            files["volumes"] = Path(out or source).with_suffix(".geojson")
+            write_text(files["volumes"], f"{text}\n")
         answer = replace(
             answer,
             values={**answer.values, "turn_back": said.values},

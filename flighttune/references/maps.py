@@ -205,21 +205,15 @@ def volumes_geojson(where: Where, volumes: Mapping[str, Volume]) -> str:
     path, origin, _ = where
     shapes = []
     for name, volume in volumes.items():
-        width, low, high = (
-            end(10.0 * size) / 10.0
-            for end, size in zip((math.ceil, math.floor, math.ceil), volume[:3], strict=True)
-        )
+        width, high = (math.ceil(10.0 * size) / 10.0 for size in (volume.width, volume.high))
+        low = math.floor(10.0 * volume.low) / 10.0
         rings = [
             on_earth(ring, origin)[:, ::-1].round(8).tolist() for ring in rings_around(path, width)
         ]
         sizes = {"width_m": width, "min_over_ground_m": low, "max_over_ground_m": high}
-        shapes.append(
-            {
-                "type": "Feature",
-                "properties": {"name": name, **sizes, "claim": volume.claim},
-                "geometry": {"type": "Polygon", "coordinates": rings},
-            }
-        )
+        properties = {"name": name, **sizes, "claim": volume.claim}
+        geometry = {"type": "Polygon", "coordinates": rings}
+        shapes.append({"type": "Feature", "properties": properties, "geometry": geometry})
     return json.dumps({"type": "FeatureCollection", "features": shapes}, indent=1)
 
 

@@ -269,6 +269,8 @@ def test_the_command_counts_the_room_and_writes_the_volumes(tmp_path, monkeypatc
         "--learn", 10, *few, "--turn-back", 30, "--page", "p.html",
     )  # fmt: skip
 
+    # a room is not among the widths of the corridor
+    assert [row["signal"] for row in told["half_widths"]] == ["cross_track", "height_err"]
     room = told["turn_back"]
     needed = ft.load_claim(told["room"]).room
     assert room["room"]["from_route_m"] == needed.from_route
