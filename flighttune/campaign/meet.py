@@ -464,7 +464,8 @@ def meet(
                 (nearest, flown_start), np.arange(fresh) // cycle(dispersed), success
             )
             draw = nearest.worst_draw
-            counted["worst_draw"], worst = draw, count.in_draw(draw)
+            counted |= {"worst_draw": draw, "seed": dispersed.seed}
+            worst = count.in_draw(draw)
             search.flights += count.flights
     return Meeting(
         status="met" if met else "missed",

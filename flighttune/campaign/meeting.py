@@ -122,7 +122,7 @@ class Meeting(Answering):
     success : mapping or None
         On a campaign the ``share`` of fresh draws on which all are met, that of the start
         (``of_start``), the share ``wanted``, and whether the lower end of the interval or the
-        estimate decides (``by``); and the ``worst_draw`` of the campaign.
+        estimate decides (``by``); the ``worst_draw`` and the ``seed`` of these draws.
     worst : Scenario or None
         The scenario in that draw.
     trials : sequence of Trial
@@ -247,9 +247,9 @@ class Meeting(Answering):
         )
         by = "lower end of the interval" if success["by"] == "lo" else "estimate"
         return (
-            f"On {success['share']['n']} fresh draws {gains} % of the flights meet all "
-            f"requirements, {start} % with {self.start}; {100.0 * success['wanted']:g} % are "
-            f"wanted, by the {by} ({flights})."
+            f"On {success['share']['n']} fresh draws (seed {success['seed']}) {gains} % of the "
+            f"flights meet all requirements, {start} % with {self.start}; "
+            f"{100.0 * success['wanted']:g} % are wanted, by the {by} ({flights})."
         )
 
 

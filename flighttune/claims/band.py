@@ -512,7 +512,7 @@ class Band(Answering):
         the verdict then, and a failure if the count does not support it.
         """
         about, edges = self.about, self.flights.edges
-        records = []
+        law, records = self.flights.scenario.law_table(self.flights.gains_name), []
         for (name, unit), widths in zip(about.signals.items(), self.half_widths.T, strict=True):
             shown, factor = shown_unit(unit)
             late = edges[:-1] >= LAST_QUARTER * edges[-1]
@@ -561,6 +561,7 @@ class Band(Answering):
                 **pick(self, "scale readings confidence outside not_completed sentence"),
                 "distribution": self.flights.sentence,
                 "gains": self.flights.gains.as_lists(),
+                "law": law.model_dump(mode="json", exclude_none=True),
                 "flights": len(self.scores),
                 "nearest_draw": self.nearest if self.claims else None,
                 **room,

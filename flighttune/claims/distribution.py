@@ -51,6 +51,9 @@ MOVING = ("wind", "gust", "turbulence")
 # Keys whose ranges stand with the air or the airspeed.
 NAMED_APART = (*(f"{name}." for name in AIR), AIRSPEED)
 
+# Keys that the table of flights has where they are the same in all of them.
+START_AND_GAINS = "flight.h_m", "flight.chi_deg", "flight.gamma_deg", "controller.schedule"
+
 # Range of directions that are all directions.
 FULL_CIRCLE_DEG = 360.0
 
@@ -102,10 +105,11 @@ class Distribution:
         return f"{flown} at {self.airspeeds} in {', '.join(air)}{keys}"
 
     def table(self, flown: str) -> Table:
-        """Plant, airspeed, air, and every key that is drawn with its range and unit."""
+        """Plant, airspeed, start, air, and every key that is drawn with its range and unit."""
         rows = [
             ("flown", flown, ""),
             ("airspeed", self.airspeeds, ""),
+            *((_words(x), self._range(x), "fixed") for x in START_AND_GAINS if x in self.fixed),
             *((name, text, "") for name, text in (self._air or {"air": "calm"}).items()),
             *(row for _, *row in self._drawn),
         ]

@@ -23,6 +23,7 @@ from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import columns, shown_unit
 from flighttune.present.tables import Column, Table
 from flighttune.records.parquet import load_recording
+from flighttune.scenario.load import gains_notes
 from flighttune.scenario.places import leaves
 from flighttune.simulate.claim import Claim, with_claims
 from flighttune.simulate.run import Run
@@ -146,6 +147,11 @@ class Comparison(Answering):
         """Largest distance of any pair, m; nan without pairs."""
         return max((pair.max_distance for pair in self.pairs), default=math.nan)
 
+    @property
+    def gains_notes(self) -> list[str]:
+        """A sentence for gains that were tuned for others than a run flew them on."""
+        return gains_notes(run for pair in self.pairs for run in (pair.a, pair.b))
+
     def answer(self) -> Answer:
         """Pairs and metrics side by side; status 2 where the runs cannot be compared."""
         differs = {
@@ -162,6 +168,7 @@ class Comparison(Answering):
             },
             tables=[pairs_table(self), comparison_table("metrics", self.metrics)],
             notes=[
+                *self.gains_notes,
                 *sorted(differs),
                 *(f"missing: {line}" for line in self.missing),
                 *(f"no partner: {line}" for line in self.unpaired),

@@ -34,7 +34,7 @@ from flighttune.reports import panels, tables
 from flighttune.reports.gap_charts import bound_chart, itae_chart, steps_chart
 from flighttune.reports.log import log_sections
 from flighttune.reports.route_charts import planned_path, route_charts
-from flighttune.scenario.load import scenario_of
+from flighttune.scenario.load import gains_notes, scenario_of
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
 from flighttune.simulate.run import Run, claim_notes, priority_notes, run_styles
@@ -107,6 +107,7 @@ def write_report(
         summary=(
             f"{claim.short}.",
             f"Converged: {converged}.",
+            *gains_notes(runs),
         ),
         closest=f"{claim.sentence}." if claim.verdict == "met" else "",
         missed=(*claim.missed, *filter(None, [advice(scenario, source.runs, "SCENARIO")])),
@@ -162,7 +163,7 @@ def write_comparison_page(comparison: Comparison, path: str | Path) -> Report:
         ]
     return write_answer(
         path,
-        summary=(),
+        summary=comparison.gains_notes,
         parts={section.id: section for section in sections},
         title=f"{scenario.get('title', 'Flight')}: comparison",
         legend=list(styles.items()),

@@ -3,7 +3,7 @@
 import json
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -200,6 +200,18 @@ def scenario_from(tables: dict[str, Any]) -> Scenario:
 def scenario_of(run: Run) -> Scenario:
     """The scenario that a run was flown in, which takes a quarter of a millisecond."""
     return scenario_from(dict(run.provenance.scenario))
+
+
+def gains_notes(runs: Iterable[Run]) -> list[str]:
+    """`Scenario.gains_notes` of the gains that runs flew, each once."""
+    notes: dict[str, None] = {}
+    for run in runs:
+        made_by = run.provenance
+        # a log has no gains, and the scenario of an older version may no longer be valid
+        if any("tuned_for" in entry for entry in made_by.scenario.get("gains", ())):
+            said = scenario_of(run).gains_notes(gains=made_by.gains_name)
+            notes |= dict.fromkeys(said)
+    return [*notes]
 
 
 def load_gains(path: str | Path) -> PIGains:

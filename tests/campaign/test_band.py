@@ -99,6 +99,19 @@ def test_a_recount_finds_a_flight_that_differs(counted):
             ft.verify(counted, count=WITH_FIVE + 1, pool=pool)
 
 
+def test_the_page_of_a_band_says_why_flights_did_not_complete(counted, tmp_path):
+    extremes = counted.extremes.copy()
+    extremes[3] = np.float32([-np.inf, np.inf])
+    lost = {"run": int(counted.draws[3]), "status": "no_trim", "reason": "too slow"}
+    ft.save_claim(replace(counted, extremes=extremes, endings=[lost]), tmp_path / "band.npz")
+
+    page = ft.report(tmp_path / "band.npz", tmp_path / "band.html")
+
+    (table,) = [table for table in page.tables if table.name == "endings"]
+    assert [(x["ended"], x["reason"]) for x in table.records] == [("no trim", "too slow")]
+    assert "too slow" in (tmp_path / "band.html").read_text()
+
+
 def test_any_recorded_signal_has_a_band():
     counted = count(signals=["n_z", "phi_cmd", "n_z"], seed=8)
 

@@ -89,6 +89,10 @@ def test_only_what_is_missing_is_flown(out, ours, rows, address):
 
 
 def test_a_finished_campaign_needs_nobody(tmp_path, ours, rows, address):
+    status = {"status": "diverged", "reason": "far off"}
+    for name, said in status.items():
+        column = pa.array([said, *rows[name].to_pylist()[1:]], rows[name].type)
+        rows = rows.set_column(rows.column_names.index(name), rows.field(name), column)
     out = written(tmp_path, ours, rows)
     ft.run_campaign(ours, out, scheduler=address, resume=True)
 
@@ -97,6 +101,7 @@ def test_a_finished_campaign_needs_nobody(tmp_path, ours, rows, address):
     done = ft.run_campaign(ours, out, scheduler=nobody, resume=True, observer=notes)
 
     assert (done.flown, done.runs, done.interrupted) == (0, RUNS, False)
+    assert done.endings == [{"run": 0, **status}]
     assert {(progress.done, progress.runs) for progress in notes.seen} == {(RUNS, RUNS)}
 
 

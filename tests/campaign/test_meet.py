@@ -323,6 +323,7 @@ def test_the_share_of_a_campaign_is_counted_on_draws_that_the_search_has_not_see
     rows = fly_runs(plan, range(400)).to_pandas()
     success = meeting.success
     assert success["share"]["n"] == 200
+    assert f"On 200 fresh draws (seed {plan.campaign.seed}) " in meeting.sentence
     counted = rows.groupby("gains")["success"].mean()
     assert success["share"]["value"] == counted["tuned"] > counted["paper"]
     assert success["of_start"]["value"] == counted["paper"]
