@@ -8,75 +8,52 @@ from rerun.blueprint.components import LinkAxis
 
 from flighttune.metrics import OFF_ROUTE
 from flighttune.recording import entities, scene
-from flighttune.recording.entities import OVERVIEW_TAB, PAGE_TAB, ROUTE_TAB, DrawnRun
+from flighttune.recording.entities import OVERVIEW_TAB, PAGE_TAB, DrawnRun
 from flighttune.recording.plots import Plot, value_range
-from flighttune.scenario.route import RouteTable
 
 ERRORS = ("chi_err", "gamma_err")  # plots on Overview
-CLOSE = 1.2  # the camera in a corridor stands so much further back than that behind an aircraft
 AIRSPEED = "V_a"  # a plot on Overview too, where a flight ended early
 
-# Shares of a tab's height, for a window of 1280 by 720, the smallest in which everything must fit.
+# Share of a tab's height, for a window of 1280 by 720, the smallest in which everything must fit.
 READING = 0.05  # the line on how to read the picture
-TABLE, TABLE_ROW, LONGEST_TABLE = 0.12, 0.037, 0.55  # the readout: without rows, per row, at most
-LANES, LANE, MOST_LANES = 0.1, 0.065, 0.6  # the lanes: without runs, per run, at most below a view
 
 # Columns over rows of a grid of plots, nine make 3 rows of three; titles are cut in five columns.
 COLUMNS_PER_ROW, MOST_COLUMNS = 1.36, 4
 
-LANES_SIDE = 0.16  # share of the width: the column of lanes beside plots
-SIDE, MIDDLE = 0.23, 0.31  # on Overview: the column of lanes, the plots
+SIDE, MIDDLE = 0.23, 0.31  # shares of the width of Overview: the view from behind, the plots
 
 
 def blueprint(
     flights: Sequence[DrawnRun],
     plots: Mapping[str, Sequence[Plot]],
-    route: RouteTable | None = None,
+    *,
+    on_map: bool = False,
 ) -> rrb.Blueprint:
-    """Lay out the runs that flew, with the plots of each tab; without runs only the page."""
+    """Lay out the runs that flew, with the plots of each tab; without runs only the page.
+
+    `on_map` tells that latitude and longitude of the runs are known.
+    """
     page = rrb.TextDocumentView(origin=entities.PAGE, name=PAGE_TAB)
     if not flights:
         return _layout([page])
-    tabs = {ROUTE_TAB: _route(flights, geographic=route.geographic)} if route else {}
-    tabs |= {name: _tab(tab_plots, flights) for name, tab_plots in plots.items()}
-    shares = [1.0 - LANES_SIDE, LANES_SIDE]
-    beside_lanes = {
-        name: rrb.Horizontal(tab, _lanes(flights), column_shares=shares)
-        for name, tab in {**tabs, PAGE_TAB: page}.items()
+    tabs = {
+        OVERVIEW_TAB: _overview(flights, plots, on_map=on_map),
+        **{name: _tab(tab_plots, flights) for name, tab_plots in plots.items()},
+        PAGE_TAB: page,
     }
-    return _layout(
-        [
-            _below_sentence(name, tab)
-            for name, tab in {OVERVIEW_TAB: _overview(flights, plots), **beside_lanes}.items()
-        ]
-    )
+    return _layout([_below_sentence(name, tab) for name, tab in tabs.items()])
 
 
-def _below_sentence(name: str, tab: rrb.Container) -> rrb.Container:
+def _below_sentence(name: str, tab: rrb.Container | rrb.View) -> rrb.Container:
     """A tab below the sentence of what it shows."""
     sentence = rrb.TextDocumentView(origin=entities.reading(name), name="About", titlebar=False)
     # The line is on top: the viewer panics at a screenshot with an untitled view at its lower edge.
     return rrb.Vertical(sentence, tab, row_shares=[READING, 1.0 - READING], name=name)
 
 
-def _route(flights: Sequence[DrawnRun], *, geographic: bool) -> rrb.Container:
-    """A plan view and an aircraft in its corridor; a map if the place is known."""
-    # An aircraft with a corridor goes before those without.
-    followed = leader([drawn_run for drawn_run in flights if drawn_run.run.claims] or flights)
-    above, north = scene.eye_above(scene.all_positions(flights)), (1.0, 0.0, 0.0)
-    level = f"/{entities.WORLD}/**", f"- /{entities.SHADOWS}/**"
-    plan = _scene_view("From above, north up", above, *level, up=north)
-    behind = _scene_view(
-        f"True size, behind {followed.number} {followed.run.provenance.gains_name}",
-        scene.chase_eye(CLOSE * scene.span_of(followed.run)),
-        *(f"/{folder}/**" for folder in (entities.TRUE_SIZE, entities.ROUTE, entities.PATHS)),
-        origin=f"{entities.TRUE_SIZE}/{followed.key}",
-    )
-    maps = [rrb.MapView(origin=entities.MAP, name="OpenStreetMap")] if geographic else []
-    return rrb.Horizontal(rrb.Vertical(plan, *maps), behind)
-
-
-def _overview(flights: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) -> rrb.Container:
+def _overview(
+    flights: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]], *, on_map: bool
+) -> rrb.Container:
     followed = leader(flights)
     whole = _scene_view("Paths and aircraft", scene.overview(flights), f"/{entities.WORLD}/**")
     chase = _scene_view(
@@ -91,21 +68,12 @@ def _overview(flights: Sequence[DrawnRun], plots: Mapping[str, Sequence[Plot]]) 
     signals = (*errors, *([AIRSPEED] if any(run.status != "completed" for run in runs) else []))
     by_signal = {plot.signal: plot for tab in plots.values() for plot in tab}
     beside = [by_signal[name] for name in signals if name in by_signal]
-    table = min(TABLE + TABLE_ROW * (2 + len(runs)), LONGEST_TABLE)
-    lanes = LANES + LANE * len(flights)
-    paths: rrb.Container | rrb.View = whole
-    right: rrb.Container | rrb.View = _lanes(flights)
-    if lanes > MOST_LANES:  # the lanes of so many runs need the whole height
-        paths = rrb.Horizontal(whole, chase, column_shares=[3, 2])
-    else:
-        # The view from behind is square or a little wider than high, like the aircraft in it.
-        lanes = max(lanes, 0.5)
-        right = rrb.Vertical(chase, right, row_shares=[1.0 - lanes, lanes])
-    now = rrb.TextDocumentView(origin=entities.NOW, name="Now")
+    maps = [rrb.MapView(origin=entities.MAP, name="OpenStreetMap")] if on_map else []
+    legend = rrb.TextDocumentView(origin=entities.LEGEND, name="Runs")
     return rrb.Horizontal(
-        rrb.Vertical(paths, now, row_shares=[1.0 - table, table]),
+        rrb.Vertical(whole, *maps),
         rrb.Vertical(*(_plot(plot, flights, 1.0 / len(beside)) for plot in beside)),
-        right,
+        rrb.Vertical(chase, legend),
         column_shares=[1.0 - MIDDLE - SIDE, MIDDLE, SIDE],
     )
 
@@ -127,15 +95,6 @@ def _tab(plots: Sequence[Plot], flights: Sequence[DrawnRun]) -> rrb.Grid:
     return rrb.Grid(*(_plot(plot, flights, share) for plot in plots), grid_columns=columns)
 
 
-def _lanes(flights: Sequence[DrawnRun]) -> rrb.StateTimelineView:
-    """Lanes over the same time axis as the plots, which name the runs in their colours."""
-    return rrb.StateTimelineView(
-        name="Runs: limits",
-        contents=[f"/{entities.lane_name(drawn_run, len(flights))}" for drawn_run in flights],
-        time_view=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
-    )
-
-
 def _plot(plot: Plot, flights: Sequence[DrawnRun], share: float) -> rrb.TimeSeriesView:
     span = value_range(plot, [drawn_run.run for drawn_run in flights], share=share)
     return rrb.TimeSeriesView(
@@ -144,7 +103,7 @@ def _plot(plot: Plot, flights: Sequence[DrawnRun], share: float) -> rrb.TimeSeri
         axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
         # Without a span the viewer chooses the range.
         axis_y=None if span is None else rrb.ScalarAxis(range=span),
-        # A legend would cover small plots; the lanes name the runs.
+        # A legend would cover small plots; the list on Overview names the runs.
         plot_legend=rrb.PlotLegend(visible=False),
     )
 
@@ -166,7 +125,6 @@ def _scene_view(
     eye: scene.Eye,
     *contents: str,
     origin: str = entities.WORLD,
-    up: tuple[float, float, float] = (0.0, 0.0, -1.0),  # z of NED goes down
 ) -> rrb.Spatial3DView:
     """A 3D view of entities from a camera, in the axes of `origin`."""
     return rrb.Spatial3DView(
@@ -178,6 +136,6 @@ def _scene_view(
             kind=rrb.Eye3DKind.Orbital,
             position=eye[0],
             look_target=eye[1],
-            eye_up=up,
+            eye_up=(0.0, 0.0, -1.0),  # z of NED goes down
         ),
     )

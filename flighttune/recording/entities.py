@@ -25,7 +25,6 @@ BODY = "body"  # below such a frame: the aircraft with its attitude
 
 GROUND = f"{WORLD}/ground"
 ROUTE = f"{WORLD}/route"  # planned path, waypoints and corridor
-TRUE_SIZE = "true_size"  # the aircraft again, as large as they are
 MAP = "map"
 PLOTS = "plots"
 
@@ -36,11 +35,11 @@ LIMITS = "_limits"
 MEASURED = "_measured"
 AXIS = "_axis"
 
-OVERVIEW_TAB, ROUTE_TAB, PAGE_TAB = "Overview", "Route", "Scenario and metrics"
+OVERVIEW_TAB, PAGE_TAB = "Overview", "Scenario and metrics"
 
-NOW = "now"  # the readout of the present instant
+LEGEND = "runs"  # number, colour and outcome of each run
 
-END = 1.1  # where time axes end, over the longest flight: the last label has room
+END = 1.1  # where time axes end, over the longest flight
 
 
 def application(title: str) -> str:
@@ -101,10 +100,3 @@ def runs_to_draw(runs: Sequence[Run]) -> list[DrawnRun]:
     return [
         DrawnRun(run, key, styles[run.label], number) for number, (run, key) in enumerate(flew, 1)
     ]
-
-
-def lane_name(drawn_run: DrawnRun, count: int) -> str:
-    """Entity of a lane, in no folder: the viewer shows its whole path as the name of the lane."""
-    made_by = drawn_run.run.provenance
-    number = f"{drawn_run.number:0{len(str(count))}d}"
-    return f"{number}_{plain_name(made_by.plant)}/{plain_name(made_by.gains_name)}"

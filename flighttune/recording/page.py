@@ -1,28 +1,18 @@
-"""Text in a recording, as Markdown: the page, a sentence for each tab, the present instant."""
+"""Text in a recording, as Markdown: the page, a sentence for each tab, the names of the runs."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import numpy as np
 import pandas as pd
 import rerun as rr
 
-from flighttune.arrays import FloatArray
 from flighttune.files.table import toml_text
 from flighttune.metrics import metric_tables
-from flighttune.present.names import METRIC_LABELS, SYMBOLS, columns, shown_unit
+from flighttune.present.names import METRIC_LABELS, SYMBOLS, columns
 from flighttune.present.palette import hue_tells_gains
 from flighttune.present.tables import Column, Table
-from flighttune.recording.entities import (
-    NOW,
-    OVERVIEW_TAB,
-    PAGE_TAB,
-    ROUTE_TAB,
-    DrawnRun,
-    reading,
-    times,
-)
-from flighttune.recording.plots import AIRCRAFT_TAB, LAW_TAB, TRACKING_TAB, displayed, unit_of
+from flighttune.recording.entities import LEGEND, OVERVIEW_TAB, PAGE_TAB, DrawnRun, reading
+from flighttune.recording.plots import AIRCRAFT_TAB, LAW_TAB, TRACKING_TAB
 from flighttune.recording.scene import all_positions, drawn_scale, ground_grid
 from flighttune.simulate.run import Run, claim_notes, priority_notes, run_styles
 
@@ -34,9 +24,8 @@ HOW_TO_READ = """\
 Plots show angles in degrees; files keep radians. Positions are local north, east and down from
 the start, in m. Errors are reference minus actual.
 
-Every run has a colour of its own, the same in 3D and in every plot; the lanes name them. A lane
-is dark while a limit holds a command of the run, and says which one; it is red after a flight that
-ended early. Laws without an aircraft are drawn as outlines, and their paths dashed. The arrow of an
+Every run has a colour of its own, the same in 3D and in every plot; the list on Overview names
+them. Laws without an aircraft are drawn as outlines, and their paths dashed. The arrow of an
 aircraft is its velocity over ground, the grey one the wind, four times longer.
 
 Faint lines behind course, path angle and airspeed are what sensors gave the controller. Errors
@@ -44,8 +33,7 @@ and metrics are of the true values."""
 
 # What each tab shows; that of the overview names colours and lines too.
 SENTENCES = {
-    OVERVIEW_TAB: "Where the runs flew, how far off they were and their values now.",
-    ROUTE_TAB: "The route from above, and an aircraft of true size in its corridor.",
+    OVERVIEW_TAB: "Where the runs flew and how far off they were.",
     TRACKING_TAB: "What was asked for (grey), commanded (thin) and flown; limits are red.",
     AIRCRAFT_TAB: "How the aircraft moved and in which air; the reference of V_a is grey.",
     LAW_TAB: "Commands before the limits (red), integrator thin; and what the aircraft adds to the "
@@ -67,18 +55,6 @@ GAIN_COLUMNS = [
     Column("K_P", "K_P", missing="none found"),
     Column("K_I", "K_I", missing="none found"),
 ]
-
-INSTANTS = 1001  # at most, at which the numbers change: every sample of 20 s, each second of 1000 s
-
-# Heading and format of each signal.
-COLUMNS = {
-    "V_a": ("V_a", ".1f"),
-    "h": ("h", ".0f"),
-    "phi": ("roll", "z.0f"),
-    "n_z": ("n_z", "z.2f"),
-    "chi_err": ("e chi", "z.1f"),
-    "gamma_err": ("e gamma", "z.1f"),
-}
 
 
 def scenario_page(
@@ -146,49 +122,21 @@ def _made_with(runs: Sequence[Run]) -> list[str]:
     return [f"Seed {first.seed}; {versions}; flown in {seconds:.2f} s."]
 
 
-def log_readout(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None:
-    """Log what each tab shows, and a table of the runs over time."""
-    for tab, sentence in SENTENCES.items():
-        text = f"{sentence} {reading_line(flights)}" if tab == OVERVIEW_TAB else sentence
-        line = rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN)
-        stream.log(reading(tab), line, static=True)
-    t = max((drawn_run.run.t for drawn_run in flights), key=lambda t: t[-1])
-    # a whole stride, so that whole seconds are among the instants
-    t = t[np.append(np.arange(0, len(t) - 1, -(-len(t) // INSTANTS)), len(t) - 1)]
-    headings = " | ".join(heading for heading, _ in COLUMNS.values())
-    rule = "|".join(["---", *["--:"] * len(COLUMNS)])
-    units = " | ".join(shown_unit(unit_of(name))[0] for name in COLUMNS)
-    below = f" | {headings} |\n|{rule}|\n| | {units} |"
-    lines = [[f"| t = {now:.2f} s{below}" for now in t.tolist()]]
-    lines += [_rows(drawn_run, t) for drawn_run in flights]
-    pages = ["\n".join(page) + "\n" for page in zip(*lines, strict=True)]
-    media = [rr.MediaType.MARKDOWN] * len(pages)
-    stream.send_columns(NOW, [times(t)], rr.TextDocument.columns(text=pages, media_type=media))
-
-
-def _rows(drawn_run: DrawnRun, t: FloatArray) -> list[str]:
-    """The row of a run at each of the times `t` (s)."""
-    run = drawn_run.run
-    sample = np.minimum(np.searchsorted(run.t, t), len(run.t) - 1)
-    columns = []
-    for name, (_, form) in COLUMNS.items():
-        if name in run.signals:
-            values = displayed(run.signals, name)[sample].tolist()
-            columns.append([f"{value:{form}}" for value in values])
-        else:
-            columns.append([" "] * len(t))
-    name = f"{drawn_run.number} {run.label}"
-    after = f"| {name} | {run.status.replace('_', ' ')} | " + " | ".join(" " * 5) + " |"
-    return [
-        after
-        if now > run.duration and run.status != "completed"
-        else f"| {name} | {' | '.join(row)} |"
-        for now, row in zip(t.tolist(), zip(*columns, strict=True), strict=True)
-    ]
+def log_legends(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None:
+    """Log what each tab shows, and which run has which number and colour."""
+    texts = {reading(tab): sentence for tab, sentence in SENTENCES.items()}
+    texts[reading(OVERVIEW_TAB)] += f" {reading_line(flights)}"
+    texts[LEGEND] = "".join(
+        f"{drawn_run.number}. {drawn_run.run.label}: {drawn_run.style.name}, "
+        f"{drawn_run.run.outcome}\n"
+        for drawn_run in flights
+    )
+    for entity, text in texts.items():
+        stream.log(entity, rr.TextDocument(text, media_type=rr.MediaType.MARKDOWN), static=True)
 
 
 def reading_line(flights: Sequence[DrawnRun]) -> str:
-    """Legend of colours, lines, arrows and lanes as Markdown."""
+    """Legend of colours, lines and arrows as Markdown."""
     made_by = [drawn_run.run.provenance for drawn_run in flights]
     pairs = [(flight.plant, flight.gains_name) for flight in made_by]
     same = len({gains for _, gains in pairs}) == 1
@@ -208,6 +156,5 @@ def reading_line(flights: Sequence[DrawnRun]) -> str:
         f"**aircraft:** {factor:g} times their size",
         "**arrow:** velocity",
         f"**grid:** {spacing:g} m",
-        "**dark lane:** a limit holds a command",
     ]
     return ", ".join(parts) + "."

@@ -24,8 +24,7 @@ from flighttune.present.thinning import peaks
 from flighttune.recording import entities
 from flighttune.recording.blueprint import blueprint
 from flighttune.recording.entities import DrawnRun, application, log_lines, runs_to_draw, times
-from flighttune.recording.lanes import log_lanes
-from flighttune.recording.page import log_readout, scenario_page
+from flighttune.recording.page import log_legends, scenario_page
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots, with_derived
 from flighttune.recording.route import log_route, route_of
 from flighttune.recording.scene import log_scene, somewhere
@@ -169,13 +168,14 @@ def log_recording(
     extended = with_derived(recorded)
     plots = shown_plots([drawn_run.run for drawn_run in extended])
     route = route_of(extended)
-    _send_layout(stream, blueprint(extended, plots, route and route[1]))
+    _send_layout(
+        stream, blueprint(extended, plots, on_map=route is not None and route[1].geographic)
+    )
     stream.send_recording_name(title)
     stream.log(entities.PAGE, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN), static=True)
     if extended:
         log_scene(stream, [somewhere(drawn_run) for drawn_run in recorded])
-        log_lanes(stream, extended)
-        log_readout(stream, extended)
+        log_legends(stream, extended)
     if route is not None:
         log_route(stream, [somewhere(drawn_run) for drawn_run in extended], *route)
     for plot in dict.fromkeys(plot for tab in plots.values() for plot in tab):

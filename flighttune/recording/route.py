@@ -10,9 +10,8 @@ from flighttune.flight.conditions import reference_of
 from flighttune.metrics import OFF_ROUTE
 from flighttune.present.palette import LIMIT, NEUTRAL, rgb
 from flighttune.present.thinning import evenly
-from flighttune.recording.entities import MAP, ROUTE, TRUE_SIZE, DrawnRun, on_screen, times
+from flighttune.recording.entities import MAP, ROUTE, DrawnRun, on_screen, times
 from flighttune.recording.plots import positions
-from flighttune.recording.scene import log_aircraft, span_of
 from flighttune.references.earth import LatLon
 from flighttune.references.follow import RouteReference
 from flighttune.references.maps import on_earth
@@ -53,9 +52,7 @@ def log_route(
     labels = {"labels": [*names.values()], "show_labels": True, "colors": GREY}
     _log(stream, f"{ROUTE}/waypoints", rr.Points3D([*names], radii=on_screen(3.0), **labels))
     for drawn_run in flights:
-        run, frame = drawn_run.run, f"{TRUE_SIZE}/{drawn_run.key}"
-        log_aircraft(stream, drawn_run, run.signals, frame, span_of(run))
-        if (corners := _corners(run, path)) is not None:
+        if (corners := _corners(drawn_run.run, path)) is not None:
             _log_corridor(stream, drawn_run, corners)
     if table.geographic:
         _log_map(stream, flights, path, table, waypoints)

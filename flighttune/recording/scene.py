@@ -30,7 +30,7 @@ MODEL = Path(__file__).with_name("aircraft.glb")
 MODEL_SPAN = 2.9  # m, of the aircraft in ``aircraft.glb``
 
 FIELD_OF_VIEW = math.radians(52.0)  # vertical, that the flight should fill; the viewer's is 55 deg
-ASPECT = 1.25  # width over height of the view, or less
+ASPECT = 0.85  # width over height of the view, or less
 VIEWED_FROM = math.radians(-120.0)  # azimuth of the camera, clockwise from the direction of flight
 ELEVATION = math.radians(22.0)  # of the camera
 
@@ -150,15 +150,6 @@ def overview_eye(points: FloatArray, *, margin: float) -> Eye:
     return centre + distance * back, centre
 
 
-def eye_above(points: FloatArray) -> Eye:
-    """Camera that sees `points`, shape (n, 3), m, from above; north is up."""
-    low, high = points.min(axis=0), points.max(axis=0)
-    centre = (low + high) / 2.0
-    reach = max(high[0] - low[0], (high[1] - low[1]) / ASPECT) / 2.0
-    back = np.array([0.0, 0.0, -1.1 * reach / math.tan(FIELD_OF_VIEW / 2.0)])
-    return centre + back, centre
-
-
 def chase_eye(width: float) -> Eye:
     """Camera behind and above an aircraft `width` m wide, in axes that turn with its course."""
     return width * np.array([-2.0, -0.9, -1.0]), width * np.array([0.3, 0.0, 0.0])
@@ -194,7 +185,7 @@ def log_scene(stream: rr.RecordingStream, flights: Sequence[DrawnRun]) -> None:
         signals = drawn_run.run.signals
         width = factor * span_of(drawn_run.run)
         _log_path(stream, drawn_run, signals, floor=float(corner[2]))
-        log_aircraft(stream, drawn_run, signals, f"{entities.AIRCRAFT}/{drawn_run.key}", width)
+        _log_aircraft(stream, drawn_run, signals, f"{entities.AIRCRAFT}/{drawn_run.key}", width)
 
 
 def _log_path(
@@ -222,7 +213,7 @@ def _log_path(
     stream.log(f"{entities.SHADOWS}/{drawn_run.key}", line, static=True)
 
 
-def log_aircraft(
+def _log_aircraft(
     stream: rr.RecordingStream, drawn_run: DrawnRun, signals: pd.DataFrame, frame: str, width: float
 ) -> None:
     """Log the moving aircraft of a run, `width` (m) wide, with the arrows of velocity and wind."""

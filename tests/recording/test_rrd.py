@@ -141,6 +141,9 @@ def test_a_run_is_drawn_as_far_as_it_flew_and_on_the_page_that_the_caller_wrote(
     assert contents.nanoseconds("/plots/chi/jsbsim_aerosonde_bold")[-1] == 7_000_000_000
     assert not [path for path in [*contents.timed, *contents.static] if "strict" in path]
     assert contents.static["/page"]["TextDocument:text"].to_pylist() == [["# Page\n"]]
+    ((names,),) = contents.static["/runs"]["TextDocument:text"].to_pylist()
+    assert names.splitlines()[0] == "1. kinematic / paper: light blue, completed"
+    assert "5. jsbsim:aerosonde / bold: green, left envelope: alpha 16.3 deg" in names
 
 
 def blueprint_values(contents, component):
@@ -177,17 +180,6 @@ def test_tabs_are_those_that_have_something_to_show(contents, four_runs, in_sinu
     # Both can be open in one viewer.
     assert other.identity != contents.identity
     assert other.application == contents.application == "flighttune-flight"
-
-
-def test_the_values_now_are_those_at_the_cursor(contents, four_runs):
-    times = contents.nanoseconds("/now") / 1e9
-    assert times[0] == 0.0
-    assert np.diff(times).max() <= 0.04  # two samples at 50 Hz: 20 s have 1001 of them
-    place = int(np.searchsorted(times, 4.4))
-    text = contents.timed["/now"]["TextDocument:text"].to_pylist()[place][0]
-    values = [row.split("|")[2] for row in text.splitlines()[3:7]]
-    expected = [run.signals["V_a"].loc[4.4:].iloc[0] for run in four_runs]
-    assert [float(value) for value in values] == pytest.approx(expected, abs=0.051)
 
 
 def test_a_position_that_is_no_number_does_not_reach_the_scene(four_runs, tmp_path):
@@ -228,8 +220,6 @@ def test_ten_minutes_are_drawn_with_every_peak_in_thirty_megabytes(four_runs, tm
     signals = pd.DataFrame(noise, columns=names, index=pd.Index(t, name="t"))
     signals["V_a"] = 25.0
     signals["north"], signals["east"], signals["down"] = 20.0 * t, 5.0 * t, -t
-    for name in ("phi_limited", "n_z_limited"):
-        signals[name] = (np.sin(t) > 0.9).astype(float)
     path = tmp_path / "long.rrd"
 
     write_recording([replace(four_runs[0], signals=signals)], path, page="# Long\n", title="Long")
