@@ -1,9 +1,9 @@
-"""The bound that a certificate states for the linear loop, and the check of flights against it.
+"""The bound of the linear loop, drawn beside flights of the law.
 
 The bound follows from the gains, the linearised law, the start of each stretch and the disturbance
-that the scenario states: nothing of it is measured in the flight. It is checked where the flight is
+that the scenario states: nothing of it is measured in the flight. It is drawn where the flight is
 what the statement is about: the model of the law in still air, with true values measured. An
-aircraft has no such check: it does not keep the airspeed, roll and load factor that the law
+aircraft has no such bound: it does not keep the airspeed, roll and load factor that the law
 assumes. Its tube bounds its errors.
 """
 
@@ -22,9 +22,6 @@ from flighttune.simulate.run import Run
 from flighttune.theory.attractor import Ellipsoid, invariant_ellipsoid
 from flighttune.theory.indicators import Indicators, indicators
 
-# Part by which a bound may be exceeded before it counts as exceeded
-ROUNDING = 1e-6
-
 # Change of slope of the reference, rad a sample, beyond which it counts as moved.
 #
 # A step of the reference is a jump of s that no disturbance explains: the bound starts anew.
@@ -35,7 +32,7 @@ LIMITED = ("phi_limited", "n_z_limited")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class FlightCheck:
+class LinearBound:
     """The norm of s = (e', e) in a flight of the law, and the bound that its gains give it."""
 
     t: FloatArray  # (n,), s: Middle of each sample interval
@@ -45,19 +42,9 @@ class FlightCheck:
     bound: FloatArray
     radius: float  # Largest norm of s in the ultimate set of the stated disturbance
 
-    @property
-    def broken(self) -> npt.NDArray[np.bool_]:
-        """Where `size` is above `bound`, shape (n,)."""
-        return self.size > self.bound * (1.0 + ROUNDING) + ROUNDING**2
 
-    @property
-    def t_broken(self) -> float | None:
-        """When the bound is first exceeded, s; None where it holds."""
-        return round(float(self.t[self.broken.argmax()]), 9) if self.broken.any() else None
-
-
-def flight_check(run: Run) -> FlightCheck | None:
-    """Check a run against the bound of its gains.
+def linear_bound(run: Run) -> LinearBound | None:
+    """The bound that the gains of a run give it.
 
     None if there is no bound: another plant than the model of the law, wind, sensors, a disturbance
     that jumps, no gains, an unstable loop, a flight of fewer than four samples, or signals of the
@@ -78,7 +65,7 @@ def flight_check(run: Run) -> FlightCheck | None:
     if values.status != "stable":
         return None
     unit = invariant_ellipsoid(A_K, disturbance_entry(model), L_d=1.0)
-    return check_against(run, values, unit, L_d)
+    return bound_of(run, values, unit, L_d)
 
 
 def stated_L_d(run: Run) -> float | None:
@@ -95,8 +82,8 @@ def stated_L_d(run: Run) -> float | None:
     return bound if math.isfinite(bound) else None
 
 
-def check_against(run: Run, indicators: Indicators, unit: Ellipsoid, L_d: float) -> FlightCheck:
-    """Compare a run with the bound of its stable loop in velocity form, ``s' = A_K s + E v``.
+def bound_of(run: Run, indicators: Indicators, unit: Ellipsoid, L_d: float) -> LinearBound:
+    """A run and the bound of its stable loop in velocity form, ``s' = A_K s + E v``.
 
     `unit` is its invariant ellipsoid for ``|v| <= 1``, `L_d` (rad/s^2) the bound of the norm of v,
     the derivative of the disturbance.
@@ -123,7 +110,7 @@ def check_against(run: Run, indicators: Indicators, unit: Ellipsoid, L_d: float)
     level = np.einsum("ni,ij,nj->n", states, Q, states)[start] / np.linalg.eigvalsh(Q)[0]
     added = unit.radius * L_d * np.sqrt(-np.expm1(-unit.multiplier * since))
     bound = np.sqrt(level) * np.exp(-0.5 * indicators.R_K * since) + added
-    return FlightCheck(
+    return LinearBound(
         t=t,
         size=np.linalg.norm(states, axis=1),
         bound=np.where(free, bound, math.nan),

@@ -8,7 +8,7 @@ import numpy as np
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.arrays import FloatArray
-from flighttune.claims.linear_loop import flight_check
+from flighttune.claims.linear_loop import linear_bound
 from flighttune.errors import FlightTuneError, RecordingError
 from flighttune.files.table import toml_text
 from flighttune.flight.advice import advice
@@ -67,12 +67,12 @@ BOUND = (
     "The proof is about the linear loop. s stacks error rates and errors of flights of the law in "
     "still air. Dashed: its bound, i.e. the decay of the linear loop plus what the disturbance in "
     "the scenario can add (at most the dotted level). It pauses while a command is limited and "
-    "restarts when the reference changes slope. A red cross marks where a flight first exceeds it. "
+    "restarts when the reference changes slope. "
     "An aircraft has no such bound; its tube bounds its errors."
 )
 NO_BOUND = (
     "The proof is about the linear loop. No flight here is one of the law in still air with true "
-    "values measured, so none is compared with the bound."
+    "values measured, so no bound is drawn."
 )
 NO_CURVE = (
     "There is no curve of R_K against I_K: no stable gains were found within the limits of the "
@@ -304,7 +304,7 @@ def _certificate_section(scenario: Scenario, flights: panels.Drawn) -> Section:
     """Certificates of the gains, bounds of flights of the law, and the frontier with the gains."""
     sets = {run.provenance.gains_name: run.provenance.gains for run, _ in flights}
     gains = {name: gain_set for name, gain_set in sets.items() if gain_set is not None}
-    checks = {run.label: check for run, _ in flights if (check := flight_check(run)) is not None}
+    bounds = {run.label: found for run, _ in flights if (found := linear_bound(run)) is not None}
     curve = frontier(
         tuning_problem(scenario),
         points=FRONTIER_POINTS,
@@ -313,11 +313,11 @@ def _certificate_section(scenario: Scenario, flights: panels.Drawn) -> Section:
     )
     # A gain set has the style of its run on the last plant, the strongest.
     marks = {run.provenance.gains_name: style for run, style in flights}
-    charts = panels.certificate_panels(flights, checks)
+    charts = panels.certificate_panels(flights, bounds)
     stable = "frontier" in set(curve["name"])
     if stable:
         charts += [frontier_chart(curve, marks, against=key) for key in ("I_K", "E_K")]
-    notes = [BOUND if checks else NO_BOUND, "" if stable else NO_CURVE]
+    notes = [BOUND if bounds else NO_BOUND, "" if stable else NO_CURVE]
     return Section(
         id="certificate",
         title="Certificate",
@@ -326,6 +326,5 @@ def _certificate_section(scenario: Scenario, flights: panels.Drawn) -> Section:
         tables=[
             tables.gains_table(gains, curve),
             tables.certificates_table(scenario, gains),
-            tables.kept_table(checks),
         ],
     )

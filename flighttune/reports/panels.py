@@ -6,10 +6,10 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.claims.linear_loop import FlightCheck
+from flighttune.claims.linear_loop import LinearBound
 from flighttune.present.chart import DASHED, DOTTED, Chart
 from flighttune.present.names import shown_unit
-from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle
+from flighttune.present.palette import NEUTRAL, LineStyle
 from flighttune.present.thinning import MAX_DRAWN
 from flighttune.recording.plots import displayed, limits_of
 from flighttune.references.follow import ROUTE_SIGNALS
@@ -150,14 +150,14 @@ def flown_signals(
         yield _with_runs(chart, having, name)
 
 
-def certificate_panels(flights: Drawn, checks: Mapping[str, FlightCheck]) -> list[Chart]:
+def certificate_panels(flights: Drawn, bounds: Mapping[str, LinearBound]) -> list[Chart]:
     """The norm of s against its bound on the linear loop, a chart per gain set."""
     charts = []
     for name in dict.fromkeys(run.provenance.gains_name for run, _ in flights):
         compared = [
-            (run, style, checks[run.label])
+            (run, style, bounds[run.label])
             for run, style in flights
-            if run.provenance.gains_name == name and run.label in checks
+            if run.provenance.gains_name == name and run.label in bounds
         ]
         if not compared:
             continue
@@ -169,15 +169,12 @@ def certificate_panels(flights: Drawn, checks: Mapping[str, FlightCheck]) -> lis
             linked=True,
         )
         look: dict[str, Any] = {"most": most_points(len(flights))}
-        for run, style, check in compared:
+        for run, style, curve in compared:
             label = run.label
-            chart.run_line(check.t, np.maximum(check.size, TINY), style, label, dash="", **look)
-            chart.run_line(check.t, check.bound, style, label, dash=DASHED, width=1.2, **look)
-            if check.radius > 0.0:
-                chart.level(check.radius, style.colour, dash=DOTTED, run=label)
-            if check.t_broken is not None:
-                level = float(np.interp(check.t_broken, check.t, check.size))
-                chart.points(check.t_broken, level, LIMIT, shape="cross", size=5, run=label)
+            chart.run_line(curve.t, np.maximum(curve.size, TINY), style, label, dash="", **look)
+            chart.run_line(curve.t, curve.bound, style, label, dash=DASHED, width=1.2, **look)
+            if curve.radius > 0.0:
+                chart.level(curve.radius, style.colour, dash=DOTTED, run=label)
         low, high = chart.y_ends()
         chart.y_range = max(low, FLOOR), high
         charts.append(chart)

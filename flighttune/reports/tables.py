@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from flighttune.claims.linear_loop import FlightCheck
 from flighttune.control.gains import PIGains
 from flighttune.flight.expectations import ClaimCheck
 from flighttune.flight.models import certify_scenario
@@ -55,11 +54,6 @@ CERTIFICATE_COLUMNS = [
     *columns("growth radius L_d checks"),
     Column("envelope_rate", "proven over envelope", "1/s"),
     Column("status", "status"),
-]
-KEPT_COLUMNS = [
-    *columns("run"),
-    Column("kept", "‖s‖ below the bound of the linear loop"),
-    Column("t_broken", "exceeded from", "s"),
 ]
 
 
@@ -165,20 +159,6 @@ def certificates_table(scenario: Scenario, gains: Mapping[str, PIGains]) -> Tabl
             }
         )
     return Table(CERTIFICATE_COLUMNS, records, "Certificates", name="certificates")
-
-
-def kept_table(checks: Mapping[str, FlightCheck]) -> Table:
-    """Whether ``‖s‖`` of the law stayed below the bound of the linear loop, by label of the run."""
-    records = [
-        {
-            "run": label,
-            # a command that is limited to the end leaves nothing to compare
-            "kept": check.t_broken is None if np.isfinite(check.bound).any() else None,
-            "t_broken": check.t_broken,
-        }
-        for label, check in checks.items()
-    ]
-    return _by_run("kept", "Flights of the law", KEPT_COLUMNS, records)
 
 
 def paths_table(runs: Sequence[Run]) -> Table:

@@ -14,7 +14,7 @@ from plain_members import Glider, Proportional
 
 import flighttune as ft
 from flighttune import COMMON_SIGNALS, InnerLag, LaggedPlant, PointMassPlant, record
-from flighttune.claims.linear_loop import flight_check
+from flighttune.claims.linear_loop import linear_bound
 from flighttune.flight import apart
 from flighttune.flight.own import with_own
 from flighttune.planning.plan import plan_from
@@ -90,7 +90,7 @@ def test_own_laws_and_plants_fly_beside_those_of_the_scenario(scenario):
     assert own.provenance.law.kind == "python"
     assert own.provenance.gains is None
     assert np.rad2deg(own.signals["phi_cmd"].abs().max()) <= 20.0 + 1e-9
-    assert flight_check(own) is None
+    assert linear_bound(own) is None
     assert set(flown.indicators) == {"paper"}
 
 

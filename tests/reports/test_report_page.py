@@ -90,14 +90,6 @@ def test_a_flight_that_ended_at_once_has_its_row_its_count_and_its_reason(paper_
     assert why in page.path.read_text()
 
 
-def test_a_flight_that_limits_hold_to_the_end_is_said_to_prove_nothing(tmp_path):
-    written = ft.report("paper_printed_limits", tmp_path / "limits.html")
-
-    (record,) = records_of(written, "kept").values()
-    assert record["run"] == "kinematic / paper"
-    assert record["kept"] is None
-
-
 def test_the_ladder_of_a_very_long_flight_is_left_to_gap_and_that_is_said(paper_source, tmp_path):
     craft = paper_source.runs[2]
     rows = 2 * LONGEST_LADDER
