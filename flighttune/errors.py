@@ -21,6 +21,11 @@ import sys
 FORKS = hasattr(os, "fork")
 
 
+def printable(text: str) -> str:
+    """Text with a space for each character that steers a terminal or that XML does not allow."""
+    return "".join(char if char.isprintable() or char in "\n\u00a0" else " " for char in text)
+
+
 class FlightTuneError(Exception):
     """Base of all errors that flighttune raises on purpose.
 
@@ -32,6 +37,10 @@ class FlightTuneError(Exception):
     ...     print(type(error).__name__)
     ScenarioError
     """
+
+    def __str__(self) -> str:
+        """The message; it may repeat a stranger's text, which must not steer a terminal."""
+        return printable(super().__str__())
 
 
 class InputError(FlightTuneError, ValueError):

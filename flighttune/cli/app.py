@@ -17,7 +17,7 @@ from flighttune.cli.band import band, tube, worst
 from flighttune.cli.flights import fly, list_shipped, new, refly, route, run, view
 from flighttune.cli.gains import certify, frontier, meet, tune, verify
 from flighttune.cli.pages import compare, export, gap, report, reproduce
-from flighttune.cli.show import COULD_NOT_RUN, NO, emit, fail, output, working
+from flighttune.cli.show import COULD_NOT_RUN, INTERRUPTED, NO, emit, fail, output, working
 from flighttune.errors import FlightTuneError, InfeasibleError
 from flighttune.extras import missing_extra
 from flighttune.files.whole import reason_of
@@ -165,6 +165,13 @@ def _options(
 
 def main() -> None:
     """Run the command line; errors become one line on stderr and exit status 2."""
+    try:
+        _run()
+    except KeyboardInterrupt:  # also while an error is printed
+        sys.exit(INTERRUPTED)
+
+
+def _run() -> None:
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:  # closed by the caller

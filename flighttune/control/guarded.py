@@ -4,10 +4,12 @@ import math
 import textwrap
 import time
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from flighttune.control.controller import (
     Controller,
@@ -42,7 +44,16 @@ def failure(name: str, error: BaseException, t: float | None) -> str:
         Time of the flight, if one had begun.
     """
     when = "" if t is None else f" at t = {t:.2f} s"
-    return f"{name}{when}: {type(error).__name__}: {' '.join(str(error).split())}{_place(error)}"
+    said = _shown(error, str, 2**15)
+    return f"{name}{when}: {type(error).__name__}: {said}{_place(error)}"
+
+
+def _shown(value: object, text: Callable[[object], str] = repr, most: int = MAX_SHOWN) -> str:
+    """A stranger's object as a message repeats it in one line; its type, if its text raises."""
+    try:
+        return textwrap.shorten(text(value), most)
+    except FAILURES:  # also of a whole number with thousands of digits
+        return f"a value of type {type(value).__name__}"
 
 
 def _place(error: BaseException) -> str:
@@ -59,6 +70,13 @@ def _place(error: BaseException) -> str:
             of = "" if function == "<module>" else f" of {function}"
             return f" (line {line}{of} in {Path(code.co_filename).name})"
     return ""
+
+
+def _number(value: Any) -> float:
+    """A number as a law returns it; TypeError for what `float` would take besides numbers."""
+    if isinstance(value, str | bytes | bytearray | bool | np.bool_ | np.complexfloating):
+        raise TypeError
+    return float(value)
 
 
 class LawError(Exception):
@@ -100,7 +118,7 @@ class GuardedLaw(SelfLimiting):
             raise self._failed(error, 0.0) from error
         self._recorded = getattr(self._law, "limiter", self._limits)
         if not isinstance(self._recorded, CommandLimiter):
-            shown_value = textwrap.shorten(repr(self._recorded), MAX_SHOWN)
+            shown_value = _shown(self._recorded)
             raise LawError(f"{self._name}: `limiter` must be a CommandLimiter, got {shown_value}.")
 
     def step(self, measured: Measured, reference: ReferenceSample, t: float) -> Sequence[float]:
@@ -121,14 +139,16 @@ class GuardedLaw(SelfLimiting):
         when, m = f"{self._name} at t = {t:.2f} s", self._m
         names = *("phi_cmd", "n_z_cmd", "n_x_cmd")[:m], *self.signals
         try:
+            if isinstance(returned, bytes | bytearray):  # which would give whole numbers
+                raise TypeError
             # One more than wanted tells that there are too many: an iterator may have no end.
             first = islice(returned, len(names) + 1)  # type: ignore[call-overload]
-            values = [float(value) for value in first]
-        except (TypeError, ValueError):
+            values = [_number(value) for value in first]
+        except (TypeError, ValueError, OverflowError):
             values = []
         if len(values) != len(names):
             count = "more" if len(values) > len(names) else len(values)
-            count = count if values else textwrap.shorten(repr(returned), MAX_SHOWN)
+            count = count if values else _shown(returned)
             expected = f"{len(names)} numbers ({', '.join(names)})"
             raise LawError(f"{when}: `step` must return {expected}, got {count}.")
         for name, value in zip(names[:m], values, strict=False):
@@ -158,7 +178,7 @@ class GuardedLaw(SelfLimiting):
         except FAILURES as error:
             raise self._failed(error, 0.0) from error
         if not (isinstance(model, LinearModel) and isinstance(gains, PIGains)):
-            got = textwrap.shorten(repr(returned), MAX_SHOWN)
+            got = _shown(returned)
             raise LawError(
                 f"{self._name}: `linear` must return a LinearModel and PIGains, got {got}."
             )

@@ -8,6 +8,8 @@ from itertools import zip_longest
 from textwrap import wrap
 from typing import Any
 
+from flighttune.errors import printable as printable
+
 # Text in place of a missing number.
 MISSING = "–"
 
@@ -19,11 +21,6 @@ NARROWEST = 16
 
 # Characters of a cell from which on a page may wrap the last column.
 LONG_WORDS = 40
-
-
-def printable(text: str) -> str:
-    """Text with a space for each character that steers a terminal or that XML does not allow."""
-    return "".join(char if char.isprintable() or char in "\n\u00a0" else " " for char in text)
 
 
 def quoted(text: str) -> str:

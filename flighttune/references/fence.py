@@ -13,7 +13,7 @@ from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
 from flighttune.files.table import file_text, json_tables
 from flighttune.references.earth import LatLon, north_east, on_earth
-from flighttune.references.maps import features, json_number, kml_features, reading
+from flighttune.references.maps import features, json_bool, json_number, kml_features, reading
 from flighttune.references.path import Path as Route
 
 # Distance between the points of a path across which the fence is looked for, m.
@@ -126,7 +126,7 @@ def fence_tables(files: Sequence[Path]) -> dict[str, Any]:
 def _of_plan(stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Polygons and circles of a plan of QGroundControl."""
     for area in [*(stated.get("polygons") or ()), *(stated.get("circles") or ())]:
-        inside = area.get("inclusion", True)
+        inside = json_bool(area.get("inclusion", True), "`inclusion`")
         if "circle" in area:
             lat, lon = (json_number(x, "`center`") for x in area["circle"]["center"][:2])
             radius = json_number(area["circle"]["radius"], "`radius`")
@@ -185,7 +185,7 @@ def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
         for shape in shapes:
             stated = dict(shape.get("properties") or {})
             low, high = _heights(stated, low, high)
-            outside = bool(stated.get("exclusion", False))
+            outside = json_bool(stated.get("exclusion", False), "`exclusion`")
             numbers[outside] += 1
             kind = f" of {'exclusion' if outside else 'area'} {numbers[outside]}"
             begin = len(names)

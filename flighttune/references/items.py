@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 
 from flighttune.errors import InputError
 from flighttune.files.mistakes import abridged
-from flighttune.references.maps import json_number
+from flighttune.references.maps import json_bool, json_number
 
 # Values of a row of the table `waypoint` of [route], and keys of its place.
 Row: TypeAlias = dict[str, Any]
@@ -155,15 +155,20 @@ def _landing(item: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     """The start, the circle or waypoint, and the landing of a landing pattern."""
     approach = item.get("landingApproachCoordinate") or item["loiterCoordinate"]
     radius = json_number(item.get("loiterRadius", 0.0), "`loiterRadius`")
-    radius = math.copysign(radius, 1.0 if item.get("loiterClockwise", True) else -1.0)
-    frame = ABOVE_HOME[0] if item.get("altitudesAreRelative", True) else ABOVE_SEA[0]
+    radius = math.copysign(radius, 1.0 if _flag(item, "loiterClockwise") else -1.0)
+    frame = ABOVE_HOME[0] if _flag(item, "altitudesAreRelative") else ABOVE_SEA[0]
     down = VTOL_LAND if item["complexItemType"] == "vtolLandingPattern" else LAND
-    circle = TO_HEIGHT if item.get("useLoiterToAlt", True) else WAYPOINT
+    circle = TO_HEIGHT if _flag(item, "useLoiterToAlt") else WAYPOINT
     simple = {"type": "SimpleItem", "frame": frame}
     yield simple | {"command": 189, "params": [0, 0, 0, 0, 0, 0, 0]}
     before = [0, radius, 0, 1] if circle == TO_HEIGHT else [0, 0, 0, None]
     yield simple | {"command": circle, "params": [*before, *approach]}
     yield simple | {"command": down, "params": [0, 0, 0, None, *item["landCoordinate"]]}
+
+
+def _flag(item: Mapping[str, Any], key: str) -> bool:
+    """A value of an item that is true or false; true if it is absent."""
+    return json_bool(item.get(key, True), f"`{key}`")
 
 
 def _in_order(items: Sequence[Mapping[str, Any]]) -> Iterator[int]:
@@ -287,7 +292,7 @@ def _notes(label: str, item: Mapping[str, Any]) -> Iterator[str]:
         yield f"The hold time of {label}, {values[0]:g} s, is not flown."
     if command == WAYPOINT and any(values[1:3]):
         yield f"The radius of {label} is not used: the path passes inside of the corner."
-    if item.get("autoContinue") is False:
+    if not _flag(item, "autoContinue"):
         yield f"{subject} waits until it is told to go on, which is not flown."
     if command == UNLIMITED:
         yield f"{subject} without an end is flown as {UNLIMITED_TURNS:g} turns."

@@ -90,7 +90,7 @@ STYLES = {
 def areas_of(tables: Iterable[Mapping[str, Any]]) -> tuple[tuple[list[list[float]], bool], ...]:
     """Rings of fences in GeoJSON, and whether they are to stay out of; inner rings are."""
     return tuple(
-        (ring, bool((feature.get("properties") or {}).get("exclusion")) or zone > 0)
+        (ring, zone > 0 or (feature.get("properties") or {}).get("exclusion") is True)
         for fence in tables
         for feature in features(fence)
         if feature["geometry"]["type"] == "Polygon"
@@ -103,6 +103,13 @@ def json_number(value: object, name: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < TOO_LARGE:
         raise InputError(f"{name} must be a number, got {abridged(value)}.")
     return float(value)
+
+
+def json_bool(value: object, name: str) -> bool:
+    """A value of a file that is true or false; InputError if it is another."""
+    if not isinstance(value, bool):
+        raise InputError(f"{name} must be true or false, got {abridged(value)}.")
+    return value
 
 
 @contextmanager

@@ -21,7 +21,7 @@ ROUTE_FILES = (".plan", ".json", ".geojson", ".waypoints", ".txt", ".kml")
 OTHER_FILES = (".mission", ".kmz", ".gpx")
 
 # First words of the files of Mission Planner, and the values of an item in a line of them.
-HEADER, COLUMNS = "QGC WPL", 12
+HEADER, COLUMNS = "QGC WPL 110", 12
 
 # Largest latitude and longitude of a start whose home position may have zeros, deg.
 NEAR_DEG = 5.0
@@ -90,6 +90,9 @@ def _plan(tables: Mapping[str, Any], skip: bool) -> RouteFile:
     mission = tables["mission"]
     if read := _written(tables.get(ROUTE_KEY), mission):
         return read
+    speed = json_number(mission.get("cruiseSpeed", 1.0), "`cruiseSpeed`")
+    if speed <= 0.0:
+        raise InputError(f"`cruiseSpeed` must be positive, got {speed:g} m/s.")
     stated = [*(mission.get("plannedHomePosition") or ()), None, None, None][:3]
     height = json_number(stated[2], "the height above sea level in `plannedHomePosition`")
     home = (*(json_number(x or 0.0, "`plannedHomePosition`") for x in stated[:2]), height)
@@ -102,7 +105,7 @@ def _plan(tables: Mapping[str, Any], skip: bool) -> RouteFile:
 def _waypoints(text: str, skip: bool) -> RouteFile:
     """A file of Mission Planner, whose first line of values is the home position."""
     first, *lines = [line.split() for line in text.splitlines() if line.strip()]
-    if " ".join(first[:2]) != HEADER or not lines or {*map(len, lines)} != {COLUMNS}:
+    if " ".join(first) != HEADER or not lines or {*map(len, lines)} != {COLUMNS}:
         raise InputError(f"must begin with {HEADER} and have {COLUMNS} values in each line.")
     numbers = [[float(value) for value in line] for line in lines]
     home = numbers[0][8], numbers[0][9], json_number(numbers[0][10], "the height of home")
@@ -116,6 +119,11 @@ def _waypoints(text: str, skip: bool) -> RouteFile:
 
 def _mission(read: Mission, home: tuple[float, ...], rally: list[Row]) -> RouteFile:
     rows = read.rows
+    if not (abs(home[0]) <= 90.0 and abs(home[1]) <= 180.0):  # also catches NaN
+        raise InputError(
+            "the home position must have a latitude up to 90 and a longitude up to 180 deg, got "
+            f"{home[0]:g} and {home[1]:g}."
+        )
     # Programs that do not know the home position write zeros.
     if rows and not any(home[:2]) and abs(rows[0]["lat_deg"]) + abs(rows[0]["lon_deg"]) > NEAR_DEG:
         raise InputError(f"`plannedHomePosition` must be near the route, got {list(home)}.")

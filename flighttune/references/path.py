@@ -217,7 +217,9 @@ def plan(waypoints: Sequence[Waypoint], ability: Ability) -> Path:
         stretches = _lay(waypoints, ability)
     except _NoRoomError as error:
         raise InputError(f"{error}{_ways_out(waypoints, ability)}.") from None
-    ends = accumulate(sum(piece.length for piece in laid.pieces) for laid in stretches)
+    ends = [*accumulate(sum(piece.length for piece in laid.pieces) for laid in stretches)]
+    if ends[-1] < STEP:
+        raise InputError(f"`waypoints` must be {STEP:g} m apart or more, got {ends[-1]:.2g} m.")
     numbers = (laid.waypoint for laid in stretches)
     check_length(zip(numbers, ends, strict=True), ability)
     return _path(stretches, waypoints, _courses(waypoints, ability, set())[0], ability)

@@ -187,6 +187,22 @@ def test_a_file_that_may_not_be_looked_at_is_one_line(tmp_path, monkeypatch):
     assert (printed, said) == ("", "flighttune: private/x.toml: permission denied.\n")
 
 
+def test_no_error_steers_the_terminal(tmp_path):
+    (tmp_path / "x.toml").write_text('reference = { chi_deg = [{ shape = "\\u001b[2Jx" }] }')
+
+    with pytest.raises(ft.InputError) as refusal:
+        ft.load_scenario(tmp_path / "x.toml")
+
+    assert "[2Jx" in str(refusal.value)
+    assert str(refusal.value).isprintable()
+
+
+def test_an_interruption_while_an_error_is_printed_ends_with_130(monkeypatch):
+    monkeypatch.setattr("flighttune.cli.app.fail", mock.Mock(side_effect=KeyboardInterrupt))
+
+    flighttune("fly", "nowhere.toml", status=130)
+
+
 @pytest.mark.parametrize(
     "title", ["\x1b[31mred\x07\x9b\u202e\u2028 end", ".", "..", "at 25.5 m/s, etc.", "]]> -- <b>"]
 )

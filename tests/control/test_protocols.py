@@ -104,6 +104,16 @@ def faulty(at, does):
     return Faulty()
 
 
+class Mute(Exception):
+    def __str__(self):
+        raise RuntimeError
+
+    __repr__ = __str__
+
+    def fail(self):
+        raise self
+
+
 @pytest.mark.parametrize(
     ("does", "said"),
     [
@@ -111,7 +121,13 @@ def faulty(at, does):
         (lambda good: (np.nan, *good[1:]), r"`phi_cmd` must be finite, got nan"),
         (lambda good: (good[0], np.inf, 0.0), r"`n_z_cmd` must be finite, got inf"),
         (lambda good: 1 / 0, r"ZeroDivisionError: .* \d+ of <lambda> in test_protocols.py\)"),
-        (lambda good: ("left", 1.0, 0.0), r"`step` must return 3 numbers .* got \('left', 1.0"),
+        *(
+            (lambda good, odd=odd: (odd, 1.0, 0.0), r"`step` must return 3 numbers .*, got ")
+            for odd in ("left", "1.0", b"1", True, np.True_, 1j, np.complex64(1), 10**5000)
+        ),
+        (lambda good: Mute(), r"`step` must return 3 numbers .*, got a value of type Mute\."),
+        (lambda good: Mute().fail(), r"Mute: a value of type Mute \(line \d+ of "),
+        (lambda good: b"\0\1\0", r"`step` must return 3 numbers .*, got b'"),
     ],
 )  # fmt: skip
 def test_a_law_that_fails_ends_the_flight_and_keeps_what_was_flown(does, said):

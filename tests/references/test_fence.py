@@ -184,6 +184,8 @@ def test_several_fences_of_several_kinds_hold_at_once(tmp_path):
         ([(True, BOX), (False, BOX)], [], "outside of exclusion 1"),
         ([], [(True, (400.0, 0.0), -5.0)], "`radius` of a circle must be positive, got -5"),
         ([], [], "must have a Polygon for a fence, got none"),
+        ([("false", BOX)], [], "`inclusion` must be true or false, got 'false'"),
+        ([], [(0, (400.0, 0.0), 5.0)], "`inclusion` must be true or false, got 0"),
     ],
 )
 def test_a_plan_whose_fence_cannot_hold_is_refused(tmp_path, polygons, circles, says):
@@ -331,6 +333,7 @@ def test_flights_that_start_the_other_way_are_not_counted_inside_a_wall_behind_t
         ([[(n + 90.0, e) for n, e in BOX]], {}, "the start must be inside"),
         ([BOX, [(-9, -9), (-9, 9), (9, 9), (9, -9)]], {}, "the start must be inside"),
         ([BOX], {"min_up_m": 50.0, "max_up_m": -9.0}, "got 50 and -9"),
+        ([BOX], {"exclusion": "false"}, "`exclusion` must be true or false, got 'false'"),
         ([BOX], {"max_up_m": float("nan")}, "`max_up_m` must be a number, got nan"),
         ([BOX], {"max_up_m": 50.0, "maxAltitude": 30.0}, "got 'maxAltitude'"),
     ],

@@ -202,18 +202,43 @@ def test_a_jump_without_an_end_or_with_many_repeats_is_refused(tmp_path, repeats
         read_route(plan_file(tmp_path / "m.plan", *PATROL, jump))
 
 
+LANDING = {
+    "type": "ComplexItem",
+    "complexItemType": "fwLandingPattern",
+    "altitudesAreRelative": True,
+    "landCoordinate": [47.4, 8.51, 0],
+    "landingApproachCoordinate": [47.39, 8.51, 40],
+    "loiterRadius": 180,
+    "loiterClockwise": False,
+    "useLoiterToAlt": True,
+}
+
+
+@pytest.mark.parametrize(
+    "key", ["altitudesAreRelative", "loiterClockwise", "useLoiterToAlt", "autoContinue"]
+)
+@pytest.mark.parametrize("value", ["false", 0, None, []])
+def test_what_is_true_or_false_is_nothing_else(tmp_path, key, value):
+    last = (LANDING if key in LANDING else PATROL[3]) | {key: value}
+    with pytest.raises(ft.InputError, match=rf"m\.plan: .*`{key}` must be true or false, got "):
+        read_route(plan_file(tmp_path / "m.plan", *PATROL[:3], last))
+
+
+@pytest.mark.parametrize("speed", [0, -25, 1e308, float("nan"), "25", None, True])
+def test_a_cruise_speed_that_no_aircraft_has_is_refused(tmp_path, speed):
+    mission = {"plannedHomePosition": HOME, "items": PATROL, "cruiseSpeed": speed}
+    with pytest.raises(ft.InputError, match=r"m\.plan: .*`cruiseSpeed` must be "):
+        read_route(plan_file(tmp_path / "m.plan", mission=mission))
+
+
+@pytest.mark.parametrize("home", [(91, 8.5, 480), (47.4, -181, 480), (float("nan"), 8.5, 480)])
+def test_a_home_position_beyond_the_earth_is_refused(tmp_path, home):
+    with pytest.raises(ft.InputError, match=r"(home p|plannedHomeP)osition.* must "):
+        read_route(plan_file(tmp_path / "m.plan", *PATROL, home=home))
+
+
 def test_a_landing_pattern_is_a_circle_down_and_a_final_to_a_height_above_its_place(tmp_path):
-    landing = {
-        "type": "ComplexItem",
-        "complexItemType": "fwLandingPattern",
-        "altitudesAreRelative": True,
-        "landCoordinate": [47.4, 8.51, 0],
-        "landingApproachCoordinate": [47.39, 8.51, 40],
-        "loiterRadius": 180,
-        "loiterClockwise": False,
-        "useLoiterToAlt": True,
-    }
-    route = read_route(plan_file(tmp_path / "m.plan", *PATROL, landing))
+    route = read_route(plan_file(tmp_path / "m.plan", *PATROL, LANDING))
 
     assert route.route["waypoint"][-2:] == [
         {"lat_deg": 47.39, "lon_deg": 8.51, "up_m": -20.0}
@@ -324,7 +349,13 @@ def test_waypoints_of_mission_planner_are_read(tmp_path):
     assert route.flight == {"h_m": 538.0, "ground_m": 488.0}
 
 
-@pytest.mark.parametrize("wrong", ["", "QGC WPL 110\n", WAYPOINTS.replace("588", "588\t5")])
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        *("", "QGC WPL 110\n", WAYPOINTS.replace("588", "588\t5")),
+        *(WAYPOINTS.replace("110", other) for other in ("120", "", "110 2")),
+    ],
+)
 def test_waypoints_that_are_none_are_refused(tmp_path, wrong):
     file = tmp_path / "m.waypoints"
     file.write_text(wrong)

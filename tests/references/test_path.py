@@ -90,6 +90,7 @@ def test_a_climb_of_its_own_angle_ends_before_the_waypoint():
         (points((0, 0), (900, 0), (0, 10)), "160 deg at waypoint 2"),
         (points((0, 0), (900, 0, 300)), "height of waypoint 2"),
         (points((0, 0), (0, 0)), "waypoint 2 must"),
+        (points((0, 0), (0.01, 0)), "1 m apart or more, got 0.01 m"),
         (points((0, 0, 0, 1), (900, 0)), "first waypoint"),
     ],
 )
