@@ -19,6 +19,7 @@ from flighttune.files.seal import format_of
 from flighttune.files.value import write
 from flighttune.flight.flown import FlownScenario
 from flighttune.gaps.gap import Gap
+from flighttune.identification.file import changed_files
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import columns, listed
 from flighttune.present.tables import Column, Table
@@ -203,6 +204,7 @@ class Verified(Answering):
         else:
             claim = value.answer()
         checks = [asdict(check) for check in self.verification.checks]
+        notes = *self.verification.notes, *claim.notes
         place = f"{self.source}: " if self.source else ""
         title = f"{place}{'valid: every check holds' if valid else 'not valid'}"
         # All inclusions of a tube are exact.
@@ -211,7 +213,7 @@ class Verified(Answering):
         return Answer(
             values={**pick(self, "valid reason"), "claim": claim.values},
             tables=[Table(shown, checks, title, name="checks"), *claim.tables],
-            notes=[*self.verification.notes, *claim.notes] if valid else [],
+            notes=[*stale_notes(value), *(notes if valid else ())],
             verdict=f"{kind if valid else f'claimed, not {lacks}'}: {self.claim.sentence}",
             failure="" if valid else f"{place}{self.reason}",
         )
@@ -284,6 +286,17 @@ def verify(
             counted = verified_band(band, count=count, run_code=run_code, pool=pool)
             verification = replace(counted, checks=verification.checks)
     return Verified(claim=value, verification=verification, source=source)
+
+
+def stale_notes(claim: AnyClaim) -> list[str]:
+    """A sentence for aircraft or models whose files have changed since a proof was made."""
+    if not isinstance(claim, Certificate | Tube):
+        return []  # a bound is of any aircraft, a band flies its own again
+    return [
+        f"The files of {name} are no longer those that it was made with: it says nothing of {name} "
+        "as it is now."
+        for name in changed_files(claim.files)
+    ]
 
 
 # Flights that claims can be drawn around.

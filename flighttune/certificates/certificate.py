@@ -149,6 +149,9 @@ class Certificate(Answering):
         Versions of flighttune and of the solvers.
     scenario_sha256 : str or None
         Hash of the scenario file the gains belong to.
+    files : mapping of str to str
+        SHA-256 of the identified model that `model` was taken from, by its name; empty for others
+        and in files of version 0.3.0.
     exact_rates : tuple of ExactRate
         The largest rates that a norm proves of the loop at the trim, continuous and sampled. They
         say nothing of an envelope or of other conditions.
@@ -170,6 +173,7 @@ class Certificate(Answering):
     models: tuple[LinearModel, ...] = ()
     made_with: Mapping[str, str] = field(default_factory=dict)
     scenario_sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")] | None = None
+    files: Mapping[str, str] = field(default_factory=dict)
     exact_rates: tuple[ExactRate, ...] = ()
 
     kind: ClassVar[Literal["proven"]] = "proven"

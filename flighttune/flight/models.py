@@ -28,7 +28,7 @@ from flighttune.control.margins import channel_margins, loop_margins
 from flighttune.errors import InputError, ScenarioError
 from flighttune.files.shipped import nearest_name
 from flighttune.flight.conditions import command_limits, reference_of, stated_condition
-from flighttune.identification.file import DesignModel, design_model
+from flighttune.identification.file import DesignModel, design_model, files_of
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, TuningModel
 from flighttune.theory.indicators import indicators
@@ -397,6 +397,10 @@ def certify_scenario(
         scenario_sha256=scenario.sha256,
         rates=exact,
     )
+    if certification.certificate and scenario.tuning.model == "identified":
+        files = files_of(scenario.identified_name)
+        certificate = replace(certification.certificate, files=files)
+        certification = replace(certification, certificate=certificate)
     return replace(certification, unsampled=unsampled)
 
 

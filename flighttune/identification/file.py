@@ -7,15 +7,17 @@ all.
 import json
 import math
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import lru_cache
+from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PlainSerializer, computed_field
 
 from flighttune import quantities as q
-from flighttune.aircraft.aircraft import GAINS_FILE, load_aircraft
+from flighttune.aircraft.aircraft import GAINS_FILE, files_hash, load_aircraft
 from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag, Order, with_inner_loop
 from flighttune.control.law import Law, Trim, made_law
@@ -368,6 +370,26 @@ def load_identified(source: str | Path) -> IdentifiedAircraft:
     aircraft = _read(path, stamp(path))
     _check_gains(aircraft, path)
     return aircraft
+
+
+def files_of(name: str | None) -> dict[str, str]:
+    """SHA-256 of the files of an aircraft, or of the file of a model, by its name, if any."""
+    if name is None:
+        return {}
+    file = Path(name)
+    is_file = file.suffix == ".json"
+    return {name: sha256(file.read_bytes()).hexdigest() if is_file else files_hash(name)}
+
+
+def changed_files(known: Mapping[str, str]) -> list[str]:
+    """Names of which `files_of` is no longer what it was, or of which there are none any more."""
+    changed = []
+    for name, digest in known.items():
+        with suppress(InputError, OSError):
+            if files_of(name)[name] == digest:
+                continue
+        changed.append(name)
+    return changed
 
 
 @lru_cache(maxsize=32)  # every flight behind a reference of shape feasible asks for its lags

@@ -3,7 +3,7 @@
 import hashlib
 from pathlib import Path
 
-from flighttune.campaign.claims import AnyClaim
+from flighttune.campaign.claims import AnyClaim, stale_notes
 from flighttune.certificates.certificate import Certificate
 from flighttune.claims.band import Band
 from flighttune.files.table import toml_text
@@ -31,7 +31,7 @@ def write_claim_page(
     """
     answer = claim.answer(source) if isinstance(claim, Band) else claim.answer()
     facts = {"file": source, "its SHA-256": hashlib.sha256(Path(source).read_bytes()).hexdigest()}
-    sentences, notes, charts = [claim.sentence], [*answer.notes], []
+    sentences, notes, charts = [claim.sentence], [*stale_notes(claim), *answer.notes], []
     tables = [*answer.tables]
     title, commands, scenario = "Bound on R_K", f"flighttune verify {source}", ""
     campaign = ""

@@ -308,6 +308,12 @@ class Scenario(Table):
         return tuple(plant for plant in self.plant if plant.aircraft is not None)
 
     @property
+    def identified_name(self) -> str | None:
+        """Name of the aircraft or file of that model."""
+        table = self.identified_in
+        return table.identified or getattr(table, "aircraft", None)
+
+    @property
     def identified_in(self) -> tables.PlantTable | tables.TuningTable:
         """The table that names the identified model: [tuning], else the first plant with one."""
         if self.tuning.identified is not None:

@@ -1,7 +1,8 @@
 """A tube: bounds proven for all flights of a problem, what they say, and of which runs."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -11,6 +12,7 @@ from pydantic import Field
 from flighttune.arrays import FloatArray
 from flighttune.claims.distribution import STARTS, flown_values
 from flighttune.control.gains import gains_table
+from flighttune.identification.file import changed_files
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.present.reasons import endings_table
@@ -97,6 +99,8 @@ class Tube(Answering):
         Choices that make the proof short: slopes, splits, symbols given up.
     hand_over : HandOver or None
         Set in which the flights stay for ever; None where no such set was found.
+    files : mapping of str to str
+        Of a tube from a file: SHA-256 of the files of its aircraft or identified model, by name.
 
     Examples
     --------
@@ -114,6 +118,7 @@ class Tube(Answering):
     settings: Settings
     chosen: npt.NDArray[np.float32]
     hand_over: HandOver | None = None
+    files: Mapping[str, str] = field(default_factory=dict)
 
     kind: ClassVar[Kind] = "proven"
 
@@ -163,6 +168,8 @@ class Tube(Answering):
         problem, made = self.problem, run.provenance
         if self.status != "bounded":
             return f"the set is not bounded: {self.reason}"
+        if changed := changed_files(self.files):
+            return f"the files of {changed[0]} must be those that it was proven with"
         if len(run.signals) < 2:
             return f"it did not fly: {run.outcome}"
         if made.gains is None or made.law.kind != problem.law.kind:

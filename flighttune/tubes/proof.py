@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
@@ -20,6 +20,7 @@ from flighttune.files.table import json_object
 from flighttune.files.value import STRICT, tables_of, value_of
 from flighttune.files.whole import whole_file
 from flighttune.gaps.residual import RESIDUALS
+from flighttune.identification.file import files_of
 from flighttune.scenario.load import scenario_from
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.bounds import Bounds
@@ -72,6 +73,7 @@ class Claim:
     # See `AircraftBoxes`; no lags and no hash where the plant is no aircraft
     lags: tuple[InnerLag, ...]
     band_sha256: str | None
+    files: Mapping[str, str] = field(default_factory=dict)  # see `Tube`
 
     __pydantic_config__: ClassVar = STRICT
     FORMAT: ClassVar[str] = "flighttune tube 8"
@@ -99,6 +101,7 @@ def save_tube(tube: Tube, path: str | Path) -> None:
         hand_over=None if ever is None else (ever.sample, ever.samples),
         lags=() if boxes is None else boxes.lags,
         band_sha256=None if boxes is None else boxes.band_sha256,
+        files=tube.files or files_of(problem.table.aircraft or problem.table.identified),
     )
     looser = np.array([-BOUND_MARGIN, BOUND_MARGIN])
     arrays = {
@@ -164,6 +167,7 @@ def _tube_from(claim: Claim, arrays: Arrays, band: Band | None) -> Tube:
         settings=claim.settings,
         chosen=arrays["chosen"].ravel(),
         hand_over=_hand_over(claim, arrays, problem),
+        files=claim.files,
     )
 
 
