@@ -224,7 +224,7 @@ def route(
     """Plan the route of SCENARIO or FILE: its legs, turns and times, or what cannot be flown."""
     from flighttune.campaign.band import load_band
     from flighttune.flight.route import route as plan_route
-    from flighttune.references.fence import fence_tables
+    from flighttune.references.fence import fence_tables, read_fence
 
     if band is not None and out is None:
         out = Path("runs") / f"{Path(source).stem}.geojson"
@@ -238,6 +238,8 @@ def route(
         counted = None if band is None else load_band(band)
         corridor = None if counted is None else counted.corridor(planned.where)
         own = fence_tables([Path(source)]) if source.lower().endswith(".plan") else {}
+        if own:
+            read_fence(Path(source), planned.where[1], own)  # or it is refused
         fences = counted.about.fences if counted and counted.about.fences else [own] * bool(own)
         notes = [*answer.notes, *planned.save(out, corridor, fences)]
         answer = replace(answer, notes=notes)

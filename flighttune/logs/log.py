@@ -15,6 +15,7 @@ from flighttune.logs.checks import check_flight, checked
 from flighttune.logs.columns import Column, Columns, columns_of, given_columns
 from flighttune.logs.read import Fields, Stream, read_log
 from flighttune.logs.time_base import on_one_base
+from flighttune.references.maps import TOO_LARGE
 from flighttune.simulate.run import SIGNAL_UNITS, Provenance, Run
 
 PLANT = "log"  # label of the plant of a run that is a log
@@ -87,6 +88,11 @@ def load_log(
     raw = _named(kind, streams, places)
     if "vehicle" in raw:  # PX4: of a VTOL it changes
         vehicle = f"type {np.max(raw.pop('vehicle')[1]):g} of PX4"
+    large = []
+    for name, (times, column) in raw.items():
+        if number := np.count_nonzero(wrong := np.abs(column) >= TOO_LARGE):
+            raw[name] = times, np.where(wrong, np.nan, column)
+            large.append(f"{name}: samples of {TOO_LARGE:g} or more left out, {number}")
     t, values = on_one_base(str(path), raw, start, end, table=kind == "csv")
     signals, notes = checked(values, t)
     check_flight(str(path), signals, vehicle)
@@ -102,7 +108,7 @@ def load_log(
         "kind": kind,
         "from_s": start,
         "missing": [f"no {name}" for name in missing],
-        "gaps": gaps,
+        "gaps": gaps + large,
         "checks": notes,
     }
     libraries = {"ULog": "pyulog", "csv": "pandas"}.get(kind, "pymavlink")

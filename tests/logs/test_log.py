@@ -3,6 +3,7 @@
 import struct
 
 import numpy as np
+import pandas as pd
 import pytest
 from log_files import COMMAND, WRITERS, sampled, write_csv, write_dataflash, write_tlog, write_ulog
 
@@ -63,6 +64,21 @@ def test_a_gap_is_a_gap(flight, tmp_path):
     assert gap.sum() * (run.t[1] - run.t[0]) == pytest.approx(3.0, abs=0.1)
     assert run.signals["phi"][40.0:49.9].notna().all()
     assert "phi: 1.0% of the time" in run.provenance.log["gaps"]
+
+
+@pytest.mark.parametrize("value", [-1e308, np.inf])
+def test_samples_that_no_flight_has_are_left_out_and_said(flight, tmp_path, value):
+    t, signals = sampled(flight, noise=False, dropouts=False, late=False)
+    path = write_csv(tmp_path / "flight.csv", t, signals)
+    table = pd.read_csv(path)
+    fastest = np.hypot(table["v_north"], table["v_east"]).max()
+    table.loc[len(t) // 2, "v_north"] = value
+    table.to_csv(path, index=False)
+
+    run = ft.load_log(path)
+
+    assert run.signals["V_g"].max() <= fastest
+    assert "v_north: samples of 1e+09 or more left out, 1" in run.provenance.log["gaps"]
 
 
 def test_a_signal_of_a_table_that_never_changes_is_its_value(flight, tmp_path):

@@ -173,6 +173,19 @@ def test_a_written_route_is_read_back_as_the_same_path(
     )  # m
 
 
+def test_a_fence_that_crosses_itself_is_not_written(tmp_path):
+    ring = [(47.39, 8.49), (47.42, 8.51), (47.42, 8.49), (47.39, 8.51)]
+    fence = {"version": 2, "circles": [], "polygons": [{"polygon": ring, "inclusion": True}]}
+    mission = plan_file(
+        tmp_path / "m.plan", waypoint(47.4, 8.5, 60), waypoint(47.41, 8.5, 60), geoFence=fence
+    )
+
+    _, said = flighttune("route", mission, "--out", tmp_path / "out.plan", status=2)
+
+    assert "must not cross" in said
+    assert not (tmp_path / "out.plan").exists()
+
+
 def test_circles_of_a_plan_stay_circles(tmp_path):
     circles = [{"circle": {"center": [47.43, 8.54], "radius": 100.0}, "inclusion": False}]
     fence = {"version": 2, "circles": circles, "polygons": []}
