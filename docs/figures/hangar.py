@@ -1,7 +1,7 @@
 """Write docs/hangar.md and its picture, `adopt` on every model of JSBSim's own set.
 
 Run it by ``python docs/figures/hangar.py``. Each model is adopted by a command of its own, as many
-at once as there are cores; its turn is exported. This takes about ten minutes
+at once as there are cores; its turn is exported and its circuit flown. This takes about ten minutes
 on two cores; then the turns are flown again and drawn.
 """
 
@@ -11,6 +11,7 @@ import os
 import resource
 import subprocess
 import sys
+import tomllib
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from importlib.metadata import version
@@ -19,17 +20,27 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import flighttune as ft
-from flighttune.files.shipped import models_of_jsbsim
+from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.files.shipped import models_of_jsbsim, scenario_files
+from flighttune.files.table import toml_text
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import columns
 from flighttune.present.palette import HUES, INK
 from flighttune.present.tables import Column, Table
-from flighttune.units import DEG_PER_RAD
+from flighttune.units import DEG_PER_RAD, G_PAPER
 
 PAGE = Path(__file__).parents[1] / "hangar.md"
 PICTURE = PAGE.with_suffix(".svg")
 
 MAX_TIME_S = 600.0  # time that one model may take
+
+# Margin to the limits, factor on the look-ahead and share of the climbs of a circuit, tried in turn
+# until it is flown.
+CIRCUITS = [
+    (margin, look_ahead, climb)
+    for climb in (1.0, 0.5, 0.25, 0.1)
+    for margin, look_ahead in ((0.2, 1.0), (0.4, 2.0), (0.6, 3.0))
+]
 
 STATUSES = ("adopted", "flies", "refused")
 
@@ -45,6 +56,7 @@ COLUMNS = [
     Column("flown.paper.status", "K* scaled"),
     Column("cpu_s", "processor time", "s", ".0f"),
     Column("export", "export differs by", digits=".0e"),
+    Column("circuit", "circuit: beside, off height"),
     *columns("remarks"),
 ]
 
@@ -82,11 +94,59 @@ def processor_time() -> float:
 
 
 def proved(folder: Path) -> dict[str, Any]:
-    """Difference of the exported turn (rad, 1)."""
+    """Difference of the exported turn (rad, 1) and errors of the circuit, or why there are none."""
     turn = ("export", folder / "turn.toml", "--gains", "tuned_identified", "--json")
     exported = flighttune(*turn, "--out", folder / "export")
     differences = json.loads(exported.stdout or "{}").get("differences", {"": math.nan})
-    return {"export": max(differences.values())}
+    return {"export": max(differences.values()), "circuit": circuit(folder)}
+
+
+def circuit(folder: Path) -> str:
+    """How far beside its route and off its height an aircraft flies the circuit, or why it cannot.
+
+    The circuit is the shipped one at airspeed and limits of the aircraft's turn.
+    """
+    turn = tomllib.loads((folder / "turn.toml").read_text(encoding="utf-8"))
+    if not load_aircraft(str(folder)).engines.count:
+        return "has no engine, and glides"
+    why, file = "", folder / "circuit.toml"
+    for margin, look_ahead, climb in CIRCUITS:
+        text = toml_text(circuit_of(turn, margin, look_ahead, climb))
+        file.write_text(text, encoding="utf-8")
+        done = flighttune("fly", file, "--json", "--out", folder / "circuit")
+        answer = json.loads(done.stdout or "{}")
+        if done.returncode == 0:
+            flown = [run["metrics"]["flight"] for run in answer["runs"]]
+            errors = (max(run[key] for run in flown) for key in ("cross_track_m", "height_err_m"))
+            return ", ".join(f"{error:.2g} m" for error in errors)
+        why = answer.get("verdict") or done.stderr.strip()
+    return why
+
+
+def circuit_of(
+    turn: dict[str, Any], margin: float, look_ahead: float, climb: float
+) -> dict[str, Any]:
+    """Tables of the shipped circuit for an aircraft, from those of its turn."""
+    tables = tomllib.loads(scenario_files()["circuit"].read_text(encoding="utf-8"))
+    before, V_a, limits = tables["flight"]["V_a_mps"], turn["flight"]["V_a_mps"], turn["limits"]
+    wind = tables["route"]["wind_mps"]
+    # The radius of a turn at the largest bank, and the way of half a turn's roll-in.
+    rooms = [
+        (V + wind) ** 2 / (G_PAPER * math.tan(share * of["phi_deg"][1] / DEG_PER_RAD))
+        + (V + wind) * of["phi_deg"][1] / of["phi_rate_dps"]
+        for V, share, of in ((before, 0.8, tables["limits"]), (V_a, 1.0 - margin, limits))
+    ]
+    size, faster = rooms[1] / rooms[0], max(1.0, V_a / before)
+    factors = {"north_m": size, "east_m": size, "radius_m": size, "up_m": size * climb}
+    for point in tables["route"]["waypoint"]:
+        point |= {key: factors.get(key, climb) * point[key] for key in point.keys() - {"turns"}}
+    tables["route"] |= {"margin": margin, "look_ahead_s": look_ahead * 3.0}
+    tables["flight"] |= {"V_a_mps": V_a, "duration_s": 1000.0 * size * before / V_a}
+    for expected in tables["expect"]:  # an error of position grows with the way ahead
+        most = expected["at_most"]["flight"]
+        most |= {key: faster * look_ahead * value for key, value in most.items()}
+    tables["plant"][1]["aircraft"] = turn["plant"][0]["aircraft"]
+    return tables | {"limits": limits, "tuning": {"roll_rate": True}}
 
 
 def turn_chart(model: str, scenario: Path) -> Chart:
