@@ -74,8 +74,11 @@ class RateBound(Answering):
     def sentence(self) -> str:
         """The claim in words."""
         none = Fraction(self.R_bound) * Fraction(self.I_star) <= 1
-        what = "none exist" if none else f"R_K <= {self.R_bound:.6g}"
-        return f"for all gains with I_K <= {self.I_star:g}, coupled or not: {what}"
+        what = "none exist" if none else f"R_K <= {self.R_bound:.6g} 1/s"
+        return (
+            "for every linear model whose states are its errors, of any aircraft, and all gains "
+            f"with I_K <= {self.I_star:g} s², coupled or not: {what}"
+        )
 
     def answer(self) -> Answer:
         """The bound and its sentence."""

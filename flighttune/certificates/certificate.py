@@ -12,20 +12,21 @@ import numpy as np
 from pydantic import Field
 
 from flighttune.arrays import FloatArray, check_positive, set_read_only
-from flighttune.certificates.exact_rate import ExactRate
+from flighttune.certificates.exact_rate import SAME_MODEL, ExactRate, lag_units
 from flighttune.control.envelope import ENTRIES, Envelope, JacobianHull
-from flighttune.control.gains import PIGains, gains_table
+from flighttune.control.gains import ERRORS_WITH_AIRSPEED, PIGains, gains_table
 from flighttune.control.linear_model import (
     LAW_NAMES,
     LinearModel,
     closed_loop,
     disturbance_entry,
+    kinematic_model,
 )
 from flighttune.errors import InputError
 from flighttune.files.value import STRICT, read
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import columns, listed
-from flighttune.present.tables import Column, Table
+from flighttune.present.tables import Column, Table, quoted
 from flighttune.theory.exact import (
     Check,
     Interval,
@@ -58,8 +59,8 @@ MAX_STATES = 24
 EXACT_COLUMNS = [
     Column("loop", "loop"),
     *columns("decay"),
-    # [tuning] may scale the states of the law; those of a lag count by the rate that they cause
-    Column("growth", "largest growth of the norm, units of the design"),
+    # States of a lag count by the rate that they cause.
+    Column("growth", "largest growth of the norm"),
     Column("true_rate", "true rate", "1/s", "z.6g"),
 ]
 
@@ -111,9 +112,9 @@ class Claim:
             return "at the trim"
         speeds, climbs = zip(*self.conditions, strict=True)
         return (
-            f"at {len(self.conditions)} identified conditions (V_a {min(speeds):g}..{max(speeds):g}"
-            f" m/s, gamma {math.degrees(min(climbs)):g}..{math.degrees(max(climbs)):g} deg) and for"
-            " every mixture of their loops"
+            f"at {len(self.conditions)} conditions, which its maker states as V_a {min(speeds):g}.."
+            f"{max(speeds):g} m/s and gamma {math.degrees(min(climbs)):g}.."
+            f"{math.degrees(max(climbs)):g} deg, and for every mixture of their loops"
         )
 
     @property
@@ -146,15 +147,15 @@ class Certificate(Answering):
     models : tuple of LinearModel
         Models of the claim's conditions, in their order.
     made_with : mapping of str to str
-        Versions of flighttune and of the solvers.
+        Versions of flighttune and of the solvers: a note of its maker, which nothing reads.
     scenario_sha256 : str or None
-        Hash of the scenario file the gains belong to.
+        Hash of the scenario file the gains belong to, a note likewise.
     files : mapping of str to str
         SHA-256 of the identified model that `model` was taken from, by its name; empty for others
         and in files of version 0.3.0.
     exact_rates : tuple of ExactRate
-        The largest rates that a norm proves of the loop at the trim, continuous and sampled. They
-        say nothing of an envelope or of other conditions.
+        The largest rates that a norm proves of the loop at the trim: of the continuous one, then of
+        the sampled one. Empty over an envelope and at other conditions.
 
     Examples
     --------
@@ -206,6 +207,14 @@ class Certificate(Answering):
                 f"`models` must be one a condition, got {len(self.models)} models and "
                 f"{len(self.claim.conditions)} conditions."
             )
+        if self.exact_rates and not self._at_trim:
+            raise InputError("`exact_rates` must be empty with an `envelope` or `conditions`.")
+        sampled = [rate.sampling is not None for rate in self.exact_rates]
+        if sampled not in ([], [False], [True], [False, True]):
+            raise InputError(
+                "`exact_rates` must be of the continuous loop, then of the sampled one, each at "
+                f"most once, got {len(sampled)}."
+            )
         for model in self.models:
             if model.names != self.model.names:
                 raise InputError("`models` must have the states, inputs and errors of `model`.")
@@ -226,6 +235,11 @@ class Certificate(Answering):
                 )
 
     @property
+    def _at_trim(self) -> bool:
+        """Whether it is about the loop of `model` alone."""
+        return self.claim.envelope is None and not self.claim.conditions
+
+    @property
     def growth(self) -> float:
         """Largest factor by which the norm of s may grow before it decays."""
         return math.sqrt(float(np.linalg.cond(self.Q)))
@@ -241,11 +255,11 @@ class Certificate(Answering):
         # The norm decays at half the rate of its square, or at the exact rate of the loop.
         norm_rate, growth = self.claim.rate / 2.0, self.growth
         if self.exact_rates:
-            norm_rate, growth = self.exact_rates[0].rate, self.exact_rates[0].growth
+            exact_rate = self.exact_rates[0]
+            norm_rate, growth = exact_rate.rate, exact_rate.growth(self.model)
         halving_s = math.log(2.0) / norm_rate
-        alone = self.claim.envelope is None and not self.claim.conditions
         sigma_min = np.linalg.svd(closed_loop(self.model, self.gains), compute_uv=False)[-1]
-        I_K = self.growth**2 / (self.claim.rate * sigma_min) if alone else 0.0
+        I_K = self.growth**2 / (self.claim.rate * sigma_min) if self._at_trim else 0.0
         worth = []
         if halving_s > MAX_HALVING_S:
             hours = f"{halving_s / 3600.0:.2g} hours"
@@ -260,15 +274,18 @@ class Certificate(Answering):
     @property
     def sentence(self) -> str:
         """The claim in words: where it holds, the rate, and the radius under a disturbance."""
-        claim, states = self.claim, ", ".join(self.model.states)
+        claim = self.claim
+        states = f"whose states its maker names {quoted(', '.join(self.model.states))}"
         if claim.envelope is not None:
             where = (
                 f"{claim.place}, g {claim.g:g} m/s²: for every flight of the law that stays in it"
             )
         elif claim.conditions:
-            where = f"for the models (states {states}), stated as those {claim.place}"
+            where = f"for the linear models, {states}, {claim.place}"
+            if g := law_gravity(claim.conditions, self.models):
+                where += f" (their entries are those of the law there, with g {g:g} m/s²)"
         else:
-            where = f"for the linear model (states {states})"
+            where = f"for the linear model, {states}"
         words = (
             f"{where}: a quadratic form of errors and their rates decays at {claim.rate:.6g} 1/s, "
             "their norm at half of it"
@@ -278,6 +295,9 @@ class Certificate(Answering):
                 f"; a norm of the loop ({values['loop']}) decays at {values['decay']:.6g} 1/s, "
                 f"with a growth of at most {values['growth']:.3g}"
             )
+        sampled = any(rate.sampling for rate in self.exact_rates)
+        if sampled or (self.exact_rates and any(lag_units(self.model) != 1.0)):
+            words += ", where lags and commands count by the rate that they cause"
         if claim.radius is None:
             return words
         return (
@@ -340,6 +360,35 @@ def load_certificate(path: str | Path) -> Certificate:
     key.
     """
     return read(path, Certificate)
+
+
+def law_gravity(
+    conditions: Sequence[tuple[float, float]], models: Sequence[LinearModel]
+) -> float | None:
+    """The g with which models are the chi/gamma law at conditions (V_a, gamma), behind any lags.
+
+    None where there is no such g: for another law, or gains that grow with airspeed.
+    """
+    g = 0.0
+    for (V_a, gamma), model in zip(conditions, models, strict=True):
+        p = len(model.errors)
+        direct, lagged = (
+            dict(zip(names, columns.T, strict=True))
+            for names, columns in ((model.inputs, model.B), (model.states, model.A))
+        )
+        B = np.array([lagged.get(name, direct[name]) for name in direct]).T[:p]
+        g = g or -V_a * float(B[0, 0])
+        if g <= 0.0 or abs(gamma) >= math.pi / 2.0:
+            return None
+        law = kinematic_model(V_a=V_a, gamma=gamma, g=g, airspeed=p == len(ERRORS_WITH_AIRSPEED))
+        own = model.A[:p, :p], B, model.C
+        expected = law.A, law.B, np.eye(p, len(model.states))
+        if (model.states[:p], model.inputs) != (law.states, law.inputs) or not all(
+            np.allclose(a, b, rtol=SAME_MODEL, atol=SAME_MODEL)
+            for a, b in zip(own, expected, strict=True)
+        ):
+            return None
+    return g or None
 
 
 def vertex_matrices(

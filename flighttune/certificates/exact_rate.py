@@ -1,7 +1,7 @@
 """The exact rate of one loop in a certificate: continuous, or sampled as it is flown."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -15,12 +15,16 @@ from flighttune.arrays import (
     square_matrices,
 )
 from flighttune.control.gains import PIGains
-from flighttune.control.inner_loop import InnerLag
+from flighttune.control.inner_loop import InnerLag, with_inner_loop, with_input_delay
+from flighttune.control.law import made_law
 from flighttune.control.linear_model import LinearModel, closed_loop
 from flighttune.control.sampled_loop import sampled_loop
 from flighttune.errors import InputError
 from flighttune.theory.decay import decay, decay_checks, true_rate
 from flighttune.theory.exact import Check, exact
+
+# Relative difference of entries of a model that is computed again, on any machine.
+SAME_MODEL = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,6 +44,30 @@ class Sampling:
             )
             return square_matrices("loop", loop * units / units[:, None], 2)
 
+    def checks(self, model: LinearModel, gains: PIGains) -> list[Check]:
+        """That it samples the loop of `model` behind its lags, under the rule of the gains' law."""
+        alone = with_inner_loop(self.model, self.lags) if self.lags else self.model
+        hold = 0.5 * self.dt  # a held command is late by this; [tuning] may leave it out
+        behind = [alone, with_input_delay(alone, hold)]
+        if self.lags:
+            behind.append(with_inner_loop(self.model, [lag.delayed(hold) for lag in self.lags]))
+        same = any(
+            model.names == other.names
+            and all(
+                np.allclose(getattr(model, name), getattr(other, name), rtol=SAME_MODEL, atol=0.0)
+                for name in "ABC"
+            )
+            for other in behind
+        )
+        rule = self.trapezoidal == made_law(gains.law).trapezoidal
+        return [
+            Check(name=f"{name} (sampled loop)", margin=0.0 if holds else -math.inf, exact=holds)
+            for name, holds in (
+                ("the model and lags are those of the certificate's model", same),
+                ("the integral is that of the law of the gains", rule),
+            )
+        ]
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ExactRate:
@@ -51,7 +79,7 @@ class ExactRate:
     Q : ndarray, shape (N, N)
         The norm is ``sqrt(s' Q s)``, s in `units`.
     units : ndarray, shape (N,)
-        The units of the state of the continuous loop; ones for a sampled loop, which has its own.
+        Units of the state of the loop in which `Q` was found.
     sampling : Sampling or None
         None: the continuous loop of the certificate's model.
     """
@@ -68,38 +96,59 @@ class ExactRate:
         if not (self.units > 0.0).all():
             raise InputError(f"`units` must be positive, got {self.units.tolist()}.")
 
-    @property
-    def growth(self) -> float:
-        """Largest factor by which the norm of s may grow before it decays."""
-        return math.sqrt(float(np.linalg.cond(self.Q)))
+    def growth(self, model: LinearModel) -> float:
+        """Largest factor by which the norm of s may grow before it decays, in `lag_units`."""
+        units = lag_units(model) if self.sampling is None else np.ones(len(self.Q))
+        scale = units / self.units
+        return math.sqrt(float(np.linalg.cond(self.Q * scale * scale[:, None])))
 
     def checks(self, model: LinearModel, gains: PIGains) -> list[Check]:
         """The inequalities that prove the rate of the loop that `gains` close on `model`."""
         if self.sampling is None:
             name, dt, loop = "continuous", None, exact(closed_loop(model, gains))
+            checks = []
         else:
             name, dt, loop = "sampled", self.sampling.dt, exact(self.sampling.loop(gains))
+            checks = self.sampling.checks(model, gains)
         if loop.shape != self.Q.shape:
             raise InputError(f"`Q` must have the shape {loop.shape} of its loop.")
         units = np.array([Fraction(unit) for unit in self.units.tolist()], dtype=object)
         loop = loop * units / units[:, None]
-        return [
-            Check(name=f"{check.name} ({name} loop)", margin=check.margin, exact=check.exact)
+        return checks + [
+            replace(check, name=f"{check.name} ({name} loop)")
             for check in decay_checks(loop, self.Q, rate=self.rate, dt=dt)
         ]
 
     def values(self, model: LinearModel, gains: PIGains) -> dict[str, Any]:
         """The figures that are printed: the loop, rate, growth, and the rate by eigenvalues."""
         if self.sampling is None:
-            loop, dt = closed_loop(model, gains), None
+            loop, dt, name = closed_loop(model, gains), None, "continuous"
         else:
             loop, dt = self.sampling.loop(gains), self.sampling.dt
+            name = f"sampled at {1.0 / dt:g} Hz"
+            if not self.sampling.trapezoidal:
+                name += ", each error summed after its command"
         return {
-            "loop": "continuous" if dt is None else f"sampled at {1.0 / dt:g} Hz",
+            "loop": name,
             "decay": self.rate,
-            "growth": self.growth,
+            "growth": self.growth(model),
             "true_rate": true_rate(loop, dt),
         }
+
+
+def lag_units(model: LinearModel) -> FloatArray:
+    """Units of s = (x', e) in which states of lags count by the rate that they cause.
+
+    They are those of `inner_loop_scaling`, for a model with its lags; plain units of other states.
+    """
+    n, _, p = model.shape
+    units, states = np.ones(n + p), model.states
+    behind = {x: [s == x or s.startswith(f"{x}_") for s in states] for x in model.inputs}
+    law = ~np.any(list(behind.values()), axis=0)
+    for name in behind.keys() & {*states}:
+        effect = np.linalg.norm(model.A[law, states.index(name)])
+        units[:n][behind[name]] = 1.0 / effect if effect > 0.0 else 1.0
+    return units
 
 
 def exact_rates(
@@ -111,7 +160,7 @@ def exact_rates(
 ) -> tuple[tuple[ExactRate, ...], str]:
     """The exact rates of the continuous loop and of the sampled one; empty where none is proven.
 
-    `scaling` (shape (n + p,)): units of s = (x', e) in which the growth is measured. Without
+    `scaling` (shape (n + p,)): units of s = (x', e) in which the norm is looked for. Without
     `sampling` there is the continuous rate alone. The text says why a sampled loop has no rate: it
     has too many states for the exact check, or is not stable.
     """

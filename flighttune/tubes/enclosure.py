@@ -16,7 +16,7 @@ from flighttune.identification.file import changed_files
 from flighttune.present.answer import Answer, Answering, pick
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
 from flighttune.present.reasons import endings_table
-from flighttune.present.tables import Column, Table, number
+from flighttune.present.tables import Column, Table, number, quoted
 from flighttune.scenario.load import scenario_of
 from flighttune.simulate.bounds import ERRORS, Bounds, Kind, RunClaim
 from flighttune.simulate.run import Run
@@ -154,10 +154,10 @@ class Tube(Answering):
         if self.probability is not None or problem.aircraft_checked is not None:
             shaken = " and under any disturbance in the boxes of its file"
         words = (
-            f'every flight of {problem.model} in "{problem.scenario.title}" at '
-            f"{problem.scenario.airspeed_words} with these gains, "
-            f"{starts if problem.start else 'from its start'}{shaken}, in {problem.scenario.air}, "
-            f"keeps {within} of the middle of its tube"
+            f"every flight of {problem.model} at {problem.scenario.airspeed_words} with these "
+            f"gains, {starts if problem.start else 'from its start'}{shaken}, in "
+            f"{problem.scenario.air}, keeps {within} of the middle of its tube; its maker calls "
+            f"the scenario {quoted(problem.scenario.title)}"
         )
         if problem.aircraft_checked is False:
             words += "; that an aircraft keeps the boxes in the file is not checked"
@@ -280,7 +280,7 @@ class Tube(Answering):
             notes.append(self.probability.sentence)
         family = problem.table.family.enclosed
         flown = f"gains {gains}, {family}" if gains else family
-        title = f"{problem.scenario.title!r}; {flown}: {self.status}"
+        title = f"{quoted(problem.scenario.title)}; {flown}: {self.status}"
         return Answer(
             values={
                 **pick(self, "status reason probability sentence"),

@@ -126,4 +126,4 @@ def test_a_result_prints_what_its_answer_says():
     certified = ft.certify("paper", "tuned")
 
     assert str(certified) == "\n".join(certified.answer().text(100))
-    assert "proven: for the linear model" in str(certified)
+    assert "proven: for the linear model, whose" in str(certified)
