@@ -173,7 +173,7 @@ class Verified(Answering):
     Examples
     --------
     >>> verified = ft.verify(ft.certify("paper", "paper").certificate)
-    >>> verified.valid, min(check.margin for check in verified.checks) > 0.0
+    >>> verified.valid, all(check.exact for check in verified.checks)
     (True, True)
     """
 

@@ -2,13 +2,14 @@
 
 from fractions import Fraction
 
+import mpmath
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from flighttune.theory import exact
-from flighttune.tubes import functions
+from flighttune.tubes import functions, hand_over
 from flighttune.tubes.forms import Pieces, Quantity, combined
 from flighttune.tubes.interval import LARGEST_ANGLE, Interval, cosine, sine_and_cosine
 
@@ -142,6 +143,55 @@ def test_sums_and_products_contain_the_exact_ones(a, b):
     assert holds(one * other, Fraction(a) * Fraction(b))
     if b > SMALLEST_DIVISOR:
         assert holds(one / other, Fraction(a) / Fraction(b))
+
+
+def test_a_radius_reaches_both_ends_from_the_middle():
+    """Over 1000 intervals whose middles and differences are not floats, in rational numbers."""
+    ends = np.sort(np.random.default_rng(5).normal(size=(2, 1000)), axis=0)
+    interval = Interval(*ends)
+
+    for low, high, middle, radius in zip(*ends, interval.middle, interval.radius, strict=True):
+        assert Fraction(middle) + Fraction(radius) >= Fraction(high)
+        assert Fraction(middle) - Fraction(radius) <= Fraction(low)
+
+
+# The nearest float to the sum of the floats 0.1 and 0.2, which is above the sum.
+END = 0.1 + 0.2
+
+
+def test_a_set_refuses_a_point_just_outside():
+    centre, size = np.array([0.1, -0.1]), np.array([0.2, 0.2])
+    assert Fraction(END) > Fraction(0.1) + Fraction(0.2)
+
+    for row, point in ((0, END), (1, -END)):
+        ranges = np.column_stack([centre, centre])
+        assert hand_over.inside(ranges, centre, size)
+        ranges[row] = point
+        assert not hand_over.inside(ranges, centre, size)
+
+
+def test_a_parallelotope_contains_the_corners_of_its_set_exactly():
+    """In 60 digits, for rows so nearly dependent that their inverse has only six right ones."""
+    n = 8
+    W = np.array([[1.0 / (i + j + 1.0) for j in range(n)] for i in range(n)])
+    rng = np.random.default_rng(3)
+    centre, size = rng.normal(size=n), rng.uniform(0.1, 1.0, n)
+
+    box = hand_over.parallelotope(W, centre, size)
+
+    with mpmath.workdps(60):
+        middle, generators, err = (
+            mpmath.matrix(values.tolist())
+            for values in (box.values[0, :, 0], box.values[0, :, 1 : 1 + n], box.err[0])
+        )
+        for signs in rng.choice([-1.0, 1.0], (20, n)):
+            q = mpmath.matrix([mpmath.mpf(c) + s * mpmath.mpf(h) for c, s, h in
+                               zip(centre, signs, size, strict=True)])  # fmt: skip
+            z = mpmath.lu_solve(mpmath.matrix(W.tolist()), q)
+            symbols = mpmath.lu_solve(generators, z - middle)
+            clipped = mpmath.matrix([max(-1, min(1, x)) for x in symbols])
+            rest = z - middle - generators * clipped
+            assert all(abs(x) <= e for x, e in zip(rest, err, strict=True))
 
 
 def sine(angle):

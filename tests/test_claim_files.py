@@ -1,0 +1,266 @@
+"""Files of claims: those of 0.3.0 say what they said, and no field of one can be made to lie."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flighttune as ft
+from flighttune.records.parquet import read_run
+from tests.tubes.test_proof import claim_of, rewritten
+
+FILES = Path(__file__).parent / "files_of_0_3_0"
+
+# What 0.3.0 printed of its files, in the words that both say.
+SAID = {
+    "certificate.json": "decays at 0.459931 1/s",
+    "certificate_envelope.json": "decays at 0.17162 1/s",
+    "certificate_sampled.json": "(sampled at 50 Hz) decays at 0.687588 1/s, with a growth of at "
+    "most 14.9",
+    "certificate_conditions.json": "decays at 0.0148446 1/s",
+    "bound.json": "none exist",
+    "tube.npz": "keeps χ within 1.7e-07 deg and γ within 0.0024 deg",
+    "tube_for_ever.npz": "keeps χ within 4.4e-07 deg and γ within 0.0022 deg",
+    "band.npz": "5 of 91 fresh flights",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SAID)
+def test_a_claim_of_0_3_0_is_valid_with_its_numbers(name):
+    verified = ft.verify(FILES / name)
+
+    assert verified.valid, verified.reason
+    assert SAID[name] in verified.claim.sentence
+
+
+def test_a_run_of_0_3_0_is_read():
+    run = read_run(FILES / "run.parquet")
+
+    assert (run.status, run.provenance.gains_name) == ("completed", "paper")
+    assert run.signals.index[-1] == pytest.approx(1.0)
+
+
+# Names and numbers that a sentence gives as those of the maker.
+QUOTED = {
+    *("model.states", "claim.conditions", "scenario.title"),
+    # without the law's entries, the conditions are told as the maker's alone
+    *("models.A", "models.B", "models.C"),
+}
+
+# Fields of which less is more: the proof holds for a narrower envelope and a larger bound too.
+LESS_IS_MORE = "claim.envelope", "R_bound"
+
+# Of these another value is proven by the same numbers: the boxes of the file refute gains with a
+# larger I_K too, and with roll to both sides the largest load factor alone counts.
+PROVEN_TOO = "I_star", "claim.envelope.n_z"
+
+# What the reader of files takes; `units` are a legend for people, which nothing prints.
+SKIPPED = "format", *PROVEN_TOO
+
+
+def leaves(value, path=()):
+    """The first leaf of every field, by its path."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from leaves(inner, (*path, key))
+    elif isinstance(value, list) and value:
+        yield from leaves(value[0], (*path, 0))
+    else:
+        yield path, value
+
+
+def forged(value, field):
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, int | float):
+        if field.startswith(LESS_IS_MORE):
+            return 0.9 * value - 0.1
+        return 1.01 * value + 0.001
+    return "forged" if isinstance(value, str) else 0.5
+
+
+def field_of(path):
+    return ".".join(key for key in path if isinstance(key, str))
+
+
+def forgeries():
+    """Each field of certificates and bounds once, and of the claim of a tube, with its file."""
+    seen = set()
+    for name in SAID:
+        if name in ("band.npz", "tube_for_ever.npz"):
+            continue
+        file = FILES / name
+        kind = name.split("_")[0].split(".")[0]
+        tables = claim_of(file) if file.suffix == ".npz" else json.loads(file.read_text())
+        for path, value in leaves(tables):
+            if (
+                (kind, field_of(path)) not in seen
+                and field_of(path) not in SKIPPED
+                and path[0] != "units"
+            ):
+                seen.add((kind, field_of(path)))
+                yield pytest.param(name, path, value, id=f"{kind}:{field_of(path)}")
+
+
+def claim_or_none(path):
+    """A claim that `verify` finds valid."""
+    try:
+        verified = ft.verify(path)
+    except (ft.InputError, ft.RecordingError):
+        return None
+    return verified.claim if verified.valid else None
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "path", "value"), [*forgeries()])
+def test_a_forged_field_is_refused_or_no_sentence_takes_it_for_a_fact(tmp_path, name, path, value):
+    file, copy = FILES / name, tmp_path / name
+    copy.write_bytes(file.read_bytes())
+    tables = claim_of(file) if file.suffix == ".npz" else json.loads(file.read_text())
+    at = tables
+    for key in path[:-1]:
+        at = at[key]
+    at[path[-1]] = forged(value, field_of(path))
+    if file.suffix == ".npz":
+        rewritten(copy, {}, **tables)
+    else:
+        copy.write_text(json.dumps(tables))
+
+    claim = claim_or_none(copy)
+
+    if claim is not None:
+        true = ft.load_claim(file)
+        quotes = field_of(path) in QUOTED and "its maker" in claim.sentence
+        assert quotes or claim.sentence == true.sentence
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["bounds", "held", "chosen", "ever_W", "ever_centre", "ever_size",
+                                  "ever_bounds", "ever_chosen"])  # fmt: skip
+def test_a_forged_array_of_a_tube_is_refused(tmp_path, name):
+    copy = tmp_path / "tube.npz"
+    copy.write_bytes((FILES / "tube_for_ever.npz").read_bytes())
+    array = np.load(copy)[name]
+    rewritten(copy, {name: ~array if array.dtype == bool else 0.9 * array})
+
+    assert claim_or_none(copy) is None
+
+
+def certificate_with(tmp_path, name, change):
+    """The file of a certificate of 0.3.0, with a change of its tables."""
+    tables = json.loads((FILES / name).read_text())
+    change(tables)
+    (tmp_path / "changed.json").write_text(json.dumps(tables))
+    return tmp_path / "changed.json"
+
+
+def units(t):
+    rate = t["exact_rates"][0]
+    rate["units"] = [1e3 * u if i % 2 else u for i, u in enumerate(rate["units"])]
+    scale = np.array([1e3 if i % 2 else 1.0 for i in range(len(rate["units"]))])
+    rate["Q"] = (np.array(rate["Q"]) * scale * scale[:, None]).tolist()
+
+
+def test_units_of_a_norm_do_not_change_its_growth(tmp_path):
+    """The same norm in units of a thousandth: s' Q s is the same number."""
+    plain = ft.load_claim(FILES / "certificate.json")
+
+    other = ft.load_claim(certificate_with(tmp_path, "certificate.json", units))
+
+    assert other.rates_values[0]["growth"] == pytest.approx(plain.rates_values[0]["growth"])
+    assert ft.verify(other).valid
+
+
+def three(t):
+    t["exact_rates"] = [t["exact_rates"][0]] * 3
+
+
+def other_order(t):
+    t["exact_rates"].reverse()
+
+
+def over_an_envelope(t):
+    t["exact_rates"] = json.loads((FILES / "certificate.json").read_text())["exact_rates"]
+
+
+def conditions_with_envelope(t):
+    t["claim"]["conditions"] = [[25.0, 0.0]]
+
+
+def negative_airspeed(t):
+    t["claim"]["conditions"][0][0] = -20.0
+
+
+def without_multiplier(t):
+    del t["multiplier"]
+
+
+def without_hull(t):
+    del t["hull"]
+
+
+def without_g(t):
+    del t["claim"]["g"]
+
+
+def model_too_few(t):
+    del t["models"][0]
+
+
+def other_names(t):
+    t["models"][0]["states"][0] = "h"
+
+
+def names_of_no_law(t):
+    t["model"]["states"] = ["V", "h"]
+
+
+PLAIN, WIDE, MANY = (f"certificate{x}.json" for x in ("", "_envelope", "_conditions"))
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "why"),
+    [
+        (PLAIN, three, "then of the sampled one"),
+        (PLAIN, other_order, "then of the sampled one"),
+        (WIDE, over_an_envelope, "`exact_rates` must be empty"),
+        (WIDE, conditions_with_envelope, "conditions` must be empty"),
+        (WIDE, without_hull, "`envelope` and `hull`"),
+        (WIDE, without_g, "envelope` and `g`"),
+        (WIDE, names_of_no_law, "`states` must be chi, gamma"),
+        (MANY, negative_airspeed, "conditions` must be positive"),
+        (MANY, model_too_few, "`models` must be one a condition"),
+        (MANY, other_names, "`models` must have the states"),
+        (WIDE, without_multiplier, "`multiplier` must be given together"),
+    ],
+)
+def test_a_certificate_that_does_not_fit_together_is_refused(tmp_path, name, change, why):
+    with pytest.raises(ft.InputError, match=why):
+        ft.load_claim(certificate_with(tmp_path, name, change))
+
+
+def faster(t):
+    sampling = t["exact_rates"][1]["sampling"]
+    sampling["model"]["B"] = (3.0 * np.array(sampling["model"]["B"])).tolist()
+
+
+def test_a_sampled_loop_of_another_plant_is_named(tmp_path):
+    checks = ft.verify(certificate_with(tmp_path, "certificate.json", faster)).checks
+
+    assert "those of the certificate's model (sampled loop)" in " ".join(
+        check.name for check in checks if not check.exact
+    )
+
+
+def test_conditions_are_told_as_facts_only_where_the_models_entries_are_the_laws(tmp_path):
+    def wider(t):
+        t["claim"]["conditions"][0][0] = 10.0
+
+    told = ft.load_claim(FILES / MANY).sentence
+    forged_sentence = ft.load_claim(certificate_with(tmp_path, MANY, wider)).sentence
+
+    assert "their entries are those of the law there, with g 9.81 m/s²" in told
+    assert "which its maker states as V_a 10..30 m/s" in forged_sentence
+    assert "their entries" not in forged_sentence
