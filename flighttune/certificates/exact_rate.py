@@ -47,8 +47,11 @@ class Sampling:
     def checks(self, model: LinearModel, gains: PIGains) -> list[Check]:
         """That it samples the loop of `model` behind its lags, under the rule of the gains' law."""
         alone = with_inner_loop(self.model, self.lags) if self.lags else self.model
-        hold = 0.5 * self.dt  # a held command is late by this; [tuning] may leave it out
-        behind = [alone, with_input_delay(alone, hold)]
+        hold = 0.5 * self.dt  # a held command is late by this
+        # Models without the hold, or with one of its own, are those of lags that have no delay:
+        # else a delay of the lags could stand in the place of the hold.
+        prompt = not any(lag.delay for lag in self.lags)
+        behind = [alone, with_input_delay(alone, hold)] if prompt else []
         if self.lags:
             behind.append(with_inner_loop(self.model, [lag.delayed(hold) for lag in self.lags]))
         same = any(
