@@ -22,7 +22,7 @@ from flighttune.errors import FlightTuneError, InputError
 from flighttune.flight.apart import Progress
 from flighttune.identification.file import FILE_NAME, load_identified
 from flighttune.logs.columns import Columns
-from flighttune.logs.identify import EXCITED, flying, interval_of, speed_of
+from flighttune.logs.identify import EXCITED, HELD_S, flying, interval_of, speed_of
 from flighttune.logs.log import load_part
 from flighttune.plants.base import FlightCondition, Plant
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, JSBSimPlant
@@ -38,8 +38,6 @@ from flighttune.units import DEG, DEG_PER_RAD
 # Time after the start of a stretch in which the steady start is forgotten, and that compared, s.
 WAIT_S, STRETCH_S = 5.0, 12.0
 MIN_STRETCHES, MAX_STRETCHES = 3, 8
-
-SAMPLE_S = 0.02  # s: commands are held for about so long
 
 # Difference of each signal that counts as 1; ``nose`` is pitch minus path angle, ``tail`` ground
 # speed minus airspeed: how the autopilot of the log holds its airspeed is no part of the model.
@@ -263,8 +261,8 @@ class _Flights:
         file = Path(aircraft).suffix == ".json"
         self.label = Path(aircraft).stem if file else Path(aircraft).name
         config = None if file else load_aircraft(aircraft)
-        rate = 1.0 / SAMPLE_S if config is None else float(config.inner_loop_rate)
-        self.t, self.logged = _stretches(run, max(1, round(SAMPLE_S * rate)) / rate)
+        rate = 1.0 / HELD_S if config is None else float(config.inner_loop_rate)
+        self.t, self.logged = _stretches(run, max(1, round(HELD_S * rate)) / rate)
         lags = None
         if config is None or (config.folder / FILE_NAME).exists():
             lags = load_identified(aircraft).nearest(float(np.median(self.logged["V_a"])), 0.0).lags
@@ -496,5 +494,6 @@ def _fitted(flights: _Flights) -> dict[str, tuple[float, float, float]]:
     jacobian = fit.jac.reshape(len(flights.t), -1, len(names))
     normal = np.einsum("smi,smj->sij", jacobian, jacobian)
     slope = np.einsum("smi,sm->si", jacobian, fit.fun.reshape(len(flights.t), -1))
-    values = (factors(x).tolist() for x in (fit.x, *interval_of(fit.x, normal, slope)))
+    late = np.array([name.endswith("_late") for name in names]) / sizes
+    values = (factors(x).tolist() for x in (fit.x, *interval_of(fit.x, normal, slope, late)))
     return dict(zip(names, zip(*values, strict=True), strict=True))

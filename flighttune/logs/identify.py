@@ -27,7 +27,6 @@ from flighttune.identification.fit import (
     TIME_STARTS,
     Bounds,
     best_lag,
-    best_of_orders,
     lag_response,
     parameters,
     with_parameters,
@@ -50,12 +49,19 @@ CHANNELS: tuple[Channel, ...] = ("phi", "n_z")
 # Change of a command within a stretch from which on the stretch shows the response, rad and 1.
 EXCITED = {"phi": 5.0 * DEG, "n_z": 0.1}
 
-STRETCH_S = 5.0  # longest stretch that is drawn again as a whole in the resampling
+STRETCH_S = 5.0  # of a stretch, whose errors are taken as independent of those of others
 SETTLED_S = 3.0  # time after a gap in which the response still remembers what came before
 MIN_STRETCHES = 4
 SLOW = 0.5  # part of the median speed below which a vehicle is taken to be on its way up or down
 
-RESAMPLES, SEED, CONFIDENCE = 1000, 0, 0.95
+HELD_S = 0.02  # commands are held for about so long: a sample of one may be so old
+
+MEMORY_S = 0.1  # time over which what is left of a residual is foreseen, and not fitted
+
+CONFIDENCE = 0.95
+CLEAR = 1.5  # standard errors by which an order must fit better than the other to be told
+COARSE = 1.0  # rad: of a lag's frequency over a sample, from which on samples do not show it
+WIDEST = 3.0  # ratio of the ends of an interval of the frequency that tells nothing
 STEP = 1e-4  # of the parameters, for the slopes of the response
 
 BOUNDS: Bounds = (
@@ -87,13 +93,18 @@ class Section:
     run: int  # place of its log
     t: FloatArray  # s
     dt: float  # s
-    commanded: FloatArray  # held from each sample to the next
+    commanded: FloatArray  # straight from each sample to the next
     measured: FloatArray
     stretch: FloatArray  # number of the stretch of each sample; NaN where it is not used
 
     def residual(self, lag: InnerLag) -> FloatArray:
         """Response of a lag minus that measured."""
-        return lag_response(lag, self.dt, self.commanded, float(self.measured[0])) - self.measured
+        return response(lag, self.dt, self.commanded, float(self.measured[0])) - self.measured
+
+    def fresh(self, lag: InnerLag, carried: float) -> FloatArray:
+        """Residual without the share of it that is `carried` over from `MEMORY_S` before."""
+        residual, count = self.residual(lag), max(1, round(MEMORY_S / self.dt))
+        return np.append(residual[:count], residual[count:] - carried * residual[:-count])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -103,8 +114,10 @@ class ChannelOfLogs:
     lag: InnerLag
     fit_percent: float  # %: share of the variance explained in stretches not used for a fit
     by_log: tuple[float, ...]  # %: of each log by the lag of the others; empty for one log
-    frequency: tuple[float, float]  # rad/s: interval of the natural frequency
-    delay: tuple[float, float]  # s: interval of the delay
+    # rad/s and s: intervals of natural frequency and delay; None with a reason
+    frequency: tuple[float, float] | None
+    delay: tuple[float, float] | None
+    reason: str  # why there is no interval
     stretches: int
     sections: tuple[Section, ...]
 
@@ -149,8 +162,8 @@ class LogIdentification(Answering):
             {
                 "channel": name,
                 **pick(channel.lag, "order natural_frequency delay"),
-                "frequency_interval": "{:.2f} to {:.2f}".format(*channel.frequency),
-                "delay_interval": "{:.3f} to {:.3f}".format(*channel.delay),
+                "frequency_interval": _ends("{:.2f} to {:.2f}", channel.frequency),
+                "delay_interval": _ends("{:.3f} to {:.3f}", channel.delay),
                 **pick(channel, "fit_percent stretches"),
                 "by_log_percent": channel.by_log,
             }
@@ -163,6 +176,11 @@ class LogIdentification(Answering):
             f"{', '.join(f'{share:.1f}' for share in channel.by_log)} %"
             for name, channel in self.channels.items()
             if channel.by_log
+        ]
+        notes += [
+            f"{name} has no interval: {channel.reason}"
+            for name, channel in self.channels.items()
+            if channel.reason
         ]
         evidence = self.identified and self.identified.log
         if evidence and evidence.residual_rad_s:
@@ -220,7 +238,8 @@ def identify(
     Logs take seconds for minutes of flight. Lags are fitted to every stretch in which the command
     changes by 5 deg or 0.1 within 5 s. Their score is of stretches that were not fitted: of each
     log by the lag of the others, or of every second stretch of one log. Their intervals, at 95 %,
-    are those of stretches drawn again with replacement, to first order.
+    are those of the jackknife over stretches, to first order; there are none, with a reason, where
+    samples are too coarse for the lag, or where first and second order fit alike.
 
     Parameters
     ----------
@@ -315,6 +334,11 @@ def _identify_logs(
     return LogIdentification(identified=identified, channels=channels, untold=untold, names=names)
 
 
+def _ends(form: str, interval: tuple[float, float] | None) -> str:
+    """An interval in words; empty without one."""
+    return form.format(*interval) if interval else ""
+
+
 def speed_of(run: Run) -> FloatArray:
     """Airspeed, or ground speed where there is none, m/s."""
     return run.signals["V_a" if "V_a" in run.signals else "V_g"].to_numpy(dtype=float)
@@ -353,15 +377,19 @@ def _sections(run: Run, number: int, name: Channel, first: int) -> Iterator[Sect
                 run=number,
                 t=run.t[begin:end],
                 dt=dt,
-                commanded=between(command),
+                commanded=command,
                 measured=measured[begin:end],
                 stretch=stretch,
             )
 
 
-def between(command: FloatArray) -> FloatArray:
-    """Means from sample to sample: control loops are faster than logs, so these are no steps."""
-    return np.append(0.5 * (command[1:] + command[:-1]), command[-1])
+def response(lag: InnerLag, dt: float, commanded: FloatArray, start: float) -> FloatArray:
+    """Response of a lag, at rest at `start`, to commands that are straight between samples."""
+    # Control loops are faster than logs: commands are no steps at the samples.
+    parts, count = math.ceil(dt / HELD_S - 1e-6), len(commanded)
+    middles = (np.arange(parts * (count - 1)) + 0.5) / parts
+    fine = np.append(np.interp(middles, np.arange(count), commanded), commanded[-1])
+    return lag_response(lag, dt / parts, fine, start)[::parts]
 
 
 def _channel(runs: Sequence[Run], name: Channel) -> ChannelOfLogs | str:
@@ -381,14 +409,17 @@ def _channel(runs: Sequence[Run], name: Channel) -> ChannelOfLogs | str:
             f"in {count} stretches of {STRETCH_S:g} s without a gap, and must in {MIN_STRETCHES}"
         ).replace("  ", " ")
     logs = sorted({section.run for section in sections})
-    lag = _fitted(sections, None)
+    # Turbulence lasts, and the autopilot answers it: only what is fresh in a residual does not
+    # depend on the commands before it.
+    carried = _carried(sections, _fitted(sections, None, 2, 0.0))
+    lag, told = _chosen(sections, count, carried)
     shares = []  # of every log, or of every second stretch of one: variance missed, and all of it
     for fold in logs if len(logs) > 1 else (0, 1):
         sides = [
             np.full(len(s.stretch), s.run == fold) if len(logs) > 1 else s.stretch % 2 == fold
             for s in sections
         ]
-        fitted = _fitted(sections, [~side for side in sides], lag.order)
+        fitted = _fitted(sections, [~side for side in sides], lag.order, carried)
         scored = [side & np.isfinite(s.stretch) for s, side in zip(sections, sides, strict=True)]
         pairs = [*zip(sections, scored, strict=True)]
         missed = np.concatenate([section.residual(fitted)[there] for section, there in pairs])
@@ -396,13 +427,21 @@ def _channel(runs: Sequence[Run], name: Channel) -> ChannelOfLogs | str:
         shares.append((float(np.sum(missed**2)), _variation(part)))
     used = [section.measured[np.isfinite(section.stretch)] for section in sections]
     total = sum(map(_variation, used))
-    low, high = _interval(sections, lag, count)
+    low, high = _interval(sections, lag, count, carried)
+    dt, reason = max(section.dt for section in sections), ""
+    if dt * lag.natural_frequency > COARSE:
+        reason = f"a sample every {dt:.2g} s is too coarse for {lag.natural_frequency:.3g} rad/s"
+    elif not told:
+        reason = "first and second order fit alike"
+    elif high[0] - low[0] > math.log(WIDEST):
+        reason = f"its ends would differ by more than a factor of {WIDEST:g}"
     return ChannelOfLogs(
         lag=lag,
         fit_percent=100.0 * (1.0 - sum(missed for missed, _ in shares) / total),
         by_log=tuple(100.0 * (1.0 - missed / part) for missed, part in shares if len(logs) > 1),
-        frequency=(math.exp(low[0]), math.exp(high[0])),
-        delay=(max(0.0, float(low[1])), max(0.0, float(high[1]))),
+        frequency=None if reason else (math.exp(low[0]), math.exp(high[0])),
+        delay=None if reason else (max(0.0, float(low[1])), max(0.0, float(high[1]))),
+        reason=reason,
         stretches=count,
         sections=tuple(sections),
     )
@@ -413,55 +452,100 @@ def _variation(values: FloatArray) -> float:
     return float(np.sum((values - values.mean()) ** 2))
 
 
+def _carried(sections: Sequence[Section], lag: InnerLag) -> float:
+    """Share of the residual of a lag that is still there after `MEMORY_S`, of all stretches."""
+    both = whole = 0.0
+    for section in sections:
+        used = np.isfinite(section.stretch)
+        residual = section.residual(lag)
+        foreseen = (residual - section.fresh(lag, 1.0))[used]
+        both += float(foreseen @ residual[used])
+        whole += float(residual[used] @ residual[used])
+    return both / whole if whole > 0.0 else 0.0
+
+
+def _chosen(sections: Sequence[Section], count: int, carried: float) -> tuple[InnerLag, bool]:
+    """The lag of the order that the stretches show, and whether they tell it from the other one."""
+
+    def clear(worse: InnerLag, better: InnerLag) -> bool:
+        gains = np.zeros(count)
+        for section in sections:
+            used = np.isfinite(section.stretch)
+            gain = section.fresh(worse, carried) ** 2 - section.fresh(better, carried) ** 2
+            gains += np.bincount(section.stretch[used].astype(int), gain[used], minlength=count)
+        return bool(gains.sum() > CLEAR * math.sqrt(count) * gains.std())
+
+    first, second = (_fitted(sections, None, order, carried) for order in (1, 2))
+    if clear(first, second):
+        return second, True
+    # The second order approaches the first as its damping grows: other is what is damped less.
+    return first, clear(_fitted(sections, None, 2, carried, damping=1.0), first)
+
+
 def _fitted(
-    sections: Sequence[Section], sides: Sequence[np.ndarray] | None, order: Order | None = None
+    sections: Sequence[Section],
+    sides: Sequence[np.ndarray] | None,
+    order: Order,
+    carried: float,
+    damping: float = math.exp(BOUNDS[1][2]),
 ) -> InnerLag:
-    """The lag of the least squares over stretches on these sides; its order where not given."""
+    """The lag of the least squares over stretches on these sides, damped by `damping` at most."""
     used = [np.isfinite(section.stretch) for section in sections]
     if sides is not None:
         used = [there & side for there, side in zip(used, sides, strict=True)]
 
     def error(lag: InnerLag) -> FloatArray:
         both = zip(sections, used, strict=True)
-        return np.concatenate([section.residual(lag)[there] for section, there in both])
+        return np.concatenate([section.fresh(lag, carried)[there] for section, there in both])
 
-    if order is None:
-        return best_of_orders(error, TIME_STARTS, BOUNDS)
-    return best_lag(error, order, TIME_STARTS, BOUNDS)[0]
+    lower, (frequency, delay, _, after) = BOUNDS
+    bounds = lower, (frequency, delay, math.log(damping), after)
+    return best_lag(error, order, TIME_STARTS, bounds)[0]
 
 
-def _interval(sections: Sequence[Section], lag: InnerLag, count: int) -> FloatArray:
+def _interval(sections: Sequence[Section], lag: InnerLag, count: int, carried: float) -> FloatArray:
     """Ends of the interval of each parameter of the lag, shape (2, parameters)."""
     centre = parameters(lag)
     normal = np.zeros((count, len(centre), len(centre)))
     slope = np.zeros((count, len(centre)))
     for section in sections:
-        here = section.residual(lag)
+        here = section.fresh(lag, carried)
         steps = STEP * np.eye(len(centre))
-        ahead = [section.residual(with_parameters(centre + step, lag.order)) for step in steps]
+        ahead = [
+            section.fresh(with_parameters(centre + step, lag.order), carried) for step in steps
+        ]
         jacobian = (np.column_stack(ahead) - here[:, None]) / STEP
         for number in np.unique(section.stretch[np.isfinite(section.stretch)]).astype(int):
             there = section.stretch == number
             normal[number] += jacobian[there].T @ jacobian[there]
             slope[number] += jacobian[there].T @ here[there]
-    return interval_of(centre, normal, slope)
+    return interval_of(centre, normal, slope, np.eye(len(centre))[1])
 
 
-def interval_of(fit: FloatArray, normal: FloatArray, slope: FloatArray) -> FloatArray:
+def interval_of(
+    fit: FloatArray, normal: FloatArray, slope: FloatArray, late: FloatArray
+) -> FloatArray:
     """Ends of the interval of each of n parameters, shape (2, n), at `CONFIDENCE`.
 
-    One step of Gauss and Newton from the `fit` to all stretches, for stretches drawn with
-    replacement. `normal` and `slope`, shapes (stretches, n, n) and (stretches, n): sums over a
-    stretch.
+    The jackknife over stretches, whose errors are independent while those of samples are not: one
+    step of Gauss and Newton from the `fit` to all stretches but one, and Student's t for as many
+    stretches as share the information. `normal` and `slope`, shapes (stretches, n, n) and
+    (stretches, n): sums over a stretch. `late`, shape (n,): change of each parameter with commands
+    that come a second later.
     """
-    count = len(normal)
-    drawn = np.random.default_rng(SEED).integers(0, count, (RESAMPLES, count))
-    weights = np.apply_along_axis(np.bincount, 1, drawn, minlength=count).astype(float)
-    matrices = np.einsum("rs,sij->rij", weights, normal)
-    ridge = 1e-12 * np.trace(normal.sum(axis=0)) * np.eye(normal.shape[1])
-    steps = np.linalg.solve(matrices + ridge, (weights @ slope)[..., None])[..., 0]
-    edges = 50.0 * (1.0 - CONFIDENCE), 50.0 * (1.0 + CONFIDENCE)
-    return np.percentile(fit - steps, edges, axis=0)
+    from scipy.stats import t as student
+
+    count, whole = len(normal), normal.sum(axis=0)
+    rest = whole - normal + 1e-12 * np.trace(whole) * np.eye(len(whole))
+    steps = np.linalg.solve(rest, (slope.sum(axis=0) - slope)[..., None])[..., 0]
+    error = np.sqrt(count - 1) * steps.std(axis=0)
+    information = np.diagonal(normal, axis1=1, axis2=2)
+    shares = information / np.maximum(information.sum(axis=0), np.finfo(float).tiny)
+    freedom = np.maximum(1.0, 1.0 / np.maximum((shares**2).sum(axis=0), 1.0 / count) - 1.0)
+    # The age of the samples of a command is one number, alike anywhere up to `HELD_S`.
+    aged = 0.5 * CONFIDENCE * HELD_S * late
+    width = np.hypot(student.ppf(0.5 + 0.5 * CONFIDENCE, freedom) * error, aged)
+    return np.array([fit - width, fit + width])
 
 
 def _aircraft(
@@ -497,8 +581,8 @@ def _aircraft(
     evidence = LogEvidence.model_construct(
         logs=names,
         assumed=tuple(name for name in CHANNELS if name not in channels),
-        frequency_95_rad_s={name: channel.frequency for name, channel in channels.items()},
-        delay_95_s={name: channel.delay for name, channel in channels.items()},
+        frequency_95_rad_s={n: c.frequency for n, c in channels.items() if c.frequency},
+        delay_95_s={n: c.delay for n, c in channels.items() if c.delay},
         stretches={name: channel.stretches for name, channel in channels.items()},
         phi_deg=phi,
         phi_rate_dps=phi_rate,
@@ -533,7 +617,7 @@ def _missed(run: Run, lags: tuple[InnerLag, InnerLag]) -> FloatArray:
             continue
         piece = slice(begin, end)
         phi, n_z = (
-            lag_response(lag, dt, between(columns[i, piece]), float(columns[i + 2, begin]))
+            response(lag, dt, columns[i, piece], float(columns[i + 2, begin]))
             for i, lag in enumerate(lags)
         )
         gamma = columns[5, piece]

@@ -15,6 +15,7 @@ from log_files import (
 )
 
 import flighttune as ft
+from flighttune.logs.identify import interval_of
 
 SAMPLE = 0.04
 """s: of the logs."""
@@ -51,6 +52,16 @@ def test_lag_and_delay_come_back_from_every_kind_of_log(flight, tmp_path, name):
         low, high = told.frequency
         assert low < told.lag.natural_frequency < high < 1.2 * low
         assert told.fit_percent > 97.0
+
+
+def test_the_interval_of_a_mean_is_students():
+    """Five stretches of means 1 to 5: 3 within 2.776445 (t of 4, 97.5 %) times sqrt(2.5 / 5)."""
+    means, late = np.arange(1.0, 6.0), np.zeros(1)
+
+    ends = interval_of(np.array([3.0]), np.ones((5, 1, 1)), (3.0 - means)[:, None], late)
+
+    half = 2.776445 * np.sqrt(2.5 / 5.0)
+    assert ends[:, 0] == pytest.approx([3.0 - half, 3.0 + half], rel=1e-6)
 
 
 def test_limits_are_those_seen(model):
