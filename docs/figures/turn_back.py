@@ -16,7 +16,7 @@ import shapely
 from geographiclib.geodesic import Geodesic
 from shapely import LineString, Polygon
 
-import flighttune as ft
+from flighttune.campaign.band import load_band
 from flighttune.campaign.counted_flights import plan_in
 from flighttune.campaign.flying.alone import fly_group
 
@@ -54,7 +54,7 @@ def judged(name: str, folder: Path, flights: int) -> str:
         subprocess.run(
             [program, "band", *ROUTES[name], "--out", band, "--workers", "1"], check=True
         )
-    room, corridor = ft.load_claim(file), ft.load_claim(band)
+    room, corridor = load_band(file), load_band(band)
     route = folder / f"{stem.name}-route.geojson"
     corridor.flights.route.save(route)
     path = np.array(json.loads(route.read_text())["features"][0]["geometry"]["coordinates"])
@@ -81,6 +81,7 @@ def judged(name: str, folder: Path, flights: int) -> str:
             lost += 1
             continue
         turn = scenario.turn_back
+        assert turn is not None  # each of these flights turns back
         signals = flown.signals[["north", "east", "down"]].to_numpy()[flown.t >= turn.detected_s]
         beside, bearing = width * np.sqrt(rng.random()), rng.uniform(0.0, 2.0 * np.pi)
         place = [np.interp(turn.at_m, along, x) for x in (*line.T, path[:, 2])]
