@@ -23,9 +23,21 @@ from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.law import Law, plain_laws, split_name
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
-from flighttune.flight.expectations import BoundCheck, bound_checks, with_loop
+from flighttune.flight.expectations import (
+    BoundCheck,
+    bound_checks,
+    end_share,
+    not_followed,
+    with_loop,
+)
 from flighttune.flight.load import as_scenario, scenario_and_gains
-from flighttune.flight.models import gain_set, identified_models, tuning_problem
+from flighttune.flight.models import (
+    gain_set,
+    identified_models,
+    loop_measures,
+    tuning_problem,
+)
+from flighttune.metrics import AIRSPEED
 from flighttune.planning.draws import SEED, cycle
 from flighttune.planning.load import campaign_on, load_campaign
 from flighttune.planning.plan import Group, Plan, aircraft_hashes
@@ -47,11 +59,17 @@ from flighttune.units import DEG
 # the rows: the ITAE of both channels; or `MARGIN`, whatever the margin: the largest excess
 ITAE, MARGIN = "ITAE", "margin"
 
-# Margin of the requirement met worst, relative to its bound, that comes before the metric
+# Margin of the requirement met worst, relative to its bound, that comes before the metric: this,
+# or that of the gains of the start if it is larger
 WANTED = 0.2
 
 # Margins of the linear loop that are required unless the scenario states others
 MARGINS = {"gain_margin_dB": 6.0, "phase_margin_deg": 35.0}
+
+# Measures of the loop, of which larger is better, that are named where they are worse than with the
+# gains of the start by more than this share; and the error at the end, rad or m/s, that is named
+LOOP = "R_K", "gain_margin_dB", "phase_margin_rad", "delay_margin_s"
+NOTED, NO_ERROR = 0.01, 0.01 * DEG
 
 # Share of the draws of a campaign on which gains must meet all requirements, by default
 SUCCESS = 0.95
@@ -131,7 +149,7 @@ class Search:
                 f"`metric` must be {ITAE}, {MARGIN} or one of {', '.join(MEASURES)} (or _deg in "
                 f"place of _rad), got {metric!r}."
             )
-        self.flights = self.candidates = 0
+        self.flights, self.candidates, self.wanted = 0, 0, WANTED
         self.trials: dict[PIGains, Trial] = {}
         self._campaigns, self._law, self._pool, self._metric = campaigns, law, pool, metric
         self._draws, self._success = draws, success
@@ -202,7 +220,9 @@ class Search:
     def _trial(self, gains: PIGains, rows: Sequence[Sequence[Row]]) -> Trial:
         """The checks of rows of each campaign; those of gains not flown have no status."""
         (name,) = self._law.names_of(["0"])
-        checks: dict[int, list[BoundCheck]] = {}
+        # Checks, each with its excess: at least that of the error at the end over what is allowed
+        checks: dict[int, list[tuple[BoundCheck, float]]] = {}
+        ends: dict[str, float] = {}
         metric = 0.0
         for campaign, of_campaign in zip(self._campaigns, rows, strict=True):
             scenario = campaign.nominal
@@ -214,23 +234,32 @@ class Search:
                 flown = row.get("status") == "completed"
                 tables = scenario.expected(row["plant"], name)
                 measured = {**(measured_in(row) if flown else {}), **loop}
-                checks.setdefault(row.get("draw", 0), []).extend(
-                    replace(check, flown=flown or check.subject == "loop")
-                    for check in bound_checks(tables, measured, where + row["plant"])
-                )
+                why, (late, _) = not_followed(tables, measured), end_share(tables, measured)
+                for check in bound_checks(tables, measured, where + row["plant"]):
+                    of_loop, excess = check.subject == "loop", check.margin
+                    check = replace(check, flown=flown or of_loop)
+                    if why and not of_loop:
+                        excess = np.fmax(excess, late - 1.0)
+                        check = replace(check, value=math.nan, why=why) if check.met else check
+                    checks.setdefault(row.get("draw", 0), []).append((check, excess))
+                for channel, values in measured.items():
+                    ends[channel] = max(ends.get(channel, 0.0), values.get("end_error", 0.0))
                 metric += _metric(row, self._metric) if flown else math.inf
             for of_draw in checks.values():
-                of_draw.extend(bound_checks(margins, loop, where + BY_DEFAULT))
-        by_draw = tuple(map(tuple, checks.values()))
-        excess = [[check.margin if check.flown else LOST for check in draw] for draw in by_draw]
+                by_default = bound_checks(margins, loop, where + BY_DEFAULT)
+                of_draw.extend((check, check.margin) for check in by_default)
+        by_draw = tuple(tuple(check for check, _ in draw) for draw in checks.values())
+        excess = [
+            [margin if check.flown else LOST for check, margin in draw] for draw in checks.values()
+        ]
         finite = np.nan_to_num(np.array(excess), nan=LOST, posinf=LOST)
-        return Trial(gains=gains, excess=finite, checks=by_draw, metric=metric)
+        return Trial(gains=gains, excess=finite, checks=by_draw, metric=metric, ends=ends)
 
     def value(self, trial: Trial) -> float:
         """Draws on which a requirement is missed, then the excess; then the metric, below -1."""
         missed = int((trial.worst > 0.0).sum())
         excess = float(ordered_quantile(trial.worst, self._success))
-        if self._metric != MARGIN and self._draws == 1 and excess <= -WANTED:
+        if self._metric != MARGIN and self._draws == 1 and excess <= -self.wanted:
             return 0.5 * _squeezed(trial.metric) - 1.5
         if excess == LOST:  # a requirement has no value: what is nearer to having one is better
             excess += 0.5 * LOST * _squeezed(trial.metric)
@@ -253,7 +282,7 @@ class Search:
             before = self.value(self.best())
             self.descend(start, budget, spread, population)
             best = self.best()
-            if best.worst.max() <= -WANTED and self.value(best) > before - GAIN and restart:
+            if best.worst.max() <= -self.wanted and self.value(best) > before - GAIN and restart:
                 return
             spread, population = min(2.0 * spread, MAX_SPREAD), 2 * population
             start = ranked[(restart + 1) // 2 % len(ranked)] if restart % 2 else best.gains
@@ -365,8 +394,8 @@ def meet(
         Gains to start from, also by name or file; by default the best of those tuned for the law
         and those of the scenario.
     budget : int, optional
-        Maximum number of flights, by default 600, with a campaign 6000; the count on fresh draws
-        comes on top.
+        Maximum number of flights, by default 600, with a campaign 6000 with the count on fresh
+        draws.
     metric : str
         What is minimised once all requirements are met by 20 % of their bounds: ``ITAE``, the sum
         over both channels, or a column of campaign rows; or ``margin``, which maximises the margin
@@ -392,7 +421,8 @@ def meet(
     Returns
     -------
     Meeting
-        The best gains, even if they miss a requirement.
+        The best gains, even if they miss a requirement; those of the start if none of those found
+        miss less, or meet all by more or by as much. What is ``worse`` with them is said.
 
     Raises
     ------
@@ -423,14 +453,7 @@ def meet(
         raise InputError(
             f"`law` must be {' or '.join(plain_laws())} for its gains to be tuned, got {law.name}."
         )
-    if success is None:
-        success = SUCCESS
-    elif dispersed is None:
-        raise InputError(
-            f"`success` must be absent without a campaign, whose draws it counts, got {success:g}."
-        )
-    if not 0.0 < success <= 1.0:
-        raise InputError(f"`success` must be above 0 and at most 1, got {success:g}.")
+    success = _success(success, dispersed)
     if dispersed is not None and metric != ITAE:
         raise InputError(
             f"`metric` must be absent with a campaign, whose share of flights that succeed is "
@@ -446,20 +469,31 @@ def meet(
     draws = 1 if dispersed is None else whole_cycles(campaigns[0], DRAWS)
     budget = budget or (CAMPAIGN_BUDGET if campaign else BUDGET)
     fresh = 0 if dispersed is None else _fresh_draws(dispersed)
+    counting = 2 * fresh * len(_required(scenarios[0]))
+    each = draws * sum(map(len, map(_required, scenarios)))
+    _check_budget(budget, len(starts), each, counting)
     with WorkerPool(workers, scheduler, observer) as pool:
-        pool.progress.budget = budget + 2 * fresh * len(_required(scenarios[0]))
+        pool.progress.budget = budget
         search = Search(campaigns, law, pool, metric=metric, draws=draws, success=success)
         trials = dict(zip(starts, search.fly([*starts.values()]), strict=True))
         first = min(trials, key=lambda name: search.value(trials[name]))
-        search.search([*starts.values()], budget)
+        search.wanted = max(WANTED, -float(trials[first].worst.max()))
+        # Margins beyond those wanted are worth nothing on a campaign: what is not asked for pays.
+        if dispersed is None or trials[first].worst.max() > -WANTED:
+            search.search([*starts.values()], budget - counting)
         best = nearest = search.best()
         met, start_met, flown_start, counted = best.met, trials[first].met, trials[first], None
         draw, worst = 0, None
         if dispersed is not None:
             count = Search(
-                [flights_to_meet(scenarios[0], law_table, dispersed)], law, pool, draws=fresh
+                [flights_to_meet(scenarios[0], law_table, dispersed)],
+                law,
+                pool,
+                draws=fresh,
+                success=success,
             )
             nearest, flown_start = count.fly([best.gains, flown_start.gains])
+            nearest = min(flown_start, nearest, key=count.value)  # the start if both are equal
             counted, (met, start_met) = _counted(
                 (nearest, flown_start), np.arange(fresh) // cycle(dispersed), success
             )
@@ -471,7 +505,7 @@ def meet(
         status="met" if met else "missed",
         scenario=scenarios[0],
         campaign=dispersed,
-        gains=best.gains,
+        gains=nearest.gains,
         start=first,
         start_gains=trials[first].gains,
         start_met=start_met,
@@ -479,6 +513,7 @@ def meet(
         candidates=search.candidates,
         metric={"name": metric, "value": nearest.metric, "start": flown_start.metric},
         requirements=[*_requirements(nearest, flown_start, search.conflicting(nearest), draw)],
+        worse=[*_worse(scenarios[0], law, nearest, flown_start)],
         trade_offs=[] if met or dispersed else [*search.trade_offs(best)],
         success=counted,
         worst=worst,
@@ -526,6 +561,44 @@ def _requirements(
             "share": float((trial.excess[:, i] <= 0.0).mean()),
             "share_start": float((start.excess[:, i] <= 0.0).mean()),
         }
+
+
+def _success(success: float | None, dispersed: Campaign | None) -> float:
+    """Share of draws that must succeed: `SUCCESS` by default."""
+    if success is not None and dispersed is None:
+        raise InputError(
+            f"`success` must be absent without a campaign, whose draws it counts, got {success:g}."
+        )
+    if success is not None and not 0.0 < success <= 1.0:
+        raise InputError(f"`success` must be above 0 and at most 1, got {success:g}.")
+    return SUCCESS if success is None else success
+
+
+def _check_budget(budget: int, starts: int, each: int, counting: int) -> None:
+    """Refuse a budget in which the gains of the start and those found cannot be flown."""
+    if budget < starts * each + counting:
+        raise InputError(
+            f"`budget` must be at least {starts * each + counting} flights: {each} for each of the "
+            f"{starts} gain sets of the start and {counting} for the count, got {budget}."
+        )
+
+
+def _worse(scenario: Scenario, law: Law, trial: Trial, start: Trial) -> Iterator[dict[str, Any]]:
+    """What is worse than with the gains of the start, asked for or not: margins, errors at the end.
+
+    Larger is better of `LOOP`, smaller of the largest mean error at the end of each channel.
+    """
+    name = law.names_of(["0"])[0]
+    now, before = (loop_measures(scenario, name, x.gains, LOOP) for x in (trial, start))
+    for measure in LOOP:
+        if now.get(measure, 0.0) < (1.0 - NOTED) * before.get(measure, 0.0):
+            lower = now.get(measure, math.nan)
+            yield {"measure": f"loop.{measure}", "value": lower, "start": before[measure]}
+    for channel, error in trial.ends.items():
+        first = start.ends.get(channel, math.inf)
+        if error > max(NO_ERROR, (1.0 + NOTED) * first):
+            measure = f"{channel}.end_error_{'mps' if channel == AIRSPEED else 'rad'}"
+            yield {"measure": measure, "value": error, "start": first}
 
 
 def whole_cycles(campaign: Campaign, draws: int) -> int:

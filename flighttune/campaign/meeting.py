@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -66,6 +66,7 @@ class Trial:
     excess: FloatArray  # (draws, requirements); relative to the bounds, `LOST` without a value
     checks: tuple[tuple[BoundCheck, ...], ...]  # likewise
     metric: float = math.inf  # sum over the flights of what is minimised
+    ends: Mapping[str, float] = field(default_factory=dict)  # largest ``end_error`` by channel
 
     @property
     def worst(self) -> FloatArray:
@@ -116,6 +117,9 @@ class Meeting(Answering):
         there is no value (``why``), the value at the ``start``, and the shares of draws on which it
         is met; those that are ``active`` stop the metric. On a campaign, values are those of the
         worst fresh draw.
+    worse : sequence of mapping
+        What is worse than at the start, required or not: R_K, margins of the loop and the largest
+        mean error at the end of each channel, with ``measure``, ``value`` and ``start``, in SI.
     trade_offs : sequence of mapping
         How far each requirement in conflict came in this search: in any candidate (``alone``), and
         in those that met the others (``beside``, None if none did). Empty on a campaign.
@@ -152,6 +156,7 @@ class Meeting(Answering):
     candidates: int
     metric: Mapping[str, Any]
     requirements: Sequence[Mapping[str, Any]]
+    worse: Sequence[Mapping[str, Any]]
     trade_offs: Sequence[Mapping[str, Any]]
     success: Mapping[str, Any] | None
     worst: Scenario | None
@@ -176,7 +181,7 @@ class Meeting(Answering):
         return Answer(
             values={
                 **pick(self, "status start start_met flights candidates metric"),
-                **pick(self, "requirements trade_offs success tuned_for"),
+                **pick(self, "requirements worse trade_offs success tuned_for"),
                 **gains_lists(self.gains),
                 **figures,
                 "certificate": certificate,
@@ -199,7 +204,12 @@ class Meeting(Answering):
                 Table(CERTIFICATE_COLUMNS, [certificate], "certificate"),
                 endings_table(self.endings),
             ],
-            notes=[*self.notes, *missed, *[BY_DEFAULT_NOTE] * by_default],
+            notes=[
+                *filter(None, [self.worse_sentence]),
+                *self.notes,
+                *missed,
+                *[BY_DEFAULT_NOTE] * by_default,
+            ],
             verdict=self.sentence,
             failure="" if self.status == "met" else self.sentence,
         )
@@ -213,6 +223,15 @@ class Meeting(Answering):
             if self.start_met
             else ""
         )
+
+    @property
+    def worse_sentence(self) -> str:
+        """What is worse than with the gains of the start; empty if nothing is."""
+        worse = [
+            f"{row['words']} {row['value']:.3g} {row['unit']} (was {row['start']:.3g})"
+            for row in map(in_words, self.worse)
+        ]
+        return f"Worse than with {self.start}: {listed(worse)}." if worse else ""
 
     @property
     def sentence(self) -> str:

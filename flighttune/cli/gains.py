@@ -94,7 +94,11 @@ def meet(
     ] = None,
     budget: Annotated[
         int | None,
-        Option(min=1, help="Maximum number of flights [default: 600, or 6000 with a campaign]."),
+        Option(
+            min=1,
+            help="Maximum number of flights, with those of the count on fresh draws [default: "
+            "600, or 6000 with a campaign].",
+        ),
     ] = None,
     metric: Annotated[
         str,

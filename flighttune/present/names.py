@@ -28,6 +28,8 @@ METRIC_LABELS = {
         Column("ST_rad", "standard deviation, last quarter", "deg", "z.3f", DEG_PER_RAD),
         Column("effort_rms", "effort rms", "", "z.3f"),
         Column("saturation_s", "time at limits", "s", "z.2f"),
+        Column("end_error_rad", "mean error at the end", "deg", "z.3f", DEG_PER_RAD),
+        Column("end_error_mps", "mean error at the end", "m/s", "z.3f"),
         Column("peak_rad", "peak error", "deg", "z.2f", DEG_PER_RAD),
         Column("MO_mps", "overshoot", "m/s", "z.2f"),
         Column("MS_mps", "mean error, last quarter", "m/s", "z.3f"),

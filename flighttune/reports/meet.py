@@ -81,7 +81,7 @@ def write_meet_page(path: Path, meeting: Meeting, command: str) -> Report:
         f"Requirements and gains: {scenario.title}",
         flown=_flown(meeting.worst or scenario, sets),
         scenario=scenario,
-        summary=[*filter(None, [meeting.start_sentence, meeting.sentence])],
+        summary=[*filter(None, [meeting.start_sentence, meeting.sentence, meeting.worse_sentence])],
         note=note,
         tables={
             "requirements": [replace(required, title="")],
