@@ -22,7 +22,11 @@ pytestmark = pytest.mark.slow
 WAVE = {
     "chi_amplitude": 0.1, "chi_omega_rad_s": 1.5, "gamma_amplitude": 0.1, "gamma_omega_rad_s": 0.7,
 }  # fmt: skip
-SUCCESS = {"at_most": {"chi": {"peak_deg": 18.0}, "flight": {"n_z_max": 1.3}}}
+# A bound below an error lets a channel end away from its reference, as these short flights do.
+SUCCESS = {
+    "at_most": {"chi": {"peak_deg": 18.0}, "flight": {"n_z_max": 1.3}},
+    "at_least": {"chi": {"ITAE": 0.0}, "gamma": {"ITAE": 0.0}},
+}
 ROUNDING = 1e-12
 """Rounding in measures over a few hundred samples, in their units."""
 
