@@ -101,10 +101,12 @@ class RouteReference:
     def not_arrived(self, t: float, place: Place) -> Stop | None:
         """Why a flight that lasted `t` (s) and came to `place` did not fly all of it.
 
-        At the end it must be within the look-ahead distance of the route.
+        At the end it must be within the look-ahead distance of the route; where the airspeed is
+        held, height may be given up for it.
         """
         along, *off = place
-        left, beside, most = self.path.length - along, math.hypot(*off), self.look_ahead * self.V_a
+        left, most = self.path.length - along, self.look_ahead * self.V_a
+        beside = abs(off[0]) if self.holds_airspeed else math.hypot(*off)
         if left > 0.0:
             return Stop("not_arrived", f"t = {t:g} s: {left:.0f} m of the route are left.")
         if beside > most:

@@ -90,7 +90,8 @@ def test_the_draw_nearest_to_the_edge_of_a_band_is_searched(file, tmp_path):
 
     found = answer("worst", file, "--budget", 32, "--workers", 1, "--out", toml)
 
-    again = answer("fly", toml, "--claim", file, "--out", tmp_path)
+    # soft gains do not follow to the end, which the requirements of the scenario ask for
+    again = answer("fly", toml, "--claim", file, "--out", tmp_path, status=1)
     assert found["metric"] == "band"
     (run,) = ft.load_recording(tmp_path).runs
     assert [claim["inside"] for claim in again["claims"]] == [_stays(run)]
