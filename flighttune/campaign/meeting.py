@@ -226,7 +226,7 @@ class Meeting(Answering):
 
     @property
     def worse_sentence(self) -> str:
-        """What is worse than with the gains of the start; empty if nothing is."""
+        """Measures that are worse than with the gains of the start; empty if there are none."""
         worse = [
             f"{row['words']} {row['value']:.3g} {row['unit']} (was {row['start']:.3g})"
             for row in map(in_words, self.worse)

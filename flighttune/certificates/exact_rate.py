@@ -45,7 +45,7 @@ class Sampling:
             return square_matrices("loop", loop * units / units[:, None], 2)
 
     def checks(self, model: LinearModel, gains: PIGains) -> list[Check]:
-        """That it samples the loop of `model` behind its lags, under the rule of the gains' law."""
+        """Check that the loop of `model` behind its lags is sampled by the rule of its law."""
         alone = with_inner_loop(self.model, self.lags) if self.lags else self.model
         hold = 0.5 * self.dt  # a held command is late by this
         # Models without the hold, or with one of its own, are those of lags that have no delay:

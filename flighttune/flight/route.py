@@ -201,7 +201,7 @@ class PlannedRoute(Answering):
 
     @property
     def _stated(self) -> dict[str, Any]:
-        """What a written file is read back as: the path follows from it."""
+        """Tables from which a written file is read back as the same path."""
         scenario = self.scenario
         assert scenario.route is not None
         return {
