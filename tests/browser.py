@@ -1,12 +1,15 @@
 """Chromium without a screen, and what a page says of itself in it."""
 
+import base64
 import html
 import json
+import os
 import re
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -17,9 +20,12 @@ from PIL import Image
 QUIET = (
     "--headless", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run",
     "--disable-background-networking", "--disable-component-update", "--disable-sync",
-    "--hide-scrollbars", "--virtual-time-budget=4000",
+    "--hide-scrollbars",
 )  # fmt: skip
+VIRTUAL_TIME = "--virtual-time-budget=4000"
+"""Ends timers at once, and with them hides what depends on which of two things comes first."""
 SECONDS = 90
+ATTEMPTS = 5
 
 DESK, TABLET, PHONE, NARROW = 1280, 600, 390, 320
 """Widths in pixels: 600 of a small tablet, 390 of a phone, 320 the narrowest still in use."""
@@ -54,22 +60,83 @@ addEventListener("message", event => {{ told.push(event.data);
   document.title = JSON.stringify(told); }});</script>"""
 
 
-def headless_chromium() -> Callable[..., str]:
-    """Starts chromium once with some flags and an empty profile, and returns what it printed.
-
-    The test is skipped where there is none.
-    """
+def chromium_program() -> str:
+    """Path of chromium; the test is skipped where there is none."""
     program = shutil.which("chromium")
     if program is None:
         reason = "chromium is not installed (apt-get install -y --no-install-recommends chromium)"
         if DEMANDED:
             pytest.fail(reason)
         pytest.skip(reason)
+    return program
+
+
+@contextmanager
+def chromium_at_real_speed(size: tuple[int, int]) -> Iterator[Callable[..., dict]]:
+    """A chromium that keeps running; calls a method of its DevTools protocol in the page."""
+    ours_in, theirs_out = os.pipe()
+    theirs_in, ours_out = os.pipe()
+    pipes = f'exec "$@" 3<&{theirs_in} 4>&{theirs_out}'  # it reads from 3 and writes to 4
+    flags = [f"--window-size={size[0]},{size[1]}", "--remote-debugging-pipe"]
+    flags += ["--enable-unsafe-swiftshader"]  # WebGL without a graphics card
+    with (
+        tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile,
+        subprocess.Popen(
+            ["bash", "-c", pipes, "chromium", chromium_program(), *QUIET, *flags,
+             f"--user-data-dir={profile}"],
+            pass_fds=(theirs_in, theirs_out), stderr=subprocess.DEVNULL,
+        ) as browser,
+        open(ours_in, "rb") as answers,
+        open(ours_out, "wb", buffering=0) as questions,
+    ):  # fmt: skip
+        os.close(theirs_in)
+        os.close(theirs_out)
+        received, page = b"", {}
+
+        def call(method, **params):
+            nonlocal received
+            questions.write(
+                json.dumps({"id": 1, "method": method, "params": params, **page}).encode() + b"\0"
+            )
+            while True:
+                while b"\0" not in received:
+                    part = os.read(answers.fileno(), 1 << 20)
+                    assert part, "chromium has ended"
+                    received += part
+                message, _, received = received.partition(b"\0")
+                told = json.loads(message)
+                if "id" in told:
+                    return told.get("result", {})
+
+        try:
+            target = call("Target.createTarget", url="about:blank")["targetId"]
+            page["sessionId"] = call("Target.attachToTarget", targetId=target, flatten=True)[
+                "sessionId"
+            ]
+            yield call
+        finally:
+            browser.kill()
+
+
+def window_of(call: Callable[..., dict]) -> bytes:
+    """PNG of the page that is open in `chromium_at_real_speed`; a busy page is asked again."""
+    for _ in range(ATTEMPTS):
+        if picture := call("Page.captureScreenshot", format="png").get("data"):
+            return base64.b64decode(picture)
+    raise TimeoutError("chromium must take a picture of the page")
+
+
+def headless_chromium() -> Callable[..., str]:
+    """Starts chromium once with some flags and an empty profile, and returns what it printed.
+
+    The test is skipped where there is none.
+    """
+    program = chromium_program()
 
     def run(*flags):
         with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as profile:
             done = subprocess.run(
-                [program, *QUIET, f"--user-data-dir={profile}", *map(str, flags)],
+                [program, *QUIET, VIRTUAL_TIME, f"--user-data-dir={profile}", *map(str, flags)],
                 capture_output=True,
                 text=True,
                 timeout=SECONDS,
