@@ -24,7 +24,14 @@ def test_numbers_without_a_value_are_a_dash(value, text):
 
 
 def test_every_metric_has_a_label_and_angles_are_in_degrees():
-    named = {*METRICS, *FLIGHT_METRICS, *AIRSPEED_METRICS, "peak_rad"}
+    named = {
+        *METRICS,
+        *FLIGHT_METRICS,
+        *AIRSPEED_METRICS,
+        "peak_rad",
+        "end_error_rad",
+        "end_error_mps",
+    }
     named |= LOOP_METRICS.keys() - QUANTITIES.keys()
     assert named == METRIC_LABELS.keys()
     assert metric_label("V.MO_mps").heading == "overshoot of V [m/s]"
