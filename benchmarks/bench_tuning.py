@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 import running
+from evolution import tune_by_evolution
 
 from flighttune import tune
 from flighttune.control.gains import PAPER_GAINS
@@ -17,12 +18,10 @@ from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import kinematic_model
 from flighttune.control.margins import loop_margins
-from flighttune.paper.evolution import tune_by_evolution
-from flighttune.tuning.diagnosis import diagnosis, relaxed
 from flighttune.tuning.frontier import frontier
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.result import TuningResult
-from flighttune.tuning.tune import tune_problem
+from flighttune.tuning.tune import diagnosis, relaxed, tune_problem
 
 SEEDS = range(1 if running.QUICK else 10)
 METHODS = {"gradient": tune_problem, "genetic": tune_by_evolution}

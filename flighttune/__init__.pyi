@@ -87,8 +87,8 @@ from flighttune.records.parquet import Recording as Recording
 from flighttune.records.parquet import load_recording as load_recording
 from flighttune.records.refly import Reflown as Reflown
 from flighttune.references.segments import Reference as Reference
+from flighttune.reports.claim import plot as plot
 from flighttune.reports.page import Report as Report
-from flighttune.reports.plot import plot as plot
 from flighttune.reports.report import report as report
 from flighttune.scenario.load import load_gains as load_gains
 from flighttune.scenario.load import scenario_from as scenario_from

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from flighttune.aircraft.off_nominal import OffNominal
+from flighttune.aircraft.aircraft import OffNominal
 from flighttune.plants.jsbsim import properties
 from flighttune.units import FT, LBF
 

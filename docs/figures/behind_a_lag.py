@@ -11,8 +11,7 @@ import flighttune as ft
 from flighttune.control.linear_model import closed_loops
 from flighttune.theory.indicators import indicators
 from flighttune.tuning.problem import search_space
-from flighttune.tuning.robust import channels
-from flighttune.tuning.shaped import FINE, Peaks
+from flighttune.tuning.robust import FINE, Peaks, channels
 
 IDENTIFIED = {"tuning.model": "identified"}
 SCENARIOS = "level_turn", "gust_in_turn", "turbulent_climb", "crosswind_course", "paper_identified"

@@ -5,9 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.control.envelope import Envelope
 from flighttune.control.gains import PAPER_GAINS, PIGains
-from flighttune.control.linear_model import kinematic_model
+from flighttune.control.linear_model import Envelope, kinematic_model
 from flighttune.present.chart import Sheet
 from flighttune.tuning.envelope import rate_chart, rate_curve, tune_over_envelope
 from flighttune.tuning.problem import TuningProblem

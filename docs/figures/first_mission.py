@@ -8,7 +8,7 @@ from pathlib import Path
 
 from flighttune.campaign.band import load_band
 from flighttune.present.chart import Chart, Sheet
-from flighttune.reports.band import band_charts
+from flighttune.reports.claim import band_charts
 
 FILE = Path(__file__).parents[1] / "first_mission.svg"
 TITLES = "As drawn: the circle leaves the fence", "With the circle 151 m further west"

@@ -8,7 +8,7 @@ import flighttune as ft
 from flighttune import load_scenario
 from flighttune.flight.models import gain_set
 from flighttune.gaps.gap import Gap
-from flighttune.reports.gap_charts import gap_sheet
+from flighttune.reports.charts import gap_sheet
 from flighttune.simulate.run import Run
 from flighttune.units import DEG_PER_RAD
 

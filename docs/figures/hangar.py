@@ -23,10 +23,10 @@ import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.files.shipped import models_of_jsbsim, scenario_files
 from flighttune.files.table import toml_text
+from flighttune.present.answer import Column, Table
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import columns
 from flighttune.present.palette import HUES, INK
-from flighttune.present.tables import Column, Table
 from flighttune.units import DEG_PER_RAD, G_PAPER
 
 PAGE = Path(__file__).parents[1] / "hangar.md"

@@ -7,7 +7,7 @@ import numpy as np
 import flighttune as ft
 from flighttune.present.chart import Chart, Sheet
 from flighttune.present.palette import HUES, INK
-from flighttune.theory.optimal import optimal_channel
+from flighttune.theory.rate_bound import optimal_channel
 
 FILE = Path(__file__).parents[1] / "optimum.svg"
 I_STAR = 5.0

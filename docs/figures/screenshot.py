@@ -24,7 +24,7 @@ from packaging.version import Version
 from flighttune.errors import RecordingError
 from flighttune.files.whole import whole_file
 from flighttune.recording.entities import TIMELINE
-from flighttune.recording.viewer import LOCAL, rerun_program, stream_url
+from flighttune.recording.record import LOCAL, rerun_program, stream_url
 from flighttune.records.parquet import check_recording
 
 if TYPE_CHECKING:

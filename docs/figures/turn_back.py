@@ -18,7 +18,7 @@ from shapely import LineString, Polygon
 
 from flighttune.campaign.band import load_band
 from flighttune.campaign.counted_flights import plan_in
-from flighttune.campaign.flying.alone import fly_group
+from flighttune.campaign.flying.rows import fly_group
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 CLAIM = ("--epsilon", "0.05", "--confidence", "0.95", "--learn", "15")

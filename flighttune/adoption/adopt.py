@@ -40,9 +40,8 @@ from flighttune.plants.jsbsim.bench import Bench
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.model_files import MODEL_FILE, model_hash
 from flighttune.plants.jsbsim.trim import level, trim_table
-from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
-from flighttune.present.tables import Column, Table
 from flighttune.units import DEG
 
 TURN = "turn.toml"

@@ -5,13 +5,12 @@ from pathlib import Path
 
 from flighttune.adoption.adopt import CALM_DEG, TURN, Adoption
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.identification.figure import held_out
 from flighttune.identification.file import lags_table
-from flighttune.identification.identify import GOOD_FIT
+from flighttune.identification.identify import GOOD_FIT, held_out
 from flighttune.identification.steps import steps_table
+from flighttune.present.answer import Table, facts_table
 from flighttune.present.frame import Section, write_answer
 from flighttune.present.names import columns
-from flighttune.present.tables import Table, facts_table
 from flighttune.reports.panels import FLOWN, errors, flown_signals
 from flighttune.simulate.run import run_styles
 

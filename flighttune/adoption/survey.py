@@ -18,9 +18,8 @@ from flighttune.aircraft.aircraft import PROPERTY_NAME, SURFACES, AircraftConfig
 from flighttune.aircraft.model_xml import found_file, read_xml
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, PlantError
-from flighttune.plants.jsbsim.bench import AirframeState, Bench
+from flighttune.plants.jsbsim.bench import EFFECTS, POSITIONS, AirframeState, Bench, surface_faults
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.load_check import EFFECTS, POSITIONS, surface_faults
 from flighttune.plants.jsbsim.model_files import (
     ROCKET,
     has_engine,

@@ -1,4 +1,4 @@
-"""An aircraft's folder: its ``aircraft.toml``, read once and checked, in SI and radians."""
+"""An aircraft's folder: its ``aircraft.toml``, read once and checked, and its off-nominal forms."""
 
 import hashlib
 import json
@@ -6,13 +6,12 @@ import math
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import AfterValidator, Field, PrivateAttr
 
 from flighttune import quantities as q
-from flighttune.aircraft.off_nominal import OffNominal
 from flighttune.control.controller import FlightCondition
 from flighttune.control.limits import Limits
 from flighttune.errors import InputError
@@ -20,8 +19,68 @@ from flighttune.files.mistakes import validated
 from flighttune.files.shipped import aircraft_folder
 from flighttune.files.table import hash_of, json_tables, stamp, toml_tables
 from flighttune.files.whole import write_text
-from flighttune.present.tables import printable
+from flighttune.present.answer import printable
+from flighttune.quantities import Factor, Shift, Table
 from flighttune.units import DEG
+
+
+class OffNominal(Table):
+    """``[plant.airframe]``: differences of an aircraft from its files."""
+
+    AXES: ClassVar[tuple[str, ...]] = (
+        *("lift", "drag", "side_force"),
+        *("roll_moment", "pitch_moment", "yaw_moment"),
+    )
+
+    mass_factor: Factor = 1.0  # on the whole mass; the centre of gravity and the inertias stay
+    # Shift of the centre of gravity
+    cg_aft_m: Shift = 0.0
+    cg_right_m: Shift = 0.0
+    cg_down_m: Shift = 0.0
+    # On the inertias about the centre of gravity, body axes
+    ixx_factor: Factor = 1.0
+    iyy_factor: Factor = 1.0
+    izz_factor: Factor = 1.0
+    ixz_factor: Factor = 1.0
+    # On everything the aerodynamics give along and about one axis
+    lift_factor: Factor = 1.0
+    drag_factor: Factor = 1.0
+    side_force_factor: Factor = 1.0
+    roll_moment_factor: Factor = 1.0
+    pitch_moment_factor: Factor = 1.0
+    yaw_moment_factor: Factor = 1.0
+    # On single aerodynamic functions of the model, by name or last part of it. Those of 1 count
+    # too: each must have its function.
+    coefficient_factors: dict[Annotated[str, Field(min_length=1)], Factor] = Field(
+        default_factory=dict
+    )
+    thrust_factor: Factor = 1.0  # on the thrust at each throttle
+    actuator_lag_factor: Factor = 1.0  # on the time constants of the surface actuators
+
+    @property
+    def cg_shift(self) -> tuple[float, float, float]:
+        """Shift of the centre of gravity, m: aft, right, down."""
+        return self.cg_aft_m, self.cg_right_m, self.cg_down_m
+
+    @property
+    def loaded(self) -> bool:
+        """Whether mass, centre of gravity or inertia differ."""
+        return any(self.cg_shift) or self.mass_factor != 1.0 or bool(self.inertia_factors)
+
+    @property
+    def inertia_factors(self) -> dict[str, float]:
+        """Factors other than 1 on the inertias."""
+        return self._other_than_one("ixx", "iyy", "izz", "ixz")
+
+    @property
+    def scaled(self) -> dict[str, float]:
+        """Factors other than 1 on aerodynamics as a whole, thrust and actuators, by property."""
+        return self._other_than_one(*self.AXES, "thrust", "actuator_lag")
+
+    def _other_than_one(self, *properties: str) -> dict[str, float]:
+        factors = {name: getattr(self, f"{name}_factor") for name in properties}
+        return {name: factor for name, factor in factors.items() if factor != 1.0}
+
 
 _LEVEL = r"[A-Za-z_][A-Za-z0-9_.-]*(\[\d+\])?"
 # Names JSBSim takes; it ends the process over any other.

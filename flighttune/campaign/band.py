@@ -21,7 +21,7 @@ from flighttune.campaign.counted_flights import (
 )
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
-from flighttune.campaign.flying.alone import fly_group
+from flighttune.campaign.flying.rows import fly_group
 from flighttune.campaign.turn_back import room_of, turning_back
 from flighttune.claims.band import (
     DOUBLED,
@@ -61,7 +61,7 @@ from flighttune.planning.schema import Campaign
 from flighttune.planning.source import Flights
 from flighttune.planning.source import flights as flights_of_source
 from flighttune.present.answer import pick
-from flighttune.present.reasons import why_ended
+from flighttune.present.names import why_ended
 from flighttune.references.fence import fence_tables, read_fence
 from flighttune.references.follow import SAME_PLACE, RouteReference
 from flighttune.scenario.schema import Scenario

@@ -20,9 +20,8 @@ from flighttune.files.value import write
 from flighttune.flight.flown import FlownScenario
 from flighttune.gaps.gap import Gap
 from flighttune.identification.file import changed_files
-from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.names import columns, listed
-from flighttune.present.tables import Column, Table
 from flighttune.records.compare import Source
 from flighttune.theory.exact import Check, Verification
 from flighttune.tubes.enclosure import Tube

@@ -14,8 +14,7 @@ from flighttune.planning.load import campaign_on
 from flighttune.planning.places import dispersed_places
 from flighttune.planning.plan import Plan, aircraft_hashes, plan_from
 from flighttune.planning.schema import Campaign, Choice, Design, Dispersion, Grid, Uniform
-from flighttune.scenario.load import scenario_from
-from flighttune.scenario.places import spelled
+from flighttune.scenario.load import scenario_from, spelled
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import INTENSITIES
 

@@ -17,8 +17,7 @@ from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.columns import measured_in
 from flighttune.campaign.flying.rows import Row
 from flighttune.campaign.meeting import BY_DEFAULT, Meeting, Trial
-from flighttune.campaign.statistics.intervals import share
-from flighttune.campaign.statistics.paired import ordered_quantile
+from flighttune.campaign.statistics.intervals import ordered_quantile, share
 from flighttune.control.gains import PAPER_GAINS, PIGains
 from flighttune.control.law import Law, plain_laws, split_name
 from flighttune.control.linear_model import closed_loop
@@ -42,7 +41,7 @@ from flighttune.planning.draws import SEED, cycle
 from flighttune.planning.load import campaign_on, load_campaign
 from flighttune.planning.plan import Group, Plan, aircraft_hashes
 from flighttune.planning.schema import MEASURES, Campaign, CampaignTable
-from flighttune.plants.label import goes_by
+from flighttune.plants.base import goes_by
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import (
     TUNED,

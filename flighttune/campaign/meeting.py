@@ -16,10 +16,8 @@ from flighttune.control.margins import loop_margins, margins_table
 from flighttune.flight.expectations import BoundCheck
 from flighttune.flight.models import certify_scenario, linear_model
 from flighttune.planning.schema import Campaign
-from flighttune.present.answer import Answer, Answering, pick
-from flighttune.present.names import columns, in_words, listed, measure_words
-from flighttune.present.reasons import endings_table
-from flighttune.present.tables import Column, Table, interval, percent
+from flighttune.present.answer import Answer, Answering, Column, Table, interval, percent, pick
+from flighttune.present.names import columns, endings_table, in_words, listed, measure_words
 from flighttune.scenario.schema import Scenario
 from flighttune.theory.indicators import indicators
 

@@ -10,8 +10,7 @@ from flighttune.campaign.counted_flights import plan_of
 from flighttune.campaign.dataset import CAMPAIGN, Dataset, open_dataset
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
-from flighttune.campaign.flying.alone import fly_again
-from flighttune.campaign.flying.rows import row_differences
+from flighttune.campaign.flying.rows import fly_again, row_differences
 from flighttune.errors import InputError, RecordingError, ScenarioError
 from flighttune.files.seal import is_claim_file
 from flighttune.flight.fly import Progress

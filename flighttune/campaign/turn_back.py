@@ -14,7 +14,7 @@ from flighttune.planning.plan import Plan
 from flighttune.planning.schema import Choice, Uniform
 from flighttune.references.follow import CHANGE_N_X
 from flighttune.scenario.load import scenario_from
-from flighttune.scenario.turn_back import DETECTED_S, TurnBackTable, rate_of
+from flighttune.scenario.route import DETECTED_S, TurnBackTable, rate_of
 from flighttune.simulate.run import Run
 from flighttune.units import DEG
 

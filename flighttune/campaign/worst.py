@@ -20,9 +20,8 @@ from flighttune.campaign.claims import AnyClaim, load_claim
 from flighttune.campaign.counted_flights import plan_of
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
-from flighttune.campaign.flying.alone import scenario_of_run
 from flighttune.campaign.flying.columns import measured_in
-from flighttune.campaign.flying.rows import Drawn, Probes
+from flighttune.campaign.flying.rows import Drawn, Probes, scenario_of_run
 from flighttune.certificates.bound import RateBound
 from flighttune.certificates.certificate import Certificate
 from flighttune.claims.band import About, Band, BandFlights
@@ -35,10 +34,8 @@ from flighttune.planning.plan import Plan, plan_campaign
 from flighttune.planning.schema import MEASURES, Campaign
 from flighttune.planning.source import Flights, about, flights
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
-from flighttune.present.answer import Answer, Answering, pick
-from flighttune.present.names import CHANNEL_SYMBOLS, columns
-from flighttune.present.reasons import endings_table
-from flighttune.present.tables import Column, Table
+from flighttune.present.answer import Answer, Answering, Column, Table, pick
+from flighttune.present.names import CHANNEL_SYMBOLS, columns, endings_table
 from flighttune.scenario.load import scenario_from, with_gains
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.simulate.bounds import ERRORS, Bounds

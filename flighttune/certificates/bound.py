@@ -13,12 +13,10 @@ from flighttune.arrays import FloatArray, check_positive, set_read_only
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
 from flighttune.files.value import STRICT, read
-from flighttune.present.answer import Answer, Answering, pick
-from flighttune.present.tables import Column, Table
+from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.theory.exact import Verification
 from flighttune.theory.indicators import scaled
-from flighttune.theory.optimal import optimal_channel
-from flighttune.theory.rate_bound import NUMBERS, bound_checks, no_faster_gains
+from flighttune.theory.rate_bound import NUMBERS, bound_checks, no_faster_gains, optimal_channel
 
 # The bound is above the optimum by this share of R_K (1 - R_K): by 1 % at I* = 5.
 GAP = 0.02

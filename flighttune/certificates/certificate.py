@@ -13,10 +13,12 @@ from pydantic import Field
 
 from flighttune.arrays import FloatArray, check_positive, set_read_only
 from flighttune.certificates.exact_rate import SAME_MODEL, ExactRate, lag_units
-from flighttune.control.envelope import ENTRIES, Envelope, JacobianHull
 from flighttune.control.gains import ERRORS_WITH_AIRSPEED, PIGains, gains_table
 from flighttune.control.linear_model import (
+    ENTRIES,
     LAW_NAMES,
+    Envelope,
+    JacobianHull,
     LinearModel,
     closed_loop,
     disturbance_entry,
@@ -24,9 +26,8 @@ from flighttune.control.linear_model import (
 )
 from flighttune.errors import InputError
 from flighttune.files.value import STRICT, read
-from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.answer import Answer, Answering, Column, Table, pick, quoted
 from flighttune.present.names import columns, listed
-from flighttune.present.tables import Column, Table, quoted
 from flighttune.theory.exact import (
     Check,
     Interval,

@@ -17,18 +17,23 @@ from flighttune.certificates.certificate import (
     vertex_matrices,
 )
 from flighttune.certificates.exact_rate import ExactRate
-from flighttune.control.envelope import Envelope, jacobian_hull, vertex_loops
 from flighttune.control.gains import PIGains
-from flighttune.control.linear_model import LinearModel, closed_loop, disturbance_entry
+from flighttune.control.linear_model import (
+    Envelope,
+    LinearModel,
+    closed_loop,
+    disturbance_entry,
+    jacobian_hull,
+    vertex_loops,
+)
 from flighttune.control.margins import loop_margins, margins_table
 from flighttune.errors import InputError
-from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.names import columns
-from flighttune.present.tables import Column, Table
-from flighttune.theory.attractor import Ellipsoid, invariant_ellipsoid
 from flighttune.theory.common import common_ellipsoid, common_Q
 from flighttune.theory.exact import FACTORS, Verification, provable_rate
 from flighttune.theory.indicators import Indicators, indicators
+from flighttune.theory.lyapunov import Ellipsoid, invariant_ellipsoid
 
 ANY_ENVELOPE = (
     "The certificate holds over any envelope: the error dynamics of the exact law are the same "

@@ -36,18 +36,24 @@ from flighttune.files.whole import whole_file
 from flighttune.flight.route import PlannedRoute, planned_route
 from flighttune.gaps.residual import ConformantModel
 from flighttune.metrics import OFF_ROUTE
-from flighttune.plants.label import plant_label
-from flighttune.present.answer import Answer, Answering, pick
-from flighttune.present.names import listed, shown_unit
-from flighttune.present.reasons import endings_table
-from flighttune.present.tables import Column, Table, number, printable, quoted
+from flighttune.plants.base import plant_label
+from flighttune.present.answer import (
+    Answer,
+    Answering,
+    Column,
+    Table,
+    number,
+    pick,
+    printable,
+    quoted,
+)
+from flighttune.present.names import endings_table, listed, shown_unit
 from flighttune.references.fence import DISTANCE_SIGNS, read_fence, room_along
 from flighttune.references.follow import SAME_PLACE
 from flighttune.references.maps import Corridor, Volume, Where, areas_of
-from flighttune.scenario.load import scenario_of
-from flighttune.scenario.places import leaves
+from flighttune.scenario.load import leaves, scenario_of
+from flighttune.scenario.route import BACK_S
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.turn_back import BACK_S
 from flighttune.simulate.bounds import Bounds, Kind, RunClaim
 from flighttune.simulate.run import SIGNAL_UNITS, Run, along_route
 

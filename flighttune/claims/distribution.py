@@ -9,8 +9,8 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from flighttune.errors import InputError
+from flighttune.present.answer import Table
 from flighttune.present.names import columns, key_words, listed
-from flighttune.present.tables import Table
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 from flighttune.errors import InputError
 from flighttune.metrics import OFF_ROUTE
-from flighttune.present.tables import Column
+from flighttune.present.answer import Column
 
 # Stands for the file of a fence that is kept with its band.
 KEPT = Path("fence")

@@ -16,11 +16,11 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.control.linear_model import closed_loop, disturbance_entry
 from flighttune.errors import InputError
-from flighttune.gaps.mismatch import CHANNELS, LEAST_SAMPLES, trim_of
+from flighttune.gaps.residual import CHANNELS, LEAST_SAMPLES, trim_of
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.run import Run
-from flighttune.theory.attractor import Ellipsoid, invariant_ellipsoid
 from flighttune.theory.indicators import Indicators, indicators
+from flighttune.theory.lyapunov import Ellipsoid, invariant_ellipsoid
 
 # Change of slope of the reference, rad a sample, beyond which it counts as moved.
 #

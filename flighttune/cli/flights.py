@@ -169,7 +169,7 @@ def view(
 
 
 def _open(path: Path, *, port: int | None = None) -> None:
-    from flighttune.recording.viewer import run_viewer, viewer
+    from flighttune.recording.record import run_viewer, viewer
     from flighttune.records.parquet import recording_in
 
     recording = recording_in(path) if path.is_dir() else path
@@ -267,8 +267,7 @@ def run(
     cut short, 130 after Ctrl-C; --resume flies the missing runs.
     """
     from flighttune.campaign.dataset import CAMPAIGN, open_dataset
-    from flighttune.campaign.engine.engine import run_campaign
-    from flighttune.campaign.engine.forecast import forecast
+    from flighttune.campaign.engine.engine import forecast, run_campaign
     from flighttune.planning.load import load_campaign
     from flighttune.planning.plan import plan_campaign
 

@@ -194,7 +194,7 @@ def certify(
     if certified.certificate is not None and out is not None:
         write(certified.certificate, out)
     if figure is not None:
-        from flighttune.reports.loop_charts import loop_sheet
+        from flighttune.reports.charts import loop_sheet
 
         title = f"{Path(scenario).stem}; gains {certified.name}"
         loop_sheet(certified, title).save(figure)

@@ -54,8 +54,8 @@ def gap(
     from flighttune.gaps.ladder import gap as explain_gap
     from flighttune.gaps.of_log import LogGap
     from flighttune.recording.record import record
-    from flighttune.reports.gap import write_gap_page
-    from flighttune.reports.gap_charts import gap_sheet
+    from flighttune.reports.charts import gap_sheet
+    from flighttune.reports.report import write_gap_page
 
     stem = f"{Path(scenario.partition('@')[0]).stem}-gap"
     folder = out or Path("runs") / stem
@@ -121,7 +121,7 @@ def compare(
         if out.suffix.lower() == ".html":
             from flighttune.reports.page import write_comparison_page as write
         else:
-            from flighttune.recording.overlay import write_overlay as write
+            from flighttune.recording.record import write_overlay as write
         write(comparison, out)
         files["page" if out.suffix.lower() == ".html" else "recording"] = out
     return replace(comparison.answer(), files=files)

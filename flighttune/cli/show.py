@@ -20,9 +20,8 @@ from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgre
 from flighttune.errors import FORKS, StoppedError
 from flighttune.files.whole import reason_of
 from flighttune.flight.notice import NOTICE
-from flighttune.present.answer import Answer
+from flighttune.present.answer import Answer, printable
 from flighttune.present.answer import pick as pick  # for the commands
-from flighttune.present.tables import printable
 
 if TYPE_CHECKING:
     from flighttune.campaign.engine.pool import WorkerPool

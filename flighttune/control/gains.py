@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, check_positive, read_only_matrix, set_read_only
-from flighttune.present.tables import Column, Table
+from flighttune.present.answer import Column, Table
 from flighttune.units import G_PAPER
 
 # Commands that gains of the paper's law act on.

@@ -13,9 +13,8 @@ from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import LinearModel, closed_loop, velocity_form
-from flighttune.present.answer import pick
+from flighttune.present.answer import Column, Table, pick
 from flighttune.present.names import columns
-from flighttune.present.tables import Column, Table
 
 GRID_PER_DECADE = 60
 RTOL = 1e-15  # of a root between two points of the grid

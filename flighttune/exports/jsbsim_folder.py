@@ -41,10 +41,9 @@ from flighttune.plants.jsbsim import properties
 from flighttune.plants.jsbsim.fdm import STARTER, STARTING, Fdm, weigh
 from flighttune.plants.jsbsim.model_files import model_files, model_folders, source_folders
 from flighttune.plants.jsbsim.plant import JSBSimPlant, inner_loop_settings
-from flighttune.present.answer import Answer, Answering
-from flighttune.present.tables import printable
+from flighttune.present.answer import Answer, Answering, printable
 from flighttune.references.feasible import FeasibleReference
-from flighttune.references.priority import APPROACH, LEAST_SHARE, STEEPEST_DIVE
+from flighttune.references.planner import APPROACH, LEAST_SHARE, STEEPEST_DIVE
 from flighttune.references.segments import Reference
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable

@@ -11,12 +11,10 @@ import pandas as pd
 from flighttune.flight.advice import advice
 from flighttune.flight.expectations import ClaimCheck, check_claim
 from flighttune.metrics import AIRSPEED, airspeed_metrics, metric_tables
-from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.answer import Answer, Answering, Table, pick
 from flighttune.present.names import columns
-from flighttune.present.tables import Table
 from flighttune.scenario.schema import Scenario
-from flighttune.simulate.claim import Claim, claimed, with_claims
-from flighttune.simulate.run import Run, priority_notes
+from flighttune.simulate.run import Claim, Run, claimed, priority_notes, with_claims
 from flighttune.theory.indicators import Indicators
 from flighttune.tuning.result import TuningResult
 

@@ -9,11 +9,10 @@ from flighttune.control.gains import paper_family
 from flighttune.errors import InputError
 from flighttune.flight.load import as_scenario
 from flighttune.flight.models import gain_set, tuning_problem
-from flighttune.present.answer import Answer, Answering
+from flighttune.present.answer import Answer, Answering, Table
 from flighttune.present.chart import Sheet
 from flighttune.present.names import columns
 from flighttune.present.palette import line_styles
-from flighttune.present.tables import Table
 from flighttune.scenario.schema import Scenario
 from flighttune.tuning.frontier import POINTS, frontier_chart
 from flighttune.tuning.frontier import frontier as frontier_table

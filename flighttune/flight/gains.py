@@ -25,11 +25,10 @@ from flighttune.flight.models import (
 from flighttune.flight.own import with_own
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TuningModel, flown_aircraft
-from flighttune.tuning.diagnosis import diagnosis
 from flighttune.tuning.envelope import largest_factor, tune_over_envelope
 from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.result import TuningResult
-from flighttune.tuning.tune import STARTS, tune_problem
+from flighttune.tuning.tune import STARTS, diagnosis, tune_problem
 
 
 def tune(

@@ -11,9 +11,8 @@ from flighttune.files.shipped import (
     is_shipped,
     scenario_files,
 )
-from flighttune.present.answer import Answer, Answering
+from flighttune.present.answer import Answer, Answering, Table
 from flighttune.present.names import columns
-from flighttune.present.tables import Table
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

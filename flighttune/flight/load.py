@@ -25,8 +25,14 @@ from flighttune.flight.models import gain_set, tuning_scaling
 from flighttune.identification.file import load_identified
 from flighttune.plants.jsbsim.plant import check_off_nominal
 from flighttune.references.mission import RouteFile
-from flighttune.scenario.load import existing_file, title_with, with_files, with_gains
-from flighttune.scenario.places import leaves, with_changes
+from flighttune.scenario.load import (
+    existing_file,
+    leaves,
+    title_with,
+    with_changes,
+    with_files,
+    with_gains,
+)
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED_IDENTIFIED, PlantTable
 from flighttune.units import DEG

@@ -11,7 +11,6 @@ from flighttune.arrays import FloatArray
 from flighttune.certificates.exact_rate import ExactRate, Sampling, exact_rates
 from flighttune.certificates.make import Certification, certify_model
 from flighttune.control.controller import LawSetup
-from flighttune.control.envelope import Envelope
 from flighttune.control.gains import (
     COMMANDS,
     ERRORS_WITH_AIRSPEED,
@@ -23,7 +22,7 @@ from flighttune.control.gains import (
 from flighttune.control.inner_loop import InnerLag, with_input_delay, with_input_lag
 from flighttune.control.law import Law, Trim
 from flighttune.control.limits import Limits
-from flighttune.control.linear_model import LinearModel, closed_loop
+from flighttune.control.linear_model import Envelope, LinearModel, closed_loop
 from flighttune.control.margins import channel_margins, loop_margins
 from flighttune.errors import InputError, ScenarioError
 from flighttune.files.shipped import nearest_name

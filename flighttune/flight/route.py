@@ -12,9 +12,7 @@ from flighttune.errors import InputError
 from flighttune.files.whole import write_text
 from flighttune.flight.conditions import reference_of
 from flighttune.flight.load import as_scenario, route_scenario
-from flighttune.present.answer import Answer, Answering, pick
-from flighttune.present.tables import Column, Table, printable
-from flighttune.references.earth import on_earth
+from flighttune.present.answer import Answer, Answering, Column, Table, pick, printable
 from flighttune.references.follow import RouteReference
 from flighttune.references.maps import (
     Corridor,
@@ -22,12 +20,18 @@ from flighttune.references.maps import (
     Marks,
     Where,
     areas_of,
+    on_earth,
     route_geojson,
     route_kml,
 )
-from flighttune.references.mission import OTHER_FILES, ROUTE_FILES, read_route
+from flighttune.references.mission import (
+    OTHER_FILES,
+    ROUTE_FILES,
+    fence_size,
+    read_route,
+    route_plan,
+)
 from flighttune.references.path import STEP
-from flighttune.references.plan_file import fence_size, route_plan
 from flighttune.scenario.schema import Scenario
 from flighttune.units import DEG
 

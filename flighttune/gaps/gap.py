@@ -13,14 +13,12 @@ import pandas as pd
 from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag
 from flighttune.flight.flown import FlownScenario
-from flighttune.gaps.mismatch import Mismatch
+from flighttune.gaps.residual import Mismatch
 from flighttune.identification.file import lag_table
-from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.names import CHANNEL_NAMES, CHANNEL_SYMBOLS, columns
-from flighttune.present.tables import Column, Table
 from flighttune.scenario.schema import Scenario
-from flighttune.simulate.claim import Claim, claimed, with_claims
-from flighttune.simulate.run import Run
+from flighttune.simulate.run import Claim, Run, claimed, with_claims
 from flighttune.theory.indicators import Indicators
 from flighttune.units import DEG_PER_RAD
 

@@ -29,8 +29,8 @@ from flighttune.flight.fly import (
 from flighttune.flight.load import scenario_and_gains
 from flighttune.flight.models import law_model
 from flighttune.gaps.gap import Gap, LagSource, Step, failure_of
-from flighttune.gaps.mismatch import CHANNELS, Mismatch, mismatch
 from flighttune.gaps.of_log import LogGap, log_gap
+from flighttune.gaps.residual import CHANNELS, Mismatch, mismatch
 from flighttune.identification.file import FILE_NAME
 from flighttune.identification.fit import fitted_lag
 from flighttune.logs.columns import Columns

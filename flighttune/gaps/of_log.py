@@ -14,8 +14,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft
-from flighttune.aircraft.off_nominal import OffNominal
+from flighttune.aircraft.aircraft import AircraftConfig, OffNominal, load_aircraft
 from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import FlightTuneError, InputError
@@ -28,10 +27,9 @@ from flighttune.plants.base import FlightCondition, Plant
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, JSBSimPlant
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.plants.weather import Weather, WindProfile, WindRecord, course_of
-from flighttune.present.answer import Answer, Answering
+from flighttune.present.answer import Answer, Answering, Column, Table
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.palette import HUES, INK, NEUTRAL, PLANTS
-from flighttune.present.tables import Column, Table
 from flighttune.simulate.run import Run
 from flighttune.units import DEG, DEG_PER_RAD
 

@@ -30,9 +30,8 @@ from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.model_files import model_hash
 from flighttune.plants.jsbsim.properties import GYROSCOPIC
 from flighttune.plants.jsbsim.trim import level, trim
-from flighttune.present.answer import Answer, Answering
+from flighttune.present.answer import Answer, Answering, Table
 from flighttune.present.names import columns
-from flighttune.present.tables import Table
 from flighttune.units import G_0
 
 # A gain up to this size is the rounding of a difference and written as 0.

@@ -27,9 +27,9 @@ from flighttune.files.mistakes import abridged, shown, validated
 from flighttune.files.shipped import aircraft_folder
 from flighttune.files.table import json_tables, stamp
 from flighttune.files.whole import write_text
+from flighttune.present.answer import Table
 from flighttune.present.chart import Sheet
 from flighttune.present.names import columns
-from flighttune.present.tables import Table
 from flighttune.units import DEG_PER_RAD, G_0
 
 Channel: TypeAlias = Literal["phi", "n_z", "n_x"]

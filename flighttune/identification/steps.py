@@ -14,11 +14,10 @@ from flighttune.arrays import FloatArray
 from flighttune.identification.file import Channel
 from flighttune.plants.jsbsim.plant import JSBSimPlant
 from flighttune.plants.jsbsim.trim import level
-from flighttune.present.answer import pick
+from flighttune.present.answer import Column, Table, pick
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import columns
 from flighttune.present.palette import HUES, INK
-from flighttune.present.tables import Column, Table
 from flighttune.units import DEG
 
 ROLL_STEP = 30.0 * DEG

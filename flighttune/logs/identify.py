@@ -36,11 +36,10 @@ from flighttune.logs.columns import Columns
 from flighttune.logs.log import load_part
 from flighttune.logs.read import is_log
 from flighttune.plants.point_mass import turn_rates
-from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.chart import DASHED, Chart, Sheet
 from flighttune.present.names import columns as layout
 from flighttune.present.palette import HUES, NEUTRAL
-from flighttune.present.tables import Column, Table
 from flighttune.simulate.run import Run
 from flighttune.units import DEG, DEG_PER_RAD, G_0
 

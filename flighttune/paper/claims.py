@@ -25,11 +25,10 @@ from flighttune.paper.flight import NEAR, decay_rate, largest_share, oscillation
 from flighttune.paper.parameters import DURATION, STAR, printed_limits
 from flighttune.paper.study import Study, rank_correlation
 from flighttune.plants.point_mass import turn_rates
-from flighttune.present.tables import number
-from flighttune.theory.attractor import paper_balls
+from flighttune.present.answer import number
 from flighttune.theory.common import common_Q
 from flighttune.theory.indicators import Indicators, indicators
-from flighttune.theory.lyapunov import lyapunov_solution
+from flighttune.theory.lyapunov import lyapunov_solution, paper_balls
 from flighttune.theory.reachable import largest_outputs
 
 Verdict: TypeAlias = Literal["reproduced", "partly", "not reproduced", "not checkable"]

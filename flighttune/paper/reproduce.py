@@ -22,11 +22,10 @@ from flighttune.paper.items import ITEMS, Item, chosen
 from flighttune.paper.items.base import Made
 from flighttune.paper.parameters import STAR
 from flighttune.paper.study import Study
-from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.frame import page_template, write_page
 from flighttune.present.names import columns
-from flighttune.present.tables import Column, Table
-from flighttune.theory.attractor import invariant_ellipsoid, paper_balls
+from flighttune.theory.lyapunov import invariant_ellipsoid, paper_balls
 
 TITLE = (
     "Robust Convergency Indicator using MIMO-PI Controller in the presence of disturbances, "

@@ -12,14 +12,14 @@ from flighttune.flight.load import check_identified, check_scenario, load_scenar
 from flighttune.planning.draws import copula_factor
 from flighttune.planning.places import dispersed_places, with_drawn
 from flighttune.planning.schema import DISTRIBUTIONS, Campaign, CampaignTable
-from flighttune.plants.label import goes_by
+from flighttune.plants.base import goes_by
 from flighttune.scenario.load import (
     existing_file,
     gain_entries,
     title_with,
+    with_changes,
     with_gains,
 )
-from flighttune.scenario.places import with_changes
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 

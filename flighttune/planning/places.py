@@ -6,7 +6,7 @@ from typing import Any
 
 from flighttune.errors import InputError, ScenarioError
 from flighttune.planning.schema import Dispersion
-from flighttune.scenario.places import Place, places_of, value_at, with_values
+from flighttune.scenario.load import Place, places_of, value_at, with_values
 from flighttune.scenario.schema import Scenario
 
 # Tables and keys of a scenario that are the same for all draws; each draw has its own seed

@@ -19,10 +19,9 @@ from flighttune.flight.models import gain_sets
 from flighttune.planning.draws import cycle, drawn
 from flighttune.planning.places import dispersed_places, with_drawn
 from flighttune.planning.schema import Campaign, CampaignTable
-from flighttune.plants.label import goes_by
+from flighttune.plants.base import goes_by
 from flighttune.quantities import Table
-from flighttune.scenario.load import as_recorded
-from flighttune.scenario.places import Place, leaves, with_values
+from flighttune.scenario.load import Place, as_recorded, leaves, with_values
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
 

@@ -12,7 +12,7 @@ from scipy.special import ndtri
 from flighttune.arrays import FloatArray
 from flighttune.metrics import FLIGHT_METRICS
 from flighttune.quantities import Finite, NotNegative, PathName, Positive, Table
-from flighttune.scenario.places import MAX_KEY
+from flighttune.scenario.load import MAX_KEY
 from flighttune.scenario.schema import GainsTable, Scenario
 from flighttune.scenario.tables import CHANNEL_MEASURES, ExpectTable, PlantTable, Seed
 

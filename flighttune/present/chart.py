@@ -17,8 +17,8 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.files.whole import write_text
+from flighttune.present.answer import printable
 from flighttune.present.palette import LIMIT, NEUTRAL, LineStyle, css_colour, css_variables
-from flighttune.present.tables import printable
 from flighttune.present.thinning import MAX_DRAWN, peaks, thinned
 
 Range: TypeAlias = tuple[float, float]

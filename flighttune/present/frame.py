@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from flighttune.files.whole import write_text
-from flighttune.present.answer import Answer, Answering
+from flighttune.present.answer import Answer, Answering, Table
 from flighttune.present.chart import Chart, dashes, key, marked_up, style
-from flighttune.present.tables import Table
 
 if TYPE_CHECKING:
     from jinja2 import Template

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from flighttune.arrays import FloatArray
-from flighttune.gaps.mismatch import CHANNELS, trim_of
+from flighttune.gaps.residual import CHANNELS, trim_of
 from flighttune.plants.point_mass import turn_rates
 from flighttune.plants.sensors import MEASURED, SENSED
 from flighttune.present.names import shown_unit

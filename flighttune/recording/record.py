@@ -1,11 +1,16 @@
-"""Writing a flown scenario to a folder: one Parquet file per run, and one recording of all."""
+"""Writing a flown scenario to a folder, one Parquet file per run and one recording; its viewer."""
 
+import os
+import socket
+import subprocess
+import sys
 import uuid
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 import rerun as rr
@@ -22,15 +27,84 @@ from flighttune.present.names import shown_unit
 from flighttune.present.palette import LIMIT, NEUTRAL, rgb
 from flighttune.present.thinning import peaks
 from flighttune.recording import entities
-from flighttune.recording.blueprint import blueprint
 from flighttune.recording.entities import DrawnRun, application, log_lines, runs_to_draw, times
-from flighttune.recording.page import log_legends, scenario_page
+from flighttune.recording.page import blueprint, log_legends, scenario_page
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots, with_derived
 from flighttune.recording.route import log_route, route_of
 from flighttune.recording.scene import log_scene, somewhere
-from flighttune.records.parquet import ORIGIN, files_shown, parts_of, record_bytes, signal_files
+from flighttune.records.compare import Comparison, comparison_table, overlaid
+from flighttune.records.parquet import (
+    ORIGIN,
+    check_recording,
+    files_shown,
+    parts_of,
+    record_bytes,
+    signal_files,
+)
 from flighttune.simulate.bounds import RunClaim, claims_around
 from flighttune.simulate.run import Run
+
+DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET")
+LOCAL = "127.0.0.1"
+
+# Port of the page where a browser is served and no other port was asked for; Rerun's own default
+PORT = 9090
+
+
+def rerun_program() -> str:
+    """Path of Rerun itself: ending the script `rerun` would leave the program running."""
+    import rerun_cli
+
+    return str(Path(next(iter(rerun_cli.__path__))) / "rerun")
+
+
+def stream_url(port: int) -> str:
+    """Address at which a viewer with its data server on `port` takes a stream."""
+    return f"rerun+http://{LOCAL}:{port}/proxy"
+
+
+def viewer(path: str | Path, *, port: int | None = None) -> tuple[list[str], str]:
+    """Command that opens a recording, and the address of the page if a browser is served."""
+    check_recording(path)
+    command = [rerun_program(), "--bind", LOCAL, str(Path(path).resolve())]
+    if port is None and has_screen():
+        return [*command, "--port", "auto"], ""
+    page, data = port or PORT, (port or PORT) + 1
+    _check_free(page)
+    _check_free(data)
+    served = ["--serve-web", "--web-viewer-port", str(page), "--port", str(data)]
+    return [*command, *served], f"http://{LOCAL}:{page}/?url={quote(stream_url(data), safe='')}"
+
+
+def _check_free(port: int) -> None:
+    """Raise unless `port` can be listened on; Rerun waits for ever where its data port is taken."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((LOCAL, port))
+        except (OSError, OverflowError) as error:
+            raise RecordingError(
+                f"port {port} must be free for the Rerun viewer, got {error.args[-1]}; "
+                "`--port` takes another one."
+            ) from error
+
+
+def run_viewer(path: str | Path, command: list[str]) -> None:
+    """Run a command of `viewer` until it ends; Rerun prints on stderr why it could not go on."""
+    # Rerun sends usage statistics to its makers unless it believes that it runs in CI.
+    environment = {"RUST_LOG": "warn", "CI": "true"} | os.environ
+    if status := subprocess.run(command, env=environment, check=False).returncode:
+        raise RecordingError(
+            f"{path}: the Rerun viewer must open it, got exit status {status}; its reason is above."
+        )
+
+
+def has_screen(environment: Mapping[str, str] = os.environ, platform: str = sys.platform) -> bool:
+    """Whether a window can be opened: always on macOS and Windows, else as X11 and Wayland say."""
+    if platform in ("darwin", "win32"):
+        return True
+    return any(environment.get(name) for name in DISPLAYS)
+
 
 FAINT = 150  # opacity of thin lines, of 255
 FAINTEST = 110  # opacity of measured signals
@@ -290,3 +364,13 @@ def show(flown: FlownScenario, *, width: int = 1280, height: int = 720) -> None:
     viewer = Viewer(width=width, height=height, use_global_recording=False)
     viewer._viewer.send_rrd(picture)
     viewer.display()
+
+
+def write_overlay(comparison: Comparison, path: str | Path) -> None:
+    """Write all runs of a comparison to one recording, aligned at the start of the flight."""
+    runs = overlaid(comparison)
+    scenario = runs[0].provenance.scenario
+    title = f"{scenario.get('title', 'Flight')}: comparison"
+    page = scenario_page(runs, scenario=scenario)
+    compared = comparison_table("Compared", comparison.metrics).markdown()
+    write_recording(runs, Path(path), page=f"{page}\n## Compared\n\n{compared}\n", title=title)

@@ -12,9 +12,8 @@ from flighttune.present.palette import LIMIT, NEUTRAL, rgb
 from flighttune.present.thinning import evenly
 from flighttune.recording.entities import MAP, ROUTE, DrawnRun, on_screen, times
 from flighttune.recording.plots import positions
-from flighttune.references.earth import LatLon
 from flighttune.references.follow import RouteReference
-from flighttune.references.maps import on_earth
+from flighttune.references.maps import LatLon, on_earth
 from flighttune.references.path import Path
 from flighttune.scenario.load import scenario_of
 from flighttune.scenario.route import RouteTable

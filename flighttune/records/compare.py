@@ -19,14 +19,11 @@ from flighttune.logs.columns import Columns
 from flighttune.logs.log import load_part
 from flighttune.logs.read import is_log
 from flighttune.metrics import FLIGHT_METRICS, METRICS, measures, unit_of
-from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.names import columns, shown_unit
-from flighttune.present.tables import Column, Table
 from flighttune.records.parquet import load_recording
-from flighttune.scenario.load import gains_notes
-from flighttune.scenario.places import leaves
-from flighttune.simulate.claim import Claim, with_claims
-from flighttune.simulate.run import Run
+from flighttune.scenario.load import gains_notes, leaves
+from flighttune.simulate.run import Claim, Run, with_claims
 
 RECORDED = (".parquet", ".rrd")
 

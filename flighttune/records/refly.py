@@ -13,12 +13,10 @@ from flighttune.errors import RecordingError
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import Progress, fly, library_versions
 from flighttune.flight.own import LawMaker, PlantMaker
-from flighttune.present.answer import Answer, Answering
+from flighttune.present.answer import Answer, Answering, Column, Table
 from flighttune.present.names import columns
-from flighttune.present.tables import Column, Table
 from flighttune.scenario.load import as_recorded, scenario_from
-from flighttune.simulate.claim import claimed
-from flighttune.simulate.run import Run
+from flighttune.simulate.run import Run, claimed
 
 EQUAL = "equal to the bit"
 COLUMNS = columns("run status result")

@@ -12,8 +12,16 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
 from flighttune.files.table import file_text, json_tables
-from flighttune.references.earth import LatLon, north_east, on_earth
-from flighttune.references.maps import features, json_bool, json_number, kml_features, reading
+from flighttune.references.maps import (
+    LatLon,
+    features,
+    json_bool,
+    json_number,
+    kml_features,
+    north_east,
+    on_earth,
+    reading,
+)
 from flighttune.references.path import Path as Route
 
 # Distance between the points of a path across which the fence is looked for, m.

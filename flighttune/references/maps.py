@@ -1,23 +1,49 @@
-"""Files of maps: GeoJSON and KML of a path and its corridor."""
+"""Places on the WGS 84 ellipsoid, and files of maps: GeoJSON and KML of a path and its corridor."""
 
 import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
 from xml.etree import ElementTree
 
 import numpy as np
+from geographiclib.geodesic import Geodesic
 
 from flighttune.arrays import FloatArray, Floats
 from flighttune.errors import InputError
 from flighttune.files.mistakes import abridged
 from flighttune.files.table import hash_of, json_object
-from flighttune.references.earth import LatLon, on_earth
 from flighttune.references.path import STEP
 from flighttune.references.path import Path as Route
 from flighttune.units import DEG
+
+# Latitude and longitude, deg.
+LatLon: TypeAlias = tuple[float, float]
+
+
+@lru_cache(maxsize=4096)  # the flights of a campaign have the same waypoints
+def north_east(place: LatLon, origin: LatLon) -> tuple[float, float]:
+    """North and east, m, of a place: its distance from `origin` along a geodesic, and its azimuth.
+
+    Longitudes count modulo 360.
+    """
+    wanted = Geodesic.DISTANCE | Geodesic.AZIMUTH
+    line = Geodesic.WGS84.Inverse(*origin, *place, wanted)
+    distance, azimuth = line["s12"], line["azi1"] * DEG
+    return distance * math.cos(azimuth), distance * math.sin(azimuth)
+
+
+def on_earth(points: FloatArray, origin: LatLon) -> FloatArray:
+    """Latitude and longitude, deg, of points north and east of `origin`, m; shape (n, 2)."""
+    lines = (
+        Geodesic.WGS84.Direct(*origin, math.atan2(east, north) / DEG, math.hypot(north, east))
+        for north, east, *_ in points.tolist()
+    )
+    return np.array([(line["lat2"], line["lon2"]) for line in lines])
+
 
 # Distance between the points of a file that is written, m.
 APART = 10.0

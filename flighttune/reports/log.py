@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from flighttune.present.answer import Answer
+from flighttune.present.answer import Answer, Table, facts_table
 from flighttune.present.frame import Report, Section, write_answer
-from flighttune.present.tables import Table, facts_table
 from flighttune.records.compare import Source
 from flighttune.reports import panels
 from flighttune.simulate.run import run_styles

@@ -22,11 +22,11 @@ from flighttune.flight.fly import fly
 from flighttune.flight.models import certify_scenario, gain_set
 from flighttune.planning.plan import plain
 from flighttune.planning.schema import Campaign
+from flighttune.present.answer import Column, Table
 from flighttune.present.chart import DASHED, Chart
 from flighttune.present.frame import Report, Section, write_answer
 from flighttune.present.names import in_words, listed, measure_words, metric_label
 from flighttune.present.palette import HUES, INK, LIMIT, NEUTRAL
-from flighttune.present.tables import Column, Table
 from flighttune.reports import panels
 from flighttune.reports.page import flown_in_words, overview
 from flighttune.reports.tables import by_plant, provenance_table

@@ -17,10 +17,10 @@ from flighttune.flight.expectations import check_claim
 from flighttune.flight.models import tuning_problem
 from flighttune.gaps.gap import Gap, step_table
 from flighttune.gaps.ladder import explain_flight
+from flighttune.present.answer import facts_table
 from flighttune.present.chart import Chart
 from flighttune.present.frame import Report, Section, page_template, write_answer, write_page
 from flighttune.present.names import CHANNEL_SYMBOLS
-from flighttune.present.tables import facts_table
 from flighttune.records.compare import (
     Comparison,
     Source,
@@ -31,9 +31,14 @@ from flighttune.records.compare import (
     sources_of,
 )
 from flighttune.reports import panels, tables
-from flighttune.reports.gap_charts import bound_chart, itae_chart, steps_chart
+from flighttune.reports.charts import (
+    bound_chart,
+    itae_chart,
+    planned_path,
+    route_charts,
+    steps_chart,
+)
 from flighttune.reports.log import log_sections
-from flighttune.reports.route_charts import planned_path, route_charts
 from flighttune.scenario.load import gains_notes, scenario_of
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED

@@ -1,4 +1,4 @@
-"""The page of anything: of runs, of a campaign, or of the claim in a file."""
+"""The page of anything: of runs, of a campaign, of a gap, or of the claim in a file."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -12,16 +12,49 @@ from flighttune.campaign.statistics.flights import load_flights
 from flighttune.campaign.statistics.intervals import CONFIDENCE, Method
 from flighttune.errors import InputError
 from flighttune.files.seal import is_claim_file
+from flighttune.files.table import toml_text
+from flighttune.gaps.gap import Gap
 from flighttune.logs.columns import Columns
-from flighttune.present.answer import Answer, pick
-from flighttune.present.frame import Report
+from flighttune.present.answer import Answer, Table, pick
+from flighttune.present.frame import Report, Section, write_answer
 from flighttune.records.compare import Source, load_source
-from flighttune.reports.campaign import tables
-from flighttune.reports.campaign.page import notes, summary, write_campaign_report
+from flighttune.reports import campaign_tables as tables
+from flighttune.reports.campaign import notes, summary, write_campaign_report
+from flighttune.reports.charts import gap_charts
 from flighttune.reports.claim import write_claim_page
 from flighttune.reports.log import write_log_page
-from flighttune.reports.page import write_report
-from flighttune.simulate.claim import claimed
+from flighttune.reports.page import flown_in_words, write_report
+from flighttune.reports.tables import provenance_table
+from flighttune.simulate.run import claim_notes, claimed, run_styles
+
+CLAIM_NOTE = (
+    "The error of the aircraft is drawn in the tubes and bands that cover its flight: "
+    "flighttune gap SCENARIO takes --claim FILE."
+)
+
+
+def write_gap_page(gap: Gap, tables: Sequence[Table], path: str | Path) -> Report:
+    """Write one self-contained page about a gap; InputError if the aircraft did not fly."""
+    origin = gap.aircraft.provenance
+    return write_answer(
+        path,
+        title=f"From the law to the aircraft: {gap.scenario.title}; gains {gap.name}",
+        about=(flown_in_words(gap.scenario, gap.runs),),
+        summary=gap.causes,
+        parts={
+            "responses": Section(
+                note=" ".join([CLAIM_NOTE, *claim_notes([gap.aircraft])]),
+                charts=gap_charts(gap),
+                legend=False,
+            ),
+            "numbers": Section(title="Numbers", tables=tables, legend=False),
+        },
+        styles=run_styles(gap.runs),
+        provenance=provenance_table(gap.scenario.title, gap.scenario, gap.runs),
+        commands=f"flighttune gap scenario.toml --gains {origin.gains_name}",
+        texts={"scenario.toml": toml_text(origin.scenario)},
+    )
+
 
 # Tables of runs that a terminal shows too; ``--json`` has the records of all.
 PRINTED = ("convergence", "certificates", "aircraft")

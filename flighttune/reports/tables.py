@@ -9,8 +9,8 @@ from flighttune.control.gains import PIGains
 from flighttune.flight.expectations import ClaimCheck
 from flighttune.flight.models import certify_scenario
 from flighttune.metrics import CHANNELS, channel_metrics, flight_metrics
+from flighttune.present.answer import MISSING, Column, Table, facts_table
 from flighttune.present.names import CHANNEL_SYMBOLS, columns
-from flighttune.present.tables import MISSING, Column, Table, facts_table
 from flighttune.records.compare import largest_distance
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.run import Run

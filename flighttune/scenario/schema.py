@@ -15,9 +15,8 @@ from flighttune.metrics import CHANNELS, settling_names
 from flighttune.present.names import listed
 from flighttune.quantities import FASTEST_WIND, STEEPEST_DEG, Table
 from flighttune.scenario import tables
-from flighttune.scenario.route import RouteTable
+from flighttune.scenario.route import RouteTable, TurnBackTable
 from flighttune.scenario.tables import LAWS, TUNED, TUNED_IDENTIFIED, GainsTable, law_named
-from flighttune.scenario.turn_back import TurnBackTable
 
 # Samples of the controller in a flight: five and a half hours at 50 Hz, 200 MB of signals.
 MAX_SAMPLES = 1_000_000

@@ -19,16 +19,15 @@ from pydantic import (
 )
 
 from flighttune import quantities as q
-from flighttune.aircraft.aircraft import AircraftConfig, load_aircraft
-from flighttune.aircraft.off_nominal import OffNominal
+from flighttune.aircraft.aircraft import AircraftConfig, OffNominal, load_aircraft
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import AntiWindup
-from flighttune.control.envelope import Envelope
 from flighttune.control.exact_law import Priority
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import DEFAULT, Law, law_kinds, made_law, plain_laws
 from flighttune.control.limits import Limits
+from flighttune.control.linear_model import Envelope
 from flighttune.errors import InputError
 from flighttune.identification.file import IdentifiedAircraft, load_identified
 from flighttune.metrics import (
@@ -39,9 +38,8 @@ from flighttune.metrics import (
     LOOP_METRICS,
     METRICS,
 )
-from flighttune.plants.base import PLANT_KINDS, PlantKind
+from flighttune.plants.base import PLANT_KINDS, PlantKind, goes_by, plant_label
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, HIGHEST_GROUND, LARGEST_SEED
-from flighttune.plants.label import goes_by, plant_label
 from flighttune.plants.sensors import Sensors
 from flighttune.plants.weather import NED, Gust, Turbulence, TurbulenceModel, WindProfile
 from flighttune.present.names import listed

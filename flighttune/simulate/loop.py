@@ -26,8 +26,7 @@ from flighttune.plants.sensors import MEASURED, SensedPlant, Sensors
 from flighttune.plants.weather import WIND
 from flighttune.references.feasible import FeasibleReference
 from flighttune.references.follow import ROUTE_SIGNALS, Follower, Place, RouteReference
-from flighttune.references.planner import Planner
-from flighttune.references.priority import AirspeedPriority
+from flighttune.references.planner import AirspeedPriority, Planner
 from flighttune.references.segments import Reference
 
 # Signals that the loop adds to those of the plant, one row per sample of the controller.

@@ -1,23 +1,39 @@
-"""A flown time history that cannot be changed afterwards."""
+"""A flown time history that cannot be changed afterwards, and the claims made of it."""
 
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, NoReturn, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
+import pandas as pd
 
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.law import Law, law_name, made_law, plain_laws
-from flighttune.plants.base import StopStatus
-from flighttune.plants.label import aircraft_of
+from flighttune.errors import InputError
+from flighttune.plants.base import StopStatus, aircraft_of
+from flighttune.present.answer import Answer, facts_table, matrix, number, pick
 from flighttune.present.palette import LineStyle, line_styles
-from flighttune.present.tables import facts_table, matrix, number
 from flighttune.simulate.bounds import RunClaim, claims_around
 from flighttune.units import DEG
 
-if TYPE_CHECKING:
-    import pandas as pd
+
+class SignalTable(pd.DataFrame):
+    """A DataFrame whose columns stay what they are; everything made from it is a plain one."""
+
+    @property
+    def _constructor(self) -> type[pd.DataFrame]:
+        return pd.DataFrame
+
+    def _refused(self, *_: Any, **__: Any) -> NoReturn:
+        raise TypeError(
+            "`signals` of a run must stay as they were flown; `run.signals.assign(...)` and "
+            "`run.signals.copy()` make tables that can be changed"
+        )
+
+    __setitem__ = __delitem__ = insert = pop = _refused  # type: ignore[assignment]
+    _update_inplace = _set_axis = _refused  # type: ignore[assignment]
+
 
 RunStatus: TypeAlias = Literal["completed", "no_gains", "no_trim"] | StopStatus
 
@@ -151,7 +167,6 @@ class Run:
     claims: tuple[RunClaim, ...] = field(default=(), repr=False)
 
     def __post_init__(self) -> None:
-        from flighttune.simulate.signal_table import SignalTable  # pandas, 0.2 s, where one flies
 
         object.__setattr__(self, "signals", SignalTable(self.signals))
 
@@ -243,3 +258,59 @@ def run_styles(runs: Iterable[Run]) -> dict[str, LineStyle]:
     """Line style of every run by its label, the same in every picture of these runs."""
     pairs = [(run.provenance.plant, run.provenance.gains_name) for run in runs]
     return {f"{plant} / {name}": style for (plant, name), style in line_styles(pairs).items()}
+
+
+@runtime_checkable
+class Claim(Protocol):
+    """A claim about flights, which a tube proves or a band counts."""
+
+    @property
+    def sentence(self) -> str:
+        """The claim in words, made from its content."""
+        ...
+
+    def why_not(self, run: Run) -> str:
+        """Why the claim says nothing of a run; empty if it covers it."""
+        ...
+
+    def on(self, run: Run) -> RunClaim:
+        """The claim at the samples of a run that it covers."""
+        ...
+
+
+def with_claims(runs: Sequence[Run], claims: Sequence[object]) -> tuple[Run, ...]:
+    """The runs with the claims that cover them.
+
+    Raises InputError if a claim does not bound flights, or covers no run, with the reason for the
+    first one.
+    """
+    for claim in claims:
+        if not isinstance(claim, Claim):
+            what = type(claim).__name__
+            raise InputError(f"`claim` must bound flights, as a tube or a band, got a {what}.")
+        reasons = [claim.why_not(run) for run in runs]
+        if all(reasons):
+            why = f"{runs[0].label}: {reasons[0]}" if runs else "there is no run"
+            raise InputError(f"`claim` must cover a run: {why}.")
+        runs = [
+            run if why else replace(run, claims=(*run.claims, claim.on(run)))
+            for run, why in zip(runs, reasons, strict=True)
+        ]
+    return tuple(runs)
+
+
+def claimed(runs: Sequence[Run]) -> Answer:
+    """What is claimed of runs, as part of an answer; a run outside a proven tube is a failure."""
+    claims = [
+        {"run": run.label, **pick(claim, "kind title sentence"), "inside": inside}
+        for run in runs
+        for claim in run.claims
+        for inside in [claim.contains(run.signals)]
+    ]
+    left = [claim for claim in claims if claim["kind"] == "proven" and not claim["inside"]]
+    check = "Claims are drawn as their files state them: flighttune verify FILE checks one."
+    return Answer(
+        values={"claims": claims},
+        notes=[*claim_notes(runs), *([check] if claims else [])],
+        failure=f"{left[0]['run']}: the flight leaves its {left[0]['title']}." if left else "",
+    )

@@ -14,9 +14,8 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, check_positive, read_only_matrix, square_matrices
 from flighttune.errors import ShapeError
-from flighttune.theory.attractor import Ellipsoid
 from flighttune.theory.lmi import largest, parameter, solve, unknown
-from flighttune.theory.lyapunov import lyapunov_solution
+from flighttune.theory.lyapunov import Ellipsoid, lyapunov_solution
 
 # Largest relative distance between a checked rate and its checked bound to be called optimal.
 GAP = 1e-4

@@ -12,7 +12,7 @@ from flighttune.claims.distribution import ROUNDING_DEG, STARTS, flown_values
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import InputError
-from flighttune.present.tables import number
+from flighttune.present.answer import number
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.simulate.bounds import Bounds

@@ -13,10 +13,8 @@ from flighttune.arrays import FloatArray
 from flighttune.claims.distribution import STARTS, flown_values
 from flighttune.control.gains import gains_table
 from flighttune.identification.file import changed_files
-from flighttune.present.answer import Answer, Answering, pick
-from flighttune.present.names import CHANNEL_SYMBOLS, columns
-from flighttune.present.reasons import endings_table
-from flighttune.present.tables import Column, Table, number, quoted
+from flighttune.present.answer import Answer, Answering, Column, Table, number, pick, quoted
+from flighttune.present.names import CHANNEL_SYMBOLS, columns, endings_table
 from flighttune.scenario.load import scenario_of
 from flighttune.simulate.bounds import ERRORS, Bounds, Kind, RunClaim
 from flighttune.simulate.run import Run

@@ -13,8 +13,19 @@ from collections.abc import Sequence
 import numpy as np
 
 from flighttune.control.exact_law import RateLaw
-from flighttune.tubes.forms import UP, Flags, Form, Pieces, Quantity, combined
-from flighttune.tubes.functions import arctangent, cosine_of, positive_part, product, secant
+from flighttune.tubes.forms import (
+    UP,
+    Flags,
+    Form,
+    Pieces,
+    Quantity,
+    arctangent,
+    combined,
+    cosine_of,
+    positive_part,
+    product,
+    secant,
+)
 from flighttune.tubes.interval import Interval, Unbounded, cosine, one_over
 from flighttune.tubes.sample import (
     CLIMB,

@@ -27,7 +27,7 @@ from flighttune.references.segments import Reference
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import PlantTable
 from flighttune.tubes.boxes import AircraftBoxes, check_covered
-from flighttune.tubes.lag import SampledLag
+from flighttune.tubes.dynamics import SampledLag
 from flighttune.tubes.sample import PLANNED, RATES, REFERENCE, SampledLoop
 
 # Quantities that a tube bounds: errors in rad, commands in rad and 1

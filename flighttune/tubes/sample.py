@@ -29,14 +29,22 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.control.law import SampledController
 from flighttune.control.mimo_pi import ChannelLaw
-from flighttune.tubes.forms import UP, Flags, Form, Indices, Pieces, Quantity, combined, transformed
-from flighttune.tubes.functions import (
+from flighttune.tubes.dynamics import SampledLag, point_mass_sample
+from flighttune.tubes.forms import (
+    UP,
+    Flags,
+    Form,
+    Indices,
+    Pieces,
+    Quantity,
+    combined,
     cosine_of,
     positive_part,
     product,
     secant,
     secant_change,
     tangent,
+    transformed,
 )
 from flighttune.tubes.interval import (
     LARGEST_ANGLE,
@@ -46,8 +54,6 @@ from flighttune.tubes.interval import (
     one_over,
     sine_and_cosine,
 )
-from flighttune.tubes.lag import SampledLag
-from flighttune.tubes.point_mass import point_mass_sample
 
 # Rows of the state; the errors are those of the sample before. `EXTRA_LIFT` is the load-factor
 # command beyond its feed-forward, or, of the exact law, times the cosine of the roll command.

@@ -16,9 +16,8 @@ from flighttune.errors import InfeasibleError
 from flighttune.flight.conditions import lead_on, reference_of, start_condition
 from flighttune.flight.fly import plant_of
 from flighttune.flight.load import scenario_and_gains
-from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.names import columns
-from flighttune.present.tables import Column, Table
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.loop import simulate
 from flighttune.tubes.enclosure import LEFT, Settings, Tube, bounds_of

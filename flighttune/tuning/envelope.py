@@ -17,9 +17,14 @@ from typing import Any
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.control.envelope import Envelope, jacobian_hull, vertex_loops
 from flighttune.control.gains import PIGains
-from flighttune.control.linear_model import LinearModel, closed_loops
+from flighttune.control.linear_model import (
+    Envelope,
+    LinearModel,
+    closed_loops,
+    jacobian_hull,
+    vertex_loops,
+)
 from flighttune.errors import InputError
 from flighttune.present.chart import DASHED, Chart
 from flighttune.present.palette import HUES, NEUTRAL

@@ -12,8 +12,7 @@ from flighttune.control.linear_model import LinearModel, closed_loops, velocity_
 from flighttune.theory.indicators import indicators_batch, scaled
 from flighttune.theory.lyapunov import solution_of_checked
 from flighttune.theory.reachable import error_slopes
-from flighttune.tuning.cost import quadratic_cost
-from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
+from flighttune.tuning.problem import SearchSpace, TuningProblem, quadratic_cost, search_space
 
 Objective = Literal["R_K", "I_K", "factor", "trace", "cost"]
 

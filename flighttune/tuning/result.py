@@ -11,12 +11,10 @@ from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains, gains_lists, gains_table
 from flighttune.control.linear_model import closed_loops
 from flighttune.control.margins import loop_margins, margins_table
-from flighttune.present.answer import Answer, Answering, pick
+from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.names import columns
-from flighttune.present.tables import Column, Table
 from flighttune.theory.indicators import indicators
-from flighttune.tuning.cost import quadratic_cost
-from flighttune.tuning.problem import TuningProblem, search_space
+from flighttune.tuning.problem import TuningProblem, quadratic_cost, search_space
 
 if TYPE_CHECKING:
     from flighttune.certificates.bound import RateBound

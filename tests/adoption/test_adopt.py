@@ -19,9 +19,8 @@ from flighttune.aircraft.aircraft import aircraft_from, load_aircraft
 from flighttune.files.shipped import models_of_jsbsim
 from flighttune.flight.conditions import start_condition
 from flighttune.identification.design import airframe
-from flighttune.plants.jsbsim.bench import AirframeState, Bench
+from flighttune.plants.jsbsim.bench import AirframeState, Bench, check_moves
 from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.load_check import check_moves
 from flighttune.plants.jsbsim.trim import level
 
 DEG = math.pi / 180.0

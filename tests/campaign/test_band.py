@@ -13,12 +13,11 @@ import flighttune as ft
 from flighttune.campaign import band as band_module
 from flighttune.campaign.band import count_more, differing, flights_of, load_band, some_draws
 from flighttune.campaign.counted_flights import plan_of as plan_of_band
-from flighttune.campaign.flying.alone import fly_group, scenario_of_run
-from flighttune.campaign.flying.rows import rows_flown
+from flighttune.campaign.flying.rows import fly_group, rows_flown, scenario_of_run
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.gaps.residual import residuals_of
 from flighttune.planning.source import flights
-from flighttune.simulate.claim import with_claims
+from flighttune.simulate.run import with_claims
 
 START = uniform("flight.chi_deg", -5.0, 5.0), uniform("flight.gamma_deg", 3.0, 7.0)
 FEW = {"epsilon": 0.3, "confidence": 0.9, "learn": 10}

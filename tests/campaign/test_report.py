@@ -15,7 +15,7 @@ import flighttune as ft
 from flighttune.campaign.dataset import dataset_hash
 from flighttune.campaign.statistics.findings import findings
 from flighttune.campaign.statistics.flights import flights_of, load_flights
-from flighttune.reports.campaign.page import notes, write_campaign_report
+from flighttune.reports.campaign import notes, write_campaign_report
 from flighttune.scenario.tables import ExpectTable
 
 pytestmark = pytest.mark.slow

@@ -25,9 +25,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import flighttune as ft
-from flighttune.campaign.flying.alone import scenario_of_run
 from flighttune.campaign.flying.columns import row_schema, table_of
-from flighttune.campaign.flying.rows import fly_runs, lost_row
+from flighttune.campaign.flying.rows import fly_runs, lost_row, scenario_of_run
 from flighttune.control.margins import channel_margins
 from flighttune.flight import models
 

@@ -7,16 +7,15 @@ import pytest
 from made_up_campaign import made_up_plan, made_up_rows
 from scipy import stats
 
-from flighttune.campaign.statistics.findings import findings
+from flighttune.campaign.statistics.findings import findings, requirements
 from flighttune.campaign.statistics.flights import flights_of
 from flighttune.campaign.statistics.intervals import (
     effective_size,
+    paired,
     percentile,
     rate_interval,
     share,
 )
-from flighttune.campaign.statistics.paired import paired
-from flighttune.campaign.statistics.summary import requirements
 
 CRAFT = "jsbsim:aerosonde"
 

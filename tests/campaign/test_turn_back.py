@@ -19,7 +19,7 @@ from shapely.geometry import shape
 
 import flighttune as ft
 from flighttune.campaign.counted_flights import distribution_of, plan_in
-from flighttune.campaign.flying.alone import fly_group
+from flighttune.campaign.flying.rows import fly_group
 from flighttune.campaign.turn_back import room_of, turning_back
 from flighttune.claims.band import save_band
 from flighttune.claims.turn_room import TurnRoom

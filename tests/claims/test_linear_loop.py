@@ -11,7 +11,7 @@ from scipy.linalg import expm
 import flighttune as ft
 from flighttune.claims.linear_loop import bound_of, error_states, linear_bound
 from flighttune.control.linear_model import disturbance_entry
-from flighttune.theory.attractor import invariant_ellipsoid
+from flighttune.theory.lyapunov import invariant_ellipsoid
 
 MODEL = ft.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
 A_K, E = ft.closed_loop(MODEL, ft.PAPER_GAINS), disturbance_entry(MODEL)

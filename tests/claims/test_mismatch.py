@@ -9,7 +9,7 @@ import pytest
 import flighttune as ft
 from flighttune import load_scenario
 from flighttune.flight.fly import fly_once
-from flighttune.gaps.mismatch import mismatch
+from flighttune.gaps.residual import mismatch
 from flighttune.simulate.disturbance import Sinusoid
 
 V_A, G = 25.0, 9.81

@@ -10,7 +10,7 @@ import pytest
 from commands import answer
 
 import flighttune as ft
-from flighttune.campaign.engine.forecast import forecast
+from flighttune.campaign.engine.engine import forecast
 from flighttune.cli.app import COMMANDS
 from flighttune.flight.listing import listing
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog
 
 import flighttune as ft
-from flighttune.control.envelope import Envelope, jacobian_hull, vertex_loops
+from flighttune.control.linear_model import Envelope, jacobian_hull, vertex_loops
 
 G = 9.81
 ROUNDING = 1e-12

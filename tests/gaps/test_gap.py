@@ -10,7 +10,7 @@ from claimed import claimed
 
 import flighttune as ft
 from flighttune.metrics import METRICS
-from flighttune.reports.gap_charts import bound_chart, gap_charts, itae_chart
+from flighttune.reports.charts import bound_chart, gap_charts, itae_chart
 
 ROUNDING = 1e-12
 LIMITS_IN_RADIANS = 1e-9

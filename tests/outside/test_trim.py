@@ -13,8 +13,7 @@ import pytest
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.plants.jsbsim.fdm import Fdm
-from flighttune.plants.jsbsim.log import quiet
+from flighttune.plants.jsbsim.fdm import Fdm, quiet
 from flighttune.plants.jsbsim.model_files import EARTH
 from flighttune.plants.jsbsim.trim import trim
 

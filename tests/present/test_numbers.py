@@ -5,6 +5,7 @@ import math
 import pytest
 
 from flighttune.metrics import AIRSPEED_METRICS, FLIGHT_METRICS, LOOP_METRICS, METRICS
+from flighttune.present.answer import number
 from flighttune.present.names import (
     METRIC_LABELS,
     QUANTITIES,
@@ -12,7 +13,6 @@ from flighttune.present.names import (
     measure_words,
     metric_label,
 )
-from flighttune.present.tables import number
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,7 @@ import xml.etree.ElementTree as ET
 
 import pytest
 
-from flighttune.present.answer import Answer
-from flighttune.present.tables import Column, Table, facts_table
+from flighttune.present.answer import Answer, Column, Table, facts_table
 
 WIDTHS = 120, 80, 48
 NUMBERS = ("ITAE χ", "ITAE γ", "MO χ", "MO γ", "settle χ", "settle γ")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from flighttune.gaps.mismatch import mismatch
+from flighttune.gaps.residual import mismatch
 from flighttune.recording.entities import runs_to_draw
 from flighttune.recording.plots import PARTS, with_derived
 

@@ -16,7 +16,7 @@ import psutil
 import pytest
 
 import flighttune as ft
-from flighttune.recording.viewer import DISPLAYS, viewer
+from flighttune.recording.record import DISPLAYS, viewer
 
 pytestmark = pytest.mark.slow
 

@@ -7,8 +7,8 @@ from pictures import FLAT, opened_recording, pixels, skip_without_tabs
 
 import flighttune as ft
 from flighttune.present.palette import LIMIT, NEUTRAL, rgb
-from flighttune.recording.blueprint import leader
 from flighttune.recording.entities import runs_to_draw
+from flighttune.recording.page import leader
 from flighttune.simulate.run import run_styles
 
 pytestmark = pytest.mark.slow

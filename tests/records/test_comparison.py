@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 import flighttune as ft
-from flighttune.recording.overlay import write_overlay
+from flighttune.recording.record import write_overlay
 from flighttune.records.compare import Source, better, load_source, overlaid
 from flighttune.records.parquet import check_recording, parquet_bytes
 

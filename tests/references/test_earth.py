@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from flighttune.references.earth import north_east, on_earth
+from flighttune.references.maps import north_east, on_earth
 
 DEG = math.pi / 180.0
 WGS_84 = 6_378_137.0, 1.0 / 298.257223563  # NIMA TR8350.2: semi-major axis, m, and flattening

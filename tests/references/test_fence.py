@@ -15,9 +15,8 @@ from flighttune.campaign.band import load_band
 from flighttune.campaign.counted_flights import check_one_path, plan_of
 from flighttune.claims.band import About
 from flighttune.planning.source import flights
-from flighttune.references.earth import north_east, on_earth
 from flighttune.references.fence import SCAN_STEP, fence_tables, read_fence, room_along
-from flighttune.references.maps import route_geojson, route_kml
+from flighttune.references.maps import north_east, on_earth, route_geojson, route_kml
 from flighttune.references.path import Ability, Waypoint, plan
 from tests.made_up_band import band_flights
 

@@ -9,7 +9,7 @@ from commands import answer, flighttune
 from places import SHIPPED_SCENARIOS
 from plans import PATROL, plan_file
 
-from flighttune.references.earth import north_east
+from flighttune.references.maps import north_east
 
 CENTIMETRE = 0.01
 

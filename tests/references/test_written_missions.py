@@ -11,8 +11,7 @@ from lxml import etree
 from plans import item, plan_file, waypoint
 
 import flighttune as ft
-from flighttune.references.earth import north_east
-from flighttune.references.maps import Corridor
+from flighttune.references.maps import Corridor, north_east
 
 SEEN = "{http://www.opengis.net/kml/2.2}"
 

@@ -8,7 +8,7 @@ import pytest
 
 import flighttune as ft
 from flighttune.control.margins import channel_responses, loop_margins
-from flighttune.reports.loop_charts import loop_charts
+from flighttune.reports.charts import loop_charts
 
 G, V = 9.81, 25.0
 ROUNDING = 1e-12

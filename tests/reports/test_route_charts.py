@@ -8,8 +8,8 @@ from claimed import SENTENCE, claimed
 
 import flighttune as ft
 from flighttune.records.compare import Source
+from flighttune.reports.charts import route_charts
 from flighttune.reports.panels import errors
-from flighttune.reports.route_charts import route_charts
 from flighttune.simulate.run import run_styles
 from tests.present.test_chart import SVG, points
 from tests.present.test_chart import drawn as tree_of

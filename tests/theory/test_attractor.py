@@ -6,7 +6,7 @@ from printed import A_K, L_D, MODEL, E
 from worst_reach import ReachableSet, largest_reach
 
 import flighttune as ft
-from flighttune.theory.attractor import invariant_ellipsoid, paper_balls
+from flighttune.theory.lyapunov import invariant_ellipsoid, paper_balls
 
 LAST_DIGIT = 5e-4
 SEARCH = 1e-6

@@ -10,7 +10,7 @@ from flighttune.certificates.bound import bound_rate
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.files.value import write
 from flighttune.theory import rate_bound
-from flighttune.theory.optimal import least_radius, optimal_channel, slowest_channel
+from flighttune.theory.rate_bound import least_radius, optimal_channel, slowest_channel
 
 MODEL = ft.kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
 ROUNDING = 1e-9

@@ -16,7 +16,7 @@ import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import closed_loops
 from flighttune.theory import reachable as tabulated
-from flighttune.theory.attractor import invariant_ellipsoid, paper_balls
+from flighttune.theory.lyapunov import invariant_ellipsoid, paper_balls
 from flighttune.theory.reachable import error_slopes, largest_errors, largest_outputs
 
 REACHED = 0.01

@@ -6,7 +6,7 @@ import re
 import pytest
 from made_up import scenario_file
 
-from flighttune.present.tables import quoted
+from flighttune.present.answer import quoted
 from tests.commands import flighttune
 from tests.tubes.test_proof import claim_of, rewritten
 from tests.tubes.test_soundness import made_up

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from flighttune.theory import exact
-from flighttune.tubes import functions, hand_over
+from flighttune.tubes import forms, hand_over
 from flighttune.tubes.forms import Pieces, Quantity, combined
 from flighttune.tubes.interval import LARGEST_ANGLE, Interval, cosine, sine_and_cosine
 
@@ -52,9 +52,9 @@ def ranged(pieces, form):
 @pytest.mark.parametrize(
     ("enclosure", "function"),
     [
-        (lambda angle: (functions.tangent(angle), None), np.tan),
-        (functions.cosine_of, np.cos),
-        (functions.secant, lambda x: 1.0 / np.cos(x)),
+        (lambda angle: (forms.tangent(angle), None), np.tan),
+        (forms.cosine_of, np.cos),
+        (forms.secant, lambda x: 1.0 / np.cos(x)),
     ],
 )
 def test_a_function_of_an_angle_is_enclosed(pieces, symbols, enclosure, function):
@@ -73,8 +73,8 @@ def test_product_and_change_of_secant_are_enclosed(pieces, symbols):
     a, b = (ranged(pieces, form) for form in pieces.forms()[:2])
     x, y = (members(quantity.form, symbols) for quantity in (a, b))
 
-    assert inside(functions.product(a, b), symbols, x * y)
-    change = functions.secant_change(a, b)
+    assert inside(forms.product(a, b), symbols, x * y)
+    change = forms.secant_change(a, b)
     assert inside(change, symbols, 1.0 / np.cos(x) - 1.0 / np.cos(x + y))
 
 
@@ -83,7 +83,7 @@ def test_arctangent_of_a_quotient_is_enclosed(pieces, symbols, scale):
     a, c, _ = pieces.forms()
     a, b = combined((scale, a)), combined((1.0, c), shift=1.0)
 
-    found = functions.arctangent(ranged(pieces, a), ranged(pieces, b))
+    found = forms.arctangent(ranged(pieces, a), ranged(pieces, b))
 
     assert inside(found, symbols, np.arctan2(members(a, symbols), members(b, symbols)))
 
@@ -92,7 +92,7 @@ def test_arctangent_of_a_quotient_is_enclosed(pieces, symbols, scale):
 def test_a_kink_is_enclosed_whatever_the_slope(pieces, symbols, slope):
     form = pieces.forms()[0]
 
-    found = functions.positive_part(ranged(pieces, form), slope)
+    found = forms.positive_part(ranged(pieces, form), slope)
 
     assert inside(found, symbols, np.maximum(members(form, symbols), 0.0))
 

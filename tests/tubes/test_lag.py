@@ -9,8 +9,8 @@ from scipy.linalg import expm
 
 import flighttune as ft
 from flighttune.plants.lagged import LaggedChannel
+from flighttune.tubes.dynamics import SampledLag
 from flighttune.tubes.interval import Interval
-from flighttune.tubes.lag import SampledLag
 
 DT = 0.02
 ROUNDING = 1e-12

@@ -6,8 +6,8 @@ from dataclasses import replace
 import pytest
 
 import flighttune as ft
-from flighttune.control.envelope import Envelope
 from flighttune.control.inner_loop import with_input_lag
+from flighttune.control.linear_model import Envelope
 from flighttune.flight.models import identified_problems
 from flighttune.tuning.envelope import tune_over_envelope
 from flighttune.tuning.problem import decoupled

@@ -10,7 +10,7 @@ from scipy.linalg import solve_continuous_are
 import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import closed_loops
-from flighttune.tuning.cost import quadratic_cost
+from flighttune.tuning.problem import quadratic_cost
 
 INTEGRATED = 1e-6
 DIFFERENCED = 1e-5

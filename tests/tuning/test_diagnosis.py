@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.tuning.diagnosis import diagnosis, relaxed
+from flighttune.tuning.tune import diagnosis, relaxed
 from tests.tuning.conftest import ALL_LIMITS
 
 pytestmark = pytest.mark.slow

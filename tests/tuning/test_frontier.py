@@ -5,7 +5,7 @@ import pytest
 
 import flighttune as ft
 from flighttune.control.gains import paper_family
-from flighttune.theory.optimal import optimal_channel
+from flighttune.theory.rate_bound import optimal_channel
 from flighttune.tuning.frontier import frontier
 
 pytestmark = pytest.mark.slow

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from evolution import tune_by_evolution
 
 import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import closed_loops
-from flighttune.paper.evolution import tune_by_evolution
-from flighttune.tuning.diagnosis import relaxed
 from flighttune.tuning.problem import decoupled, search_space
+from flighttune.tuning.tune import relaxed
 from tests.tuning.conftest import ALL_LIMITS
 
 FIFTH_DIGIT = 1e-5

@@ -5,10 +5,9 @@ import pytest
 
 import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
-from flighttune.tuning.diagnosis import relaxed
 from flighttune.tuning.problem import search_space
 from flighttune.tuning.program import Program, stabilising_starts
-from flighttune.tuning.tune import searches
+from flighttune.tuning.tune import relaxed, searches
 from tests.tuning.conftest import ALL_LIMITS
 
 STEP = 1e-5

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.control.envelope import Envelope, jacobian_hull
+from flighttune.control.linear_model import Envelope, jacobian_hull
 from flighttune.theory.common import common_Q
 from flighttune.tuning.envelope import (
     envelope_rate,

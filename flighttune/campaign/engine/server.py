@@ -12,8 +12,7 @@ from functools import lru_cache
 from multiprocessing.connection import Connection
 
 from flighttune.aircraft.aircraft import files_hash
-from flighttune.campaign.flying.alone import fly_again
-from flighttune.campaign.flying.rows import Draw, Row, fly_draw, warm_up
+from flighttune.campaign.flying.rows import Draw, Row, fly_again, fly_draw, warm_up
 from flighttune.errors import FlightTuneError, PlantError
 from flighttune.flight.fly import library_versions
 from flighttune.flight.own import with_own

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import NoReturn, TypeAlias
 from xml.etree.ElementTree import Element
 
-from flighttune.aircraft.aircraft import AircraftConfig
+from flighttune.aircraft.aircraft import AircraftConfig, OffNominal
 from flighttune.aircraft.model_xml import (
     AXES,
     COEFFICIENT,
@@ -25,6 +25,7 @@ from flighttune.aircraft.model_xml import (
     filled,
     found_file,
     open_mass_balance,
+    put_in_front,
     read_xml,
     scale_axis,
     scale_coefficient,
@@ -32,8 +33,6 @@ from flighttune.aircraft.model_xml import (
     slow_actuators,
     template_of,
 )
-from flighttune.aircraft.off_nominal import OffNominal
-from flighttune.aircraft.systems import put_in_front
 from flighttune.errors import InputError, PlantError, ending_of
 from flighttune.files.shipped import is_trusted
 from flighttune.files.whole import scratch_folder, scratch_place

@@ -15,7 +15,7 @@ from flighttune.plants.base import N_X_SIGNALS, FlightCondition, Stop, StopStatu
 from flighttune.plants.jsbsim import properties
 
 if TYPE_CHECKING:
-    from flighttune.aircraft.off_nominal import OffNominal
+    from flighttune.aircraft.aircraft import OffNominal
     from flighttune.plants.jsbsim.fdm import Fdm
     from flighttune.plants.weather import Weather
 
@@ -167,8 +167,8 @@ class JSBSimPlant:
             If there is no steady flight at `condition`.
         """
         from flighttune.plants.jsbsim.air import carry_along, weather_step
+        from flighttune.plants.jsbsim.bench import check_moves
         from flighttune.plants.jsbsim.fdm import Fdm
-        from flighttune.plants.jsbsim.load_check import check_moves
         from flighttune.plants.jsbsim.signals import guard, signal_reader
         from flighttune.plants.jsbsim.trim import trim
 
@@ -256,7 +256,7 @@ class JSBSimPlant:
             else:
                 return None
         except RuntimeError as error:
-            from flighttune.plants.jsbsim.log import one_line
+            from flighttune.plants.jsbsim.fdm import one_line
 
             stop = self._end("diverged", f"JSBSim gave up: {one_line(str(error))}")
             if self.fdm is not None:

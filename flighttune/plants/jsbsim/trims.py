@@ -8,9 +8,8 @@ from typing import Any
 
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.plants.jsbsim.trim import trim_table
-from flighttune.present.answer import Answer, Answering
+from flighttune.present.answer import Answer, Answering, Column, Table, figures
 from flighttune.present.names import columns
-from flighttune.present.tables import Column, Table, figures
 
 COLUMNS = columns(
     "V_a_mps gamma_deg trim.alpha_deg trim.beta_deg trim.elevator_deg trim.rudder_deg "

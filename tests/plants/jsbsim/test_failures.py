@@ -7,7 +7,7 @@ import threading
 import pytest
 
 import flighttune as ft
-from flighttune.aircraft.off_nominal import OffNominal
+from flighttune.aircraft.aircraft import OffNominal
 
 from .conftest import fdm_of
 

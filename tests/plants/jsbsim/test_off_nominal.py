@@ -13,8 +13,7 @@ from places import SHIPPED_AIRCRAFT
 from published_aerosonde import accelerations, evaluated, measured
 
 import flighttune as ft
-from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.aircraft.off_nominal import OffNominal
+from flighttune.aircraft.aircraft import OffNominal, load_aircraft
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.trim import trim
 from flighttune.units import FT, G_0, SLUG

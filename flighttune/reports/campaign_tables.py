@@ -7,7 +7,8 @@ from typing import Any
 from flighttune.campaign.flying.columns import unit_of_key
 from flighttune.campaign.statistics.findings import SUCCESS, Findings
 from flighttune.campaign.statistics.sensitivity import strength
-from flighttune.plants.label import goes_by
+from flighttune.plants.base import goes_by
+from flighttune.present.answer import Column, Table, figures, percent
 from flighttune.present.names import (
     columns,
     key_words,
@@ -15,7 +16,6 @@ from flighttune.present.names import (
     measure_words,
     metric_label,
 )
-from flighttune.present.tables import Column, Table, figures, percent
 
 
 def metric_name(metric: str) -> str:
