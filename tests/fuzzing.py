@@ -220,6 +220,17 @@ def xml_files(draw, text):
     return ElementTree.tostring(root, "unicode").encode("utf-8", "surrogatepass")
 
 
+@st.composite
+def text_files(draw, text):
+    """Bytes of a file of values between spaces with one of them changed, or torn."""
+    if draw(st.integers(0, 3)) == 0:
+        return draw(torn(text.encode()))
+    lines = [line.split(" ") for line in text.splitlines()]
+    line = draw(st.sampled_from(lines))
+    line[draw(st.integers(0, len(line) - 1))] = str(draw(VALUES))
+    return "\n".join(map(" ".join, lines)).encode("utf-8", "surrogatepass")
+
+
 class TooLongError(BaseException):
     """Something took more processor time than it may."""
 

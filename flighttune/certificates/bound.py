@@ -63,7 +63,7 @@ class RateBound(Answering):
 
     def __post_init__(self) -> None:
         check_positive(I_star=self.I_star, R_bound=self.R_bound)
-        count = max(len(self.boxes), 1)
+        count = max(np.size(self.boxes) // 4, 1)
         set_read_only(self, boxes=(count, 4), multipliers=(count, NUMBERS))
 
     kind: ClassVar[Literal["proven"]] = "proven"

@@ -17,6 +17,7 @@ from flighttune.references.maps import (
     features,
     json_bool,
     json_number,
+    json_part,
     kml_features,
     north_east,
     on_earth,
@@ -121,7 +122,7 @@ def fence_tables(files: Sequence[Path]) -> dict[str, Any]:
             if kml:
                 shapes += kml_features(content)
             elif "mission" in content:
-                shapes += _of_plan(content.get("geoFence") or {})
+                shapes += _of_plan(json_part(content, "geoFence", dict))
             else:
                 single.append(content)
                 shapes += features(content)
@@ -133,7 +134,7 @@ def fence_tables(files: Sequence[Path]) -> dict[str, Any]:
 
 def _of_plan(stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
     """Polygons and circles of a plan of QGroundControl."""
-    for area in [*(stated.get("polygons") or ()), *(stated.get("circles") or ())]:
+    for area in [x for key in ("polygons", "circles") for x in json_part(stated, key, list)]:
         inside = json_bool(area.get("inclusion", True), "`inclusion`")
         if "circle" in area:
             lat, lon = (json_number(x, "`center`") for x in area["circle"]["center"][:2])
@@ -191,7 +192,7 @@ def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
         rings, sags = [], []
         numbers = {True: 0, False: 0}
         for shape in shapes:
-            stated = dict(shape.get("properties") or {})
+            stated = json_part(shape, "properties", dict)
             low, high = _heights(stated, low, high)
             outside = json_bool(stated.get("exclusion", False), "`exclusion`")
             numbers[outside] += 1

@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 
 from flighttune.errors import InputError
 from flighttune.files.mistakes import abridged
-from flighttune.references.maps import json_bool, json_number
+from flighttune.references.maps import json_bool, json_number, json_part
 
 # Values of a row of the table `waypoint` of [route], and keys of its place.
 Row: TypeAlias = dict[str, Any]
@@ -204,6 +204,8 @@ def _fate(item: Mapping[str, Any], *, first: bool) -> tuple[str, Fate]:
     if item["type"] != "SimpleItem":
         return abridged(item.get("complexItemType")), "refused"
     command, frame = item["command"], item["frame"]
+    json_number(command, "`command`")
+    json_number(frame, "`frame`")  # false would be 0, a height above sea level
     if command in HARMLESS:
         return HARMLESS[command], "harmless"
     name = MANOEUVRES.get(command, f"command {abridged(command)}")
@@ -272,7 +274,7 @@ def _row(label: str, item: Mapping[str, Any], home: tuple[float, ...], before: l
 
 def _circles(label: str, command: int, values: Sequence[Any]) -> Row:
     """Turns, radius and what else is stated of circles."""
-    radius = json_number(values[RADIUS[command]] or 0.0, f"`radius_m` of {label}")
+    radius = json_number(values[RADIUS[command]], f"`radius_m` of {label}", 0.0)
     turns = UNLIMITED_TURNS if command == UNLIMITED else LEAST_TURNS
     if command == TURNS and (turns := json_number(values[0], f"`turns` of {label}")) <= 0.0:
         raise InputError(f"`turns` of {label} must be positive, got {turns:g}.")
@@ -288,10 +290,12 @@ def _notes(label: str, item: Mapping[str, Any]) -> Iterator[str]:
     command, values, subject = item["command"], item["params"], f"I{label[1:]}"
     if command in TAKEOFFS:
         yield f"The route begins where the take-off of {label} ends."
-    if command == WAYPOINT and values[0]:
-        yield f"The hold time of {label}, {values[0]:g} s, is not flown."
-    if command == WAYPOINT and any(values[1:3]):
-        yield f"The radius of {label} is not used: the path passes inside of the corner."
+    if command == WAYPOINT:
+        hold, *radii = (json_number(x, f"every parameter of {label}", 0.0) for x in values[:3])
+        if hold:
+            yield f"The hold time of {label}, {hold:g} s, is not flown."
+        if any(radii):
+            yield f"The radius of {label} is not used: the path passes inside of the corner."
     if not _flag(item, "autoContinue"):
         yield f"{subject} waits until it is told to go on, which is not flown."
     if command == UNLIMITED:
@@ -308,7 +312,7 @@ def _notes(label: str, item: Mapping[str, Any]) -> Iterator[str]:
 
 def _speed(label: str, item: Mapping[str, Any]) -> tuple[float | None, list[str]]:
     """The airspeed that a change of speed sets, m/s, and a sentence for all else that it sets."""
-    values = [json_number(x or 0, f"{label} (speed)") for x in item["params"][:4]]
+    values = [json_number(x, f"{label} (speed)", 0.0) for x in json_part(item, "params", list)[:4]]
     kind, value, throttle, relative = [*values, *[0.0] * 4][:4]
     speed = SPEEDS[int(kind)] if kind in range(len(SPEEDS)) else f"a speed of type {kind:g}"
     airspeed = value if speed == SPEEDS[0] and value > 0.0 and not relative else None

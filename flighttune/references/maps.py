@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 from xml.etree import ElementTree
 
 import numpy as np
@@ -59,6 +59,8 @@ TOO_LARGE = 1e9
 
 # Largest change of course between two points of a corridor, rad.
 CHORD = 1.0 * DEG
+
+P = TypeVar("P", list[Any], dict[str, Any])
 
 # A path, latitude and longitude of its start, deg, and the height of its start, m.
 Where: TypeAlias = tuple[Route, LatLon, float]
@@ -116,7 +118,7 @@ STYLES = {
 def areas_of(tables: Iterable[Mapping[str, Any]]) -> tuple[tuple[list[list[float]], bool], ...]:
     """Rings of fences in GeoJSON, and whether they are to stay out of; inner rings are."""
     return tuple(
-        (ring, zone > 0 or (feature.get("properties") or {}).get("exclusion") is True)
+        (ring, zone > 0 or json_part(feature, "properties", dict).get("exclusion") is True)
         for fence in tables
         for feature in features(fence)
         if feature["geometry"]["type"] == "Polygon"
@@ -124,8 +126,10 @@ def areas_of(tables: Iterable[Mapping[str, Any]]) -> tuple[tuple[list[list[float
     )
 
 
-def json_number(value: object, name: str) -> float:
-    """A number of a file; InputError if it is text, true or false, or too large."""
+def json_number(value: object, name: str, null: float | None = None) -> float:
+    """A number of a file, `null` for null; InputError if it is text, a boolean, or too large."""
+    if value is None and null is not None:
+        return null
     if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < TOO_LARGE:
         raise InputError(f"{name} must be a number, got {abridged(value)}.")
     return float(value)
@@ -136,6 +140,15 @@ def json_bool(value: object, name: str) -> bool:
     if not isinstance(value, bool):
         raise InputError(f"{name} must be true or false, got {abridged(value)}.")
     return value
+
+
+def json_part(tables: Mapping[str, Any], key: str, kind: type[P]) -> P:
+    """The list or object of a key, empty if absent or null; InputError if it is another value."""
+    value = tables.get(key)
+    if not isinstance(value, kind | None):
+        what = "a list" if kind is list else "an object"
+        raise InputError(f"`{key}` must be {what}, got {abridged(value)}.")
+    return kind() if value is None else value
 
 
 @contextmanager

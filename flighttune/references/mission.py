@@ -30,6 +30,7 @@ from flighttune.references.maps import (
     corridor_rings,
     features,
     json_number,
+    json_part,
     kml_features,
     on_earth,
     reading,
@@ -225,11 +226,11 @@ def _plan(tables: Mapping[str, Any], skip: bool) -> RouteFile:
     speed = json_number(mission.get("cruiseSpeed", 1.0), "`cruiseSpeed`")
     if speed <= 0.0:
         raise InputError(f"`cruiseSpeed` must be positive, got {speed:g} m/s.")
-    stated = [*(mission.get("plannedHomePosition") or ()), None, None, None][:3]
+    stated = [*json_part(mission, "plannedHomePosition", list), None, None, None][:3]
     height = json_number(stated[2], "the height above sea level in `plannedHomePosition`")
-    home = (*(json_number(x or 0.0, "`plannedHomePosition`") for x in stated[:2]), height)
+    home = (*(json_number(x, "`plannedHomePosition`", 0.0) for x in stated[:2]), height)
     read = read_items(mission["items"], home, skip)
-    points = (tables.get("rallyPoints") or {}).get("points") or []
+    points = json_part(json_part(tables, "rallyPoints", dict), "points", list)
     rally = [place(f"rally point {i}", point[:3]) for i, point in enumerate(points, start=1)]
     return _mission(read, home, rally)
 
@@ -242,7 +243,7 @@ def _waypoints(text: str, skip: bool) -> RouteFile:
     numbers = [[float(value) for value in line] for line in lines]
     home = numbers[0][8], numbers[0][9], json_number(numbers[0][10], "the height of home")
     items = [
-        {"type": "SimpleItem", "command": int(command), "frame": int(frame), "doJumpId": number}
+        {"type": "SimpleItem", "command": command, "frame": frame, "doJumpId": number}
         | {"params": values}
         for number, _, frame, command, *values, _ in numbers[1:]
     ]
@@ -271,7 +272,7 @@ def _line(found: Any) -> RouteFile:
     if len(lines) != 1:
         raise InputError(f"must have one LineString, got {len(lines)}.")
     points = lines[0]["coordinates"]
-    stated = next(x.get("properties") or {} for x in shapes if x["geometry"] is lines[0])
+    stated = next(json_part(x, "properties", dict) for x in shapes if x["geometry"] is lines[0])
     if read := _written(stated.get(ROUTE_KEY), points):
         return read
     if len({len(point[:3]) for point in points}) > 1:

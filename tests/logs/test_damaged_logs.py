@@ -3,15 +3,17 @@
 import random
 import resource
 import time
+from contextlib import suppress
 
 import numpy as np
 import pytest
-from fuzzing import TIMES, damaged
+from fuzzing import NUMBERS, TEXTS, TIMES, damaged
 from log_files import WRITERS, sampled
 
 import flighttune as ft
 
 FEW, MANY = 6, 15 * TIMES
+GAPS = 20  # of so many logs that are read one is flown, which takes seconds
 LONGEST_S = 60.0
 MOST_KB = 1_000_000
 """Memory of a child, kB."""
@@ -28,12 +30,24 @@ def originals(flight, tmp_path_factory):
     }
 
 
+def changed_table(data, draw):
+    """A table with one value of a row, or of all rows, in place of a number."""
+    head, *rows = [line.split(",") for line in data.decode().splitlines()]
+    other, column = str(draw.choice([*NUMBERS, *TEXTS])), draw.randrange(len(head))
+    for row in draw.choice([rows, [draw.choice(rows)]]):
+        row[column] = other
+    lines = "\n".join(",".join(row) for row in [head, *rows])
+    return lines.encode("utf-8", "surrogatepass")
+
+
 def try_damages(originals, folder, count, seed):
     draw, read = random.Random(seed), 0
     for k in range(count):
         kind = draw.choice([*originals])
         path = folder / kind
         data = originals[kind]
+        if kind.endswith(".csv") and draw.random() < 0.7:
+            data = changed_table(data, draw)
         for _ in range(draw.choice([1, 1, 3, 20])):
             _, data = damaged(data, draw) if data else ("", data)
         path.write_bytes(data)
@@ -46,6 +60,10 @@ def try_damages(originals, folder, count, seed):
         else:
             read += 1
             assert np.isfinite(run.t).all(), (seed, k, kind)
+            if read % GAPS == 1:
+                with suppress(ft.FlightTuneError):
+                    gap = ft.gap(run, aircraft="aerosonde")
+                    assert gap.notes or np.isfinite(gap.explained), (seed, k, kind)
         assert "\n" not in said, (seed, k, kind)
         assert time.monotonic() - began < LONGEST_S, (seed, k, kind)
     return read

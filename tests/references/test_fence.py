@@ -130,6 +130,15 @@ def plan_with(path, polygons=(), circles=()):
     return path
 
 
+@pytest.mark.parametrize("fence", [False, {"polygons": ""}, {"circles": {}}])
+def test_an_empty_value_of_another_kind_is_not_taken_for_a_plan_without_a_fence(tmp_path, fence):
+    path = tmp_path / "x.plan"
+    path.write_text(json.dumps({"mission": {}, "geoFence": fence}))
+
+    with pytest.raises(ft.InputError, match=r"`\w+` must be (an object|a list), got "):
+        fence_tables([path])
+
+
 SQUARE = ((300.0, 25.0), (310.0, 25.0), (310.0, 35.0), (300.0, 35.0))
 
 

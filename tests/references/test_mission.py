@@ -231,6 +231,20 @@ def test_a_cruise_speed_that_no_aircraft_has_is_refused(tmp_path, speed):
         read_route(plan_file(tmp_path / "m.plan", mission=mission))
 
 
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({"frame": False}, "`frame` must be a number, got False"),
+        ({"params": [True, 0, 0, None, 47.4, 8.5, 60]}, "every parameter .* got True"),
+        ({"command": 178, "params": ""}, "`params` must be a list, got ''"),
+        ({"command": 18, "params": [1, 0, False, None, 47.4, 8.5, 60]}, "`radius_m` .* got False"),
+    ],
+)
+def test_an_empty_or_false_value_of_an_item_is_no_number(tmp_path, changes, says):
+    with pytest.raises(ft.InputError, match=says):
+        read_route(plan_file(tmp_path / "m.plan", PATROL[0], PATROL[1] | changes, *PATROL[2:]))
+
+
 @pytest.mark.parametrize("home", [(91, 8.5, 480), (47.4, -181, 480), (float("nan"), 8.5, 480)])
 def test_a_home_position_beyond_the_earth_is_refused(tmp_path, home):
     with pytest.raises(ft.InputError, match=r"(home p|plannedHomeP)osition.* must "):
@@ -353,6 +367,7 @@ def test_waypoints_of_mission_planner_are_read(tmp_path):
     "wrong",
     [
         *("", "QGC WPL 110\n", WAYPOINTS.replace("588", "588\t5")),
+        WAYPOINTS.replace("\t16\t", "\t16.9\t"),
         *(WAYPOINTS.replace("110", other) for other in ("120", "", "110 2")),
     ],
 )
