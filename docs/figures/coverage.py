@@ -1,4 +1,7 @@
-"""Count how often the intervals of logs hold the truth: python docs/figures/coverage.py [LOGS]."""
+"""Count how often the intervals of logs hold the truth.
+
+python docs/figures/coverage.py LOGS identify|gap
+"""
 
 import math
 import sys
@@ -20,10 +23,10 @@ from flighttune.identification.file import IdentifiedChannel, LagTable, lag_tabl
 from flighttune.logs.identify import LogIdentification
 from flighttune.units import DEG_PER_RAD, G_0
 
-RATES = 50.0, 25.0, 10.0, 5.0
+RATES = 50.0, 25.0, 10.0
 """Samples of the logs, 1/s."""
 
-LOGS, SEED = 100, 58
+SEED = 58
 
 STEP, CONTROL = 0.005, 0.02
 """Of the integration, and the time for which the autopilot holds its commands, s."""
@@ -225,7 +228,8 @@ def told(
 
 
 if __name__ == "__main__":
-    answers = told(int(sys.argv[1]) if len(sys.argv) > 1 else LOGS, RATES)
+    command = {"identify": told_by_identify, "gap": told_by_gap}[sys.argv[2]]
+    answers = told(int(sys.argv[1]), RATES, commands=(command,))
     print("| interval | samples, Hz | hold the truth | of | without an interval |")
     print("| --- | --- | --- | --- | --- |")
     for (name, rate), inside in sorted(answers.items()):
