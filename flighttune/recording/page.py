@@ -32,6 +32,8 @@ READING = 0.05  # the line on how to read the picture
 # Columns over rows of a grid of plots, nine make 3 rows of three; titles are cut in five columns.
 COLUMNS_PER_ROW, MOST_COLUMNS = 1.36, 4
 
+SHARED_AXIS_S = 60.0  # longest flight that an axis shared by all plots shows whole
+
 SIDE, MIDDLE = 0.23, 0.31  # shares of the width of Overview: the view from behind, the plots
 
 
@@ -108,16 +110,28 @@ def _tab(plots: Sequence[Plot], flights: Sequence[DrawnRun]) -> rrb.Grid:
 
 
 def _plot(plot: Plot, flights: Sequence[DrawnRun], share: float) -> rrb.TimeSeriesView:
-    span = value_range(plot, [drawn_run.run for drawn_run in flights], share=share)
+    runs = [drawn_run.run for drawn_run in flights]
+    span = value_range(plot, runs, share=share)
     return rrb.TimeSeriesView(
         origin=f"{entities.PLOTS}/{plot.signal}",
         name=plot.heading,
-        axis_x=rrb.TimeAxis(link=LinkAxis.LinkToGlobal),
+        axis_x=_time_axis(max(run.duration for run in runs)),
         # Without a span the viewer chooses the range.
         axis_y=None if span is None else rrb.ScalarAxis(range=span),
         # A legend would cover small plots; the list on Overview names the runs.
         plot_legend=rrb.PlotLegend(visible=False),
     )
+
+
+def _time_axis(seconds: float) -> rrb.TimeAxis:
+    """One axis for all plots of short flights; of longer ones, each plot shows all of the flight.
+
+    The viewer opens an axis that is shared with no more than half a minute to each side of now.
+    """
+    if seconds <= SHARED_AXIS_S:
+        return rrb.TimeAxis(link=LinkAxis.LinkToGlobal)
+    start, end = (rr.TimeRangeBoundary.absolute(seconds=s) for s in (0.0, seconds))
+    return rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))
 
 
 def _layout(tabs: Sequence[rrb.Container | rrb.View]) -> rrb.Blueprint:

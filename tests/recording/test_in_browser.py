@@ -16,7 +16,7 @@ from browser import chromium_at_real_speed, window_of
 from pictures import opened_recording, pixels
 
 import flighttune as ft
-from flighttune.recording.viewer import DISPLAYS
+from flighttune.recording.record import DISPLAYS
 
 from .test_view import COMMAND, pair_of_ports
 
