@@ -70,7 +70,7 @@ def of_peer(name: str) -> float | None:
 
 def of_aircraft() -> float:
     """Return the time in which the aircraft flies a tenth of a second by itself, s."""
-    plant = ft.JSBSimPlant("c172p")
+    plant = ft.loop.JSBSimPlant("c172p")
     plant.start(start_condition(cruise()))
     began = time.process_time()
     for _ in range(STEPS // 10):
@@ -83,8 +83,8 @@ def main() -> int:
     as_json = parser.parse_args().json
     os.environ["JSBSIM_DEBUG"] = "0"  # peers let JSBSim print
 
-    ours = ft.FlightEnv(cruise(), rate_hz=RATE_HZ)
-    rate = ft.JSBSimPlant("c172p").config.inner_loop_rate
+    ours = ft.gym.FlightEnv(cruise(), rate_hz=RATE_HZ)
+    rate = ft.loop.JSBSimPlant("c172p").config.inner_loop_rate
     flown = {"FlightEnv": lambda: of_env(ours, LEVEL), ALONE: of_aircraft}
     flown |= {name: (lambda name=name: of_peer(name)) for name in PEERS}
     times = {name: [took() for _ in range(REPEATS)] for name, took in flown.items()}

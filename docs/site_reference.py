@@ -54,9 +54,18 @@ def complete(_app: object, name: str, source: list[str]) -> None:
 
 def index_entry(_app: object, _what: str, name: str, *rest: Any) -> None:
     """Let the search find a public name as it is written in a program: ``ft.fly``."""
-    package, _, public = name.partition(".")
-    if package == "flighttune" and public in dir(flighttune):
+    public = name.removeprefix("flighttune.")
+    if public in public_names():
         rest[-1][:0] = [f".. index:: ! ft.{public}", ""]
+
+
+def public_names() -> list[str]:
+    """Public names as they are written behind ``ft.``, those of its namespaces with both parts."""
+    spaces = {"gym": flighttune.gym.__all__, "loop": flighttune.loop.__all__}
+    return [
+        *(name for name in flighttune.__all__ if name not in spaces),
+        *(f"{space}.{name}" for space, names in spaces.items() for name in names),
+    ]
 
 
 def pages_to_search(app: Any, error: Exception | None) -> None:

@@ -11,25 +11,46 @@ from typing import Any
 __version__ = "0.3.0"
 
 
+# Names that went into a module without being in its stub.
+MOVED = {
+    "FlightEnv": "flighttune.gym",
+    "ShapeError": "flighttune.errors",
+    "TrimError": "flighttune.errors",
+}
+
+
 def __getattr__(name: str) -> Any:
-    modules = _public_modules()
-    if name == "__all__":
-        return sorted(modules)
-    if name not in modules:
-        raise AttributeError(f"module 'flighttune' has no attribute {name!r}")
-    return getattr(import_module(modules[name]), name)
+    return public_value(__name__, name)
 
 
 def __dir__() -> list[str]:
-    return sorted([*_public_modules(), "__all__", "__version__"])
+    return sorted([*modules_of(__name__), "__all__", "__version__"])
+
+
+def public_value(namespace: str, name: str) -> Any:
+    """A public name of this package or of `flighttune.loop`, imported from its module."""
+    modules = modules_of(namespace)
+    if name == "__all__":
+        return sorted(modules)
+    if name in modules:
+        module = import_module(modules[name])
+        return module if modules[name] == f"{namespace}.{name}" else getattr(module, name)
+    text = f"module {namespace!r} has no attribute {name!r}"
+    now = "flighttune.loop" if name in modules_of("flighttune.loop") else MOVED.get(name)
+    raise AttributeError(f"{text}: it is now {now}.{name}" if now else text)
 
 
 @cache
-def _public_modules() -> dict[str, str]:
+def modules_of(namespace: str) -> dict[str, str]:
     """Module of each public name, from the stub that type checkers read."""
     import ast
     from pathlib import Path
 
-    stub = ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8"))
-    imports = [line for line in stub.body if isinstance(line, ast.ImportFrom)]
-    return {alias.name: str(line.module) for line in imports for alias in line.names}
+    stub = "__init__.pyi" if namespace == __name__ else "loop.pyi"
+    tree = ast.parse(Path(__file__).with_name(stub).read_text(encoding="utf-8"))
+    return {
+        alias.name: f"{__name__}.{alias.name}" if line.module == __name__ else str(line.module)
+        for line in tree.body
+        if isinstance(line, ast.ImportFrom)
+        for alias in line.names
+    }

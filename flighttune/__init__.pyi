@@ -1,5 +1,7 @@
 """The public names and their modules: read by type checkers, and by `flighttune` itself."""
 
+from flighttune import gym as gym
+from flighttune import loop as loop
 from flighttune.adoption.adopt import adopt as adopt
 from flighttune.campaign.band import band as band
 from flighttune.campaign.claims import Verified as Verified
@@ -17,32 +19,15 @@ from flighttune.certificates.bound import RateBound as RateBound
 from flighttune.certificates.certificate import Certificate as Certificate
 from flighttune.certificates.make import Certification as Certification
 from flighttune.claims.band import Band as Band
-from flighttune.control.controller import Controller as Controller
-from flighttune.control.controller import FlightCondition as FlightCondition
-from flighttune.control.controller import LawSetup as LawSetup
-from flighttune.control.controller import Measured as Measured
-from flighttune.control.controller import ReferenceSample as ReferenceSample
-from flighttune.control.exact_law import ExactLaw as ExactLaw
 from flighttune.control.gains import PAPER_GAINS as PAPER_GAINS
 from flighttune.control.gains import PIGains as PIGains
-from flighttune.control.gains import command_gains as command_gains
-from flighttune.control.gains import rate_gains as rate_gains
-from flighttune.control.inner_loop import InnerLag as InnerLag
-from flighttune.control.limits import CommandLimiter as CommandLimiter
-from flighttune.control.limits import Limits as Limits
-from flighttune.control.linear_model import LinearModel as LinearModel
-from flighttune.control.linear_model import closed_loop as closed_loop
-from flighttune.control.linear_model import kinematic_model as kinematic_model
-from flighttune.control.mimo_pi import MimoPI as MimoPI
 from flighttune.errors import FlightTuneError as FlightTuneError
 from flighttune.errors import InputError as InputError
 from flighttune.errors import OutputError as OutputError
 from flighttune.errors import PlantError as PlantError
 from flighttune.errors import RecordingError as RecordingError
 from flighttune.errors import ScenarioError as ScenarioError
-from flighttune.errors import ShapeError as ShapeError
 from flighttune.errors import StoppedError as StoppedError
-from flighttune.errors import TrimError as TrimError
 from flighttune.exports.export import export as export
 from flighttune.flight.flown import FlownScenario as FlownScenario
 from flighttune.flight.fly import fly as fly
@@ -51,34 +36,22 @@ from flighttune.flight.frontier import frontier as frontier
 from flighttune.flight.gains import certify as certify
 from flighttune.flight.gains import tune as tune
 from flighttune.flight.load import load_scenario as load_scenario
-from flighttune.flight.models import tuning_problem as tuning_problem
 from flighttune.flight.route import PlannedRoute as PlannedRoute
 from flighttune.flight.route import route as route
 from flighttune.gaps.gap import Gap as Gap
 from flighttune.gaps.ladder import gap as gap
-from flighttune.gym import FlightEnv as FlightEnv
 from flighttune.identification.design import design as design
 from flighttune.identification.file import load_identified as load_identified
 from flighttune.identification.file import save_identified as save_identified
 from flighttune.logs.identify import identify as identify
 from flighttune.logs.log import load_log as load_log
-from flighttune.metrics import channel_metrics as channel_metrics
-from flighttune.metrics import flight_metrics as flight_metrics
 from flighttune.planning.load import load_campaign as load_campaign
 from flighttune.planning.plan import Plan as Plan
 from flighttune.planning.plan import plan_campaign as plan_campaign
 from flighttune.planning.schema import Campaign as Campaign
 from flighttune.planning.source import Flights as Flights
 from flighttune.planning.source import flights as flights
-from flighttune.plants.base import COMMON_SIGNALS as COMMON_SIGNALS
-from flighttune.plants.base import Plant as Plant
-from flighttune.plants.base import Stop as Stop
-from flighttune.plants.jsbsim.plant import JSBSimPlant as JSBSimPlant
 from flighttune.plants.jsbsim.trims import trim as trim
-from flighttune.plants.lagged import LaggedPlant as LaggedPlant
-from flighttune.plants.point_mass import PointMassPlant as PointMassPlant
-from flighttune.plants.point_mass import PoweredPointMass as PoweredPointMass
-from flighttune.plants.sensors import Sensors as Sensors
 from flighttune.recording.record import record as record
 from flighttune.recording.record import show as show
 from flighttune.records.compare import Comparison as Comparison
@@ -86,7 +59,6 @@ from flighttune.records.compare import compare as compare
 from flighttune.records.parquet import Recording as Recording
 from flighttune.records.parquet import load_recording as load_recording
 from flighttune.records.refly import Reflown as Reflown
-from flighttune.references.segments import Reference as Reference
 from flighttune.reports.claim import plot as plot
 from flighttune.reports.page import Report as Report
 from flighttune.reports.report import report as report
@@ -95,12 +67,8 @@ from flighttune.scenario.load import scenario_from as scenario_from
 from flighttune.scenario.schema import Scenario as Scenario
 from flighttune.simulate.run import Provenance as Provenance
 from flighttune.simulate.run import Run as Run
-from flighttune.theory.indicators import Indicators as Indicators
-from flighttune.theory.indicators import indicators as indicators
-from flighttune.theory.indicators import indicators_batch as indicators_batch
 from flighttune.tubes.enclosure import Tube as Tube
 from flighttune.tubes.tube import tube as tube
-from flighttune.tuning.problem import TuningProblem as TuningProblem
 from flighttune.tuning.result import TuningResult as TuningResult
 
 __version__: str

@@ -48,7 +48,7 @@ class InputError(FlightTuneError, ValueError):
 
     Examples
     --------
-    >>> ft.indicators([[float("nan")]])
+    >>> ft.loop.indicators([[float("nan")]])
     Traceback (most recent call last):
     InputError: `A_K` must be finite, got [[nan]].
     """
@@ -59,7 +59,7 @@ class ShapeError(InputError):
 
     Examples
     --------
-    >>> ft.indicators([[1.0, 2.0]])
+    >>> ft.loop.indicators([[1.0, 2.0]])
     Traceback (most recent call last):
     ShapeError: `A_K` must have shape (..., n, n), got (1, 2).
     """
@@ -108,7 +108,7 @@ class PlantError(FlightTuneError, RuntimeError):
 
     Examples
     --------
-    >>> ft.JSBSimPlant().observe()
+    >>> ft.loop.JSBSimPlant().observe()
     Traceback (most recent call last):
     PlantError: `JSBSimPlant` must be started before it can be observed or flown.
     """
@@ -119,7 +119,8 @@ class TrimError(PlantError):
 
     Examples
     --------
-    >>> ft.JSBSimPlant().start(ft.FlightCondition(V_a=25.0, gamma=-0.7))  # doctest: +ELLIPSIS
+    >>> dive = ft.loop.FlightCondition(V_a=25.0, gamma=-0.7)
+    >>> ft.loop.JSBSimPlant().start(dive)  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     TrimError: ...: no steady flight at V_a 25 m/s, h 1000 m, ...
     """

@@ -36,6 +36,8 @@ if TYPE_CHECKING or find_spec("gymnasium"):
 else:  # its name stays public without the extra, and `need` says what is missing
     Env = object
 
+__all__ = ["FlightEnv"]
+
 # Errors that cost half of the reward of a step: of position, of the angles, of the airspeed.
 HALF_M, HALF_RAD, HALF_MPS = 5.0, 5.0 * DEG, 5.0
 
@@ -100,7 +102,7 @@ class FlightEnv(Env):
 
     Examples
     --------
-    >>> env = ft.FlightEnv("mission")
+    >>> env = ft.gym.FlightEnv("mission")
     >>> obs, info = env.reset(seed=1)
     >>> obs, reward, terminated, truncated, info = env.step(env.baseline(obs))
     >>> env.action_space.high.round(3).tolist(), len(obs), terminated

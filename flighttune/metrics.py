@@ -163,7 +163,7 @@ def channel_metrics(run: Run) -> "pd.DataFrame":
     Examples
     --------
     >>> run = ft.fly(ft.load_scenario("paper_as_printed")).runs[0]
-    >>> ft.channel_metrics(run)["ITAE"].round(1).to_dict()
+    >>> ft.loop.channel_metrics(run)["ITAE"].round(1).to_dict()
     {'chi': 18.6, 'gamma': 8.1}
     """
     import pandas as pd
@@ -324,7 +324,7 @@ def flight_metrics(run: Run) -> dict[str, float]:
     Examples
     --------
     >>> run = ft.fly(ft.load_scenario("paper_as_printed")).runs[0]
-    >>> sorted(ft.flight_metrics(run))
+    >>> sorted(ft.loop.flight_metrics(run))
     ['V_a_dev_mps', 'n_z_max', 'n_z_min']
     """
     return _flight_measures(signal_arrays(run, MEASURED))

@@ -13,7 +13,7 @@ class Glider:
 
     kind = "glider"
     signals = ("chi", "gamma", "phi", "n_z", "V_a", "north", "east", "down", "h")
-    limits = ft.Limits.none(2)
+    limits = ft.loop.Limits.none(2)
 
     def __init__(self, glide_ratio=25.0, thrust=0.05):
         self.glide_ratio, self.thrust = glide_ratio, thrust
@@ -43,7 +43,11 @@ class Glider:
             self.north += speed * level * math.cos(self.chi)
             self.east += speed * level * math.sin(self.chi)
             self.down -= speed * math.sin(self.gamma)
-        return ft.Stop("left_envelope", f"{self.V_a:.1f} m/s: stalled") if self.V_a < 12.0 else None
+        return (
+            ft.loop.Stop("left_envelope", f"{self.V_a:.1f} m/s: stalled")
+            if self.V_a < 12.0
+            else None
+        )
 
 
 if __name__ == "__main__":

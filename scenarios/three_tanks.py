@@ -33,10 +33,10 @@ def loop(t, state, gains):
 if __name__ == "__main__":
     tanks = ("tank 1", "tank 2", "tank 3")
     slope = approx_fprime(REFERENCE, outflow, 1e-6)
-    model = ft.LinearModel(  # of the errors: e' = -h'
+    model = ft.loop.LinearModel(  # of the errors: e' = -h'
         A=-slope, B=-PUMPS, C=np.eye(3), states=tanks, inputs=("a", "b", "c"), errors=tanks
     )
-    tuned = ft.tune(ft.TuningProblem(model=model, I_star=8.0), starts=2)
+    tuned = ft.tune(ft.loop.TuningProblem(model=model, I_star=8.0), starts=2)
     L_d = LEAK * OMEGA * np.sqrt(1.5)  # norm of the derivative of the three leaks
     certified = ft.certify(model, tuned.gains, L_d=L_d)
     claim = certified.certificate.claim
@@ -50,7 +50,7 @@ if __name__ == "__main__":
     error = REFERENCE[:, None] - flown.y[:3]
     s = np.vstack([np.gradient(error, t, axis=1), error])
     late, peak = np.linalg.norm(s, axis=0)[t > 30.0].max(), np.abs(error[:, t > 30.0]).max()
-    largest = L_d * ft.indicators(ft.closed_loop(model, tuned.gains)).E_K
+    largest = L_d * ft.loop.indicators(ft.loop.closed_loop(model, tuned.gains)).E_K
     print(f"norm of (e', e) after 30 s: {late:.4f}, certified {claim.radius:.4f}")
     print(f"largest error then: {peak:.4f} dm, largest possible for it {largest:.4f} dm")
     assert late <= claim.radius

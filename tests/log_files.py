@@ -10,8 +10,8 @@ import flighttune as ft
 G = 9.80665
 
 # Lags of the plant whose flight is written.
-ROLL = ft.InnerLag(order=2, natural_frequency=5.0, damping=0.8, delay=0.08)
-LOAD = ft.InnerLag(order=1, natural_frequency=6.0, delay=0.06)
+ROLL = ft.loop.InnerLag(order=2, natural_frequency=5.0, damping=0.8, delay=0.08)
+LOAD = ft.loop.InnerLag(order=1, natural_frequency=6.0, delay=0.06)
 
 
 def sampled(run, rate=25.0, *, seed=0, noise=True, dropouts=True, late=True):

@@ -3,8 +3,8 @@
 import math
 
 import flighttune as ft
-from flighttune import (
-    PAPER_GAINS,
+from flighttune import PAPER_GAINS
+from flighttune.loop import (
     Controller,
     ExactLaw,
     FlightCondition,
@@ -41,7 +41,7 @@ class Glider:
     """A plant that is nothing but a class: it follows at once and turns as it rolls."""
 
     kind = "glider"
-    signals = ft.COMMON_SIGNALS
+    signals = ft.loop.COMMON_SIGNALS
     limits = Limits.none(2)
 
     def start(self, condition: FlightCondition) -> None:

@@ -5,8 +5,8 @@ import numpy as np
 import flighttune as ft
 from flighttune.control.linear_model import disturbance_entry
 
-MODEL = ft.kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
-A_K = ft.closed_loop(MODEL, ft.PAPER_GAINS)
+MODEL = ft.loop.kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
+A_K = ft.loop.closed_loop(MODEL, ft.PAPER_GAINS)
 E = disturbance_entry(MODEL)
 L_D = 0.1 * 0.15
 """Largest rate of the disturbance of Table 1: its amplitude times its frequency, rad/s^2."""

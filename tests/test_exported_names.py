@@ -8,34 +8,53 @@ import io
 import re
 import subprocess
 import sys
+from operator import attrgetter
 from pathlib import Path
 
 import pytest
+from site_reference import public_names
 
 import flighttune
 
 PACKAGE = Path(flighttune.__file__).parent
 
 
+NAMES = public_names()
+PUBLIC = attrgetter(*NAMES)(flighttune)
+
+
 def test_every_public_name_is_there_documented_and_not_hidden_by_a_module():
-    for name in flighttune.__all__:
-        value = getattr(flighttune, name)
+    for name, value in zip(NAMES, PUBLIC, strict=True):
         assert value is not None
         assert inspect.getdoc(value) or not callable(value), name
         assert not (PACKAGE / name).exists()
         assert not (PACKAGE / f"{name}.py").exists()
 
 
-def test_type_checkers_see_each_name_as_exported():
-    stub = ast.parse((PACKAGE / "__init__.pyi").read_text())
-    imports = [line for line in stub.body if isinstance(line, ast.ImportFrom)]
+@pytest.mark.parametrize(
+    ("namespace", "stub"), [(flighttune, "__init__.pyi"), (flighttune.loop, "loop.pyi")]
+)
+def test_type_checkers_see_each_name_as_exported(namespace, stub):
+    tree = ast.parse((PACKAGE / stub).read_text())
+    imports = [line for line in tree.body if isinstance(line, ast.ImportFrom)]
     exported = [alias.asname for line in imports for alias in line.names]
-    assert sorted(exported) == flighttune.__all__
+    assert sorted(exported) == namespace.__all__
 
 
-def test_a_name_that_is_not_there_is_an_attribute_error():
-    with pytest.raises(AttributeError, match="no attribute 'simulator'"):
-        flighttune.simulator  # noqa: B018
+@pytest.mark.parametrize(
+    ("name", "now"),
+    [
+        ("simulator", "$"),
+        ("MimoPI", ": it is now flighttune.loop.MimoPI$"),
+        ("FlightEnv", ": it is now flighttune.gym.FlightEnv$"),
+        ("TrimError", ": it is now flighttune.errors.TrimError$"),
+    ],
+)
+def test_a_name_that_is_not_there_says_where_it_went(name, now):
+    with pytest.raises(AttributeError, match=f"has no attribute '{name}'{now}"):
+        getattr(flighttune, name)
+    place = now.removeprefix(": it is now flighttune.").removesuffix("$")
+    assert not place or attrgetter(place)(flighttune)
 
 
 def test_importing_the_package_and_its_command_line_loads_nothing_heavy():
@@ -57,15 +76,12 @@ def test_importing_the_package_and_its_command_line_loads_nothing_heavy():
 REFERENCE = {
     name: page
     for page in sorted((PACKAGE.parent / "docs" / "api").glob("*.md"))
-    for name in re.findall(r"^\.\. \w+:: flighttune\.(\w+)$", page.read_text(), re.MULTILINE)
+    for name in re.findall(r"^\.\. \w+:: flighttune\.([\w.]+)$", page.read_text(), re.MULTILINE)
 }
 
 
 def test_the_reference_has_every_public_name():
-    assert sorted(REFERENCE) == flighttune.__all__
-
-
-PUBLIC = [getattr(flighttune, name) for name in flighttune.__all__]
+    assert sorted(REFERENCE) == sorted(NAMES)
 
 
 def test_public_functions_explain_every_argument():
@@ -88,7 +104,7 @@ def test_public_values_explain_every_attribute():
     "name",
     [
         pytest.param(name, marks=pytest.mark.soak if name == "run_campaign" else ())
-        for name in flighttune.__all__
+        for name in NAMES
     ],
 )
 def test_the_example_of_a_public_name_runs_as_it_is_printed(name, tmp_path, monkeypatch):
@@ -97,7 +113,7 @@ def test_the_example_of_a_public_name_runs_as_it_is_printed(name, tmp_path, monk
         # Outside of a notebook the widget would be printed; tests/test_notebook.py shows it.
         monkeypatch.setattr("rerun.notebook.Viewer.display", lambda self: None)
     monkeypatch.chdir(tmp_path)
-    value, page = getattr(flighttune, name), REFERENCE[name].read_text()
+    value, page = attrgetter(name)(flighttune), REFERENCE[name].read_text()
     text = inspect.getdoc(value) if callable(value) else page.partition(f".{name}\n")[2]
     # Python names the module of an error, pages do not.
     text = re.sub(r"^( *)(\w+Error): ", r"\1flighttune.errors.\2: ", text, flags=re.MULTILINE)

@@ -307,8 +307,8 @@ def trimmed(config):
 
 def modelled(identified):
     for condition in identified.conditions[:2]:
-        ft.indicators(
-            ft.closed_loop(design_model(condition, g=G_0, hold=0.01).model, ft.PAPER_GAINS)
+        ft.loop.indicators(
+            ft.loop.closed_loop(design_model(condition, g=G_0, hold=0.01).model, ft.PAPER_GAINS)
         )
 
 
@@ -316,7 +316,7 @@ def closed(gains):
     """The linear loop of gains, its margins, and a flight of some samples."""
     if gains.inputs == ft.PAPER_GAINS.inputs:
         model = law_model(ft.load_scenario("paper"))
-        if ft.indicators(ft.closed_loop(model, gains)).status == "stable":
+        if ft.loop.indicators(ft.loop.closed_loop(model, gains)).status == "stable":
             loop_margins(model, gains)
     read = [{"name": "read", **gains.as_lists()}]
     return flown(made_up_scenario(gains=read, reference={"chi_deg": 20.0, "gamma_deg": -10.0}))
@@ -328,7 +328,7 @@ def first_runs(plan, runs=2):
 
 
 def started(config):
-    ft.JSBSimPlant(config).start(ft.FlightCondition(V_a=25.0))
+    ft.loop.JSBSimPlant(config).start(ft.loop.FlightCondition(V_a=25.0))
 
 
 def of_aircraft(folder):

@@ -54,7 +54,7 @@ def test_it_keeps_the_rules_of_gymnasium(world):
     with warnings.catch_warnings():
         # commands are in their units, and no error of a flight has a bound
         warnings.filterwarnings("ignore", message=".*(symmetric and normalized|infinity).*")
-        check_env(ft.FlightEnv(world), skip_render_check=True)
+        check_env(ft.gym.FlightEnv(world), skip_render_check=True)
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_it_keeps_the_rules_of_gymnasium(world):
     ],
 )
 def test_under_the_actions_of_the_law_it_flies_what_fly_does(world, gains):
-    env = ft.FlightEnv(route_of(2) if world == "route" else world, gains=gains)
+    env = ft.gym.FlightEnv(route_of(2) if world == "route" else world, gains=gains)
     observations, _, (info, *_) = flown_by_the_law(env, seed=5)
 
     flown = ft.fly(env.scenario, gains)
@@ -90,7 +90,7 @@ def test_under_the_actions_of_the_law_it_flies_what_fly_does(world, gains):
 @pytest.mark.slow
 def test_seeds_give_the_same_bits_beside_other_environments():
     def make():
-        return ft.FlightEnv("circuit_in_wind")
+        return ft.gym.FlightEnv("circuit_in_wind")
 
     actions = np.random.default_rng(1).uniform((-0.5, 0.8), (0.5, 1.3), (40, 3, 2))
 
@@ -112,7 +112,7 @@ def test_seeds_give_the_same_bits_beside_other_environments():
 
 
 def test_the_file_of_a_route_is_a_world():
-    env = ft.FlightEnv(Path(ft.__file__).parents[1] / "scenarios" / "approach.plan")
+    env = ft.gym.FlightEnv(Path(ft.__file__).parents[1] / "scenarios" / "approach.plan")
     obs, _ = env.reset(seed=1)
 
     assert env.observed[-2:] == ("cross_track", "height_err")
@@ -121,7 +121,7 @@ def test_the_file_of_a_route_is_a_world():
 
 
 def test_a_plant_without_weather_meets_the_wind_of_the_start():
-    env = ft.FlightEnv("crosswind_course", plant="kinematic")
+    env = ft.gym.FlightEnv("crosswind_course", plant="kinematic")
     _, _, (_, _, truncated, _) = flown_by_the_law(env, seed=1)
     wind = env.flown.runs[0].signals[["wind_north", "wind_east"]].to_numpy()
     expected = ft.fly("crosswind_course").runs
@@ -134,7 +134,7 @@ def test_a_plant_without_weather_meets_the_wind_of_the_start():
 
 @pytest.mark.slow
 def test_each_episode_of_a_campaign_is_a_draw_that_can_be_asked_for():
-    env, plan = ft.FlightEnv(calm_legs()), ft.plan_campaign(calm_legs())
+    env, plan = ft.gym.FlightEnv(calm_legs()), ft.plan_campaign(calm_legs())
     obs, info = env.reset(seed=2)
     following = env.reset()[1]
 
@@ -146,7 +146,7 @@ def test_each_episode_of_a_campaign_is_a_draw_that_can_be_asked_for():
 
 def largest_distances(draws):
     """Largest distance from the route in each draw of two legs that the law flies, m."""
-    env = ft.FlightEnv(calm_legs())
+    env = ft.gym.FlightEnv(calm_legs())
     place = [env.observed.index(name) for name in ("cross_track", "height_err")]
     for draw in draws:
         observations, _, (_, terminated, _, last) = flown_by_the_law(env, options={"draw": draw})
@@ -169,7 +169,7 @@ def test_the_law_flies_a_leg_and_a_turn_within_a_metre_in_a_hundred_draws():
 
 
 def test_a_flight_that_fails_is_terminated_and_loses_the_time_left():
-    env = ft.FlightEnv("mission")
+    env = ft.gym.FlightEnv("mission")
     env.reset(seed=1)
     rewards, terminated = [], False
     while not terminated:
@@ -187,7 +187,7 @@ def test_a_flight_that_fails_is_terminated_and_loses_the_time_left():
     ("duration", "status", "arrived"), [(60.0, "completed", True), (35.0, "not_arrived", False)]
 )
 def test_the_end_of_a_route_terminates_and_the_end_of_time_truncates(duration, status, arrived):
-    env = ft.FlightEnv(route_of(3, duration_s=duration))
+    env = ft.gym.FlightEnv(route_of(3, duration_s=duration))
     _, rewards, (_, terminated, truncated, last) = flown_by_the_law(env, seed=1)
 
     assert (terminated, truncated, last["status"]) == (arrived, not arrived, status)
@@ -200,7 +200,7 @@ def test_the_reward_is_the_time_lost_to_errors():
         (route_of(3), ("cross_track", "height_err"), halves_m),
         ("speed_change_in_turn", ("chi_err", "gamma_err"), halves_rad),
     ):
-        env = ft.FlightEnv(world)
+        env = ft.gym.FlightEnv(world)
         env.reset(seed=1)
         for k in range(30):
             obs, reward, *_ = env.step([0.3, 1.1, 0.0][: len(env.action_space.low)])
@@ -212,8 +212,8 @@ def test_the_reward_is_the_time_lost_to_errors():
 
 
 def test_actions_are_those_that_scenario_and_aircraft_allow():
-    env = ft.FlightEnv("speed_change_in_turn")
-    limits, n_x = ft.JSBSimPlant("aerosonde", takes_n_x=True).limits, env.action_space.high[2]
+    env = ft.gym.FlightEnv("speed_change_in_turn")
+    limits, n_x = ft.loop.JSBSimPlant("aerosonde", takes_n_x=True).limits, env.action_space.high[2]
     env.reset(seed=1)
     env.step([1.5, 1.0, 9.0])
     obs = env.step([1.5, 1.0, 9.0])[0]
@@ -237,7 +237,7 @@ def test_actions_are_those_that_scenario_and_aircraft_allow():
 )
 def test_a_world_that_there_is_not_is_refused(world, options, said):
     with pytest.raises(ft.InputError, match=said):
-        ft.FlightEnv(world, **options)
+        ft.gym.FlightEnv(world, **options)
 
 
 def test_a_command_without_limits_is_refused():
@@ -245,11 +245,11 @@ def test_a_command_without_limits_is_refused():
     del tables["limits"]
 
     with pytest.raises(ft.InputError, match=r"`phi_deg`, `n_z`\), got .-inf -inf. to .inf inf."):
-        ft.FlightEnv(ft.scenario_from(tables))
+        ft.gym.FlightEnv(ft.scenario_from(tables))
 
 
 def test_what_cannot_be_flown_is_refused():
-    env = ft.FlightEnv("mission")
+    env = ft.gym.FlightEnv("mission")
     with pytest.raises(ft.InputError, match="`reset` must be called before"):
         env.step([0.0, 1.0])
     with pytest.raises(ft.InputError, match="`obs` must be the latest"):

@@ -35,7 +35,7 @@ def second_order(damping, omega):
 def test_overshoot_and_peak_time_of_a_second_order_lag_are_those_of_the_textbook(sign):
     damping, omega = 0.3, 1.2
 
-    found = ft.channel_metrics(run_of(sign * second_order(damping, omega))).loc["chi"]
+    found = ft.loop.channel_metrics(run_of(sign * second_order(damping, omega))).loc["chi"]
 
     root = math.sqrt(1.0 - damping**2)
     assert found["MO_rad"] == pytest.approx(math.exp(-math.pi * damping / root), abs=1e-6)
@@ -44,7 +44,7 @@ def test_overshoot_and_peak_time_of_a_second_order_lag_are_those_of_the_textbook
 
 def test_an_exponential_has_the_integrals_and_times_of_its_formula():
     rate = 0.8
-    found = ft.channel_metrics(run_of(np.exp(-rate * T))).loc["chi"]
+    found = ft.loop.channel_metrics(run_of(np.exp(-rate * T))).loc["chi"]
 
     left = math.exp(-rate * 20.0)
     itae = (1.0 - left * (1.0 + rate * 20.0)) / rate**2
@@ -72,7 +72,7 @@ def test_settling_within_a_band_of_its_own_is_the_last_time_an_error_leaves_it()
 
 
 def test_what_does_not_happen_has_no_time():
-    swinging, still = ft.channel_metrics(run_of(np.cos(T))).loc[["chi", "gamma"]].iloc
+    swinging, still = ft.loop.channel_metrics(run_of(np.cos(T))).loc[["chi", "gamma"]].iloc
 
     assert math.isnan(swinging["settling_s"])
     assert still["MO_rad"] == 0.0
@@ -138,7 +138,7 @@ def test_effort_and_time_at_limits_are_those_of_the_command():
         phi_limited=phi_limited,
         gamma_ref=0 * T + 0.5,
     )
-    found = ft.channel_metrics(run)
+    found = ft.loop.channel_metrics(run)
 
     assert found.at["chi", "effort_rms"] == pytest.approx(0.2 / math.sqrt(2.0), rel=1e-4)
     assert found.at["gamma", "effort_rms"] == pytest.approx(1.0 - math.cos(0.5), rel=1e-9)
@@ -148,9 +148,9 @@ def test_effort_and_time_at_limits_are_those_of_the_command():
 
 def test_flight_metrics_are_the_extremes():
     run = run_of(np.cos(T), V_a=25.0 - np.sin(T), alpha=-0.2 * np.sin(T), n_z=1.0 + 0.5 * np.sin(T))
-    found = ft.flight_metrics(run)
+    found = ft.loop.flight_metrics(run)
 
-    assert "alpha_max_rad" not in ft.flight_metrics(run_of(np.cos(T)))
+    assert "alpha_max_rad" not in ft.loop.flight_metrics(run_of(np.cos(T)))
     assert found["V_a_dev_mps"] == pytest.approx(1.0, abs=1e-6)
     assert found["alpha_max_rad"] == pytest.approx(0.2, abs=1e-6)
     assert (found["n_z_min"], found["n_z_max"]) == pytest.approx((0.5, 1.5), abs=1e-6)

@@ -109,8 +109,8 @@ def test_robust_gains_win_too_and_have_the_better_worst_case():
     own = {"name": "tuned_identified", **found.gains.as_lists()}
 
     def worst(gains):
-        loops = ((problem, ft.closed_loop(problem.model, gains)) for problem in models)
-        return min(ft.indicators(A_K, scaling=problem.scaling).R_K for problem, A_K in loops)
+        loops = ((problem, ft.loop.closed_loop(problem.model, gains)) for problem in models)
+        return min(ft.loop.indicators(A_K, scaling=problem.scaling).R_K for problem, A_K in loops)
 
     assert len(models) == len(ft.load_identified("aerosonde").conditions)
     assert found.R_K == pytest.approx(worst(found.gains))
@@ -130,12 +130,14 @@ def test_one_q_proves_a_rate_at_every_condition_identified(left):
     worst = identified_problems(manoeuvre(UNUSED["left"], robust=True))
 
     tuned, printed = (
-        common_Q(np.array([scaled(ft.closed_loop(one.model, K), one.scaling) for one in worst]))
+        common_Q(
+            np.array([scaled(ft.loop.closed_loop(one.model, K), one.scaling) for one in worst])
+        )
         for K in (gains, ft.PAPER_GAINS)
     )
 
     for one in worst:
-        loop = ft.closed_loop(one.model, gains)
+        loop = ft.loop.closed_loop(one.model, gains)
         A = loop * (one.scaling / one.scaling[:, None])
         decay = A.T @ tuned.Q + tuned.Q @ A + np.eye(len(A))
         assert np.linalg.eigvalsh(decay).max() < ROUNDING
@@ -162,10 +164,10 @@ def test_a_certificate_proves_one_rate_and_radius_at_every_condition(everywhere,
     assert again.claim.conditions == tuple((one.V_a, one.gamma) for one in identified)
     assert sum("A' Q + Q A + I <= 0 at vertex" in name for name in names) == len(identified)
     for model in again.models:
-        A_K = ft.closed_loop(model, again.gains)
+        A_K = ft.loop.closed_loop(model, again.gains)
         decay = A_K.T @ again.Q + again.Q @ A_K + np.eye(len(A_K))
         assert np.linalg.eigvalsh(decay).max() < 0.0
-        assert again.claim.rate < ft.indicators(A_K).R_K
+        assert again.claim.rate < ft.loop.indicators(A_K).R_K
     assert "every mixture" in again.claim.place
     assert again.claim.radius > 0.0
 

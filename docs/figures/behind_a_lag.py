@@ -17,7 +17,7 @@ IDENTIFIED = {"tuning.model": "identified"}
 SCENARIOS = "level_turn", "gust_in_turn", "turbulent_climb", "crosswind_course", "paper_identified"
 
 
-def sensitivity(problem: ft.TuningProblem, gains: ft.PIGains) -> float:
+def sensitivity(problem: ft.loop.TuningProblem, gains: ft.PIGains) -> float:
     """Largest sensitivity of a channel behind its identified lag."""
     peaks = []
     for inputs, errors, part in channels(problem):
@@ -44,7 +44,7 @@ def errors_flown(name: str, law: str, gains: ft.PIGains) -> np.ndarray:
 def main() -> None:
     """Print the rows of the table."""
     plain = ft.load_scenario("mission", changes=IDENTIFIED)
-    problem = ft.tuning_problem(plain)
+    problem = ft.loop.tuning_problem(plain)
     sets: dict[str, tuple[str, ft.PIGains]] = {"K*, as printed": ("paper", ft.PAPER_GAINS)}
     tunings = {
         "largest R_K on the kinematic law": ("paper", {"tuning.structure": "decoupled"}),
@@ -70,7 +70,7 @@ def main() -> None:
         case = (
             problem
             if law == "paper"
-            else ft.tuning_problem(ft.load_scenario("mission", changes=changes))
+            else ft.loop.tuning_problem(ft.load_scenario("mission", changes=changes))
         )
         R_K = indicators(closed_loops(case.model, gains.K), scaling=case.scaling).R_K
         flown = np.array([errors_flown(scenario, law, gains) for scenario in SCENARIOS]) / least

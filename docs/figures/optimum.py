@@ -17,7 +17,7 @@ BOUNDS = np.geomspace(4.86, 20.0, 60)
 
 def main() -> None:
     """Draw the largest R_K for each bound on I_K, and the eigenvalues of both loops."""
-    law = ft.kinematic_model(V_a=25.0, gamma=np.deg2rad(15.0), g=9.81)
+    law = ft.loop.kinematic_model(V_a=25.0, gamma=np.deg2rad(15.0), g=9.81)
     optimum = ft.tune("paper").gains
     assert optimum is not None
     frontier = Chart(
@@ -39,8 +39,8 @@ def main() -> None:
         (ft.PAPER_GAINS, BLUE, "K* as printed"),
         (optimum, RUST, f"tune, I* = {I_STAR:g} s²"),
     ):
-        A_K = ft.closed_loop(law, gains)
-        loop, eigenvalues = ft.indicators(A_K), np.linalg.eigvals(A_K)
+        A_K = ft.loop.closed_loop(law, gains)
+        loop, eigenvalues = ft.loop.indicators(A_K), np.linalg.eigvals(A_K)
         frontier.points([loop.I_K], [loop.R_K], colour, name=name)
         poles.points(eigenvalues.real, eigenvalues.imag, colour, name=name)
     Sheet(charts=[frontier, poles]).save(FILE)

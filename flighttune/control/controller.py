@@ -31,7 +31,7 @@ class FlightCondition:
 
     Examples
     --------
-    >>> round(ft.FlightCondition(V_a=25.0, gamma=0.2, phi=0.5).n_z_start, 4)
+    >>> round(ft.loop.FlightCondition(V_a=25.0, gamma=0.2, phi=0.5).n_z_start, 4)
     1.1168
     """
 
@@ -83,7 +83,7 @@ class Measured(NamedTuple):
 
     Examples
     --------
-    >>> still = ft.Measured(0.0, 0.0, 25.0, 0.0, 1.0, 1000.0, (0.0, 0.0, 0.0), None)
+    >>> still = ft.loop.Measured(0.0, 0.0, 25.0, 0.0, 1.0, 1000.0, (0.0, 0.0, 0.0), None)
     >>> still.V_a, still.h
     (25.0, 1000.0)
     """
@@ -136,7 +136,7 @@ class ReferenceSample(NamedTuple):
 
     Examples
     --------
-    >>> ft.ReferenceSample(chi=0.5, gamma=0.1).chi_dot
+    >>> ft.loop.ReferenceSample(chi=0.5, gamma=0.1).chi_dot
     0.0
     """
 
@@ -263,7 +263,7 @@ class LawSetup:
 
     Examples
     --------
-    >>> setup = ft.LawSetup(dt=0.02, limits=ft.JSBSimPlant("aerosonde").limits)
+    >>> setup = ft.loop.LawSetup(dt=0.02, limits=ft.loop.JSBSimPlant("aerosonde").limits)
     >>> setup.g, setup.anti_windup
     (9.81, 'conditional')
     """

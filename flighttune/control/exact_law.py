@@ -151,10 +151,10 @@ class ExactLaw(StatefulPI):
 
     Examples
     --------
-    >>> law = ft.ExactLaw(ft.rate_gains(ft.PAPER_GAINS, V_a=25.0), dt=0.02)
-    >>> law.start(ft.FlightCondition(V_a=25.0))
-    >>> still = ft.Measured(0.0, 0.0, 25.0, 0.0, 1.0, 1000.0, (0.0, 0.0, 0.0), None)
-    >>> phi, n_z, *_ = law.step(still, ft.ReferenceSample(chi=0.1, gamma=0.0), 0.0)
+    >>> law = ft.loop.ExactLaw(ft.loop.rate_gains(ft.PAPER_GAINS, V_a=25.0), dt=0.02)
+    >>> law.start(ft.loop.FlightCondition(V_a=25.0))
+    >>> still = ft.loop.Measured(0.0, 0.0, 25.0, 0.0, 1.0, 1000.0, (0.0, 0.0, 0.0), None)
+    >>> phi, n_z, *_ = law.step(still, ft.loop.ReferenceSample(chi=0.1, gamma=0.0), 0.0)
     >>> round(phi, 5)
     0.17841
     """

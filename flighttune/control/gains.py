@@ -164,7 +164,7 @@ def rate_gains(gains: PIGains, *, V_a: float, g: float = G_PAPER) -> PIGains:
 
     Examples
     --------
-    >>> ft.rate_gains(ft.PAPER_GAINS, V_a=25.0).K_P.diagonal().round(3).tolist()
+    >>> ft.loop.rate_gains(ft.PAPER_GAINS, V_a=25.0).K_P.diagonal().round(3).tolist()
     [0.666, 0.767]
     """
     check_positive(V_a=V_a, g=g)
@@ -188,8 +188,8 @@ def command_gains(gains: PIGains, *, V_a: float, g: float = G_PAPER) -> PIGains:
 
     Examples
     --------
-    >>> gains = ft.rate_gains(ft.PAPER_GAINS, V_a=25.0)
-    >>> ft.command_gains(gains, V_a=25.0).K_P.diagonal().round(3).tolist()
+    >>> gains = ft.loop.rate_gains(ft.PAPER_GAINS, V_a=25.0)
+    >>> ft.loop.command_gains(gains, V_a=25.0).K_P.diagonal().round(3).tolist()
     [1.697, 1.956]
     """
     check_positive(V_a=V_a, g=g)

@@ -121,7 +121,7 @@ class InnerLag:
 
     Examples
     --------
-    >>> ft.InnerLag(order=2, natural_frequency=4.0, damping=0.7).delay
+    >>> ft.loop.InnerLag(order=2, natural_frequency=4.0, damping=0.7).delay
     0.0
     """
 

@@ -25,7 +25,7 @@ class Limits:
 
     Examples
     --------
-    >>> ft.JSBSimPlant("aerosonde").limits.upper.round(3).tolist()
+    >>> ft.loop.JSBSimPlant("aerosonde").limits.upper.round(3).tolist()
     [0.785, 2.1]
     """
 
@@ -119,8 +119,8 @@ class CommandLimiter:
 
     Examples
     --------
-    >>> limits = ft.Limits(lower=[-0.7], upper=[0.7], rate_lower=[-1.0], rate_upper=[1.0])
-    >>> limiter = ft.CommandLimiter(limits, dt=0.02)
+    >>> limits = ft.loop.Limits(lower=[-0.7], upper=[0.7], rate_lower=[-1.0], rate_upper=[1.0])
+    >>> limiter = ft.loop.CommandLimiter(limits, dt=0.02)
     >>> limiter.start([0.0])
     >>> limiter.limit(0.5), limiter.limited
     ((0.02,), [2])

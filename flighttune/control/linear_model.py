@@ -38,9 +38,9 @@ class LinearModel:
     Examples
     --------
     >>> names = {"states": ("v",), "inputs": ("u",), "errors": ("e",)}
-    >>> model = ft.LinearModel(A=[[0.0]], B=[[1.0]], C=[[-1.0]], **names)
+    >>> model = ft.loop.LinearModel(A=[[0.0]], B=[[1.0]], C=[[-1.0]], **names)
     >>> gains = ft.PIGains(K_P=[[2.0]], K_I=[[1.0]], inputs=("u",), errors=("e",))
-    >>> ft.closed_loop(model, gains).tolist()
+    >>> ft.loop.closed_loop(model, gains).tolist()
     [[-2.0, 1.0], [-1.0, 0.0]]
     """
 
@@ -133,7 +133,7 @@ def kinematic_model(
 
     Examples
     --------
-    >>> ft.kinematic_model(V_a=25.0, gamma=0.0, g=9.81).B.diagonal().round(4).tolist()
+    >>> ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81).B.diagonal().round(4).tolist()
     [-0.3924, -0.3924]
     """
     check_positive(V_a=V_a, g=g)
@@ -185,8 +185,8 @@ def closed_loop(model: LinearModel, gains: PIGains) -> FloatArray:
 
     Examples
     --------
-    >>> model = ft.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
-    >>> ft.closed_loop(model, ft.PAPER_GAINS).shape
+    >>> model = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
+    >>> ft.loop.closed_loop(model, ft.PAPER_GAINS).shape
     (4, 4)
     """
     model.check_channels(gains)

@@ -219,10 +219,10 @@ class MimoPI(StatefulPI):
 
     Examples
     --------
-    >>> law = ft.MimoPI(ft.PAPER_GAINS, dt=0.02)
-    >>> law.start(ft.FlightCondition(V_a=25.0))
-    >>> still = ft.Measured(0.0, 0.0, 25.0, 0.0, 1.0, 1000.0, (0.0, 0.0, 0.0), None)
-    >>> phi, n_z, *_ = law.step(still, ft.ReferenceSample(chi=0.1, gamma=0.0), 0.0)
+    >>> law = ft.loop.MimoPI(ft.PAPER_GAINS, dt=0.02)
+    >>> law.start(ft.loop.FlightCondition(V_a=25.0))
+    >>> still = ft.loop.Measured(0.0, 0.0, 25.0, 0.0, 1.0, 1000.0, (0.0, 0.0, 0.0), None)
+    >>> phi, n_z, *_ = law.step(still, ft.loop.ReferenceSample(chi=0.1, gamma=0.0), 0.0)
     >>> round(phi, 5)
     0.16968
     """

@@ -183,7 +183,7 @@ def certify(
     >>> certification = ft.certify("paper", "paper")
     >>> certification.status, round(certification.certificate.claim.rate, 4)
     ('certified', 0.4599)
-    >>> model = ft.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
+    >>> model = ft.loop.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
     >>> ft.certify(model, ft.PAPER_GAINS).status
     'certified'
     """

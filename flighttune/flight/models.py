@@ -114,7 +114,7 @@ def tuning_problem(scenario: Scenario, law: Law | None = None) -> TuningProblem:
 
     Examples
     --------
-    >>> ft.tuning_problem(ft.load_scenario("paper")).I_star
+    >>> ft.loop.tuning_problem(ft.load_scenario("paper")).I_star
     5.0
     """
     settings = scenario.tuning

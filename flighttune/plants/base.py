@@ -72,7 +72,7 @@ class Stop:
 
     Examples
     --------
-    >>> ft.Stop("ground_contact", "t = 3.2 s: h = 0 m").status
+    >>> ft.loop.Stop("ground_contact", "t = 3.2 s: h = 0 m").status
     'ground_contact'
     """
 
@@ -98,9 +98,9 @@ class Plant(Protocol):
 
     Examples
     --------
-    >>> plant = ft.PointMassPlant()
-    >>> plant.start(ft.FlightCondition(V_a=25.0))
-    >>> plant.signals[: len(ft.COMMON_SIGNALS)] == ft.COMMON_SIGNALS
+    >>> plant = ft.loop.PointMassPlant()
+    >>> plant.start(ft.loop.FlightCondition(V_a=25.0))
+    >>> plant.signals[: len(ft.loop.COMMON_SIGNALS)] == ft.loop.COMMON_SIGNALS
     True
     """
 

@@ -117,9 +117,9 @@ class LaggedPlant(WrappedPlant):
 
     Examples
     --------
-    >>> lag = ft.InnerLag(order=1, natural_frequency=5.0)
-    >>> plant = ft.LaggedPlant(ft.PointMassPlant(), (lag, lag))
-    >>> plant.start(ft.FlightCondition(V_a=25.0))
+    >>> lag = ft.loop.InnerLag(order=1, natural_frequency=5.0)
+    >>> plant = ft.loop.LaggedPlant(ft.loop.PointMassPlant(), (lag, lag))
+    >>> plant.start(ft.loop.FlightCondition(V_a=25.0))
     >>> plant.advance(0.5, 1.0, 0.2)
     >>> round(dict(zip(plant.signals, plant.observe()))["phi"], 4)
     0.3151

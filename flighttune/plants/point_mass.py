@@ -146,8 +146,8 @@ class PointMassPlant:
 
     Examples
     --------
-    >>> plant = ft.PointMassPlant()
-    >>> plant.start(ft.FlightCondition(V_a=25.0))
+    >>> plant = ft.loop.PointMassPlant()
+    >>> plant.start(ft.loop.FlightCondition(V_a=25.0))
     >>> plant.advance(0.5, 1.0, 2.0)  # seconds at 0.5 rad of roll
     >>> dict(zip(plant.signals, plant.observe()))["chi"] > 0.3
     True
@@ -337,8 +337,8 @@ class PoweredPointMass(PointMassPlant):
 
     Examples
     --------
-    >>> plant = ft.PoweredPointMass((-0.2, 0.5))
-    >>> plant.start(ft.FlightCondition(V_a=25.0))
+    >>> plant = ft.loop.PoweredPointMass((-0.2, 0.5))
+    >>> plant.start(ft.loop.FlightCondition(V_a=25.0))
     >>> plant.advance(0.0, 1.0, 2.0, 0.1)
     >>> round(dict(zip(plant.signals, plant.observe()))["V_a"], 3)
     26.962

@@ -43,7 +43,7 @@ class Sensors:
 
     Examples
     --------
-    >>> ft.Sensors(bias=(0.01, 0.0, 0.0), seed=1).noise_sd
+    >>> ft.loop.Sensors(bias=(0.01, 0.0, 0.0), seed=1).noise_sd
     (0.0, 0.0, 0.0)
     """
 

@@ -84,7 +84,7 @@ class Reference:
 
     Examples
     --------
-    >>> ft.Reference(chi=0.5, gamma=0.1).initial
+    >>> ft.loop.Reference(chi=0.5, gamma=0.1).initial
     (0.5, 0.1)
     """
 

@@ -51,7 +51,7 @@ class Indicators:
 
     Examples
     --------
-    >>> loop = ft.indicators([[-1.0, 0.0], [0.0, -2.0]])
+    >>> loop = ft.loop.indicators([[-1.0, 0.0], [0.0, -2.0]])
     >>> loop.status, float(loop.R_K), float(loop.I_K)
     ('stable', 2.0, 1.0)
     """
@@ -118,8 +118,8 @@ def indicators(
 
     Examples
     --------
-    >>> model = ft.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
-    >>> loop = ft.indicators(ft.closed_loop(model, ft.PAPER_GAINS))
+    >>> model = ft.loop.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
+    >>> loop = ft.loop.indicators(ft.loop.closed_loop(model, ft.PAPER_GAINS))
     >>> round(loop.R_K, 3), round(loop.E_K, 3)
     (0.46, 1.671)
     """
@@ -166,7 +166,7 @@ def indicators_batch(
 
     Examples
     --------
-    >>> ft.indicators_batch([[[-1.0]], [[-3.0]], [[1.0]]]).R_K.tolist()
+    >>> ft.loop.indicators_batch([[[-1.0]], [[-3.0]], [[1.0]]]).R_K.tolist()
     [2.0, 6.0, 0.0]
     """
     A_K = square_matrices("A_K", A_K)

@@ -64,7 +64,7 @@ class TuningProblem:
     Examples
     --------
     >>> from dataclasses import replace
-    >>> problem = ft.tuning_problem(ft.load_scenario("paper"))
+    >>> problem = ft.loop.tuning_problem(ft.load_scenario("paper"))
     >>> wider = replace(problem, I_star=8.0)
     >>> ft.tune(wider).R_K > ft.tune(problem).R_K
     True

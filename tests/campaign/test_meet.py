@@ -263,7 +263,7 @@ def test_measures_of_the_loop_are_the_least_of_its_channels():
 def test_the_roll_rate_that_gains_need_is_that_for_which_they_are_the_largest():
     """design/roll_rate.md bounds K_P and K_I by the rate; here the rate is asked for."""
     limited = scenario(tuning={"model": "identified", "identified": "aerosonde", "roll_rate": True})
-    largest = ft.tuning_problem(limited).K_max[0, [0, 2]]
+    largest = ft.loop.tuning_problem(limited).K_max[0, [0, 2]]
 
     for K_P, K_I in ((largest[0], 0.01), (0.1, largest[1])):
         gains = ft.PIGains.from_lists([[K_P, 0.0], [0.0, 1.0]], [[K_I, 0.0], [0.0, 1.0]])

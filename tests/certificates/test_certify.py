@@ -61,7 +61,7 @@ def test_a_weak_certificate_says_what_it_is_worth(at_trim):
 
     made = certify_model(MODEL, weak)
 
-    hours = 2.0 * np.log(2.0) / ft.indicators(ft.closed_loop(MODEL, weak)).R_K / 3600.0
+    hours = 2.0 * np.log(2.0) / ft.loop.indicators(ft.loop.closed_loop(MODEL, weak)).R_K / 3600.0
     assert hours > 24.0
     assert at_trim.in_words == "certified"
     assert f"certified, but the proven rate halves errors in {hours:.2g} hours" in made.in_words
@@ -166,7 +166,7 @@ def test_whatever_is_changed_the_exact_verdict_is_that_of_the_eigenvalues(
 
 
 def test_a_model_that_is_not_the_laws_cannot_hide_behind_an_envelope(over_envelope):
-    other = ft.LinearModel(
+    other = ft.loop.LinearModel(
         A=MODEL.A, B=MODEL.B, C=2.0 * np.eye(2),
         states=MODEL.states, inputs=MODEL.inputs, errors=MODEL.errors,
     )  # fmt: skip

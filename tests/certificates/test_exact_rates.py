@@ -31,7 +31,7 @@ def test_the_gains_of_shipped_aircraft_have_nearly_their_true_rate(scenario):
         rate.values(certificate.model, certificate.gains) for rate in certificate.exact_rates
     )
 
-    poles = np.linalg.eigvals(ft.closed_loop(certificate.model, certificate.gains))
+    poles = np.linalg.eigvals(ft.loop.closed_loop(certificate.model, certificate.gains))
     assert continuous["decay"] == pytest.approx(-poles.real.max(), rel=1.0 - TARGET)
     assert sampled["decay"] == pytest.approx(-poles.real.max(), rel=PADE)
     assert sampled["decay"] >= TARGET * sampled["true_rate"]
@@ -88,8 +88,8 @@ def test_exact_rates_are_of_the_gains_of_their_certificate(mission):
 
 
 def test_a_loop_with_too_many_samples_of_delay_has_the_continuous_rate_alone():
-    model = ft.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
-    late = ft.InnerLag(order=1, natural_frequency=5.0, delay=0.02 * MAX_SAMPLED / 2)
+    model = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
+    late = ft.loop.InnerLag(order=1, natural_frequency=5.0, delay=0.02 * MAX_SAMPLED / 2)
     gains = ft.PIGains(K_P=0.1 * np.eye(2), K_I=0.01 * np.eye(2))
     sampling = Sampling(model=model, lags=(late, late), dt=0.02, trapezoidal=True)
 

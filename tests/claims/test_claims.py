@@ -151,7 +151,7 @@ def test_a_file_that_is_no_claim_is_refused_in_one_true_line(recording, tmp_path
 
 def test_a_claim_about_gains_is_drawn_around_no_flight():
     certificate = ft.certify(
-        ft.kinematic_model(V_a=25.0, gamma=0.0, g=9.81), ft.PAPER_GAINS
+        ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81), ft.PAPER_GAINS
     ).certificate
 
     with pytest.raises(ft.InputError, match="must bound flights"):
@@ -160,7 +160,7 @@ def test_a_claim_about_gains_is_drawn_around_no_flight():
 
 @pytest.mark.slow
 def test_every_claim_about_gains_has_a_page_with_its_sentence_and_hash(tmp_path):
-    model = ft.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
+    model = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
     write(ft.certify(model, ft.PAPER_GAINS).certificate, tmp_path / "c")
     write(bound_rate(model, 5.0), tmp_path / "b")
     for name in ("c", "b"):

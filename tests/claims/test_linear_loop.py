@@ -13,9 +13,9 @@ from flighttune.claims.linear_loop import bound_of, error_states, linear_bound
 from flighttune.control.linear_model import disturbance_entry
 from flighttune.theory.lyapunov import invariant_ellipsoid
 
-MODEL = ft.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
-A_K, E = ft.closed_loop(MODEL, ft.PAPER_GAINS), disturbance_entry(MODEL)
-FIGURES, UNIT = ft.indicators(A_K), invariant_ellipsoid(A_K, E, L_d=1.0)
+MODEL = ft.loop.kinematic_model(V_a=25.0, gamma=0.26, g=9.81)
+A_K, E = ft.loop.closed_loop(MODEL, ft.PAPER_GAINS), disturbance_entry(MODEL)
+FIGURES, UNIT = ft.loop.indicators(A_K), invariant_ellipsoid(A_K, E, L_d=1.0)
 DT, L_D = 0.01, 0.015
 FIRST_SAMPLES = 0.02
 """Part by which a mean over a sample may differ from a value at its middle."""
@@ -25,8 +25,8 @@ ROUNDING = 1e-6
 
 def unit_radius(gamma_deg):
     """Radius of the ultimate set for L_d = 1, about this path angle."""
-    model = ft.kinematic_model(V_a=25.0, gamma=np.deg2rad(gamma_deg), g=9.81)
-    loop = ft.closed_loop(model, ft.PAPER_GAINS)
+    model = ft.loop.kinematic_model(V_a=25.0, gamma=np.deg2rad(gamma_deg), g=9.81)
+    loop = ft.loop.closed_loop(model, ft.PAPER_GAINS)
     return invariant_ellipsoid(loop, disturbance_entry(model), L_d=1.0).radius
 
 

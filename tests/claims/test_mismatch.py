@@ -27,7 +27,7 @@ def flown(plant):
 
 @pytest.fixture(scope="module")
 def undisturbed():
-    return flown(ft.PointMassPlant(turn="paper"))
+    return flown(ft.loop.PointMassPlant(turn="paper"))
 
 
 @pytest.mark.parametrize("turned", [0.0, math.pi])  # courses run on through south
@@ -41,7 +41,7 @@ def test_the_kinematic_law_has_no_mismatch_with_itself(undisturbed, turned):
 
 
 def test_the_mismatch_of_a_disturbed_law_is_the_mean_of_its_disturbance():
-    found = mismatch(flown(ft.PointMassPlant(turn="paper", disturbance=SINUSOID)))
+    found = mismatch(flown(ft.loop.PointMassPlant(turn="paper", disturbance=SINUSOID)))
 
     ends = np.append(found.t, 20.0)
     chi = -0.03 / 0.8 * np.diff(np.cos(0.8 * ends)) / 0.02
@@ -53,7 +53,7 @@ def test_the_mismatch_of_a_disturbed_law_is_the_mean_of_its_disturbance():
 
 
 def test_the_mismatch_of_the_point_mass_is_lift_that_the_law_does_not_know():
-    run = flown(ft.PointMassPlant())
+    run = flown(ft.loop.PointMassPlant())
     found = mismatch(run)
 
     phi, n_z = (run.signals[name].to_numpy()[:-1] for name in ("phi_cmd", "n_z_cmd"))

@@ -19,18 +19,18 @@ SCENARIO = made_up_scenario(
     controller={"feed_forward": True},
 )
 LAGS = {
-    "first order, no delay": ft.InnerLag(order=1, natural_frequency=6.0),
-    "second order, delay within a sample": ft.InnerLag(
+    "first order, no delay": ft.loop.InnerLag(order=1, natural_frequency=6.0),
+    "second order, delay within a sample": ft.loop.InnerLag(
         order=2, natural_frequency=9.0, damping=0.7, delay=0.013
     ),
-    "third order, delay of samples and a part": ft.InnerLag(
+    "third order, delay of samples and a part": ft.loop.InnerLag(
         order=3, natural_frequency=12.0, damping=0.8, lag=0.1, delay=0.047
     ),
 }
 
 
 def flown(lags, disturbance):
-    plant = ft.PointMassPlant(lags, disturbance=disturbance, g=SCENARIO.flight.g_mps2)
+    plant = ft.loop.PointMassPlant(lags, disturbance=disturbance, g=SCENARIO.flight.g_mps2)
     run = fly_once(SCENARIO, plant, ft.PAPER_GAINS, plant_label="model", gains_name="paper")
     model = ConformantModel(V_a=25.0, g=SCENARIO.flight.g_mps2, lags=lags)
     return residuals_of(model, run, start_condition(SCENARIO))
@@ -54,9 +54,9 @@ def test_a_disturbance_that_swings_comes_back_as_its_mean_over_each_sample():
 
 
 def test_the_roll_of_another_lag_is_off_by_how_the_two_differ():
-    slow, fast = (ft.InnerLag(order=1, natural_frequency=w) for w in (4.0, 6.0))
+    slow, fast = (ft.loop.InnerLag(order=1, natural_frequency=w) for w in (4.0, 6.0))
     load = LAGS["first order, no delay"]
-    plant = ft.PointMassPlant((slow, load), g=SCENARIO.flight.g_mps2)
+    plant = ft.loop.PointMassPlant((slow, load), g=SCENARIO.flight.g_mps2)
     run = fly_once(SCENARIO, plant, ft.PAPER_GAINS, plant_label="model", gains_name="paper")
     model = ConformantModel(V_a=25.0, g=SCENARIO.flight.g_mps2, lags=(fast, load))
 
@@ -75,7 +75,7 @@ def test_the_roll_of_another_lag_is_off_by_how_the_two_differ():
 
 
 def test_the_course_may_pass_north():
-    lags = (ft.InnerLag(order=1, natural_frequency=6.0),) * 2
+    lags = (ft.loop.InnerLag(order=1, natural_frequency=6.0),) * 2
     model = ConformantModel(V_a=25.0, g=9.81, lags=lags)
     chi = np.deg2rad([359.0, 359.5, 0.0, 0.5])
     level = np.column_stack([chi, np.zeros(4)]), np.column_stack([np.zeros(4), np.ones(4)])

@@ -64,7 +64,9 @@ def test_a_run_is_flown_into_a_recording_and_is_what_its_row_says(folder, tmp_pa
     recorded = ft.load_recording(tmp_path / found["recording"])
     assert [run.label for run in recorded.runs] == ["jsbsim:aerosonde / soft", "kinematic / soft"]
     flown = recorded["kinematic / soft"]
-    assert row["chi.ITAE"] == pytest.approx(ft.channel_metrics(flown).at["chi", "ITAE"], rel=1e-12)
+    assert row["chi.ITAE"] == pytest.approx(
+        ft.loop.channel_metrics(flown).at["chi", "ITAE"], rel=1e-12
+    )
     assert flown.provenance.scenario["flight"]["chi_deg"] == row["flight.chi_deg"]
     assert ft.refly(recorded).equal
 

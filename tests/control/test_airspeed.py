@@ -32,18 +32,18 @@ def gains_of(K_V, law="paper"):
     rates = ft.PIGains.from_lists(
         np.diag([1.2, 1.2, K_V]), np.diag([0.5, 0.5, 0.25 * K_V]), law="exact"
     )
-    return rates if law == "exact" else ft.command_gains(rates, V_a=V_0)
+    return rates if law == "exact" else ft.loop.command_gains(rates, V_a=V_0)
 
 
 def law_of(kind, K_V=2.0, limits=None):
     gains = gains_of(K_V, kind)
     if kind == "exact":
-        return ft.ExactLaw(gains, limits, dt=0.02)
-    return ft.MimoPI(gains, limits, dt=0.02, feed_forward=True)
+        return ft.loop.ExactLaw(gains, limits, dt=0.02)
+    return ft.loop.MimoPI(gains, limits, dt=0.02, feed_forward=True)
 
 
 def point(n_x=(-0.5, 1.0), **options):
-    return ft.PoweredPointMass(n_x, **options)
+    return ft.loop.PoweredPointMass(n_x, **options)
 
 
 @pytest.mark.parametrize(("gamma", "phi"), [(0.0, 0.0), (0.26, 0.0), (-0.1, 0.3)])
@@ -59,7 +59,7 @@ def test_the_model_has_the_slopes_of_the_equations_of_motion(gamma, phi):
         return np.array([chi_dot, G / V * lift, G / V_0 * (n_x - math.sin(gamma + x[1]))])
 
     model, step, zero = (
-        ft.kinematic_model(V_a=V_0, gamma=gamma, phi=phi, g=G, airspeed=True),
+        ft.loop.kinematic_model(V_a=V_0, gamma=gamma, phi=phi, g=G, airspeed=True),
         1e-6,
         np.zeros(3),
     )
@@ -76,8 +76,9 @@ def test_three_channels_have_the_optimum_of_two(gamma_deg):
     gamma = math.radians(gamma_deg)
     two, three = (
         ft.tune(
-            ft.TuningProblem(
-                model=ft.kinematic_model(V_a=V_0, gamma=gamma, g=G, airspeed=airspeed), I_star=5.0
+            ft.loop.TuningProblem(
+                model=ft.loop.kinematic_model(V_a=V_0, gamma=gamma, g=G, airspeed=airspeed),
+                I_star=5.0,
             )
         )
         for airspeed in (False, True)
@@ -91,11 +92,11 @@ def test_three_channels_have_the_optimum_of_two(gamma_deg):
 
 def test_one_certificate_covers_airspeeds_and_path_angles():
     models = [
-        ((V, gamma), ft.kinematic_model(V_a=V, gamma=gamma, g=G, airspeed=True))
+        ((V, gamma), ft.loop.kinematic_model(V_a=V, gamma=gamma, g=G, airspeed=True))
         for V in (20.0, 25.0, 30.0)
         for gamma in np.radians([-15.0, 0.0, 20.0])
     ]
-    gains = ft.tune(ft.TuningProblem(model=models[4][1], I_star=5.0)).gains
+    gains = ft.tune(ft.loop.TuningProblem(model=models[4][1], I_star=5.0)).gains
 
     made = certify_model(models[4][1], gains, conditions=models)
 
@@ -106,13 +107,13 @@ def test_one_certificate_covers_airspeeds_and_path_angles():
 
 def test_gains_of_both_laws_are_the_same_loop_about_level_flight():
     exact = gains_of(2.0, "exact")
-    paper = ft.command_gains(exact, V_a=V_0)
-    level = ft.kinematic_model(V_a=V_0, gamma=0.0, g=G, airspeed=True)
+    paper = ft.loop.command_gains(exact, V_a=V_0)
+    level = ft.loop.kinematic_model(V_a=V_0, gamma=0.0, g=G, airspeed=True)
 
-    back = ft.rate_gains(paper, V_a=V_0)
+    back = ft.loop.rate_gains(paper, V_a=V_0)
 
     assert back.K == pytest.approx(exact.K, abs=ROUNDING)
-    A = ft.closed_loop(level, paper)
+    A = ft.loop.closed_loop(level, paper)
     eigenvalues = np.sort_complex(np.linalg.eigvals(A))
     wanted = [np.roots([1.0, exact.K_P[i, i], exact.K_I[i, i]]) for i in range(3)]
     assert np.sort_complex(np.concatenate(wanted)) == pytest.approx(eigenvalues, abs=1e-6)
@@ -138,7 +139,7 @@ def test_the_point_mass_flies_the_equations_of_motion():
         slope, (0.0, end), [0.1, 0.05, V_0, 0, 0, 0], "DOP853", rtol=1e-12, atol=1e-12
     )
     plant = point()
-    plant.start(ft.FlightCondition(V_a=V_0, chi=0.1, gamma=0.05))
+    plant.start(ft.loop.FlightCondition(V_a=V_0, chi=0.1, gamma=0.05))
     plant.advance(phi, n_z, end, n_x)
     seen = dict(zip(plant.signals, plant.observe(), strict=True))
 
@@ -147,9 +148,9 @@ def test_the_point_mass_flies_the_equations_of_motion():
 
 
 def test_a_lag_of_thrust_is_its_step_response():
-    lag = ft.InnerLag(order=2, natural_frequency=3.0, damping=0.4, delay=0.1)
+    lag = ft.loop.InnerLag(order=2, natural_frequency=3.0, damping=0.4, delay=0.1)
     plant = point(lags=(lag, lag, lag))
-    plant.start(ft.FlightCondition(V_a=V_0))
+    plant.start(ft.loop.FlightCondition(V_a=V_0))
     plant.advance(0.0, 1.0, 1.1, 0.2)
 
     A, B = np.array([[0.0, 3.0], [-3.0, -2.4]]), np.array([0.0, 3.0])
@@ -163,10 +164,10 @@ def test_a_lag_of_thrust_is_its_step_response():
 def test_a_climb_beyond_the_engine_gives_way_to_the_airspeed(kind):
     """n_x of 0.25 carries a climb of asin(0.25 + kappa (V - V_low) / g) at most: Newton's law."""
     climb = Segment(2.0, (0.0, 4.0), rates=(math.radians(5.0),))
-    reference = ft.Reference(chi=0.0, gamma=0.0, gamma_segments=(climb,), V=V_0, g=G)
+    reference = ft.loop.Reference(chi=0.0, gamma=0.0, gamma_segments=(climb,), V=V_0, g=G)
     plant = point((-0.2, 0.25), g=G)
     signals, stop = simulate(
-        plant, law_of(kind), reference, condition=ft.FlightCondition(V_a=V_0), duration=40.0
+        plant, law_of(kind), reference, condition=ft.loop.FlightCondition(V_a=V_0), duration=40.0
     )
 
     assert stop is None
@@ -180,11 +181,15 @@ def test_a_climb_beyond_the_engine_gives_way_to_the_airspeed(kind):
 @pytest.mark.parametrize("kind", ["paper", "exact"])
 def test_a_step_of_the_airspeed_is_answered_by_its_channel_alone(kind):
     """While nothing limits, V obeys e'' + K_P e' + K_I e = 0 with gains per relative error."""
-    reference = ft.Reference(
+    reference = ft.loop.Reference(
         chi=0.0, gamma=0.0, V=V_0, V_segments=(Segment(1.0, (0.0,), jumps=(1.0,)),), g=G
     )
     signals, _ = simulate(
-        point(g=G), law_of(kind), reference, condition=ft.FlightCondition(V_a=V_0), duration=6.0
+        point(g=G),
+        law_of(kind),
+        reference,
+        condition=ft.loop.FlightCondition(V_a=V_0),
+        duration=6.0,
     )
 
     V_ref, K_P = V_0 + 1.0, 2.0
@@ -201,13 +206,16 @@ def test_a_step_of_the_airspeed_is_answered_by_its_channel_alone(kind):
 
 @pytest.mark.parametrize(
     ("plant", "message"),
-    [(ft.PointMassPlant, "a plant of 2 commands"), (point, "the 3 commands of")],
+    [(ft.loop.PointMassPlant, "a plant of 2 commands"), (point, "the 3 commands of")],
 )
 def test_a_plant_and_a_law_that_do_not_follow_the_airspeed_are_refused(plant, message):
-    law, reference = ft.MimoPI(ft.PAPER_GAINS, dt=0.02), ft.Reference(chi=0.0, gamma=0.0, V=V_0)
+    law, reference = (
+        ft.loop.MimoPI(ft.PAPER_GAINS, dt=0.02),
+        ft.loop.Reference(chi=0.0, gamma=0.0, V=V_0),
+    )
 
     with pytest.raises(ft.InputError, match=message):
-        simulate(plant(), law, reference, condition=ft.FlightCondition(V_a=V_0), duration=1.0)
+        simulate(plant(), law, reference, condition=ft.loop.FlightCondition(V_a=V_0), duration=1.0)
 
 
 @pytest.mark.slow
@@ -215,9 +223,9 @@ def test_a_plant_and_a_law_that_do_not_follow_the_airspeed_are_refused(plant, me
 def test_the_lag_of_thrust_of_a_shipped_aircraft_is_measured_again(aircraft):
     """The file states what flights give; the manoeuvre that checks it is none of those fitted."""
     stated = ft.load_identified(aircraft).conditions[0]
-    trim = ft.FlightCondition(V_a=stated.V_a, gamma=stated.gamma, h=stated.h)
+    trim = ft.loop.FlightCondition(V_a=stated.V_a, gamma=stated.gamma, h=stated.h)
 
-    channel = identify_thrust(partial(ft.JSBSimPlant, aircraft), trim).table
+    channel = identify_thrust(partial(ft.loop.JSBSimPlant, aircraft), trim).table
 
     assert channel.fit_percent > 90.0
     assert channel.natural_frequency_rad_s == pytest.approx(

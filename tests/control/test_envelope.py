@@ -46,16 +46,16 @@ def test_every_jacobian_of_the_envelope_lies_in_the_polytope(at):
         )
     }  # fmt: skip
 
-    assert inside(entries(ft.kinematic_model(**values, g=G)), jacobian_hull(WIDE, g=G).corners)
+    assert inside(entries(ft.loop.kinematic_model(**values, g=G)), jacobian_hull(WIDE, g=G).corners)
 
 
 def test_the_polytope_holds_what_the_corners_of_the_conditions_miss():
     """At zero roll b1 is least and b3 largest: between the ends of the roll range."""
     corners = [
-        entries(ft.kinematic_model(V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=G))
+        entries(ft.loop.kinematic_model(V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=G))
         for V_a in WIDE.V_a for gamma in WIDE.gamma for phi in WIDE.phi for n_z in WIDE.n_z
     ]  # fmt: skip
-    level = entries(ft.kinematic_model(V_a=25.0, gamma=0.0, phi=0.0, n_z=1.0, g=G))
+    level = entries(ft.loop.kinematic_model(V_a=25.0, gamma=0.0, phi=0.0, n_z=1.0, g=G))
 
     assert not inside(level, np.array(corners))
     assert inside(level, jacobian_hull(WIDE, g=G).corners)

@@ -10,6 +10,7 @@ from scipy.optimize import fsolve
 import flighttune as ft
 from flighttune.control.exact_law import rate_model, turning_speed
 from flighttune.control.gains import RATES
+from flighttune.errors import ShapeError
 from flighttune.plants.point_mass import turn_rates
 from flighttune.simulate.loop import simulate
 
@@ -26,7 +27,7 @@ GAINS = rates((1.4, 1.2), (0.7, 0.6))
 
 
 def limits(phi=math.inf, n_z=(-math.inf, math.inf), rate=(math.inf, math.inf)):
-    return ft.Limits(
+    return ft.loop.Limits(
         lower=np.array([-phi, n_z[0]]),
         upper=np.array([phi, n_z[1]]),
         rate_lower=-np.array(rate),
@@ -35,11 +36,11 @@ def limits(phi=math.inf, n_z=(-math.inf, math.inf), rate=(math.inf, math.inf)):
 
 
 def seen(chi=0.0, gamma=0.0, V_a=25.0):
-    return ft.Measured(chi, gamma, V_a, 0.0, 1.0, 1000.0, (0.0, 0.0, 0.0), None)
+    return ft.loop.Measured(chi, gamma, V_a, 0.0, 1.0, 1000.0, (0.0, 0.0, 0.0), None)
 
 
 def command(law, measured, reference, samples=1, phi=0.0, n_z=1.0):
-    law.start(ft.FlightCondition(V_a=measured.V_a, phi=phi, n_z=n_z))
+    law.start(ft.loop.FlightCondition(V_a=measured.V_a, phi=phi, n_z=n_z))
     for k in range(samples):
         found = law.step(measured, reference, k * DT)
     return found[0], found[1]
@@ -50,10 +51,10 @@ def test_commands_give_the_point_mass_the_rates_wanted(seed):
     rng = np.random.default_rng(seed)
     V_a, gamma = rng.uniform(15.0, 250.0), rng.uniform(-1.2, 1.2)
     e, rate = rng.uniform(-0.1, 0.1, 2), rng.uniform(-0.03, 0.03, 2)
-    here, wanted = seen(0.3, gamma, V_a), ft.ReferenceSample(0.3 + e[0], gamma + e[1], *rate)
+    here, wanted = seen(0.3, gamma, V_a), ft.loop.ReferenceSample(0.3 + e[0], gamma + e[1], *rate)
     lift = V_a * (rate[1] + 1.2 * e[1]) / G + math.cos(gamma)
 
-    phi, n_z = command(ft.ExactLaw(GAINS, dt=DT, lift_floor=1e-6), here, wanted)
+    phi, n_z = command(ft.loop.ExactLaw(GAINS, dt=DT, lift_floor=1e-6), here, wanted)
 
     flown = turn_rates(V_a, gamma, phi, n_z, turn="exact")
     if lift > 0.0:
@@ -65,13 +66,13 @@ def test_commands_give_the_point_mass_the_rates_wanted(seed):
 def test_errors_are_those_of_one_linear_loop_at_every_condition(V_a, gamma):
     dt, e_0 = 0.002, np.array([0.3, -0.02])
     signals, stop = simulate(
-        ft.PointMassPlant(),
-        ft.ExactLaw(GAINS, dt=dt),
-        ft.Reference(chi=e_0[0], gamma=gamma + e_0[1]),
-        condition=ft.FlightCondition(V_a=V_a, gamma=gamma),
+        ft.loop.PointMassPlant(),
+        ft.loop.ExactLaw(GAINS, dt=dt),
+        ft.loop.Reference(chi=e_0[0], gamma=gamma + e_0[1]),
+        condition=ft.loop.FlightCondition(V_a=V_a, gamma=gamma),
         duration=4.0,
     )
-    A_K = ft.closed_loop(rate_model(), GAINS)
+    A_K = ft.loop.closed_loop(rate_model(), GAINS)
 
     assert stop is None
     for t in (0.5, 1.0, 2.0, 4.0):
@@ -103,9 +104,9 @@ def test_over_ground_too_lift_turns_at_the_rates_wanted(wind):
 
 
 def test_where_roll_is_limited_the_load_factor_keeps_the_vertical():
-    law = ft.ExactLaw(GAINS, limits(phi=0.5), dt=DT)
+    law = ft.loop.ExactLaw(GAINS, limits(phi=0.5), dt=DT)
 
-    phi, n_z = command(law, seen(), ft.ReferenceSample(1.0, 0.1))
+    phi, n_z = command(law, seen(), ft.loop.ReferenceSample(1.0, 0.1))
 
     assert phi == 0.5
     assert n_z * math.cos(phi) == pytest.approx(1.0 + 25.0 * 1.2 * 0.1 / G, abs=ROUNDING)
@@ -117,9 +118,9 @@ def test_where_roll_is_limited_the_load_factor_keeps_the_vertical():
 def test_without_lift_roll_stays_on_the_side_of_the_turn(e_gamma, side):
     b = 1.0 + 25.0 * 1.2 * e_gamma / G
     a = 25.0 * 1.4 * 0.05 / G
-    law = ft.ExactLaw(rates((1.4, 1.2)), dt=DT, lift_floor=0.3, braking=None)
+    law = ft.loop.ExactLaw(rates((1.4, 1.2)), dt=DT, lift_floor=0.3, braking=None)
 
-    phi, n_z = command(law, seen(), ft.ReferenceSample(side * 0.05, e_gamma))
+    phi, n_z = command(law, seen(), ft.loop.ReferenceSample(side * 0.05, e_gamma))
 
     assert b < 0.0
     assert phi == pytest.approx(side * math.atan2(a, 0.3), abs=ROUNDING)
@@ -133,9 +134,9 @@ def test_without_lift_roll_stays_on_the_side_of_the_turn(e_gamma, side):
 def test_the_largest_load_factor_goes_to_what_has_priority(priority, roll):
     a, b = 25.0 * 1.4 * 0.35 / G, 1.0 + 25.0 * 1.2 * 0.05 / G
     assert a < 1.5 < math.hypot(a, b)
-    law = ft.ExactLaw(GAINS, limits(n_z=(0.0, 1.5)), dt=DT, priority=priority)
+    law = ft.loop.ExactLaw(GAINS, limits(n_z=(0.0, 1.5)), dt=DT, priority=priority)
 
-    phi, n_z = command(law, seen(), ft.ReferenceSample(0.35, 0.05))
+    phi, n_z = command(law, seen(), ft.loop.ReferenceSample(0.35, 0.05))
 
     assert phi == pytest.approx(roll(a, b), abs=ROUNDING)
     assert n_z == pytest.approx(1.5, abs=ROUNDING)
@@ -147,9 +148,9 @@ def test_the_largest_load_factor_goes_to_what_has_priority(priority, roll):
 
 @pytest.mark.parametrize("anti_windup", ["conditional", "back_calculation", "none"])
 def test_integrators_stand_while_the_command_of_their_channel_is_limited(anti_windup):
-    law = ft.ExactLaw(GAINS, limits(phi=0.2), dt=DT, anti_windup=anti_windup)
+    law = ft.loop.ExactLaw(GAINS, limits(phi=0.2), dt=DT, anti_windup=anti_windup)
 
-    command(law, seen(), ft.ReferenceSample(0.5, 0.02), samples=50)
+    command(law, seen(), ft.loop.ReferenceSample(0.5, 0.02), samples=50)
 
     chi, gamma = law.state.integral
     assert gamma == pytest.approx(0.6 * 0.02 * 50 * DT, abs=ROUNDING)
@@ -163,38 +164,40 @@ def test_integrators_stand_while_the_command_of_their_channel_is_limited(anti_wi
 
 def test_a_steady_error_is_integrated_away_under_a_slow_rate_limit():
     """No lock: an increment larger than a rate-limited step does not stop its own integrator."""
-    law = ft.ExactLaw(rates((0.0, 0.0), (5.0, 5.0)), limits(rate=(0.05, 0.05)), dt=DT, braking=None)
+    law = ft.loop.ExactLaw(
+        rates((0.0, 0.0), (5.0, 5.0)), limits(rate=(0.05, 0.05)), dt=DT, braking=None
+    )
 
-    phi, _ = command(law, seen(), ft.ReferenceSample(0.3, 0.0), samples=500)
+    phi, _ = command(law, seen(), ft.loop.ReferenceSample(0.3, 0.0), samples=500)
 
     assert phi > 0.2
 
 
 def test_a_climb_that_the_rate_limit_could_not_take_back_is_not_asked_for():
-    law = ft.ExactLaw(rates((1.4, 2.0)), limits(rate=(9.0, 1.0)), dt=DT, braking=0.5)
+    law = ft.loop.ExactLaw(rates((1.4, 2.0)), limits(rate=(9.0, 1.0)), dt=DT, braking=0.5)
     slow, fast = 0.05, 0.5
 
-    command(law, seen(), ft.ReferenceSample(0.0, slow))
+    command(law, seen(), ft.loop.ReferenceSample(0.0, slow))
     assert law.state.u_unsat[1] == pytest.approx(1.0 + 25.0 * 2.0 * slow / G, abs=ROUNDING)
 
-    command(law, seen(), ft.ReferenceSample(0.0, fast))
+    command(law, seen(), ft.loop.ReferenceSample(0.0, fast))
     caught = math.sqrt(2.0 * 0.5 * (G / 25.0) * 1.0 * fast)  # v^2 = 2 a s
     assert law.state.u_unsat[1] == pytest.approx(1.0 + 25.0 * caught / G, abs=ROUNDING)
     assert law.state.limited[1] == 2
 
 
 def test_gains_of_the_papers_law_are_mapped_by_g_over_v():
-    mapped = ft.rate_gains(ft.PAPER_GAINS, V_a=25.0, g=G)
-    level = ft.kinematic_model(V_a=25.0, gamma=0.0, g=G)
+    mapped = ft.loop.rate_gains(ft.PAPER_GAINS, V_a=25.0, g=G)
+    level = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=G)
 
-    assert ft.closed_loop(rate_model(), mapped) == pytest.approx(
-        ft.closed_loop(level, ft.PAPER_GAINS), abs=ROUNDING
+    assert ft.loop.closed_loop(rate_model(), mapped) == pytest.approx(
+        ft.loop.closed_loop(level, ft.PAPER_GAINS), abs=ROUNDING
     )
-    assert ft.command_gains(mapped, V_a=25.0, g=G).K == pytest.approx(
+    assert ft.loop.command_gains(mapped, V_a=25.0, g=G).K == pytest.approx(
         ft.PAPER_GAINS.K, abs=ROUNDING
     )
-    assert ft.rate_gains(mapped, V_a=99.0) is mapped
-    assert ft.command_gains(ft.PAPER_GAINS, V_a=99.0) is ft.PAPER_GAINS
+    assert ft.loop.rate_gains(mapped, V_a=99.0) is mapped
+    assert ft.loop.command_gains(ft.PAPER_GAINS, V_a=99.0) is ft.PAPER_GAINS
 
 
 @pytest.mark.parametrize(
@@ -209,9 +212,9 @@ def test_gains_of_the_papers_law_are_mapped_by_g_over_v():
 )
 def test_what_cannot_be_used_is_refused_by_name(settings, key):
     with pytest.raises(ft.InputError, match=f"`{key}` must"):
-        ft.ExactLaw(**{"gains": GAINS} | settings)
+        ft.loop.ExactLaw(**{"gains": GAINS} | settings)
 
 
 def test_limits_must_be_of_two_commands():
-    with pytest.raises(ft.ShapeError, match="`limits` must be of 2"):
-        ft.ExactLaw(GAINS, ft.Limits.none(3), dt=DT)
+    with pytest.raises(ShapeError, match="`limits` must be of 2"):
+        ft.loop.ExactLaw(GAINS, ft.loop.Limits.none(3), dt=DT)

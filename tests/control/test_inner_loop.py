@@ -13,11 +13,12 @@ from flighttune.control.inner_loop import (
     with_input_delay,
     with_input_lag,
 )
+from flighttune.errors import ShapeError
 
 ROUNDING = 1e-12
 SLOW, FAST = (
-    ft.InnerLag(order=2, natural_frequency=6.0, damping=0.7),
-    ft.InnerLag(order=3, natural_frequency=12.0, damping=0.4, lag=0.1, delay=0.05),
+    ft.loop.InnerLag(order=2, natural_frequency=6.0, damping=0.7),
+    ft.loop.InnerLag(order=3, natural_frequency=12.0, damping=0.4, lag=0.1, delay=0.05),
 )
 
 
@@ -36,7 +37,10 @@ def test_each_input_is_multiplied_by_its_own_transfer_function(s):
 
 
 def test_first_order_without_delay_is_the_plain_input_lag():
-    lags = ft.InnerLag(order=1, natural_frequency=4.0), ft.InnerLag(order=1, natural_frequency=8.0)
+    lags = (
+        ft.loop.InnerLag(order=1, natural_frequency=4.0),
+        ft.loop.InnerLag(order=1, natural_frequency=8.0),
+    )
 
     found, plain = with_inner_loop(MODEL, lags), with_input_lag(MODEL, [4.0, 8.0])
 
@@ -71,10 +75,10 @@ def test_the_response_is_exact_in_the_delay():
 @pytest.mark.parametrize(
     ("lag", "bandwidth"),
     [
-        (ft.InnerLag(order=1, natural_frequency=4.0, delay=0.3), 4.0),
-        (ft.InnerLag(order=2, natural_frequency=5.0, damping=math.sqrt(0.5)), 5.0),
+        (ft.loop.InnerLag(order=1, natural_frequency=4.0, delay=0.3), 4.0),
+        (ft.loop.InnerLag(order=2, natural_frequency=5.0, damping=math.sqrt(0.5)), 5.0),
         (
-            ft.InnerLag(order=2, natural_frequency=5.0, damping=1.0),
+            ft.loop.InnerLag(order=2, natural_frequency=5.0, damping=1.0),
             5.0 * math.sqrt(math.sqrt(2) - 1),
         ),
     ],
@@ -93,11 +97,11 @@ def test_a_lag_counts_by_the_turn_it_causes():
     ("call", "error", "message"),
     [
         (
-            lambda: ft.InnerLag(order=4, natural_frequency=1.0),
+            lambda: ft.loop.InnerLag(order=4, natural_frequency=1.0),
             ft.InputError,
             "`order` must be 1, 2 or 3",
         ),
-        (lambda: with_inner_loop(MODEL, (SLOW,)), ft.ShapeError, "`lags` must be 2"),
+        (lambda: with_inner_loop(MODEL, (SLOW,)), ShapeError, "`lags` must be 2"),
         (lambda: with_input_lag(MODEL, [4.0, 0.0]), ft.InputError, "`bandwidths` must be positive"),
     ],
 )

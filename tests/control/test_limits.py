@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import flighttune as ft
+from flighttune.errors import ShapeError
 
 ONE = np.ones(2)
 
@@ -14,23 +15,23 @@ ONE = np.ones(2)
         ({"upper": -ONE}, ft.InputError, r"`lower` must be below `upper`, got \[-1\.0, -1\.0\]"),
         ({"upper": [np.nan, 1.0]}, ft.InputError, r"`upper` must not be NaN"),
         ({"rate_lower": 0.5 * ONE}, ft.InputError, r"rate ranges must hold zero"),
-        ({"upper": np.ones(3)}, ft.ShapeError, r"must have one length"),
+        ({"upper": np.ones(3)}, ShapeError, r"must have one length"),
     ],
 )
 def test_limits_that_cannot_be_are_refused(change, error, message):
     fields = {"lower": -ONE, "upper": ONE, "rate_lower": -ONE, "rate_upper": ONE}
     with pytest.raises(error, match=message):
-        ft.Limits(**{**fields, **change})
+        ft.loop.Limits(**{**fields, **change})
 
 
 def test_limits_cannot_be_changed():
     with pytest.raises(ValueError, match="read-only"):
-        ft.Limits.none(2).lower[0] = 3.0
+        ft.loop.Limits.none(2).lower[0] = 3.0
 
 
 def test_limits_that_hold_together_are_the_narrower_of_each():
-    wide = ft.Limits(lower=-2 * ONE, upper=[1.0, 5.0], rate_lower=-ONE, rate_upper=[9.0, 0.1])
-    narrow = ft.Limits(lower=-ONE, upper=2 * ONE, rate_lower=-2 * ONE, rate_upper=ONE)
+    wide = ft.loop.Limits(lower=-2 * ONE, upper=[1.0, 5.0], rate_lower=-ONE, rate_upper=[9.0, 0.1])
+    narrow = ft.loop.Limits(lower=-ONE, upper=2 * ONE, rate_lower=-2 * ONE, rate_upper=ONE)
 
     both = wide.within(narrow)
 
@@ -38,4 +39,4 @@ def test_limits_that_hold_together_are_the_narrower_of_each():
     assert both.upper.tolist() == [1.0, 2.0]
     assert both.rate_lower.tolist() == [-1.0, -1.0]
     assert both.rate_upper.tolist() == [1.0, 0.1]
-    assert wide.within(ft.Limits.none(2)).upper.tolist() == wide.upper.tolist()
+    assert wide.within(ft.loop.Limits.none(2)).upper.tolist() == wide.upper.tolist()

@@ -25,7 +25,7 @@ REFERENCE = json.loads(
 
 
 def abscissa(model, gains=ft.PAPER_GAINS):
-    return np.linalg.eigvals(ft.closed_loop(model, gains)).real.max()
+    return np.linalg.eigvals(ft.loop.closed_loop(model, gains)).real.max()
 
 
 def with_input_gains(model, factors):
@@ -76,7 +76,7 @@ def stored_loop(case):
     A, B, C, K = (np.array(case[key]) for key in ("A", "B", "C", "K"))
     p = len(C)
     inputs, errors = (tuple(f"{kind}{i}" for i in range(p)) for kind in "ue")
-    model = ft.LinearModel(
+    model = ft.loop.LinearModel(
         A=A, B=B, C=C, states=tuple(map(str, range(len(A)))), inputs=inputs, errors=errors
     )
     return model, ft.PIGains(K_P=K[:, :p], K_I=K[:, p:], inputs=inputs, errors=errors)

@@ -19,7 +19,7 @@ def diagonal(k_p, k_i):
 
 def limits(magnitude=(math.inf, math.inf), rate=(math.inf, math.inf)):
     magnitude, rate = np.array(magnitude), np.array(rate)
-    return ft.Limits(lower=-magnitude, upper=magnitude, rate_lower=-rate, rate_upper=rate)
+    return ft.loop.Limits(lower=-magnitude, upper=magnitude, rate_lower=-rate, rate_upper=rate)
 
 
 def command(controller, ref, y, u_ff, V_a=0.0):
@@ -33,7 +33,7 @@ def flown(controller, error, samples):
 
 def test_a_constant_error_is_answered_by_proportion_and_its_running_integral():
     dt, error = 0.02, np.array([0.3, -0.1])
-    controller = ft.MimoPI(ft.PAPER_GAINS, dt=dt)
+    controller = ft.loop.MimoPI(ft.PAPER_GAINS, dt=dt)
 
     commands = flown(controller, error, 50)
 
@@ -44,7 +44,7 @@ def test_a_constant_error_is_answered_by_proportion_and_its_running_integral():
 
 def test_the_integral_of_a_ramp_is_exact():
     dt, slope = 0.1, 0.5
-    controller = ft.MimoPI(diagonal([0.0, 0.0], [2.0, 0.0]), dt=dt)
+    controller = ft.loop.MimoPI(diagonal([0.0, 0.0], [2.0, 0.0]), dt=dt)
 
     for k in range(21):
         u = command(controller, (slope * k * dt, 0.0), HERE, NO_FEED_FORWARD)
@@ -54,7 +54,7 @@ def test_the_integral_of_a_ramp_is_exact():
 
 @pytest.mark.parametrize(("ref", "actual"), [(3.1, -3.1), (-3.1, 3.1), (0.1, 6.2)])
 def test_the_course_error_takes_the_short_way_round_and_that_of_the_path_does_not(ref, actual):
-    controller = ft.MimoPI(diagonal([1.0, 1.0], [0.0, 0.0]), dt=0.02)
+    controller = ft.loop.MimoPI(diagonal([1.0, 1.0], [0.0, 0.0]), dt=0.02)
 
     command(controller, (ref, 4.0), (actual, 0.0), NO_FEED_FORWARD)
 
@@ -64,7 +64,7 @@ def test_the_course_error_takes_the_short_way_round_and_that_of_the_path_does_no
 
 def test_magnitude_and_rate_limits_hold_and_are_told_apart():
     dt = 0.1
-    controller = ft.MimoPI(
+    controller = ft.loop.MimoPI(
         diagonal([10.0, 10.0], [0.0, 0.0]), limits((0.5, 0.25), (1.0, 9.0)), dt=dt
     )
 
@@ -80,7 +80,9 @@ def test_magnitude_and_rate_limits_hold_and_are_told_apart():
 
 
 def test_a_start_outside_the_range_comes_back_as_fast_as_the_rate_limit_lets_it():
-    controller = ft.MimoPI(diagonal([0.0, 0.0], [0.0, 0.0]), limits((0.5, 9.0), (1.0, 9.0)), dt=0.1)
+    controller = ft.loop.MimoPI(
+        diagonal([0.0, 0.0], [0.0, 0.0]), limits((0.5, 9.0), (1.0, 9.0)), dt=0.1
+    )
     controller.state = empty_state((1.0, 0.0))
 
     commands = flown(controller, (0.0, 0.0), 12)[:, 0]
@@ -89,7 +91,7 @@ def test_a_start_outside_the_range_comes_back_as_fast_as_the_rate_limit_lets_it(
 
 
 def test_conditional_integration_never_drives_the_command_beyond_a_limit():
-    controller = ft.MimoPI(diagonal([0.1, 0.1], [0.5, 0.5]), limits((0.4, 0.4)), dt=0.1)
+    controller = ft.loop.MimoPI(diagonal([0.1, 0.1], [0.5, 0.5]), limits((0.4, 0.4)), dt=0.1)
 
     for _ in range(60):
         command(controller, (1.0, -1.0), HERE, NO_FEED_FORWARD)
@@ -99,7 +101,7 @@ def test_conditional_integration_never_drives_the_command_beyond_a_limit():
 
 
 def test_conditional_integration_lets_go_as_soon_as_the_error_changes_sign():
-    controller = ft.MimoPI(diagonal([1.0, 1.0], [0.5, 0.5]), limits((0.4, 0.4)), dt=0.1)
+    controller = ft.loop.MimoPI(diagonal([1.0, 1.0], [0.5, 0.5]), limits((0.4, 0.4)), dt=0.1)
     flown(controller, (1.0, 1.0), 50)
 
     command = flown(controller, (-0.5, -0.5), 2)[-1]
@@ -110,7 +112,7 @@ def test_conditional_integration_lets_go_as_soon_as_the_error_changes_sign():
 def test_conditional_integration_under_a_rate_limit_does_not_lock():
     """An increment larger than one rate-limited step must still move the integrator."""
     dt, rate, error = 0.02, 0.5, 0.3
-    controller = ft.MimoPI(diagonal([0.0, 0.0], [5.0, 5.0]), limits(rate=(rate, rate)), dt=dt)
+    controller = ft.loop.MimoPI(diagonal([0.0, 0.0], [5.0, 5.0]), limits(rate=(rate, rate)), dt=dt)
 
     commands = flown(controller, (error, error), 101)
 
@@ -120,7 +122,7 @@ def test_conditional_integration_under_a_rate_limit_does_not_lock():
 
 def test_back_calculation_settles_where_the_excess_balances_the_error():
     dt, error, tracking = 0.02, 1.0, 0.8
-    controller = ft.MimoPI(
+    controller = ft.loop.MimoPI(
         diagonal([1.0, 1.0], [0.5, 0.5]),
         limits((0.4, 0.4)),
         dt=dt,
@@ -138,7 +140,7 @@ def test_the_tracking_time_is_the_integral_time_unless_given():
     gains = diagonal([3.0, 4.0], [0.6, 0.8])
     commands = [
         flown(
-            ft.MimoPI(
+            ft.loop.MimoPI(
                 gains,
                 limits((0.4, 0.4)),
                 dt=0.02,
@@ -155,8 +157,8 @@ def test_the_tracking_time_is_the_integral_time_unless_given():
 
 def test_scheduled_gains_grow_with_airspeed_and_its_change_does_not_move_the_integral():
     error = (0.2, 0.1)
-    plain = ft.MimoPI(ft.PAPER_GAINS, dt=0.02)
-    scheduled = ft.MimoPI(ft.PAPER_GAINS, dt=0.02, schedule_speed=25.0)
+    plain = ft.loop.MimoPI(ft.PAPER_GAINS, dt=0.02)
+    scheduled = ft.loop.MimoPI(ft.PAPER_GAINS, dt=0.02, schedule_speed=25.0)
     for _ in range(10):
         command(plain, error, HERE, NO_FEED_FORWARD, 30.0)
         command(scheduled, error, HERE, NO_FEED_FORWARD, 30.0)
@@ -169,7 +171,7 @@ def test_scheduled_gains_grow_with_airspeed_and_its_change_does_not_move_the_int
 
 
 def test_feed_forward_is_inside_the_limits():
-    controller = ft.MimoPI(diagonal([0.0, 0.0], [0.0, 0.0]), limits((1.0, 1.0)), dt=0.02)
+    controller = ft.loop.MimoPI(diagonal([0.0, 0.0], [0.0, 0.0]), limits((1.0, 1.0)), dt=0.02)
 
     u = command(controller, HERE, HERE, (0.0, 1.4))
 
@@ -186,4 +188,4 @@ def test_feed_forward_is_inside_the_limits():
 )
 def test_impossible_settings_are_refused(settings, message):
     with pytest.raises(ft.InputError, match=message):
-        ft.MimoPI(ft.PAPER_GAINS, **settings)
+        ft.loop.MimoPI(ft.PAPER_GAINS, **settings)

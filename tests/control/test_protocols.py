@@ -7,8 +7,8 @@ import pytest
 from plain_members import Glider, Proportional
 
 import flighttune as ft
-from flighttune import CommandLimiter, FlightCondition, Limits, PointMassPlant, Reference
 from flighttune.control.guarded import GuardedLaw, LawError
+from flighttune.loop import CommandLimiter, FlightCondition, Limits, PointMassPlant, Reference
 from flighttune.simulate.loop import simulate
 
 START = FlightCondition(V_a=25.0, h=800.0, chi=0.4, gamma=0.1)

@@ -13,19 +13,19 @@ V_a, DT = 25.0, 0.02
 SMALL, NEAR = 1e-4, 2e-3
 
 LAGS = (
-    ft.InnerLag(order=2, natural_frequency=6.0, damping=0.7, delay=0.025),
-    ft.InnerLag(order=3, natural_frequency=9.0, damping=0.6, lag=0.05, delay=0.0),
+    ft.loop.InnerLag(order=2, natural_frequency=6.0, damping=0.7, delay=0.025),
+    ft.loop.InnerLag(order=3, natural_frequency=9.0, damping=0.6, lag=0.05, delay=0.0),
 )
 LATE = (
-    ft.InnerLag(order=1, natural_frequency=4.0, delay=0.06),
-    ft.InnerLag(order=1, natural_frequency=5.0, delay=0.013),
+    ft.loop.InnerLag(order=1, natural_frequency=4.0, delay=0.06),
+    ft.loop.InnerLag(order=1, natural_frequency=5.0, delay=0.013),
 )
 
 
 def flown(law, lags, steps):
     """Errors of course and path angle at the samples of a flight of the point mass behind lags."""
-    plant = ft.LaggedPlant(ft.PointMassPlant(), lags)
-    start = ft.FlightCondition(V_a=V_a)
+    plant = ft.loop.LaggedPlant(ft.loop.PointMassPlant(), lags)
+    start = ft.loop.FlightCondition(V_a=V_a)
     plant.start(start)
     law.start(start)
     names = list(plant.signals)
@@ -33,10 +33,10 @@ def flown(law, lags, steps):
     for k in range(steps):
         seen = dict(zip(names, plant.observe(), strict=True))
         errors.append((SMALL - seen["chi"], -2.0 * SMALL - seen["gamma"]))
-        state = ft.Measured(
+        state = ft.loop.Measured(
             seen["chi"], seen["gamma"], V_a, seen["phi"], seen["n_z"], 1000.0, (0.0, 0.0, 0.0), None
         )
-        reference = ft.ReferenceSample(chi=SMALL, gamma=-2.0 * SMALL)
+        reference = ft.loop.ReferenceSample(chi=SMALL, gamma=-2.0 * SMALL)
         phi, n_z, *_ = law.step(state, reference, k * DT)
         plant.advance(phi, n_z, DT)
     return np.array(errors)
@@ -56,8 +56,8 @@ def mapped(loop, steps, first):
 @pytest.mark.parametrize("lags", [LAGS, LATE])
 def test_the_paper_s_law_flies_the_map_of_its_loop(lags):
     gains = ft.PIGains(K_P=[[2.0, 0.0], [0.0, 2.5]], K_I=[[1.0, 0.0], [0.0, 1.5]])
-    model = ft.kinematic_model(V_a=V_a, gamma=0.0, g=9.81)
-    law = ft.MimoPI(gains, dt=DT, feed_forward=True)
+    model = ft.loop.kinematic_model(V_a=V_a, gamma=0.0, g=9.81)
+    law = ft.loop.MimoPI(gains, dt=DT, feed_forward=True)
 
     loop, _ = sampled_loop(model, lags, gains, dt=DT)
 
@@ -68,8 +68,8 @@ def test_the_paper_s_law_flies_the_map_of_its_loop(lags):
 
 @pytest.mark.parametrize("lags", [LAGS, LATE])
 def test_the_exact_law_flies_the_map_of_its_loop(lags):
-    gains = ft.rate_gains(ft.PAPER_GAINS, V_a=V_a)
-    law = ft.ExactLaw(gains, dt=DT, g=9.81, braking=None)
+    gains = ft.loop.rate_gains(ft.PAPER_GAINS, V_a=V_a)
+    law = ft.loop.ExactLaw(gains, dt=DT, g=9.81, braking=None)
 
     loop, _ = sampled_loop(rate_model(), lags, gains, dt=DT, trapezoidal=False)
 

@@ -24,7 +24,7 @@ SAMPLES = 10_000
 GAINS = ft.PIGains(
     K_P=np.array([[2.7, -0.31], [0.12, 3.3]]), K_I=np.array([[1.1, 0.07], [-0.05, 1.9]])
 )
-LIMITS = ft.Limits(
+LIMITS = ft.loop.Limits(
     lower=np.array([-0.8, -2.1]),
     upper=np.array([0.7, 2.2]),
     rate_lower=np.array([-0.5, -1.0]),
@@ -79,14 +79,14 @@ def random_samples():
 @needs_compiler
 @pytest.mark.parametrize("settings", LAWS.values(), ids=LAWS)
 def test_the_c_file_commands_what_mimo_pi_does_to_the_bit(settings, tmp_path):
-    law = ft.MimoPI(GAINS, dt=0.02, **{"limits": LIMITS, **settings})
+    law = ft.loop.MimoPI(GAINS, dt=0.02, **{"limits": LIMITS, **settings})
     loop, state = compiled(c_source(law, title="a */ b", gains="c\nd"), tmp_path)
-    law.start(ft.FlightCondition(V_a=25.0, phi=0.1, n_z=0.9))
+    law.start(ft.loop.FlightCondition(V_a=25.0, phi=0.1, n_z=0.9))
     loop.ft_outer_loop_start(state, 0.1, 0.9)
     limited = 0
     for chi_ref, gamma_ref, chi, gamma, phi, V_a in random_samples():
-        measured = ft.Measured(chi, gamma, V_a, phi, 1.0, 100.0, (0.0, 0.0, 0.0), None)
-        expected = law.step(measured, ft.ReferenceSample(chi_ref, gamma_ref, 0.0, 0.0), 0.0)
+        measured = ft.loop.Measured(chi, gamma, V_a, phi, 1.0, 100.0, (0.0, 0.0, 0.0), None)
+        expected = law.step(measured, ft.loop.ReferenceSample(chi_ref, gamma_ref, 0.0, 0.0), 0.0)
 
         loop.ft_outer_loop_step(state, chi_ref, gamma_ref, chi, gamma, phi, V_a)
 
@@ -98,18 +98,18 @@ def test_the_c_file_commands_what_mimo_pi_does_to_the_bit(settings, tmp_path):
 @needs_compiler
 def test_the_c_file_plans_roll_and_lift_for_the_rates_of_a_reference(tmp_path):
     """Expected: the law, given roll atan(chi' V / g) and lift cos(gamma) + gamma' V / g."""
-    law, g = ft.MimoPI(GAINS, LIMITS, dt=0.02, feed_forward=True), 9.81
+    law, g = ft.loop.MimoPI(GAINS, LIMITS, dt=0.02, feed_forward=True), 9.81
     source = c_source(law, title="t", gains="g", lead=(0.17, 0.19), g=g)
     loop, state = compiled(source, tmp_path)
-    law.start(ft.FlightCondition(V_a=25.0))
+    law.start(ft.loop.FlightCondition(V_a=25.0))
     loop.ft_outer_loop_start(state, 0.0, 1.0)
     rng = np.random.default_rng(3)
     for chi, gamma, phi in rng.uniform(-0.3, 0.3, (500, 3)).tolist():
         chi_rate, gamma_rate, V = 0.3 * chi, 0.2 * gamma, 31.0
         lift = math.cos(0.1) + gamma_rate * (V / g)
         planned = math.atan(chi_rate * (V / g)), lift / math.cos(phi)
-        measured = ft.Measured(chi, gamma, 25.0, phi, 1.0, 100.0, (0.0, 0.0, 0.0), None)
-        sample = ft.ReferenceSample(0.2, 0.1, chi_rate, gamma_rate, planned)
+        measured = ft.loop.Measured(chi, gamma, 25.0, phi, 1.0, 100.0, (0.0, 0.0, 0.0), None)
+        sample = ft.loop.ReferenceSample(0.2, 0.1, chi_rate, gamma_rate, planned)
         expected = law.step(measured, sample, 0.0)
 
         loop.ft_outer_loop_step_along(
@@ -159,15 +159,15 @@ def test_the_c_file_of_three_channels_keeps_to_limits_schedule_and_rates(tmp_pat
         inputs=("phi", "n_z", "n_x"),
         errors=("chi", "gamma", "V"),
     )
-    limits = ft.Limits(
+    limits = ft.loop.Limits(
         lower=np.array([-0.8, -2.1, -0.4]),
         upper=np.array([0.7, 2.2, 0.5]),
         rate_lower=np.array([-0.5, -1.0, -0.7]),
         rate_upper=np.array([0.6, 1.5, 0.9]),
     )
-    law = ft.MimoPI(gains, limits, dt=0.02, feed_forward=True, schedule_speed=25.0, g=g)
+    law = ft.loop.MimoPI(gains, limits, dt=0.02, feed_forward=True, schedule_speed=25.0, g=g)
     loop, state = compiled(c_source(law, title="t", gains="g", g=g), tmp_path, channels=3)
-    law.start(ft.FlightCondition(V_a=25.0, gamma=0.1))
+    law.start(ft.loop.FlightCondition(V_a=25.0, gamma=0.1))
     loop.ft_outer_loop_start(state, 0.0, law.state.u[1], math.sin(0.1))
     cuts = 0
     for _ in range(2000):
@@ -178,8 +178,8 @@ def test_the_c_file_of_three_channels_keeps_to_limits_schedule_and_rates(tmp_pat
         lift = (math.cos(gamma_ref) + gamma_rate * (V_a / g)) / math.cos(phi)
         planned = math.atan(chi_rate * (V_a / g)), lift
         n_x = 0.0, least, most
-        measured = ft.Measured(chi, gamma, V_a, phi, 1.0, 100.0, (0.0, 0.0, 0.0), None, n_x)
-        asked = ft.ReferenceSample(chi_ref, gamma_ref, chi_rate, gamma_rate, planned)
+        measured = ft.loop.Measured(chi, gamma, V_a, phi, 1.0, 100.0, (0.0, 0.0, 0.0), None, n_x)
+        asked = ft.loop.ReferenceSample(chi_ref, gamma_ref, chi_rate, gamma_rate, planned)
         priority = AirspeedPriority(np.array([V_ref]), np.array([V_rate]), g)
         sample = priority(0, measured, asked)
         expected = law.step(measured, sample, 0.0)

@@ -41,7 +41,7 @@ def test_gains_of_the_papers_law_are_mapped_and_tuned_ones_are_those_of_the_law(
     mapped = gain_set(scenario(), "exact:paper")
     own = scenario(law="exact", gains=["tuned"])
 
-    assert mapped == ft.rate_gains(ft.PAPER_GAINS, V_a=25.0)
+    assert mapped == ft.loop.rate_gains(ft.PAPER_GAINS, V_a=25.0)
     assert gain_set(own, "exact:tuned") == ft.tune(own).gains
     assert ft.tune(own).gains.law == "exact"
     assert ft.tune(own).I_K <= 5.0 + 1e-6

@@ -13,10 +13,11 @@ from made_up import made_up_scenario
 from plain_members import Glider, Proportional
 
 import flighttune as ft
-from flighttune import COMMON_SIGNALS, InnerLag, LaggedPlant, PointMassPlant, record
+from flighttune import record
 from flighttune.claims.linear_loop import linear_bound
 from flighttune.flight import apart
 from flighttune.flight.own import with_own
+from flighttune.loop import COMMON_SIGNALS, InnerLag, LaggedPlant, PointMassPlant
 from flighttune.planning.plan import plan_from
 
 SCENARIO = """
@@ -256,7 +257,7 @@ def test_lags_around_a_plant_are_those_of_the_point_mass_behind_them():
     )
     plants = PointMassPlant(lags), LaggedPlant(PointMassPlant(), lags)
     for plant in plants:
-        plant.start(ft.FlightCondition(V_a=25.0))
+        plant.start(ft.loop.FlightCondition(V_a=25.0))
         for k in range(100):
             plant.advance(0.5 if k < 50 else -0.2, 1.2, 0.02)
 

@@ -123,7 +123,7 @@ def test_turbulence_and_an_oscillating_wind_do_not_turn_the_start():
     assert start_condition(scenario) == stated_condition(scenario)
 
 
-class Still(ft.PointMassPlant):
+class Still(ft.loop.PointMassPlant):
     """A plant of the user's that knows no wind."""
 
 
@@ -134,7 +134,7 @@ def test_a_plant_that_shows_no_wind_starts_as_the_scenario_states():
 
     now = flown["own / paper"].signals.iloc[0]
     assert not {"wind_north"} & {*now.index}
-    assert {*ft.COMMON_SIGNALS} <= {*now.index}
+    assert {*ft.loop.COMMON_SIGNALS} <= {*now.index}
     assert now["chi"] == pytest.approx(CHI, abs=1e-15)
 
 

@@ -58,7 +58,7 @@ def test_the_steps_add_up_to_the_whole(gap_name, request):
         assert added == pytest.approx(apart, abs=ROUNDING)
     for metric in METRICS:
         added = sum(step.metrics[metric].to_numpy() for step in gap.steps)
-        apart = (ft.channel_metrics(last) - ft.channel_metrics(first))[metric].to_numpy()
+        apart = (ft.loop.channel_metrics(last) - ft.loop.channel_metrics(first))[metric].to_numpy()
         assert added == pytest.approx(apart, abs=ROUNDING, nan_ok=True)
     assert gap.residual < ROUNDING
 

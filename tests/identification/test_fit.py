@@ -23,8 +23,8 @@ def commands(seed=2):
 @pytest.mark.parametrize(
     "lag",
     [
-        ft.InnerLag(order=1, natural_frequency=6.0, delay=0.07),
-        ft.InnerLag(order=2, natural_frequency=9.0, damping=0.5, delay=0.033),
+        ft.loop.InnerLag(order=1, natural_frequency=6.0, delay=0.07),
+        ft.loop.InnerLag(order=2, natural_frequency=9.0, damping=0.5, delay=0.033),
     ],
     ids=["first order", "second order"],
 )
@@ -42,7 +42,7 @@ def test_the_lag_that_made_the_data_is_found(lag):
 
 
 def test_noise_is_not_told_by_a_lag():
-    lag, commanded = ft.InnerLag(order=1, natural_frequency=6.0), commands()
+    lag, commanded = ft.loop.InnerLag(order=1, natural_frequency=6.0), commands()
     clean = lag_response(lag, DT, commanded, commanded[0])
     noise = np.random.default_rng(3).normal(scale=0.5 * np.std(clean), size=len(T))
 

@@ -16,13 +16,13 @@ from flighttune.identification.experiment import DT, check_manoeuvre, multisines
 from flighttune.identification.fit import fit_percent, lag_response
 from flighttune.identification.identify import identify_plant
 
-LIMITS = ft.Limits(
+LIMITS = ft.loop.Limits(
     lower=np.array([-0.8, -2.0]),
     upper=np.array([0.8, 2.2]),
     rate_lower=np.array([-0.5, -1.0]),
     rate_upper=np.array([0.5, 1.0]),
 )
-LEVEL = ft.FlightCondition(V_a=25.0)
+LEVEL = ft.loop.FlightCondition(V_a=25.0)
 
 FINE = 1e-3
 """Step of the synthetic plants, s; their delays are whole numbers of it."""
@@ -46,7 +46,7 @@ class SyntheticPlant:
     """Channels that follow transfer functions, stepped by SciPy's zero-order hold."""
 
     kind = "synthetic"
-    signals = ft.COMMON_SIGNALS
+    signals = ft.loop.COMMON_SIGNALS
 
     def __init__(self, *channels, cross=0.0, largest=math.inf):
         self._given, self._cross, self._largest = channels, cross, largest
@@ -64,7 +64,7 @@ class SyntheticPlant:
 
     def advance(self, phi_cmd, n_z_cmd, duration):
         if abs(phi_cmd) > self._largest:
-            return ft.Stop("left_envelope", f"rolled to {phi_cmd:.3f} rad")
+            return ft.loop.Stop("left_envelope", f"rolled to {phi_cmd:.3f} rad")
         for channel, command in zip(self._channels, (phi_cmd, n_z_cmd - 1.0), strict=True):
             A, B, _, x, pending = channel
             for _ in range(round(duration / FINE)):
@@ -148,9 +148,9 @@ def test_an_aircraft_that_takes_no_excitation_says_why():
 @pytest.mark.parametrize(
     ("lag", "transfer"),
     [
-        (ft.InnerLag(order=1, natural_frequency=3.0, delay=0.025), first_order(3.0, 0.025)),
+        (ft.loop.InnerLag(order=1, natural_frequency=3.0, delay=0.025), first_order(3.0, 0.025)),
         (
-            ft.InnerLag(order=3, natural_frequency=7.0, damping=0.4, lag=0.2, delay=0.1),
+            ft.loop.InnerLag(order=3, natural_frequency=7.0, damping=0.4, lag=0.2, delay=0.1),
             third_order(7.0, 0.4, 0.2, 0.1),
         ),
     ],

@@ -63,7 +63,7 @@ def gusts(h):
     """Turbulence met by an aircraft that is held where it is: (seeds, samples, 3), m/s."""
     config = load_aircraft("a4").model_copy(update={"inner_loop_rate": RATE})
     fdm = Fdm(config)
-    trim(fdm, ft.FlightCondition(V_a=V_A, h=h * FPS))
+    trim(fdm, ft.loop.FlightCondition(V_a=V_A, h=h * FPS))
     for write, _ in fdm.integrators.values():
         write(0.0)
     turbulence = Turbulence(severity=3, wind_20ft=WIND_20FT * FPS)

@@ -26,9 +26,9 @@ LOOPS = [
 def test_indicators_are_those_of_scipys_lyapunov_solver(name, gains, identified):
     scenario = ft.load_scenario(name)
     model = identified_models(scenario)[0].model if identified else law_model(scenario)
-    A_K = ft.closed_loop(model, gain_set(scenario, gains))
+    A_K = ft.loop.closed_loop(model, gain_set(scenario, gains))
 
-    found = ft.indicators(A_K)
+    found = ft.loop.indicators(A_K)
 
     if not np.all(np.linalg.eigvals(A_K).real < 0.0):
         assert found.status == "unstable"

@@ -56,8 +56,8 @@ class Swing:
 
 @cache
 def swing(aircraft, steps=1):
-    plant = ft.JSBSimPlant(aircraft, steps=steps)
-    plant.start(ft.FlightCondition(V_a=SPEED[aircraft], h=1000.0))
+    plant = ft.loop.JSBSimPlant(aircraft, steps=steps)
+    plant.start(ft.loop.FlightCondition(V_a=SPEED[aircraft], h=1000.0))
     dt = 0.005 / steps
     t = np.arange(round(DURATION / dt) + 1) * dt
     rows = [plant.observe()]

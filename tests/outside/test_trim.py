@@ -74,7 +74,7 @@ def test_twenty_trims_are_those_of_jsbsim(name):
             V_a, gamma = speed * config.design.V_a, climb * DEG
             alpha, beta, phi, throttle = jsbsim_trim(config, V_a, gamma)
 
-            found = trim(Fdm(config), ft.FlightCondition(V_a=V_a, h=H, gamma=gamma))
+            found = trim(Fdm(config), ft.loop.FlightCondition(V_a=V_a, h=H, gamma=gamma))
 
             assert found.alpha == pytest.approx(alpha, abs=SAME_ALPHA), (speed, climb)
             assert abs(beta) < NO_SIDESLIP

@@ -75,10 +75,10 @@ def test_the_sampled_controller_comes_closer_in_proportion_to_its_sample_time(an
 
     def distance(dt):
         signals, _ = simulate(
-            ft.PointMassPlant(turn="paper", disturbance=WAVE),
-            ft.MimoPI(ft.PAPER_GAINS, BOTH, dt=dt, anti_windup=anti_windup),
-            ft.Reference(chi=REF[0], gamma=REF[1]),
-            condition=ft.FlightCondition(
+            ft.loop.PointMassPlant(turn="paper", disturbance=WAVE),
+            ft.loop.MimoPI(ft.PAPER_GAINS, BOTH, dt=dt, anti_windup=anti_windup),
+            ft.loop.Reference(chi=REF[0], gamma=REF[1]),
+            condition=ft.loop.FlightCondition(
                 V_a=25.0, chi=math.pi / 3, gamma=math.pi / 4, phi=math.pi / 3, n_z=1.0
             ),
             duration=12.0,

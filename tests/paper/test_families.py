@@ -90,7 +90,7 @@ def test_measures_of_the_errors_are_those_of_every_other_run(study):
     for i, name in enumerate(("phi", "n_z")):
         columns |= {f"{name}_cmd": flight.u[:, i], f"{name}_limited": 0.0}
 
-    theirs = ft.channel_metrics(made_up_run(columns, flight.t))
+    theirs = ft.loop.channel_metrics(made_up_run(columns, flight.t))
 
     for key in ("ITAE", "MO_rad", "PT_s", "MS_rad", "ST_rad"):
         ours = flight.measures.loc[["chi", "gamma"], key].to_numpy()

@@ -16,8 +16,8 @@ SAME = 1e-6
 def in_a_wind_from(degrees, speed, **condition):
     towards = (-speed * math.cos(degrees * DEG), -speed * math.sin(degrees * DEG), 0.0)
     wind = WindProfile(levels=((0.0, towards),))
-    plant = AirPathPlant(ft.JSBSimPlant(weather=Weather(wind=wind)))
-    plant.start(ft.FlightCondition(**{"V_a": 25.0} | condition))
+    plant = AirPathPlant(ft.loop.JSBSimPlant(weather=Weather(wind=wind)))
+    plant.start(ft.loop.FlightCondition(**{"V_a": 25.0} | condition))
     return plant
 
 

@@ -16,10 +16,10 @@ G = 9.81
 INTEGRATION = 1e-9
 METRE = 1e-6
 ROUNDING = 1e-12
-SECOND_ORDER = ft.InnerLag(order=2, natural_frequency=12.0, damping=0.6, delay=0.033)
-OVERDAMPED = ft.InnerLag(order=2, natural_frequency=8.0, damping=1.7, delay=0.02)
-FIRST_ORDER = ft.InnerLag(order=1, natural_frequency=6.0, delay=0.047)
-THIRD_ORDER = ft.InnerLag(order=3, natural_frequency=9.0, damping=0.7, lag=0.05, delay=0.011)
+SECOND_ORDER = ft.loop.InnerLag(order=2, natural_frequency=12.0, damping=0.6, delay=0.033)
+OVERDAMPED = ft.loop.InnerLag(order=2, natural_frequency=8.0, damping=1.7, delay=0.02)
+FIRST_ORDER = ft.loop.InnerLag(order=1, natural_frequency=6.0, delay=0.047)
+THIRD_ORDER = ft.loop.InnerLag(order=3, natural_frequency=9.0, damping=0.7, lag=0.05, delay=0.011)
 
 
 def seen(plant):
@@ -46,7 +46,12 @@ def test_a_coordinated_turn_has_the_radius_of_the_textbook(phi):
     radius = V_a**2 / (G * math.tan(abs(phi)))
     half_turn = math.pi * radius / V_a
 
-    end = fly(ft.PointMassPlant(), ft.FlightCondition(V_a=V_a), [(phi, n_z)] * 100, half_turn / 100)
+    end = fly(
+        ft.loop.PointMassPlant(),
+        ft.loop.FlightCondition(V_a=V_a),
+        [(phi, n_z)] * 100,
+        half_turn / 100,
+    )
 
     assert abs(end["chi"]) == pytest.approx(math.pi, abs=INTEGRATION)
     assert abs(end["east"]) == pytest.approx(2.0 * radius, abs=METRE)
@@ -59,8 +64,8 @@ def test_a_climbing_coordinated_turn_is_a_helix():
     chi_dot = G * math.tan(phi) / V_a
     radius, turn = V_a * math.cos(gamma) / chi_dot, math.tau / chi_dot
 
-    start = ft.FlightCondition(V_a=V_a, gamma=gamma, phi=phi)
-    quarter = fly(ft.PointMassPlant(), start, [(phi, n_z)] * 100, turn / 400)
+    start = ft.loop.FlightCondition(V_a=V_a, gamma=gamma, phi=phi)
+    quarter = fly(ft.loop.PointMassPlant(), start, [(phi, n_z)] * 100, turn / 400)
 
     assert (quarter["north"], quarter["east"]) == pytest.approx((radius, radius), abs=METRE)
     assert quarter["down"] == pytest.approx(-V_a * math.sin(gamma) * turn / 4.0, abs=METRE)
@@ -76,22 +81,27 @@ def test_without_lift_there_is_no_turn_and_the_point_falls_as_a_stone_would():
 
 def test_the_papers_law_in_a_wind_of_zero_is_that_in_still_air():
     sinusoid = Sinusoid(chi_amplitude=0.1, chi_omega=0.9, gamma_amplitude=0.1, gamma_omega=0.9)
-    start, commands = ft.FlightCondition(V_a=25.0, chi=1.0, gamma=0.3), weaving(500, 0.02)
+    start, commands = ft.loop.FlightCondition(V_a=25.0, chi=1.0, gamma=0.3), weaving(500, 0.02)
 
     still, windy = (
-        fly(ft.PointMassPlant(turn="paper", disturbance=sinusoid, wind=wind), start, commands, 0.02)
+        fly(
+            ft.loop.PointMassPlant(turn="paper", disturbance=sinusoid, wind=wind),
+            start,
+            commands,
+            0.02,
+        )
         for wind in (None, WindRecord.steady())
     )
 
     assert {name: windy[name] for name in still} == pytest.approx(still, abs=INTEGRATION)
-    assert ft.PointMassPlant(turn="paper").kind == "kinematic"
+    assert ft.loop.PointMassPlant(turn="paper").kind == "kinematic"
 
 
 def test_in_steady_wind_course_and_ground_speed_close_the_wind_triangle():
     V_a, wind, heading = 25.0, 8.0, math.radians(30.0)
-    plant = ft.PointMassPlant(wind=WindRecord.steady(east=wind))
+    plant = ft.loop.PointMassPlant(wind=WindRecord.steady(east=wind))
 
-    end = fly(plant, ft.FlightCondition(V_a=V_a, chi=heading), [(0.0, 1.0)] * 10, 0.1)
+    end = fly(plant, ft.loop.FlightCondition(V_a=V_a, chi=heading), [(0.0, 1.0)] * 10, 0.1)
 
     crossing = math.asin(wind * math.cos(heading) / end["V_g"])
     V_g = math.sqrt(V_a**2 + wind**2 + 2.0 * V_a * wind * math.sin(heading))
@@ -104,7 +114,9 @@ def test_a_crosswind_that_rises_turns_the_nose_and_not_the_path_over_ground():
     V_a, w = 25.0, 5.0
     gust = WindRecord(t=np.array([1.0, 1.5]), wind=np.array([[0.0, 0.0, 0.0], [0.0, w, 0.0]]))
 
-    end = fly(ft.PointMassPlant(wind=gust), ft.FlightCondition(V_a=V_a), [(0.0, 1.0)] * 20, 0.1)
+    end = fly(
+        ft.loop.PointMassPlant(wind=gust), ft.loop.FlightCondition(V_a=V_a), [(0.0, 1.0)] * 20, 0.1
+    )
 
     pushed_by_thrust = w - V_a * math.tanh(w / V_a)
     assert end["V_g"] * math.sin(end["chi"]) == pytest.approx(pushed_by_thrust, abs=METRE)
@@ -121,9 +133,9 @@ def test_four_seconds_agree_with_another_integrator(lags):
     t = np.linspace(0.0, 4.0, 9)
     wind = WindRecord(t=t, wind=np.random.default_rng(5).normal(scale=2.0, size=(len(t), 3)))
     commands = weaving(count, dt)
-    start = ft.FlightCondition(V_a=25.0, chi=0.4, gamma=0.1, phi=0.1, n_z=1.0)
+    start = ft.loop.FlightCondition(V_a=25.0, chi=0.4, gamma=0.1, phi=0.1, n_z=1.0)
 
-    plant = ft.PointMassPlant(lags, wind=wind)
+    plant = ft.loop.PointMassPlant(lags, wind=wind)
     end = fly(plant, start, commands, dt)
 
     state = by_dop853(lags, wind, commands, dt)
@@ -192,8 +204,8 @@ def channel_rates(lag, state, command):
 
 
 def test_straight_up_ends_the_flight_with_a_reason():
-    plant = ft.PointMassPlant()
-    plant.start(ft.FlightCondition(V_a=25.0, gamma=1.5))
+    plant = ft.loop.PointMassPlant()
+    plant.start(ft.loop.FlightCondition(V_a=25.0, gamma=1.5))
 
     stop = [plant.advance(0.0, 4.0, 0.02) for _ in range(4)][-1]
 
@@ -204,7 +216,7 @@ def test_straight_up_ends_the_flight_with_a_reason():
 @pytest.mark.parametrize(
     ("make", "error", "message"),
     [
-        (lambda: ft.PointMassPlant(g=0.0), ft.InputError, "`g` must be positive"),
+        (lambda: ft.loop.PointMassPlant(g=0.0), ft.InputError, "`g` must be positive"),
         (lambda: WindRecord(t=[0.0, 0.0], wind=np.zeros((2, 3))), ft.InputError, "`t` of a wind"),
         (
             lambda: turn_rates([25.0, math.nan], gamma=0.0, phi=0.0, n_z=1.0, turn="exact"),
@@ -220,8 +232,8 @@ def test_impossible_values_are_refused(make, error, message):
 
 def test_held_commands_and_disturbance_agree_with_high_accuracy_integration():
     sinusoid = Sinusoid(chi_amplitude=0.1, chi_omega=0.9, gamma_amplitude=0.2, gamma_omega=1.7)
-    plant = ft.PointMassPlant(turn="paper", disturbance=sinusoid)
-    plant.start(ft.FlightCondition(V_a=25.0, chi=1.0, gamma=0.5))
+    plant = ft.loop.PointMassPlant(turn="paper", disturbance=sinusoid)
+    plant.start(ft.loop.FlightCondition(V_a=25.0, chi=1.0, gamma=0.5))
     phi, n_z = 0.4, 1.2
 
     for _ in range(100):
@@ -238,8 +250,8 @@ def test_held_commands_and_disturbance_agree_with_high_accuracy_integration():
 
 @pytest.mark.parametrize("phi", [math.pi / 2, -1.7, math.nan])
 def test_a_roll_command_without_tangent_ends_the_flight_with_a_reason(phi):
-    plant = ft.PointMassPlant(turn="paper")
-    plant.start(ft.FlightCondition(V_a=25.0))
+    plant = ft.loop.PointMassPlant(turn="paper")
+    plant.start(ft.loop.FlightCondition(V_a=25.0))
 
     stop = plant.advance(phi, 1.0, 0.02)
 
@@ -258,4 +270,4 @@ def test_a_roll_command_without_tangent_ends_the_flight_with_a_reason(phi):
 )
 def test_flight_conditions_that_cannot_be_are_refused(change, message):
     with pytest.raises(ft.InputError, match=message):
-        ft.FlightCondition(**{"V_a": 25.0, **change})
+        ft.loop.FlightCondition(**{"V_a": 25.0, **change})

@@ -18,7 +18,7 @@ def test_mean_spread_and_memory_are_those_asked_for(time_constant):
     kept = math.exp(-DT / time_constant) if time_constant else 0.0
     independent = LONG * (1.0 - kept) / (1.0 + kept)  # of a first-order sequence
 
-    errors = ft.Sensors(bias=BIAS, noise_sd=SD, time_constant=time_constant, seed=7).errors(
+    errors = ft.loop.Sensors(bias=BIAS, noise_sd=SD, time_constant=time_constant, seed=7).errors(
         LONG, DT
     )
 
@@ -33,7 +33,7 @@ def test_mean_spread_and_memory_are_those_asked_for(time_constant):
 
 def test_correlated_noise_is_as_strong_at_the_start_as_later():
     firsts = [
-        ft.Sensors(noise_sd=(1.0, 0.0, 0.0), time_constant=5.0, seed=seed).errors(2, DT)[:, 0]
+        ft.loop.Sensors(noise_sd=(1.0, 0.0, 0.0), time_constant=5.0, seed=seed).errors(2, DT)[:, 0]
         for seed in range(2000)
     ]
 
@@ -43,9 +43,9 @@ def test_correlated_noise_is_as_strong_at_the_start_as_later():
 
 @pytest.mark.parametrize("time_constant", [0.0, 0.3])
 def test_a_seed_gives_the_same_bits_whatever_else_there_is(time_constant):
-    whole = ft.Sensors(bias=BIAS, noise_sd=SD, time_constant=time_constant, seed=7)
-    only_gamma = ft.Sensors(noise_sd=(0.0, SD[1], 0.0), time_constant=time_constant, seed=7)
-    other = ft.Sensors(bias=BIAS, noise_sd=SD, time_constant=time_constant, seed=8)
+    whole = ft.loop.Sensors(bias=BIAS, noise_sd=SD, time_constant=time_constant, seed=7)
+    only_gamma = ft.loop.Sensors(noise_sd=(0.0, SD[1], 0.0), time_constant=time_constant, seed=7)
+    other = ft.loop.Sensors(bias=BIAS, noise_sd=SD, time_constant=time_constant, seed=8)
 
     errors = whole.errors(500, DT)
 
@@ -56,7 +56,7 @@ def test_a_seed_gives_the_same_bits_whatever_else_there_is(time_constant):
 
 
 def test_without_noise_the_bias_is_all_there_is():
-    assert np.array_equal(ft.Sensors(bias=BIAS).errors(3, DT), np.array([BIAS] * 3))
+    assert np.array_equal(ft.loop.Sensors(bias=BIAS).errors(3, DT), np.array([BIAS] * 3))
 
 
 @pytest.mark.parametrize(
@@ -69,4 +69,4 @@ def test_without_noise_the_bias_is_all_there_is():
 )
 def test_what_cannot_be_used_is_refused(change, message):
     with pytest.raises(ft.InputError, match=message):
-        ft.Sensors(**change)
+        ft.loop.Sensors(**change)

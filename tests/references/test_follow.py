@@ -70,7 +70,7 @@ def test_an_error_of_position_is_flown_off_in_the_look_ahead():
     follow, north, east, chi = reference.follower(dt, 1000.0), 0.0, 5.0, 0.0
     aside = []
     for _ in range(2000):
-        seen = ft.Measured(chi, 0.0, V, 0.0, 1.0, 1000.0, (north, east, 0.0), None)
+        seen = ft.loop.Measured(chi, 0.0, V, 0.0, 1.0, 1000.0, (north, east, 0.0), None)
         asked, (_, beside, below) = follow(seen)
         assert (beside, below) == pytest.approx((east, 0.0), abs=1e-6)
         aside.append(east)
@@ -125,7 +125,7 @@ def test_a_flight_behind_its_start_is_as_far_from_its_route_as_from_the_start():
 
     assert first["north"].min() < -30.0
     assert np.abs(first["cross_track"]).to_numpy() == pytest.approx(from_start.to_numpy(), abs=0.02)
-    assert ft.flight_metrics(run)["cross_track_m"] >= from_start.max() - 0.02
+    assert ft.loop.flight_metrics(run)["cross_track_m"] >= from_start.max() - 0.02
 
 
 def test_a_flight_that_is_carried_back_has_no_places_there():

@@ -33,7 +33,7 @@ def biased_point(reference, bias, *, aside=0.0, wind=0.0, seconds=120.0):
     north, east, h = 0.0, aside, 1000.0
     places, courses = [], []
     for _ in range(round(seconds / DT)):
-        seen = ft.Measured(chi, gamma, V_A, 0.0, 1.0, h, (north, east, 1000.0 - h), None)
+        seen = ft.loop.Measured(chi, gamma, V_A, 0.0, 1.0, h, (north, east, 1000.0 - h), None)
         asked, place = follow(seen)
         chi, gamma = asked.chi - bias[0], asked.gamma - bias[1]
         V_g = V_A + wind * math.cos(chi)

@@ -17,12 +17,12 @@ OMEGA = np.logspace(-2.0, 2.0, 400)
 
 @pytest.fixture(scope="module")
 def level():
-    return ft.kinematic_model(V_a=V, gamma=0.0, g=G)
+    return ft.loop.kinematic_model(V_a=V, gamma=0.0, g=G)
 
 
 @pytest.fixture(scope="module")
 def climbing():
-    return ft.kinematic_model(V_a=V, gamma=math.pi / 12.0, g=G)
+    return ft.loop.kinematic_model(V_a=V, gamma=math.pi / 12.0, g=G)
 
 
 def test_a_decoupled_loop_has_the_response_of_two_integrators_and_a_zero(level):

@@ -61,7 +61,7 @@ def test_the_tables_have_the_numbers_of_the_runs(written, flown_paper):
         for record in tracking.records
         if record["run"] == law.label
     }
-    expected = ft.channel_metrics(law)["settling_s"]
+    expected = ft.loop.channel_metrics(law)["settling_s"]
     assert settling == {"χ": expected["chi"], "γ": expected["gamma"]}
     rate = flown_paper.indicators["tuned"].R_K
     assert records_of(written, "certificates")["tuned"]["rate"] == pytest.approx(rate, abs=1e-6)

@@ -17,8 +17,8 @@ from flighttune.simulate.loop import simulate
 DEG = math.pi / 180.0
 
 LAGS = (
-    ft.InnerLag(order=2, natural_frequency=9.0, damping=0.8, delay=0.03),
-    ft.InnerLag(order=1, natural_frequency=12.0, delay=0.013),
+    ft.loop.InnerLag(order=2, natural_frequency=9.0, damping=0.8, delay=0.03),
+    ft.loop.InnerLag(order=1, natural_frequency=12.0, delay=0.013),
 )
 PAPER = Manoeuvre(
     V_a=25.0,
@@ -84,9 +84,11 @@ def test_a_change_of_path_angle_takes_as_long_as_the_rate_of_load_factor_says(ch
 
 
 def test_the_point_mass_behind_the_lag_flies_it_without_the_help_of_feedback(found):
-    controller = ft.MimoPI(ft.PAPER_GAINS, ft.Limits.none(2), dt=PAPER.dt, feed_forward=True)
-    condition = ft.FlightCondition(V_a=25.0, chi=60.0 * DEG, gamma=45.0 * DEG)
-    plant = ft.PointMassPlant(LAGS, g=9.81)
+    controller = ft.loop.MimoPI(
+        ft.PAPER_GAINS, ft.loop.Limits.none(2), dt=PAPER.dt, feed_forward=True
+    )
+    condition = ft.loop.FlightCondition(V_a=25.0, chi=60.0 * DEG, gamma=45.0 * DEG)
+    plant = ft.loop.PointMassPlant(LAGS, g=9.81)
 
     signals, stop = simulate(plant, controller, found, condition=condition, duration=12.0)
 

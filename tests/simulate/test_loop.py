@@ -12,14 +12,14 @@ from flighttune.simulate.loop import LOOP_SIGNALS, simulate
 from flighttune.simulate.run import SIGNAL_UNITS
 
 PEAK_TOLERANCE = 0.002
-PAPER_LIMITS = ft.Limits(
+PAPER_LIMITS = ft.loop.Limits(
     lower=np.array([-math.pi / 4, -2.1]),
     upper=np.array([math.pi / 4, 2.1]),
     rate_lower=np.array([-math.pi / 6, -1.0]),
     rate_upper=np.array([math.pi / 6, 1.0]),
 )
-PAPER_START = ft.FlightCondition(V_a=25.0, chi=math.pi / 3, gamma=math.pi / 4)
-PAPER_REFERENCE = ft.Reference(chi=0.0, gamma=math.pi / 12)
+PAPER_START = ft.loop.FlightCondition(V_a=25.0, chi=math.pi / 3, gamma=math.pi / 4)
+PAPER_REFERENCE = ft.loop.Reference(chi=0.0, gamma=math.pi / 12)
 
 
 def continuous_paper_peaks():
@@ -41,14 +41,14 @@ def continuous_paper_peaks():
 
 def test_the_papers_mode_peaks_where_the_continuous_law_does():
     scenario = ft.load_scenario("paper_as_printed")
-    controller = ft.MimoPI(
+    controller = ft.loop.MimoPI(
         ft.PAPER_GAINS,
         scenario.limits.limits(),
         dt=1.0 / scenario.controller.rate_hz,
         anti_windup=scenario.controller.anti_windup,
         feed_forward=scenario.controller.feed_forward,
     )
-    plant = ft.PointMassPlant(turn="paper", disturbance=scenario.disturbance.sinusoid())
+    plant = ft.loop.PointMassPlant(turn="paper", disturbance=scenario.disturbance.sinusoid())
 
     signals, _ = simulate(
         plant,
@@ -63,12 +63,12 @@ def test_the_papers_mode_peaks_where_the_continuous_law_does():
 
 
 def simulated(
-    plant=ft.PointMassPlant, limits=None, reference=PAPER_REFERENCE, condition=PAPER_START,
+    plant=ft.loop.PointMassPlant, limits=None, reference=PAPER_REFERENCE, condition=PAPER_START,
     duration=10.0, **law,
 ):  # fmt: skip
     return simulate(
         plant(turn="paper"),
-        ft.MimoPI(ft.PAPER_GAINS, limits, dt=0.02, **law),
+        ft.loop.MimoPI(ft.PAPER_GAINS, limits, dt=0.02, **law),
         reference,
         condition=condition,
         duration=duration,
@@ -103,17 +103,17 @@ def test_a_row_is_written_every_sample_with_a_unit_for_every_column():
 
 
 def test_with_feed_forward_level_flight_needs_no_integral():
-    climb = ft.FlightCondition(V_a=25.0, gamma=0.3)
+    climb = ft.loop.FlightCondition(V_a=25.0, gamma=0.3)
 
     signals, _ = simulated(
-        reference=ft.Reference(chi=0.0, gamma=0.3), condition=climb, feed_forward=True
+        reference=ft.loop.Reference(chi=0.0, gamma=0.3), condition=climb, feed_forward=True
     )
 
     assert np.abs(signals["n_z_integral"]).max() < 1e-12
     assert np.abs(signals["gamma_err"]).max() < 1e-12
 
 
-class StopsAfterThreeSamples(ft.PointMassPlant):
+class StopsAfterThreeSamples(ft.loop.PointMassPlant):
     """A plant that meets the ground in its third sample."""
 
     def start(self, condition):
@@ -123,14 +123,14 @@ class StopsAfterThreeSamples(ft.PointMassPlant):
     def advance(self, phi_cmd, n_z_cmd, duration):
         self.left -= 1
         super().advance(phi_cmd, n_z_cmd, duration)
-        return ft.Stop("ground_contact", "hit the ground") if self.left == 0 else None
+        return ft.loop.Stop("ground_contact", "hit the ground") if self.left == 0 else None
 
 
 def test_a_flight_that_ends_early_keeps_what_was_flown_and_its_reason():
     signals, stop = simulated(StopsAfterThreeSamples)
 
     assert len(signals) == 3
-    assert stop == ft.Stop("ground_contact", "hit the ground")
+    assert stop == ft.loop.Stop("ground_contact", "hit the ground")
 
 
 @pytest.mark.parametrize("duration", [0.0, 0.01, math.nan, math.inf])

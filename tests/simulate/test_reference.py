@@ -11,7 +11,7 @@ from flighttune.simulate.disturbance import Sinusoid
 
 
 def test_segments_add_to_the_start_value():
-    reference = ft.Reference(
+    reference = ft.loop.Reference(
         chi=1.0,
         gamma=0.0,
         chi_segments=(Segment(1.0, (0.0,), jumps=(0.5,)), Segment(2.0, (0.0, 2.0), rates=(0.25,))),

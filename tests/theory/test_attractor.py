@@ -6,6 +6,7 @@ from printed import A_K, L_D, MODEL, E
 from worst_reach import ReachableSet, largest_reach
 
 import flighttune as ft
+from flighttune.errors import ShapeError
 from flighttune.theory.lyapunov import invariant_ellipsoid, paper_balls
 
 LAST_DIGIT = 5e-4
@@ -13,7 +14,7 @@ SEARCH = 1e-6
 
 
 def test_the_papers_ball_has_three_readings():
-    balls = paper_balls(A_K, MODEL.A, I_K=ft.indicators(A_K).I_K, L_d=L_D)
+    balls = paper_balls(A_K, MODEL.A, I_K=ft.loop.indicators(A_K).I_K, L_d=L_D)
 
     assert balls == pytest.approx([0.241, 0.104, 0.015], abs=LAST_DIGIT)
 
@@ -22,7 +23,7 @@ def test_a_lightly_damped_loop_leaves_the_ball_of_the_proportional_reading():
     damping = 0.1
     oscillator = np.array([[-damping, -1.0], [1.0, 0.0]])
     safe, proportional, _ = paper_balls(
-        oscillator, [[0.0]], I_K=ft.indicators(oscillator).I_K, L_d=1.0
+        oscillator, [[0.0]], I_K=ft.loop.indicators(oscillator).I_K, L_d=1.0
     )
 
     reached, _ = largest_reach(ReachableSet.of(oscillator, [[1.0], [0.0]], L_d=1.0))
@@ -61,5 +62,5 @@ def test_an_unstable_loop_has_no_ellipsoid():
 
 
 def test_the_disturbance_must_enter_somewhere():
-    with pytest.raises(ft.ShapeError, match=r"`E`.*2"):
+    with pytest.raises(ShapeError, match=r"`E`.*2"):
         invariant_ellipsoid(-np.eye(2), [[0.0], [0.0]], L_d=1.0)

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from printed import A_K, L_D, E
 
 import flighttune as ft
+from flighttune.errors import ShapeError
 from flighttune.theory import common
 from flighttune.theory.common import common_ellipsoid, common_Q
 from flighttune.theory.lyapunov import invariant_ellipsoid
@@ -26,7 +27,7 @@ def test_the_common_Q_of_one_loop_has_the_rate_of_the_closed_form():
     found = common_Q(A_K[None])
 
     assert found.status == "optimal"
-    assert found.R == pytest.approx(ft.indicators(A_K).R_K, rel=SOLVER)
+    assert found.R == pytest.approx(ft.loop.indicators(A_K).R_K, rel=SOLVER)
 
 
 def test_the_common_rate_of_decays_is_that_of_the_slowest():
@@ -55,7 +56,7 @@ def test_the_rate_is_lowered_by_every_vertex_and_held_by_every_matrix_between():
 
     between = np.einsum("ik,kab->iab", weights, loops)
 
-    assert found.R <= min(ft.indicators(A).R_K for A in loops) * (1.0 + SOLVER)
+    assert found.R <= min(ft.loop.indicators(A).R_K for A in loops) * (1.0 + SOLVER)
     assert largest_violation(loops, found.Q) < EIGENVALUE_ROUNDING
     assert largest_violation(between, found.Q) < EIGENVALUE_ROUNDING
 
@@ -116,14 +117,14 @@ def test_a_solver_that_lies_is_not_believed(monkeypatch):
     found = common_Q(np.array([A_K, A_K]))
 
     assert found.status != "optimal"
-    assert found.R <= ft.indicators(A_K).R_K
+    assert found.R <= ft.loop.indicators(A_K).R_K
     assert common_ellipsoid(A_K[None], E, L_d=1.0)[0] is None
 
 
 def test_vertices_must_be_a_stack_of_matrices():
-    with pytest.raises(ft.ShapeError, match="`vertices` must have 3 axes"):
+    with pytest.raises(ShapeError, match="`vertices` must have 3 axes"):
         common_Q(A_K)
-    with pytest.raises(ft.ShapeError, match="`E` must have 4 rows"):
+    with pytest.raises(ShapeError, match="`E` must have 4 rows"):
         common_ellipsoid(A_K[None], np.eye(2), L_d=1.0)
     with pytest.raises(ft.InputError, match=r"`L_d`.*0"):
         common_ellipsoid(A_K[None], E, L_d=0.0)

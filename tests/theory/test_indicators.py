@@ -10,6 +10,7 @@ from printed import A_K, LAST_DIGIT_I, LAST_DIGIT_R, MODEL, TABLE_2
 
 import flighttune as ft
 from flighttune.control.linear_model import closed_loops
+from flighttune.errors import ShapeError
 
 SHIFT = np.hstack([np.eye(2), np.eye(2)])
 ROUNDING = 1e-9
@@ -19,7 +20,7 @@ ROUNDING = 1e-9
 def test_every_row_of_table_2_is_reproduced_to_the_last_printed_digit(name):
     epsilon, R_K, I_K = TABLE_2[name]
 
-    found = ft.indicators(closed_loops(MODEL, ft.PAPER_GAINS.K - epsilon * SHIFT))
+    found = ft.loop.indicators(closed_loops(MODEL, ft.PAPER_GAINS.K - epsilon * SHIFT))
 
     assert found.status == "stable"
     assert found.R_K == pytest.approx(R_K, abs=LAST_DIGIT_R)
@@ -29,7 +30,7 @@ def test_every_row_of_table_2_is_reproduced_to_the_last_printed_digit(name):
 def test_the_printed_gains_do_not_have_the_printed_indicators():
     printed_R_K, printed_I_K = 0.4427, 4.9244
 
-    found = ft.indicators(A_K)
+    found = ft.loop.indicators(A_K)
 
     assert found.R_K == pytest.approx(0.4599, abs=LAST_DIGIT_R / 2.0)
     assert found.I_K == pytest.approx(4.9162, abs=LAST_DIGIT_R / 2.0)
@@ -40,7 +41,7 @@ def test_the_printed_gains_do_not_have_the_printed_indicators():
 def test_a_loop_of_decoupled_lags_has_the_indicators_known_on_paper():
     slow, fast = 0.5, 4.0
 
-    found = ft.indicators(np.diag([-slow, -fast]))
+    found = ft.loop.indicators(np.diag([-slow, -fast]))
 
     assert found.R_K == pytest.approx(2.0 * slow, rel=ROUNDING)
     assert found.I_K == pytest.approx((fast / slow) / (2.0 * slow * slow), rel=ROUNDING)
@@ -50,9 +51,9 @@ def test_a_loop_of_decoupled_lags_has_the_indicators_known_on_paper():
 def test_state_scaling_is_a_change_of_variables():
     scale = np.array([0.5, 0.5, 1.0, 2.0])
 
-    found = ft.indicators(A_K, scaling=scale)
+    found = ft.loop.indicators(A_K, scaling=scale)
 
-    by_hand = ft.indicators(np.diag(1.0 / scale) @ A_K @ np.diag(scale))
+    by_hand = ft.loop.indicators(np.diag(1.0 / scale) @ A_K @ np.diag(scale))
     assert (found.R_K, found.I_K) == pytest.approx((by_hand.R_K, by_hand.I_K), rel=ROUNDING)
     assert found.eigenvalues == pytest.approx(by_hand.eigenvalues, rel=ROUNDING)
     assert found.scaling.tolist() == scale.tolist()
@@ -66,7 +67,7 @@ def test_the_rate_never_promises_more_than_the_slowest_eigenvalue(seed, n):
     A = rng.standard_normal((n, n))
     A -= (np.linalg.eigvals(A).real.max() + rng.uniform(0.01, 2.0)) * np.eye(n)
 
-    found = ft.indicators(A)
+    found = ft.loop.indicators(A)
 
     assert found.R_K <= -2.0 * found.spectral_abscissa * (1.0 + ROUNDING)
     assert found.I_K * found.R_K * np.linalg.norm(A, 2) >= 1.0 - ROUNDING
@@ -80,10 +81,10 @@ def test_a_stack_has_the_indicators_of_its_members(seed, spread):
     rng = np.random.default_rng(seed)
     loops = closed_loops(MODEL, ft.PAPER_GAINS.K + spread * rng.standard_normal((2, 3, 2, 4)))
 
-    stack = ft.indicators_batch(loops)
+    stack = ft.loop.indicators_batch(loops)
 
     for index in np.ndindex(2, 3):
-        one = ft.indicators(loops[index])
+        one = ft.loop.indicators(loops[index])
         assert bool(stack.stable[index]) == (one.status == "stable")
         assert stack.R_K[index] == pytest.approx(one.R_K, rel=ROUNDING)
         assert stack.I_K[index] == pytest.approx(one.I_K, rel=ROUNDING)
@@ -99,10 +100,10 @@ def test_a_stack_has_the_indicators_of_its_members(seed, spread):
     ],
 )
 def test_an_unstable_loop_is_a_result_that_names_the_eigenvalue(A, named):
-    found = ft.indicators(A)
+    found = ft.loop.indicators(A)
 
     assert (found.status, found.R_K, found.I_K, found.Q) == ("unstable", 0.0, np.inf, None)
-    assert ft.indicators_batch(A).R_K == 0.0
+    assert ft.loop.indicators_batch(A).R_K == 0.0
     assert re.search(named, found.reason)
 
 
@@ -110,7 +111,7 @@ def test_a_loop_stable_only_by_rounding_gets_no_guarantee():
     turn = np.linalg.qr(np.random.default_rng(3).standard_normal((4, 4)))[0]
     integrators = turn @ np.diag([0.0, 0.0, -1.0, -1e3]) @ turn.T
 
-    found = ft.indicators(integrators - 1e-14 * np.eye(4))
+    found = ft.loop.indicators(integrators - 1e-14 * np.eye(4))
 
     assert found.status == "unstable" or found.R_K < 1e-12
 
@@ -118,15 +119,15 @@ def test_a_loop_stable_only_by_rounding_gets_no_guarantee():
 @pytest.mark.parametrize(
     ("A", "scaling", "error", "message"),
     [
-        (np.ones((2, 3)), None, ft.ShapeError, "`A_K` must have shape"),
+        (np.ones((2, 3)), None, ShapeError, "`A_K` must have shape"),
         ([[np.nan]], None, ft.InputError, "`A_K` must be finite"),
         ([[-1.0]], [0.0], ft.InputError, "`scaling` must be positive"),
     ],
 )
 def test_what_cannot_be_a_loop_is_refused(A, scaling, error, message):
     with pytest.raises(error, match=message):
-        ft.indicators(A, scaling=scaling)
+        ft.loop.indicators(A, scaling=scaling)
 
 
 def test_no_loops_have_no_indicators():
-    assert ft.indicators_batch(np.empty((0, 3, 3))).R_K.shape == (0,)
+    assert ft.loop.indicators_batch(np.empty((0, 3, 3))).R_K.shape == (0,)

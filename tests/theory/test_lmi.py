@@ -68,7 +68,7 @@ def stable_loops(draw):
 @settings(max_examples=30, suppress_health_check=list(HealthCheck))
 @given(stable_loops())
 def test_solver_and_closed_form_agree_on_stiff_and_nearly_unstable_loops(A):
-    assert rate(largest_rate(A)) == pytest.approx(ft.indicators(A).R_K, rel=AGREEMENT)
+    assert rate(largest_rate(A)) == pytest.approx(ft.loop.indicators(A).R_K, rel=AGREEMENT)
 
 
 def test_the_best_rate_of_the_papers_gains_is_that_of_the_closed_form_0_4599():

@@ -12,7 +12,7 @@ from flighttune.files.value import write
 from flighttune.theory import rate_bound
 from flighttune.theory.rate_bound import least_radius, optimal_channel, slowest_channel
 
-MODEL = ft.kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
+MODEL = ft.loop.kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
 ROUNDING = 1e-9
 SEARCHED = 1e-6  # an optimum found by a search is as good as one root
 
@@ -28,7 +28,7 @@ def channels(p, q):
 def test_the_channel_has_the_indicators_it_states(R_K):
     channel = least_radius(R_K)
 
-    measured = ft.indicators(channels(channel.p, channel.q))
+    measured = ft.loop.indicators(channels(channel.p, channel.q))
 
     assert measured.R_K == pytest.approx(R_K, rel=ROUNDING)
     assert measured.I_K == pytest.approx(channel.I_K, rel=ROUNDING)
@@ -38,7 +38,7 @@ def test_the_channel_has_the_indicators_it_states(R_K):
 def test_no_channel_of_a_fine_grid_is_better(I_star):
     p, q = np.meshgrid(np.geomspace(0.2, 20.0, 600), np.geomspace(0.2, 20.0, 600))
 
-    measured = ft.indicators_batch(channels(p, q))
+    measured = ft.loop.indicators_batch(channels(p, q))
 
     best = measured.R_K[measured.I_K <= I_star].max()
     assert best == pytest.approx(optimal_channel(I_star).R_K, rel=0.02)
@@ -56,7 +56,7 @@ def test_no_smaller_bound_can_be_met():
 @pytest.mark.slow
 @pytest.mark.parametrize("I_star", np.geomspace(4.86, 60.0, 6))
 def test_tune_finds_the_closed_optimum(I_star):
-    found = ft.tune(ft.TuningProblem(model=MODEL, I_star=I_star), starts=3)
+    found = ft.tune(ft.loop.TuningProblem(model=MODEL, I_star=I_star), starts=3)
 
     assert found.R_K == pytest.approx(optimal_channel(I_star).R_K, rel=SEARCHED)
 
@@ -66,10 +66,10 @@ def test_loops_of_any_size_satisfy_the_inequalities_of_the_proof():
     top = rng.standard_normal((4000, 3, 6)) - 2.0 * np.hstack([np.eye(3), np.eye(3)])
     lower = np.broadcast_to(np.hstack([np.eye(3), np.zeros((3, 3))]), top.shape)
     A = np.concatenate([top, lower], axis=1)
-    A = A[ft.indicators_batch(A).stable][:20]
+    A = A[ft.loop.indicators_batch(A).stable][:20]
     assert len(A) == 20
     for loop in A:
-        W = np.linalg.inv(ft.indicators(loop).Q)
+        W = np.linalg.inv(ft.loop.indicators(loop).Q)
         T = np.linalg.solve(loop, W)
         R, w = np.linalg.eigvalsh(W)[[0, -1]]
         sigma = np.linalg.svd(loop)[1][-1]

@@ -15,6 +15,7 @@ from worst_reach import ReachableSet, largest_reach, worst_disturbance
 import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import closed_loops
+from flighttune.errors import ShapeError
 from flighttune.theory import reachable as tabulated
 from flighttune.theory.lyapunov import invariant_ellipsoid, paper_balls
 from flighttune.theory.reachable import error_slopes, largest_errors, largest_outputs
@@ -27,10 +28,10 @@ SLOPES = 1e-5
 
 FLIGHTS = {
     "paper": A_K,
-    "tuned": ft.closed_loop(
+    "tuned": ft.loop.closed_loop(
         MODEL, ft.PIGains(K_P=np.diag([2.2209, 2.4797]), K_I=np.diag([3.8753, 3.8753]))
     ),
-    "coupled": ft.closed_loop(
+    "coupled": ft.loop.closed_loop(
         MODEL, ft.PIGains(K_P=np.array([[1.5, 0.4], [-0.9, 3.0]]), K_I=np.diag([1.0, 5.0]))
     ),
 }
@@ -44,7 +45,7 @@ def bounds(name):
         largest_reach(ReachableSet.of(A, E, L_d=L_D)),
         invariant_ellipsoid(A, E, L_d=L_D),
         L_D * largest_outputs(A[None], E, np.eye(4))[0],
-        paper_balls(A, MODEL.A, I_K=ft.indicators(A).I_K, L_d=L_D)[0],
+        paper_balls(A, MODEL.A, I_K=ft.loop.indicators(A).I_K, L_d=L_D)[0],
     )
 
 
@@ -147,7 +148,7 @@ FOUR_DIGITS = 5e-5
 
 @pytest.mark.parametrize("name", E_K)
 def test_the_largest_error_of_the_papers_gains(name):
-    assert ft.indicators(closed_loops(MODEL, K[name])).E_K == pytest.approx(
+    assert ft.loop.indicators(closed_loops(MODEL, K[name])).E_K == pytest.approx(
         E_K[name], abs=FOUR_DIGITS
     )
 
@@ -176,7 +177,7 @@ def test_the_largest_error_of_a_decoupled_channel_is_known_on_paper(p, q):
     both = oscillator_error(p, q), oscillator_error(3.0, 5.0)
     assert errors.max() == pytest.approx(max(both), rel=EXACT)
     assert errors.tolist() == pytest.approx(both, abs=EXACT * max(both))
-    assert ft.indicators(alone).E_K == pytest.approx(both[0], rel=EXACT)
+    assert ft.loop.indicators(alone).E_K == pytest.approx(both[0], rel=EXACT)
 
 
 def test_the_slopes_of_a_decoupled_channel_are_those_of_its_formula():
@@ -246,12 +247,12 @@ def test_lags_behind_a_model_have_no_disturbance_of_their_own():
     """With a lag of 1e-5 s the figure is that of the loop without it, whatever the lag's unit."""
     lagged = closed_loops(with_input_lag(MODEL, 1e5), ft.PAPER_GAINS.K)
 
-    measured = ft.indicators(lagged, errors=2)
+    measured = ft.loop.indicators(lagged, errors=2)
 
-    assert measured.E_K == pytest.approx(ft.indicators(A_K).E_K, rel=1e-3)
-    assert math.isnan(ft.indicators(lagged).E_K)
-    with pytest.raises(ft.ShapeError, match="`A_K`"):
-        ft.indicators(lagged, errors=8)
+    assert measured.E_K == pytest.approx(ft.loop.indicators(A_K).E_K, rel=1e-3)
+    assert math.isnan(ft.loop.indicators(lagged).E_K)
+    with pytest.raises(ShapeError, match="`A_K`"):
+        ft.loop.indicators(lagged, errors=8)
 
 
 def test_a_loop_has_its_bits_in_any_stack():

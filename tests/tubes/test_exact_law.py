@@ -10,7 +10,7 @@ from tests.tubes.test_soundness import made_up, tube
 
 DEG = math.pi / 180.0
 
-EXACT_PAPER = ft.rate_gains(ft.PAPER_GAINS, V_a=25.0)
+EXACT_PAPER = ft.loop.rate_gains(ft.PAPER_GAINS, V_a=25.0)
 
 
 def with_exact(scenario, plant):

@@ -47,7 +47,7 @@ def test_flights_ten_times_as_long_stay_inside(scenario, found, omega):
     longer = ft.scenario_from(tables)
 
     signals, _ = simulate(
-        ft.PointMassPlant(
+        ft.loop.PointMassPlant(
             None,
             disturbance=Sinusoid(
                 chi_amplitude=D, chi_omega=omega, gamma_amplitude=-D, gamma_omega=omega

@@ -17,9 +17,9 @@ ROUNDING = 1e-12
 QUADRATURE = 1e-9
 
 LAGS = [
-    ft.InnerLag(order=1, natural_frequency=6.0),
-    ft.InnerLag(order=2, natural_frequency=12.0, damping=0.6, delay=0.03),
-    ft.InnerLag(order=3, natural_frequency=9.0, damping=0.8, lag=0.1, delay=0.055),
+    ft.loop.InnerLag(order=1, natural_frequency=6.0),
+    ft.loop.InnerLag(order=2, natural_frequency=12.0, damping=0.6, delay=0.03),
+    ft.loop.InnerLag(order=3, natural_frequency=9.0, damping=0.8, lag=0.1, delay=0.055),
 ]
 
 

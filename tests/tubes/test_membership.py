@@ -23,7 +23,7 @@ from tests.tubes.test_soundness_lagged import disturbed_flight
 
 DEG = math.pi / 180.0
 
-EXACT_PAPER = ft.rate_gains(ft.PAPER_GAINS, V_a=25.0)
+EXACT_PAPER = ft.loop.rate_gains(ft.PAPER_GAINS, V_a=25.0)
 
 SOLVED = 1e-6
 """Tolerance of the linear programs, which HiGHS solves to 1e-7."""

@@ -70,7 +70,7 @@ def flown(scenario, gains, start, disturbance, seed):
     sizes = disturbance * rng.choice([-1.0, 1.0], (FLIGHTS, 2))
     omegas = rng.choice([0.0, 0.5, 2.0, 20.0], (FLIGHTS, 2))
     controller = scenario.controller
-    law = ft.MimoPI(
+    law = ft.loop.MimoPI(
         gains,
         scenario.limits.limits(),
         dt=dt,
@@ -80,7 +80,7 @@ def flown(scenario, gains, start, disturbance, seed):
     return fly_sampled(
         [law] * FLIGHTS,
         [
-            ft.FlightCondition(
+            ft.loop.FlightCondition(
                 V_a=condition.V_a, chi=condition.chi + start * a, gamma=condition.gamma + start * b
             )
             for a, b in corners

@@ -26,7 +26,7 @@ RATE = st.floats(-0.03, 0.03)
 LAGS = [one.lags for name in ("aerosonde", "a4") for one in ft.load_identified(name).conditions]
 
 
-class Disturbed(ft.PointMassPlant):
+class Disturbed(ft.loop.PointMassPlant):
     """The model under a disturbance that is constant over each sample, shape (samples, 2).
 
     Its controller sees `beyond` more roll at each sample.

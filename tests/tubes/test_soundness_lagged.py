@@ -92,7 +92,7 @@ def disturbed_flight(problem, off, disturbance, rng):
     scenario, condition = problem.scenario, start_condition(problem.scenario)
     start = replace(condition, chi=condition.chi + off[0], gamma=condition.gamma + off[1])
     signals, _ = simulate(
-        ft.PointMassPlant(
+        ft.loop.PointMassPlant(
             problem.lags or None,
             disturbance=bang_bang(disturbance, problem.controller().dt, rng),
             turn="exact" if problem.loop.exact else "paper",

@@ -22,7 +22,7 @@ LEVEL = Envelope.at(V_a=25.0, gamma=0.0)
 def bounded(model):
     """Behind a lag, where the fastest gains are not those of the smallest error."""
     lagged = with_input_lag(model, 4.0)
-    return ft.TuningProblem(model=lagged, E_star=0.8, K_fixed=decoupled(lagged))
+    return ft.loop.TuningProblem(model=lagged, E_star=0.8, K_fixed=decoupled(lagged))
 
 
 def test_the_bound_on_the_error_is_met(bounded):
@@ -34,14 +34,14 @@ def test_the_bound_on_the_error_is_met(bounded):
     assert result.status == "optimal"
     assert result.E_K <= bounded.E_star
     assert result.gains is not None
-    loop = ft.closed_loop(bounded.model, result.gains)
-    assert ft.indicators(loop, errors=2).E_K == result.E_K
+    loop = ft.loop.closed_loop(bounded.model, result.gains)
+    assert ft.loop.indicators(loop, errors=2).E_K == result.E_K
     assert "E_K" in result.active
     assert result.E_K == pytest.approx(bounded.E_star, rel=BINDING)
 
 
 def test_an_error_that_is_not_reached_is_named(model):
-    problem = ft.TuningProblem(model=model, I_star=5.0, E_star=0.01)
+    problem = ft.loop.TuningProblem(model=model, I_star=5.0, E_star=0.01)
     paper = assessment(problem, ft.PAPER_GAINS.K)
 
     assert not is_feasible(problem, paper)
@@ -65,9 +65,9 @@ def test_the_error_is_bounded_on_the_identified_aircraft_too():
 def test_a_bound_on_the_error_that_cannot_be_is_refused(model):
     for E_star in (0.0, -1.0, math.nan):
         with pytest.raises(ft.InputError, match="`E_star` must be positive"):
-            ft.TuningProblem(model=model, E_star=E_star)
+            ft.loop.TuningProblem(model=model, E_star=E_star)
     with pytest.raises(ft.InputError, match="`E_star`"):
-        tune_over_envelope(ft.TuningProblem(model=model, E_star=1.0), LEVEL, LEVEL, g=9.81)
+        tune_over_envelope(ft.loop.TuningProblem(model=model, E_star=1.0), LEVEL, LEVEL, g=9.81)
     with pytest.raises(ft.ScenarioError, match="`E_star`"):
         ft.load_scenario("paper", changes={"tuning.E_star": 0.0})
 

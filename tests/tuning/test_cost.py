@@ -22,7 +22,7 @@ FREE = np.inf
 @pytest.fixture(scope="module")
 def problem(model):
     weights = np.ones(2), np.full(2, 0.1)
-    return ft.TuningProblem(
+    return ft.loop.TuningProblem(
         model=model, x_0=np.array([-np.pi / 3.0, -np.pi / 6.0]), weights=weights
     )
 

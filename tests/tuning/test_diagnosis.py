@@ -61,8 +61,8 @@ def test_a_single_limit_in_the_way_has_a_factor_of_its_own(printed):
 
 
 def test_without_limits_there_is_no_factor(model):
-    unlimited = diagnosis(ft.TuningProblem(model=model, I_star=5.0))
+    unlimited = diagnosis(ft.loop.TuningProblem(model=model, I_star=5.0))
     assert (unlimited.common_factor, unlimited.limits) == (0.0, ())
-    hopeless = diagnosis(ft.TuningProblem(model=model, I_star=4.0))
+    hopeless = diagnosis(ft.loop.TuningProblem(model=model, I_star=4.0))
     assert hopeless.common_factor == np.inf
     assert hopeless.gains is None

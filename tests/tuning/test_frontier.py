@@ -16,7 +16,7 @@ HALF_LAST_DIGIT = 5e-5
 
 @pytest.fixture(scope="module")
 def paper_frontier(model):
-    return frontier(ft.TuningProblem(model=model), points=12, marked=MARKED)
+    return frontier(ft.loop.TuningProblem(model=model), points=12, marked=MARKED)
 
 
 def test_none_of_the_papers_gains_lie_above_the_frontier(paper_frontier):
@@ -39,14 +39,14 @@ def test_the_frontier_rises_from_the_smallest_i_k(paper_frontier):
 
 
 def test_a_point_of_the_frontier_is_the_known_optimum(model):
-    line = frontier(ft.TuningProblem(model=model), points=2)
+    line = frontier(ft.loop.TuningProblem(model=model), points=2)
 
     known = optimal_channel(line.I_star.iloc[-1])
     assert line.R_K.iloc[-1] == pytest.approx(known.R_K, abs=1e-5)
 
 
 def test_without_stable_gains_only_the_marks_are_left(model):
-    found = frontier(ft.TuningProblem(model=model, K_fixed=np.ones((2, 4))), marked=MARKED)
+    found = frontier(ft.loop.TuningProblem(model=model, K_fixed=np.ones((2, 4))), marked=MARKED)
 
     assert list(found.name) == list(MARKED)
 

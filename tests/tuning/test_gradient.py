@@ -22,7 +22,7 @@ FLAT = 0.04  # the rate changes by 1e-4 over this much gain
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_the_optimum_for_an_i_star_of_5_is_found_from_every_seed(model, seed):
-    found = ft.tune(ft.TuningProblem(model=model, I_star=5.0, seed=seed))
+    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=5.0, seed=seed))
 
     assert found.status == "optimal"
     assert found.R_K == pytest.approx(0.53976, abs=FIFTH_DIGIT)
@@ -35,26 +35,26 @@ def test_the_optimum_for_an_i_star_of_5_is_found_from_every_seed(model, seed):
 
 
 def test_the_optimum_for_the_printed_i_k_beats_the_papers(model):
-    found = ft.tune(ft.TuningProblem(model=model, I_star=4.9244))
+    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=4.9244))
 
     assert found.R_K == pytest.approx(0.51393, abs=FIFTH_DIGIT)
-    assert found.R_K > 1.1 * ft.indicators(ft.closed_loop(model, ft.PAPER_GAINS)).R_K
+    assert found.R_K > 1.1 * ft.loop.indicators(ft.loop.closed_loop(model, ft.PAPER_GAINS)).R_K
 
 
 def test_no_random_gains_near_the_optimum_are_better(model):
-    found = ft.tune(ft.TuningProblem(model=model, I_star=5.0))
+    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=5.0))
     rng = np.random.default_rng(7)
     size = 10.0 ** rng.uniform(-4.0, 0.0, (20_000, 1, 1))
     near = found.gains.K + size * rng.standard_normal((20_000, 2, 4))
 
-    others = ft.indicators_batch(closed_loops(model, near))
+    others = ft.loop.indicators_batch(closed_loops(model, near))
 
     assert others.R_K[others.I_K <= 5.0].max() <= found.R_K
 
 
 @pytest.mark.slow
 def test_an_i_star_below_the_smallest_i_k_is_infeasible_and_says_how_far(model):
-    found = ft.tune(ft.TuningProblem(model=model, I_star=4.8))
+    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=4.8))
 
     assert found.status == "infeasible"
     assert found.smallest_I_K == pytest.approx(4.8503, abs=HALF_LAST_DIGIT)
@@ -93,13 +93,15 @@ def test_relaxed_limits_cost_what_they_are_known_to(printed, factor, R_K):
 def test_gains_tuned_for_the_lag_are_well_damped_where_the_papers_are_not(model):
     lagged = with_input_lag(model, (4.0, 8.0))
 
-    found = ft.tune(ft.TuningProblem(model=lagged, K_fixed=decoupled(lagged)))
+    found = ft.tune(ft.loop.TuningProblem(model=lagged, K_fixed=decoupled(lagged)))
 
     assert found.status == "optimal"
     assert found.R_K == pytest.approx(0.1153, abs=HALF_LAST_DIGIT)
     assert found.gains.K[1, [1, 3]] == pytest.approx([2.90, 0.92], abs=FLAT)
-    assert worst_damping(ft.closed_loop(lagged, found.gains)) > 0.85
-    assert worst_damping(ft.closed_loop(lagged, ft.PAPER_GAINS)) == pytest.approx(0.12, abs=5e-3)
+    assert worst_damping(ft.loop.closed_loop(lagged, found.gains)) > 0.85
+    assert worst_damping(ft.loop.closed_loop(lagged, ft.PAPER_GAINS)) == pytest.approx(
+        0.12, abs=5e-3
+    )
 
 
 @pytest.mark.slow
@@ -107,8 +109,8 @@ def test_gains_tuned_for_the_lag_are_well_damped_where_the_papers_are_not(model)
 def test_channels_that_the_rate_leaves_open_do_not_depend_on_the_seed(model, seed):
     lagged = with_input_lag(model, (4.0, 8.0))
 
-    coupled = ft.tune(ft.TuningProblem(model=lagged, seed=seed))
-    own = ft.tune(ft.TuningProblem(model=lagged, K_fixed=decoupled(lagged)))
+    coupled = ft.tune(ft.loop.TuningProblem(model=lagged, seed=seed))
+    own = ft.tune(ft.loop.TuningProblem(model=lagged, K_fixed=decoupled(lagged)))
 
     assert coupled.gains.K == pytest.approx(own.gains.K, abs=FLAT)
     assert coupled.R_K == pytest.approx(own.R_K, rel=2e-4)
@@ -118,7 +120,7 @@ def test_structure_and_bounds_are_kept_and_named(model):
     K_max = np.full((2, 4), 3.0)
 
     found = ft.tune(
-        ft.TuningProblem(model=model, I_star=6.0, K_fixed=decoupled(model), K_max=K_max)
+        ft.loop.TuningProblem(model=model, I_star=6.0, K_fixed=decoupled(model), K_max=K_max)
     )
 
     assert found.gains.K[[0, 0, 1, 1], [1, 3, 0, 2]].tolist() == [0.0] * 4
@@ -128,7 +130,7 @@ def test_structure_and_bounds_are_kept_and_named(model):
 
 @pytest.mark.parametrize(("I_star", "status"), [(5.0, "optimal"), (4.9, "infeasible")])
 def test_gains_that_are_all_fixed_are_only_assessed(model, I_star, status):
-    found = ft.tune(ft.TuningProblem(model=model, I_star=I_star, K_fixed=ft.PAPER_GAINS.K))
+    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=I_star, K_fixed=ft.PAPER_GAINS.K))
 
     assert found.status == status
     assert np.array_equal(found.gains.K, ft.PAPER_GAINS.K)
@@ -139,18 +141,18 @@ def test_gains_that_are_all_fixed_are_only_assessed(model, I_star, status):
 def test_state_scaling_changes_what_is_optimal(model):
     scaling = np.array([0.5, 0.5, 1.0, 1.0])
 
-    found = ft.tune(ft.TuningProblem(model=model, I_star=8.0, scaling=scaling))
+    found = ft.tune(ft.loop.TuningProblem(model=model, I_star=8.0, scaling=scaling))
 
-    again = ft.indicators(ft.closed_loop(model, found.gains), scaling=scaling)
+    again = ft.loop.indicators(ft.loop.closed_loop(model, found.gains), scaling=scaling)
     assert (found.R_K, found.I_K) == (again.R_K, again.I_K)
-    assert found.R_K > ft.indicators(ft.closed_loop(model, found.gains)).R_K
+    assert found.R_K > ft.loop.indicators(ft.loop.closed_loop(model, found.gains)).R_K
 
 
 @pytest.mark.parametrize("without", ["freedom", "control"])
 def test_a_loop_that_cannot_be_stabilised_is_a_failure_with_a_reason(model, without):
-    problem = ft.TuningProblem(model=model, K_fixed=np.ones((2, 4)))
+    problem = ft.loop.TuningProblem(model=model, K_fixed=np.ones((2, 4)))
     if without == "control":
-        problem = ft.TuningProblem(model=replace(model, B=np.zeros((2, 2))))
+        problem = ft.loop.TuningProblem(model=replace(model, B=np.zeros((2, 2))))
 
     found = ft.tune(problem)
 
@@ -168,7 +170,7 @@ NEVER_WORSE_BY = 1e-4
 
 @pytest.mark.slow
 def test_evolution_ends_just_below_the_gradient_method(model):
-    problem = ft.TuningProblem(model=model, I_star=5.0)
+    problem = ft.loop.TuningProblem(model=model, I_star=5.0)
 
     evolved, descended = tune_by_evolution(problem), ft.tune(problem)
 

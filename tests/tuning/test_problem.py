@@ -6,6 +6,7 @@ import pytest
 import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import closed_loops
+from flighttune.errors import ShapeError
 from flighttune.tuning.problem import decoupled, search_space
 from flighttune.tuning.program import stabilising_starts
 
@@ -35,7 +36,7 @@ def test_fixed_gains_take_part_in_the_limits_but_not_in_the_search(printed, mode
     K_fixed = np.full((2, 4), np.nan)
     K_fixed[0, 2:] = ft.PAPER_GAINS.K[0, 2:]
     fixed = search_space(
-        ft.TuningProblem(model=model, limits=printed.limits, x_0=printed.x_0, K_fixed=K_fixed)
+        ft.loop.TuningProblem(model=model, limits=printed.limits, x_0=printed.x_0, K_fixed=K_fixed)
     )
 
     slack = fixed.slack(ft.PAPER_GAINS.K[np.isnan(K_fixed)])
@@ -50,7 +51,7 @@ def test_fixed_gains_take_part_in_the_limits_but_not_in_the_search(printed, mode
 @pytest.mark.parametrize("seed", range(5))
 def test_starts_are_stable_inside_the_bounds_and_the_same_for_one_seed(model, seed):
     lagged = with_input_lag(model, (4.0, 8.0))
-    problem = ft.TuningProblem(
+    problem = ft.loop.TuningProblem(
         model=lagged, K_fixed=decoupled(lagged), K_max=np.full((2, 4), 3.0), seed=seed
     )
     space = search_space(problem)
@@ -67,12 +68,12 @@ def test_starts_are_stable_inside_the_bounds_and_the_same_for_one_seed(model, se
     ("change", "error", "message"),
     [
         ({"I_star": 0.0}, ft.InputError, "`I_star` must be positive, got 0"),
-        ({"limits": ft.Limits.none(2)}, ft.InputError, "`x_0` must be given with `limits`"),
-        ({"limits": ft.Limits.none(3), "x_0": np.ones(2)}, ft.ShapeError, "`limits` must have 2"),
-        ({"K_min": np.zeros((2, 2))}, ft.ShapeError, r"`K_min` must have shape \(2, 4\)"),
+        ({"limits": ft.loop.Limits.none(2)}, ft.InputError, "`x_0` must be given with `limits`"),
+        ({"limits": ft.loop.Limits.none(3), "x_0": np.ones(2)}, ShapeError, "`limits` must have 2"),
+        ({"K_min": np.zeros((2, 2))}, ShapeError, r"`K_min` must have shape \(2, 4\)"),
         ({"K_min": np.ones((2, 4)), "K_max": np.zeros((2, 4))}, ft.InputError, "`K_min` must not"),
     ],
 )
 def test_a_problem_that_makes_no_sense_is_refused_by_name(model, change, error, message):
     with pytest.raises(error, match=message):
-        ft.TuningProblem(model=model, **change)
+        ft.loop.TuningProblem(model=model, **change)

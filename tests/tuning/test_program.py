@@ -19,7 +19,7 @@ def test_slopes_of_several_models_are_those_of_central_differences(printed, mode
     K_fixed = np.full((2, 4), np.nan)
     K_fixed[0, 1] = 0.1
     several = [
-        ft.TuningProblem(
+        ft.loop.TuningProblem(
             model=plant, I_star=9.0, limits=printed.limits, x_0=printed.x_0, K_fixed=K_fixed
         )
         for plant in (model, with_input_lag(model, (4.0, 8.0)))

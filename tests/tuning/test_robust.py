@@ -18,17 +18,18 @@ STEP = 0.02
 
 
 def problem(w=8.0, gamma=0.25, **kept):
-    law = ft.kinematic_model(V_a=25.0, gamma=gamma, g=9.81)
+    law = ft.loop.kinematic_model(V_a=25.0, gamma=gamma, g=9.81)
     lags = [
-        ft.InnerLag(order=2, natural_frequency=f, damping=0.7, delay=0.05) for f in (w, 2.0 * w)
+        ft.loop.InnerLag(order=2, natural_frequency=f, damping=0.7, delay=0.05)
+        for f in (w, 2.0 * w)
     ]
-    return ft.TuningProblem(
+    return ft.loop.TuningProblem(
         model=with_inner_loop(law, lags), scaling=inner_loop_scaling(law, lags), seed=1, **kept
     )
 
 
 def rate(one, K):
-    return ft.indicators(closed_loops(one.model, K), scaling=one.scaling).R_K
+    return ft.loop.indicators(closed_loops(one.model, K), scaling=one.scaling).R_K
 
 
 def test_one_model_gives_the_optimum_of_the_decoupled_problem():
@@ -65,9 +66,9 @@ def test_the_worst_of_several_models_is_better_than_that_of_gains_for_one():
 
 
 def test_models_of_different_order_go_together():
-    law = ft.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
-    lags = [ft.InnerLag(order=1, natural_frequency=5.0)] * 2
-    other = ft.TuningProblem(
+    law = ft.loop.kinematic_model(V_a=25.0, gamma=0.0, g=9.81)
+    lags = [ft.loop.InnerLag(order=1, natural_frequency=5.0)] * 2
+    other = ft.loop.TuningProblem(
         model=with_inner_loop(law, lags), scaling=inner_loop_scaling(law, lags), seed=1
     )
 
@@ -75,7 +76,7 @@ def test_models_of_different_order_go_together():
 
 
 def test_input_limits_are_kept():
-    limits = ft.Limits(
+    limits = ft.loop.Limits(
         lower=np.array([-0.3, -0.3]), upper=np.array([0.3, 0.3]),
         rate_lower=np.array([-9.0, -9.0]), rate_upper=np.array([9.0, 9.0]),
     )  # fmt: skip

@@ -56,10 +56,10 @@ def corner_rate(gains, envelope):
     """Without the polytopes: the law linearised at the 16 corners of the conditions."""
     corners = itertools.product(envelope.V_a, envelope.gamma, envelope.phi, envelope.n_z)
     models = [
-        ft.kinematic_model(V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=G)
+        ft.loop.kinematic_model(V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=G)
         for V_a, gamma, phi, n_z in corners
     ]
-    return common_Q(np.array([ft.closed_loop(model, gains) for model in models])).R
+    return common_Q(np.array([ft.loop.closed_loop(model, gains) for model in models])).R
 
 
 @pytest.mark.parametrize(("over", "corners", "polytope"), TABLE)
@@ -77,7 +77,9 @@ def test_one_common_Q_holds_at_a_thousand_conditions_drawn_from_the_envelope():
     low, high = np.array([GENTLE.V_a, GENTLE.gamma, GENTLE.phi, GENTLE.n_z]).T
 
     for V_a, gamma, phi, n_z in rng.uniform(low, high, size=(1000, 4)):
-        A = ft.closed_loop(ft.kinematic_model(V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=G), TUNED)
+        A = ft.loop.closed_loop(
+            ft.loop.kinematic_model(V_a=V_a, gamma=gamma, phi=phi, n_z=n_z, g=G), TUNED
+        )
         assert np.linalg.eigvalsh(A.T @ Q + Q @ A + np.eye(4))[-1] < SOLVER
 
 
@@ -91,14 +93,14 @@ def test_a_curve_of_rates_starts_at_that_of_the_trim_and_falls(model):
     for gains in (ft.PAPER_GAINS, TUNED):
         _, rates = rate_curve(gains, MODERATE, TRIM, g=G, up_to=1.2)
 
-        at_trim = ft.indicators(ft.closed_loop(model, gains)).R_K
+        at_trim = ft.loop.indicators(ft.loop.closed_loop(model, gains)).R_K
         assert rates[0] == pytest.approx(at_trim, rel=10.0 * SOLVER)
         assert (np.diff(rates) < 0.0).all()
 
 
 @pytest.fixture(scope="module")
 def tuned(model):
-    return tune_over_envelope(ft.TuningProblem(model=model, I_star=10.0), MODERATE, TRIM, g=G)
+    return tune_over_envelope(ft.loop.TuningProblem(model=model, I_star=10.0), MODERATE, TRIM, g=G)
 
 
 def test_gains_tuned_for_the_envelope_beat_those_tuned_for_the_trim_and_keep_the_radius(
@@ -106,15 +108,17 @@ def test_gains_tuned_for_the_envelope_beat_those_tuned_for_the_trim_and_keep_the
 ):
     assert tuned.status == "found"
     assert tuned.I_K <= 10.0
-    assert ft.indicators(ft.closed_loop(model, tuned.gains)).I_K == pytest.approx(tuned.I_K)
+    assert ft.loop.indicators(ft.loop.closed_loop(model, tuned.gains)).I_K == pytest.approx(
+        tuned.I_K
+    )
     assert envelope_rate(tuned.gains, MODERATE, g=G).R == pytest.approx(tuned.R_envelope)
-    nominal = tune_by_gradient(ft.TuningProblem(model=model, I_star=10.0))
+    nominal = tune_by_gradient(ft.loop.TuningProblem(model=model, I_star=10.0))
     assert tuned.R_envelope > 1.005 * envelope_rate(nominal.gains, MODERATE, g=G).R
     assert tuned.R_K < nominal.R_K
 
 
 def test_no_gains_nearby_are_better(model, tuned):
-    problem = ft.TuningProblem(model=model, I_star=10.0)
+    problem = ft.loop.TuningProblem(model=model, I_star=10.0)
     models = jacobian_hull(MODERATE, g=G).models()
     k = tuned.gains.K[search_space(problem).free]
     rng = np.random.default_rng(0)
@@ -128,14 +132,14 @@ def test_no_gains_nearby_are_better(model, tuned):
 
 
 def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(model):
-    limits = ft.Limits(
+    limits = ft.loop.Limits(
         lower=8.0 * np.array([-np.pi / 4, -2.1]),
         upper=8.0 * np.array([np.pi / 4, 2.1]),
         rate_lower=8.0 * np.array([-np.pi / 6, -1.0]),
         rate_upper=8.0 * np.array([np.pi / 6, 1.0]),
     )
     x_0 = np.array([-np.pi / 3, -np.pi / 6])
-    problem = ft.TuningProblem(model=model, I_star=10.0, limits=limits, x_0=x_0)
+    problem = ft.loop.TuningProblem(model=model, I_star=10.0, limits=limits, x_0=x_0)
 
     found = tune_over_envelope(problem, GENTLE, TRIM, g=G, starts=0)
 
@@ -150,7 +154,9 @@ def test_input_limits_hold_at_the_gains_tuned_for_an_envelope(model):
 def test_an_envelope_out_of_reach_is_a_result_that_says_how_far_gains_got(model):
     wide = envelope((15.0, 40.0), (-30.0, 60.0), (-60.0, 60.0), (-1.0, 3.0))
 
-    found = tune_over_envelope(ft.TuningProblem(model=model, I_star=5.0), wide, TRIM, g=G, starts=0)
+    found = tune_over_envelope(
+        ft.loop.TuningProblem(model=model, I_star=5.0), wide, TRIM, g=G, starts=0
+    )
 
     assert found.status == "infeasible"
     assert found.reason.startswith("No common Q was found beyond 0.6")
@@ -159,7 +165,7 @@ def test_an_envelope_out_of_reach_is_a_result_that_says_how_far_gains_got(model)
 
 
 def test_a_problem_without_feasible_gains_is_infeasible_here_too(model):
-    found = tune_over_envelope(ft.TuningProblem(model=model, I_star=4.0), GENTLE, TRIM, g=G)
+    found = tune_over_envelope(ft.loop.TuningProblem(model=model, I_star=4.0), GENTLE, TRIM, g=G)
 
     assert found.status == "infeasible"
     assert "`I_star` must be at least 4.85" in found.reason
@@ -168,11 +174,11 @@ def test_a_problem_without_feasible_gains_is_infeasible_here_too(model):
 
 def test_an_envelope_without_the_trim_and_a_state_scaling_are_refused(model):
     outside = Envelope.at(V_a=40.0, gamma=0.0)
-    scaled = ft.TuningProblem(model=model, scaling=np.array([1.0, 1.0, 2.0, 2.0]))
+    scaled = ft.loop.TuningProblem(model=model, scaling=np.array([1.0, 1.0, 2.0, 2.0]))
 
     with pytest.raises(ft.InputError, match="`envelope` must contain"):
         largest_factor(TUNED, GENTLE, outside, g=G)
     with pytest.raises(ft.InputError, match="`envelope` must contain"):
-        tune_over_envelope(ft.TuningProblem(model=model), GENTLE, outside, g=G)
+        tune_over_envelope(ft.loop.TuningProblem(model=model), GENTLE, outside, g=G)
     with pytest.raises(ft.InputError, match="`scaling`"):
         tune_over_envelope(scaled, GENTLE, TRIM, g=G)

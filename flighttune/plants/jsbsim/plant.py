@@ -92,8 +92,8 @@ class JSBSimPlant:
 
     Examples
     --------
-    >>> plant = ft.JSBSimPlant("aerosonde")
-    >>> plant.start(ft.FlightCondition(V_a=25.0))
+    >>> plant = ft.loop.JSBSimPlant("aerosonde")
+    >>> plant.start(ft.loop.FlightCondition(V_a=25.0))
     >>> round(plant.config.engines.count), "elevator" in plant.signals
     (1, True)
     """

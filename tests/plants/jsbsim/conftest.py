@@ -45,10 +45,10 @@ def fly():
         throttle_max=None, **condition,
     ):  # fmt: skip
         """Fly `command` (a function of the signals now, or a constant) from `condition`."""
-        plant = ft.JSBSimPlant(
+        plant = ft.loop.JSBSimPlant(
             aircraft, weather=weather, ground=ground, seed=seed, throttle_max=throttle_max
         )
-        plant.start(ft.FlightCondition(**{"V_a": 25.0} | condition))
+        plant.start(ft.loop.FlightCondition(**{"V_a": 25.0} | condition))
         rows, stop = [plant.observe()], None
         for _ in range(round(duration / dt)):
             now = dict(zip(plant.signals, rows[-1], strict=True))

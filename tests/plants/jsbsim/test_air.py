@@ -244,6 +244,6 @@ def test_air_over_high_ground_is_that_of_the_standard_atmosphere(ground, above):
 def test_ground_must_be_where_ground_is_and_a_start_above_it():
     for ground in (math.nan, 9000.0, -2000.0):
         with pytest.raises(ft.InputError, match=r"`ground` .*-500 to 6000 m"):
-            ft.JSBSimPlant(ground=ground)
+            ft.loop.JSBSimPlant(ground=ground)
     with pytest.raises(ft.InputError, match=r"`h` .*1200 m, .*1000 m"):
-        ft.JSBSimPlant(ground=1200.0).start(ft.FlightCondition(V_a=25.0, h=1000.0))
+        ft.loop.JSBSimPlant(ground=1200.0).start(ft.loop.FlightCondition(V_a=25.0, h=1000.0))

@@ -8,6 +8,7 @@ import pytest
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.errors import TrimError
 from flighttune.plants.weather import Gust, Turbulence, Weather
 
 DEG = math.pi / 180.0
@@ -29,10 +30,10 @@ def test_the_steepest_climb_of_a_weak_engine_is_that_of_its_thrust():
     drag = Q_PER_V2 * 25.0**2 * (0.043 + 0.0232 * C_L**2)
     steepest = math.asin((WEAK * 120.0 - drag) / WEIGHT)
 
-    weak = ft.JSBSimPlant(throttle_max=WEAK)
-    weak.start(ft.FlightCondition(V_a=25.0, gamma=steepest - 0.5 * DEG))
-    with pytest.raises(ft.TrimError, match="too little thrust"):
-        weak.start(ft.FlightCondition(V_a=25.0, gamma=steepest + 0.5 * DEG))
+    weak = ft.loop.JSBSimPlant(throttle_max=WEAK)
+    weak.start(ft.loop.FlightCondition(V_a=25.0, gamma=steepest - 0.5 * DEG))
+    with pytest.raises(TrimError, match="too little thrust"):
+        weak.start(ft.loop.FlightCondition(V_a=25.0, gamma=steepest + 0.5 * DEG))
 
 
 def test_a_climb_beyond_the_thrust_ends_too_slow_and_says_at_full_throttle(fly):

@@ -8,14 +8,15 @@ import pytest
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import OffNominal
+from flighttune.errors import TrimError
 
 from .conftest import fdm_of
 
-LEVEL = ft.FlightCondition(V_a=25.0)
+LEVEL = ft.loop.FlightCondition(V_a=25.0)
 
 
 def started(folder):
-    plant = ft.JSBSimPlant(folder)
+    plant = ft.loop.JSBSimPlant(folder)
     plant.start(LEVEL)
     return plant
 
@@ -36,7 +37,7 @@ def test_a_file_that_cannot_be_flown_is_named_in_one_line(
 ):
     folder = changed_aircraft(file, pattern, replacement)
 
-    with pytest.raises((ft.PlantError, ft.TrimError), match=message) as error:
+    with pytest.raises((ft.PlantError, TrimError), match=message) as error:
         started(folder)
     assert "\n" not in str(error.value)
 
@@ -52,7 +53,7 @@ def test_malformed_property_name_is_an_error_and_not_the_end_of_the_process(name
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("channel", ["phi_cmd", "n_z_cmd"])
 def test_command_that_is_no_number_stops_the_flight(channel, bad):
-    plant = ft.JSBSimPlant()
+    plant = ft.loop.JSBSimPlant()
     plant.start(LEVEL)
     plant.advance(0.0, 1.0, 1.0)
     before = plant.observe()
@@ -188,7 +189,7 @@ def test_aircraft_file_errors_name_file_and_key(changed_aircraft, pattern, repla
     folder = changed_aircraft("aircraft.toml", pattern, replacement)
 
     with pytest.raises(ft.ScenarioError, match=rf"copy/aircraft\.toml: {message}") as error:
-        ft.JSBSimPlant(folder)
+        ft.loop.JSBSimPlant(folder)
     assert "\n" not in str(error.value)
 
 
@@ -203,5 +204,5 @@ def test_what_our_own_copy_of_a_file_cannot_hold_is_refused(changed_aircraft, te
     folder = changed_aircraft("aerosonde.xml", "<aerodynamics>", f"<aerodynamics>{text}")
 
     with pytest.raises(ft.PlantError, match=rf"aerosonde\.xml {message}") as error:
-        ft.JSBSimPlant(folder, off_nominal=OffNominal(lift_factor=1.1))
+        ft.loop.JSBSimPlant(folder, off_nominal=OffNominal(lift_factor=1.1))
     assert "\n" not in str(error.value)

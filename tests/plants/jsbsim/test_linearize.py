@@ -9,6 +9,7 @@ from scipy.linalg import block_diag
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
+from flighttune.errors import TrimError
 from flighttune.plants.jsbsim.bench import CONTROLS
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.linearize import STATES, linearize, modes
@@ -16,7 +17,7 @@ from flighttune.plants.jsbsim.trim import trim
 
 JSBSIM_STATES = ("Vt", "Alpha", "Theta", "Q", "Beta", "Phi", "P", "R")
 
-LEVEL = ft.FlightCondition(V_a=25.0)
+LEVEL = ft.loop.FlightCondition(V_a=25.0)
 ROLL_APPROXIMATION = 0.1
 """Relative difference of the roll mode from its one-degree-of-freedom approximation."""
 SHORT_PERIOD_APPROXIMATION = 0.05
@@ -37,7 +38,7 @@ def mode(level, name):
 
 @pytest.mark.parametrize(("name", "V_a"), [("aerosonde", 25.0), ("c172p", 50.0)])
 def test_has_the_five_modes_of_an_aircraft(name, V_a):
-    A, _ = linearize(load_aircraft(name), ft.FlightCondition(V_a=V_a))
+    A, _ = linearize(load_aircraft(name), ft.loop.FlightCondition(V_a=V_a))
 
     names = [motion["name"] for motion in modes(A)]
     assert names == ["short period", "phugoid", "dutch roll", "roll", "spiral"]
@@ -87,7 +88,7 @@ def test_motions_without_oscillation_keep_their_place_and_pairs_have_one_name():
 
 @pytest.mark.parametrize("gamma", [0.0, 0.3])
 def test_own_differences_give_the_modes_that_jsbsim_finds(gamma):
-    config, condition = load_aircraft("aerosonde"), ft.FlightCondition(V_a=25.0, gamma=gamma)
+    config, condition = load_aircraft("aerosonde"), ft.loop.FlightCondition(V_a=25.0, gamma=gamma)
     own_A, own_B = linearize(config, condition)
 
     fdm = Fdm(config)
@@ -103,5 +104,5 @@ def test_own_differences_give_the_modes_that_jsbsim_finds(gamma):
 
 
 def test_a_condition_without_steady_flight_is_refused():
-    with pytest.raises(ft.TrimError, match="throttle closed"):
-        linearize(load_aircraft("aerosonde"), ft.FlightCondition(V_a=25.0, gamma=-0.5))
+    with pytest.raises(TrimError, match="throttle closed"):
+        linearize(load_aircraft("aerosonde"), ft.loop.FlightCondition(V_a=25.0, gamma=-0.5))

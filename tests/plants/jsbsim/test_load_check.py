@@ -38,7 +38,9 @@ def test_what_is_not_as_the_file_says_is_named(
     folder = changed_aircraft("aircraft.toml", pattern, replacement, aircraft=name)
 
     with pytest.raises(ft.PlantError, match=message) as error:
-        ft.JSBSimPlant(folder).start(ft.FlightCondition(V_a=150.0 if name == "a4" else 50.0))
+        ft.loop.JSBSimPlant(folder).start(
+            ft.loop.FlightCondition(V_a=150.0 if name == "a4" else 50.0)
+        )
     assert "\n" not in str(error.value)
 
 
@@ -48,7 +50,7 @@ def test_gains_of_another_model_are_refused(changed_aircraft):
     file.write_text(file.read_text().replace('"A4"', '"T38"'))
 
     with pytest.raises(ft.PlantError, match=r"gains\.json: must be made"):
-        ft.JSBSimPlant(folder).start(ft.FlightCondition(V_a=200.0))
+        ft.loop.JSBSimPlant(folder).start(ft.loop.FlightCondition(V_a=200.0))
 
 
 def test_an_aircraft_without_gains_says_what_writes_them(changed_aircraft):
@@ -56,4 +58,4 @@ def test_an_aircraft_without_gains_says_what_writes_them(changed_aircraft):
     (folder / "gains.json").unlink()
 
     with pytest.raises(ft.PlantError, match=r"gains\.json: .*`flighttune design`"):
-        ft.JSBSimPlant(folder).start(ft.FlightCondition(V_a=200.0))
+        ft.loop.JSBSimPlant(folder).start(ft.loop.FlightCondition(V_a=200.0))

@@ -94,7 +94,9 @@ def test_accelerations_are_those_of_the_published_coefficients_with_the_factors(
 def test_trim_balances_weight_in_the_published_coefficients_with_the_factors(off, gamma):
     fdm, nominal = aircraft("aerosonde", **off), aircraft("aerosonde")
 
-    point, usual = (trim(one, ft.FlightCondition(V_a=25.0, gamma=gamma)) for one in (fdm, nominal))
+    point, usual = (
+        trim(one, ft.loop.FlightCondition(V_a=25.0, gamma=gamma)) for one in (fdm, nominal)
+    )
 
     surfaces = point.aileron, point.elevator, point.rudder
     body, angular = accelerations(
@@ -186,8 +188,8 @@ def test_surfaces_follow_a_step_with_the_lag_times_the_factor(name, V_a, factor)
 
 
 def flown(**plant):
-    plant = ft.JSBSimPlant("aerosonde", **plant)
-    plant.start(ft.FlightCondition(V_a=25.0))
+    plant = ft.loop.JSBSimPlant("aerosonde", **plant)
+    plant.start(ft.loop.FlightCondition(V_a=25.0))
     for _ in range(100):
         plant.advance(0.4, 1.1, 0.02)
     return plant.observe()
@@ -246,7 +248,7 @@ REFUSED = [
 @pytest.mark.parametrize(("off", "name", "message"), REFUSED, ids=[str(one[0]) for one in REFUSED])
 def test_what_cannot_be_is_refused_by_the_name_of_its_key(off, name, message):
     with pytest.raises(ft.InputError, match=message) as caught:
-        ft.JSBSimPlant(name, off_nominal=off_nominal(**off))
+        ft.loop.JSBSimPlant(name, off_nominal=off_nominal(**off))
 
     assert "\n" not in str(caught.value)
 
@@ -262,7 +264,7 @@ def test_what_an_aircraft_lacks_is_refused(changed_aircraft, file, pattern, text
     folder = changed_aircraft(file, pattern, text)
 
     with pytest.raises(ft.InputError, match=message):
-        ft.JSBSimPlant(folder, off_nominal=off_nominal(**off))
+        ft.loop.JSBSimPlant(folder, off_nominal=off_nominal(**off))
 
 
 def test_an_engine_of_another_kind_cannot_be_scaled(changed_aircraft):
@@ -271,7 +273,7 @@ def test_an_engine_of_another_kind_cannot_be_scaled(changed_aircraft):
         folder = changed_aircraft("Engines/aerosonde_motor.xml", pattern, text)
 
     with pytest.raises(ft.InputError, match=r"`thrust_factor` .* <rocket_engine>"):
-        ft.JSBSimPlant(folder, off_nominal=off_nominal(thrust=0.9))
+        ft.loop.JSBSimPlant(folder, off_nominal=off_nominal(thrust=0.9))
 
 
 def test_the_page_names_every_coefficient_of_the_aerosonde():

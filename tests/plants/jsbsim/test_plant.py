@@ -15,13 +15,13 @@ DEG = math.pi / 180.0
 
 
 def test_signals_begin_with_the_common_ones_and_all_have_units():
-    assert ft.JSBSimPlant.signals[: len(ft.COMMON_SIGNALS)] == ft.COMMON_SIGNALS
-    assert set(ft.JSBSimPlant.signals) <= set(SIGNAL_UNITS)
+    assert ft.loop.JSBSimPlant.signals[: len(ft.loop.COMMON_SIGNALS)] == ft.loop.COMMON_SIGNALS
+    assert set(ft.loop.JSBSimPlant.signals) <= set(SIGNAL_UNITS)
 
 
 def test_starts_at_the_condition_in_steady_flight():
-    plant = ft.JSBSimPlant()
-    plant.start(ft.FlightCondition(V_a=25.0, h=800.0, chi=60.0 * DEG, gamma=20.0 * DEG))
+    plant = ft.loop.JSBSimPlant()
+    plant.start(ft.loop.FlightCondition(V_a=25.0, h=800.0, chi=60.0 * DEG, gamma=20.0 * DEG))
 
     now = dict(zip(plant.signals, plant.observe(), strict=True))
 
@@ -51,8 +51,8 @@ def test_surface_signs(fly):
 
 
 def signals_of_a_turn(aircraft="aerosonde"):
-    plant = ft.JSBSimPlant(aircraft)
-    plant.start(ft.FlightCondition(V_a=25.0, chi=1.0, gamma=0.5))
+    plant = ft.loop.JSBSimPlant(aircraft)
+    plant.start(ft.loop.FlightCondition(V_a=25.0, chi=1.0, gamma=0.5))
     rows = [plant.observe()]
     for _ in range(100):
         plant.advance(0.4, 1.3, 0.02)
@@ -72,9 +72,9 @@ def test_flights_in_threads_equal_those_in_the_main_thread():
 
 
 def test_long_and_short_samples_fly_the_same_path():
-    plants = [ft.JSBSimPlant(), ft.JSBSimPlant()]
+    plants = [ft.loop.JSBSimPlant(), ft.loop.JSBSimPlant()]
     for plant in plants:
-        plant.start(ft.FlightCondition(V_a=25.0))
+        plant.start(ft.loop.FlightCondition(V_a=25.0))
     plants[0].advance(0.3, 1.2, 1.015)
     for _ in range(203):
         plants[1].advance(0.3, 1.2, 0.005)
@@ -84,8 +84,8 @@ def test_long_and_short_samples_fly_the_same_path():
 
 @pytest.mark.parametrize("duration", [0.0, 0.004, 0.0125, -0.02, math.nan, math.inf])
 def test_duration_must_be_whole_integration_steps(duration):
-    plant = ft.JSBSimPlant()
-    plant.start(ft.FlightCondition(V_a=25.0))
+    plant = ft.loop.JSBSimPlant()
+    plant.start(ft.loop.FlightCondition(V_a=25.0))
 
     with pytest.raises(ft.InputError, match=r"`duration` .* 0\.005 s"):
         plant.advance(0.0, 1.0, duration)
@@ -102,11 +102,11 @@ def test_duration_must_be_whole_integration_steps(duration):
 )
 def test_seed_and_steps_must_fit(values, message):
     with pytest.raises(ft.InputError, match=message):
-        ft.JSBSimPlant(**values)
+        ft.loop.JSBSimPlant(**values)
 
 
 def test_must_be_started_first():
     with pytest.raises(ft.PlantError, match="must be started before"):
-        ft.JSBSimPlant().observe()
+        ft.loop.JSBSimPlant().observe()
     with pytest.raises(ft.PlantError, match="must be started before"):
-        ft.JSBSimPlant().advance(0.0, 1.0, 0.02)
+        ft.loop.JSBSimPlant().advance(0.0, 1.0, 0.02)

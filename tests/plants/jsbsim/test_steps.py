@@ -43,8 +43,8 @@ def test_half_the_step_moves_the_integral_of_errors_by_little(
 def test_the_computer_runs_once_in_so_many_steps(aircraft):
     steps = 4
     config = load_aircraft(aircraft)
-    plant = ft.JSBSimPlant(config, steps=steps)
-    plant.start(ft.FlightCondition(V_a=config.design.V_a))
+    plant = ft.loop.JSBSimPlant(config, steps=steps)
+    plant.start(ft.loop.FlightCondition(V_a=config.design.V_a))
     plant.advance(0.3, 1.2, 0.1)
     fdm = plant._run.__self__  # the JSBSim executive itself: no public way to look between samples
     seen = []
@@ -61,7 +61,7 @@ def test_the_computer_runs_once_in_so_many_steps(aircraft):
 @pytest.mark.parametrize("aircraft", ["aerosonde", "c172p", "a4"])
 def test_the_trim_does_not_hang_on_the_step(aircraft):
     config = load_aircraft(aircraft)
-    condition = ft.FlightCondition(V_a=config.design.V_a, h=config.design.h)
+    condition = ft.loop.FlightCondition(V_a=config.design.V_a, h=config.design.h)
     points = [trim(Fdm(config, steps=n), condition) for n in (1, 3)]
 
     assert points[0].alpha == pytest.approx(points[1].alpha, abs=1e-9)

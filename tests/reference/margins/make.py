@@ -70,7 +70,9 @@ def random_loop(rng, n, m):
         names = [
             tuple(f"{kind}{i}" for i in range(k)) for kind, k in (("x", n), ("u", m), ("e", m))
         ]
-        model = ft.LinearModel(A=A, B=B, C=C, states=names[0], inputs=names[1], errors=names[2])
+        model = ft.loop.LinearModel(
+            A=A, B=B, C=C, states=names[0], inputs=names[1], errors=names[2]
+        )
         A_K = np.block([[A + B @ K[:, :m] @ C, B @ K[:, m:]], [C, np.zeros((m, m))]])
         if np.linalg.eigvals(A_K).real.max() < -0.05:
             return model, K
@@ -79,7 +81,7 @@ def random_loop(rng, n, m):
 def main():
     """Write margins.json beside this file."""
     rng = np.random.default_rng(0)
-    paper = ft.kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
+    paper = ft.loop.kinematic_model(V_a=25.0, gamma=np.pi / 12.0, g=9.81)
     lagged = with_input_lag(paper, (4.0, 8.0))
     delayed = with_input_delay(with_input_delay(lagged, 0.025), 0.025)
     family = paper_family()

@@ -1,0 +1,33 @@
+"""The names of `flighttune.loop` and their modules."""
+
+from flighttune.control.controller import Controller as Controller
+from flighttune.control.controller import FlightCondition as FlightCondition
+from flighttune.control.controller import LawSetup as LawSetup
+from flighttune.control.controller import Measured as Measured
+from flighttune.control.controller import ReferenceSample as ReferenceSample
+from flighttune.control.exact_law import ExactLaw as ExactLaw
+from flighttune.control.gains import command_gains as command_gains
+from flighttune.control.gains import rate_gains as rate_gains
+from flighttune.control.inner_loop import InnerLag as InnerLag
+from flighttune.control.limits import CommandLimiter as CommandLimiter
+from flighttune.control.limits import Limits as Limits
+from flighttune.control.linear_model import LinearModel as LinearModel
+from flighttune.control.linear_model import closed_loop as closed_loop
+from flighttune.control.linear_model import kinematic_model as kinematic_model
+from flighttune.control.mimo_pi import MimoPI as MimoPI
+from flighttune.flight.models import tuning_problem as tuning_problem
+from flighttune.metrics import channel_metrics as channel_metrics
+from flighttune.metrics import flight_metrics as flight_metrics
+from flighttune.plants.base import COMMON_SIGNALS as COMMON_SIGNALS
+from flighttune.plants.base import Plant as Plant
+from flighttune.plants.base import Stop as Stop
+from flighttune.plants.jsbsim.plant import JSBSimPlant as JSBSimPlant
+from flighttune.plants.lagged import LaggedPlant as LaggedPlant
+from flighttune.plants.point_mass import PointMassPlant as PointMassPlant
+from flighttune.plants.point_mass import PoweredPointMass as PoweredPointMass
+from flighttune.plants.sensors import Sensors as Sensors
+from flighttune.references.segments import Reference as Reference
+from flighttune.theory.indicators import Indicators as Indicators
+from flighttune.theory.indicators import indicators as indicators
+from flighttune.theory.indicators import indicators_batch as indicators_batch
+from flighttune.tuning.problem import TuningProblem as TuningProblem
