@@ -1,4 +1,4 @@
-"""The errors that flighttune raises, and the ends of processes in words.
+"""The errors that flighttune raises, ends of processes in words, and extras that are missing.
 
 FlightTuneError
 ├── InputError (ValueError)      a value the caller gave cannot be used
@@ -16,6 +16,7 @@ FlightTuneError
 import os
 import signal
 import sys
+from importlib.util import find_spec
 
 # Whether the system copies a process, which a crash then ends alone: Windows does not.
 FORKS = hasattr(os, "fork")
@@ -161,3 +162,39 @@ def need_fork(what: str) -> None:
             f"{what} must run on Linux, on macOS or, on Windows, in WSL2, because a crash or a "
             f"hang there ends a copy of the process: got {sys.platform}, which makes no copies."
         )
+
+
+# Extra by module, as in pyproject.toml.
+EXTRAS = {
+    "dask": "cluster",
+    "distributed": "cluster",
+    "gymnasium": "gym",
+    "numba": "fast",
+    "pymavlink": "logs",
+    "pyulog": "logs",
+    "rerun_notebook": "notebook",
+}
+
+
+def need(what: str, *modules: str) -> None:
+    """Refuse a feature whose modules are not all installed.
+
+    `what`: the feature, as the message names it. `*modules`: any of `EXTRAS`. Raises InputError if
+    one is missing; names the extra.
+    """
+    absent = [module for module in modules if find_spec(module) is None]
+    if absent:
+        raise InputError(_message(what, absent))
+
+
+def missing_extra(error: ImportError, what: str) -> str | None:
+    """The message of `need` for an import that failed; None where no extra would help."""
+    module = (error.name or "").partition(".")[0]
+    absent = module in EXTRAS and find_spec(module) is None
+    return _message(what, [module]) if absent else None
+
+
+def _message(what: str, absent: list[str]) -> str:
+    extra = EXTRAS[absent[0]]
+    names = ", ".join(absent).replace("_", "-")
+    return f"{what} needs {names}; install it with: pip install 'flighttune[{extra}]'"

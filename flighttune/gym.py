@@ -12,8 +12,7 @@ from flighttune.arrays import FloatArray
 from flighttune.control.controller import FlightCondition, SelfLimiting
 from flighttune.control.gains import PIGains
 from flighttune.control.guarded import GuardedLaw, LawError
-from flighttune.errors import InputError, ScenarioError, TrimError
-from flighttune.extras import need
+from flighttune.errors import InputError, ScenarioError, TrimError, need
 from flighttune.files.mistakes import validated
 from flighttune.flight.conditions import command_limits, lead_on
 from flighttune.flight.flown import FlownScenario

@@ -9,7 +9,7 @@ import pytest
 from commands import flighttune
 
 import flighttune as ft
-from flighttune.extras import EXTRAS, missing_extra, need
+from flighttune.errors import EXTRAS, missing_extra, need
 
 OPTIONAL = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"][
     "optional-dependencies"

@@ -63,7 +63,7 @@ def test_a_claim_is_drawn_and_a_console_shows_its_sentence():
 
 
 def test_a_recording_is_shown_in_a_cell_where_the_viewer_is_installed(flown, monkeypatch):
-    monkeypatch.setattr("flighttune.extras.find_spec", lambda name: None)
+    monkeypatch.setattr("flighttune.errors.find_spec", lambda name: None)
     with pytest.raises(ft.FlightTuneError, match=r"flighttune\[notebook\]"):
         ft.show(flown)
 

@@ -18,8 +18,7 @@ from flighttune.cli.flights import fly, list_shipped, new, refly, route, run, vi
 from flighttune.cli.gains import certify, frontier, meet, tune, verify
 from flighttune.cli.pages import compare, export, gap, report, reproduce
 from flighttune.cli.show import COULD_NOT_RUN, INTERRUPTED, NO, emit, fail, output, working
-from flighttune.errors import FlightTuneError, InfeasibleError
-from flighttune.extras import missing_extra
+from flighttune.errors import FlightTuneError, InfeasibleError, missing_extra
 from flighttune.files.whole import reason_of
 from flighttune.present.answer import Answer
 

@@ -33,7 +33,7 @@ from flighttune.gaps.of_log import LogGap, log_gap
 from flighttune.gaps.residual import CHANNELS, Mismatch, mismatch
 from flighttune.identification.file import FILE_NAME
 from flighttune.identification.fit import fitted_lag
-from flighttune.logs.columns import Columns
+from flighttune.logs.log import Columns
 from flighttune.logs.read import is_log
 from flighttune.metrics import channel_metrics, flight_metrics
 from flighttune.plants.point_mass import PointMassPlant, PoweredPointMass

@@ -20,9 +20,8 @@ from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import FlightTuneError, InputError
 from flighttune.flight.apart import Progress
 from flighttune.identification.file import FILE_NAME, load_identified
-from flighttune.logs.columns import Columns
 from flighttune.logs.identify import EXCITED, HELD_S, flying, interval_of, speed_of
-from flighttune.logs.log import load_part
+from flighttune.logs.log import Columns, load_part
 from flighttune.plants.base import FlightCondition, Plant
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, JSBSimPlant
 from flighttune.plants.point_mass import PointMassPlant

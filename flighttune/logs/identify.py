@@ -32,8 +32,7 @@ from flighttune.identification.fit import (
     with_parameters,
 )
 from flighttune.identification.identify import AircraftIdentification, identify_aircraft
-from flighttune.logs.columns import Columns
-from flighttune.logs.log import load_part
+from flighttune.logs.log import Columns, load_part
 from flighttune.logs.read import is_log
 from flighttune.plants.point_mass import turn_rates
 from flighttune.present.answer import Answer, Answering, Column, Table, pick

@@ -14,8 +14,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.errors import InputError, RecordingError
-from flighttune.extras import need
+from flighttune.errors import InputError, RecordingError, need
 from flighttune.files.whole import reason_of
 from flighttune.flight.apart import apart
 

@@ -19,8 +19,7 @@ import rerun_bindings
 from rerun.error_utils import catch_and_log_exceptions
 
 from flighttune.arrays import FloatArray
-from flighttune.errors import RecordingError
-from flighttune.extras import need
+from flighttune.errors import RecordingError, need
 from flighttune.files.whole import whole_file
 from flighttune.flight.flown import FlownScenario
 from flighttune.present.names import shown_unit
@@ -30,8 +29,7 @@ from flighttune.recording import entities
 from flighttune.recording.entities import DrawnRun, application, log_lines, runs_to_draw, times
 from flighttune.recording.page import blueprint, log_legends, scenario_page
 from flighttune.recording.plots import Plot, displayed, limits_of, shown_plots, with_derived
-from flighttune.recording.route import log_route, route_of
-from flighttune.recording.scene import log_scene, somewhere
+from flighttune.recording.scene import log_route, log_scene, route_of, somewhere
 from flighttune.records.compare import Comparison, comparison_table, overlaid
 from flighttune.records.parquet import (
     ORIGIN,

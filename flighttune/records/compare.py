@@ -15,8 +15,7 @@ from flighttune.errors import InputError, RecordingError
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import fly
 from flighttune.flight.load import load_scenario
-from flighttune.logs.columns import Columns
-from flighttune.logs.log import load_part
+from flighttune.logs.log import Columns, load_part
 from flighttune.logs.read import is_log
 from flighttune.metrics import FLIGHT_METRICS, METRICS, measures, unit_of
 from flighttune.present.answer import Answer, Answering, Column, Table, pick

@@ -1,4 +1,4 @@
-"""Reports as self-contained HTML files: on the runs of a scenario, and on a comparison of runs."""
+"""Reports as self-contained HTML files: on the runs of a scenario, a comparison of runs, a log."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -17,7 +17,7 @@ from flighttune.flight.expectations import check_claim
 from flighttune.flight.models import tuning_problem
 from flighttune.gaps.gap import Gap, step_table
 from flighttune.gaps.ladder import explain_flight
-from flighttune.present.answer import facts_table
+from flighttune.present.answer import Answer, Table, facts_table
 from flighttune.present.chart import Chart
 from flighttune.present.frame import Report, Section, page_template, write_answer, write_page
 from flighttune.present.names import CHANNEL_SYMBOLS
@@ -38,13 +38,72 @@ from flighttune.reports.charts import (
     route_charts,
     steps_chart,
 )
-from flighttune.reports.log import log_sections
 from flighttune.scenario.load import gains_notes, scenario_of
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
 from flighttune.simulate.run import Run, claim_notes, priority_notes, run_styles
 from flighttune.tuning.frontier import frontier, frontier_chart
 from flighttune.units import DEG_PER_RAD
+
+ABOVE = (("chi", "Course", "χ [deg]"), ("gamma", "Path angle", "γ [deg]"))
+BELOW = (
+    *(("phi", "Roll", "φ [deg]"), ("phi_cmd", "Roll command", "φ_cmd [deg]")),
+    *(("n_z", "Load factor", "n_z [1]"), ("n_z_cmd", "Load-factor command", "n_z,cmd [1]")),
+    *(("V_a", "Airspeed", "V_a [m/s]"), ("V_g", "Ground speed", "V_g [m/s]")),
+)
+NOTE = "Gaps of the log are gaps of its lines. Positions count from the start of the part shown."
+
+
+def log_sections(flights: panels.Drawn, tables: Sequence[Table] = ()) -> list[Section]:
+    """Sections about flights of which one at least is a log: signals that any of them has."""
+
+    def charts(signals: Sequence[tuple[str, str, str]]) -> list[panels.Chart]:
+        there = {name for run, _ in flights for name in run.signals}
+        return [*panels.flown_signals(flights, [row for row in signals if row[0] in there])]
+
+    placed = [(run, style) for run, style in flights if {"north", "east", "down"} <= {*run.signals}]
+    paths = panels.paths(placed) if placed else []
+    return [
+        Section(note=NOTE, charts=[*charts(ABOVE), *paths], tables=tables),
+        Section(id="commands", title="Commands, load and speed", charts=charts(BELOW)),
+    ]
+
+
+def log_facts(source: Source) -> Table:
+    """Contents and gaps of logs, and what they show about their own units and signs."""
+    facts: dict[str, str] = {}
+    for run in source.runs:
+        log = run.provenance.log or {}
+        samples = f"{run.duration:.1f} s from {log['from_s']:g} s on, {len(run.signals)} samples"
+        facts |= {"log": f"{log['file']} ({log['kind']})", "part": samples}
+        facts |= {key: "; ".join(log[key]) for key in ("missing", "gaps", "checks") if log[key]}
+    return facts_table("The log", facts)
+
+
+def write_log_page(source: Source, path: Path) -> Report:
+    """Write one self-contained page about the log of a real flight; parent folders are made."""
+    (run,), styles = source.runs, run_styles(source.runs)
+    facts = log_facts(source)
+    sections = log_sections([(run, styles[run.label])], [facts])
+    page = write_answer(
+        path,
+        summary=(f"A real flight of {run.duration:.1f} s.",),
+        parts={section.id: section for section in sections},
+        title=str(run.provenance.scenario["title"]),
+        legend=list(styles.items()),
+        styles=styles,
+        provenance=facts_table("Versions", run.provenance.versions),
+        commands=f"flighttune report {source.name}",
+    )
+    log = run.provenance.log or {}
+    shown = Answer(
+        values={"bytes": path.stat().st_size, "summary": page.summary, "log": log},
+        notes=[*page.summary, *log["checks"], *(f"missing: {line}" for line in source.missing)],
+    )
+    return Report(
+        path=path, summary=page.summary, sections=page.sections, tables=page.tables, shown=shown
+    )
+
 
 # Gain sets whose gap is drawn; the table has all of them.
 MAX_GAPS = 3

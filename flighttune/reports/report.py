@@ -14,7 +14,7 @@ from flighttune.errors import InputError
 from flighttune.files.seal import is_claim_file
 from flighttune.files.table import toml_text
 from flighttune.gaps.gap import Gap
-from flighttune.logs.columns import Columns
+from flighttune.logs.log import Columns
 from flighttune.present.answer import Answer, Table, pick
 from flighttune.present.frame import Report, Section, write_answer
 from flighttune.records.compare import Source, load_source
@@ -22,8 +22,7 @@ from flighttune.reports import campaign_tables as tables
 from flighttune.reports.campaign import notes, summary, write_campaign_report
 from flighttune.reports.charts import gap_charts
 from flighttune.reports.claim import write_claim_page
-from flighttune.reports.log import write_log_page
-from flighttune.reports.page import flown_in_words, write_report
+from flighttune.reports.page import flown_in_words, write_log_page, write_report
 from flighttune.reports.tables import provenance_table
 from flighttune.simulate.run import claim_notes, claimed, run_styles
 

@@ -12,8 +12,7 @@ from urllib.parse import urlsplit
 
 from flighttune.campaign.engine.flyer import Answer
 from flighttune.campaign.flying.rows import Draw
-from flighttune.errors import CampaignError, InputError, PlantError
-from flighttune.extras import need
+from flighttune.errors import CampaignError, InputError, PlantError, need
 
 # Loggers that report what is an outcome here: lost workers and closed connections
 QUIET = ("distributed", "distributed.client", "tornado.application", "asyncio")
