@@ -405,12 +405,14 @@ def vertex_matrices(
     """
     K_P, K_I = exact(gains.K_P), exact(gains.K_I)
     if hull is None:
+        # A loop that is there twice would be checked twice.
         distinct: list[Rationals] = []
         for linear in (model, *models):
             loop = _closed_loop(exact(linear.A), exact(linear.B), exact(linear.C), K_P, K_I)
             if not any(np.array_equal(loop, other) for other in distinct):
                 distinct.append(loop)
         return tuple(distinct)
+    # A_K is affine in the entries and in the factor: what holds at the vertices holds inside.
     box = [sorted({Fraction(low), Fraction(high)}) for low, high in _ends(hull)]
     factors = sorted({Fraction(end) for end in hull.factor})
     C = exact(model.C)
@@ -431,6 +433,7 @@ def coverage_checks(
         (sine(low)[0], sine(high)[1]) for low, high in (envelope.gamma, envelope.phi)
     )
     n_z = Fraction(envelope.n_z[0]), Fraction(envelope.n_z[1])
+    # The cosine is smallest at an end of the range; it is 1 where the range holds level flight.
     lowest, highest = zip(*map(cosine, envelope.phi), strict=True)
     level = envelope.phi[0] <= 0.0 <= envelope.phi[1]
     low, high = min(lowest), Fraction(1) if level else max(highest)
@@ -477,6 +480,8 @@ def _model_check(model: LinearModel, hull: JacobianHull) -> Check:
     low, high = (Fraction(end) for end in hull.factor)
     margin = high - low
     for entry, (lower, upper) in zip(entries, _ends(hull), strict=True):
+        # Each of entry <= factor upper and entry >= factor lower bounds the factor from one side;
+        # the sign of the limit says from which.
         for side, bound in ((1, Fraction(upper)), (-1, -Fraction(lower))):
             limit = side * entry
             if bound > 0:

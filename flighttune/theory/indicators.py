@@ -178,6 +178,7 @@ def indicators_batch(
     for start in range(0, len(flat), CHUNK_LOOPS):
         part = slice(start, start + CHUNK_LOOPS)
         abscissa[part] = np.real(np.linalg.eigvals(flat[part])).max(axis=-1)
+        # The Lyapunov equation of an unstable loop has a solution too, which is no norm.
         left_half = start + np.flatnonzero(abscissa[part] < 0.0)
         R_K[left_half], I_K[left_half] = _rate_and_radius(scaled(flat[left_half], scale))
     shape = A_K.shape[:-2]

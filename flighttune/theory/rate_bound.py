@@ -89,6 +89,7 @@ def bound_checks(
     The traces over n of all n x n blocks satisfy the same for a W and T of order 2: five numbers.
     Positive multipliers with which the sum is negative for all of them refute the box.
     """
+    # Between two edges the same boxes are over every sigma, so that one look at R_K does for all.
     edges = np.unique(boxes[:, 2:])
     gap = float(max(edges[0], 1.0 - edges[-1]))
     for low, high in itertools.pairwise(edges):

@@ -171,6 +171,7 @@ def _exponential(M: Rationals, t: Fraction) -> Rationals:
     """
     size = max(sum(abs(entry) for entry in row) for row in M) * t
     total = term = identity(len(M))
+    # The bound on the terms left out holds once n + 1 is above the norm.
     n, remainder = 0, Fraction(1)
     while n < LEAST_TERMS or size >= n or remainder / (1 - size / (n + 1)) > REMAINDER:
         n += 1
@@ -229,6 +230,7 @@ def point_mass_sample(
     radii = [(each - m).largest for each, m in zip(ranges, middles, strict=True)]
     values, middle = _point(*ranges), _point(*map(Interval.point, middles))
     rate = _climb_rate(values) * g_over_v + d_gamma
+    # h/4 times the width of the rate, which is twice its radius.
     apart = h * 0.5 * rate.radius * UP
     variables = list(zip((phi.form, n_z.form, gamma.form), middles, radii, strict=True))
     remainder = _turn_rate(middle) * g_over_v + _turn_rest(values, radii) * g_over_v
@@ -238,6 +240,7 @@ def point_mass_sample(
     climbing = combined((1.0, climbing), shift=d_gamma.middle).widened(
         d_gamma.radius + np.abs(bend) * apart * UP
     )
+    # The mean rate G of gamma is on both sides, because the mean of gamma has (h/2) G: solved for.
     climbing = combined((1.0 / (1.0 - 0.5 * h * bend), climbing))
     turning = combined((1.0, turning), (0.5 * h * turn_bend, climbing), shift=d_chi.middle).widened(
         d_chi.radius + np.abs(turn_bend) * apart * UP
@@ -260,6 +263,7 @@ def _mean_rate(
     """
     terms = []
     for slope, (form, middle, radius) in zip(slopes, variables, strict=True):
+        # Any float near the slope does: the rest of the slope times the radius is in the remainder.
         exact = slope * g_over_v
         number = exact.middle
         rest = rest - Interval.point(number) * middle + (exact - number) * within(radius)
@@ -277,6 +281,8 @@ def _turn_slopes(point: Point) -> tuple[Interval, Interval, Interval]:
 
 
 def _turn_rest(p: Point, radii: list[FloatArray]) -> Interval:
+    # Half the second derivatives times squares, the mixed ones times products. The rate is linear
+    # in n_z, which has no square.
     n_z, s, c, up, level = p.n_z, p.s, p.c, p.up, p.level
     a, b, e = radii
     return (

@@ -79,6 +79,7 @@ def combined(*terms: Term, shift: Floats = 0.0) -> Form:
         size += weight * form.size
     coefficients[:, 0] += shift
     size = (size + np.abs(shift)) * UP + TINY
+    # The size is at least the sum of what is rounded in all coefficients: one bound for all.
     rounding = (len(terms) + MORE_ROUNDINGS) * ULP * size
     return Form(coefficients, (err + rounding) * UP + TINY, size * UP)
 
@@ -86,6 +87,7 @@ def combined(*terms: Term, shift: Floats = 0.0) -> Form:
 def transformed(matrix: FloatArray, forms: Sequence[Form]) -> list[Form]:
     """``sum_k A_ik F_k`` for each row i of a matrix."""
     weights = np.abs(matrix)
+    # A library may add the products in any order: the bound on their rounding holds for each.
     stacked = np.array([form.coefficients for form in forms])
     coefficients = np.tensordot(matrix, stacked, axes=1)
     err = weights @ np.array([form.err for form in forms])
@@ -149,6 +151,7 @@ class Pieces:
         """`form` with a symbol of its own for its error."""
         coefficients = form.coefficients.copy()
         coefficients[:, 1 + self.used] = form.err
+        # The size stays: the coefficient of the symbol is as large as the error that it stands for.
         self.kind[self.used] = kind
         self.used += 1
         return Form(coefficients, np.zeros_like(form.err), form.size)
@@ -168,6 +171,7 @@ class Pieces:
         q, q_err = self.values[:, rows], self.err[:, rows]
         residual = form.coefficients - (multipliers[:, np.newaxis] @ q)[:, 0]
         weights = np.abs(multipliers)
+        # q is a form of floats too, off by up to its error: mu q is inside |mu| (1 + q_err).
         q_size = (absolute_sum(q) + q_err) * UP
         size = (form.size + (weights * q_size).sum(axis=1)) * UP
         radius = (
@@ -187,6 +191,7 @@ class Pieces:
         scale = 1.0 / to.radius
         q = combined((scale, form), shift=-to.middle * scale)
         self.values[which, self.rows + row] = q.coefficients
+        # The scale is rounded, which moves a q inside +-1 by less than this.
         self.err[which, self.rows + row] = q.err + 4.0 * ULP
 
     def split(self, indices: Indices) -> None:
@@ -216,6 +221,8 @@ class Pieces:
         g = self.values[:, :, 1 : 1 + self.used]
         alone, pair = pairs[pairs[:, 1] < 0, 0], pairs[pairs[:, 1] >= 0]
         first, second = g[:, :, pair[:, 0]], g[:, :, pair[:, 1]]
+        # xi_a and xi_b are in +-1, and so are half their sum and half their difference: either may
+        # be a symbol.
         difference, total = first - second, first + second
         flip = np.abs(difference).sum(axis=(0, 1)) > np.abs(total).sum(axis=(0, 1))
         joined = np.where(flip, difference, total)
@@ -302,9 +309,12 @@ def arctangent(first: Quantity, second: Quantity) -> Form:
     in_a, in_b = b_0 / square, -(a_0 / square)
     da, db = (a - a.middle).largest, (b - b.middle).largest
     across = _square(a) + _square(b)
+    # Half the second derivatives of atan(a/b): -ab/r^4 and ab/r^4, and (a^2 - b^2)/r^4 mixed, where
+    # r^2 = a^2 + b^2.
     bend = a * b / (across * across)
     remainder = (
         Interval.point(number)
+        # An arcsine is at most pi/2 times its sine.
         + within(2.0 * off)
         - Interval.point(in_a.middle) * a.middle
         - Interval.point(in_b.middle) * b.middle
@@ -324,6 +334,7 @@ def _up_to_square(radius: FloatArray) -> Interval:
 
 def _square(values: Interval) -> Interval:
     product = values * values
+    # The product of an interval with itself forgets that both factors are one number.
     across = (values.low <= 0.0) & (values.high >= 0.0)
     return Interval(np.where(across, 0.0, np.maximum(product.low, 0.0)), product.high)
 
@@ -332,6 +343,7 @@ def product(first: Quantity, second: Quantity) -> Form:
     """``F G``: ``(F - f)(G - g)`` about their middles is the error."""
     a, b = first.values, second.values
     f, g = a.middle, b.middle
+    # F G = g F + f G - f g + (F - f) (G - g)
     remainder = within((a - f).largest) * within((b - g).largest) - Interval.point(f) * g
     return combined((g, first.form), (f, second.form), shift=remainder.middle).widened(
         remainder.radius
@@ -352,6 +364,7 @@ def positive_part(quantity: Quantity, slope: Floats) -> Form:
 def _taylor(angle: Quantity, value: Interval, slope: Interval, curvature: Interval) -> Form:
     """``f(m) + f'(m) (F - m) + f''(...) (F - m)^2 / 2`` about the middle m of the values."""
     middle, s = angle.values.middle, slope.middle
+    # The slope of the form is one float: what it misses of the true one goes into the remainder.
     radius = (angle.values - middle).largest
     square = Interval(np.zeros_like(radius), np.nextafter(0.5 * radius * radius, np.inf))
     remainder = (

@@ -81,6 +81,7 @@ def hull(pieces: Pieces, W: FloatArray) -> FloatArray:
 
 def inside(ranges: FloatArray, centre: FloatArray, size: FloatArray) -> bool:
     """Whether ranges of ``W z`` are in the set ``|W z - centre| <= size``."""
+    # Rounded inwards: a range that only rounding brings inside is refused.
     low, high = np.nextafter(centre - size, np.inf), np.nextafter(centre + size, -np.inf)
     return bool(((ranges[:, 0] >= low) & (ranges[:, 1] <= high)).all())
 
@@ -96,6 +97,7 @@ def parallelotope(W: FloatArray, centre: FloatArray, size: FloatArray) -> Pieces
     R = (np.abs(np.eye(n) - W @ V) + rounding * (np.abs(W) @ np.abs(V))).sum(axis=1) * UP
     if not R.max() < 0.5:
         raise Unbounded("the set of the hand-over has no inverse")
+    # The norm of R is below 1/2, so that of (I - R)^-1 is at most 2.
     reach = size + 2.0 * R * (np.abs(centre) + size).max() * UP
     box = Pieces((V @ centre)[np.newaxis], 0, SYMBOLS)
     generators = V * (reach * UP)
@@ -119,6 +121,7 @@ def return_map(
     still = settled(loop, 2 * samples)
     enclosure = enclosure_of(still, parallelotope(W, centre, size), plan)
     passed, after = [], np.zeros((len(W), 2))
+    # Two rounds: only the second one begins in the image of T, as every later one does.
     for k in range(1, 2 * samples + 1):
         ranges, limited = enclosure.sample(k)
         if limited.any():

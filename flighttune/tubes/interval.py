@@ -107,6 +107,7 @@ def sine_and_cosine(angle: Interval) -> tuple[Interval, Interval]:
         total /= divisor
         np.subtract(1.0, total, out=total)
     (low, high), ends_of_cosine = total[1] * ends, total[0]
+    # The sine grows up to 90 deg, so that its ends are those of the angle; the cosine peaks at 0.
     sines = Interval(np.maximum(low - SERIES_ERROR, -1.0), np.minimum(high + SERIES_ERROR, 1.0))
     level = (angle.low <= 0.0) & (angle.high >= 0.0)
     largest = np.where(level, 1.0, np.maximum(*ends_of_cosine) + SERIES_ERROR)

@@ -68,6 +68,7 @@ def shaped(problems: Sequence[TuningProblem], k: FloatArray) -> tuple[FloatArray
         ends.append(end)
     values = np.array([search.goals(end, first.objective)[0].max() for end in ends])
     peaks = np.array([max(each.logs(end)[0].max() for each in fine) for end in ends])
+    # The start may be the best of all, but counts only if it keeps the sensitivity as well.
     values[peaks > limit + MISSED] = math.inf
     if not np.isfinite(values).any():
         return None
