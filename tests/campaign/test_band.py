@@ -16,7 +16,6 @@ from flighttune.campaign.counted_flights import plan_of as plan_of_band
 from flighttune.campaign.flying.rows import fly_group, rows_flown, scenario_of_run
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.gaps.residual import residuals_of
-from flighttune.planning.source import flights
 from flighttune.simulate.run import with_claims
 
 START = uniform("flight.chi_deg", -5.0, 5.0), uniform("flight.gamma_deg", 3.0, 7.0)
@@ -216,7 +215,7 @@ def test_a_file_of_another_campaign_takes_no_options_of_a_source(counted, tmp_pa
 def test_a_band_on_a_route_follows_the_distance_along_it():
     corner = [{"north_m": n, "east_m": e} for n, e in ((0.0, 0.0), (500.0, 0.0), (500.0, 500.0))]
     changes = {"route.waypoint": corner, "flight.duration_s": 60.0}
-    plan = flights("circuit", changes=changes).starting(3.0).plan(plant="kinematic")
+    plan = ft.flights("circuit", changes=changes).starting(3.0).plan(plant="kinematic")
     band = count(plan)
     path = reference_of(plan.scenario).path
 
@@ -230,7 +229,7 @@ def test_a_band_on_a_route_follows_the_distance_along_it():
 def test_a_route_shorter_than_a_window_of_each_metre_is_counted():
     short = [{"north_m": n, "east_m": 0.0} for n in (0.0, 100.2)]
     changes = {"route.waypoint": short, "flight.duration_s": 60.0}
-    band = count(flights("circuit", changes=changes).starting(3.0).plan(plant="kinematic"))
+    band = count(ft.flights("circuit", changes=changes).starting(3.0).plan(plant="kinematic"))
 
     assert band.not_completed == 0
 

@@ -19,11 +19,9 @@ from campaigns import (
 )
 from commands import answer, flighttune
 
+import flighttune as ft
 from flighttune.campaign.dataset import open_dataset
-from flighttune.campaign.engine.engine import run_campaign
 from flighttune.campaign.flying.rows import fly_runs
-from flighttune.planning.load import load_campaign
-from flighttune.planning.plan import plan_campaign
 
 pytestmark = pytest.mark.slow  # real clusters, processes that are killed
 
@@ -118,8 +116,8 @@ def test_ctrl_c_ends_it_and_resume_goes_on(tmp_path, file, address):
         "the same command and --resume"
     )
 
-    ours = plan_campaign(load_campaign(file))
-    run_campaign(ours, out, scheduler=address, resume=True)
+    ours = ft.plan_campaign(ft.load_campaign(file))
+    ft.run_campaign(ours, out, scheduler=address, resume=True)
     assert bits(open_dataset(out).rows()) == bits(fly_runs(ours, range(RUNS)))
 
 

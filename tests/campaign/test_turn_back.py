@@ -23,7 +23,6 @@ from flighttune.campaign.flying.rows import fly_group
 from flighttune.campaign.turn_back import room_of, turning_back
 from flighttune.claims.band import save_band
 from flighttune.claims.turn_room import TurnRoom
-from flighttune.planning.source import flights
 from flighttune.references.maps import Volume, volumes_geojson
 
 BANK, SPEED, G = 30.0, 25.0, 9.81
@@ -48,7 +47,7 @@ FEW = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7, "workers": 
 
 @pytest.fixture(scope="module")
 def turning():
-    return turning_back(flights("circuit").plan(plant="kinematic"), BANK)
+    return turning_back(ft.flights("circuit").plan(plant="kinematic"), BANK)
 
 
 def flown(turning, **values):
@@ -101,7 +100,7 @@ def test_a_flight_turns_and_climbs_as_its_route_does_until_it_turns_back(turning
 
 
 def test_a_circle_turns_once(turning):
-    circling = turning_back(flights("circuit").plan(plant="kinematic"), f"circle:{BANK}")
+    circling = turning_back(ft.flights("circuit").plan(plant="kinematic"), f"circle:{BANK}")
     run, _ = flown(circling, at_m=200.0)
 
     assert np.rad2deg(np.ptp(run.signals["chi"])) == pytest.approx(360.0, abs=1.0)
@@ -220,7 +219,7 @@ def test_a_flight_turns_back_at_the_airspeed_of_its_place(tmp_path):
         waypoint(47.406, 8.5, 80), speed(27, -1, 0, 0, 0, 0), waypoint(47.406, 8.508, 80),
         speed(23, -1, 0, 0, 0, 0), waypoint(47.4, 8.508, 60),
     )  # fmt: skip
-    plan = turning_back(flights(file).plan(), BANK)
+    plan = turning_back(ft.flights(file).plan(), BANK)
     route = ft.route(file).reference
     for at_m, stated in ((300.0, 20.0), (1150.0, 27.0), (1700.0, 23.0)):  # legs of some 600 m
         V = float(np.interp(at_m, route.path.s, route.V))

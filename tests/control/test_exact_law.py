@@ -10,7 +10,6 @@ from scipy.optimize import fsolve
 import flighttune as ft
 from flighttune.control.exact_law import rate_model, turning_speed
 from flighttune.control.gains import RATES
-from flighttune.errors import ShapeError
 from flighttune.plants.point_mass import turn_rates
 from flighttune.simulate.loop import simulate
 
@@ -216,5 +215,5 @@ def test_what_cannot_be_used_is_refused_by_name(settings, key):
 
 
 def test_limits_must_be_of_two_commands():
-    with pytest.raises(ShapeError, match="`limits` must be of 2"):
+    with pytest.raises(ft.InputError, match="`limits` must be of 2"):
         ft.loop.ExactLaw(GAINS, ft.loop.Limits.none(3), dt=DT)

@@ -13,7 +13,6 @@ from flighttune.control.inner_loop import (
     with_input_delay,
     with_input_lag,
 )
-from flighttune.errors import ShapeError
 
 ROUNDING = 1e-12
 SLOW, FAST = (
@@ -101,7 +100,7 @@ def test_a_lag_counts_by_the_turn_it_causes():
             ft.InputError,
             "`order` must be 1, 2 or 3",
         ),
-        (lambda: with_inner_loop(MODEL, (SLOW,)), ShapeError, "`lags` must be 2"),
+        (lambda: with_inner_loop(MODEL, (SLOW,)), ft.InputError, "`lags` must be 2"),
         (lambda: with_input_lag(MODEL, [4.0, 0.0]), ft.InputError, "`bandwidths` must be positive"),
     ],
 )

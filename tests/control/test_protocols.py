@@ -8,12 +8,11 @@ from plain_members import Glider, Proportional
 
 import flighttune as ft
 from flighttune.control.guarded import GuardedLaw, LawError
-from flighttune.loop import CommandLimiter, FlightCondition, Limits, PointMassPlant, Reference
 from flighttune.simulate.loop import simulate
 
-START = FlightCondition(V_a=25.0, h=800.0, chi=0.4, gamma=0.1)
-LEVEL = Reference(chi=0.0, gamma=0.0)
-NARROW = Limits(
+START = ft.loop.FlightCondition(V_a=25.0, h=800.0, chi=0.4, gamma=0.1)
+LEVEL = ft.loop.Reference(chi=0.0, gamma=0.0)
+NARROW = ft.loop.Limits(
     lower=np.array([-0.3, 0.5]),
     upper=np.array([0.3, 1.5]),
     rate_lower=np.array([-0.5, -1.0]),
@@ -22,8 +21,8 @@ NARROW = Limits(
 
 
 def flown(law, plant=None, limits=None):
-    law = GuardedLaw(law, limits or Limits.none(2))
-    return simulate(plant or PointMassPlant(), law, LEVEL, condition=START, duration=4.0)
+    law = GuardedLaw(law, limits or ft.loop.Limits.none(2))
+    return simulate(plant or ft.loop.PointMassPlant(), law, LEVEL, condition=START, duration=4.0)
 
 
 def test_a_plain_law_flies_a_plain_plant():
@@ -35,7 +34,7 @@ def test_a_plain_law_flies_a_plain_plant():
 
 def test_a_law_that_does_not_limit_itself_is_told_what_does():
     with pytest.raises(ft.InputError, match=r"apply limits itself .*in GuardedLaw"):
-        simulate(PointMassPlant(), Proportional(), LEVEL, condition=START, duration=4.0)  # pyright: ignore[reportArgumentType]
+        simulate(ft.loop.PointMassPlant(), Proportional(), LEVEL, condition=START, duration=4.0)  # pyright: ignore[reportArgumentType]
 
 
 def test_what_a_law_wants_recorded_is_a_column():
@@ -73,7 +72,7 @@ class Integrating(Proportional):
     signals = {}  # noqa: RUF012
 
     def start(self, condition):
-        self.integral, self.limiter = 0.0, CommandLimiter(NARROW, self.dt)
+        self.integral, self.limiter = 0.0, ft.loop.CommandLimiter(NARROW, self.dt)
         self.limiter.start((condition.phi, condition.n_z_start))
 
     def step(self, measured, reference, t):

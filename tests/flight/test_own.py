@@ -17,7 +17,6 @@ from flighttune import record
 from flighttune.claims.linear_loop import linear_bound
 from flighttune.flight import apart
 from flighttune.flight.own import with_own
-from flighttune.loop import COMMON_SIGNALS, InnerLag, LaggedPlant, PointMassPlant
 from flighttune.planning.plan import plan_from
 
 SCENARIO = """
@@ -252,17 +251,17 @@ def test_a_campaign_knows_the_hash_and_refuses_another_file(files):
 
 def test_lags_around_a_plant_are_those_of_the_point_mass_behind_them():
     lags = (
-        InnerLag(order=2, natural_frequency=8.0, damping=0.6, delay=0.03),
-        InnerLag(order=1, natural_frequency=10.0),
+        ft.loop.InnerLag(order=2, natural_frequency=8.0, damping=0.6, delay=0.03),
+        ft.loop.InnerLag(order=1, natural_frequency=10.0),
     )
-    plants = PointMassPlant(lags), LaggedPlant(PointMassPlant(), lags)
+    plants = ft.loop.PointMassPlant(lags), ft.loop.LaggedPlant(ft.loop.PointMassPlant(), lags)
     for plant in plants:
         plant.start(ft.loop.FlightCondition(V_a=25.0))
         for k in range(100):
             plant.advance(0.5 if k < 50 else -0.2, 1.2, 0.02)
 
     alone, around = (np.array(plant.observe()[:2]) for plant in plants)
-    assert plants[1].signals[: len(COMMON_SIGNALS)] == COMMON_SIGNALS
+    assert plants[1].signals[: len(ft.loop.COMMON_SIGNALS)] == ft.loop.COMMON_SIGNALS
     assert around == pytest.approx(alone, abs=1e-5)
 
 

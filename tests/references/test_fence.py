@@ -14,7 +14,6 @@ import flighttune as ft
 from flighttune.campaign.band import load_band
 from flighttune.campaign.counted_flights import check_one_path, plan_of
 from flighttune.claims.band import About
-from flighttune.planning.source import flights
 from flighttune.references.fence import SCAN_STEP, fence_tables, read_fence, room_along
 from flighttune.references.maps import north_east, on_earth, route_geojson, route_kml
 from flighttune.references.path import Ability, Waypoint, plan
@@ -61,7 +60,7 @@ def band():
         "route.lat_deg": 47.0,
         "route.lon_deg": 8.0,
     }
-    drawn = flights("circuit", changes=changes).starting(1.0).plan(plant="kinematic")
+    drawn = ft.flights("circuit", changes=changes).starting(1.0).plan(plant="kinematic")
     extremes = np.tile(np.array([-2.0, 2.0], dtype=np.float32), (40, 200, 2, 1))
     extremes[5:8, 100, 0, 1] = 45.0
     extremes[20] = [-np.inf, np.inf]

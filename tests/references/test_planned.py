@@ -11,7 +11,6 @@ from scipy.integrate import quad
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
 from flighttune.campaign.flying.kinematic_batch import batchable
-from flighttune.control.controller import Measured
 from flighttune.files.table import toml_text
 from flighttune.flight.new import new_scenario
 from flighttune.references.planner import WIND_ESTIMATE_S, Planner
@@ -47,7 +46,7 @@ def largest_errors(scenario):
 
 
 def measured(wind=None, chi=0.0, phi=0.0):
-    return Measured(chi, 0.0, 25.0, phi, 1.0, 100.0, (0.0, 0.0, 0.0), wind)
+    return ft.loop.Measured(chi, 0.0, 25.0, phi, 1.0, 100.0, (0.0, 0.0, 0.0), wind)
 
 
 def test_a_roll_in_is_the_mean_of_the_ramp_over_its_time():

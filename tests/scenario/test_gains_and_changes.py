@@ -12,7 +12,6 @@ import flighttune as ft
 from flighttune.control.gains import PAPER_EPSILON
 from flighttune.flight.models import gain_set
 from flighttune.planning.plan import plan_from
-from flighttune.planning.source import flights
 from flighttune.scenario.load import with_gains
 
 TURN = {
@@ -172,13 +171,13 @@ def test_flights_about_a_scenario_and_of_a_campaign_take_them_too(turn, monkeypa
         'title = "c"\nscenario = "turn"\nruns = 2\ngains = ["my gains.json"]\n'
     )
     changes = {"flight.V_a_mps": 20.0}
-    about = flights("turn.toml", changes=changes).starting(1.0).plan(gains="my gains.json")
-    campaign = flights("c.toml", changes=changes).plan(gains="K3")
+    about = ft.flights("turn.toml", changes=changes).starting(1.0).plan(gains="my gains.json")
+    campaign = ft.flights("c.toml", changes=changes).plan(gains="K3")
     as_kept = plan_from(json.loads(json.dumps(campaign.as_dict())))
 
     assert list(about.gain_sets) == ["my_gains"]
     assert list(campaign.gain_sets) == ["K3"]
-    assert list(flights("c.toml").plan().gain_sets) == ["my_gains"]
+    assert list(ft.flights("c.toml").plan().gain_sets) == ["my_gains"]
     assert campaign.scenario.flight.V_a_mps == about.scenario.flight.V_a_mps == 20.0
     assert campaign.campaign.title == "c (flight.V_a_mps = 20.0)"
     assert campaign.campaign.overrides == {"flight.V_a_mps": 20.0}

@@ -6,7 +6,6 @@ from printed import A_K, L_D, MODEL, E
 from worst_reach import ReachableSet, largest_reach
 
 import flighttune as ft
-from flighttune.errors import ShapeError
 from flighttune.theory.lyapunov import invariant_ellipsoid, paper_balls
 
 LAST_DIGIT = 5e-4
@@ -62,5 +61,5 @@ def test_an_unstable_loop_has_no_ellipsoid():
 
 
 def test_the_disturbance_must_enter_somewhere():
-    with pytest.raises(ShapeError, match=r"`E`.*2"):
+    with pytest.raises(ft.InputError, match=r"`E`.*2"):
         invariant_ellipsoid(-np.eye(2), [[0.0], [0.0]], L_d=1.0)

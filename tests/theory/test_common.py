@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from printed import A_K, L_D, E
 
 import flighttune as ft
-from flighttune.errors import ShapeError
 from flighttune.theory import common
 from flighttune.theory.common import common_ellipsoid, common_Q
 from flighttune.theory.lyapunov import invariant_ellipsoid
@@ -122,9 +121,9 @@ def test_a_solver_that_lies_is_not_believed(monkeypatch):
 
 
 def test_vertices_must_be_a_stack_of_matrices():
-    with pytest.raises(ShapeError, match="`vertices` must have 3 axes"):
+    with pytest.raises(ft.InputError, match="`vertices` must have 3 axes"):
         common_Q(A_K)
-    with pytest.raises(ShapeError, match="`E` must have 4 rows"):
+    with pytest.raises(ft.InputError, match="`E` must have 4 rows"):
         common_ellipsoid(A_K[None], np.eye(2), L_d=1.0)
     with pytest.raises(ft.InputError, match=r"`L_d`.*0"):
         common_ellipsoid(A_K[None], E, L_d=0.0)

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import expm
 
-from flighttune.errors import InputError, ShapeError
+import flighttune as ft
 from flighttune.theory.decay import decay, decay_checks, exponential_below
 from flighttune.theory.exact import exact
 
@@ -73,7 +73,7 @@ def test_a_loop_that_does_not_decay_has_no_rate(loop, dt):
     ("loop", "dt"), [([[1.0, 2.0]], None), ([[math.nan]], None), ([[0.5]], 0.0)]
 )
 def test_what_is_no_loop_is_refused(loop, dt):
-    with pytest.raises((InputError, ShapeError)):
+    with pytest.raises((ft.InputError, ft.InputError)):
         decay(loop, dt=dt)
 
 

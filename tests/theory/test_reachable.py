@@ -15,7 +15,6 @@ from worst_reach import ReachableSet, largest_reach, worst_disturbance
 import flighttune as ft
 from flighttune.control.inner_loop import with_input_lag
 from flighttune.control.linear_model import closed_loops
-from flighttune.errors import ShapeError
 from flighttune.theory import reachable as tabulated
 from flighttune.theory.lyapunov import invariant_ellipsoid, paper_balls
 from flighttune.theory.reachable import error_slopes, largest_errors, largest_outputs
@@ -251,7 +250,7 @@ def test_lags_behind_a_model_have_no_disturbance_of_their_own():
 
     assert measured.E_K == pytest.approx(ft.loop.indicators(A_K).E_K, rel=1e-3)
     assert math.isnan(ft.loop.indicators(lagged).E_K)
-    with pytest.raises(ShapeError, match="`A_K`"):
+    with pytest.raises(ft.InputError, match="`A_K`"):
         ft.loop.indicators(lagged, errors=8)
 
 

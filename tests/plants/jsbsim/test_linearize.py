@@ -9,7 +9,6 @@ from scipy.linalg import block_diag
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.errors import TrimError
 from flighttune.plants.jsbsim.bench import CONTROLS
 from flighttune.plants.jsbsim.fdm import Fdm
 from flighttune.plants.jsbsim.linearize import STATES, linearize, modes
@@ -104,5 +103,5 @@ def test_own_differences_give_the_modes_that_jsbsim_finds(gamma):
 
 
 def test_a_condition_without_steady_flight_is_refused():
-    with pytest.raises(TrimError, match="throttle closed"):
+    with pytest.raises(ft.PlantError, match="throttle closed"):
         linearize(load_aircraft("aerosonde"), ft.loop.FlightCondition(V_a=25.0, gamma=-0.5))

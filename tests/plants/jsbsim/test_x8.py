@@ -9,7 +9,6 @@ from scipy.optimize import fsolve
 
 import flighttune as ft
 from flighttune.aircraft.aircraft import load_aircraft
-from flighttune.identification.design import design
 
 from .conftest import fdm_of
 
@@ -115,7 +114,7 @@ def test_a_turn_without_a_rudder_goes_on_as_it_began(fly, holding_gamma, phi_deg
 
 
 def test_gains_of_yaw_are_zero_without_a_rudder():
-    gains = design("x8").gains.gains
+    gains = ft.design("x8").gains.gains
 
     assert {value for name, value in gains.items() if name.startswith("yaw/")} == {0.0}
 
