@@ -61,11 +61,10 @@ def index_entry(_app: object, _what: str, name: str, *rest: Any) -> None:
 
 def public_names() -> list[str]:
     """Public names as they are written behind ``ft.``, those of its namespaces with both parts."""
-    spaces = {"gym": flighttune.gym.__all__, "loop": flighttune.loop.__all__}
-    return [
-        *(name for name in flighttune.__all__ if name not in spaces),
-        *(f"{space}.{name}" for space, names in spaces.items() for name in names),
-    ]
+    spaces = {"gym": flighttune.gym.__all__, "loop": dir(flighttune.loop)}
+    names = [*(name for name in dir(flighttune) if name not in spaces)]
+    names += [f"{space}.{name}" for space, inside in spaces.items() for name in inside]
+    return [name for name in names if "__" not in name]
 
 
 def pages_to_search(app: Any, error: Exception | None) -> None:

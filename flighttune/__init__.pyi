@@ -72,3 +72,6 @@ from flighttune.tubes.tube import tube as tube
 from flighttune.tuning.result import TuningResult as TuningResult
 
 __version__: str
+
+def modules_of(namespace: str) -> dict[str, str]: ...
+def public_value(namespace: str, name: str) -> object: ...
