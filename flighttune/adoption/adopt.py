@@ -283,14 +283,14 @@ def adopt(
         tables["engines"]["command"] = throttle
     if not rudder:
         del tables["surfaces"]["rudder"]
-    told = deepcopy(tables)
+    as_asked = deepcopy(tables)
     start, choices = h or HEIGHT, {"V_a": V_a, "say": say, "values": values or {}, "glide": glide}
     try:
         surveyed = survey(tables, folder, h=start, **choices)
         if h is None and (lost := _height_lost(surveyed)) > start:
             start = math.ceil(lost / HEIGHT) * HEIGHT
             say(f"a steep glide, from {start:g} m instead of {HEIGHT:g} m")
-            tables.update(told)
+            tables.update(as_asked)
             surveyed = survey(tables, folder, h=start, **choices)
             note = f"its glide is steep: it flies from {start:g} m"
             surveyed = replace(surveyed, notes=(*surveyed.notes, note))

@@ -285,7 +285,7 @@ def survey(
 
 
 def _engine_notes(engines: Mapping[str, Any]) -> list[str]:
-    """What must be known of where the thrust comes from."""
+    """Notes on where the thrust comes from."""
     notes = []
     if not engines["count"]:
         notes.append("it has no engine: it flies about its steady glide")
@@ -600,9 +600,9 @@ def _engines(
     table["settle_s"] = _settling(bench, _level(V, lift.at(V)[0], 1.0), thrusts)
     wait = MAX_SETTLING_S if table["settle_s"] else 1.0
     full = settled(V, 1.0, wait)
-    found = _thrust_of_another_kind(fdm, full, weight, partial(settled, V, wait=wait))
-    if found:
-        table |= found
+    other = _thrust_of_another_kind(fdm, full, weight, partial(settled, V, wait=wait))
+    if other:
+        table |= other
         return _engines(table, load, lift, V_a)
 
     def as_full(thrust: FloatArray) -> bool:
@@ -717,7 +717,7 @@ def _answers(bench: Bench, level: AirframeState) -> tuple[dict[str, dict[str, An
 
 
 def _none_read(config: AircraftConfig, name: str) -> str:
-    """What to add about a surface without effect: that the model may not have it at all."""
+    """An addition about a surface without effect: the model may not have it at all."""
     if name != "aileron" or any(
         "aileron" in text or "elevon" in text for _, text in _texts(config)
     ):

@@ -57,7 +57,7 @@ HELD_S = 0.02  # commands are held for about so long: a sample of one may be so 
 MEMORY_S = 0.1  # time over which what is left of a residual is foreseen, and not fitted
 
 CONFIDENCE = 0.95
-CLEAR = 1.5  # standard errors by which an order must fit better than the other to be told
+CLEAR = 1.5  # standard errors by which an order must fit better than the other to count as distinct
 COARSE = 1.0  # rad: of a lag's frequency over a sample, from which on samples do not show it
 WIDEST = 3.0  # ratio of the ends of an interval of the frequency that tells nothing
 STEP = 1e-4  # of the parameters, for the slopes of the response
@@ -410,7 +410,7 @@ def _channel(runs: Sequence[Run], name: Channel) -> ChannelOfLogs | str:
     # Turbulence lasts, and the autopilot answers it: only what is fresh in a residual does not
     # depend on the commands before it.
     carried = _carried(sections, _fitted(sections, None, 2, 0.0))
-    lag, told = _chosen(sections, count, carried)
+    lag, distinct = _chosen(sections, count, carried)
     shares = []  # of every log, or of every second stretch of one: variance missed, and all of it
     for fold in logs if len(logs) > 1 else (0, 1):
         sides = [
@@ -429,7 +429,7 @@ def _channel(runs: Sequence[Run], name: Channel) -> ChannelOfLogs | str:
     dt, reason = max(section.dt for section in sections), ""
     if dt * lag.natural_frequency > COARSE:
         reason = f"a sample every {dt:.2g} s is too coarse for {lag.natural_frequency:.3g} rad/s"
-    elif not told:
+    elif not distinct:
         reason = "first and second order fit alike"
     elif high[0] - low[0] > math.log(WIDEST):
         reason = f"its ends would differ by more than a factor of {WIDEST:g}"

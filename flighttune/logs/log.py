@@ -356,11 +356,11 @@ def load_log(
     >>> run.label, round(run.duration, 2), round(float(run.signals["chi"].iloc[0]), 4)
     ('log / flight', 19.96, 0.9273)
     """
-    path, given = Path(path), given_columns(columns)
+    path, columns_by_name = Path(path), given_columns(columns)
     places: dict[str, list[Column]] = {}
 
     def wanted(kind: str, header: list[str]) -> Fields:
-        places.update(columns_of(kind, header, given, str(path)))
+        places.update(columns_of(kind, header, columns_by_name, str(path)))
         fields: dict[str, list[str]] = {"HEARTBEAT": []} if kind == "MAVLink" else {}
         for column in (column for each in places.values() for column in each):
             topic, field = ("", column.source) if kind == "csv" else column.topic

@@ -125,9 +125,9 @@ def write_answer(
     `parts` are `PARTS` by their anchor; others come after them. `texts` are files that the
     `commands` need, by name.
     """
-    known = [key for key, *_ in PARTS]
+    order = [key for key, *_ in PARTS]
     names = {key: {"id": key, "title": name, "open": seen} for key, name, seen in PARTS}
-    ordered = sorted(parts, key=lambda key: known.index(key) if key in known else len(known))
+    ordered = sorted(parts, key=lambda key: order.index(key) if key in order else len(order))
     return write_page(
         Path(path),
         page_template("flighttune.present", "answer.html.jinja"),

@@ -1,4 +1,4 @@
-"""What a recording opens with: tabs of views, cameras that frame the flight, and text.
+"""The first view of a recording: tabs of views, cameras that frame the flight, and text.
 
 The text is Markdown: the page, a sentence for each tab, the names of the runs.
 """

@@ -368,7 +368,7 @@ def _certificate_section(scenario: Scenario, flights: panels.Drawn) -> Section:
     """Certificates of the gains, bounds of flights of the law, and the frontier with the gains."""
     sets = {run.provenance.gains_name: run.provenance.gains for run, _ in flights}
     gains = {name: gain_set for name, gain_set in sets.items() if gain_set is not None}
-    bounds = {run.label: found for run, _ in flights if (found := linear_bound(run)) is not None}
+    bounds = {run.label: bound for run, _ in flights if (bound := linear_bound(run)) is not None}
     curve = frontier(
         tuning_problem(scenario),
         points=FRONTIER_POINTS,

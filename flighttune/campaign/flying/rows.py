@@ -364,8 +364,8 @@ def _indicators(plan: Plan, group: Group, scenarios: Sequence[Scenario]) -> list
         (s.flight.V_a_mps, s.flight.g_mps2, reference_of(s).initial[1], s.controller)
         for s in scenarios
     ]
-    known = _indicators_known(plan, group)
-    values: dict[Hashable, Indicators] = {key: known[key] for key in keys if key in known}
+    cached = _indicators_known(plan, group)
+    values: dict[Hashable, Indicators] = {key: cached[key] for key in keys if key in cached}
     new = {key: s for key, s in zip(keys, scenarios, strict=True) if key not in values}
     if new:
         loops = np.array([closed_loop(linear_model(s, law), gains) for s in new.values()])
@@ -373,8 +373,8 @@ def _indicators(plan: Plan, group: Group, scenarios: Sequence[Scenario]) -> list
         E_K = largest_errors(loops, errors=len(gains.errors)).max(axis=1)
         columns = (map(_number, each.tolist()) for each in (both.R_K, both.I_K, E_K))
         values |= zip(new, zip(*columns, strict=True), strict=True)
-        known.clear()
-        known.update(values)
+        cached.clear()
+        cached.update(values)
     return [values[key] for key in keys]
 
 
