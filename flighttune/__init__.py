@@ -14,6 +14,9 @@ __version__ = "0.3.0"
 # Names that went into a module without being in its stub.
 MOVED = {
     "FlightEnv": "flighttune.gym",
+    "OutputError": "flighttune.errors",
+    "Provenance": "flighttune.simulate.run",
+    "Report": "flighttune.present.frame",
     "ShapeError": "flighttune.errors",
     "TrimError": "flighttune.errors",
 }

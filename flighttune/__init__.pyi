@@ -23,7 +23,6 @@ from flighttune.control.gains import PAPER_GAINS as PAPER_GAINS
 from flighttune.control.gains import PIGains as PIGains
 from flighttune.errors import FlightTuneError as FlightTuneError
 from flighttune.errors import InputError as InputError
-from flighttune.errors import OutputError as OutputError
 from flighttune.errors import PlantError as PlantError
 from flighttune.errors import RecordingError as RecordingError
 from flighttune.errors import ScenarioError as ScenarioError
@@ -60,12 +59,10 @@ from flighttune.records.parquet import Recording as Recording
 from flighttune.records.parquet import load_recording as load_recording
 from flighttune.records.refly import Reflown as Reflown
 from flighttune.reports.claim import plot as plot
-from flighttune.reports.page import Report as Report
 from flighttune.reports.report import report as report
 from flighttune.scenario.load import load_gains as load_gains
 from flighttune.scenario.load import scenario_from as scenario_from
 from flighttune.scenario.schema import Scenario as Scenario
-from flighttune.simulate.run import Provenance as Provenance
 from flighttune.simulate.run import Run as Run
 from flighttune.tubes.enclosure import Tube as Tube
 from flighttune.tubes.tube import tube as tube

@@ -56,14 +56,7 @@ class InputError(FlightTuneError, ValueError):
 
 
 class ShapeError(InputError):
-    """An array has the wrong shape.
-
-    Examples
-    --------
-    >>> ft.loop.indicators([[1.0, 2.0]])
-    Traceback (most recent call last):
-    ShapeError: `A_K` must have shape (..., n, n), got (1, 2).
-    """
+    """An array has the wrong shape."""
 
 
 class ScenarioError(InputError):
@@ -89,15 +82,7 @@ class RecordingError(InputError):
 
 
 class OutputError(InputError):
-    """A file cannot be written; what stood there before still does.
-
-    Examples
-    --------
-    >>> flown = ft.fly(ft.load_scenario("paper_as_printed"))
-    >>> ft.record(flown, "/dev/null/runs")  # doctest: +ELLIPSIS
-    Traceback (most recent call last):
-    OutputError: /dev/null/runs/kinematic-paper.parquet: must be writable, ...
-    """
+    """A file cannot be written; what stood there before still does."""
 
 
 class InfeasibleError(FlightTuneError):
@@ -116,15 +101,7 @@ class PlantError(FlightTuneError, RuntimeError):
 
 
 class TrimError(PlantError):
-    """No steady flight was found at the condition asked for.
-
-    Examples
-    --------
-    >>> dive = ft.loop.FlightCondition(V_a=25.0, gamma=-0.7)
-    >>> ft.loop.JSBSimPlant().start(dive)  # doctest: +ELLIPSIS
-    Traceback (most recent call last):
-    TrimError: ...: no steady flight at V_a 25 m/s, h 1000 m, ...
-    """
+    """No steady flight was found at the condition asked for."""
 
 
 class CampaignError(FlightTuneError, RuntimeError):

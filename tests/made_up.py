@@ -4,6 +4,7 @@ import pandas as pd
 
 import flighttune as ft
 from flighttune.files.table import toml_text
+from flighttune.simulate.run import Provenance
 
 
 def scenario_tables(**changes):
@@ -47,7 +48,7 @@ def made_up_run(
         signals=pd.DataFrame(columns, index=index, dtype=float),
         status=status,
         reason=reason,
-        provenance=ft.Provenance(
+        provenance=Provenance(
             scenario=scenario or {},
             plant=plant,
             gains_name=gains_name,

@@ -43,33 +43,13 @@ PARTS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report(Answering):
-    """A page that was written.
-
-    Attributes
-    ----------
-    path : Path
-        The file.
-    summary : tuple of str
-        Sentences at its top.
-    sections : tuple of str
-        Titles.
-    tables : tuple of Table
-        Its tables.
-    shown : Answer
-        The answer that a terminal shows.
-
-    Examples
-    --------
-    >>> report = ft.report("paper_as_printed@paper", "report.html")
-    >>> report.path.name, report.sections[0]
-    ('report.html', 'Errors and metrics')
-    """
+    """A page that was written."""
 
     path: Path
-    summary: tuple[str, ...]
-    sections: tuple[str, ...]
+    summary: tuple[str, ...]  # sentences at its top
+    sections: tuple[str, ...]  # titles
     tables: tuple[Table, ...]
-    shown: Answer = field(default_factory=Answer, repr=False)
+    shown: Answer = field(default_factory=Answer, repr=False)  # what a terminal shows
 
     def answer(self) -> Answer:
         """The answer that the page shows, and its file."""

@@ -69,39 +69,14 @@ GIVEN_WAY = 1e-6
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Provenance:
-    """Origin of a run: enough to fly it again to the same bits.
+    """Origin of a run: enough to fly it again to the same bits."""
 
-    Attributes
-    ----------
-    scenario : mapping
-        The validated scenario, as it would be written in TOML.
-    plant : str
-        Label of the plant, for example ``"kinematic"``, ``"jsbsim:aerosonde"`` or, where it has a
-        name, ``"jsbsim:aerosonde:heavy"``.
-    gains_name : str
-        Name of the gain set in the scenario.
-    gains : PIGains or None
-        The gains flown; None where none were found.
-    seed : int
-        Master seed.
-    versions : mapping
-        Version of every library that shaped the numbers.
-    wall_s : float, s
-        Time the flight took.
-
-    Examples
-    --------
-    >>> provenance = ft.fly(ft.load_scenario("paper_as_printed")).runs[0].provenance
-    >>> provenance.plant, provenance.gains_name, provenance.seed
-    ('kinematic', 'paper', 1)
-    """
-
-    scenario: Mapping[str, Any]
-    plant: str
-    gains_name: str
-    gains: PIGains | None
+    scenario: Mapping[str, Any]  # as it would be written in TOML
+    plant: str  # its label: ``kinematic``, ``jsbsim:aerosonde``, ``jsbsim:aerosonde:heavy`` by name
+    gains_name: str  # in the scenario
+    gains: PIGains | None  # None where none were found
     seed: int
-    versions: Mapping[str, str]
+    versions: Mapping[str, str]  # of every library that shaped the numbers
     wall_s: float
 
     @property
@@ -146,7 +121,8 @@ class Run:
     reason : str
         A sentence with time and numbers where `status` is not ``completed``.
     provenance : Provenance
-        Scenario, plant and gains that made the run.
+        What made the run: `scenario`, `plant`, `gains_name`, `gains`, `seed`, `versions` of the
+        libraries and `wall_s`.
     units : mapping of str to str
         Units of signals that `SIGNAL_UNITS` does not know: those of a user's own law.
     claims : tuple of RunClaim

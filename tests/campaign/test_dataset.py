@@ -217,7 +217,7 @@ def test_a_folder_without_a_campaign_is_one_line(tmp_path, ours):
 def test_a_folder_that_cannot_be_written_is_one_line(tmp_path, ours):
     (tmp_path / "file").write_text("")
 
-    with pytest.raises(ft.OutputError, match="must be writable"):
+    with pytest.raises(ft.InputError, match="must be writable"):
         ft.run_campaign(ours, tmp_path / "file" / "out")
 
 

@@ -24,7 +24,7 @@ def test_a_file_that_cannot_be_replaced_stays_as_it_is(tmp_path, monkeypatch):
 
     monkeypatch.setattr("pathlib.Path.replace", refused)
 
-    with pytest.raises(ft.OutputError, match=r"report\.html: .*permission denied"):
+    with pytest.raises(ft.InputError, match=r"report\.html: .*permission denied"):
         whole_file.write_text(path, "new")
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]

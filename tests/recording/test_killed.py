@@ -92,7 +92,7 @@ def test_a_second_flight_that_is_killed_is_not_mixed_with_the_first(
 def test_nothing_has_its_name_where_one_file_cannot_be_written(flights, tmp_path):
     (tmp_path / "flight.rrd").mkdir()
 
-    with pytest.raises(ft.OutputError, match=r"flight\.rrd: must be writable"):
+    with pytest.raises(ft.InputError, match=r"flight\.rrd: must be writable"):
         ft.record(flights[0], tmp_path, name="flight")
 
     assert [path.name for path in tmp_path.iterdir()] == ["flight.rrd"]
