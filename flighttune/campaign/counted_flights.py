@@ -134,9 +134,13 @@ def _range(table: Dispersion, own: Any) -> list[Any]:
         ends = [table.lower, table.upper]
     else:
         ends = table.at(np.array(UNIT_ENDS)).tolist()
+    if table.acts == "sets":
+        return ends
+    if own is None:
+        raise InputError(f"`acts` of `{table.key}` must be sets: the scenario states no value.")
     if table.acts == "adds":
         return [own + value for value in ends]
-    return sorted(own * value for value in ends) if table.acts == "multiplies" else ends
+    return sorted(own * value for value in ends)
 
 
 def plan_of(band: Band) -> Plan:

@@ -576,9 +576,11 @@ def _success(success: float | None, dispersed: Campaign | None) -> float:
 def _check_budget(budget: int, starts: int, each: int, counting: int) -> None:
     """Refuse a budget in which the gains of the start and those found cannot be flown."""
     if budget < starts * each + counting:
+        sets = f"each of the {starts} gain sets" if starts > 1 else "the gains"
+        count = f" and {counting} for the count on fresh draws" * bool(counting)
         raise InputError(
-            f"`budget` must be at least {starts * each + counting} flights: {each} for each of the "
-            f"{starts} gain sets of the start and {counting} for the count, got {budget}."
+            f"`budget` must be at least {starts * each + counting} flights, {each} for {sets} of "
+            f"the start{count}, got {budget}."
         )
 
 

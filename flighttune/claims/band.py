@@ -544,9 +544,9 @@ class Band(Answering):
             notes.append(
                 f"A turn of {turn_back.turn_deg:g} deg to either side from any place of the route, "
                 f"{turn_back.reaction_s:g} s after detection, {turn_back.bank_deg:g} deg of bank "
-                f"with the wind of the plan from behind, until {BACK_S:g} s after it; by formula "
-                f"{formula:.0f} m ahead in still air. No failure of engine, link or navigation is "
-                "in it, and it is no risk class."
+                f"with a wind of {turn_back.wind(f.g_mps2):.3g} m/s from behind, until {BACK_S:g} "
+                f"s after it; by formula {formula:.0f} m ahead in still air. No failure of engine, "
+                "link or navigation is in it, and it is no risk class."
             )
         if about.predicted_from:
             notes.append(

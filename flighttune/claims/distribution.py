@@ -52,7 +52,9 @@ MOVING = ("wind", "gust", "turbulence")
 NAMED_APART = (*(f"{name}." for name in AIR), AIRSPEED)
 
 # Keys that the table of flights has where they are the same in all of them.
-START_AND_GAINS = "flight.h_m", "flight.chi_deg", "flight.gamma_deg", "controller.schedule"
+SCHEDULE = "controller.schedule"
+START_AND_GAINS = "flight.h_m", "flight.chi_deg", "flight.gamma_deg", SCHEDULE
+GAINS = {False: "the same at all airspeeds", True: "proportional to airspeed"}
 
 # Range of directions that are all directions.
 FULL_CIRCLE_DEG = 360.0
@@ -164,6 +166,7 @@ class Distribution:
     def _range(self, start: str, end: str = "") -> str:
         """The range of all these values with their unit; empty if no flight has such a key."""
         values = self._values(start, end)
+        values = [GAINS[value] for value in values] if start == SCHEDULE else values
         return spread(values, columns(PLACE.sub("", end or start))[0].unit) if values else ""
 
     def start_range(self, scenario: Scenario, plant: PlantTable) -> float | None:
@@ -217,7 +220,7 @@ def _leaves(value: Any, above: str) -> Iterator[tuple[str, Any]]:
 
 def _words(key: str) -> str:
     """A key in words: a factor is called one."""
-    words = key_words(key).removeprefix("sensor ").replace(",", "")
+    words = "gains" if key == SCHEDULE else key_words(key).removeprefix("sensor ").replace(",", "")
     return words + " factor" * key.endswith("_factor")
 
 
@@ -240,5 +243,9 @@ def _how(table: Mapping[str, Any]) -> str:
             else ""
         )
         return f"{kind.replace('_', '-')}, sd {sd:g} {unit}".rstrip() + share
+    if kind == "uniform":
+        return kind
+    weights = table.get("weights") or [1.0]
+    rarest = f", the rarest with probability {min(weights) / sum(weights):.2g}"
     values = table.get("count") or len(table.get("values") or ())
-    return kind if kind == "uniform" else f"one of {values} values"
+    return f"one of {values} values{rarest * (min(weights) < max(weights))}"

@@ -87,6 +87,11 @@ class TurnBackTable(q.Table):
         """Distance ahead in still air, m: that of the reaction, and the radius of the turn."""
         return V_a * self.reaction_s + V_a**2 / (g * math.tan(self.bank_deg * DEG))
 
+    def wind(self, g: float) -> float:
+        """Least wind from behind, m/s, in which turns at the bank have the rates of the places."""
+        *_, V_a, _, back = self.columns
+        return float(np.min(g * math.tan(self.bank_deg * DEG) / (back * DEG) - V_a))
+
     def followed(self, tables: Mapping[str, Any]) -> dict[str, Any]:
         """The tables of a scenario with the start and the reference of this flight."""
         *_, chi, gamma, h, V_a, rate, back = self.here

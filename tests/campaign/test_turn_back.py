@@ -60,6 +60,16 @@ def flown(turning, **values):
     return run, scenario.turn_back
 
 
+def test_the_wind_of_a_turn_follows_from_its_bank_and_rates(turning):
+    turn_back = turning.scenario.turn_back
+    steeper = turn_back.model_copy(update={"bank_deg": 45.0})
+    fastest = SPEED + ft.route("circuit").wind
+
+    assert turn_back.wind(G) == pytest.approx(fastest - SPEED, abs=0.01)
+    # the tangent of 45 deg is 3^0.5 times that of 30 deg
+    assert steeper.wind(G) == pytest.approx(3.0**0.5 * fastest - SPEED, abs=0.01)
+
+
 @pytest.mark.parametrize("side", [-1, 1])
 def test_a_flight_comes_as_far_as_its_course_says(turning, side):
     """From the first leg, to the north: the integral of the speed, for a rate that rises in 1 s."""

@@ -53,6 +53,11 @@ def spoken(*disperse, **tables):
             {"sensors": {"chi_noise_sd_deg": 5.0}},
             "in calm air, measured with course noise deviation 5 deg",
         ),
+        (
+            [one_of("controller.schedule", True, False)],
+            {},
+            "drawn at random: gains the same at all airspeeds or proportional to airspeed",
+        ),
         ([uniform("flight.chi_deg", -5.0, 5.0)], {}, "drawn at random: initial course -5 to 5 deg"),
     ],
 )
@@ -73,7 +78,7 @@ def test_many_keys_stand_in_the_table_with_their_units_and_the_sentence_counts_t
     assert rows["centre of gravity aft"] == ("-0.012 to 0.012 m", "normal, sd 0.005 m")
     assert rows["wind speed"] == ("0 to 8 m/s", "uniform")
     assert {*campaign.keys} == {*known.dispersed}
-    assert rows["controller schedule"] == ("False", "fixed")
+    assert rows["gains"] == ("the same at all airspeeds", "fixed")
     drawn = [row for row in table.records if row["drawn"] != "fixed"]
     assert len(drawn) == 4 + len(campaign.keys) + len(campaign.correlation)
 
