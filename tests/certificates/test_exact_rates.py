@@ -1,6 +1,7 @@
 """Exact rates in certificates: near the truth for every shipped aircraft, and not to be forged."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -18,14 +19,22 @@ PADE = 0.02
 IDENTIFIED = {"tuning.model": "identified"}
 
 
-@pytest.fixture(scope="module")
+@cache
+def certified(scenario):
+    return ft.certify(scenario, changes=IDENTIFIED).certificate
+
+
+@pytest.fixture
 def mission():
-    return ft.certify("mission", changes=IDENTIFIED).certificate
+    return certified("mission")
 
 
-@pytest.mark.parametrize("scenario", ["mission", "circuit_c172p", "circuit_a4"])
+@pytest.mark.parametrize(
+    "scenario",
+    ["mission", *(pytest.param(f"circuit_{x}", marks=pytest.mark.slow) for x in ("c172p", "a4"))],
+)
 def test_the_gains_of_shipped_aircraft_have_nearly_their_true_rate(scenario):
-    certificate = ft.certify(scenario, changes=IDENTIFIED).certificate
+    certificate = certified(scenario)
 
     continuous, sampled = (
         rate.values(certificate.model, certificate.gains) for rate in certificate.exact_rates

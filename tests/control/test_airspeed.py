@@ -71,7 +71,9 @@ def test_the_model_has_the_slopes_of_the_equations_of_motion(gamma, phi):
         assert model.B[:, i] == pytest.approx(-of_input, abs=SLOPES)
 
 
-@pytest.mark.parametrize("gamma_deg", [0.0, 15.0, 45.0])
+@pytest.mark.parametrize(
+    "gamma_deg", [15.0, *(pytest.param(x, marks=pytest.mark.slow) for x in (0.0, 45.0))]
+)
 def test_three_channels_have_the_optimum_of_two(gamma_deg):
     gamma = math.radians(gamma_deg)
     two, three = (

@@ -21,9 +21,12 @@ def written(request, flight, tmp_path_factory):
     return WRITERS[request.param](path, *sampled(flight, noise=False, dropouts=False, late=False))
 
 
-def test_a_log_is_the_flight_in_our_signals_units_and_signs(written, flight):
-    run = ft.load_log(written, columns=COMMAND.get(written.name, ()))
+@pytest.fixture(scope="session")
+def run(written):
+    return ft.load_log(written, columns=COMMAND.get(written.name, ()))
 
+
+def test_a_log_is_the_flight_in_our_signals_units_and_signs(run, flight):
     step = run.t[1] - run.t[0]
     assert step == pytest.approx(0.04, abs=2e-4)
     signals = run.signals.dropna()
@@ -42,7 +45,7 @@ def test_a_log_is_the_flight_in_our_signals_units_and_signs(written, flight):
     assert np.median(np.abs(signals["phi_cmd"].to_numpy() - commands)) < SINGLE
 
 
-def test_the_content_says_what_a_log_is(written, tmp_path):
+def test_the_content_says_what_a_log_is(written, run, tmp_path):
     other = tmp_path / "anything.dat"
     other.write_bytes(written.read_bytes())
     if written.suffix == ".csv":  # any text may be a table: its ending says so
@@ -50,7 +53,7 @@ def test_the_content_says_what_a_log_is(written, tmp_path):
             ft.load_log(other)
         return
 
-    assert len(ft.load_log(other).signals) == len(ft.load_log(written).signals)
+    assert len(ft.load_log(other).signals) == len(run.signals)
 
 
 def test_a_gap_is_a_gap(flight, tmp_path):

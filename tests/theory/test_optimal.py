@@ -34,15 +34,15 @@ def test_the_channel_has_the_indicators_it_states(R_K):
     assert measured.I_K == pytest.approx(channel.I_K, rel=ROUNDING)
 
 
-@pytest.mark.parametrize("I_star", [4.86, 8.0])
-def test_no_channel_of_a_fine_grid_is_better(I_star):
+def test_no_channel_of_a_fine_grid_is_better():
     p, q = np.meshgrid(np.geomspace(0.2, 20.0, 600), np.geomspace(0.2, 20.0, 600))
 
     measured = ft.loop.indicators_batch(channels(p, q))
 
-    best = measured.R_K[measured.I_K <= I_star].max()
-    assert best == pytest.approx(optimal_channel(I_star).R_K, rel=0.02)
-    assert best <= optimal_channel(I_star).R_K
+    for I_star in (4.86, 8.0):
+        best = measured.R_K[measured.I_K <= I_star].max()
+        assert best == pytest.approx(optimal_channel(I_star).R_K, rel=0.02)
+        assert best <= optimal_channel(I_star).R_K
 
 
 def test_no_smaller_bound_can_be_met():
