@@ -7,7 +7,7 @@ with the loop closed at 50 Hz, measures, expectations, the table. It is held
 against the bare ``fdm.run()`` loop of the same 20 s at 200 Hz in still air. It is processor time,
 best of several, so that other work on the machine does not count.
 
-Kinematic draws are those of a whole campaign, as `campaign run` flies it. They are timed by the
+Kinematic draws are those of a whole campaign, as `campaign` flies it. They are timed by the
 clock, and by the processor time over the cores, which is what the clock shows on a machine that
 does nothing else.
 

@@ -4,7 +4,7 @@ Run it with ``python benchmarks/bench_campaign_scaling.py``; ``--json`` prints o
 
 Plain processes, as many as there are workers, call `fly_runs` at the same time, each for its share
 of `RUNS` flights of 20 s of the Aerosonde on JSBSim, the airframe dispersed.
-``flighttune campaign run`` then flies the same into a folder by local workers. Both share memory
+``flighttune campaign`` then flies the same into a folder by local workers. Both share memory
 and caches in the same way, so that the ratio is that of the engine alone: the time of the slowest
 plain process over that of the campaign. It is shown with the start and end of the workers, and from
 the first row on.
@@ -101,8 +101,8 @@ def plain_processes(file: Path, runs: int, count: int) -> tuple[float, float]:
 
 
 def campaign(file: Path, out: Path, workers: int) -> dict[str, Any]:
-    """What ``campaign run`` says of itself, time from its first row on, and who took how much."""
-    command = [sys.executable, "-m", "flighttune", "campaign", "run", file, "--json",
+    """What ``campaign`` says of itself, time from its first row on, and who took how much."""
+    command = [sys.executable, "-m", "flighttune", "campaign", file, "--json",
                "--out", out, "--workers", str(workers)]  # fmt: skip
     began, first_row, busy = time.perf_counter(), None, {}
     process = psutil.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)

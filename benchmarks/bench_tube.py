@@ -27,8 +27,8 @@ from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.flight.models import gain_set
 from flighttune.plants.point_mass import PointMassPlant
 from flighttune.simulate.loop import simulate
+from flighttune.tubes.enclosure import load_tube
 from flighttune.tubes.problem import tube_problem
-from flighttune.tubes.proof import load_tube, save_tube
 from flighttune.tubes.sample import LIFT
 from flighttune.tubes.tube import flights_inside, tube_of
 from flighttune.units import DEG
@@ -217,7 +217,7 @@ def row(name, folder, flights):
     met, ratios = width is None or found.status == "bounded", np.zeros(2)
     if found.status == "bounded":
         path = Path(folder) / "tube.npz"
-        save_tube(found, path)
+        found.save(path)
         began = time.process_time()
         valid = load_tube(path).verify().valid
         verify_s, size = time.process_time() - began, path.stat().st_size / 1e6
@@ -309,7 +309,7 @@ def count(name, folder):
 
 def tube_of_aircraft(name, path, folder):
     """The tube of the Aerosonde in the boxes of a file, and what was measured."""
-    scenario, known = ft.load_scenario(name, changes=SHORTER), ft.load_claim(path)
+    scenario, known = ft.load_scenario(name, changes=SHORTER), ft.load(path)
     began = time.process_time()
     found = tube(scenario, gain_set(scenario, "tuned_identified"), band=known)
     cpu = time.process_time() - began
@@ -320,7 +320,7 @@ def tube_of_aircraft(name, path, folder):
         return found, measured
     widths = found.bounds.half_widths[:, :2] / DEG
     file = Path(folder) / "aircraft.npz"
-    save_tube(found, file)
+    found.save(file)
     began = time.process_time()
     valid = load_tube(file).verify().valid
     return found, measured | {

@@ -10,7 +10,6 @@ from typing import Any
 
 __version__ = "0.3.0"
 
-
 # Names that went into a module without being in its stub.
 MOVED = {
     "FlightEnv": "flighttune.gym",
@@ -20,6 +19,10 @@ MOVED = {
     "ShapeError": "flighttune.errors",
     "TrimError": "flighttune.errors",
 }
+
+# What took the place of names that went.
+REPLACED = dict.fromkeys(("load_claim", "load_recording"), "flighttune.load")
+REPLACED |= dict.fromkeys(("save_claim", "save_identified"), "the method `save` of what is written")
 
 
 def __getattr__(name: str) -> Any:
@@ -39,8 +42,9 @@ def public_value(namespace: str, name: str) -> Any:
         module = import_module(modules[name])
         return module if modules[name] == f"{namespace}.{name}" else getattr(module, name)
     text = f"module {namespace!r} has no attribute {name!r}"
-    now = "flighttune.loop" if name in modules_of("flighttune.loop") else MOVED.get(name)
-    raise AttributeError(f"{text}: it is now {now}.{name}" if now else text)
+    place = "flighttune.loop" if name in modules_of("flighttune.loop") else MOVED.get(name)
+    now = REPLACED.get(name) or (place and f"{place}.{name}")
+    raise AttributeError(f"{text}: it is now {now}" if now else text)
 
 
 @cache

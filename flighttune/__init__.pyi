@@ -5,8 +5,6 @@ from flighttune import loop as loop
 from flighttune.adoption.adopt import adopt as adopt
 from flighttune.campaign.band import band as band
 from flighttune.campaign.claims import Verified as Verified
-from flighttune.campaign.claims import load_claim as load_claim
-from flighttune.campaign.claims import save_claim as save_claim
 from flighttune.campaign.claims import verify as verify
 from flighttune.campaign.engine.engine import run_campaign as run_campaign
 from flighttune.campaign.engine.progress import CampaignObserver as CampaignObserver
@@ -28,6 +26,7 @@ from flighttune.errors import RecordingError as RecordingError
 from flighttune.errors import ScenarioError as ScenarioError
 from flighttune.errors import StoppedError as StoppedError
 from flighttune.exports.export import export as export
+from flighttune.files.load import load as load
 from flighttune.flight.flown import FlownScenario as FlownScenario
 from flighttune.flight.fly import fly as fly
 from flighttune.flight.frontier import Frontier as Frontier
@@ -41,7 +40,6 @@ from flighttune.gaps.gap import Gap as Gap
 from flighttune.gaps.ladder import gap as gap
 from flighttune.identification.design import design as design
 from flighttune.identification.file import load_identified as load_identified
-from flighttune.identification.file import save_identified as save_identified
 from flighttune.logs.identify import identify as identify
 from flighttune.logs.log import load_log as load_log
 from flighttune.planning.load import load_campaign as load_campaign
@@ -56,7 +54,6 @@ from flighttune.recording.record import show as show
 from flighttune.records.compare import Comparison as Comparison
 from flighttune.records.compare import compare as compare
 from flighttune.records.parquet import Recording as Recording
-from flighttune.records.parquet import load_recording as load_recording
 from flighttune.records.refly import Reflown as Reflown
 from flighttune.reports.claim import plot as plot
 from flighttune.reports.report import report as report

@@ -75,7 +75,7 @@ class RecordingError(InputError):
 
     Examples
     --------
-    >>> ft.load_recording("nowhere.rrd")
+    >>> ft.load("nowhere.rrd")
     Traceback (most recent call last):
     RecordingError: nowhere.rrd: must be a recording (.rrd), got no such file.
     """

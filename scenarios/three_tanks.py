@@ -41,7 +41,7 @@ if __name__ == "__main__":
     certified = ft.certify(model, tuned.gains, L_d=L_d)
     claim = certified.certificate.claim
     assert ft.verify(certified.certificate).valid
-    ft.save_claim(certified.certificate, "runs/three_tanks/certificate.json")
+    certified.certificate.save("runs/three_tanks/certificate.json")
     print(f"R_K {tuned.R_K:.4f} 1/s, I_K {tuned.I_K:.3f} s^2")
 
     start = np.append(REFERENCE + START, np.zeros(3))

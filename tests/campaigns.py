@@ -220,7 +220,7 @@ def dask_cluster(folder, workers=1, threads=1, path=None):
 
 @contextmanager
 def flying(*arguments, command=("campaign", "run"), **options):
-    """The command ``campaign run``, or another, in a process group of its own for the block."""
+    """The command ``campaign``, or another, in a process group of its own for the block."""
     process = psutil.Popen(
         [sys.executable, "-m", "flighttune", *command, *map(str, arguments)],
         stdout=subprocess.PIPE,

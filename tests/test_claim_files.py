@@ -135,7 +135,7 @@ def test_a_forged_field_is_refused_or_no_sentence_takes_it_for_a_fact(tmp_path, 
     claim = claim_or_none(copy)
 
     if claim is not None:
-        true = ft.load_claim(file)
+        true = ft.load(file)
         quotes = field_of(path) in QUOTED and "its maker" in claim.sentence
         assert quotes or claim.sentence == true.sentence
 
@@ -169,9 +169,9 @@ def units(t):
 
 def test_units_of_a_norm_do_not_change_its_growth(tmp_path):
     """The same norm in units of a thousandth: s' Q s is the same number."""
-    plain = ft.load_claim(FILES / "certificate.json")
+    plain = ft.load(FILES / "certificate.json")
 
-    other = ft.load_claim(certificate_with(tmp_path, "certificate.json", units))
+    other = ft.load(certificate_with(tmp_path, "certificate.json", units))
 
     assert other.rates_values[0]["growth"] == pytest.approx(plain.rates_values[0]["growth"])
     assert ft.verify(other).valid
@@ -242,7 +242,7 @@ PLAIN, WIDE, MANY = (f"certificate{x}.json" for x in ("", "_envelope", "_conditi
 )
 def test_a_certificate_that_does_not_fit_together_is_refused(tmp_path, name, change, why):
     with pytest.raises(ft.InputError, match=why):
-        ft.load_claim(certificate_with(tmp_path, name, change))
+        ft.load(certificate_with(tmp_path, name, change))
 
 
 @pytest.mark.slow
@@ -257,7 +257,7 @@ def test_a_certificate_that_does_not_fit_together_is_refused(tmp_path, name, cha
 )  # fmt: skip
 def test_a_rate_that_is_proven_of_another_loop_is_refused(name, change, why):
     """The forger proves the other loop: every inequality of its rate holds."""
-    claim = ft.load_claim(FILES / name)
+    claim = ft.load(FILES / name)
     sampling = claim.exact_rates[1].sampling
     rates, _ = exact_rates(claim.model, claim.gains, sampling=replace(sampling, **change(sampling)))
 
@@ -271,8 +271,8 @@ def test_conditions_are_told_as_facts_only_where_the_models_entries_are_the_laws
     def wider(t):
         t["claim"]["conditions"][0][0] = 10.0
 
-    told = ft.load_claim(FILES / MANY).sentence
-    forged_sentence = ft.load_claim(certificate_with(tmp_path, MANY, wider)).sentence
+    told = ft.load(FILES / MANY).sentence
+    forged_sentence = ft.load(certificate_with(tmp_path, MANY, wider)).sentence
 
     assert "their entries are those of the law there, with g 9.81 m/s²" in told
     assert "which its maker states as V_a 10..30 m/s" in forged_sentence

@@ -18,7 +18,7 @@ from fuzzing import EDGES, TEXTS, TIMES, damaged, digit_changed, holder_of, plac
 import flighttune as ft
 from flighttune.campaign import band as band_module
 from flighttune.files.value import tables_of
-from flighttune.tubes.proof import load_tube
+from flighttune.tubes.enclosure import load_tube
 from tests.campaign.test_band import ALONE, count
 from tests.campaign.test_band import FEW as FEW_OF
 from tests.claims.test_band import write_band
@@ -97,22 +97,22 @@ def changed_rows(rows, draw):
 
 
 def proven(folder):
-    ft.save_claim(tube(PROVEN, ft.PAPER_GAINS, disturbance=0.02), folder / "tube.npz")
+    tube(PROVEN, ft.PAPER_GAINS, disturbance=0.02).save(folder / "tube.npz")
     return folder / "tube.npz"
 
 
 def proven_of_aircraft(folder):
     scenario = flight(duration_s=0.2)
     boxes = counted_boxes(scenario)
-    ft.save_claim(boxes, folder / "boxes.npz")
-    ft.save_claim(tube(scenario, ft.PAPER_GAINS, band=boxes), folder / "tube.npz")
+    boxes.save(folder / "boxes.npz")
+    tube(scenario, ft.PAPER_GAINS, band=boxes).save(folder / "tube.npz")
     return folder / "tube.npz"
 
 
 def proven_in(path):
     """What is proven; InputError where it is not."""
     boxes = path.with_name("boxes.npz")
-    loaded = load_tube(path, ft.load_claim(boxes) if boxes.exists() else None)
+    loaded = load_tube(path, ft.load(boxes) if boxes.exists() else None)
     verification = loaded.verify()
     if not verification.valid:
         raise ft.InputError(f"{path}: {verification.reason}")
@@ -166,22 +166,22 @@ def recorded(folder):
 
 
 def run_in(path):
-    (run,) = ft.load_recording(path).runs
+    (run,) = ft.load(path).runs
     return repr(run.provenance), run.outcome, run.signals.to_numpy().tobytes()
 
 
 def counted(folder):
-    ft.save_claim(counted_boxes(flight(duration_s=0.2)), folder / "band.npz")
+    counted_boxes(flight(duration_s=0.2)).save(folder / "band.npz")
     return folder / "band.npz"
 
 
 def band_in(path):
-    band = ft.load_claim(path)
+    band = ft.load(path)
     return repr(tables_of(band.about)), band.extremes.tobytes()
 
 
 def flown_band(folder):
-    ft.save_claim(count(flights=ALONE), folder / "flown.npz")
+    count(flights=ALONE).save(folder / "flown.npz")
     return folder / "flown.npz"
 
 
@@ -207,7 +207,7 @@ def forge_band(path, draw):
 
 def another_claim(path, _):
     """Whether epsilon or confidence are others: that they were chosen before no file can show."""
-    about = ft.load_claim(path).about
+    about = ft.load(path).about
     return (about.epsilon, about.confidence) != (FEW_OF["epsilon"], FEW_OF["confidence"])
 
 

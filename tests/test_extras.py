@@ -39,7 +39,7 @@ def test_an_import_that_fails_inside_a_command_names_the_extra_too(monkeypatch, 
     monkeypatch.setattr("flighttune.campaign.engine.cluster.need", lambda *_: None)
 
     nobody = ("--scheduler", "tcp://127.0.0.1:1")
-    _, said = flighttune("campaign", "run", "first_campaign", *nobody, status=2, cwd=tmp_path)
+    _, said = flighttune("campaign", "first_campaign", *nobody, status=2, cwd=tmp_path)
 
     reason = said.splitlines()[-1]  # the progress of the campaign may stand above it
     assert reason.startswith("flighttune: this command needs dask; ")

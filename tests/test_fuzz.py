@@ -402,12 +402,12 @@ KINDS = {
     "waypoints": Kind(
         "x.waypoints", lambda _: LINES, str, read_route, files=lambda text, _: text_files(text)
     ),
-    "bound": Kind("x.json", bound_of, to_json, ft.load_claim, ft.verify),
+    "bound": Kind("x.json", bound_of, to_json, ft.load, ft.verify),
     "certificate": Kind(
         "x.json",
         lambda _: certificate_of("paper_as_printed"),
         to_json,
-        ft.load_claim,
+        ft.load,
         ft.verify,
     ),
 }
@@ -482,8 +482,8 @@ SAID = {
     "mission": of_map,
     "map": of_map,
     "flown gains": lambda path: [run.signals.to_numpy().tolist() for run in compared(path)],
-    "certificate": lambda path: ft.load_claim(path).sentence,
-    "bound": lambda path: ft.load_claim(path).sentence,
+    "certificate": lambda path: ft.load(path).sentence,
+    "bound": lambda path: ft.load(path).sentence,
 }
 """What a kind of file says, whose values are put in the place of each of its values."""
 

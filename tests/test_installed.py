@@ -16,14 +16,14 @@ fly paper
 certify paper --out certificate.json
 verify certificate.json
 report runs/paper --out report.html
-refly runs/paper/paper.rrd
+verify runs/paper/paper.rrd
 reproduce gains
 adopt 737 --out mine
 export paper --out folder
-campaign run first_campaign --runs 8
+campaign first_campaign --runs 8
 """.strip().splitlines()
 NEED_AN_EXTRA = {
-    "campaign run first_campaign --out other --scheduler tcp://127.0.0.1:1": "cluster",
+    "campaign first_campaign --out other --scheduler tcp://127.0.0.1:1": "cluster",
 }
 
 

@@ -72,7 +72,7 @@ def test_recording_and_files_keep_them_apart_in_the_order_of_the_scenario(flown,
     assert [member.key for member in runs_to_draw(flown.runs)] == [
         re.sub("[^A-Za-z0-9]+", "_", label) for label in labels
     ]
-    again = ft.load_recording(folder).runs
+    again = ft.load(folder).runs
     assert [run.label for run in again] == labels
     assert ft.refly(again).equal
 
@@ -84,7 +84,7 @@ def test_names_that_letters_do_not_tell_apart_have_files_of_their_own(tables, tm
     files = ft.record(flown, tmp_path)
 
     assert len({*files.signals.values()}) == len(list(tmp_path.glob("*.parquet"))) == 2
-    assert [run.label for run in ft.load_recording(files.recording).runs] == [*files.signals]
+    assert [run.label for run in ft.load(files.recording).runs] == [*files.signals]
 
 
 @pytest.mark.slow

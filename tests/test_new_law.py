@@ -41,12 +41,12 @@ NEW = "--gains rectangles:paper"
 BOTH = 'paper_as_printed --set law=["paper","rectangles"] --set expect=[]'
 COMMANDS = {
     f"fly {BOTH} --out runs/both": 0,
-    "refly runs/both": 0,
+    "verify runs/both": 0,
     "report runs/both -o page.html": 0,
     "compare paper_as_printed@paper paper_as_printed@rectangles:paper": 0,
     f"tune {BOTH}": 0,
     f"certify {BOTH} --gains rectangles:tuned --envelope": 0,
-    f"campaign run kinematic_sweep {NEW} --runs 4 --out runs/many --workers 1": 0,
+    f"campaign kinematic_sweep {NEW} --runs 4 --out runs/many --workers 1": 0,
     "report runs/many": 0,
     f"tube paper_as_printed {NEW}": 2,
     f"export paper {NEW} --format c --out c": 2,
@@ -101,7 +101,7 @@ pytestmark = pytest.mark.slow
 def test_it_is_flown_recorded_flown_again_and_reported(told):
     (run,) = (one for one in told["fly"]["runs"] if one["gains"] == "rectangles:paper")
     assert run["status"] == "completed"
-    assert told["refly"]["equal"]
+    assert told["verify"]["equal"]
     assert "kinematic / rectangles:paper" in json.dumps(told["report"])
 
 

@@ -155,8 +155,8 @@ def everywhere(left):
 
 def test_a_certificate_proves_one_rate_and_radius_at_every_condition(everywhere, tmp_path):
     identified = ft.load_identified("aerosonde").conditions
-    ft.save_claim(everywhere, tmp_path / "c.json")
-    again = ft.load_claim(tmp_path / "c.json")
+    everywhere.save(tmp_path / "c.json")
+    again = ft.load(tmp_path / "c.json")
     names = [check.name for check in ft.verify(again).checks]
 
     assert ft.verify(again).valid

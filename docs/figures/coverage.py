@@ -183,7 +183,7 @@ def save_model(path: Path, truths: Truths, log: int) -> Path:
     any_model = ft.load_identified("aerosonde")
     update = {"V_a": truths.V_a, "gamma": 0.0, "channels": channels}
     condition = any_model.conditions[0].model_copy(update=update)
-    ft.save_identified(any_model.model_copy(update={"conditions": (condition,)}), path)
+    any_model.model_copy(update={"conditions": (condition,)}).save(path)
     return path
 
 

@@ -6,6 +6,7 @@ The keys stand in tests/docs/json_keys.md: a test sees that none is lost, the si
 import io
 import json
 import os
+import re
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -37,20 +38,20 @@ COMMANDS = (
     "tune paper --out gains.json",
     "certify paper --gains paper --out certificate.json",
     "verify certificate.json",
-    "frontier paper --out frontier",
+    "tune paper --frontier --out frontier",
     "gap paper --out gap",
     "tube paper --gains paper --set flight.duration_s=12 --out tube.npz",
     "band paper --start-deg 2 --epsilon 0.3 --confidence 0.9 --learn 10 --flights 7 --out band.npz",
-    "refly fly",
+    "verify fly",
     "compare fly fly",
     "report fly --out report.html",
     "trim aerosonde --V-a 25",
     "design aerosonde --dry-run",
     "identify aerosonde --out identified.json",
     "export paper_identified --gains paper --out exported",
-    "campaign run first_campaign --runs 8 --out campaign",
+    "campaign first_campaign --runs 8 --out campaign",
     "report campaign",
-    "refly campaign --run 1",
+    "verify campaign --run 1",
     "worst first_campaign --budget 64 --out worst.toml",
     "list",
 )
@@ -161,7 +162,7 @@ def pages() -> tuple[str, str]:
             lines += [f"### {title}\n", *table(json.loads(Path(name).read_text())), ""]
     printed = ["## What commands print with `--json`\n"]
     for command, value in said.items():
-        words = command.split(" --")[0]
+        words = re.split(r" --(?!frontier)", command)[0]
         printed += [f"### flighttune {words}\n", *table(value), ""]
     return "\n".join(lines), "\n".join(printed)
 

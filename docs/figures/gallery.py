@@ -121,7 +121,7 @@ def page() -> str:
     known: list[tuple[str, ft.Scenario | ft.Campaign, str]]
     known = [*((name, ft.load_scenario(name), f"flighttune fly {name}") for name in SCENARIOS)]
     for name, runs in CAMPAIGNS.items():
-        command = f"flighttune campaign run {name}"
+        command = f"flighttune campaign {name}"
         command += "" if ft.load_campaign(name).runs == runs else f" --runs {runs}"
         known.append((name, ft.load_campaign(name), command))
     for name, source, command in known:

@@ -187,12 +187,12 @@ One million gain sets take {million} s of one core. Recording 600 s of flight wi
 `--help` and `list` import no heavy library. `python benchmarks/bench_commands.py` measures a
 command in a process of its own against `python -c "import ..."` of its libraries: it may take three
 times as long, plus its own work, which is what the same command takes when it is run again in the
-same process. `report` of four runs must take less than 4 s, `campaign run first_campaign` less than
+same process. `report` of four runs must take less than 4 s, `campaign first_campaign` less than
 three times `fly paper`. The fastest of five turns counts, by the clock.
 
 ## Campaigns
 
-100,000 kinematic flights of 20 s by `campaign run`, all in, by processor time over the cores
+100,000 kinematic flights of 20 s by `campaign`, all in, by processor time over the cores
 ({flights} flown and scaled):
 
 | rate of the controller | measured | bar |
@@ -202,7 +202,7 @@ three times `fly paper`. The fastest of five turns counts, by the clock.
 A single command writes all rows, each of which is 0.3 kB of network traffic.
 
 Campaign runs of 20 s per hour, measured earlier on two cores that did nothing else
-(`python benchmarks/bench_campaign_scaling.py`, and `flighttune campaign run aerosonde_dispersed`
+(`python benchmarks/bench_campaign_scaling.py`, and `flighttune campaign aerosonde_dispersed`
 for wind, turbulence and sensors); the start of the workers is included from two cores on:
 
 | cores | JSBSim, dispersed airframe | with wind, turbulence and sensors |

@@ -32,7 +32,7 @@ from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import fly
 from flighttune.flight.load import load_scenario
 from flighttune.identification.design import ROLL_STIFFNESS, Airframe, airframe, design
-from flighttune.identification.file import FILE_NAME, rounded, save_identified
+from flighttune.identification.file import FILE_NAME, rounded
 from flighttune.identification.identify import GOOD_FIT, AircraftIdentification, identify_aircraft
 from flighttune.identification.steps import StepResponse
 from flighttune.plants.base import FlightCondition
@@ -469,7 +469,7 @@ def _tried(
     save_gains(designed.gains, folder)
     say("step 7 of 9: identifying roll and load factor")
     identified = identify_aircraft(folder, h=h)
-    save_identified(identified.identified, folder / FILE_NAME)
+    identified.identified.save(folder / FILE_NAME)
     write_text(folder / TURN, turn_text(folder.name, condition, tables))
     say("step 8 of 9: flying the turn")
     flight = fly(load_scenario(folder / TURN))

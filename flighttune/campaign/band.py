@@ -51,7 +51,7 @@ from flighttune.claims.shape import (
 )
 from flighttune.claims.turn_room import ROOM
 from flighttune.errors import InputError
-from flighttune.files.seal import is_claim_file
+from flighttune.files.load import BAND, written
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.flight.route import planned_route
 from flighttune.gaps.residual import RESIDUALS, ConformantModel, conformant_model, residuals_of
@@ -179,7 +179,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
         Plans, KML or GeoJSON with the areas to stay in and out of, by default a plan itself: count
         the flights along a route that are certainly inside, too.
     out : str or Path, optional
-        File (.npz) to write, as `save_claim` does, before and after flights inside are counted.
+        File (.npz) to write, as its `save` does, before and after flights inside are counted.
     workers : int, optional
         Processes that fly on this machine; by default one per core.
     scheduler : str, optional
@@ -213,17 +213,18 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     claim = {name: value for name, value in claim.items() if value is not None}
     read: dict[str, Any] = {"aircraft": aircraft, "like": like, "skip": skip, "changes": changes}
     of_source = {**read, "plant": plant, "gains": gains, "start_deg": start_deg}
-    of_file = isinstance(source, str | Path) and is_claim_file(source)
-    stated = None if of_file else flights_of_source(source, **read).starting(start_deg)
+    of_file = written(source, BAND)
+    stated = (
+        None if isinstance(of_file, Band) else flights_of_source(source, **read).starting(start_deg)
+    )
     areas, fence = _areas(fences, stated) if turn_back is None else ({}, Path())
-    if stated is None:
+    if isinstance(of_file, Band):
         counting = {"of": of, "signals": signals, "predicted_from": predicted_from, "air": air}
         counting["turn_back"] = turn_back
         options = {**of_source, **counting, "learn": learn, "seed": seed is not None}
         for name in (name for name, value in options.items() if value):
             raise InputError(f"`{name}` must be absent for a band file, which has its own.")
-        file = Path(str(source))
-        kept = load_band(file)
+        file, kept = Path(str(source)), of_file
         if areas:  # refuse it before a flight
             draws = kept.draws_of(flights or len(kept.scores)).tolist()
             _check_fence(plan_of(kept), draws, areas, fence, kept.about.signals)
@@ -232,6 +233,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
             with WorkerPool(*by) as pool:
                 kept = count_more(kept, flights, pool)
     else:
+        assert stated is not None  # it is no band
         default, default_learn = CLAIM if stated.mission is None else MISSION
         default_learn = default_learn if turn_back is None else LEARN_TURNS
         claim, learn = default | claim, default_learn if learn is None else learn

@@ -1,22 +1,21 @@
 """Claims from files and their check: certificates, bounds on R_K, tubes and bands."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar
+from typing import TypeAlias, TypeVar
 
-from flighttune.campaign.band import check_shape, differing, load_band, some_draws
+from flighttune.campaign.band import check_shape, differing, some_draws
 from flighttune.campaign.counted_flights import plan_of
 from flighttune.campaign.engine.pool import WorkerPool
-from flighttune.certificates.bound import RateBound, load_bound
-from flighttune.certificates.certificate import Certificate, load_certificate
-from flighttune.claims.band import Band, save_band
+from flighttune.certificates.bound import RateBound
+from flighttune.certificates.certificate import Certificate
+from flighttune.claims.band import Band
 from flighttune.claims.count import chance_missed, flights_again
 from flighttune.errors import InputError
-from flighttune.files.seal import format_of
-from flighttune.files.value import write
+from flighttune.files.load import BAND, CLAIMS, TUBE, load_one
 from flighttune.flight.flown import FlownScenario
 from flighttune.gaps.gap import Gap
 from flighttune.identification.file import changed_files
@@ -25,12 +24,10 @@ from flighttune.present.names import columns, listed
 from flighttune.records.compare import Source
 from flighttune.theory.exact import Check, Verification
 from flighttune.tubes.enclosure import Tube
-from flighttune.tubes.proof import load_tube, save_tube
 
-CLAIM_FILE = "claim: the file of a certificate, a bound on R_K, a tube or a band"
+CHECKED = "claim (certificate, bound on R_K, tube or band), recording, or folder of a campaign"
+CLAIM = "claim: the file of a certificate, a bound on R_K, a tube or a band"
 AROUND_FLIGHTS = "claim about flights: the file of a tube or a band"
-
-OF_TUBE = "`boxes` must be given for the tube of an aircraft only."
 
 CHOSEN = (
     "That its maker chose seed, signals, fences, numbers of flights, epsilon and confidence before "
@@ -72,89 +69,6 @@ def verified_band(
 
 
 AnyClaim: TypeAlias = Certificate | RateBound | Tube | Band
-
-# Readers of files of claims, by the `format` that they state.
-READERS: dict[str, Callable[[Path], AnyClaim]] = {
-    "flighttune certificate": load_certificate,
-    "flighttune rate bound": load_bound,
-    "flighttune tube": load_tube,
-    "flighttune band": load_band,
-}
-
-
-def load_claim(path: str | Path, boxes: Band | str | Path | None = None) -> AnyClaim:
-    """Read a claim, whatever its kind; what it is, is read from the content of its file.
-
-    Nothing in it is proven again, as `verify` does. The scale of a band is computed again from its
-    flights.
-
-    Parameters
-    ----------
-    path : str or Path
-        A file of a certificate, a bound on R_K, a tube or a band.
-    boxes : Band, str or Path, optional
-        Band of `flighttune band --of residual`, or its file, that confirms the boxes of an
-        aircraft's tube.
-
-    Returns
-    -------
-    Certificate, RateBound, Tube or Band
-        Each has a `sentence` and an `answer()`.
-
-    Raises
-    ------
-    InputError, RecordingError
-        If there is no such file, it is of another kind, or it does not support what it claims.
-
-    Examples
-    --------
-    >>> tube = ft.tube("paper", "paper", changes={"flight.duration_s": 2.0})
-    >>> ft.save_claim(tube, "tube.npz")
-    >>> ft.load_claim("tube.npz").status
-    'bounded'
-    """
-    path = Path(path)
-    stated = format_of(path, READERS, CLAIM_FILE)
-    if boxes is None:
-        return READERS[stated](path)
-    if stated != "flighttune tube":
-        raise InputError(OF_TUBE)
-    return load_tube(path, _band_of(boxes))
-
-
-def _band_of(boxes: Band | str | Path) -> Band:
-    return boxes if isinstance(boxes, Band) else load_band(boxes)
-
-
-def save_claim(claim: AnyClaim, path: str | Path) -> None:
-    """Write a claim, whatever its kind: under a temporary name until it is whole.
-
-    Parameters
-    ----------
-    claim : Certificate, RateBound, Tube or Band
-    path : str or Path
-        File to write or replace; parent folders are made. It is JSON of a certificate or a bound on
-        R_K, else an archive (.npz): about 1.3 MB for a band of 1640 flights and two signals.
-
-    Raises
-    ------
-    InputError
-        If it is a tube that is not bounded.
-    OutputError
-        If the file cannot be written.
-
-    Examples
-    --------
-    >>> ft.save_claim(ft.certify("paper", "paper").certificate, "proof.json")
-    >>> ft.verify("proof.json").valid
-    True
-    """
-    if isinstance(claim, Tube):
-        save_tube(claim, path)
-    elif isinstance(claim, Band):
-        save_band(claim, path)
-    else:
-        write(claim, path)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -267,15 +181,13 @@ def verify(
     >>> ft.verify(ft.certify("paper", "paper").certificate).valid
     True
     """
-    source = "" if isinstance(claim, AnyClaim) else str(claim)
-    if not isinstance(claim, AnyClaim):
-        value = load_claim(claim, boxes)
-    elif boxes is None:
-        value = claim
-    elif isinstance(claim, Tube):
-        value = replace(claim, problem=replace(claim.problem, band=_band_of(boxes)))
-    else:
-        raise InputError(OF_TUBE)
+    of_file = isinstance(claim, str | Path)
+    source, value = (str(claim), load_one(claim, CLAIM, *CLAIMS)) if of_file else ("", claim)
+    if boxes is not None:
+        if not isinstance(value, Tube):
+            raise InputError("`boxes` must be given for the tube of an aircraft only.")
+        band = boxes if isinstance(boxes, Band) else load_one(boxes, "band file", BAND)
+        value = replace(value, problem=replace(value.problem, band=band))
     if isinstance(value, Band):
         verification = verified_band(value, count=count, run_code=run_code, pool=pool)
     else:
@@ -306,8 +218,7 @@ def within(flights: T, files: Sequence[str | Path]) -> T:
     """Flights with the claims in files around them; an InputError names the file."""
     for file in files:
         try:
-            claim: Any = READERS[format_of(Path(file), READERS, AROUND_FLIGHTS)](Path(file))
-            flights = flights.within(claim)
+            flights = flights.within(load_one(file, AROUND_FLIGHTS, TUBE, BAND))
         except InputError as error:
             reason = str(error).removeprefix(f"{file}: ")
             raise InputError(f"{file}: {reason}") from error

@@ -24,9 +24,10 @@ from filelock import FileLock, Timeout
 
 from flighttune.campaign.flying.columns import NOT_REPRODUCIBLE, Row, table_of
 from flighttune.errors import InputError, OutputError, RecordingError
+from flighttune.files.load import CAMPAIGN
 from flighttune.files.table import hash_of
 from flighttune.files.whole import reason_of, whole_file
-from flighttune.planning.plan import CAMPAIGN, FORMAT, Plan, recorded_plan
+from flighttune.planning.plan import FORMAT, Plan, recorded_plan
 
 LOCK = "campaign.lock"
 RUNS, SIGNALS = "runs", "signals"
@@ -146,7 +147,7 @@ class Dataset:
         if Part.holding(part.runs, data) != part:
             raise RecordingError(
                 f"{path}: is damaged or was changed: it must have the hash in its name; "
-                "`campaign run --resume` flies its runs again."
+                "`campaign --resume` flies its runs again."
             )
         # a thread of Arrow that releases our bytes while Python exits would crash the process
         return pq.ParquetFile(pa.BufferReader(data)).read(wanted, use_threads=False)

@@ -5,22 +5,25 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.campaign.band import differing, load_band, some_draws
+from flighttune.campaign.band import differing, some_draws
 from flighttune.campaign.counted_flights import plan_of
-from flighttune.campaign.dataset import CAMPAIGN, Dataset, open_dataset
+from flighttune.campaign.dataset import Dataset
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.rows import fly_again, row_differences
+from flighttune.claims.band import Band
 from flighttune.errors import InputError, RecordingError, ScenarioError
-from flighttune.files.seal import is_claim_file
+from flighttune.files.load import BAND, DATASET, RECORDING, load_one
 from flighttune.flight.fly import Progress
 from flighttune.flight.own import LawMaker, PlantMaker
-from flighttune.records.parquet import Recording, load_recording
+from flighttune.records.parquet import Recording
 from flighttune.records.refly import CheckedRun, Difference, Reflown, changed_versions, reflights
 from flighttune.simulate.run import Run
 
 # Runs drawn of a campaign or band by default.
 DRAWN = 5
+
+FLOWN = "recording, its folder, the Parquet file of a run, the folder of a campaign, or a band"
 
 # Statuses of runs that may crash or hang again if they are flown in this process.
 CRASHED = ("crashed", "timed_out")
@@ -29,7 +32,7 @@ OTHER_EXTREMES = Difference("extremes", None, "those of the band", "others")
 
 
 def refly(
-    source: str | Path | Recording | Sequence[Run],
+    source: str | Path | Recording | Dataset | Band | Sequence[Run],
     run: int | None = None,
     *,
     count: int | None = None,
@@ -44,9 +47,10 @@ def refly(
 
     Parameters
     ----------
-    source : str, Path, Recording or sequence of Run
+    source : str, Path, Recording, Dataset, Band or sequence of Run
         A recording, its folder or a Parquet file of one run: all runs are flown again, from the
-        scenario and seed in them. The folder of a campaign, or the file of a band.
+        scenario and seed in them. The folder of a campaign, or the file of a band; or what `load`
+        returns of these.
     run : int, optional
         Number of the run in a campaign (column `run`), or of the draw of a band; by default some
         are drawn at random.
@@ -84,23 +88,25 @@ def refly(
     if count is not None and (run is not None or count < 1):
         got = f"{count} and run {run}" if run is not None else str(count)
         raise InputError(f"`count` must be at least 1, and absent with `run`, got {got}.")
-    if isinstance(source, (str, Path)):
-        if is_claim_file(source):
-            return _of_band(source, run, count or DRAWN, progress, observer)
-        if (Path(source) / CAMPAIGN).is_file():
-            return _of_campaign(open_dataset(source), run, count or DRAWN, progress)
-        source = load_recording(source)
-    if isinstance(source, Recording):
-        name, runs, missing = str(source.path), source.runs, source.missing
+    if isinstance(source, str | Path):
+        name, recorded = str(source), load_one(source, FLOWN, RECORDING, DATASET, BAND)
     else:
-        name, runs, missing = "the runs", source, ()
+        name, recorded = "the band", source
+    if isinstance(recorded, Band):
+        return _of_band(recorded, name, run, count or DRAWN, progress, observer)
+    if isinstance(recorded, Dataset):
+        return _of_campaign(recorded, run, count or DRAWN, progress)
+    if isinstance(recorded, Recording):
+        name, runs, missing = str(recorded.path), recorded.runs, recorded.missing
+    else:
+        name, runs, missing = "the runs", recorded, ()
     for key, value in {"run": run, "count": count}.items():
         if value is not None:
             raise InputError(f"{name}: `{key}` must be absent: all runs of a recording fly again.")
     try:
         checked = reflights(runs, laws=laws, plants=plants, progress=progress)
     except (RecordingError, ScenarioError) as error:
-        if not isinstance(source, Recording):
+        if not isinstance(recorded, Recording):
             raise
         raise RecordingError(f"{name}: {error}") from error
     changed = [changed_versions(run.provenance.versions) for run in runs]
@@ -143,19 +149,20 @@ def _of_campaign(
 
 
 def _of_band(
-    file: str | Path,
+    band: Band,
+    name: str,
     run: int | None,
     count: int,
     progress: Progress | None,
     observer: CampaignObserver | None,
 ) -> Reflown:
     """Flights of a band against the extremes that it keeps of them."""
-    band, flown = load_band(file), None
+    flown = None
     plan, completed = plan_of(band), dict(zip(band.draws, np.isfinite(band.scores), strict=True))
     if run is not None:
         if run not in completed:
             first, last = band.draws[[0, -1]]
-            raise InputError(f"{file}: `run` must be {first} to {last}, got {run}.")
+            raise InputError(f"{name}: `run` must be {first} to {last}, got {run}.")
         flown = fly_again(plan, run, progress=progress)
         if not band.why_not(flown[plan.group_of(run).label]):
             flown = flown.within(band)
@@ -163,7 +170,7 @@ def _of_band(
     with WorkerPool(None, None, observer) as pool:
         differ = differing(band, draws, pool)
     return Reflown(
-        source=str(file),
+        source=name,
         runs=tuple(
             CheckedRun(
                 name=f"draw {draw}",

@@ -16,7 +16,7 @@ from scipy.special import chdtri, ndtr
 from flighttune.arrays import FloatArray, check_at_least
 from flighttune.campaign.band import score
 from flighttune.campaign.bang_bang import search_bang_bang
-from flighttune.campaign.claims import AnyClaim, load_claim
+from flighttune.campaign.claims import AnyClaim
 from flighttune.campaign.counted_flights import plan_of
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
@@ -26,7 +26,9 @@ from flighttune.certificates.bound import RateBound
 from flighttune.certificates.certificate import Certificate
 from flighttune.claims.band import About, Band, BandFlights
 from flighttune.errors import InputError
-from flighttune.files.seal import is_claim_file
+from flighttune.files.load import CLAIMS, written
+from flighttune.files.table import toml_text
+from flighttune.files.whole import write_text
 from flighttune.flight.expectations import bound_checks
 from flighttune.flight.fly import fly
 from flighttune.planning.draws import LARGEST_POINT, SEED, SMALLEST_POINT, correlated
@@ -149,6 +151,10 @@ class WorstFlight(Answering):
     contradicts: bool = False
     endings: Sequence[Mapping[str, Any]] = ()
 
+    def save(self, path: str | Path) -> None:
+        """Write the flight as a scenario (.toml)."""
+        write_text(Path(path), toml_text(self.scenario.as_dict()))
+
     def answer(self) -> Answer:
         """The flight and what was drawn for it; a failure if it contradicts the proof of a tube."""
         values = pick(self, "metric value first flights family distance radius status missed plant")
@@ -246,9 +252,8 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
     >>> ft.worst("first_campaign", budget=32, metric="chi.ITAE", plant="kinematic").flights
     32
     """
-    place, stated = "", str(source) if isinstance(source, Path) else source
-    if isinstance(stated, str) and is_claim_file(stated):
-        place, stated = f"{source}: ", load_claim(stated)
+    stated = written(source, *CLAIMS) or source
+    place = f"{source}: " if stated is not source else ""
     if isinstance(stated, AnyClaim):
         stated = _searchable(stated, place)
         if metric or gains or start_deg or disturbance or changes or claim:

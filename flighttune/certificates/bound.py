@@ -12,7 +12,7 @@ import numpy as np
 from flighttune.arrays import FloatArray, check_positive, set_read_only
 from flighttune.control.linear_model import LinearModel
 from flighttune.errors import InputError
-from flighttune.files.value import STRICT, read
+from flighttune.files.value import STRICT, read, write
 from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.theory.exact import Verification
 from flighttune.theory.indicators import scaled
@@ -82,6 +82,10 @@ class RateBound(Answering):
         """The bound and its sentence."""
         values = pick(self, "sentence I_star R_bound")
         return Answer(values=values, tables=[Table(BOUND_COLUMNS, [values])], verdict=self.sentence)
+
+    def save(self, path: str | Path) -> None:
+        """Write the claim with its proof (.json)."""
+        write(self, path)
 
     def verify(self) -> Verification:
         """Check the bound exactly, from its numbers alone."""

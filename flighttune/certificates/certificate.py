@@ -25,7 +25,7 @@ from flighttune.control.linear_model import (
     kinematic_model,
 )
 from flighttune.errors import InputError
-from flighttune.files.value import STRICT, read
+from flighttune.files.value import STRICT, read, write
 from flighttune.present.answer import Answer, Answering, Column, Table, pick, quoted
 from flighttune.present.names import columns, listed
 from flighttune.theory.exact import (
@@ -327,6 +327,10 @@ class Certificate(Answering):
             notes=[self.in_words],
             verdict=self.sentence,
         )
+
+    def save(self, path: str | Path) -> None:
+        """Write the claim with its proof (.json)."""
+        write(self, path)
 
     def verify(self) -> Verification:
         """Check every inequality, in floating point and exactly, from these numbers alone.

@@ -511,6 +511,10 @@ class Band(Answering):
             digest.update(array.tobytes())
         return digest.hexdigest()
 
+    def save(self, path: str | Path) -> None:
+        """Write the band with its SHA-256 (.npz)."""
+        save_band(self, path)
+
     def answer(self, file: str | Path = "FILE") -> Answer:
         """The half-widths of the band in a file and its claim; a failure if nothing is claimed.
 
@@ -556,7 +560,7 @@ class Band(Answering):
             seed = about.plan["campaign"]["seed"]
             notes.append(
                 f"Of the flights inside, draw {self.nearest} (seed {seed}) is nearest to leaving: "
-                f"flighttune refly {file} --run {self.nearest}"
+                f"flighttune verify {file} --run {self.nearest}"
             )
         turning = about.of == "turn_back"
         title, name = ("room to turn back", "room_bounds") if turning else ("band", "half_widths")

@@ -14,11 +14,11 @@ from typer.core import TyperGroup
 from flighttune import __version__
 from flighttune.cli.aircraft import adopt, design, identify, trim
 from flighttune.cli.band import band, tube, worst
-from flighttune.cli.flights import fly, list_shipped, new, refly, route, run, view
-from flighttune.cli.gains import certify, frontier, meet, tune, verify
+from flighttune.cli.flights import campaign, fly, list_shipped, new, route, view
+from flighttune.cli.gains import certify, meet, tune, verify
 from flighttune.cli.pages import compare, export, gap, report, reproduce
 from flighttune.cli.show import COULD_NOT_RUN, INTERRUPTED, NO, emit, fail, output, working
-from flighttune.errors import FlightTuneError, InfeasibleError, missing_extra
+from flighttune.errors import FlightTuneError, InfeasibleError, InputError, missing_extra
 from flighttune.files.whole import reason_of
 from flighttune.present.answer import Answer
 
@@ -27,12 +27,26 @@ QuietOption = Annotated[
     bool, typer.Option("--quiet", "-q", help="Print only failures, and the object of --json.")
 ]
 
+# What took the place of a command of earlier versions.
+FORMER = {
+    "campaign run": "campaign FILE",
+    "refly": "verify PATH",
+    "frontier": "tune SCENARIO --frontier",
+}
+
 # Characters of the first sentence of a command's help.
 LONGEST_SENTENCE = 200
 
 
 class Grouped(TyperGroup):
     """A group of commands whose help lists them under headings, in the order they were added."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """Find the command; an old name is refused with the new one."""
+        old = " ".join(args[:2]) if args[:2] == ["campaign", "run"] else args[0]
+        if new := FORMER.get(old):
+            raise InputError(f"`flighttune {old}` is `flighttune {new}` now.")
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
         """Write the commands, each group of them under its heading."""
@@ -58,19 +72,11 @@ app = typer.Typer(
     epilog="Begin with: flighttune fly paper. Exit status: 0 fine, 1 the answer is no, 2 could not "
     "run.",
 )
-campaigns = typer.Typer(
-    name="campaign",
-    cls=Grouped,
-    no_args_is_help=True,
-    help="Fly a scenario thousands of times, dispersed, on one machine or a cluster.",
-)
-
 # Commands by their heading in the help: function, name, status on a terminal, and an example.
 COMMANDS = {
     "Tune": [
         (tune, "tune", "tuning", "tune paper --out gains.json"),
         (meet, "meet", "searching", "meet paper_identified --budget 20"),
-        (frontier, "frontier", "tuning", "frontier paper"),
         (certify, "certify", "certifying", "certify paper --gains tuned --out certificate.json"),
         (verify, "verify", "verifying", "verify certificate.json"),
     ],
@@ -78,9 +84,9 @@ COMMANDS = {
         (fly, "fly", "flying", "fly paper"),
         (route, "route", "planning", "route circuit"),
         (new, "new", "writing", "new my_turn --aircraft c172p"),
-        (refly, "refly", "flying", "refly runs/first_campaign --run 6"),
         (view, "view", "opening", "view runs/paper"),
         (list_shipped, "list", "listing", "list"),
+        (campaign, "campaign", "planning", "campaign first_campaign"),
     ],
     "Explain": [
         (gap, "gap", "flying", "gap paper"),
@@ -104,12 +110,11 @@ COMMANDS = {
 
 
 def _add_command(
-    group: typer.Typer,
     function: Callable[..., Answer | None],
     name: str,
     doing: str,
     example: str,
-    panel: str | None = None,
+    panel: str,
 ) -> None:
     """Add a command, with --json and -q, that prints and exits as the answer of `function` says."""
     options = {} if function is view else {"as_json": JsonOption}
@@ -132,15 +137,12 @@ def _add_command(
     )
     command.__annotations__ = function.__annotations__ | options
     epilog = f"Example: flighttune {example}"
-    group.command(name, rich_help_panel=panel, epilog=epilog)(command)
+    app.command(name, rich_help_panel=panel, epilog=epilog)(command)
 
 
-_add_command(campaigns, run, "run", "planning", "campaign run first_campaign")
 for panel, commands in COMMANDS.items():
     for function, name, doing, example in commands:
-        _add_command(app, function, name, doing, example, panel)
-    if panel == "Fly":
-        app.add_typer(campaigns, rich_help_panel=panel)
+        _add_command(function, name, doing, example, panel)
 
 
 def _show_version(asked: bool) -> None:

@@ -140,13 +140,13 @@ def band(
     options.check_ending(page, ".html", option="--page")
     from flighttune.campaign.band import band as count_band
     from flighttune.campaign.turn_back import turning_back
-    from flighttune.files.seal import is_claim_file
+    from flighttune.files.load import BAND, kind_of
     from flighttune.files.whole import write_text
     from flighttune.planning.source import flights as flights_of
     from flighttune.references.maps import volumes_geojson
     from flighttune.reports.claim import write_claim_page
 
-    kept = is_claim_file(source)
+    kept = kind_of(source) == BAND
     if not kept:
         out = out or Path("runs") / f"{Path(source).stem}-band.npz"
     same = {
@@ -245,8 +245,7 @@ def tube(
 
     Exit status 1 if the set cannot be bounded for the whole time, or if a flight leaves it.
     """
-    from flighttune.campaign.band import load_band
-    from flighttune.campaign.claims import save_claim
+    from flighttune.files.load import BAND, load_one
     from flighttune.tubes.tube import largest_disturbance
     from flighttune.tubes.tube import tube as enclose
 
@@ -263,7 +262,7 @@ def tube(
             enclosure = enclose(
                 scenario,
                 gains,
-                None if boxes is None else load_band(boxes),
+                None if boxes is None else load_one(boxes, "band file", BAND),
                 disturbance=options.number(disturbance, "--disturbance"),
                 progress=follow,
                 **flights,
@@ -271,7 +270,7 @@ def tube(
             proof = None
             if enclosure.status == "bounded":
                 proof = out or Path("runs") / f"{Path(scenario).stem}-tube.npz"
-                save_claim(enclosure, proof)
+                enclosure.save(proof)
             answer = replace(enclosure.answer(gains or ""), files={"proof": proof})
     return answer
 
@@ -329,14 +328,12 @@ def worst(
     """
     options.check_ending(out, ".toml")
     from flighttune.campaign.worst import worst as search
-    from flighttune.files.table import toml_text
-    from flighttune.files.whole import write_text
-    from flighttune.tubes.proof import load_tube
+    from flighttune.files.load import TUBE, load_one
 
     with campaign_display() as observer:
         flight = search(
             source,
-            claim=None if claim is None else load_tube(claim),
+            claim=None if claim is None else load_one(claim, "tube", TUBE),
             budget=budget,
             metric=metric,
             gains=gains,
@@ -351,5 +348,5 @@ def worst(
             observer=observer,
         )
     file = out or Path("runs") / f"{Path(source).stem}-worst.toml"
-    write_text(file, toml_text(flight.scenario.as_dict()))
+    flight.save(file)
     return replace(flight.answer(), files={"scenario": file})

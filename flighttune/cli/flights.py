@@ -80,49 +80,6 @@ def new(
     return Answer(files={"scenario": file})
 
 
-def refly(
-    source: Annotated[
-        Path,
-        Argument(
-            metavar="PATH",
-            help="A recording, its folder or a Parquet file of one run; the folder of a campaign; "
-            "or a band file.",
-        ),
-    ],
-    run: Annotated[
-        int | None,
-        Option(
-            min=0,
-            help="Run of a campaign, or draw of a band [default: some, drawn at random].",
-        ),
-    ] = None,
-    count: Annotated[
-        int | None,
-        Option(min=1, help="Number of runs of a campaign or band to draw at random [default: 5]."),
-    ] = None,
-) -> Answer:
-    """Fly runs of PATH again and compare them bit by bit.
-
-    All runs of a recording are flown, from the scenario and seed in it. With --run N, that one is
-    recorded, in runs/NAME-run-N. Exit status 1 if a bit differs; the first difference is shown.
-    """
-    from flighttune.campaign.refly import refly as fly_again
-    from flighttune.files.seal import is_claim_file
-    from flighttune.recording.record import record
-
-    if is_claim_file(source):
-        with campaign_display() as observer:
-            reflown = fly_again(source, run, count=count, observer=observer)
-    else:
-        with progress_bar() as progress:
-            reflown = fly_again(source, run, count=count, progress=progress)
-    if reflown.flown is None:
-        return reflown.answer()
-    name = f"{source.name.removesuffix('.npz')}-run-{run}"
-    files = record(reflown.flown, Path("runs") / name, name=name)
-    return replace(reflown.answer(files.signals), files={"recording": files.recording})
-
-
 def list_shipped() -> Answer:
     """List the scenarios and campaigns that come with the package, and all aircraft found."""
     from flighttune.flight.listing import listing
@@ -154,16 +111,14 @@ def view(
     ] = None,
 ) -> None:
     """Open a recording, or the log of a real flight, in the Rerun viewer."""
-    from flighttune.logs.read import is_log
+    from flighttune.files.load import LOG, written
 
-    place = Path(str(path).partition("@")[0])
-    if not path.is_dir() and is_log(place):
+    if (log := written(path, LOG, columns=column or ())) is not None:
         from flighttune.recording.record import write_log
-        from flighttune.records.compare import load_source
 
-        (run,) = load_source(path, columns=column or ()).runs
-        path = out or Path("runs") / place.stem / f"{place.stem}.rrd"
-        write_log(run, path)
+        name = log.provenance.gains_name
+        path = out or Path("runs") / name / f"{name}.rrd"
+        write_log(log, path)
         say(f"recording: {path}")
     _open(path, port=port)
 
@@ -222,7 +177,7 @@ def route(
     settings: options.SetOption = None,
 ) -> Answer:
     """Plan the route of SCENARIO or FILE: its legs, turns and times, or what cannot be flown."""
-    from flighttune.campaign.band import load_band
+    from flighttune.files.load import BAND, load_one
     from flighttune.flight.route import route as plan_route
     from flighttune.references.fence import fence_tables, read_fence
 
@@ -235,7 +190,7 @@ def route(
     planned = plan_route(source, aircraft=aircraft, skip=skip, changes=changed)
     answer = replace(planned.answer(), files={"route": out})
     if out is not None:
-        counted = None if band is None else load_band(band)
+        counted = None if band is None else load_one(band, "band file", BAND)
         corridor = None if counted is None else counted.corridor(planned.where)
         own = fence_tables([Path(source)]) if source.lower().endswith(".plan") else {}
         if own:
@@ -246,7 +201,7 @@ def route(
     return answer
 
 
-def run(
+def campaign(
     file: options.CampaignArgument,
     runs: Annotated[
         int | None, Option(help="Flights in total [default: the file's].", min=1)
@@ -266,14 +221,15 @@ def run(
     A flight that fails is a result: the exit status stays 0. It is 2 if the campaign was
     cut short, 130 after Ctrl-C; --resume flies the missing runs.
     """
-    from flighttune.campaign.dataset import CAMPAIGN, open_dataset
+    from flighttune.campaign.dataset import open_dataset
     from flighttune.campaign.engine.engine import forecast, run_campaign
+    from flighttune.files.load import CAMPAIGN
     from flighttune.planning.load import load_campaign
     from flighttune.planning.plan import plan_campaign
 
     folder = out or str(Path("runs") / Path(file).stem)
-    campaign = load_campaign(file, changes=options.changes(settings), gains=gains or ())
-    plan, file_of_plan = plan_campaign(campaign, runs=runs), Path(folder) / CAMPAIGN
+    planned = load_campaign(file, changes=options.changes(settings), gains=gains or ())
+    plan, file_of_plan = plan_campaign(planned, runs=runs), Path(folder) / CAMPAIGN
     if resume and runs is None and file_of_plan.exists():
         # a campaign that was extended by --runs keeps its length
         plan = plan.with_runs(max(plan.runs, open_dataset(folder).plan.runs))

@@ -4,12 +4,13 @@ import shlex
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from typer import Argument, Option
 
 from flighttune.cli import options
-from flighttune.cli.show import campaign_display, campaign_pool
+from flighttune.cli.show import campaign_display, campaign_pool, progress_bar
+from flighttune.errors import InputError
 from flighttune.present.answer import Answer
 
 
@@ -30,10 +31,27 @@ def tune(
     page: Annotated[
         Path | None, Option(help="HTML page to write, with flights by the gains.")
     ] = None,
+    frontier: Annotated[
+        bool,
+        Option(
+            "--frontier",
+            help="Tabulate and draw, into the folder --out [default: runs/NAME], the largest R_K "
+            "for each I_K, and the paper's and the scenario's gains against I_K and E_K.",
+        ),
+    ] = False,
+    points: Annotated[
+        int | None, Option(min=2, max=1000, help="Points of the frontier [default: 25].")
+    ] = None,
 ) -> Answer:
     """Find the gains with the largest R_K under the constraints of SCENARIO."""
-    from flighttune.files.value import write
-    from flighttune.files.whole import write_text
+    if frontier:
+        if envelope or prove or page:
+            raise InputError("--envelope, --prove and --page must be absent with --frontier.")
+        return _frontier(
+            scenario, out or Path("runs") / Path(scenario).stem, points or 25, settings
+        )
+    if points is not None:
+        raise InputError("--points must be absent without --frontier.")
     from flighttune.flight.gains import tune as tune_scenario
     from flighttune.flight.load import as_scenario
 
@@ -45,9 +63,9 @@ def tune(
     page = page if result.solved else None
     answer = replace(result.answer(), files={"out": out, "proof": prove, "page": page})
     if prove is not None and result.bound is not None:
-        write(result.bound, prove)
+        result.bound.save(prove)
     if out is not None:
-        write_text(out, answer.json() + "\n")
+        answer.save(out)
     if page is not None:
         from flighttune.reports.meet import write_tune_page
 
@@ -55,25 +73,11 @@ def tune(
     return answer
 
 
-def frontier(
-    scenario: options.ScenarioArgument,
-    out: Annotated[Path | None, options.out_folder("runs/NAME")] = None,
-    points: Annotated[int, Option(min=2, max=1000, help="Points of the frontier.")] = 25,
-    settings: options.SetOption = None,
-) -> Answer:
-    """Tabulate and draw the largest R_K for each I_K, with the paper's and the scenario's gains.
+def _frontier(scenario: str, folder: Path, points: int, settings: list[str] | None) -> Answer:
+    from flighttune.flight.frontier import frontier
 
-    The same gains are drawn against E_K, the largest error that a disturbance can cause.
-    """
-    from flighttune.files.whole import write_text
-    from flighttune.flight.frontier import frontier as find_frontier
-
-    result = find_frontier(scenario, points=points, changes=options.changes(settings))
-    folder = out or Path("runs") / Path(scenario).stem
-    csv, svg = folder / "frontier.csv", folder / "frontier.svg"
-    write_text(csv, result.table.to_csv(index=False, lineterminator="\n"))
-    result.sheet.save(svg)
-    return replace(result.answer(), files={"csv": csv, "figure": svg})
+    result = frontier(scenario, points=points, changes=options.changes(settings))
+    return replace(result.answer(), files=result.save(folder))
 
 
 def _command() -> str:
@@ -132,7 +136,6 @@ def meet(
     options.check_ending(out, ".json")
     options.check_ending(page, ".html", option="--page")
     from flighttune.campaign.meet import meet as search
-    from flighttune.files.whole import write_text
 
     with campaign_display() as observer:
         meeting = search(
@@ -150,7 +153,7 @@ def meet(
         )
     answer = replace(meeting.answer(), files={"out": out, "page": page})
     if out is not None:  # before the page: a fault in it must not lose the search
-        write_text(out, answer.json() + "\n")
+        answer.save(out)
     if page is not None:
         from flighttune.reports.meet import write_meet_page
 
@@ -183,7 +186,6 @@ def certify(
 
     Exit status 1 if the loop is unstable or no certificate can be proven.
     """
-    from flighttune.files.value import write
     from flighttune.flight.gains import certify as certify_gains
 
     options.check_ending(figure, ".svg", option="--figure")
@@ -192,7 +194,7 @@ def certify(
     )
     proof = out if certified.certificate else None
     if certified.certificate is not None and out is not None:
-        write(certified.certificate, out)
+        certified.certificate.save(out)
     if figure is not None:
         from flighttune.reports.charts import loop_sheet
 
@@ -203,7 +205,12 @@ def certify(
 
 def verify(
     file: Annotated[
-        Path, Argument(metavar="FILE", help="Certificate, bound on R_K, proof of a tube, or band.")
+        Path,
+        Argument(
+            metavar="PATH",
+            help="Certificate, bound on R_K, proof of a tube, or band; or a recording, its folder "
+            "or the Parquet file of a run; or the folder of a campaign.",
+        ),
     ],
     boxes: Annotated[
         Path | None,
@@ -212,12 +219,17 @@ def verify(
             help="File of `flighttune band --of residual` that confirms the boxes of a tube.",
         ),
     ] = None,
+    run: Annotated[
+        int | None,
+        Option(min=0, help="Run of a campaign, or draw of a band, to fly again and record."),
+    ] = None,
     count: Annotated[
         int | None,
         Option(
             metavar="K",
             min=1,
-            help="Counted flights of a band to fly again [default: 59 at 5 %, 299 at 1 %].",
+            help="Counted flights of a band to fly again [default: 59 at 5 %, 299 at 1 %], or runs "
+            "of a campaign, drawn at random [default: 5].",
         ),
     ] = None,
     run_code: Annotated[
@@ -225,17 +237,46 @@ def verify(
         Option("--run-code", help="Fly flights of a band again that run Python files it names."),
     ] = False,
 ) -> Answer:
-    """Check the claim in a file: certificate, bound on R_K, tube or band.
+    """Check the claim in a file, or fly recorded runs again and compare them bit by bit.
 
     Proofs are checked without the solver or the search that found them. The claim of a band, also
     of the boxes of a tube, is computed again from its plan and what its file keeps of each flight.
     All flights that its shape was learned from are flown again, and so many of those counted that
-    a forgery which doubles epsilon is found with a probability of 95 %.
+    a forgery which doubles epsilon is found with a probability of 95 %. Of a recording all runs are
+    flown again, from the scenario and seed in it, of a campaign some. With --run N, that one is
+    recorded, in runs/NAME-run-N.
 
-    Exit status 1 if it does not support what it claims.
+    Exit status 1 if the claim is not supported, or a bit of a run differs.
     """
+    from flighttune.campaign.claims import CHECKED, AnyClaim
     from flighttune.campaign.claims import verify as verify_claim
+    from flighttune.files.load import CLAIMS, DATASET, RECORDING, load_one
 
-    with campaign_pool(None, None) as pool:
-        checked = verify_claim(file, boxes=boxes, count=count, run_code=run_code, pool=pool)
-    return checked.answer()
+    value = load_one(file, CHECKED, *CLAIMS, DATASET, RECORDING)
+    if run is None and isinstance(value, AnyClaim):
+        with campaign_pool(None, None) as pool:
+            checked = verify_claim(value, boxes=boxes, count=count, run_code=run_code, pool=pool)
+        return replace(checked, source=str(file)).answer()
+    if boxes or run_code:
+        raise InputError(f"{file}: --boxes and --run-code must be absent where runs fly again.")
+    return _fly_again(value, file, run, count)
+
+
+def _fly_again(value: Any, file: Path, run: int | None, count: int | None) -> Answer:
+    """Fly runs or flights again, and record the one that was chosen."""
+    from flighttune.campaign.refly import refly
+    from flighttune.claims.band import Band
+    from flighttune.recording.record import record
+
+    if isinstance(value, Band):
+        with campaign_display() as observer:
+            again = refly(value, run, count=count, observer=observer)
+    else:
+        with progress_bar() as progress:
+            again = refly(value, run, count=count, progress=progress)
+    again = replace(again, source=str(file))
+    if again.flown is None:
+        return again.answer()
+    name = f"{file.name.removesuffix('.npz')}-run-{run}"
+    files = record(again.flown, Path("runs") / name, name=name)
+    return replace(again.answer(files.signals), files={"recording": files.recording})

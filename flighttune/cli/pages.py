@@ -107,15 +107,12 @@ def compare(
 
     Exit status 2 if manoeuvre or aircraft differ.
     """
-    from flighttune.logs.read import is_log
     from flighttune.records.compare import compare as compare_sources
     from flighttune.records.compare import load_source
 
     options.check_ending(out, ".rrd", ".html")
     places = first, *(others or ())
-    comparison = compare_sources(
-        *(load_source(name, columns=column or () if is_log(name) else ()) for name in places)
-    )
+    comparison = compare_sources(*(load_source(name, columns=column or ()) for name in places))
     files: dict[str, Path | None] = {"recording": None, "page": None}
     if out is not None and comparison.comparable:
         if out.suffix.lower() == ".html":

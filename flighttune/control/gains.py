@@ -1,8 +1,10 @@
 """Gains of the multivariable PI controller."""
 
+import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -10,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, check_positive, read_only_matrix, set_read_only
+from flighttune.files.whole import write_text
 from flighttune.present.answer import Column, Table
 from flighttune.units import G_PAPER
 
@@ -107,6 +110,10 @@ class PIGains:
         """
         law = {"law": self.law} if self.inputs[:2] == RATES else {}
         return {"K_P": self.K_P.tolist(), "K_I": self.K_I.tolist(), **law}
+
+    def save(self, path: str | Path) -> None:
+        """Write the gains (.json), which `load_gains` and ``--gains`` of commands read."""
+        write_text(Path(path), json.dumps(self.as_lists(), indent=2) + "\n")
 
     @classmethod
     def from_lists(

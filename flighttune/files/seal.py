@@ -6,15 +6,13 @@ JSON file under a key. They are compared before any library decodes the file.
 
 import hashlib
 import re
-from collections.abc import Collection
 from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
+from typing import BinaryIO
 from zipfile import ZipFile
 
 from flighttune.errors import RecordingError
-from flighttune.files.mistakes import abridged
-from flighttune.files.table import json_tables
 from flighttune.files.whole import reason_of
 
 MARK = b"SHA-256="
@@ -23,26 +21,25 @@ DIGITS = 64
 # Write this as the value of the last key in the metadata: whatever looks like it stands before it.
 BLANK = MARK.decode() + "0" * DIGITS
 
-# Kinds of files by what their `format` begins with
-FILES = {
-    "flighttune band": "a band file, which `flighttune band`, `fly --claim` and `verify` take",
-    "flighttune tube": "the proof of a tube, which `fly --claim`, `verify` and `worst` take",
-    "flighttune certificate": "a certificate, which `flighttune verify` takes",
-    "flighttune rate bound": "a bound on R_K, which `flighttune verify` takes",
-}
+# Kinds of files; those of claims are what their `format` begins with.
+CERTIFICATE, BOUND = "flighttune certificate", "flighttune rate bound"
+TUBE, BAND = "flighttune tube", "flighttune band"
+RECORDING, DATASET, LOG = "recording", "campaign", "log"
 
-# Kinds of files without a `format` by what they begin with
-BEGINNINGS = {
-    b"RRF": "a recording, which `flighttune view` and `refly` take",
-    b"PAR1": "a Parquet file, which `flighttune report` and `refly` take",
+# What a file is, and what takes it.
+SHOWN = {
+    CERTIFICATE: "a certificate, which `flighttune verify` takes",
+    BOUND: "a bound on R_K, which `flighttune verify` takes",
+    TUBE: "the proof of a tube, which `fly --claim`, `verify` and `worst` take",
+    BAND: "a band file, which `flighttune band`, `fly --claim` and `verify` take",
+    RECORDING: "a recording, which `flighttune view`, `report` and `verify` take",
+    DATASET: "the folder of a campaign, which `flighttune report` and `verify` take",
+    LOG: "the log of a flight, which `flighttune report` and `gap` take",
+    "": "another file, or a damaged one",
 }
 
 # Bytes at the beginning of a file, or of its first array, that hold its `format`
 HEAD = 4096
-
-
-# What the files of tubes and bands begin with, whatever follows it
-ARCHIVE = b"PK"
 
 
 def seal(data: bytes) -> bytes:
@@ -54,7 +51,7 @@ def seal(data: bytes) -> bytes:
 def sealed_bytes(path: Path, kind: str, remedy: str = "fly it again") -> bytes:
     """Bytes of a file, if they are those that `seal` returned; `kind` is what it must be."""
     data = file_bytes(path, kind)
-    if kind not in (actual := FILES.get(_format_in(data), kind)):
+    if kind not in (actual := SHOWN.get(stated_format(BytesIO(data)) or kind, kind)):
         raise RecordingError(f"{path}: must be a {kind}, got {actual}.")
     before, mark, footer = data.rpartition(MARK)
     if not mark:
@@ -84,39 +81,17 @@ def file_bytes(path: Path, kind: str) -> bytes:
     return data
 
 
-def format_of(path: Path, formats: Collection[str], kind: str) -> str:
-    """Which of some `formats` a file has; a RecordingError if it is no `kind`."""
-    data = file_bytes(path, kind)
-    stated = _format_in(data)
-    if stated in formats:
-        return stated
-    if data.lstrip().startswith(b"{") and stated not in FILES:
-        got = abridged(json_tables(path).get("format"))
-        raise RecordingError(f"{path}: `format` must be that of a {kind}, got {got}.")
-    begun = [what for begin, what in BEGINNINGS.items() if data.startswith(begin)]
-    got = FILES.get(stated) or (begun or ["another file, or a damaged one"])[0]
-    raise RecordingError(f"{path}: must be a {kind}, got {got}.")
-
-
-def _format_in(data: bytes) -> str:
+def stated_format(file: BinaryIO) -> str:
     """The `format` in the JSON text or in the first array of a file, without its number."""
+    file.seek(0)
+    data = file.read(HEAD)
     with suppress(Exception):  # `zipfile` raises a dozen kinds on what is no archive, or damaged
-        archive = ZipFile(BytesIO(data))
+        archive = ZipFile(file)
         with archive.open(archive.infolist()[0]) as member:
             data = member.read(HEAD).replace(b"\0", b"")  # NumPy's letters have four bytes
-    match = re.search(r'"format":\s*"([a-z ]+) \d', data[:HEAD].decode(errors="replace"))
+    match = re.search(r'"format":\s*"([a-z ]+) \d', data.decode(errors="replace"))
     return match[1] if match else ""
 
 
 def _sha256(before: bytes, after: bytes) -> bytes:
     return hashlib.sha256(before + after).hexdigest().encode()
-
-
-def is_claim_file(path: str | Path) -> bool:
-    """Whether a file is that of a claim, by its content, or a damaged one of a tube or band."""
-    with suppress(OSError), Path(path).open("rb") as file:
-        if file.read(len(ARCHIVE)) == ARCHIVE:
-            return True
-    with suppress(RecordingError):
-        return bool(format_of(Path(path), FILES, "claim"))
-    return False

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from flighttune.control.gains import paper_family
 from flighttune.errors import InputError
+from flighttune.files.whole import write_text
 from flighttune.flight.load import as_scenario
 from flighttune.flight.models import gain_set, tuning_problem
 from flighttune.present.answer import Answer, Answering, Table
@@ -34,7 +35,7 @@ class Frontier(Answering):
 
     Examples
     --------
-    >>> ft.frontier("paper", points=3).sheet.save("frontier.svg")
+    >>> files = ft.frontier("paper", points=3).save("runs/paper")
     """
 
     scenario: Scenario
@@ -47,6 +48,13 @@ class Frontier(Answering):
         by_name = {name: style for (_, name), style in styles.items()}
         charts = [frontier_chart(self.table, by_name, against=key) for key in ("I_K", "E_K")]
         return Sheet(charts=charts, columns=1)
+
+    def save(self, folder: str | Path) -> dict[str, Path]:
+        """Write ``frontier.csv`` and ``frontier.svg`` into a folder."""
+        csv, figure = (Path(folder) / f"frontier.{ending}" for ending in ("csv", "svg"))
+        write_text(csv, self.table.to_csv(index=False, lineterminator="\n"))
+        self.sheet.save(figure)
+        return {"csv": csv, "figure": figure}
 
     def answer(self) -> Answer:
         """The points of the frontier, and the gain sets by name."""

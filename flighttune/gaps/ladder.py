@@ -16,6 +16,7 @@ from flighttune.control.inner_loop import InnerLag
 from flighttune.control.law import Law
 from flighttune.control.linear_model import closed_loop
 from flighttune.errors import InputError
+from flighttune.files.load import LOG, written
 from flighttune.flight.conditions import command_limits, lead_on, reference_of, weather_of
 from flighttune.flight.fly import (
     Progress,
@@ -34,7 +35,6 @@ from flighttune.gaps.residual import CHANNELS, Mismatch, mismatch
 from flighttune.identification.file import FILE_NAME
 from flighttune.identification.fit import fitted_lag
 from flighttune.logs.log import Columns
-from flighttune.logs.read import is_log
 from flighttune.metrics import channel_metrics, flight_metrics
 from flighttune.plants.point_mass import PointMassPlant, PoweredPointMass
 from flighttune.scenario.schema import Scenario
@@ -142,7 +142,7 @@ def gap(
         if isinstance(scenario, Scenario) or gains or plant or lag or changes:
             raise InputError("`aircraft` must be given with a log and its columns alone.")
         return log_gap(scenario, aircraft, columns=columns, progress=progress)
-    if isinstance(scenario, Run) or (isinstance(scenario, str | Path) and is_log(scenario)):
+    if isinstance(scenario, Run) or written(scenario, LOG, columns=columns):
         raise InputError("`aircraft` must be given with a log: what its commands are flown on.")
     scenario, gains_name, gains = scenario_and_gains(scenario, gains, changes)
     name = name or gains_name

@@ -18,10 +18,11 @@ from flighttune.aircraft.aircraft import AircraftConfig, OffNominal, load_aircra
 from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag
 from flighttune.errors import FlightTuneError, InputError
+from flighttune.files.load import A_LOG, LOG, load_one
 from flighttune.flight.apart import Progress
 from flighttune.identification.file import FILE_NAME, load_identified
 from flighttune.logs.identify import EXCITED, HELD_S, flying, interval_of, speed_of
-from flighttune.logs.log import Columns, load_part
+from flighttune.logs.log import Columns
 from flighttune.plants.base import FlightCondition, Plant
 from flighttune.plants.jsbsim.plant import DEEPEST_GROUND, JSBSimPlant
 from flighttune.plants.point_mass import PointMassPlant
@@ -221,7 +222,7 @@ def log_gap(
 
     `aircraft`: a shipped one, a folder, or the file of an identified model, which has no airframe.
     """
-    run = log if isinstance(log, Run) else load_part(str(log), columns)
+    run = log if isinstance(log, Run) else load_one(log, A_LOG, LOG, columns=columns)
     flights = _Flights(run, aircraft, progress)
     fly, nominal = flights.fly, flights.nominal
     flown = {title: fly({}, maker) for title, maker in flights.lower.items()}

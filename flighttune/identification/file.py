@@ -189,6 +189,11 @@ class IdentifiedAircraft(_Table):
         """Units of what has none in its key."""
         return UNITS
 
+    def save(self, path: str | Path) -> None:
+        """Write the model (.json), whole or not at all."""
+        text = json.dumps(identified_tables(self), indent=2, allow_nan=False) + "\n"
+        write_text(Path(path), text)
+
     def nearest(self, V_a: float, gamma: float) -> IdentifiedCondition:
         """The condition nearest to an airspeed (m/s) and a flight-path angle (rad)."""
 
@@ -302,36 +307,12 @@ def identified_tables(aircraft: IdentifiedAircraft) -> dict[str, Any]:
     return rounded(tables, DIGITS, EXACT)
 
 
-def save_identified(aircraft: IdentifiedAircraft, path: str | Path) -> None:
-    """Write an identified aircraft as JSON, under a temporary name until it is whole.
-
-    Parameters
-    ----------
-    aircraft : IdentifiedAircraft
-    path : str or Path
-        Its folder is made if missing.
-
-    Raises
-    ------
-    OutputError
-        If the file cannot be written.
-
-    Examples
-    --------
-    >>> ft.save_identified(ft.load_identified("aerosonde"), "model.json")
-    >>> ft.load_identified("model.json").aircraft
-    'aerosonde'
-    """
-    text = json.dumps(identified_tables(aircraft), indent=2, allow_nan=False) + "\n"
-    write_text(Path(path), text)
-
-
 def save_with_figure(
     aircraft: IdentifiedAircraft, path: Path, sheet: Sheet
 ) -> dict[str, Path | None]:
     """Write a model and the figure of its fits, if it has charts, side by side."""
     figure = path.with_suffix(".svg") if sheet.charts else None
-    save_identified(aircraft, path)
+    aircraft.save(path)
     if figure is not None:
         sheet.save(figure)
     return {"model": path, "figure": figure}
@@ -343,7 +324,7 @@ def load_identified(source: str | Path) -> IdentifiedAircraft:
     Parameters
     ----------
     source : str or Path
-        A JSON file as `save_identified` writes it, the folder of an aircraft that holds one named
+        A JSON file as `identify` saves it, the folder of an aircraft that holds one named
         ``identified.json``, or the name of a shipped aircraft.
 
     Raises

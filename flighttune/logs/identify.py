@@ -11,6 +11,7 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.control.inner_loop import InnerLag, Order
 from flighttune.errors import InputError
+from flighttune.files.load import A_LOG, LOG, load_one, written
 from flighttune.identification.file import (
     Channel,
     IdentifiedAircraft,
@@ -32,8 +33,7 @@ from flighttune.identification.fit import (
     with_parameters,
 )
 from flighttune.identification.identify import AircraftIdentification, identify_aircraft
-from flighttune.logs.log import Columns, load_part
-from flighttune.logs.read import is_log
+from flighttune.logs.log import Columns
 from flighttune.plants.point_mass import turn_rates
 from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.chart import DASHED, Chart, Sheet
@@ -297,7 +297,9 @@ def identify(
     >>> found.untold["n_z"]
     'the logs have no load-factor commands; its limits are assumed: 0.5 to 1.5, 2 per s'
     """
-    if logs or isinstance(source, Run) or is_log(source):
+    if not isinstance(source, Run):
+        source = written(source, LOG, columns=columns) or source
+    if logs or isinstance(source, Run):
         if V_a or gamma:
             raise InputError(
                 "`V_a` and `gamma` must be absent with a log, which is of its own flight."
@@ -313,7 +315,9 @@ def _identify_logs(
 ) -> LogIdentification:
     if set(assume) - set(CHANNELS):
         raise InputError(f"`assume` must name phi or n_z, got {', '.join(assume)}.")
-    runs = [log if isinstance(log, Run) else load_part(str(log), columns) for log in logs]
+    runs = [
+        log if isinstance(log, Run) else load_one(log, A_LOG, LOG, columns=columns) for log in logs
+    ]
     channels: dict[Channel, ChannelOfLogs] = {}
     untold: dict[str, str] = {}
     for name in CHANNELS:

@@ -15,6 +15,7 @@ import numpy as np
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError, RecordingError, need
+from flighttune.files.load import kind_of_log
 from flighttune.files.whole import reason_of
 from flighttune.flight.apart import apart
 
@@ -23,11 +24,6 @@ Stream: TypeAlias = tuple[FloatArray, FloatArray]
 # Streams by TOPIC.FIELD, the vehicle as the log names it, the columns of a table.
 Read: TypeAlias = tuple[dict[str, Stream], str, list[str]]
 Fields: TypeAlias = Mapping[str, Collection[str]]  # fields wanted, by topic
-
-# First bytes of a file, by kind; the stamp of a telemetry log comes before its first message.
-MAGIC = {"ULog": (0, b"ULog\x01\x12\x35"), "DataFlash": (0, b"\xa3\x95")}
-MAVLINK_STARTS = b"\xfe\xfd"
-SUFFIXES = (".ulg", ".bin", ".tlog", ".csv")
 
 # Memory that reading a log may take besides that of this process, bytes.
 MAX_MEMORY = 900_000_000
@@ -38,12 +34,6 @@ PATIENCE_S, PATIENCE_PER_BYTE = 10.0, 1e-5
 MAX_CELLS = 50_000_000  # numbers of a table, rows times columns
 
 
-def is_log(name: str | Path) -> bool:
-    """Whether a file, or the LOG of ``LOG@START:END``, is a log: by its ending or first bytes."""
-    path = Path(name) if Path(name).exists() else Path(str(name).partition("@")[0])
-    return path.suffix.lower() in SUFFIXES or (path.is_file() and bool(_kind_of(path)))
-
-
 def _kind_of(path: Path) -> str:
     """Kind of a log by its first bytes, ``csv`` by its ending; empty for another file."""
     try:
@@ -51,12 +41,8 @@ def _kind_of(path: Path) -> str:
             head = file.read(16)
     except OSError as error:
         raise RecordingError(f"{path}: the log must be readable: {reason_of(error)}.") from error
-    for kind, (start, magic) in MAGIC.items():
-        if head[start:].startswith(magic):
-            return kind
-    if len(head) > 8 and head[8] in MAVLINK_STARTS and path.suffix.lower() != ".csv":
-        return "MAVLink"
-    return "csv" if path.suffix.lower() == ".csv" else ""
+    kind, table = kind_of_log(head), path.suffix.lower() == ".csv"
+    return "csv" if table and kind in ("", "MAVLink") else kind
 
 
 def read_log(

@@ -12,6 +12,7 @@ import pandas as pd
 from flighttune.aircraft.aircraft import files_hash
 from flighttune.control.gains import PIGains
 from flighttune.errors import InputError, RecordingError, ScenarioError
+from flighttune.files.load import CAMPAIGN
 from flighttune.files.mistakes import abridged, validated
 from flighttune.files.table import hash_of, json_tables
 from flighttune.flight.load import check_scenario
@@ -29,7 +30,7 @@ from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
 VERSION = 1
 
 # The file of the plan in the folder of a campaign, and the version of such folders
-CAMPAIGN, FORMAT = "campaign.json", 3
+FORMAT = 3
 
 # Keys that are text for the reader and change no row
 FOR_THE_READER = ("title", "verifies", "source")
@@ -334,11 +335,6 @@ def plan_from(tables: Mapping[str, Any], source: str = "plan") -> Plan:
         runs=tables["runs"],
         aircraft=tables["aircraft"],
     )
-
-
-def is_dataset(folder: str | Path) -> bool:
-    """Whether a folder is that of a campaign that was flown."""
-    return (Path(folder) / CAMPAIGN).is_file()
 
 
 def recorded_plan(folder: str | Path) -> tuple[Plan, dict[str, str]]:

@@ -7,12 +7,14 @@ from typing import Any
 
 from flighttune.arrays import check_not_negative
 from flighttune.errors import InputError
+from flighttune.files.load import kind_of
+from flighttune.files.seal import DATASET, SHOWN
 from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.files.table import toml_tables
 from flighttune.flight.load import load_scenario, route_scenario
 from flighttune.flight.route import AIRCRAFT, is_mission
 from flighttune.planning.load import campaign_on, load_campaign
-from flighttune.planning.plan import Plan, is_dataset, on_plants, plan_campaign, recorded_plan
+from flighttune.planning.plan import Plan, on_plants, plan_campaign, recorded_plan
 from flighttune.planning.schema import Campaign, CampaignTable, Dispersion, Uniform
 from flighttune.present.names import CHANNEL_SYMBOLS
 from flighttune.references.mission import read_route
@@ -169,7 +171,9 @@ def flights(
         raise InputError(f"{place}: `aircraft`, `like`, `skip` must be absent: it is no mission.")
     if _is_scenario(place):
         return _of(load_scenario(place, changes=changes), place)
-    if not is_dataset(place):
+    if (kind := kind_of(place)) not in ("", DATASET):
+        raise InputError(f"{place}: must be what can be flown, got {SHOWN[kind]}.")
+    if not kind:
         return _of(load_campaign(place, changes=changes), place)
     if changes:
         raise InputError(f"{place}: `--set` must be absent for a campaign already flown.")

@@ -15,6 +15,7 @@ from textwrap import fill, wrap
 from typing import Any
 
 from flighttune.errors import printable as printable
+from flighttune.files.whole import write_text
 
 # Text in place of a missing number.
 MISSING = "–"
@@ -318,6 +319,10 @@ class Answer:
         values = {**records, **sentences, **self.values, **self.files}
         plain = to_jsonable_python(values, inf_nan_mode="null", fallback=_plain)
         return json.dumps(plain, indent=2)
+
+    def save(self, path: str | Path) -> None:
+        """Write the JSON object."""
+        write_text(Path(path), self.json() + "\n")
 
     def text(self, width: int) -> Iterator[str]:
         """Paragraphs and tables of at most `width` characters; commands and paths may be longer."""

@@ -12,19 +12,18 @@ import numpy as np
 import pandas as pd
 
 from flighttune.errors import InputError, RecordingError
+from flighttune.files.load import LOG, RECORDING, kind_of, load_one
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import fly
 from flighttune.flight.load import load_scenario
-from flighttune.logs.log import Columns, load_part
-from flighttune.logs.read import is_log
+from flighttune.logs.log import Columns
 from flighttune.metrics import FLIGHT_METRICS, METRICS, measures, unit_of
 from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.names import columns, shown_unit
-from flighttune.records.parquet import load_recording
 from flighttune.scenario.load import gains_notes, leaves
 from flighttune.simulate.run import Claim, Run, with_claims
 
-RECORDED = (".parquet", ".rrd")
+RUNS = "recording, its folder, the Parquet file of a run, or the log of a flight"
 
 # Better direction of each metric. A time that is never reached is worse than any other.
 BETTER_IF = {
@@ -223,21 +222,15 @@ def load_source(
     """
     name = str(name)
     place, _, choice = name.partition("@") if not Path(name).exists() else (name, "", "")
-    path = Path(place)
-    if is_log(path):
-        if changes:
-            raise InputError(f"{name}: `--set` must be absent where runs are read, not flown.")
-        run = load_part(name, columns)
-        lacking = run.provenance.log or {}
-        missing = *lacking["missing"], *(f"in gaps, {gap}" for gap in lacking["gaps"])
-        return Source(name=name, runs=(run,), missing=missing)
-    if columns:
-        raise InputError(f"{name}: `--column` must be absent for what is no log.")
-    if not (path.is_dir() or path.suffix.lower() in RECORDED):
+    if not (kind := kind_of(name)):
         return Source(name=name, runs=_runs_of(place, choice, changes), chosen=bool(choice))
     if changes:
         raise InputError(f"{name}: `--set` must be absent where runs are read, not flown.")
-    recording = load_recording(path)
+    recording = load_one(name, RUNS, LOG, RECORDING, columns=columns)
+    if kind == LOG:
+        lacking = recording.provenance.log
+        missing = *lacking["missing"], *(f"in gaps, {gap}" for gap in lacking["gaps"])
+        return Source(name=name, runs=(recording,), missing=missing)
     runs = tuple(
         run
         for run in recording.runs

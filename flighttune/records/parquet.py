@@ -196,7 +196,7 @@ class Recording:
     Examples
     --------
     >>> files = ft.record(ft.fly(ft.load_scenario("paper_as_printed")), "runs/mine")
-    >>> ft.load_recording("runs/mine").missing
+    >>> ft.load("runs/mine").missing
     ()
     """
 
@@ -239,13 +239,15 @@ def load_recording(path: str | Path) -> Recording:
     Examples
     --------
     >>> files = ft.record(ft.fly(ft.load_scenario("paper_as_printed")), "runs/mine")
-    >>> [run.label for run in ft.load_recording("runs/mine").runs]
+    >>> [run.label for run in ft.load("runs/mine").runs]
     ['kinematic / paper']
     """
     path = Path(path)
     if path.is_dir():
         return _in_folder(path)
-    if path.suffix.lower() == PARQUET:
+    kind = PARQUET_FILE if path.suffix.lower() == PARQUET else RECORDING_FILE
+    data = file_bytes(path, kind)
+    if data.startswith(b"PAR1") or (kind == PARQUET_FILE and not data.startswith(b"RRF")):
         return Recording(path=path, runs=(read_run(path),))
     return _drawn_in(path)
 

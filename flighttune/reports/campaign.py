@@ -132,7 +132,7 @@ def scatter_panels(findings: Findings) -> list[Chart]:
             x = some[key].to_numpy(dtype=float)
             y = how.factor * values_of(some, findings.measure)
             # commands that fly each row again, as tips under the pointer
-            again = f"flighttune refly {findings.flights.url} --run"
+            again = f"flighttune verify {findings.flights.url} --run"
             tips = np.array([f"run {run}: {again} {run}" for run in some["run"]])
             finite = np.isfinite(y)
             dots = {"size": 2.6, "opacity": 0.6, "tips": tips[finite].tolist()}
@@ -330,7 +330,7 @@ def _sections(findings: Findings) -> list[Section]:
         Section(
             id="worst",
             title="Worst flights",
-            note="With the most influential parameters. To fly one again: flighttune refly "
+            note="With the most influential parameters. To fly one again: flighttune verify "
             f"{flights.url} --run RUN",
             tables=[tables.worst_table(findings, groups)],
             legend=False,

@@ -172,10 +172,9 @@ def write_claim_page(
         if room is not None:
             turning = room.answer()
             sentences.append(room.sentence)
-            notes += [note for note in turning.notes if "refly" not in note]
+            notes += [note for note in turning.notes if "--run" not in note]
             tables.append(turning.tables[0])
         notes = [*notes, BAND_NOTE, *([GIVEN] if about.predicted_from else [])]
-        commands += f"\nflighttune refly {source} --count 20"
     drawn = [table for table in tables if table.name == "dispersions"]
     others = [table for table in tables if table.name != "dispersions"]
     return write_answer(

@@ -5,13 +5,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from flighttune.campaign.claims import load_claim, within
-from flighttune.campaign.dataset import CAMPAIGN, dataset_hash
+from flighttune.campaign.claims import within
+from flighttune.campaign.dataset import Dataset, dataset_hash
 from flighttune.campaign.statistics.findings import findings
 from flighttune.campaign.statistics.flights import load_flights
 from flighttune.campaign.statistics.intervals import CONFIDENCE, Method
 from flighttune.errors import InputError
-from flighttune.files.seal import is_claim_file
+from flighttune.files.load import CLAIMS, DATASET, written
 from flighttune.files.table import toml_text
 from flighttune.gaps.gap import Gap
 from flighttune.logs.log import Columns
@@ -113,27 +113,23 @@ def report(
     """
     changes = changes or {}
     if not isinstance(source, Source):
-        place = Path(source)
-        of_campaign = (place / CAMPAIGN).is_file()
-        if of_campaign or is_claim_file(place):
+        place, stated = Path(source), written(source, DATASET, *CLAIMS)
+        if stated is not None:
             if claims or changes:
                 raise InputError(
                     f"{place}: `--claim` and `--set` are for runs, and must be absent."
                 )
-            if not of_campaign:
-                return _of_claim(place, Path(path or "report.html"))
-            return _of_campaign(place, Path(path or place / "report.html"), interval, confidence)
+            if isinstance(stated, Dataset):
+                page = Path(path or place / "report.html")
+                return _of_campaign(place, page, interval, confidence)
+            written_page = write_claim_page(stated, str(place), path or "report.html")
+            return replace(written_page, shown=stated.answer())
         source = load_source(source, changes=changes, columns=columns)
     if any(run.provenance.log for run in source.runs):
         if claims:
             raise InputError(f"{source.name}: `--claim` must be absent: a log is of no scenario.")
         return write_log_page(source, Path(path or "report.html"))
     return _of_runs(within(source, claims), Path(path or "report.html"))
-
-
-def _of_claim(file: Path, path: Path) -> Report:
-    claim = load_claim(file)
-    return replace(write_claim_page(claim, str(file), path), shown=claim.answer())
 
 
 def _of_campaign(folder: Path, path: Path, interval: Method, confidence: float) -> Report:

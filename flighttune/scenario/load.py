@@ -403,7 +403,7 @@ def existing_file(
         return shipped[name]
     taken_by = {
         "a scenario": ("fly", scenario_files()),
-        "a campaign": ("campaign run", campaign_files()),
+        "a campaign": ("campaign", campaign_files()),
         "an aircraft": ("trim", aircraft_folders()),
     }
     uses = [

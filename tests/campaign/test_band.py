@@ -101,7 +101,7 @@ def test_the_page_of_a_band_says_why_flights_did_not_complete(counted, tmp_path)
     extremes = counted.extremes.copy()
     extremes[3] = np.float32([-np.inf, np.inf])
     lost = {"run": int(counted.draws[3]), "status": "no_trim", "reason": "too slow"}
-    ft.save_claim(replace(counted, extremes=extremes, endings=[lost]), tmp_path / "band.npz")
+    replace(counted, extremes=extremes, endings=[lost]).save(tmp_path / "band.npz")
 
     page = ft.report(tmp_path / "band.npz", tmp_path / "band.html")
 
@@ -174,7 +174,7 @@ def test_the_command_counts_reads_adds_and_verifies(tmp_path):
     made = answer("band", campaign, *claim, "--learn", 10, "--workers", 1, "--out", file)
     other = answer("band", file, "--epsilon", 0.5)
     more = answer("band", file, "--flights", 58, "--workers", 1, "--out", tmp_path / "other.npz")
-    again = answer("refly", file, "--count", 5)
+    again = answer("verify", file, "--count", 5)
     valid = answer("verify", file)
 
     band = load_band(file)
@@ -185,7 +185,7 @@ def test_the_command_counts_reads_adds_and_verifies(tmp_path):
     assert (again["equal"], len(again["runs"])) == (True, 5)
     assert valid["valid"]
     assert "All 10 flights learned from were flown again" in valid["notes"][0]
-    assert f"flighttune refly {file} --run {band.nearest}" in valid["notes"][-1]
+    assert f"flighttune verify {file} --run {band.nearest}" in valid["notes"][-1]
     assert valid["claim"]["sentence"] == more["sentence"] == band.sentence
     widths = np.rad2deg(band.half_widths)
     assert valid["half_widths"][1]["largest"] == pytest.approx(widths[:, 1].max())
@@ -195,7 +195,7 @@ def test_the_command_counts_reads_adds_and_verifies(tmp_path):
 def test_a_band_of_an_aircraft_that_has_changed_is_refused(counted, tmp_path):
     plan = {**counted.about.plan, "aircraft": {"aerosonde": 64 * "0"}}
     changed = replace(counted, about=replace(counted.about, plan=plan))
-    ft.save_claim(changed, tmp_path / "x.npz")
+    changed.save(tmp_path / "x.npz")
 
     with pytest.raises(ft.InputError, match="`aerosonde` must have the files"):
         plan_of_band(changed)
@@ -204,7 +204,7 @@ def test_a_band_of_an_aircraft_that_has_changed_is_refused(counted, tmp_path):
 
 
 def test_a_file_of_another_campaign_takes_no_options_of_a_source(counted, tmp_path):
-    ft.save_claim(counted, tmp_path / "x")  # known by its content, whatever its name
+    counted.save(tmp_path / "x")  # known by its content, whatever its name
 
     for option, value, name in (("gains", "soft", "gains"), ("start-deg", 1, "start_deg")):
         _, stderr = flighttune("band", tmp_path / "x", f"--{option}", value, status=2)

@@ -137,7 +137,7 @@ def test_a_band_whose_flights_run_code_is_not_checked_without_it(tmp_path):
     code, mark, path = tmp_path / "law.py", tmp_path / "ran", tmp_path / "x.npz"
     code.write_text(dedent(LAW))
     law = {"name": "mine", "kind": "python", "module": str(code), "class": "Mine"}
-    ft.save_claim(count(small_plan(law=[law])), path)
+    count(small_plan(law=[law])).save(path)
     mark.unlink()
     own._module.cache_clear()
 
@@ -165,7 +165,7 @@ def test_a_shape_that_was_fitted_to_the_flights_counted_is_refused(counted, tmp_
 def test_a_claim_other_than_that_planned_shares_its_confidence_and_its_shape(counted, tmp_path):
     """The shape is that of the planned epsilon: the scale of the last tenths of 10 flights."""
     other = counted.claiming(0.5, 0.9)
-    ft.save_claim(other, tmp_path / "x.npz")
+    other.save(tmp_path / "x.npz")
     hidden = forged(other, tmp_path / "y.npz", {"planned": None})
     with flown_here(band_module) as pool:
         shown, *_ = (ft.verify(path, pool=pool) for path in (tmp_path / "x.npz", hidden))

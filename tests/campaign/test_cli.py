@@ -1,4 +1,4 @@
-"""``campaign run`` as a user meets it: stdout, stderr, an exit status, and Ctrl-C."""
+"""``campaign`` as a user meets it: stdout, stderr, an exit status, and Ctrl-C."""
 
 import json
 import os
@@ -36,7 +36,7 @@ def file(tmp_path_factory):
 def test_one_json_object_says_what_was_flown(tmp_path, file, address):
     out = tmp_path / "out"
 
-    done = answer("campaign", "run", file, "--runs", 8, "--scheduler", address, "--out", out)
+    done = answer("campaign", file, "--runs", 8, "--scheduler", address, "--out", out)
 
     assert done.keys() >= {"runs", "completed", "failed", "crashed", "wall_s", "rate_per_s"}
     assert (done["runs"], done["planned"], done["crashed"]) == (8, 8, 0)
@@ -47,7 +47,7 @@ def test_one_json_object_says_what_was_flown(tmp_path, file, address):
     assert len(rows) == 8
     assert done["succeeded"] == rows.column("success").to_pylist().count(True)
 
-    _, said = flighttune("campaign", "run", file, "--out", out, status=2)
+    _, said = flighttune("campaign", file, "--out", out, status=2)
     assert said.startswith(f"flighttune: {out}: must not hold a campaign, got one of 8 runs")
 
 
@@ -58,12 +58,12 @@ def test_gains_of_a_file_are_flown_by_workers_elsewhere_resumed_and_kept(
     file, out, gains = write_campaign(tmp_path, runs=RUNS), tmp_path / "out", tmp_path / "mine.json"
     gains.write_text('{"K_P": [[2, 0], [0, 2]], "K_I": [[1, 0], [0, 1]]}')
     chosen = "--gains", "mine.json", "--set", "flight.V_a_mps=26.5", "--out", out
-    command = "campaign", "run", file, *chosen, "--scheduler", address
+    command = "campaign", file, *chosen, "--scheduler", address
 
     answer(*command, "--runs", 8)
     resumed = answer(*command, "--runs", 12, "--resume")
     gains.unlink()
-    again = answer("refly", out, "--run", 11, cwd=tmp_path)
+    again = answer("verify", out, "--run", 11, cwd=tmp_path)
 
     assert (resumed["runs"], resumed["flown"]) == (12, 4)
     assert again["equal"]
@@ -73,7 +73,7 @@ def test_gains_of_a_file_are_flown_by_workers_elsewhere_resumed_and_kept(
 
 def test_a_bar_shows_how_far_it_is_where_someone_watches(tmp_path, file, address):
     ours, theirs = pty.openpty()
-    command = [sys.executable, "-m", "flighttune", "campaign", "run", str(file), "--runs", "40",
+    command = [sys.executable, "-m", "flighttune", "campaign", str(file), "--runs", "40",
                "--scheduler", address, "--out", str(tmp_path)]  # fmt: skip
     environment = {**os.environ, "COLUMNS": "120", "TERM": "xterm"}
     with subprocess.Popen(
@@ -149,7 +149,7 @@ def test_ctrl_c_ends_a_search_which_says_that_it_keeps_nothing(tmp_path, command
 
 def test_a_campaign_made_longer_stays_so_when_it_is_resumed(tmp_path, address):
     file = write_campaign(tmp_path, runs=4)
-    for_all = ("campaign", "run", file, "--scheduler", address, "--out", tmp_path / "out")
+    for_all = ("campaign", file, "--scheduler", address, "--out", tmp_path / "out")
     assert answer(*for_all)["runs"] == 4
     assert answer(*for_all, "--resume", "--runs", 6)["flown"] == 2
 
@@ -159,9 +159,7 @@ def test_a_campaign_made_longer_stays_so_when_it_is_resumed(tmp_path, address):
 
 
 def test_a_dry_run_shows_plan_cost_and_room_and_writes_nothing(tmp_path, file):
-    found = answer(
-        "campaign", "run", file, "--dry-run", "--workers", 3, "--runs", 4002, cwd=tmp_path
-    )
+    found = answer("campaign", file, "--dry-run", "--workers", 3, "--runs", 4002, cwd=tmp_path)
 
     assert (found["runs"], found["draws"], found["design"]) == (4002, 1001, "random")
     assert found["notes"][0] == "4002 flights = 1000.5 draws of 4 groups"
@@ -181,7 +179,7 @@ def test_nobody_at_the_address_is_one_line(tmp_path, file):
     nobody = "tcp://127.0.0.1:1"
 
     _, said = flighttune(
-        "campaign", "run", file, "--out", tmp_path / "out", "--scheduler", nobody, status=2
+        "campaign", file, "--out", tmp_path / "out", "--scheduler", nobody, status=2
     )
 
     assert f"{nobody}: no scheduler answers there: " in said.splitlines()[-1]

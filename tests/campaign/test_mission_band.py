@@ -49,7 +49,7 @@ def test_one_command_says_whether_a_mission_stays_inside_its_own_fence(tmp_path)
     text = page.read_text()
     for words in ("Map", "Height over the start", "rally", "leg", "fence", "certainly inside"):
         assert words in text, words
-    assert ft.load_claim(out).sentence in flighttune("verify", out)[0].replace("\n", " ")
+    assert ft.load(out).sentence in flighttune("verify", out)[0].replace("\n", " ")
 
 
 @pytest.mark.slow

@@ -94,7 +94,7 @@ def test_the_page_stands_in_the_folder_and_the_campaign_is_still_one(told, flown
     text = (flown_folder / "report.html").read_text(encoding="utf-8")
 
     assert dataset_hash(flown_folder) in text
-    assert f"flighttune refly {flown_folder} --run 0" in text
+    assert f"flighttune verify {flown_folder} --run 0" in text
     assert "short_turn_in_wind" in text
 
 
@@ -152,7 +152,7 @@ def test_every_part_is_on_the_page(page):
     )
     for part in ("Provenance", "How to reproduce", *page.sections):
         assert f"<h2>{part}</h2>" in text
-    assert re.search(r"campaign run campaign.toml --runs \d+ --out", text)
+    assert re.search(r"campaign campaign.toml --runs \d+ --out", text)
     assert text.count('<svg class="chart" ') > 8
     assert page.path.stat().st_size < 3_000_000
 

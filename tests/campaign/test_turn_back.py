@@ -262,7 +262,7 @@ def test_the_room_of_another_route_or_of_a_distance_ahead_is_refused(tmp_path):
     with pytest.raises(
         ft.InputError, match=r"old.npz: .*count it again with flighttune band"
     ) as refusal:
-        ft.load_claim(tmp_path / "old.npz")
+        ft.load(tmp_path / "old.npz")
     assert "\n" not in str(refusal.value)
 
 
@@ -281,7 +281,7 @@ def test_the_command_counts_the_room_and_writes_the_volumes(tmp_path, monkeypatc
     # a room is not among the widths of the corridor
     assert [row["signal"] for row in told["half_widths"]] == ["cross_track", "height_err"]
     room = told["turn_back"]
-    needed = ft.load_claim(told["room"]).room
+    needed = ft.load(told["room"]).room
     assert room["room"]["from_route_m"] == needed.from_route
     assert (
         f"further than {needed.from_route:.0f} m beyond the flight geography in any direction"

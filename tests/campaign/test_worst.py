@@ -157,7 +157,7 @@ def proven(tmp_path_factory):
     scenario = made_up(chi_err_deg=15.0, gamma_deg=5.0, duration_s=0.5)
     proven = tube_of(scenario, ft.PAPER_GAINS, start=0.01, disturbance=0.02)
     file = tmp_path_factory.mktemp("tube") / "proof"  # no ending: it is known by its content
-    ft.save_claim(proven, file)
+    proven.save(file)
     return proven, file
 
 

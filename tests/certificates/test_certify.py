@@ -84,8 +84,8 @@ def test_the_tuned_gains_are_certified_over_an_envelope(over_envelope):
 def test_a_file_reads_back_to_the_same_bits_and_verifies(over_envelope, tmp_path):
     path = tmp_path / "gains.json"
 
-    ft.save_claim(over_envelope, path)
-    again = ft.load_claim(path)
+    over_envelope.save(path)
+    again = ft.load(path)
 
     assert tables_of(again) == tables_of(over_envelope)
     assert np.array_equal(again.Q, over_envelope.Q)
@@ -98,7 +98,7 @@ def test_a_file_reads_back_to_the_same_bits_and_verifies(over_envelope, tmp_path
 @pytest.mark.slow
 def test_verifying_a_file_does_not_even_import_a_solver(over_envelope, tmp_path):
     path = tmp_path / "gains.json"
-    ft.save_claim(over_envelope, path)
+    over_envelope.save(path)
     code = (
         "import sys; from flighttune.certificates.certificate import load_certificate; "
         "assert load_certificate(sys.argv[1]).verify().valid; print('clarabel' in sys.modules)"

@@ -49,9 +49,9 @@ def test_the_gains_of_shipped_aircraft_have_nearly_their_true_rate(scenario):
 
 
 def test_a_certificate_keeps_its_exact_rates_in_its_file(mission, tmp_path):
-    ft.save_claim(mission, tmp_path / "proof.json")
+    mission.save(tmp_path / "proof.json")
 
-    read = ft.load_claim(tmp_path / "proof.json")
+    read = ft.load(tmp_path / "proof.json")
 
     assert read.sentence == mission.sentence
     assert ft.verify(tmp_path / "proof.json").valid

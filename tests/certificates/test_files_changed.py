@@ -20,15 +20,15 @@ def test_a_proof_of_a_model_whose_file_has_changed_says_so(tmp_path):
     tables["tuning"] |= {"model": "identified", "identified": str(model)}
     scenario = ft.scenario_from(tables)
     certificate = ft.certify(scenario, "paper").certificate
-    ft.save_claim(certificate, tmp_path / "proof.json")
+    certificate.save(tmp_path / "proof.json")
     law = ft.load_scenario("paper", changes={"flight.duration_s": 0.2})
     files = certificate.files  # as a tube of the same model has: that is longer to prove
-    ft.save_claim(replace(ft.tube(law, "paper"), files=files), tube_file)
+    replace(ft.tube(law, "paper"), files=files).save(tube_file)
     flown = ft.fly(law, gains=["paper"])
     said = f"The files of {model} are no longer those that it was made with"
     for file in ("proof.json", "tube.npz"):
         assert said not in " ".join(ft.verify(tmp_path / file).answer().notes)
-    assert any(run.claims for run in flown.within(ft.load_claim(tube_file)).runs)
+    assert any(run.claims for run in flown.within(ft.load(tube_file)).runs)
 
     model.write_text(json.dumps(json.loads(text) | {"seed": 12345}))
 
@@ -38,4 +38,4 @@ def test_a_proof_of_a_model_whose_file_has_changed_says_so(tmp_path):
     ft.report(tmp_path / "proof.json", page)
     assert "no longer those that it was made with" in page.read_text()
     with pytest.raises(ft.InputError, match="must be those that it was proven with"):
-        flown.within(ft.load_claim(tube_file))
+        flown.within(ft.load(tube_file))

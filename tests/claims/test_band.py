@@ -172,12 +172,12 @@ def test_a_file_keeps_why_flights_did_not_complete_and_no_other_draws(counted, t
         for draw, t in zip(draws.tolist(), (2.5, 11, 3), strict=True)
     ]
 
-    ft.save_claim(replace(counted, extremes=extremes, endings=endings[:2]), file)
+    replace(counted, extremes=extremes, endings=endings[:2]).save(file)
     (row,) = next(x for x in load_walks(file).answer().tables if x.name == "endings").records
     assert (row["count"], row["run"], row["ended"]) == (2, draws[0], "ground contact")
     assert row["reason"] == "t = 2.5 to 11 s: hit the ground."
 
-    ft.save_claim(replace(counted, extremes=extremes, endings=endings), file)
+    replace(counted, extremes=extremes, endings=endings).save(file)
     with pytest.raises(ft.InputError, match="`endings` must be of draws counted"):
         load_walks(file)
 
@@ -288,14 +288,14 @@ def values_of(band):
 
 
 def test_a_file_comes_back_as_it_was_written(counted, tmp_path):
-    ft.save_claim(counted, tmp_path / "x.npz")
+    counted.save(tmp_path / "x.npz")
 
     assert values_of(load_walks(tmp_path / "x.npz")) == values_of(counted)
 
 
 def forged(band, path, about=None, **arrays):
     """The file of a band with other values, and the SHA-256 of what it says then."""
-    ft.save_claim(band, path)
+    band.save(path)
     with np.load(path) as file:
         members = {**file, **arrays}
     tables = {**json.loads(str(members["band"])), **(about or {})}

@@ -100,15 +100,15 @@ def test_the_bounds_that_a_tube_states_in_words_are_not_below_those_proven(prove
 def test_commands_draw_a_claim_by_its_content_whatever_the_name_of_its_file(proven, tmp_path):
     scenario, file = tmp_path / "turn.toml", tmp_path / "a_claim"
     scenario_file(scenario, turn())
-    ft.save_claim(proven, tmp_path / "t.npz")
+    proven.save(tmp_path / "t.npz")
     (tmp_path / "t.npz").rename(file)
 
     found = answer("fly", scenario, "--claim", file, "--out", tmp_path / "runs")
 
     (claim,) = found["claims"]
     assert (claim["kind"], claim["inside"]) == ("proven", True)
-    assert ft.load_claim(file).sentence == claim["sentence"]
-    assert answer("refly", tmp_path / "runs")["equal"]
+    assert ft.load(file).sentence == claim["sentence"]
+    assert answer("verify", tmp_path / "runs")["equal"]
     page = answer("report", tmp_path / "runs", "--out", tmp_path / "r.html")["report"]
     assert claim["sentence"] in html.unescape(Path(page).read_text(encoding="utf-8"))
     assert answer("report", file, "--out", tmp_path / "t.html")["status"] == "bounded"
@@ -119,9 +119,7 @@ def test_a_flight_that_leaves_its_tube_is_a_failure(proven, tmp_path):
     scenario, file = tmp_path / "turn.toml", tmp_path / "t.npz"
     scenario_file(scenario, turn(**swing(0.9 * DISTURBANCE)))
     narrow = replace(proven.bounds, low=0.99 * proven.bounds.low, high=0.5 * proven.bounds.high)
-    ft.save_claim(
-        replace(proven, bounds=replace(narrow, low=np.minimum(narrow.low, narrow.high))), file
-    )
+    replace(proven, bounds=replace(narrow, low=np.minimum(narrow.low, narrow.high))).save(file)
 
     _, told = flighttune("fly", scenario, "--claim", file, "--out", tmp_path / "runs", status=1)
 
@@ -136,17 +134,17 @@ def recording(tmp_path_factory):
 def test_a_file_that_is_no_claim_is_refused_in_one_true_line(recording, tmp_path):
     (tmp_path / "notes.txt").write_text("a note")
     kinds = {
-        recording.recording: "got a recording, which `flighttune view` and `refly` take",
         tmp_path / "notes.txt": "got another file, or a damaged one",
         tmp_path / "none.npz": "got no such file",
     }
     for path, got in kinds.items():
         _, line = flighttune("verify", path, status=2)
-        assert (
-            "must be a claim: the file of a certificate, a bound on R_K, a tube or a band" in line
-        )
+        assert "must be a claim (certificate, bound on R_K, tube or band)" in line
         assert got in line
         assert line.count("\n") == 1
+    _, line = flighttune("report", recording.recording, "--claim", recording.recording, status=2)
+    assert "must be a claim about flights" in line
+    assert "got a recording, which `flighttune view`" in line
 
 
 def test_a_claim_about_gains_is_drawn_around_no_flight():
@@ -169,7 +167,7 @@ def test_every_claim_about_gains_has_a_page_with_its_sentence_and_hash(tmp_path)
         printed = answer("report", file, "--out", page)
 
         text = html.unescape(page.read_text(encoding="utf-8"))
-        sentence = ft.load_claim(file).sentence
+        sentence = ft.load(file).sentence
         assert printed["verdict"] == sentence
         assert sentence[1:] in text
         assert hashlib.sha256(file.read_bytes()).hexdigest() in text

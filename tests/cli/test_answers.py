@@ -37,7 +37,7 @@ def recorded():
 
 
 def verified():
-    ft.save_claim(ft.certify("paper", "paper").certificate, "certificate.json")
+    ft.certify("paper", "paper").certificate.save("certificate.json")
     return ft.verify("certificate.json")
 
 
@@ -47,7 +47,7 @@ def planned():
 
 VERBS = {
     "list": (listing, []),
-    "campaign run": (planned, ["first_campaign", "--dry-run", "--runs", 8, "--workers", 1]),
+    "campaign": (planned, ["first_campaign", "--dry-run", "--runs", 8, "--workers", 1]),
     "tune": (lambda: ft.tune("paper"), ["paper"]),
     "tune --prove": (
         lambda: ft.tune("paper", prove=True),
@@ -57,12 +57,15 @@ VERBS = {
         lambda: ft.tune("paper_identified", envelope=True, changes=IDENTIFIED),
         ["paper_identified", "--envelope", "--set", "tuning.model=identified"],
     ),
-    "frontier": (lambda: ft.frontier("paper", points=3), ["paper", "--points", 3]),
+    "tune --frontier": (
+        lambda: ft.frontier("paper", points=3),
+        ["paper", "--frontier", "--points", 3],
+    ),
     "certify": (lambda: ft.certify("paper", "K1"), ["paper", "--gains", "K1"]),
     "verify": (verified, ["certificate.json"]),
     "fly": (lambda: ft.fly("paper", changes=SHORT), ["paper", *SET]),
     "route": (lambda: ft.route("circuit"), ["circuit"]),
-    "refly": (lambda: ft.refly(recorded()), ["run"]),
+    "verify run": (lambda: ft.refly(recorded()), ["run"]),
     "worst": (
         lambda: ft.worst("first_campaign", budget=32, metric="chi.ITAE", plant="kinematic"),
         ["first_campaign", "--budget", 32, "--metric", "chi.ITAE", "--plant", "kinematic"],

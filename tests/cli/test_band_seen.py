@@ -46,22 +46,22 @@ def test_a_draw_of_a_band_is_flown_with_the_band_around_it(file, tmp_path):
     outside = band.about.learned + int(np.argmax(band.scores))
 
     for draw, inside in ((band.nearest, True), (outside, False)):
-        found = answer("refly", file, "--run", draw, cwd=tmp_path)
+        found = answer("verify", file, "--run", draw, cwd=tmp_path)
         out = tmp_path / found["recording"]
-        (run,) = ft.load_recording(out).runs
+        (run,) = ft.load(out).runs
         (claim,) = run.claims
         assert [claim["inside"] for claim in found["claims"]] == [inside]
         assert (claim.kind, claim.sentence) == ("counted", band.sentence)
         assert _stays(run) is inside
-    assert answer("refly", out)["equal"]
+    assert answer("verify", out)["equal"]
 
-    _, told = flighttune("refly", file, "--run", 39, status=2)
+    _, told = flighttune("verify", file, "--run", 39, status=2)
     assert "`run` must be 10 to 38, got 39" in told
 
 
 def test_a_page_of_a_recorded_run_states_the_claim_of_its_band_again(file, tmp_path):
     band = load_band(file)
-    flown = answer("refly", file, "--run", band.nearest, cwd=tmp_path)
+    flown = answer("verify", file, "--run", band.nearest, cwd=tmp_path)
 
     made = answer("report", tmp_path / flown["recording"], "--out", tmp_path / "r.html")
 
@@ -78,7 +78,7 @@ def test_the_page_of_a_band_names_the_flight_nearest_to_leaving(file, tmp_path):
     made = answer("report", file, "--out", tmp_path / "b.html")
 
     page = page_text(made["report"])
-    assert f"flighttune refly {file} --run {band.nearest}" in page
+    assert f"flighttune verify {file} --run {band.nearest}" in page
     assert page.count(f"draw {band.nearest}, nearest to leaving</span>") == 2
     assert sha256(file.read_bytes()).hexdigest() in page
     assert "<td>initial course" in page or "initial course</t" in page
@@ -93,7 +93,7 @@ def test_the_draw_nearest_to_the_edge_of_a_band_is_searched(file, tmp_path):
     # soft gains do not follow to the end, which the requirements of the scenario ask for
     again = answer("fly", toml, "--claim", file, "--out", tmp_path, status=1)
     assert found["metric"] == "band"
-    (run,) = ft.load_recording(tmp_path).runs
+    (run,) = ft.load(tmp_path).runs
     assert [claim["inside"] for claim in again["claims"]] == [_stays(run)]
     assert found["value"] == pytest.approx(_share(run), rel=SINGLE)
     _, told = flighttune("worst", file, "--metric", "chi.ITAE", status=2)

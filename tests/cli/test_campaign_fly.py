@@ -1,4 +1,4 @@
-"""`flighttune refly` of a campaign: rows flown again, some of which were changed."""
+"""`flighttune verify` of a campaign: rows flown again, some of which were changed."""
 
 import math
 import re
@@ -45,7 +45,7 @@ def folder(tmp_path_factory):
 
 
 def test_what_a_run_drew_is_printed_so_that_it_can_be_typed_again(folder, tmp_path):
-    out, _ = flighttune("refly", folder, "--run", 2, cwd=tmp_path)
+    out, _ = flighttune("verify", folder, "--run", 2, cwd=tmp_path)
 
     row = open_dataset(folder).rows().to_pylist()[2]
     for key in ("flight.chi_deg", "seed"):
@@ -54,14 +54,14 @@ def test_what_a_run_drew_is_printed_so_that_it_can_be_typed_again(folder, tmp_pa
 
 
 def test_a_run_is_flown_into_a_recording_and_is_what_its_row_says(folder, tmp_path):
-    found = answer("refly", folder, "--run", 2, cwd=tmp_path)
+    found = answer("verify", folder, "--run", 2, cwd=tmp_path)
 
     ((run,), row) = found["runs"], open_dataset(folder).rows().to_pylist()[2]
     assert found["equal"]
     assert run["run"] == "run 2: kinematic / soft, draw 0"
     assert run["drawn"] == {key: row[key] for key in run["drawn"]}
     assert found["versions"] == {"numpy": {"recorded": "1.0", "now": np.__version__}}
-    recorded = ft.load_recording(tmp_path / found["recording"])
+    recorded = ft.load(tmp_path / found["recording"])
     assert [run.label for run in recorded.runs] == ["jsbsim:aerosonde / soft", "kinematic / soft"]
     flown = recorded["kinematic / soft"]
     assert row["chi.ITAE"] == pytest.approx(
@@ -72,7 +72,7 @@ def test_a_run_is_flown_into_a_recording_and_is_what_its_row_says(folder, tmp_pa
 
 
 def test_a_row_that_differs_in_the_last_bit_is_told_and_exits_with_1(folder, tmp_path):
-    printed, told = flighttune("refly", folder, "--run", CHANGED, status=1, cwd=tmp_path)
+    printed, told = flighttune("verify", folder, "--run", CHANGED, status=1, cwd=tmp_path)
 
     first, second = re.findall(r"\d\.\d{12,}", told)
     assert float(first) == np.nextafter(float(second), 1.0)
@@ -98,7 +98,7 @@ def test_some_rows_are_drawn_and_only_a_changed_one_differs(folder):
     ],
 )
 def test_a_run_that_cannot_be_flown_says_why(folder, tmp_path, run, says):
-    printed, told = flighttune("refly", folder, "--run", run, status=2, cwd=tmp_path)
+    printed, told = flighttune("verify", folder, "--run", run, status=2, cwd=tmp_path)
 
     assert says in told
     assert printed == ""
@@ -106,7 +106,7 @@ def test_a_run_that_cannot_be_flown_says_why(folder, tmp_path, run, says):
 
 
 def test_a_count_beside_a_run_is_refused(folder, tmp_path):
-    _, told = flighttune("refly", folder, "--run", 2, "--count", 3, status=2, cwd=tmp_path)
+    _, told = flighttune("verify", folder, "--run", 2, "--count", 3, status=2, cwd=tmp_path)
 
     assert "`count` must be at least 1, and absent with `run`" in told
     assert not list(tmp_path.iterdir())

@@ -59,7 +59,7 @@ def folder(tmp_path):
         ("fly", "scenario.toml", "--json"),
         ("report", "scenario.toml@mine:paper"),
         ("compare", "scenario.toml@paper", "scenario.toml@mine:paper"),
-        pytest.param(("campaign", "run", "campaign.toml", "--workers", 1), marks=pytest.mark.slow),
+        pytest.param(("campaign", "campaign.toml", "--workers", 1), marks=pytest.mark.slow),
     ],
 )
 def test_a_command_says_once_that_it_runs_the_code_of_a_file(folder, command):
@@ -79,7 +79,7 @@ def test_a_certificate_is_looked_for_after_the_word_too(folder):
 @pytest.mark.parametrize(
     "command",
     [
-        ("campaign", "run", "campaign.toml", "--dry-run"),
+        ("campaign", "campaign.toml", "--dry-run"),
         ("tune", "scenario.toml"),
         ("certify", "scenario.toml", "--gains", "paper"),
         ("report", "scenario.toml@paper"),
@@ -93,7 +93,7 @@ def test_other_commands_run_no_code_of_a_file(folder, command):
 
 
 def test_a_dry_run_says_why_it_estimates_no_time(folder):
-    plan = answer("campaign", "run", "campaign.toml", "--dry-run", cwd=folder)
+    plan = answer("campaign", "campaign.toml", "--dry-run", cwd=folder)
 
     assert (plan["runs"], plan["draws"]) == (8, 2)
     assert "core_s" not in plan

@@ -59,6 +59,6 @@ def test_a_disk_that_fills_up_is_one_line_and_leaves_what_was_there(disk, short,
         assert reason == "must be writable, got no space left on device."
         assert not [left for left in files_in(folder) if left.name.startswith(".")]
         for left in files_in(folder):
-            ft.load_recording(left)
+            ft.load(left)
         ballast.unlink()
     assert capfd.readouterr() == ("", "")  # no library logs

@@ -1,4 +1,4 @@
-"""`flighttune refly`: recordings that fly again to the same bits, and some that do not."""
+"""`flighttune verify`: recordings that fly again to the same bits, and some that do not."""
 
 import json
 from dataclasses import replace
@@ -24,7 +24,7 @@ def folder(tmp_path_factory):
 
 def rewritten(folder, path, *, change):
     """A folder with the same runs, the last one changed."""
-    *runs, last = ft.load_recording(folder).runs
+    *runs, last = ft.load(folder).runs
     path.mkdir()
     for number, run in enumerate([*runs, change(last)]):
         (path / f"{number}.parquet").write_bytes(parquet_bytes(run))
@@ -43,7 +43,7 @@ def with_sample(run, t, signal, value):
 
 
 def test_a_recording_flies_again_to_the_same_bits(folder):
-    again = answer("refly", folder)
+    again = answer("verify", folder)
 
     assert again["equal"] is True
     assert again["missing"] == []
@@ -52,7 +52,7 @@ def test_a_recording_flies_again_to_the_same_bits(folder):
 
 
 def test_the_last_bit_of_one_sample_is_found(folder, tmp_path):
-    run = ft.load_recording(folder).runs[-1]
+    run = ft.load(folder).runs[-1]
     t, was = run.signals.index[77], run.signals["phi"].iloc[77]
     path = rewritten(
         folder,
@@ -60,7 +60,7 @@ def test_the_last_bit_of_one_sample_is_found(folder, tmp_path):
         change=lambda run: with_sample(run, t, "phi", np.nextafter(was, 9.0)),
     )
 
-    out, err = flighttune("refly", path, "--json", status=1)
+    out, err = flighttune("verify", path, "--json", status=1)
     (changed,) = [run for run in json.loads(out)["runs"] if not run["equal"]]
 
     assert changed["run"] == run.label
@@ -79,23 +79,23 @@ def test_the_last_bit_of_one_sample_is_found(folder, tmp_path):
 def test_other_gains_are_told_before_what_came_of_them(folder, tmp_path):
     path = rewritten(folder, tmp_path / "gains", change=lambda run: with_gains(run, np.eye(2)))
 
-    assert "K_P[0][0] differs: " in flighttune("refly", path, status=1)[1]
+    assert "K_P[0][0] differs: " in flighttune("verify", path, status=1)[1]
 
 
 def test_a_run_of_fewer_samples_differs_in_their_number(folder):
-    run = ft.load_recording(folder).runs[0]
+    run = ft.load(folder).runs[0]
     shorter = replace(run, signals=run.signals.iloc[:40])
 
     assert next(differences(shorter, run)).what == "samples"
 
 
 def test_a_run_that_is_not_of_its_scenario_cannot_fly_again(folder, tmp_path):
-    run = ft.load_recording(folder).runs[0]
+    run = ft.load(folder).runs[0]
     strange = replace(run, provenance=replace(run.provenance, plant="ladder"))
     path = tmp_path / "strange.parquet"
     path.write_bytes(parquet_bytes(strange))
 
-    _, err = flighttune("refly", path, status=2)
+    _, err = flighttune("verify", path, status=2)
 
     assert err.startswith(f"flighttune: {path}: ladder / paper: ")
 

@@ -67,7 +67,7 @@ def test_a_closed_standard_output_is_no_failure():
 
 
 def test_a_campaign_goes_on_where_nobody_reads_its_progress(tmp_path):
-    command = [sys.executable, "-m", "flighttune", "campaign", "run", "first_campaign"]
+    command = [sys.executable, "-m", "flighttune", "campaign", "first_campaign"]
     options = ["--runs", str(4), "--workers", "1", "--out", str(tmp_path / "runs")]
     with subprocess.Popen(
         [*command, *options], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE

@@ -39,7 +39,7 @@ def test_what_does_not_fly_works(tmp_path, command):
 @pytest.mark.parametrize(
     "command",
     [
-        "campaign run first_campaign -q --workers 1 --out runs",
+        "campaign first_campaign -q --workers 1 --out runs",
         "gap flight.csv --aircraft aerosonde",
     ],
 )

@@ -31,9 +31,9 @@ NOT_RUN = {
     "changes the environment, or does not end": "pip |make |dask |flighttune view ",
     "minutes, as make bench is, or figures that are tested one by one": "python (benchmarks|docs)/",
     "docs/test_first_mission_page.py": "python mission.py|flighttune verify runs/mission-band",
-    "a cluster: campaign/test_faults.py": "flighttune campaign run campaign.toml --scheduler",
-    "minutes: campaign/test_band.py": "flighttune band |flighttune (verify|refly) mission.npz",
-    "after it: campaign/test_mission_band.py": "flighttune (refly|report) runs/mission-band",
+    "a cluster: campaign/test_faults.py": "flighttune campaign campaign.toml --scheduler",
+    "minutes: campaign/test_band.py": "flighttune (band |verify mission.npz)",
+    "after it: campaign/test_mission_band.py": "flighttune (verify|report) runs/mission-band",
     "minutes": (
         "flighttune (tube feasible|tube paper --gains paper --disturbance|worst paper"
         "|meet paper_identified --(campaign|out)|identify aerosonde --V-a 25 --V-a 20)"
@@ -58,7 +58,7 @@ NOT_RUN = {
 RUN_ALL_THE_SAME = ("flighttune design aerosonde --dry-run",)
 MADE_BY = {
     "runs/paper": "flighttune fly paper",
-    "runs/first_campaign": "flighttune campaign run first_campaign",
+    "runs/first_campaign": "flighttune campaign first_campaign",
     "gains.json": "flighttune tune paper --out gains.json",
     "certificate.json": "flighttune certify paper --out certificate.json",
     "runs/circuit-band.npz": "flighttune band circuit --start-deg 2 --plant kinematic "
@@ -158,7 +158,7 @@ def test_every_command_runs_as_it_is_printed(name, folder):
 @cache
 def run(command, folder):
     """Run a command where no page has done so yet."""
-    if "campaign run" in command and "--dry-run" not in command:
+    if command.startswith("flighttune campaign ") and "--dry-run" not in command:
         command += " --resume"  # a campaign is on several pages
     words = [word.replace("scenarios/", f"{ROOT}/scenarios/") for word in shlex.split(command)[1:]]
     flighttune(*words, cwd=folder, status=int(command in ANSWER_NO))

@@ -113,7 +113,7 @@ def test_a_law_is_flown_once_unless_it_takes_gains(scenario, takes_gains, names)
 def test_they_are_recorded_read_and_flown_again_with_their_classes(scenario, tmp_path):
     flown = ft.fly(scenario, laws={"mine": mine}, plants={"glider": Glider})
     record(flown, tmp_path / "out")
-    again = ft.load_recording(tmp_path / "out").runs
+    again = ft.load(tmp_path / "out").runs
 
     assert ft.refly(again, laws={"mine": mine}, plants={"glider": Glider}).equal
     with pytest.raises(ft.ScenarioError, match=r"\[\[law\]\] mine: .*`laws="):

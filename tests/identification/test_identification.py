@@ -207,7 +207,7 @@ def test_identifying_again_gives_the_shipped_model(aircraft):
 
 def test_the_file_holds_the_linear_model_with_names(aerosonde, tmp_path):
     path = tmp_path / "model.json"
-    ft.save_identified(aerosonde.identified, path)
+    aerosonde.identified.save(path)
 
     table = json.loads(path.read_text())["conditions"][0]
 

@@ -48,7 +48,7 @@ def killed(monkeypatch, flown, folder, name, step, part):
 
 
 def durations(folder):
-    return {run.duration for run in ft.load_recording(folder).runs}
+    return {run.duration for run in ft.load(folder).runs}
 
 
 @pytest.mark.parametrize("stage", STAGES, ids=lambda stage: "-".join(map(str, stage)))
@@ -61,10 +61,10 @@ def test_a_folder_is_read_and_flown_into_again_after_a_kill(flights, stage, tmp_
         assert durations(tmp_path) == {3.0}
     else:
         with pytest.raises(ft.RecordingError, match="must hold Parquet files"):
-            ft.load_recording(tmp_path)
+            ft.load(tmp_path)
     ft.record(flown, tmp_path, name="flight")
     assert durations(tmp_path) == {3.0}
-    assert ft.load_recording(tmp_path).missing == ()
+    assert ft.load(tmp_path).missing == ()
 
 
 @pytest.mark.parametrize("stage", STAGES, ids=lambda stage: "-".join(map(str, stage)))
@@ -76,9 +76,9 @@ def test_a_second_flight_that_is_killed_is_not_mixed_with_the_first(
 
     killed(monkeypatch, second, tmp_path, *stage)
 
-    recording = ft.load_recording(tmp_path)
+    recording = ft.load(tmp_path)
     (duration,) = {run.duration for run in recording.runs}
-    every = {path: ft.load_recording(path).runs[0].duration for path in files.signals.values()}
+    every = {path: ft.load(path).runs[0].duration for path in files.signals.values()}
     others = [path for path, other in every.items() if other != duration]
     lost = [f"{tmp_path}: {len(others)} of the 2 runs are not there"] if others else []
     assert sorted(recording.missing) == sorted(
@@ -86,7 +86,7 @@ def test_a_second_flight_that_is_killed_is_not_mixed_with_the_first(
     )
     ft.record(second, tmp_path, name="flight")
     assert durations(tmp_path) == {3.0}
-    assert ft.load_recording(tmp_path).missing == ()
+    assert ft.load(tmp_path).missing == ()
 
 
 def test_nothing_has_its_name_where_one_file_cannot_be_written(flights, tmp_path):

@@ -36,7 +36,7 @@ def labels(runs):
 
 @pytest.mark.parametrize("name", ["", "flight.rrd"], ids=["folder", "the recording in it"])
 def test_a_folder_gives_back_what_was_written_to_the_bit_and_in_order(folder, flown, name):
-    recording = ft.load_recording(folder / name)
+    recording = ft.load(folder / name)
 
     assert recording.missing == ()
     assert labels(recording.runs) == labels(flown.runs)
@@ -54,7 +54,7 @@ def test_a_lone_recording_names_the_folder_whose_parquet_files_are_needed(
     shutil.copy(files.recording, lone)
 
     with pytest.raises(ft.RecordingError) as caught:
-        ft.load_recording(lone)
+        ft.load(lone)
 
     line = str(caught.value)
     assert line.startswith(f"{lone}: ")
@@ -68,7 +68,7 @@ def test_a_recording_among_the_files_of_another_flight_is_refused(folder, flown,
     shutil.copy(files.recording, folder / "flight.rrd")
 
     with pytest.raises(ft.RecordingError, match=r"flight\.rrd: .*folder other"):
-        ft.load_recording(folder / "flight.rrd")
+        ft.load(folder / "flight.rrd")
 
 
 @pytest.mark.parametrize("lost", [1, 1000])
@@ -77,7 +77,7 @@ def test_a_recording_that_is_cut_off_is_one_line_and_no_warning(folder, lost):
     recording.write_bytes(recording.read_bytes()[:-lost])
 
     with pytest.raises(ft.RecordingError, match=r"flight\.rrd: .*a recording \(\.rrd\), got: "):
-        ft.load_recording(recording)
+        ft.load(recording)
 
 
 def test_a_recording_keeps_no_absolute_path(flown, tmp_path):
@@ -89,7 +89,7 @@ def test_a_recording_keeps_no_absolute_path(flown, tmp_path):
 def test_a_folder_without_one_of_its_runs_says_so(folder):
     (folder / "kinematic-paper.parquet").unlink()
 
-    recording = ft.load_recording(folder)
+    recording = ft.load(folder)
 
     assert labels(recording.runs) == ["kinematic / strict", "kinematic / K1"]
     assert recording.missing == (f"{folder}: 1 of the 3 runs are not there",)
@@ -102,7 +102,7 @@ def test_a_flight_leaves_no_file_of_the_one_that_it_replaces(folder, flown):
         "flight.rrd",
         "kinematic-paper.parquet",
     ]
-    recording = ft.load_recording(folder)
+    recording = ft.load(folder)
     assert labels(recording.runs) == ["kinematic / paper"]
     assert recording.missing == ()
 
@@ -112,7 +112,7 @@ def test_a_file_of_a_flight_of_another_name_stays_and_is_not_taken_for_a_run_of_
 ):
     ft.record(replace(flown, runs=flown.runs[:1]), folder, name="other")
 
-    recording = ft.load_recording(folder)
+    recording = ft.load(folder)
 
     assert labels(recording.runs) == ["kinematic / paper"]
     assert recording.missing == tuple(
@@ -124,22 +124,22 @@ def test_a_file_of_a_flight_of_another_name_stays_and_is_not_taken_for_a_run_of_
 def test_a_damaged_recording_does_no_harm_to_its_folder(folder, flown):
     (folder / "flight.rrd").write_bytes(b"RRF2" + b"damage" * 100)
 
-    assert labels(ft.load_recording(folder).runs) == labels(flown.runs)
+    assert labels(ft.load(folder).runs) == labels(flown.runs)
     with pytest.raises(ft.RecordingError, match=r"flight\.rrd: must be a recording"):
-        ft.load_recording(folder / "flight.rrd")
+        ft.load(folder / "flight.rrd")
 
 
 def test_what_is_not_there_or_not_ours_gives_one_line(tmp_path):
     with pytest.raises(ft.RecordingError, match="got no such file"):
-        ft.load_recording(tmp_path / "none.rrd")
+        ft.load(tmp_path / "none.rrd")
     with pytest.raises(ft.RecordingError, match="must hold Parquet files"):
-        ft.load_recording(tmp_path)
+        ft.load(tmp_path)
     stream = rr.RecordingStream("other")
     stream.save(tmp_path / "other.rrd")
     stream.log("page", rr.TextDocument("hello"), static=True)
     stream.disconnect()
     with pytest.raises(ft.RecordingError, match=r"other\.rrd: .*Parquet files"):
-        ft.load_recording(tmp_path / "other.rrd")
+        ft.load(tmp_path / "other.rrd")
 
 
 def test_a_scenario_that_json_cannot_hold_is_refused(flown, tmp_path):

@@ -127,7 +127,7 @@ def test_a_text_that_looks_like_the_sha_256_does_no_harm(four_runs, tmp_path):
     path = tmp_path / "flight.parquet"
     path.write_bytes(parquet_bytes(run))
 
-    assert ft.load_recording(path).runs[0].provenance.scenario["title"] == title
+    assert ft.load(path).runs[0].provenance.scenario["title"] == title
 
 
 @pytest.mark.parametrize(("kept", "said"), [(0, "an empty file"), (-1, "cut off")])
@@ -136,4 +136,4 @@ def test_a_file_that_is_not_whole_says_which(four_runs, tmp_path, kept, said):
     path.write_bytes(parquet_bytes(four_runs[0])[:kept])
 
     with pytest.raises(ft.RecordingError, match=said):
-        ft.load_recording(path)
+        ft.load(path)

@@ -289,7 +289,7 @@ def test_a_fence_needs_one_start_for_all_flights(band, box):
 
 
 def test_the_answer_is_no_where_the_count_does_not_support_it(band, box, tmp_path):
-    ft.save_claim(band, tmp_path / "b.npz")
+    band.save(tmp_path / "b.npz")
     command = ("band", tmp_path / "b.npz", "--fence", box)
     narrow = fence_file(tmp_path / "n.geojson", [(n, e / 30.0) for n, e in BOX])
 
@@ -300,7 +300,7 @@ def test_the_answer_is_no_where_the_count_does_not_support_it(band, box, tmp_pat
 
 def test_a_fence_is_kept_with_its_band_and_shares_its_confidence_and_page(band, box, tmp_path):
     file, page = tmp_path / "b.npz", tmp_path / "b.html"
-    ft.save_claim(band, file)
+    band.save(file)
 
     said = answer("band", file, "--fence", box)
     answer("report", file, "--out", page)
@@ -393,7 +393,7 @@ def test_maps_show_the_corridor_as_wide_and_high_as_the_band(band, tmp_path):
 
 
 def test_the_corridor_of_another_route_is_refused(band, tmp_path):
-    ft.save_claim(band, tmp_path / "b.npz")
+    band.save(tmp_path / "b.npz")
     out = ("--claim", tmp_path / "b.npz", "--out", tmp_path / "c.kml")
 
     flighttune("route", "circuit", *SETTINGS, *out)

@@ -38,7 +38,7 @@ def test_a_file_beside_the_scenario_is_a_gain_set_that_outlives_the_file(turn, t
     answer("fly", turn, "--out", tmp_path / "out")
     (tmp_path / "my gains.json").unlink()
 
-    _, flown = ft.load_recording(tmp_path / "out").runs
+    _, flown = ft.load(tmp_path / "out").runs
 
     assert flown.label == "kinematic / my_gains"
     assert np.array_equal(flown.provenance.gains.K_P, K["K_P"])

@@ -12,7 +12,7 @@ from made_up import scenario_file
 
 import flighttune as ft
 from flighttune.campaign import band as band_module
-from flighttune.tubes.proof import load_tube
+from flighttune.tubes.enclosure import load_tube
 from flighttune.tubes.tube import flights_inside
 from tests.campaign.test_band import ALONE, count
 from tests.commands import flighttune
@@ -38,7 +38,7 @@ def test_the_aircraft_flies_inside_its_tube_which_is_proven_again(tmp_path, feed
     assert found.status == "bounded"
     assert flights_inside(found)
     assert "probability at most 0.05" in found.problem.model
-    ft.save_claim(found, tmp_path / "tube.npz")
+    found.save(tmp_path / "tube.npz")
     assert ft.verify(tmp_path / "tube.npz").valid
 
 
@@ -49,7 +49,7 @@ def test_a_set_that_is_lost_bounds_no_flight(tmp_path):
     boxes = counted_boxes(scenario, half_width=1.0)
     lost = tube(scenario, ft.PAPER_GAINS, band=boxes)
     path = scenario_file(tmp_path / "flight.toml", scenario)
-    ft.save_claim(boxes, tmp_path / "boxes.npz")
+    boxes.save(tmp_path / "boxes.npz")
 
     stdout, stderr = flighttune(
         "tube", path, "--gains", "paper", "--boxes", tmp_path / "boxes.npz", "--out",
@@ -59,7 +59,7 @@ def test_a_set_that_is_lost_bounds_no_flight(tmp_path):
     assert (lost.status, lost.probability) == ("unbounded", None)
     assert 0 < len(lost.bounds.t) < len(lost.problem.t)
     with pytest.raises(ft.InputError, match="must be bounded"):
-        ft.save_claim(lost, tmp_path / "tube.npz")
+        lost.save(tmp_path / "tube.npz")
     assert lost.reason in stderr
     assert "`flighttune band` bounds such flights" in stdout
     assert "leaves the tube with" not in stdout
@@ -118,8 +118,8 @@ def proof(tmp_path_factory):
     scenario = flight(duration_s=0.3, feed_forward=True)
     folder = tmp_path_factory.mktemp("proof")
     boxes = counted_boxes(scenario)
-    ft.save_claim(boxes, folder / "boxes.npz")
-    ft.save_claim(tube(scenario, ft.PAPER_GAINS, band=boxes), folder / "tube.npz")
+    boxes.save(folder / "boxes.npz")
+    tube(scenario, ft.PAPER_GAINS, band=boxes).save(folder / "tube.npz")
     return folder / "tube.npz", folder / "boxes.npz"
 
 
@@ -146,7 +146,7 @@ def test_boxes_whose_flights_are_made_up_are_refused_with_the_tube(proof):
     assert "claimed, not proven" in stdout
     assert "flights of the band that are flown again must be equal to the bit" in stderr
     with pytest.raises(ft.InputError, match="`boxes` must be given for the tube"):
-        ft.verify(ft.load_claim(proof[1]), boxes=proof[1])
+        ft.verify(ft.load(proof[1]), boxes=proof[1])
 
 
 @pytest.mark.slow
@@ -155,7 +155,7 @@ def test_with_its_band_boxes_are_rebuilt_and_flown_again(tmp_path):
     path = scenario_file(tmp_path / "flight.toml", scenario)
     boxes = count(path, of="residual", flights=ALONE, start_deg=1.0, gains="paper")
     found = tube(scenario, ft.PAPER_GAINS, band=boxes)
-    ft.save_claim(found, tmp_path / "tube.npz")
+    found.save(tmp_path / "tube.npz")
     narrow = replace(boxes, extremes=np.float32(0.01) * boxes.extremes)
 
     with flown_here(band_module) as pool:
@@ -183,7 +183,7 @@ def test_boxes_other_than_those_counted_are_refused(proof, tmp_path, factor, cla
 
     assert load_tube(path).problem.aircraft_checked is False
     with pytest.raises(ft.InputError, match=rf"forged\.npz: `{name}` must"):
-        load_tube(path, ft.load_claim(proof[1]))
+        load_tube(path, ft.load(proof[1]))
 
 
 @pytest.mark.slow
@@ -203,7 +203,7 @@ def test_of_a_tube_that_a_flight_leaves_no_file_is_written(tmp_path):
     scenario = flight(duration_s=0.6)
     path = scenario_file(tmp_path / "flight.toml", scenario)
     # The aircraft leaves boxes that are this narrow, and so does its flight their tube.
-    ft.save_claim(counted_boxes(scenario, half_width=1e-7), tmp_path / "boxes.npz")
+    counted_boxes(scenario, half_width=1e-7).save(tmp_path / "boxes.npz")
     options = "--gains", "paper", "--boxes", tmp_path / "boxes.npz"
 
     stdout, stderr = flighttune(

@@ -9,9 +9,9 @@ import flighttune as ft
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.simulate.disturbance import Sinusoid
 from flighttune.simulate.loop import simulate
+from flighttune.tubes.enclosure import load_tube
 from flighttune.tubes.hand_over import hull, inside, parallelotope
 from flighttune.tubes.problem import QUANTITIES, tube_problem
-from flighttune.tubes.proof import load_tube
 from flighttune.tubes.tube import tube_of
 from tests.tubes.test_proof import arrays_of, claim_of, rewritten
 from tests.tubes.test_soundness import made_up, tube
@@ -36,7 +36,7 @@ def found(scenario):
 @pytest.fixture(scope="module")
 def path(found, tmp_path_factory):
     path = tmp_path_factory.mktemp("tube") / "tube.npz"
-    ft.save_claim(found, path)
+    found.save(path)
     return path
 
 

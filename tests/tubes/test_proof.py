@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import flighttune as ft
-from flighttune.tubes.proof import load_tube
+from flighttune.tubes.enclosure import load_tube
 from tests.tubes.test_soundness import made_up, tube
 
 
@@ -23,7 +23,7 @@ def proven(tmp_path_factory):
     # Roll leaves its rate limit within the time: there is something to choose.
     scenario = made_up(chi_err_deg=15.0, gamma_deg=15.0, duration_s=1.0)
     found = tube(scenario, ft.PAPER_GAINS, disturbance=0.02)
-    ft.save_claim(found, path)
+    found.save(path)
     return found, path
 
 
@@ -160,7 +160,7 @@ def test_a_feasible_reference_in_the_file_must_be_that_of_the_scenario(tmp_path)
     tables["flight"]["duration_s"] = 1.0
     path = tmp_path / "tube.npz"
     found = tube(ft.scenario_from(tables), ft.PAPER_GAINS)
-    ft.save_claim(found, path)
+    found.save(path)
     near, far = (found.problem.reference + by for by in (1e-9, 1e-5))
 
     again = load_tube(rewritten(path, {"reference": near}, tmp_path / "near.npz"))
@@ -276,8 +276,8 @@ def test_choices_that_split_the_set_without_end_are_refused(proven, tmp_path):
 
 @pytest.mark.slow
 def test_the_check_does_not_import_the_search():
-    code = "import sys, flighttune.tubes.proof; print([m for m in sys.modules if 'tube' in m])"
+    code = "import sys, flighttune.tubes.enclosure; print([m for m in sys.modules if 'tube' in m])"
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
 
-    assert "flighttune.tubes.proof" in shown.stdout
+    assert "flighttune.tubes.enclosure" in shown.stdout
     assert "flighttune.tubes.search" not in shown.stdout
