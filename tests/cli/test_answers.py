@@ -65,7 +65,7 @@ VERBS = {
     "verify": (verified, ["certificate.json"]),
     "fly": (lambda: ft.fly("paper", changes=SHORT), ["paper", *SET]),
     "route": (lambda: ft.route("circuit"), ["circuit"]),
-    "verify run": (lambda: ft.refly(recorded()), ["run"]),
+    "verify run": (lambda: ft.refly(recorded()), []),
     "worst": (
         lambda: ft.worst("first_campaign", budget=32, metric="chi.ITAE", plant="kinematic"),
         ["first_campaign", "--budget", 32, "--metric", "chi.ITAE", "--plant", "kinematic"],
