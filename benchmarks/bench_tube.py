@@ -10,8 +10,6 @@ flight leaves a tube.
 """
 
 import json
-import subprocess
-import sys
 import tempfile
 import time
 from functools import partial
@@ -45,16 +43,15 @@ ROWS = {
 end (deg), processor time (s), ratio to the widest flights found."""
 
 AIRCRAFT = {
-    "feasible": (["feasible", "--start-deg", "1"], (0.6, 0.4), 0.3, 3.0, 2.0),
-    "paper_identified": (["random_starts"], (4.0, 1.5), 0.6, 60.0, 2.5),
+    "feasible": (("feasible", 1.0), (0.6, 0.4), 0.3, 3.0, 2.0),
+    "paper_identified": (("random_starts", 0.0), (4.0, 1.5), 0.6, 60.0, 2.5),
 }
-"""Of the Aerosonde in calm air, by scenario: what `band` flies, then the same targets."""
+"""Of the Aerosonde in calm air, by scenario: source and starts, deg, then the same targets."""
 
 # In the quick mode the flights, the rows and the counts are few.
 SHORTER = {"flight.duration_s": 4.0} if running.QUICK else None
-TINY = ["--epsilon", "0.3", "--confidence", "0.9", "--learn", "10", "--flights", "7"]
-TINY += ["--set", "flight.duration_s=4"]
-COUNT = TINY if running.QUICK else []
+TINY = {"epsilon": 0.3, "confidence": 0.9, "learn": 10, "flights": 7, "changes": SHORTER}
+COUNT: dict[str, Any] = TINY if running.QUICK else {}
 if running.QUICK:
     ROWS = {name: ROWS[name] for name in [*ROWS][2:3]}
     AIRCRAFT = {"feasible": AIRCRAFT["feasible"]}
@@ -302,8 +299,8 @@ def flown_by_model(problem, count, rng):
 def count(name, folder):
     """The file of a count for a scenario of the Aerosonde in calm air."""
     path = Path(folder) / f"{name}.npz"
-    command = ["band", *AIRCRAFT[name][0], *COUNT, "--of", "residual", "--out", str(path)]
-    subprocess.run([sys.executable, "-m", "flighttune", *command], check=True, capture_output=True)
+    source, start_deg = AIRCRAFT[name][0]
+    ft.residual(source, start_deg=start_deg, **COUNT).save(path)
     return path
 
 

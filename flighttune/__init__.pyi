@@ -4,19 +4,23 @@ from flighttune import gym as gym
 from flighttune import loop as loop
 from flighttune.adoption.adopt import adopt as adopt
 from flighttune.campaign.band import band as band
+from flighttune.campaign.band import residual as residual
 from flighttune.campaign.claims import Verified as Verified
 from flighttune.campaign.claims import verify as verify
 from flighttune.campaign.engine.engine import run_campaign as run_campaign
 from flighttune.campaign.engine.progress import CampaignObserver as CampaignObserver
 from flighttune.campaign.meet import meet as meet
 from flighttune.campaign.meeting import Meeting as Meeting
+from flighttune.campaign.mission import mission as mission
 from flighttune.campaign.refly import refly as refly
+from flighttune.campaign.tube import tube as tube
 from flighttune.campaign.worst import WorstFlight as WorstFlight
 from flighttune.campaign.worst import worst as worst
 from flighttune.certificates.bound import RateBound as RateBound
 from flighttune.certificates.certificate import Certificate as Certificate
 from flighttune.certificates.make import Certification as Certification
 from flighttune.claims.band import Band as Band
+from flighttune.claims.band import Residual as Residual
 from flighttune.control.gains import PAPER_GAINS as PAPER_GAINS
 from flighttune.control.gains import PIGains as PIGains
 from flighttune.errors import FlightTuneError as FlightTuneError
@@ -62,7 +66,6 @@ from flighttune.scenario.load import scenario_from as scenario_from
 from flighttune.scenario.schema import Scenario as Scenario
 from flighttune.simulate.run import Run as Run
 from flighttune.tubes.enclosure import Tube as Tube
-from flighttune.tubes.tube import tube as tube
 from flighttune.tuning.result import TuningResult as TuningResult
 
 __version__: str

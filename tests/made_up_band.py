@@ -5,7 +5,7 @@ from dispersed import plan_of
 
 import flighttune as ft
 from flighttune.campaign.band import flights_of
-from flighttune.claims.band import About, BandFlights
+from flighttune.claims.counted import About, BandFlights
 from flighttune.claims.distribution import Distribution
 from flighttune.gaps.residual import RESIDUALS
 from tests.made_up import made_up_scenario
@@ -61,6 +61,6 @@ def boxes_of(plan, flights, centre, half, scores=(1.0,) * FLIGHTS):
         confidence=CONFIDENCE,
     )
     extremes = (centre[..., None] + away).astype(np.float32)
-    return ft.Band(
+    return ft.Residual(
         about=about, flights=flights, extremes=extremes, wind=np.zeros((len(extremes), 0))
     )

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flighttune.campaign.band import load_band
+from flighttune.campaign.band import load_counted
 from flighttune.claims.band import Band
 from flighttune.present.chart import Chart, Sheet
 from flighttune.present.palette import HUES, INK
@@ -73,5 +73,6 @@ def flights(band: Band) -> Chart:
 
 
 if __name__ == "__main__":
-    counted = load_band(sys.argv[1])
+    counted = load_counted(sys.argv[1])
+    assert isinstance(counted, Band)
     Sheet(charts=[route(counted), flights(counted)]).save(FILE)

@@ -6,7 +6,8 @@ BEFORE and AFTER are the bands that the two runs of docs/first_mission.md counte
 import sys
 from pathlib import Path
 
-from flighttune.campaign.band import load_band
+from flighttune.campaign.band import load_counted
+from flighttune.claims.band import Band
 from flighttune.present.chart import Chart, Sheet
 from flighttune.reports.claim import band_charts
 
@@ -16,7 +17,9 @@ TITLES = "As drawn: the circle leaves the fence", "With the circle 151 m further
 
 def fenced_map(file: str, title: str) -> Chart:
     """The map of the page of a band, under a title of its own."""
-    chart = band_charts(load_band(file))[0]
+    band = load_counted(file)
+    assert isinstance(band, Band)
+    chart = band_charts(band)[0]
     chart.title = title
     return chart
 

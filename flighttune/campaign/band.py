@@ -1,11 +1,11 @@
-"""Bands of campaigns: a shape learned from some flights, and its scale counted on fresh ones."""
+"""Flights that are counted: a shape learned from some, and its scale counted on fresh ones."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -22,20 +22,19 @@ from flighttune.campaign.counted_flights import (
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.rows import fly_group
-from flighttune.campaign.turn_back import room_of, turning_back
-from flighttune.claims.band import (
+from flighttune.campaign.turn_back import room_of
+from flighttune.claims.band import ROOM, Band, Residual, TurnBack, read_counted
+from flighttune.claims.count import fresh_flights
+from flighttune.claims.counted import (
     DOUBLED,
     About,
-    Band,
     BandFlights,
+    Counted,
+    Of,
     Over,
     axis_of,
-    read_band,
-    save_band,
     wind_at_start,
 )
-from flighttune.claims.count import flights_needed, fresh_flights
-from flighttune.claims.fence import check_off_route
 from flighttune.claims.shape import (
     MAX_NUMBERS,
     MAX_RESIDUAL_WINDOWS,
@@ -49,34 +48,27 @@ from flighttune.claims.shape import (
     window_edges,
     window_extremes,
 )
-from flighttune.claims.turn_room import ROOM
 from flighttune.errors import InputError
-from flighttune.files.load import BAND, written
+from flighttune.files.load import BAND, kind_of
 from flighttune.flight.conditions import reference_of, start_condition
-from flighttune.flight.route import planned_route
 from flighttune.gaps.residual import RESIDUALS, ConformantModel, conformant_model, residuals_of
 from flighttune.metrics import OFF_ROUTE
 from flighttune.planning.plan import Plan
 from flighttune.planning.schema import Campaign
 from flighttune.planning.source import Flights
 from flighttune.planning.source import flights as flights_of_source
-from flighttune.present.answer import pick
 from flighttune.present.names import why_ended
-from flighttune.references.fence import fence_tables, read_fence
 from flighttune.references.follow import SAME_PLACE, RouteReference
 from flighttune.scenario.schema import Scenario
 from flighttune.simulate.bounds import ERRORS
 from flighttune.simulate.run import SIGNAL_UNITS, Run
 
-# Epsilon, confidence and flights to learn from by default, and for a mission, whose answer takes a
-# minute on two cores; and of its flights those that may be outside.
-CLAIM = {"epsilon": 0.01, "confidence": 0.999}, 500
-MISSION = {"epsilon": 0.05, "confidence": 0.95}, 15
-MISSION_OUTSIDE = 1
+# Epsilon, confidence and flights to learn from by default.
+EPSILON, CONFIDENCE, LEARN = 0.01, 0.999, 500
 
-# Flights that turn back to learn from by default, and factors on the half-widths of `ROOM`: some
-# metres of height more cost nothing, and the distance is bounded by nearly its quantile.
-LEARN_TURNS, HEIGHT_ROOM = 60, np.array([1.0, 2.0])
+# Factors on the half-widths of `ROOM`: some metres of height more cost nothing, and the distance is
+# bounded by nearly its quantile.
+HEIGHT_ROOM = np.array([1.0, 2.0])
 
 # Numbers of flights named in the refusal of another one.
 SHOWN = 3
@@ -91,6 +83,11 @@ SAME_SHAPE = 1e-6
 # Keeps of a completed flight what is counted of it.
 Probe: TypeAlias = partial[list[float]]
 
+C = TypeVar("C", bound=Counted)
+
+# Workers, or the address of a scheduler that has them, and who watches them.
+By: TypeAlias = tuple[int | None, str | None, CampaignObserver | None]
+
 # Extremes of a signal of a flight that is outside of any band.
 LOST = [-np.inf, np.inf]
 
@@ -101,7 +98,6 @@ TIME_AXIS = ("flight.duration_s", "controller.rate_hz")
 def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     source: Flights | Scenario | Campaign | Plan | str | Path,
     *,
-    of: Literal["residual"] | None = None,
     signals: Iterable[str] | None = None,
     epsilon: float | None = None,
     confidence: float | None = None,
@@ -114,11 +110,6 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     seed: int | None = None,
     start_deg: float = 0.0,
     changes: Mapping[str, Any] | None = None,
-    aircraft: str | None = None,
-    like: str | None = None,
-    skip: bool = False,
-    turn_back: str | float | None = None,
-    fences: Sequence[str | Path] = (),
     out: str | Path | None = None,
     workers: int | None = None,
     scheduler: str | None = None,
@@ -134,23 +125,18 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     Parameters
     ----------
     source : Flights, Scenario, Campaign, Plan, str or Path
-        What `flights` takes; or the file of a band, of which only the claim, the number of flights,
-        fences and `out` are read: none of its flights is flown again. More flights and fences are
+        What `flights` takes, other than a mission; or the file of a band, of which only the claim,
+        the number of flights and `out` are read: none of its flights is flown again, and more are
         kept in it.
-    of : {"residual"}, optional
-        Bound what the identified model of an aircraft misses, which `tube` takes, in place of
-        recorded signals: rates of course and path angle (rad/s), roll and its change over a sample
-        (rad), actual minus model.
     signals : iterable of str, optional
         Recorded signals, by default both errors, on a route the distances from it.
     epsilon, confidence : float, 1, optional
-        Probability and confidence of the claim, by default 0.01 and 0.999, of a mission 0.05 and
-        0.95.
+        Probability and confidence of the claim, by default 0.01 and 0.999.
     flights : int, optional
-        Number to count, by default as many as the claim needs with five of them outside (1640), of
-        a mission with one (93); of the file of a band 2, 4, 8 ... times as many as were planned.
+        Number to count, by default as many as the claim needs with five of them outside (1640); of
+        the file of a band 2, 4, 8 ... times as many as were planned.
     learn : int, optional
-        Number to learn the shape from, by default 500, of a mission 15.
+        Number to learn the shape from, by default 500.
     predicted_from : {"wind"}, optional
         Put the band around a middle that is predicted from the wind of each flight.
     gains : str, optional
@@ -165,21 +151,8 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
         Half-width of the range of starts of a scenario in course and path angle.
     changes : mapping of str to value, optional
         Values to set in the scenario, by dotted key.
-    aircraft, like : str, optional
-        Of a mission: the aircraft, by default ``aerosonde``, and the campaign whose air and
-        dispersions its flights have, by default light turbulence, wind to 8 m/s and those of the
-        aircraft.
-    skip : bool
-        Leave out commands of a mission that have no place.
-    turn_back : str or float, deg, optional
-        Count how far flights come that turn back at any place of their route, in place of recorded
-        signals: 180 deg of course at this bank, or a whole turn with ``circle:BANK``. A flight
-        finds that it must, goes on for 1 s, and rolls in; ``band.room`` has the bounds.
-    fences : sequence of str or Path
-        Plans, KML or GeoJSON with the areas to stay in and out of, by default a plan itself: count
-        the flights along a route that are certainly inside, too.
     out : str or Path, optional
-        File (.npz) to write, as its `save` does, before and after flights inside are counted.
+        File (.npz) to write, as its `save` does.
     workers : int, optional
         Processes that fly on this machine; by default one per core.
     scheduler : str, optional
@@ -196,7 +169,7 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     ------
     InputError, ScenarioError
         If source, gains, plant or a signal are not there, the claim needs more flights, nothing is
-        random, or an aircraft has no identified model.
+        random, or it is a mission, which `mission` counts.
     StoppedError
         If the observer stopped the flights.
 
@@ -207,97 +180,130 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     >>> len(band.scores), band.outside
     (29, 5)
     """
-    file = None if out is None else Path(out)
     by = workers, scheduler, observer
-    claim: dict[str, Any] = {"epsilon": epsilon, "confidence": confidence}
-    claim = {name: value for name, value in claim.items() if value is not None}
-    read: dict[str, Any] = {"aircraft": aircraft, "like": like, "skip": skip, "changes": changes}
-    of_source = {**read, "plant": plant, "gains": gains, "start_deg": start_deg}
-    of_file = written(source, BAND)
-    stated = (
-        None if isinstance(of_file, Band) else flights_of_source(source, **read).starting(start_deg)
+    if isinstance(source, str | Path) and kind_of(source) == BAND:
+        options = {"signals": signals, "learn": learn, "predicted_from": predicted_from}
+        options |= {"gains": gains, "plant": plant, "air": air, "seed": seed is not None}
+        for name, value in {**options, "start_deg": start_deg, "changes": changes}.items():
+            if value:
+                raise InputError(f"`{name}` must be absent for a band file, which has its own.")
+        counted = continued(source, flights, epsilon=epsilon, confidence=confidence, out=out, by=by)
+        if not isinstance(counted, Band):
+            raise InputError(f"{source}: must be of a band, got a {type(counted).__name__}.")
+        return counted
+    stated = flights_of_source(source, changes=changes).starting(start_deg)
+    if stated.mission is not None:
+        raise InputError(
+            f"{source}: flights of a mission must be counted with `flighttune mission`, in Python "
+            "with `ft.mission`."
+        )
+    counted = counted_on(
+        Band,
+        place=stated.place,
+        plan=drawn(stated, plant, gains, air, seed),
+        epsilon=EPSILON if epsilon is None else epsilon,
+        confidence=CONFIDENCE if confidence is None else confidence,
+        flights=flights,
+        learn=LEARN if learn is None else learn,
+        signals=signals,
+        predicted_from=predicted_from,
+        by=by,
     )
-    areas, fence = _areas(fences, stated) if turn_back is None else ({}, Path())
-    if isinstance(of_file, Band):
-        counting = {"of": of, "signals": signals, "predicted_from": predicted_from, "air": air}
-        counting["turn_back"] = turn_back
-        options = {**of_source, **counting, "learn": learn, "seed": seed is not None}
-        for name in (name for name, value in options.items() if value):
-            raise InputError(f"`{name}` must be absent for a band file, which has its own.")
-        file, kept = Path(str(source)), of_file
-        if areas:  # refuse it before a flight
-            draws = kept.draws_of(flights or len(kept.scores)).tolist()
-            _check_fence(plan_of(kept), draws, areas, fence, kept.about.signals)
-        if flights is not None:
-            out = out or file
-            with WorkerPool(*by) as pool:
-                kept = count_more(kept, flights, pool)
-    else:
-        assert stated is not None  # it is no band
-        default, default_learn = CLAIM if stated.mission is None else MISSION
-        default_learn = default_learn if turn_back is None else LEARN_TURNS
-        claim, learn = default | claim, default_learn if learn is None else learn
-        check_at_least(MIN_LEARNED, learn=learn)
-        flights = _fresh(flights, stated, claim)
-        bounded = _bounded(of, turn_back, any((signals, predicted_from, fences)))
-        plan = _drawn(stated, plant, gains, air, seed)
-        if turn_back is not None:
-            plan = turning_back(plan, turn_back)
-        plan = plan.with_runs(learn + flights)
-        if areas:  # refuse it before a flight
-            _check_fence(plan, range(plan.runs), areas, fence, signals or OFF_ROUTE)
-        of_band = {"of": bounded, "predicted_from": predicted_from, "learned": learn, **claim}
-        kept = _counted(stated.place, plan, signals, of_band, by)
-    if file is not None and flights is not None:
-        save_band(kept, file)  # whatever else is written: its readings are those of its file
-    if areas:
-        kept = kept.with_fence(areas)
-        kept.inside(areas, fence)  # refuses it before it is kept
-        if file is not None:
-            save_band(kept, file)
-    counted = kept.claiming(**pick(kept.about, "epsilon confidence") | claim)
     if out is not None:
-        save_band(counted, out)
+        counted.save(out)
     return counted
 
 
-def _fresh(flights: int | None, stated: Flights, claim: dict[str, Any]) -> int:
-    """The number of flights to count; of a mission by default with one outside."""
-    if stated.mission is not None and flights is None:
-        flights = flights_needed(**claim, outside=MISSION_OUTSIDE)
-    return fresh_flights(flights, **claim)
+def residual(  # noqa: PLR0913 - as `band`
+    source: Flights | Scenario | Campaign | Plan | str | Path,
+    *,
+    epsilon: float = EPSILON,
+    confidence: float = CONFIDENCE,
+    flights: int | None = None,
+    learn: int = LEARN,
+    gains: str | None = None,
+    plant: str | None = None,
+    air: str | None = None,
+    seed: int | None = None,
+    start_deg: float = 0.0,
+    changes: Mapping[str, Any] | None = None,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    observer: CampaignObserver | None = None,
+) -> Residual:
+    """Bound what the identified model of an aircraft misses, by counting flights: boxes of a tube.
+
+    They are counted as a `band` is, from the same draws, and bound in place of recorded signals the
+    rates of course and path angle (rad/s), roll and its change over a sample (rad), actual minus
+    model.
+
+    Parameters
+    ----------
+    source : Flights, Scenario, Campaign, Plan, str or Path
+        What `flights` takes; it must fly an aircraft with an identified model.
+    epsilon, confidence, flights, learn, gains, plant, air, seed, start_deg, changes : optional
+        As of `band`.
+    workers, scheduler, observer : optional
+        As of `band`.
+
+    Returns
+    -------
+    Residual
+        What `tube` takes.
+
+    Raises
+    ------
+    InputError, ScenarioError
+        As of `band`, or if an aircraft has no identified model.
+    StoppedError
+        If the observer stopped the flights.
+
+    Examples
+    --------
+    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10}
+    >>> len(ft.residual("feasible", start_deg=2.0, **few).scores)
+    29
+    """
+    stated = flights_of_source(source, changes=changes).starting(start_deg)
+    return counted_on(
+        Residual,
+        place=stated.place,
+        plan=drawn(stated, plant, gains, air, seed),
+        epsilon=epsilon,
+        confidence=confidence,
+        flights=flights,
+        learn=learn,
+        by=(workers, scheduler, observer),
+    )
 
 
-def _bounded(of: str | None, turn_back: str | float | None, others: bool) -> str | None:
-    """The kind of signals bounded in place of recorded ones; refuse what goes with these alone."""
-    kind = of if turn_back is None else "turn_back"
-    if kind and (others or (of and turn_back is not None)):
-        raise InputError(
-            f"`signals`, `given` and `fences` must be absent for {kind.replace('_', ' ')} signals."
-        )
-    return kind
+def continued(
+    file: str | Path,
+    flights: int | None = None,
+    *,
+    epsilon: float | None = None,
+    confidence: float | None = None,
+    out: str | Path | None = None,
+    by: By = (None, None, None),
+) -> Band | Residual | TurnBack:
+    """The count in a file with another claim, or with more flights, which the file keeps."""
+    counted = load_counted(file)
+    if flights is not None:
+        with WorkerPool(*by) as pool:
+            counted = count_more(counted, flights, pool)
+        counted.save(file)  # whatever else is written: its readings are those of its file
+        out = out or file
+    about = counted.about
+    counted = counted.claiming(
+        about.epsilon if epsilon is None else epsilon,
+        about.confidence if confidence is None else confidence,
+    )
+    if out is not None:
+        counted.save(out)
+    return counted
 
 
-def _areas(fences: Sequence[str | Path], stated: Flights | None) -> tuple[dict[str, Any], Path]:
-    """The areas of some fences, by default of a plan's own, and the files that have them."""
-    files = [*map(Path, fences or (() if stated is None else stated.fences))]
-    areas = fence_tables(files) if files else {}
-    if fences and not areas:
-        raise InputError(f"{files[0]}: must have a Polygon or circle for a fence, got none.")
-    return areas, Path(", ".join(map(str, files)))
-
-
-def _check_fence(
-    plan: Plan, runs: Sequence[int], areas: dict[str, Any], file: Path, signals: Iterable[str]
-) -> None:
-    """Refuse a fence in which some runs of a plan, and their signals, cannot be counted."""
-    check_off_route(signals)
-    _, origin, _ = planned_route(plan.campaign.central).where
-    read_fence(file, origin, areas)
-    check_one_path(plan, runs)
-
-
-def _drawn(
+def drawn(
     stated: Flights, plant: str | None, gains: str | None, air: str | None, seed: int | None
 ) -> Plan:
     """Independent draws of one group of flights, by default of the first aircraft, in an air."""
@@ -312,37 +318,54 @@ def _drawn(
     return replace(plan.of_group(group), campaign=campaign)
 
 
-def _counted(
-    source: str,
+def counted_on(
+    kind: type[C],
+    *,
+    place: str,
     plan: Plan,
-    signals: Iterable[str] | None,
-    of_band: dict[str, Any],
-    by: tuple[int | None, str | None, CampaignObserver | None],
-) -> Band:
-    """The band of the flights of a plan, of which the first are learned from."""
-    (group,), central, learned = plan.groups, plan.campaign.central, of_band["learned"]
+    epsilon: float,
+    confidence: float,
+    flights: int | None,
+    learn: int,
+    signals: Iterable[str] | None = None,
+    predicted_from: Literal["wind"] | None = None,
+    by: By,
+) -> C:
+    """A kind of count of the flights of a plan, of which the first are learned from."""
+    check_at_least(MIN_LEARNED, learn=learn)
+    plan = plan.with_runs(learn + fresh_flights(flights, epsilon, confidence))
+    (group,), central = plan.groups, plan.campaign.central
     distribution = distribution_of(plan.campaign, group.plant)
-    check_random(source, distribution, central)
+    check_random(place, distribution, central)
     for key in {*TIME_AXIS} & {*plan.keys}:
-        raise InputError(f"{source}: `{key}` must be the same in all flights of a band.")
-    of, windy = of_band["of"], of_band["predicted_from"] is not None
+        raise InputError(f"{place}: `{key}` must be the same in all flights of a band.")
+    windy = predicted_from is not None
     if windy and not any(key.startswith("wind.") for key in distribution.dispersed):
-        raise InputError(f"{source}: the wind must be drawn for `given` wind, got one wind.")
-    units = _units(plan, of, signals)
-    flights = flights_of(plan, of, len(units), plan.runs - learned)
-    probe = partial(_extremes, list(units), flights.edges, windy, flights.model)
+        raise InputError(f"{place}: the wind must be drawn for `given` wind, got one wind.")
+    units = _units(plan, kind.of, signals)
+    of = flights_of(plan, kind.of, len(units), plan.runs - learn)
+    probe = partial(_extremes, list(units), of.edges, windy, of.model)
     with WorkerPool(*by) as pool:
         pool.progress.budget = plan.runs
-        coefficients, half = _learned(pool, plan, probe, learned, of, of_band["epsilon"])
-        extremes, wind = _flown(pool, plan, probe, range(learned, plan.runs), "counting")
-    shape = {"signals": units, "coefficients": coefficients, "half": half, "plan": plan.as_dict()}
-    endings = [x for x in pool.progress.endings if x["run"] >= learned]
-    about = About(**shape, **of_band)
-    return Band(about=about, flights=flights, extremes=extremes, wind=wind, endings=endings)
+        coefficients, half = _learned(pool, plan, probe, learn, kind.of, epsilon)
+        extremes, wind = _flown(pool, plan, probe, range(learn, plan.runs), "counting")
+    about = About(
+        of=kind.of,
+        signals=units,
+        coefficients=coefficients,
+        half=half,
+        predicted_from=predicted_from,
+        plan=plan.as_dict(),
+        learned=learn,
+        epsilon=epsilon,
+        confidence=confidence,
+    )
+    endings = [x for x in pool.progress.endings if x["run"] >= learn]
+    return kind(about=about, flights=of, extremes=extremes, wind=wind, endings=endings)
 
 
 def _learned(
-    pool: WorkerPool, plan: Plan, probe: Probe, learned: int, of: str | None, epsilon: float
+    pool: WorkerPool, plan: Plan, probe: Probe, learned: int, of: Of, epsilon: float
 ) -> tuple[FloatArray, FloatArray]:
     """Coefficients and half-widths that follow from the first draws of a plan."""
     flights = _flown(pool, plan, partial(probe, anywhere=True), range(learned), "learning")
@@ -353,7 +376,7 @@ def _learned(
     return coefficients, half * HEIGHT_ROOM if of == "turn_back" else half
 
 
-def _units(plan: Plan, of: str | None, signals: Iterable[str] | None) -> dict[str, str]:
+def _units(plan: Plan, of: Of, signals: Iterable[str] | None) -> dict[str, str]:
     """Units of the signals of a kind, or of some recorded ones.
 
     These are by default the errors, or the distances from a route.
@@ -370,9 +393,7 @@ def _units(plan: Plan, of: str | None, signals: Iterable[str] | None) -> dict[st
     return {name: run.units.get(name) or SIGNAL_UNITS.get(name, "") for name in names}
 
 
-def flights_of(
-    plan: Plan, of: Literal["residual", "turn_back"] | None, signals: int, flights: int
-) -> BandFlights:
+def flights_of(plan: Plan, of: Of, signals: int, flights: int) -> BandFlights:
     """The flights of a plan, of which so many are counted first, in windows of so many signals."""
     (group,), central = plan.groups, plan.campaign.central
     over: Over = "time"
@@ -402,8 +423,8 @@ def flights_of(
     )
 
 
-def load_band(path: str | Path) -> Band:
-    """Read a band; its windows, and the words for its flights, are those of its plan."""
+def load_counted(path: str | Path) -> Band | Residual | TurnBack:
+    """Read a count; its windows, and the words for its flights, are those of its plan."""
 
     def of_plan(about: About) -> BandFlights:
         plan = plan_in(about)
@@ -411,14 +432,14 @@ def load_band(path: str | Path) -> Band:
         check_at_least(1, runs=first)
         return flights_of(plan, about.of, len(about.signals), first)
 
-    band = read_band(path, of_plan)
-    if band.about.fences:
-        check_one_path(plan_in(band.about), band.draws.tolist())
-    return band
+    counted = read_counted(path, of_plan)
+    if counted.about.fences:
+        check_one_path(plan_in(counted.about), counted.draws.tolist())
+    return counted
 
 
-def count_more(band: Band, flights: int, pool: WorkerPool) -> Band:
-    """The band after `flights` draws of its campaign in all: an InputError refuses fewer."""
+def count_more(band: C, flights: int, pool: WorkerPool) -> C:
+    """The count after `flights` draws of its campaign in all: an InputError refuses fewer."""
     counted = len(band.scores)
     most = MAX_NUMBERS // (2 * band.about.half.size)
     allowed = [n for n in (counted * DOUBLED[1:]).tolist() if n <= most]
@@ -434,7 +455,7 @@ def count_more(band: Band, flights: int, pool: WorkerPool) -> Band:
     return band.with_flights(*more, pool.progress.endings)
 
 
-def check_shape(band: Band, pool: WorkerPool) -> None:
+def check_shape(band: Counted, pool: WorkerPool) -> None:
     """Fly the flights learned from again; an InputError refuses a shape that they do not give."""
     about, plan = band.about, plan_of(band)
     if [*_units(plan, about.of, about.signals).items()] != [*about.signals.items()]:
@@ -452,7 +473,7 @@ def check_shape(band: Band, pool: WorkerPool) -> None:
             )
 
 
-def some_draws(band: Band, flights: int) -> list[int]:
+def some_draws(band: Counted, flights: int) -> list[int]:
     """Some of the counted draws at random, and some of those that repeat another to the bit."""
     counted = len(band.scores)
     if not 1 <= flights <= counted:
@@ -466,7 +487,7 @@ def some_draws(band: Band, flights: int) -> list[int]:
     return band.draws[np.unique(np.concatenate(some))].tolist()
 
 
-def differing(band: Band, draws: Sequence[int], pool: WorkerPool) -> list[int]:
+def differing(band: Counted, draws: Sequence[int], pool: WorkerPool) -> list[int]:
     """The counted draws, in rising order, that differ by a bit when they are flown again."""
     chosen = np.searchsorted(band.draws, draws)
     probe = _probe(band.about, band.flights)

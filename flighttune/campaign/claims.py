@@ -12,8 +12,9 @@ from flighttune.campaign.counted_flights import plan_of
 from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.certificates.bound import RateBound
 from flighttune.certificates.certificate import Certificate
-from flighttune.claims.band import Band
+from flighttune.claims.band import Band, Residual, TurnBack
 from flighttune.claims.count import chance_missed, flights_again
+from flighttune.claims.counted import Counted
 from flighttune.errors import InputError
 from flighttune.files.load import BAND, CLAIMS, TUBE, load_one
 from flighttune.flight.flown import FlownScenario
@@ -23,6 +24,7 @@ from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.names import columns, listed
 from flighttune.records.compare import Source
 from flighttune.theory.exact import Check, Verification
+from flighttune.tubes.boxes import OF_RESIDUALS
 from flighttune.tubes.enclosure import Tube
 
 CHECKED = "claim (certificate, bound on R_K, tube or band), recording, or folder of a campaign"
@@ -38,7 +40,11 @@ CHECK_COLUMNS = [Column("name", "check"), *columns("margin exact")]
 
 
 def verified_band(
-    band: Band, *, count: int | None = None, run_code: bool = False, pool: WorkerPool | None = None
+    band: Counted,
+    *,
+    count: int | None = None,
+    run_code: bool = False,
+    pool: WorkerPool | None = None,
 ) -> Verification:
     """Fly all flights learned from again, and `count` of those counted, chosen at random."""
     counted, about = len(band.scores), band.about
@@ -49,7 +55,7 @@ def verified_band(
         if code and not run_code:
             reason = f"not checked: flying its flights again runs {listed(code)}; allow --run-code"
             return Verification(valid=False, reason=reason, checked=False)
-        fences = [band.inside(x).sentence for x in about.fences]
+        fences = band.said_of_fences if isinstance(band, Band) else ()
         with nullcontext(pool) if pool else WorkerPool() as workers:
             if differ := differing(band, draws, workers):
                 raise InputError(
@@ -68,7 +74,17 @@ def verified_band(
     return Verification(valid=True, reason="", notes=(flown, CHOSEN, *fences))
 
 
-AnyClaim: TypeAlias = Certificate | RateBound | Tube | Band
+AnyClaim: TypeAlias = Certificate | RateBound | Tube | Band | Residual | TurnBack
+
+
+def load_residual(boxes: Residual | str | Path) -> Residual:
+    """The count of residual signals in a file, or itself; an InputError refuses another claim."""
+    of_file = isinstance(boxes, str | Path)
+    counted = load_one(boxes, "file of residual signals", BAND) if of_file else boxes
+    if not isinstance(counted, Residual):
+        place = f"{boxes}: " if of_file else ""
+        raise InputError(f"{place}{OF_RESIDUALS}, got a {type(counted).__name__}.")
+    return counted
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -77,7 +93,7 @@ class Verified(Answering):
 
     Attributes
     ----------
-    claim : Certificate, RateBound, Tube or Band
+    claim : Certificate, RateBound, Tube, Band, Residual or TurnBack
     verification : Verification
         Its checks, and the first that fails.
     source : str
@@ -112,7 +128,7 @@ class Verified(Answering):
     def answer(self) -> Answer:
         """The checks and the claim; a failure if one of them does not hold."""
         value, valid, kind = self.claim, self.valid, self.claim.kind
-        if isinstance(value, Band) and self.source:  # its note has a command that takes the file
+        if isinstance(value, Counted) and self.source:  # its note has a command that takes the file
             claim = value.answer(self.source)
         else:
             claim = value.answer()
@@ -135,7 +151,7 @@ class Verified(Answering):
 def verify(
     claim: AnyClaim | str | Path,
     *,
-    boxes: Band | str | Path | None = None,
+    boxes: Residual | str | Path | None = None,
     count: int | None = None,
     run_code: bool = False,
     pool: WorkerPool | None = None,
@@ -151,11 +167,10 @@ def verify(
 
     Parameters
     ----------
-    claim : Certificate, RateBound, Tube, Band, str or Path
+    claim : Certificate, RateBound, Tube, Band, Residual, TurnBack, str or Path
         A claim, or its file; what it is, is read from its content.
-    boxes : Band, str or Path, optional
-        Band of `flighttune band --of residual`, or its file, that confirms the boxes of an
-        aircraft's tube.
+    boxes : Residual, str or Path, optional
+        Count of `residual`, or its file, that confirms the boxes of an aircraft's tube.
     count : int, optional
         Number of counted flights to fly again: by default so many that as many invented ones as
         double epsilon are found with a probability of 95 %, 59 at 5 % and 299 at 1 %. A note states
@@ -186,9 +201,8 @@ def verify(
     if boxes is not None:
         if not isinstance(value, Tube):
             raise InputError("`boxes` must be given for the tube of an aircraft only.")
-        band = boxes if isinstance(boxes, Band) else load_one(boxes, "band file", BAND)
-        value = replace(value, problem=replace(value.problem, band=band))
-    if isinstance(value, Band):
+        value = replace(value, problem=replace(value.problem, band=load_residual(boxes)))
+    if isinstance(value, Band | Residual | TurnBack):
         verification = verified_band(value, count=count, run_code=run_code, pool=pool)
     else:
         verification = value.verify()

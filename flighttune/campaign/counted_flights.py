@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from flighttune.claims.band import About, Band, other_files
+from flighttune.claims.counted import About, Counted, other_files
 from flighttune.claims.distribution import AIRSPEEDS, Distribution, flown_values, spread
 from flighttune.errors import InputError
 from flighttune.flight.route import planned_route
@@ -61,7 +61,7 @@ def in_air(campaign: Campaign, air: str) -> Campaign:
     if air in INTENSITIES:
         turbulence = central.model_dump(mode="json", exclude_none=True)["turbulence"]
         tables["turbulence"] = {**turbulence, "intensity": air}
-    return _rebuilt(campaign, disperse, scenario_from(tables), campaign.design)
+    return rebuilt(campaign, disperse, scenario_from(tables), campaign.design)
 
 
 def at_random(campaign: Campaign) -> Campaign:
@@ -72,12 +72,13 @@ def at_random(campaign: Campaign) -> Campaign:
         else table
         for table in campaign.disperse
     ]
-    return _rebuilt(campaign, disperse, campaign.nominal, "random")
+    return rebuilt(campaign, disperse, campaign.nominal, "random")
 
 
-def _rebuilt(
+def rebuilt(
     campaign: Campaign, disperse: Sequence[Dispersion], nominal: Scenario, design: Design
 ) -> Campaign:
+    """A campaign with other draws, correlated as far as their keys are there, and scenario."""
     gridded = any(isinstance(table, Grid) for table in disperse)
     keys = {table.key for table in disperse}
     changed = {
@@ -143,8 +144,8 @@ def _range(table: Dispersion, own: Any) -> list[Any]:
     return sorted(own * value for value in ends)
 
 
-def plan_of(band: Band) -> Plan:
-    """The plan of a band; InputError if the files of an aircraft have changed since."""
+def plan_of(band: Counted) -> Plan:
+    """The plan of a count; InputError if the files of an aircraft have changed since."""
     plan = plan_in(band.about)
     if plan.aircraft != aircraft_hashes(plan.scenario):
         raise other_files(plan.aircraft)

@@ -12,6 +12,7 @@ from flighttune.campaign.engine.pool import WorkerPool
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.flying.rows import fly_again, row_differences
 from flighttune.claims.band import Band
+from flighttune.claims.counted import Counted
 from flighttune.errors import InputError, RecordingError, ScenarioError
 from flighttune.files.load import BAND, DATASET, RECORDING, load_one
 from flighttune.flight.fly import Progress
@@ -32,7 +33,7 @@ OTHER_EXTREMES = Difference("extremes", None, "those of the band", "others")
 
 
 def refly(
-    source: str | Path | Recording | Dataset | Band | Sequence[Run],
+    source: str | Path | Recording | Dataset | Counted | Sequence[Run],
     run: int | None = None,
     *,
     count: int | None = None,
@@ -92,7 +93,7 @@ def refly(
         name, recorded = str(source), load_one(source, FLOWN, RECORDING, DATASET, BAND)
     else:
         name, recorded = "the band", source
-    if isinstance(recorded, Band):
+    if isinstance(recorded, Counted):
         return _of_band(recorded, name, run, count or DRAWN, progress, observer)
     if isinstance(recorded, Dataset):
         return _of_campaign(recorded, run, count or DRAWN, progress)
@@ -149,7 +150,7 @@ def _of_campaign(
 
 
 def _of_band(
-    band: Band,
+    band: Counted,
     name: str,
     run: int | None,
     count: int,
@@ -164,7 +165,7 @@ def _of_band(
             first, last = band.draws[[0, -1]]
             raise InputError(f"{name}: `run` must be {first} to {last}, got {run}.")
         flown = fly_again(plan, run, progress=progress)
-        if not band.why_not(flown[plan.group_of(run).label]):
+        if isinstance(band, Band) and not band.why_not(flown[plan.group_of(run).label]):
             flown = flown.within(band)
     draws = some_draws(band, count) if run is None else [run]
     with WorkerPool(None, None, observer) as pool:

@@ -6,10 +6,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from flighttune.arrays import FloatArray
+from flighttune.campaign.counted_flights import rebuilt
+from flighttune.claims.distribution import STARTS
 from flighttune.errors import InputError
 from flighttune.flight.conditions import limits_on
 from flighttune.flight.route import planned_route
-from flighttune.planning.load import campaign_on
 from flighttune.planning.plan import Plan
 from flighttune.planning.schema import Choice, Uniform
 from flighttune.references.follow import CHANGE_N_X
@@ -46,7 +47,7 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
     if not 1.0 <= bank_deg <= phi:
         raise InputError(f"`turn_back` must be a bank of 1 to {phi:g} deg, got {bank_deg:g}.")
     for key in plan.keys:
-        if key.startswith("route.") or key in ("flight.chi_deg", "flight.gamma_deg", "flight.h_m"):
+        if key.startswith("route.") or key == "flight.h_m":
             raise InputError(f"`{key}` must be the same in all flights that turn back.")
     s = path.points(APART)
     north_east_up = path.beside(s)
@@ -79,14 +80,15 @@ def turning_back(plan: Plan, stated: str | float) -> Plan:
     if planned.reference.holds_airspeed:
         tables["reference"] = {"V_mps": start_mps}
     drawn = [
-        *campaign.disperse,
+        # each begins on its route, in its direction
+        *(table for table in campaign.disperse if table.key not in STARTS),
         Uniform(key="turn_back.at_m", lower=0.0, upper=path.length),
         Choice(key="turn_back.side", values=[-1, 1]),
     ]
     title = f"{campaign.title}, turning back"
-    changed = campaign.model_copy(update={"disperse": drawn, "success": [], "title": title})
+    changed = campaign.model_copy(update={"success": [], "title": title})
     scenario = scenario_from(tables)
-    return replace(plan, campaign=campaign_on(changed, scenario, title))
+    return replace(plan, campaign=rebuilt(changed, drawn, scenario, campaign.design))
 
 
 def room_of(run: Run, turn_back: TurnBackTable) -> FloatArray:

@@ -24,7 +24,7 @@ from flighttune.campaign.flying.columns import measured_in
 from flighttune.campaign.flying.rows import Drawn, Probes, scenario_of_run
 from flighttune.certificates.bound import RateBound
 from flighttune.certificates.certificate import Certificate
-from flighttune.claims.band import About, Band, BandFlights
+from flighttune.claims.counted import About, BandFlights, Counted
 from flighttune.errors import InputError
 from flighttune.files.load import CLAIMS, written
 from flighttune.files.table import toml_text
@@ -182,7 +182,7 @@ class WorstFlight(Answering):
 
 
 def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
-    source: Flights | Scenario | Campaign | Plan | Tube | Band | str | Path,
+    source: Flights | Scenario | Campaign | Plan | Tube | Counted | str | Path,
     *,
     claim: Tube | None = None,
     budget: int = 2000,
@@ -276,7 +276,7 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
     if isinstance(stated, Tube):
         plan, sizes = enclosed(stated), disturbance_of(stated)
         start_deg = stated.problem.start * DEG_PER_RAD
-    elif isinstance(stated, Band):
+    elif isinstance(stated, Counted):
         plan, metric = plan_of(stated), BAND
         probes = {BAND: partial(_share_of, stated.about, stated.flights, stated.scale)}
     else:
@@ -334,11 +334,11 @@ def disturbance_of(tube: Tube) -> tuple[float, float]:
     return chi, gamma
 
 
-def _searchable(stated: AnyClaim, place: str) -> Tube | Band:
+def _searchable(stated: AnyClaim, place: str) -> Tube | Counted:
     """The claim, if it is of flights of which one can be worse than another."""
     if isinstance(stated, Certificate | RateBound):
         raise InputError(f"{place}must be of flights, to be searched, got a claim about gains.")
-    if isinstance(stated, Band):
+    if isinstance(stated, Counted):
         if not stated.claims:
             raise InputError(f"{place}the band must have a claim, got none.")
     elif stated.status != "bounded":

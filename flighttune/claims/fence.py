@@ -24,7 +24,7 @@ NEAREST_COLUMNS = [
 ]
 
 
-class FenceCount(NamedTuple):
+class Fenced(NamedTuple):
     """The flights of a band that are not certainly inside a fence."""
 
     heights: str  # floor and ceiling of the fence in words

@@ -2,9 +2,11 @@
 
 import inspect
 import io
+import shlex
 import sys
 from collections.abc import Callable
 from functools import wraps
+from itertools import islice
 from types import MethodType
 from typing import Annotated, Any
 
@@ -12,9 +14,10 @@ import typer
 from typer.core import TyperGroup
 
 from flighttune import __version__
+from flighttune.cli import options
 from flighttune.cli.aircraft import adopt, design, identify, trim
-from flighttune.cli.band import band, tube, worst
-from flighttune.cli.flights import campaign, fly, list_shipped, new, route, view
+from flighttune.cli.band import band, mission, tube, worst
+from flighttune.cli.flights import campaign, fly, list_shipped, new, view
 from flighttune.cli.gains import certify, meet, tune, verify
 from flighttune.cli.pages import compare, export, gap, report, reproduce
 from flighttune.cli.show import COULD_NOT_RUN, INTERRUPTED, NO, emit, fail, output, working
@@ -27,12 +30,22 @@ QuietOption = Annotated[
     bool, typer.Option("--quiet", "-q", help="Print only failures, and the object of --json.")
 ]
 
-# What took the place of a command of earlier versions.
+# Commands and options of earlier versions, and what took their place.
 FORMER = {
+    "route": "mission FILE --plan",
     "campaign run": "campaign FILE",
-    "refly": "verify PATH",
-    "frontier": "tune SCENARIO --frontier",
+    "refly": "verify FILE",
+    "frontier": "tune FILE --frontier",
+    "band --of": "tube SCENARIO --boxes FILE",
+    "band --seed": "band FILE --set seed=N",
+    **{
+        f"band {option}": f"mission FILE {option}"
+        for option in ("--aircraft", "--fence", "--like", "--page", "--skip", "--turn-back")
+    },
 }
+
+# Options of the group that may also stand behind a command.
+ANYWHERE = ("--workers", "--scheduler")
 
 # Characters of the first sentence of a command's help.
 LONGEST_SENTENCE = 200
@@ -41,11 +54,25 @@ LONGEST_SENTENCE = 200
 class Grouped(TyperGroup):
     """A group of commands whose help lists them under headings, in the order they were added."""
 
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the options of the group, wherever those that may stand anywhere do."""
+        first, others, words = [], [], iter(args)
+        for word in words:
+            if word.partition("=")[0] in ANYWHERE:
+                first += [word] if "=" in word else [word, *islice(words, 1)]
+            else:
+                others.append(word)
+        return super().parse_args(ctx, first + others)
+
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """Find the command; an old name is refused with the new one."""
-        old = " ".join(args[:2]) if args[:2] == ["campaign", "run"] else args[0]
-        if new := FORMER.get(old):
-            raise InputError(f"`flighttune {old}` is `flighttune {new}` now.")
+        """Find the command; one of an earlier version, or its option, is refused with the new."""
+        name, *words = args
+        given = [word for word in words if not word.startswith("-")]
+        source = next(iter(given[args[:2] == ["campaign", "run"] :]), "FILE")
+        for old in (name, *(f"{name} {word.partition('=')[0]}" for word in words)):
+            if new := FORMER.get(old):
+                new = new.replace("FILE", shlex.quote(source))
+                raise InputError(f"`flighttune {old}` is `flighttune {new}` now.")
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:  # noqa: ARG002
@@ -82,7 +109,7 @@ COMMANDS = {
     ],
     "Fly": [
         (fly, "fly", "flying", "fly paper"),
-        (route, "route", "planning", "route circuit"),
+        (mission, "mission", "counting", "mission circuit --plan"),
         (new, "new", "writing", "new my_turn --aircraft c172p"),
         (view, "view", "opening", "view runs/paper"),
         (list_shipped, "list", "listing", "list"),
@@ -159,9 +186,26 @@ def _options(
             "--version", is_eager=True, callback=_show_version, help="Show the version and exit."
         ),
     ] = False,
-    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of an error.")] = False,
+    _debug: Annotated[
+        bool, typer.Option("--debug", help="Show the traceback of an error.")
+    ] = False,
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            help="Processes that fly on this machine, for any command that flies many, before or "
+            "after it [default: one per core].",
+            min=1,
+        ),
+    ] = None,
+    scheduler: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS", help="Fly on the workers of a dask scheduler, tcp://HOST:PORT."
+        ),
+    ] = None,
 ) -> None:
     """Options of every command."""
+    options.FLOWN_BY.set({"workers": workers, "scheduler": scheduler})
 
 
 def main() -> None:

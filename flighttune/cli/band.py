@@ -1,4 +1,4 @@
-"""Commands that bound flights: bands, tubes, and the worst flight."""
+"""Commands that bound flights: missions, bands, tubes, and the worst flight."""
 
 from dataclasses import replace
 from functools import partial
@@ -21,20 +21,10 @@ def band(
         Argument(
             metavar="CAMPAIGN|SCENARIO|FILE",
             help="A campaign (file, shipped name or folder), a scenario in which something is "
-            "random or --start-deg is given, a mission (.plan, .waypoints, .kml, .geojson), or a "
-            "band file: its flights are not flown again.",
+            "random or --start-deg is given, or a band file: its flights are not flown again.",
             autocompletion=lambda: [*campaign_files(), *scenario_files()],
         ),
     ],
-    gains: options.CampaignGainsOption = None,
-    plant: Annotated[str | None, options.plant_label("the first aircraft, else the first")] = None,
-    of: Annotated[
-        Literal["residual"] | None,
-        Option(
-            help="Bound what the identified model of an aircraft misses, which `tube` takes, in "
-            "place of recorded signals."
-        ),
-    ] = None,
     signal: Annotated[
         list[str] | None,
         Option(
@@ -44,29 +34,22 @@ def band(
     ] = None,
     epsilon: Annotated[
         float | None,
-        Option(
-            help="Accepted probability of leaving the band [default: 0.01, of a mission 0.05, or "
-            "the file's]."
-        ),
+        Option(help="Accepted probability of leaving the band [default: 0.01, or the file's]."),
     ] = None,
     confidence: Annotated[
         float | None,
-        Option(
-            help="Confidence of the claim, 0 to 1 [default: 0.999, of a mission 0.95, or the "
-            "file's]."
-        ),
+        Option(help="Confidence of the claim, 0 to 1 [default: 0.999, or the file's]."),
     ] = None,
     flights: Annotated[
         int | None,
         Option(
             help="Flights to count in all [default: as many as the claim needs with five of them "
-            "outside, of a mission with one]; of FILE 2, 4, 8 ... times as many as were planned.",
+            "outside]; of FILE 2, 4, 8 ... times as many as were planned.",
             min=1,
         ),
     ] = None,
     learn: Annotated[
-        int | None,
-        Option(help="Flights to learn the shape from [default: 500, of a mission 15].", min=1),
+        int | None, Option(help="Flights to learn the shape from [default: 500].", min=1)
     ] = None,
     predicted_from: Annotated[
         Literal["wind"] | None,
@@ -74,12 +57,13 @@ def band(
             "--given", help="Put the band around a middle predicted from the wind of each flight."
         ),
     ] = None,
+    gains: options.CampaignGainsOption = None,
+    plant: Annotated[str | None, options.plant_label("the first aircraft, else the first")] = None,
     air: Annotated[
         Literal["calm", "wind", "light", "moderate", "severe"] | None,
         Option(help="Air of all flights, of those of the campaign [default: as it draws them]."),
     ] = None,
     start_deg: options.StartOption = 0.0,
-    seed: options.SeedOption = None,
     out: Annotated[
         Path | None,
         Option(
@@ -87,26 +71,63 @@ def band(
             help="Band file (.npz) to write [default: runs/NAME-band.npz; FILE with --flights].",
         ),
     ] = None,
-    fence: Annotated[
-        list[Path] | None,
-        Option(
-            help="Plan, KML or GeoJSON with the areas to stay in and out of; repeatable: bound the "
-            "probability that a flight along a route leaves them, and find where flights come "
-            "nearest [default: that of a .plan]."
+    settings: options.SetOption = None,
+) -> Answer:
+    """Bound signals by counting flights: a new one leaves the band with at most a probability.
+
+    Its shape is learned from some flights, and its scale counted on fresh ones: it holds for all
+    signals at all times, for any law, plant and weather. --set seed=N draws others. Exit status 1
+    if too many flights did not complete for any claim.
+    """
+    options.check_ending(out, ".npz")
+    from flighttune.campaign.band import band as count_band
+    from flighttune.campaign.band import continued
+    from flighttune.files.load import BAND, kind_of
+
+    changed, kept = options.changes(settings), kind_of(source) == BAND
+    if not kept:
+        out = out or Path("runs") / f"{Path(source).stem}-band.npz"
+    of_flights = {
+        "signals": signal,
+        "learn": learn,
+        "predicted_from": predicted_from,
+        "gains": gains,
+        "plant": plant,
+        "air": air,
+        "seed": options.seed_of(changed),
+        "start_deg": start_deg,
+        "changes": changed,
+    }
+    claim = {"flights": flights, "epsilon": epsilon, "confidence": confidence, "out": out}
+    with campaign_display() as observer:
+        if kept and not any(of_flights.values()):  # of any kind of count
+            by = options.FLOWN_BY.get()
+            counted = continued(source, **claim, by=(by["workers"], by["scheduler"], observer))
+        else:
+            flown = {**of_flights, **options.FLOWN_BY.get()}
+            counted = count_band(source, **claim, **flown, observer=observer)
+    file = out or Path(source)
+    answer = counted.answer(file)
+    notes = [*answer.notes, f"A page with its flights: flighttune report {file}"]
+    out = out or (Path(source) if flights is not None else None)
+    return replace(answer, notes=notes, files={"band": out, "page": None})
+
+
+def mission(
+    source: Annotated[
+        str,
+        Argument(
+            metavar="MISSION|SCENARIO|FILE",
+            help="A mission (.plan, .waypoints, .kml, .geojson), a scenario or campaign with a "
+            "route, or the band file of one: its flights are not flown again.",
+            autocompletion=lambda: [*scenario_files(), *campaign_files()],
         ),
-    ] = None,
-    turn_back: Annotated[
-        str | None,
-        Option(
-            metavar="[circle:]BANK_DEG",
-            help="Count the room to turn back too, at this bank from any place of the route, and "
-            "write flight geography, contingency volume and ground risk buffer.",
-        ),
-    ] = None,
+    ],
     aircraft: Annotated[
         str | None,
         Option(
-            help="Aircraft that is to fly a mission [default: aerosonde].",
+            help="Aircraft that is to fly a mission, at an airspeed at which it is identified "
+            "[default: aerosonde].",
             autocompletion=aircraft_names,
         ),
     ] = None,
@@ -122,96 +143,85 @@ def band(
     skip: Annotated[
         bool, Option("--skip", help="Leave out commands of a mission that have no place.")
     ] = False,
+    plan: Annotated[
+        bool, Option("--plan", help="Plan the route alone: its legs, turns and times.")
+    ] = False,
+    fence: Annotated[
+        list[Path] | None,
+        Option(
+            help="Plan, KML or GeoJSON with the areas to stay in and out of; repeatable [default: "
+            "that of a .plan]."
+        ),
+    ] = None,
+    turn_back: Annotated[
+        str | None,
+        Option(
+            metavar="[circle:]BANK_DEG",
+            help="Count the room to turn back too, at this bank from any place of the route, and "
+            "write flight geography, contingency volume and ground risk buffer.",
+        ),
+    ] = None,
+    epsilon: Annotated[
+        float | None,
+        Option(help="Accepted probability of each claim [default: 0.05, or the file's]."),
+    ] = None,
+    confidence: Annotated[
+        float | None,
+        Option(help="Confidence of each claim, 0 to 1 [default: 0.95, or the file's]."),
+    ] = None,
+    flights: Annotated[
+        int | None,
+        Option(
+            help="Flights to count [default: as many as the claim needs with one outside].", min=1
+        ),
+    ] = None,
     page: Annotated[
         Path | None, Option(help="Page (.html) to write, with a map, heights and the answer.")
     ] = None,
+    out: Annotated[
+        Path | None,
+        Option(
+            "--out",
+            help="Band file (.npz) to write [default: runs/NAME-band.npz]; with --plan the path, "
+            ".plan, .kml or .geojson, that of FILE with its corridor.",
+        ),
+    ] = None,
     settings: options.SetOption = None,
-    workers: options.WorkersOption = None,
-    scheduler: options.SchedulerOption = None,
 ) -> Answer:
-    """Bound signals by counting flights: a new one leaves the band with at most a probability.
+    """Plan a mission, fly it, and count whether it stays inside its fence.
 
-    Its shape is learned from some flights, and its scale counted on fresh ones: it holds for all
-    signals at all times, for any law, plant and weather. Exit status 1 if too many flights did not
-    complete for any claim. With a fence it is 1 only if the count
-    does not support that a flight leaves it with a probability of at most epsilon.
+    The answer has the corridor of its flights, the probability that a new one leaves the fence and
+    where they come nearest to it. Exit status 1 if the count does not support a probability of at
+    most epsilon; 2 if the mission cannot be flown.
     """
-    options.check_ending(out, ".npz")
-    options.check_ending(page, ".html", option="--page")
-    from flighttune.campaign.band import band as count_band
-    from flighttune.campaign.turn_back import turning_back
+    from flighttune.campaign.mission import mission as count_mission
+    from flighttune.campaign.mission import mission_plan
     from flighttune.files.load import BAND, kind_of
-    from flighttune.files.whole import write_text
-    from flighttune.planning.source import flights as flights_of
-    from flighttune.references.maps import volumes_geojson
     from flighttune.reports.claim import write_claim_page
 
-    kept = kind_of(source) == BAND
-    if not kept:
+    changed = options.changes(settings)
+    read = {"aircraft": aircraft, "skip": skip, "changes": changed}
+    claim = {"epsilon": epsilon, "confidence": confidence, "flights": flights}
+    counting = {"like": like, "fences": fence or (), "turn_back": turn_back, **claim}
+    if plan:
+        options.check_ending(out, ".geojson", ".kml", ".plan")
+        for name in (name for name, value in {**counting, "page": page}.items() if value):
+            raise InputError(f"`{name}` must be absent with --plan, which flies nothing.")
+        return mission_plan(source, **read, out=out)
+    options.check_ending(out, ".npz")
+    options.check_ending(page, ".html", option="--page")
+    if kind_of(source) != BAND:
         out = out or Path("runs") / f"{Path(source).stem}-band.npz"
-    same = {
-        "epsilon": epsilon,
-        "confidence": confidence,
-        "gains": gains,
-        "plant": plant,
-        "air": air,
-        "seed": seed,
-        "changes": options.changes(settings),
-        "aircraft": aircraft,
-        "like": like,
-        "skip": skip,
-        "workers": workers,
-        "scheduler": scheduler,
-    }
-    of_flights = {
-        "of": of,
-        "signals": signal,
-        "flights": flights,
-        "learn": learn,
-        "predicted_from": predicted_from,
-        "start_deg": start_deg,
-        "fences": fence or (),
-    }
-    room, files = None, dict[str, Path]()
-    if turn_back is not None:  # refuse it before a flight
-        if kept or of or signal or predicted_from:
-            raise InputError(
-                "`--turn-back` must be absent for a band file, and with --of, --signal and --given."
-            )
-        stated = {key: same[key] for key in ("changes", "aircraft", "like", "skip")}
-        plan = flights_of(source, **stated).plan(plant=plant, gains=gains, kind="jsbsim")
-        turning_back(plan, turn_back)
+    seed = options.seed_of(changed)
     with campaign_display() as observer:
-        counted = count_band(source, out=out, observer=observer, **of_flights, **same)
-        if turn_back is not None:
-            place = Path(out or source).with_suffix("")
-            files = {"room": Path(f"{place}-turn-back.npz")}
-            room = count_band(
-                source, out=files["room"], observer=observer, turn_back=turn_back, **same
-            )
-    if kept and flights is not None:
-        out = out or Path(source)
-    file = out or Path(source)
-    answer = counted.answer(file)
-    if room is not None:
-        said = room.answer(files["room"])
-        if room.claims and counted.claims:
-            text = volumes_geojson(counted.flights.route.where, room.volumes(counted))
-            files["volumes"] = Path(out or source).with_suffix(".geojson")
-            write_text(files["volumes"], f"{text}\n")
-        answer = replace(
-            answer,
-            values={**answer.values, "turn_back": said.values},
-            tables=[*answer.tables, said.tables[0]],
-            notes=[*answer.notes, *said.notes, said.verdict],
-            failure=answer.failure or said.failure,
-        )
-    notes = answer.notes
+        flown = {**read, **counting, **options.FLOWN_BY.get(), "seed": seed, "observer": observer}
+        odds = count_mission(source, out=out, **flown)
+    answer, file = odds.answer(), out or Path(source)
     if page is not None:
-        write_claim_page(counted, str(file), page, room)
-    else:
-        notes = [*notes, f"A page with its flights: flighttune report {file}"]
-    return replace(answer, notes=notes, files={"band": out, **files, "page": page})
+        write_claim_page(odds.band, str(file), page, odds.room)
+        return replace(answer, files={**answer.files, "page": page})
+    notes = [*answer.notes, f"A page with its flights: flighttune report {file}"]
+    return replace(answer, notes=notes, files={**answer.files, "page": None})
 
 
 def tube(
@@ -229,10 +239,12 @@ def tube(
         ),
     ] = None,
     boxes: Annotated[
-        Path | None,
+        str | None,
         Option(
-            metavar="FILE",
-            help="File of `flighttune band --of residual`: bound its aircraft, with rates in it.",
+            metavar="FILE|CAMPAIGN",
+            help="Boxes of an aircraft's residual signals: their file, or the campaign whose "
+            "flights they are counted of [default: of an aircraft those of the scenario, from "
+            "starts within --start-deg].",
         ),
     ] = None,
     out: Annotated[
@@ -245,34 +257,48 @@ def tube(
 
     Exit status 1 if the set cannot be bounded for the whole time, or if a flight leaves it.
     """
-    from flighttune.files.load import BAND, load_one
+    from flighttune.campaign.band import residual
+    from flighttune.campaign.claims import load_residual
+    from flighttune.campaign.tube import tube as enclose
+    from flighttune.files.load import BAND, kind_of
     from flighttune.tubes.tube import largest_disturbance
-    from flighttune.tubes.tube import tube as enclose
 
     options.check_ending(out, ".npz")
-    largest = disturbance == "largest"
+    largest, base = disturbance == "largest", Path("runs") / Path(scenario).stem
     if largest and (boxes, out) != (None, None):
         raise InputError("`disturbance` must be a number with --boxes or --out, got largest.")
     flights = {"plant": plant, "start": start_deg * DEG, "changes": options.changes(settings)}
-    with progress_bar() as progress:
+    counted, given = None, boxes is not None and kind_of(boxes) == BAND
+    if boxes is not None:
+        with campaign_display() as observer:
+            by = options.FLOWN_BY.get()
+            counted = (
+                load_residual(boxes)
+                if given
+                else residual(boxes, gains=gains, **by, observer=observer)
+            )
+    with campaign_display() as observer, progress_bar() as progress:
         follow = None if progress is None else partial(progress, "tube")
         if largest:
-            answer = largest_disturbance(scenario, gains, **flights, progress=follow).answer()
-        else:
-            enclosure = enclose(
-                scenario,
-                gains,
-                None if boxes is None else load_one(boxes, "band file", BAND),
-                disturbance=options.number(disturbance, "--disturbance"),
-                progress=follow,
-                **flights,
-            )
-            proof = None
-            if enclosure.status == "bounded":
-                proof = out or Path("runs") / f"{Path(scenario).stem}-tube.npz"
-                enclosure.save(proof)
-            answer = replace(enclosure.answer(gains or ""), files={"proof": proof})
-    return answer
+            return largest_disturbance(scenario, gains, **flights, progress=follow).answer()
+        bound = options.number(disturbance, "--disturbance")
+        enclosure = enclose(
+            scenario,
+            gains,
+            counted,
+            disturbance=bound,
+            **flights,
+            progress=follow,
+            observer=observer,
+        )
+    files: dict[str, Path | None] = {"proof": None}
+    if enclosure.problem.band is not None and not given:
+        files["boxes"] = Path(f"{base}-boxes.npz")
+        enclosure.problem.band.save(files["boxes"])
+    if enclosure.status == "bounded":
+        files["proof"] = out or Path(f"{base}-tube.npz")
+        enclosure.save(files["proof"])
+    return replace(enclosure.answer(gains or ""), files=files)
 
 
 def worst(
@@ -318,8 +344,6 @@ def worst(
         Path | None, Option(help="Scenario to write [default: runs/NAME-worst.toml].")
     ] = None,
     settings: options.SetOption = None,
-    workers: options.WorkersOption = None,
-    scheduler: options.SchedulerOption = None,
 ) -> Answer:
     """Search dispersions and disturbances for the flight with the smallest margin.
 
@@ -343,8 +367,7 @@ def worst(
             disturbance=disturbance,
             seed=seed,
             changes=options.changes(settings),
-            workers=workers,
-            scheduler=scheduler,
+            **options.FLOWN_BY.get(),
             observer=observer,
         )
     file = out or Path("runs") / f"{Path(source).stem}-worst.toml"

@@ -1,4 +1,4 @@
-"""Commands that fly and open flights, plan routes, and list what ships."""
+"""Commands that fly and open flights, and list what ships."""
 
 from contextlib import suppress
 from dataclasses import replace
@@ -140,74 +140,11 @@ def _open(path: Path, *, port: int | None = None) -> None:
         run_viewer(recording, command)
 
 
-def route(
-    source: Annotated[
-        str,
-        Argument(
-            metavar="SCENARIO|FILE",
-            help="A scenario with a route, or a mission: .plan, .waypoints, .kml or .geojson.",
-            autocompletion=scenario_files,
-        ),
-    ],
-    aircraft: Annotated[
-        str | None,
-        Option(
-            help="Aircraft that is to fly a FILE, at an airspeed at which it is identified "
-            "[default: aerosonde].",
-            autocompletion=aircraft_names,
-        ),
-    ] = None,
-    skip: Annotated[
-        bool, Option("--skip", help="Leave out commands of a plan that have no place.")
-    ] = False,
-    out: Annotated[
-        Path | None,
-        Option(
-            help="Path to write, .plan, .kml or .geojson [default with --claim: runs/NAME.geojson]."
-        ),
-    ] = None,
-    band: Annotated[
-        Path | None,
-        Option(
-            "--claim",
-            metavar="FILE",
-            help="Band file (.npz) of this route, whose corridor is written with the path.",
-        ),
-    ] = None,
-    settings: options.SetOption = None,
-) -> Answer:
-    """Plan the route of SCENARIO or FILE: its legs, turns and times, or what cannot be flown."""
-    from flighttune.files.load import BAND, load_one
-    from flighttune.flight.route import route as plan_route
-    from flighttune.references.fence import fence_tables, read_fence
-
-    if band is not None and out is None:
-        out = Path("runs") / f"{Path(source).stem}.geojson"
-    options.check_ending(out, ".geojson", ".kml", ".plan")
-    if out is not None and out.exists() and Path(source).exists() and out.samefile(source):
-        raise InputError(f"{out}: `--out` must be another file than the one that is read.")
-    changed = options.changes(settings)
-    planned = plan_route(source, aircraft=aircraft, skip=skip, changes=changed)
-    answer = replace(planned.answer(), files={"route": out})
-    if out is not None:
-        counted = None if band is None else load_one(band, "band file", BAND)
-        corridor = None if counted is None else counted.corridor(planned.where)
-        own = fence_tables([Path(source)]) if source.lower().endswith(".plan") else {}
-        if own:
-            read_fence(Path(source), planned.where[1], own)  # or it is refused
-        fences = counted.about.fences if counted and counted.about.fences else [own] * bool(own)
-        notes = [*answer.notes, *planned.save(out, corridor, fences)]
-        answer = replace(answer, notes=notes)
-    return answer
-
-
 def campaign(
     file: options.CampaignArgument,
     runs: Annotated[
         int | None, Option(help="Flights in total [default: the file's].", min=1)
     ] = None,
-    workers: options.WorkersOption = None,
-    scheduler: options.SchedulerOption = None,
     out: Annotated[str | None, Option(help="Folder of the dataset [default: runs/NAME].")] = None,
     resume: Annotated[bool, Option("--resume", help="Fly the runs that --out lacks.")] = False,
     gains: options.GainSetsOption = None,
@@ -227,21 +164,20 @@ def campaign(
     from flighttune.planning.load import load_campaign
     from flighttune.planning.plan import plan_campaign
 
-    folder = out or str(Path("runs") / Path(file).stem)
+    folder, flown_by = out or str(Path("runs") / Path(file).stem), options.FLOWN_BY.get()
     planned = load_campaign(file, changes=options.changes(settings), gains=gains or ())
     plan, file_of_plan = plan_campaign(planned, runs=runs), Path(folder) / CAMPAIGN
     if resume and runs is None and file_of_plan.exists():
         # a campaign that was extended by --runs keeps its length
         plan = plan.with_runs(max(plan.runs, open_dataset(folder).plan.runs))
     if dry_run:
-        return forecast(plan, workers).answer()
+        return forecast(plan, flown_by["workers"]).answer()
     try:
         with campaign_display() as observer:
             done = run_campaign(
                 plan,
                 folder,
-                workers=workers,
-                scheduler=scheduler,
+                **flown_by,
                 resume=resume,
                 observer=observer,
             )

@@ -125,8 +125,6 @@ def meet(
     ] = None,
     page: Annotated[Path | None, Option(help="HTML page to write, with all candidates.")] = None,
     settings: options.SetOption = None,
-    workers: options.WorkersOption = None,
-    scheduler: options.SchedulerOption = None,
     out: options.GainsFileOption = None,
 ) -> Answer:
     """Find gains with which flights of SCENARIO meet its [[expect]], by flying candidates.
@@ -147,8 +145,7 @@ def meet(
             campaign=campaign,
             success=success,
             changes=options.changes(settings),
-            workers=workers,
-            scheduler=scheduler,
+            **options.FLOWN_BY.get(),
             observer=observer,
         )
     answer = replace(meeting.answer(), files={"out": out, "page": page})
@@ -216,7 +213,7 @@ def verify(
         Path | None,
         Option(
             metavar="FILE",
-            help="File of `flighttune band --of residual` that confirms the boxes of a tube.",
+            help="File of residual signals that confirms the boxes of a tube.",
         ),
     ] = None,
     run: Annotated[

@@ -1,12 +1,20 @@
 """Arguments and options that several commands have."""
 
+from collections.abc import Mapping
+from contextvars import ContextVar
 from pathlib import Path
+from types import MappingProxyType
 from typing import Annotated, Any
 
 from typer import Argument, Option
 
 from flighttune.errors import InputError
 from flighttune.files.shipped import campaign_files, scenario_files
+
+# Workers of a command that flies: `--workers` and `--scheduler`, which all of them have.
+FLOWN_BY: ContextVar[Mapping[str, Any]] = ContextVar(
+    "flown_by", default=MappingProxyType({"workers": None, "scheduler": None})
+)
 
 ScenarioArgument = Annotated[
     str,
@@ -40,19 +48,9 @@ CampaignArgument = Annotated[
         autocompletion=campaign_files,
     ),
 ]
-WorkersOption = Annotated[
-    int | None, Option(help="Processes on this machine [default: one per core].", min=1)
-]
-SchedulerOption = Annotated[
-    str | None,
-    Option(metavar="ADDRESS", help="Fly on the workers of a dask scheduler, tcp://HOST:PORT."),
-]
 StartOption = Annotated[
     float,
     Option(help="Half-width of the start range in course and path angle, deg."),
-]
-SeedOption = Annotated[
-    int | None, Option(help="Seed of the draws [default: the campaign's].", min=0)
 ]
 CampaignGainsOption = Annotated[
     str | None,
@@ -75,6 +73,14 @@ def changes(settings: list[str] | None) -> dict[str, Any]:
             raise InputError(f"--set: must be KEY=VALUE in one line, got {setting!r}.")
         values[key] = toml_value(text, f"--set: `{shown(key)}`")
     return values
+
+
+def seed_of(changed: dict[str, Any]) -> int | None:
+    """The seed of the draws among values that are set, taken out of them."""
+    seed = changed.pop("seed", None)
+    if seed is not None and (type(seed) is not int or seed < 0):
+        raise InputError(f"--set: `seed` must be an integer from 0 on, got {seed!r}.")
+    return seed
 
 
 def numbers(pairs: list[str] | None, option: str, form: str) -> dict[str, float]:

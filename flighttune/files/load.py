@@ -32,7 +32,7 @@ READERS = {
     CERTIFICATE: "flighttune.certificates.certificate:load_certificate",
     BOUND: "flighttune.certificates.bound:load_bound",
     TUBE: "flighttune.tubes.enclosure:load_tube",
-    BAND: "flighttune.campaign.band:load_band",
+    BAND: "flighttune.campaign.band:load_counted",
     RECORDING: "flighttune.records.parquet:load_recording",
     DATASET: "flighttune.campaign.dataset:open_dataset",
     LOG: "flighttune.logs.log:load_part",

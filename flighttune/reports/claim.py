@@ -9,7 +9,8 @@ import numpy as np
 from flighttune.arrays import FloatArray
 from flighttune.campaign.claims import AnyClaim, stale_notes
 from flighttune.certificates.certificate import Certificate
-from flighttune.claims.band import Band
+from flighttune.claims.band import Band, SignalBounds, TurnBack
+from flighttune.claims.counted import Counted
 from flighttune.claims.fence import KEPT
 from flighttune.claims.shape import predicted
 from flighttune.errors import InputError
@@ -37,16 +38,18 @@ STRONG, LIGHT = (colour for colour, _ in HUES[0])
 TITLES = {name: (title, label) for name, title, label in (*ERRORS, *ROUTE_ERRORS)}
 
 
-def band_charts(band: Band, room: Band | None = None) -> list[Chart]:
+def band_charts(band: SignalBounds, room: TurnBack | None = None) -> list[Chart]:
     """Each signal with the flights that were counted; on a route its map before them.
 
     `room`: of flights of the route that turn back.
     """
     charts = [_chart(band, i) for i in range(len(band.about.signals))]
-    return [_map(band, room), _heights(band), *charts] if band.flights.over == "along" else charts
+    if not (isinstance(band, Band) and band.flights.over == "along"):
+        return charts
+    return [_map(band, room), _heights(band), *charts]
 
 
-def _chart(band: Band, i: int) -> Chart:
+def _chart(band: SignalBounds, i: int) -> Chart:
     """One signal: the band, and flights in it, outside of it and nearest to leaving it."""
     about = band.about
     name, si = list(about.signals.items())[i]
@@ -80,7 +83,7 @@ def _chart(band: Band, i: int) -> Chart:
     return chart
 
 
-def _map(band: Band, room: Band | None) -> Chart:
+def _map(band: Band, room: TurnBack | None) -> Chart:
     """The route from above with the corridor that the band claims, if it does, and its fences."""
     about, (path, origin, _) = band.about, band.flights.route.where
     s, sides = path.points(APART), None
@@ -138,13 +141,13 @@ GIVEN = "The middle predicted from the wind of each flight is subtracted."
 
 
 def write_claim_page(
-    claim: AnyClaim, source: str, path: str | Path, room: Band | None = None
+    claim: AnyClaim, source: str, path: str | Path, room: TurnBack | None = None
 ) -> Report:
     """Write one self-contained page about the claim in the file `source`.
 
     `room`: of the flights of the same route that turn back, whose volumes are drawn on its map.
     """
-    answer = claim.answer(source) if isinstance(claim, Band) else claim.answer()
+    answer = claim.answer(source) if isinstance(claim, Counted) else claim.answer()
     facts = {"file": source, "its SHA-256": hashlib.sha256(Path(source).read_bytes()).hexdigest()}
     sentences, notes, charts = [claim.sentence], [*stale_notes(claim), *answer.notes], []
     tables = [*answer.tables]
@@ -157,15 +160,16 @@ def write_claim_page(
         title, scenario = f"Tube: {problem.scenario.title}", toml_text(problem.scenario.as_dict())
         facts["law"] = problem.law.name
         facts["settings"] = f"{settings.symbols} symbols, {settings.most} pieces at most"
-    elif isinstance(claim, Band):
-        about, charts = claim.about, band_charts(claim, room)
+    elif isinstance(claim, Counted):
+        about = claim.about
+        charts = band_charts(claim, room) if isinstance(claim, SignalBounds) else []
         title = f"Counted band of flights titled {quoted(about.plan['campaign']['title'])}"
         facts["flights"] = f"{len(claim.scores)} counted, {about.learned} learned from"
         facts["flights lost"] = claim.lost
         facts["seed"] = f"{about.plan['campaign']['seed']}"
         if claim.flights.over == "along":
             tables += claim.flights.route.answer().tables
-        sentences += [claim.inside(x).sentence for x in about.fences]
+        sentences += claim.said_of_fences if isinstance(claim, Band) else []
         notes = [note for note in notes if note != claim.sentence]
         scenario = toml_text(claim.flights.scenario.as_dict())
         campaign = toml_text(about.plan["campaign"])
@@ -206,12 +210,12 @@ def tube_charts(tube: Tube) -> list[Chart]:
     return charts
 
 
-def plot(value: FlownScenario | Run | Iterable[Run] | Band | Tube) -> Sheet:
+def plot(value: FlownScenario | Run | Iterable[Run] | SignalBounds | Tube) -> Sheet:
     """Draw flights or what is claimed of them.
 
     Parameters
     ----------
-    value : FlownScenario, Run or iterable of Run; Band; Tube
+    value : FlownScenario, Run or iterable of Run; Band or Residual; Tube
         Flights: both errors, roll and load factor over time, with their limits and claims. A band:
         each signal with the flights that were counted, on a route its map before them. A tube: the
         bounds of both errors.
@@ -231,8 +235,9 @@ def plot(value: FlownScenario | Run | Iterable[Run] | Band | Tube) -> Sheet:
     >>> ft.plot(ft.fly(ft.load_scenario("paper_as_printed"))).save("flight.svg")
     >>> ft.plot(ft.band("mission_in_wind", epsilon=0.2, confidence=0.8)).save("band.svg")
     """
-    if isinstance(value, Band | Tube):
-        return Sheet(charts=band_charts(value) if isinstance(value, Band) else tube_charts(value))
+    if isinstance(value, SignalBounds | Tube):
+        charts = tube_charts(value) if isinstance(value, Tube) else band_charts(value)
+        return Sheet(charts=charts)
     runs = value.runs if isinstance(value, FlownScenario) else value
     runs = (runs,) if isinstance(runs, Run) else tuple(runs)
     styles = run_styles(runs)

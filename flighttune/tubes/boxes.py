@@ -7,7 +7,8 @@ from typing import Literal
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.claims.band import SAME_GAINS, Band
+from flighttune.claims.band import Residual
+from flighttune.claims.counted import SAME_GAINS
 from flighttune.claims.distribution import ROUNDING_DEG, STARTS, flown_values
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
@@ -19,6 +20,9 @@ from flighttune.simulate.bounds import Bounds
 
 # Rad by which the ends of a range are rounded where it is added to a start.
 ROUNDING_RAD = 1e-14
+
+# What the boxes of a tube are.
+OF_RESIDUALS = "`boxes` must be of residual signals (`ft.residual`)"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,18 +57,16 @@ class AircraftBoxes:
     band_sha256: str  # of all that the file of the band holds
 
     @classmethod
-    def of_band(cls, band: Band, t: FloatArray) -> "AircraftBoxes":
-        """The boxes of a band at the samples `t` (s) of a flight.
+    def of_band(cls, band: Residual, t: FloatArray) -> "AircraftBoxes":
+        """The boxes of a count at the samples `t` (s) of a flight.
 
-        Raises InputError if it is no band of residual signals, or claims nothing.
+        Raises InputError if it is not of residual signals, or claims nothing.
         """
+        if not (isinstance(band, Residual) and band.claims):
+            got = "no claim" if isinstance(band, Residual) else f"a {type(band).__name__}"
+            raise InputError(f"{OF_RESIDUALS}, got {got}.")
         model = band.flights.model
-        if model is None or not band.claims:
-            got = "one without a claim" if model else f"one of {', '.join(band.about.signals)}"
-            raise InputError(
-                "`boxes` must be a band of residual signals (`flighttune band SCENARIO --of "
-                f"residual`), got {got}."
-            )
+        assert model is not None  # of residual signals
         return cls(bounds=band.bounds(t), lags=model.lags, band_sha256=band.sha256)
 
     def difference(self, other: "AircraftBoxes") -> str | None:
@@ -76,7 +78,7 @@ class AircraftBoxes:
 
 
 def check_covered(
-    band: Band, scenario: Scenario, plant: PlantTable, gains: PIGains, start: float
+    band: Residual, scenario: Scenario, plant: PlantTable, gains: PIGains, start: float
 ) -> None:
     """Refuse a scenario of which none of the flights of a band could be a flight.
 
@@ -117,7 +119,7 @@ def check_covered(
 
 
 def probability_of(
-    band: Band, scenario: Scenario, plant: PlantTable, start: float
+    band: Residual, scenario: Scenario, plant: PlantTable, start: float
 ) -> CountedProbability:
     """Probability counted for a tube from starts within `start` (rad) of a scenario's.
 

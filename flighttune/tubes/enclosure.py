@@ -13,7 +13,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from flighttune.arrays import FloatArray, read_only_matrix
-from flighttune.claims.band import Band
+from flighttune.claims.band import Residual
 from flighttune.claims.distribution import STARTS, flown_values
 from flighttune.control.gains import COMMANDS, PIGains, gains_table
 from flighttune.control.inner_loop import InnerLag
@@ -441,7 +441,7 @@ def bounds_of(t: FloatArray, pairs: FloatArray) -> Bounds:
     return Bounds(t, pairs[..., 0], pairs[..., 1], QUANTITIES)
 
 
-def load_tube(path: str | Path, band: Band | None = None) -> Tube:
+def load_tube(path: str | Path, band: Residual | None = None) -> Tube:
     """Read a tube and rebuild its problem from the scenario in the file.
 
     Bounds and choices in it are not trusted before `Tube.verify` has checked them. The boxes of an
@@ -459,7 +459,7 @@ def load_tube(path: str | Path, band: Band | None = None) -> Tube:
         raise InputError(f"{path}: {error}") from error
 
 
-def _tube_from(claim: Claim, arrays: Arrays, band: Band | None) -> Tube:
+def _tube_from(claim: Claim, arrays: Arrays, band: Residual | None) -> Tube:
     scenario = scenario_from(claim.scenario)
     # Before anything as long as the scenario is made: a file may state a duration of years.
     k = sample_count(scenario)
@@ -491,7 +491,9 @@ def _tube_from(claim: Claim, arrays: Arrays, band: Band | None) -> Tube:
     )
 
 
-def _problem(claim: Claim, scenario: Scenario, arrays: Arrays, band: Band | None) -> TubeProblem:
+def _problem(
+    claim: Claim, scenario: Scenario, arrays: Arrays, band: Residual | None
+) -> TubeProblem:
     """The problem of the scenario; only boxes may come from the file, and a feasible reference."""
     gains = claim.gains
     if gains.K.shape != (2, 4):

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 
 from flighttune.arrays import FloatArray, check_positive
-from flighttune.claims.band import Band
+from flighttune.claims.band import Residual
 from flighttune.control.controller import SelfLimiting
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import InnerLag
@@ -51,7 +51,7 @@ class TubeProblem:
     plant: str  # label of the plant
     start: float  # rad: course and flight-path angle start within this of the scenario's
     disturbance: float | None  # rad/s: see `tube_problem`
-    band: Band | None  # of the residual signals of an aircraft: source of its boxes
+    band: Residual | None  # of the residual signals of an aircraft: source of its boxes
     law: Law  # law that flies the gains
     # shape (k, 6), rad, rad, rad, 1, rad/s, rad/s: course and flight-path angle to follow, the
     # commands planned for them (zeros where none are), and their rates; see `reference_samples`
@@ -65,7 +65,7 @@ class TubeProblem:
         if (self.boxes is None) != (self.table.aircraft is None):
             raise InputError(
                 f"`boxes` must be given for the tube of an aircraft, got {self.plant} without: "
-                "`flighttune band SCENARIO --of residual` counts them."
+                "`ft.residual` counts them."
                 if self.boxes is None
                 else f"`boxes` must be of an aircraft, got {self.plant}."
             )
@@ -265,7 +265,7 @@ def tube_problem(
     plant: str | None = None,
     start: float = 0.0,
     disturbance: float | None = None,
-    band: Band | None = None,
+    band: Residual | None = None,
     law: Law | None = None,
 ) -> TubeProblem:
     """The flights of a scenario on one of its plants.

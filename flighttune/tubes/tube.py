@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.claims.band import Band
 from flighttune.control.gains import PIGains
 from flighttune.errors import InfeasibleError
 from flighttune.flight.conditions import lead_on, reference_of, start_condition
@@ -75,7 +74,7 @@ def largest_disturbance(
     progress: Callable[[float], None] | None = None,
 ) -> LargestDisturbance:
     """Look for the largest disturbance, to two digits, for which the set of `tube` is bounded."""
-    problem = _problem(scenario, gains, changes, plant=plant, start=start)
+    problem = stated_problem(scenario, gains, changes, plant=plant, start=start)
     tried: dict[float, Tube] = {}
 
     def lost(size: float) -> bool:
@@ -88,72 +87,15 @@ def largest_disturbance(
     return LargestDisturbance(tubes=[tried[size] for size in sorted(tried)])
 
 
-def tube(
-    scenario: Scenario | str | Path,
-    gains: PIGains | str | None = None,
-    boxes: Band | None = None,
-    *,
-    plant: str | None = None,
-    start: float = 0.0,
-    disturbance: float | None = None,
-    changes: Mapping[str, Any] | None = None,
-    progress: Callable[[float], None] | None = None,
-) -> Tube:
-    """Enclose all flights of a scenario with one gain set, limits included.
-
-    This takes seconds for the law (11 s of one core for ``paper``) and minutes for an aircraft or a
-    box of starts; memory and time grow with the pieces that limits split the set into.
-
-    Parameters
-    ----------
-    scenario : Scenario, str or Path
-        A scenario with a reference over time; also a file, or the name of a shipped one.
-    gains : PIGains or str, optional
-        Gains of the paper's or of the exact law, or a gain set by name or file; by default the
-        first of the scenario.
-    boxes : Band, optional
-        Band of the residual signals of an aircraft, ``ft.band(..., of="residual")``: flights of its
-        identified model with these residuals are then enclosed.
-    plant : str, optional
-        Label of the plant; by default the first that is no aircraft, or with `boxes` the first
-        aircraft.
-    start : float, rad
-        Course and path angle start within this of the scenario's.
-    disturbance : float, rad/s, optional
-        Bound on the disturbance of each rate, of any shape; by default that of the scenario.
-    changes : mapping of str to value, optional
-        Values to set in a scenario that is read from a file, by dotted key.
-    progress : callable, optional
-        Called with the share of time that is enclosed, 0 to 1.
-
-    Returns
-    -------
-    Tube
-        Bounded, or unbounded with the reason. A flight that leaves it makes it unbounded too.
-
-    Raises
-    ------
-    InputError
-        If no tube knows the air or the plant, or the boxes are of other flights.
-    InfeasibleError
-        If tuning finds no such gains, or no tube knows the law.
-
-    Examples
-    --------
-    >>> tube = ft.tube("paper", "paper", changes={"flight.duration_s": 2.0})
-    >>> tube.status, tube.problem.plant
-    ('bounded', 'kinematic')
-    """
-    problem = _problem(
-        scenario, gains, changes, plant=plant, start=start, disturbance=disturbance, band=boxes
-    )
+def enclosed(problem: TubeProblem, progress: Callable[[float], None] | None = None) -> Tube:
+    """The tube of a problem; a flight that leaves it makes it unbounded."""
     enclosure = tube_of(problem, progress=progress)
     if flights_inside(enclosure):
         return enclosure
     return replace(enclosure, status="unbounded", reason=LEFT)
 
 
-def _problem(
+def stated_problem(
     scenario: Scenario | str | Path,
     gains: PIGains | str | None,
     changes: Mapping[str, Any] | None,

@@ -11,9 +11,10 @@ from dispersed import AEROSONDE, KINEMATIC, SOFT, WIND, one_of, plan_of, tables_
 
 import flighttune as ft
 from flighttune.campaign import band as band_module
-from flighttune.campaign.band import count_more, differing, flights_of, load_band, some_draws
+from flighttune.campaign.band import count_more, differing, flights_of, load_counted, some_draws
 from flighttune.campaign.counted_flights import plan_of as plan_of_band
 from flighttune.campaign.flying.rows import fly_group, rows_flown, scenario_of_run
+from flighttune.claims.band import TurnBack
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.gaps.residual import residuals_of
 from flighttune.simulate.run import with_claims
@@ -31,10 +32,10 @@ def small_plan(*disperse, runs=12, plants=(KINEMATIC,), **tables):
     return plan_of(scenario, *(disperse or START), runs=runs)
 
 
-def count(plan=None, rows=rows_flown, **settings):
-    """The band of a small plan, flown in this process."""
+def count(plan=None, rows=rows_flown, kind=ft.band, **settings):
+    """The band, or another kind of count, of a small plan, flown in this process."""
     with flown_here(band_module, rows):
-        return ft.band(plan or small_plan(), **{**FEW, **settings})
+        return kind(plan or small_plan(), **{**FEW, **settings})
 
 
 @pytest.fixture(scope="module")
@@ -177,7 +178,7 @@ def test_the_command_counts_reads_adds_and_verifies(tmp_path):
     again = answer("verify", file, "--count", 5)
     valid = answer("verify", file)
 
-    band = load_band(file)
+    band = load_counted(file)
     assert (made["status"], made["flights"], made["outside"]) == ("claimed", WITH_FIVE, 5)
     assert other["scale"] < made["scale"]
     assert [row["unit"] for row in made["half_widths"]] == ["deg", "deg"]
@@ -258,7 +259,7 @@ def test_a_band_is_not_drawn_around_a_run_of_another_airframe_or_with_sensors():
 
 @pytest.mark.slow
 def test_residual_signals_of_an_aircraft_are_counted_like_any_other():
-    counted = count(small_plan(plants=(KINEMATIC, AEROSONDE)), of="residual", flights=ALONE)
+    counted = count(small_plan(plants=(KINEMATIC, AEROSONDE)), kind=ft.residual, flights=ALONE)
     plan, model = plan_of_band(counted), counted.flights.model
     bounds = counted.bounds(np.arange(25) / 50.0)
 
@@ -270,7 +271,7 @@ def test_residual_signals_of_an_aircraft_are_counted_like_any_other():
     assert [row["unit"] for row in counted.answer().tables[0].records] == 2 * ["deg/s"] + 2 * [
         "deg"
     ]
-    with pytest.raises(ft.InputError, match="`flighttune tube --boxes`"):
+    with pytest.raises(ft.InputError, match="as a tube or a band, got a Residual"):
         ft.fly(plan.scenario).within(counted)
 
 
@@ -286,10 +287,23 @@ def test_residual_signals_have_shorter_windows_than_recorded_ones():
     assert np.diff(residual.edges) == pytest.approx(0.04)
 
 
-def test_residual_signals_need_an_aircraft_and_are_not_recorded():
-    for settings, message in (
-        ({}, "`plant` must be an aircraft to have residual signals, got kinematic"),
-        ({"signals": ["n_z"]}, "`signals`, `given` and `fences` must be absent"),
-    ):
-        with pytest.raises(ft.InputError, match=message):
-            count(of="residual", **settings)
+def test_residual_signals_need_an_aircraft():
+    with pytest.raises(ft.InputError, match="`plant` must be an aircraft to have residual"):
+        count(kind=ft.residual)
+
+
+def test_a_count_of_one_kind_is_not_taken_for_another(counted, tmp_path):
+    """A band is no boxes of a tube; a file says what it is, and a class takes no other's values."""
+    counted.save(tmp_path / "x.npz")
+    with pytest.raises(ft.InputError, match=r"must be of residual signals .* got a Band"):
+        ft.tube("paper", "paper", counted)
+    said = flighttune("tube", "paper", "--boxes", tmp_path / "x.npz", status=2)[1]
+    assert "x.npz: `boxes` must be of residual signals" in said
+    for kind in (ft.Residual, TurnBack):
+        with pytest.raises(ft.InputError, match=r"`about\.of` must be"):
+            kind(
+                about=counted.about,
+                flights=counted.flights,
+                extremes=counted.extremes,
+                wind=counted.wind,
+            )

@@ -12,7 +12,7 @@ from dispersed import AEROSONDE, KINEMATIC
 
 import flighttune as ft
 from flighttune.campaign import band as band_module
-from flighttune.campaign.band import count_more, differing, load_band, some_draws
+from flighttune.campaign.band import count_more, differing, load_counted, some_draws
 from flighttune.claims.shape import learned_shape
 from flighttune.files.value import tables_of
 from flighttune.flight import own
@@ -107,14 +107,16 @@ def test_the_median_scenario_of_a_file_is_not_believed(counted, tmp_path):
     """The sentence names the airspeed of the flights, which are drawn about the nominal one."""
     about = edited(counted, "central", "flight", "V_a_mps", value=99.0)
 
-    assert load_band(forged(counted, tmp_path / "x.npz", about=about)).sentence == counted.sentence
+    assert (
+        load_counted(forged(counted, tmp_path / "x.npz", about=about)).sentence == counted.sentence
+    )
 
 
 def test_names_that_a_maker_chose_are_quoted_and_no_part_of_the_claim(counted, tmp_path):
     about = edited(counted, "campaign", "title", value='calm" air.\n Proven')
     about["plan"]["groups"][0]["gains"] = "tuned"
     about["plan"]["gains"] = {"tuned": about["plan"]["gains"]["soft"]}
-    band = load_band(forged(counted, tmp_path / "x.npz", about=about))
+    band = load_counted(forged(counted, tmp_path / "x.npz", about=about))
 
     (claim, maker), (before, _) = (x.sentence.split("; its maker calls ") for x in (band, counted))
 
@@ -129,7 +131,7 @@ def test_a_continued_count_cannot_pass_for_one_planned_so_long(counted, tmp_path
     about = edited(more, "runs", value=10 + 2 * WITH_FIVE)
     path = forged(more, tmp_path / "x.npz", about=about)
 
-    assert load_band(path).confidence > more.confidence
+    assert load_counted(path).confidence > more.confidence
     assert "flown again must be equal" in verified(path, 1)
 
 

@@ -126,7 +126,7 @@ def test_ctrl_c_ends_it_and_resume_goes_on(tmp_path, file, address):
     "command",
     [
         "worst first_campaign --budget 100000",
-        "band random_starts --of residual",
+        "band random_starts",
         "meet paper_identified --campaign robust_tuning",
     ],
 )

@@ -8,7 +8,7 @@ from scipy.stats import binomtest
 import flighttune as ft
 
 # the fewest flights that can support a claim: 0.7^7 <= 0.1
-FEW = ("--epsilon", 0.3, "--confidence", 0.9, "--learn", 10, "--flights", 7)
+FEW = ("--epsilon", 0.3, "--confidence", 0.9, "--flights", 7)
 
 AREA = [[47.39, 8.49], [47.39, 8.53], [47.42, 8.53], [47.42, 8.49]]
 
@@ -30,7 +30,7 @@ def mission(path, area=AREA, *, speed=26):
 @pytest.mark.slow
 def test_one_command_says_whether_a_mission_stays_inside_its_own_fence(tmp_path):
     file, page, out = mission(tmp_path / "m.plan"), tmp_path / "m.html", tmp_path / "m.npz"
-    said = answer("band", file, *FEW, "--out", out, "--page", page)
+    said = answer("mission", file, *FEW, "--out", out, "--page", page)
 
     assert said["fence"]["outside"] == 0
     flights = said["flights"]  # Clopper and Pearson, of one side, at the confidence of each claim
@@ -56,7 +56,7 @@ def test_one_command_says_whether_a_mission_stays_inside_its_own_fence(tmp_path)
 def test_a_mission_that_crosses_its_fence_is_flyable_and_leaves_it(tmp_path):
     near = [[47.39, 8.49], [47.39, 8.503], [47.42, 8.503], [47.42, 8.49]]
     file = mission(tmp_path / "m.plan", near)
-    said, failure = flighttune("band", file, *FEW, "--out", tmp_path / "m.npz", status=1)
+    said, failure = flighttune("mission", file, *FEW, "--out", tmp_path / "m.npz", status=1)
 
     assert "Flyable" in said
     assert "with probability at most 1, confidence" in " ".join(failure.split())
@@ -67,23 +67,23 @@ def test_what_is_not_flyable_or_not_fenced_is_refused_before_a_flight(tmp_path):
     refused = {
         ("--set", "route.turnaround_m=0", "--set", "route.wind_mps=60"): "must be",
         ("--aircraft", "c172p"): "`V_a_mps` must lie in 32 to 75",
-        ("--plant", "kinematic"): "must be absent for a mission",
         ("--like", "nowhere"): "nowhere",
     }
+    assert "counted with `flighttune mission`" in flighttune("band", file, status=2)[1]
     for options, words in refused.items():
-        assert words in flighttune("band", file, *FEW, *options, status=2)[1]
+        assert words in flighttune("mission", file, *FEW, *options, status=2)[1]
     far = mission(tmp_path / "f.plan", [[lat + 1.0, lon] for lat, lon in AREA])
-    assert "the start must be inside" in flighttune("band", far, *FEW, status=2)[1]
+    assert "the start must be inside" in flighttune("mission", far, *FEW, status=2)[1]
     for option in (("--aircraft", "aerosonde"), ("--like", "aerosonde"), ("--skip",)):
-        said = flighttune("band", "circuit_in_wind", *option, status=2)[1]
+        said = flighttune("mission", "circuit_in_wind", *option, status=2)[1]
         assert "it is no mission" in said
     delay = item(93, 30, -1, -1, -1, 0, 0, 0, frame=2)
     places = waypoint(47.4, 8.5, 60), delay, waypoint(47.3, 8.5, 60)
     delayed = plan_file(tmp_path / "d.plan", *places)
-    assert "`--skip`" in flighttune("band", delayed, *FEW, status=2)[1]
+    assert "`--skip`" in flighttune("mission", delayed, *FEW, status=2)[1]
     # With it the mission is read, and refused for its fence alone.
     skipped = ("--skip", "--fence", far)
-    assert "the start must be inside" in flighttune("band", delayed, *FEW, *skipped, status=2)[1]
+    assert "the start must be inside" in flighttune("mission", delayed, *FEW, *skipped, status=2)[1]
 
 
 @pytest.mark.slow
@@ -95,7 +95,7 @@ def test_the_air_of_a_mission_may_be_that_of_another_campaign(tmp_path):
         'distribution = "uniform"\nlower = 0.95\nupper = 1.05\n'
     )
     file = mission(tmp_path / "m.plan")
-    band = ft.band(str(file), like=str(calm), epsilon=0.3, confidence=0.9, learn=10, flights=7)
+    band = ft.mission(str(file), like=str(calm), epsilon=0.3, confidence=0.9, flights=7).band
 
     assert "calm air" in band.sentence or "wind" not in band.sentence
     assert band.half_widths.max() < 0.5  # m: in calm air the circuit is flown within 0.2 m

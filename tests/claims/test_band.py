@@ -10,8 +10,9 @@ from scipy.stats import binom
 
 import flighttune as ft
 from flighttune.claims import shape as shape_module
-from flighttune.claims.band import About, read_band
+from flighttune.claims.band import read_counted
 from flighttune.claims.count import allowed_outside, flights_needed
+from flighttune.claims.counted import About
 from flighttune.claims.shape import learned_shape, window_edges, window_extremes
 from flighttune.files.seal import BLANK, seal
 from flighttune.files.value import tables_of
@@ -59,7 +60,7 @@ def walks_flights(_):
 
 
 def load_walks(path):
-    return read_band(path, walks_flights)
+    return read_counted(path, walks_flights)
 
 
 @pytest.fixture(scope="module")

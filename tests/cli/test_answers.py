@@ -64,7 +64,11 @@ VERBS = {
     "certify": (lambda: ft.certify("paper", "K1"), ["paper", "--gains", "K1"]),
     "verify": (verified, ["certificate.json"]),
     "fly": (lambda: ft.fly("paper", changes=SHORT), ["paper", *SET]),
-    "route": (lambda: ft.route("circuit"), ["circuit"]),
+    "mission --plan": (lambda: ft.route("circuit"), ["circuit", "--plan"]),
+    "mission": (
+        lambda: ft.mission("circuit_in_wind", epsilon=0.3, confidence=0.9, flights=7),
+        ["circuit_in_wind", "--epsilon", 0.3, "--confidence", 0.9, "--flights", 7],
+    ),
     "verify run": (lambda: ft.refly(recorded()), []),
     "worst": (
         lambda: ft.worst("first_campaign", budget=32, metric="chi.ITAE", plant="kinematic"),

@@ -241,3 +241,31 @@ def test_what_cannot_be_read_of_a_command_line_is_one_line(words, wrong, help_of
     (line,) = done.stderr.splitlines()
     assert wrong in line
     assert help_of in line
+
+
+@pytest.mark.parametrize(
+    ("words", "now"),
+    [
+        (["route", "circuit", "--out", "x.kml"], "flighttune mission circuit --plan"),
+        (["band", "m.plan", "--fence=f.kml"], "flighttune mission m.plan --fence"),
+        (
+            ["band", "random_starts", "--of", "residual"],
+            "flighttune tube SCENARIO --boxes random_starts",
+        ),
+        (["band", "circuit", "--seed", "3"], "flighttune band circuit --set seed=N"),
+    ],
+)
+def test_a_command_or_option_of_an_earlier_version_names_the_new_one(words, now):
+    stdout, stderr = flighttune(*words, status=2)
+
+    assert stdout == ""
+    assert stderr.count("\n") == 1
+    assert f"is `{now}` now" in stderr
+
+
+def test_workers_may_stand_before_and_behind_a_command_that_has_at_most_twelve_options():
+    for words in (("--workers", 0, "band", "paper"), ("band", "paper", "--workers=0")):
+        assert "'--workers'" in flighttune(*words, status=2)[1]
+    for name, command in typer.main.get_command(app).commands.items():
+        options = [p.name for p in command.params if p.param_type_name == "option" and not p.hidden]
+        assert len({*options} - {"as_json", "quiet"}) <= 12, name

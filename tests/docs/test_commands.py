@@ -32,8 +32,13 @@ NOT_RUN = {
     "minutes, as make bench is, or figures that are tested one by one": "python (benchmarks|docs)/",
     "docs/test_first_mission_page.py": "python mission.py|flighttune verify runs/mission-band",
     "a cluster: campaign/test_faults.py": "flighttune campaign campaign.toml --scheduler",
-    "minutes: campaign/test_band.py": "flighttune (band |verify mission.npz)",
-    "after it: campaign/test_mission_band.py": "flighttune (verify|report) runs/mission-band",
+    "minutes: campaign/test_band.py, campaign/test_mission_band.py": (
+        "flighttune (band|mission (circuit_in_wind|mission.plan --aircraft)) "
+        "|flighttune verify mission.npz"
+    ),
+    "after it: campaign/test_mission_band.py": (
+        "flighttune (verify|report|mission) runs/mission-band"
+    ),
     "minutes": (
         "flighttune (tube feasible|tube paper --gains paper --disturbance|worst paper"
         "|meet paper_identified --(campaign|out)|identify aerosonde --V-a 25 --V-a 20)"
@@ -45,7 +50,8 @@ NOT_RUN = {
         "flighttune identify (a4|c172p) --out aircraft|flighttune design (a4|aerosonde|c172p)"
     ),
     "an aircraft or a route of the reader's own": (
-        "flighttune (adopt (models/mine.xml|Aircraft/)|(design|identify) mine|route mission.plan)"
+        "flighttune (adopt (models/mine.xml|Aircraft/)|(design|identify) mine"
+        "|mission mission.plan --plan)"
     ),
     "a log of the reader's own: tests/logs and tests/gaps": (
         "flighttune (report|gap|compare) flight.ulg|flighttune identify (monday.ulg|flight.tlog)"

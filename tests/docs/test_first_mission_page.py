@@ -11,7 +11,7 @@ from commands import flighttune
 
 PAGE = (Path(__file__).parents[2] / "docs/first_mission.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(python|sh|text)\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
-LEAVES = "flighttune band mission.plan --aircraft c172p --page mission.html"
+LEAVES = "flighttune mission mission.plan --aircraft c172p --page mission.html"
 
 
 def follow(blocks, folder):

@@ -11,9 +11,9 @@ from commands import answer, flighttune
 from scipy.stats import binomtest
 
 import flighttune as ft
-from flighttune.campaign.band import load_band
+from flighttune.campaign.band import load_counted
 from flighttune.campaign.counted_flights import check_one_path, plan_of
-from flighttune.claims.band import About
+from flighttune.claims.counted import About
 from flighttune.references.fence import SCAN_STEP, fence_tables, read_fence, room_along
 from flighttune.references.maps import north_east, on_earth, route_geojson, route_kml
 from flighttune.references.path import Ability, Waypoint, plan
@@ -290,7 +290,7 @@ def test_a_fence_needs_one_start_for_all_flights(band, box):
 
 def test_the_answer_is_no_where_the_count_does_not_support_it(band, box, tmp_path):
     band.save(tmp_path / "b.npz")
-    command = ("band", tmp_path / "b.npz", "--fence", box)
+    command = ("mission", tmp_path / "b.npz", "--fence", box)
     narrow = fence_file(tmp_path / "n.geojson", [(n, e / 30.0) for n, e in BOX])
 
     assert answer(*command)["fence"]["supported"]
@@ -302,13 +302,13 @@ def test_a_fence_is_kept_with_its_band_and_shares_its_confidence_and_page(band, 
     file, page = tmp_path / "b.npz", tmp_path / "b.html"
     band.save(file)
 
-    said = answer("band", file, "--fence", box)
+    said = answer("mission", file, "--fence", box)
     answer("report", file, "--out", page)
 
     assert said["confidence"] == pytest.approx(0.8)
     assert "confidence 0.8 (shared by the band and its fence)" in said["verdict"]
     assert "confidence 0.8 (shared by the band and its fence)" in said["sentence"]
-    assert load_band(file).about.fences == (json.loads(box.read_text()),)
+    assert load_counted(file).about.fences == (json.loads(box.read_text()),)
     text = page.read_text()
     assert "36 of 40 fresh flights are certainly inside" in text
     assert text.count("fence</span>") == text.count("Map</") == 1
@@ -318,15 +318,13 @@ def test_a_fence_is_kept_with_its_band_and_shares_its_confidence_and_page(band, 
 def test_flights_that_start_the_other_way_are_not_counted_inside_a_wall_behind_them(tmp_path):
     """A wall is 30 m behind the start; at 25 m/s and 45 deg a turn takes 65 m of radius."""
     wall = fence_file(tmp_path / "wall.geojson", [(-30, -500), (-30, 500), (900, 500), (900, -500)])
+    file = tmp_path / "b.npz"
     made = ("--plant", "kinematic", "--epsilon", 0.1, "--confidence", 0.9, "--learn", 10)
-    made += ("--flights", 22, "--out", tmp_path / "b.npz", "--fence", wall, *SETTINGS)
-    made += ("--set", "flight.duration_s=60")
-    back = answer(
-        "band", "circuit", "--start-deg", 2, *made, "--set", "flight.chi_deg=170", status=1
-    )
-
-    assert back["fence"]["outside"] == 22
-    assert answer("band", "circuit", "--start-deg", 2, *made)["fence"]["outside"] == 0
+    made += ("--flights", 22, "--out", file, *SETTINGS, "--set", "flight.duration_s=60")
+    for turned, outside in ((("--set", "flight.chi_deg=170"), 22), ((), 0)):
+        answer("band", "circuit", "--start-deg", 2, *made, *turned)
+        said = answer("mission", file, "--fence", wall, status=int(bool(turned)))
+        assert said["fence"]["outside"] == outside
 
 
 @pytest.mark.parametrize(
@@ -361,11 +359,17 @@ def test_a_fence_is_for_polygons_and_for_bands_on_a_route(band, box, tmp_path):
 
     with pytest.raises(ft.InputError, match="a Polygon for a fence"):
         read_fence(line, ORIGIN)
-    assert "`route` must be" in flighttune("band", "mission", "--fence", box, status=2)[1]
-    signal = ("--start-deg", 1, "--signal", "chi_err")
-    assert (
-        "of cross_track and" in flighttune("band", "circuit", *signal, "--fence", box, status=2)[1]
+    assert "`route` must be" in flighttune("mission", "mission", "--fence", box, status=2)[1]
+    about = replace(
+        band.about,
+        signals={"cross_track": "m"},
+        coefficients=band.about.coefficients[..., :1],
+        half=band.about.half[:, :1],
     )
+    beside = replace(band, about=about, extremes=band.extremes[:, :, :1])
+    beside.save(tmp_path / "b.npz")
+    said = flighttune("mission", tmp_path / "b.npz", "--fence", box, status=2)[1]
+    assert "of cross_track and" in said
 
 
 def test_maps_show_the_corridor_as_wide_and_high_as_the_band(band, tmp_path):
@@ -392,9 +396,10 @@ def test_maps_show_the_corridor_as_wide_and_high_as_the_band(band, tmp_path):
     assert heights == {997.0, round(1000.0 + band.scale, 2)}
 
 
-def test_the_corridor_of_another_route_is_refused(band, tmp_path):
+def test_the_route_of_a_band_is_written_with_its_corridor(band, tmp_path):
     band.save(tmp_path / "b.npz")
-    out = ("--claim", tmp_path / "b.npz", "--out", tmp_path / "c.kml")
 
-    flighttune("route", "circuit", *SETTINGS, *out)
-    assert "of this route" in flighttune("route", "circuit", *out, status=2)[1]
+    said = answer("mission", tmp_path / "b.npz", "--plan", "--out", tmp_path / "c.kml")
+
+    assert said["length_m"] == pytest.approx(800.0)
+    assert "Corridor: a new flight leaves the band" in (tmp_path / "c.kml").read_text()

@@ -25,7 +25,9 @@ def test_a_route_over_the_date_line_is_short(tmp_path):
     line = tmp_path / "date.geojson"
     line.write_text('{"type": "LineString", "coordinates": [[179.995, 0], [-179.99, 0]]}')
 
-    assert answer("route", line)["length_m"] == pytest.approx(0.015 * 111_319.49, abs=0.1)
+    assert answer("mission", "--plan", line)["length_m"] == pytest.approx(
+        0.015 * 111_319.49, abs=0.1
+    )
 
 
 def test_a_route_that_no_flight_ends_in_time_is_refused_before_its_table(tmp_path, monkeypatch):
@@ -34,7 +36,7 @@ def test_a_route_that_no_flight_ends_in_time_is_refused_before_its_table(tmp_pat
     line = tmp_path / "far.geojson"
     swapped = '{"type": "LineString", "coordinates": [[8.5, 47.3], [8.51, 47.3], [47.31, 8.5]]}'
     line.write_text(swapped)
-    _, said = flighttune("route", line, status=2)
+    _, said = flighttune("mission", "--plan", line, status=2)
 
     assert f"{line}: `waypoints`: waypoint 3 must be reached within `duration_s`, 10000 s" in said
     assert "at 33.3 m/s" in said
@@ -43,8 +45,8 @@ def test_a_route_that_no_flight_ends_in_time_is_refused_before_its_table(tmp_pat
 def test_route_prints_the_stretches_and_writes_what_maps_read(tmp_path):
     file = plan_file(tmp_path / "m.plan", *PATROL)
     kml, geojson = tmp_path / "m.kml", tmp_path / "m.geojson"
-    printed, _ = flighttune("route", file, "--out", kml)
-    flighttune("route", file, "--out", geojson)
+    printed, _ = flighttune("mission", "--plan", file, "--out", kml)
+    flighttune("mission", "--plan", file, "--out", geojson)
 
     assert "loiter" in printed
     assert "180" in printed
@@ -60,17 +62,23 @@ def test_route_prints_the_stretches_and_writes_what_maps_read(tmp_path):
 def test_heights_on_a_map_are_those_of_the_plan_above_sea_level(tmp_path):
     """The home position is at 480 m; the plan begins 60 m above it and ends at 570 m."""
     kml, again = tmp_path / "m.kml", tmp_path / "again.kml"
-    flighttune("route", plan_file(tmp_path / "m.plan", *PATROL), "--out", kml)
+    flighttune("mission", "--plan", plan_file(tmp_path / "m.plan", *PATROL), "--out", kml)
     heights = [point[2] for point in kml_points(kml)]
 
     assert (heights[0], heights[-1]) == pytest.approx((540.0, 570.0), abs=CENTIMETRE)
 
     # What route writes it reads again at the same heights.
-    flighttune("route", plan_file(tmp_path / "m.plan", *PATROL), "--out", tmp_path / "m.geojson")
+    flighttune(
+        "mission",
+        "--plan",
+        plan_file(tmp_path / "m.plan", *PATROL),
+        "--out",
+        tmp_path / "m.geojson",
+    )
     line = json.loads((tmp_path / "m.geojson").read_text())["features"][0]["geometry"]
     line["coordinates"] = line["coordinates"][:2]
     (tmp_path / "leg.geojson").write_text(json.dumps(line))
-    flighttune("route", tmp_path / "leg.geojson", "--out", again)
+    flighttune("mission", "--plan", tmp_path / "leg.geojson", "--out", again)
     assert kml_points(again)[0][2] == pytest.approx(540.0, abs=CENTIMETRE)
 
 
@@ -78,13 +86,13 @@ def test_heights_on_a_map_are_those_of_the_plan_above_sea_level(tmp_path):
 def test_the_shipped_plans_begin_at_550_m_read_directly_and_by_their_scenario(tmp_path, name):
     plan = (SHIPPED_SCENARIOS / f"{name}.toml").with_suffix(".plan")
     for source, skip in ((name, ()), (plan, ("--skip",))):
-        flighttune("route", source, *skip, "--out", tmp_path / "r.kml")
+        flighttune("mission", "--plan", source, *skip, "--out", tmp_path / "r.kml")
         assert kml_points(tmp_path / "r.kml")[0][2] == 550.0
 
 
 def test_a_title_with_control_characters_gives_xml(tmp_path):
     file = plan_file(tmp_path / "x\x01\x1b.plan", *PATROL)
-    flighttune("route", file, "--out", tmp_path / "m.kml")
+    flighttune("mission", "--plan", file, "--out", tmp_path / "m.kml")
 
     name = ElementTree.parse(tmp_path / "m.kml").findtext(".//{*}name")
     assert name == "x  "
@@ -96,6 +104,6 @@ def test_route_does_not_write_over_the_file_that_it_reads(tmp_path):
     (tmp_path / "link.geojson").symlink_to(file)
 
     for out in (file, tmp_path / "link.geojson"):
-        _, said = flighttune("route", file, "--out", out, status=2)
+        _, said = flighttune("mission", "--plan", file, "--out", out, status=2)
         assert "`--out` must be another file" in said
     assert file.read_text() == text

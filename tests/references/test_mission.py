@@ -84,8 +84,10 @@ def test_commands_without_a_place_are_left_out_by_number_and_name(tmp_path):
     )
 
     assert rows_of(file) == rows_of(plan_file(tmp_path / "p.plan", *PATROL))
-    assert listed in " ".join(flighttune("route", file)[0].split())
-    assert listed in " ".join(json.loads(flighttune("route", file, "--json")[0])["notes"])
+    assert listed in " ".join(flighttune("mission", "--plan", file)[0].split())
+    assert listed in " ".join(
+        json.loads(flighttune("mission", "--plan", file, "--json")[0])["notes"]
+    )
 
 
 def test_commands_that_change_the_flight_are_left_out_on_request_alone(tmp_path):
@@ -296,8 +298,9 @@ def test_airspeeds_of_a_plan_are_flown_from_their_places_on(tmp_path):
         "that takes n_x flies each from its place on, if `holds_airspeed` of [route] is true. "
         "Otherwise the whole route is flown at the largest."
     )
-    assert flighttune("route", file)[0].startswith("m: airspeed 20 to 22 m/s, turns for")
-    whole = flighttune("route", file, "--set", "flight.V_a_mps=24")[0]
+    said, _ = flighttune("mission", "--plan", file)
+    assert said.startswith("m: airspeed 20 to 22 m/s, turns for")
+    whole = flighttune("mission", "--plan", file, "--set", "flight.V_a_mps=24")[0]
     assert whole.startswith("m: airspeed 24 m/s, turns for")
 
 
@@ -401,11 +404,13 @@ def test_the_airspeed_and_the_wind_that_are_assumed_are_in_the_first_lines(tmp_p
     file = plan_file(tmp_path / "m.plan", *PATROL)
     stated = ("--set", "flight.V_a_mps=24", "--set", "route.wind_mps=5")
 
-    assert flighttune("route", file)[0].splitlines()[0] == (
+    assert flighttune("mission", "--plan", file)[0].splitlines()[0] == (
         "m: airspeed 25 m/s (assumed), turns for wind up to 8.33 m/s (assumed), "
         "start 540 m above sea level"
     )
-    conditions = json.loads(flighttune("route", file, *stated, "--json")[0])["conditions"]
+    conditions = json.loads(flighttune("mission", "--plan", file, *stated, "--json")[0])[
+        "conditions"
+    ]
     assert conditions == "airspeed 24 m/s, turns for wind up to 5 m/s, start 540 m above sea level"
 
 
@@ -457,7 +462,7 @@ def test_files_of_other_programs_are_refused_in_one_line_that_names_what_is_read
     (tmp_path / "s.toml").write_text(SCENARIO.format(flight="").replace("m.plan", file.name))
 
     for source in (file, tmp_path / "s.toml"):
-        said = flighttune("route", source, status=2)[1]
+        said = flighttune("mission", "--plan", source, status=2)[1]
         assert (
             "must be a plan of QGroundControl, waypoints of Mission Planner, or KML or Geo" in said
         )

@@ -74,7 +74,7 @@ def assert_plan(tables):
 
 def test_a_plan_is_one_of_qgroundcontrol_with_turns_as_they_are_flown(mission, route, tmp_path):
     out = tmp_path / "out.plan"
-    flighttune("route", mission, "--out", out)
+    flighttune("mission", mission, "--plan", "--out", out)
     tables = json.loads(out.read_text())
 
     assert_plan(tables)
@@ -109,7 +109,7 @@ def test_the_corridor_of_a_plan_is_areas_to_stay_in_beside_the_zones(route, corr
 
 def test_kml_has_styles_waypoints_fence_and_corridor(mission, route, corridor, tmp_path):
     out = tmp_path / "out.kml"
-    flighttune("route", mission, "--out", out)
+    flighttune("mission", mission, "--plan", "--out", out)
     root = etree.parse(out).getroot()
     styles = {f"#{x.get('id')}" for x in root.iter(f"{SEEN}Style")}
 
@@ -179,7 +179,7 @@ def test_a_fence_that_crosses_itself_is_not_written(tmp_path):
         tmp_path / "m.plan", waypoint(47.4, 8.5, 60), waypoint(47.41, 8.5, 60), geoFence=fence
     )
 
-    _, said = flighttune("route", mission, "--out", tmp_path / "out.plan", status=2)
+    _, said = flighttune("mission", mission, "--plan", "--out", tmp_path / "out.plan", status=2)
 
     assert "must not cross" in said
     assert not (tmp_path / "out.plan").exists()
@@ -191,7 +191,7 @@ def test_circles_of_a_plan_stay_circles(tmp_path):
     mission = plan_file(
         tmp_path / "m.plan", waypoint(47.4, 8.5, 60), waypoint(47.41, 8.5, 60), geoFence=fence
     )
-    flighttune("route", mission, "--out", tmp_path / "out.plan")
+    flighttune("mission", mission, "--plan", "--out", tmp_path / "out.plan")
 
     written = json.loads((tmp_path / "out.plan").read_text())["geoFence"]
 

@@ -153,7 +153,7 @@ def test_boxes_whose_flights_are_made_up_are_refused_with_the_tube(proof):
 def test_with_its_band_boxes_are_rebuilt_and_flown_again(tmp_path):
     scenario = flight(duration_s=0.3, feed_forward=True)
     path = scenario_file(tmp_path / "flight.toml", scenario)
-    boxes = count(path, of="residual", flights=ALONE, start_deg=1.0, gains="paper")
+    boxes = count(path, kind=ft.residual, flights=ALONE, start_deg=1.0, gains="paper")
     found = tube(scenario, ft.PAPER_GAINS, band=boxes)
     found.save(tmp_path / "tube.npz")
     narrow = replace(boxes, extremes=np.float32(0.01) * boxes.extremes)

@@ -80,7 +80,7 @@ def test_the_largest_disturbance_that_is_bounded_is_found_to_two_digits(scenario
         (
             ["--plant", "jsbsim:aerosonde"],
             {"plant": [{"kind": "jsbsim", "aircraft": "aerosonde"}]},
-            "`boxes` must be given",
+            "`start_deg` must be given",
         ),
         (
             ["--disturbance", "0.01"],

@@ -1,0 +1,413 @@
+"""Counts of flights: draws, scores and the order statistic that their claims rest on."""
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeAlias
+from zipfile import ZipFile
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field
+
+from flighttune.aircraft.aircraft import files_hash
+from flighttune.arrays import FloatArray, check_between
+from flighttune.claims.count import allowed_outside, counted_scale
+from flighttune.claims.distribution import PLACE, Distribution
+from flighttune.claims.shape import MIN_LEARNED, Extremes, predicted, scores_of
+from flighttune.control.gains import PIGains, gains_table
+from flighttune.control.law import split_name
+from flighttune.errors import InputError
+from flighttune.files.seal import BLANK, seal
+from flighttune.files.value import STRICT, tables_of
+from flighttune.files.whole import whole_file
+from flighttune.flight.route import PlannedRoute, planned_route
+from flighttune.gaps.residual import ConformantModel
+from flighttune.plants.base import plant_label
+from flighttune.present.answer import Answer, Answering, Column, Table, number, pick, quoted
+from flighttune.present.names import endings_table, listed, shown_unit
+from flighttune.scenario.load import leaves
+from flighttune.scenario.schema import Scenario
+from flighttune.simulate.bounds import Kind
+from flighttune.simulate.run import Run, along_route
+
+# Axis of the windows.
+Over: TypeAlias = Literal["time", "along"]
+
+# What is counted: recorded signals, what the model of an aircraft misses, or how far flights that
+# turn back come.
+Of: TypeAlias = Literal["residual", "turn_back"] | None
+
+Probability: TypeAlias = Annotated[float, Field(gt=0.0, lt=1.0)]
+
+# Numbers of flights at which a count is read, over the first of them.
+DOUBLED = 2 ** np.arange(31)
+
+# Relative difference of gains below which they are the same: tuning repeats to 1e-9.
+SAME_GAINS = 1e-6
+
+# Tables of a scenario that a run must share with the flights of a band drawn around it.
+SHARED = ("flight", "reference", "route", "law", "limits", "controller", "sensors")
+
+WIDTH_COLUMNS = [
+    Column("signal", "signal"),
+    Column("largest", "largest half-width", digits=".3g"),
+    Column("last_quarter", "in the last quarter", digits=".3g"),
+    Column("end", "at the end", digits=".3g"),
+    Column("low", "lowest bound", digits=".3g"),
+    Column("high", "highest bound", digits=".3g"),
+    Column("unit", "unit"),
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class About:
+    """The shape of a band, the flights that it is about, and its claim."""
+
+    of: Of = None
+    signals: dict[str, str]  # units by name
+    # (1 or 10, windows, signals): the middle of the band, by the terms of the wind
+    coefficients: FloatArray
+    half: FloatArray  # (windows, signals): half-width at scale 1
+    predicted_from: Literal["wind"] | None  # what the middle is predicted from
+    # of the campaign; its runs are the flights learned from, and those to be counted first
+    plan: dict[str, Any]
+    learned: Annotated[
+        int, Field(ge=MIN_LEARNED, le=10**9)
+    ]  # number of draws that the shape was learned from
+    epsilon: float
+    confidence: float  # of each claim at each number of flights
+    fences: tuple[dict[str, Any], ...] = ()  # GeoJSON in which flights were counted
+    # Epsilon and confidence that the count was planned with, where the claim has others
+    planned: tuple[Probability, Probability] | None = None
+
+    __pydantic_config__: ClassVar = STRICT
+    FORMAT: ClassVar[str] = "flighttune band 2"
+    UNITS: ClassVar[Mapping[str, str]] = {"half": "as in signals"}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BandFlights:
+    """The flights of a band and its windows: what follows from its plan, and is not in its file."""
+
+    over: Over = "time"  # axis of the windows: time, or the distance along a route
+    edges: FloatArray  # (windows + 1,), s or m
+    distribution: Distribution
+    scenario: Scenario  # as it is without what is drawn
+    central: Scenario  # at the median of what is drawn
+    plant: str  # label
+    gains_name: str
+    gains: PIGains
+    aircraft: Mapping[str, str]  # SHA-256 of the files of each, by name or folder
+    model: ConformantModel | None = None  # what residual signals are the residuals of
+
+    @property
+    def flown(self) -> str:
+        """Plant and law in words, by their kinds."""
+        table, law = self.scenario.plant_table(self.plant), self.scenario.law_table(self.gains_name)
+        return f"{plant_label(table.kind, table.aircraft)} under the {law.kind} law"
+
+    @property
+    def sentence(self) -> str:
+        """The flights in words; names that their maker chose are quoted as such."""
+        names = {"flights": self.distribution.title, "gains": self.gains_name}
+        if self.scenario.plant_table(self.plant).name:
+            names["plant"] = self.plant
+        said = listed([f"the {what} {quoted(name)}" for what, name in names.items()])
+        return f"{self.distribution.sentence(self.flown)}; its maker calls {said}"
+
+    @property
+    def gains_notes(self) -> tuple[str, ...]:
+        """A sentence if the gains were tuned for others."""
+        return self.scenario.gains_notes(self.plant, self.gains_name)
+
+    @property
+    def changed(self) -> list[str]:
+        """Aircraft whose files are no longer those that were flown."""
+        return [name for name, digest in self.aircraft.items() if files_hash(name) != digest]
+
+    @property
+    def route(self) -> PlannedRoute:
+        """The route that is flown; InputError if there is none, or an aircraft has changed."""
+        if self.changed:
+            raise other_files(self.changed)
+        return planned_route(self.central)
+
+    def difference(self, run: Run, scenario: Scenario) -> str:
+        """First key in which a run differs from these flights; empty if it is one of them."""
+        origin, flown = run.provenance, run.provenance.gains
+        if run.status != "completed":
+            return "status"
+        if self.plant != origin.plant:
+            return "plant"
+        if split_name(self.gains_name)[0] != split_name(origin.gains_name)[0]:
+            return "law"
+        if flown is None or not np.allclose(self.gains.K, flown.K, rtol=SAME_GAINS):
+            return "gains"
+        if self.changed:
+            return "aircraft files"
+        # the one in the middle has tables that are only there because one of their keys is drawn
+        scenarios = self.scenario, self.central, scenario
+        counted, middle, flown_keys = (_stated(tables, self.plant) for tables in scenarios)
+        drawn = {PLACE.sub("", key) for key in self.distribution.dispersed}
+        allowed = {key: (counted.get(key), middle.get(key)) for key in counted | flown_keys}
+        differ = (key for key, values in allowed.items() if flown_keys.get(key) not in values)
+        return next((key for key in differ if key not in drawn), "")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Counted(Answering):
+    """Flights of a distribution that were counted, and what a new one does with some probability.
+
+    What their signals mean is up to its kinds: a `Band`, a `Residual` or a `TurnBack`.
+    """
+
+    about: About
+    flights: BandFlights
+    extremes: Extremes
+    wind: FloatArray
+    endings: Sequence[Mapping[str, Any]] = ()
+    scores: FloatArray = field(init=False)
+    scale: float = field(init=False)
+
+    kind: ClassVar[Kind] = "counted"
+    of: ClassVar[Of] = None
+    title: ClassVar[tuple[str, str]] = "band", "half_widths"  # of the table of an answer
+
+    def __post_init__(self) -> None:
+        about = self.about
+        if about.of != self.of:
+            raise InputError(
+                f"`about.of` must be {self.of} of a {type(self).__name__}, got {about.of}."
+            )
+        scores = scores_of(self.extremes, self.wind, about.coefficients, about.half)
+        scale, _ = counted_scale(scores, about.epsilon, about.confidence)
+        object.__setattr__(self, "scores", scores)
+        object.__setattr__(self, "scale", scale)
+        check_between(0.0, 1.0, confidence=self.confidence)
+
+    @property
+    def claims(self) -> bool:
+        """Whether enough of its flights were completed."""
+        return bool(np.isfinite(self.scale))
+
+    @property
+    def readings(self) -> tuple[int, ...]:
+        """Numbers of flights at which it may have been read, which are fixed beforehand.
+
+        The first is planned, and each is twice the one before.
+        """
+        numbers = self._first * DOUBLED
+        return tuple(numbers[numbers <= len(self.extremes)].tolist())
+
+    @property
+    def _first(self) -> int:
+        return self.about.plan["runs"] - self.about.learned
+
+    @property
+    def draws(self) -> npt.NDArray[np.int64]:
+        """Draws of the flights counted."""
+        return self.draws_of(len(self.extremes))
+
+    def draws_of(self, flights: int) -> npt.NDArray[np.int64]:
+        """Draws of so many flights.
+
+        One draw is left out where the number planned is doubled: a count that was continued then
+        has other flights than one planned so long, and cannot pass for it.
+        """
+        i = np.arange(flights)
+        return self.about.learned + i + np.searchsorted(self._first * DOUBLED, i, side="right")
+
+    @property
+    def outside(self) -> int:
+        """Number of counted flights outside."""
+        return int(np.sum(self.scores > self.scale))
+
+    @property
+    def not_completed(self) -> int:
+        """Number of counted flights that did not complete, or count as if they had not."""
+        return int(np.isinf(self.scores).sum())
+
+    @property
+    def lost(self) -> str:
+        """How many counted flights have infinite extremes, and why, in words."""
+        off = " or flew behind their start or back along the route" * (self.flights.over == "along")
+        return f"{self.not_completed} did not complete{off}"
+
+    @property
+    def confidence(self) -> float:
+        """Confidence of all claims together: each spends its part of the error probability."""
+        about = self.about
+        spent = 1.0 - about.confidence + (1.0 - about.planned[1] if about.planned else 0.0)
+        return 1.0 - len(self.readings) * (1 + len(about.fences)) * spent
+
+    @property
+    def nearest(self) -> int:
+        """Draw of the flight inside that is nearest to leaving."""
+        inside = np.where(self.scores <= self.scale, self.scores, -np.inf)
+        return int(self.draws[np.argmax(inside)])
+
+    @property
+    def shared(self) -> str:
+        """How many claims share the confidence, in words; empty for a single one."""
+        fences, readings = len(self.about.fences), len(self.readings)
+        claims = ["the band and its fence" if fences == 1 else f"the band and {fences} fences"]
+        parts = claims * bool(fences) + [f"{readings} numbers of flights"] * (readings > 1)
+        shared = [f"by {' at '.join(parts)}"] if parts else []
+        if self.about.planned:
+            epsilon, confidence = self.about.planned
+            shared.append(f"with the claim planned, {epsilon:g} at {confidence:.10g}")
+        return f" (shared {' and '.join(shared)})" if shared else ""
+
+    @property
+    def _leaves(self) -> str:
+        """What a new flight does with a small probability, in words."""
+        raise NotImplementedError
+
+    @property
+    def sentence(self) -> str:
+        """The claim in words."""
+        about, flights = self.about, len(self.scores)
+        if not self.claims:
+            allowed = allowed_outside(flights, about.epsilon, about.confidence)
+            return (
+                f"nothing is claimed: of {flights} fresh flights {self.lost}, and at most "
+                f"{allowed} may. All are flights of {self.flights.sentence}"
+            )
+        return (
+            f"a new flight {self._leaves} with probability at most "
+            f"{number(about.epsilon)}, confidence {self.confidence:.10g}{self.shared}: "
+            f"{self.outside} of {flights} fresh flights did. All are flights of "
+            f"{self.flights.sentence}"
+        )
+
+    def claiming(self, epsilon: float, confidence: float) -> Self:
+        """The same count with another claim, which shares the confidence with that planned.
+
+        InputError if its flights are too few.
+        """
+        planned = self.about.planned or (self.about.epsilon, self.about.confidence)
+        claim: dict[str, Any] = {"epsilon": epsilon, "confidence": confidence}
+        claim["planned"] = None if planned == (epsilon, confidence) else planned
+        return replace(self, about=replace(self.about, **claim))
+
+    def with_flights(
+        self, extremes: Extremes, wind: FloatArray, endings: Sequence[Mapping[str, Any]] = ()
+    ) -> Self:
+        """The count after more flights."""
+        kept = np.concatenate([self.extremes, extremes]), np.concatenate([self.wind, wind])
+        all_endings = [*self.endings, *endings]
+        return replace(self, extremes=kept[0], wind=kept[1], endings=all_endings)
+
+    def _ends(self, wind: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper bounds in this wind, (1, 2) or (1, 0), shape (windows, signals) each."""
+        middle = predicted(wind, self.about.coefficients)[0]
+        half = self.scale * self.about.half
+        return middle - half, middle + half
+
+    @property
+    def sha256(self) -> str:
+        """Hash of all that its file holds, however the file is packed."""
+        digest = hashlib.sha256(json.dumps(tables_of(self.about), sort_keys=True).encode())
+        for array in (self.extremes, self.wind):
+            digest.update(array.tobytes())
+        return digest.hexdigest()
+
+    def save(self, path: str | Path) -> None:
+        """Write the count with its SHA-256 (.npz), whole or not at all."""
+        # First, as its `format` says what the file is.
+        arrays: dict[str, Any] = {"band": np.array(json.dumps(tables_of(self.about)))}
+        arrays |= {"extremes": self.extremes, "wind": self.wind}
+        if self.endings:
+            said = {str(x["run"]): "{status}: {reason}".format(**x) for x in self.endings}
+            arrays["endings"] = np.array(json.dumps(said))
+        with whole_file(Path(path)) as part:
+            with part.open("wb") as file:
+                np.savez_compressed(file, **arrays)
+            with ZipFile(part, "a") as archive:
+                archive.comment = BLANK.encode()  # at its end, and of no checksum of it
+            part.write_bytes(seal(part.read_bytes()))
+
+    def _sizes(self) -> list[dict[str, float]]:
+        """A row of numbers for each signal, by column of `WIDTH_COLUMNS`, in SI."""
+        raise NotImplementedError
+
+    @property
+    def _notes(self) -> list[str]:
+        """Sentences of an answer about what is counted."""
+        return []
+
+    @property
+    def _values(self) -> dict[str, Any]:
+        """Further values of an answer."""
+        return {}
+
+    def answer(self, file: str | Path = "FILE") -> Answer:
+        """What was counted, in a file, and its claim; a failure if nothing is claimed."""
+        about, rows = self.about, []
+        law = self.flights.scenario.law_table(self.flights.gains_name)
+        signals = about.signals.items() if self.claims else ()
+        for (signal, unit), sizes in zip(signals, self._sizes() if signals else (), strict=True):
+            shown, factor = shown_unit(unit)
+            in_unit = {key: float(size) * factor for key, size in sizes.items()}
+            rows.append({"signal": signal, **in_unit, "unit": shown})
+        notes = [*self.flights.gains_notes, *self._notes]
+        if self.claims:
+            seed = about.plan["campaign"]["seed"]
+            notes.append(
+                f"Of the flights inside, draw {self.nearest} (seed {seed}) is nearest to leaving: "
+                f"flighttune verify {file} --run {self.nearest}"
+            )
+        title, name = self.title
+        return Answer(
+            values={
+                "status": "claimed" if self.claims else "nothing_claimed",
+                **pick(about, "of epsilon predicted_from learned"),
+                **pick(self, "scale readings confidence outside not_completed sentence"),
+                "distribution": self.flights.sentence,
+                "gains": self.flights.gains.as_lists(),
+                "law": law.model_dump(mode="json", exclude_none=True),
+                "flights": len(self.scores),
+                "nearest_draw": self.nearest if self.claims else None,
+                **self._values,
+            },
+            tables=[
+                Table(WIDTH_COLUMNS, rows, title, name=name),
+                self.flights.distribution.table(self.flights.flown),
+                gains_table("gains", self.flights.gains),
+                endings_table(self.endings),
+            ],
+            notes=notes,
+            verdict=self.sentence if self.claims else "",
+            failure="" if self.claims else self.sentence,
+        )
+
+
+def other_files(aircraft: Iterable[str]) -> InputError:
+    """The error about aircraft whose files have changed since the flights of a band."""
+    return InputError(
+        f"`{listed(list(aircraft))}` must have the files that the band was flown with, got changed "
+        "ones."
+    )
+
+
+def _stated(scenario: Scenario, plant: str) -> dict[str, Any]:
+    """Values that all flights of a plant share, whatever the air, by dotted key."""
+    tables = scenario.as_dict()
+    tables = {key: tables[key] for key in SHARED if key in tables}
+    tables["plant"] = scenario.plant_table(plant).model_dump(mode="json", exclude_none=True)
+    return dict(leaves(tables))
+
+
+def axis_of(run: Run) -> FloatArray:
+    """Time of each sample, or its distance along a route."""
+    return along_route(run) if "along" in run.signals else run.t
+
+
+def wind_at_start(scenario: Scenario) -> Sequence[float]:
+    """North and east wind at the start, m/s."""
+    if scenario.wind is None:
+        return 0.0, 0.0
+    return scenario.wind.profile().at(scenario.flight.h_m)[:2]
