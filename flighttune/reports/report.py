@@ -115,9 +115,9 @@ def report(
     if not isinstance(source, Source):
         place, stated = Path(source), written(source, DATASET, *CLAIMS)
         if stated is not None:
-            if claims or changes:
+            if claims or changes or columns:
                 raise InputError(
-                    f"{place}: `--claim` and `--set` are for runs, and must be absent."
+                    f"{place}: `--claim`, `--set` and `--column` are for runs, and must be absent."
                 )
             if isinstance(stated, Dataset):
                 page = Path(path or place / "report.html")
@@ -129,6 +129,8 @@ def report(
         if claims:
             raise InputError(f"{source.name}: `--claim` must be absent: a log is of no scenario.")
         return write_log_page(source, Path(path or "report.html"))
+    if columns:
+        raise InputError(f"{source.name}: `--column` must be absent for what is no log.")
     return _of_runs(within(source, claims), Path(path or "report.html"))
 
 

@@ -179,15 +179,16 @@ def matrix_check(name: str, matrix: Rationals, denominator: int = 1) -> Check:
     size = max(abs(entry) for entry in matrix.flat) or Fraction(1)  # no entry may overflow
     smallest = float(np.linalg.eigvalsh((matrix / size).astype(float))[0])
     margin = Fraction(smallest) * size / denominator
-    return Check(name=name, margin=_as_float(margin), exact=positive_definite(matrix))
+    return Check(name=name, margin=as_float(margin), exact=positive_definite(matrix))
 
 
 def margin_check(name: str, margin: Fraction) -> Check:
     """Check that an exact number is not negative."""
-    return Check(name=name, margin=_as_float(margin), exact=margin >= 0)
+    return Check(name=name, margin=as_float(margin), exact=margin >= 0)
 
 
-def _as_float(value: Fraction) -> float:
+def as_float(value: Fraction) -> float:
+    """The nearest float; infinity where there is none that large."""
     try:
         return float(value)
     except OverflowError:

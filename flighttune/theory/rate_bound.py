@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, check_positive
-from flighttune.theory.exact import Check, Rationals, exact, positive_definite
+from flighttune.theory.exact import Check, Rationals, as_float, exact, positive_definite
 from flighttune.theory.lmi import blocks, largest, parameter, solve, unknown
 
 # Lower triangles of the four multipliers of a box, of order 2, 2, 2 and 4
@@ -105,7 +105,7 @@ def bound_checks(
         Check(name=f"boxes cover {R_bound:.6g} <= R_K <= 1", margin=-gap, exact=gap <= 0.0),
         Check(
             name=f"no gains in any of {len(margins)} boxes",
-            margin=float(min(margins)),
+            margin=as_float(min(margins)),
             exact=min(margins) > 0,
         ),
     ]

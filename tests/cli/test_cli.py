@@ -100,6 +100,7 @@ def test_infeasible_gains_are_not_flown_and_say_so(tmp_path):
         ("reproduce gain", "got gain; did you mean gains?"),
         ("band feasible", "feasible: `start_deg` must be given for a scenario in"),
         ("band feasible_starts --start-deg 2", "must be absent for what is no scenario"),
+        ("report paper --column a=b", "`--column` must be absent for what is no log"),
         ("worst paper", "`disperse` must name a key"),
         ("worst first_campaign --metric chi.NONE", "`metric` must be margin or one of"),
         ("worst first_campaign --budget 3", "`budget` must be at least"),
