@@ -174,6 +174,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
             flights or flights_needed(epsilon, confidence, OUTSIDE), epsilon, confidence
         )
         draws: Sequence[int] = range(LEARN + flights)
+        plan = plan.with_runs(len(draws))
     else:
         for name, value in {**of_flights, "seed": seed is not None, "flights": flights}.items():
             if value:
