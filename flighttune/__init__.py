@@ -21,8 +21,12 @@ MOVED = {
 }
 
 # What took the place of names that went.
-REPLACED = dict.fromkeys(("load_claim", "load_recording"), "flighttune.load")
-REPLACED |= dict.fromkeys(("save_claim", "save_identified"), "the method `save` of what is written")
+REPLACED = {
+    "load_claim": "flighttune.load",
+    "load_recording": "flighttune.load",
+    "save_claim": "the method `save` of what is written",
+    "save_identified": "the method `save` of what is written",
+}
 
 
 def __getattr__(name: str) -> Any:
