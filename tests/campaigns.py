@@ -219,7 +219,7 @@ def dask_cluster(folder, workers=1, threads=1, path=None):
 
 
 @contextmanager
-def flying(*arguments, command=("campaign", "run"), **options):
+def flying(*arguments, command=("campaign",), **options):
     """The command ``campaign``, or another, in a process group of its own for the block."""
     process = psutil.Popen(
         [sys.executable, "-m", "flighttune", *command, *map(str, arguments)],

@@ -16,7 +16,6 @@ from flighttune.campaign.band import count_more, differing, load_counted, some_d
 from flighttune.claims.shape import learned_shape
 from flighttune.files.value import tables_of
 from flighttune.flight import own
-from flighttune.planning.source import flights
 from tests.campaign.test_band import ALONE, WITH_FIVE, count, small_plan
 from tests.claims.test_band import forged
 from tests.cli.test_code_of_files import LAW
@@ -211,24 +210,22 @@ def told(band):
 
 
 def made(kind):
-    if kind == "turn_back":
-        return count(flights("circuit").plan(plant="kinematic"), turn_back=30.0, flights=ALONE)
-    plants = (KINEMATIC, AEROSONDE) if kind == "residual" else (KINEMATIC,)
-    of = "residual" if kind == "residual" else None
-    return count(small_plan(plants=plants), of=of, flights=ALONE)
+    if kind == "residual":
+        return count(small_plan(plants=(KINEMATIC, AEROSONDE)), kind=ft.residual, flights=ALONE)
+    return count(flights=ALONE)
 
 
 # Kinds of bands, with the fields that these have beside those of all
 KINDS = {
     "recorded": [()],
     "residual": [("of",), ("signals",), ("plan", "aircraft"), ("plan", "nominal", "plant")],
-    "turn_back": [("of",), ("signals",), ("plan", "nominal", "turn_back")],
 }
 
 
 # Of these another value is true of the same flights too: at one airspeed, of gains that grow with
-# it; of a place where no flight turned; and of a bank, in the wind that is told with it.
-TRUE_TOO = "schedule", "V_a_mps", "bank_deg"
+# it; of a place where no flight turned; of a bank, in the wind that is told with it; and of the
+# height of kinematic flights in calm air.
+TRUE_TOO = "schedule", "V_a_mps", "bank_deg", "h_m"
 
 
 @pytest.mark.parametrize(
@@ -236,7 +233,6 @@ TRUE_TOO = "schedule", "V_a_mps", "bank_deg"
     [
         pytest.param("recorded", marks=pytest.mark.slow),
         pytest.param("residual", marks=pytest.mark.slow),
-        pytest.param("turn_back", marks=pytest.mark.soak),
     ],
 )
 def test_no_sentence_uses_a_field_of_a_file_that_is_not_checked(tmp_path, kind):
