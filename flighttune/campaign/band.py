@@ -187,10 +187,8 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
         for name, value in {**options, "start_deg": start_deg, "changes": changes}.items():
             if value:
                 raise InputError(f"`{name}` must be absent for a band file, which has its own.")
-        counted = continued(source, flights, epsilon=epsilon, confidence=confidence, out=out, by=by)
-        if not isinstance(counted, Band):
-            raise InputError(f"{source}: must be of a band, got a {type(counted).__name__}.")
-        return counted
+        claim = {"epsilon": epsilon, "confidence": confidence}
+        return continued(load_band(source), source, flights, **claim, out=out, by=by)
     stated = flights_of_source(source, changes=changes).starting(start_deg)
     if stated.mission is not None:
         raise InputError(
@@ -240,21 +238,21 @@ def residual(  # noqa: PLR0913 - as `band`
     Parameters
     ----------
     source : Flights, Scenario, Campaign, Plan, str or Path
-        What `flights` takes; it must fly an aircraft with an identified model.
+        Flights as `flights` takes them, of an aircraft with an identified model.
     epsilon, confidence, flights, learn, gains, plant, air, seed, start_deg, changes : optional
-        As of `band`.
+        They have the meaning that they have for `band`.
     workers, scheduler, observer : optional
-        As of `band`.
+        They fly and watch as for `band`.
 
     Returns
     -------
     Residual
-        What `tube` takes.
+        The boxes for `tube`.
 
     Raises
     ------
     InputError, ScenarioError
-        As of `band`, or if an aircraft has no identified model.
+        If `band` raises one, or an aircraft has no identified model.
     StoppedError
         If the observer stopped the flights.
 
@@ -278,6 +276,7 @@ def residual(  # noqa: PLR0913 - as `band`
 
 
 def continued(
+    counted: C,
     file: str | Path,
     flights: int | None = None,
     *,
@@ -285,9 +284,8 @@ def continued(
     confidence: float | None = None,
     out: str | Path | None = None,
     by: By = (None, None, None),
-) -> Band | Residual | TurnBack:
-    """The count in a file with another claim, or with more flights, which the file keeps."""
-    counted = load_counted(file)
+) -> C:
+    """The count of a file with another claim, or with more flights, which the file keeps."""
     if flights is not None:
         with WorkerPool(*by) as pool:
             counted = count_more(counted, flights, pool)
@@ -435,6 +433,16 @@ def load_counted(path: str | Path) -> Band | Residual | TurnBack:
     counted = read_counted(path, of_plan)
     if counted.about.fences:
         check_one_path(plan_in(counted.about), counted.draws.tolist())
+    return counted
+
+
+def load_band(path: str | Path) -> Band:
+    """Read a band; an InputError refuses another kind of count."""
+    counted = load_counted(path)
+    if not isinstance(counted, Band):
+        raise InputError(
+            f"{path}: must be the file of a band, got that of a {type(counted).__name__}."
+        )
     return counted
 
 

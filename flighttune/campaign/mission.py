@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from flighttune.campaign.band import By, counted_on, drawn, load_counted
+from flighttune.campaign.band import By, counted_on, drawn, load_band
 from flighttune.campaign.counted_flights import check_one_path, plan_of
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.turn_back import turning_back
@@ -127,7 +127,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     flights : int, optional
         Number to count, by default as many as the claim needs with one of them outside (93).
     aircraft, like : str, optional
-        Of a mission, as `flights` takes them.
+        Aircraft and campaign for a mission, as `flights` takes them.
     skip : bool
         Leave out commands of a mission that have no place.
     seed : int, optional
@@ -250,7 +250,4 @@ def _kept(source: object) -> Band | None:
         return source
     if not (isinstance(source, str | Path) and kind_of(source) == BAND):
         return None
-    counted = load_counted(source)
-    if not isinstance(counted, Band):
-        raise InputError(f"{source}: must be of a band, got a {type(counted).__name__}.")
-    return counted
+    return load_band(source)

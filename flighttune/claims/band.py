@@ -88,8 +88,8 @@ class SignalBounds(Counted):
 
     @property
     def _notes(self) -> list[str]:
-        given = "The band is around a middle that is predicted from the wind of each flight."
-        return [given] if self.about.predicted_from else []
+        note = "The band is around a middle that is predicted from the wind of each flight."
+        return [note] if self.about.predicted_from else []
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

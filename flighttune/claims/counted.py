@@ -161,7 +161,7 @@ class BandFlights:
 class Counted(Answering):
     """Flights of a distribution that were counted, and what a new one does with some probability.
 
-    What their signals mean is up to its kinds: a `Band`, a `Residual` or a `TurnBack`.
+    Its kinds, a `Band`, a `Residual` and a `TurnBack`, say what their signals mean.
     """
 
     about: About
@@ -263,7 +263,7 @@ class Counted(Answering):
 
     @property
     def _leaves(self) -> str:
-        """What a new flight does with a small probability, in words."""
+        """The event of small probability, in words."""
         raise NotImplementedError
 
     @property
@@ -345,7 +345,7 @@ class Counted(Answering):
         return {}
 
     def answer(self, file: str | Path = "FILE") -> Answer:
-        """What was counted, in a file, and its claim; a failure if nothing is claimed."""
+        """The flights that were counted, and their claim; a failure if nothing is claimed."""
         about, rows = self.about, []
         law = self.flights.scenario.law_table(self.flights.gains_name)
         signals = about.signals.items() if self.claims else ()

@@ -67,8 +67,8 @@ class Grouped(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the command; one of an earlier version, or its option, is refused with the new."""
         name, *words = args
-        given = [word for word in words if not word.startswith("-")]
-        source = next(iter(given[args[:2] == ["campaign", "run"] :]), "FILE")
+        sources = [word for word in words if not word.startswith("-")]
+        source = next(iter(sources[args[:2] == ["campaign", "run"] :]), "FILE")
         for old in (name, *(f"{name} {word.partition('=')[0]}" for word in words)):
             if new := FORMER.get(old):
                 new = new.replace("FILE", shlex.quote(source))

@@ -81,7 +81,7 @@ def band(
     """
     options.check_ending(out, ".npz")
     from flighttune.campaign.band import band as count_band
-    from flighttune.campaign.band import continued
+    from flighttune.campaign.band import continued, load_counted
     from flighttune.files.load import BAND, kind_of
 
     changed, kept = options.changes(settings), kind_of(source) == BAND
@@ -102,7 +102,8 @@ def band(
     with campaign_display() as observer:
         if kept and not any(of_flights.values()):  # of any kind of count
             by = options.FLOWN_BY.get()
-            counted = continued(source, **claim, by=(by["workers"], by["scheduler"], observer))
+            flown_by = by["workers"], by["scheduler"], observer
+            counted = continued(load_counted(source), source, **claim, by=flown_by)
         else:
             flown = {**of_flights, **options.FLOWN_BY.get()}
             counted = count_band(source, **claim, **flown, observer=observer)
@@ -268,13 +269,13 @@ def tube(
     if largest and (boxes, out) != (None, None):
         raise InputError("`disturbance` must be a number with --boxes or --out, got largest.")
     flights = {"plant": plant, "start": start_deg * DEG, "changes": options.changes(settings)}
-    counted, given = None, boxes is not None and kind_of(boxes) == BAND
+    counted, in_file = None, boxes is not None and kind_of(boxes) == BAND
     if boxes is not None:
         with campaign_display() as observer:
             by = options.FLOWN_BY.get()
             counted = (
                 load_residual(boxes)
-                if given
+                if in_file
                 else residual(boxes, gains=gains, **by, observer=observer)
             )
     with campaign_display() as observer, progress_bar() as progress:
@@ -292,7 +293,7 @@ def tube(
             observer=observer,
         )
     files: dict[str, Path | None] = {"proof": None}
-    if enclosure.problem.band is not None and not given:
+    if enclosure.problem.band is not None and not in_file:
         files["boxes"] = Path(f"{base}-boxes.npz")
         enclosure.problem.band.save(files["boxes"])
     if enclosure.status == "bounded":

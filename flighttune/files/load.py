@@ -1,4 +1,4 @@
-"""What was written: one place that asks what a file is, by its content, and reads it.
+"""Files that were written: one place asks what each is, by its content, and reads it.
 
 The readers stand in a table and are imported on first use: this module knows every kind of file,
 and nothing of what they hold.

@@ -36,11 +36,11 @@ class Flights:
     Attributes
     ----------
     place : str
-        What they were read from, for messages and names of files.
+        The source that they were read from, for messages and names of files.
     scenario : Scenario
         The scenario without what is drawn.
     campaign : Campaign or None
-        What is drawn about it; none of a scenario alone.
+        The campaign with what is drawn; none of a scenario alone.
     recorded : Plan or None
         The plan of a campaign that was flown.
     mission : Path or None
