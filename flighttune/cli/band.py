@@ -243,8 +243,8 @@ def tube(
         str | None,
         Option(
             metavar="FILE|CAMPAIGN",
-            help="Boxes of an aircraft's residual signals: their file, or the campaign whose "
-            "flights they are counted of [default: of an aircraft those of the scenario, from "
+            help="Boxes of an aircraft's residual signals: a file, or a campaign on whose flights "
+            "they are counted [default: for an aircraft, counted on flights of SCENARIO from "
             "starts within --start-deg].",
         ),
     ] = None,

@@ -179,7 +179,7 @@ def test_a_file_keeps_why_flights_did_not_complete_and_no_other_draws(counted, t
     assert row["reason"] == "t = 2.5 to 11 s: hit the ground."
 
     replace(counted, extremes=extremes, endings=endings).save(file)
-    with pytest.raises(ft.InputError, match="`endings` must be of draws counted"):
+    with pytest.raises(ft.InputError, match="`endings` must be of draws"):
         load_walks(file)
 
 

@@ -145,7 +145,7 @@ def test_boxes_whose_flights_are_made_up_are_refused_with_the_tube(proof):
 
     assert "claimed, not proven" in stdout
     assert "flights of the band that are flown again must be equal to the bit" in stderr
-    with pytest.raises(ft.InputError, match="`boxes` must be given for the tube"):
+    with pytest.raises(ft.InputError, match="`boxes` must be given"):
         ft.verify(ft.load(proof[1]), boxes=proof[1])
 
 
