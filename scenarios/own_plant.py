@@ -43,19 +43,14 @@ class Glider:
             self.north += speed * level * math.cos(self.chi)
             self.east += speed * level * math.sin(self.chi)
             self.down -= speed * math.sin(self.gamma)
-        return (
-            ft.loop.Stop("left_envelope", f"{self.V_a:.1f} m/s: stalled")
-            if self.V_a < 12.0
-            else None
-        )
+        if self.V_a < 12.0:
+            return ft.loop.Stop("left_envelope", f"{self.V_a:.1f} m/s: stalled")
+        return None
 
 
 if __name__ == "__main__":
-    tables = ft.load_scenario("level_turn").as_dict() | {
-        "law": ["paper", "exact"],
-        "gains": ["paper"],
-    }
-    tables["plant"] = [{"kind": "point_mass"}]
+    changes = {"law": ["paper", "exact"], "gains": ["paper"], "plant": [{"kind": "point_mass"}]}
+    tables = ft.load_scenario("level_turn").as_dict() | changes
     flown = ft.fly(ft.scenario_from(tables), plants={"glider": Glider})
     print(flown.metrics[["ITAE", "MO_rad", "settling_s"]])
     print(ft.record(flown, sys.argv[1] if len(sys.argv) > 1 else "runs/own_plant"))

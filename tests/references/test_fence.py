@@ -322,8 +322,9 @@ def test_flights_that_start_the_other_way_are_not_counted_inside_a_wall_behind_t
     made = ("--plant", "kinematic", "--epsilon", 0.1, "--confidence", 0.9, "--learn", 10)
     made += ("--flights", 22, "--out", file, *SETTINGS, "--set", "flight.duration_s=60")
     for turned, outside in ((("--set", "flight.chi_deg=170"), 22), ((), 0)):
-        answer("band", "circuit", "--start-deg", 2, *made, *turned)
-        said = answer("mission", file, "--fence", wall, status=int(bool(turned)))
+        lost = int(bool(turned))
+        answer("band", "circuit", "--start-deg", 2, *made, *turned, status=lost)
+        said = answer("mission", file, "--fence", wall, status=lost)
         assert said["fence"]["outside"] == outside
 
 
