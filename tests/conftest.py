@@ -6,9 +6,13 @@ Property tests judge results, not the clock, and try the same cases every time.
 import gc
 import os
 
+import pytest
 from hypothesis import settings
 
+from flighttune.campaign.engine import pool
+from flighttune.campaign.engine.flyer import Flyer
 from flighttune.files.shipped import TRUST_AIRCRAFT
+from flighttune.simulate.batch import cores
 
 settings.register_profile("here", deadline=None, derandomize=True, database=None)
 settings.load_profile("here")
@@ -28,3 +32,45 @@ def pytest_collection_finish():
     """What has been collected stays to the end: no search among it either."""
     gc.freeze()
     gc.enable()
+
+
+class KeptFlyer(Flyer):
+    """A flyer whose process flies for later tests too, which saves each five seconds of imports."""
+
+    idle = []
+    _clean = True
+
+    def fly(self, work, draw):
+        self._clean = False  # a process that is stopped may be about to answer
+        answers = super().fly(work, draw)
+        self._clean = True
+        return answers
+
+    def end(self):
+        if self._clean and self._process.poll() is None:
+            self.idle.append((self._process, self._pipe, self._scratch))
+            return 0
+        self._clean = True  # that of the process started in its place
+        return self.end_process()
+
+    def end_process(self):
+        return super().end()
+
+    def _start(self):
+        if self.idle:
+            self._process, self._pipe, self._scratch = self.idle.pop()
+        else:
+            super()._start()
+
+
+pool.Flyer = KeptFlyer
+pool.cores = lambda: 1  # the other workers of xdist use the other cores
+
+
+@pytest.fixture
+def own_workers(monkeypatch):
+    """Workers as users have them: one for each core, whose processes end with the pool."""
+    while KeptFlyer.idle:
+        KeptFlyer().end_process()
+    monkeypatch.setattr(pool, "Flyer", Flyer)
+    monkeypatch.setattr(pool, "cores", cores)

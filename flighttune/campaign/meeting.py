@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -163,10 +162,6 @@ class Meeting(Answering):
     tuned_for: Mapping[str, Any]
     notes: tuple[str, ...]
     endings: Sequence[Mapping[str, Any]]
-
-    def save(self, path: str | Path) -> None:
-        """Write gains and numbers (.json), which `load_gains` and ``--gains`` read."""
-        self.answer().save(path)
 
     def answer(self) -> Answer:
         """Requirements, gains, margins and certificate; a failure if a requirement is missed."""

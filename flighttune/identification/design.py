@@ -163,8 +163,9 @@ class DesignedAircraft(Answering):
                 )
         return ""
 
-    def save(self, folder: Path) -> dict[str, Path]:
+    def save(self, folder: str | Path) -> dict[str, Path]:
         """Write gains and a figure of the steps into a folder; return the files by kind."""
+        folder = Path(folder)
         written, figure = save_gains(self.gains, folder), folder / FIGURE
         step_figure(self.config, self.steps).save(figure)
         return {"written": written, "figure": figure}

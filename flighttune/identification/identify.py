@@ -237,12 +237,12 @@ class AircraftIdentification(Answering):
         point = self.identified.conditions[0]
         return f"{self.identified.aircraft} at {point.V_a:g} m/s, {point.gamma / DEG:g} deg"
 
-    def save(self, path: Path | None = None) -> dict[str, Path | None]:
+    def save(self, path: str | Path | None = None) -> dict[str, Path | None]:
         """Write model and figure, by default into the aircraft's folder unless it is shipped."""
         shipped = Path("runs") / "identified" / f"{self.folder.name}.json"
         path = path or (shipped if is_shipped(self.folder) else self.folder / FILE_NAME)
         figure = identification_figure(self.conditions[0], self.place)
-        return save_with_figure(self.identified, path, figure)
+        return save_with_figure(self.identified, Path(path), figure)
 
     def answer(self) -> Answer:
         """Lags with their fits, and modes; a failure where a lag explains too little."""

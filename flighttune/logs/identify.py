@@ -147,12 +147,12 @@ class LogIdentification(Answering):
         first, *others = self.names
         return f"{first} and {len(others)} more" if others else first
 
-    def save(self, path: Path | None = None) -> dict[str, Path | None]:
+    def save(self, path: str | Path | None = None) -> dict[str, Path | None]:
         """Write model and figure, by default to ``runs/identified``; nothing without a model."""
         if self.identified is None:
             return {"model": None, "figure": None}
         path = path or Path("runs") / "identified" / f"{self.names[0]}.json"
-        return save_with_figure(self.identified, path, self.sheet())
+        return save_with_figure(self.identified, Path(path), self.sheet())
 
     def answer(self) -> Answer:
         """Lags with intervals; a failure where a channel has none."""

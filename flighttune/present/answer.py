@@ -360,6 +360,10 @@ class Answering:
         """Values, tables, notes and verdict, as they are shown."""
         raise NotImplementedError
 
+    def save(self, path: str | Path, /) -> Any:
+        """Write the JSON object of the answer; gains in it are read by `load_gains`."""
+        self.answer().save(path)
+
     # A dataclass makes a representation of all its arrays, unless its class has one already.
     def __init_subclass__(cls) -> None:
         cls.__repr__ = Answering.__str__

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -162,10 +161,6 @@ class TuningResult(Answering):
     def solved(self) -> bool:
         """Whether the gains meet all constraints."""
         return self.status in ("optimal", "found")
-
-    def save(self, path: str | Path) -> None:
-        """Write gains and numbers (.json), which `load_gains` and ``--gains`` read."""
-        self.answer().save(path)
 
     def answer(self) -> Answer:
         """Indicators, gains and margins; a failure with the nearest problem if there are none."""

@@ -23,7 +23,8 @@ import flighttune as ft
 from flighttune.campaign.dataset import open_dataset
 from flighttune.campaign.flying.rows import fly_runs
 
-pytestmark = pytest.mark.slow  # real clusters, processes that are killed
+# real clusters, processes that are killed
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_workers")]
 
 RUNS = 160
 

@@ -16,7 +16,7 @@ from flighttune.campaign.flying.columns import row_schema, table_of
 from flighttune.campaign.flying.rows import fly_runs
 from flighttune.flight.fly import library_versions
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_workers")]
 
 
 def listening(progress):

@@ -43,7 +43,8 @@ from flighttune.campaign.flying.rows import fly_runs
 from flighttune.errors import CampaignError
 from tests.cli.test_code_of_files import LAW
 
-pytestmark = pytest.mark.slow  # real clusters, processes that are killed
+# real clusters, processes that are killed
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("own_workers")]
 
 RUNS, WORKERS = 160, 2
 ENDINGS = [

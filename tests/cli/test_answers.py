@@ -134,3 +134,12 @@ def test_a_result_prints_what_its_answer_says():
 
     assert str(certified) == "\n".join(certified.answer().text(100))
     assert "proven: for the linear model, whose" in str(certified)
+
+
+def test_a_result_saves_its_answer_whose_gains_are_read(tmp_path):
+    certified = ft.certify("paper", "paper")
+
+    certified.save(tmp_path / "own.json")
+
+    assert (tmp_path / "own.json").read_text() == certified.answer().json() + "\n"
+    assert ft.load_gains(tmp_path / "own.json").K.tolist() == ft.PAPER_GAINS.K.tolist()
