@@ -34,10 +34,12 @@ def pytest_collection_finish():
     gc.enable()
 
 
+IDLE = []
+
+
 class KeptFlyer(Flyer):
     """A flyer whose process flies for later tests too, which saves each five seconds of imports."""
 
-    idle = []
     _clean = True
 
     def fly(self, work, draw):
@@ -48,7 +50,7 @@ class KeptFlyer(Flyer):
 
     def end(self):
         if self._clean and self._process.poll() is None:
-            self.idle.append((self._process, self._pipe, self._scratch))
+            IDLE.append((self._process, self._pipe, self._scratch))
             return 0
         self._clean = True  # that of the process started in its place
         return self.end_process()
@@ -57,8 +59,8 @@ class KeptFlyer(Flyer):
         return super().end()
 
     def _start(self):
-        if self.idle:
-            self._process, self._pipe, self._scratch = self.idle.pop()
+        if IDLE:
+            self._process, self._pipe, self._scratch = IDLE.pop()
         else:
             super()._start()
 
@@ -70,7 +72,7 @@ pool.cores = lambda: 1  # the other workers of xdist use the other cores
 @pytest.fixture
 def own_workers(monkeypatch):
     """Workers as users have them: one for each core, whose processes end with the pool."""
-    while KeptFlyer.idle:
+    while IDLE:
         KeptFlyer().end_process()
     monkeypatch.setattr(pool, "Flyer", Flyer)
     monkeypatch.setattr(pool, "cores", cores)
