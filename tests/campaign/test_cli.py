@@ -106,7 +106,7 @@ def test_ctrl_c_ends_it_and_resume_goes_on(tmp_path, file, address):
         below = children(command)
         os.killpg(command.pid, signal.SIGINT)
         command.resume()
-        assert command.wait(timeout=60) == 130
+        assert command.wait(timeout=240) == 130
         wait_until(lambda: gone(below))
         shown, said = command.communicate()
     there = open_dataset(out).rows()
@@ -138,7 +138,7 @@ def test_ctrl_c_ends_a_search_which_says_that_it_keeps_nothing(tmp_path, command
             assert line, before
             before.append(line)
         os.killpg(process.pid, signal.SIGINT)
-        shown, said = process.communicate(timeout=60)
+        shown, said = process.communicate(timeout=240)
 
     assert (process.returncode, shown) == (130, "")
     assert "kept" not in "".join(before)

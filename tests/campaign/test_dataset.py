@@ -58,7 +58,7 @@ def written(url, ours, *tables, versions=None):
     return url
 
 
-def test_pandas_and_duckdb_read_a_campaign_while_it_runs(tmp_path, address, monkeypatch):
+def test_pandas_and_duckdb_read_a_campaign_while_it_runs(tmp_path, monkeypatch):
     monkeypatch.setattr(dataset_module, "KEEP_MAX_S", 0.0)  # rows are written as they come
     ours = plan(tmp_path, runs=120)
     counts = []
@@ -70,7 +70,7 @@ def test_pandas_and_duckdb_read_a_campaign_while_it_runs(tmp_path, address, monk
             counts.append((len(found), found["run"].nunique(), *duckdb.sql(sql).fetchall()[0]))
         return False
 
-    ft.run_campaign(ours, tmp_path / "out", scheduler=address, observer=Notes(read))
+    ft.run_campaign(ours, tmp_path / "out", workers=1, observer=Notes(read))
 
     assert len(counts) > 2
     assert all(len(set(count)) == 1 for count in counts)
@@ -78,23 +78,23 @@ def test_pandas_and_duckdb_read_a_campaign_while_it_runs(tmp_path, address, monk
     assert counts[0][0] < counts[-1][0]
 
 
-def test_only_what_is_missing_is_flown(out, ours, rows, address):
+def test_only_what_is_missing_is_flown(out, ours, rows):
     before = {part.name: part.stat().st_mtime_ns for part in (out / "runs").iterdir()}
 
-    done = ft.run_campaign(ours, out, scheduler=address, resume=True)
+    done = ft.run_campaign(ours, out, workers=1, resume=True)
 
     assert (done.flown, done.runs) == (4, RUNS)
     assert bits(open_dataset(out).rows()) == bits(rows)
     assert before == {name: (out / "runs" / name).stat().st_mtime_ns for name in before}
 
 
-def test_a_finished_campaign_needs_nobody(tmp_path, ours, rows, address):
+def test_a_finished_campaign_needs_nobody(tmp_path, ours, rows):
     status = {"status": "diverged", "reason": "far off"}
     for name, said in status.items():
         column = pa.array([said, *rows[name].to_pylist()[1:]], rows[name].type)
         rows = rows.set_column(rows.column_names.index(name), rows.field(name), column)
     out = written(tmp_path, ours, rows)
-    ft.run_campaign(ours, out, scheduler=address, resume=True)
+    ft.run_campaign(ours, out, workers=1, resume=True)
 
     notes, nobody = Notes(), "tcp://127.0.0.1:1"
 
@@ -121,10 +121,10 @@ def test_rows_of_other_libraries_are_not_mixed(tmp_path, ours, rows):
         ft.run_campaign(ours, out, resume=True)
 
 
-def test_a_campaign_can_grow_and_not_shrink(out, ours, address):
+def test_a_campaign_can_grow_and_not_shrink(out, ours):
     longer = ours.with_runs(RUNS + 6)
 
-    done = ft.run_campaign(longer, out, scheduler=address, resume=True)
+    done = ft.run_campaign(longer, out, workers=1, resume=True)
 
     assert (done.flown, done.planned) == (10, RUNS + 6)
     assert bits(open_dataset(out).rows()) == bits(fly_runs(longer, range(RUNS + 6)))
@@ -132,11 +132,11 @@ def test_a_campaign_can_grow_and_not_shrink(out, ours, address):
         ft.run_campaign(ours, out, resume=True)
 
 
-def test_a_campaign_goes_on_with_the_tuned_gains_it_began_with(tmp_path, tuned, address):
+def test_a_campaign_goes_on_with_the_tuned_gains_it_began_with(tmp_path, tuned):
     rows = fly_runs(tuned, range(4))
     out = written(tmp_path, tuned, rows.slice(0, 2))
 
-    ft.run_campaign(with_gains(tuned, "tuned", 1.0 + 3e-7), out, scheduler=address, resume=True)
+    ft.run_campaign(with_gains(tuned, "tuned", 1.0 + 3e-7), out, workers=1, resume=True)
 
     assert bits(open_dataset(out).rows()) == bits(rows)
 
@@ -185,12 +185,12 @@ def truncated(data):
     return data[: len(data) // 2]
 
 
-def test_a_damaged_file_is_told_of_and_its_runs_are_flown_again(out, ours, rows, address):
+def test_a_damaged_file_is_told_of_and_its_runs_are_flown_again(out, ours, rows):
     part = sorted((out / "runs").iterdir())[0]
     part.write_bytes(truncated(part.read_bytes()))
     notes = Notes()
 
-    done = ft.run_campaign(ours, out, scheduler=address, resume=True, observer=notes)
+    done = ft.run_campaign(ours, out, workers=1, resume=True, observer=notes)
 
     assert done.flown == 8
     assert bits(open_dataset(out).rows()) == bits(rows)
@@ -229,12 +229,12 @@ def test_two_campaigns_are_not_flown_into_one_folder(tmp_path, ours):
         ft.run_campaign(ours, tmp_path)
 
 
-def test_signals_are_kept_of_failures_the_worst_and_a_sample(tmp_path, address):
+def test_signals_are_kept_of_failures_the_worst_and_a_sample(tmp_path):
     ours = plan(
         tmp_path, runs=40, keep='failures = 3\nworst = 2\nsample = 2\nworst_by = "gamma.ITAE"'
     )
 
-    done = ft.run_campaign(ours, tmp_path / "out", scheduler=address)
+    done = ft.run_campaign(ours, tmp_path / "out", workers=1)
 
     found = open_dataset(tmp_path / "out")
     rows = found.rows().to_pandas()

@@ -206,7 +206,7 @@ def test_the_scheduler_gone_is_one_line_and_the_rest_is_flown_here(
     ):
         some_parts(out)
         scheduler.kill()
-        assert command.wait(timeout=60) == 2
+        assert command.wait(timeout=240) == 2
         assert last_line(command) == (
             f"flighttune: {scheduler_address}: the connection to the scheduler is lost; what has "
             "been flown is kept, go on with the same command and --resume"
@@ -272,13 +272,13 @@ def test_a_campaign_ended_at_any_time_goes_on_to_the_same_bits(tmp_path, file, u
             for process in ended[who]:
                 with suppress(psutil.NoSuchProcess):
                     process.send_signal(number)
-            status = command.wait(timeout=60)
+            status = command.wait(timeout=240)
             wait_until(lambda workers=workers: gone(workers))
         kept = len(rows_of(out)) if parts(out) else 0
         seen[f"{who}, {number.name}: exit status {status}, {kept:3} rows kept"] += 1
 
         with flying(file, "--out", out, "--workers", "1", "--resume", **options) as command:
-            assert command.wait(timeout=120) == 0, last_line(command)
+            assert command.wait(timeout=240) == 0, last_line(command)
 
         assert bits(rows_of(out)) == undisturbed, (who, number)
         there = {path.name for path in out.iterdir()}
@@ -307,7 +307,7 @@ def test_a_file_that_may_not_grow_is_one_line(tmp_path, file, ours, undisturbed,
     limit = (FILE_LIMIT, FILE_LIMIT)
     options = {"preexec_fn": lambda: resource.setrlimit(resource.RLIMIT_FSIZE, limit)}
     with flying(file, "--out", out, "--scheduler", address, **options) as command:
-        assert command.wait(timeout=60) == 2
+        assert command.wait(timeout=240) == 2
         assert "must be writable, got file too large; what has been" in last_line(command)
     there = {path.name for path in out.iterdir()}
     assert there <= {"campaign.json", "campaign.lock", "runs", ".writing"}
@@ -328,7 +328,7 @@ def test_a_full_disk_is_one_line_and_what_is_there_stays(
         pytest.skip("a small disk can only be made by root where mounting is allowed")
     try:
         with flying(file, "--out", disk / "out", "--scheduler", address) as command:
-            assert command.wait(timeout=120) == 2
+            assert command.wait(timeout=240) == 2
             assert "got no space left on device; what has been" in last_line(command)
         there = rows_of(disk / "out")
         assert 0 < len(there) < RUNS

@@ -25,12 +25,12 @@ RUNS = 40
 
 
 @pytest.fixture(scope="module")
-def flown_folder(tmp_path_factory, address):
+def flown_folder(tmp_path_factory):
     """A real campaign of two gain sets on law and aircraft, in wind."""
     folder = tmp_path_factory.mktemp("flown")
     ours, out = plan(folder / "files", runs=RUNS), folder / "out"
-    ft.run_campaign(ours.with_runs(RUNS // 2), out, scheduler=address)
-    ft.run_campaign(ours, out, scheduler=address, resume=True)  # at least two files of rows
+    ft.run_campaign(ours.with_runs(RUNS // 2), out, workers=1)
+    ft.run_campaign(ours, out, workers=1, resume=True)  # at least two files of rows
     return out
 
 
