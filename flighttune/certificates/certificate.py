@@ -22,6 +22,7 @@ from flighttune.control.linear_model import (
     LinearModel,
     closed_loop,
     disturbance_entry,
+    inner_feedback,
     kinematic_model,
 )
 from flighttune.errors import InputError
@@ -314,7 +315,9 @@ class Certificate(Answering):
             **pick(claim, "envelope g"),
             "exact_rates": self.rates_values,
             "sentence": self.sentence,
-            "gains": pick(self.gains, "inputs errors K_P K_I"),
+            "gains": pick(
+                self.gains, "inputs errors K_P K_I" + " feedback" * self.gains.feeds_back
+            ),
             "model": pick(self.model, "states inputs errors A B C"),
         }
         return Answer(
@@ -404,15 +407,17 @@ def vertex_matrices(
 ) -> tuple[Rationals, ...]:
     """A_K at every vertex of the polytope, or of the model and `models`, without rounding.
 
-    ``[[A + B K_P C, B K_I], [C, 0]]`` in rational arithmetic; loops that are the same are one
-    vertex.
+    ``[[A + B K_P C, B K_I], [C, 0]]`` in rational arithmetic, the inner feedback of gains in A and
+    B; loops that are the same are one vertex.
     """
     K_P, K_I = exact(gains.K_P), exact(gains.K_I)
     if hull is None:
         # A loop that is there twice would be checked twice.
         distinct: list[Rationals] = []
         for linear in (model, *models):
-            loop = _closed_loop(exact(linear.A), exact(linear.B), exact(linear.C), K_P, K_I)
+            A, B, (k, k_M) = exact(linear.A), exact(linear.B), inner_feedback(linear, gains)
+            A, B = A - B @ exact(k_M), B * (1 + exact(k))
+            loop = _closed_loop(A, B, exact(linear.C), K_P, K_I)
             if not any(np.array_equal(loop, other) for other in distinct):
                 distinct.append(loop)
         return tuple(distinct)

@@ -144,7 +144,7 @@ class BandFlights:
             return "plant"
         if split_name(self.gains_name)[0] != split_name(origin.gains_name)[0]:
             return "law"
-        if flown is None or not np.allclose(self.gains.K, flown.K, rtol=SAME_GAINS):
+        if flown is None or not np.allclose(self.gains.numbers, flown.numbers, rtol=SAME_GAINS):
             return "gains"
         if self.changed:
             return "aircraft files"

@@ -47,12 +47,14 @@ def linear_bound(run: Run) -> LinearBound | None:
     """The bound that the gains of a run give it.
 
     None if there is no bound: another plant than the model of the law, wind, sensors, a disturbance
-    that jumps, no gains, an unstable loop, a flight of fewer than four samples, or signals of the
-    loop that are missing.
+    that jumps, no gains, gains that feed roll or load factor back (here a sample late), an unstable
+    loop, a flight of fewer than four samples, or signals of the loop that are missing.
     """
     trim, gains, L_d = trim_of(run), run.provenance.gains, stated_L_d(run)
     signals = run.signals
     if trim is None or gains is None or L_d is None or len(signals) < LEAST_SAMPLES:
+        return None
+    if gains.feeds_back:
         return None
     if not set(NEEDED) <= set(signals) or not np.isfinite(signals[list(NEEDED)].to_numpy()).all():
         return None

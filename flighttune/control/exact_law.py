@@ -70,6 +70,8 @@ class RateLaw(NamedTuple):
         Twice the part of the load factor's rate limit that catches the path angle.
     course_first : bool
         True if the course has priority.
+    feedback : tuple of two float, 1
+        Gains on measured roll and load factor against those expected.
     """
 
     channels: tuple[ChannelLaw, ...]
@@ -80,6 +82,7 @@ class RateLaw(NamedTuple):
     lift_floor: float
     brake: float
     course_first: bool
+    feedback: tuple[float, float]
 
 
 class ExactLaw(StatefulPI):
@@ -89,7 +92,9 @@ class ExactLaw(StatefulPI):
     ``nu = ref' + K_P e + K_I integral of e``. With the horizontal and vertical lift that they need,
     in weights, ``a = V_a cos(gamma) nu_chi / g`` and ``b = V_a nu_gamma / g + cos(gamma)``, the
     commands are ``phi = atan2(a, max(b, lift_floor))`` and, from the roll command after its limits
-    in the same sample, ``n_z = b / cos(phi)``. Valid for cos(gamma) > 0.
+    in the same sample, ``n_z = b / cos(phi)``. Valid for cos(gamma) > 0. With the `feedback` k of
+    the gains, what the aircraft lacks of these two after their limits is added,
+    ``u + k (u - measured)``, and limited again.
 
     Parameters
     ----------
@@ -199,6 +204,7 @@ class ExactLaw(StatefulPI):
             lift_floor=lift_floor,
             brake=2.0 * (braking or math.inf) * rate,
             course_first=priority == "chi",
+            feedback=gains.feedback,
         )
         self.state = empty_state((0.0, 1.0, 0.0)[: len(gains.inputs)])
 
@@ -210,12 +216,12 @@ class ExactLaw(StatefulPI):
         """Return roll and load-factor command after all limits, and the values of `signals`."""
         state, law, ref, V_ref = self.state, self.law, reference[:4], reference.V
         if self._third is None or V_ref is None:
-            exact_step(law, state, ref, measured[:2], turning_speed(measured))
+            exact_step(law, state, ref, _seen(measured), turning_speed(measured))
             return (*state.u, *state.integral)
         e_V, channel = self.airspeed_channel(self._third, measured, reference)
         turn, climb = (row.K_P[2] * e_V for row in law.channels)
         ref = *ref[:2], ref[2] + turn, ref[3] + climb
-        exact_step(law, state, ref, measured[:2], turning_speed(measured))
+        exact_step(law, state, ref, _seen(measured), turning_speed(measured))
         state.error[2] = e_V
         self._hold_airspeed(channel, measured.gamma, V_ref, reference.V_dot)
         return (*state.u, *state.integral)
@@ -233,6 +239,10 @@ class ExactLaw(StatefulPI):
             more = 0.0 if law.conditional else more
             more -= law.tracking_gain * (wanted - n_x) / (V_ref * self._per_g)
         state.integral[2] += more
+
+
+def _seen(measured: Measured) -> tuple[float, ...]:
+    return measured.chi, measured.gamma, measured.phi, measured.n_z
 
 
 def turning_speed(measured: Measured, estimate: tuple[float, ...] | None = None) -> float:
@@ -277,6 +287,28 @@ def rate_model(*, airspeed: bool = False) -> LinearModel:
     )
 
 
+def with_feedback(
+    limited: int,
+    k: float,
+    expected: float,
+    measured: float,
+    before: float,
+    lower: float,
+    upper: float,
+    step_down: float,
+    step_up: float,
+) -> tuple[float, float, int]:
+    """Command with what is lacking of the one expected, after its limits, and which limit holds.
+
+    In between stands the command expected that would have led to the one after the limits.
+    `limited` says which limit holds the command expected. Written so that Numba compiles it too;
+    the arguments from `before` on are those of `limit_command`.
+    """
+    wanted = expected + k * (expected - measured)
+    u, kind = limit_command(wanted, before, lower, upper, step_down, step_up)
+    return u, (u + k * measured) / (1.0 + k), limited or kind
+
+
 def exact_step(
     law: RateLaw,
     state: PIState,
@@ -286,13 +318,17 @@ def exact_step(
 ) -> None:
     """One sample of `ExactLaw`, which writes to `state`, written so that Numba compiles it too.
 
-    `ref`: course, flight-path angle (rad) and their rates; `y`: both angles measured; `V_a` (m/s).
+    `ref`: course, flight-path angle (rad) and their rates; `y`: both angles, roll and load factor
+    measured; `V_a` (m/s).
     """
-    channels, wrapped, conditional, tracking_gain, per_g, lift_floor, brake, course_first = law
-    (K_chi, I_chi, phi_low, phi_high, phi_down, phi_up), gamma_law = channels
-    K_gamma, I_gamma, n_z_low, n_z_high, n_z_down, n_z_up = gamma_law
+    channels, wrapped, conditional, tracking_gain, per_g, lift_floor = law[:6]
+    brake, course_first, (k_phi, k_n_z) = law[6:]
+    (
+        (K_chi, I_chi, phi_low, phi_high, phi_down, phi_up),
+        (K_gamma, I_gamma, n_z_low, n_z_high, n_z_down, n_z_up),
+    ) = channels
     # All of it by name at once: inlined by Numba, writes through attributes would be lost.
-    error, u, u_unsat, integral, limited, _ = state
+    error, u, u_unsat, integral, limited, _, expected = state
     e_chi, e_gamma = ref[0] - y[0], ref[1] - y[1]
     if wrapped:
         e_chi = wrap_angle(e_chi)
@@ -317,19 +353,32 @@ def exact_step(
             roll = math.copysign(math.asin(min(1.0, abs(a) / most)), a)
         else:
             roll = math.copysign(math.acos(min(1.0, b / most)), a)
-    phi, phi_limited = limit_command(roll, u[0], phi_low, phi_high, phi_down, phi_up)
+    phi, phi_limited = limit_command(roll, expected[0], phi_low, phi_high, phi_down, phi_up)
     load = b / math.cos(phi)
-    n_z, n_z_limited = limit_command(load, u[1], n_z_low, n_z_high, n_z_down, n_z_up)
+    n_z, n_z_limited = limit_command(load, expected[1], n_z_low, n_z_high, n_z_down, n_z_up)
+    expected[0], expected[1] = phi, n_z
+    before, u[0], u[1] = (u[0], u[1]), phi, n_z
+    # From here on, for anti-windup, phi and n_z are what would have led to the commands that fly.
+    if k_phi:
+        roll += k_phi * (phi - y[2])
+        u[0], phi, phi_limited = with_feedback(
+            phi_limited, k_phi, phi, y[2], before[0], phi_low, phi_high, phi_down, phi_up
+        )
+    if k_n_z:
+        load += k_n_z * (n_z - y[3])
+        u[1], n_z, n_z_limited = with_feedback(
+            n_z_limited, k_n_z, n_z, y[3], before[1], n_z_low, n_z_high, n_z_down, n_z_up
+        )
     if braked and n_z_limited == FREE:
         n_z_limited = RATE_LIMITED
-    u_unsat[0], u_unsat[1] = roll, load
-    u[0], u[1] = phi, n_z
-    limited[0], limited[1] = phi_limited, n_z_limited
+    u_unsat[0], u_unsat[1], limited[0], limited[1] = roll, load, phi_limited, n_z_limited
 
     # Whether the commands give the rates wanted; where no limit holds they do but for rounding.
     held_chi, held_gamma = phi_limited != FREE or floored, n_z_limited != FREE
-    more_chi = I_chi[0] * e_chi + I_chi[1] * e_gamma
-    more_gamma = I_gamma[0] * e_chi + I_gamma[1] * e_gamma
+    more_chi, more_gamma = (
+        I_chi[0] * e_chi + I_chi[1] * e_gamma,
+        I_gamma[0] * e_chi + I_gamma[1] * e_gamma,
+    )
     if conditional:
         more_chi, more_gamma = 0.0 if held_chi else more_chi, 0.0 if held_gamma else more_gamma
     elif tracking_gain:

@@ -1,7 +1,7 @@
 """Gains of the multivariable PI controller."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from pydantic import SerializerFunctionWrapHandler, model_serializer
 
 from flighttune.arrays import FloatArray, check_positive, read_only_matrix, set_read_only
+from flighttune.errors import InputError
 from flighttune.files.whole import write_text
 from flighttune.present.answer import Column, Table
 from flighttune.units import G_PAPER
@@ -26,6 +28,9 @@ RATES = ("chi_dot", "gamma_dot")
 WITH_AIRSPEED = {COMMANDS: (*COMMANDS, "n_x"), RATES: (*RATES, "V_dot")}
 
 ERRORS = ("chi", "gamma")
+
+# Of roll and load factor: nothing measured acts on their commands.
+NO_FEEDBACK = (0.0, 0.0)
 
 # The third error is that of the airspeed over its reference.
 ERRORS_WITH_AIRSPEED = (*ERRORS, "V")
@@ -57,6 +62,9 @@ class PIGains:
         Integral gain.
     inputs, errors : tuple of str, lengths m and p
         Channel names, in row and column order.
+    feedback : tuple of two float, 1
+        Of the exact law alone: gains k on measured roll and load factor against the u above, from 0
+        to below 1. The commands are ``u + k (u - measured)``.
 
     Examples
     --------
@@ -68,10 +76,29 @@ class PIGains:
     K_I: FloatArray
     inputs: tuple[str, ...] = COMMANDS
     errors: tuple[str, ...] = ERRORS
+    feedback: tuple[float, float] = NO_FEEDBACK
 
     def __post_init__(self) -> None:
         shape = len(self.inputs), len(self.errors)
         set_read_only(self, K_P=shape, K_I=shape)
+        object.__setattr__(self, "feedback", tuple(map(float, self.feedback)))
+        # Below 1 no delay of roll or load factor makes the inner feedback alone unstable.
+        if len(self.feedback) != 2 or not all(0.0 <= k < 1.0 for k in self.feedback):
+            raise InputError(
+                f"`feedback` must be two numbers from 0 to below 1, got {list(self.feedback)}."
+            )
+        if self.feeds_back and self.inputs[:2] != RATES:
+            raise InputError(
+                f"`feedback` must be 0 but for gains of the exact law, got {list(self.feedback)}."
+            )
+
+    @model_serializer(mode="wrap")
+    def _without_defaults(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Files of gains without feedback are those of before it."""
+        fields = dict(serialize(self))
+        if not self.feeds_back:
+            del fields["feedback"]
+        return fields
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, PIGains) and self._key == other._key
@@ -81,7 +108,17 @@ class PIGains:
 
     @property
     def _key(self) -> tuple[object, ...]:
-        return self.inputs, self.errors, tuple(self.K.ravel().tolist())
+        return self.inputs, self.errors, tuple(self.numbers.tolist())
+
+    @property
+    def feeds_back(self) -> bool:
+        """Whether measured roll or load factor acts on the commands."""
+        return any(self.feedback)
+
+    @property
+    def numbers(self) -> FloatArray:
+        """Every gain: those of `K` row by row, then `feedback`."""
+        return np.append(self.K, self.feedback)
 
     @property
     def K(self) -> FloatArray:
@@ -109,7 +146,8 @@ class PIGains:
         With ``law`` where they are those of the exact law.
         """
         law = {"law": self.law} if self.inputs[:2] == RATES else {}
-        return {"K_P": self.K_P.tolist(), "K_I": self.K_I.tolist(), **law}
+        fed = {"feedback": list(self.feedback)} if self.feeds_back else {}
+        return {"K_P": self.K_P.tolist(), "K_I": self.K_I.tolist(), **fed, **law}
 
     def save(self, path: str | Path) -> None:
         """Write the gains (.json), which `load_gains` and ``--gains`` of commands read."""
@@ -117,15 +155,26 @@ class PIGains:
 
     @classmethod
     def from_lists(
-        cls, K_P: npt.ArrayLike, K_I: npt.ArrayLike, law: str | None = None
+        cls,
+        K_P: npt.ArrayLike,
+        K_I: npt.ArrayLike,
+        law: str | None = None,
+        feedback: Iterable[float] | None = None,
     ) -> "PIGains":
         """The gains that `as_lists` wrote."""
         K_P = read_only_matrix("K_P", K_P)
+        roll, lift = feedback or NO_FEEDBACK
         inputs = {name: inputs for inputs, name in LAW_OF_INPUTS.items()}.get(law or "", COMMANDS)
         errors = ERRORS
         if len(K_P) > len(errors):
             inputs, errors = WITH_AIRSPEED[inputs], ERRORS_WITH_AIRSPEED
-        return cls(K_P=K_P, K_I=read_only_matrix("K_I", K_I), inputs=inputs, errors=errors)
+        return cls(
+            K_P=K_P,
+            K_I=read_only_matrix("K_I", K_I),
+            inputs=inputs,
+            errors=errors,
+            feedback=(roll, lift),
+        )
 
 
 # K* as printed below Eq. (43) of arXiv 2411.13140; rows phi, n_z; columns e_chi, e_gamma.
@@ -206,6 +255,11 @@ def command_gains(gains: PIGains, *, V_a: float, g: float = G_PAPER) -> PIGains:
 def _acting_on(inputs: tuple[str, str], gains: PIGains, factor: float) -> PIGains:
     if gains.inputs[:2] == inputs:
         return gains
+    if gains.feeds_back:
+        raise InputError(
+            "`gains` must be flown by the exact law where they feed roll or load factor back, got "
+            f"`feedback` {list(gains.feedback)}."
+        )
     K_P, K_I = gains.K_P * factor, gains.K_I * factor
     if not gains.airspeed:
         return PIGains(K_P=K_P, K_I=K_I, inputs=inputs)
@@ -230,4 +284,8 @@ def gains_table(title: str, gains: PIGains | None) -> Table:
         return Table(columns, [], title)
     rows = zip(gains.labels, gains.K_P.tolist(), gains.K_I.tolist(), strict=True)
     records = [{"command": name, "P": K_P, "I": K_I} for name, K_P, K_I in rows]
+    if gains.feeds_back:
+        columns.append(Column("feedback", "feedback", digits="z.4f", missing=""))
+        for record, fed in zip(records, gains.feedback, strict=False):
+            record["feedback"] = fed
     return Table(columns, records, title)

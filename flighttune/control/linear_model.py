@@ -10,7 +10,7 @@ apart, 32 vertices, contains them all as well and is never larger, and so it is 
 
 import itertools
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -172,7 +172,8 @@ def closed_loop(model: LinearModel, gains: PIGains) -> FloatArray:
     Returns
     -------
     ndarray, shape (n + p, n + p)
-        ``[[A + B K_P C, B K_I], [C, 0]]``; the paper's A_K(0) where C = I.
+        ``[[A + B K_P C, B K_I], [C, 0]]``; the paper's A_K(0) where C = I. The inner feedback of
+        the gains, if any, is in A and B (`fed_back`).
 
     Raises
     ------
@@ -190,7 +191,29 @@ def closed_loop(model: LinearModel, gains: PIGains) -> FloatArray:
     (4, 4)
     """
     model.check_channels(gains)
-    return closed_loops(model, gains.K)
+    return closed_loops(fed_back(model, gains), gains.K)
+
+
+def fed_back(model: LinearModel, gains: PIGains) -> LinearModel:
+    """The model with the inner feedback ``u + k (u - M x)``: ``A - B k M`` and ``B (1 + k)``."""
+    if not gains.feeds_back:
+        return model
+    k, k_M = inner_feedback(model, gains)
+    return replace(model, A=model.A - model.B @ k_M, B=model.B * (1.0 + k))
+
+
+def inner_feedback(model: LinearModel, gains: PIGains) -> tuple[FloatArray, FloatArray]:
+    """Inner feedback k of each input and k M, shapes (m,) and (m, n).
+
+    M measures what follows an input: the first state of its name. A model without one answers at
+    once, so that there is nothing to feed back.
+    """
+    n, m, _ = model.shape
+    k, M = np.zeros(m), np.zeros((m, n))
+    for i, (name, gain) in enumerate(zip(model.inputs, gains.feedback, strict=False)):
+        if name in model.states:
+            k[i], M[i, model.states.index(name)] = gain, 1.0
+    return k, k[:, None] * M
 
 
 def closed_loops(model: LinearModel, K: npt.ArrayLike) -> FloatArray:

@@ -12,7 +12,12 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.control.gains import PIGains
 from flighttune.control.inner_loop import with_input_lag
-from flighttune.control.linear_model import LinearModel, closed_loop, velocity_form
+from flighttune.control.linear_model import (
+    LinearModel,
+    closed_loop,
+    inner_feedback,
+    velocity_form,
+)
 from flighttune.present.answer import Column, Table, pick
 from flighttune.present.names import columns
 
@@ -191,7 +196,11 @@ def _is_stable(A_K: FloatArray) -> bool:
 
 
 def _opened(model: LinearModel, gains: PIGains) -> Loop:
-    return *velocity_form(model), -np.hstack([gains.K_P @ model.C, gains.K_I])
+    # The loop is cut behind the inner feedback, at the commands that fly.
+    k, k_M = inner_feedback(model, gains)
+    rows = np.hstack([gains.K_P @ model.C, gains.K_I]) * (1.0 + k)[:, None]
+    rows[:, : len(model.states)] -= k_M
+    return *velocity_form(model), -rows
 
 
 def _response(loop: Loop, omega: float | FloatArray) -> npt.NDArray[np.complex128]:

@@ -97,6 +97,8 @@ class PIState(NamedTuple):
         0 free, 1 held by a magnitude limit, 2 held by a rate limit.
     started : list of bool, length 1
         True after the first sample.
+    expected : list of float, length m
+        Commands after their limits before the inner feedback of the exact law; others leave it.
     """
 
     error: Vector
@@ -105,6 +107,7 @@ class PIState(NamedTuple):
     integral: Vector
     limited: Vector
     started: Vector
+    expected: Vector
 
 
 def empty_state(u: Sequence[float]) -> PIState:
@@ -117,6 +120,7 @@ def empty_state(u: Sequence[float]) -> PIState:
         integral=[0.0] * m,
         limited=[FREE] * m,
         started=[False],
+        expected=list(before),
     )
 
 
@@ -314,7 +318,7 @@ def pi_step(
     """
     channels, wrapped, conditional, tracking_gain, per_speed = law
     # All of it by name at once: inlined by Numba, writes through attributes would be lost.
-    error, u, unsaturated, integral, limited, started = state
+    error, u, unsaturated, integral, limited, started, _ = state
     # Written out for two errors: in CPython a loop over them costs a sixth of the whole step.
     e_0, e_1 = ref[0] - y[0], ref[1] - y[1]
     if wrapped[0]:

@@ -82,6 +82,11 @@ def sampled_loop(
         new_integral = old_integral + gains.K_I @ error * dt
         command = gains.K_P @ error + old_integral
 
+    # What the inner feedback measures: a lag's first state or, without lags, the last command.
+    starts = n + np.cumsum([0, *(lag.order for lag in lags)])[:-1] if lags else first_kept[:-1]
+    for i, fed in enumerate(gains.feedback):
+        command[i] += fed * (command[i] - np.eye(size)[starts[i]])
+
     M = np.zeros((size, size))
     M[:k, :k] = _held(A, np.zeros((k, 0)), dt)[0]
     for i in range(m):

@@ -59,12 +59,14 @@ def parquet_bytes(run: Run) -> bytes:
 
 def parts_of(run: Run) -> Parts:
     """Parts of the file of a run; RecordingError if JSON cannot hold its scenario."""
-    units = {**run.units, **SIGNAL_UNITS}
+    units, provenance = {**run.units, **SIGNAL_UNITS}, asdict(run.provenance)
+    if (gains := run.provenance.gains) is not None and not gains.feeds_back:
+        del provenance["gains"]["feedback"]  # files of such flights are those of before it
     description = {
         "format": FORMAT,
         "status": run.status,
         "reason": run.reason,
-        "provenance": asdict(run.provenance),
+        "provenance": provenance,
         "columns": {"t": "s", **{str(name): units.get(str(name)) for name in run.signals}},
         **({"claims": [*map(_described, run.claims)]} if run.claims else {}),
     }

@@ -204,6 +204,9 @@ def _in_gains(recorded: PIGains | None, reflown: PIGains | None) -> Iterator[Dif
         then, now = getattr(recorded, name), getattr(reflown, name)
         for i, j in np.argwhere(then != now).tolist():
             yield Difference(f"{name}[{i}][{j}]", None, float(then[i, j]), float(now[i, j]))
+    for i, (then, now) in enumerate(zip(recorded.feedback, reflown.feedback, strict=True)):
+        if then != now:
+            yield Difference(f"feedback[{i}]", None, then, now)
 
 
 def _in_signals(recorded: Run, reflown: Run) -> Iterator[Difference]:

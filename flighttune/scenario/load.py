@@ -223,7 +223,8 @@ def with_gains(
 def gains_table(path: Path) -> GainsTable:
     """The gain set in a file, called by the name of the file without its ending."""
     tables = json_tables(path) if path.suffix.lower() == ".json" else toml_tables(path)
-    kept = {key: tables[key] for key in ("K_P", "K_I", "law", "tuned_for") if key in tables}
+    keys = ("K_P", "K_I", "law", "feedback", "tuned_for")
+    kept = {key: tables[key] for key in keys if key in tables}
     name = re.sub(r"[^\w.*+-]", "_", path.stem)
     return validated(GainsTable, {"name": name, "law": DEFAULT, **kept}, str(path))
 
@@ -367,7 +368,7 @@ def load_gains(path: str | Path) -> PIGains:
     ----------
     path : path-like
         A file with ``K_P`` and ``K_I``, each two rows (phi, n_z) of two numbers (chi, gamma), and
-        ``law = "exact"`` where the rows are rates;
+        ``law = "exact"`` where the rows are rates, maybe with its ``feedback``;
         other keys (as `tune --json` writes them) are passed over.
 
     Returns

@@ -857,6 +857,10 @@ def _square(rows: list[list[float]]) -> list[list[float]]:
     return rows
 
 
+Feedback: TypeAlias = Annotated[
+    list[Annotated[float, Field(ge=0.0, lt=1.0)]], Field(min_length=2, max_length=2)
+]
+
 GainMatrix: TypeAlias = Annotated[list[list[q.Gain]], AfterValidator(_square)]
 
 
@@ -889,17 +893,19 @@ class GainsTable(q.Table):
 
     ``law`` says whose they are: the paper's, or the exact law's in 1/s and 1/s^2. By default the
     exact law's where the scenario flies no other, else the paper's. Other laws get them mapped.
+    ``feedback``, of the exact law alone, are its gains on measured roll and load factor.
     """
 
     name: Name
     K_P: GainMatrix
     K_I: GainMatrix
     law: Literal["paper", "exact"] | None = None
+    feedback: Feedback | None = None
     tuned_for: TunedFor | None = None
 
     def gains(self, law: str = DEFAULT) -> PIGains:
         """The gains as a value; `law` is whose they are where the table does not say."""
-        return PIGains.from_lists(self.K_P, self.K_I, self.law or law)
+        return PIGains.from_lists(self.K_P, self.K_I, self.law or law, self.feedback)
 
 
 Subject: TypeAlias = Literal["chi", "gamma", "V", "flight", "loop"]

@@ -47,6 +47,7 @@ COMPLETED, ROLLED, DIVERGED = 0, 1, 2
 
 register_jitable(wrap_angle)
 register_jitable(limits.limit_command)
+register_jitable(exact_law.with_feedback)
 exact_step = register_jitable(inline="always")(exact_law.exact_step)
 pi_step = register_jitable(inline="always")(mimo_pi.pi_step)
 for of_errors in (
@@ -104,9 +105,9 @@ def _fly(i, sensor_errors, flights, t, rows):
     for k in range(len(t)):
         now = ref[k if len(ref) > 1 else 0]
         chi_ref, gamma_ref = now[0], now[1]
-        y, speed = (chi, gamma), V_a
+        y, speed = (chi, gamma, u[0], u[1]), V_a
         if len(sensor_errors):
-            y = chi + sensor_errors[k, 0], gamma + sensor_errors[k, 1]
+            y = chi + sensor_errors[k, 0], gamma + sensor_errors[k, 1], u[0], u[1]
             speed = V_a + sensor_errors[k, 2]
         if flights.exact:
             rate = ref_rates[k if len(ref_rates) > 1 else 0]
@@ -160,14 +161,17 @@ def _channel(row):
 def _rate_law(row):
     channels = _channel(row[:8]), _channel(row[8:16])
     wrapped, conditional, course_first = row[16] != 0.0, row[17] != 0.0, row[22] != 0.0
-    return RateLaw(channels, wrapped, conditional, row[18], row[19], row[20], row[21], course_first)
+    brake, fed = row[21], (row[23], row[24])
+    return RateLaw(
+        channels, wrapped, conditional, row[18], row[19], row[20], brake, course_first, fed
+    )
 
 
 @njit
 def _state(phi, n_z):
     u, started = np.array([phi, n_z]), np.zeros(1, dtype=np.bool_)
     zero = np.zeros(2)
-    return PIState(zero, u, u.copy(), zero.copy(), zero.copy(), started)
+    return PIState(zero, u, u.copy(), zero.copy(), zero.copy(), started, u.copy())
 
 
 @njit

@@ -178,6 +178,8 @@ class Run:
         facts["signals"] = ", ".join(map(str, self.signals.columns))
         if origin.gains is not None:
             facts["gains"] = f"K_P {matrix(origin.gains.K_P)}, K_I {matrix(origin.gains.K_I)}"
+            if origin.gains.feeds_back:
+                facts["gains"] += f", feedback {', '.join(map(number, origin.gains.feedback))}"
         return facts_table(self.label, facts).html()
 
 

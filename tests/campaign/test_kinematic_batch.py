@@ -101,6 +101,8 @@ MOVED = (
     uniform("reference.gamma_deg[0].amplitude_deg", -10.0, 10.0),
 )
 EXACT = {"name": "e", "kind": "exact", "braking": 0.2, "lift_floor": 0.5}
+FED = {"name": "fed", "K_P": [[1.5, 0.0], [0.0, 1.3]], "K_I": [[0.8, 0.0], [0.0, 0.7]]}
+FED |= {"law": "exact", "feedback": [0.5, 0.3]}
 DISTURBED_BY = {"disturbance": WAVE, "expect": [SUCCESS]}
 
 
@@ -115,8 +117,9 @@ DISTURBED_BY = {"disturbance": WAVE, "expect": [SUCCESS]}
         ),
         ({"reference": MOVING}, MOVED, 60),
         ({**DISTURBED_BY, "law": [EXACT], "gains": ["paper"]}, EVERYTHING, 80),
+        ({**DISTURBED_BY, "law": [EXACT], "gains": [FED]}, EVERYTHING, 40),
     ],
-    ids=["seen as it is", "seen by sensors", "references that move", "exact law"],
+    ids=["seen as it is", "seen by sensors", "references that move", "exact law", "fed back"],
 )
 def test_draws_of_everything_at_once_are_flown_as_flights_alone(tables, dispersed, runs):
     plan = plan_of(tables_of(**tables), *dispersed, runs=runs)

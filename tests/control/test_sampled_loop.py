@@ -1,5 +1,7 @@
 """The map of the sampled loop over a sample is what the plant flies, with its lags and delays."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -66,9 +68,10 @@ def test_the_paper_s_law_flies_the_map_of_its_loop(lags):
     assert np.abs(flight - mapped(loop, 150, -1.0)).max() < NEAR * SMALL
 
 
+@pytest.mark.parametrize("feedback", [(0.0, 0.0), (0.5, 0.3)])
 @pytest.mark.parametrize("lags", [LAGS, LATE])
-def test_the_exact_law_flies_the_map_of_its_loop(lags):
-    gains = ft.loop.rate_gains(ft.PAPER_GAINS, V_a=V_a)
+def test_the_exact_law_flies_the_map_of_its_loop(lags, feedback):
+    gains = replace(ft.loop.rate_gains(ft.PAPER_GAINS, V_a=V_a), feedback=feedback)
     law = ft.loop.ExactLaw(gains, dt=DT, g=9.81, braking=None)
 
     loop, _ = sampled_loop(rate_model(), lags, gains, dt=DT, trapezoidal=False)

@@ -11,6 +11,7 @@ from flighttune.control.exact_law import (
     LIFT_FLOOR,
     ExactLaw,
     Priority,
+    RateLaw,
     rate_model,
 )
 from flighttune.control.gains import RATES
@@ -73,12 +74,13 @@ class Exact(Law):
 
     def sampled(self, setup: LawSetup, /) -> SampledController:
         """The controller as a tube encloses it: channels of rates, and their inversion."""
-        law = self.make(setup).law
+        law = _without_feedback(self.make(setup), "enclosed by a tube")
         return SampledController(law.channels, law.conditional, inverts=law)
 
     def outer_loop(self, setup: LawSetup, /) -> OuterLoop:
         """The controller for JSBSim alone."""
-        law = self.make(setup).law
+        # Its systems see the load factor of the frame before, so that the flight would be another.
+        law = _without_feedback(self.make(setup), "flown by JSBSim alone")
         values = {
             "ft/outer/conditional": float(law.conditional),
             "ft/outer/tracking-gain": law.tracking_gain,
@@ -89,3 +91,13 @@ class Exact(Law):
             "ft/outer/course-first": float(law.course_first),
         }
         return OuterLoop("exact_law.xml", ("chi", "gamma", "V"), values, takes_rates=True)
+
+
+def _without_feedback(controller: ExactLaw, purpose: str) -> RateLaw:
+    """Settings of a controller, which must not feed roll or load factor back."""
+    if controller.gains.feeds_back:
+        raise InputError(
+            f"`gains` must have no `feedback` to be {purpose}, got "
+            f"{list(controller.gains.feedback)}."
+        )
+    return controller.law
