@@ -1,10 +1,10 @@
-"""One cluster for all tests that need workers but do no harm to them."""
+"""One cluster for the tests of a module that do no harm to it: even idle it takes time."""
 
 import pytest
 from campaigns import dask_cluster
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def address(tmp_path_factory):
     """Address of a real scheduler with a worker of two threads."""
     with dask_cluster(tmp_path_factory.mktemp("cluster"), threads=2) as (address, _):

@@ -8,7 +8,7 @@ from flighttune.campaign.flying.rows import fly_runs
 
 pytestmark = pytest.mark.slow
 
-FLOWN, ON_CIRCUITS = 12, 4
+FLOWN, ON_CIRCUITS = 12, 2
 """Flights of each campaign here; what all of one come to is told by its report."""
 
 LONG = {"circuit_in_wind_a4", "circuit_in_wind_c172p"}
