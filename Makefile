@@ -41,7 +41,8 @@ soak: $(STAMP) picture-packages
 counts: export FUZZ_TIMES = 40
 counts: $(STAMP)
 	$(PYTEST) -m soak -rP tests/test_fuzz.py tests/test_damages.py \
-		tests/campaign/test_faults.py tests/campaign/test_meet.py
+		tests/campaign/test_faults.py tests/campaign/test_meet.py \
+		tests/docs/test_first_mission_page.py
 
 # The hooks of .pre-commit-config.yaml, which look at what git tracks; an unpacked archive has no git.
 lint: $(STAMP)
