@@ -223,20 +223,20 @@ def adopt(
     Parameters
     ----------
     model : str
-        Name of one that comes with JSBSim, the path of a main file, which ends in ``.xml``, that of
-        its folder, or that of a ``-set.xml`` of FlightGear or of its folder.
+        A model that comes with JSBSim, or the main file of another, or its folder; also the file
+        ``NAME-set.xml`` of an aircraft of FlightGear, or the folder that holds it.
     folder : Path
         Folder of the aircraft; made if need be.
     V_a : float, m/s, optional
-        Airspeed; by default one is chosen.
+        Airspeed, by default chosen by the model.
     h : float, m, optional
-        Height above sea level; by default 1000 m, or more for a steep glide.
+        Height above sea level, by default 1000, or more for a steep glide.
     values : mapping of str to float, optional
         Values of properties of the model, in its units, for the whole flight.
     throttle : str, optional
         Property that takes the throttle of the first engine.
     glide : bool
-        Whether the engines stay off.
+        Leave the engines off.
     rudder : bool
         Whether a rudder is used; without one, yaw is left to the airframe.
     say : callable

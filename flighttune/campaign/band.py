@@ -125,30 +125,33 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     Parameters
     ----------
     source : Flights, Scenario, Campaign, Plan, str or Path
-        What `flights` takes, other than a mission; or the file of a band, of which only the claim,
-        the number of flights and `out` are read: none of its flights is flown again, and more are
-        kept in it.
+        A campaign (file, shipped name or folder), a scenario in which something is random or
+        `start_deg` is given, or a band file: its flights are not flown again. It keeps what
+        is counted more, and takes only another claim, `flights` and `out`.
     signals : iterable of str, optional
-        Recorded signals, by default both errors, on a route the distances from it.
-    epsilon, confidence : float, 1, optional
-        Probability and confidence of the claim, by default 0.01 and 0.999.
+        Recorded signals to bound, by default chi_err and gamma_err, on a route cross_track and
+        height_err.
+    epsilon : float, 1, optional
+        Accepted probability of leaving the band, by default 0.01, or the file's.
+    confidence : float, 1, optional
+        Confidence of the claim, 0 to 1, by default 0.999, or the file's.
     flights : int, optional
-        Number to count, by default as many as the claim needs with five of them outside (1640); of
-        the file of a band 2, 4, 8 ... times as many as were planned.
+        Flights to count in all, by default as many as the claim needs with five of them outside
+        (1640). Of a file, 2, 4, 8 ... times as many as were planned.
     learn : int, optional
-        Number to learn the shape from, by default 500.
+        Flights to learn the shape from, by default 500.
     predicted_from : {"wind"}, optional
         Put the band around a middle that is predicted from the wind of each flight.
     gains : str, optional
         Gain set by name or file, by default tuned_identified, else the first.
     plant : str, optional
-        Label, by default the first aircraft, else the first plant.
+        Label of the plant, by default the first aircraft, else the first.
     air : {"calm", "wind", "light", "moderate", "severe"}, optional
-        Air of all flights, of those that the campaign has; by default drawn as in the campaign.
+        Air of all flights, of those of the campaign, by default as it draws them.
     seed : int, optional
         Seed of the draws, by default the campaign's.
     start_deg : float, deg
-        Half-width of the range of starts of a scenario in course and path angle.
+        Half-width of the start range in course and path angle.
     changes : mapping of str to value, optional
         Values to set in the scenario, by dotted key.
     out : str or Path, optional

@@ -149,9 +149,9 @@ class Verified(Answering):
 
 
 def verify(
-    claim: AnyClaim | str | Path,
+    claim: AnyClaim | Path | str,
     *,
-    boxes: Residual | str | Path | None = None,
+    boxes: Residual | Path | str | None = None,
     count: int | None = None,
     run_code: bool = False,
     pool: WorkerPool | None = None,
@@ -170,14 +170,14 @@ def verify(
     claim : Certificate, RateBound, Tube, Band, Residual, TurnBack, str or Path
         A claim, or its file; what it is, is read from its content.
     boxes : Residual, str or Path, optional
-        Count of `residual`, or its file, that confirms the boxes of an aircraft's tube.
+        Residual signals that confirm the boxes of an aircraft's tube.
     count : int, optional
-        Number of counted flights to fly again: by default so many that as many invented ones as
-        double epsilon are found with a probability of 95 %, 59 at 5 % and 299 at 1 %. A note states
-        the probability of missing them.
+        Counted flights to fly again, by default so many that as many invented ones as double
+        epsilon are found with a probability of 95 %: 59 at 5 % and 299 at 1 %. A note states the
+        probability of missing them.
     run_code : bool
-        Fly flights of a band again that run Python files which it names; without it such a band is
-        not checked, and not valid.
+        Fly flights of a band again that run Python files it names. Without it such a band is not
+        checked, and not valid.
     pool : WorkerPool, optional
         Workers that fly flights of a band again; by default one process per core.
 

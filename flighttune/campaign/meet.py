@@ -390,23 +390,23 @@ def meet(
     also : sequence of Scenario, str or Path
         Other scenarios whose requirements the same gains must meet; none with a campaign.
     start : PIGains or str, optional
-        Gains to start from, also by name or file; by default the best of those tuned for the law
-        and those of the scenario.
+        Gains to start from, also by name or file, by default the best of the tuned ones and the
+        scenario's.
     budget : int, optional
-        Maximum number of flights, by default 600, with a campaign 6000 with the count on fresh
-        draws.
+        Maximum number of flights, with those of the count on fresh draws, by default 600, or 6000
+        with a campaign.
     metric : str
-        What is minimised once all requirements are met by 20 % of their bounds: ``ITAE``, the sum
+        Metric to minimise once all requirements are met by 20 % of their bounds: ``ITAE``, the sum
         over both channels, or a column of campaign rows; or ``margin``, which maximises the margin
-        further. Not with a campaign.
+        further, by default ITAE. Not with a campaign.
     campaign : str or Path, optional
-        Campaign file, or the name of a shipped one, that disperses the scenario. Gains are searched
-        for that meet the requirements on as many draws as possible, and counted on the draws of the
-        campaign, none of which the search has seen.
+        Campaign that disperses the scenario: a file, or the name of a shipped one. The share of
+        draws that meet the requirements is maximised, and counted on the draws of the campaign,
+        none of which the search has seen.
     success : float, 1, optional
-        Share of the draws of a campaign on which gains must meet all requirements, 0.95 if None:
-        the lower end of its interval must reach it, or the estimate where no count of so many
-        draws has such an end. Not without a campaign.
+        Share of the draws of a campaign on which gains must meet all requirements, by default 0.95.
+        The lower end of its interval must reach it, or the estimate where no count of so many draws
+        has such an end. Not without a campaign.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
     workers : int, optional

@@ -114,20 +114,27 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     Parameters
     ----------
     source : Band, Flights, Scenario, Campaign, Plan, str or Path
-        A mission, scenario or campaign with a route, as `flights` takes it; or a band along a
-        route, or its file, whose flights are not flown again.
+        A mission (.plan, .waypoints, .kml, .geojson), a scenario or campaign with a route, or the
+        band file of one: its flights are not flown again.
     fences : sequence of str or Path
-        Plans, KML or GeoJSON with the areas to stay in and out of, by default a plan itself.
+        Plans, KML or GeoJSON with the areas to stay in and out of, by default that of a .plan.
     turn_back : str or float, deg, optional
-        Count how far flights come that turn back at any place of the route, too: 180 deg of course
-        at this bank, or a whole turn with ``circle:BANK``. A flight finds that it must, goes on for
+        Count the room to turn back too, and its volumes: flight geography, contingency volume and
+        ground risk buffer. Flights turn back at any place of the route, by 180 deg of course at
+        this bank, or by a whole turn with ``circle:BANK``. A flight finds that it must, goes on for
         1 s, and rolls in.
-    epsilon, confidence : float, 1, optional
-        Probability and confidence of each claim, by default 0.05 and 0.95, or those of the band.
+    epsilon : float, 1, optional
+        Accepted probability of each claim, by default 0.05, or the file's.
+    confidence : float, 1, optional
+        Confidence of each claim, 0 to 1, by default 0.95, or the file's.
     flights : int, optional
-        Number to count, by default as many as the claim needs with one of them outside (93).
-    aircraft, like : str, optional
-        Aircraft and campaign for a mission, as `flights` takes them.
+        Flights to count, by default as many as the claim needs with one of them outside (93).
+    aircraft : str, optional
+        Aircraft that flies a mission, at an airspeed at which it is identified, by default
+        aerosonde.
+    like : str, optional
+        Campaign whose air and dispersions the flights of a mission have, by default light
+        turbulence, wind to 8 m/s and the dispersions of the aircraft.
     skip : bool
         Leave out commands of a mission that have no place.
     seed : int, optional

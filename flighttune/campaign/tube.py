@@ -37,17 +37,17 @@ def tube(
     scenario : Scenario, str or Path
         A scenario with a reference over time; also a file, or the name of a shipped one.
     gains : PIGains or str, optional
-        Gains of the paper's or of the exact law, or a gain set by name or file; by default the
+        Gains of the paper's or of the exact law, or a gain set by name or file, by default the
         first of the scenario.
     boxes : Residual, optional
         What the model of an aircraft misses, ``ft.residual(...)``: flights of its identified model
         with these residuals are then enclosed. By default, for a `plant` that is an aircraft, those
         of the scenario's flights from starts within `start` are counted.
     plant : str, optional
-        Label of the plant; by default the first that is no aircraft, or with `boxes` the first
+        Label of the plant, by default the first that is not an aircraft, with boxes the first
         aircraft.
     start : float, rad
-        Course and path angle start within this of the scenario's.
+        Half-width of the start range in course and path angle.
     disturbance : float, rad/s, optional
         Bound on the disturbance of each rate, of any shape; by default that of the scenario.
     changes : mapping of str to value, optional

@@ -26,7 +26,8 @@ from flighttune.certificates.bound import RateBound
 from flighttune.certificates.certificate import Certificate
 from flighttune.claims.counted import About, BandFlights, Counted
 from flighttune.errors import InputError
-from flighttune.files.load import CLAIMS, written
+from flighttune.files.load import CLAIMS, load_one, written
+from flighttune.files.load import TUBE as TUBE_FILE
 from flighttune.files.table import toml_text
 from flighttune.files.whole import write_text
 from flighttune.flight.expectations import bound_checks
@@ -184,7 +185,7 @@ class WorstFlight(Answering):
 def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
     source: Flights | Scenario | Campaign | Plan | Tube | Counted | str | Path,
     *,
-    claim: Tube | None = None,
+    claim: Tube | Path | str | None = None,
     budget: int = 2000,
     metric: str | None = None,
     gains: str | None = None,
@@ -205,24 +206,28 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
     Parameters
     ----------
     source : Flights, Scenario, Campaign, Plan, Tube, Band, str or Path
-        What `flights` takes; or a tube or band, or its file, whose flights are searched for the one
-        nearest to its edge.
-    claim : Tube, optional
-        Search for the flight closest to the bounds of this tube.
+        A campaign (file, shipped name or folder), whose dispersions are searched, a scenario with
+        `start_deg` or `disturbance`, or the file of a tube or band: its flights are searched for
+        the one nearest to its edge.
+    claim : Tube, Path or str, optional
+        Tube to whose bounds the flight shall come closest; the answer says how many times wider it
+        is.
     budget : int
         Maximum number of flights.
     metric : str, optional
-        Column of campaign rows to maximise, or ``margin``, the largest excess over a requirement
-        relative to its bound; by default margin if there are requirements, else ``chi.ITAE``.
-    gains, plant : str, optional
-        Gain set by name or file, by default tuned_identified, else the first; and label of the
-        plant, by default the first.
+        Metric to maximise: a column of a campaign's rows, or ``margin``, the largest excess over a
+        requirement relative to its bound, by default margin if there are requirements, else
+        ``chi.ITAE``.
+    gains : str, optional
+        Gain set by name or file, by default tuned_identified, else the first.
+    plant : str, optional
+        Label of the plant, by default the first.
     completed : bool
         Consider only completed flights.
     start_deg : float, deg
-        Largest deviation of the starts of a scenario in course and path angle.
+        Half-width of the start range in course and path angle.
     disturbance : float, rad/s
-        Largest disturbance of both rates of a scenario.
+        Largest disturbance of a scenario's two rates, bang-bang or square.
     seed : int
         Seed of the search.
     changes : mapping of str to value, optional
@@ -252,6 +257,8 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
     >>> ft.worst("first_campaign", budget=32, metric="chi.ITAE", plant="kinematic").flights
     32
     """
+    of_file = isinstance(claim, str | Path)
+    tube: Tube | None = load_one(claim, "tube", TUBE_FILE) if of_file else claim
     stated = written(source, *CLAIMS) or source
     place = f"{source}: " if stated is not source else ""
     if isinstance(stated, AnyClaim):
@@ -261,13 +268,13 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
                 f"{place}metric, gains, starts, disturbance, changes and claim must be absent for "
                 "a tube or band file, which has its own."
             )
-        claim = stated if isinstance(stated, Tube) else None
+        tube = stated if isinstance(stated, Tube) else None
     bounds, sizes = None, (disturbance, disturbance)
     probes: Probes = {}
-    if claim is not None:
+    if tube is not None:
         if metric is not None:
             raise InputError("`metric` must not be given with a tube, whose share is the metric.")
-        bounds = claim.bounds.of(ERRORS)
+        bounds = tube.bounds.of(ERRORS)
         metric, probes = TUBE, {TUBE: partial(_use_of, bounds)}
     elif metric not in (None, MARGIN, *MEASURES):
         raise InputError(
@@ -311,7 +318,7 @@ def worst(  # noqa: PLR0913 - each is a choice of the user, and has a default
         flight,
         ratio=bounds.ratios(run.signals),
         ratio_of_search=of_search,
-        contradicts=_contradicts(run, claim),
+        contradicts=_contradicts(run, tube),
     )
 
 

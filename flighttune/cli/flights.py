@@ -8,7 +8,8 @@ from typing import Annotated
 from typer import Argument, Option
 
 from flighttune.cli import options
-from flighttune.cli.show import campaign_display, fail, on_interrupt, progress_bar, say, show
+from flighttune.cli.show import campaign_display, fail, on_interrupt, say, show
+from flighttune.cli.verbs import Verb, of
 from flighttune.errors import CampaignError, InputError, OutputError, RecordingError
 from flighttune.files.shipped import aircraft_names, scenario_files
 from flighttune.present.answer import Answer
@@ -16,23 +17,20 @@ from flighttune.present.answer import Answer
 KEPT = "what has been flown is kept, go on with the same command and --resume"
 
 
+@of("flight.fly:fly")
 def fly(
-    scenario: options.ScenarioArgument,
-    gains: options.GainSetsOption = None,
+    fly_scenario: Verb,
+    scenario: str,
+    gains: options.GainSetsOption = None,  # noqa: ARG001 - of the verb
     out: Annotated[Path | None, options.out_folder("runs/NAME")] = None,
     view: Annotated[bool, Option("--view", help="Open the recording in the viewer.")] = False,
     claim: options.ClaimOption = None,
-    settings: options.SetOption = None,
 ) -> None:
     """Fly every gain set of SCENARIO on each of its plants and record it."""
     from flighttune.campaign.claims import within
-    from flighttune.flight.fly import fly as fly_scenario
     from flighttune.recording.record import record
 
-    name, changed = Path(scenario).stem, options.changes(settings)
-    with progress_bar() as progress:
-        flown = fly_scenario(scenario, gains or (), changes=changed, progress=progress)
-    flown = within(flown, claim or ())
+    name, flown = Path(scenario).stem, within(fly_scenario(), claim or ())
     files = record(flown, out or Path("runs") / name, name=name)
     answer = replace(flown.answer(files.signals), files={"recording": files.recording})
     show(answer)
@@ -42,42 +40,25 @@ def fly(
         fail(answer.failure, answer.status)
 
 
+@of(
+    "flight.new:new_scenario",
+    name={"metavar": "NAME"},
+    aircraft={"autocompletion": aircraft_names},
+    overshoot={"metavar": "DEG"},
+    settle={"metavar": "S"},
+)
 def new(
-    name: Annotated[str, Argument(metavar="NAME", help="The scenario to write, to NAME.toml.")],
-    aircraft: Annotated[
-        str | None,
-        Option(
-            help="Aircraft that flies, by name or folder [default: aerosonde].",
-            autocompletion=aircraft_names,
-        ),
-    ] = None,
+    new_scenario: Verb,
     like: Annotated[str | None, Option(hidden=True)] = None,
-    overshoot: Annotated[
-        float | None,
-        Option(
-            metavar="DEG",
-            help="Overshoot of course and path angle at most [default: 5 and 3].",
-        ),
-    ] = None,
-    settle: Annotated[
-        float | None,
-        Option(
-            metavar="S",
-            help="Settling time of course and path angle, which are steps then, to 5 % at most.",
-        ),
-    ] = None,
 ) -> Answer:
     """Write a scenario of your own, with comments, that an aircraft can fly."""
-    from flighttune.flight.new import new_scenario
-
     if like is not None:
         file = scenario_files().get(like, like)
         raise InputError(
             f"`--like` must be absent: copy {file}, and set its aircraft, [flight] and [limits]; "
             "`flighttune list` has all."
         )
-    file = new_scenario(name, aircraft=aircraft, overshoot=overshoot, settle=settle)
-    return Answer(files={"scenario": file})
+    return Answer(files={"scenario": new_scenario()})
 
 
 def list_shipped() -> Answer:

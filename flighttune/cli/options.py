@@ -16,18 +16,13 @@ FLOWN_BY: ContextVar[Mapping[str, Any]] = ContextVar(
     "flown_by", default=MappingProxyType({"workers": None, "scheduler": None})
 )
 
-ScenarioArgument = Annotated[
-    str,
-    Argument(
-        metavar="SCENARIO",
-        help="A scenario file, or the name of a shipped one.",
-        autocompletion=scenario_files,
-    ),
-]
+# The argument of a command that takes a scenario alone.
+SCENARIO = {
+    "metavar": "SCENARIO",
+    "help": "A scenario file, or the name of a shipped one.",
+    "autocompletion": scenario_files,
+}
 GAINS_HELP = "Gain set (paper, K1..K6, tuned, a name from the scenario) or file of gains"
-GainsOption = Annotated[
-    str | None, Option(help=f"{GAINS_HELP} [default: the first of the scenario].")
-]
 GainSetsOption = Annotated[
     list[str] | None,
     Option("--gains", help=f"{GAINS_HELP} to fly; repeatable [default: those of the file]."),
@@ -48,17 +43,14 @@ CampaignArgument = Annotated[
         autocompletion=campaign_files,
     ),
 ]
-StartOption = Annotated[
-    float,
-    Option(help="Half-width of the start range in course and path angle, deg."),
-]
-CampaignGainsOption = Annotated[
-    str | None,
-    Option("--gains", help=f"{GAINS_HELP} [default: tuned_identified, else the first]."),
-]
 GainsFileOption = Annotated[
     Path | None, Option("--out", help="JSON file to write; `--gains` of other commands reads it.")
 ]
+
+
+def to_fly() -> list[str]:
+    """Names of what ships and can be flown, for completion."""
+    return [*campaign_files(), *scenario_files()]
 
 
 def changes(settings: list[str] | None) -> dict[str, Any]:
@@ -101,14 +93,6 @@ def number(text: str | None, option: str) -> float | None:
         return None if text is None else float(text)
     except ValueError:
         raise InputError(f"{option}: must be a number, got {text!r}.") from None
-
-
-def plant_label(default: str) -> Any:
-    """The option ``--plant`` of a command about one plant."""
-    return Option("--plant", help=f"Label of the plant as `fly` prints it [default: {default}].")
-
-
-AircraftPlantOption = Annotated[str | None, plant_label("the first aircraft")]
 
 
 ColumnOption = Annotated[

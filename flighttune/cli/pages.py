@@ -2,47 +2,28 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from typer import Argument, Option
 
 from flighttune.cli import options
 from flighttune.cli.show import progress_bar
+from flighttune.cli.verbs import Verb, of
 from flighttune.errors import InputError
 from flighttune.files.shipped import scenario_files
 from flighttune.present.answer import Answer
 
 
+@of(
+    "gaps.ladder:gap",
+    scenario={"metavar": "SCENARIO|LOG", "autocompletion": scenario_files},
+    name=None,
+)
 def gap(
-    scenario: Annotated[
-        str,
-        Argument(
-            metavar="SCENARIO|LOG",
-            help="A scenario file, or the name of a shipped one; or the log of a real flight, with "
-            "--aircraft, @START:END for a part of it in s.",
-            autocompletion=scenario_files,
-        ),
-    ],
-    gains: options.GainsOption = None,
-    plant: options.AircraftPlantOption = None,
+    explain_gap: Verb,
+    scenario: str,
     out: Annotated[Path | None, options.out_folder("runs/NAME-gap")] = None,
-    lag: Annotated[
-        Literal["identified", "fitted"] | None,
-        Option(
-            help="Inner-loop lag of the third plant: from the aircraft's model file, or fitted to "
-            "this flight [default: the model file, if there is one]."
-        ),
-    ] = None,
-    aircraft: Annotated[
-        str | None,
-        Option(
-            help="Aircraft, or model file identified from logs, on which the commands of a log are "
-            "flown."
-        ),
-    ] = None,
-    column: options.ColumnOption = None,
     claim: options.ClaimOption = None,
-    settings: options.SetOption = None,
 ) -> Answer:
     """Fly gains on plants from the paper's law to the aircraft; show what each step adds.
 
@@ -51,7 +32,6 @@ def gap(
     aircraft leaves its tube.
     """
     from flighttune.campaign.claims import within
-    from flighttune.gaps.ladder import gap as explain_gap
     from flighttune.gaps.of_log import LogGap
     from flighttune.recording.record import record
     from flighttune.reports.charts import gap_sheet
@@ -59,12 +39,9 @@ def gap(
 
     stem = f"{Path(scenario.partition('@')[0]).stem}-gap"
     folder = out or Path("runs") / stem
-    if aircraft is not None and claim:
+    if "aircraft" in explain_gap.keywords and claim:
         raise InputError("--claim must be absent for a log.")
-    flown = {"lag": lag, "aircraft": aircraft, "columns": column or ()}
-    flown |= {"plant": plant, "changes": options.changes(settings)}
-    with progress_bar() as progress:
-        explained = explain_gap(scenario, gains, **flown, progress=progress)
+    explained = explain_gap()
     if isinstance(explained, LogGap):
         explained.sheet().save(folder / "gap.svg")
         return replace(explained.answer(), files={"figure": folder / "gap.svg"})
@@ -124,16 +101,9 @@ def compare(
     return replace(comparison.answer(), files=files)
 
 
+@of("reports.report:report", source={"metavar": "PATH"}, path=None)
 def report(
-    source: Annotated[
-        str,
-        Argument(
-            metavar="PATH",
-            help="A run folder, a recording or a Parquet file; SCENARIO@GAINS, which is flown; the "
-            "folder of a campaign, which may be running; the file of a claim; or the log of a real "
-            "flight (.ulg, .bin, .tlog, .csv), @START:END for a part of it in s.",
-        ),
-    ],
+    write_report: Verb,
     out: Annotated[
         Path | None,
         Option(
@@ -142,33 +112,13 @@ def report(
             help="HTML file to write [default: report.html, in the folder of a campaign].",
         ),
     ] = None,
-    interval: Annotated[
-        Literal["wilson", "clopper-pearson"],
-        Option(help="Confidence interval of the rates of a campaign."),
-    ] = "wilson",
-    confidence: Annotated[
-        float, Option(help="Confidence of the intervals of a campaign, 0 to 1.")
-    ] = 0.95,
-    claim: options.ClaimOption = None,
-    settings: options.SetOption = None,
-    column: options.ColumnOption = None,
 ) -> Answer:
     """Write one page about runs, a campaign or a claim: headline, figures, tables, the way to it.
 
     The page is one file and needs no network.
     """
-    from flighttune.reports.report import report as write_report
-
     options.check_ending(out, ".html", ".htm")
-    return write_report(
-        source,
-        out,
-        claims=claim or (),
-        changes=options.changes(settings),
-        columns=column or (),
-        interval=interval,
-        confidence=confidence,
-    ).answer()
+    return write_report(out).answer()
 
 
 def reproduce(
@@ -187,24 +137,14 @@ def reproduce(
         return reproduce_items(items or (), out, progress=progress).answer()
 
 
+@of("exports.export:export")
 def export(
-    scenario: options.ScenarioArgument,
-    gains: options.GainsOption = None,
-    plant: options.AircraftPlantOption = None,
-    form: Annotated[
-        Literal["jsbsim", "c"],
-        Option("--format", help="A folder that JSBSim flies by itself, or one C99 file."),
-    ] = "jsbsim",
+    export_flight: Verb,
+    scenario: str,
     out: Annotated[Path | None, options.out_folder("runs/NAME-export")] = None,
-    settings: options.SetOption = None,
 ) -> Answer:
     """Write one flight of SCENARIO for JSBSim alone, or its outer loop in C.
 
     JSBSim flies the folder at once: exit status 1 if its flight is not that of `fly`.
     """
-    from flighttune.exports.export import export as export_flight
-
-    folder = out or Path("runs") / f"{Path(scenario).stem}-export"
-    changed = options.changes(settings)
-    written = export_flight(scenario, gains, out=folder, plant=plant, form=form, changes=changed)
-    return written.answer()
+    return export_flight(out=out or Path("runs") / f"{Path(scenario).stem}-export").answer()

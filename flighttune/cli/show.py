@@ -14,17 +14,13 @@ from functools import cache
 from pathlib import Path
 from shutil import get_terminal_size
 from types import FrameType
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn
 
 from flighttune.campaign.engine.progress import CampaignObserver, CampaignProgress
 from flighttune.errors import FORKS, StoppedError
 from flighttune.files.whole import reason_of
 from flighttune.flight.notice import NOTICE
 from flighttune.present.answer import Answer, printable
-from flighttune.present.answer import pick as pick  # for the commands
-
-if TYPE_CHECKING:
-    from flighttune.campaign.engine.pool import WorkerPool
 
 FINE, NO, COULD_NOT_RUN, INTERRUPTED = 0, 1, 2, 130
 
@@ -216,15 +212,6 @@ def campaign_display() -> Iterator[CampaignDisplay]:
             yield display
         except StoppedError:
             fail("interrupted: its flights are not kept, and nothing is written", INTERRUPTED)
-
-
-@contextmanager
-def campaign_pool(workers: int | None, scheduler: str | None) -> "Iterator[WorkerPool]":
-    """Workers for the block that show how far they are; Ctrl-C or SIGTERM stops them."""
-    from flighttune.campaign.engine.pool import WorkerPool
-
-    with campaign_display() as observer, WorkerPool(workers, scheduler, observer) as pool:
-        yield pool
 
 
 @contextmanager

@@ -143,7 +143,7 @@ def export(
     out : str or Path
         Folder to write to; files of the same names are replaced.
     plant : str, optional
-        Label of the aircraft; by default the first of the scenario.
+        Label of the plant, by default the first aircraft.
     form : {"jsbsim", "c"}
         A folder that JSBSim flies by itself, or one C99 file.
     changes : mapping of str to value, optional

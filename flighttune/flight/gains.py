@@ -156,11 +156,12 @@ def certify(
     gains : PIGains or str, optional
         Gains, or a gain set by name or file; by default the first of the scenario.
     envelope : bool
-        Claim the same for every flight inside the scenario's ranges; where [tuning] names the
-        identified model, at every condition identified and for every mixture of their loops.
-    L_d : float, unit of x' per second, optional
-        Bound on the norm of the disturbance's derivative (rad/s^2 for a law of course and path
-        angle); by default that of the scenario's sinusoid. Without one only the rate is claimed.
+        Certify over the envelope, for every flight inside the scenario's ranges; where [tuning]
+        names the identified model, at every condition identified and every mixture of their loops.
+    L_d : float, rad/s^2, optional
+        Bound on the norm of the derivative of the disturbance, by default that of the scenario's
+        sinusoid. Without one only the rate is claimed. For a law of your own in the unit of its
+        x' per second.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
 

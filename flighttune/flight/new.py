@@ -93,8 +93,16 @@ def new_scenario(
 ) -> Path:
     """Write a scenario that an aircraft can fly to ``NAME.toml``, and return the file.
 
-    `overshoot` (deg) and `settle` (s, to 5 %) are required of course and path angle in place of
-    the template's; to settle, both are steps.
+    Parameters
+    ----------
+    name : str
+        The scenario to write, to NAME.toml.
+    aircraft : str, optional
+        Aircraft that flies, by name or folder, by default aerosonde.
+    overshoot : float, deg, optional
+        Maximum overshoot of course and path angle, by default 5 and 3.
+    settle : float, s, optional
+        Maximum settling time of course and path angle, to 5 %. Both are steps then.
 
     Raises OutputError if there is such a file already, and InputError if the aircraft is not there
     or cannot fly it, a requirement is not positive, or the name is empty or has a control

@@ -93,21 +93,21 @@ def gap(
     Parameters
     ----------
     scenario : Scenario, Run, str or Path
-        With a jsbsim plant, the top of the ladder; also a file, or the name of a shipped one. Its
-        limits and those of the aircraft hold on every rung. With `aircraft` the log of a real
-        flight, ``LOG@START:END`` for a part of it in s, or what `load_log` returns.
+        A scenario file, or the name of a shipped one; or the log of a real flight, with `aircraft`,
+        ``@START:END`` for a part of it in s. A jsbsim plant of the scenario is the top of the
+        ladder; limits of scenario and aircraft hold on every rung.
     gains : PIGains or str, optional
         The gains flown, or a gain set by name or file; by default the first of the scenario.
     name : str
         Name in labels of gains that are given as numbers.
     plant : str, optional
-        Label of the jsbsim plant; by default the first one.
+        Label of the jsbsim plant, by default the first aircraft.
     lag : {"identified", "fitted"}, optional
-        Source of the lag of the third rung: the aircraft's model file, or a fit to this flight; by
-        default the model file, if there is one.
+        Inner-loop lag of the third plant: from the aircraft's model file, or fitted to this flight,
+        by default the model file, if there is one.
     aircraft : str or Path, optional
-        The aircraft on which the commands of a log are flown: a shipped one, a folder, or the file
-        of an identified model, which has no airframe.
+        Aircraft on which the commands of a log are flown: a shipped one, a folder, or the file of
+        an identified model, which has no airframe.
     columns : mapping or sequence
         Where a log has its signals, as for `load_log`.
     changes : mapping of str to value, optional

@@ -194,7 +194,7 @@ def design(aircraft: AircraftConfig | str | Path) -> DesignedAircraft:
     Parameters
     ----------
     aircraft : AircraftConfig, str or Path
-        An aircraft, its name, or its folder; its file has a table ``design``.
+        A shipped aircraft, or the folder of one, whose file has a table [design].
 
     Returns
     -------

@@ -242,18 +242,17 @@ def identify(
     Parameters
     ----------
     source : str, Path or Run
-        Name of a shipped aircraft, or a folder with an ``aircraft.toml``; or a log: a file,
-        ``LOG@START:END`` for a part in s, or what `load_log` returns.
+        A shipped aircraft, or the folder of one; or the log of a real flight (.ulg, .bin, .tlog,
+        .csv), ``@START:END`` for a part of it in s.
     logs : str, Path or Run
         Further logs of the same aircraft.
     V_a : sequence of float, m/s
-        Airspeeds of an aircraft; by default the one the inner loop was designed for. The first is
-        the nominal one.
+        Airspeeds, by default the one the inner loop was designed for. The first is the nominal one.
     gamma : sequence of float, rad
-        Flight-path angles, climb positive; by default level flight, or the glide of an aircraft
+        Flight-path angles, climb positive, by default level flight, or the glide of an aircraft
         without an engine. The first is the nominal one.
     h : float, m
-        Height of an aircraft above sea level.
+        Height above sea level.
     seed : int
         Seed of the excitation.
     columns : mapping or sequence

@@ -76,9 +76,10 @@ def report(
     Parameters
     ----------
     source : str, Path or Source
-        A run folder, a recording or a Parquet file; ``scenario@gains``, which is flown; the folder
-        of a campaign, which may be running; the file of a claim; or the log of a real flight, of
-        which ``@START:END`` chooses a part in s. What a file is, is read from its content.
+        A run folder, a recording or a Parquet file; ``SCENARIO@GAINS``, which is flown; the folder
+        of a campaign, which may be running; the file of a claim; or the log of a real flight (.ulg,
+        .bin, .tlog, .csv), ``@START:END`` for a part of it in s. What a file is, is read from its
+        content.
     path : str or Path, optional
         HTML file to write or replace; by default ``report.html``, in the folder of a campaign.
         Parent folders are made.
@@ -91,7 +92,7 @@ def report(
     interval : {"wilson", "clopper-pearson"}
         Confidence interval of the rates of a campaign.
     confidence : float
-        Confidence of the intervals of a campaign, 0 to 1.
+        Confidence of the intervals of a campaign, 0 to 1, by default 0.95.
 
     Returns
     -------

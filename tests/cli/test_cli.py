@@ -160,6 +160,15 @@ def test_every_help_ends_with_an_example_and_fits_80_columns(command, monkeypatc
     assert max(map(len, shown.splitlines())) <= 80
 
 
+@pytest.mark.parametrize("command", COMMANDS.values(), ids=lambda x: x.name)
+def test_every_option_has_a_help_without_words_of_python(command):
+    for parameter in command.params:
+        if not parameter.hidden:
+            assert parameter.help.endswith((".", "].")), parameter.name
+            assert "``" not in parameter.help, parameter.name
+            assert "optional" not in parameter.help, parameter.name
+
+
 @pytest.mark.parametrize(
     ("typed", "wanted"),
     [

@@ -79,11 +79,11 @@ def trim(
     Parameters
     ----------
     aircraft : str or Path
-        Name of an aircraft, or the folder of one.
+        A shipped aircraft, or the folder of one.
     V_a : sequence of float, m/s, optional
-        Airspeeds; by default six over the envelope.
+        Airspeeds, by default six over the envelope.
     gamma : sequence of float, rad, optional
-        Flight-path angles, climb positive; by default -10 to 45 deg, or the glide of an aircraft
+        Flight-path angles, climb positive, by default -10 to 45 deg, or the glide of an aircraft
         without an engine.
     phi : float, rad
         Bank, right wing down positive.

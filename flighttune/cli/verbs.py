@@ -1,0 +1,176 @@
+"""Commands read from the verbs of the package: options from signatures, help from docstrings.
+
+The text of a verb is read, not imported: a help starts without NumPy.
+"""
+
+import ast
+import re
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from functools import partial
+from importlib import import_module
+from inspect import Parameter, Signature, cleandoc, signature
+from pathlib import Path
+from typing import Annotated, Any, Literal, TypeAlias, get_origin
+
+from typer import Argument, Option
+
+from flighttune.cli import options
+from flighttune.cli.show import campaign_display, progress_bar
+from flighttune.present.answer import Answer
+from flighttune.units import DEG
+
+# The verb of a command: its `keywords` are the options that were given; it takes more.
+Verb: TypeAlias = partial[Any]
+Body: TypeAlias = Callable[..., Answer | None]
+
+# Parameters that the command line supplies.
+SUPPLIED = {"progress": progress_bar, "observer": campaign_display}
+
+# Arguments and options that read the same in all commands.
+SPELLED: dict[str, Any] = {
+    "changes": options.SetOption,
+    "columns": options.ColumnOption,
+    "claims": options.ClaimOption,
+}
+
+# Flags of parameters that Python names otherwise.
+FLAGS = {
+    "predicted_from": "--given",
+    "form": "--format",
+    "start": "--start-deg",
+    "signals": "--signal",
+    "fences": "--fence",
+}
+
+# What the help of an option says before its default.
+SENTENCES = {"gains": options.GAINS_HELP, "plant": "Label of the plant as `fly` prints it"}
+
+TYPES = {"str": str, "int": int, "float": float, "bool": bool, "Path": Path}
+SEQUENCES, OF_PYTHON = {"Iterable", "Sequence"}, {"Callable", "Mapping"}
+
+
+def of(place: str, **spelled: dict[str, Any] | None) -> Callable[[Body], Body]:
+    """Make a command of a function: its options are those of a verb, ``module:name``, and its own.
+
+    The function is called with the verb, and with its further parameters: an ``Annotated`` one is
+    an option as it stands, another has the value of the option of the verb. `spelled` has what
+    `typer.Option` needs besides the text of the verb; a parameter with None has no option.
+    """
+    module, _, name = place.partition(":")
+    spelled.setdefault("scenario", options.SCENARIO)
+
+    def command_of(body: Body) -> Body:
+        _, *stated = signature(body).parameters.values()
+        own = [x for x in stated if get_origin(x.annotation) is Annotated]
+        own = {x.name: x.replace(kind=Parameter.KEYWORD_ONLY) for x in own}
+        verb = _definition(module, name)
+        names = [x.arg for x in (*verb.args.args, *verb.args.kwonlyargs)]
+        first, by = names[0], options.FLOWN_BY.get()
+        absent = {*own, *SUPPLIED, *by, *(x for x in spelled if spelled[x] is None)}
+        read = {x.name: x for x in _parameters(verb, absent, spelled)} | own
+        ordered = sorted(read.values(), key=lambda x: (x.name != first, x.name == "changes"))
+
+        def command(**values: Any) -> Answer | None:
+            if "changes" in values:
+                values["changes"] = options.changes(values["changes"])
+            optional = [x for x in names[1:] if x in read]
+            given = {
+                x: values[x] for x in optional if values[x] not in (None, [], {}, read[x].default)
+            }
+            call = partial(_called, (module, name, names, values[first]), **given)
+            return body(call, **{x.name: values[x.name] for x in stated})
+
+        command.__signature__ = Signature(ordered)  # type: ignore[attr-defined]
+        command.__annotations__ = {x.name: x.annotation for x in ordered}
+        command.__doc__, command.__name__ = body.__doc__, body.__name__
+        return command
+
+    return command_of
+
+
+def _called(verb: tuple[str, str, list[str], Any], *values: Any, **given: Any) -> Any:
+    """Import a verb and call it, watched and flown as the command line says."""
+    module, name, [first, *names], source = verb
+    given |= {x: value for x, value in options.FLOWN_BY.get().items() if x in names}
+    with ExitStack() as stack:
+        for supplied in SUPPLIED.keys() & {*names} - given.keys():
+            given[supplied] = stack.enter_context(SUPPLIED[supplied]())
+        return getattr(import_module(f"flighttune.{module}"), name)(
+            given.pop(first, source), *values, **given
+        )
+
+
+def _definition(module: str, name: str) -> ast.FunctionDef:
+    """Signature and docstring of a verb, from the text of its module."""
+    file = Path(__file__).parents[1].joinpath(*module.split(".")).with_suffix(".py")
+    pattern = re.compile(rf'^def {name}\(.*?^    """.*?"""', re.DOTALL | re.MULTILINE)
+    (text,) = pattern.findall(file.read_text(encoding="utf-8"))
+    *_, verb = ast.parse(text).body  # after its overloads
+    assert isinstance(verb, ast.FunctionDef)
+    return verb
+
+
+def _parameters(verb: ast.FunctionDef, absent: set[str], spelled: Any) -> Iterator[Parameter]:
+    """Parameters of a verb that have an option, or the argument."""
+    entries = _entries(cleandoc(ast.get_docstring(verb) or ""))
+    arguments = [*verb.args.args, *verb.args.kwonlyargs]
+    stated = [*verb.args.defaults, *verb.args.kw_defaults]
+    defaults = [None] * (len(arguments) - len(stated)) + stated
+    for argument, default in zip(arguments, defaults, strict=True):
+        name, (described, _) = argument.arg, entries.get(argument.arg, ("", ""))
+        kind = _type(ast.unparse(argument.annotation or ast.Constant("")), described)
+        if name in absent or not (kind or name in SPELLED):
+            continue
+        value, made = getattr(default, "value", None), partial(Option, _flag(name))
+        if argument is arguments[0]:
+            value, made = Parameter.empty, Argument
+        annotation = SPELLED.get(name)
+        if annotation is None:
+            more = {"help": _help(name, kind, entries)} | spelled.get(name, {})
+            if re.search(r"float, rad\b(?!/)", described):
+                more["callback"] = _radians
+            annotation = Annotated[kind | None if value is None else kind, made(**more)]
+        yield Parameter(name, Parameter.KEYWORD_ONLY, default=value, annotation=annotation)
+
+
+def _entries(docstring: str) -> dict[str, tuple[str, str]]:
+    """Type and text of each parameter in a NumPy docstring."""
+    section = re.search(r"Parameters\n-+\n(.*?)(?=\n\n\w+\n-+\n|\Z)", docstring, re.DOTALL)
+    entry = re.compile(r"^(\w+) : ([^\n]*)\n((?:    .*\n?)*)", re.MULTILINE)
+    return {} if section is None else {x[1]: (x[2], x[3]) for x in entry.finditer(section[1])}
+
+
+def _type(annotation: str, described: str) -> Any:
+    """The type of an option; None of a parameter that has none on a command line."""
+    if choices := re.search(r"\{(.+)\}", described):
+        return Literal[ast.literal_eval(f"({choices[1]},)")]
+    words = re.findall(r"\w+", annotation)
+    types = [TYPES[word] for word in words if word in TYPES]
+    if OF_PYTHON & {*words} or not types:
+        return None
+    return list[types[-1]] if words[0] in SEQUENCES else types[0]
+
+
+def _help(name: str, kind: Any, entries: dict[str, tuple[str, str]]) -> str:
+    """The sentences of a parameter as the help of an option, its default in brackets."""
+    described, text = entries.get(name, ("", ""))
+    text = re.sub(r"`(\w+)`", lambda x: _flag(x[1]) if x[1] in entries else x[0], text)
+    text = " ".join(text.replace("``", "").split())
+    text = re.sub(r"[,;] by default (.+?)(?=\.( |$))", r" [default: \1]", text)
+    sentence, bracket, others = re.split(r"( \[default: |\.(?= |$))", text, maxsplit=1)
+    unit = re.search(r"(?<!or )float, (?!1\b|optional)([^,]*)", described)
+    unit, repeatable = (
+        f", {'deg' if unit[1] == 'rad' else unit[1]}" if unit else "",
+        "; repeatable" * (get_origin(kind) is list),
+    )
+    return f"{SENTENCES.get(name, sentence)}{unit}{repeatable}{bracket}{others}"
+
+
+def _radians(value: Any) -> Any:
+    """Radians of an angle, or of several, that the command line has in degrees."""
+    return [x * DEG for x in value] if isinstance(value, list) else value and value * DEG
+
+
+def _flag(name: str) -> str:
+    return FLAGS.get(name, f"--{name.replace('_', '-')}")
