@@ -49,7 +49,7 @@ from flighttune.claims.shape import (
     window_extremes,
 )
 from flighttune.errors import InputError
-from flighttune.files.load import BAND, kind_of
+from flighttune.files.load import BAND, written
 from flighttune.flight.conditions import reference_of, start_condition
 from flighttune.gaps.residual import RESIDUALS, ConformantModel, conformant_model, residuals_of
 from flighttune.metrics import OFF_ROUTE
@@ -184,14 +184,14 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
     (29, 5)
     """
     by = workers, scheduler, observer
-    if isinstance(source, str | Path) and kind_of(source) == BAND:
+    if isinstance(source, str | Path) and (kept := kept_band(source)):
         options = {"signals": signals, "learn": learn, "predicted_from": predicted_from}
         options |= {"gains": gains, "plant": plant, "air": air, "seed": seed is not None}
         for name, value in {**options, "start_deg": start_deg, "changes": changes}.items():
             if value:
                 raise InputError(f"`{name}` must be absent for a band file, which has its own.")
         claim = {"epsilon": epsilon, "confidence": confidence}
-        return continued(load_band(source), source, flights, **claim, out=out, by=by)
+        return continued(kept, source, flights, **claim, out=out, by=by)
     stated = flights_of_source(source, changes=changes).starting(start_deg)
     if stated.mission is not None:
         raise InputError(
@@ -439,12 +439,12 @@ def load_counted(path: str | Path) -> Band | Residual | TurnBack:
     return counted
 
 
-def load_band(path: str | Path) -> Band:
-    """Read a band; an InputError refuses another kind of count."""
-    counted = load_counted(path)
-    if not isinstance(counted, Band):
+def kept_band(source: object) -> Band | None:
+    """A band, or that in a file; None of another source; an InputError refuses another count."""
+    counted = source if isinstance(source, Band) else written(source, BAND)
+    if not isinstance(counted, Band | None):
         raise InputError(
-            f"{path}: must be the file of a band, got that of a {type(counted).__name__}."
+            f"{source}: must be the file of a band, got that of a {type(counted).__name__}."
         )
     return counted
 

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from flighttune.campaign.band import By, counted_on, drawn, load_band
+from flighttune.campaign.band import By, counted_on, drawn, kept_band
 from flighttune.campaign.counted_flights import check_one_path, plan_of
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.turn_back import turning_back
@@ -14,7 +14,6 @@ from flighttune.claims.band import Band, TurnBack
 from flighttune.claims.count import flights_needed, fresh_flights
 from flighttune.claims.fence import check_off_route
 from flighttune.errors import InputError
-from flighttune.files.load import BAND, kind_of
 from flighttune.files.whole import write_text
 from flighttune.flight.route import planned_route, route
 from flighttune.planning.plan import Plan
@@ -170,7 +169,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     """
     by: By = (workers, scheduler, observer)
     of_flights = {"aircraft": aircraft, "like": like, "skip": skip, "changes": changes}
-    file, kept = None if out is None else Path(out), _kept(source)
+    file, kept = None if out is None else Path(out), kept_band(source)
     if kept is None:
         assert not isinstance(source, Band)
         epsilon = EPSILON if epsilon is None else epsilon
@@ -235,7 +234,7 @@ def mission_plan(
     """
     if out is not None and out.exists() and Path(source).exists() and out.samefile(source):
         raise InputError(f"{out}: `--out` must be another file than the one that is read.")
-    if band := _kept(source):
+    if band := kept_band(source):
         if aircraft or skip or changes:
             raise InputError("`aircraft`, `skip` and `changes` must be absent for a band file.")
         planned, corridor, fences = band.flights.route, band.corridor(), band.about.fences
@@ -249,12 +248,3 @@ def mission_plan(
     answer = planned.answer()
     notes = [] if out is None else planned.save(out, corridor, fences)
     return replace(answer, notes=[*answer.notes, *notes], files={"route": out})
-
-
-def _kept(source: object) -> Band | None:
-    """A band, or that in a file; None of another source."""
-    if isinstance(source, Band):
-        return source
-    if not (isinstance(source, str | Path) and kind_of(source) == BAND):
-        return None
-    return load_band(source)

@@ -230,9 +230,16 @@ def planned_route(scenario: Scenario, *, speed_assumed: bool = False) -> Planned
     return PlannedRoute(scenario=scenario, reference=reference, wind=wind, conditions=conditions)
 
 
-def is_mission(source: str | Path) -> bool:
-    """Whether the name of a source has the ending of a route file."""
-    return Path(source).suffix.lower() in ROUTE_FILES + OTHER_FILES
+def mission_scenario(
+    source: str | Path, aircraft: str | None, changes: Mapping[str, Any] | None, *, skip: bool
+) -> tuple[Scenario, bool] | None:
+    """The scenario of a mission, and whether its airspeed is assumed; None of another source."""
+    file = Path(source)
+    if file.suffix.lower() not in ROUTE_FILES + OTHER_FILES:
+        return None
+    mission = read_route(file, skip=skip)
+    stated = {*mission.flight, *(key.removeprefix("flight.") for key in changes or ())}
+    return route_scenario(file, mission, aircraft or AIRCRAFT, changes), "V_a_mps" not in stated
 
 
 def route(
@@ -272,13 +279,9 @@ def route(
     >>> [stretch["kind"] for stretch in ft.route("circuit").stretches][:3]
     ['leg', 'turn', 'leg']
     """
-    changes, speed_assumed = changes or {}, False
-    if not isinstance(source, Scenario) and is_mission(source):
-        mission = read_route(Path(source), skip=skip)
-        scenario = route_scenario(Path(source), mission, aircraft or AIRCRAFT, changes)
-        speed_assumed = not ("V_a_mps" in mission.flight or "flight.V_a_mps" in changes)
-    elif aircraft is not None or skip:
+    of_file = not isinstance(source, Scenario)
+    mission = mission_scenario(source, aircraft, changes, skip=skip) if of_file else None
+    if mission is None and (aircraft is not None or skip):
         raise InputError(f"{source}: `aircraft` and `skip` must be absent for a scenario.")
-    else:
-        scenario = as_scenario(source, changes)
+    scenario, speed_assumed = mission or (as_scenario(source, changes), False)
     return planned_route(scenario, speed_assumed=speed_assumed)

@@ -11,13 +11,12 @@ from flighttune.files.load import kind_of
 from flighttune.files.seal import DATASET, SHOWN
 from flighttune.files.shipped import campaign_files, scenario_files
 from flighttune.files.table import toml_tables
-from flighttune.flight.load import load_scenario, route_scenario
-from flighttune.flight.route import AIRCRAFT, is_mission
+from flighttune.flight.load import load_scenario
+from flighttune.flight.route import AIRCRAFT, mission_scenario
 from flighttune.planning.load import campaign_on, load_campaign
 from flighttune.planning.plan import Plan, on_plants, plan_campaign, recorded_plan
 from flighttune.planning.schema import Campaign, CampaignTable, Dispersion, Uniform
 from flighttune.present.names import CHANNEL_SYMBOLS
-from flighttune.references.mission import read_route
 from flighttune.scenario.load import scenario_from, with_gains
 from flighttune.scenario.schema import Scenario
 
@@ -162,11 +161,10 @@ def flights(
             raise InputError("`aircraft`, `like`, `skip` and `changes` must be given with a file.")
         return source if isinstance(source, Flights) else _of(source)
     place = str(source)
-    if is_mission(place):
-        file, aircraft = Path(place), aircraft or AIRCRAFT
-        scenario = route_scenario(file, read_route(file, skip=skip), aircraft, changes)
-        drawn = _about_mission(scenario, aircraft, like)
-        return Flights(place=place, scenario=scenario, campaign=drawn, mission=file)
+    if mission := mission_scenario(place, aircraft, changes, skip=skip):
+        scenario, _ = mission
+        drawn = _about_mission(scenario, aircraft or AIRCRAFT, like)
+        return Flights(place=place, scenario=scenario, campaign=drawn, mission=Path(place))
     if aircraft is not None or like is not None or skip:
         raise InputError(f"{place}: `aircraft`, `like`, `skip` must be absent: it is no mission.")
     if _is_scenario(place):

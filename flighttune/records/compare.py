@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from flighttune.errors import InputError, RecordingError
-from flighttune.files.load import LOG, RECORDING, kind_of, load_one
+from flighttune.files.load import READERS, load_one, written
 from flighttune.flight.flown import FlownScenario
 from flighttune.flight.fly import fly
 from flighttune.flight.load import load_scenario
@@ -20,6 +20,7 @@ from flighttune.logs.log import Columns
 from flighttune.metrics import FLIGHT_METRICS, METRICS, measures, unit_of
 from flighttune.present.answer import Answer, Answering, Column, Table, pick
 from flighttune.present.names import columns, shown_unit
+from flighttune.records.parquet import Recording
 from flighttune.scenario.load import gains_notes, leaves
 from flighttune.simulate.run import Claim, Run, with_claims
 
@@ -222,15 +223,16 @@ def load_source(
     """
     name = str(name)
     place, _, choice = name.partition("@") if not Path(name).exists() else (name, "", "")
-    if not (kind := kind_of(name)):
+    if (recording := written(name, *READERS, columns=columns)) is None:
         return Source(name=name, runs=_runs_of(place, choice, changes), chosen=bool(choice))
     if changes:
         raise InputError(f"{name}: `--set` must be absent where runs are read, not flown.")
-    recording = load_one(name, RUNS, LOG, RECORDING, columns=columns)
-    if kind == LOG:
-        lacking = recording.provenance.log
+    if isinstance(recording, Run):
+        lacking = recording.provenance.log or {}
         missing = *lacking["missing"], *(f"in gaps, {gap}" for gap in lacking["gaps"])
         return Source(name=name, runs=(recording,), missing=missing)
+    if not isinstance(recording, Recording):
+        load_one(name, RUNS)  # refuses it
     runs = tuple(
         run
         for run in recording.runs
