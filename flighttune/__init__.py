@@ -17,6 +17,7 @@ MOVED = {
     "Provenance": "flighttune.simulate.run",
     "Report": "flighttune.present.frame",
     "ShapeError": "flighttune.errors",
+    "StoppedError": "flighttune.errors",
     "TrimError": "flighttune.errors",
 }
 

@@ -25,10 +25,8 @@ from flighttune.control.gains import PAPER_GAINS as PAPER_GAINS
 from flighttune.control.gains import PIGains as PIGains
 from flighttune.errors import FlightTuneError as FlightTuneError
 from flighttune.errors import InputError as InputError
-from flighttune.errors import PlantError as PlantError
 from flighttune.errors import RecordingError as RecordingError
 from flighttune.errors import ScenarioError as ScenarioError
-from flighttune.errors import StoppedError as StoppedError
 from flighttune.exports.export import export as export
 from flighttune.files.load import load as load
 from flighttune.flight.flown import FlownScenario as FlownScenario
@@ -43,7 +41,6 @@ from flighttune.flight.route import route as route
 from flighttune.gaps.gap import Gap as Gap
 from flighttune.gaps.ladder import gap as gap
 from flighttune.identification.design import design as design
-from flighttune.identification.file import load_identified as load_identified
 from flighttune.logs.identify import identify as identify
 from flighttune.logs.log import load_log as load_log
 from flighttune.planning.load import load_campaign as load_campaign

@@ -15,7 +15,9 @@ from flighttune.control.linear_model import LinearModel as LinearModel
 from flighttune.control.linear_model import closed_loop as closed_loop
 from flighttune.control.linear_model import kinematic_model as kinematic_model
 from flighttune.control.mimo_pi import MimoPI as MimoPI
+from flighttune.errors import PlantError as PlantError
 from flighttune.flight.models import tuning_problem as tuning_problem
+from flighttune.identification.file import load_identified as load_identified
 from flighttune.metrics import channel_metrics as channel_metrics
 from flighttune.metrics import flight_metrics as flight_metrics
 from flighttune.plants.base import COMMON_SIGNALS as COMMON_SIGNALS

@@ -20,7 +20,7 @@ class LQR:
     def __init__(self, setup, errors=2.0, integrals=1.0):
         self.dt, self.signals = setup.dt, {"chi_sum": "rad s", "gamma_sum": "rad s"}
         self.limiter = ft.loop.CommandLimiter(setup.limits, setup.dt)
-        lags = ft.load_identified(AIRCRAFT).nearest(V_A, 0.0).lags
+        lags = ft.loop.load_identified(AIRCRAFT).nearest(V_A, 0.0).lags
         speed = np.diag([1.0 / (lag.whole + setup.dt / 2.0) for lag in lags])
         none, one = np.zeros((2, 2)), np.eye(2)
         # x = (errors, roll and load factor above steady flight, integrals of the errors)

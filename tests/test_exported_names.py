@@ -46,6 +46,8 @@ def test_type_checkers_see_each_name_as_exported(namespace, stub):
     [
         ("simulator", "$"),
         ("MimoPI", ": it is now flighttune.loop.MimoPI$"),
+        ("PlantError", ": it is now flighttune.loop.PlantError$"),
+        ("StoppedError", ": it is now flighttune.errors.StoppedError$"),
         ("FlightEnv", ": it is now flighttune.gym.FlightEnv$"),
         ("TrimError", ": it is now flighttune.errors.TrimError$"),
     ],

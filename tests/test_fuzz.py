@@ -393,7 +393,7 @@ KINDS = {
         files=lambda text, _: xml_files(text),
     ),
     "identified": Kind(
-        "x.json", lambda _: IDENTIFIED, to_json, ft.load_identified, modelled, designed
+        "x.json", lambda _: IDENTIFIED, to_json, ft.loop.load_identified, modelled, designed
     ),
     "flown gains": Kind("x.json", gains_of, to_json, compared),
     "mission": Kind("x.plan", mission, to_json, of_map, thoroughly=planned_whole),

@@ -22,7 +22,9 @@ def turn(folder=FOLDER, **rates):
 def test_the_gain_is_that_of_a_roll_taken_out_in_time():
     scenario = turn(roll_rate=True)
     gains = gain_set(scenario, "tuned_identified")
-    lag = ft.load_identified(FOLDER).conditions[0].lags[0].whole + 0.01  # half a sample at 50 Hz
+    lag = (
+        ft.loop.load_identified(FOLDER).conditions[0].lags[0].whole + 0.01
+    )  # half a sample at 50 Hz
     phi, rate = math.radians(45.0), math.radians(scenario.limits.phi_rate_dps)
     late = phi / (2.0 * rate) + lag
 
@@ -46,7 +48,7 @@ def test_the_course_of_a_slow_roller_settles_and_cycles_without():
 @pytest.mark.slow
 def test_the_path_angle_of_a_slow_load_factor_settles_and_swings_without():
     bounded, free = (turn(FOLDER.parent / "MD11", lift_rate=lift) for lift in (True, False))
-    lag = ft.load_identified(FOLDER.parent / "MD11").conditions[0].lags[1].whole + 0.01
+    lag = ft.loop.load_identified(FOLDER.parent / "MD11").conditions[0].lags[1].whole + 0.01
     first, V_over_g = math.radians(3.0), bounded.flight.V_a_mps / 9.81
 
     K_P, K_I = (getattr(gain_set(bounded, "tuned_identified"), key)[1, 1] for key in ("K_P", "K_I"))

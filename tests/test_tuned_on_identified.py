@@ -112,7 +112,7 @@ def test_robust_gains_win_too_and_have_the_better_worst_case():
         loops = ((problem, ft.loop.closed_loop(problem.model, gains)) for problem in models)
         return min(ft.loop.indicators(A_K, scaling=problem.scaling).R_K for problem, A_K in loops)
 
-    assert len(models) == len(ft.load_identified("aerosonde").conditions)
+    assert len(models) == len(ft.loop.load_identified("aerosonde").conditions)
     assert found.R_K == pytest.approx(worst(found.gains))
     assert found.R_K > worst(single.gains)
     wins(ft.fly(manoeuvre(UNUSED["fast"], gains=["paper", "tuned", own])))
@@ -154,7 +154,7 @@ def everywhere(left):
 
 
 def test_a_certificate_proves_one_rate_and_radius_at_every_condition(everywhere, tmp_path):
-    identified = ft.load_identified("aerosonde").conditions
+    identified = ft.loop.load_identified("aerosonde").conditions
     everywhere.save(tmp_path / "c.json")
     again = ft.load(tmp_path / "c.json")
     names = [check.name for check in ft.verify(again).checks]

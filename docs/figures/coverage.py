@@ -180,7 +180,7 @@ def save_model(path: Path, truths: Truths, log: int) -> Path:
         channels[name] = IdentifiedChannel.model_construct(
             **table, fit_percent=100.0, residual=0.0, cross=None, simpler=simpler
         )
-    any_model = ft.load_identified("aerosonde")
+    any_model = ft.loop.load_identified("aerosonde")
     update = {"V_a": truths.V_a, "gamma": 0.0, "channels": channels}
     condition = any_model.conditions[0].model_copy(update=update)
     any_model.model_copy(update={"conditions": (condition,)}).save(path)

@@ -337,7 +337,7 @@ def load_identified(source: str | Path) -> IdentifiedAircraft:
 
     Examples
     --------
-    >>> identified = ft.load_identified("aerosonde")
+    >>> identified = ft.loop.load_identified("aerosonde")
     >>> round(identified.conditions[0].channels["phi"].fit_percent)
     100
     """

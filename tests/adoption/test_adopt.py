@@ -331,7 +331,7 @@ def test_a_flight_control_that_does_not_come_to_rest_is_called_that(own, tmp_pat
     text = file.read_text().replace("fcs/elevator-pos-rad", "fcs/fbw/tail")
     file.write_text(text.replace("fcs/fbw/horz-tail-pos-rad", "fcs/fbw/tail"))
 
-    with pytest.raises(ft.PlantError, match="not come to rest"):
+    with pytest.raises(ft.loop.PlantError, match="not come to rest"):
         survey(wide_tables(str(file)), tmp_path, h=1000.0)
 
 
@@ -371,7 +371,7 @@ def test_a_propeller_without_inertia_is_called_diverging(own, tmp_path):
     file = own("38.21", "38.2")
     (file.parent / "Engines/direct.xml").write_text(PROPELLER.replace("0.0005", "0"))
 
-    with pytest.raises(ft.PlantError, match=r"propeller diverges: .* with another step"):
+    with pytest.raises(ft.loop.PlantError, match=r"propeller diverges: .* with another step"):
         survey(wide_tables(str(file)), tmp_path, h=1000.0)
 
 
@@ -491,7 +491,7 @@ def test_a_link_that_leads_nowhere_is_no_fault(own, tmp_path, target):
 def test_a_pipe_is_no_part_of_a_model(own, tmp_path):
     file = own('file="aerosonde_motor"', 'file="pipe"')
     os.mkfifo(file.parent / "Engines/pipe.xml")
-    with pytest.raises(ft.PlantError, match="`file` must name a file, got"):
+    with pytest.raises(ft.loop.PlantError, match="`file` must name a file, got"):
         survey(wide_tables(str(file)), tmp_path, h=1000.0)
 
     os.mkfifo(file.parent / "pipe-set.xml")

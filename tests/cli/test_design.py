@@ -82,7 +82,10 @@ def test_the_model_file_can_be_tuned_on(aerosonde, tmp_path):
 
     tuned = json.loads(flighttune("tune", scenario, "--json")[0])
 
-    assert ft.load_identified(out).conditions[0].lags[0].order == found["channels"]["phi"]["order"]
+    assert (
+        ft.loop.load_identified(out).conditions[0].lags[0].order
+        == found["channels"]["phi"]["order"]
+    )
     assert tuned["status"] == "optimal"
     assert tuned["K_P"][0][1] == tuned["K_P"][1][0] == 0.0
     assert 2.0 < tuned["K_P"][0][0] < 5.0

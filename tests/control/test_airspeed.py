@@ -224,7 +224,7 @@ def test_a_plant_and_a_law_that_do_not_follow_the_airspeed_are_refused(plant, me
 @pytest.mark.parametrize("aircraft", ["aerosonde", "c172p", "a4", "x8"])
 def test_the_lag_of_thrust_of_a_shipped_aircraft_is_measured_again(aircraft):
     """The file states what flights give; the manoeuvre that checks it is none of those fitted."""
-    stated = ft.load_identified(aircraft).conditions[0]
+    stated = ft.loop.load_identified(aircraft).conditions[0]
     trim = ft.loop.FlightCondition(V_a=stated.V_a, gamma=stated.gamma, h=stated.h)
 
     channel = identify_thrust(partial(ft.loop.JSBSimPlant, aircraft), trim).table

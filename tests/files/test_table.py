@@ -26,7 +26,7 @@ READERS = [
     (ft.load_gains, TOML),
     (ft.load_gains, JSON),
     (load_certificate, JSON),
-    (ft.load_identified, JSON),
+    (ft.loop.load_identified, JSON),
 ]
 EVERY_READER = pytest.mark.parametrize(
     ("read", "suffix"), READERS, ids=[f"{read.__name__}{suffix}" for read, suffix in READERS]

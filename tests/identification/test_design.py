@@ -112,7 +112,7 @@ def test_a_rudder_that_turns_the_wrong_way_is_refused(slopes):
     backwards = {what: dict(row) for what, row in slopes.slopes.items()}
     backwards["r_dot"]["rudder"] *= -1.0
 
-    with pytest.raises(ft.PlantError, match=r"r_dot by rudder .* 20"):
+    with pytest.raises(ft.loop.PlantError, match=r"r_dot by rudder .* 20"):
         inner_loop_gains(
             Airframe(trimmed=AirframeState(V_a=V_A, alpha=0.05), slopes=backwards),
             load_aircraft("aerosonde").design,

@@ -141,7 +141,7 @@ def test_excitations_stay_inside_the_limits(changes):
 def test_an_aircraft_that_takes_no_excitation_says_why():
     plant = partial(SyntheticPlant, first_order(4.0, 0.0), first_order(8.0, 0.0), largest=1e-6)
 
-    with pytest.raises(ft.PlantError, match=r"0\.125 .*rolled to"):
+    with pytest.raises(ft.loop.PlantError, match=r"0\.125 .*rolled to"):
         respond(plant, LEVEL, check_manoeuvre(LIMITS))
 
 
@@ -191,7 +191,7 @@ def test_aerosonde_is_explained_on_a_whole_scenario(aerosonde, name):
 @pytest.mark.slow
 @pytest.mark.parametrize("aircraft", ["aerosonde", "c172p", "a4"])
 def test_identifying_again_gives_the_shipped_model(aircraft):
-    shipped = ft.load_identified(aircraft).conditions[0]
+    shipped = ft.loop.load_identified(aircraft).conditions[0]
 
     again = ft.identify(aircraft).identified.conditions[0]
 
@@ -247,7 +247,7 @@ def test_a_file_that_holds_something_else_is_refused_by_name(tmp_path, change, m
     path.write_text(json.dumps(table))
 
     with pytest.raises(ft.ScenarioError, match=rf"wrong\.json: .*{message}"):
-        ft.load_identified(path)
+        ft.loop.load_identified(path)
 
 
 def test_the_table_of_the_page_is_what_the_shipped_files_say():

@@ -65,7 +65,7 @@ def test_the_interval_of_a_mean_is_students():
 
 
 def test_limits_are_those_seen(model):
-    evidence = ft.load_identified(model).log
+    evidence = ft.loop.load_identified(model).log
 
     assert evidence.phi_deg[0] > -46.0
     assert evidence.phi_deg[1] < 46.0
@@ -135,7 +135,7 @@ def test_a_model_from_logs_is_an_aircraft_without_an_airframe(model):
 
     assert [run.status for run in flown.runs] == ["completed"] * 2
     table = flown.scenario.plant_table("point_mass_lag")
-    assert table.lags() == ft.load_identified(model).conditions[0].lags
+    assert table.lags() == ft.loop.load_identified(model).conditions[0].lags
     assert certification.answer().failure == ""
     assert any(str(file).endswith(".c") for file in c.answer().files.values())
     assert meeting.answer().tables
@@ -178,9 +178,9 @@ def test_the_tube_of_a_model_from_logs_is_of_the_residual_rates_that_they_show(m
     swing = 0.02 * 10.0 / (2.0 * np.pi) * -np.cos(2.0 * np.pi * run.t / 10.0)
     signals = run.signals.assign(chi=run.signals["chi"] + swing)
     shaken = ft.Run(signals=signals, status="completed", reason="", provenance=run.provenance)
-    quiet, found = ft.load_identified(model).log, ft.identify(shaken).identified
+    quiet, found = ft.loop.load_identified(model).log, ft.identify(shaken).identified
     found.save(tmp_path / "mine.json")
-    found = ft.load_identified(tmp_path / "mine.json")
+    found = ft.loop.load_identified(tmp_path / "mine.json")
     flighttune("new", "mine", "--aircraft", "mine.json", cwd=tmp_path)
     gains = ft.PIGains(K_P=np.eye(2), K_I=0.1 * np.eye(2))
     calm = {"reference.chi_deg": 15.0, "flight.duration_s": 4.0}

@@ -23,7 +23,9 @@ SAME = 1e-6
 """rad/s: the residual rates of a flight are found again to the error of integration."""
 
 RATE = st.floats(-0.03, 0.03)
-LAGS = [one.lags for name in ("aerosonde", "a4") for one in ft.load_identified(name).conditions]
+LAGS = [
+    one.lags for name in ("aerosonde", "a4") for one in ft.loop.load_identified(name).conditions
+]
 
 
 class Disturbed(ft.loop.PointMassPlant):

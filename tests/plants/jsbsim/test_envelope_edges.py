@@ -31,7 +31,7 @@ def test_the_steepest_climb_of_a_weak_engine_is_that_of_its_thrust():
 
     weak = ft.loop.JSBSimPlant(throttle_max=WEAK)
     weak.start(ft.loop.FlightCondition(V_a=25.0, gamma=steepest - 0.5 * DEG))
-    with pytest.raises(ft.PlantError, match="too little thrust"):
+    with pytest.raises(ft.loop.PlantError, match="too little thrust"):
         weak.start(ft.loop.FlightCondition(V_a=25.0, gamma=steepest + 0.5 * DEG))
 
 

@@ -36,7 +36,7 @@ def test_a_file_that_cannot_be_flown_is_named_in_one_line(
 ):
     folder = changed_aircraft(file, pattern, replacement)
 
-    with pytest.raises((ft.PlantError, ft.PlantError), match=message) as error:
+    with pytest.raises((ft.loop.PlantError, ft.loop.PlantError), match=message) as error:
         started(folder)
     assert "\n" not in str(error.value)
 
@@ -45,7 +45,7 @@ def test_a_file_that_cannot_be_flown_is_named_in_one_line(
 def test_malformed_property_name_is_an_error_and_not_the_end_of_the_process(name):
     fdm = fdm_of("aerosonde")
 
-    with pytest.raises(ft.PlantError, match="must have the property"):
+    with pytest.raises(ft.loop.PlantError, match="must have the property"):
         fdm.reader(name)
 
 
@@ -65,7 +65,7 @@ def test_command_that_is_no_number_stops_the_flight(channel, bad):
         r"t = 1\.000 s: commands must be finite, got phi_cmd .* n_z_cmd .*\.", stop.reason
     )
     assert plant.observe() == before
-    with pytest.raises(ft.PlantError, match="its flight has ended"):
+    with pytest.raises(ft.loop.PlantError, match="its flight has ended"):
         plant.advance(0.0, 1.0, 0.02)
 
 
@@ -139,7 +139,7 @@ def test_jsbsim_ending_the_run_is_an_error(changed_aircraft):
     )
     plant = started(folder)
 
-    with pytest.raises(ft.PlantError, match=r"0\.5\d+ s: JSBSim ended"):
+    with pytest.raises(ft.loop.PlantError, match=r"0\.5\d+ s: JSBSim ended"):
         plant.advance(0.0, 1.0, 2.0)
 
 
@@ -152,7 +152,7 @@ def test_nothing_is_written_to_the_terminal(capfd, changed_aircraft):
     thread = threading.Thread(target=started, args=("aerosonde",))
     thread.start()
     thread.join()
-    with pytest.raises(ft.PlantError):
+    with pytest.raises(ft.loop.PlantError):
         started(broken)
 
     assert capfd.readouterr() == ("", "")
@@ -202,6 +202,6 @@ def test_aircraft_file_errors_name_file_and_key(changed_aircraft, pattern, repla
 def test_what_our_own_copy_of_a_file_cannot_hold_is_refused(changed_aircraft, text, message):
     folder = changed_aircraft("aerosonde.xml", "<aerodynamics>", f"<aerodynamics>{text}")
 
-    with pytest.raises(ft.PlantError, match=rf"aerosonde\.xml {message}") as error:
+    with pytest.raises(ft.loop.PlantError, match=rf"aerosonde\.xml {message}") as error:
         ft.loop.JSBSimPlant(folder, off_nominal=OffNominal(lift_factor=1.1))
     assert "\n" not in str(error.value)

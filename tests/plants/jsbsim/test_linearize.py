@@ -103,5 +103,5 @@ def test_own_differences_give_the_modes_that_jsbsim_finds(gamma):
 
 
 def test_a_condition_without_steady_flight_is_refused():
-    with pytest.raises(ft.PlantError, match="throttle closed"):
+    with pytest.raises(ft.loop.PlantError, match="throttle closed"):
         linearize(load_aircraft("aerosonde"), ft.loop.FlightCondition(V_a=25.0, gamma=-0.5))

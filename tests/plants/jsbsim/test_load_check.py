@@ -37,7 +37,7 @@ def test_what_is_not_as_the_file_says_is_named(
 ):
     folder = changed_aircraft("aircraft.toml", pattern, replacement, aircraft=name)
 
-    with pytest.raises(ft.PlantError, match=message) as error:
+    with pytest.raises(ft.loop.PlantError, match=message) as error:
         ft.loop.JSBSimPlant(folder).start(
             ft.loop.FlightCondition(V_a=150.0 if name == "a4" else 50.0)
         )
@@ -49,7 +49,7 @@ def test_gains_of_another_model_are_refused(changed_aircraft):
     file = folder / "aircraft.toml"
     file.write_text(file.read_text().replace('"A4"', '"T38"'))
 
-    with pytest.raises(ft.PlantError, match=r"gains\.json: must be made"):
+    with pytest.raises(ft.loop.PlantError, match=r"gains\.json: must be made"):
         ft.loop.JSBSimPlant(folder).start(ft.loop.FlightCondition(V_a=200.0))
 
 
@@ -57,5 +57,5 @@ def test_an_aircraft_without_gains_says_what_writes_them(changed_aircraft):
     folder = changed_aircraft("aircraft.toml", "title", "title", aircraft="a4")
     (folder / "gains.json").unlink()
 
-    with pytest.raises(ft.PlantError, match=r"gains\.json: .*`flighttune design`"):
+    with pytest.raises(ft.loop.PlantError, match=r"gains\.json: .*`flighttune design`"):
         ft.loop.JSBSimPlant(folder).start(ft.loop.FlightCondition(V_a=200.0))

@@ -232,7 +232,7 @@ def test_where_there_is_no_room_for_the_private_folder_is_told(tmp_path, monkeyp
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "missing"))
 
-    with pytest.raises(ft.PlantError, match=r"missing: .* aerosonde\.xml, got No"):
+    with pytest.raises(ft.loop.PlantError, match=r"missing: .* aerosonde\.xml, got No"):
         aircraft("aerosonde", mass=1.1)
 
 

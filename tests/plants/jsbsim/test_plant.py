@@ -106,7 +106,7 @@ def test_seed_and_steps_must_fit(values, message):
 
 
 def test_must_be_started_first():
-    with pytest.raises(ft.PlantError, match="must be started before"):
+    with pytest.raises(ft.loop.PlantError, match="must be started before"):
         ft.loop.JSBSimPlant().observe()
-    with pytest.raises(ft.PlantError, match="must be started before"):
+    with pytest.raises(ft.loop.PlantError, match="must be started before"):
         ft.loop.JSBSimPlant().advance(0.0, 1.0, 0.02)

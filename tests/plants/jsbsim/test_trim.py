@@ -42,7 +42,7 @@ def test_a_banked_start_is_a_steady_coordinated_turn(fly, phi_deg, gamma_deg):
     ],
 )
 def test_trim_error_says_what_stands_against_it(condition, obstacle):
-    with pytest.raises(ft.PlantError, match=rf"V_a .*: {obstacle} .*left over"):
+    with pytest.raises(ft.loop.PlantError, match=rf"V_a .*: {obstacle} .*left over"):
         ft.loop.JSBSimPlant().start(ft.loop.FlightCondition(**{"V_a": 25.0} | condition))
 
 
@@ -53,7 +53,7 @@ def test_trim_error_names_the_elevator_at_its_stop(changed_aircraft):
         "elevator = { travel_deg = [-25.0, 1.0]",
     )
 
-    with pytest.raises(ft.PlantError, match="elevator is at its stop"):
+    with pytest.raises(ft.loop.PlantError, match="elevator is at its stop"):
         ft.loop.JSBSimPlant(folder).start(ft.loop.FlightCondition(V_a=25.0))
 
 
@@ -74,7 +74,7 @@ def test_a_glide_that_is_not_steady_is_said_so(changed_aircraft):
     folder = changed_aircraft("aircraft.toml", r"\[engines\]", "[engines]\\ncount = 0")
     config = load_aircraft(folder)
 
-    with pytest.raises(ft.PlantError, match=r"glide .*2 m/s, h 1000"):
+    with pytest.raises(ft.loop.PlantError, match=r"glide .*2 m/s, h 1000"):
         level(config, 2.0, 1000.0)
     slow, steady = trim_table(config, V_a=[2.0, 25.0])
     assert slow["reason"] == "no steady glide at V_a 2 m/s, h 1000 m"
