@@ -5,11 +5,13 @@ import html
 import json
 import os
 import re
+import select
 import shutil
 import subprocess
 import tempfile
+import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +27,7 @@ QUIET = (
 VIRTUAL_TIME = "--virtual-time-budget=4000"
 """Ends timers at once, and with them hides what depends on which of two things comes first."""
 SECONDS = 90
-ATTEMPTS = 5
+ANSWER_S = 60.0
 
 DESK, TABLET, PHONE, NARROW = 1280, 600, 390, 320
 """Widths in pixels: 600 of a small tablet, 390 of a phone, 320 the narrowest still in use."""
@@ -72,8 +74,13 @@ def chromium_program() -> str:
 
 
 @contextmanager
-def chromium_at_real_speed(size: tuple[int, int]) -> Iterator[Callable[..., dict]]:
-    """A chromium that keeps running; calls a method of its DevTools protocol in the page."""
+def chromium_at_real_speed(
+    size: tuple[int, int],
+) -> Iterator[Callable[[str], AbstractContextManager[Callable[[], bytes]]]]:
+    """A chromium that keeps running: opens an address in a new tab, of which it takes pictures.
+
+    A picture (PNG) is empty while the page is busy; TimeoutError if there is no answer at all.
+    """
     ours_in, theirs_out = os.pipe()
     theirs_in, ours_out = os.pipe()
     pipes = f'exec "$@" 3<&{theirs_in} 4>&{theirs_out}'  # it reads from 3 and writes to 4
@@ -91,39 +98,47 @@ def chromium_at_real_speed(size: tuple[int, int]) -> Iterator[Callable[..., dict
     ):  # fmt: skip
         os.close(theirs_in)
         os.close(theirs_out)
-        received, page = b"", {}
+        received, sent = b"", 0
 
-        def call(method, **params):
-            nonlocal received
-            questions.write(
-                json.dumps({"id": 1, "method": method, "params": params, **page}).encode() + b"\0"
-            )
+        def call(method, session=None, **params):
+            nonlocal received, sent
+            sent += 1
+            about = {"id": sent, "method": method, "params": params}
+            about |= {"sessionId": session} if session else {}
+            questions.write(json.dumps(about).encode() + b"\0")
+            end = time.monotonic() + ANSWER_S
             while True:
                 while b"\0" not in received:
+                    # a page that draws nothing is never photographed, and nobody says so
+                    if not select.select([answers], [], [], max(end - time.monotonic(), 0.0))[0]:
+                        raise TimeoutError(f"chromium must answer {method}")
                     part = os.read(answers.fileno(), 1 << 20)
                     assert part, "chromium has ended"
                     received += part
                 message, _, received = received.partition(b"\0")
                 told = json.loads(message)
-                if "id" in told:
+                if told.get("id") == sent:
                     return told.get("result", {})
 
-        try:
+        @contextmanager
+        def tab(url):
             target = call("Target.createTarget", url="about:blank")["targetId"]
-            page["sessionId"] = call("Target.attachToTarget", targetId=target, flatten=True)[
-                "sessionId"
-            ]
-            yield call
+            session = call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+            call("Page.navigate", session, url=url)
+
+            def picture():
+                png = call("Page.captureScreenshot", session, format="png").get("data", "")
+                return base64.b64decode(png)
+
+            try:
+                yield picture
+            finally:
+                call("Target.closeTarget", targetId=target)
+
+        try:
+            yield tab
         finally:
             browser.kill()
-
-
-def window_of(call: Callable[..., dict]) -> bytes:
-    """PNG of the page that is open in `chromium_at_real_speed`; a busy page is asked again."""
-    for _ in range(ATTEMPTS):
-        if picture := call("Page.captureScreenshot", format="png").get("data"):
-            return base64.b64decode(picture)
-    raise TimeoutError("chromium must take a picture of the page")
 
 
 def headless_chromium() -> Callable[..., str]:
