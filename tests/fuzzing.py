@@ -25,6 +25,12 @@ from flighttune.planning.schema import CampaignTable
 TIMES = int(os.environ.get("FUZZ_TIMES", "1"))
 """Long runs are so many times as long; CONTRIBUTING.md has the number for the full counts."""
 
+
+def first_or_all(cases):
+    """Of cases that take long the first one; all of them in `make counts`."""
+    return [*cases][: 1 if TIMES == 1 else None]
+
+
 SCHEMAS = ft.Scenario, CampaignTable, AircraftConfig
 
 

@@ -254,7 +254,7 @@ def test_a_campaign_ended_at_any_time_goes_on_to_the_same_bits(tmp_path, file, u
     scratch = tmp_path / "scratch"
     scratch.mkdir()
     options = {"env": {**os.environ, "TMPDIR": str(scratch)}, "preexec_fn": as_in_a_terminal}
-    for i in range(3 * TIMES):
+    for i in range(2 * TIMES):
         out, (who, number) = tmp_path / f"out-{i}", ENDINGS[i % len(ENDINGS)]
         with flying(file, "--out", out, "--workers", "2", **options) as command:
             if draw.random() < 0.7:

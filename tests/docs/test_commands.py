@@ -40,7 +40,7 @@ NOT_RUN = {
         "flighttune (verify|report|mission) runs/mission-band"
     ),
     "minutes": (
-        "flighttune (tube feasible|tube paper --gains paper --disturbance|worst paper"
+        "flighttune (tube (feasible|turn.toml)|tube paper --gains paper --disturbance|worst paper"
         "|meet paper_identified --(campaign|out)|identify aerosonde --V-a 25 --V-a 20)"
     ),
     "after `tube` or `worst`: tests/tubes, tests/campaign": (

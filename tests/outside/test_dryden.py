@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from fuzzing import first_or_all
 from scipy.signal import periodogram
 
 import flighttune as ft
@@ -81,7 +82,7 @@ def gusts(h):
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("h", AIR)
+@pytest.mark.parametrize("h", first_or_all(AIR))
 def test_the_spectra_of_turbulence_are_drydens_over_two_decades(h):
     L_u, L_w, sigma_u, sigma_w = (value * FPS for value in AIR[h])
     found = gusts(h)
