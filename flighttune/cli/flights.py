@@ -8,10 +8,10 @@ from typing import Annotated
 from typer import Argument, Option
 
 from flighttune.cli import options
-from flighttune.cli.show import campaign_display, fail, on_interrupt, say, show
+from flighttune.cli.show import fail, on_interrupt, say, show
 from flighttune.cli.verbs import Verb, of
 from flighttune.errors import CampaignError, InputError, OutputError, RecordingError
-from flighttune.files.shipped import aircraft_names, scenario_files
+from flighttune.files.shipped import aircraft_names, campaign_files, scenario_files
 from flighttune.present.answer import Answer
 
 KEPT = "what has been flown is kept, go on with the same command and --resume"
@@ -121,13 +121,17 @@ def _open(path: Path, *, port: int | None = None) -> None:
         run_viewer(recording, command)
 
 
+@of(
+    "campaign.engine.engine:run_campaign",
+    campaign={"metavar": "CAMPAIGN", "autocompletion": campaign_files},
+    runs={"min": 1},
+)
 def campaign(
-    file: options.CampaignArgument,
-    runs: Annotated[
-        int | None, Option(help="Flights in total [default: the file's].", min=1)
-    ] = None,
+    run_campaign: Verb,
+    campaign: str,
+    runs: int | None,
+    resume: bool,
     out: Annotated[str | None, Option(help="Folder of the dataset [default: runs/NAME].")] = None,
-    resume: Annotated[bool, Option("--resume", help="Fly the runs that --out lacks.")] = False,
     gains: options.GainSetsOption = None,
     settings: options.SetOption = None,
     dry_run: Annotated[
@@ -140,28 +144,21 @@ def campaign(
     cut short, 130 after Ctrl-C; --resume flies the missing runs.
     """
     from flighttune.campaign.dataset import open_dataset
-    from flighttune.campaign.engine.engine import forecast, run_campaign
+    from flighttune.campaign.engine.engine import forecast
     from flighttune.files.load import CAMPAIGN
     from flighttune.planning.load import load_campaign
     from flighttune.planning.plan import plan_campaign
 
-    folder, flown_by = out or str(Path("runs") / Path(file).stem), options.FLOWN_BY.get()
-    planned = load_campaign(file, changes=options.changes(settings), gains=gains or ())
+    folder = out or str(Path("runs") / Path(campaign).stem)
+    planned = load_campaign(campaign, changes=options.changes(settings), gains=gains or ())
     plan, file_of_plan = plan_campaign(planned, runs=runs), Path(folder) / CAMPAIGN
     if resume and runs is None and file_of_plan.exists():
         # a campaign that was extended by --runs keeps its length
         plan = plan.with_runs(max(plan.runs, open_dataset(folder).plan.runs))
     if dry_run:
-        return forecast(plan, flown_by["workers"]).answer()
+        return forecast(plan, options.FLOWN_BY.get()["workers"]).answer()
     try:
-        with campaign_display() as observer:
-            done = run_campaign(
-                plan,
-                folder,
-                **flown_by,
-                resume=resume,
-                observer=observer,
-            )
+        done = run_campaign(campaign=plan, out=folder, runs=None)
     except (CampaignError, OutputError) as error:
         if not file_of_plan.exists():
             raise

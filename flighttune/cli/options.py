@@ -6,7 +6,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Annotated, Any
 
-from typer import Argument, Option
+from typer import Option
 
 from flighttune.errors import InputError
 from flighttune.files.shipped import campaign_files, scenario_files
@@ -33,14 +33,6 @@ SetOption = Annotated[
         "--set",
         metavar="KEY=VALUE",
         help="Value of the scenario to set, such as flight.V_a_mps=30; repeatable.",
-    ),
-]
-CampaignArgument = Annotated[
-    str,
-    Argument(
-        metavar="CAMPAIGN",
-        help="A campaign file, or the name of a shipped one.",
-        autocompletion=campaign_files,
     ),
 ]
 GainsFileOption = Annotated[

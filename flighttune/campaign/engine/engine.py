@@ -189,17 +189,17 @@ def run_campaign(
     Parameters
     ----------
     campaign : Plan, str or Path
-        A plan, a campaign file, or the name of a shipped one.
+        A campaign file, or the name of a shipped one.
     out : str or Path
         Folder of the rows. Only this process writes.
     runs : int, optional
-        Total number of flights; by default that of the plan or file.
+        Flights in total, by default the file's.
     workers : int, optional
         Processes that fly on this machine; by default one per core.
     scheduler : str, optional
         Address of a dask scheduler, ``tcp://HOST:PORT``, whose workers fly instead.
     resume : bool
-        Continue the campaign in `out`, if there is one.
+        Fly the runs that `out` lacks.
     observer : CampaignObserver, optional
         Receives the progress; may stop the campaign.
 
