@@ -415,7 +415,11 @@ def vertex_matrices(
         # A loop that is there twice would be checked twice.
         distinct: list[Rationals] = []
         for linear in (model, *models):
-            A, B, (k, k_M) = exact(linear.A), exact(linear.B), inner_feedback(linear, gains)
+            A, B, (k, k_M) = (
+                exact(linear.A),
+                exact(linear.B),
+                inner_feedback(linear, gains.feedback),
+            )
             A, B = A - B @ exact(k_M), B * (1 + exact(k))
             loop = _closed_loop(A, B, exact(linear.C), K_P, K_I)
             if not any(np.array_equal(loop, other) for other in distinct):

@@ -72,6 +72,8 @@ class RateLaw(NamedTuple):
         True if the course has priority.
     feedback : tuple of two float, 1
         Gains on measured roll and load factor against those expected.
+    turn_brake : float, 1/s
+        As `brake`, of the roll's rate limit and the course; inf where roll is not fed back.
     """
 
     channels: tuple[ChannelLaw, ...]
@@ -83,6 +85,7 @@ class RateLaw(NamedTuple):
     brake: float
     course_first: bool
     feedback: tuple[float, float]
+    turn_brake: float
 
 
 class ExactLaw(StatefulPI):
@@ -125,7 +128,8 @@ class ExactLaw(StatefulPI):
         The proportional part of the path-angle rate is at most
         ``sqrt(2 braking (g / V_a) r |e|)``, r the rate limit of the load factor and e the error
         that this part is proportional to: more could not be taken back before the error is gone.
-        None for no such bound. Where it holds the load factor counts as rate-limited.
+        None for no such bound. Where it holds the load factor counts as rate-limited. Where roll is
+        fed back, the same holds of the course and the rate limit of roll.
     wrapped : bool
         Take the course error the short way round.
     g : float, m/s^2
@@ -187,7 +191,9 @@ class ExactLaw(StatefulPI):
         self.gains, self.dt, self._per_g = gains, dt, 1.0 / g
         self.signals = WITH_AIRSPEED_SIGNALS if gains.airspeed else RATE_SIGNALS
         channels = channel_laws(gains, gains.K_I * dt, limits, dt)
-        rate = math.inf if limits is None else min(limits.rate_upper[1], -limits.rate_lower[1])
+        rates = [math.inf, math.inf]
+        if limits is not None:
+            rates = np.minimum(limits.rate_upper, -limits.rate_lower).tolist()
         self._third = channels[2] if gains.airspeed else None
         integrated = np.abs(gains.K_I[:2, 2:])
         if integrated.size and integrated.max() > ROUNDING * np.abs(gains.K_I).max():
@@ -202,9 +208,10 @@ class ExactLaw(StatefulPI):
             tracking_gain=tracking_gain_of(anti_windup, gains, dt, tracking_time),
             per_g=1.0 / g,
             lift_floor=lift_floor,
-            brake=2.0 * (braking or math.inf) * rate,
+            brake=2.0 * (braking or math.inf) * rates[1],
             course_first=priority == "chi",
             feedback=gains.feedback,
+            turn_brake=2.0 * (braking or math.inf) * rates[0] if gains.feedback[0] else math.inf,
         )
         self.state = empty_state((0.0, 1.0, 0.0)[: len(gains.inputs)])
 
@@ -287,6 +294,26 @@ def rate_model(*, airspeed: bool = False) -> LinearModel:
     )
 
 
+def roll_of_lift(
+    a: float, b: float, lift_floor: float, n_z_high: float, course_first: bool
+) -> float:
+    """Roll for a horizontal lift a and a vertical lift b, as far as there is so much."""
+    if b < lift_floor:
+        return math.atan2(a, lift_floor)
+    most = max(n_z_high, LEAST_LIFT)  # a limit may leave none
+    if not a * a + b * b > most * most:
+        return math.atan2(a, b)
+    # The largest load factor does not give both.
+    if course_first:
+        return math.copysign(math.asin(min(1.0, abs(a) / most)), a)
+    return math.copysign(math.acos(min(1.0, b / most)), a)
+
+
+def braked_rate(rate: float, speed: float, K_P: float, brake: float) -> float:
+    """A rate wanted of course or path angle, cut to what its command can take back in time."""
+    return math.copysign(math.sqrt(brake * abs(rate) / (speed * K_P)), rate)
+
+
 def with_feedback(
     limited: int,
     k: float,
@@ -322,7 +349,7 @@ def exact_step(
     measured; `V_a` (m/s).
     """
     channels, wrapped, conditional, tracking_gain, per_g, lift_floor = law[:6]
-    brake, course_first, (k_phi, k_n_z) = law[6:]
+    brake, course_first, (k_phi, k_n_z), turn_brake = law[6:]
     (
         (K_chi, I_chi, phi_low, phi_high, phi_down, phi_up),
         (K_gamma, I_gamma, n_z_low, n_z_high, n_z_down, n_z_up),
@@ -335,24 +362,21 @@ def exact_step(
     error[0], error[1] = e_chi, e_gamma
     level, speed = math.cos(y[1]), V_a * per_g
     nu_chi = ref[2] + K_chi[0] * e_chi + K_chi[1] * e_gamma + integral[0]
+    turn = K_chi[0] * e_chi + K_chi[1] * e_gamma
     climb = K_gamma[0] * e_chi + K_gamma[1] * e_gamma
-    # The load factor can take back a rate of climb only at its own rate limit.
+    # Roll and load factor can take back a turn and a climb only at their own rate limits.
+    turn_braked = abs(turn) * speed * level * K_chi[0] > turn_brake
+    if turn_braked:
+        nu_chi = ref[2] + integral[0] + braked_rate(turn, speed * level, K_chi[0], turn_brake)
     braked = abs(climb) * speed * K_gamma[1] > brake
     if braked:
-        climb = math.copysign(math.sqrt(brake * abs(climb) / (speed * K_gamma[1])), climb)
+        climb = braked_rate(climb, speed, K_gamma[1], brake)
     nu_gamma = ref[3] + climb + integral[1]
 
     # Horizontal and vertical lift that these rates need, in weights.
     a, b = speed * level * nu_chi, speed * nu_gamma + level
     floored = b < lift_floor
-    roll = math.atan2(a, lift_floor if floored else b)
-    most = max(n_z_high, LEAST_LIFT)  # a limit may leave none
-    if not floored and a * a + b * b > most * most:
-        # The largest load factor does not give both.
-        if course_first:
-            roll = math.copysign(math.asin(min(1.0, abs(a) / most)), a)
-        else:
-            roll = math.copysign(math.acos(min(1.0, b / most)), a)
+    roll = roll_of_lift(a, b, lift_floor, n_z_high, course_first)
     phi, phi_limited = limit_command(roll, expected[0], phi_low, phi_high, phi_down, phi_up)
     load = b / math.cos(phi)
     n_z, n_z_limited = limit_command(load, expected[1], n_z_low, n_z_high, n_z_down, n_z_up)
@@ -369,8 +393,8 @@ def exact_step(
         u[1], n_z, n_z_limited = with_feedback(
             n_z_limited, k_n_z, n_z, y[3], before[1], n_z_low, n_z_high, n_z_down, n_z_up
         )
-    if braked and n_z_limited == FREE:
-        n_z_limited = RATE_LIMITED
+    phi_limited = phi_limited or (RATE_LIMITED if turn_braked else FREE)
+    n_z_limited = n_z_limited or (RATE_LIMITED if braked else FREE)
     u_unsat[0], u_unsat[1], limited[0], limited[1] = roll, load, phi_limited, n_z_limited
 
     # Whether the commands give the rates wanted; where no limit holds they do but for rounding.

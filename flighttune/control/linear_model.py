@@ -10,6 +10,7 @@ apart, 32 vertices, contains them all as well and is never larger, and so it is 
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -173,7 +174,7 @@ def closed_loop(model: LinearModel, gains: PIGains) -> FloatArray:
     -------
     ndarray, shape (n + p, n + p)
         ``[[A + B K_P C, B K_I], [C, 0]]``; the paper's A_K(0) where C = I. The inner feedback of
-        the gains, if any, is in A and B (`fed_back`).
+        the gains, if any, is in A and B (`fed_by`).
 
     Raises
     ------
@@ -191,29 +192,37 @@ def closed_loop(model: LinearModel, gains: PIGains) -> FloatArray:
     (4, 4)
     """
     model.check_channels(gains)
-    return closed_loops(fed_back(model, gains), gains.K)
+    return closed_loops(fed_by(model, gains.feedback), gains.K)
 
 
-def fed_back(model: LinearModel, gains: PIGains) -> LinearModel:
+def fed_by(model: LinearModel, feedback: Sequence[float] | FloatArray) -> LinearModel:
     """The model with the inner feedback ``u + k (u - M x)``: ``A - B k M`` and ``B (1 + k)``."""
-    if not gains.feeds_back:
+    if not any(feedback):
         return model
-    k, k_M = inner_feedback(model, gains)
+    k, k_M = inner_feedback(model, feedback)
     return replace(model, A=model.A - model.B @ k_M, B=model.B * (1.0 + k))
 
 
-def inner_feedback(model: LinearModel, gains: PIGains) -> tuple[FloatArray, FloatArray]:
-    """Inner feedback k of each input and k M, shapes (m,) and (m, n).
+def inner_feedback(
+    model: LinearModel, feedback: Sequence[float] | FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Inner feedback k of each input and k M, shapes (m,) and (m, n), of that of the first inputs.
 
-    M measures what follows an input: the first state of its name. A model without one answers at
-    once, so that there is nothing to feed back.
+    A model without the state that is measured answers at once: there is nothing to feed back.
     """
-    n, m, _ = model.shape
-    k, M = np.zeros(m), np.zeros((m, n))
-    for i, (name, gain) in enumerate(zip(model.inputs, gains.feedback, strict=False)):
-        if name in model.states:
-            k[i], M[i, model.states.index(name)] = gain, 1.0
+    M, k = measured_rows(model), np.zeros(len(model.inputs))
+    k[: len(feedback)] = feedback[: len(k)]
+    k *= M.any(axis=1)
     return k, k[:, None] * M
+
+
+def measured_rows(model: LinearModel) -> FloatArray:
+    """M of what follows each input, shape (m, n): the first state of its name, or none."""
+    rows = [
+        [float(name in model.states and i == model.states.index(name)) for i in range(len(model.A))]
+        for name in model.inputs
+    ]
+    return np.array(rows)
 
 
 def closed_loops(model: LinearModel, K: npt.ArrayLike) -> FloatArray:

@@ -197,7 +197,7 @@ def _is_stable(A_K: FloatArray) -> bool:
 
 def _opened(model: LinearModel, gains: PIGains) -> Loop:
     # The loop is cut behind the inner feedback, at the commands that fly.
-    k, k_M = inner_feedback(model, gains)
+    k, k_M = inner_feedback(model, gains.feedback)
     rows = np.hstack([gains.K_P @ model.C, gains.K_I]) * (1.0 + k)[:, None]
     rows[:, : len(model.states)] -= k_M
     return *velocity_form(model), -rows

@@ -16,6 +16,7 @@ from flighttune.control.gains import (
     ERRORS_WITH_AIRSPEED,
     LAW_OF_INPUTS,
     PAPER_GAINS,
+    RATES,
     PIGains,
     paper_family,
 )
@@ -28,8 +29,9 @@ from flighttune.errors import InputError, ScenarioError
 from flighttune.files.shipped import nearest_name
 from flighttune.flight.conditions import command_limits, reference_of, stated_condition
 from flighttune.identification.file import DesignModel, design_model, files_of
+from flighttune.plants.weather import turbulence_scales
 from flighttune.scenario.schema import GainsTable, Scenario
-from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED, TuningModel
+from flighttune.scenario.tables import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED, TuningModel
 from flighttune.theory.indicators import indicators
 from flighttune.tuning.problem import LARGEST_GAIN, TuningProblem, decoupled
 from flighttune.tuning.result import TuningResult
@@ -40,8 +42,12 @@ from flighttune.units import wrap_angle
 # Stands for a gain that may fall to nothing.
 TINY = 1e-300
 
-# Largest sensitivity of gains of the fastest decay or the least E_K, where none is stated.
-SENSITIVITY = 1.4
+# Largest sensitivity of gains of the fastest decay or the least E_K, where none is stated; and that
+# at which a loop has 35 deg of phase and 8 dB of gain for certain, more than `meet` requires.
+SENSITIVITY, LARGEST_SENSITIVITY = 1.4, 0.5 / math.sin(math.radians(17.5))
+
+# What [tuning] says for the gains of that name
+FED_BACK = {"objective": "rms", "feedback": True, "sensitivity_max": 1.6}
 
 # Smallest integral time of a loop over the delay of a limited command: design/roll_rate.md.
 INTEGRAL_TIME = 4.0
@@ -237,10 +243,20 @@ def _problem(
         K_fixed=decoupled(model) if settings.structure == "decoupled" else None,
         seed=scenario.seed,
         objective=settings.objective if identified and settings.objective != "cost" else "R_K",
-        sensitivity_max=settings.sensitivity_max or SENSITIVITY if identified else math.inf,
+        sensitivity_max=min(settings.sensitivity_max or SENSITIVITY, LARGEST_SENSITIVITY)
+        if identified
+        else math.inf,
+        feedback=settings.feedback and identified,
+        gusts=_gusts(scenario, p) if settings.objective == "rms" and identified else None,
         weights=None if identified else settings.weights,
         R_min=0.0 if identified else settings.R_min,
     )
+
+
+def _gusts(scenario: Scenario, p: int) -> FloatArray:
+    """Airspeed over the scale of the gusts across the flight that move each error, rad/s."""
+    scales = turbulence_scales(scenario.flight.h_m)
+    return scenario.flight.V_a_mps / np.array([*scales, scales[0]][:p])
 
 
 def tune_scenario(
@@ -253,10 +269,15 @@ def tune_scenario(
     `law`: by default the scenario's first. Raises InputError or ScenarioError if an identified
     model is needed and missing.
     """
-    settings = scenario.tuning
+    settings, law_of_gains = scenario.tuning, law or scenario.laws[0]
+    if settings.feedback and law_of_gains.inputs != RATES:
+        raise InputError(
+            "`feedback` of [tuning] must be false but for the exact law, got the law "
+            f"{law_of_gains.name!r}."
+        )
     if (model or settings.model) == "identified":
         result = tune_worst_case(identified_problems(scenario, law), starts=settings.starts)
-        return _with_weight(result, scenario, law or scenario.laws[0])
+        return _with_weight(result, scenario, law_of_gains)
     return tune_problem(tuning_problem(scenario, law), starts=settings.starts)
 
 
@@ -289,15 +310,19 @@ def gain_set(scenario: Scenario, name: str, tuning: TuningResult | None = None) 
     # Numbers that do not say what they act on are those of the only kind of gains there is.
     untold = LAW_OF_INPUTS[inputs.pop() if len(inputs) == 1 else COMMANDS]
     numbers = {e.name: e.gains(untold) for e in scenario.gains if isinstance(e, GainsTable)}
-    if gains in (TUNED, TUNED_IDENTIFIED) and gains not in numbers:
-        if gains == TUNED_IDENTIFIED:
-            tuning = tune_scenario(scenario, "identified", law=law)
+    if gains in (TUNED, TUNED_IDENTIFIED, TUNED_FED_BACK) and gains not in numbers:
+        if gains != TUNED:
+            settings = scenario.tuning
+            if gains == TUNED_FED_BACK:
+                settings = settings.model_copy(update=FED_BACK)
+            asked = scenario.model_copy(update={"tuning": settings})
+            tuning = tune_scenario(asked, "identified", law=law)
         elif tuning is None:
             tuning = tune_scenario(scenario, law=law)
         return tuning.gains if tuning.status == "optimal" else None
     available = {**paper_family(), **numbers}
     if gains not in available:
-        names = [TUNED, *available, TUNED_IDENTIFIED]
+        names = [TUNED, *available, TUNED_IDENTIFIED, TUNED_FED_BACK]
         raise InputError(
             f"`gains` must be one of {', '.join(names)}, got {name!r}{nearest_name(gains, names)}"
         )

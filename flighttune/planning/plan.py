@@ -24,7 +24,7 @@ from flighttune.plants.base import goes_by
 from flighttune.quantities import Table
 from flighttune.scenario.load import Place, as_recorded, leaves, with_values
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
+from flighttune.scenario.tables import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
 
 # Version of the plain values of a plan; other versions are refused
 VERSION = 1
@@ -35,7 +35,7 @@ FORMAT = 3
 # Keys that are text for the reader and change no row
 FOR_THE_READER = ("title", "verifies", "source")
 
-TUNED_SETS = TUNED, TUNED_IDENTIFIED
+TUNED_SETS = TUNED, TUNED_IDENTIFIED, TUNED_FED_BACK
 
 # Largest difference between two tunings of the same problem, as a share of the largest gain
 TUNING_ROUNDING = 1e-6

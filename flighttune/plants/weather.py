@@ -13,6 +13,7 @@ import numpy as np
 
 from flighttune.arrays import FloatArray, set_read_only
 from flighttune.errors import InputError
+from flighttune.units import FT
 
 NED: TypeAlias = tuple[float, float, float]
 
@@ -165,6 +166,19 @@ class Turbulence:
     wind_20ft: float  # m/s: wind 20 ft above ground: sets the strength below 1000 ft
     # Filters: the standard's, made discrete by Tustin's rule; or first-order ones
     model: TurbulenceModel = "tustin"
+
+
+def turbulence_scales(h: float) -> tuple[float, float]:
+    """Scales of the Dryden gusts to the side and down at a height of `h` (m) above ground, m.
+
+    MIL-F-8785C, sections 3.7.2 and 3.7.3, as JSBSim has them: by height below 1000 ft, 1750 ft from
+    2000 ft on, a straight line between.
+    """
+    feet = max(h / FT, 10.0)
+    if feet >= 1000.0:
+        scale = min(1000.0 + 0.75 * (feet - 1000.0), 1750.0)
+        return scale * FT, scale * FT
+    return feet / (0.177 + 0.000823 * feet) ** 1.2 * FT, feet * FT
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -40,7 +40,7 @@ from flighttune.reports.charts import (
 )
 from flighttune.scenario.load import gains_notes, scenario_of
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TUNED, TUNED_IDENTIFIED
+from flighttune.scenario.tables import TUNED, TUNED_FED_BACK, TUNED_IDENTIFIED
 from flighttune.simulate.run import Run, claim_notes, priority_notes, run_styles
 from flighttune.tuning.frontier import frontier, frontier_chart
 from flighttune.units import DEG_PER_RAD
@@ -297,6 +297,7 @@ def _gains_in_words(scenario: Scenario, runs: Sequence[Run]) -> str:
         "paper": "K*, arXiv 2411.13140",
         TUNED: identified if scenario.tuning.model == "identified" else on_the_law,
         TUNED_IDENTIFIED: identified,
+        TUNED_FED_BACK: "least errors in turbulence on the identified aircraft, fed back",
     }
     names = dict.fromkeys(run.provenance.gains_name.split(":")[-1] for run in runs)
     sets = (f"{origins.get(name, 'those of the scenario')} ({name})" for name in names)

@@ -16,7 +16,14 @@ from flighttune.present.names import listed
 from flighttune.quantities import FASTEST_WIND, STEEPEST_DEG, Table
 from flighttune.scenario import tables
 from flighttune.scenario.route import RouteTable, TurnBackTable
-from flighttune.scenario.tables import LAWS, TUNED, TUNED_IDENTIFIED, GainsTable, law_named
+from flighttune.scenario.tables import (
+    LAWS,
+    TUNED,
+    TUNED_FED_BACK,
+    TUNED_IDENTIFIED,
+    GainsTable,
+    law_named,
+)
 
 # Samples of the controller in a flight: five and a half hours at 50 Hz, 200 MB of signals.
 MAX_SAMPLES = 1_000_000
@@ -69,7 +76,7 @@ class Scenario(Table):
 
     @model_validator(mode="after")
     def _consistent(self) -> "Scenario":
-        available = [TUNED, *paper_family(), TUNED_IDENTIFIED]
+        available = [TUNED, *paper_family(), TUNED_IDENTIFIED, TUNED_FED_BACK]
         for entry in self.gains:
             if isinstance(entry, str) and entry not in available:
                 raise ValueError(
@@ -84,7 +91,13 @@ class Scenario(Table):
                     f"`input_limits` of [tuning] must be absent with the {law.kind} law: its gains "
                     "act on rates, not on roll and load factor"
                 )
-        if TUNED_IDENTIFIED in self.gains or self.tuning.model == "identified":
+        if self.tuning.objective == "rms" and self.turbulence is None:
+            raise ValueError(
+                '`turbulence` must be given with objective = "rms" of [tuning]: calm air has no '
+                "spectrum"
+            )
+        on_identified = TUNED_IDENTIFIED in self.gains or TUNED_FED_BACK in self.gains
+        if on_identified or self.tuning.model == "identified":
             _ = self.identified_in
         names, gain_names = [law.name for law in laws], self.gain_names
         for key, labels in (("law", names), ("gains", gain_names), ("plant", plants)):

@@ -749,10 +749,18 @@ TUNED = "tuned"
 # Gains tuned on the identified model, whichever ``[tuning]`` names.
 TUNED_IDENTIFIED = "tuned_identified"
 
+# Gains of the exact law on the identified model: roll and load factor fed back, least errors in
+# turbulence.
+TUNED_FED_BACK = "tuned_fed_back"
+
 TuningModel: TypeAlias = Literal["kinematic", "identified"]
 
 
 Weights: TypeAlias = Annotated[list[q.PositiveGain], Field(min_length=2, max_length=2)]
+
+
+# Aims of gains behind the identified inner loop, under a bound on the sensitivity
+SHAPED = "decay", "E_K", "rms"
 
 
 class TuningTable(q.Table):
@@ -774,9 +782,11 @@ class TuningTable(q.Table):
     squares of errors and commands about their end values, times ``error_weights`` (chi, gamma; 1
     by default) and ``command_weights`` (phi, n_z; 0.1), under ``R_K >= R_min`` and the rest.
 
-    ``objective = "decay"`` or ``"E_K"``, with which ``model`` is identified if left out, seeks the
-    fastest decay of the loop or the least E_K, with a largest sensitivity of each channel of
-    ``sensitivity_max`` (1.4).
+    ``objective = "decay"``, ``"E_K"`` or ``"rms"``, with which ``model`` is identified if left out,
+    seeks the fastest decay of the loop, the least E_K or the least rms of the errors in the
+    scenario's turbulence, with a largest sensitivity of each channel of ``sensitivity_max`` (1.4;
+    1.66 at most, which leaves 35 deg of phase). ``feedback`` seeks the exact law's gains on roll
+    and load factor too, with ``decay`` or ``rms``.
     """
 
     I_star: Annotated[float, Field(gt=0.0)] = 5.0  # may be infinite: no bound
@@ -792,7 +802,8 @@ class TuningTable(q.Table):
     roll_rate: bool = False
     lift_rate: bool = False
     state_scaling: list[q.Scale] | None = None
-    objective: Literal["R_K", "cost", "decay", "E_K"] = "R_K"
+    objective: Literal["R_K", "cost", "decay", "E_K", "rms"] = "R_K"
+    feedback: bool = False
     sensitivity_max: Annotated[float, Field(gt=1.0)] | None = None
     error_weights: Weights | None = None
     command_weights: Weights | None = None
@@ -817,7 +828,7 @@ class TuningTable(q.Table):
     @model_validator(mode="before")
     @classmethod
     def _model_of_objective(cls, values: Any) -> Any:
-        shaped = isinstance(values, Mapping) and values.get("objective") in ("decay", "E_K")
+        shaped = isinstance(values, Mapping) and values.get("objective") in SHAPED
         return {"model": "identified", **values} if shaped else values
 
     @model_validator(mode="after")
@@ -831,7 +842,9 @@ class TuningTable(q.Table):
             for name in sorted(foreign & self.model_fields_set)
             if getattr(self, name) != type(self).model_fields[name].default
         ]
-        shaped = self.objective in ("decay", "E_K")
+        shaped = self.objective in SHAPED
+        if self.feedback and self.objective not in ("decay", "rms"):
+            raise ValueError('`feedback` must be absent without objective = "decay" or "rms"')
         if shaped and self.model != "identified":
             raise ValueError(
                 f'`model` must be "identified" or absent with objective = "{self.objective}", got '
@@ -839,7 +852,7 @@ class TuningTable(q.Table):
             )
         if self.sensitivity_max is not None and not shaped:
             raise ValueError(
-                '`sensitivity_max` must be absent without objective = "decay" or "E_K"'
+                '`sensitivity_max` must be absent without objective = "decay", "E_K" or "rms"'
             )
         changed = [key for key in changed if not (shaped and key == "objective")]
         if self.model == "identified" and changed:

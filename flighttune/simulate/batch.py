@@ -25,7 +25,7 @@ SIGNALS = (
 )
 
 # Numbers of a `RateLaw`; a `PILaw` has fewer.
-LAW_NUMBERS = 25
+LAW_NUMBERS = 26
 
 # Flights whose errors of sensors are in memory at the same time
 SENSED_AT_ONCE = 256
@@ -34,7 +34,7 @@ SENSED_AT_ONCE = 256
 class Flights(NamedTuple):
     """N flights as the kernel takes them."""
 
-    laws: FloatArray  # (N, 25): numbers of `PILaw` or `RateLaw` in their order, the rest zero
+    laws: FloatArray  # (N, 26): numbers of `PILaw` or `RateLaw` in their order, the rest zero
     # (N, 5), rad, rad, rad, 1, m/s: Course, flight-path angle, roll, load factor and airspeed at
     # t = 0
     start: FloatArray

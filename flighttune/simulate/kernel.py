@@ -46,8 +46,11 @@ DIGEST = sha256(b"".join(path.read_bytes() for path in SOURCES)).hexdigest()[:12
 COMPLETED, ROLLED, DIVERGED = 0, 1, 2
 
 register_jitable(wrap_angle)
-register_jitable(limits.limit_command)
-register_jitable(exact_law.with_feedback)
+for of_law in (
+    *(limits.limit_command, exact_law.with_feedback),
+    *(exact_law.braked_rate, exact_law.roll_of_lift),
+):
+    register_jitable(of_law)
 exact_step = register_jitable(inline="always")(exact_law.exact_step)
 pi_step = register_jitable(inline="always")(mimo_pi.pi_step)
 for of_errors in (
@@ -161,9 +164,17 @@ def _channel(row):
 def _rate_law(row):
     channels = _channel(row[:8]), _channel(row[8:16])
     wrapped, conditional, course_first = row[16] != 0.0, row[17] != 0.0, row[22] != 0.0
-    brake, fed = row[21], (row[23], row[24])
     return RateLaw(
-        channels, wrapped, conditional, row[18], row[19], row[20], brake, course_first, fed
+        channels,
+        wrapped,
+        conditional,
+        row[18],
+        row[19],
+        row[20],
+        row[21],
+        course_first,
+        (row[23], row[24]),
+        row[25],
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray, check_not_negative, read_only_vector
-from flighttune.control.gains import PIGains
+from flighttune.control.gains import NO_FEEDBACK, PIGains
 from flighttune.control.limits import Limits
 from flighttune.control.linear_model import LinearModel, closed_loops
 from flighttune.errors import InputError, ShapeError
@@ -46,11 +46,16 @@ class TuningProblem:
         Gains that must have a value; NaN where a gain is free. All free by default.
     seed : int
         Seed of everything random in an optimiser.
-    objective : "R_K", "decay" or "E_K"
-        Goal without `weights`; the last two on identified loops alone.
+    objective : "R_K", "decay", "E_K" or "rms"
+        Goal without `weights`; the last three on identified loops alone. "rms": of the errors in
+        gusts of the corner frequencies `gusts`, over that of the gusts' angle.
     sensitivity_max : float
-        With the last two: largest sensitivity, above 1, of each channel of commands that acts on
+        With the last three: largest sensitivity, above 1, of each channel of commands that acts on
         no other.
+    feedback : bool
+        With "decay" and "rms": seek the gains' inner feedback too.
+    gusts : ndarray, shape (p,), optional, rad/s
+        Airspeed over the scale of the Dryden gusts that move each error; needed with "rms".
     weights : tuple of ndarray, shapes (p,) and (m,), optional
         Of errors and commands: minimise the quadratic cost from `x_0` instead of maximising R_K.
     R_min : float, 1/s
@@ -81,8 +86,10 @@ class TuningProblem:
     K_max: FloatArray | None = None
     K_fixed: FloatArray | None = None
     seed: int = 0
-    objective: Literal["R_K", "decay", "E_K"] = "R_K"
+    objective: Literal["R_K", "decay", "E_K", "rms"] = "R_K"
     sensitivity_max: float = math.inf
+    feedback: bool = False
+    gusts: FloatArray | None = None
     weights: tuple[FloatArray, FloatArray] | None = None
     R_min: float = 0.0
 
@@ -148,12 +155,13 @@ class TuningProblem:
             ]
         )
 
-    def gains(self, K: FloatArray) -> PIGains:
+    def gains(self, K: FloatArray, feedback: tuple[float, float] = NO_FEEDBACK) -> PIGains:
         """The stacked gains (K_P, K_I), shape (m, 2 p), with the model's channel names."""
-        p = len(self.model.errors)
-        return PIGains(
-            K_P=K[:, :p], K_I=K[:, p:], inputs=self.model.inputs, errors=self.model.errors
+        p, names = (
+            len(self.model.errors),
+            {"inputs": self.model.inputs, "errors": self.model.errors},
         )
+        return PIGains(K_P=K[:, :p], K_I=K[:, p:], feedback=feedback, **names)
 
     def largest_errors(self, K: FloatArray) -> FloatArray:
         """`largest_errors` of the loops that gains K (shape (..., m, 2p)) close, shape (..., p)."""

@@ -1,7 +1,7 @@
 """Results of an optimiser, checked against the problem without trusting the optimiser."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -127,6 +127,10 @@ class TuningResult(Answering):
         Names of ``aircraft`` and the ends of the airspeeds, ``V_a_mps``, that it was tuned for.
     bound : RateBound or None
         If a proof was asked for: the bound on R_K that no gains exceed.
+    sensitivity : float or None
+        Where the problem bounds it: the largest one of the loop at its commands.
+    errors_in_gusts : sequence of float or None, length p
+        With the objective "rms": of each error, over that of the gusts' angle.
 
     Examples
     --------
@@ -156,11 +160,25 @@ class TuningResult(Answering):
     diagnosis: Diagnosis | None = None
     tuned_for: Mapping[str, Any] | None = None
     bound: "RateBound | None" = None
+    sensitivity: float | None = None
+    errors_in_gusts: Sequence[float] | None = None
 
     @property
     def solved(self) -> bool:
         """Whether the gains meet all constraints."""
         return self.status in ("optimal", "found")
+
+    @property
+    def _bounds_in_words(self) -> list[str]:
+        if self.sensitivity is None:
+            return []
+        acts = "which holds the gains" if "sensitivity" in self.active else "which does not act"
+        most = self.problem.sensitivity_max
+        words = [f"largest sensitivity {self.sensitivity:.3f}, at most {most:.4g} {acts}"]
+        if self.errors_in_gusts:
+            shares = ", ".join(f"{share:.3f}" for share in self.errors_in_gusts)
+            words.append(f"rms of the errors in turbulence over that of the gusts' angle: {shares}")
+        return words
 
     def answer(self) -> Answer:
         """Indicators, gains and margins; a failure with the nearest problem if there are none."""
@@ -172,7 +190,7 @@ class TuningResult(Answering):
         values = {
             **pick(self, "status reason R_K I_K E_K cost spectral_abscissa active"),
             **pick(self, "R_envelope R_envelope_bound factor starts agreeing wall_s method"),
-            **pick(self, "tuned_for"),
+            **pick(self, "tuned_for sensitivity errors_in_gusts"),
             "scaling": problem.scaling,
             "diagnosis": nearest,
             **gains_lists(self.gains),
@@ -197,6 +215,7 @@ class TuningResult(Answering):
             tables=tables,
             notes=[
                 PLAIN if plain else SCALED,
+                *self._bounds_in_words,
                 *([f"proven {self.bound.sentence}"] if self.bound else []),
             ],
             failure="" if self.solved else self.reason,

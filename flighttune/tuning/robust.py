@@ -14,19 +14,19 @@ import numpy as np
 import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
+from flighttune.control.gains import NO_FEEDBACK
 from flighttune.control.limits import Limits
-from flighttune.control.linear_model import LinearModel, closed_loops
+from flighttune.control.linear_model import LinearModel, closed_loops, fed_by
 from flighttune.errors import InputError
 from flighttune.theory.indicators import indicators, indicators_batch
 from flighttune.theory.reachable import error_slopes
+from flighttune.tuning.peaks import FINE, GRID, Peaks
 from flighttune.tuning.problem import SearchSpace, TuningProblem, search_space
 from flighttune.tuning.program import UNSTABLE_LOG, Program, loop_slopes, stabilising_starts
 from flighttune.tuning.result import ROUNDING, TuningResult
+from flighttune.tuning.simplex import STARTS as SEARCHED_FROM
+from flighttune.tuning.simplex import errors_in_gusts, searched
 from flighttune.tuning.tune import AGREEMENT, STARTS
-
-# Frequencies of the constraint: so many, from a part of the slowest pole's to many times the
-# fastest's. Between two of them a peak is higher by less than 1e-3, which the last step takes off.
-GRID, FINE, SLOWER, FASTER = 160, 4000, 0.02, 20.0
 
 # Searches begin at the gains of the largest R_K times these.
 FACTORS = 1.0, 1.6
@@ -42,6 +42,9 @@ MAX_TIGHTENINGS, MORE_THAN_MISSED = 6, 1.1
 
 # Relative excess of the sensitivity that counts as none, and difference of ends that agree
 MISSED, SAME_END = 1e-6, 1e-3
+
+# Relative distance within which the bound on the sensitivity holds the gains
+HELD = 5e-3
 
 
 def shaped(problems: Sequence[TuningProblem], k: FloatArray) -> tuple[FloatArray, int] | None:
@@ -146,41 +149,6 @@ class _Search:
         return np.concatenate(values), np.concatenate(in_k) if in_k else np.empty((0, len(k)))
 
 
-class Peaks:
-    """Largest singular value of ``S = 1 / (1 - K G)`` at the commands, over frequencies.
-
-    Minus, because errors fall with the commands: ``G = C (s - A)^-1 B`` has their sign.
-    """
-
-    def __init__(self, model: LinearModel, space: SearchSpace, count: int) -> None:
-        poles = np.abs(np.linalg.eigvals(model.A))
-        fastest = float(poles.max(initial=1.0))
-        slowest = float(poles[poles > 1e-6 * fastest].min(initial=fastest))
-        omega = np.geomspace(SLOWER * min(slowest, 1.0), FASTER * fastest, count)
-        n, self._m, _ = model.shape
-        resolvent = 1j * omega[:, None, None] * np.eye(n) - model.A
-        G = -model.C @ np.linalg.solve(resolvent, np.broadcast_to(model.B, (count, n, self._m)))
-        # A stacked gain (K_P, K_I) acts on G and on its integral.
-        self._GI = np.concatenate([G, G / (1j * omega[:, None, None])], axis=1)
-        self._space, free = space, np.argwhere(space.free)
-        self._rows, self._columns = free.T
-
-    def logs(self, k: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Logarithms at each frequency and their slopes in the gains, shapes (w,) and (w, f)."""
-        L = self._space.K(k) @ self._GI
-        if self._m == 1:  # the rule; a hundredth of the time of the general way
-            S = 1.0 / (1.0 + L)
-            slopes = -(S[:, :, 0] * self._GI[:, self._columns, 0]).real
-            return np.log(np.abs(S[:, 0, 0])), slopes
-        S = np.linalg.inv(np.eye(self._m) + L)
-        U, sigma, _ = np.linalg.svd(S)
-        left = U[..., 0]
-        # With S v = sigma u, d sigma = -Re(u' S dL S v) = -sigma Re(u' S dL u).
-        before = np.einsum("wi,wij->wj", left.conj(), S)
-        after = np.einsum("wij,wj->wi", self._GI, left)
-        return np.log(sigma[:, 0]), -(before[:, self._rows] * after[:, self._columns]).real
-
-
 METHOD = "worst of models"
 
 Indices: TypeAlias = npt.NDArray[np.intp]
@@ -215,7 +183,7 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
     split = [channels(problem) for problem in problems]
     results = [_tuned([part for _, _, part in same], starts) for same in zip(*split, strict=True)]
     solved = [result for result in results if result is not None]
-    tried = sum(searches for _, searches, _ in solved)
+    tried = sum(searches for _, searches, *_ in solved)
     if len(solved) < len(results):
         return TuningResult(
             status="failed",
@@ -232,10 +200,14 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
         )
     space = search_space(whole)
     K, p = np.zeros(space.base.shape), len(whole.model.errors)
-    for (inputs, errors, _), (pair_gains, _, _) in zip(split[0], solved, strict=True):
+    fed = np.zeros(len(K))
+    for (inputs, errors, _), (pair_gains, _, _, pair_fed) in zip(split[0], solved, strict=True):
         K[inputs[:, None], np.concatenate([errors, p + errors])] = pair_gains
+        fed[inputs] = pair_fed
+    models = [fed_by(case.model, fed) for case in problems]
     loops = [
-        indicators(closed_loops(case.model, K), scaling=case.scaling, errors=p) for case in problems
+        indicators(closed_loops(model, K), scaling=case.scaling, errors=p)
+        for model, case in zip(models, problems, strict=True)
     ]
     broken = [
         name for name, s in zip(space.names, space.slack(K[space.free]), strict=True) if s < 0.0
@@ -243,35 +215,43 @@ def tune_worst_case(problems: Sequence[TuningProblem], *, starts: int = STARTS) 
     E_K = max(loop.E_K for loop in loops)
     if E_K > whole.E_star:
         broken.append("E_K")
+    active, peak = tuple(broken), None
+    if whole.objective != "R_K":
+        peaks = (Peaks(case.model, space, FINE) for case in problems)
+        peak = math.exp(max(each.largest(K[space.free], fed) for each in peaks))
+        active += ("sensitivity",) * (peak >= (1.0 - HELD) * whole.sensitivity_max)
+    gusts = whole.objective == "rms"
     return TuningResult(
         status="infeasible" if broken else "optimal",
         reason=f"No gains were found inside the bounds on {', '.join(broken)}." if broken else "",
         method=METHOD,
         problem=whole,
-        gains=whole.gains(K),
+        gains=whole.gains(K, (float(fed[0]), float(fed[1])) if fed.any() else NO_FEEDBACK),
+        sensitivity=peak,
+        errors_in_gusts=errors_in_gusts(whole, K, fed).tolist() if gusts else None,
         R_K=min(loop.R_K for loop in loops),
         I_K=max(loop.I_K for loop in loops),
         E_K=E_K,
         spectral_abscissa=max(loop.spectral_abscissa for loop in loops),
-        active=tuple(broken),
+        active=active,
         starts=tried,
-        agreeing=min(agreeing for _, _, agreeing in solved),
+        agreeing=min(agreeing for _, _, agreeing, _ in solved),
         wall_s=time.perf_counter() - began,
     )
 
 
-def _tuned(problems: list[TuningProblem], starts: int) -> tuple[FloatArray, int, int] | None:
-    """The best gains of one channel over its models, the searches made and those that agree.
+def _tuned(problems: list[TuningProblem], starts: int) -> tuple[FloatArray, int, int, float] | None:
+    """Best gains of one channel over its models, searches made, those that agree, and feedback.
 
     None if no gains stabilise all the models, or keep the sensitivity that is asked for.
     """
     space = search_space(problems[0])
     candidates = np.vstack([stabilising_starts(problem, space, starts) for problem in problems])
     worst = np.array([_worst_rate(problems, space, k) for k in candidates])
-    first = candidates[np.argsort(-worst, kind="stable")][: min(starts, int((worst > 0.0).sum()))]
-    if not len(first):
+    most = min(starts, int((worst > 0.0).sum()))
+    if not most:
         return None
-    ends, _ = Program(problems, "R_K").descend(first)
+    ends, _ = Program(problems, "R_K").descend(candidates[np.argsort(-worst, kind="stable")][:most])
     rates = [
         _worst_rate(problems, space, k)
         if max(case.largest_errors(space.K(k)).max() for case in problems) <= problems[0].E_star
@@ -279,13 +259,19 @@ def _tuned(problems: list[TuningProblem], starts: int) -> tuple[FloatArray, int,
         for k in ends
     ]
     best = int(np.argmax(rates))
-    if problems[0].objective != "R_K":
+    first = problems[0]
+    if first.objective == "rms" or first.feedback:
+        if (answer := searched(problems, ends[best])) is None:
+            return None
+        k, fed, agreeing = answer
+        return space.K(k), len(ends) + len(SEARCHED_FROM), agreeing, fed
+    if first.objective != "R_K":
         if (answer := shaped(problems, ends[best])) is None:
             return None
         k, agreeing = answer
-        return space.K(k), len(ends) + len(FACTORS), agreeing
+        return space.K(k), len(ends) + len(FACTORS), agreeing, 0.0
     agreeing = sum(rate >= (1.0 - AGREEMENT) * rates[best] for rate in rates)
-    return space.K(ends[best]), len(ends), agreeing
+    return space.K(ends[best]), len(ends), agreeing, 0.0
 
 
 def _worst_rate(problems: list[TuningProblem], space: SearchSpace, k: FloatArray) -> float:
@@ -353,5 +339,6 @@ def _part(
         limits=limits,
         x_0=None if problem.x_0 is None else problem.x_0[errors],
         scaling=np.asarray(problem.scaling)[np.concatenate([states, n + errors])],
+        gusts=None if problem.gusts is None else problem.gusts[errors],
         **bounds,
     )

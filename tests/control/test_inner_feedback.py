@@ -116,7 +116,7 @@ def test_the_feedback_winds_nothing_up_at_a_limit(anti_windup):
     assert commands.max() == 0.8
     assert law.state.limited[0] == MAGNITUDE_LIMITED
     # With back-calculation it ends where the error and what the limit takes are in balance.
-    assert integrals.max() < (0.05 if anti_windup == "conditional" else 0.07)
+    assert integrals.max() < (0.05 if anti_windup == "conditional" else 0.1)
     if anti_windup == "conditional":
         assert np.ptp(integrals[300:]) == 0.0
 
@@ -126,6 +126,25 @@ def test_a_command_without_a_limit_is_the_expected_one_and_what_roll_lacks():
     expected = law.state.expected[0]
 
     assert commands[-1] == pytest.approx(expected + 0.5 * (expected - 0.1), abs=ROUNDING)
+
+
+def test_a_turn_that_the_roll_rate_could_not_take_back_is_not_asked_for():
+    """At half of 0.5 rad/s of roll a turn of 60 deg begins at sqrt(0.5 g/V e) rad/s."""
+    law = ft.loop.ExactLaw(
+        rates(),
+        ft.loop.Limits(
+            lower=[-1.5, -9.0], upper=[1.5, 9.0], rate_lower=[-0.5, -1.0], rate_upper=[0.5, 1.0]
+        ),
+        dt=DT,
+    )
+    law.start(ft.loop.FlightCondition(V_a=25.0))
+    seen = ft.loop.Measured(0.0, 0.0, 25.0, 0.0, 1.0, 1000.0, (0.0, 0.0, 0.0), None)
+    law.step(seen, ft.loop.ReferenceSample(1.0, 0.0), 0.0)
+
+    turn = math.sqrt(2.0 * 0.5 * 9.81 / 25.0 * 0.5 * 1.0)
+    lacking = 0.5 * 0.5 * DT  # of the roll expected, a sample at its rate limit
+    assert law.state.u_unsat[0] == pytest.approx(math.atan(25.0 * turn / 9.81) + lacking, abs=1e-9)
+    assert law.state.integral[0] == 0.0
 
 
 @pytest.mark.parametrize("feedback", [(1.0, 0.0), (-0.1, 0.0), (math.nan, 0.0), (0.5,)])
