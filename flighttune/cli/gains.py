@@ -170,7 +170,8 @@ def verify(
 
     value = load_one(claim, CHECKED, *CLAIMS, DATASET, RECORDING)
     if run is None and isinstance(value, AnyClaim):
-        with campaign_display() as observer, WorkerPool(None, None, observer) as pool:
+        by = options.FLOWN_BY.get()
+        with campaign_display() as observer, WorkerPool(**by, observer=observer) as pool:
             checked = verify_claim(claim=value, pool=pool)
         return replace(checked, source=str(claim)).answer()
     if verify_claim.keywords.keys() - {"count"}:

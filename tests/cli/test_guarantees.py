@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from commands import answer
+from commands import answer, flighttune
 
 import flighttune as ft
 
@@ -23,6 +23,15 @@ def test_tune_and_certify_say_their_units_of_state_and_agree_in_the_same_ones():
     assert ft.certify("paper").answer().values["scaled"] is None
     assert scaled.answer().notes[0].startswith("units of state: scaled")
     assert ft.tune("paper").answer().notes == ["units of state: plain, as in `certify`"]
+
+
+def test_verify_takes_the_workers_of_the_command_line(tmp_path):
+    file = tmp_path / "certificate.json"
+    ft.certify("paper", "paper").certificate.save(file)
+
+    both = ("--workers", 1, "--scheduler", "tcp://127.0.0.1:1")
+    assert "`workers` must not be given" in flighttune(*both, "verify", file, status=2)[1]
+    assert answer("--workers", 1, "verify", file)["valid"]
 
 
 @pytest.mark.slow
