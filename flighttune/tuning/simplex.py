@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.control.linear_model import closed_loops, fed_by
+from flighttune.control.linear_model import closed_loops, fed_by, inner_feedback
 from flighttune.tuning.peaks import FINE, GRID, Peaks
 from flighttune.tuning.problem import TuningProblem, search_space
 
@@ -98,10 +98,12 @@ def errors_in_gusts(problem: TuningProblem, K: FloatArray, feedback: FloatArray)
 
     Notes
     -----
-    Gusts across the flight move the path by their speed over the airspeed, at once: ``e = C x - d``
+    Gusts across the flight turn the path by their speed over the airspeed, at once: ``e = C x - d``
     with the Dryden spectrum of MIL-F-8785C, ``(1 + 3 (w/a)^2) / (1 + (w/a)^2)^2``, a the airspeed
-    over its scale. White noise makes d by ``(sqrt(3) s/a + 1) / (s/a + 1)^2``; the covariance of
-    all states together is the solution of a Lyapunov equation.
+    over its scale. The path turns with a force that is measured, so that the inner feedback sees
+    d': the errors are those of the sensitivity at the commands. White noise makes d by
+    ``(sqrt(3) s/a + 1) / (s/a + 1)^2``; the covariance of all states together is the solution of a
+    Lyapunov equation.
     """
     from scipy.linalg import block_diag, solve_continuous_lyapunov
 
@@ -111,10 +113,12 @@ def errors_in_gusts(problem: TuningProblem, K: FloatArray, feedback: FloatArray)
     a = np.asarray(problem.gusts)
     air = block_diag(*([[0.0, 1.0], [-w * w, -2.0 * w]] for w in a))
     gust = block_diag(*([[w**1.5, math.sqrt(3.0 * w)]] for w in a))  # d, of variance one
-    entry = -np.vstack([model.B @ K[:, :p], np.eye(p)])
+    fed = problem.model.B * inner_feedback(problem.model, feedback)[0]  # what d' adds to x'
     whole = block_diag(closed_loops(model, K), air)
-    whole[: n + p, n + p :] = entry @ gust
-    noise = np.diag(np.append(np.zeros(n + p), np.tile([0.0, 1.0], p)))
-    covariance = solve_continuous_lyapunov(whole, -noise)
+    whole[: n + p, n + p :] = -np.vstack([model.B @ K[:, :p], np.eye(p)]) @ gust
+    whole[:n, n + p :] -= fed @ gust @ air
+    white = np.kron(np.eye(p), [[0.0], [1.0]])
+    noise = np.vstack([-fed @ gust @ white, np.zeros((p, p)), white])
+    covariance = solve_continuous_lyapunov(whole, -noise @ noise.T)
     rows = np.hstack([model.C, np.zeros((p, p)), -gust])
     return np.sqrt(np.einsum("pi,ij,pj->p", rows, covariance, rows))

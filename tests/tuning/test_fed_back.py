@@ -56,7 +56,7 @@ def test_errors_in_gusts_are_the_integral_of_drydens_spectrum():
     def spectrum(omega):
         s, x = 1j * omega, (omega / a) ** 2
         G = w / (s + w)
-        loop = (1.0 + k) * G / (1.0 + k * G) * (K_P + K_I / s) / s
+        loop = G * (k + (1.0 + k) * (K_P + K_I / s) / s)  # at the command
         return (1.0 + 3.0 * x) / (1.0 + x) ** 2 / (math.pi * a) * abs(1.0 / (1.0 + loop)) ** 2
 
     pieces = [(0.0, a), (a, 1.0), (1.0, 10.0), (10.0, np.inf)]
