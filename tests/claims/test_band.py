@@ -159,6 +159,9 @@ def test_a_band_that_is_given_the_wind_is_as_narrow_as_without_any():
 def test_another_claim_of_the_same_count_costs_no_flight(counted):
     wider, narrower = counted.claiming(0.04, 0.95), counted.claiming(0.2, 0.5)
 
+    # each of the two claims, that planned at 0.95 too, may be false
+    assert [band.confidence for band in (wider, narrower)] == pytest.approx([0.90, 0.45])
+
     assert wider.scale == counted.scores.max()
     assert narrower.scale < counted.scale < wider.scale
     with pytest.raises(ft.InputError, match=r"`flights` .*688.* 93"):
