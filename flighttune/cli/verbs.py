@@ -38,7 +38,6 @@ SPELLED: dict[str, Any] = {
 FLAGS = {
     "predicted_from": "--given",
     "form": "--format",
-    "start": "--start-deg",
     "signals": "--signal",
     "fences": "--fence",
 }
@@ -122,7 +121,7 @@ def _parameters(verb: ast.FunctionDef, absent: set[str], spelled: Any) -> Iterat
         kind = _type(ast.unparse(argument.annotation or ast.Constant("")), described)
         if name in absent or not (kind or name in SPELLED):
             continue
-        value, made = getattr(default, "value", None), partial(Option, _flag(name))
+        value, made = getattr(default, "value", None), partial(Option, _flag(name, described))
         if argument is arguments[0]:
             value, made = Parameter.empty, Argument
         annotation = SPELLED.get(name)
@@ -155,7 +154,9 @@ def _type(annotation: str, described: str) -> Any:
 def _help(name: str, kind: Any, entries: dict[str, tuple[str, str]]) -> str:
     """The sentences of a parameter as the help of an option, its default in brackets."""
     described, text = entries.get(name, ("", ""))
-    text = re.sub(r"`(\w+)`", lambda x: _flag(x[1]) if x[1] in entries else x[0], text)
+    text = re.sub(
+        r"`(\w+)`", lambda x: _flag(x[1], entries[x[1]][0]) if x[1] in entries else x[0], text
+    )
     text = " ".join(text.replace("``", "").split())
     text = re.sub(r"[,;] by default (.+?)(?=\.( |$))", r" [default: \1]", text)
     sentence, bracket, others = re.split(r"( \[default: |\.(?= |$))", text, maxsplit=1)
@@ -172,5 +173,7 @@ def _radians(value: Any) -> Any:
     return [x * DEG for x in value] if isinstance(value, list) else value and value * DEG
 
 
-def _flag(name: str) -> str:
+def _flag(name: str, described: str) -> str:
+    if name == "start" and described.startswith("float, rad"):
+        name = "start_deg"
     return FLAGS.get(name, f"--{name.replace('_', '-')}")
