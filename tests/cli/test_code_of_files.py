@@ -7,6 +7,8 @@ from commands import answer, flighttune
 
 import flighttune as ft
 
+pytestmark = pytest.mark.usefixtures("own_workers")  # paths are those of the working folder
+
 LAW = """
     import math
     from pathlib import Path
