@@ -5,9 +5,11 @@ and `view` have no answer beyond a file.
 """
 
 import json
+from pathlib import Path
 
 import pytest
 from commands import answer
+from plans import item, plan_file, waypoint
 
 import flighttune as ft
 from flighttune.campaign.engine.engine import forecast
@@ -41,6 +43,12 @@ def verified():
     return ft.verify("certificate.json")
 
 
+def short_mission():
+    """A plan of 300 m to the north."""
+    takeoff = item(22, 15, 0, 0, None, 47.4, 8.5, 60)
+    return plan_file(Path("m.plan"), takeoff, waypoint(47.4027, 8.5, 60))
+
+
 def planned():
     return forecast(ft.plan_campaign(ft.load_campaign("first_campaign"), runs=8), 1)
 
@@ -66,8 +74,8 @@ VERBS = {
     "fly": (lambda: ft.fly("paper", changes=SHORT), ["paper", *SET]),
     "mission --plan": (lambda: ft.route("circuit"), ["circuit", "--plan"]),
     "mission": (
-        lambda: ft.mission("circuit_in_wind", epsilon=0.3, confidence=0.9, flights=7),
-        ["circuit_in_wind", "--epsilon", 0.3, "--confidence", 0.9, "--flights", 7],
+        lambda: ft.mission(short_mission(), epsilon=0.3, confidence=0.9, flights=7),
+        ["m.plan", "--epsilon", 0.3, "--confidence", 0.9, "--flights", 7],
     ),
     "verify run": (lambda: ft.refly(recorded()), []),
     "worst": (
