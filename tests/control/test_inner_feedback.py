@@ -149,14 +149,14 @@ def test_a_turn_that_the_roll_rate_could_not_take_back_is_not_asked_for():
 
 @pytest.mark.parametrize("feedback", [(1.0, 0.0), (-0.1, 0.0), (math.nan, 0.0), (0.5,)])
 def test_a_feedback_outside_its_range_is_refused(feedback):
-    with pytest.raises(ft.InputError, match="`feedback` must be two numbers from 0 to below 1"):
+    with pytest.raises(ft.InputError, match="`feedback` must be two numbers"):
         rates(feedback)
 
 
 def test_gains_of_the_papers_law_have_none():
-    with pytest.raises(ft.InputError, match="`feedback` must be 0 but for gains of the exact law"):
+    with pytest.raises(ft.InputError, match="`feedback` must be 0 but"):
         ft.PIGains(K_P=np.eye(2), K_I=np.eye(2), feedback=FED)
-    with pytest.raises(ft.InputError, match="`gains` must be flown by the exact law"):
+    with pytest.raises(ft.InputError, match="`gains` must be flown by"):
         ft.loop.command_gains(rates(), V_a=25.0)
 
 
@@ -178,7 +178,7 @@ def fed_scenario(**tables):
 
 def test_what_would_be_about_another_law_is_refused(tmp_path):
     tables = fed_scenario().as_dict()
-    with pytest.raises(ft.InputError, match="`gains` must have no `feedback` to be enclosed"):
+    with pytest.raises(ft.InputError, match=r"must have no `feedback` .*enclosed"):
         ft.tube(ft.scenario_from(tables | {"plant": [{"kind": "point_mass"}]}))
-    with pytest.raises(ft.InputError, match="`gains` must have no `feedback` to be flown by JSB"):
+    with pytest.raises(ft.InputError, match=r"no `feedback` .*flown by JSB"):
         ft.export(fed_scenario(), out=tmp_path)

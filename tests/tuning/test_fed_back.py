@@ -139,16 +139,14 @@ def test_the_named_gains_are_those_of_the_exact_law_alone():
 
     assert gains.inputs == RATES
     assert min(gains.feedback) > 0.1
-    with pytest.raises(ft.InputError, match=r"`feedback` of .tuning. must be false but for the ex"):
+    with pytest.raises(ft.InputError, match=r"`feedback` of .tuning. must be false"):
         ft.fly(ft.load_scenario("mission", changes={"gains": ["tuned_fed_back"]}))
 
 
 def test_calm_air_has_no_spectrum_and_other_aims_no_feedback():
-    with pytest.raises(
-        ft.ScenarioError, match=r"`turbulence` must be given with objective = .rms."
-    ):
+    with pytest.raises(ft.ScenarioError, match=r"`turbulence` must be given"):
         scenario(turbulence=None, objective="rms")
-    with pytest.raises(ft.ScenarioError, match="`feedback` must be absent without objective = "):
+    with pytest.raises(ft.ScenarioError, match="`feedback` must be absent"):
         scenario(objective="E_K", feedback=True)
-    with pytest.raises(ft.InputError, match=r"`feedback` of .tuning. must be false but for the ex"):
+    with pytest.raises(ft.InputError, match=r"`feedback` of .tuning. must be false"):
         ft.tune(scenario("paper", objective="decay", feedback=True))

@@ -36,7 +36,7 @@ def test_a_file_that_cannot_be_flown_is_named_in_one_line(
 ):
     folder = changed_aircraft(file, pattern, replacement)
 
-    with pytest.raises((ft.loop.PlantError, ft.loop.PlantError), match=message) as error:
+    with pytest.raises(ft.loop.PlantError, match=message) as error:
         started(folder)
     assert "\n" not in str(error.value)
 
