@@ -25,6 +25,10 @@ class Peer:
         self.integral = np.zeros(2)
         self.limiter.start((condition.phi, condition.n_z_start))
 
+    def commands(self, measured, error, rates, V, upright):
+        """Roll and load factor; `rates` of the reference, `V` of `turning_speed`."""
+        raise NotImplementedError
+
     def step(self, measured, reference, _t):
         chi = math.remainder(reference.chi - measured.chi, math.tau)
         error = np.array([chi, reference.gamma - measured.gamma])
