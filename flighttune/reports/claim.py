@@ -233,7 +233,9 @@ def plot(value: FlownScenario | Run | Iterable[Run] | SignalBounds | Tube) -> Sh
     Examples
     --------
     >>> ft.plot(ft.fly(ft.load_scenario("paper_as_printed"))).save("flight.svg")
-    >>> ft.plot(ft.band("mission_in_wind", epsilon=0.2, confidence=0.8)).save("band.svg")
+    >>> few = {"epsilon": 0.3, "confidence": 0.9, "learn": 10}
+    >>> band = ft.band("level_turn", start_deg=2.0, plant="kinematic", **few)
+    >>> ft.plot(band).save("band.svg")
     """
     if isinstance(value, SignalBounds | Tube):
         charts = tube_charts(value) if isinstance(value, Tube) else band_charts(value)
