@@ -42,7 +42,7 @@ counts: export FUZZ_TIMES = 40
 counts: $(STAMP)
 	$(PYTEST) -m soak -rP tests/test_fuzz.py tests/test_damages.py \
 		tests/campaign/test_faults.py tests/campaign/test_meet.py \
-		tests/docs/test_first_mission_page.py tests/outside/test_dryden.py tests/tubes
+		tests/docs tests/outside/test_dryden.py tests/tubes
 
 # The hooks of .pre-commit-config.yaml, which look at what git tracks; an unpacked archive has no git.
 lint: $(STAMP)

@@ -6,6 +6,6 @@ from campaigns import dask_cluster
 
 @pytest.fixture(scope="module")
 def address(tmp_path_factory):
-    """Address of a real scheduler with a worker of two threads."""
-    with dask_cluster(tmp_path_factory.mktemp("cluster"), threads=2) as (address, _):
+    """Address of a real scheduler with a worker of one thread."""
+    with dask_cluster(tmp_path_factory.mktemp("cluster"), threads=1) as (address, _):
         yield address

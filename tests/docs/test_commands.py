@@ -10,6 +10,7 @@ import pytest
 import typer
 from commands import flighttune
 from figures.commands import PAGE, helps, page
+from fuzzing import TIMES
 from packaging.version import Version
 
 from flighttune.cli.app import app
@@ -49,9 +50,9 @@ NOT_RUN = {
     "writes into the package": (
         "flighttune identify (a4|c172p) --out aircraft|flighttune design (a4|aerosonde|c172p)"
     ),
-    "an aircraft or a route of the reader's own": (
+    "an aircraft, a route or a fence of the reader's own": (
         "flighttune (adopt (models/mine.xml|Aircraft/)|(design|identify) mine"
-        "|mission mission.plan --plan)"
+        "|mission (mission.plan --plan|runs/circuit-band.npz --fence))"
     ),
     "a log of the reader's own: tests/logs and tests/gaps": (
         "flighttune (report|gap|compare) flight.ulg|flighttune identify (monday.ulg|flight.tlog)"
@@ -91,6 +92,10 @@ FILES = {
 """Files that the reader of a page writes, by the name in their first line."""
 
 
+LONG = () if TIMES > 1 else ("docs/meet.md",)
+"""Pages whose commands take minutes: in `make counts`."""
+
+
 def printed(path):
     """Commands on a page: lines of blocks, examples of the help, and code in a sentence."""
     text = path.read_text(encoding="utf-8") + (helps() if path == PAGE else "")
@@ -118,7 +123,7 @@ RUN = {
     ]
     for name, commands in COMMANDS.items()
     # other tests and the benchmarks fly every scenario and campaign that ships
-    if name not in ("docs/gallery.md", "docs/speed.md")
+    if name not in ("docs/gallery.md", "docs/speed.md", *LONG)
 }
 
 
