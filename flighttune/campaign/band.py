@@ -137,7 +137,8 @@ def band(  # noqa: PLR0913 - each is a choice of the user, and has a default
         Confidence of the claim, 0 to 1, by default 0.999, or the file's.
     flights : int, optional
         Flights to count in all, by default as many as the claim needs with five of them outside
-        (1640). Of a file, 2, 4, 8 ... times as many as were planned.
+        (1640). The count in a file grows to 2, 4, 8 ... times
+        as many as were planned.
     learn : int, optional
         Flights to learn the shape from, by default 500.
     predicted_from : {"wind"}, optional
@@ -440,7 +441,7 @@ def load_counted(path: str | Path) -> Band | Residual | TurnBack:
 
 
 def kept_band(source: object) -> Band | None:
-    """A band, or that in a file; None of another source; an InputError refuses another count."""
+    """The band itself or that in a file, None for another source; InputError for another count."""
     counted = source if isinstance(source, Band) else written(source, BAND)
     if not isinstance(counted, Band | None):
         raise InputError(

@@ -176,8 +176,8 @@ def verify(
         epsilon are found with a probability of 95 %: 59 at 5 % and 299 at 1 %. A note states the
         probability of missing them.
     run_code : bool
-        Fly flights of a band again that run Python files it names. Without it such a band is not
-        checked, and not valid.
+        Fly the flights of a band again even if they run Python files that its plan names. Without
+        it such a band is not checked, and not valid.
     pool : WorkerPool, optional
         Workers that fly flights of a band again; by default one process per core.
 

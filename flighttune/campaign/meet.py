@@ -398,7 +398,7 @@ def meet(
     metric : str
         Metric to minimise once all requirements are met by 20 % of their bounds: ``ITAE``, the sum
         over both channels, or a column of campaign rows; or ``margin``, which maximises the margin
-        further, by default ITAE. Not with a campaign.
+        further, by default ITAE. It is absent with a campaign.
     campaign : str or Path, optional
         Campaign that disperses the scenario: a file, or the name of a shipped one. The share of
         draws that meet the requirements is maximised, and counted on the draws of the campaign,
@@ -406,7 +406,7 @@ def meet(
     success : float, 1, optional
         Share of the draws of a campaign on which gains must meet all requirements, by default 0.95.
         The lower end of its interval must reach it, or the estimate where no count of so many draws
-        has such an end. Not without a campaign.
+        has such an end. It is absent without a campaign.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
     workers : int, optional

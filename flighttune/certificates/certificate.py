@@ -415,13 +415,9 @@ def vertex_matrices(
         # A loop that is there twice would be checked twice.
         distinct: list[Rationals] = []
         for linear in (model, *models):
-            A, B, (k, k_M) = (
-                exact(linear.A),
-                exact(linear.B),
-                inner_feedback(linear, gains.feedback),
-            )
-            A, B = A - B @ exact(k_M), B * (1 + exact(k))
-            loop = _closed_loop(A, B, exact(linear.C), K_P, K_I)
+            k, k_M = map(exact, inner_feedback(linear, gains.feedback))
+            A, B = exact(linear.A), exact(linear.B)
+            loop = _closed_loop(A - B @ k_M, B * (1 + k), exact(linear.C), K_P, K_I)
             if not any(np.array_equal(loop, other) for other in distinct):
                 distinct.append(loop)
         return tuple(distinct)

@@ -161,10 +161,8 @@ def _help(name: str, kind: Any, entries: dict[str, tuple[str, str]]) -> str:
     text = re.sub(r"[,;] by default (.+?)(?=\.( |$))", r" [default: \1]", text)
     sentence, bracket, others = re.split(r"( \[default: |\.(?= |$))", text, maxsplit=1)
     unit = re.search(r"(?<!or )float, (?!1\b|optional)([^,]*)", described)
-    unit, repeatable = (
-        f", {'deg' if unit[1] == 'rad' else unit[1]}" if unit else "",
-        "; repeatable" * (get_origin(kind) is list),
-    )
+    unit = f", {'deg' if unit[1] == 'rad' else unit[1]}" if unit else ""
+    repeatable = "; repeatable" * (get_origin(kind) is list)
     return f"{SENTENCES.get(name, sentence)}{unit}{repeatable}{bracket}{others}"
 
 
@@ -174,6 +172,6 @@ def _radians(value: Any) -> Any:
 
 
 def _flag(name: str, described: str) -> str:
-    if name == "start" and described.startswith("float, rad"):
+    if name == "start" and described.startswith("float, rad"):  # `meet` starts from gains
         name = "start_deg"
     return FLAGS.get(name, f"--{name.replace('_', '-')}")

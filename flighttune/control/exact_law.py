@@ -361,6 +361,7 @@ def exact_step(
         e_chi = wrap_angle(e_chi)
     error[0], error[1] = e_chi, e_gamma
     level, speed = math.cos(y[1]), V_a * per_g
+    # Not by `turn`, whose sum is rounded otherwise: flights keep the bits of earlier versions.
     nu_chi = ref[2] + K_chi[0] * e_chi + K_chi[1] * e_gamma + integral[0]
     turn = K_chi[0] * e_chi + K_chi[1] * e_gamma
     climb = K_gamma[0] * e_chi + K_gamma[1] * e_gamma

@@ -94,7 +94,7 @@ class PIGains:
 
     @model_serializer(mode="wrap")
     def _without_defaults(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Files of gains without feedback are those of before it."""
+        """Gains without feedback are written as they were before there was any."""
         fields = dict(serialize(self))
         if not self.feeds_back:
             del fields["feedback"]

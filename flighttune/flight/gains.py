@@ -160,8 +160,8 @@ def certify(
         names the identified model, at every condition identified and every mixture of their loops.
     L_d : float, rad/s^2, optional
         Bound on the norm of the derivative of the disturbance, by default that of the scenario's
-        sinusoid. Without one only the rate is claimed. For a law of your own in the unit of its
-        x' per second.
+        sinusoid. Without one only the rate is claimed. A law of your own has the unit of its x'
+        per second.
     changes : mapping of str to value, optional
         Values to set in a scenario that is read from a file, by dotted key.
 

@@ -233,7 +233,7 @@ def planned_route(scenario: Scenario, *, speed_assumed: bool = False) -> Planned
 def mission_scenario(
     source: str | Path, aircraft: str | None, changes: Mapping[str, Any] | None, *, skip: bool
 ) -> tuple[Scenario, bool] | None:
-    """The scenario of a mission, and whether its airspeed is assumed; None of another source."""
+    """The scenario of a mission, and whether its airspeed is assumed; None for another source."""
     file = Path(source)
     if file.suffix.lower() not in ROUTE_FILES + OTHER_FILES:
         return None

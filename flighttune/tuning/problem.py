@@ -157,11 +157,14 @@ class TuningProblem:
 
     def gains(self, K: FloatArray, feedback: tuple[float, float] = NO_FEEDBACK) -> PIGains:
         """The stacked gains (K_P, K_I), shape (m, 2 p), with the model's channel names."""
-        p, names = (
-            len(self.model.errors),
-            {"inputs": self.model.inputs, "errors": self.model.errors},
+        p = len(self.model.errors)
+        return PIGains(
+            K_P=K[:, :p],
+            K_I=K[:, p:],
+            inputs=self.model.inputs,
+            errors=self.model.errors,
+            feedback=feedback,
         )
-        return PIGains(K_P=K[:, :p], K_I=K[:, p:], feedback=feedback, **names)
 
     def largest_errors(self, K: FloatArray) -> FloatArray:
         """`largest_errors` of the loops that gains K (shape (..., m, 2p)) close, shape (..., p)."""

@@ -172,12 +172,16 @@ class TuningResult(Answering):
     def _bounds_in_words(self) -> list[str]:
         if self.sensitivity is None:
             return []
-        acts = "which holds the gains" if "sensitivity" in self.active else "which does not act"
+        acts = "holds the gains" if "sensitivity" in self.active else "does not hold the gains"
         most = self.problem.sensitivity_max
-        words = [f"largest sensitivity {self.sensitivity:.3f}, at most {most:.4g} {acts}"]
+        words = [
+            f"The largest sensitivity is {self.sensitivity:.3f}; its bound of {most:.4g} {acts}."
+        ]
         if self.errors_in_gusts:
             shares = ", ".join(f"{share:.3f}" for share in self.errors_in_gusts)
-            words.append(f"rms of the errors in turbulence over that of the gusts' angle: {shares}")
+            words.append(
+                f"The rms errors in turbulence over that of the gusts' angle are {shares}."
+            )
         return words
 
     def answer(self) -> Answer:

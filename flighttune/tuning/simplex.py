@@ -23,6 +23,7 @@ RESTARTS = {"decay": 3, "rms": 1}
 # frequencies miss; how often it does.
 ROOM, MORE_THAN_MISSED, MAX_TIGHTENINGS = 2e-3, 1.1, 4
 
+# `feedback` must be below 1.
 MOST_FEEDBACK = 0.95
 
 # Difference of ends that agree

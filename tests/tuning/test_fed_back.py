@@ -81,7 +81,7 @@ def test_the_largest_sensitivity_at_the_commands_is_at_most_the_bound_and_named(
     assert min(peaks) > 1.38
     assert result.sensitivity == pytest.approx(max(peaks), rel=1e-3)
     assert result.active == ("sensitivity",)
-    assert any("at most 1.4 which holds the gains" in note for note in result.answer().notes)
+    assert any("its bound of 1.4 holds the gains" in note for note in result.answer().notes)
 
 
 def test_the_feedback_makes_errors_smaller_and_the_decay_faster():
