@@ -101,7 +101,7 @@ def nominal(aircraft: str, law: str) -> dict[str, list[float]]:
 
 
 def drawn(aircraft: str, law: str, draws: int) -> dict[str, np.ndarray]:
-    """Of each draw: ITAE and largest error (deg) of both channels, and whether it was lost."""
+    """ITAE and largest error (deg) of both channels in each draw, and whether it was lost."""
     flight, *_, campaign = tables(aircraft, "wind", law), AIRCRAFT[aircraft][-1]
     plan = plan_campaign(
         load_campaign(campaign, ft.scenario_from(flight), gains=flight["gains"]).model_copy(
