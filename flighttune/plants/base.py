@@ -168,6 +168,7 @@ class WrappedPlant:
         self.kind, self.signals = plant.kind, plant.signals + further
         # Bound once: it is called at every sample.
         self._plant, self._observe = plant, plant.observe
+        self.n_z_followed = getattr(plant, "n_z_followed", None)
 
     @property
     def limits(self) -> Limits:

@@ -18,7 +18,7 @@ from flighttune.control.controller import (
     ReferenceSample,
     SelfLimiting,
 )
-from flighttune.control.gains import COMMANDS, ERRORS_WITH_AIRSPEED, WITH_AIRSPEED
+from flighttune.control.gains import COMMANDS, ERRORS_WITH_AIRSPEED, WITH_AIRSPEED, PIGains
 from flighttune.control.guarded import LawError
 from flighttune.errors import InputError
 from flighttune.plants.base import COMMON_SIGNALS, N_X_SIGNALS, Plant, Stop
@@ -237,12 +237,15 @@ def _samples(
     except LawError as error:
         return Stop("law_failed", str(error))
     dt, limiter, place, speed = controller.dt, controller.limiter, (), ()
+    followed = getattr(plant, "n_z_followed", None) if _feeds_back(controller) else None
     u_unsat, limited, m = limiter.u_unsat, limiter.limited, 2 if priority is None else 3
     observe, advance = plant.observe, plant.advance
     end = math.inf if route is None else route.path.length
     for k, (now, ref) in enumerate(samples):
         signals = observe()
         measured = measured_of(signals)
+        if followed is not None:
+            measured = measured._replace(n_z=followed())
         if follow is not None:
             ref, place = follow(measured)
         elif plan is not None:
@@ -264,6 +267,12 @@ def _samples(
         if stop is not None:
             return stop
     return None
+
+
+def _feeds_back(controller: SelfLimiting) -> bool:
+    """Whether a law feeds the load factor back: it sees that which the inner loop follows."""
+    gains = getattr(controller, "gains", None)
+    return isinstance(gains, PIGains) and gains.feeds_back
 
 
 def _measured(

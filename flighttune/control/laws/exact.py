@@ -11,7 +11,6 @@ from flighttune.control.exact_law import (
     LIFT_FLOOR,
     ExactLaw,
     Priority,
-    RateLaw,
     rate_model,
 )
 from flighttune.control.gains import RATES
@@ -74,30 +73,28 @@ class Exact(Law):
 
     def sampled(self, setup: LawSetup, /) -> SampledController:
         """The controller as a tube encloses it: channels of rates, and their inversion."""
-        law = _without_feedback(self.make(setup), "enclosed by a tube")
+        controller = self.make(setup)
+        if controller.gains.feeds_back:
+            raise InputError(
+                "`gains` must have no `feedback` to be enclosed by a tube, got "
+                f"{list(controller.gains.feedback)}."
+            )
+        law = controller.law
         return SampledController(law.channels, law.conditional, inverts=law)
 
     def outer_loop(self, setup: LawSetup, /) -> OuterLoop:
         """The controller for JSBSim alone."""
-        # Its systems see the load factor of the frame before, so that the flight would be another.
-        law = _without_feedback(self.make(setup), "flown by JSBSim alone")
+        law = self.make(setup).law
         values = {
             "ft/outer/conditional": float(law.conditional),
             "ft/outer/tracking-gain": law.tracking_gain,
             "ft/outer/per-speed-s_m": law.per_g,
             "ft/outer/by-turning-speed": 1.0,
             "ft/outer/brake": float(min(law.brake, NO_BRAKE)),
+            "ft/outer/turn-brake": float(min(law.turn_brake, NO_BRAKE)),
+            "ft/outer/feedback/phi": law.feedback[0],
+            "ft/outer/feedback/n_z": law.feedback[1],
             "ft/outer/lift-floor": law.lift_floor,
             "ft/outer/course-first": float(law.course_first),
         }
         return OuterLoop("exact_law.xml", ("chi", "gamma", "V"), values, takes_rates=True)
-
-
-def _without_feedback(controller: ExactLaw, purpose: str) -> RateLaw:
-    """Settings of a controller, which must not feed roll or load factor back."""
-    if controller.gains.feeds_back:
-        raise InputError(
-            f"`gains` must have no `feedback` to be {purpose}, got "
-            f"{list(controller.gains.feedback)}."
-        )
-    return controller.law

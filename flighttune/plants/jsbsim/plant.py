@@ -203,6 +203,10 @@ class JSBSimPlant:
         """
         return self._observe()
 
+    def n_z_followed(self) -> float:
+        """The load factor that the inner loop sees, a step of its computer old."""
+        return self._read_n_z()
+
     def advance(
         self, phi_cmd: float, n_z_cmd: float, duration: float, *n_x_cmd: float
     ) -> Stop | None:
@@ -284,6 +288,7 @@ class JSBSimPlant:
     def _engage(self, fdm: Fdm, condition: FlightCondition, steady_n_z: float) -> None:
         """Engage the inner loop without a bump: its first output comes off the trim."""
         self._write_n_z_cmd = fdm.writer(properties.N_Z_CMD)
+        self._read_n_z = fdm.reader(properties.N_Z)
         write_phi_cmd = fdm.writer(properties.PHI_CMD)
         write_phi_cmd(condition.phi)
         fdm.writer(properties.V_A_CMD)(condition.V_a)

@@ -14,8 +14,8 @@ SIGNALS = (
 PHI_CMD, N_Z_CMD, V_A_CMD = "ft/phi-cmd-rad", "ft/n_z-cmd", "ft/V_a-cmd-mps"
 N_X_CMD, N_X_FOLLOWED = "ft/n_x-cmd", "ft/n_x-followed"
 
-# Longitudinal load factor as the accelerometers show it to the inner loop.
-N_X = "ft/n_x"
+# Load factors along the path and across it, as the accelerometers show them to the inner loop.
+N_X, N_Z = "ft/n_x", "ft/n_z"
 ENGAGED = "ft/engaged"
 SURFACE_TRIMS = tuple(f"ft/{name}-trim-rad" for name in SURFACES)
 THROTTLE_TRIM = "ft/throttle-trim-norm"
