@@ -16,7 +16,7 @@ from typing import Any, ClassVar, NamedTuple
 
 from flighttune.arrays import FloatArray
 from flighttune.control.controller import Controller, LawSetup, SelfLimiting
-from flighttune.control.exact_law import RateLaw
+from flighttune.control.exact_law import ExactLaw, RateLaw
 from flighttune.control.gains import COMMANDS, RATES, PIGains, command_gains, rate_gains
 from flighttune.control.guarded import GuardedLaw
 from flighttune.control.inner_loop import InnerLag, inner_loop_scaling
@@ -158,8 +158,8 @@ class Law(ABC):
         """The controller for JSBSim alone; None where the law cannot be exported."""
         return None
 
-    def discrete_pi(self, _setup: LawSetup, /) -> MimoPI | None:
-        """The controller as a discrete PI of two commands; None where it is something else."""
+    def in_c(self, _setup: LawSetup, /) -> MimoPI | ExactLaw | None:
+        """The controller that is written in C; None where the law has no such form."""
         return None
 
     def refusal(self, ability: str, purpose: str) -> InputError:

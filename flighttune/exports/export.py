@@ -7,6 +7,7 @@ from string import Template
 from typing import Any, Literal, TypeAlias
 
 from flighttune import __version__
+from flighttune.control.exact_law import ExactLaw, RateLaw
 from flighttune.control.gains import PIGains
 from flighttune.control.mimo_pi import BEYOND_STOP, MimoPI
 from flighttune.exports.jsbsim_folder import ExportedFlight, export_jsbsim
@@ -22,7 +23,7 @@ from flighttune.units import G_PAPER
 
 SOURCE = "ft_outer_loop.c"
 
-_TEMPLATE = Path(__file__).with_name("outer_loop.c")
+_FOLDER = Path(__file__).parent
 _USED = "V_a is the airspeed."
 _UNUSED = "V_a is not used: the gains are not scheduled."
 
@@ -41,9 +42,9 @@ def export_c(
     if plant is not None or scenario.aircraft:
         limits = limits.within(plant_of(aircraft_table(scenario, plant), scenario).limits)
     law, _ = scenario.law_of(name, gains)
-    controller = law.discrete_pi(law_setup(scenario, gains, limits))
+    controller = law.in_c(law_setup(scenario, gains, limits))
     if controller is None:
-        raise law.refusal("discrete_pi", "exported")
+        raise law.refusal("in_c", "exported")
     lead = lead_on(scenario, aircraft_table(scenario, plant) if scenario.aircraft else None)
     source = c_source(
         controller, title=scenario.title, gains=name, lead=lead, g=scenario.flight.g_mps2
@@ -53,7 +54,7 @@ def export_c(
 
 
 def c_source(
-    law: MimoPI,
+    law: MimoPI | ExactLaw,
     *,
     title: str,
     gains: str,
@@ -64,33 +65,52 @@ def c_source(
 
     `lead` (s) has the lags of roll and load factor; `g` (m/s^2) is the acceleration of gravity.
     """
-    values, channels, airspeed = law.law, law.law.channels, law.gains.airspeed
-    return Template(_TEMPLATE.read_text(encoding="utf-8")).substitute(
+    values, channels = law.law, law.law.channels
+    form = "exact_law.c" if isinstance(law, ExactLaw) else "outer_loop.c"
+    return Template((_FOLDER / form).read_text(encoding="utf-8")).substitute(
+        _of_exact_law(law.law) if isinstance(law, ExactLaw) else _of_pi(law, g),
         title=_comment(title),
         gains=_comment(gains),
         version=__version__,
-        **_HEAD[airspeed],
-        channels=len(channels),
-        priority_per_g=_number(APPROACH / g),
-        least_share=_number(LEAST_SHARE),
-        steepest_dive=_number(STEEPEST_DIVE),
-        beyond_stop=_number(BEYOND_STOP),
-        uses_V_a=_USED if values.per_speed or airspeed else _UNUSED,
         dt=_number(law.dt),
-        g=_number(g),
         lead_phi=_number(lead[0]),
         lead_n_z=_number(lead[1]),
         conditional=int(values.conditional),
         tracking_gain=_number(values.tracking_gain),
-        per_speed=_number(values.per_speed),
-        feed_forward=int(law.feed_forward),
-        K_P=", ".join(f"{{{_numbers(channel.K_P)}}}" for channel in channels),
-        K_I_half=", ".join(f"{{{_numbers(channel.K_I_half)}}}" for channel in channels),
+        K_P=_rows(channel.K_P for channel in channels),
+        K_I=_rows(channel.K_I_half for channel in channels),
         **{
             name: _numbers(getattr(channel, name) for channel in channels)
             for name in ("lower", "upper", "step_down", "step_up")
         },
     )
+
+
+def _of_pi(law: MimoPI, g: float) -> dict[str, Any]:
+    airspeed = law.gains.airspeed
+    return {
+        **_HEAD[airspeed],
+        "channels": len(law.law.channels),
+        "priority_per_g": _number(APPROACH / g),
+        "least_share": _number(LEAST_SHARE),
+        "steepest_dive": _number(STEEPEST_DIVE),
+        "beyond_stop": _number(BEYOND_STOP),
+        "uses_V_a": _USED if law.law.per_speed or airspeed else _UNUSED,
+        "g": _number(g),
+        "per_speed": _number(law.law.per_speed),
+        "feed_forward": int(law.feed_forward),
+    }
+
+
+def _of_exact_law(law: RateLaw) -> dict[str, Any]:
+    names = "per_g", "lift_floor", "brake", "turn_brake"
+    numbers = {name: _number(getattr(law, name)) for name in names}
+    return {**numbers, "course_first": int(law.course_first), "feedback": _numbers(law.feedback)}
+
+
+def _rows(rows: Iterable[Iterable[float]]) -> str:
+    """The rows of a matrix, those of C."""
+    return ", ".join(f"{{{_numbers(row)}}}" for row in rows)
 
 
 def _comment(text: str) -> str:

@@ -28,7 +28,7 @@
 
 /* Rows: phi, n_z, n_x; columns: chi, gamma, V */
 static const double K_P[FT_CHANNELS][FT_CHANNELS] = {${K_P}};
-static const double K_I_half[FT_CHANNELS][FT_CHANNELS] = {${K_I_half}}; /* K_I FT_DT / 2 */
+static const double K_I_half[FT_CHANNELS][FT_CHANNELS] = {${K_I}}; /* K_I FT_DT / 2 */
 /* Range of each command, and how far it may move in a sample */
 static const double lower[FT_CHANNELS] = {${lower}}, upper[FT_CHANNELS] = {${upper}};
 static const double step_down[FT_CHANNELS] = {${step_down}}, step_up[FT_CHANNELS] = {${step_up}};

@@ -4,6 +4,7 @@ import ctypes
 import math
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from commands import answer
 
 import flighttune as ft
+from flighttune.control.gains import RATES
 from flighttune.exports.export import c_source, export_c
 from flighttune.flight.conditions import start_condition
 from flighttune.flight.fly import fly_alone
@@ -38,22 +40,25 @@ LAWS = {
 }
 
 
-def state_of(channels):
+def state_of(channels, exact):
     """The state of a loop, as the file declares it."""
-    each = [(name, ctypes.c_double * channels) for name in ("u", "integral", "error")]
-    fields = (*each, ("started", ctypes.c_int))
+    names = "u", "integral", "expected" if exact else "error"
+    each = [(name, ctypes.c_double * channels) for name in names]
+    fields = tuple(each) if exact else (*each, ("started", ctypes.c_int))
     return type("Loop", (ctypes.Structure,), {"_fields_": fields})()
 
 
-def compiled(source, folder, channels=2):
+def compiled(source, folder, channels=2, *, exact=False):
     """The library of a C file, built with every warning an error, and a state for it."""
     (folder / "loop.c").write_text(source)
-    library, state = folder / "loop.so", state_of(channels)
+    library, state = folder / "loop.so", state_of(channels, exact)
     strict = "-std=c99 -O2 -Wall -Wextra -Werror -pedantic -Wno-unused-parameter -shared -fPIC"
     command = [COMPILER, *strict.split(), str(folder / "loop.c"), "-o", str(library), "-lm"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == 0, done.stderr
     loaded, number = ctypes.CDLL(str(library)), ctypes.c_double
+    if exact:
+        return loaded, state
     loaded.ft_outer_loop_start.argtypes = [ctypes.POINTER(type(state)), *[number] * channels]
     if channels == 3:
         loaded.ft_outer_loop_step.restype = number
@@ -216,3 +221,46 @@ def test_the_example_of_the_page_compiles_and_runs(tmp_path):
 
     for command in (build, ["./example"]):
         subprocess.run(command, cwd=tmp_path, timeout=60, check=True)
+
+
+@needs_compiler
+@pytest.mark.parametrize("anti_windup", ["conditional", "back_calculation", "none"])
+@pytest.mark.parametrize("feedback", [(0.0, 0.0), (0.5, 0.3)])
+@pytest.mark.parametrize("priority", ["gamma", "chi"])
+def test_the_c_file_of_the_exact_law_commands_what_it_does(
+    priority, feedback, anti_windup, tmp_path
+):
+    """Errors of a milliradian to several turns, at limits, brakes and the floor of lift."""
+    gains = ft.PIGains(K_P=GAINS.K_P, K_I=GAINS.K_I, inputs=RATES, feedback=feedback)
+    # Rate limits that seldom hold, so that ranges, brakes and none do too.
+    limits = replace(
+        LIMITS, rate_lower=50.0 * LIMITS.rate_lower, rate_upper=50.0 * LIMITS.rate_upper
+    )
+    law = ft.loop.ExactLaw(
+        gains, limits, dt=0.02, anti_windup=anti_windup, priority=priority, lift_floor=0.3
+    )
+    loop, state = compiled(c_source(law, title="t", gains="g"), tmp_path, exact=True)
+    law.start(ft.loop.FlightCondition(V_a=25.0, phi=0.1, n_z=0.9))
+    loop.ft_outer_loop_start(ctypes.byref(state), *map(ctypes.c_double, (0.1, 0.9)))
+    rng, kinds = np.random.default_rng(41), set()
+    rates = rng.uniform(-0.4, 0.4, (SAMPLES, 2)).tolist()
+    loads = rng.uniform(-1.5, 2.0, SAMPLES).tolist()
+    rows = zip(random_samples(), rates, loads, strict=True)
+    for (chi_ref, gamma_ref, chi, gamma, phi, V), (chi_rate, gamma_rate), n_z in rows:
+        measured = ft.loop.Measured(chi, gamma, V, phi, n_z, 100.0, (0.0, 0.0, 0.0), None)
+        sample = ft.loop.ReferenceSample(chi_ref, gamma_ref, chi_rate, gamma_rate)
+        expected = law.step(measured, sample, 0.0)
+        values = chi_ref, gamma_ref, chi_rate, gamma_rate, chi, gamma, phi, n_z, V
+
+        loop.ft_outer_loop_step(ctypes.byref(state), (ctypes.c_double * 9)(*values))
+
+        assert np.array([*state.u, *state.integral]).tobytes() == np.array(expected).tobytes()
+        kinds.add(tuple(law.state.limited))
+    assert len(kinds) > 4, kinds
+
+
+def test_the_exact_law_with_an_airspeed_has_no_c_file(tmp_path):
+    scenario = ft.load_scenario("climb_beyond_power", changes={"law": "exact"})
+    name = "exact:tuned_identified"
+    with pytest.raises(ft.InputError, match=r"`V_mps` of .reference. must be absent"):
+        export_c(scenario, name, gain_set(scenario, name), tmp_path)

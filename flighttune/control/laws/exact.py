@@ -98,3 +98,12 @@ class Exact(Law):
             "ft/outer/course-first": float(law.course_first),
         }
         return OuterLoop("exact_law.xml", ("chi", "gamma", "V"), values, takes_rates=True)
+
+    def in_c(self, setup: LawSetup, /) -> ExactLaw:
+        """The controller itself, of two commands."""
+        controller = self.make(setup)
+        if controller.gains.airspeed:
+            raise InputError(
+                "`V_mps` of [reference] must be absent for the exact law in C, which has no n_x."
+            )
+        return controller

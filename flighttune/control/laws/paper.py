@@ -56,6 +56,6 @@ class Paper(Law):
         }
         return OuterLoop(None, ("phi", "n_z", "n_x"), values, takes_plan=controller.feed_forward)
 
-    def discrete_pi(self, setup: LawSetup, /) -> MimoPI:
+    def in_c(self, setup: LawSetup, /) -> MimoPI:
         """The controller itself."""
         return self.make(setup)
