@@ -1,7 +1,7 @@
 """A scenario, campaign or route as an environment of Gymnasium."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.control.controller import FlightCondition, SelfLimiting
+from flighttune.control.controller import FlightCondition
 from flighttune.control.gains import PIGains
 from flighttune.control.guarded import GuardedLaw, LawError
 from flighttune.errors import InputError, ScenarioError, TrimError, need
@@ -26,7 +26,7 @@ from flighttune.plants.base import N_X_SIGNALS
 from flighttune.plants.jsbsim.plant import LARGEST_SEED
 from flighttune.scenario.schema import Scenario
 from flighttune.scenario.tables import TUNED_IDENTIFIED, ControllerTable
-from flighttune.simulate.loop import Flight, Sample
+from flighttune.simulate.loop import Flight, Sample, step_of
 from flighttune.simulate.run import Run, RunStatus
 from flighttune.units import DEG, wrap_angle
 
@@ -258,8 +258,8 @@ class _Episode:
         self._actions = GuardedLaw(self.agent, self.limits, "action")
         stated = manoeuvre(scenario, plant)
         self.flight = Flight(plant, self._actions, **stated, lead=lead_on(scenario, table))
-        self._scenario, self._condition = scenario, stated["condition"]
-        self._law: SelfLimiting | None = None
+        self._scenario, self._plant, self._condition = scenario, plant, stated["condition"]
+        self._step: Callable[..., Sequence[float]] | None = None
         self._law_action: FloatArray | None = None
         self.over, self.stop = True, None
 
@@ -308,12 +308,13 @@ class _Episode:
 
     def law_action(self, name: str, gains: PIGains) -> FloatArray:
         """Commands of the law at this sample, which it steps once."""
-        if self._law is None:
+        if self._step is None:
             law, _ = self._scenario.law_of(name, gains)
-            self._law = law.controller(law_setup(self._scenario, gains, self.limits))
-            self._law.start(self._condition)
+            controller = law.controller(law_setup(self._scenario, gains, self.limits))
+            controller.start(self._condition)
+            self._step = step_of(controller, self._plant)
         if self._law_action is None:
-            commands = self._law.step(*self.sample[:3])
+            commands = self._step(*self.sample[:3])
             self._law_action = np.array(commands[: len(self.limits.lower)])
         return self._law_action.copy()
 

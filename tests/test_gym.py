@@ -16,11 +16,14 @@ from flighttune.flight.models import gain_set
 CORRIDOR_M = 1.0
 
 
+FED = "exact:tuned_fed_back"
+
+
 def route_of(waypoints, **flight):
     """The first legs of the circuit, with its gains as numbers: tuning depends on the seed."""
     scenario = ft.load_scenario("circuit")
     tables = scenario.as_dict()
-    tables["gains"] = [{"name": "soft", **gain_set(scenario, "tuned_identified").as_lists()}]
+    tables["gains"] = [{"name": "soft", **gain_set(scenario, FED).as_lists()}]
     tables["route"]["waypoint"] = tables["route"]["waypoint"][:waypoints]
     tables["flight"] |= flight
     return ft.scenario_from(tables)
@@ -60,7 +63,7 @@ def test_it_keeps_the_rules_of_gymnasium(world):
 @pytest.mark.parametrize(
     ("world", "gains"),
     [
-        ("route", "soft"),
+        ("route", "exact:soft"),
         ("speed_change_in_turn", "exact:speed"),
         ("turbulent_climb", "paper"),
         ("sensor_noise", "paper"),
@@ -230,7 +233,7 @@ def test_actions_are_those_that_scenario_and_aircraft_allow():
     [
         ("nowhere", {}, "nowhere"),
         ("mission", {"plant": "kinematic"}, "`plant` must be one of jsbsim:aerosonde, got kinem"),
-        ("mission", {"gains": "K1"}, "`gains` must be one of tuned_identified, got K1"),
+        ("mission", {"gains": "K1"}, "`gains` must be one of exact:tuned_fed_back, got K1"),
         ("mission", {"rate_hz": 0.5}, "`rate_hz`"),
         ("mission", {"rate_hz": 33.0}, "`controller.rate_hz` must divide"),
     ],

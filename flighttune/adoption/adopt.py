@@ -53,7 +53,7 @@ MAX_INCLUDED = 20
 
 LATER = ("envelope", "limits", "design")  # tables that follow from a trimmed flight
 
-TUNED, PAPER = "tuned_identified", "paper_scaled"  # gain sets of the turn
+LAW, TUNED, PAPER = "exact", "tuned_fed_back", "paper_scaled"  # law and gain sets of the turn
 
 
 _COMMENTS = {
@@ -476,7 +476,7 @@ def _tried(
     nominal = identified.identified.conditions[0]
     fits = {name: channel.fit_percent for name, channel in nominal.channels.items()}
     flights = {
-        name: _measures(flight, gains, f"jsbsim:{folder.name} / {gains}")
+        name: _measures(flight, f"{LAW}:{gains}", f"jsbsim:{folder.name}")
         for name, gains in (("tuned", TUNED), ("paper", PAPER))
     }
     missed = "; ".join(_missed(fits, **flights))
@@ -497,8 +497,8 @@ def _tried(
     )
 
 
-def _measures(flown: FlownScenario, gains: str, label: str) -> dict[str, Any]:
-    run = flown[label]
+def _measures(flown: FlownScenario, gains: str, plant: str) -> dict[str, Any]:
+    run = flown[f"{plant} / {gains}"]
     measured = flown.metrics_of(run)
     channels = [channel for channel in CHANNEL_SYMBOLS if channel in measured]
     return {
@@ -654,6 +654,7 @@ def turn_text(aircraft: str, start: FlightCondition, tables: Mapping[str, Any]) 
         "verifies": "gains tuned on the identified aircraft against those of the paper, scaled "
         "with airspeed",
         "source": SOURCE,
+        "law": LAW,
         "gains": [TUNED, {"name": PAPER, "K_P": K_P.tolist(), "K_I": K_I.tolist()}],
         "flight": {"V_a_mps": start.V_a, "h_m": start.h, "duration_s": 40.0}
         | ({"gamma_deg": glide} if glide else {}),

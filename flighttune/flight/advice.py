@@ -10,7 +10,7 @@ from flighttune.control.law import split_name
 from flighttune.flight.expectations import bound_checks
 from flighttune.metrics import measures
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TUNED_IDENTIFIED
+from flighttune.scenario.tables import TUNED_FED_BACK, TUNED_IDENTIFIED
 from flighttune.simulate.run import Run
 from flighttune.units import DEG
 
@@ -94,7 +94,9 @@ def _ways(scenario: Scenario, run: Run, runs: Sequence[Run], source: str) -> Ite
         ):
             yield f"gains that meet it on the aircraft too, `flighttune meet {source}`"
     gains = split_name(made_by.gains_name)[1]
-    better = TUNED_IDENTIFIED not in scenario.gains
+    better = not {TUNED_IDENTIFIED, TUNED_FED_BACK} & {
+        x for x in scenario.gains if isinstance(x, str)
+    }
     if better and gains in paper_family() and abs(V_a / PAPER_SPEED - 1.0) > OTHER_AIRSPEED:
         yield f"`{TUNED_IDENTIFIED}` in `gains`, as {gains} is meant for {PAPER_SPEED:g} m/s"
     strayed = (run.signals["V_a"] / V_a - 1.0).abs().max() > OTHER_AIRSPEED

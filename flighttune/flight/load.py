@@ -34,7 +34,7 @@ from flighttune.scenario.load import (
     with_gains,
 )
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import TUNED_IDENTIFIED, PlantTable
+from flighttune.scenario.tables import TUNED_FED_BACK, PlantTable
 from flighttune.units import DEG
 
 # Key of [flight] for each attribute of a condition that an aircraft bounds.
@@ -119,7 +119,8 @@ def route_scenario(
     condition = {"V_a_mps": first.V_a, "h_m": first.h, "duration_s": LONGEST_S}
     tables = {
         "title": file.stem,
-        "gains": [TUNED_IDENTIFIED],
+        "law": ["exact"],
+        "gains": [TUNED_FED_BACK],
         "flight": condition | mission.flight,
         "route": mission.route,
         "limits": dict(mission.limits),

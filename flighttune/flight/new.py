@@ -33,7 +33,8 @@ TEMPLATE = """\
 # Units are at the end of a key; all keys: scenarios/README.md, or the page "Keys" of the docs.
 title    = ""
 verifies = ""
-gains    = ["tuned_identified"]     # also "paper", "tuned", or a file that `tune --out` wrote
+law      = "exact"                  # also "paper", the PI law of arXiv 2411.13140
+gains    = ["tuned_fed_back"]       # also "tuned_identified", or a file that `tune --out` wrote
 
 [flight]
 V_a_mps    = 25.0
@@ -54,9 +55,9 @@ n_z            = []
 n_z_rate_per_s = 0.0
 
 [controller]
-feed_forward = true                 # adds the load factor of steady flight
+feed_forward = true                 # the paper's law adds the load factor of steady flight
 
-[tuning]                            # of tuned_identified: how fast roll can follow bounds its gain
+[tuning]                            # how fast roll can follow bounds the gain of tuned_identified
 model     = "identified"
 roll_rate = true
 

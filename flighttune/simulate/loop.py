@@ -119,7 +119,7 @@ def simulate(
         sensors=sensors,
         lead=lead,
     )
-    advance, step = flight.samples.send, controller.step
+    advance, step = flight.samples.send, step_of(controller, plant)
     commands, k = None, 0
     while True:
         try:
@@ -133,6 +133,14 @@ def simulate(
         if progress is not None and k % PROGRESS_EVERY == 0:
             progress(now)
         k += 1
+
+
+def step_of(controller: Controller, plant: Plant) -> Callable[..., Sequence[float]]:
+    """The step of a law; the load factor that it feeds back is the one the inner loop follows."""
+    gains, followed = getattr(controller, "gains", None), getattr(plant, "n_z_followed", None)
+    if followed is None or not isinstance(gains, PIGains) or not gains.feeds_back:
+        return controller.step
+    return lambda measured, *sample: controller.step(measured._replace(n_z=followed()), *sample)
 
 
 class Flight:
@@ -237,15 +245,12 @@ def _samples(
     except LawError as error:
         return Stop("law_failed", str(error))
     dt, limiter, place, speed = controller.dt, controller.limiter, (), ()
-    followed = getattr(plant, "n_z_followed", None) if _feeds_back(controller) else None
     u_unsat, limited, m = limiter.u_unsat, limiter.limited, 2 if priority is None else 3
     observe, advance = plant.observe, plant.advance
     end = math.inf if route is None else route.path.length
     for k, (now, ref) in enumerate(samples):
         signals = observe()
         measured = measured_of(signals)
-        if followed is not None:
-            measured = measured._replace(n_z=followed())
         if follow is not None:
             ref, place = follow(measured)
         elif plan is not None:
@@ -267,12 +272,6 @@ def _samples(
         if stop is not None:
             return stop
     return None
-
-
-def _feeds_back(controller: SelfLimiting) -> bool:
-    """Whether a law feeds the load factor back: it sees that which the inner loop follows."""
-    gains = getattr(controller, "gains", None)
-    return isinstance(gains, PIGains) and gains.feeds_back
 
 
 def _measured(

@@ -650,7 +650,7 @@ def test_a_glider_turns_about_its_steady_glide(tmp_path):
     assert answer("fly", "mine.toml", cwd=tmp_path)["claim"]["verdict"] == "met"
     # The export flies what it wrote in JSBSim alone, and fails where that is another flight.
     turn, out = tmp_path / "sgs126/turn.toml", tmp_path / "alone"
-    answer("export", turn, "--gains", "tuned_identified", "--out", out)
+    answer("export", turn, "--gains", "exact:tuned_fed_back", "--out", out)
 
 
 def test_a_model_of_jsbsim_that_is_no_aircraft_yet_is_named_with_its_command():

@@ -179,7 +179,8 @@ def test_a_law_of_ones_own_sees_the_reference_ahead():
 
 
 def test_gap_says_what_planning_takes_away():
-    answer = ft.gap("mission").answer()
+    paper = {"law": "paper", "gains": ["tuned_identified"]}
+    answer = ft.gap("mission", changes=paper).answer()
 
     planning = answer.values["planning"]["chi"]
     assert planning["planned"] < 0.3 * DEG < 6.0 * DEG < planning["unplanned"]

@@ -90,7 +90,7 @@ def test_the_texts_of_an_aircraft_stay_values_and_comments(tmp_path):
     text = (tmp_path / "mine of two words.toml").read_text()
 
     made = ft.load_scenario(tmp_path / "mine of two words.toml")
-    assert made.law is None
+    assert [table.kind for table in made.law_tables] == ["exact"]
     assert load_aircraft(made.plant[1].aircraft).folder == theirs
     assert f"flighttune fly '{tmp_path}/mine of two words.toml' " in text
 
