@@ -1,4 +1,4 @@
-"""The table of docs/behind_a_lag.md: what R_K, E_K, the exact rate and the sensitivity say.
+"""The table of docs/exact_law.md: what R_K, E_K, the exact rate and the sensitivity say.
 
 ``python docs/figures/behind_a_lag.py`` prints it, which takes half a minute.
 """
