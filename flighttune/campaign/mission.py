@@ -1,10 +1,14 @@
 """Missions: planned, counted inside their fence, and turned back from."""
 
+import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from flighttune.campaign.band import By, counted_on, drawn, kept_band
 from flighttune.campaign.counted_flights import check_one_path, plan_of
@@ -12,17 +16,18 @@ from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.turn_back import turning_back
 from flighttune.claims.band import Band, TurnBack
 from flighttune.claims.count import flights_needed, fresh_flights
-from flighttune.claims.fence import check_off_route
-from flighttune.errors import InputError
+from flighttune.claims.fence import KEPT, check_off_route
+from flighttune.errors import InfeasibleError, InputError
 from flighttune.files.whole import write_text
-from flighttune.flight.route import planned_route, route
+from flighttune.flight.route import PlannedRoute, planned_route, route
 from flighttune.planning.plan import Plan
 from flighttune.planning.schema import Campaign
 from flighttune.planning.source import Flights
 from flighttune.planning.source import flights as flights_of_source
 from flighttune.present.answer import Answer, Answering
-from flighttune.references.fence import fence_tables, read_fence
-from flighttune.references.maps import volumes_geojson
+from flighttune.references.fence import Fence, fence_tables, own_fence, read_fence
+from flighttune.references.maps import on_earth, volumes_geojson
+from flighttune.scenario.load import scenario_from, with_changes
 from flighttune.scenario.schema import Scenario
 
 # Epsilon, confidence and flights to learn from by default, whose answer takes a minute on two
@@ -31,6 +36,9 @@ EPSILON, CONFIDENCE, LEARN, OUTSIDE = 0.05, 0.95, 15, 1
 
 # Flights that turn back to learn from.
 LEARN_TURNS = 60
+
+# Values of a key that are tried for a path inside its fence, and the lowest airspeed, a share.
+TRIED, SLOWEST = 8, 0.4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -160,6 +168,8 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     ------
     InputError, ScenarioError
         If the mission cannot be flown, a fence not be counted, or flights not turn back.
+    InfeasibleError
+        If the planned path leaves the fence already: no flight is flown then.
     StoppedError
         If the observer stopped the flights.
 
@@ -193,7 +203,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         check_off_route(kept.about.signals, kept.flights.over)
         plan, place, own, draws = plan_of(kept), "the band", (), kept.draws.tolist()
         file = Path(source) if isinstance(source, str | Path) else file
-    # What cannot be counted is refused before a flight.
+    # What cannot be counted, and a path that leaves its fence, is refused before a flight.
     planned = planned_route(plan.campaign.central)
     turning = None if turn_back is None else turning_back(plan, turn_back)
     fence_files = [Path(fence) for fence in fences or own]
@@ -201,7 +211,10 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     if fences and not areas:
         raise InputError(f"{fence_files[0]}: must have a Polygon or circle for a fence, got none.")
     if areas:
-        read_fence(fence, planned.where[1], areas)
+        place_of = read_fence(fence, planned.where[1], areas)
+        nearest = place_of.nearest(planned.reference.path)
+        if kept is None and nearest["leaves_m"] is not None:
+            raise InfeasibleError(f"{place}: {planned_inside(planned, place_of, nearest)}")
         check_one_path(plan, draws)
     count = partial(counted_on, place=place, epsilon=epsilon, confidence=confidence, by=by)
     band = kept or count(Band, plan=plan, flights=flights, learn=LEARN)
@@ -225,6 +238,7 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
 def mission_plan(
     source: str | Path,
     *,
+    fences: Sequence[str | Path] = (),
     aircraft: str | None = None,
     skip: bool = False,
     changes: Mapping[str, Any] | None = None,
@@ -232,22 +246,86 @@ def mission_plan(
 ) -> Answer:
     """The route of a mission or scenario before a flight, written to a file if one is stated.
 
-    The route of a band file is written with its corridor. Raises InputError if the route cannot be
-    flown, or `out` is the file that is read.
+    Its path is judged by `fences`, or by the fence of the mission. The route of a band file is
+    written with its corridor. Raises InputError if the route cannot be flown, or `out` is the file
+    that is read.
     """
     if out is not None and out.exists() and Path(source).exists() and out.samefile(source):
         raise InputError(f"{out}: `--out` must be another file than the one that is read.")
     if band := kept_band(source):
         if aircraft or skip or changes:
             raise InputError("`aircraft`, `skip` and `changes` must be absent for a band file.")
-        planned, corridor, fences = band.flights.route, band.corridor(), band.about.fences
+        planned, corridor, shapes = band.flights.route, band.corridor(), [*band.about.fences]
     else:
         planned = route(source, aircraft=aircraft, skip=skip, changes=changes)
-        plan = str(source).lower().endswith(".plan")
-        corridor, own = None, fence_tables([Path(source)]) if plan and out else {}
-        if own:
-            read_fence(Path(source), planned.where[1], own)  # or it is refused
-        fences = (own,) if own else ()
-    answer = planned.answer()
-    notes = [] if out is None else planned.save(out, corridor, fences)
-    return replace(answer, notes=[*answer.notes, *notes], files={"route": out})
+        corridor, shapes = None, []
+    files = [*map(Path, fences)] or ([] if shapes else [*own_fence(Path(source))])
+    shapes += [tables] if (tables := fence_tables(files)) else []
+    answer, origin = planned.answer(), planned.where[1]
+    places = [read_fence(files[0] if files else KEPT, origin, shape) for shape in shapes]
+    nearest = [fence.nearest(planned.reference.path) for fence in places]
+    said = [planned_inside(planned, *x) for x in zip(places, nearest, strict=True)]
+    plants = ", ".join(table.label for table in planned.scenario.plant)
+    notes = [] if out is None else planned.save(out, corridor, shapes)
+    outside = any(x["leaves_m"] is not None for x in nearest)
+    return replace(
+        answer,
+        summary=[
+            *(said or ["The path can be flown as planned. No fence was given."]),
+            answer.verdict,
+            f"For {plants}: {planned.conditions}.",
+        ],
+        changed=answer.notes,
+        notes=notes,
+        values={**answer.values, **({"fence": {"nearest": nearest}} if nearest else {})},
+        files={"route": out},
+        failure="the planned path leaves the fence" if outside else "",
+    )
+
+
+def planned_inside(planned: PlannedRoute, fence: Fence, nearest: Mapping[str, Any]) -> str:
+    """Whether a planned path stays inside a fence, in a sentence: where it is `nearest` to it.
+
+    Where it leaves, the sentence has what would keep it inside.
+    """
+    (path, origin, _), edge = planned.where, nearest["edge"]
+    there = f"on the {nearest['stretch']}, {nearest['along_m']:.0f} m along"
+    if nearest["leaves_m"] is None:
+        return (
+            "Yes, as planned: the path can be flown and stays inside the fence, nearest "
+            f"{there}: {nearest['margin_m']:.1f} m, {nearest['side']} ({edge})."
+        )
+    leaves = nearest["leaves_m"]
+    lat, lon = on_earth(path.beside(np.array([leaves])), origin)[0]
+    ways = _ways_inside(planned, fence, path.stretch_at(leaves).waypoint)
+    return (
+        f"No: the planned path leaves the fence on the {path.stretch_at(leaves).words}, "
+        f"{leaves:.0f} m along, at {lat:.5f}, {lon:.5f}, and is up to "
+        f"{-nearest['margin_m']:.1f} m outside ({edge}, {there}). {ways}"
+    )
+
+
+def _ways_inside(planned: PlannedRoute, fence: Fence, waypoint: int) -> str:
+    """The largest airspeed, wind or radius of a circle that would keep a planned path inside."""
+    scenario, path = planned.scenario, planned.reference.path
+    assert scenario.route is not None  # it is planned
+    V, radius = scenario.flight.V_a_mps, scenario.route.waypoint[waypoint - 1].radius_m
+    slowest = [SLOWEST * V, *(table.config.envelope.V_a[0] for table in scenario.aircraft)]
+    ranges = {"flight.V_a_mps": (V, max(slowest)), "route.wind_mps": (planned.wind, 0.0)}
+    if radius is not None:
+        ranges[f"route.waypoint[{waypoint - 1}].radius_m"] = radius, 0.0
+    ways = []
+    for key, ends in ranges.items():
+        for value in np.linspace(*ends, TRIED).tolist()[1:]:
+            with suppress(InputError):
+                changed = with_changes(scenario.as_dict(), {key: value}, planned.conditions)
+                other = planned_route(scenario_from(changed)).reference.path
+                if fence.nearest(other)["leaves_m"] is None:
+                    ways.append(f"`--set {key}={value:.3g}`")
+                    break
+    least = math.ceil(-fence.nearest(path)["margin_m"])
+    return (
+        f"It stays inside with {' or '.join(ways)}."
+        if ways
+        else f"No lower airspeed or wind does: route and fence must be {least} m further apart."
+    )

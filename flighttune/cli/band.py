@@ -10,7 +10,7 @@ from typer import Option
 from flighttune.cli import options
 from flighttune.cli.show import campaign_display, progress_bar
 from flighttune.cli.verbs import Verb, of
-from flighttune.errors import InputError
+from flighttune.errors import InfeasibleError, InputError
 from flighttune.files.shipped import aircraft_names, campaign_files
 from flighttune.present.answer import Answer
 
@@ -104,7 +104,7 @@ def mission(
     given = count_mission.keywords
     if plan:
         options.check_ending(out, ".geojson", ".kml", ".plan")
-        of_route = "aircraft", "skip", "changes", "out"
+        of_route = "fences", "aircraft", "skip", "changes", "out"
         for name in [x for x in given if x not in of_route] + ["page"] * bool(page):
             raise InputError(f"`{name}` must be absent with --plan, which flies nothing.")
         return mission_plan(source, **given)
@@ -112,7 +112,11 @@ def mission(
     options.check_ending(page, ".html", option="--page")
     if written(source, BAND) is None:
         out = out or Path("runs") / f"{Path(source).stem}-band.npz"
-    odds = count_mission(seed=options.seed_of(changes), out=out)
+    try:
+        odds = count_mission(seed=options.seed_of(changes), out=out)
+    except InfeasibleError:  # what is planned says why
+        of_plan = {key: given[key] for key in ("fences", "aircraft", "skip") if key in given}
+        return mission_plan(source, changes=changes, **of_plan)
     answer, file = odds.answer(), out or Path(source)
     if page is not None:
         write_claim_page(odds.band, str(file), page, odds.room)

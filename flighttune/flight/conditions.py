@@ -99,11 +99,15 @@ def reference_of(scenario: Scenario) -> Reference | FeasibleReference | RouteRef
         return feasible_reference(manoeuvre_of(scenario))
     if scenario.route is not None:
         route = scenario.route.reference(_ability(scenario), f.V_a_mps)
-        heights = f.h_m + route.path.up[route.path.s <= route.path.length]
-        if (lowest := heights.min()) <= f.ground_m:
+        heights = route.path.up[route.path.s <= route.path.length]
+        on = route.path.stretch_at(float(route.path.s[heights.argmin()]))
+        places = [(point.up, point.name) for point in scenario.route.waypoints()]
+        up, where = min([*places, (float(heights.min()), f"the {on.words}")])
+        if (lowest := f.h_m + up) <= f.ground_m:
             raise InputError(
-                f"`up_m` of [[route.waypoint]] must be above `ground_m` {f.ground_m:g} m "
-                f"everywhere on the route, got a height of {lowest:.0f} m."
+                f"`up_m` of [[route.waypoint]] must be above `ground_m`, {f.ground_m:g} m above "
+                f"sea level, everywhere on the route, got {lowest:.0f} m at {where}. If the ground "
+                f"is lower there, set `flight.ground_m` below {lowest:.0f}."
             )
         return route
     assert scenario.reference is not None  # one of both is there

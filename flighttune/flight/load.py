@@ -128,16 +128,35 @@ def route_scenario(
         "tuning": {"identified": aircraft},
         "plant": [{"kind": "jsbsim", "aircraft": aircraft}],
     }
-    speeds = [row["V_mps"] for row in mission.route["waypoint"] if "V_mps" in row]
-    stated = "flight.V_a_mps" in (changes or {}) or "holds_airspeed" in mission.route
-    if speeds and not stated and load_aircraft(aircraft).limits.n_x is not None:
-        tables["flight"] |= {"V_a_mps": mission.route["waypoint"][0].get("V_mps", first.V_a)}
-        tables["route"] = tables["route"] | {"holds_airspeed": True}
-        tables["controller"] |= {"schedule": True}
+    if "flight.V_a_mps" not in (changes or {}) and "holds_airspeed" not in mission.route:
+        tables["route"], speeds = _with_airspeeds(mission.route, load_aircraft(aircraft))
+        if speeds and tables["route"]["holds_airspeed"]:
+            tables["controller"] |= {"schedule": True}
+        elif speeds:
+            tables["flight"]["V_a_mps"] = max(tables["flight"]["V_a_mps"], *speeds)
     tables = with_changes(tables, changes or {}, f"{file}:")
     scenario = validated(Scenario, tables, str(file))
     check_scenario(scenario, str(file))
     return scenario
+
+
+def _with_airspeeds(
+    route: Mapping[str, Any], config: AircraftConfig
+) -> tuple[dict[str, Any], list[float]]:
+    """A route with the changes of airspeed that an aircraft flies, and these airspeeds, m/s."""
+    (low, high), rows, notes = config.envelope.V_a, [], [*route["notes"]]
+    for row in route["waypoint"]:
+        V = row.get("V_mps")
+        if V is not None and not low < V < high:
+            row = {key: value for key, value in row.items() if key != "V_mps"}
+            notes.append(
+                f"The airspeed of {V:g} m/s from {row['name']} on is not flown: "
+                f"{config.folder.name} flies {low:g} to {high:g} m/s, and keeps its airspeed there."
+            )
+        rows.append(row)
+    speeds = [row["V_mps"] for row in rows if "V_mps" in row]
+    held = {"holds_airspeed": config.limits.n_x is not None} if speeds else {}
+    return {**route, "waypoint": rows, "notes": notes, **held}, speeds
 
 
 def scenario_and_gains(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from flighttune.errors import InputError
+from flighttune.files.load import kind_of
 from flighttune.files.whole import write_text
 from flighttune.flight.conditions import reference_of
 from flighttune.flight.load import as_scenario, route_scenario
@@ -25,7 +26,7 @@ from flighttune.references.maps import (
     route_kml,
 )
 from flighttune.references.mission import (
-    OTHER_FILES,
+    KINDS,
     ROUTE_FILES,
     fence_size,
     read_route,
@@ -46,7 +47,7 @@ FENCE_VERTICES, VEHICLES = 64, "PX4 takes at most 64 and ArduPilot 70"
 
 COLUMNS = [
     Column("kind", "stretch"),
-    Column("waypoint", "waypoint"),
+    Column("name", "to or at"),
     Column("start_m", "begins at", "m", ".0f"),
     Column("length_m", "length", "m", ".0f"),
     Column("course", "course", "deg", ".0f", 1.0 / DEG),
@@ -97,7 +98,7 @@ class PlannedRoute(Answering):
             begins, arrives = np.interp(ends, s, level).tolist()
             V_a = float(np.interp([*ends, *s[(s > ends[0]) & (s < ends[1])]], s, V).max())
             row = {
-                **pick(stretch, "kind waypoint turn gamma"),
+                **pick(stretch, "kind waypoint name turn gamma"),
                 "course": stretch.course % math.tau,
                 "start_m": stretch.start,
                 "length_m": stretch.length,
@@ -132,24 +133,27 @@ class PlannedRoute(Answering):
         assert self.scenario.route is not None
         stretches, notes = self.reference.path.stretches, []
         if around := [x for x in stretches if x.kind == "turn-around"]:
-            places = ", ".join(str(stretch.waypoint) for stretch in around)
+            places = ", ".join(dict.fromkeys(stretch.name for stretch in around))
             farthest = max(stretch.aside for stretch in around)
-            notes = [f"Turn-arounds at waypoints {places} go up to {farthest:.0f} m from the legs."]
+            notes = [f"Turn-arounds at {places} go up to {farthest:.0f} m from the legs."]
         stated = [point.radius_m for point in self.scenario.route.waypoint]
         for stretch in stretches:
             radius = stated[stretch.waypoint - 1] if stretch.kind == "loiter" else None
             if radius and radius < stretch.radius - WIDER_M:
                 notes.append(
-                    f"The circle at waypoint {stretch.waypoint} has {stretch.radius:.0f} m in "
+                    f"The circle at {stretch.name} has {stretch.radius:.0f} m in "
                     f"place of {radius:g} m, the smallest radius that can be flown."
                 )
-        return notes
+        return [*dict.fromkeys(notes)]
 
     def answer(self) -> Answer:
         """The stretches, the length and the time in still air and in wind."""
         path, slowest, time = self.reference.path, float(self.reference.V.min()), self.time
-        longest = path.length / (slowest - self.wind) if self.wind < slowest else math.inf
-        stretches = self.stretches
+        stretches, in_wind = self.stretches, f"a wind of {self.wind:.3g} m/s"
+        if self.wind < slowest:
+            in_wind = f"at most {path.length / (slowest - self.wind):.0f} s in {in_wind}"
+        else:
+            in_wind = f"without an end against {in_wind}, which is faster than the aircraft"
         return Answer(
             values={
                 "conditions": self.conditions,
@@ -159,8 +163,7 @@ class PlannedRoute(Answering):
             },
             tables=[Table(COLUMNS, stretches, f"{self.scenario.title}: {self.conditions}")],
             notes=[*self.scenario.notes, *self.changed],
-            verdict=f"{path.length:.0f} m, {time:.0f} s in still air, at most {longest:.0f} s in a "
-            f"wind of {self.wind:.3g} m/s",
+            verdict=f"{path.length:.0f} m, {time:.0f} s in still air, {in_wind}",
         )
 
     def save(
@@ -179,10 +182,10 @@ class PlannedRoute(Answering):
         start, origin = scenario.flight.h_m, scenario.route.origin
         points = scenario.route.waypoints()
         places = on_earth(np.array([(x.north, x.east) for x in points]), origin).round(8)
-        numbered = enumerate(zip(points, places.tolist(), strict=True), start=1)
         marks = Marks(
             tuple(
-                Mark(f"{i}", lat, lon, round(start + x.up, 2)) for i, (x, (lat, lon)) in numbered
+                Mark(x.number, lat, lon, round(start + x.up, 2))
+                for x, (lat, lon) in zip(points, places.tolist(), strict=True)
             ),
             tuple(
                 Mark(f"rally {i}", x.lat_deg, x.lon_deg, round(start + x.up_m, 2))
@@ -209,7 +212,9 @@ class PlannedRoute(Answering):
         scenario = self.scenario
         assert scenario.route is not None
         return {
-            "route": scenario.route.model_dump(exclude_none=True, exclude={"notes"}),
+            "route": scenario.route.model_dump(
+                exclude_none=True, exclude={"notes": True, "waypoint": {"__all__": {"name"}}}
+            ),
             "flight": pick(scenario.flight, "V_a_mps h_m ground_m g_mps2"),
             "limits": scenario.limits.model_dump(exclude_none=True),
         }
@@ -235,7 +240,11 @@ def mission_scenario(
 ) -> tuple[Scenario, bool] | None:
     """The scenario of a mission, and whether its airspeed is assumed; None for another source."""
     file = Path(source)
-    if file.suffix.lower() not in ROUTE_FILES + OTHER_FILES:
+    if (ending := file.suffix.lower()) not in ROUTE_FILES:
+        if ending not in ("", ".toml") and file.is_file() and not kind_of(file):
+            raise InputError(
+                f"{file}: must be {KINDS}, or a scenario or campaign (.toml), got {file.suffix}."
+            )
         return None
     mission = read_route(file, skip=skip)
     stated = {*mission.flight, *(key.removeprefix("flight.") for key in changes or ())}

@@ -17,6 +17,7 @@ from flighttune.planning.load import campaign_on, load_campaign
 from flighttune.planning.plan import Plan, on_plants, plan_campaign, recorded_plan
 from flighttune.planning.schema import Campaign, CampaignTable, Dispersion, Uniform
 from flighttune.present.names import CHANNEL_SYMBOLS
+from flighttune.references.fence import own_fence
 from flighttune.scenario.load import scenario_from, with_gains
 from flighttune.scenario.schema import Scenario
 
@@ -66,9 +67,8 @@ class Flights:
 
     @property
     def fences(self) -> tuple[Path, ...]:
-        """Files with a fence of their own: the plan of a mission."""
-        own = self.mission is not None and self.mission.suffix.lower() == ".plan"
-        return (self.mission,) if own and self.mission else ()
+        """Files with a fence of their own: the mission, if its kind has fences."""
+        return () if self.mission is None else own_fence(self.mission)
 
     def starting(self, within_deg: float) -> "Flights":
         """The flights of a scenario from starts drawn within this half-width, deg."""

@@ -299,6 +299,8 @@ WIDTH = 100  # characters of a result that is printed from Python
 class Answer:
     """The result of a command: values, tables, sentences, a command to copy, files, failure."""
 
+    summary: Sequence[str] = ()  # the answer in a few lines, before everything else
+    changed: Sequence[str] = ()  # what of the question was changed or left out, after them
     values: Mapping[str, Any] = field(default_factory=dict)
     tables: Sequence[Table] = ()
     notes: Sequence[str] = ()
@@ -313,7 +315,9 @@ class Answer:
         from pydantic_core import to_jsonable_python  # here: --help must be quick
 
         records = {table.name: table.records for table in self.tables if table.name}
-        sentences = {"notes": self.notes, "verdict": self.verdict}
+        sentences = {"notes": [*self.changed, *self.notes], "verdict": self.verdict}
+        if self.summary:
+            sentences["summary"] = self.summary
         if self.command:
             sentences["command"] = self.command
         values = {**records, **sentences, **self.values, **self.files}
@@ -326,10 +330,14 @@ class Answer:
 
     def text(self, width: int) -> Iterator[str]:
         """Paragraphs and tables of at most `width` characters; commands and paths may be longer."""
+        head = [line for part in (self.summary, self.changed) for line in (*part, "") if part]
+        for line in head:
+            yield fill(line, width, break_long_words=False, break_on_hyphens=False)
         for place, table in enumerate(table for table in self.tables if table.records):
             text = table.text(width)
             yield f"\n{text}" if place else text
-        sentences = [sentence for sentence in (*self.notes, self.verdict) if sentence]
+        last = self.verdict if self.verdict not in self.summary else ""
+        sentences = [sentence for sentence in (*self.notes, last) if sentence]
         if self.tables and sentences:
             yield ""
         for sentence in sentences:
@@ -347,8 +355,11 @@ class Answer:
     def html(self) -> str:
         """Tables and sentences for a notebook."""
         tables = [table.html() for table in self.tables if table.records]
-        sentences = (*self.notes, self.verdict, self.failure)
-        return "".join([*tables, *(f"<p>{escape(text)}</p>" for text in sentences if text)])
+        before, after = (
+            [f"<p>{escape(text)}</p>" for text in texts if text]
+            for texts in ((*self.summary, *self.changed), (*self.notes, self.verdict, self.failure))
+        )
+        return "".join([*before, *tables, *after])
 
 
 class Answering:

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
 from flighttune.files.table import file_text, json_tables
+from flighttune.references.items import HEADER, planner_items, stated_lines
 from flighttune.references.maps import (
     LatLon,
     features,
@@ -65,6 +66,8 @@ class Fence:
     end: FloatArray
     # (edges,): distance of each from the line that is straight in latitude and longitude
     sag: FloatArray
+    ring: npt.NDArray[np.intp]  # (edges,): number of the ring of each edge
+    outside: tuple[bool, ...]  # whether each ring is to stay out of
     names: tuple[str, ...]  # of the edges, then of ceiling and floor
     low: float
     high: float
@@ -78,6 +81,41 @@ class Fence:
             for name, height in ends
         )
 
+    def nearest(self, path: Route) -> dict[str, Any]:
+        """Where a path has its smallest margin, m, negative if it is outside there.
+
+        Its keys are those of `Room.nearest`, and ``leaves_m``: where it leaves first, if it does.
+        """
+        import shapely
+
+        inside = path.s <= path.length
+        places = np.column_stack([path.north, path.east])[inside]
+        points, heights = np.asarray(shapely.points(places)), path.up[inside]
+        margins = [self.high - heights, heights - self.low]
+        for number, outside in enumerate(self.outside):
+            area = shapely.Polygon(self.start[self.ring == number])
+            sign = np.where(shapely.contains(area, points) == outside, -1.0, 1.0)
+            margins.append(sign * shapely.distance(area.exterior, points))
+        kind, i = np.unravel_index(np.argmin(margins), np.shape(margins))
+        along, side, edge = float(path.s[i]), SIDES[2 + kind % 2], kind - 2
+        if kind > 1:
+            lines = np.asarray(shapely.linestrings(np.stack([self.start, self.end], axis=1)))
+            lines[self.ring != kind - 2] = None
+            edge = int(np.nanargmin(shapely.distance(lines, points[i])))
+            north, east = shapely.get_coordinates(shapely.shortest_line(points[i], lines[edge]))[1]
+            course, (n, e) = path.course[i], places[i]
+            right = (east - e) * math.cos(course) - (north - n) * math.sin(course)
+            side = SIDES[int(right > 0.0)]
+        out = np.min(margins, axis=0) < 0.0
+        return {
+            "margin_m": float(margins[kind][i]),
+            "side": side,
+            "edge": self.names[edge],
+            "along_m": along,
+            "stretch": path.stretch_at(along).words,
+            "leaves_m": float(path.s[out.argmax()]) if out.any() else None,
+        }
+
 
 class Room(NamedTuple):
     """Distances from a path within which a flight is certainly inside a fence.
@@ -89,23 +127,41 @@ class Room(NamedTuple):
     along: FloatArray  # where they are, m
     edges: npt.NDArray[np.str_]  # names of those of the fence
     path: Route
+    fence: Fence
 
     def nearest(self, away: FloatArray) -> dict[str, Any]:
         """Where flights with the distances `away` have the smallest margin.
 
-        The margin, m, is measured across the path; -inf if the path itself is outside.
+        The margin, m, is measured across the path, and from the nearest edge if the path itself is
+        outside.
         """
         margins = self.limits - away
         i = int(np.argmin(margins))
+        if math.isinf(margins.flat[i]):
+            path = self.fence.nearest(self.path)
+            return {**path, "margin_m": path["margin_m"] - float(away.flat[i])}
         along = float(self.along.flat[i])
-        on = [stretch for stretch in self.path.stretches if stretch.start <= along][-1]
         return {
             "margin_m": float(margins.flat[i]),
             "side": SIDES[i % 4],
             "edge": str(self.edges.flat[i]),
             "along_m": along,
-            "stretch": f"{on.kind} {'to' if on.kind == 'leg' else 'at'} waypoint {on.waypoint}",
+            "stretch": self.path.stretch_at(along).words,
         }
+
+
+# Files that may have a fence, and those in which it is that of the mission itself.
+KINDS = "a plan, waypoints or a fence of Mission Planner, KML or GeoJSON with a Polygon"
+PLANNER = (".waypoints", ".txt", ".fen")
+FENCE_FILES, OWN = (".plan", ".json", ".geojson", ".kml", *PLANNER), (".plan", *PLANNER)
+
+# Commands of a fence of MAVLink: polygons to stay in and out of, corner by corner, and circles.
+CORNERS, CIRCLES = {5001: True, 5002: False}, {5003: True, 5004: False}
+
+
+def own_fence(mission: Path) -> tuple[Path, ...]:
+    """The file of a mission, if its kind has the fence beside the route."""
+    return (mission,) if mission.suffix.lower() in OWN else ()
 
 
 def fence_tables(files: Sequence[Path]) -> dict[str, Any]:
@@ -116,11 +172,16 @@ def fence_tables(files: Sequence[Path]) -> dict[str, Any]:
     shapes: list[Mapping[str, Any]] = []
     single: list[dict[str, Any]] = []
     for file in files:
-        kml = file.suffix.lower() == ".kml"
-        content: Any = file_text(file) if kml else json_tables(file)
-        with reading(file, "a plan, KML or GeoJSON with a Polygon"):
-            if kml:
+        ending = file.suffix.lower()
+        if ending not in FENCE_FILES:
+            raise InputError(f"{file}: must be {KINDS}, got {file.suffix}.")
+        text_file = ending in (".kml", *PLANNER)
+        content: Any = file_text(file) if text_file else json_tables(file)
+        with reading(file, KINDS):
+            if ending == ".kml":
                 shapes += kml_features(content)
+            elif text_file:
+                shapes += _of_plan(_planner_fence(content))
             elif "mission" in content:
                 shapes += _of_plan(json_part(content, "geoFence", dict))
             else:
@@ -130,6 +191,34 @@ def fence_tables(files: Sequence[Path]) -> dict[str, Any]:
         return single[0]
     polygons = [x for x in shapes if x["geometry"]["type"] == "Polygon"]
     return {"type": "FeatureCollection", "features": polygons} if polygons else {}
+
+
+def _planner_fence(text: str) -> dict[str, list[dict[str, Any]]]:
+    """Polygons and circles, as in a plan, of a file of Mission Planner.
+
+    It has items by the commands of MAVLink, or lines of a latitude and a longitude, the first of
+    which is where a vehicle returns to.
+    """
+    lines = stated_lines(text)
+    if not lines or not lines[0].startswith(HEADER.split()[0]):
+        corners = [[float(value) for value in line.split()] for line in lines[1:]]
+        return {"polygons": [{"polygon": corners}], "circles": []}
+    _, items = planner_items(text)
+    shapes: dict[str, list[dict[str, Any]]] = {"polygons": [], "circles": []}
+    left = [(item["command"], item["params"]) for item in items]
+    while left:
+        command, (first, *_, lat, lon, _) = left[0]
+        count = int(first) if command in CORNERS else 1
+        these, left = left[: max(count, 1)], left[max(count, 1) :]
+        if command in CIRCLES:
+            circle = {"center": [lat, lon], "radius": first}
+            shapes["circles"].append({"inclusion": CIRCLES[command], "circle": circle})
+        elif command in CORNERS:
+            corners = [params[4:6] for kind, params in these if kind == command]
+            if len(corners) != count:
+                raise InputError(f"a polygon must have its {count} corners, got {len(corners)}.")
+            shapes["polygons"].append({"inclusion": CORNERS[command], "polygon": corners})
+    return shapes
 
 
 def _of_plan(stated: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
@@ -181,7 +270,7 @@ def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
     fence around the start.
     """
     tables = tables or fence_tables([path])
-    with reading(path, "a plan, KML or GeoJSON with a Polygon"):
+    with reading(path, KINDS):
         shapes = [
             x for x in (features(tables) if tables else ()) if x["geometry"]["type"] == "Polygon"
         ]
@@ -190,6 +279,7 @@ def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
         low, high = FAR
         names: list[str] = []
         rings, sags = [], []
+        out: list[bool] = []
         numbers = {True: 0, False: 0}
         for shape in shapes:
             stated = json_part(shape, "properties", dict)
@@ -214,10 +304,13 @@ def read_fence(path: Path, origin: LatLon, tables: Any = None) -> Fence:
                     f"{kind * (len(shapes) > 1)}, got one at {origin} deg."
                 )
             rings += polygon
+            out += [outside, *[True] * (len(polygon) - 1)]
         start, end = _ends(rings)
     names += ["ceiling", "floor"]
     sag = np.concatenate(sags)
-    return Fence(start=start, end=end, sag=sag, names=tuple(names), low=low, high=high)
+    numbered = np.repeat(np.arange(len(rings)), [len(ring) for ring in rings])
+    kinds = {"ring": numbered, "outside": tuple(out)}
+    return Fence(start=start, end=end, sag=sag, names=tuple(names), low=low, high=high, **kinds)
 
 
 def _ends(rings: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
@@ -349,7 +442,8 @@ def room_along(
     last = np.ceil((windows[1:] + overlap) / SCAN_STEP).astype(int) + 1
     tightest = np.array([i + free[i:j].argmin(axis=0) for i, j in zip(first, last, strict=True)])
     limits, edge = (np.take_along_axis(values, tightest, axis=0) for values in (free, edges))
-    return Room(limits, np.minimum(s[tightest], path.length), np.array(fence.names)[edge], path)
+    along = np.minimum(s[tightest], path.length)
+    return Room(limits, along, np.array(fence.names)[edge], path, fence)
 
 
 def _met(

@@ -20,6 +20,7 @@ Fate: TypeAlias = Literal["flown", "harmless", "no place", "refused", "not flown
 WAYPOINT, UNLIMITED, TURNS, TIMED, RETURN, LAND, TAKEOFF = 16, 17, 18, 19, 20, 21, 22
 TO_HEIGHT, VTOL_TAKEOFF, VTOL_LAND, JUMP, SPEED, SET_HOME = 31, 84, 85, 177, 178, 179
 CIRCLES, TAKEOFFS = (UNLIMITED, TURNS, TIMED, TO_HEIGHT), (TAKEOFF, VTOL_TAKEOFF)
+RALLY = 5100
 ENDS = (RETURN, LAND, VTOL_LAND)
 PLACED = (WAYPOINT, *CIRCLES, LAND, VTOL_LAND)
 
@@ -50,7 +51,10 @@ HARMLESS = _names("""112 CONDITION_DELAY, 114 CONDITION_DISTANCE, 115 CONDITION_
     220 DO_MOUNT_CONTROL_QUAT, 530 SET_CAMERA_MODE, 531 SET_CAMERA_ZOOM, 532 SET_CAMERA_FOCUS,
     534 SET_CAMERA_SOURCE, 600 JUMP_TAG, 1000 DO_GIMBAL_MANAGER_PITCHYAW,
     2000 IMAGE_START_CAPTURE, 2001 IMAGE_STOP_CAPTURE, 2003 DO_TRIGGER_CONTROL,
-    2500 VIDEO_START_CAPTURE, 2501 VIDEO_STOP_CAPTURE, 3000 DO_VTOL_TRANSITION""")
+    2500 VIDEO_START_CAPTURE, 2501 VIDEO_STOP_CAPTURE, 3000 DO_VTOL_TRANSITION,
+    5000 NAV_FENCE_RETURN_POINT, 5001 NAV_FENCE_POLYGON_VERTEX_INCLUSION,
+    5002 NAV_FENCE_POLYGON_VERTEX_EXCLUSION, 5003 NAV_FENCE_CIRCLE_INCLUSION,
+    5004 NAV_FENCE_CIRCLE_EXCLUSION, 5100 NAV_RALLY_POINT""")
 
 # Frames whose heights are above sea level, above the home position, and above terrain.
 ABOVE_SEA, ABOVE_HOME, ABOVE_TERRAIN = (0, 5), (3, 6), (10, 11)
@@ -73,11 +77,16 @@ SPEEDS = "an airspeed", "a ground speed", "a climb speed", "a descent speed"
 DEFAULT_SPEED = -2
 
 
+# Largest latitude and longitude of a route whose home position may have zeros, deg.
+NEAR_DEG = 5.0
+
+
 class Mission(NamedTuple):
     """The parts of a mission that are flown."""
 
     rows: list[Row]  # heights above the home position
-    speed: float | None  # m/s: the largest airspeed that it sets
+    rally: list[Row]
+    speed: float | None  # m/s: the airspeed that it sets for its start
     notes: list[str]  # what becomes of each item, and what is flown in another way
 
 
@@ -88,17 +97,17 @@ def read_items(items: Sequence[Mapping[str, Any]], home: tuple[float, ...], skip
     number and name of each item that cannot be flown.
     """
     flat = [*_flat(items)]
+    lost = not _knows_home(flat, home)
     rows: list[Row] = []
+    rally: list[Row] = []
     numbers: dict[Fate, dict[str, list[int]]] = defaultdict(lambda: defaultdict(list))
     notes: dict[str, None] = {}
     # changes of speed: index of the row from which on it is flown, airspeed if any, number of item
     changes: list[tuple[int, float | None, int]] = []
-    ended = ""
+    end = len(flat)
     for number in _in_order(flat):
         item = flat[number - 1]
-        name, fate = _fate(item, first=not rows)
-        if fate == "flown" and ended:
-            name, fate = f"{name}, after {ended}", "not flown"
+        name, fate = _fate(item, rows, lost)
         command, label = item.get("command"), f"item {number} ({name})"
         if fate == "flown" and command == SPEED:
             airspeed, others = _speed(label, item)
@@ -108,23 +117,36 @@ def read_items(items: Sequence[Mapping[str, Any]], home: tuple[float, ...], skip
         listed = numbers[fate][name]
         if number not in listed:
             listed.append(number)
-        if fate != "flown" or command == JUMP:
-            continue
-        if not rows and command not in (WAYPOINT, *TAKEOFFS):
-            rows.append(_at_home(home, _row(label, item, home, rows)["up_m"]))
-            notes["The route begins above home."] = None
-        row = _row(label, item, home, rows)
-        # A take-off and the waypoint above it, or a return from home, have one place.
-        if not (rows and "turns" not in {**row, **rows[-1]} and _same(row, rows[-1])):
-            rows.append(row)
-        notes |= dict.fromkeys(_notes(label, item))
-        if command in ENDS:
-            ended = f"the end of item {number}"
+        if command == RALLY:
+            rally.append(_row(label, item, home, []))
+        if fate == "flown" and command != JUMP:
+            row = _row(label, item, home, rows)
+            if not rows and command not in (WAYPOINT, *TAKEOFFS):
+                rows.append(_at_home(home, row["up_m"]))
+                notes["The route begins above home."] = None
+            notes |= dict.fromkeys([*_notes(label, item), *add_row(rows, row, f"item {number}")])
+        if command in ENDS and fate != "refused":
+            end = number
+            break
+    for number, item in enumerate(flat[end:], start=end + 1):
+        numbers["not flown"][f"{_name(item)}, after the end of item {end}"].append(number)
     last = max(1, len(rows) - 1)  # no flight goes on from there
     speeds = {i: (V, number) for i, V, number in changes if V is not None and i < last}
     flown = {number for _, number in speeds.values()}
     for number in {number: None for *_, number in changes}:
         numbers["flown" if number in flown else "not flown"][MANOEUVRES[SPEED]].append(number)
+    fates = _fates(numbers, skip) if rows else _fates(numbers, skip)[1:]
+    if lost and rows:
+        fates.append(
+            f"Home has no place in the file: the route begins at {rows[0]['name']}, and heights "
+            f"above home count from {home[2]:g} m above sea level."
+        )
+    start, _ = speeds.get(0, (None, 0))
+    return Mission(rows, rally, start, [*fates, *notes, *_airspeeds(rows, speeds)])
+
+
+def _fates(numbers: Mapping[Fate, dict[str, list[int]]], skip: bool) -> list[str]:
+    """What is flown of items and what is not, by name and number; InputError refuses some."""
     no_place = numbers["no place"]
     if wrong := listed_items(numbers["refused"] | ({} if skip else no_place)):
         skips = f"; `--skip` or `skip = true` in [route] leaves out {listed_items(no_place)}"
@@ -133,11 +155,49 @@ def read_items(items: Sequence[Mapping[str, Any]], home: tuple[float, ...], skip
             "surveys or corridor scans, at heights above home, sea level or terrain, got "
             f"{wrong}{skips if no_place and not skip else ''}."
         )
-    fates = [f"Flown of the plan: {listed_items(numbers['flown'])}."] if rows else []
+    fates = [f"Flown of the plan: {listed_items(numbers['flown'])}."]
     if left_out := listed_items(numbers["harmless"] | no_place | numbers["not flown"]):
         fates.append(f"Not flown of the plan: {left_out}.")
-    largest = max((speed for speed, _ in speeds.values()), default=None)
-    return Mission(rows, largest, [*fates, *notes, *_airspeeds(rows, speeds)])
+    return fates
+
+
+def _knows_home(flat: Sequence[Mapping[str, Any]], home: tuple[float, ...]) -> bool:
+    """Whether the place of home is stated: programs that do not know it write zeros.
+
+    Raises InputError if heights above sea level then stand beside others.
+    """
+    placed = [item for item in flat if item.get("command") in PLACED and _placed(item)]
+    first = [json_number(x, "a place") for x in placed[0]["params"][4:6]] if placed else [0.0]
+    if any(home[:2]) or sum(map(abs, first)) <= NEAR_DEG:
+        return True
+    above_sea = {item["frame"] in ABOVE_SEA for item in placed}
+    if not home[2] and len(above_sea) > 1:
+        raise InputError(
+            "`plannedHomePosition` must be near the route: heights above sea level and above home "
+            f"are in one plan, got {list(home)}."
+        )
+    return False
+
+
+def _placed(item: Mapping[str, Any]) -> bool:
+    """Whether an item has a place: latitude and longitude of 0, null or NaN are none."""
+    return any(x is not None and x == x and x != 0 for x in item["params"][4:6])
+
+
+def add_row(rows: list[Row], row: Row, name: str) -> list[str]:
+    """Add a row that the file calls `name`, unless it is the one before: take-offs often are.
+
+    A sentence where it is that one at another height, which no aeroplane flies.
+    """
+    if rows and not {"turns"} & {*row, *rows[-1]} and _same_place(row, rows[-1]):
+        before = rows[-1]
+        if abs(row["up_m"] - before["up_m"]) < 1.0:
+            return []
+        said = f"{before['name']} and {name} have one place: it is passed at the height of {name}."
+        rows[-1] = row | {"name": name}
+        return [said[0].upper() + said[1:]]
+    rows.append(row | {"name": name})
+    return []
 
 
 def _flat(items: Sequence[Mapping[str, Any]]) -> Iterator[Mapping[str, Any]]:
@@ -199,26 +259,44 @@ def _in_order(items: Sequence[Mapping[str, Any]]) -> Iterator[int]:
         number += 1
 
 
-def _fate(item: Mapping[str, Any], *, first: bool) -> tuple[str, Fate]:
-    """Name of an item, and what becomes of it; a take-off is flown if it comes first."""
+def _name(item: Mapping[str, Any]) -> str:
     if item["type"] != "SimpleItem":
-        return abridged(item.get("complexItemType")), "refused"
-    command, frame = item["command"], item["frame"]
+        return abridged(item.get("complexItemType"))
+    command = item["command"]
     json_number(command, "`command`")
+    return {**MANOEUVRES, **HARMLESS}.get(command, f"command {abridged(command)}")
+
+
+def _fate(item: Mapping[str, Any], rows: Sequence[Row], lost: bool) -> tuple[str, Fate]:
+    """Name of an item after some rows, and what becomes of it; a refusal has its reason.
+
+    `lost`: whether home has no place.
+    """
+    name = _name(item)
+    if item["type"] != "SimpleItem":
+        return name, "refused"
+    command, frame = item["command"], item["frame"]
     json_number(frame, "`frame`")  # false would be 0, a height above sea level
     if command in HARMLESS:
-        return HARMLESS[command], "harmless"
-    name = MANOEUVRES.get(command, f"command {abridged(command)}")
+        return name, "harmless"
+    placed = _placed(item)
+    if lost and (command == RETURN or (command in TAKEOFFS and not placed)):
+        return f"{name}, to or from a home without a place", "not flown"
     if command in (RETURN, JUMP, SPEED):
         return name, "flown"
-    if command in TAKEOFFS and not first:
+    if command in TAKEOFFS and rows:
         return f"{name}, in flight", "refused"
-    placed = any(item["params"][4:6]) or command == SET_HOME
-    if command in TAKEOFFS or (command in PLACED and placed):
+    if command in CIRCLES and not placed and (not rows or "turns" in rows[-1]):
+        return f"{name}, at 0, 0: around where it is then, which no plan states", "refused"
+    if command in CIRCLES and not rows and lost:
+        return f"{name}, at the start: home, where the route would begin, has no place", "refused"
+    if command in (*TAKEOFFS, *CIRCLES) or (command in PLACED and placed):
         if frame in (*ABOVE_SEA, *ABOVE_HOME, *ABOVE_TERRAIN):
             return name, "flown"
         return f"{name}, frame {abridged(frame)}", "refused"
-    return name, "refused" if placed or command in PLACED else "no place"
+    if command in PLACED:
+        return f"{name}, at 0, 0, which is no place", "refused"
+    return name, "refused" if placed or command == SET_HOME else "no place"
 
 
 def listed_items(numbers: Mapping[str, Sequence[int]]) -> str:
@@ -240,13 +318,12 @@ def _runs(numbers: Sequence[int]) -> Iterator[str]:
 
 
 def _at_home(home: tuple[float, ...], up: float) -> Row:
-    return dict(zip(PLACE, (*home[:2], up), strict=True))
+    return {**dict(zip(PLACE, (*home[:2], up), strict=True)), "name": "home"}
 
 
-def _same(a: Row, b: Row) -> bool:
-    """Whether two rows have the same place and height, to 1 m."""
-    apart = max(abs(a[key] - b[key]) for key in PLACE[:2])
-    return apart < SAME_PLACE_DEG and abs(a["up_m"] - b["up_m"]) < 1.0
+def _same_place(a: Row, b: Row) -> bool:
+    """Whether two rows have the same place, to 1 m."""
+    return max(abs(a[key] - b[key]) for key in PLACE[:2]) < SAME_PLACE_DEG
 
 
 def _row(label: str, item: Mapping[str, Any], home: tuple[float, ...], before: list[Row]) -> Row:
@@ -255,8 +332,8 @@ def _row(label: str, item: Mapping[str, Any], home: tuple[float, ...], before: l
     up_before = before[-1]["up_m"] if before else 0.0
     if command == RETURN:
         return _at_home(home, up_before)
-    if command in TAKEOFFS and not any(values[4:6]):
-        values[4:6] = home[:2]
+    if not _placed(item):
+        values[4:6] = home[:2] if command in TAKEOFFS else [before[-1][key] for key in PLACE[:2]]
     row: Row = place(label, values[4:7])
     if item["frame"] in ABOVE_SEA:
         row["up_m"] -= home[2]
@@ -268,8 +345,21 @@ def _row(label: str, item: Mapping[str, Any], home: tuple[float, ...], before: l
     elif command == VTOL_LAND:
         row["up_m"] = up_before
     elif command in CIRCLES:
+        row |= {"up_m": up_before} if _height_before(item) and before else {}
         row |= _circles(label, command, values)
     return row
+
+
+def _height_before(item: Mapping[str, Any]) -> bool:
+    """Whether the height of circles is that of the item before: 0 is, in ArduPilot."""
+    return item["params"][6:] == [0] and item["frame"] in (*ABOVE_HOME, *ABOVE_TERRAIN)
+
+
+def _circles_before(subject: str, item: Mapping[str, Any]) -> Iterator[str]:
+    if not _placed(item):
+        yield f"{subject} is at 0, 0: it circles around the item before, as ArduPilot does."
+    if _height_before(item):
+        yield f"{subject} has the height 0, in ArduPilot that of the item before."
 
 
 def _circles(label: str, command: int, values: Sequence[Any]) -> Row:
@@ -302,6 +392,8 @@ def _notes(label: str, item: Mapping[str, Any]) -> Iterator[str]:
         yield f"{subject} without an end is flown as {UNLIMITED_TURNS:g} turns."
     if command == RETURN:
         yield f"{subject} ends above home, at the height of the item before."
+    if command in CIRCLES:
+        yield from _circles_before(subject, item)
     if command == LAND:
         yield f"{subject} is flown to {LANDING_UP_M:g} m above its place."
     if command == VTOL_LAND:
@@ -328,24 +420,46 @@ def _speed(label: str, item: Mapping[str, Any]) -> tuple[float | None, list[str]
 
 
 def _airspeeds(rows: Sequence[Row], speeds: Mapping[int, tuple[float, int]]) -> list[str]:
-    """Give rows the airspeeds from them on, where there are several; a sentence with all."""
-    first: dict[float, int] = {}
-    for speed, number in speeds.values():
-        first.setdefault(speed, number)
-    if not first:
+    """Give rows the airspeeds from them on, but that of all; a sentence with all."""
+    later = [i for i in speeds if i]
+    for i in speeds if later else ():
+        rows[i]["V_mps"] = speeds[i][0]
+    if not speeds:
         return []
-    for i, (speed, _) in speeds.items() if len(first) > 1 else ():
-        rows[i]["V_mps"] = speed
-    stated = ", ".join(f"{speed:g} m/s by item {number}" for speed, number in first.items())
+    stated = ", ".join(f"{speed:g} m/s by item {number}" for speed, number in speeds.values())
     whole = (
-        " An aircraft that takes n_x flies each from its place on, if `holds_airspeed` of [route] "
-        "is true. Otherwise the whole route is flown at the largest."
-        if len(first) > 1
-        else ""
+        ", each from its place on where the law holds the airspeed (`holds_airspeed` of [route])"
     )
-    return [f"The plan sets an airspeed of {stated}.{whole}"]
+    return [f"The plan sets an airspeed of {stated}{whole * bool(later)}."]
 
 
 def place(name: str, values: Sequence[Any]) -> Row:
     """Latitude, longitude and height of a point of a file."""
     return {key: json_number(x, f"`{key}` of {name}") for key, x in zip(PLACE, values, strict=True)}
+
+
+# First words of the files of Mission Planner, and the values of an item in a line of them.
+HEADER, COLUMNS = "QGC WPL 110", 12
+
+
+def planner_items(text: str) -> tuple[list[float], list[dict[str, Any]]]:
+    """Home (latitude, longitude, height) and items of a file of Mission Planner."""
+    first, *lines = [line.split() for line in stated_lines(text)] or [[]]
+    if " ".join(first) != HEADER or not lines or {*map(len, lines)} != {COLUMNS}:
+        raise InputError(f"must begin with {HEADER} and have {COLUMNS} values in each line.")
+    home, *numbers = [[float(value) for value in line] for line in lines]
+    items = [
+        {"type": "SimpleItem", "command": _whole(command), "frame": _whole(frame)}
+        | {"doJumpId": number, "params": values}
+        for number, _, frame, command, *values, _ in numbers
+    ]
+    return home[8:11], items
+
+
+def _whole(value: float) -> float:
+    return int(value) if value.is_integer() else value
+
+
+def stated_lines(text: str) -> list[str]:
+    """Lines without comments and blank ones."""
+    return [line for line in text.splitlines() if line.strip() and line.lstrip()[0] != "#"]

@@ -19,7 +19,9 @@ from flighttune.references.items import (
     WAYPOINT,
     Mission,
     Row,
+    add_row,
     place,
+    planner_items,
     read_items,
 )
 from flighttune.references.maps import (
@@ -149,15 +151,8 @@ def _item(command: int, values: Sequence[float | None], number: int) -> dict[str
     return common | {"command": command, "frame": frame, "params": list(values)}
 
 
-# Endings of files that are read, and of others that hold routes.
+# Endings of files that are read.
 ROUTE_FILES = (".plan", ".json", ".geojson", ".waypoints", ".txt", ".kml")
-OTHER_FILES = (".mission", ".kmz", ".gpx")
-
-# First words of the files of Mission Planner, and the values of an item in a line of them.
-HEADER, COLUMNS = "QGC WPL 110", 12
-
-# Largest latitude and longitude of a start whose home position may have zeros, deg.
-NEAR_DEG = 5.0
 
 KINDS = (
     "a plan of QGroundControl, waypoints of Mission Planner, or KML or GeoJSON with a LineString"
@@ -197,7 +192,9 @@ def read_route(path: Path, *, skip: bool = False) -> RouteFile:
             read = _line(features(content))
         rows = read.route["waypoint"]
         if len(rows) < 2:
-            raise InputError(f"must have at least 2 waypoints, got {len(rows)}.")
+            raise InputError(
+                f"must have at least 2 waypoints, got {len(rows)}; `--fence` takes files of fences."
+            )
     start = rows[0].get("up_m", 0.0)
     above = {
         key: [row | {"up_m": row.get("up_m", 0.0) - start} for row in read.route.get(key, ())]
@@ -237,17 +234,10 @@ def _plan(tables: Mapping[str, Any], skip: bool) -> RouteFile:
 
 def _waypoints(text: str, skip: bool) -> RouteFile:
     """A file of Mission Planner, whose first line of values is the home position."""
-    first, *lines = [line.split() for line in text.splitlines() if line.strip()]
-    if " ".join(first) != HEADER or not lines or {*map(len, lines)} != {COLUMNS}:
-        raise InputError(f"must begin with {HEADER} and have {COLUMNS} values in each line.")
-    numbers = [[float(value) for value in line] for line in lines]
-    home = numbers[0][8], numbers[0][9], json_number(numbers[0][10], "the height of home")
-    items = [
-        {"type": "SimpleItem", "command": command, "frame": frame, "doJumpId": number}
-        | {"params": values}
-        for number, _, frame, command, *values, _ in numbers[1:]
-    ]
-    return _mission(read_items(items, home, skip), home, [])
+    (lat, lon, height), items = planner_items(text)
+    home = lat, lon, json_number(height, "the height of home")
+    read = read_items(items, home, skip)
+    return _mission(read, home, read.rally)
 
 
 def _mission(read: Mission, home: tuple[float, ...], rally: list[Row]) -> RouteFile:
@@ -257,9 +247,6 @@ def _mission(read: Mission, home: tuple[float, ...], rally: list[Row]) -> RouteF
             "the home position must have a latitude up to 90 and a longitude up to 180 deg, got "
             f"{home[0]:g} and {home[1]:g}."
         )
-    # Programs that do not know the home position write zeros.
-    if rows and not any(home[:2]) and abs(rows[0]["lat_deg"]) + abs(rows[0]["lon_deg"]) > NEAR_DEG:
-        raise InputError(f"`plannedHomePosition` must be near the route, got {list(home)}.")
     flight = {"h_m": home[2] + rows[0]["up_m"], "ground_m": home[2]} if rows else {}
     flight |= {} if read.speed is None else {"V_a_mps": read.speed}
     table = {"waypoint": rows, "widen": True, "rally": rally, "notes": read.notes}
@@ -277,10 +264,11 @@ def _line(found: Any) -> RouteFile:
         return read
     if len({len(point[:3]) for point in points}) > 1:
         raise InputError("`coordinates` must have a height at every point of a line, or at none.")
-    rows = [
-        place(f"point {number}", [point[1], point[0], *point[2:3], 0.0][:3])
-        for number, point in enumerate(points, start=1)
-    ]
+    rows: list[Row] = []
+    same: list[str] = []
+    for number, point in enumerate(points, start=1):
+        name = f"point {number}"
+        same += add_row(rows, place(name, [point[1], point[0], *point[2:3], 0.0][:3]), name)
     notes = ["Of the shapes in the file the LineString alone is read."] * (len(shapes) > 1)
     flight = {"h_m": rows[0]["up_m"]} if rows else {}
     if lines[0].get("altitudeMode", "absolute") != "absolute":
@@ -288,4 +276,4 @@ def _line(found: Any) -> RouteFile:
     # Programs that know no heights write zeros.
     elif not any(row["up_m"] for row in rows):
         flight, notes = {}, [*notes, "The file has no heights: the route is level, at `h_m`."]
-    return RouteFile({"waypoint": rows, "notes": notes}, flight)
+    return RouteFile({"waypoint": rows, "notes": [*notes, *same]}, flight)

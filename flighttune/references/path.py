@@ -76,6 +76,8 @@ class Waypoint:
         Time that the circles take at least, at the airspeed.
     spiral : bool
         Whether the circles take the change of height, in place of the leg to the point.
+    name : str
+        What messages call it; by default ``waypoint`` with its number.
     """
 
     north: float
@@ -86,6 +88,12 @@ class Waypoint:
     climb: float | None = None
     hold: float = 0.0
     spiral: bool = False
+    name: str = ""
+
+    @property
+    def number(self) -> str:
+        """What a map calls it: its number in the file that it was read from."""
+        return self.name.split()[-1]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,6 +144,12 @@ class Stretch:
     radius: float  # m: the smallest; infinite on a leg
     gamma: float  # rad: mean path angle
     aside: float = 0.0  # m: how far a turn-around goes from its leg
+    name: str  # of the waypoint
+
+    @property
+    def words(self) -> str:
+        """The stretch by its kind and waypoint."""
+        return f"{self.kind} {'to' if self.kind == 'leg' else 'at'} {self.name}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -156,6 +170,10 @@ class Path:
     def s(self) -> FloatArray:
         """Distance along the route of each point, shape (n,), m."""
         return STEP * np.arange(len(self.north), dtype=np.float64)
+
+    def stretch_at(self, along: float) -> Stretch:
+        """The stretch at a distance along the route, m."""
+        return [stretch for stretch in self.stretches if stretch.start <= along][-1]
 
     def points(self, apart: float) -> FloatArray:
         """Distances every `apart` m along the route, and its end, m."""
@@ -207,6 +225,10 @@ def plan(waypoints: Sequence[Waypoint], ability: Ability) -> Path:
         raise InputError(f"`waypoints` must be at least 2, got {len(waypoints)}.")
     if waypoints[0].turns:
         raise InputError("`turns` must be absent at the first waypoint, where the flight starts.")
+    waypoints = [
+        point if point.name else replace(point, name=f"waypoint {number}")
+        for number, point in enumerate(waypoints, start=1)
+    ]
     if ability.widen:
         least = 1.0 / ability.curvature
         waypoints = [
@@ -220,8 +242,8 @@ def plan(waypoints: Sequence[Waypoint], ability: Ability) -> Path:
     ends = [*accumulate(sum(piece.length for piece in laid.pieces) for laid in stretches)]
     if ends[-1] < STEP:
         raise InputError(f"`waypoints` must be {STEP:g} m apart or more, got {ends[-1]:.2g} m.")
-    numbers = (laid.waypoint for laid in stretches)
-    check_length(zip(numbers, ends, strict=True), ability)
+    names = (waypoints[laid.waypoint - 1].name for laid in stretches)
+    check_length(zip(names, ends, strict=True), ability)
     return _path(stretches, waypoints, _courses(waypoints, ability, set())[0], ability)
 
 
@@ -233,9 +255,9 @@ def _lay(waypoints: Sequence[Waypoint], ability: Ability) -> list[_Laid]:
         i = short[0]
         if not ability.turnaround:
             raise _NoRoomError(
-                f"`waypoints`: the leg to waypoint {i + 2} must be {-lengths[i]:.0f} m longer for "
-                f"the turns at its ends, at {ability.speed:g} m/s and {ability.phi / DEG:.0f} deg "
-                "of roll"
+                f"`waypoints`: the leg to {waypoints[i + 1].name} must be {-lengths[i]:.0f} m "
+                f"longer for the turns at its ends, at {ability.speed:g} m/s and "
+                f"{ability.phi / DEG:.0f} deg of roll"
             )
         i = min(short, key=lengths.__getitem__)
         # A turn-around in place of a leg beyond a corner gives room too, and is often shorter.
@@ -245,7 +267,7 @@ def _lay(waypoints: Sequence[Waypoint], ability: Ability) -> list[_Laid]:
         around, laid, lengths, corners = min(ways, key=lambda way: _cost(*way[1:3], ability))
     if wrong := [x for x in laid if x.aside > ability.turnaround]:
         raise _NoRoomError(
-            f"`waypoints`: the turn-around to waypoint {wrong[0].waypoint} must go "
+            f"`waypoints`: the turn-around to {waypoints[wrong[0].waypoint - 1].name} must go "
             f"{wrong[0].aside:.0f} m from its leg at {ability.speed:g} m/s and "
             f"{ability.phi / DEG:.0f} deg of roll, where `turnaround_m` is {ability.turnaround:g}"
         )
@@ -288,13 +310,13 @@ def _stretches(
     return laid, lengths, corners
 
 
-def check_length(ends: Iterable[tuple[int, float]], ability: Ability) -> None:
+def check_length(ends: Iterable[tuple[str, float]], ability: Ability) -> None:
     """Refuse stretches, given by waypoint and end (m), that no flight reaches in its time."""
     longest = ability.duration * ability.speed
-    for number, end in ends:
+    for name, end in ends:
         if end > longest:
             raise InputError(
-                f"`waypoints`: waypoint {number} must be reached within `duration_s`, "
+                f"`waypoints`: {name} must be reached within `duration_s`, "
                 f"{ability.duration:g} s, which is {longest:.0f} m at {ability.speed:.3g} m/s "
                 f"(airspeed and wind), got {end:.0f} m along the route."
             )
@@ -311,8 +333,8 @@ def _courses(waypoints: Sequence[Waypoint], ability: Ability, around: set[int]) 
         if apart <= max(abs(aside), NO_LENGTH):
             if not ability.turnaround or (apart <= NO_LENGTH and not aside):
                 raise InputError(
-                    f"`waypoints`: waypoint {i + 2} must be more than {abs(aside):.0f} m from the "
-                    f"one before, got {apart:.1f} m."
+                    f"`waypoints`: {end.name} must be more than {abs(aside):.0f} m from "
+                    f"{start.name}, got {apart:.1f} m."
                 )
             around.add(i)
         if i in around:
@@ -331,12 +353,12 @@ def _turns(
     for i, (into, out) in enumerate(pairwise([*courses, courses[-1]]), start=1):
         point = waypoints[i]
         if point.turns:
-            turns.append(_circles(i + 1, point, out - into, waypoints[i - 1], ability))
+            turns.append(_circles(point, out - into, waypoints[i - 1], ability))
         elif {i - 1, i} & around or _over(waypoints, courses, i, around):
             if not ability.turnaround:
                 raise _NoRoomError(
                     f"`waypoints`: the course must change by at most {SHARPEST / DEG:.0f} deg at "
-                    f"waypoint {i + 1}, got "
+                    f"{point.name}, got "
                     f"{abs(math.remainder(out - into, math.tau)) / DEG:.1f} deg; two waypoints "
                     "make two corners of it"
                 )
@@ -444,14 +466,15 @@ def _ring(point: Waypoint, angle: float, ability: Ability) -> Pieces:
     """Circles around a waypoint that change the course by `angle`, rad."""
     tightest = ability.curvature
     if point.radius is not None and point.radius * tightest < 1.0 - NO_TURN:
-        raise InputError(f"`radius_m` must be at least {1.0 / tightest:.0f}, got {point.radius:g}.")
+        raise InputError(
+            f"`radius_m` of {point.name} must be at least {1.0 / tightest:.0f}, got "
+            f"{point.radius:g}."
+        )
     size = tightest if point.radius is None else 1.0 / point.radius
     return turned(math.copysign(size, point.turns), abs(angle), ability.rolling(size))
 
 
-def _circles(
-    number: int, point: Waypoint, turn: float, before: Waypoint, ability: Ability
-) -> _Turn:
+def _circles(point: Waypoint, turn: float, before: Waypoint, ability: Ability) -> _Turn:
     """The circles around a waypoint where the course changes by `turn`, rad."""
     curvature = abs(_ring(point, 0.0, ability)[1].curvature)
     change = (point.up - before.up) * point.spiral
@@ -463,7 +486,7 @@ def _circles(
     if pieces[1].length < 0.0:
         least = 1.0 - pieces[1].length * abs(pieces[1].curvature) / math.tau
         raise InputError(
-            f"`turns` of waypoint {number} must be at least {least:.2f}, got {point.turns:g}."
+            f"`turns` of {point.name} must be at least {least:.2f}, got {point.turns:g}."
         )
     return _Turn(pieces, _beside(point, ability)[0])
 
@@ -519,6 +542,7 @@ def _path(
             radius=1.0 / most if (most := _tightest(stretch.pieces)) else math.inf,
             gamma=math.atan(climbs[i]),
             aside=stretch.aside,
+            name=waypoints[stretch.waypoint - 1].name,
         )
         for i, stretch in enumerate(laid)
     )
@@ -550,8 +574,9 @@ def _profile(
         if kind in ("leg", "turn-around"):
             if point.spiral:
                 point = replace(point, up=up[-1])
+            before = waypoints[number - 2].name
             reached = ends[i + 1] + (0.5 * (ends[i + 2] - ends[i + 1]) if follows == "turn" else 0)
-            _climb(number, point, along, up, float(reached), ability)
+            _climb(before, point, along, up, float(reached), ability)
         elif kind == "loiter":
             along.append(float(ends[i + 1]))
             up.append(waypoints[number - 1].up)
@@ -578,7 +603,7 @@ def _half_pull_up(along: FloatArray, up: FloatArray, ability: Ability) -> float:
 
 
 def _climb(
-    number: int,
+    before: str,
     point: Waypoint,
     along: list[float],
     up: list[float],
@@ -595,9 +620,9 @@ def _climb(
     if not (low <= gamma <= high and needed <= distance + NO_LENGTH):
         steepest = high if change > 0.0 else low
         raise InputError(
-            f"`waypoints`: the height of waypoint {number} must differ by at most "
-            f"{distance * math.tan(min(abs(steepest), abs(gamma))):.0f} m from that of the one "
-            f"before, at a path angle of {low / DEG:.1f} to {high / DEG:.1f} deg over "
+            f"`waypoints`: the height of {point.name} must differ by at most "
+            f"{distance * math.tan(min(abs(steepest), abs(gamma))):.0f} m from that of {before}, "
+            f"at a path angle of {low / DEG:.1f} to {high / DEG:.1f} deg over "
             f"{distance:.0f} m, got {abs(change):.0f} m at {gamma / DEG:.1f} deg."
         )
     if NO_LENGTH < needed < distance - NO_LENGTH:

@@ -20,6 +20,9 @@ SHARES = (1.0, 0.7, 0.5, 0.35, 0.25, 0.1)
 # Points at which the distance of a turn-around from its leg is looked at.
 POINTS = 400
 
+# Gauss's rule with 32 points: exact to rounding for a clothoid up to a half turn.
+NODES, WEIGHTS = np.polynomial.legendre.leggauss(32)
+
 # Distance (m) below which there is none.
 NO_LENGTH = 1e-6
 
@@ -62,12 +65,10 @@ def curved(pieces: Sequence[Piece]) -> tuple[float, float, float]:
     """Distance ahead and to the right, m, and change of course, rad, after some pieces."""
     x = y = course = 0.0
     for length, k, k_end in pieces:
-        # Gauss's rule with 32 points: exact to rounding up to a half turn.
-        nodes, weights = np.polynomial.legendre.leggauss(32)
-        s = 0.5 * (nodes + 1.0)
+        s = 0.5 * (NODES + 1.0)
         chi = course + length * (k * s + 0.5 * (k_end - k) * s * s)
-        x += 0.5 * length * float(weights @ np.cos(chi))
-        y += 0.5 * length * float(weights @ np.sin(chi))
+        x += 0.5 * length * float(WEIGHTS @ np.cos(chi))
+        y += 0.5 * length * float(WEIGHTS @ np.sin(chi))
         course += 0.5 * length * (k + k_end)
     return x, y, course
 

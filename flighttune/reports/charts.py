@@ -88,7 +88,7 @@ def route_map(scenario: Scenario, path: Path, s: FloatArray, corridor: FloatArra
     points = scenario.route.waypoints()
     places = [point.east for point in points], [point.north for point in points]
     chart.points(*places, INK, size=2.0)
-    chart.label_points([(p.east, p.north, f"{i}") for i, p in enumerate(points, start=1)])
+    chart.label_points([(p.east, p.north, p.number) for p in points])
     if rally := scenario.route.rally_points():
         north, east = zip(*rally, strict=True)
         chart.points(east, north, INK, size=4.0)
@@ -130,7 +130,7 @@ def _height(flights: Drawn, path: Path) -> Chart:
     for turn in path.stretches:
         if turn.kind != "leg":
             middle = turn.start + 0.5 * turn.length
-            height, number = float(np.interp(middle, path.s, path.up)), f"{turn.waypoint}"
+            height, number = float(np.interp(middle, path.s, path.up)), turn.name.split()[-1]
             chart.text(middle / KM, height, number, anchor="middle", shift=(0.0, -5.0))
     low, high = chart.y_ends()
     chart.y_range = low, high + 0.15 * (high - low)  # room for the numbers

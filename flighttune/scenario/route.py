@@ -156,6 +156,7 @@ class WaypointTable(q.Table):
     hold_s: q.Instant = 0.0
     spiral: bool = False
     V_mps: q.Airspeed | None = None
+    name: Annotated[str, Field(max_length=40)] = ""
 
     @model_validator(mode="after")
     def _somewhere(self) -> Self:
@@ -185,8 +186,9 @@ class RouteTable(q.Table):
     where that is for maps, if the waypoints do not. `widen` flies circles that are too small at the
     smallest radius, and turn-arounds go `turnaround_m` from their leg at most. With
     `holds_airspeed` the law holds the airspeed by n_x, and the path angle gives way to it where
-    thrust is short; `V_mps` of a waypoint is then the airspeed from the end of its turn on. `notes`
-    say what is not flown of the file that the waypoints were read from.
+    thrust is short; `V_mps` of a waypoint is then the airspeed from the end of its turn on. A
+    waypoint is called by its `name`, or else by its number. `notes` say what is not flown of the
+    file that the waypoints were read from.
     """
 
     waypoint: Annotated[list[WaypointTable], Field(min_length=2, max_length=MAX_WAYPOINTS)]
@@ -225,7 +227,7 @@ class RouteTable(q.Table):
     def waypoints(self) -> tuple[Waypoint, ...]:
         """The waypoints in m and rad, from the first on."""
         first, placed = self.waypoint[0], []
-        for point in self.waypoint:
+        for number, point in enumerate(self.waypoint, start=1):
             if point.lat_deg is not None and point.lon_deg is not None:
                 north, east = north_east((point.lat_deg, point.lon_deg), self.origin)
             else:
@@ -240,6 +242,7 @@ class RouteTable(q.Table):
                 climb=None if point.climb_deg is None else point.climb_deg * DEG,
                 hold=point.hold_s,
                 spiral=point.spiral,
+                name=point.name or f"waypoint {number}",
             )
             placed.append(there)
         return tuple(placed)
@@ -280,7 +283,7 @@ class RouteTable(q.Table):
     def reference(self, ability: Ability, V_a: float) -> RouteReference:
         """The reference that follows the path through the waypoints, from the airspeed `V_a` on."""
         path = planned(self.waypoints(), ability)
-        ends = ((stretch.waypoint, stretch.start + stretch.length) for stretch in path.stretches)
+        ends = ((stretch.name, stretch.start + stretch.length) for stretch in path.stretches)
         check_length(ends, ability)  # a path that was planned for a longer time
         return RouteReference(
             path=path,

@@ -52,14 +52,36 @@ def test_one_command_says_whether_a_mission_stays_inside_its_own_fence(tmp_path)
     assert ft.load(out).sentence in flighttune("verify", out)[0].replace("\n", " ")
 
 
-@pytest.mark.slow
-def test_a_mission_that_crosses_its_fence_is_flyable_and_leaves_it(tmp_path):
+def test_a_mission_planned_across_its_fence_leaves_it_before_a_flight(tmp_path):
+    """The fence ends 226 m to the east of the start; the leg to item 4 goes to 452 m."""
     near = [[47.39, 8.49], [47.39, 8.503], [47.42, 8.503], [47.42, 8.49]]
     file = mission(tmp_path / "m.plan", near)
     said, failure = flighttune("mission", file, *FEW, "--out", tmp_path / "m.npz", status=1)
+    said = " ".join(said.split())
 
-    assert "Flyable" in said
-    assert "with probability at most 1, confidence" in " ".join(failure.split())
+    assert said.startswith("No: the planned path leaves the fence on the leg to item 4")
+    assert "is up to 225.5 m outside" in said
+    assert "route and fence must be 226 m further apart" in said
+    assert "the planned path leaves the fence" in failure
+    assert not (tmp_path / "m.npz").exists()
+    with pytest.raises(ft.InfeasibleError, match="leg to item 4"):
+        ft.mission(file)
+
+
+def test_a_circle_across_a_zone_is_kept_inside_by_a_smaller_one(tmp_path):
+    """Circles of 250 m about 47.41 N, 8.5 E, and a zone that begins 220 m to their east."""
+    zone = [[47.405, 8.50292], [47.405, 8.51], [47.42, 8.51], [47.42, 8.50292]]
+    fence = {"version": 2, "circles": [], "polygons": [{"inclusion": False, "polygon": zone}]}
+    circle = item(18, 2, 0, 250, 1, 47.41, 8.5, 60)
+    items = waypoint(47.39, 8.5, 60), circle, waypoint(47.41, 8.48, 60)
+    file = plan_file(tmp_path / "m.plan", *items, geoFence=fence)
+    said = answer("mission", file, "--plan", status=1)
+
+    assert "on the loiter at item 2" in said["summary"][0]
+    assert "is up to 29.6 m outside" in said["summary"][0]
+    assert "`--set route.waypoint[1].radius_m=214`" in said["summary"][0]
+    kept = answer("mission", file, "--plan", "--set", "route.waypoint[1].radius_m=214")
+    assert kept["fence"]["nearest"][0]["margin_m"] == pytest.approx(220 - 214, abs=1.0)
 
 
 def test_what_is_not_flyable_or_not_fenced_is_refused_before_a_flight(tmp_path):

@@ -7,6 +7,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import shapely
 from commands import answer, flighttune
 from scipy.stats import binomtest
 
@@ -231,6 +232,86 @@ def test_a_long_edge_follows_its_parallel(tmp_path):
 
     assert fence.sag.max() <= 0.05
     assert fence.names[-2:] == ("ceiling", "floor")
+
+
+def test_the_margin_of_a_path_is_the_distance_that_shapely_finds(tmp_path):
+    """Negative by how far it is outside, where it leaves an area or crosses a zone."""
+    corners = [(0, 0), (600, 0), (700, 500), (200, 700), (-300, 300)]
+    path = plan([Waypoint(north=n, east=e) for n, e in corners], ABILITY)
+    areas = {
+        "wide": [((-600, -300), (1200, -300), (1200, 1200), (-600, 1200))],
+        "zone": [
+            ((-600, -300), (1200, -300), (1200, 1200), (-600, 1200)),
+            ((500, 150), (720, 250), (450, 350)),
+        ],
+        "area": [((-400, -80), (500, -60), (500, 520), (-420, 200))],
+    }
+    points = shapely.points(np.column_stack([path.north, path.east])[path.s <= path.length])
+    for name, rings in areas.items():
+        fence = read_fence(fence_file(tmp_path / f"{name}.geojson", *rings), ORIGIN)
+        area = shapely.Polygon(rings[0], rings[1:])
+        signed = np.where(area.contains(points), 1.0, -1.0) * area.boundary.distance(points)
+        nearest = fence.nearest(path)
+
+        assert nearest["margin_m"] == pytest.approx(signed.min(), abs=0.01), name
+        out = np.flatnonzero(signed < 0.0)
+        assert nearest["leaves_m"] == (pytest.approx(out[0], abs=1.0) if len(out) else None)
+
+
+def test_a_path_outside_has_a_margin_in_metres(band, tmp_path):
+    """A zone across the leg, 100 m deep: flights come 2 m off, and the path is 50 m inside."""
+    zone = ((300.0, -60.0), (400.0, -60.0), (400.0, 50.0), (300.0, 50.0))
+    far = ((-500.0, -500.0), (-500.0, 500.0), (1500.0, 500.0), (1500.0, -500.0))
+    tables = json.loads(fence_file(tmp_path / "z.geojson", far, zone).read_text())
+    of_flights, of_band = band.inside(tables).nearest
+
+    for nearest, reach in ((of_flights, 2.0), (of_band, band.scale)):
+        assert nearest["margin_m"] == pytest.approx(-50.0 - reach, abs=0.1)
+        assert nearest["edge"].endswith("of zone 1")
+        assert nearest["leaves_m"] == 300.0
+
+
+MISSION_PLANNER = """QGC WPL 110
+0 1 0 16 0 0 0 0 47.0 8.0 430 1
+"""
+
+
+def planner_fence(path, *areas):
+    """A file of Mission Planner: commands of MAVLink with their first parameter and corners."""
+    rows = [
+        (command, first, place) for command, first, places in areas for place in degrees(*places)
+    ]
+    lines = [
+        f"{i} 0 3 {command} {first} 0 0 0 {lat:.9f} {lon:.9f} 0 1"
+        for i, (command, first, (lat, lon)) in enumerate(rows, start=1)
+    ]
+    path.write_text(MISSION_PLANNER + "\n".join(lines))
+    return path
+
+
+def test_fences_of_mission_planner_are_read_in_both_forms(tmp_path):
+    """MAVLink: 5000 to return to, 5001 and 5002 corners with their count, 5003 and 5004 circles."""
+    centre = [(150.0, -80.0)]
+    home, box, square = (5000, 0, [(0.0, 0.0)]), (5001, 4, BOX), (5002, 4, SQUARE)
+    file = planner_fence(tmp_path / "f.waypoints", home, box, square, (5004, 60, centre))
+    same = plan_with(
+        tmp_path / "m.plan", [(True, BOX), (False, SQUARE)], [(False, centre[0], 60.0)]
+    )
+
+    assert limits_of(file) == pytest.approx(limits_of(same), abs=SCAN_STEP)
+    whole = planner_fence(tmp_path / "c.txt", (5003, 450, [(400.0, 0.0)]))
+    assert limits_of(whole) == pytest.approx(
+        limits_of(plan_with(tmp_path / "c.plan", circles=[(True, (400.0, 0.0), 450.0)]))
+    )
+    lines = "\n".join(f"{lat:.9f} {lon:.9f}" for lat, lon in degrees((0.0, 0.0), *BOX, BOX[0]))
+    old = tmp_path / "old.fen"
+    old.write_text(f"# saved by Mission Planner\n{lines}\n")
+    assert limits_of(old) == pytest.approx(np.array([[30, 40]] * 3), abs=SCAN_STEP)
+    short = planner_fence(tmp_path / "s.waypoints", (5001, 5, BOX))
+    with pytest.raises(ft.InputError, match=r"must have its 5 corners, got 4"):
+        fence_tables([short])
+    with pytest.raises(ft.InputError, match=r"must be a plan, waypoints or a fence .* got \.xml"):
+        fence_tables([tmp_path / "f.xml"])
 
 
 def winding(places, ring):

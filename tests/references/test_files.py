@@ -38,7 +38,7 @@ def test_a_route_that_no_flight_ends_in_time_is_refused_before_its_table(tmp_pat
     line.write_text(swapped)
     _, said = flighttune("mission", "--plan", line, status=2)
 
-    assert f"{line}: `waypoints`: waypoint 3 must be reached within `duration_s`, 10000 s" in said
+    assert f"{line}: `waypoints`: point 3 must be reached within `duration_s`, 10000 s" in said
     assert "at 33.3 m/s" in said
 
 

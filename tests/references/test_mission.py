@@ -36,13 +36,21 @@ def notes_of(route):
 
 
 def rows_of(file, **options):
-    return read_route(file, **options).route["waypoint"]
+    """The waypoints without what messages call them."""
+    rows = read_route(file, **options).route["waypoint"]
+    return [{key: value for key, value in row.items() if key != "name"} for row in rows]
+
+
+def names_of(file):
+    return [row["name"] for row in read_route(file).route["waypoint"]]
 
 
 def test_a_plan_gives_its_waypoints_with_heights_above_the_first(tmp_path):
-    route = read_route(plan_file(tmp_path / "m.plan", *PATROL))
+    file = plan_file(tmp_path / "m.plan", *PATROL)
+    route = read_route(file)
 
-    assert route.route["waypoint"] == [
+    assert names_of(file) == ["item 1", "item 2", "item 3", "item 4"]
+    assert rows_of(file) == [
         {"lat_deg": 47.4, "lon_deg": 8.5, "up_m": 0.0},
         {"lat_deg": 47.41, "lon_deg": 8.5, "up_m": 0.0},
         {"lat_deg": 47.41, "lon_deg": 8.52, "up_m": 30.0, "turns": -2.0, "radius_m": 180.0},
@@ -54,9 +62,20 @@ def test_a_plan_gives_its_waypoints_with_heights_above_the_first(tmp_path):
     ]
 
 
-def test_a_home_position_of_zeros_far_from_the_route_is_refused(tmp_path):
+def test_a_home_position_of_zeros_far_from_the_route_is_no_place(tmp_path):
+    """Take-offs and returns without a place lead nowhere then; the rest of the plan is flown."""
+    off, back = item(22, 15, 0, 0, None, 0, 0, 50), item(20, 0, 0, 0, 0, 0, 0, 0, frame=2)
+    file = plan_file(tmp_path / "m.plan", off, *PATROL[:3], back, home=(0, 0, 0))
+
+    assert names_of(file) == ["item 2", "item 3", "item 4"]
+    assert read_route(file).flight == {"h_m": 60.0, "ground_m": 0.0}
+    said = " ".join(notes_of(read_route(file)))
+    assert "item 1 (NAV_TAKEOFF 22, to or from a home without a place), item 5" in said
+    assert "the route begins at item 2, and heights above home count from 0 m above" in said
     with pytest.raises(ft.InputError, match=r"`plannedHomePosition` .* near the route"):
-        read_route(plan_file(tmp_path / "m.plan", *PATROL[:3], home=(0, 0, 0)))
+        read_route(plan_file(tmp_path / "a.plan", *PATROL, home=(0, 0, 0)))
+    with pytest.raises(ft.InputError, match="home, where the route would begin, has no place"):
+        read_route(plan_file(tmp_path / "c.plan", PATROL[2], PATROL[1], home=(0, 0, 0)))
 
 
 @pytest.mark.parametrize("home", [None, (47.4, 8.5), (47.4, 8.5, None), (47.4, 8.5, "480"), "x"])
@@ -254,9 +273,10 @@ def test_a_home_position_beyond_the_earth_is_refused(tmp_path, home):
 
 
 def test_a_landing_pattern_is_a_circle_down_and_a_final_to_a_height_above_its_place(tmp_path):
-    route = read_route(plan_file(tmp_path / "m.plan", *PATROL, LANDING))
+    file = plan_file(tmp_path / "m.plan", *PATROL, LANDING)
+    route = read_route(file)
 
-    assert route.route["waypoint"][-2:] == [
+    assert rows_of(file)[-2:] == [
         {"lat_deg": 47.39, "lon_deg": 8.51, "up_m": -20.0}
         | {"turns": -1.0, "radius_m": 180.0, "spiral": True},
         {"lat_deg": 47.4, "lon_deg": 8.51, "up_m": -50.0},
@@ -267,9 +287,10 @@ def test_a_landing_pattern_is_a_circle_down_and_a_final_to_a_height_above_its_pl
 
 def test_a_return_ends_above_home_and_what_follows_is_not_flown(tmp_path):
     items = *PATROL, item(20, 0, 0, 0, 0, 0, 0, 0, frame=2), waypoint(47.5, 8.5, 60)
-    route = read_route(plan_file(tmp_path / "m.plan", *items, home=(47.402, 8.503, 480.0)))
+    file = plan_file(tmp_path / "m.plan", *items, home=(47.402, 8.503, 480.0))
+    route = read_route(file)
 
-    assert route.route["waypoint"][-1] == {"lat_deg": 47.402, "lon_deg": 8.503, "up_m": 30.0}
+    assert rows_of(file)[-1] == {"lat_deg": 47.402, "lon_deg": 8.503, "up_m": 30.0}
     assert "item 6 (NAV_WAYPOINT 16, after the end of item 5)" in notes_of(route)[1]
 
 
@@ -294,14 +315,29 @@ def test_airspeeds_of_a_plan_are_flown_from_their_places_on(tmp_path):
     rows = read_route(file).route["waypoint"]
     assert [row.get("V_mps") for row in rows] == [22.0, None, 20.0, None]
     assert notes_of(read_route(file))[-1] == (
-        "The plan sets an airspeed of 22 m/s by item 2, 20 m/s by item 6. An aircraft "
-        "that takes n_x flies each from its place on, if `holds_airspeed` of [route] is true. "
-        "Otherwise the whole route is flown at the largest."
+        "The plan sets an airspeed of 22 m/s by item 2, 20 m/s by item 6, each from its place on "
+        "where the law holds the airspeed (`holds_airspeed` of [route])."
     )
     said, _ = flighttune("mission", "--plan", file)
-    assert said.startswith("m: airspeed 20 to 22 m/s, turns for")
+    assert "airspeed 20 to 22 m/s, turns for" in said
     whole = flighttune("mission", "--plan", file, "--set", "flight.V_a_mps=24")[0]
-    assert whole.startswith("m: airspeed 24 m/s, turns for")
+    assert "airspeed 24 m/s, turns for" in whole
+
+
+@pytest.mark.parametrize(("speed", "flown"), [(20, 20.0), (12, None)])
+def test_a_change_of_speed_before_the_landing_leaves_what_comes_before_as_it_is(
+    tmp_path, speed, flown
+):
+    """One that the aircraft does not fly is said: the Aerosonde flies 15 to 45 m/s."""
+    slow, land = item(178, 0, speed, -1, 0, 0, 0, 0, frame=2), item(21, 0, 0, 0, 0, 47.39, 8.52, 0)
+    route = ft.route(plan_file(tmp_path / "m.plan", *PATROL, slow, land))
+    V, stretches = route.reference.V, route.reference.path.stretches
+
+    before = int(next(x.start for x in stretches if x.name == "item 6"))
+    assert (V[:before] == 25.0).all()  # at which the Aerosonde is identified
+    assert V[-1] == pytest.approx(flown or 25.0)
+    said = [note for note in route.scenario.notes if "is not flown" in note]
+    assert ["12 m/s from item 4 on" in note for note in said] == [True] * (flown is None)
 
 
 @pytest.mark.parametrize(
@@ -355,10 +391,11 @@ WAYPOINTS = """QGC WPL 110
 
 def test_waypoints_of_mission_planner_are_read(tmp_path):
     file = tmp_path / "m.waypoints"
-    file.write_text(WAYPOINTS.replace("\n", "\r\n"))
+    text = WAYPOINTS.replace("\n2", "\n\n  # the second leg\n2")  # pymavlink leaves both out
+    file.write_text(text.replace("\n", "\r\n"))
     route = read_route(file)
 
-    assert route.route["waypoint"] == [
+    assert rows_of(file) == [
         {"lat_deg": 47.4, "lon_deg": 8.5, "up_m": 0.0},
         {"lat_deg": 47.41, "lon_deg": 8.5, "up_m": 30.0},
         {"lat_deg": 47.41, "lon_deg": 8.52, "up_m": 50.0},
@@ -404,10 +441,10 @@ def test_the_airspeed_and_the_wind_that_are_assumed_are_in_the_first_lines(tmp_p
     file = plan_file(tmp_path / "m.plan", *PATROL)
     stated = ("--set", "flight.V_a_mps=24", "--set", "route.wind_mps=5")
 
-    assert flighttune("mission", "--plan", file)[0].splitlines()[0] == (
-        "m: airspeed 25 m/s (assumed), turns for wind up to 8.33 m/s (assumed), "
-        "start 540 m above sea level"
-    )
+    assert (
+        "For jsbsim:aerosonde: airspeed 25 m/s (assumed), turns for wind up to 8.33 m/s (assumed), "
+        "start 540 m above sea level."
+    ) in " ".join(flighttune("mission", "--plan", file)[0].split()[:60])
     conditions = json.loads(flighttune("mission", "--plan", file, *stated, "--json")[0])[
         "conditions"
     ]
@@ -455,7 +492,7 @@ def test_another_file_is_refused(tmp_path, text):
     assert "Error" not in str(refusal.value)
 
 
-@pytest.mark.parametrize("ending", [".mission", ".kmz"])
+@pytest.mark.parametrize("ending", [".mission", ".kmz", ".xml"])
 def test_files_of_other_programs_are_refused_in_one_line_that_names_what_is_read(tmp_path, ending):
     file = tmp_path / f"m{ending}"
     file.write_text("")
@@ -468,3 +505,87 @@ def test_files_of_other_programs_are_refused_in_one_line_that_names_what_is_read
         )
         assert f"got {ending}" in said
         assert len(said.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "after",
+    [
+        item(84, 0, 0, 0, None, *PLACE),
+        item(4242, 0, 0, 0, 0, *PLACE),
+        item(93, 30, -1, -1, -1, 0, 0, 0, frame=2),
+        item(177, 1, -1, 0, 0, 0, 0, 0, frame=2),
+        {"type": "ComplexItem", "complexItemType": "StructureScan"},
+    ],
+)
+def test_whatever_follows_a_landing_is_not_flown(tmp_path, after):
+    land = item(21, 0, 0, 0, 0, 47.39, 8.52, 0)
+    file = plan_file(tmp_path / "m.plan", *PATROL, land, after, waypoint(*PLACE))
+
+    assert names_of(file)[-1] == "item 5"
+    said = notes_of(read_route(file))[1]
+    assert said.startswith("Not flown of the plan: item 6")
+    assert "item 7 (NAV_WAYPOINT 16, after the end of item 5)" in said
+
+
+def test_circles_at_zeros_are_around_the_item_before_as_arduplane_flies_them(tmp_path):
+    """ArduPilot, Location::sanitize: zeros are where the vehicle is, and its height."""
+    circle = item(18, 2, 0, 200, 1, 0, 0, 0)
+    file = plan_file(tmp_path / "m.plan", *PATROL[:2], circle, PATROL[3])
+    row = rows_of(file)[2]
+
+    assert (row["lat_deg"], row["lon_deg"], row["up_m"]) == (47.41, 8.5, 0.0)
+    assert "Item 3 (NAV_LOITER_TURNS 18) is at 0, 0: it circles around the item before" in " ".join(
+        notes_of(read_route(file))
+    )
+    nowhere = r"item 4 \(NAV_LOITER_TURNS 18, at 0, 0: around where it is then"
+    with pytest.raises(ft.InputError, match=nowhere):
+        read_route(plan_file(tmp_path / "t.plan", *PATROL[:3], circle))
+    for command in (16, 21, 85):
+        item_at_zeros = item(command, 0, 0, 0, None, 0, 0, 50)
+        with pytest.raises(ft.InputError, match=r"item 3 \(.*, at 0, 0, which is no place\)"):
+            read_route(plan_file(tmp_path / "w.plan", *PATROL[:2], item_at_zeros))
+
+
+def test_a_waypoint_at_the_height_of_home_is_refused_by_its_item_and_the_key_of_the_ground(
+    tmp_path,
+):
+    low = waypoint(47.41, 8.52, 0), waypoint(47.4, 8.52, 60)
+    file = plan_file(tmp_path / "m.plan", *PATROL[:2], CAMERA, *low)
+
+    with pytest.raises(ft.InputError, match=r"`ground_m`, 480 .* got 480 m at item 4\."):
+        ft.route(file)
+    flown = ft.route(file, changes={"flight.ground_m": 400.0}).scenario.flight
+    assert (flown.h_m, flown.ground_m) == (540.0, 400.0)
+
+
+def test_sentences_count_items_as_the_file_does_and_points_of_a_line(tmp_path):
+    """What is not flown counts too: the climb of 300 m over 1.5 km is to item 5."""
+    high = waypoint(47.41, 8.52, 360)
+    with pytest.raises(ft.InputError, match=r"the height of item 5 must .* that of item 4"):
+        ft.route(plan_file(tmp_path / "m.plan", PATROL[0], SPEED, CAMERA, PATROL[1], high))
+    file = tmp_path / "m.kml"
+    file.write_text(KML.format("absolute").replace("47.42,560", "47.40001,560"))
+    with pytest.raises(ft.InputError, match="point 2"):
+        ft.route(file, changes={"route.turnaround_m": 0.0})
+
+
+def test_equal_neighbours_are_one_waypoint(tmp_path):
+    """QGroundControl writes home into its KML at the ground, and at the height of the flight."""
+    file = tmp_path / "m.kml"
+    file.write_text(KML.format("absolute").replace("8.5,47.4,548 ", "8.5,47.4,488 8.5,47.4,548 "))
+
+    assert [row["up_m"] for row in rows_of(file)] == [0.0, 12.0]
+    assert read_route(file).flight == {"h_m": 548.0}
+    said = "have one place: it is passed at the height of"
+    assert notes_of(read_route(file)) == [f"Point 1 and point 2 {said} point 2."]
+    plan = plan_file(tmp_path / "m.plan", *PATROL[:2], waypoint(47.41, 8.5, 90), PATROL[3])
+    assert [row["up_m"] for row in rows_of(plan)] == [0.0, 30.0, 30.0]
+    assert f"Item 2 and item 3 {said} item 3." in notes_of(read_route(plan))
+
+
+def test_a_wind_faster_than_the_aircraft_gives_a_sentence_and_no_infinity(tmp_path):
+    file = plan_file(tmp_path / "m.plan", *PATROL)
+    said, _ = flighttune("mission", "--plan", file, "--set", "route.wind_mps=30")
+
+    assert "without an end against a wind of 30 m/s" in said
+    assert not any(word in said for word in (" inf ", "∞"))
