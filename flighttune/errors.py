@@ -86,7 +86,7 @@ class OutputError(InputError):
 
 
 class InfeasibleError(FlightTuneError):
-    """The gains asked for do not exist: their tuning problem is infeasible."""
+    """What is asked for does not exist: gains of a tuning problem, a flight inside a fence."""
 
 
 class PlantError(FlightTuneError, RuntimeError):

@@ -6,6 +6,7 @@ from plans import item, plan_file, waypoint
 from scipy.stats import binomtest
 
 import flighttune as ft
+from flighttune.errors import InfeasibleError
 
 # the fewest flights that can support a claim: 0.7^7 <= 0.1
 FEW = ("--epsilon", 0.3, "--confidence", 0.9, "--flights", 7)
@@ -64,7 +65,7 @@ def test_a_mission_planned_across_its_fence_leaves_it_before_a_flight(tmp_path):
     assert "route and fence must be 226 m further apart" in said
     assert "the planned path leaves the fence" in failure
     assert not (tmp_path / "m.npz").exists()
-    with pytest.raises(ft.InfeasibleError, match="leg to item 4"):
+    with pytest.raises(InfeasibleError, match="leg to item 4"):
         ft.mission(file)
 
 
