@@ -21,6 +21,7 @@ from flighttune.references.maps import (
     Marks,
     Where,
     areas_of,
+    corridor_rings,
     on_earth,
     route_geojson,
     route_kml,
@@ -28,11 +29,11 @@ from flighttune.references.maps import (
 from flighttune.references.mission import (
     KINDS,
     ROUTE_FILES,
-    fence_size,
     read_route,
     route_plan,
 )
 from flighttune.references.path import STEP
+from flighttune.references.vertices import fewer_vertices
 from flighttune.scenario.schema import Scenario
 from flighttune.units import DEG
 
@@ -41,9 +42,6 @@ AIRCRAFT = "aerosonde"
 
 # Difference of radii that is none, m.
 WIDER_M = 0.5
-
-# Vertices of a fence that every vehicle takes, each circle as one, and those that some take.
-FENCE_VERTICES, VEHICLES = 64, "PX4 takes at most 64 and ArduPilot 70"
 
 COLUMNS = [
     Column("kind", "stretch"),
@@ -175,7 +173,8 @@ class PlannedRoute(Answering):
         """Write the path to a file .plan, .kml or .geojson, with waypoints and rally points.
 
         `fences` in GeoJSON, and a corridor about the path, are written too. The file is read back
-        as the same route. Returns a sentence if its fence is too large for vehicles.
+        as the same route. A fence or corridor with more vertices than vehicles take is written with
+        fewer. Returns a sentence with the metres that this costs.
         """
         scenario, ending = self.scenario, Path(path).suffix.lower()
         assert scenario.route is not None
@@ -193,18 +192,18 @@ class PlannedRoute(Answering):
             ),
             areas_of(fences),
         )
+        said = ""
         if ending == ".plan":
-            ground = scenario.flight.ground_m
-            V_a = self.reference.V_a
-            text = route_plan(self.where, marks, V_a, ground, corridor, self._stated)
+            rings = [*corridor_rings(self.where, corridor)]
+            areas, said = fewer_vertices(marks.areas, rings, self.reference.path, origin)
+            marks, V_a = marks._replace(areas=tuple(areas)), self.reference.V_a
+            text = route_plan(self.where, marks, V_a, scenario.flight.ground_m, self._stated)
         else:
             written = route_kml if ending == ".kml" else route_geojson
             title = printable(scenario.title)
             text = written(self.where, title, corridor, marks, self._stated)
         write_text(Path(path), text)
-        size = fence_size(text) if ending == ".plan" else 0
-        said = f"The fence in {path} has {size} vertices and circles, of which {VEHICLES}."
-        return [said] if size > FENCE_VERTICES else []
+        return [f"The fence in {path} {said}."] if said else []
 
     @property
     def _stated(self) -> dict[str, Any]:

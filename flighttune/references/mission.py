@@ -26,10 +26,8 @@ from flighttune.references.items import (
 )
 from flighttune.references.maps import (
     ROUTE_KEY,
-    Corridor,
     Marks,
     Where,
-    corridor_rings,
     features,
     json_number,
     json_part,
@@ -53,14 +51,12 @@ def route_plan(
     marks: Marks,
     V_a: float,
     ground: float,
-    corridor: Corridor | None = None,
     stated: Mapping[str, Any] | None = None,
 ) -> str:
     """A plan of the path at the airspeed `V_a` (m/s) from a home position at `ground` (m).
 
     Circles have the radius and the turns that are planned, and turn-arounds are waypoints along
-    their path. The corridor is areas to stay in, window by window, in place of those of the fence.
-    flighttune reads the file as what is `stated`.
+    their path. flighttune reads the file as what is `stated`.
     """
     path, origin, h_0 = where
     items: list[dict[str, Any]] = []
@@ -87,9 +83,7 @@ def route_plan(
                 add(WAYPOINT, (0, 0, 0, None), s)
     if path.stretches[-1].kind == "leg":
         add(WAYPOINT, (0, 0, 0, None), path.length)
-    inside = list(corridor_rings(where, corridor))
-    kept = [(ring, exclusion) for ring, exclusion in marks.areas if exclusion or not inside]
-    areas = [_area(*area) for area in (*((ring, False) for ring in inside), *kept)]
+    areas = [_area(*area) for area in marks.areas]
     first = marks.points[0]
     tables: dict[str, Any] = {
         "fileType": "Plan",
@@ -118,12 +112,6 @@ def route_plan(
     if stated:
         tables[ROUTE_KEY] = with_hash(stated, tables["mission"])
     return json.dumps(tables, indent=1) + "\n"
-
-
-def fence_size(text: str) -> int:
-    """Vertices and circles of the fence of a plan."""
-    fence = json.loads(text)["geoFence"]
-    return len(fence["circles"]) + sum(len(area["polygon"]) for area in fence["polygons"])
 
 
 def _area(ring: list[list[float]], exclusion: bool) -> dict[str, Any]:

@@ -96,15 +96,58 @@ def test_a_plan_is_one_of_qgroundcontrol_with_turns_as_they_are_flown(mission, r
     assert read == list(AREAS)
 
 
-def test_the_corridor_of_a_plan_is_areas_to_stay_in_beside_the_zones(route, corridor, tmp_path):
-    fence = {"type": "Polygon", "coordinates": [[[8.48, 47.38], [8.55, 47.38], [8.5, 47.43]]]}
+def written_area(tables, origin):
+    """What a written fence has inside, m, and its number of vertices."""
+    parts = {True: [], False: []}
+    for one in tables["geoFence"]["polygons"]:
+        corners = [north_east((lat, lon), origin) for lat, lon in one["polygon"]]
+        parts[one["inclusion"]].append(shapely.Polygon(corners))
+    inside = shapely.union_all(parts[True]).difference(shapely.union_all(parts[False]))
+    return inside, sum(len(one["polygon"]) for one in tables["geoFence"]["polygons"])
+
+
+def test_the_corridor_of_a_plan_fits_a_vehicle_and_holds_all_of_it(route, corridor, tmp_path):
+    """PX4 takes 64 vertices. The loss is at least how far the area goes beyond the corridor."""
+    square = [[8.45, 47.35], [8.6, 47.35], [8.6, 47.5], [8.45, 47.5], [8.45, 47.35]]
     out = tmp_path / "out.plan"
-    route.save(out, corridor, [fence])
-    tables = json.loads(out.read_text())
+    (said,) = route.save(out, corridor, [{"type": "Polygon", "coordinates": [square]}])
+    tables, origin = json.loads(out.read_text()), route.where[1]
+    area, vertices = written_area(tables, origin)
 
     assert_plan(tables)
-    assert len(tables["geoFence"]["polygons"]) == len(corridor.windows)
-    assert all(x["inclusion"] for x in tables["geoFence"]["polygons"])
+    assert vertices <= 64
+    assert f"has {vertices} vertices and circles" in said
+    path = route.reference.path
+    line = shapely.LineString(np.column_stack([path.north, path.east])[path.s <= path.length])
+    assert area.covers(line.buffer(2.99, cap_style="flat"))  # 3 m to each side
+    loss = float(said.partition("goes up to ")[2].split()[0])
+    assert line.buffer(3.0 + loss + 0.2).covers(area)
+    assert not line.buffer(3.0 + 0.8 * loss).covers(area)
+
+
+def test_a_fence_of_too_many_vertices_becomes_smaller_and_its_zones_larger(tmp_path):
+    """200 corners 2 km around the start, in and out by 4 m, and a zone like it 400 m wide."""
+
+    def star(lat, lon, size, detail):
+        angles = np.arange(200) * np.pi / 100.0
+        radii = size + detail * np.cos(100.0 * angles / 2.0)
+        north, east = radii * np.cos(angles), radii * np.sin(angles)
+        return np.column_stack([lat + north / 111_190.0, lon + east / 75_260.0]).tolist()
+
+    rings = [(True, star(47.4, 8.5, 2000.0, 4.0)), (False, star(47.41, 8.512, 200.0, 2.0))]
+    polygons = [{"inclusion": inside, "polygon": ring} for inside, ring in rings]
+    fence = {"version": 2, "circles": [], "polygons": polygons}
+    file = plan_file(
+        tmp_path / "m.plan", waypoint(47.4, 8.5, 60), waypoint(47.41, 8.5, 60), geoFence=fence
+    )
+    said = flighttune("mission", file, "--plan", "--out", tmp_path / "out.plan")[0]
+    before, _ = written_area({"geoFence": fence}, (47.4, 8.5))
+    after, vertices = written_area(json.loads((tmp_path / "out.plan").read_text()), (47.4, 8.5))
+
+    assert vertices <= 64
+    assert "m narrower" in said
+    assert before.buffer(0.1).covers(after)
+    assert after.area > 0.9 * before.area
 
 
 def test_kml_has_styles_waypoints_fence_and_corridor(mission, route, corridor, tmp_path):
