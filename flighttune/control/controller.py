@@ -80,6 +80,9 @@ class Measured(NamedTuple):
     n_x : tuple of three floats or None, 1
         Longitudinal load factor, thrust minus drag over weight, and the least and the largest one
         that the engines give now; None from a plant that holds its airspeed by itself.
+    theta, elevator : float or None, rad
+        Pitch, nose up positive, and the position of the elevator, trailing edge down positive; None
+        from a plant without them, such as a point mass.
 
     Examples
     --------
@@ -97,6 +100,8 @@ class Measured(NamedTuple):
     position: tuple[float, ...]
     wind: tuple[float, ...] | None
     n_x: tuple[float, ...] | None = None
+    theta: float | None = None
+    elevator: float | None = None
 
 
 class Followed(Protocol):

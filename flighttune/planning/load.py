@@ -21,7 +21,7 @@ from flighttune.scenario.load import (
     with_gains,
 )
 from flighttune.scenario.schema import Scenario
-from flighttune.scenario.tables import PlantTable
+from flighttune.scenario.tables import GainsTable, PlantTable
 
 
 def load_campaign(
@@ -105,9 +105,15 @@ def _scenario_of(name: str, file: Path) -> Path:
 
 def _nominal(table: CampaignTable, base: Scenario, source: str) -> Scenario:
     """The scenario with gains, plants, overrides and requirements of a campaign put in."""
+    own = {entry.name: entry for entry in base.gains if isinstance(entry, GainsTable)}
+    entries = table.gains or []
+    if any(isinstance(entry, str) and ":" in entry for entry in entries):  # LAW:GAINS, as of `fly`
+        given = [entry for entry in entries if isinstance(entry, GainsTable)]
+        names = [entry if isinstance(entry, str) else entry.name for entry in entries]
+        base, entries = with_gains(base, names, source, given), []
     tables = base.as_dict()
-    if table.gains is not None:
-        tables["gains"] = _plain(table.gains)
+    if entries:
+        tables["gains"] = _plain([own.get(x, x) if isinstance(x, str) else x for x in entries])
     if table.plant is not None:
         tables["plant"] = _plain(table.plant)
     tables = with_changes(tables, table.overrides, f"{source}: [overrides]")

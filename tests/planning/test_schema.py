@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 
 import pytest
+import tomlkit
 
 import flighttune as ft
 from flighttune import load_scenario
@@ -157,6 +158,24 @@ def test_campaign_puts_its_gains_plants_and_overrides_into_the_scenario(load):
     assert nominal.reference.chi_deg[0].rate_dps == 4.0
     assert nominal.wind is not None
     assert nominal.flight.V_a_mps == base.flight.V_a_mps
+
+
+@pytest.mark.parametrize(
+    ("asked", "flown"),
+    [(["mine"], ["mine", "exact:mine"]), (["exact:mine", "exact:paper"],) * 2],
+)
+def test_a_campaign_takes_the_gains_of_its_scenario_by_their_names(asked, flown, load, tmp_path):
+    rows = {"K_P": [[1.0, 0.0], [0.0, 2.0]], "K_I": [[0.1, 0.0], [0.0, 0.2]]}
+    base = load_scenario("level_turn")
+    tables = base.as_dict() | {"law": ["paper", "exact"], "gains": ["paper"], "expect": []}
+    tables["gains"] += [{"name": "mine", "law": "exact", **rows}]
+    (tmp_path / "own.toml").write_text(tomlkit.dumps(ft.scenario_from(tables).as_dict()))
+
+    campaign = load(f'title = "t"\nscenario = "own"\nruns = 4\ngains = {json.dumps(asked)}\n')
+
+    assert list(campaign.nominal.gain_names) == flown
+    (own,) = (x for x in campaign.nominal.gains if not isinstance(x, str))
+    assert own.K_P == rows["K_P"]
 
 
 def test_success_takes_the_place_of_what_the_scenario_expects(load):

@@ -137,3 +137,31 @@ def test_a_flight_that_ends_early_keeps_what_was_flown_and_its_reason():
 def test_a_flight_lasts_at_least_one_sample(duration):
     with pytest.raises(ft.InputError, match="`duration`"):
         simulated(duration=duration)
+
+
+@pytest.mark.parametrize("plant", ["jsbsim:aerosonde", "kinematic"])
+def test_a_law_sees_pitch_and_elevator_of_an_airframe(plant):
+    seen = []
+
+    class Looks:
+        dt, signals = 0.02, {}
+
+        def __init__(self, setup):
+            pass
+
+        def start(self, condition):
+            pass
+
+        def step(self, measured, reference, t):
+            seen.append((measured.theta, measured.elevator))
+            return 0.2, 1.1
+
+    changes = {"flight.duration_s": 1.0, "expect": []}
+    flown = ft.fly(ft.load_scenario("paper", changes=changes), laws={"looks": Looks})
+
+    (run,) = (x for x in flown.runs if x.label == f"{plant} / looks:paper")
+    if plant == "kinematic":
+        assert (None, None) in seen
+    else:
+        recorded = run.signals[["theta", "elevator"]].to_numpy()
+        assert [x for x in seen if x[0] is not None] == list(map(tuple, recorded.tolist()))
