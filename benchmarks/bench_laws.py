@@ -7,7 +7,7 @@ half-width is the second largest error of the draws, deg. Peers, PID with feed-f
 own laws (`peers.py`) with textbook gains.
 
 Run it with ``python benchmarks/bench_laws.py``; ``--json`` prints one object, ``--aircraft``
-chooses one and ``--draws`` their number. Exits with 1 where a target is missed.
+chooses one, ``--draws`` their number and ``--seed`` which. Exits with 1 where a target is missed.
 """
 
 import json
@@ -105,7 +105,7 @@ def drawn(aircraft: str, law: str, draws: int) -> dict[str, np.ndarray]:
     flight, *_, campaign = tables(aircraft, "wind", law), AIRCRAFT[aircraft][-1]
     plan = plan_campaign(
         load_campaign(campaign, ft.scenario_from(flight), gains=flight["gains"]).model_copy(
-            update={"seed": SEED}
+            update={"seed": parser.seed}
         ),
         runs=draws,
     )
@@ -172,5 +172,6 @@ if __name__ == "__main__":
     options = running.options(__doc__)
     options.add_argument("--aircraft", choices=[*AIRCRAFT])
     options.add_argument("--draws", type=int, default=93)
+    options.add_argument("--seed", type=int, default=SEED)
     parser = options.parse_args()
     running.end(main)
