@@ -28,6 +28,7 @@ from flighttune.claims.fence import (
 from flighttune.claims.shape import MAX_NUMBERS
 from flighttune.errors import InputError
 from flighttune.files.array import FLOAT, SINGLE, TEXT, check_shapes, read_arrays
+from flighttune.files.mistakes import abridged
 from flighttune.files.seal import sealed_bytes
 from flighttune.files.table import json_object
 from flighttune.files.value import value_of
@@ -455,7 +456,9 @@ def _check(about: About, of: BandFlights, arrays: dict[str, Any]) -> None:
         raise InputError("`half` must be positive.")
     for name, unit in about.signals.items():
         if unit != SIGNAL_UNITS.get(name, unit):
-            raise InputError(f"`signals`: {name} must be in {SIGNAL_UNITS[name]}, got {unit!r}.")
+            raise InputError(
+                f"`signals`: {name} must be in {SIGNAL_UNITS[name]}, got {abridged(unit)}."
+            )
     flights = len(arrays["extremes"])
     shapes = {
         "extremes": (flights, windows, signals, 2),

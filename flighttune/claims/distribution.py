@@ -9,6 +9,7 @@ from typing import Annotated, Any
 from pydantic import Field
 
 from flighttune.errors import InputError
+from flighttune.files.mistakes import abridged
 from flighttune.present.answer import Table
 from flighttune.present.names import columns, key_words, listed
 from flighttune.scenario.schema import Scenario
@@ -192,10 +193,10 @@ class Distribution:
                 words = any(isinstance(value, str) for value in drawn)
                 if flown[key] not in drawn if words else not drawn[0] <= flown[key] <= drawn[-1]:
                     allowed = f"one of {drawn}" if words else f"{drawn[0]:g} to {drawn[-1]:g}"
-                    return f"`{key}` must be {allowed}, got {flown[key]!r}"
+                    return f"`{key}` must be {allowed}, got {abridged(flown[key])}"
             elif key.split(".")[0] in FLOWN_ALIKE or key in flown:
                 if flown.get(key) != self.fixed.get(key):
-                    return f"`{key}` must be {self.fixed.get(key)!r}, got {flown.get(key)!r}"
+                    return f"`{key}` must be {abridged(self.fixed.get(key))}, got {abridged(flown.get(key))}"
         return None
 
 

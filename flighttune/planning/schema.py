@@ -269,7 +269,7 @@ class CampaignTable(Table):
             if distributions.get(key) not in ("normal", "log_normal", "uniform"):
                 raise ValueError(
                     "[[correlation]] `keys` must be dispersed with normal, log_normal or uniform, "
-                    f"got {key!r} with {distributions.get(key, 'none')}"
+                    f"got {abridged(key)} with {distributions.get(key, 'none')}"
                 )
         pairs = [frozenset(table.keys) for table in self.correlation]
         if any(len(pair) < 2 for pair in pairs) or len(set(pairs)) < len(pairs):

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from flighttune.arrays import FloatArray
 from flighttune.errors import InputError
+from flighttune.files.mistakes import abridged
 from flighttune.files.table import file_text, json_tables
 from flighttune.references.items import HEADER, planner_items, stated_lines
 from flighttune.references.maps import (
@@ -322,7 +323,7 @@ def _ends(rings: Sequence[FloatArray]) -> tuple[FloatArray, FloatArray]:
 def _heights(stated: Mapping[str, Any], low: float, high: float) -> tuple[float, float]:
     """Floor and ceiling with those of the properties of a feature."""
     if unknown := [key for key in stated if key not in KNOWN]:
-        raise InputError(f"`properties` may be {', '.join(KNOWN)}, got {unknown[0]!r}.")
+        raise InputError(f"`properties` may be {', '.join(KNOWN)}, got {abridged(unknown[0])}.")
     floor, ceiling = (
         json_number(stated[key], f"`{key}`") if key in stated else far
         for key, far in zip(HEIGHTS, FAR, strict=True)

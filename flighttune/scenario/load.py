@@ -128,7 +128,7 @@ def _walked(steps: tuple[str, ...], tables: Mapping[str, Any]) -> Place:
             place.append(name)
             table = table.get(name) if table else None
         else:
-            raise InputError(f"must be a key of a table, but `{where}` is {table!r}")
+            raise InputError(f"must be a key of a table, but `{where}` is {abridged(table)}")
     return tuple(place)
 
 

@@ -9,6 +9,7 @@ from pydantic import Field, model_validator
 from flighttune.control.gains import COMMANDS, PIGains, paper_family
 from flighttune.control.law import DEFAULT, Law, law_name, made_law, split_name
 from flighttune.errors import InputError
+from flighttune.files.mistakes import abridged
 from flighttune.files.shipped import nearest_name
 from flighttune.files.table import hash_of
 from flighttune.metrics import CHANNELS, settling_names
@@ -81,7 +82,7 @@ class Scenario(Table):
             if isinstance(entry, str) and entry not in available:
                 raise ValueError(
                     f"`gains` must be one of {', '.join(available)}, a file of gains (.json, "
-                    f".toml) or a table with K_P and K_I, got {entry!r}"
+                    f".toml) or a table with K_P and K_I, got {abridged(entry)}"
                     + nearest_name(entry, available).removesuffix(".")
                 )
         laws, plants = self.laws, [plant.label for plant in self.plant]
@@ -112,7 +113,7 @@ class Scenario(Table):
                 if getattr(table, key) not in (None, *labels):
                     raise ValueError(
                         f"`{key}` of [[expect]] must be one of {', '.join(labels)}, "
-                        f"got {getattr(table, key)!r}"
+                        f"got {abridged(getattr(table, key))}"
                     )
         return self
 
@@ -291,7 +292,7 @@ class Scenario(Table):
         if law not in listed and law not in LAWS:
             raise InputError(
                 f"`gains` must name a law of {', '.join(dict.fromkeys([*listed, *LAWS]))} before "
-                f"the colon, got {name!r}."
+                f"the colon, got {abridged(name)}."
             )
         return listed.get(law) or law_named(law)
 
