@@ -1,9 +1,10 @@
 """Flights that are counted: a shape learned from some, and its scale counted on fresh ones."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Literal, TypeAlias, TypeVar
 
@@ -69,6 +70,9 @@ EPSILON, CONFIDENCE, LEARN = 0.01, 0.999, 500
 # Factors on the half-widths of `ROOM`: some metres of height more cost nothing, and the distance is
 # bounded by nearly its quantile.
 HEIGHT_ROOM = np.array([1.0, 2.0])
+
+# Flights counted before it is looked whether the answer is certain: then twice, four times as many.
+BATCH = 24
 
 # Numbers of flights named in the refusal of another one.
 SHOWN = 3
@@ -331,9 +335,13 @@ def counted_on(
     learn: int,
     signals: Iterable[str] | None = None,
     predicted_from: Literal["wind"] | None = None,
+    certain: Callable[[C], bool] | None = None,
     by: By,
 ) -> C:
-    """A kind of count of the flights of a plan, of which the first are learned from."""
+    """A kind of count of the flights of a plan, of which the first are learned from.
+
+    It ends before all are flown where the answer is `certain`.
+    """
     check_at_least(MIN_LEARNED, learn=learn)
     plan = plan.with_runs(learn + fresh_flights(flights, epsilon, confidence))
     (group,), central = plan.groups, plan.campaign.central
@@ -350,20 +358,33 @@ def counted_on(
     with WorkerPool(*by) as pool:
         pool.progress.budget = plan.runs
         coefficients, half = _learned(pool, plan, probe, learn, kind.of, epsilon)
-        extremes, wind = _flown(pool, plan, probe, range(learn, plan.runs), "counting")
-    about = About(
-        of=kind.of,
-        signals=units,
-        coefficients=coefficients,
-        half=half,
-        predicted_from=predicted_from,
-        plan=plan.as_dict(),
-        learned=learn,
-        epsilon=epsilon,
-        confidence=confidence,
-    )
+        about = About(
+            of=kind.of,
+            signals=units,
+            coefficients=coefficients,
+            half=half,
+            predicted_from=predicted_from,
+            plan=plan.as_dict(),
+            learned=learn,
+            epsilon=epsilon,
+            confidence=confidence,
+        )
+        ends = [plan.runs] if certain is None else [learn + n for n in (BATCH * DOUBLED).tolist()]
+        ends = [*(end for end in ends if end < plan.runs), plan.runs]
+        counted = None
+        for begin, end in pairwise([learn, *ends]):
+            more = _flown(pool, plan, probe, range(begin, end), "counting")
+            flown = {"extremes": more[0], "wind": more[1]}
+            counted = (
+                kind(about=about, flights=of, **flown)
+                if counted is None
+                else counted.with_flights(*more)
+            )
+            if certain is not None and certain(counted):
+                break
+    assert counted is not None  # of one batch at least
     endings = [x for x in pool.progress.endings if x["run"] >= learn]
-    return kind(about=about, flights=of, extremes=extremes, wind=wind, endings=endings)
+    return replace(counted, endings=endings)
 
 
 def _learned(
@@ -454,7 +475,7 @@ def count_more(band: C, flights: int, pool: WorkerPool) -> C:
     """The count after `flights` draws of its campaign in all: an InputError refuses fewer."""
     counted = len(band.scores)
     most = MAX_NUMBERS // (2 * band.about.half.size)
-    allowed = [n for n in (counted * DOUBLED[1:]).tolist() if n <= most]
+    allowed = [n for n in (band.first * DOUBLED).tolist() if counted < n <= most]
     if flights not in allowed:
         raise InputError(
             f"`flights` must be one of the numbers fixed when the count was planned, "

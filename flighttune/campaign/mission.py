@@ -15,7 +15,7 @@ from flighttune.campaign.counted_flights import check_one_path, plan_of
 from flighttune.campaign.engine.progress import CampaignObserver
 from flighttune.campaign.turn_back import turning_back
 from flighttune.claims.band import Band, TurnBack
-from flighttune.claims.count import flights_needed, fresh_flights
+from flighttune.claims.count import allowed_outside, flights_needed, fresh_flights
 from flighttune.claims.fence import KEPT, check_off_route
 from flighttune.errors import InfeasibleError, InputError
 from flighttune.files.whole import write_text
@@ -88,9 +88,11 @@ class MissionOdds(Answering):
         if room is None:
             return replace(answer, files=self.files)
         said = room.answer(self.files.get("room") or "FILE")
+        total = self.band.confidence + room.confidence - 1.0
         return replace(
             answer,
-            values={**answer.values, "turn_back": said.values},
+            summary=self.band.summary(room),
+            values={**answer.values, "confidence": total, "turn_back": said.values},
             tables=[*answer.tables, said.tables[0]],
             notes=[*answer.notes, *said.notes, said.verdict],
             failure=answer.failure or said.failure,
@@ -135,9 +137,11 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     epsilon : float, 1, optional
         Accepted probability of each claim, by default 0.05, or the file's.
     confidence : float, 1, optional
-        Confidence of each claim, 0 to 1, by default 0.95, or the file's.
+        Confidence of all that is said together, 0 to 1, by default 0.95; of a file each claim has
+        its own.
     flights : int, optional
-        Flights to count, by default as many as the claim needs with one of them outside (93).
+        Flights to count, by default as many as the claim needs with one of them outside (110 with a
+        fence); fewer where the answer is no before.
     aircraft : str, optional
         Aircraft that flies a mission, at an airspeed at which it is identified, by default
         aerosonde.
@@ -183,17 +187,13 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
     by: By = (workers, scheduler, observer)
     of_flights = {"aircraft": aircraft, "like": like, "skip": skip, "changes": changes}
     file, kept = None if out is None else Path(out), kept_band(source)
+    own: Sequence[Path] = ()
     if kept is None:
         assert not isinstance(source, Band)
         epsilon = EPSILON if epsilon is None else epsilon
         confidence = CONFIDENCE if confidence is None else confidence
         stated = flights_of_source(source, **of_flights)
         plan, place, own = drawn(stated, None, None, None, seed), stated.place, stated.fences
-        flights = fresh_flights(
-            flights or flights_needed(epsilon, confidence, OUTSIDE), epsilon, confidence
-        )
-        draws: Sequence[int] = range(LEARN + flights)
-        plan = plan.with_runs(len(draws))
     else:
         for name, value in {**of_flights, "seed": seed is not None, "flights": flights}.items():
             if value:
@@ -201,23 +201,24 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         epsilon = kept.about.epsilon if epsilon is None else epsilon
         confidence = kept.about.confidence if confidence is None else confidence
         check_off_route(kept.about.signals, kept.flights.over)
-        plan, place, own, draws = plan_of(kept), "the band", (), kept.draws.tolist()
+        plan, place = plan_of(kept), "the band"
         file = Path(source) if isinstance(source, str | Path) else file
     # What cannot be counted, and a path that leaves its fence, is refused before a flight.
-    planned = planned_route(plan.campaign.central)
     turning = None if turn_back is None else turning_back(plan, turn_back)
     fence_files = [Path(fence) for fence in fences or own]
     areas, fence = fence_tables(fence_files), Path(", ".join(map(str, fence_files)))
     if fences and not areas:
         raise InputError(f"{fence_files[0]}: must have a Polygon or circle for a fence, got none.")
+    if kept is None:  # corridor, fence and room share the probability of an error
+        confidence = 1.0 - (1.0 - confidence) / (1 + bool(areas) + (turning is not None))
+        needed = flights or flights_needed(epsilon, confidence, OUTSIDE)
+        flights = fresh_flights(needed, epsilon, confidence)
+        plan = plan.with_runs(LEARN + flights)
     if areas:
-        place_of = read_fence(fence, planned.where[1], areas)
-        nearest = place_of.nearest(planned.reference.path)
-        if kept is None and nearest["leaves_m"] is not None:
-            raise InfeasibleError(f"{place}: {planned_inside(planned, place_of, nearest)}")
-        check_one_path(plan, draws)
+        _check_fence(plan, areas, fence, kept)
     count = partial(counted_on, place=place, epsilon=epsilon, confidence=confidence, by=by)
-    band = kept or count(Band, plan=plan, flights=flights, learn=LEARN)
+    is_no = partial(_is_no, areas, fence, allowed_outside(flights or 1, epsilon, confidence))
+    band = kept or count(Band, plan=plan, flights=flights, learn=LEARN, certain=is_no)
     if file is not None and kept is None:
         band.save(file)  # also where its fence is refused
     if areas:
@@ -233,6 +234,22 @@ def mission(  # noqa: PLR0913 - each is a choice of the user, and has a default
         return odds
     turns = flights_needed(epsilon, confidence, OUTSIDE)
     return odds.with_room(count(TurnBack, plan=turning, flights=turns, learn=LEARN_TURNS))
+
+
+def _check_fence(plan: Plan, areas: dict[str, Any], fence: Path, kept: Band | None) -> None:
+    """Refuse a fence that flights cannot be counted in, and one that the planned path leaves."""
+    planned = planned_route(plan.campaign.central)
+    place = read_fence(fence, planned.where[1], areas)
+    nearest = place.nearest(planned.reference.path)
+    if kept is None and nearest["leaves_m"] is not None:
+        raise InfeasibleError(planned_inside(planned, place, nearest))
+    check_one_path(plan, range(plan.runs) if kept is None else kept.draws.tolist())
+
+
+def _is_no(areas: dict[str, Any], fence: Path, allowed: int, band: Band) -> bool:
+    """Whether more flights are outside already than may be of all of them."""
+    outside = band.inside(areas, fence).outside if areas else band.not_completed
+    return outside > allowed
 
 
 def mission_plan(
@@ -265,17 +282,11 @@ def mission_plan(
     places = [read_fence(files[0] if files else KEPT, origin, shape) for shape in shapes]
     nearest = [fence.nearest(planned.reference.path) for fence in places]
     said = [planned_inside(planned, *x) for x in zip(places, nearest, strict=True)]
-    plants = ", ".join(table.label for table in planned.scenario.plant)
     notes = [] if out is None else planned.save(out, corridor, shapes)
     outside = any(x["leaves_m"] is not None for x in nearest)
     return replace(
         answer,
-        summary=[
-            *(said or ["The path can be flown as planned. No fence was given."]),
-            answer.verdict,
-            f"For {plants}: {planned.conditions}.",
-        ],
-        changed=answer.notes,
+        summary=[*said, *answer.summary],
         notes=notes,
         values={**answer.values, **({"fence": {"nearest": nearest}} if nearest else {})},
         files={"route": out},
@@ -292,8 +303,8 @@ def planned_inside(planned: PlannedRoute, fence: Fence, nearest: Mapping[str, An
     there = f"on the {nearest['stretch']}, {nearest['along_m']:.0f} m along"
     if nearest["leaves_m"] is None:
         return (
-            "Yes, as planned: the path can be flown and stays inside the fence, nearest "
-            f"{there}: {nearest['margin_m']:.1f} m, {nearest['side']} ({edge})."
+            f"Yes: the planned path stays inside the fence, nearest {there}: "
+            f"{nearest['margin_m']:.1f} m, {nearest['side']} ({edge})."
         )
     leaves = nearest["leaves_m"]
     lat, lon = on_earth(path.beside(np.array([leaves])), origin)[0]

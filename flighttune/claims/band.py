@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from flighttune.arrays import FloatArray
-from flighttune.claims.count import supported_epsilon
+from flighttune.claims.count import allowed_outside, supported_epsilon
 from flighttune.claims.counted import (
     DOUBLED,
     About,
@@ -34,7 +34,7 @@ from flighttune.files.table import json_object
 from flighttune.files.value import value_of
 from flighttune.metrics import OFF_ROUTE
 from flighttune.present.answer import Answer, Table, number, pick, printable
-from flighttune.present.names import listed
+from flighttune.present.names import listed, why_ended
 from flighttune.references.fence import DISTANCE_SIGNS, read_fence, room_along
 from flighttune.references.follow import SAME_PLACE
 from flighttune.references.maps import Corridor, Volume, Where, areas_of
@@ -195,7 +195,10 @@ class Band(SignalBounds):
         room = room_along(fence, path, self.flights.edges, widest=widest, overlap=overlap)
         # The limits to the sides are finite: flights that were not completed are outside.
         outside = int(np.sum(~(away <= room.limits).all(axis=(1, 2, 3))))
-        epsilon, flights = supported_epsilon(outside, len(away), about.confidence), len(away)
+        flights, first = len(away), max(self.first, len(away))
+        # A flight that was not flown counts as one outside.
+        epsilon = supported_epsilon(outside + first - flights, first, about.confidence)
+        said = f"{flights - outside} of {flights} fresh flights are certainly inside"
         return Fenced(
             fence.heights,
             outside,
@@ -203,8 +206,9 @@ class Band(SignalBounds):
             epsilon <= about.epsilon,
             [{"what": what, **room.nearest(reach)} for what, reach in reaches.items()],
             f"a new flight leaves the fence with probability at most {number(epsilon)}, confidence "
-            f"{self.confidence:.10g}{self.shared}: {flights - outside} of {flights} fresh flights "
-            "are certainly inside",
+            f"{self.confidence:.10g}{self.shared}: {said}"
+            if flights == first
+            else f"{said}, of {first} planned: more may be outside than a yes allows",
         )
 
     def _off_route(self) -> list[int]:
@@ -256,11 +260,10 @@ class Band(SignalBounds):
 
     def _along_route(self, answer: Answer) -> Answer:
         """The answer with the route, and with the count of flights inside its last fence."""
-        planned = self.flights.route
-        plan, notes, values = planned.answer(), [*answer.notes], dict(answer.values)
+        planned, values = self.flights.route, dict(answer.values)
         values["route"] = {**pick(planned, "conditions time"), "length_m": planned.length}
-        flyable = [f"Flyable: {plan.verdict}; {planned.conditions}.", *plan.notes]
-        answer = replace(answer, values=values, notes=[*flyable, *notes])
+        changed = [*self.flights.scenario.notes, *planned.changed]
+        answer = replace(answer, values=values, changed=changed, summary=self.summary())
         if not self.about.fences:
             return answer
         count = self.inside(self.about.fences[-1])
@@ -281,6 +284,51 @@ class Band(SignalBounds):
             verdict=count.sentence if count.supported else "",
             failure="" if count.supported else asked,
         )
+
+    def summary(self, room: "TurnBack | None" = None) -> list[str]:
+        """The answer of a mission in four lines: whether, the odds, how wide, and for what."""
+        about, flights, planned = self.about, len(self.scores), self.flights.route
+        allowed = allowed_outside(max(self.first, flights), about.epsilon, about.confidence)
+        fenced = self.inside(about.fences[-1]) if about.fences else None
+        confidence = self.confidence - (0.0 if room is None else 1.0 - room.confidence)
+        sure = f"at a confidence of {confidence:.6g} for all that is said here"
+        if self.not_completed > allowed:
+            answer = f"No: of {flights} flights {self.lost}; at most {allowed} of {self.first} may."
+            odds = f"They ended so:{why_ended(self.endings)}."
+        elif fenced is None:
+            answer = "Yes: the mission can be flown. It has no fence to stay inside."
+            odds = (
+                f"A new flight leaves its corridor with a probability of at most {about.epsilon:g}"
+            )
+            odds += f", {sure}: {self.outside} of {flights} flights did."
+        else:
+            nearest = min(fenced.nearest, key=lambda row: row["margin_m"])
+            margin, at = nearest["margin_m"], "on the {stretch}, {along_m:.0f} m along ({edge}, "
+            at = f"{at}{{side}})".format(**nearest)
+            answer = "Yes: the mission can be flown and stays inside its fence."
+            odds = "A new flight leaves the fence with a probability of at most "
+            odds += f"{number(fenced.epsilon)}, {sure}: {fenced.outside} of {flights} flights did. "
+            odds += f"Nearest to it, {margin:.1f} m, it comes {at}."
+            if not fenced.supported:
+                answer = f"No: {fenced.outside} of {flights} flights are not certainly inside the "
+                answer += f"fence; at most {allowed} of {self.first} may be outside."
+                odds = f"They come furthest out {at}: {max(-margin, 0.0):.1f} m, which is the room "
+                odds += "that the fence lacks there; a lower airspeed or wind may do too."
+                if flights < self.first and fenced.outside <= allowed:
+                    answer = (
+                        f"Not known: {flights} of {self.first} flights were flown; `flighttune "
+                    )
+                    answer += f"band FILE --flights {self.first}` flies the others."
+        wide = "No corridor is claimed."
+        if self.claims and not about.predicted_from:
+            claimed = self.corridor()
+            beside, above = np.abs([claimed.low, claimed.high]).max(axis=(0, 1))
+            wide = f"The corridor is at most {beside:.3g} m wide to either side of the path, and "
+            wide += f"{above:.3g} m high above and below it."
+        if room is not None and room.claims:
+            wide += f" Turning back takes {room.room.from_route:.0f} m beyond it."
+        flown = self.flights.distribution.sentence(self.flights.flown).partition("; drawn")[0]
+        return [answer, odds, wide, f"It holds for {flown}; {planned.answer().verdict}."]
 
 
 # Signals of flights that turn back, m, each the largest since they detected that they must: the
@@ -418,7 +466,7 @@ def read_counted(
         flights = flights_of(about)
         _check(about, flights, arrays)
         counted, planned = len(arrays["extremes"]), about.plan["runs"] - about.learned
-        if counted not in planned * DOUBLED:
+        if counted > planned and counted not in planned * DOUBLED:
             raise InputError(
                 "`extremes` must be of as many flights as were planned, or of 2, 4, 8 ... times as "
                 f"many, got {counted} for {planned}."

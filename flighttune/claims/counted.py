@@ -183,7 +183,9 @@ class Counted(Answering):
                 f"`about.of` must be {self.of} of a {type(self).__name__}, got {about.of}."
             )
         scores = scores_of(self.extremes, self.wind, about.coefficients, about.half)
-        scale, _ = counted_scale(scores, about.epsilon, about.confidence)
+        scale = np.inf
+        if len(scores) >= self.first:
+            scale, _ = counted_scale(scores, about.epsilon, about.confidence)
         object.__setattr__(self, "scores", scores)
         object.__setattr__(self, "scale", scale)
         check_between(0.0, 1.0, confidence=self.confidence)
@@ -199,11 +201,12 @@ class Counted(Answering):
 
         The first is planned, and each is twice the one before.
         """
-        numbers = self._first * DOUBLED
+        numbers = self.first * DOUBLED
         return tuple(numbers[numbers <= len(self.extremes)].tolist())
 
     @property
-    def _first(self) -> int:
+    def first(self) -> int:
+        """Number of flights that is planned; a count that ends before claims nothing."""
         return self.about.plan["runs"] - self.about.learned
 
     @property
@@ -218,7 +221,7 @@ class Counted(Answering):
         has other flights than one planned so long, and cannot pass for it.
         """
         i = np.arange(flights)
-        return self.about.learned + i + np.searchsorted(self._first * DOUBLED, i, side="right")
+        return self.about.learned + i + np.searchsorted(self.first * DOUBLED, i, side="right")
 
     @property
     def outside(self) -> int:
@@ -241,7 +244,7 @@ class Counted(Answering):
         """Confidence of all claims together: each spends its part of the error probability."""
         about = self.about
         spent = 1.0 - about.confidence + (1.0 - about.planned[1] if about.planned else 0.0)
-        return 1.0 - len(self.readings) * (1 + len(about.fences)) * spent
+        return 1.0 - max(1, len(self.readings)) * (1 + len(about.fences)) * spent
 
     @property
     def nearest(self) -> int:
@@ -270,6 +273,11 @@ class Counted(Answering):
     def sentence(self) -> str:
         """The claim in words."""
         about, flights = self.about, len(self.scores)
+        if flights < self.first:
+            return (
+                f"nothing is claimed: the count ended after {flights} of {self.first} flights, "
+                "when the answer was certain"
+            )
         if not self.claims:
             allowed = allowed_outside(flights, about.epsilon, about.confidence)
             return (

@@ -152,7 +152,11 @@ class PlannedRoute(Answering):
             in_wind = f"at most {path.length / (slowest - self.wind):.0f} s in {in_wind}"
         else:
             in_wind = f"without an end against {in_wind}, which is faster than the aircraft"
+        verdict = f"{path.length:.0f} m, {time:.0f} s in still air, {in_wind}"
+        plants = ", ".join(table.label for table in self.scenario.plant)
         return Answer(
+            summary=[f"The path can be flown: {verdict}.", f"For {plants}: {self.conditions}."],
+            changed=[*self.scenario.notes, *self.changed],
             values={
                 "conditions": self.conditions,
                 "length_m": path.length,
@@ -160,8 +164,7 @@ class PlannedRoute(Answering):
                 "stretches": stretches,
             },
             tables=[Table(COLUMNS, stretches, f"{self.scenario.title}: {self.conditions}")],
-            notes=[*self.scenario.notes, *self.changed],
-            verdict=f"{path.length:.0f} m, {time:.0f} s in still air, {in_wind}",
+            verdict=verdict,
         )
 
     def save(

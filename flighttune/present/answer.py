@@ -336,7 +336,7 @@ class Answer:
         for place, table in enumerate(table for table in self.tables if table.records):
             text = table.text(width)
             yield f"\n{text}" if place else text
-        last = self.verdict if self.verdict not in self.summary else ""
+        last = "" if any(self.verdict in line for line in self.summary) else self.verdict
         sentences = [sentence for sentence in (*self.notes, last) if sentence]
         if self.tables and sentences:
             yield ""

@@ -34,7 +34,9 @@ def fewer_vertices(
     """
     import shapely
 
-    circles = [area for area in areas if circle_of(area[0], outside=area[1])]
+    circles = [
+        area for area in areas if circle_of(area[0], outside=area[1]) and (area[1] or not windows)
+    ]
     polygons = [area for area in areas if area not in circles]
     room = MOST - len(circles)
     if not windows and sum(len(ring) - 1 for ring, _ in polygons) <= room:

@@ -171,11 +171,13 @@ def write_claim_page(
             tables += claim.flights.route.answer().tables
         sentences += claim.said_of_fences if isinstance(claim, Band) else []
         notes = [note for note in notes if note != claim.sentence]
+        if isinstance(claim, Band) and claim.flights.over == "along":
+            notes, sentences = [*notes, *sentences], claim.summary(room)
         scenario = toml_text(claim.flights.scenario.as_dict())
         campaign = toml_text(about.plan["campaign"])
         if room is not None:
             turning = room.answer()
-            sentences.append(room.sentence)
+            notes.append(room.sentence)
             notes += [note for note in turning.notes if "--run" not in note]
             tables.append(turning.tables[0])
         notes = [*notes, BAND_NOTE, *([GIVEN] if about.predicted_from else [])]
@@ -186,7 +188,7 @@ def write_claim_page(
         title=title,
         summary=sentences,
         parts={
-            "responses": Section(charts=charts, legend=False),
+            "responses": Section(note=" ".join(answer.changed), charts=charts, legend=False),
             "flown": Section(tables=drawn, legend=False),
             "claim": Section(note=" ".join(notes), tables=others, legend=False),
         },

@@ -379,6 +379,21 @@ def test_the_answer_is_no_where_the_count_does_not_support_it(band, box, tmp_pat
     assert answer(*command[:-1], narrow, status=1)["fence"]["outside"] == 40
 
 
+def test_a_count_that_ended_early_claims_nothing_and_can_go_on(band, box, tmp_path):
+    """Of 40 flights planned 24 were flown: the others count as outside until they are."""
+    part = replace(band, extremes=band.extremes[:24], wind=band.wind[:24])
+    counted = part.inside(json.loads(box.read_text()))
+
+    assert not part.claims
+    assert part.sentence.startswith("nothing is claimed: the count ended after 24 of 40 flights")
+    assert counted.outside == 4
+    bound = binomtest(4 + 16, 40, alternative="less").proportion_ci(0.9, method="exact").high
+    assert counted.epsilon == pytest.approx(bound, rel=1e-9)
+    part.save(tmp_path / "p.npz")
+    with np.load(tmp_path / "p.npz") as arrays:
+        assert len(arrays["extremes"]) == 24
+
+
 def test_a_fence_is_kept_with_its_band_and_shares_its_confidence_and_page(band, box, tmp_path):
     file, page = tmp_path / "b.npz", tmp_path / "b.html"
     band.save(file)
