@@ -24,25 +24,22 @@ check: $(STAMP)
 	$(VENV)/bin/ruff check .
 	$(VENV)/bin/ruff format --check .
 	$(VENV)/bin/pyright > $(VENV)/pyright.txt 2>&1 & types=$$!; \
-	$(PYTEST) -m "not slow and not soak"; tests=$$?; \
+	$(PYTEST) -m "not (slow or soak or counts)"; tests=$$?; \
 	wait $$types; status=$$?; cat $(VENV)/pyright.txt; [ $$tests = 0 ] && [ $$status = 0 ]
 
 # Style and types are checked while the tests run, and what they found is printed after them.
 test: $(STAMP) picture-packages
 	$(MAKE) --no-print-directory lint > $(VENV)/lint.txt 2>&1 & lint=$$!; \
-	$(PYTEST) -m "not soak"; tests=$$?; \
+	$(PYTEST) -m "not (soak or counts)"; tests=$$?; \
 	wait $$lint; status=$$?; cat $(VENV)/lint.txt; [ $$tests = 0 ] && [ $$status = 0 ]
 
 # What takes minutes: long fuzzing, thousands of flights, every picture at every size.
 soak: $(STAMP) picture-packages
-	$(PYTEST) -m soak
+	$(PYTEST) -m "soak and not counts"
 
-# Forty times the fuzzing of `make soak`; prints what became of every kind of file.
-counts: export FUZZ_TIMES = 40
-counts: $(STAMP)
-	$(PYTEST) -m soak -rP tests/test_fuzz.py tests/test_damages.py \
-		tests/campaign/test_faults.py tests/campaign/test_meet.py \
-		tests/docs tests/outside/test_dryden.py tests/tubes
+# Thousands of cases of what the other tests prove on a few; prints what became of every kind of file.
+counts: $(STAMP) picture-packages
+	$(PYTEST) -m counts -rP
 
 # The hooks of .pre-commit-config.yaml, which look at what git tracks; an unpacked archive has no git.
 lint: $(STAMP)

@@ -14,6 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from xml.etree import ElementTree
 
+import pytest
 from annotated_types import Ge, Gt, Le, Lt
 from hypothesis import strategies as st
 from pydantic import BaseModel
@@ -22,13 +23,12 @@ import flighttune as ft
 from flighttune.aircraft.aircraft import AircraftConfig
 from flighttune.planning.schema import CampaignTable
 
-TIMES = int(os.environ.get("FUZZ_TIMES", "1"))
-"""Long runs are so many times as long; CONTRIBUTING.md has the number for the full counts."""
-
 
 def first_or_all(cases):
-    """Of cases that take long the first one; all of them in `make counts`."""
-    return [*cases][: 1 if TIMES == 1 else None]
+    """Of cases that take long the first one; all others in `make counts`."""
+    first, *others = cases
+    values = [case if isinstance(case, tuple) else (case,) for case in others]
+    return [first, *(pytest.param(*case, marks=pytest.mark.counts) for case in values)]
 
 
 SCHEMAS = ft.Scenario, CampaignTable, AircraftConfig

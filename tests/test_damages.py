@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 from campaigns import flown_here
-from fuzzing import EDGES, TEXTS, TIMES, damaged, digit_changed, holder_of, places_in
+from fuzzing import EDGES, TEXTS, damaged, digit_changed, holder_of, places_in
 
 import flighttune as ft
 from flighttune.campaign import band as band_module
@@ -29,8 +29,8 @@ from tests.tubes.test_proof import arrays_of
 from tests.tubes.test_soundness import flown, made_up, outside, tube
 
 SEED = 26
-FEW, MANY = 10, 25 * TIMES
-"""Damages of each kind of file, and as many forgeries: with the other tests, and in the soak."""
+FEW, MANY = 10, 1000
+"""Damages of each kind of file, and as many forgeries: with the other tests, and in counts."""
 
 LONGEST_LINE = 10_000
 WRONG = (ValueError, TypeError, LookupError, AttributeError, OverflowError, pa.ArrowException)
@@ -38,7 +38,7 @@ WRONG = (ValueError, TypeError, LookupError, AttributeError, OverflowError, pa.A
 
 COUNTS = [
     pytest.param(FEW, marks=pytest.mark.slow),
-    pytest.param(MANY, marks=pytest.mark.soak),
+    pytest.param(MANY, marks=pytest.mark.counts),
 ]
 PROVEN = made_up(chi_err_deg=15.0, gamma_deg=15.0, duration_s=0.4)
 

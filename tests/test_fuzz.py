@@ -16,7 +16,6 @@ from typing import Any, NamedTuple
 
 import pytest
 from fuzzing import (
-    TIMES,
     files,
     holder_of,
     in_child,
@@ -50,8 +49,8 @@ from flighttune.references.mission import read_route
 
 G_0 = 9.80665
 
-CASES, MANY = 40, 100 * TIMES
-"""Of each kind of file, in the short and in the long run."""
+CASES = [pytest.param(40, marks=pytest.mark.slow), pytest.param(4000, marks=pytest.mark.counts)]
+"""Files of each kind, in the short and in the long run."""
 
 SAMPLE = 40
 """One of so many files that are accepted is put to all its uses, in a process of its own."""
@@ -462,17 +461,10 @@ def suppressed(use, found):
 
 
 @pytest.mark.filterwarnings("ignore:Generating overly large repr")
-@pytest.mark.slow
+@pytest.mark.parametrize("cases", CASES)
 @pytest.mark.parametrize("name", KINDS)
-def test_a_file_is_read_or_refused_in_one_line(tmp_path, name):
-    fuzz(KINDS[name], tmp_path, CASES)
-
-
-@pytest.mark.filterwarnings("ignore:Generating overly large repr")
-@pytest.mark.soak
-@pytest.mark.parametrize("name", KINDS)
-def test_thousands_of_files_are_read_or_refused_in_one_line(tmp_path, name):
-    fuzz(KINDS[name], tmp_path, MANY)
+def test_a_file_is_read_or_refused_in_one_line(tmp_path, name, cases):
+    fuzz(KINDS[name], tmp_path, cases)
 
 
 NONSENSE = "", "1.0", "false", True, False, math.nan, math.inf, 1e12, [], {}, 0.5

@@ -84,18 +84,18 @@ def test_an_identified_model_of_other_gains_is_refused(adopted, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("model", "surface", "travel_deg"),
+    ("model", "travel_deg"),
     [
-        ("c172p", "elevator", (-28.0, 23.0)),  # aerosurface scale of its flight control
-        ("c172p", "rudder", (-16.0, 16.0)),
-        ("A4", "elevator", (-0.35 / DEG, 0.30 / DEG)),
-        ("737", "rudder", (-0.35 / DEG, 0.35 / DEG)),
+        # aerosurface scale of its flight control
+        ("c172p", {"elevator": (-28.0, 23.0), "rudder": (-16.0, 16.0)}),
+        ("A4", {"elevator": (-0.35 / DEG, 0.30 / DEG)}),
     ],
 )
-def test_travel_is_found_as_the_model_has_it(tmp_path, model, surface, travel_deg):
-    found = survey(wide_tables(model), tmp_path, h=1000.0).tables["surfaces"][surface]
+def test_travel_is_found_as_the_model_has_it(tmp_path, model, travel_deg):
+    surfaces = survey(wide_tables(model), tmp_path, h=1000.0).tables["surfaces"]
 
-    assert found["travel_deg"] == pytest.approx(travel_deg, abs=5.0 * CENTIDEGREE)
+    for name, travel in travel_deg.items():
+        assert surfaces[name]["travel_deg"] == pytest.approx(travel, abs=5.0 * CENTIDEGREE)
 
 
 @pytest.mark.parametrize(
@@ -126,7 +126,7 @@ def test_what_is_no_case_is_refused_in_one_sentence(tmp_path, model, sentence):
     assert err.splitlines()[-1].startswith(f"flighttune: {model}: refused: ")
 
 
-@pytest.mark.slow
+@pytest.mark.counts
 def test_an_airframe_without_stability_in_yaw_is_adopted(tmp_path):
     # The reference point of the aerodynamics lies 650 in ahead of the centre of mass in XB-70.xml.
     found = answer("adopt", "XB-70", "--out", tmp_path / "XB-70")
@@ -610,7 +610,7 @@ def test_a_folder_stands_for_its_only_main_file_or_that_of_its_name(own, tmp_pat
     assert "its wing area must be above zero" in err.splitlines()[-1]
 
 
-@pytest.mark.slow
+@pytest.mark.counts
 def test_an_aircraft_whose_path_angle_swings_gets_a_slower_inner_loop(tmp_path):
     found = answer("adopt", "MD11", "--out", tmp_path / "MD11")  # 5 deg with the first one
 
@@ -618,7 +618,7 @@ def test_an_aircraft_whose_path_angle_swings_gets_a_slower_inner_loop(tmp_path):
     assert found["flown"]["tuned"]["ST_deg"]["gamma"] < 0.5
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_what_is_said_of_an_aircraft_is_for_the_airspeed_at_which_it_is_adopted(tmp_path):
     found = answer("adopt", "minisgs", "--out", tmp_path / "minisgs")
     stall = json.loads((tmp_path / "minisgs/adoption.json").read_text())["stall_mps"]

@@ -34,7 +34,6 @@ from campaigns import (
     wait_until,
     write_campaign,
 )
-from fuzzing import TIMES
 
 import flighttune as ft
 from flighttune.campaign.dataset import open_dataset
@@ -53,6 +52,9 @@ ENDINGS = [
     ("command", signal.SIGQUIT),
 ]
 """Processes that are ended, and how."""
+
+ENDED = 80
+"""Campaigns that are ended at random."""
 
 FILE_LIMIT = 12_000
 """Room for campaign.json, not for the rows of a draw, bytes."""
@@ -248,13 +250,13 @@ def as_in_a_terminal():
             signal.signal(number, signal.SIG_DFL)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_a_campaign_ended_at_any_time_goes_on_to_the_same_bits(tmp_path, file, undisturbed):
     draw, seen = random.Random(26), Counter()
     scratch = tmp_path / "scratch"
     scratch.mkdir()
     options = {"env": {**os.environ, "TMPDIR": str(scratch)}, "preexec_fn": as_in_a_terminal}
-    for i in range(2 * TIMES):
+    for i in range(ENDED):
         out, (who, number) = tmp_path / f"out-{i}", ENDINGS[i % len(ENDINGS)]
         with flying(file, "--out", out, "--workers", "2", **options) as command:
             if draw.random() < 0.7:

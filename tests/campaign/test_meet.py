@@ -9,7 +9,6 @@ from unittest import mock
 import numpy as np
 import pytest
 from commands import answer, flighttune
-from fuzzing import TIMES
 from made_up import scenario_file
 
 import flighttune as ft
@@ -194,11 +193,11 @@ LAGGED_SETS = {
 NEAREST = 1.1
 
 
-LONG = [*LAGGED_SETS] if TIMES > 1 else []
-"""Of 600 flights of the lagged law each, in `make counts`."""
+# of 600 flights of the lagged law each
+LONG = (pytest.param(name, marks=pytest.mark.counts) for name in LAGGED_SETS)
 
 
-@pytest.mark.parametrize("name", [*SETS, *(pytest.param(x, marks=pytest.mark.soak) for x in LONG)])
+@pytest.mark.parametrize("name", [*SETS, *LONG])
 def test_a_no_is_within_a_tenth_of_a_long_independent_search(name):
     required, best = (SETS | LAGGED_SETS)[name]
 

@@ -195,7 +195,7 @@ def test_fresh_flights_keep_to_the_volume_that_is_written():
     assert contingency["min_over_ground_m"] == pytest.approx(low, abs=CLIMBS)
     assert contingency["max_over_ground_m"] == pytest.approx(high, abs=CLIMBS)
 
-    path, fresh, left, by_ahead = where[0], 40, 0, 0
+    path, fresh, left, by_ahead = where[0], 20, 0, 0
     line = LineString(np.column_stack([path.north, path.east])[path.s <= path.length])
     plan = plan_in(room.about)
     plan = replace(plan, campaign=plan.campaign.model_copy(update={"seed": 5}), runs=fresh)

@@ -22,6 +22,7 @@ SHORT = {"flight.duration_s": 2.0}
 SET = "--set", "flight.duration_s=2.0"
 IDENTIFIED = {"tuning.model": "identified"}
 FEW = {"start_deg": 2.0, "plant": "kinematic", "epsilon": 0.3, "confidence": 0.9, "learn": 10}
+LONG = "tune --prove", "tune --envelope"
 OTHERS = "adopt", "new", "reproduce", "view"
 
 # Which files were written, and what the clock or the folder decides.
@@ -115,7 +116,9 @@ def of_the_value(found):
     return kept
 
 
-@pytest.mark.parametrize("verb", VERBS)
+@pytest.mark.parametrize(
+    "verb", [pytest.param(x, marks=[pytest.mark.counts] * (x in LONG)) for x in VERBS]
+)
 def test_a_command_prints_the_answer_of_its_verb(verb, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     call, arguments = VERBS[verb]

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from campaigns import write_campaign
 from commands import flighttune
 
 from flighttune.campaign.dataset import open_dataset
@@ -67,8 +68,9 @@ def test_a_closed_standard_output_is_no_failure():
 
 
 def test_a_campaign_goes_on_where_nobody_reads_its_progress(tmp_path):
-    command = [sys.executable, "-m", "flighttune", "campaign", "first_campaign"]
-    options = ["--runs", str(4), "--workers", "1", "--out", str(tmp_path / "runs")]
+    file = write_campaign(tmp_path, runs=4, wind="", aircraft=())
+    command = [sys.executable, "-m", "flighttune", "campaign", file]
+    options = ["--workers", "1", "--out", str(tmp_path / "out")]
     with subprocess.Popen(
         [*command, *options], stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
     ) as running:
@@ -76,4 +78,4 @@ def test_a_campaign_goes_on_where_nobody_reads_its_progress(tmp_path):
 
         assert running.wait(timeout=120.0) == 0
 
-    assert sum(len(part.runs) for part in open_dataset(tmp_path / "runs").parts) == 4
+    assert sum(len(part.runs) for part in open_dataset(tmp_path / "out").parts) == 4

@@ -10,7 +10,6 @@ import pytest
 import typer
 from commands import flighttune
 from figures.commands import PAGE, helps, page
-from fuzzing import TIMES
 from packaging.version import Version
 
 from flighttune.cli.app import app
@@ -68,6 +67,7 @@ MADE_BY = {
     "runs/first_campaign": "flighttune campaign first_campaign",
     "gains.json": "flighttune tune paper --out gains.json",
     "certificate.json": "flighttune certify paper --out certificate.json",
+    "mine.json": "flighttune tune mine.toml --out mine.json",
     "runs/circuit-band.npz": "flighttune band circuit --start-deg 2 --plant kinematic "
     "--epsilon 0.3 --confidence 0.9 --learn 10 --flights 7",
 }
@@ -92,8 +92,8 @@ FILES = {
 """Files that the reader of a page writes, by the name in their first line."""
 
 
-LONG = () if TIMES > 1 else ("docs/meet.md",)
-"""Pages whose commands take minutes: in `make counts`."""
+LONG = re.compile(r"flighttune (meet|tube|reproduce|worst first_campaign$)")
+"""Commands that take ten seconds to minutes, and which other tests run on less."""
 
 
 def printed(path):
@@ -123,7 +123,7 @@ RUN = {
     ]
     for name, commands in COMMANDS.items()
     # other tests and the benchmarks fly every scenario and campaign that ships
-    if name not in ("docs/gallery.md", "docs/speed.md", *LONG)
+    if name not in ("docs/gallery.md", "docs/speed.md")
 }
 
 
@@ -154,10 +154,25 @@ def folder(tmp_path_factory):
     return tmp_path_factory.mktemp("commands")
 
 
-@pytest.mark.soak
-@pytest.mark.parametrize("name", [name for name, commands in RUN.items() if commands])
-def test_every_command_runs_as_it_is_printed(name, folder):
-    for command in RUN[name]:
+def quick(name):
+    """Commands of a page that CI runs; of a tutorial whose commands build on each other, none."""
+    return [c for c in RUN[name] if not LONG.match(c) and name != "docs/meet.md"]
+
+
+CASES = [
+    pytest.param(commands, marks=marks, id=name)
+    for name in RUN
+    for commands, marks in (
+        (quick(name), pytest.mark.soak),
+        (RUN[name] if RUN[name] != quick(name) else [], pytest.mark.counts),
+    )
+    if commands
+]
+
+
+@pytest.mark.parametrize("commands", CASES)
+def test_every_command_runs_as_it_is_printed(commands, folder):
+    for command in commands:
         for file in set(command.split()) & FILES.keys():
             (folder / file).write_text(FILES[file])
         for made, maker in MADE_BY.items():

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 from commands import flighttune
-from fuzzing import TIMES
 
 PAGE = (Path(__file__).parents[2] / "docs/first_mission.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"^```(python|sh|text)\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
@@ -41,14 +40,12 @@ def test_the_plan_of_the_page_is_planned_as_it_says(tmp_path):
     follow(BLOCKS[:first], tmp_path)
 
 
-if TIMES > 1:  # in `make counts`
+@pytest.mark.counts
+def test_the_numbers_of_the_mended_plan_are_those_of_its_commands(tmp_path):
+    """200 flights of four minutes; the count before it takes half as long."""
+    mended = next(i for i, (_, text) in enumerate(BLOCKS) if "8.523" in text)
 
-    @pytest.mark.soak
-    def test_the_numbers_of_the_mended_plan_are_those_of_its_commands(tmp_path):
-        """200 flights of four minutes; the count before it takes half as long."""
-        mended = next(i for i, (_, text) in enumerate(BLOCKS) if "8.523" in text)
+    follow([BLOCKS[0], *BLOCKS[mended:]], tmp_path)
 
-        follow([BLOCKS[0], *BLOCKS[mended:]], tmp_path)
-
-        assert (tmp_path / "flown.plan").stat().st_size > 1000
-        assert (tmp_path / "mission.html").exists()
+    assert (tmp_path / "flown.plan").stat().st_size > 1000
+    assert (tmp_path / "mission.html").exists()

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from commands import answer, flighttune
+from fuzzing import first_or_all
 from made_up import shortened
 from places import SCENARIO_NAMES, SHIPPED_AIRCRAFT, SHIPPED_SCENARIOS
 
@@ -40,6 +41,13 @@ ADOPTED = sorted((Path(__file__).parents[1] / "adopted").glob("*/turn.toml"))
 assert len(ADOPTED) >= 10
 
 
+FLOWN = (
+    *("level_turn", "jet_pull_up", "sensor_noise", "engine_fails_in_climb", "heavy_and_aft"),
+    "speed_change_in_turn",
+)
+"""Scenarios in which something differs: aircraft, sensors, engine, airframe or law."""
+
+
 def flights():
     """Scenarios over time in still air, the first gains by a law of ours."""
     for name in SCENARIO_NAMES:
@@ -48,7 +56,8 @@ def flights():
         of_time = not (scenario.route or weather_of(scenario))
         for table in scenario.plant if of_time else ():
             if table.kind == "jsbsim":
-                yield name, gains, table.label
+                marks = () if name in FLOWN else pytest.mark.counts
+                yield pytest.param(name, gains, table.label, marks=marks)
 
 
 def flown_by_jsbsim(command, cwd=None):
@@ -101,7 +110,7 @@ def test_jsbsim_alone_flies_as_fly_does(name, gains, plant, tmp_path):
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("file", ADOPTED, ids=lambda file: file.parent.name)
+@pytest.mark.parametrize("file", first_or_all(ADOPTED), ids=lambda file: file.parent.name)
 def test_adopted_aircraft_fly_as_well(file, tmp_path):
     scenario = shortened(file, 15.0)
 

@@ -7,12 +7,12 @@ from contextlib import suppress
 
 import numpy as np
 import pytest
-from fuzzing import NUMBERS, TEXTS, TIMES, damaged
+from fuzzing import NUMBERS, TEXTS, damaged
 from log_files import WRITERS, sampled
 
 import flighttune as ft
 
-FEW, MANY = 6, 15 * TIMES
+FEW, MANY = 12, 1200
 GAPS = 20  # of so many logs that are read one is flown, which takes seconds
 LONGEST_S = 60.0
 MOST_KB = 1_000_000
@@ -71,12 +71,12 @@ def try_damages(originals, folder, count, seed):
 
 @pytest.mark.slow
 def test_damaged_logs_are_refused_in_one_line_or_read(originals, tmp_path):
-    try_damages(originals, tmp_path, 2 * FEW, seed=1)
+    try_damages(originals, tmp_path, FEW, seed=1)
 
 
-@pytest.mark.soak
+@pytest.mark.counts
 def test_many_damaged_logs_are_refused_in_one_line_or_read(originals, tmp_path):
-    read = try_damages(originals, tmp_path, 2 * MANY, seed=2)
+    read = try_damages(originals, tmp_path, MANY, seed=2)
 
-    assert read > MANY // 2  # damage that matters little is read over
+    assert read > MANY // 4  # damage that matters little is read over
     assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss < MOST_KB + 300_000

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from fuzzing import first_or_all
 
 import flighttune as ft
 from flighttune.recording.record import DISPLAYS, viewer
@@ -76,7 +77,7 @@ def served(recording, monkeypatch):
                     process.kill()
 
 
-@pytest.mark.parametrize("number", ["SIGTERM", "SIGHUP", "SIGINT"])
+@pytest.mark.parametrize("number", first_or_all(["SIGTERM", "SIGHUP", "SIGINT"]))
 def test_a_command_that_is_ended_leaves_no_viewer_behind(served, number):
     running, port, _ = served
 
@@ -87,7 +88,7 @@ def test_a_command_that_is_ended_leaves_no_viewer_behind(served, number):
     assert not listening(port + 1)
 
 
-@pytest.mark.parametrize("server", ["page", "data"])
+@pytest.mark.parametrize("server", first_or_all(["page", "data"]))
 def test_a_port_that_is_taken_is_one_line(recording, server):
     with socket.socket() as probe:
         port = pair_of_ports()

@@ -118,7 +118,7 @@ def boxed(centre, rng):
 
 
 @pytest.mark.parametrize(
-    ("boxes", "points"), [(6, 4), pytest.param(25, 16, marks=pytest.mark.soak)]
+    ("boxes", "points"), [(6, 4), pytest.param(25, 16, marks=pytest.mark.counts)]
 )
 @pytest.mark.parametrize(("exact", "plant"), [(False, KINEMATIC), (True, POINT), (True, KINEMATIC)])
 @pytest.mark.usefixtures("thirty_digits")

@@ -132,8 +132,8 @@ def problems(draw):
 
 
 def few_or_many(few, many):
-    """A test with the number of its cases: a few with the others, and many in the soak."""
-    counts = pytest.param(few, marks=pytest.mark.slow), pytest.param(many, marks=pytest.mark.soak)
+    """A test with the number of its cases: a few with the others, and many in counts."""
+    counts = pytest.param(few, marks=pytest.mark.slow), pytest.param(many, marks=pytest.mark.counts)
     return pytest.mark.parametrize("count", counts)
 
 
@@ -150,7 +150,7 @@ def check(case, seed):
         assert outside(found, flown(scenario, gains, start, disturbance, seed)) <= 0.0
 
 
-@few_or_many(5, 40)
+@few_or_many(5, 400)
 def test_no_flight_leaves_the_tube(count):
     check_cases(check, problems(), count)
 

@@ -116,6 +116,6 @@ def check_conformant(case, seed):
         assert found.bounds.contain(signals)
 
 
-@few_or_many(5, 25)
+@few_or_many(5, 250)
 def test_no_flight_in_the_boxes_leaves_the_tube(count):
     check_cases(check_conformant, conformant(), count)

@@ -117,6 +117,6 @@ def check_point_mass(case, seed):
         assert found.bounds.contain(disturbed_flight(problem, off, disturbance, rng)[0])
 
 
-@few_or_many(10, 45)
+@few_or_many(10, 450)
 def test_no_flight_of_the_exact_point_mass_leaves_its_tube(count):
     check_cases(check_point_mass, st.one_of(lagged_problems(), exact_problems()), count)
