@@ -13,8 +13,18 @@ def run(file, *options):
     return subprocess.run([sys.executable, file, *options], capture_output=True, text=True)
 
 
+LONG = "bench_batch", "bench_campaign", "bench_campaign_scaling"
+"""Benchmarks that take half a minute even so."""
+
+
 @pytest.mark.soak
-@pytest.mark.parametrize("name", sorted(file.stem for file in FOLDER.glob("bench_*.py")))
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(file.stem, marks=[pytest.mark.counts] * (file.stem in LONG))
+        for file in sorted(FOLDER.glob("bench_*.py"))
+    ],
+)
 def test_a_benchmark_runs_in_its_quick_mode(name, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     ran = run(FOLDER / f"{name}.py", "--quick")

@@ -18,6 +18,7 @@ from campaigns import (
     write_campaign,
 )
 from commands import answer, flighttune
+from fuzzing import first_or_all
 
 import flighttune as ft
 from flighttune.campaign.dataset import open_dataset
@@ -125,11 +126,13 @@ def test_ctrl_c_ends_it_and_resume_goes_on(tmp_path, file, address):
 @pytest.mark.soak
 @pytest.mark.parametrize(
     "command",
-    [
-        "worst first_campaign --budget 100000",
-        "band random_starts",
-        "meet paper_identified --campaign robust_tuning",
-    ],
+    first_or_all(
+        [
+            "worst first_campaign --budget 100000",
+            "band random_starts",
+            "meet paper_identified --campaign robust_tuning",
+        ]
+    ),
 )
 def test_ctrl_c_ends_a_search_which_says_that_it_keeps_nothing(tmp_path, command):
     with flying(command=command.split(), cwd=tmp_path) as process:

@@ -92,7 +92,7 @@ FILES = {
 """Files that the reader of a page writes, by the name in their first line."""
 
 
-LONG = re.compile(r"flighttune (meet|tube|reproduce|worst first_campaign$)")
+LONG = re.compile(r"flighttune (meet|tube|reproduce|worst first_campaign$|mission runs/)")
 """Commands that take ten seconds to minutes, and which other tests run on less."""
 
 

@@ -10,9 +10,7 @@ from scipy.integrate import quad
 
 import flighttune as ft
 from flighttune.control.gains import RATES
-from flighttune.control.linear_model import closed_loop
 from flighttune.plants.weather import turbulence_scales
-from flighttune.tuning.problem import TuningProblem
 from flighttune.tuning.simplex import errors_in_gusts
 
 SAME, BETTER = 1e-6, 1e-2
@@ -62,7 +60,7 @@ def test_errors_in_gusts_are_the_integral_of_drydens_spectrum():
     pieces = [(0.0, a), (a, 1.0), (1.0, 10.0), (10.0, np.inf)]
     by_hand = math.sqrt(sum(quad(spectrum, *ends, epsabs=1e-12)[0] for ends in pieces))
 
-    problem = TuningProblem(model=model, objective="rms", gusts=np.array([a]))
+    problem = ft.loop.TuningProblem(model=model, objective="rms", gusts=np.array([a]))
     found = errors_in_gusts(problem, np.array([[K_P, K_I]]), np.array([k]))
     assert found == pytest.approx([by_hand], rel=SAME)
 
@@ -105,7 +103,7 @@ def test_random_gains_around_the_answer_are_no_better(objective):
             K, fed = gains.K.copy(), list(gains.feedback)
             K[i, [i, 2 + i]], fed[i] = (K_P, K_I), k
             other = problem.gains(K, tuple(fed))
-            decay = np.linalg.eigvals(closed_loop(problem.model, other)).real.max()
+            decay = np.linalg.eigvals(ft.loop.closed_loop(problem.model, other)).real.max()
             if objective == "decay":
                 assert decay > result.spectral_abscissa * (1.0 + 5.0 * BETTER)
             elif decay <= result.spectral_abscissa:
