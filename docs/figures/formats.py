@@ -9,7 +9,7 @@ import os
 import re
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 from unittest import mock
@@ -152,11 +152,11 @@ def columns(file: Path) -> Iterator[str]:
         yield f"| {kind} | {', '.join(names)} |"
 
 
-def pages() -> tuple[str, str]:
+def pages(commands: Sequence[str] = COMMANDS) -> tuple[str, str]:
     """The page, and the keys of what each command prints, as Markdown."""
     lines = [HEAD]
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
-        said = {command: answer(command) for command in COMMANDS}
+        said = {command: answer(command) for command in commands}
         lines += ["## Parquet: signals of a run\n", *columns(Path("fly")), "", "## Files of JSON\n"]
         for title, name in FILES:
             lines += [f"### {title}\n", *table(json.loads(Path(name).read_text())), ""]
