@@ -138,7 +138,7 @@ def test_the_named_gains_are_those_of_the_exact_law_alone():
     assert gains.inputs == RATES
     assert min(gains.feedback) > 0.1
     with pytest.raises(ft.InputError, match=r"`feedback` of .tuning. must be false"):
-        ft.fly(ft.load_scenario("mission", changes={"gains": ["tuned_fed_back"]}))
+        ft.fly(ft.load_scenario("mission", changes={"law": "paper"}))
 
 
 def test_calm_air_has_no_spectrum_and_other_aims_no_feedback():
