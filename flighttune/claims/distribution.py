@@ -196,8 +196,8 @@ class Distribution:
                     return f"`{key}` must be {allowed}, got {abridged(flown[key])}"
             elif key.split(".")[0] in FLOWN_ALIKE or key in flown:
                 if flown.get(key) != self.fixed.get(key):
-                    given, stated = (abridged(x.get(key)) for x in (flown, self.fixed))
-                    return f"`{key}` must be {stated}, got {given}"
+                    got, stated = (abridged(x.get(key)) for x in (flown, self.fixed))
+                    return f"`{key}` must be {stated}, got {got}"
         return None
 
 

@@ -155,8 +155,8 @@ def _with_airspeeds(
             )
         rows.append(row)
     speeds = [row["V_mps"] for row in rows if "V_mps" in row]
-    held = {"holds_airspeed": config.limits.n_x is not None} if speeds else {}
-    return {**route, "waypoint": rows, "notes": notes, **held}, speeds
+    third = {"holds_airspeed": config.limits.n_x is not None} if speeds else {}
+    return {**route, "waypoint": rows, "notes": notes, **third}, speeds
 
 
 def scenario_and_gains(

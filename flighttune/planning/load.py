@@ -108,9 +108,9 @@ def _nominal(table: CampaignTable, base: Scenario, source: str) -> Scenario:
     own = {entry.name: entry for entry in base.gains if isinstance(entry, GainsTable)}
     entries = table.gains or []
     if any(isinstance(entry, str) and ":" in entry for entry in entries):  # LAW:GAINS, as of `fly`
-        given = [entry for entry in entries if isinstance(entry, GainsTable)]
+        tables_given = [entry for entry in entries if isinstance(entry, GainsTable)]
         names = [entry if isinstance(entry, str) else entry.name for entry in entries]
-        base, entries = with_gains(base, names, source, given), []
+        base, entries = with_gains(base, names, source, tables_given), []
     tables = base.as_dict()
     if entries:
         tables["gains"] = _plain([own.get(x, x) if isinstance(x, str) else x for x in entries])

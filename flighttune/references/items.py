@@ -146,7 +146,7 @@ def read_items(items: Sequence[Mapping[str, Any]], home: tuple[float, ...], skip
 
 
 def _fates(numbers: Mapping[Fate, dict[str, list[int]]], skip: bool) -> list[str]:
-    """What is flown of items and what is not, by name and number; InputError refuses some."""
+    """Sentences on what is flown of items and what is not; InputError refuses some."""
     no_place = numbers["no place"]
     if wrong := listed_items(numbers["refused"] | ({} if skip else no_place)):
         skips = f"; `--skip` or `skip = true` in [route] leaves out {listed_items(no_place)}"

@@ -77,7 +77,7 @@ class Waypoint:
     spiral : bool
         Whether the circles take the change of height, in place of the leg to the point.
     name : str
-        What messages call it; by default ``waypoint`` with its number.
+        Its name in messages; by default ``waypoint`` with its number.
     """
 
     north: float
@@ -92,7 +92,7 @@ class Waypoint:
 
     @property
     def number(self) -> str:
-        """What a map calls it: its number in the file that it was read from."""
+        """Its number in the file that it was read from, which maps show."""
         return self.name.split()[-1]
 
 

@@ -41,31 +41,31 @@ def fewer_vertices(
     room = MOST - len(circles)
     if not windows and sum(len(ring) - 1 for ring, _ in polygons) <= room:
         return [*areas], ""
-    held: Any = shapely.LineString(path.beside(path.points(10.0))[:, :2])
+    core: Any = shapely.LineString(path.beside(path.points(10.0))[:, :2])
     if windows:
-        held = shapely.union_all([_polygon(ring, origin) for ring in windows])
+        core = shapely.union_all([_polygon(ring, origin) for ring in windows])
     stated = [(_polygon(*area[:1], origin), area[1]) for area in polygons]
-    around = [area for area, out in stated if windows and not out and area.covers(held)]
+    around = [area for area, out in stated if windows and not out and area.covers(core)]
     zones = [(area, out) for area, out in stated if out or not windows]
-    clear = [out and not area.intersects(held) for area, out in zones]
+    clear = [out and not area.intersects(core) for area, out in zones]
     for smaller, size in [(x, size) for x in (False, True) for size in SIZES]:
         kept = [(_changed(*zone, size), zone[1]) if smaller else zone for zone in zones]
-        wide = [(held.buffer(size).simplify(size), False)] if windows else []
+        wide = [(core.buffer(size).simplify(size), False)] if windows else []
         for area in around:
             wide = [(wide[0][0].intersection(area), False)]
         shapes = [*wide, *kept]
         rings = [ring for shape in shapes for ring in _rings(*shape, origin)]
         fits = sum(len(ring) - 1 for ring, _ in rings) <= room and all(
-            shape.geom_type == "Polygon" and (out or shape.covers(held)) for shape, out in shapes
+            shape.geom_type == "Polygon" and (out or shape.covers(core)) for shape, out in shapes
         )
-        apart = all(x[0].disjoint(held) for x, free in zip(kept, clear, strict=True) if free)
+        apart = all(x[0].disjoint(core) for x, free in zip(kept, clear, strict=True) if free)
         if fits and apart:
             break
     else:
         rings = [*((ring, False) for ring in windows), *((*zone,) for zone in polygons)]
         count = len(circles) + sum(len(ring) - 1 for ring, _ in rings)
         return [*rings, *circles], f"has {count} vertices and circles, of which {VEHICLES}"
-    pairs = [(held, wide[0][0])] if windows else []
+    pairs = [(core, wide[0][0])] if windows else []
     pairs += [(a, b) if out else (b, a) for (a, out), (b, _) in zip(zones, kept, strict=True)]
     lost = max(_beyond(*pair) for pair in pairs)
     count = len(circles) + sum(len(ring) - 1 for ring, _ in rings)
