@@ -86,7 +86,7 @@ class OutputError(InputError):
 
 
 class InfeasibleError(FlightTuneError):
-    """Something that is asked for does not exist: gains of a tuning problem, a flight inside a fence."""
+    """Something asked for does not exist: gains of a tuning problem, a flight inside a fence."""
 
 
 class PlantError(FlightTuneError, RuntimeError):
